@@ -1,0 +1,213 @@
+"""The command.
+
+    python -m redundax [--png FILE]              the paper's tables, printed and computed, and what is unique
+    python -m redundax tables [--json]           the tables alone, as text or as JSON with full precision
+    python -m redundax analyze FILE.py:NAME      what is unique in a mechanism of yours
+    python -m redundax study FILE.py:NAME        how far it varies along its self-stress
+
+It ends with 0, with 1 where a solve failed or a difference from the printed figures is unexplained, and with
+2 where the arguments cannot be understood. It computes in float64.
+"""
+
+import argparse
+import functools
+import json
+import os
+import pathlib
+import sys
+from collections.abc import Sequence
+from importlib import metadata
+
+import jax
+import numpy as np
+
+from . import _paper
+from ._analyze import analyze
+from ._file import FileError, load
+from ._plot import plot_sweep
+from ._progress import progress
+from ._state import State
+from ._study import Sweep, sweep_self_stress
+from ._system import AbstractSystem
+from .mechanisms import wojtyra2020
+
+_KEYS = ("table2", "table3", "table4")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit status.
+
+    **Arguments:**
+
+    - `argv`: arguments without the name of the command; those of the process if not given.
+    """
+    arguments = _parser().parse_args(argv)
+    jax.config.update("jax_enable_x64", True)
+    try:
+        if arguments.command == "tables":
+            return _tables_as_json() if arguments.json else _tables_as_text()
+        if arguments.command is None:
+            return _paper_study(arguments.png)
+        system, state = load(arguments.system)
+        if arguments.command == "analyze":
+            return _analyze(system, state, arguments.json)
+        return _study(system, state, arguments)
+    except FileError as error:
+        print(f"redundax: {error}", file=sys.stderr)
+        return 2
+    except BrokenPipeError:  # the reader, `head` say, has gone
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m redundax",
+        description="Tables 2, 3 and 4 of Wojtyra, Pekal, Fraczek (Mech. Mach. Theory 153 (2020) 103999): printed "
+        "and computed figures side by side, every difference marked and explained, and what of the mechanism's "
+        "motion and joint loads is unique.",
+        epilog="Exit status: 0 if all went well, 1 if a solve failed or a difference from the printed figures is "
+        "unexplained, 2 if the arguments are wrong.",
+    )
+    parser.add_argument("--png", metavar="FILE", type=_picture, help="also draw the mechanism's family of solutions")
+    parser.add_argument("--version", action="version", version=f"redundax {_version()}")
+    commands = parser.add_subparsers(dest="command", metavar="command", title="commands")
+    tables = commands.add_parser(
+        "tables",
+        help="the tables alone",
+        description="Tables 2, 3 and 4 alone: as text beside the printed figures, or computed figures as JSON.",
+    )
+    tables.add_argument(
+        "--json",
+        action="store_true",
+        help="computed figures at full float64 precision: {table2, table3, table4}, lists of rows with u, h or "
+        "x0, linear, angular, forces, moments and, with friction, tau, in the units of the row",
+    )
+    analysis = commands.add_parser(
+        "analyze",
+        help="what is unique in a mechanism of yours",
+        description="Rank, self-stress, and which multipliers and accelerations are unique, at a state.",
+    )
+    study = commands.add_parser(
+        "study",
+        help="how far a mechanism of yours varies along its self-stress",
+        description="Solutions along every self-stress state: table of extremes, and a picture with --png.",
+    )
+    for command in (analysis, study):
+        command.add_argument(
+            "system",
+            metavar="FILE.py:NAME",
+            help="a pair (system, state), a function that returns one, or a system beside a State named 'state'",
+        )
+        command.add_argument("--json", action="store_true", help="print JSON")
+    study.add_argument(
+        "--png", metavar="FILE", type=_picture, help="draw the sweeps; further states have their number in the name"
+    )
+    study.add_argument("--amplitude", type=float, help="largest self-stress added; by default the largest load")
+    study.add_argument("--samples", type=_positive, default=201, help="amplitudes in a sweep (default 201)")
+    study.add_argument("--progress", action="store_true", help="tell how far the work is, even if it is short")
+    return parser
+
+
+def _positive(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"must be a whole number and at least 1, but is {text}")
+    return int(text)
+
+
+def _picture(text: str) -> pathlib.Path:
+    file = pathlib.Path(text)
+    if file.suffix not in (".png", ".pdf", ".svg"):
+        raise argparse.ArgumentTypeError(f"must end in .png, .pdf or .svg, but is {text}")
+    if not file.parent.is_dir():
+        raise argparse.ArgumentTypeError(f"must lie in a folder that exists, but there is no {file.parent}")
+    return file
+
+
+def _analyze(system: AbstractSystem, state: State, as_json: bool) -> int:
+    report = analyze(system, state)
+    _show(report.to_json() if as_json else str(report))
+    return 1 if report.problem else 0
+
+
+def _study(system: AbstractSystem, state: State, arguments: argparse.Namespace) -> int:
+    watch = functools.partial(progress, what="solving", wanted=arguments.progress)
+    report, sweeps = sweep_self_stress(system, state, arguments.amplitude, arguments.samples, watch)
+    if arguments.json:
+        _show(json.dumps({"report": report.to_dict(), "sweeps": [sweep.to_dict() for sweep in sweeps]}))
+    else:
+        _show("\n\n".join(str(part) for part in (report, *sweeps)))
+    if arguments.png:
+        _draw(sweeps, arguments.png)
+    return 1 if report.problem or any(sweep.failed for sweep in sweeps) else 0
+
+
+def _draw(sweeps: Sequence[Sweep], file: pathlib.Path) -> None:
+    for number, sweep in enumerate(sweeps):
+        target = file if number == 0 else file.with_stem(f"{file.stem}_{number}")
+        plot_sweep(sweep).savefig(target)
+        print(f"drawn: {target}", file=sys.stderr)
+
+
+def _paper_study(png: pathlib.Path | None) -> int:
+    comparisons = _tables()
+    _show("What is unique\n==============\n")
+    mechanism = wojtyra2020(mu_rho=_paper.MU_RHO)
+    report = analyze(mechanism, mechanism.state(phi=_paper.PHI, rate=_paper.RATE))
+    _show(f"{report}\n")
+    _show(_paper.spread_text(*(comparison.table for comparison in comparisons)) + "\n")
+    status = _verdict(comparisons)
+    if png:
+        state = mechanism.state(phi=_paper.PHI, rate=_paper.RATE)
+        _draw(sweep_self_stress(mechanism, state, amplitude=400.0, samples=401)[1], png)
+    return 1 if report.problem else status
+
+
+def _tables_as_text() -> int:
+    return _verdict(_tables())
+
+
+def _tables_as_json() -> int:
+    comparisons = [_paper.compare(_paper.table(key)) for key in _KEYS]
+    rows = {c.table.printed.key: c.table.rows() for c in comparisons}
+    problems = [problem for comparison in comparisons for problem in comparison.problems]
+    _show(json.dumps(_without_nan(rows), indent=1, allow_nan=False))
+    for problem in problems:
+        print(problem, file=sys.stderr)
+    return 1 if problems else 0
+
+
+def _tables() -> list[_paper.Comparison]:
+    """Show the tables one after the other, each as soon as it is computed."""
+    _show(_paper.heading(_version()) + "\n")
+    comparisons = []
+    for key in _KEYS:
+        comparisons.append(_paper.compare(_paper.table(key)))
+        _show(_paper.table_text(comparisons[-1]) + "\n")
+    return comparisons
+
+
+def _verdict(comparisons: list[_paper.Comparison]) -> int:
+    _show("Result\n======\n\n" + _paper.verdict_text(comparisons))
+    return 1 if any(comparison.problems for comparison in comparisons) else 0
+
+
+def _without_nan(value: object) -> object:
+    """JSON has no NaN: figures of a failed solve become null."""
+    if isinstance(value, dict):
+        return {key: _without_nan(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(item) for item in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def _version() -> str:
+    return metadata.version("redundax")
+
+
+def _show(text: str) -> None:
+    print(text, flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

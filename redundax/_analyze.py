@@ -1,0 +1,148 @@
+"""What is unique at a state, and what is not.
+
+    A multiplier is unique without friction if its row of N is zero                        (13)
+    Accelerations are unique without friction if rank [M Phi_q^T] = n                      (14)
+    and with load-dependent friction do not depend on the self-stress if every law reads
+    unique multipliers only                                                                (33)
+
+`_verdict` says how far that goes for each output with friction, and what is proved.
+Here values are concrete, so the self-stress states appear as a basis: reduced to echelon form, in which each
+state has the entry 1 in a row where all others have 0.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+
+from ._closure import AbstractClosure, MinimumNorm
+from ._culprits import culprits
+from ._factorisation import Factorisation, factorize
+from ._friction import slip_kinds
+from ._mechanism import Mechanism
+from ._module import Numbers, as_float
+from ._release import releases
+from ._report import Report
+from ._results import RESULTS
+from ._solve import solve
+from ._state import State
+from ._system import AbstractSystem
+from ._verdict import Family, Judged, family, joint_outputs, judge
+
+_MINIMUM_NORM = MinimumNorm()
+
+
+def analyze(
+    system: AbstractSystem,
+    state: State,
+    *,
+    closure: AbstractClosure = _MINIMUM_NORM,
+    sense: Numbers | None = None,
+    rank: ArrayLike | None = None,
+) -> Report:
+    """Rank, self-stress and uniqueness of a system at a state.
+
+    **Arguments:**
+
+    - `system`, `state`: concrete values; not inside `jit` or `vmap`, where `factorize` gives the same as arrays.
+    - `closure`, `sense`: as in `solve`; verdicts with friction start from its solution, and `spectral_radius` is that
+      of the closure.
+    - `rank`: declared rank of the constraint Jacobian; decided from its spectrum if not given.
+    """
+    factor = factorize(system, state, rank)
+    rows = np.array(system.rows.labels)
+    unique = np.asarray(factor.unique_multipliers)
+    reads = np.unique(np.concatenate([np.zeros(0, int), *(np.ravel(group.rows) for group in system.friction)]))
+    successful = bool(factor.result == RESULTS.successful)
+    stress = _echelon(np.asarray(factor.self_stress), int(factor.redundancy), unique)
+    groups, kinds = _groups(stress), system.rows.kinds
+    figures, result = _family(system, state, closure, stress, sense, rank)
+    return Report(
+        coordinates=system.coordinates.labels,
+        rows=system.rows.labels,
+        rank=int(factor.spectrum.rank),
+        redundancy=int(factor.redundancy),
+        freedom=int(factor.freedom),
+        singular_values=np.asarray(factor.spectrum.singular_values),
+        gap=float(factor.spectrum.gap),
+        self_stress=stress,
+        groups=tuple(tuple(str(rows[k]) for k in group) for group in groups),
+        unit_dependent=tuple(str(rows[k]) for group in groups if len({kinds[k] for k in group}) > 1 for k in group),
+        unique_multipliers=tuple(str(name) for name in rows[unique]),
+        unique_only_here=tuple(str(name) for name in rows[np.asarray(factor.unique_only_here)]),
+        singular_position=bool(factor.singular_position),
+        unique_accelerations=bool(factor.determinate),
+        at_rest=bool(result == RESULTS.friction_at_rest),
+        verdicts=_verdicts(system, state, figures, np.asarray(factor.jacobian), result) if successful else {},
+        spectral_radius=figures.radius if system.friction else None,
+        releases=releases(_orthonormal(factor, stress), system.rows.labels, system.rows.kinds) if successful else (),
+        friction_reads=tuple(str(rows[row]) for row in reads if not unique[row]),
+        problem="" if successful else RESULTS[factor.result] + culprits(system, state, factor.result),
+    )
+
+
+def _family(
+    system: AbstractSystem,
+    state: State,
+    closure: AbstractClosure,
+    stress: np.ndarray,
+    sense: Numbers | None,
+    rank: ArrayLike | None,
+) -> tuple[Family, RESULTS]:
+    """The family through the closure's solution, and how its search ended."""
+    solution = solve(system, state, closure=closure, sense=sense, rank=rank, throw=False)
+    count = len(slip_kinds(system.friction))
+    senses = None if sense is None else jnp.broadcast_to(as_float(sense), (count,))
+    declared = None if rank is None else jnp.asarray(rank)
+    figures = family(system, state, closure, stress.T, np.asarray(solution.friction), senses, declared)
+    return figures, solution.result
+
+
+def _verdicts(
+    system: AbstractSystem, state: State, figures: Family, jacobian: np.ndarray, result: RESULTS
+) -> dict[str, tuple[Judged, ...]]:
+    n, m, p = len(system.coordinates), len(system.rows), figures.response.shape[1]
+    identity = np.eye(n + m + p)
+    slips = [f"tau {name}" for name in slip_kinds(system.friction).labels] if p else []
+    outputs = {
+        "acceleration": ([f"{name}''" for name in system.coordinates.labels], identity[:n]),
+        "multiplier": (list(system.rows.labels), identity[n : n + m]),
+        "friction": (slips, identity[n + m :]),
+    }
+    if isinstance(system, Mechanism):
+        names, wrenches = joint_outputs(system, state, jacobian)
+        outputs["reaction"] = names, np.pad(wrenches, ((0, 0), (n, p)))
+    how = {"solved": bool(result == RESULTS.successful), "at_rest": bool(result == RESULTS.friction_at_rest)}
+    return {kind: tuple(judge(figures, *output, **how)) for kind, output in outputs.items()}
+
+
+def _groups(stress: np.ndarray) -> list[np.ndarray]:
+    """Rows coupled by self-stress states, group by group."""
+    groups: list[set[int]] = []
+    for state in stress:
+        joined = set(np.flatnonzero(state).tolist())
+        for group in [group for group in groups if group & joined]:
+            groups.remove(group)
+            joined |= group
+        groups.append(joined)
+    return [np.array(sorted(group)) for group in sorted(groups, key=min)]
+
+
+def _orthonormal(factor: Factorisation, stress: np.ndarray) -> np.ndarray:
+    """Orthonormal basis (m, k) of the self-stress in scaled multipliers, free of units."""
+    return np.linalg.qr(stress.T * np.asarray(factor.row_scale)[:, None])[0]
+
+
+def _echelon(projector: np.ndarray, k: int, unique: np.ndarray) -> np.ndarray:
+    """Basis of the projector's range in reduced echelon form, shape (k, m)."""
+    vectors = np.linalg.eigh(projector)[1][:, projector.shape[0] - k :].T
+    for state in range(k):
+        size = np.abs(vectors[state:]).max(axis=0)
+        pivot = int(np.argmax(size > 0.1 * size.max()))
+        row = state + int(np.argmax(np.abs(vectors[state:, pivot])))
+        vectors[[state, row]] = vectors[[row, state]]
+        vectors[state] /= vectors[state, pivot]
+        others = np.arange(k) != state
+        vectors[others] -= vectors[others, pivot][:, None] * vectors[state]
+    vectors[:, unique] = 0.0
+    noise = 1e3 * np.finfo(vectors.dtype).eps * np.abs(vectors).max(axis=1, keepdims=True, initial=0.0)
+    return np.where(np.abs(vectors) > noise, vectors, 0.0)

@@ -1,0 +1,66 @@
+"""Names and kinds of coordinates, constraint rows and slips.
+
+A coordinate is linear (length unit) or angular (angle unit). A constraint row measured in length has a
+force as its multiplier, a row measured in angle has a moment, because multiplier times row is work. Linear
+coordinates stand before angular ones and force-type rows before moment-type ones, Eqs. (15), (60), (61).
+"""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+
+@dataclasses.dataclass(frozen=True)
+class Axis:
+    """Names and kinds along one axis of an array.
+
+    **Arguments:**
+
+    - `names`: one name for each entry, or `None` where names were left behind (inside compiled code).
+    - `kinds`: for coordinates and slips "linear" or "angular", for constraint rows "force" or "moment".
+    """
+
+    names: tuple[str, ...] | None
+    kinds: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        if self.names is not None and len(self.names) != len(self.kinds):
+            raise ValueError(
+                f"Argument `names` must have one name for each of the {len(self.kinds)} entries, "
+                f"but has {len(self.names)}."
+            )
+        if self.names is not None and len(set(self.names)) != len(self.names):
+            twice = sorted({name for name in self.names if self.names.count(name) > 1})
+            raise ValueError(f"Argument `names` must name each entry once, but {twice} occur more than once.")
+
+    def check(self, argument: str, allowed: tuple[str, ...]) -> None:
+        """Refuse kinds that are not allowed on this axis."""
+        wrong = sorted(set(self.kinds) - set(allowed))
+        if wrong:
+            raise ValueError(f"Argument `{argument}` must hold {' or '.join(map(repr, allowed))}, but holds {wrong}.")
+
+    def __len__(self) -> int:
+        return len(self.kinds)
+
+    @property
+    def angular(self) -> np.ndarray:
+        """Mask of the entries measured in angle (angular coordinates, moment-type rows), shape (len,)."""
+        return np.array([kind in ("angular", "moment") for kind in self.kinds], dtype=bool)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The names, or the indices as text where there are none."""
+        return self.names if self.names is not None else tuple(str(i) for i in range(len(self)))
+
+    def anonymous(self) -> "Axis":
+        """The same kinds without names, so that compiled programs do not depend on names."""
+        return Axis(None, self.kinds)
+
+
+def axis(names: Sequence[str] | None, kinds: Sequence[str] | str, size: int) -> Axis:
+    """An axis of `size` entries; one kind may be given for all."""
+    kinds = (kinds,) * size if isinstance(kinds, str) else tuple(kinds)
+    if len(kinds) != size:
+        raise ValueError(f"Argument `kinds` must have {size} entries, but has {len(kinds)}.")
+    return Axis(None if names is None else tuple(names), kinds)

@@ -1,0 +1,68 @@
+"""Planar rigid bodies."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from ._module import as_float, known
+
+GROUND = "ground"
+
+
+class Body(eqx.Module):
+    """A planar rigid body with its local frame at the centre of mass, Eq. (1).
+
+    **Arguments:**
+
+    - `name`: any word but "ground".
+    - `mass`: kg.
+    - `inertia`: moment of inertia about the centre of mass, kg m^2.
+    """
+
+    name: str = eqx.field(static=True)
+    mass: Float[Array, ""] = eqx.field(converter=as_float)
+    inertia: Float[Array, ""] = eqx.field(converter=as_float)
+
+    def __check_init__(self) -> None:
+        for name, value in (("mass", self.mass), ("inertia", self.inertia)):
+            if value.shape != ():
+                raise ValueError(
+                    f"Argument `{name}` of body '{self.name}' must be a number, but has shape {value.shape}."
+                )
+            if known(value) and value < 0:
+                raise ValueError(
+                    f"Argument `{name}` of '{self.name}' must not be negative, but is {float(value)}. Zero is allowed "
+                    "where the constraints leave the coordinate no freedom of its own, condition (14)."
+                )
+
+
+class Pose(eqx.Module):
+    """Position (2,) and angle of a body's local frame in the global frame, of one body or stacked."""
+
+    r: Float[Array, "*bodies 2"]
+    phi: Float[Array, "*bodies"]
+
+    def __getitem__(self, body: Int[Array, ""]) -> "Pose":
+        """Pose of one body out of stacked ones."""
+        return Pose(self.r[body], self.phi[body])
+
+    def point(self, s: Float[Array, "2"]) -> Float[Array, "2"]:
+        """Global position of the point s of the local frame: r + R s."""
+        return self.r + self.rotate(s)
+
+    def rotate(self, v: Float[Array, "2"]) -> Float[Array, "2"]:
+        """Global components of the local vector v: R v, Eq. (54)."""
+        c, s = jnp.cos(self.phi), jnp.sin(self.phi)
+        return jnp.stack([c * v[0] - s * v[1], s * v[0] + c * v[1]])
+
+
+def perpendicular(v: Float[Array, "2"]) -> Float[Array, "2"]:
+    """v turned by +90 degrees."""
+    return jnp.stack([-v[1], v[0]])
+
+
+def poses(values: Array) -> Pose:
+    """Poses of all bodies and of the ground, stacked, from coordinates in the order of Eq. (1)."""
+    count = values.shape[0] // 3
+    r = jnp.concatenate([values[: 2 * count].reshape(count, 2), jnp.zeros((1, 2), values.dtype)])
+    return Pose(r, jnp.concatenate([values[2 * count :], jnp.zeros(1, values.dtype)]))

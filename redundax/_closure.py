@@ -1,0 +1,132 @@
+"""Closures: the k equations that choose one multiplier vector from the family lam + N z.
+
+Every constraint row has a compliance (matrix W) and a misfit d, the residual of the parts as they really
+are. Stiff elastic joints satisfy W lam = Phi_q dq + d, hence N^T W lam = N^T d and
+
+    lam = lam_p + G (d - W lam_p),   G = N (N^T W N)^-1 N^T = P (P W P + w (I - P))^-1 P
+
+for any particular lam_p. W = I, d = h is the paper's (9), (12) with h, and d = 0 the Moore-Penrose answer.
+"""
+
+import abc
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ._module import Numbers, as_float, known, optional_float
+from ._state import State
+from ._system import AbstractSystem
+from ._units import Units
+
+
+class AbstractClosure(eqx.Module):
+    """Chooses the self-stress by compliance and misfit."""
+
+    @abc.abstractmethod
+    def compliance(self, system: AbstractSystem, state: State) -> tuple[Float[Array, "m m"], Float[Array, " m"]]:
+        """Compliance W, symmetric positive semidefinite, and misfit d at a state."""
+
+
+class MinimumNorm(AbstractClosure):
+    """The Moore-Penrose pick x = A^+ b + (I - A^+ A) h, Eq. (9), in the units of the system or in others.
+
+    The first n entries of h act only where accelerations are not unique, which a solve flags, so only the
+    last m entries are used.
+
+    **Arguments:**
+
+    - `h`: arbitrary vector of Eq. (9), shape (n + m,), a number stands for that many equal entries; 0 gives
+      the minimum-norm multipliers.
+    - `units`: units in which the norm is taken and h is given, as factors from the units of the system.
+    """
+
+    h: Float[Array, ""] | Float[Array, " n+m"] | None = eqx.field(converter=optional_float, default=None)
+    units: Units | None = None
+
+    def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
+        n, m = len(system.coordinates), len(system.rows)
+        h = jnp.zeros((), state.qd.dtype) if self.h is None else self.h
+        if h.shape not in ((), (n + m,)):
+            raise ValueError(f"Argument `h` must be a number or have shape (n + m,) = ({n + m},), but has {h.shape}.")
+        misfit = jnp.broadcast_to(h, (n + m,))[n:].astype(state.qd.dtype)
+        if self.units is None:
+            return jnp.eye(m, dtype=misfit.dtype), misfit
+        scale = self.units.of_force(system.rows)
+        return jnp.diag(scale**2), scale * misfit
+
+
+class Compliance(AbstractClosure):
+    """Joints of given compliance and misfit: a pick with physical units, the same in every unit system.
+
+    **Arguments:**
+
+    - `W`: compliance of the constraint rows, shape (m, m) or (m,) for uncoupled rows; m/N for force-type
+      rows and rad/(N m) for moment-type rows, in the frame in which the rows are written.
+    - `misfit`: d, residual Phi of the unloaded parts as they are, shape (m,); m for force-type rows and rad
+      for moment-type rows. Zero if not given.
+    - `units`: units of `W` and `misfit`, as factors from the units of the system, in which a solve warns where
+      they look wrong: `Units(length=1000.0, mass=0.001)` for mm/N, rad/(N mm) and mm where the system is in SI units.
+    """
+
+    W: Float[Array, " m"] | Float[Array, "m m"]
+    misfit: Float[Array, " m"]
+    units: Units | None
+
+    def __init__(self, W: Numbers, misfit: Numbers | None = None, units: Units | None = None):
+        self.W, self.units = as_float(W), units
+        if self.W.ndim not in (1, 2) or self.W.shape[0] != self.W.shape[-1]:
+            raise ValueError(f"Argument `W` must have shape (m,) or (m, m), but has {self.W.shape}.")
+        size = self.W.shape[-1]
+        self.misfit = jnp.zeros(size, self.W.dtype) if misfit is None else as_float(misfit)
+        if self.misfit.shape != (size,):
+            raise ValueError(
+                f"Argument `misfit` must have one entry for each of the {size} rows of `W`, but has shape "
+                f"{self.misfit.shape}."
+            )
+        if known(self.W):
+            _check_compliance(np.asarray(self.W))
+
+    def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
+        m = len(system.rows)
+        if self.W.shape[-1] != m:
+            raise ValueError(
+                f"Argument `W` must have one entry for each of the {m} constraint rows, but has {self.W.shape[-1]}."
+            )
+        W = jnp.diag(self.W) if self.W.ndim == 1 else self.W
+        if self.units is None:
+            return W, self.misfit
+        scale = self.units.of(system.rows)
+        return self.units.energy * W / (scale[:, None] * scale), self.misfit / scale
+
+
+def _check_compliance(W: np.ndarray) -> None:
+    """Refuse a compliance that is not symmetric positive semidefinite; what is not finite is left to the solve."""
+    if not np.all(np.isfinite(W)):
+        return
+    diagonal = W if W.ndim == 1 else np.diag(W)
+    negative = np.flatnonzero(diagonal < 0)
+    if negative.size:
+        raise ValueError(
+            f"Argument `W` must not be negative, but its diagonal is {diagonal[negative[0]]:.4g} in row {negative[0]}. "
+            "A compliance is at least 0: check the sign."
+        )
+    if W.ndim == 1:
+        return
+    size = np.sqrt(np.where(diagonal > 0, diagonal, np.max(diagonal) or 1.0))
+    scaled, rounding = W / size[:, None] / size, np.sqrt(np.finfo(W.dtype).eps)
+    i, j = np.unravel_index(np.argmax(np.abs(scaled - scaled.T)), W.shape)
+    if np.abs(scaled - scaled.T)[i, j] > rounding * np.max(np.abs(scaled)):
+        raise ValueError(
+            f"Argument `W` must be symmetric, but W[{i}, {j}] = {W[i, j]:.4g} and W[{j}, {i}] = {W[j, i]:.4g}. "
+            "Give both entries of a pair, or (W + W.T) / 2."
+        )
+    values, vectors = np.linalg.eigh(scaled)
+    if values[0] < -rounding * values[-1]:
+        rows = np.flatnonzero(np.abs(vectors[:, 0]) > 0.3 * np.max(np.abs(vectors[:, 0])))
+        raise ValueError(
+            f"Argument `W` must be positive semidefinite, but scaled to a unit diagonal it has the eigenvalue "
+            f"{values[0]:.4g} along rows {rows.tolist()}. Correct its entries between these rows: joints store energy "
+            "under any load."
+        )

@@ -1,0 +1,156 @@
+"""Names placed so that they cover nothing
+
+    cost = sum of weight * overlap over all that is drawn + distance from the preferred place
+
+over candidates around each name's object, greedily in the order of the names and then twice more with all others
+placed. A name that would still cover another one is left out. Everything is measured in points of print.
+"""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from ._pen import HARD, Pen, circle
+from ._style import FONT, GROUND, INK, LABEL_Z
+
+_TEXT = 100.0
+STRICT, LENIENT = 15.0 * HARD, 40.0 * HARD  # patience of a text that may be left out
+_LEAST = 7.0  # points, the smallest font
+_GAPS = (2.0, 7.0, 14.0, 24.0, 38.0)
+_PAD = np.array([5.0, 1.5])
+
+
+@dataclasses.dataclass(frozen=True)
+class Label:
+    """A text to place: `anchors` (places, 2) with outward `normals` (places, 2), and what each costs, in points.
+
+    `inside` are places where it may stand centred. Lower ranks come first. It is left out where every place costs more
+    than `patience`.
+    """
+
+    text: str
+    gid: str
+    anchors: np.ndarray
+    normals: np.ndarray
+    costs: np.ndarray
+    inside: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 2)))
+    colour: str = INK
+    weight: str = "normal"
+    style: str = "normal"
+    rank: int = 0
+    patience: float = np.inf
+    leader: bool = True
+
+
+def around(
+    pen: Pen, centre: np.ndarray, clearance: float, towards: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Anchors, normals and costs on a circle of `clearance` points about a centre.
+
+    Those `towards` a direction, the upper right if not given, cost least.
+    """
+    ring = circle(24)
+    towards = np.array([0.6, 0.8]) if towards is None else towards / np.hypot(*towards)
+    return centre + clearance * pen.point * ring, ring, 4.0 * (1.0 - ring @ towards)
+
+
+def place(pen: Pen, labels: list[Label], ceiling: float) -> None:
+    """Put the labels where they are out of the way, and below the height `ceiling`."""
+    axes = pen.axes
+    lower, upper = np.array([axes.get_xlim(), axes.get_ylim()]).T / pen.point
+    upper[1] = ceiling / pen.point
+    boxes = np.array(pen.boxes).reshape(-1, 5)
+    boxes = np.concatenate([boxes[:, :4] / pen.point, boxes[:, 4:]], axis=1)
+    texts = [_text(pen, label) for label in labels]
+    sizes = [_size(pen, text) for text in texts]
+    candidates = [_candidates(label, size, pen.point) for label, size in zip(labels, sizes, strict=True)]
+    fixed = [_costs(found, size, boxes, lower, upper) for found, size in zip(candidates, sizes, strict=True)]
+    # Joints, then bodies, and among them those first that have few good places; then values.
+    freedom = [
+        int((cost < cost.min() + 10.0).sum()) * (label.rank < 2) for cost, label in zip(fixed, labels, strict=True)
+    ]
+    order = sorted(range(len(labels)), key=lambda k: (labels[k].rank, freedom[k]))
+    chosen: list[np.ndarray | None] = [None] * len(labels)
+    for _ in range(4):
+        for k in order:
+            centres = candidates[k][0]
+            others = [(place, sizes[o]) for o, place in enumerate(chosen) if o != k and place is not None]
+            taken = np.array([[*(c - s / 2), *(c + s / 2), _TEXT] for c, s in others]).reshape(-1, 5)
+            covered = _overlap(centres, sizes[k], taken)
+            best = int(np.argmin(fixed[k] + covered))
+            crowded = covered[best] > 0 or fixed[k][best] > labels[k].patience
+            chosen[k] = None if crowded else centres[best]
+    for label, text, size, centre in zip(labels, texts, sizes, chosen, strict=True):
+        if centre is None:
+            text.remove()
+            continue
+        text.set_position(tuple(centre * pen.point))
+        if label.leader:
+            _leader(pen, label, centre, size)
+
+
+def _text(pen: Pen, label: Label) -> Any:
+    from matplotlib.patheffects import withStroke
+
+    text = pen.axes.text(
+        0.0,
+        0.0,
+        label.text,
+        fontsize=max(FONT * pen.symbol, _LEAST),
+        color=label.colour,
+        fontweight=label.weight,
+        fontstyle=label.style,
+        ha="center",
+        va="center",
+        zorder=LABEL_Z,
+        gid=label.gid,
+        parse_math=False,
+    )
+    text.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
+    return text
+
+
+def _size(pen: Pen, text: Any) -> np.ndarray:
+    extent = text.get_window_extent()
+    return np.array([extent.width, extent.height]) * 72.0 / pen.axes.figure.dpi / pen.symbol + _PAD
+
+
+def _candidates(label: Label, size: np.ndarray, point: float) -> tuple[np.ndarray, np.ndarray]:
+    """Centres in points (candidates, 2) and what their distance costs (candidates,)."""
+    slopes = np.maximum(np.abs(label.normals), 1e-9)
+    near, clear = np.min(size / 2 / slopes, axis=1), (slopes * size / 2).sum(axis=1)
+    centres, costs = [label.inside / point], [np.zeros(len(label.inside))]
+    for gap in _GAPS[:4] if label.patience <= STRICT else _GAPS:
+        for reach in (near, clear):  # the box touches the anchor's ray, or the line across it
+            centres.append(label.anchors / point + label.normals * (reach + gap)[:, None])
+            costs.append(gap + 0.2 * (reach - near) + label.costs)
+    return np.concatenate(centres), np.concatenate(costs)
+
+
+def _costs(
+    candidates: tuple[np.ndarray, np.ndarray], size: np.ndarray, boxes: np.ndarray, lower: np.ndarray, upper: np.ndarray
+) -> np.ndarray:
+    centres, costs = candidates
+    near = np.all((boxes[:, 2:4] > centres.min(axis=0) - size) & (boxes[:, :2] < centres.max(axis=0) + size), axis=1)
+    outside = np.maximum(lower - (centres - size / 2), 0) + np.maximum(centres + size / 2 - upper, 0)
+    return costs + _overlap(centres, size, boxes[near]) + 1e4 * outside.sum(axis=1)
+
+
+def _overlap(centres: np.ndarray, size: np.ndarray, boxes: np.ndarray) -> np.ndarray:
+    """Weighted area that a text of `size` at each of the centres shares with the boxes (boxes, 5)."""
+    shared = np.ones((len(centres), len(boxes)))
+    for axis in (0, 1):
+        middle, half = centres[:, axis, None], size[axis] / 2
+        overlap = np.minimum(middle + half, boxes[:, 2 + axis]) - np.maximum(middle - half, boxes[:, axis])
+        shared *= np.maximum(overlap, 0.0)
+    return shared @ boxes[:, 4]
+
+
+def _leader(pen: Pen, label: Label, centre: np.ndarray, size: np.ndarray) -> None:
+    """A thin line to a name that had to go far away."""
+    anchors = label.anchors / pen.point
+    near = anchors[np.argmin(np.hypot(*(anchors - centre).T))]
+    edge = np.clip(near, centre - size / 2, centre + size / 2)
+    if np.hypot(*(near - edge)) > 12.0:
+        pen.line(np.array([near, edge]) * pen.point, GROUND, LABEL_Z - 0.1, linewidth=0.6)

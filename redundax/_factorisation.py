@@ -1,0 +1,310 @@
+"""One factorisation of the index-1 equations (7) at a state, valid at any rank and with singular mass.
+
+    M a + Phi_q^T lam = f,   Phi_q a = g
+
+In the scaled variables of `_scaling` (a = S a_s, lam = D^-1 mu, K = D^-1 Phi_q S, M_s = S M S) motion and
+self-stress are dual to each other: mass acts on the null space of K as compliance acts on that of K^T,
+
+    Y = Z (Z M_s Z + w (I - Z))^-1 Z       response of the motion to force,
+    G = P (P W_s P + w (I - P))^-1 P       response of the self-stress to misfit,
+
+    a_s = K^+ g_s + Y (f_s - M_s K^+ g_s),   mu = K^+T (f_s - M_s a_s).
+
+For regular M this is the block form (10) of A^+ up to the choice of the self-stress; Y exists exactly where
+condition (14), rank [M Phi_q^T] = n, holds. No matrix is multiplied with its transpose, so the condition
+number is that of K, not its square. One step of iterative refinement follows, which keeps mass ratios harmless.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.typing import ArrayLike
+from jaxtyping import Array, Bool, Float, Int
+
+from ._kinematics import along_motion, change_of_jacobian, explicit_gamma, jacobian
+from ._rank import Spectrum, Split, split
+from ._restricted import restricted_inverse
+from ._results import RESULTS, first_failure
+from ._scaling import scaling
+from ._state import State
+from ._system import AbstractSystem
+
+# Relative derivative of a projector that is more than the blur of a state beside the manifold.
+_CHANGES = 1e-4
+
+
+class Violation(eqx.Module):
+    """How far the state and the prescribed motion are from being consistent, free of units.
+
+    - `position`: largest |Phi|, relative to the size of the mechanism.
+    - `velocity`: largest |Phi_q qd + Phi_t|, relative to the velocity and to what accelerations reach.
+    - `acceleration`: largest self-stress component of gamma, |P gamma|, relative to the accelerations.
+    - `prescribed`: the same of its explicit part -Phi_tt, which driving constraints alone are answerable for.
+    """
+
+    position: Float[Array, ""]
+    velocity: Float[Array, ""]
+    acceleration: Float[Array, ""]
+    prescribed: Float[Array, ""]
+
+
+class Factorisation(eqx.Module):
+    """Everything about a system at a state that does not depend on closure, friction or solver.
+
+    - `jacobian`: Phi_q, shape (m, n).
+    - `gamma`: right-hand side of Phi_q qdd = gamma, Eq. (5), shape (m,).
+    - `mass`, `load`: M, shape (n, n), and Q, shape (n,).
+    - `spectrum`: rank decision with its evidence.
+    - `violation`: consistency of the state.
+    - `finite`: whether state and equations are free of NaN and infinity; asked of every entry, because a batched
+      maximum on CPU can lose a NaN.
+    - `determinate`: whether condition (14) holds, so that accelerations are unique.
+    - `acceleration`, `multipliers`: a solution without friction; the multipliers are one of many.
+    - `residual`: largest residual of (7) at it, relative, the larger of its two blocks.
+    - `length`: a length of the mechanism, which makes angles and lengths comparable.
+    - `row_scale`: D, shape (m,): D lam are multipliers free of units but for a common factor.
+    """
+
+    jacobian: Float[Array, "m n"]
+    gamma: Float[Array, " m"]
+    mass: Float[Array, "n n"]
+    load: Float[Array, " n"]
+    spectrum: Spectrum
+    violation: Violation
+    finite: Bool[Array, ""]
+    determinate: Bool[Array, ""]
+    acceleration: Float[Array, " n"]
+    multipliers: Float[Array, " m"]
+    residual: Float[Array, ""]
+    length: Float[Array, ""]
+    row_scale: Float[Array, " m"]
+    _scaled: Float[Array, "m n"]
+    _scaled_mass: Float[Array, "n n"]
+    _split: Split
+    _change: Float[Array, "m n"]
+    _response: Float[Array, "n n"]
+    _speed: Float[Array, ""]
+    _coordinate_scale: Float[Array, " n"]
+
+    @property
+    def resting_rate(self) -> Float[Array, ""]:
+        """Slip rate below which a joint is at rest, m/s; as L times an angular rate.
+
+        It is the rounding of the velocities, magnified by the Jacobian as in a part that the others hold still.
+        """
+        kept = self.spectrum.singular_values[jnp.clip(self.spectrum.rank - 1, 0)]
+        rounding = 100 * jnp.finfo(kept.dtype).eps * jnp.maximum(10.0, 1 / kept)
+        return rounding * self._speed
+
+    @property
+    def redundancy(self) -> Int[Array, ""]:
+        """k = m - r, number of redundant constraints."""
+        return self.jacobian.shape[0] - self.spectrum.rank
+
+    @property
+    def freedom(self) -> Int[Array, ""]:
+        """n - r, number of degrees of freedom."""
+        return self.jacobian.shape[1] - self.spectrum.rank
+
+    @property
+    def self_stress(self) -> Float[Array, "m m"]:
+        """Orthogonal projector P = N N^T onto the self-stress states null(Phi_q^T), in the units of the multipliers."""
+        return self.stress_response(jnp.eye(self.gamma.size, dtype=self.gamma.dtype))[0]
+
+    @property
+    def unique_multipliers(self) -> Bool[Array, " m"]:
+        """Which multipliers are unique without friction: those whose row of P, so of N, is zero, Eq. (13).
+
+        A state off the manifold blurs the zeros; then fewer multipliers are called unique, never more.
+        """
+        kept = self.spectrum.singular_values[jnp.clip(self.spectrum.rank - 1, 0)]
+        blur = 100 * max(self.jacobian.shape) * jnp.finfo(kept.dtype).eps / kept
+        return jnp.linalg.norm(self._split.stress, axis=1) <= blur
+
+    @property
+    def unique_only_here(self) -> Bool[Array, " m"]:
+        """Which unique multipliers are so at this position only: the derivative of their row of P is not zero.
+
+        dP = -P dK K^+ - (P dK K^+)^T along a displacement that the constraints allow.
+        """
+        moved = self._split.stress @ self._change @ self._split.inverse
+        return self.unique_multipliers & (jnp.linalg.norm(moved, axis=0) > _CHANGES * jnp.max(jnp.abs(self._change)))
+
+    @property
+    def singular_position(self) -> Bool[Array, ""]:
+        """Whether the rank is lower at this position than beside it: P dK Z is not zero.
+
+        There more multipliers are not unique than elsewhere, branches of motion meet, and (7) does not contain the
+        condition of third order that keeps the accelerations on their branch.
+        """
+        moved = self._split.stress @ self._change @ self._split.motion
+        return jnp.max(jnp.abs(moved)) > _CHANGES * jnp.max(jnp.abs(self._change))
+
+    @property
+    def checks(self) -> tuple[tuple[Bool[Array, ""], RESULTS], ...]:
+        """What must hold for the equations at this state to have a trustworthy solution, root causes first."""
+        violation, dtype = self.violation, self.gamma.dtype
+        off_manifold = float(jnp.finfo(dtype).eps) ** 0.375  # 1e-6 in float64
+        consistent = 4 * self.spectrum.tolerance + 10 * violation.velocity
+        possible = violation.acceleration <= consistent
+        return (
+            (self.finite, RESULTS.not_finite),
+            (violation.position <= off_manifold, RESULTS.violated_constraints),
+            (~self.spectrum.ambiguous, RESULTS.ambiguous_rank),
+            (self.determinate, RESULTS.indeterminate_acceleration),
+            (violation.velocity <= off_manifold, RESULTS.inadmissible_velocity),
+            (possible | (violation.prescribed <= consistent), RESULTS.inconsistent_constraints),
+            (possible, RESULTS.inadmissible_velocity),
+            (self.residual <= consistent, RESULTS.unsolved),
+        )
+
+    @property
+    def result(self) -> RESULTS:
+        """The first check that fails, or `RESULTS.successful`."""
+        return first_failure(self.checks)
+
+    def respond(self, force: Float[Array, "n p"]) -> tuple[Float[Array, "n p"], Float[Array, "m p"]]:
+        """Accelerations and multipliers that each column of forces causes: M a + Phi_q^T lam = force, Phi_q a = 0.
+
+        The multipliers are one solution of many: a closure adds the self-stress.
+        """
+        coordinate_scale, row_scale = self._coordinate_scale[:, None], self.row_scale[:, None]
+        none = jnp.zeros((self.gamma.size, force.shape[1]), force.dtype)
+        a, mu = _refined(self._scaled, self._scaled_mass, self._split, self._response, coordinate_scale * force, none)
+        return coordinate_scale * a, mu / row_scale
+
+    def stress_response(self, compliance: Float[Array, "m m"]) -> tuple[Float[Array, "m m"], Bool[Array, ""]]:
+        """G = N (N^T W N)^-1 N^T: self-stress caused by a misfit under the compliance W; and whether N^T W N > 0."""
+        scale = 1 / self.row_scale
+        scaled = scale[:, None] * compliance * scale
+        after = self._response[0, 0]
+        response, definite = restricted_inverse(scaled, self._split.stress, self.redundancy, after)
+        return scale[:, None] * response * scale, definite
+
+
+def factorize(system: AbstractSystem, state: State, rank: ArrayLike | None = None) -> Factorisation:
+    """Factorise the equations (7) of a system at a state.
+
+    **Arguments:**
+
+    - `system`, `state`: the system and the known (q, qd, t).
+    - `rank`: declared rank r of the constraint Jacobian; decided from its spectrum if not given.
+    """
+    return _factorize(system.anonymous(), state, None if rank is None else jnp.asarray(rank))
+
+
+@eqx.filter_jit
+def _factorize(system: AbstractSystem, state: State, rank: Int[Array, ""] | None) -> Factorisation:
+    matrix, motion = jacobian(system, state), along_motion(system, state)
+    mass, load = system.mass(state.q, state.t), system.load(state)
+    _check_shapes(system, matrix, mass, load)
+    coordinate_scale, row_scale, length = scaling(system, state, matrix)
+    scaled = matrix * coordinate_scale / row_scale[:, None]
+    position = jnp.max(jnp.abs(motion.value) / row_scale) / length
+    parts, spectrum = split(scaled, position, rank)
+    scaled_mass = coordinate_scale[:, None] * mass * coordinate_scale
+    freedom = matrix.shape[1] - spectrum.rank
+    response, determinate = restricted_inverse(scaled_mass, parts.motion, freedom, jnp.zeros((), matrix.dtype))
+    force, gamma = coordinate_scale * load, motion.gamma / row_scale
+    a, mu = _refined(scaled, scaled_mass, parts, response, force, gamma)
+    residual = jnp.maximum(
+        _ratio(gamma - scaled @ a, gamma, a),
+        _ratio(force - scaled_mass @ a - scaled.T @ mu, force, scaled_mass @ a, mu),
+    )
+    qd = state.qd / coordinate_scale
+    evidence = parts.stress, length, position, motion.rate / row_scale, gamma, explicit_gamma(system, state) / row_scale
+    inertia = jnp.trace(scaled_mass) / force.size
+    free = jnp.where(inertia > 0, jnp.max(jnp.abs(force)) / jnp.where(inertia > 0, inertia, 1.0), 0.0)
+    violation, residual = jax.lax.stop_gradient((_violation(*evidence, qd, a, free), residual))
+    return Factorisation(
+        jacobian=matrix,
+        gamma=motion.gamma,
+        mass=mass,
+        load=load,
+        spectrum=spectrum,
+        violation=violation,
+        finite=_finite(state.q, state.qd, state.t, *motion, matrix, mass, load),
+        determinate=determinate,
+        acceleration=coordinate_scale * a,
+        multipliers=mu / row_scale,
+        residual=residual,
+        length=length,
+        _scaled=scaled,
+        _scaled_mass=scaled_mass,
+        _split=parts,
+        _change=_change(system, state, parts, coordinate_scale, row_scale),
+        _response=response,
+        _speed=jax.lax.stop_gradient(jnp.max(jnp.abs(qd))),
+        _coordinate_scale=coordinate_scale,
+        row_scale=row_scale,
+    )
+
+
+def _change(system: AbstractSystem, state: State, parts: Split, coordinate_scale: Array, row_scale: Array) -> Array:
+    """Change of the scaled Jacobian along a displacement that the constraints allow and that has no symmetry."""
+    uneven = jnp.cos(jnp.arange(1.0, coordinate_scale.size + 1, dtype=coordinate_scale.dtype) ** 2)
+    change = change_of_jacobian(system, state, coordinate_scale * (parts.motion @ uneven))
+    return jax.lax.stop_gradient(change * coordinate_scale / row_scale[:, None])
+
+
+def _refined(
+    scaled: Array, mass: Array, parts: Split, response: Array, force: Array, gamma: Array
+) -> tuple[Array, Array]:
+    """Scaled accelerations and multipliers, after one step of iterative refinement."""
+
+    def once(force: Array, gamma: Array) -> tuple[Array, Array]:
+        particular = parts.inverse @ gamma
+        a = particular + response @ (force - mass @ particular)
+        return a, parts.inverse.T @ (force - mass @ a)
+
+    a, mu = once(force, gamma)
+    da, dmu = once(force - mass @ a - scaled.T @ mu, gamma - scaled @ a)
+    return a + da, mu + dmu
+
+
+def _violation(
+    stress: Array,
+    length: Array,
+    position: Array,
+    rate: Array,
+    gamma: Array,
+    explicit: Array,
+    qd: Array,
+    a: Array,
+    free: Array,
+) -> Violation:
+    """Consistency of the state; all but `length` and `position` in scaled variables.
+
+    Velocities compare with those that the accelerations, or `free` ones without constraints, reach over the length of
+    the mechanism, so that rest and reversals are no special case.
+    """
+    reached = jnp.sqrt(length * (jnp.max(jnp.abs(a)) + free))
+    centripetal = jnp.max(jnp.abs(qd)) ** 2 / length
+    return Violation(
+        position,
+        _ratio(rate, qd, reached),
+        _ratio(stress @ gamma, gamma, a, centripetal),
+        _ratio(stress @ explicit, gamma, a, centripetal),
+    )
+
+
+def _ratio(part: Array, *sizes: Array) -> Array:
+    """Largest entry of `part` relative to the sum of the largest of `sizes`, at most 1; 0 if all are 0."""
+    largest = jnp.max(jnp.abs(part))
+    whole = sum(jnp.max(jnp.abs(size)) for size in sizes)
+    return jnp.where(largest > 0, largest / jnp.maximum(largest, whole), largest)
+
+
+def _finite(*arrays: Array) -> Array:
+    return jnp.all(jnp.concatenate([jnp.isfinite(array).ravel() for array in arrays]))
+
+
+def _check_shapes(system: AbstractSystem, jacobian: Array, mass: Array, load: Array) -> None:
+    n, m = len(system.coordinates), len(system.rows)
+    wanted = (("constraint", jacobian[:, 0], (m,)), ("mass", mass, (n, n)), ("load", load, (n,)))
+    for name, value, shape in wanted:
+        if value.shape != shape:
+            raise ValueError(
+                f"Argument `{name}` of the system must give shape {shape}, as its coordinates and rows say, but gives "
+                f"{value.shape}."
+            )

@@ -1,0 +1,58 @@
+"""A system and its state out of a user's Python file, for the command line."""
+
+import importlib.util
+import pathlib
+import sys
+
+from ._state import State
+from ._system import AbstractSystem
+
+
+class FileError(Exception):
+    """A file or name that does not give a system and a state; the message says what to change."""
+
+
+def load(argument: str) -> tuple[AbstractSystem, State]:
+    """The system and state that `FILE.py:NAME` stands for.
+
+    NAME is a pair (system, state), a function without arguments that returns one, or a system; then the file
+    must also hold its state under the name `state`.
+    """
+    path, colon, name = argument.rpartition(":")
+    if not colon or not path or not name:
+        raise FileError(f"'{argument}' must have the form FILE.py:NAME, as in crane.py:mechanism.")
+    file = pathlib.Path(path)
+    if not file.is_file():
+        raise FileError(f"There is no file '{path}'.")
+    spec = importlib.util.spec_from_file_location(file.stem, file)
+    if spec is None or spec.loader is None:
+        raise FileError(f"'{path}' must be a Python file with the ending .py.")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[file.stem] = module
+    sys.path.insert(0, str(file.parent.resolve()))  # so that it can import its neighbours
+    spec.loader.exec_module(module)
+    if not hasattr(module, name):
+        raise FileError(f"'{path}' has no '{name}'. It has {', '.join(_public(module)) or 'no public names'}.")
+    value = getattr(module, name)
+    if callable(value) and not isinstance(value, AbstractSystem):
+        value = value()
+    if isinstance(value, AbstractSystem):
+        if not isinstance(getattr(module, "state", None), State):
+            raise FileError(f"'{path}' must also hold a `State` named 'state' for the system '{name}'.")
+        return value, module.state
+    if isinstance(value, tuple) and len(value) == 2:
+        system, state = value
+        if isinstance(system, AbstractSystem) and isinstance(state, State):
+            return system, state
+    raise FileError(
+        f"'{name}' in '{path}' must be a system, a pair (system, state), or a function that returns such a pair, "
+        f"but is {type(value).__name__}."
+    )
+
+
+def _public(module: object) -> list[str]:
+    return sorted(name for name, value in vars(module).items() if not name.startswith("_") and _usable(value))
+
+
+def _usable(value: object) -> bool:
+    return isinstance(value, AbstractSystem | tuple) or (callable(value) and not isinstance(value, type))

@@ -1,0 +1,71 @@
+"""Friction models of joints.
+
+    Coulomb                  tau = -coefficient (N + preload) sense                        (41)
+    independent of load      tau = -force sense                                      (24)
+
+N is the joint's normal load: the joint force of a revolute, |N1| + |N2| at the ends of a translational guide.
+tau acts on body i and -tau on body j; the sense is the sign of the slip rate of i relative to j.
+"""
+
+import abc
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PyTree
+
+from ._module import as_float
+
+
+class AbstractFrictionModel(eqx.Module):
+    """Friction of a joint from its normal load, slip rate and sense."""
+
+    depends_on_load: eqx.AbstractClassVar[bool]
+
+    @abc.abstractmethod
+    def force(
+        self, normal_load: Float[Array, ""], rate: Float[Array, ""], sense: Float[Array, ""], memory: PyTree
+    ) -> Float[Array, ""]:
+        """Friction force (N) or moment (N m) tau on body i; `memory` is its internal state, if any."""
+
+    @abc.abstractmethod
+    def slope_bound(self) -> Float[Array, ""]:
+        """Largest |d tau / d N|; infinite where none is known."""
+
+
+class Coulomb(AbstractFrictionModel):
+    """Coulomb friction (41), proportional to the normal load.
+
+    **Arguments:**
+
+    - `coefficient`: mu for a translational joint; friction coefficient times pin radius, mu * rho in m, for a revolute.
+    - `preload`: normal load from bearing preload, N, added to that of the joint.
+    """
+
+    depends_on_load: ClassVar[bool] = True
+    coefficient: Float[Array, ""] = eqx.field(converter=as_float)
+    preload: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+
+    def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
+        return -self.coefficient * (normal_load + self.preload) * sense
+
+    def slope_bound(self) -> Array:
+        return jnp.abs(self.coefficient)
+
+
+class ConstantFriction(AbstractFrictionModel):
+    """Dry friction that does not depend on load, Eq. (24), as from seals.
+
+    **Arguments:**
+
+    - `size`: friction force (N) of a translational, moment (N m) of a revolute joint.
+    """
+
+    depends_on_load: ClassVar[bool] = False
+    size: Float[Array, ""] = eqx.field(converter=as_float)
+
+    def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
+        return -self.size * sense
+
+    def slope_bound(self) -> Array:
+        return jnp.zeros_like(self.size)

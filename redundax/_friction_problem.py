@@ -1,0 +1,115 @@
+"""The frictional equations on few unknowns.
+
+Given tau, the equations (25) are linear, and so are the loads that the friction laws read:
+
+    rho = rho0 + K tau,   tau = law(rho)                                          (25) reduced to tau
+
+rho0 are the loads without friction and K those caused by unit friction, both under one closure. The loops
+see only (rho0, K, law). A sweep tau -> law(rho0 + K tau) is the paper's fixed-point iteration (27) written
+on tau, because x_{i+1} depends on x_i through F(lam_i) alone.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from ._friction import AbstractFriction, friction_force
+from ._state import State
+
+# Powers of the sweep's derivative that the bound of the contraction takes.
+_POWERS = 6
+
+
+class Law(eqx.Module):
+    """The friction laws of all groups at a state, as a function of the loads alone."""
+
+    groups: tuple[AbstractFriction, ...]
+    rate: Float[Array, " p"]
+    sense: Float[Array, " p"]
+    state: State
+
+    def __call__(self, loads: Float[Array, " l"]) -> Float[Array, " p"]:
+        return friction_force(self.groups, loads, self.rate, self.sense, self.state)
+
+    def slope(self, loads: Float[Array, " l"]) -> Float[Array, "p l"]:
+        """Derivative of the friction forces with respect to the loads, F_lam of Eq. (35) reduced."""
+        return jax.jacfwd(self)(loads)
+
+
+class FrictionProblem(eqx.Module):
+    """tau = law(rho0 + K tau), with the sizes that make residuals comparable.
+
+    - `rho0`, `gain`: loads without friction, shape (l,), and K, shape (l, p).
+    - `law`: the friction laws.
+    - `angular_loads`, `angular_slips`: which loads and frictions are moments.
+    - `load_size`, `friction_size`: for each entry the largest load or friction of its kind, at the first sweep from
+      rho0.
+    """
+
+    rho0: Float[Array, " l"]
+    gain: Float[Array, "l p"]
+    law: Law
+    angular_loads: Bool[Array, " l"]
+    angular_slips: Bool[Array, " p"]
+    load_size: Float[Array, " l"]
+    friction_size: Float[Array, " p"]
+
+    @classmethod
+    def make(
+        cls,
+        rho0: Float[Array, " l"],
+        gain: Float[Array, "l p"],
+        law: Law,
+        angular_loads: Bool[Array, " l"],
+        angular_slips: Bool[Array, " p"],
+    ) -> "FrictionProblem":
+        """The problem, given which loads and slips are moments and angles."""
+        tau = law(rho0)
+        loads = jnp.maximum(jnp.abs(rho0), jnp.abs(gain @ tau))
+        sizes = _largest_of_kind(loads, angular_loads), _largest_of_kind(jnp.abs(tau), angular_slips)
+        return cls(rho0, gain, law, angular_loads, angular_slips, *jax.lax.stop_gradient(sizes))
+
+    def sized_at(self, tau: Float[Array, " p"]) -> "FrictionProblem":
+        """The same problem, its sizes at least those of the friction tau."""
+        friction = jnp.maximum(self.friction_size, _largest_of_kind(jnp.abs(tau), self.angular_slips))
+        loads = jnp.maximum(self.load_size, _largest_of_kind(jnp.abs(self.loads(tau)), self.angular_loads))
+        return eqx.tree_at(lambda problem: (problem.load_size, problem.friction_size), self, (loads, friction))
+
+    def loads(self, tau: Float[Array, " p"]) -> Float[Array, " l"]:
+        """rho = rho0 + K tau."""
+        return self.rho0 + self.gain @ tau
+
+    def slope(self, rho: Float[Array, " l"]) -> Float[Array, "p p"]:
+        """law'(rho) K, the derivative of one sweep."""
+        return self.law.slope(rho) @ self.gain
+
+    def contraction(self, tau: Float[Array, " p"]) -> Float[Array, ""]:
+        """Upper bound of the spectral radius of one sweep's derivative at tau: below 1 sweeps contract there.
+
+        Collatz and Wielandt: max_i (A v)_i / v_i over positive v, A the absolute values of `slope`; powers of A
+        bring it down to the spectral radius of A.
+        """
+        matrix = jnp.abs(self.slope(self.loads(tau)))
+        matrix = matrix * self.friction_size / self.friction_size[:, None]
+        vector = jnp.ones_like(tau)
+        for _ in range(_POWERS):
+            image = matrix @ vector
+            size = jnp.max(image)
+            vector = jnp.where(size > 0, image / jnp.where(size > 0, size, 1.0), vector) + 1e-3
+        return jnp.max(matrix @ vector / vector)
+
+    def change_of_friction(self, change: Float[Array, " p"]) -> Float[Array, ""]:
+        """Largest change of tau, relative to the size of its kind."""
+        return jnp.max(jnp.abs(change) / self.friction_size)
+
+    def change_of_load(self, change: Float[Array, " l"]) -> Float[Array, ""]:
+        """Largest change of rho, relative to the size of its kind."""
+        return jnp.max(jnp.abs(change) / self.load_size)
+
+
+def _largest_of_kind(size: Array, angular: Array) -> Array:
+    of_angular = jnp.max(jnp.where(angular, size, 0.0), initial=0.0)
+    of_linear = jnp.max(jnp.where(angular, 0.0, size), initial=0.0)
+    largest = jnp.where(angular, of_angular, of_linear)
+    return jnp.where(largest > 0, largest, 1.0)

@@ -1,0 +1,87 @@
+"""Friction of the joints of a mechanism, those of one kind and one model together.
+
+A mechanism keeps which joints have friction as indices; their geometry stays in the stacks of the joints.
+"""
+
+from collections.abc import Sequence
+from typing import Any, Self
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Int, PyTree
+
+from ._axis import Axis
+from ._body import poses
+from ._friction import AbstractFriction
+from ._friction_model import AbstractFrictionModel
+from ._joints import AbstractFrictionalJoint, AbstractJoint
+from ._module import as_functions, replace
+from ._stack import Stack, indices, kinds, stacked
+from ._state import State
+
+
+class JointFriction(AbstractFriction):
+    """Friction of one model in frictional joints of one kind."""
+
+    joints: Stack[Any]
+    model: AbstractFrictionModel
+    rows: Int[Array, "p rows"]
+    slips: Axis = eqx.field(static=True)
+
+    def anonymous(self) -> Self:
+        return replace(self, slips=self.slips.anonymous())
+
+    def slip(self, q: Array, t: Array) -> Array:
+        body = poses(q)
+        return eqx.filter_vmap(lambda joint, i, j: joint.slip(body[i], body[j]))(
+            self.joints.element, self.joints.i, self.joints.j
+        )
+
+    def force(self, loads: Array, rate: Array, sense: Array, memory: PyTree, state: State) -> Array:
+        return eqx.filter_vmap(lambda model, *args: model.force(*args))(
+            self.model, self._normal(loads), rate, sense, memory
+        )
+
+    def largest_change(self, change: Array) -> Array:
+        """A normal load is a seminorm of the joint's multipliers, so that its change is at most that of the change."""
+        return eqx.filter_vmap(lambda model: model.slope_bound())(self.model) * self._normal(change)
+
+    def _normal(self, loads: Array) -> Array:
+        if not self.model.depends_on_load:
+            return jnp.zeros(loads.shape[:1], loads.dtype)
+        return eqx.filter_vmap(lambda joint, own: joint.normal_load(own))(self.joints.element, loads)
+
+
+class FrictionMembers(eqx.Module):
+    """Which joints of a stack have friction of one model, and their rows."""
+
+    kind: int = eqx.field(static=True)
+    members: Int[Array, " p"]
+    model: AbstractFrictionModel
+    rows: Int[Array, "p rows"]
+    slips: Axis = eqx.field(static=True)
+
+    def of(self, joints: Sequence[Stack]) -> JointFriction:
+        """The friction group, given the stacks of joints."""
+        return JointFriction(
+            joints=joints[self.kind].take(self.members), model=self.model, rows=self.rows, slips=self.slips
+        )
+
+
+def friction_members(kind: int, joints: Sequence[AbstractJoint], places: np.ndarray) -> list[FrictionMembers]:
+    """Members of one kind of joint that have friction, model by model; `places` are their rows, (members, rows)."""
+    frictional = {
+        k: (joint, as_functions(joint.friction))
+        for k, joint in enumerate(joints)
+        if isinstance(joint, AbstractFrictionalJoint) and joint.friction is not None
+    }
+    out = []
+    for group in kinds([model for _, model in frictional.values()]):
+        members = [list(frictional)[k] for k in group]
+        model = stacked([frictional[k][1] for k in members])
+        rows = places[members] if model.depends_on_load else np.zeros((len(members), 0))
+        names = tuple(joints[k].name for k in members)
+        slips = Axis(names, (frictional[members[0]][0].slip_kind,) * len(members))
+        out.append(FrictionMembers(kind, indices(members), model, indices(rows), slips))
+    return out

@@ -1,0 +1,47 @@
+"""What a planar joint is. Body i comes first; either body may be the ground.
+
+A joint states its residual for two poses; mechanisms stack joints of one kind and evaluate them together. The
+multipliers of its force-type rows are joint forces, those of its moment-type rows joint moments: the force on the
+bodies is -Phi_q^T lam.
+"""
+
+import abc
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from .._body import Pose
+from .._friction_model import AbstractFrictionModel
+from .._stack import AbstractBetweenBodies
+
+Row = tuple[str, str]
+
+
+class AbstractJoint(AbstractBetweenBodies):
+    """A joint between the bodies i and j.
+
+    A new kind of joint gives `row_kinds`, the name and kind ("force" or "moment") of each of its rows, force-type
+    first, and `residual`.
+    """
+
+    row_kinds: eqx.AbstractClassVar[tuple[Row, ...]]
+    name: eqx.AbstractVar[str]
+
+    @abc.abstractmethod
+    def residual(self, i: Pose, j: Pose, t: Float[Array, ""]) -> Float[Array, " rows"]:
+        """Constraint residual, one entry for each of `row_kinds`."""
+
+
+class AbstractFrictionalJoint(AbstractJoint):
+    """A joint with one slip coordinate and a normal load, so that it can have friction."""
+
+    slip_kind: eqx.AbstractClassVar[str]
+    friction: eqx.AbstractVar[AbstractFrictionModel | None]
+
+    @abc.abstractmethod
+    def slip(self, i: Pose, j: Pose) -> Float[Array, ""]:
+        """Displacement of body i relative to body j that friction opposes; "linear" or "angular" by `slip_kind`."""
+
+    @abc.abstractmethod
+    def normal_load(self, multipliers: Float[Array, " rows"]) -> Float[Array, ""]:
+        """Size of the load that presses the sliding surfaces together, N: a seminorm of the multipliers."""

@@ -1,0 +1,83 @@
+"""Derivatives of the constraints along the motion, by forward mode alone.
+
+    Phi(s) = Phi(q [+] s qd, t + s):   Phi_q qd + Phi_t = Phi'(0),   gamma = -Phi''(0)      (3), (4), (5)
+
+so that Phi_q qdd = gamma; two nested directional derivatives, no second-derivative tensor. A friction slip
+s(q, t) gives in the same way its rate and its direction E = (ds/dq)^T.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ._state import State
+from ._system import AbstractSystem
+
+
+class AlongMotion(NamedTuple):
+    """Constraint residual (m,), its rate (m,) and gamma (m,), Eqs. (2) to (5)."""
+
+    value: Float[Array, " m"]
+    rate: Float[Array, " m"]
+    gamma: Float[Array, " m"]
+
+
+def along_motion(system: AbstractSystem, state: State) -> AlongMotion:
+    """Phi, Phi_q qd + Phi_t and gamma at a state."""
+
+    def value(s: Array) -> Array:
+        return system.constraint(system.retract(state.q, s * state.qd), state.t + s)
+
+    (phi, rate), (_, curvature) = _twice(value, jnp.zeros_like(state.t))
+    return AlongMotion(phi, rate, -curvature)
+
+
+def explicit_gamma(system: AbstractSystem, state: State) -> Float[Array, " m"]:
+    """-Phi_tt, the part of gamma that prescribed motion alone is answerable for."""
+    _, (_, curvature) = _twice(lambda s: system.constraint(state.q, state.t + s), jnp.zeros_like(state.t))
+    return -curvature
+
+
+def turning(system: AbstractSystem, state: State) -> Float[Array, " m"]:
+    """Second derivative of Phi as all angular coordinates turn, each at another rate so that no two cancel."""
+    angular = system.coordinates.angular
+    rates = jnp.asarray(np.where(angular, 1.0 + 0.5 * np.sin(np.arange(angular.size)), 0.0), state.qd.dtype)
+    _, (_, curvature) = _twice(
+        lambda s: system.constraint(system.retract(state.q, s * rates), state.t), jnp.zeros_like(state.t)
+    )
+    return curvature
+
+
+def _twice(function: Callable[[Array], Array], s: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    one = jnp.ones_like(s)
+    return jax.jvp(lambda s: jax.jvp(function, (s,), (one,)), (s,), (one,))
+
+
+def jacobian(system: AbstractSystem, state: State) -> Float[Array, "m n"]:
+    """Constraint Jacobian Phi_q through the retraction."""
+    return jax.jacfwd(lambda d: system.constraint(system.retract(state.q, d), state.t))(jnp.zeros_like(state.qd))
+
+
+def change_of_jacobian(system: AbstractSystem, state: State, direction: Float[Array, " n"]) -> Float[Array, "m n"]:
+    """Derivative of Phi_q as the position moves along a direction, at constant t."""
+
+    def moved(d: Array) -> Array:
+        return jax.jacfwd(lambda d: system.constraint(system.retract(state.q, d), state.t))(d)
+
+    return jax.jvp(moved, (jnp.zeros_like(direction),), (direction,))[1]
+
+
+def slip_motion(system: AbstractSystem, state: State) -> tuple[Float[Array, " p"], Float[Array, "n p"]]:
+    """Slip rates and slip directions E of all friction groups: F = E tau, rate = E^T qd + s_t."""
+
+    def slip(d: Array, t: Array) -> Array:
+        q = system.retract(state.q, d)
+        return jnp.concatenate([group.slip(q, t) for group in system.friction])
+
+    zero = jnp.zeros_like(state.qd)
+    _, rate = jax.jvp(slip, (zero, state.t), (state.qd, jnp.ones_like(state.t)))
+    return rate, jax.jacrev(slip)(zero, state.t).T

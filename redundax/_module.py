@@ -1,0 +1,87 @@
+"""Small helpers: fields that do not retrace, functions in pytrees, copies of frozen modules, safe norms."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+
+import equinox as eqx
+import jax
+import jax.core
+import jax.numpy as jnp
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float
+
+T = TypeVar("T")
+
+
+# What users may write for an array: lists of numbers too.
+Numbers = ArrayLike | Sequence[Any]
+
+
+def as_float(value: Numbers) -> Array:
+    """`value` as a floating-point array; the dtype follows the input, integers take the default."""
+    array = jnp.asarray(value)
+    return array.astype(jnp.result_type(array, float))
+
+
+def optional_float(value: Numbers | None) -> Array | None:
+    """`as_float` that leaves `None` alone."""
+    return None if value is None else as_float(value)
+
+
+class Plain(eqx.Module):
+    """A function without numbers of its own as a pytree without leaves, so that it passes through `jax.jit`."""
+
+    function: Callable[..., Any] = eqx.field(static=True)
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        return self.function(*arguments, **named)
+
+
+def as_functions(tree: Any) -> Any:
+    """A function or a pytree that holds some, with functions that are no pytrees themselves as `Plain` ones."""
+    return jax.tree.map(lambda x: Plain(x) if callable(x) else x, tree)
+
+
+def as_parameters(tree: Any) -> Any:
+    """The pytree with its numbers as arrays, each of its own kind."""
+    return jax.tree.map(jnp.asarray, as_functions(tree))
+
+
+def known(value: Array) -> bool:
+    """Whether the value is there to be checked, not traced."""
+    return not isinstance(value, jax.core.Tracer)
+
+
+def replace(module: T, **fields: Any) -> T:
+    """A copy of the frozen `module` with the given fields replaced, without running its `__init__`."""
+    copy = object.__new__(type(module))
+    for field in dataclasses.fields(module):  # pyright: ignore[reportArgumentType]
+        object.__setattr__(copy, field.name, fields.get(field.name, getattr(module, field.name)))
+    return copy
+
+
+def as_vector(value: Numbers) -> Float[Array, "2"]:
+    """A planar vector."""
+    array = as_float(value)
+    if array.shape != (2,):
+        raise ValueError(
+            f"Arguments such as `point_i` or `force` must be two components (x, y), but one has shape {array.shape}."
+        )
+    return array
+
+
+def unit(v: Numbers) -> Array:
+    """v / |v| as a floating-point array."""
+    v = as_vector(v)
+    size = jnp.linalg.norm(v)
+    if known(size) and not size > 0:
+        raise ValueError("Argument `normal` must not be zero: it gives the direction of a line, but is (0, 0).")
+    return v / size
+
+
+def safe_norm(v: Float[Array, " n"]) -> Float[Array, ""]:
+    """|v| with derivative 0 at v = 0; `hypot` has a spurious value there and sqrt NaN."""
+    square = v @ v
+    positive = square > 0
+    return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)

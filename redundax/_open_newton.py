@@ -1,0 +1,110 @@
+"""Newton's method without a closure, Eqs. (34) to (38), on the friction unknowns.
+
+The paper's step is the minimum-norm solution of G_x s = -G. Every x with A x = b(tau) is
+
+    x = x_p + X tau + [0; v],   X = [A_tau; Lam],   v = N z,   Lam^T N = 0,
+
+x_p and X being the minimum-norm responses to load and to unit friction. With F linearised at the loads rho,
+slope J = d law / d rho, Lam_R = Lam[rows], S = P[rows, rows] and B = I - J Lam_R, the step is
+
+    min dtau^T X^T X dtau / 2 - r^T dtau + |dv|^2 / 2   subject to   B dtau - J dv[rows] = e,
+    e = law(rho) - tau + J (loads of x - rho),
+
+whose stationarity dv = -P[:, rows] J^T mu leaves, with g = tr(X^T X) / p,
+
+    [ X^T X / g   -B^T      ] [ dtau   ]   [ r / g ]
+    [ B           g J S J^T ] [ mu / g ] = [ e     ].
+
+r and the second part of e differ from 0 in the first step only, where x0 need not satisfy A x = b. The
+iterates are the paper's to rounding. The end point depends on x0, and its derivative is that of the
+iterations, not an implicit one: the end point moves along the null vector of G_x too.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ._friction_problem import FrictionProblem
+from ._iterate import Progress, iterate
+
+
+class OpenProblem(eqx.Module):
+    """The friction problem at minimum norm, with what the minimum-norm step needs beside it.
+
+    - `problem`: rho0 of the minimum-norm multipliers and the self-stress of x0, K of minimum-norm ones, and the law.
+    - `stress`: S = P[rows, rows], shape (l, l).
+    - `gram`: X^T X, shape (p, p).
+    - `pull`: X^T (x0 - x_p), shape (p,).
+    - `first`: loads of x0, shape (l,).
+    """
+
+    problem: FrictionProblem
+    stress: Float[Array, "l l"]
+    gram: Float[Array, "p p"]
+    pull: Float[Array, " p"]
+    first: Float[Array, " l"]
+
+
+class OpenIterate(NamedTuple):
+    """Linearised friction tau, loads rho, and w of the self-stress v = P lam0 + P[:, rows] w."""
+
+    tau: Float[Array, " p"]
+    rho: Float[Array, " l"]
+    w: Float[Array, " l"]
+
+
+def first_step(open_problem: OpenProblem) -> OpenIterate:
+    """The iterate x1, from any x0."""
+    problem, rho = open_problem.problem, open_problem.first
+    slope = problem.law.slope(rho)
+    residual = problem.law(rho) + slope @ (problem.rho0 - rho)
+    still = OpenIterate(jnp.zeros_like(open_problem.pull), rho, jnp.zeros_like(rho))
+    return _step(open_problem, still, slope, residual, open_problem.pull)
+
+
+def update(open_problem: OpenProblem, y: OpenIterate) -> tuple[OpenIterate, Array, Array]:
+    """One later step, with relative residual G and relative step."""
+    problem = open_problem.problem
+    law = problem.law(y.rho)
+    residual = law - y.tau
+    new = _step(open_problem, y, problem.law.slope(y.rho), residual, jnp.zeros_like(residual))
+    return (
+        new,
+        problem.change_of_friction(residual),
+        problem.change_of_load(new.rho - y.rho),
+    )
+
+
+def _step(open_problem: OpenProblem, y: OpenIterate, slope: Array, residual: Array, pull: Array) -> OpenIterate:
+    p = residual.size
+    stress, gram = open_problem.stress, open_problem.gram
+    lower = jnp.eye(p, dtype=residual.dtype) - slope @ open_problem.problem.gain
+    size = jnp.trace(gram) / p
+    matrix = jnp.block([[gram / size, -lower.T], [lower, size * slope @ stress @ slope.T]])
+    step = jnp.linalg.solve(matrix, jnp.concatenate([pull / size, residual]))
+    tau, w = y.tau + step[:p], y.w - slope.T @ (size * step[p:])
+    return OpenIterate(tau, open_problem.problem.loads(tau) + stress @ w, w)
+
+
+@eqx.filter_custom_jvp
+def open_root(open_problem: OpenProblem, rtol: Float[Array, ""], max_steps: int) -> tuple[OpenIterate, Progress]:
+    """End point of Newton (38) from x0, and how the iteration went; the derivative goes through the iterations."""
+    return _run(open_problem, rtol, max_steps, bounded=False)
+
+
+@open_root.def_jvp
+def _open_root_jvp(primals: tuple, tangents: tuple) -> tuple:
+    _, rtol, max_steps = primals
+    return eqx.filter_jvp(lambda problem: _run(problem, rtol, max_steps, bounded=True), primals[:1], tangents[:1])
+
+
+def _run(open_problem: OpenProblem, rtol: Array, max_steps: int, *, bounded: bool) -> tuple[OpenIterate, Progress]:
+    return iterate(
+        lambda y: update(open_problem, y),
+        first_step(open_problem),
+        rtol,
+        max_steps,
+        bounded=bounded,
+    )

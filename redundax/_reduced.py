@@ -1,0 +1,114 @@
+"""The reduced formulation: (25) under a closure, written on the friction forces tau alone.
+
+With F = E tau the equations (25) are linear in x = [qdd; lam] for given tau. One factorisation at the state gives
+the response to the load and to each unit friction, and the closure (W, d) picks one multiplier vector from each
+family, lam -> (I - G W) lam, with G d added once:
+
+    qdd = qdd_0 + A tau,   lam = lam_0 + Lam tau,                                  G = N (N^T W N)^-1 N^T.
+
+Friction reads a few multipliers rho = lam[rows] only, so that what is left to solve is
+
+    tau = law(rho0 + K tau),   rho0 = lam_0[rows],   K = Lam[rows].
+
+The paper's iterations (27) and (38) depend on x through F(lam) alone and are the same iterations on tau. All else is
+recovered after convergence; nothing that is constant in a sweep over closures' misfits, h, x0 or friction
+coefficients depends on the batch.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from ._closure import AbstractClosure
+from ._factorisation import Factorisation, factorize
+from ._friction import load_rows, slip_kinds
+from ._friction_problem import FrictionProblem, Law
+from ._kinematics import slip_motion
+from ._state import State
+from ._system import AbstractSystem
+
+
+class Pick(NamedTuple):
+    """(I - G W) lam: the multipliers that a closure without misfit picks, from any that solve the equations."""
+
+    response: Float[Array, "m m"]
+    compliance: Float[Array, "m m"]
+
+    def __call__(self, multipliers: Array) -> Array:
+        for _ in range(2):  # the second pass is refinement
+            multipliers = multipliers - self.response @ (self.compliance @ multipliers)
+        return multipliers
+
+
+class Response(NamedTuple):
+    """Accelerations and multipliers, (n,) and (m,) to load or (n, p) and (m, p) to unit friction."""
+
+    acceleration: Array
+    multipliers: Array
+
+    def plus(self, unit: "Response", tau: Array) -> "Response":
+        """The response to load and friction."""
+        return Response(self.acceleration + unit.acceleration @ tau, self.multipliers + unit.multipliers @ tau)
+
+
+class Reduced(eqx.Module):
+    """The equations (25) of a system at a state under a closure, reduced to the friction forces.
+
+    - `factor`: the factorisation.
+    - `pick`, `definite`: the closure, and whether it determines the multipliers.
+    - `free`: response to the load.
+    - `unit`, `rows`, `problem`: response to unit friction, the multipliers that friction reads, and the equations for
+      tau; without friction none, no rows, none.
+    """
+
+    factor: Factorisation
+    pick: Pick
+    definite: Bool[Array, ""]
+    free: Response
+    unit: Response | None
+    rows: Int[Array, " l"]
+    problem: FrictionProblem | None
+
+
+def reduce(
+    system: AbstractSystem,
+    state: State,
+    closure: AbstractClosure,
+    *,
+    kept: Float[Array, " m"] | None = None,
+    sense: Float[Array, " p"] | None = None,
+    rank: Int[Array, ""] | None = None,
+) -> Reduced:
+    """Factorise, close and reduce; the self-stress of `kept`, for a closure of minimum norm, is added to `free`."""
+    factor = factorize(system, state, rank)
+    compliance, misfit = closure.compliance(system, state)
+    response, definite = factor.stress_response(compliance)
+    pick = Pick(response, compliance)
+    given = misfit if kept is None else misfit + kept
+    free = Response(factor.acceleration, pick(factor.multipliers) + response @ given)
+    if not system.friction:
+        return Reduced(factor, pick, definite, free, None, jnp.zeros(0, int), None)
+    rate, directions = slip_motion(system, state)
+    acceleration, multipliers = factor.respond(directions)
+    unit = Response(acceleration, pick(multipliers))
+    angular_slips = jnp.asarray(slip_kinds(system.friction).angular)
+    comparable = rate * jnp.where(angular_slips, factor.length, 1.0)
+    law = Law(system.friction, rate, _sense(comparable, factor.resting_rate, sense), state)
+    rows = load_rows(system.friction)
+    angular_loads = jnp.asarray(system.rows.angular)[rows]
+    problem = FrictionProblem.make(free.multipliers[rows], unit.multipliers[rows], law, angular_loads, angular_slips)
+    return Reduced(factor, pick, definite, free, unit, rows, problem)
+
+
+def at_rest(law: Law, loads: Float[Array, " l"]) -> Bool[Array, ""]:
+    """Whether the friction of a joint of no sense depends on the sense."""
+    moving = eqx.tree_at(lambda law: law.sense, law, jnp.where(law.sense == 0, 1.0, law.sense))
+    return jnp.any((law.sense == 0) & (moving(loads) != law(loads)))
+
+
+def _sense(rate: Array, resting: Array, sense: Array | None) -> Array:
+    """Sign of comparable slip rates, or the given sense where a joint rests."""
+    given = 0.0 if sense is None else sense.astype(rate.dtype)
+    return jnp.where(jnp.abs(rate) > resting, jnp.sign(rate), given)

@@ -1,0 +1,172 @@
+"""The report of an analysis: what is unique at a state and what is not, as text, data and JSON."""
+
+import dataclasses
+import json
+from typing import Any
+
+import numpy as np
+
+from ._release import Release
+from ._verdict import Judged, Verdict
+
+
+@dataclasses.dataclass(frozen=True)
+class Report:
+    """Redundancy and uniqueness of a system at a state. `str()` gives a page, `to_dict()` and `to_json()` data.
+
+    - `coordinates`, `rows`: their names.
+    - `rank`, `redundancy`, `freedom`: r, k = m - r and n - r.
+    - `singular_values`, `gap`: spectrum of the scaled Jacobian, free of units, and the ratio across the rank.
+    - `self_stress`: k self-stress states, shape (k, m), in units of the multipliers: loads that the joints can
+      carry without any external load. `draw` takes their index, from 0.
+    - `groups`: dependent groups: rows that are coupled by self-stress. None of a group is "the redundant one".
+    - `unit_dependent`: rows whose minimum-norm multiplier changes with the unit of length or angle: those of groups
+      that hold force-type and moment-type rows (Section 3). Under `Compliance` none does.
+    - `unique_multipliers`: names of the multipliers that are unique without friction.
+    - `unique_only_here`: those of them that are unique at this position only.
+    - `singular_position`: whether the rank is lower here than at positions beside it, so that nothing said here holds
+      there.
+    - `unique_accelerations`: whether accelerations are unique without friction.
+    - `at_rest`: whether a joint with friction rests, where its friction is set-valued and what it moves undecided.
+    - `verdicts`: what is proved, over all solutions, of each "acceleration", "multiplier", "friction" and, for a
+      `Mechanism`, "reaction": the components of every joint's force, global, and its moment about the joint's point.
+    - `spectral_radius`: of Gamma_ij = |d tau_i / d rho| |d rho_i / d tau_j| under the closure: below 1 the frictional
+      equations are proved to have one solution for each misfit of it; None without friction.
+    - `releases`: directions within joints whose release removes all redundancy and adds no degree of freedom.
+    - `friction_reads`: names of the multipliers that are not unique and that friction depends on.
+    - `problem`: why the equations at this state cannot be trusted; empty if they can.
+    """
+
+    coordinates: tuple[str, ...]
+    rows: tuple[str, ...]
+    rank: int
+    redundancy: int
+    freedom: int
+    singular_values: np.ndarray
+    gap: float
+    self_stress: np.ndarray
+    groups: tuple[tuple[str, ...], ...]
+    unit_dependent: tuple[str, ...]
+    unique_multipliers: tuple[str, ...]
+    unique_only_here: tuple[str, ...]
+    singular_position: bool
+    unique_accelerations: bool
+    at_rest: bool
+    verdicts: dict[str, tuple[Judged, ...]]
+    spectral_radius: float | None
+    releases: tuple[Release, ...]
+    friction_reads: tuple[str, ...]
+    problem: str
+
+    @property
+    def unique_reactions(self) -> tuple[str, ...]:
+        """Names of the joints whose whole reaction is unique without friction: rows are called "joint.row"."""
+        joints = dict.fromkeys(row.rpartition(".")[0] for row in self.rows if "." in row)
+        free = {row.rpartition(".")[0] for row in self.rows if row not in self.unique_multipliers}
+        return tuple(joint for joint in joints if joint not in free)
+
+    def dependencies(self) -> tuple[tuple[str, dict[str, float]], ...]:
+        """For each self-stress state one row and the coefficients eta (17) with which the others make it.
+
+        Phi_q of the row is the sum of eta_j times Phi_q of the rows j; any row of the state can take its place.
+        """
+        out = []
+        for state in self.self_stress:
+            first = int(np.argmax(state == 1.0))
+            out.append(
+                (self.rows[first], {self.rows[j]: -float(state[j]) for j in np.flatnonzero(state) if j != first})
+            )
+        return tuple(out)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain Python data; infinities become None."""
+        out = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        out["verdicts"] = {kind: [judged.to_dict() for judged in all_of] for kind, all_of in self.verdicts.items()}
+        out["releases"] = [dataclasses.asdict(release) for release in self.releases]
+        out["spectral_radius"] = _finite(self.spectral_radius)
+        out["singular_values"] = self.singular_values.tolist()
+        out["self_stress"] = [dict(zip(self.rows, state.tolist(), strict=True)) for state in self.self_stress]
+        out["unique_reactions"] = self.unique_reactions
+        out["gap"] = _finite(self.gap)
+        return out
+
+    def to_json(self) -> str:
+        """`to_dict` as JSON text."""
+        return json.dumps(self.to_dict(), indent=2)
+
+    def __str__(self) -> str:
+        lines = [
+            f"{len(self.coordinates)} coordinates, {len(self.rows)} constraints of rank {self.rank}: "
+            f"{self.redundancy} redundant, {_count(self.freedom, 'degree')} of freedom",
+            f"Smallest kept singular value {self.singular_values[max(self.rank - 1, 0)]:.2g} of the largest, "
+            + (f"{self.gap:.1e} times the largest dropped one" if np.isfinite(self.gap) else "none dropped"),
+        ]
+        if self.problem:
+            lines.append(f"PROBLEM: {self.problem}")
+        if self.singular_position:
+            lines.append(
+                "SINGULAR POSITION: the rank is higher beside it. What follows holds only here; branches of motion "
+                "meet, and accelerations need not be those of a motion along one."
+            )
+        for number, state in enumerate(self.self_stress):
+            lines.append(f"Self-stress state {number}:")
+            lines += _columns([f"{name} {value:+.6g}" for name, value in zip(self.rows, state, strict=True) if value])
+        if len(self.groups) > 1:
+            lines.append("Dependent groups of rows:")
+            lines += [line for group in self.groups for line in _columns(list(group))]
+        lines.append("Without friction:")
+        lines.append(f"  accelerations: {'unique' if self.unique_accelerations else 'NOT unique, (14) fails'}")
+        free = [name for name in self.rows if name not in self.unique_multipliers]
+        lines += _listed("  unique multipliers:", self.unique_multipliers)
+        if self.unique_only_here:
+            lines += _listed("  of these unique only at this position:", self.unique_only_here)
+        lines += _listed("  not unique:", free)
+        if self.unit_dependent:
+            lines += _listed("  of these the minimum norm depends on the unit of length:", self.unit_dependent)
+        if any("." in row for row in self.rows):
+            lines += _listed("  joints whose whole reaction is unique:", self.unique_reactions)
+        lines += self._with_friction()
+        if self.releases:
+            lines.append("To remove the redundancy and add no degree of freedom, release one of (1 is best):")
+            lines += [f"    {release}" for release in self.releases]
+        return "\n".join(lines)
+
+    def _with_friction(self) -> list[str]:
+        if self.spectral_radius is None or self.problem:
+            return []
+        lines = ["With friction:"]
+        if self.at_rest:
+            lines.append("  a joint is at rest, where friction can take any value up to its bound")
+        elif self.spectral_radius < 1:
+            lines.append(f"  each misfit has one solution (proved: spectral radius {self.spectral_radius:.2g} < 1)")
+        else:
+            lines.append(f"  not proved that a misfit has one solution (spectral radius {self.spectral_radius:.2g})")
+        for kind, what in (("acceleration", "accelerations"), ("friction", "friction"), ("multiplier", "multipliers")):
+            for verdict in Verdict:
+                names = [judged.name for judged in self.verdicts[kind] if judged.with_friction is verdict]
+                if names:
+                    lines += _listed(f"  {what}, {verdict.value}:", names)
+        if self.friction_reads:
+            lines += _listed("  because friction depends on", self.friction_reads)
+        return lines
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and np.isfinite(value) else None
+
+
+def _count(number: int, word: str) -> str:
+    return f"{number} {word}" + ("" if number == 1 else "s")
+
+
+def _listed(head: str, names: Any) -> list[str]:
+    return [f"{head} none"] if not names else [head, *_columns(list(names))]
+
+
+def _columns(items: list[str], width: int = 96) -> list[str]:
+    cell = max((len(item) for item in items), default=0) + 2
+    per_line = max(1, (width - 4) // cell)
+    return [
+        "    " + "".join(item.ljust(cell) for item in items[start : start + per_line]).rstrip()
+        for start in range(0, len(items), per_line)
+    ]

@@ -1,0 +1,77 @@
+"""What a solve can end with. Failures are values: one bad sample does not end a sweep.
+
+Numbers are given only with `RESULTS.successful`; with every other result the arrays of a solution are NaN, and its
+`stats` hold the evidence.
+"""
+
+from collections.abc import Sequence
+
+import equinox as eqx
+from jaxtyping import Array, Bool
+
+
+class RESULTS(eqx.Enumeration):
+    """How a solve ended, with a message that names the cause and a way out."""
+
+    successful = ""
+    violated_constraints = (
+        "The state does not satisfy the constraints Phi(q, t) = 0: `stats.violation` is the largest residual "
+        "relative to the size of the mechanism. Give a state on the constraint manifold: `rx.assemble` finds the one "
+        "nearest to a guess."
+    )
+    inadmissible_velocity = (
+        "The velocity is not admissible: either Phi_q qd + Phi_t = 0 fails, or the position is singular and "
+        "the self-stress condition N^T gamma = 0 fails, so that no acceleration exists. Give a velocity "
+        "along one of the branches of motion."
+    )
+    inconsistent_constraints = (
+        "The constraints contradict each other: the accelerations that they prescribe cannot all be met "
+        "(A A^+ b differs from b). Remove or correct one of the contradictory driving constraints."
+    )
+    ambiguous_rank = (
+        "The rank of the constraint Jacobian cannot be decided: a singular value lies too close to the "
+        "tolerance, or a declared rank keeps one that is rounding. Look at `stats.spectrum` and declare the rank with "
+        "`rank=`, or bring the state closer to the constraint manifold."
+    )
+    indeterminate_acceleration = (
+        "The accelerations are not unique: rank [M Phi_q^T] < n, condition (14). Give mass or inertia to "
+        "every coordinate that the constraints leave free."
+    )
+    indeterminate_closure = (
+        "The closure does not determine the multipliers: N^T W N is singular. Give a compliance `W` that is "
+        "positive on every self-stress state."
+    )
+    unsolved = (
+        "The linear equations (7) were not solved: their residual is too large. The declared rank may be too low, or "
+        "masses and geometry differ in size by too much for this precision."
+    )
+    not_finite = "The result is not finite: look for NaN or infinity in the state, parameters, loads or `closure`."
+    friction_at_rest = (
+        "A joint with friction is at rest, where Coulomb friction can take any value up to its bound. Give "
+        "the sense of the impending slip with `sense=`."
+    )
+    no_contraction = (
+        "The friction iteration does not contract: its residual stopped decreasing. That says nothing about "
+        "the existence of a solution; leave `solver` out, or try another `x0` or a smaller friction coefficient."
+    )
+    no_solution_found = (
+        "No solution of the frictional equations was found: Newton's method does not converge, and followed from "
+        "zero friction the solution ends at the fraction `stats.fold` of the friction. Beyond a fold there may be no "
+        "solution (the mechanism jams) or others apart from this branch: `frictional_solutions` searches for them. "
+        "Reduce the friction coefficient below the fold, or change the closure."
+    )
+    max_steps_reached = (
+        "The friction iteration reached `max_steps` before it met the tolerance. Raise `max_steps` or `rtol`."
+    )
+    diverged = (
+        "The friction iteration diverged to values that are not finite. At this friction level the equations "
+        "may have no solution; reduce the friction coefficient."
+    )
+
+
+def first_failure(checks: Sequence[tuple[Bool[Array, ""], RESULTS]]) -> RESULTS:
+    """The result of the first check that did not pass, or `RESULTS.successful`."""
+    result = RESULTS.successful
+    for passed, failure in reversed(checks):
+        result = RESULTS.where(passed, result, failure)
+    return result

@@ -1,0 +1,62 @@
+"""What a solve returns."""
+
+import equinox as eqx
+from jaxtyping import Array, Bool, Float, Int
+
+from ._factorisation import Violation
+from ._rank import Spectrum
+from ._results import RESULTS
+
+
+class Stats(eqx.Module):
+    """The evidence beside the numbers; it is there whatever the result.
+
+    - `redundancy`, `freedom`: k = m - r redundant constraints and n - r degrees of freedom.
+    - `spectrum`: the rank decision with singular values, tolerance and gap.
+    - `violation`: consistency of the state.
+    - `singular_position`: whether the rank is lower at this position than beside it, so that branches of motion meet:
+      accelerations solve (7), which there does not keep them on their branch, and verdicts hold only here.
+    - `steps`: friction iterations done; 0 without friction.
+    - `tolerance`: what `residual` and `step` had to reach.
+    - `residual`: last relative change of friction (fixed point) or relative residual of (34) (Newton).
+    - `step`: last relative change of the loads.
+    - `contraction`: upper bound of the spectral radius of one sweep of friction at the solution, 0 without friction
+      that depends on load; below 1 the fixed-point iteration contracts there.
+    - `fold`: fraction of the friction up to which the branch of solutions from zero friction exists; infinite if it
+      reaches the whole friction, or was not followed because Newton's solution contracts.
+    """
+
+    redundancy: Int[Array, ""]
+    freedom: Int[Array, ""]
+    spectrum: Spectrum
+    violation: Violation
+    singular_position: Bool[Array, ""]
+    steps: Int[Array, ""]
+    tolerance: Float[Array, ""]
+    residual: Float[Array, ""]
+    step: Float[Array, ""]
+    contraction: Float[Array, ""]
+    fold: Float[Array, ""]
+
+    @property
+    def rank(self) -> Int[Array, "*batch"]:
+        """r, rank of the constraint Jacobian."""
+        return self.spectrum.rank
+
+
+class Solution(eqx.Module):
+    """Accelerations, multipliers and friction at a state.
+
+    - `acceleration`: qdd, shape (n,).
+    - `multipliers`: lam, shape (m,); the constraint force on the system is -Phi_q^T lam.
+    - `friction`: friction forces and moments tau, one for each slip, shape (p,); on a joint's body i, and
+      the opposite on body j.
+    - `result`: how the solve ended. The three arrays are NaN unless it is `RESULTS.successful`.
+    - `stats`: the evidence.
+    """
+
+    acceleration: Float[Array, " n"]
+    multipliers: Float[Array, " m"]
+    friction: Float[Array, " p"]
+    result: RESULTS
+    stats: Stats

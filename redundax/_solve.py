@@ -1,0 +1,236 @@
+"""Solving the index-1 equations (7), (25) for accelerations, multipliers and friction at a state.
+
+The equations are reduced to the friction forces (`_reduced`), solved for them, and all else is recovered. Without
+friction there is no loop in the compiled program.
+"""
+
+from typing import cast
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.typing import ArrayLike
+from jaxtyping import Array
+
+from ._closure import AbstractClosure, Compliance, MinimumNorm
+from ._continuation import Continuation
+from ._culprits import culprits
+from ._factorisation import Factorisation
+from ._friction import slip_kinds
+from ._friction_problem import FrictionProblem
+from ._iterate import Progress
+from ._module import Numbers, as_float, known
+from ._open_newton import OpenProblem, open_root
+from ._reduced import Reduced, Response, at_rest, reduce
+from ._results import RESULTS, first_failure
+from ._solution import Solution, Stats
+from ._solver import AbstractSolver, Newton, Root, closed_root
+from ._state import State
+from ._system import AbstractSystem
+from ._unit_check import check_units
+
+_MINIMUM_NORM = MinimumNorm()
+
+
+def solve(
+    system: AbstractSystem,
+    state: State,
+    *,
+    closure: AbstractClosure | None = _MINIMUM_NORM,
+    solver: AbstractSolver | None = None,
+    x0: Numbers | None = None,
+    sense: Numbers | None = None,
+    rank: ArrayLike | None = None,
+    throw: bool | None = None,
+) -> Solution:
+    """Accelerations, multipliers and friction of a system at a state.
+
+    **Arguments:**
+
+    - `system`: a `Mechanism` or `System`.
+    - `state`: position, velocity and time, on the constraint manifold.
+    - `closure`: which of the multipliers to take where they are not unique. `None` leaves the choice to
+      Newton's open iteration (38) from `x0`, whose end point depends on `x0`.
+    - `solver`: used where friction depends on load: `Continuation()` if not given, `Newton()` or `FixedPoint()`;
+      without a closure `Newton()`.
+    - `x0`: initial guess [qdd; lam], shape (n + m,), a number stands for that many equal entries; the
+      solution without friction if not given.
+    - `sense`: sense of the impending slip of the frictional joints that are at rest, shape (p,), entries -1, 0 or 1;
+      joints that move have the sign of their slip rate.
+    - `rank`: declared rank of the constraint Jacobian; decided from its spectrum if not given.
+    - `throw`: whether to raise an error unless the result is successful. By default it does outside of
+      transformations such as `jit` and `vmap`, and does not inside, so that one bad sample does not end a sweep.
+
+    **Returns:** a `Solution`; its arrays are NaN unless `result` is `RESULTS.successful`.
+
+    **Raises:** `ValueError` for arguments that do not fit the system; `RuntimeError` with the message of
+    the result where `throw` says so.
+    """
+    _check_state(system, state)
+    n, m = len(system.coordinates), len(system.rows)
+    if solver is None:
+        solver = Newton() if closure is None else Continuation()
+    if closure is None and not (isinstance(solver, Newton) and x0 is not None):
+        raise ValueError(
+            "Argument `closure` may be None only with `solver=Newton()` and an initial guess `x0`: without a "
+            "closure the end point of (38) is chosen by `x0`. Give both, or a closure such as `MinimumNorm()`."
+        )
+    x0 = None if x0 is None else _vector("x0", x0, n + m, "[qdd; lam]")
+    if sense is not None:
+        sense = _vector("sense", sense, len(slip_kinds(system.friction)), "slips")
+    rank = None if rank is None else jnp.asarray(rank)
+    solution = _solve(system.anonymous(), state, closure, solver, x0, sense, rank)
+    if isinstance(closure, Compliance) and known(solution.acceleration):
+        check_units(system, state, closure, stacklevel=2)
+    return _thrown(system, state, solution, throw)
+
+
+@eqx.filter_jit
+def _solve(
+    system: AbstractSystem,
+    state: State,
+    closure: AbstractClosure | None,
+    solver: AbstractSolver,
+    x0: Array | None,
+    sense: Array | None,
+    rank: Array | None,
+) -> Solution:
+    chosen = _MINIMUM_NORM if closure is None else closure
+    kept = _part(x0, state) if closure is None else None  # Newton (38) keeps the self-stress of x0
+    reduced = reduce(system, state, chosen, kept=kept, sense=sense, rank=rank)
+    if reduced.problem is None:
+        end, root, contraction, friction_checks = reduced.free, _loadless(state.qd[:0]), 0.0 * state.t, ()
+    else:
+        end, root = _solve_friction(reduced, reduced.problem, state, closure, solver, x0)
+        contraction, friction_checks = reduced.problem.contraction(root.tau), _checks(reduced, end, root, solver)
+    finite = jnp.all(jnp.isfinite(jnp.concatenate([*end, root.tau])))
+    result = first_failure(
+        (
+            *reduced.factor.checks,
+            (reduced.definite, RESULTS.indeterminate_closure),
+            *friction_checks,
+            (finite, RESULTS.not_finite),
+        )
+    )
+    return _solution(reduced.factor, end, root, contraction, solver.tolerance(state.qd.dtype), result)
+
+
+def _solve_friction(
+    reduced: Reduced,
+    problem: FrictionProblem,
+    state: State,
+    closure: AbstractClosure | None,
+    solver: AbstractSolver,
+    x0: Array | None,
+) -> tuple[Response, Root]:
+    free, unit = reduced.free, cast(Response, reduced.unit)
+    if reduced.rows.size == 0:  # friction independent of load, (24)
+        root = _loadless(problem.law(problem.rho0))
+    elif closure is None and x0 is not None:
+        return _open_newton(reduced.pick.response, problem, free, unit, reduced.rows, x0, solver)
+    else:
+        guess = problem.rho0 if x0 is None else _part(x0, state)[reduced.rows]
+        root = closed_root(problem, problem.law(guess), solver)
+    return free.plus(unit, root.tau), root
+
+
+def _checks(reduced: Reduced, end: Response, root: Root, solver: AbstractSolver) -> tuple:
+    """What must hold for the friction."""
+    ended = solver.result(root.progress)
+    resting = at_rest(cast(FrictionProblem, reduced.problem).law, end.multipliers[reduced.rows])
+    failures = (
+        RESULTS.diverged,
+        RESULTS.no_contraction,
+        RESULTS.max_steps_reached,
+        RESULTS.no_solution_found,
+    )
+    return ((~resting, RESULTS.friction_at_rest), *((ended != failure, failure) for failure in failures))
+
+
+def _loadless(tau: Array) -> Root:
+    """Friction that needs no iteration."""
+    return Root(tau, Progress.done(tau.dtype), jnp.full((), jnp.inf, tau.dtype))
+
+
+def _open_newton(
+    projector: Array,
+    problem: FrictionProblem,
+    free: Response,
+    unit: Response,
+    rows: Array,
+    x0: Array,
+    solver: AbstractSolver,
+) -> tuple[Response, Root]:
+    """Newton (38) from x0; `free` and `unit` are at minimum norm, `free` with the self-stress of x0 added."""
+    n = free.acceleration.size
+    offset = x0 - jnp.concatenate(free)
+    basis = jnp.concatenate(unit)
+    open_problem = OpenProblem(
+        problem,
+        stress=projector[rows][:, rows],
+        gram=basis.T @ basis,
+        pull=basis.T @ offset,
+        first=x0[n:][rows],
+    )
+    end, progress = open_root(open_problem, solver.tolerance(offset.dtype), solver.max_steps)
+    acceleration, multipliers = free.plus(unit, end.tau)
+    root = Root(end.tau, progress, jnp.full((), jnp.inf, offset.dtype))
+    return Response(acceleration, multipliers + projector[:, rows] @ end.w), root
+
+
+def _part(x0: Array | None, state: State) -> Array:
+    """The multipliers in x0 = [qdd; lam]."""
+    if x0 is None:
+        raise ValueError("Argument `x0` must be given with `closure=None`, but it is None.")
+    return x0[state.qd.size :]
+
+
+def _solution(
+    factor: Factorisation, end: Response, root: Root, contraction: Array, tolerance: Array, result: RESULTS
+) -> Solution:
+    stats = Stats(
+        redundancy=factor.redundancy,
+        freedom=factor.freedom,
+        spectrum=factor.spectrum,
+        violation=factor.violation,
+        singular_position=factor.singular_position,
+        steps=root.progress.steps,
+        tolerance=tolerance,
+        residual=root.progress.residual,
+        step=root.progress.step,
+        contraction=contraction,
+        fold=root.fold,
+    )
+    arrays = jax.tree.map(lambda x: jnp.where(result == RESULTS.successful, x, jnp.nan), (*end, root.tau))
+    return Solution(arrays[0], arrays[1], arrays[2], result, stats)
+
+
+def _check_state(system: AbstractSystem, state: State) -> None:
+    n = len(system.coordinates)
+    if state.qd.shape != (n,):
+        raise ValueError(
+            f"Argument `state` must have a velocity `qd` of shape ({n},), but it has {state.qd.shape}. "
+            "Use jax.vmap to solve at many states."
+        )
+
+
+def _vector(name: str, value: Numbers, size: int, what: str) -> Array:
+    array = as_float(value)
+    if array.shape not in ((), (size,)):
+        raise ValueError(
+            f"Argument `{name}` must be a number or have shape ({size},) for {what}, but has {array.shape}."
+        )
+    return jnp.broadcast_to(array, (size,))
+
+
+def _thrown(system: AbstractSystem, state: State, solution: Solution, throw: bool | None) -> Solution:
+    """Raise the message of an unsuccessful result, or leave it as a value."""
+    failed = solution.result != RESULTS.successful
+    traced = not known(failed)
+    if throw is False or (throw is None and traced):
+        return solution
+    if traced:
+        return solution.result.error_if(solution, failed)
+    if failed:
+        raise RuntimeError(RESULTS[solution.result] + culprits(system, state, solution.result))
+    return solution

@@ -1,0 +1,82 @@
+"""Whether the data of a closure look as if they were in other units than the system.
+
+Arrays carry no unit, but their size gives them away. Of a joint whose contacts stand a distance b apart
+
+    c_moment L^2 / c_force = (L / b)^2,   L a length of the mechanism,
+
+is 1e-3 for b = 30 L and 1e6 for b = L / 1000, and no part misses its place by L or by a full turn.
+"""
+
+import warnings
+from weakref import WeakValueDictionary
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from ._axis import Axis
+from ._closure import Compliance
+from ._kinematics import jacobian
+from ._scaling import scaling
+from ._state import State
+from ._system import AbstractSystem
+
+_LEAST, _MOST = 1e-3, 1e6
+_checked: WeakValueDictionary[int, Compliance] = WeakValueDictionary()
+
+
+def check_units(system: AbstractSystem, state: State, closure: Compliance, stacklevel: int) -> None:
+    """Warn, once for each closure, where its concrete values look as if they were in other units."""
+    if _checked.get(id(closure)) is closure:
+        return
+    _checked[id(closure)] = closure
+    compliance, misfit, length = (np.asarray(x) for x in _figures(system.anonymous(), state, closure))
+    if length == 1.0:  # stands for a mechanism without a length of its own
+        return
+    for problem in (_of_compliance(system.rows, compliance, length), _of_misfit(system.rows, misfit, length)):
+        if problem:
+            warnings.warn(f"{problem}; if the figures are meant, ignore this warning.", stacklevel=stacklevel + 1)
+
+
+@eqx.filter_jit
+def _figures(system: AbstractSystem, state: State, closure: Compliance) -> tuple[Array, Array, Array]:
+    """Diagonal of W, misfit and L."""
+    compliance, misfit = closure.compliance(system, state)
+    return jnp.diag(compliance), misfit, scaling(system, state, jacobian(system, state)).length
+
+
+def _of_compliance(rows: Axis, compliance: np.ndarray, length: np.ndarray) -> str:
+    kinds = [kind & (compliance > 0) for kind in (~rows.angular, rows.angular)]
+    if not all(kind.any() for kind in kinds):
+        return ""
+    force, moment = (np.median(compliance[kind]) for kind in kinds)
+    ratio = moment * length**2 / force
+    if _LEAST <= ratio <= _MOST:
+        return ""
+    fix = (
+        "(length=1000.0, mass=0.001)` for data in mm and N" if ratio < 1 else "(length=0.001, mass=1000.0)` for m and N"
+    )
+    return (
+        f"Argument `W` looks as if it were in other units than the system: force-type rows have {force:.2g} m/N in the "
+        f"median, most {_largest(rows, compliance, kinds[0])}, and moment-type rows {moment:.2g} rad/(N m), most "
+        f"{_largest(rows, compliance, kinds[1])}. With the length L = {length:.2g} m of the mechanism c_moment L^2 / "
+        f"c_force is {ratio:.1g}, but lies between {_LEAST:g} and {_MOST:g} for joints. Give `units=Units{fix}"
+    )
+
+
+def _of_misfit(rows: Axis, misfit: np.ndarray, length: np.ndarray) -> str:
+    large = np.abs(misfit) > np.where(rows.angular, 2 * np.pi, length)
+    if not large.any():
+        return ""
+    return (
+        "Argument `misfit` looks as if it were in other units than the system: it has "
+        f"{_largest(rows, misfit, large)}, more than the length {length:.2g} m of the mechanism or a full turn. Give "
+        "`units=Units(length=1000.0, mass=0.001)` for data in mm and N, `units=Units(angle=57.2958)` for degrees"
+    )
+
+
+def _largest(rows: Axis, values: np.ndarray, among: np.ndarray) -> str:
+    """Names and values of the largest three."""
+    order = np.argsort(-np.abs(values) * among, kind="stable")[: min(3, among.sum())]
+    return ", ".join(f"{rows.labels[k]} ({values[k]:.2g})" for k in order)

@@ -1,0 +1,304 @@
+"""What can be said of outputs over all solutions at a state: the whole family lam + N z, with or without friction.
+
+An output is a linear function y = Y_a qdd + Y_lam lam + Y_tau tau. With the minimum-norm responses of `_reduced`,
+every solution of (25) is
+
+    x = x_0 + X tau + [0; N z],   tau = law(rho0 + K tau + N_R z),   N_R = N[rows],   z in R^k.
+
+Without friction y is unique iff Y_lam N = 0 (13) and accelerations are if (14) holds. With friction call a slip
+*touched* if its law reads a load with N_R != 0, or one that a touched friction moves through K. Then
+
+- y is unique (proved) if Y_lam N = 0, no touched friction moves it, and the other friction has one solution, for
+  which the spectral radius of Gamma_ij = max |d law_i / d rho| |K_ij| over the untouched slips below 1 suffices;
+- y is not unique (proved) if its derivative dy/dz at a solution is not zero,
+      dtau/dz = (I - J K)^-1 J N_R,   J = d law / d rho;
+- where that derivative is zero although touched friction moves y, y is stationary here, which proves nothing;
+- all else is undecided, such as at rest, where Coulomb friction is set-valued.
+
+Each misfit of a compliance, or h, has one solution (proved) where the spectral radius of the whole Gamma, with the K
+of that closure, is below 1: the sweep then contracts in a weighted maximum norm.
+"""
+
+import dataclasses
+import enum
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from ._body import poses
+from ._closure import AbstractClosure, MinimumNorm
+from ._friction import largest_change
+from ._mechanism import Mechanism
+from ._reduced import Reduced, reduce
+from ._state import State
+from ._system import AbstractSystem
+
+_STRUCTURAL = 1e-10  # relative size of a coefficient that is rounding
+_STATIONARY = 1e-8
+
+
+class Verdict(enum.Enum):
+    """What is known of an output over all solutions."""
+
+    UNIQUE = "unique (proved)"
+    STATIONARY = "stationary here"
+    NOT_UNIQUE = "not unique"
+    UNDECIDED = "undecided"
+
+
+@dataclasses.dataclass(frozen=True)
+class Judged:
+    """The verdicts on one output.
+
+    - `name`: of the output.
+    - `without_friction`, `with_friction`: the verdicts; the same for a system without friction.
+    - `moved_by`: indices of the self-stress states that move it, with friction where there is some.
+    """
+
+    name: str
+    without_friction: Verdict
+    with_friction: Verdict
+    moved_by: tuple[int, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain Python data."""
+        return {
+            "name": self.name,
+            "without_friction": self.without_friction.value,
+            "with_friction": self.with_friction.value,
+            "moved_by": list(self.moved_by),
+        }
+
+
+@dataclasses.dataclass(frozen=True)
+class Family:
+    """Concrete figures of the family of solutions at a state, as `family` gives them.
+
+    - `kinds`: kinds of qdd and lam, shape (n + m,).
+    - `stress`: N, shape (m, k), and `stress_rows` N_R, shape (l, k), in units of the multipliers.
+    - `response`: X = [A; Lam], shape (n + m, p).
+    - `slope`: dtau/dz at the solution, shape (p, k), NaN where there is none.
+    - `gamma`: Gamma, shape (p, p), of minimum norm, and `closed_gamma` of the closure.
+    - `gain`: K, shape (l, p).
+    - `reads`: which slip's law reads which load, shape (p, l).
+    - `loose`: accelerations that (7) leaves free, shape (n, d), none where (14) holds.
+    """
+
+    kinds: np.ndarray
+    stress: np.ndarray
+    stress_rows: np.ndarray
+    response: np.ndarray
+    slope: np.ndarray
+    gamma: np.ndarray
+    closed_gamma: np.ndarray
+    gain: np.ndarray
+    reads: np.ndarray
+    loose: np.ndarray
+
+    @property
+    def touched(self) -> np.ndarray:
+        """Slips whose friction can depend on the self-stress."""
+        return _touched(self)
+
+    @property
+    def radius(self) -> float:
+        """Spectral radius of Gamma under the closure; infinite where a law has no known bound."""
+        return _radius(self.closed_gamma)
+
+
+def family(
+    system: AbstractSystem,
+    state: State,
+    closure: AbstractClosure,
+    stress: np.ndarray,
+    friction: np.ndarray,
+    sense: Array | None,
+    rank: Array | None,
+) -> Family:
+    """The figures of the family, given N and the friction forces of a solution; NaN where there is none."""
+    given = jnp.asarray(stress), jnp.asarray(friction)
+    figures = jax.device_get(_figures(system.anonymous(), state, closure, *given, sense, rank))
+    mass, jacobian, determinate = (figures.pop(key) for key in ("mass", "jacobian", "determinate"))
+    kinds = np.array([*system.coordinates.kinds, *system.rows.kinds])
+    return Family(kinds, **figures, loose=_loose(mass, jacobian, bool(determinate)))
+
+
+@eqx.filter_jit
+def _figures(
+    system: AbstractSystem,
+    state: State,
+    closure: AbstractClosure,
+    stress: Array,
+    friction: Array,
+    sense: Array | None,
+    rank: Array | None,
+) -> dict:
+    reduced = reduce(system, state, MinimumNorm(), sense=sense, rank=rank)
+    rows = stress[reduced.rows]
+    factor = reduced.factor
+    out = {
+        "stress": stress,
+        "stress_rows": rows,
+        "mass": factor.mass,
+        "jacobian": factor.jacobian,
+        "determinate": factor.determinate,
+    }
+    if reduced.problem is None or reduced.unit is None:
+        nothing = jnp.zeros((0, 0))
+        none = {"slope": jnp.zeros((0, stress.shape[1])), "gain": nothing, "reads": nothing}
+        size = stress.shape[0] + state.qd.size
+        return {**out, **none, "response": jnp.zeros((size, 0)), "gamma": nothing, "closed_gamma": nothing}
+    closed = reduce(system, state, closure, sense=sense, rank=rank)
+    slope = reduced.problem.law.slope(_loads(closed, friction))
+    identity = jnp.eye(friction.size, dtype=slope.dtype)
+    return {
+        **out,
+        "response": jnp.concatenate(reduced.unit),
+        "slope": jnp.linalg.solve(identity - slope @ reduced.problem.gain, slope @ rows),
+        "gamma": _gamma(system, reduced),
+        "closed_gamma": _gamma(system, closed),
+        "gain": reduced.problem.gain,
+        "reads": _reads(system, reduced),
+    }
+
+
+def _loose(mass: np.ndarray, jacobian: np.ndarray, determinate: bool) -> np.ndarray:
+    """Basis (n, d) of null [M; Phi_q], rounding removed."""
+    n = mass.shape[0]
+    if determinate:
+        return np.zeros((n, 0))
+    stack = np.concatenate([mass / (np.abs(mass).max() or 1.0), jacobian / (np.abs(jacobian).max() or 1.0)])
+    _, sigma, vt = np.linalg.svd(stack)
+    kept = np.sum(sigma > 1e-8 * sigma[0])
+    return np.where(np.abs(vt[kept:].T) > 1e-8, vt[kept:].T, 0.0)
+
+
+def _loads(reduced: Reduced, friction: Array) -> Array:
+    return reduced.problem.loads(friction)  # pyright: ignore[reportOptionalMemberAccess]
+
+
+def _gamma(system: AbstractSystem, reduced: Reduced) -> Array:
+    columns = reduced.problem.gain.T  # pyright: ignore[reportOptionalMemberAccess]
+    return jax.vmap(lambda change: largest_change(system.friction, change))(columns).T
+
+
+def _reads(system: AbstractSystem, reduced: Reduced) -> Array:
+    unit = jnp.eye(reduced.rows.size)
+    return jax.vmap(lambda change: largest_change(system.friction, change))(unit).T > 0
+
+
+def judge(family: Family, names: list[str], outputs: np.ndarray, *, solved: bool, at_rest: bool) -> list[Judged]:
+    """Verdicts on outputs Y = [Y_a, Y_lam, Y_tau], shape (outputs, n + m + p).
+
+    `solved`: whether the family is that through a solution; `at_rest`: whether a joint with friction rests, so that
+    its friction is set-valued.
+    """
+    size = family.response.shape[0]
+    n = size - family.stress.shape[0]
+    by_multipliers, by_unknowns, by_friction = outputs[:, n:size], outputs[:, :size], outputs[:, size:]
+    stress_size, response_size = _sizes(family.stress, family.kinds[n:]), _sizes(family.response, family.kinds)
+    direct_size = np.abs(by_multipliers) @ stress_size
+    driven_size = np.abs(by_unknowns) @ response_size + np.abs(by_friction)
+    direct = _clean(by_multipliers @ family.stress, direct_size)
+    driven = _clean(by_unknowns @ family.response + by_friction, driven_size)
+    known = ~np.any(np.abs(outputs[:, :n] @ family.loose) > 0, axis=1)
+    touched = family.touched
+    settled = not at_rest and _radius(family.gamma[np.ix_(~touched, ~touched)]) < 1
+    out = []
+    for k, name in enumerate(names):
+        alone = _simple(direct[k], bool(known[k]))
+        moved = direct[k] + driven[k] @ family.slope
+        terms = direct_size[k] + driven_size[k] @ np.abs(family.slope)
+        moving = np.abs(moved) > _STATIONARY * terms
+        with_friction = alone
+        if family.slope.shape[0]:
+            with_friction = _with_friction(
+                bool(known[k]),
+                bool(np.any(direct[k]) or np.any(driven[k, touched])),
+                bool(np.any(driven[k])),
+                settled,
+                solved,
+                moving,
+            )
+        states = moving if family.slope.shape[0] and solved else direct[k] != 0
+        out.append(Judged(name, alone, with_friction, tuple(int(s) for s in np.flatnonzero(states))))
+    return out
+
+
+def _simple(direct: np.ndarray, known: bool) -> Verdict:
+    if not known:
+        return Verdict.NOT_UNIQUE
+    return Verdict.NOT_UNIQUE if np.any(direct) else Verdict.UNIQUE
+
+
+def _with_friction(
+    known: bool, depends: bool, driven: bool, settled: bool, solved: bool, moving: np.ndarray
+) -> Verdict:
+    if not known:
+        return Verdict.NOT_UNIQUE
+    if not depends:
+        return Verdict.UNIQUE if settled or not driven else Verdict.UNDECIDED
+    if not solved:
+        return Verdict.UNDECIDED
+    return Verdict.NOT_UNIQUE if np.any(moving) else Verdict.STATIONARY
+
+
+def _touched(family: Family) -> np.ndarray:
+    reads = family.reads.astype(bool)
+    loaded = np.abs(family.stress_rows).max(axis=1, initial=0.0)
+    touched = (reads & (loaded > 0)).any(axis=1)
+    moves = family.gamma > _STRUCTURAL * family.gamma.max(initial=0.0)
+    for _ in range(len(touched)):
+        touched = touched | (moves & touched).any(axis=1)
+    return touched
+
+
+def _sizes(matrix: np.ndarray, kinds: np.ndarray) -> np.ndarray:
+    """Each entry replaced by the largest of its column and kind."""
+    out = np.abs(matrix)
+    for kind in set(kinds):
+        out[kinds == kind] = out[kinds == kind].max(axis=0, initial=0.0)
+    return out
+
+
+def _clean(value: np.ndarray, terms: np.ndarray) -> np.ndarray:
+    """Coefficients with those that are rounding of their terms set to zero."""
+    return np.where(np.abs(value) > _STRUCTURAL * terms, value, 0.0)
+
+
+def _radius(gamma: np.ndarray) -> float:
+    if not gamma.size:
+        return 0.0
+    if not np.all(np.isfinite(gamma)):
+        return np.inf
+    return float(np.max(np.abs(np.linalg.eigvals(gamma))))
+
+
+def joint_outputs(mechanism: Mechanism, state: State, jacobian: np.ndarray) -> tuple[list[str], np.ndarray]:
+    """Names and coefficients Y_lam, shape (3 joints, m), of each joint's force (x, y) and moment.
+
+    They act on its body i, or on body j where i is the ground, in global components; the moment is about the joint's
+    point on that body, or about the body's origin where it has none.
+    """
+    place = {name: row for row, name in enumerate(mechanism.rows.labels)}
+    position = np.asarray(poses(state.q).r), np.asarray(poses(state.q).phi)
+    count, names, out = len(mechanism.body_names), [], []
+    for stack, joints in zip(mechanism.joints, mechanism.joint_names, strict=True):
+        for k, joint in enumerate(joints):
+            i, j = int(stack.i[k]), int(stack.j[k])
+            body = j if i == count else i
+            rows = [place[f"{joint}.{row}"] for row, _ in stack.element.row_kinds]
+            wrench = np.zeros((3, jacobian.shape[0]))
+            wrench[:, rows] = -jacobian[np.ix_(rows, [2 * body, 2 * body + 1, 2 * count + body])].T
+            point = getattr(stack.element, "point_i" if body == i else "point_j", None)
+            if point is not None:
+                c, s = np.cos(position[1][body]), np.sin(position[1][body])
+                x, y = np.asarray(point)[k] @ np.array([[c, s], [-s, c]])
+                wrench[2] += -x * wrench[1] + y * wrench[0]
+            names += [f"{joint} {part} on {mechanism.body_names[body]}" for part in ("force x", "force y", "moment")]
+            out.append(wrench)
+    return names, np.concatenate(out)

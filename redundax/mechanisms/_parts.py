@@ -1,0 +1,106 @@
+"""Parts that several mechanisms share: uniform rods, rows of cranks, parallel guides.
+
+rod      J = m l^2 / 12 about its middle, along the x axis of its frame
+crank    rod from the ground point (X_c, 0), joint A_c, to its tip, at the angle phi
+guide    body point (x_k, y_k) on the line y = y_k of the guides' frame
+"""
+
+from collections.abc import Sequence
+
+import jax.numpy as jnp
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float
+
+from .._body import GROUND, Body
+from .._friction_model import Coulomb
+from .._joints import Revolute, Translational
+from .._module import Numbers, as_float
+
+
+def at_least(name: str, value: int, least: int, fix: str) -> None:
+    """Refuse a count below `least`."""
+    if value < least:
+        raise ValueError(f"Argument `{name}` must be at least {least}, but is {value}. {fix}")
+
+
+def each(name: str, value: Numbers, count: int, what: str) -> Float[Array, " count"]:
+    """One number for each of `count` parts; a single number stands for all."""
+    array = as_float(value)
+    if array.shape not in ((), (count,)):
+        raise ValueError(
+            f"Argument `{name}` must be a number or have {count} entries, one for each {what}, but has shape "
+            f"{array.shape}. Give one number for all, or that many."
+        )
+    return jnp.broadcast_to(array, (count,))
+
+
+def coulomb(name: str, coefficient: Numbers | None, count: int) -> list[Coulomb | None]:
+    """Friction of `count` joints from one coefficient or one for each; none without."""
+    if coefficient is None:
+        return [None] * count
+    return [Coulomb(value) for value in each(name, coefficient, count, "joint")]
+
+
+def point(x: ArrayLike, y: ArrayLike = 0.0) -> Float[Array, "2"]:
+    """The point (x, y)."""
+    return jnp.stack([as_float(x), as_float(y)])
+
+
+def uniform_rod(name: str, mass: ArrayLike, length: ArrayLike) -> Body:
+    """A uniform slender rod; without mass it has no inertia either."""
+    mass, length = as_float(mass), as_float(length)
+    return Body(name, mass, mass * length**2 / 12)
+
+
+def pivoted_cranks(
+    pivots: Float[Array, " cranks"],
+    length: Float[Array, ""],
+    mass: Float[Array, " cranks"],
+    friction: Sequence[Coulomb | None],
+) -> tuple[list[Body], list[Revolute]]:
+    """Equal rods "crank 1", "crank 2", ... on ground revolutes A1, A2, ... at the points (X_c, 0)."""
+    bodies = [uniform_rod(f"crank {c}", mass[c - 1], length) for c in range(1, len(friction) + 1)]
+    joints = [
+        Revolute(f"A{c}", body.name, GROUND, point_i=point(-length / 2), point_j=point(pivots[c - 1]), friction=own)
+        for c, (body, own) in enumerate(zip(bodies, friction, strict=True), 1)
+    ]
+    return bodies, joints
+
+
+def crank_poses(
+    pivots: Float[Array, " cranks"], length: Float[Array, ""], phi: Float[Array, ""]
+) -> tuple[Float[Array, "cranks 2"], Float[Array, "cranks 2"]]:
+    """Centres and tips of parallel cranks at the angle phi."""
+    arm = length * jnp.stack([jnp.cos(phi), jnp.sin(phi)])
+    base = jnp.stack([pivots, jnp.zeros_like(pivots)], axis=1)
+    return base + arm / 2, base + arm
+
+
+def parallel_guides(
+    body: str,
+    count: int,
+    gauge: ArrayLike,
+    offset: ArrayLike,
+    angle: ArrayLike,
+    mu: Numbers | None,
+    guide_length: ArrayLike | None,
+) -> list[Translational]:
+    """Parallel ground guides K1, K2, ... of one body, spread over `gauge` across and `offset` along them."""
+    angle = as_float(angle)
+    normal = jnp.stack([-jnp.sin(angle), jnp.cos(angle)])
+    spread = jnp.linspace(-0.5, 0.5, count) if count > 1 else jnp.zeros(1)
+    x, y = as_float(offset) * spread, as_float(gauge) * spread
+    return [
+        Translational(
+            f"K{k + 1}",
+            body,
+            GROUND,
+            point_i=point(x[k], y[k]),
+            point_j=y[k] * normal,
+            normal=normal,
+            angle=angle,
+            guide_length=guide_length,
+            friction=friction,
+        )
+        for k, friction in enumerate(coulomb("mu", mu, count))
+    ]

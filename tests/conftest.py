@@ -1,0 +1,88 @@
+"""Settings that hold for every test: float64, checked array shapes, compiled programs kept on disk.
+
+Two of them must be made before anything else is imported, which is why this file imports late.
+"""
+
+import os
+import sys
+
+# On two-core CPUs, independent batched LAPACK calls in one compiled step can wait for good on the
+# thread pool that they run in (intermittent, seen with jaxlib 0.10). XLA starts such calls side by
+# side only under its concurrency-optimised scheduler; without it they run one after the other.
+# XLA reads its flags once, when the first backend starts. Subprocesses of tests inherit them.
+_SCHEDULER = "--xla_cpu_enable_concurrency_optimized_scheduler"
+_flags = os.environ.get("XLA_FLAGS", "")
+if _SCHEDULER not in _flags:
+    os.environ["XLA_FLAGS"] = f"{_flags} {_SCHEDULER}=false".strip()
+
+import beartype.typing  # noqa: F401 (the expression below needs it loaded)
+import hypothesis
+import jax
+import pytest
+from jaxtyping import install_import_hook
+
+jax.config.update("jax_enable_x64", True)
+
+# In tests, and only there, every annotated function and class of the package is checked: each call
+# by beartype, with the axis names of one signature bound together by jaxtyping.
+if "redundax" in sys.modules:
+    raise pytest.UsageError(
+        "redundax must not be imported before tests/conftest.py, but it was (by a plugin, say), so "
+        "its annotations would go unchecked. Import it in the test files instead."
+    )
+# The hook takes the checker as an expression. It sees methods one by one, without their class, so
+# `Self` means nothing to it and is let through; an int may stand for a float, as pyright allows.
+install_import_hook(
+    "redundax",
+    "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True, "
+    "hint_overrides=beartype.FrozenDict({beartype.typing.Self: object})))",
+)
+
+# A first example compiles and later ones do not, so no time limit per example makes sense.
+hypothesis.settings.register_profile("redundax", deadline=None)
+if hypothesis.settings.get_current_profile_name() == "default":
+    hypothesis.settings.load_profile("redundax")
+
+SLOW_TIMEOUT = 600  # seconds; must stay below `faulthandler_timeout` in pyproject.toml
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Keep compiled programs from one run to the next.
+
+    They lie in pytest's own cache directory, so that `--cache-clear` drops them too, unless
+    JAX_COMPILATION_CACHE_DIR names another place. The variables are set as well as the options, for
+    the workers of pytest-xdist and the subprocesses of tests.
+    """
+    if getattr(config, "cache", None) is None:  # `-p no:cacheprovider`
+        return
+    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(config.cache.mkdir("jax")))
+    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.1")
+    jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])
+    jax.config.update(
+        "jax_persistent_cache_min_compile_time_secs",
+        float(os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"]),
+    )
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give slow tests a longer time limit, unless they name one of their own."""
+    for item in items:
+        if item.get_closest_marker("slow") and not item.get_closest_marker("timeout"):
+            item.add_marker(pytest.mark.timeout(SLOW_TIMEOUT))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _programs_of_one_module():
+    """Drop compiled programs after each module: each holds memory maps, of which Linux allows a process 65,530."""
+    yield
+    jax.clear_caches()
+
+
+@pytest.fixture
+def float32():
+    """Run one test in JAX's default precision.
+
+    Arrays that wider fixtures or module constants made before it stay float64.
+    """
+    with jax.enable_x64(False):
+        yield

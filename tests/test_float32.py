@@ -1,0 +1,61 @@
+"""Everything again in JAX's default precision, against the truth in float64."""
+
+from functools import partial
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import registry
+from truth import exact
+
+import redundax as rx
+
+TOLERANCE = 1e-4
+pytestmark = pytest.mark.usefixtures("float32")
+
+
+slow = partial(pytest.param, marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize("name", [slow(name) if name == "door" else name for name in registry.SYSTEMS])
+def test_accelerations_and_friction_of_systems(name):
+    case = registry.SYSTEMS[name]()
+    solution = registry.solve(case.system, case.state)
+    assert solution.acceleration.dtype == solution.multipliers.dtype == jnp.float32
+    assert solution.stats.redundancy == case.redundancy
+    kinds = registry.kinds_of(case.system.coordinates)
+    assert registry.agree(solution.acceleration, case.acceleration, kinds, TOLERANCE)
+    slips = [kind for group in case.system.friction for kind in group.slips.kinds]
+    assert registry.agree(solution.friction, case.friction, slips, TOLERANCE)
+
+
+@pytest.mark.parametrize(("name", "solver"), [
+    *((name, None) for name in registry.MECHANISMS),
+    ("wojtyra2020", rx.Newton), ("parallelogram", rx.Newton),
+    slow("slider_crank", rx.Newton), slow("wojtyra2020", rx.FixedPoint),
+])  # fmt: skip
+def test_mechanisms_against_exact_geometry(name, solver):
+    mechanism = registry.MECHANISMS[name]()
+    truth = mechanism.solve(misfit=[20] * mechanism.m, friction=solver is not None)
+    system, state = registry.build(mechanism, registry.coulomb if solver else None)
+    options = {"solver": solver()} if solver else {}
+    solution = registry.solve(system, state, h=20.0, **options)
+    assert solution.stats.redundancy == mechanism.k
+    tau = exact.floats(truth.friction) if system.friction else np.zeros(0)
+    parts = exact.floats(truth.acceleration), exact.floats(truth.multipliers), tau
+    errors = registry.errors_of(solution, parts, system)
+    assert max(errors.values()) <= TOLERANCE, errors
+
+
+@pytest.mark.parametrize("u", [1e-3, 0.1, 10.0, 1e3])
+def test_rank_in_other_units(u):
+    mechanism = rx.mechanisms.wojtyra2020(u=u)
+    assert registry.solve(mechanism, mechanism.state(phi=0.7, rate=1.0)).stats.rank == 11
+
+
+def test_open_newton():
+    mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02)
+    state = mechanism.state(phi=np.pi / 4, rate=1.0)
+    solution = registry.solve(mechanism, state, closure=None, x0=1.0)
+    assert solution.acceleration.dtype == jnp.float32
+    assert abs(solution.acceleration[8] + 36.75) < 0.01  # printed in Table 4

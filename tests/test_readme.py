@@ -1,0 +1,25 @@
+"""The README's Python blocks run as printed."""
+
+import contextlib
+import io
+import pathlib
+import re
+
+import pytest
+
+README = (pathlib.Path(__file__).parents[1] / "README.md").read_text(encoding="utf8")
+BLOCKS = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
+
+
+@pytest.mark.parametrize("block", BLOCKS, ids=range(len(BLOCKS)))
+def test_block_runs(block):
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out):
+        exec(compile(block, "README.md", "exec"), {})
+    assert out.getvalue().strip()
+    assert "nan" not in out.getvalue()
+
+
+def test_example_is_short():
+    assert len(BLOCKS) == 2
+    assert len(README.splitlines()) < 120

@@ -1,0 +1,212 @@
+"""Verdicts: what is called unique is so along the whole family, and what is called not unique moves.
+
+The oracle are solutions far along random self-stress states, found without `analyze`.
+"""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from mechanisms import CASES
+
+import redundax as rx
+
+UNIQUE, STATIONARY, NOT_UNIQUE, UNDECIDED = rx.Verdict
+QUICK = ("wojtyra2020",)
+
+
+@functools.cache
+def report(name, friction) -> rx.Report:
+    case = CASES[name]
+    return rx.analyze(case.rubbing if friction else case.smooth, case.state)
+
+
+def family(system, state, stress, count=12):
+    """Solutions [qdd, lam, tau] for random misfits along the self-stress states, a row each; failed ones left out."""
+    rng = np.random.default_rng(20)
+    base = rx.solve(system, state)
+    n = len(system.coordinates)
+    size = np.max(np.abs(base.multipliers)) / np.max(np.abs(stress), initial=1.0)
+    h = np.zeros((count, n + len(system.rows)))
+    h[1:, n:] = size * rng.normal(size=(count - 1, len(stress))) * 10 ** rng.uniform(-1, 1, (count - 1, 1)) @ stress
+    found = jax.jit(jax.vmap(lambda h: rx.solve(system, state, closure=rx.MinimumNorm(h))))(jnp.asarray(h))
+    values = np.concatenate([found.acceleration, found.multipliers, found.friction], axis=1)
+    return values[~np.isnan(values).any(axis=1)]
+
+
+def kinds(system) -> np.ndarray:
+    slips = [kind for group in system.friction for kind in group.slips.kinds]
+    return np.array([*system.coordinates.kinds, *system.rows.kinds, *(f"friction {kind}" for kind in slips)])
+
+
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in CASES]
+)
+@pytest.mark.parametrize("friction", [pytest.param(False, marks=pytest.mark.slow), True])
+def test_no_wrong_verdict_along_the_family(name, friction):
+    case = CASES[name]
+    system, found = case.rubbing if friction else case.smooth, report(name, friction)
+    values, kind = family(system, case.state, found.self_stress), kinds(system)
+    assert len(values) > 1
+    judged = [j for what in ("acceleration", "multiplier", "friction") for j in found.verdicts[what]]
+    assert len(judged) == values.shape[1]
+    for k, each in enumerate(judged):
+        size = np.max(np.abs(values[:, kind == kind[k]]))
+        spread = np.ptp(values[:, k]) / (size or 1.0)
+        verdict = each.with_friction if friction else each.without_friction
+        if verdict is UNIQUE:
+            assert spread <= 1e-9, each
+            assert each.moved_by == ()
+        elif verdict is NOT_UNIQUE:
+            assert spread > 1e-7, each
+            assert each.moved_by
+        elif verdict is UNDECIDED:
+            assert found.spectral_radius >= 1, each
+
+
+def test_the_paper_s_mechanism():
+    """Section 5: the self-stress, K and L perpendicular unique without friction; with friction next to nothing."""
+    mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02)
+    found = rx.analyze(mechanism, mechanism.state(phi=np.pi / 4, rate=1.0))
+    np.testing.assert_allclose(found.self_stress, [[1, 1, 1, 1, 1, 1, -1, -1, 0, 0, 0.8, -0.8]], atol=1e-13)
+    unique = {j.name for j in found.verdicts["multiplier"] if j.without_friction is UNIQUE}
+    assert unique == {"K.perpendicular", "L.perpendicular"}
+    assert {j.name for j in found.verdicts["acceleration"] if j.with_friction is UNIQUE} == {
+        "4.x''",
+        "2.phi''",
+        "4.phi''",
+    }
+    assert all(j.with_friction is NOT_UNIQUE for j in found.verdicts["friction"])
+    reactions = {j.name: j for j in found.verdicts["reaction"]}
+    assert reactions["A moment on 1"].with_friction is UNIQUE
+    assert reactions["K force y on 4"].with_friction is UNIQUE
+    assert reactions["A force x on 1"].without_friction is NOT_UNIQUE
+    assert found.spectral_radius < 1
+
+
+def test_stationary_is_not_unique():
+    """The crank's acceleration has an extremum along the family: there its derivative is zero, which proves nothing."""
+    mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02)
+    state = mechanism.state(phi=np.pi / 4, rate=1.0)
+    stress = jnp.array([1.0, 1, 1, 1, 1, 1, -1, -1, 0, 0, 0.8, -0.8])
+
+    def crank(z):
+        h = jnp.concatenate([jnp.zeros(12), z * stress])
+        return rx.solve(mechanism, state, closure=rx.MinimumNorm(h)).acceleration[8]
+
+    slope = jax.jit(jax.grad(crank))
+    z = np.linspace(-400, 400, 81)
+    signs = np.sign([float(slope(x)) for x in z])
+    low = int(np.flatnonzero(np.diff(signs))[0])
+    a, b = z[low], z[low + 1]
+    for _ in range(60):
+        middle = 0.5 * (a + b)
+        a, b = (middle, b) if np.sign(float(slope(middle))) == signs[low] else (a, middle)
+    closure = rx.MinimumNorm(jnp.concatenate([jnp.zeros(12), 0.5 * (a + b) * stress]))
+    found = {j.name: j for j in rx.analyze(mechanism, state, closure=closure).verdicts["acceleration"]}
+    assert found["1.phi''"].with_friction is STATIONARY
+    assert found["1.phi''"].without_friction is UNIQUE
+
+
+def test_nothing_redundant_is_not_enough():
+    """k = 0: with little friction all is unique; with much it is undecided, as there can be several solutions."""
+    case = CASES["slider-crank"]
+    arguments = case.arguments(friction=True)
+    assert report("slider-crank", True).redundancy == 0
+    assert all(j.with_friction is UNIQUE for kind in report("slider-crank", True).verdicts.values() for j in kind)
+    strong = {key: 40 * np.asarray(value) if key.startswith("mu") else value for key, value in arguments.items()}
+    found = rx.analyze(case.make(**strong), case.state)
+    assert found.spectral_radius > 1
+    assert {j.with_friction for j in found.verdicts["friction"]} <= {UNDECIDED}
+
+
+def test_drives_that_fight_do_not_move_the_motion():
+    """Redundant driving: the motion is prescribed, so that no friction can change it, but drive moments are free."""
+    found = report("driven twice", True)
+    assert found.freedom == 0 and found.redundancy > 0
+    assert all(j.with_friction is UNIQUE for j in found.verdicts["acceleration"])
+    assert any(j.with_friction is NOT_UNIQUE for j in found.verdicts["multiplier"])
+
+
+def test_accelerations_that_nothing_determines():
+    """A massless bead on a wire beside one with mass: only the massless one is not unique."""
+    system = rx.System(lambda q, t, p: jnp.array([q[1], q[3]]), mass=jnp.array([1.0, 1.0, 0.0, 0.0]))
+    state = rx.State(q=jnp.zeros(4), qd=jnp.zeros(4))
+    found = rx.analyze(system, state)
+    assert found.problem and found.verdicts == {}
+
+
+def test_at_rest_nothing_is_decided():
+    mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02)
+    found = rx.analyze(mechanism, mechanism.state(phi=0.7, rate=0.0))
+    assert {j.with_friction for j in found.verdicts["friction"]} == {UNDECIDED}
+    assert found.at_rest
+    assert "at rest" in str(found) and "proved: spectral" not in str(found)
+    assert found.verdicts["acceleration"][0].with_friction is UNDECIDED
+    assert found.verdicts["acceleration"][0].without_friction is UNIQUE
+
+
+SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("three cranks", "slider-crank, three guides")]
+
+
+def test_at_rest_friction_without_load_is_undecided_too():
+    body = rx.Body("bead", 1.0, 1.0)
+    guide = rx.Translational(
+        "G", "bead", rx.GROUND, (0, 0), (0, 0), (0, 1), guide_length=0.1, friction=rx.ConstantFriction(2.0)
+    )
+    mechanism = rx.Mechanism([body], [guide])
+    for rate, verdict in ((1.0, UNIQUE), (0.0, UNDECIDED)):
+        found = rx.analyze(mechanism, rx.State(jnp.zeros(3), jnp.array([rate, 0.0, 0.0])))
+        assert found.verdicts["friction"][0].with_friction is verdict
+        assert found.verdicts["acceleration"][0].with_friction is verdict
+        assert found.verdicts["acceleration"][1].with_friction is UNIQUE
+
+
+@pytest.mark.parametrize("name", ["wojtyra2020", "carriage", *SLOW])
+def test_released_directions_leave_no_redundancy_and_the_rank(name):
+    case, found = CASES[name], report(name, False)
+    jacobian = np.asarray(rx.factorize(case.smooth, case.state).jacobian)
+    assert found.releases
+    for release in found.releases:
+        assert 0 < release.determinant <= 1 + 1e-12
+        kept, rows = jacobian, list(case.smooth.rows.labels)
+        remove = np.zeros((len(release.directions), len(rows)))
+        for k, (joint, shares) in enumerate(release.directions):
+            for row, share in shares.items():
+                assert row.startswith(f"{joint}.")
+                remove[k, rows.index(row)] = share
+        # rows that stay: combinations of rows that are orthogonal to what is released
+        stay = np.linalg.svd(remove)[2][len(remove) :]
+        assert np.linalg.matrix_rank(stay @ kept, tol=1e-9) == case.rank == len(stay)
+
+
+def test_dependent_rows_follow_from_the_others():
+    found, case = report("wojtyra2020", True), CASES["wojtyra2020"]
+    jacobian = np.asarray(rx.factorize(case.smooth, case.state).jacobian)
+    place = {name: k for k, name in enumerate(found.rows)}
+    for row, eta in found.dependencies():
+        made = sum(share * jacobian[place[name]] for name, share in eta.items())
+        np.testing.assert_allclose(made, jacobian[place[row]], atol=1e-12)
+    assert found.groups == (tuple(row for row in found.rows if row not in found.unique_multipliers),)
+
+
+@pytest.mark.parametrize("name", ["wojtyra2020", "carriage", pytest.param("three cranks", marks=pytest.mark.slow)])
+def test_what_depends_on_the_unit_of_length(name):
+    """Minimum norm in metres and in millimetres: the rows that change are those that the report names."""
+    case, found = CASES[name], report(name, name == "wojtyra2020")
+    values = [
+        np.asarray(rx.solve(case.smooth, case.state, closure=rx.MinimumNorm(units=rx.Units(length=u))).multipliers)
+        for u in (1.0, 1e3)
+    ]
+    changed = np.abs(values[0] - values[1]) > 1e-9 * np.max(np.abs(values[0]))
+    assert {row for row, changes in zip(found.rows, changed, strict=True) if changes} <= set(found.unit_dependent)
+    assert bool(found.unit_dependent) == bool(changed.any())
+
+
+def test_report_is_data():
+    data = report("wojtyra2020", True).to_dict()
+    assert data["verdicts"]["friction"][0]["with_friction"] == "not unique"
+    assert data["releases"][0]["determinant"] > 0
+    report("wojtyra2020", True).to_json()
