@@ -13,7 +13,10 @@ slope J = d law / d rho, Lam_R = Lam[rows], S = P[rows, rows] and B = I - J Lam_
 whose stationarity dv = -P[:, rows] J^T mu leaves, with g = tr(X^T X) / p,
 
     [ X^T X / g   -B^T      ] [ dtau   ]   [ r / g ]
-    [ B           g J S J^T ] [ mu / g ] = [ e     ].
+    [ B           g J S J^T ] [ mu / g ] = [ e     ],
+
+solved for Q^T dtau, Q from the singular value decomposition of X: the squares of singular values that differ by
+1e8 and more, as in extreme units, then stand on the diagonal and keep their digits.
 
 r and the second part of e differ from 0 in the first step only, where x0 need not satisfy A x = b. The
 iterates are the paper's to rounding. The end point depends on x0, and its derivative is that of the
@@ -35,13 +38,15 @@ class OpenProblem(eqx.Module):
 
     - `problem`: rho0 of the minimum-norm multipliers and the self-stress of x0, K of minimum-norm ones, and the law.
     - `stress`: S = P[rows, rows], shape (l, l).
-    - `gram`: X^T X, shape (p, p).
-    - `pull`: X^T (x0 - x_p), shape (p,).
+    - `axes`: Q, orthonormal and so that the columns of X Q are orthogonal, shape (p, p).
+    - `gram`: (X Q)^T X Q, shape (p, p).
+    - `pull`: (X Q)^T (x0 - x_p), shape (p,).
     - `first`: loads of x0, shape (l,).
     """
 
     problem: FrictionProblem
     stress: Float[Array, "l l"]
+    axes: Float[Array, "p p"]
     gram: Float[Array, "p p"]
     pull: Float[Array, " p"]
     first: Float[Array, " l"]
@@ -79,12 +84,12 @@ def update(open_problem: OpenProblem, y: OpenIterate) -> tuple[OpenIterate, Arra
 
 def _step(open_problem: OpenProblem, y: OpenIterate, slope: Array, residual: Array, pull: Array) -> OpenIterate:
     p = residual.size
-    stress, gram = open_problem.stress, open_problem.gram
-    lower = jnp.eye(p, dtype=residual.dtype) - slope @ open_problem.problem.gain
+    stress, axes, gram = open_problem.stress, open_problem.axes, open_problem.gram
+    lower = axes - slope @ (open_problem.problem.gain @ axes)
     size = jnp.trace(gram) / p
     matrix = jnp.block([[gram / size, -lower.T], [lower, size * slope @ stress @ slope.T]])
     step = jnp.linalg.solve(matrix, jnp.concatenate([pull / size, residual]))
-    tau, w = y.tau + step[:p], y.w - slope.T @ (size * step[p:])
+    tau, w = y.tau + axes @ step[:p], y.w - slope.T @ (size * step[p:])
     return OpenIterate(tau, open_problem.problem.loads(tau) + stress @ w, w)
 
 

@@ -165,9 +165,12 @@ def _open_newton(
     n = free.acceleration.size
     offset = x0 - jnp.concatenate(free)
     basis = jnp.concatenate(unit)
+    axes = jnp.linalg.svd(jax.lax.stop_gradient(basis), full_matrices=False)[2].T
+    basis = basis @ axes
     open_problem = OpenProblem(
         problem,
         stress=projector[rows][:, rows],
+        axes=axes,
         gram=basis.T @ basis,
         pull=basis.T @ offset,
         first=x0[n:][rows],
