@@ -26,7 +26,8 @@ from ._results import RESULTS
 from ._solve import solve
 from ._state import State
 from ._system import AbstractSystem
-from ._verdict import Family, Judged, family, joint_outputs, judge
+from ._verdict import Family, Judged, family, judge
+from ._wrench import joint_outputs
 
 _MINIMUM_NORM = MinimumNorm()
 
@@ -72,7 +73,7 @@ def analyze(
         singular_position=bool(factor.singular_position),
         unique_accelerations=bool(factor.determinate),
         at_rest=bool(result == RESULTS.friction_at_rest),
-        verdicts=_verdicts(system, state, figures, np.asarray(factor.jacobian), result) if successful else {},
+        verdicts=_verdicts(system, state, figures, result) if successful else {},
         spectral_radius=figures.radius if system.friction else None,
         releases=releases(_orthonormal(factor, stress), system.rows.labels, system.rows.kinds) if successful else (),
         friction_reads=tuple(str(rows[row]) for row in reads if not unique[row]),
@@ -97,9 +98,7 @@ def _family(
     return figures, solution.result
 
 
-def _verdicts(
-    system: AbstractSystem, state: State, figures: Family, jacobian: np.ndarray, result: RESULTS
-) -> dict[str, tuple[Judged, ...]]:
+def _verdicts(system: AbstractSystem, state: State, figures: Family, result: RESULTS) -> dict[str, tuple[Judged, ...]]:
     n, m, p = len(system.coordinates), len(system.rows), figures.response.shape[1]
     identity = np.eye(n + m + p)
     slips = [f"tau {name}" for name in slip_kinds(system.friction).labels] if p else []
@@ -109,7 +108,7 @@ def _verdicts(
         "friction": (slips, identity[n + m :]),
     }
     if isinstance(system, Mechanism):
-        names, wrenches = joint_outputs(system, state, jacobian)
+        names, wrenches = joint_outputs(system, state)
         outputs["reaction"] = names, np.pad(wrenches, ((0, 0), (n, p)))
     how = {"solved": bool(result == RESULTS.successful), "at_rest": bool(result == RESULTS.friction_at_rest)}
     return {kind: tuple(judge(figures, *output, **how)) for kind, output in outputs.items()}

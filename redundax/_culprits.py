@@ -28,17 +28,17 @@ def culprits(system: AbstractSystem, state: State, result: RESULTS) -> str:
     if result == RESULTS.ambiguous_rank:
         spectrum = factorize(system, state).spectrum
         near = [f"{value:.1e}" for value in np.asarray(spectrum.singular_values)[-3:]]
-        return f" Smallest singular values: {', '.join(near)}; tolerance {float(spectrum.tolerance):.1e}."
+        return f" Smallest singular values: {', '.join(near)}; tolerance {float(spectrum.tolerance):.1e}." + (
+            " In float32 singular values below about 1e-4 of the largest cannot be told from rounding: use float64, "
+            "jax.config.update('jax_enable_x64', True), before the mechanism is built."
+            if state.qd.dtype == np.float32
+            else ""
+        )
     if result == RESULTS.friction_at_rest:
         factor, slips = factorize(system, state), slip_kinds(system.friction)
         rate = np.abs(slip_motion(system, state)[0]) * np.where(slips.angular, factor.length, 1.0)
         resting, labels = rate <= factor.resting_rate, slips.labels
         return f" At rest: {', '.join(label for label, rests in zip(labels, resting, strict=True) if rests)}."
-    if result == RESULTS.ambiguous_rank and state.qd.dtype == np.float32:
-        return (
-            " In float32 singular values below about 1e-4 of the largest cannot be told from rounding: use float64, "
-            "jax.config.update('jax_enable_x64', True), before the mechanism is built."
-        )
     return ""
 
 

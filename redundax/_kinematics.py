@@ -59,16 +59,17 @@ def _twice(function: Callable[[Array], Array], s: Array) -> tuple[tuple[Array, A
 
 def jacobian(system: AbstractSystem, state: State) -> Float[Array, "m n"]:
     """Constraint Jacobian Phi_q through the retraction."""
-    return jax.jacfwd(lambda d: system.constraint(system.retract(state.q, d), state.t))(jnp.zeros_like(state.qd))
+    return _jacobian_at(system, state, jnp.zeros_like(state.qd))
 
 
 def change_of_jacobian(system: AbstractSystem, state: State, direction: Float[Array, " n"]) -> Float[Array, "m n"]:
     """Derivative of Phi_q as the position moves along a direction, at constant t."""
+    moved = jnp.zeros_like(direction)
+    return jax.jvp(lambda d: _jacobian_at(system, state, d), (moved,), (direction,))[1]
 
-    def moved(d: Array) -> Array:
-        return jax.jacfwd(lambda d: system.constraint(system.retract(state.q, d), state.t))(d)
 
-    return jax.jvp(moved, (jnp.zeros_like(direction),), (direction,))[1]
+def _jacobian_at(system: AbstractSystem, state: State, d: Array) -> Array:
+    return jax.jacfwd(lambda d: system.constraint(system.retract(state.q, d), state.t))(d)
 
 
 def slip_motion(system: AbstractSystem, state: State) -> tuple[Float[Array, " p"], Float[Array, "n p"]]:

@@ -29,11 +29,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ._body import poses
 from ._closure import AbstractClosure, MinimumNorm
 from ._friction import largest_change
-from ._mechanism import Mechanism
-from ._reduced import Reduced, reduce
+from ._reduced import reduce
 from ._state import State
 from ._system import AbstractSystem
 
@@ -83,7 +81,6 @@ class Family:
     - `response`: X = [A; Lam], shape (n + m, p).
     - `slope`: dtau/dz at the solution, shape (p, k), NaN where there is none.
     - `gamma`: Gamma, shape (p, p), of minimum norm, and `closed_gamma` of the closure.
-    - `gain`: K, shape (l, p).
     - `reads`: which slip's law reads which load, shape (p, l).
     - `loose`: accelerations that (7) leaves free, shape (n, d), none where (14) holds.
     """
@@ -95,14 +92,8 @@ class Family:
     slope: np.ndarray
     gamma: np.ndarray
     closed_gamma: np.ndarray
-    gain: np.ndarray
     reads: np.ndarray
     loose: np.ndarray
-
-    @property
-    def touched(self) -> np.ndarray:
-        """Slips whose friction can depend on the self-stress."""
-        return _touched(self)
 
     @property
     def radius(self) -> float:
@@ -147,22 +138,21 @@ def _figures(
         "jacobian": factor.jacobian,
         "determinate": factor.determinate,
     }
-    if reduced.problem is None or reduced.unit is None:
+    closed = reduce(system, state, closure, sense=sense, rank=rank)
+    if reduced.problem is None or reduced.unit is None or closed.problem is None:
         nothing = jnp.zeros((0, 0))
-        none = {"slope": jnp.zeros((0, stress.shape[1])), "gain": nothing, "reads": nothing}
+        none = {"slope": jnp.zeros((0, stress.shape[1])), "reads": nothing}
         size = stress.shape[0] + state.qd.size
         return {**out, **none, "response": jnp.zeros((size, 0)), "gamma": nothing, "closed_gamma": nothing}
-    closed = reduce(system, state, closure, sense=sense, rank=rank)
-    slope = reduced.problem.law.slope(_loads(closed, friction))
+    slope = reduced.problem.law.slope(closed.problem.loads(friction))
     identity = jnp.eye(friction.size, dtype=slope.dtype)
     return {
         **out,
         "response": jnp.concatenate(reduced.unit),
         "slope": jnp.linalg.solve(identity - slope @ reduced.problem.gain, slope @ rows),
-        "gamma": _gamma(system, reduced),
-        "closed_gamma": _gamma(system, closed),
-        "gain": reduced.problem.gain,
-        "reads": _reads(system, reduced),
+        "gamma": _changes(system, reduced.problem.gain),
+        "closed_gamma": _changes(system, closed.problem.gain),
+        "reads": _changes(system, jnp.eye(reduced.rows.size)) > 0,
     }
 
 
@@ -177,18 +167,9 @@ def _loose(mass: np.ndarray, jacobian: np.ndarray, determinate: bool) -> np.ndar
     return np.where(np.abs(vt[kept:].T) > 1e-8, vt[kept:].T, 0.0)
 
 
-def _loads(reduced: Reduced, friction: Array) -> Array:
-    return reduced.problem.loads(friction)  # pyright: ignore[reportOptionalMemberAccess]
-
-
-def _gamma(system: AbstractSystem, reduced: Reduced) -> Array:
-    columns = reduced.problem.gain.T  # pyright: ignore[reportOptionalMemberAccess]
-    return jax.vmap(lambda change: largest_change(system.friction, change))(columns).T
-
-
-def _reads(system: AbstractSystem, reduced: Reduced) -> Array:
-    unit = jnp.eye(reduced.rows.size)
-    return jax.vmap(lambda change: largest_change(system.friction, change))(unit).T > 0
+def _changes(system: AbstractSystem, loads: Array) -> Array:
+    """Bounds of the change of each friction by each column of changes of the loads."""
+    return jax.vmap(lambda change: largest_change(system.friction, change))(loads.T).T
 
 
 def judge(family: Family, names: list[str], outputs: np.ndarray, *, solved: bool, at_rest: bool) -> list[Judged]:
@@ -206,7 +187,7 @@ def judge(family: Family, names: list[str], outputs: np.ndarray, *, solved: bool
     direct = _clean(by_multipliers @ family.stress, direct_size)
     driven = _clean(by_unknowns @ family.response + by_friction, driven_size)
     known = ~np.any(np.abs(outputs[:, :n] @ family.loose) > 0, axis=1)
-    touched = family.touched
+    touched = _touched(family)
     settled = not at_rest and _radius(family.gamma[np.ix_(~touched, ~touched)]) < 1
     out = []
     for k, name in enumerate(names):
@@ -248,6 +229,7 @@ def _with_friction(
 
 
 def _touched(family: Family) -> np.ndarray:
+    """Slips whose friction can depend on the self-stress."""
     reads = family.reads.astype(bool)
     loaded = np.abs(family.stress_rows).max(axis=1, initial=0.0)
     touched = (reads & (loaded > 0)).any(axis=1)
@@ -276,29 +258,3 @@ def _radius(gamma: np.ndarray) -> float:
     if not np.all(np.isfinite(gamma)):
         return np.inf
     return float(np.max(np.abs(np.linalg.eigvals(gamma))))
-
-
-def joint_outputs(mechanism: Mechanism, state: State, jacobian: np.ndarray) -> tuple[list[str], np.ndarray]:
-    """Names and coefficients Y_lam, shape (3 joints, m), of each joint's force (x, y) and moment.
-
-    They act on its body i, or on body j where i is the ground, in global components; the moment is about the joint's
-    point on that body, or about the body's origin where it has none.
-    """
-    place = {name: row for row, name in enumerate(mechanism.rows.labels)}
-    position = np.asarray(poses(state.q).r), np.asarray(poses(state.q).phi)
-    count, names, out = len(mechanism.body_names), [], []
-    for stack, joints in zip(mechanism.joints, mechanism.joint_names, strict=True):
-        for k, joint in enumerate(joints):
-            i, j = int(stack.i[k]), int(stack.j[k])
-            body = j if i == count else i
-            rows = [place[f"{joint}.{row}"] for row, _ in stack.element.row_kinds]
-            wrench = np.zeros((3, jacobian.shape[0]))
-            wrench[:, rows] = -jacobian[np.ix_(rows, [2 * body, 2 * body + 1, 2 * count + body])].T
-            point = getattr(stack.element, "point_i" if body == i else "point_j", None)
-            if point is not None:
-                c, s = np.cos(position[1][body]), np.sin(position[1][body])
-                x, y = np.asarray(point)[k] @ np.array([[c, s], [-s, c]])
-                wrench[2] += -x * wrench[1] + y * wrench[0]
-            names += [f"{joint} {part} on {mechanism.body_names[body]}" for part in ("force x", "force y", "moment")]
-            out.append(wrench)
-    return names, np.concatenate(out)

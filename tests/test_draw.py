@@ -16,7 +16,7 @@ import redundax as rx
 from redundax._draw import draw
 from redundax._draw._arrows import Arrow, on_bodies
 from redundax._draw._scene import scene
-from redundax._draw._wrench import joint_wrenches
+from redundax._wrench import joint_wrenches
 
 matplotlib.use("Agg")
 X, Y = np.array([1.0, 0.0]), np.array([0.0, 1.0])

@@ -12,6 +12,7 @@ from jax.typing import ArrayLike
 from .._analyze import analyze
 from .._mechanism import Mechanism
 from .._state import State
+from .._wrench import joint_wrenches
 from ._arrows import FORCES, LOADS, LONGEST, STRESSES, Arrow, Arrows, draw_arrows, on_bodies
 from ._bodies import draw_bodies
 from ._key import draw_key, key_height
@@ -20,7 +21,6 @@ from ._pen import Pen
 from ._scene import Scene, scene
 from ._style import BLOCK, PIN, body_colour, dark
 from ._symbols import applied_loads, draw_joints, draw_springs
-from ._wrench import joint_wrenches
 
 if TYPE_CHECKING:
     import matplotlib.axes

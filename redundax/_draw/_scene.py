@@ -16,7 +16,7 @@ from .._joints import AngleDriver, Gear, Revolute
 from .._loads import AppliedForce, SpringDamper, TorsionSpring
 from .._mechanism import Mechanism
 from .._state import State
-from ._wrench import load_wrenches, moved
+from .._wrench import load_wrenches, moved
 
 _SIDES = np.array([[0.0, -1.0], [0.0, 1.0], [-1.0, 0.0], [1.0, 0.0]])
 
@@ -210,7 +210,7 @@ def _applied(stack: Any, state: State, r: np.ndarray, phi: np.ndarray) -> list[L
             if body == ground or not (np.any(force[k]) or moment[k]):
                 continue
             at = r[body] if points is None else points[k]
-            about = moved(float(moment[k]), force[k], at - r[body])
+            about = float(moved(moment[k], force[k], at - r[body]))
             about = about if abs(about) > 1e-6 * np.hypot(*force[k]) * np.hypot(*(at - r[body])) else 0.0
             out.append(Load(AppliedForce, int(body), at, at, False, force=force[k], moment=about))
     return out
