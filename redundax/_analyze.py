@@ -10,16 +10,22 @@ Here values are concrete, so the self-stress states appear as a basis: reduced t
 state has the entry 1 in a row where all others have 0.
 """
 
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
+from jaxtyping import Array
 
 from ._closure import AbstractClosure, MinimumNorm
 from ._culprits import culprits
-from ._factorisation import Factorisation, factorize
+from ._factorisation import factorize
 from ._friction import slip_kinds
 from ._mechanism import Mechanism
 from ._module import Numbers, as_float
+from ._rank import Spectrum
 from ._release import releases
 from ._report import Report
 from ._results import RESULTS
@@ -49,36 +55,55 @@ def analyze(
       of the closure.
     - `rank`: declared rank of the constraint Jacobian; decided from its spectrum if not given.
     """
-    factor = factorize(system, state, rank)
-    rows = np.array(system.rows.labels)
-    unique = np.asarray(factor.unique_multipliers)
+    declared = None if rank is None else jnp.asarray(rank)
+    found = jax.device_get(_evidence(system.anonymous(), state, declared))
+    rows, unique = np.array(system.rows.labels), found.unique_multipliers
     reads = np.unique(np.concatenate([np.zeros(0, int), *(np.ravel(group.rows) for group in system.friction)]))
-    successful = bool(factor.result == RESULTS.successful)
-    stress = _echelon(np.asarray(factor.self_stress), int(factor.redundancy), unique)
+    successful = bool(found.result == RESULTS.successful)
+    stress = _echelon(found.self_stress, rows.size - int(found.spectrum.rank), unique)
     groups, kinds = _groups(stress), system.rows.kinds
-    figures, result = _family(system, state, closure, stress, sense, rank)
+    figures, result = _family(system, state, closure, stress, sense, declared)
     return Report(
         coordinates=system.coordinates.labels,
         rows=system.rows.labels,
-        rank=int(factor.spectrum.rank),
-        redundancy=int(factor.redundancy),
-        freedom=int(factor.freedom),
-        singular_values=np.asarray(factor.spectrum.singular_values),
-        gap=float(factor.spectrum.gap),
+        rank=int(found.spectrum.rank),
+        redundancy=rows.size - int(found.spectrum.rank),
+        freedom=len(system.coordinates) - int(found.spectrum.rank),
+        singular_values=found.spectrum.singular_values,
+        gap=float(found.spectrum.gap),
         self_stress=stress,
         groups=tuple(tuple(str(rows[k]) for k in group) for group in groups),
         unit_dependent=tuple(str(rows[k]) for group in groups if len({kinds[k] for k in group}) > 1 for k in group),
         unique_multipliers=tuple(str(name) for name in rows[unique]),
-        unique_only_here=tuple(str(name) for name in rows[np.asarray(factor.unique_only_here)]),
-        singular_position=bool(factor.singular_position),
-        unique_accelerations=bool(factor.determinate),
+        unique_only_here=tuple(str(name) for name in rows[found.unique_only_here]),
+        singular_position=bool(found.singular_position),
+        unique_accelerations=bool(found.determinate),
         at_rest=bool(result == RESULTS.friction_at_rest),
         verdicts=_verdicts(system, state, figures, result) if successful else {},
         spectral_radius=figures.radius if system.friction else None,
-        releases=releases(_orthonormal(factor, stress), system.rows.labels, system.rows.kinds) if successful else (),
+        releases=releases(_orthonormal(found, stress), system.rows.labels, system.rows.kinds) if successful else (),
         friction_reads=tuple(str(rows[row]) for row in reads if not unique[row]),
-        problem="" if successful else RESULTS[factor.result] + culprits(system, state, factor.result),
+        problem="" if successful else RESULTS[found.result] + culprits(system, state, found.result),
     )
+
+
+class _Evidence(NamedTuple):
+    """What the report takes from a `Factorisation`."""
+
+    spectrum: Spectrum
+    result: RESULTS
+    determinate: Array
+    self_stress: Array
+    unique_multipliers: Array
+    unique_only_here: Array
+    singular_position: Array
+    row_scale: Array
+
+
+@eqx.filter_jit
+def _evidence(system: AbstractSystem, state: State, rank: Array | None) -> _Evidence:
+    factor = factorize(system, state, rank)
+    return _Evidence(*(getattr(factor, name) for name in _Evidence._fields))
 
 
 def _family(
@@ -87,14 +112,13 @@ def _family(
     closure: AbstractClosure,
     stress: np.ndarray,
     sense: Numbers | None,
-    rank: ArrayLike | None,
+    rank: Array | None,
 ) -> tuple[Family, RESULTS]:
     """The family through the closure's solution, and how its search ended."""
     solution = solve(system, state, closure=closure, sense=sense, rank=rank, throw=False)
     count = len(slip_kinds(system.friction))
     senses = None if sense is None else jnp.broadcast_to(as_float(sense), (count,))
-    declared = None if rank is None else jnp.asarray(rank)
-    figures = family(system, state, closure, stress.T, np.asarray(solution.friction), senses, declared)
+    figures = family(system, state, closure, stress.T, np.asarray(solution.friction), senses, rank)
     return figures, solution.result
 
 
@@ -126,9 +150,9 @@ def _groups(stress: np.ndarray) -> list[np.ndarray]:
     return [np.array(sorted(group)) for group in sorted(groups, key=min)]
 
 
-def _orthonormal(factor: Factorisation, stress: np.ndarray) -> np.ndarray:
+def _orthonormal(found: _Evidence, stress: np.ndarray) -> np.ndarray:
     """Orthonormal basis (m, k) of the self-stress in scaled multipliers, free of units."""
-    return np.linalg.qr(stress.T * np.asarray(factor.row_scale)[:, None])[0]
+    return np.linalg.qr(stress.T * np.asarray(found.row_scale)[:, None])[0]
 
 
 def _echelon(projector: np.ndarray, k: int, unique: np.ndarray) -> np.ndarray:

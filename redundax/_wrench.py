@@ -12,17 +12,20 @@ from typing import Any
 import equinox as eqx
 import jax
 import numpy as np
+from jaxtyping import Array
 
-from ._body import GROUND, poses
+from ._body import GROUND, Pose, poses
+from ._joints import AbstractJoint
 from ._loads import Motion, Wrench
 from ._mechanism import Mechanism
+from ._stack import Stack
 from ._state import State
 
 
 def joint_wrenches(mechanism: Mechanism, state: State, multipliers: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     """For each stack of joints the forces (size, 2), N, and moments about r_i (size,), N m, on the bodies i."""
-    wrenches = zip(_rows(mechanism), _coefficients(mechanism, state), strict=True)
-    found = [np.einsum("swr,sr->sw", by_row, multipliers[rows]) for rows, by_row in wrenches]
+    wrenches = zip(_rows(mechanism), _wrenches(mechanism, state), strict=True)
+    found = [np.einsum("swr,sr->sw", by_row, multipliers[rows]) for rows, (by_row, *_) in wrenches]
     return [(each[:, :2], each[:, 2]) for each in found]
 
 
@@ -32,22 +35,17 @@ def joint_outputs(mechanism: Mechanism, state: State) -> tuple[list[str], np.nda
     They act on its body i, or on body j where i is the ground, in global components; the moment is about the joint's
     point on that body, or about the body's origin where it has none.
     """
-    body, names, out = poses(state.q), [], []
+    names, out = [], []
     bodies = (*mechanism.body_names, GROUND)
-    stacks = zip(
-        mechanism.joints, mechanism.joint_names, _rows(mechanism), _coefficients(mechanism, state), strict=True
-    )
-    for stack, joints, rows, by_row in stacks:
+    stacks = zip(mechanism.joints, mechanism.joint_names, _rows(mechanism), _wrenches(mechanism, state), strict=True)
+    for stack, joints, rows, (by_row, arms_i, arms_j) in stacks:
         for k, joint in enumerate(joints):
-            i, j = stack.i[k], stack.j[k]
-            on, sign, local = (j, -1.0, "point_j") if bodies[int(i)] == GROUND else (i, 1.0, "point_i")
-            point = getattr(stack.element, local, None)
-            about = body[on].r if point is None else body[on].point(point[k])
+            i, j = bodies[int(stack.i[k])], bodies[int(stack.j[k])]
+            on, sign, arm = (j, -1.0, arms_j[k]) if i == GROUND else (i, 1.0, arms_i[k])
             force = by_row[k, :2]
-            moment = moved(by_row[k, 2], force, np.asarray(about - body[i].r))
             wrench = np.zeros((3, len(mechanism.rows)))
-            wrench[:, rows[k]] = sign * np.vstack([force, moment])
-            names += [f"{joint} {part} on {bodies[int(on)]}" for part in ("force x", "force y", "moment")]
+            wrench[:, rows[k]] = sign * np.vstack([force, moved(by_row[k, 2], force, arm)])
+            names += [f"{joint} {part} on {on}" for part in ("force x", "force y", "moment")]
             out.append(wrench)
     return names, np.concatenate(out)
 
@@ -65,16 +63,32 @@ def moved(moment: np.ndarray | float, force: np.ndarray, arm: np.ndarray) -> np.
     return moment - arm[0] * force[1] + arm[1] * force[0]
 
 
-def _coefficients(mechanism: Mechanism, state: State) -> list[np.ndarray]:
-    """Force and moment about r_i on the bodies i by the multipliers of the joint's own rows, (size, 3, rows) each."""
-    body, out = poses(state.q), []
-    for stack in mechanism.joints:
-        slope = eqx.filter_vmap(
-            lambda joint, i, j: jax.jacfwd(lambda pose: joint.residual(pose, body[j], state.t))(body[i])
-        )(stack.element, stack.i, stack.j)
-        by_row = np.concatenate([np.asarray(slope.r), np.asarray(slope.phi)[..., None]], axis=2)
-        out.append(-np.swapaxes(by_row, 1, 2).astype(float))
+def _wrenches(mechanism: Mechanism, state: State) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """For each stack force and moment about r_i on the bodies i by the multipliers of the joint's own rows, (size, 3,
+    rows), and where the joints' points on i and j, or the origins of these bodies, are from r_i, (size, 2) each.
+    """
+    out = []
+    for slope, *arms in jax.device_get(_slopes(mechanism.joints, state)):
+        by_row = -np.concatenate([slope.r, slope.phi[..., None]], axis=2).swapaxes(1, 2)
+        out.append((by_row.astype(float), *arms))
     return out
+
+
+@eqx.filter_jit
+def _slopes(joints: tuple[Stack, ...], state: State) -> list[tuple[Pose, Array, Array]]:
+    body = poses(state.q)
+
+    def of_joint(joint: AbstractJoint, i: Array, j: Array) -> tuple[Pose, Array, Array]:
+        slope = jax.jacfwd(lambda pose: joint.residual(pose, body[j], state.t))(body[i])
+        points = _point(joint, "point_i", body[i]), _point(joint, "point_j", body[j])
+        return slope, points[0] - body[i].r, points[1] - body[i].r
+
+    return [eqx.filter_vmap(of_joint)(stack.element, stack.i, stack.j) for stack in joints]
+
+
+def _point(joint: AbstractJoint, name: str, pose: Pose) -> Array:
+    local = getattr(joint, name, None)
+    return pose.r if local is None else pose.point(local)
 
 
 def _rows(mechanism: Mechanism) -> list[np.ndarray]:
