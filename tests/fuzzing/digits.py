@@ -93,8 +93,8 @@ def _parts(problem: Problem, acceleration, multipliers, tau: list) -> Parts:
 def errors(
     make: Callable[[Raw, Arithmetic], Problem], raw: Raw, sample: int, answers: Answers
 ) -> dict[str, tuple[float, float]]:
-    """Error of each kind over its bound: 10 times what rounding of the drawn numbers does to the exact answer;
-    and the relative error.
+    """Error of each kind over its bound: 10 times what rounding of the drawn numbers does to the exact answer, and of
+    the sums of as many terms as there are unknowns; and the relative error.
 
     `make` derives the problem from numbers in an arithmetic.
     """
@@ -105,6 +105,7 @@ def errors(
     rng = np.random.default_rng(sample)
     moved = {kind: np.zeros(()) for kind in truth}
     eps = np.finfo(float).eps
+    sums = eps * np.sqrt(problem.structure.n + problem.structure.m)
     for _ in range(_PERTURBATIONS):
         signs = {name: rng.choice([-1, 1], value.shape) for name, value in one.items()}
         near = {name: DIGITS.number(value) * (1 + signs[name] * mp.mpf(eps)) for name, value in one.items()}
@@ -113,7 +114,7 @@ def errors(
     found = _parts(problem, answers.acceleration[sample], answers.multipliers[sample], [*start])
     ratios = {}
     for kind, true in truth.items():
-        bound = _MARGIN * (moved[kind] + eps * np.max(np.abs(true)))
+        bound = _MARGIN * (moved[kind] + sums * np.max(np.abs(true)))
         error = np.max(np.abs(found[kind] - true))
         if error < _NOTHING:  # exact zeros
             ratios[kind] = 0.0, 0.0
