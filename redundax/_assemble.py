@@ -17,7 +17,7 @@ import optimistix as optx
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int
 
-from ._kinematics import along_motion, jacobian
+from ._kinematics import jacobian, second_order
 from ._module import Numbers, as_float, known
 from ._rank import split
 from ._scaling import Scaling, scaling
@@ -149,7 +149,7 @@ def _closed_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
 
 
 def _position(system: AbstractSystem, guess: State, held: Array, positions: Array) -> tuple[Array, Array]:
-    scale = scaling(system, guess, jacobian(system, guess))
+    scale = scaling(system, jacobian(system, guess), second_order(system, guess)[2])
     row_scale = jnp.concatenate([scale.rows, _held_scale(system, held, scale)])
     closing = _Closing(system, guess, held, positions, scale, row_scale)
     d = _closed(closing)
@@ -158,9 +158,9 @@ def _position(system: AbstractSystem, guess: State, held: Array, positions: Arra
 
 def _velocity(system: AbstractSystem, state: State, driven: Array, rates: Array) -> tuple[Array, Array]:
     matrix = jacobian(system, state)
-    scale = scaling(system, state, matrix)
+    motion, _, turned = second_order(system, state)
+    scale = scaling(system, matrix, turned)
     row_scale = jnp.concatenate([scale.rows, _held_scale(system, driven, scale)])
-    motion = along_motion(system, state)
     rows = jnp.concatenate([matrix, jnp.eye(state.qd.size, dtype=matrix.dtype)[driven]])
     misfit = jnp.concatenate([motion.rate, state.qd[driven] - rates]) / row_scale
     rows = rows * scale.coordinates / row_scale[:, None]

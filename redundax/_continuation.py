@@ -102,11 +102,14 @@ def _follow(problem: FrictionProblem, wanted: Bool[Array, ""], max_path: int) ->
 
     def advance(path: _Path) -> _Path:
         guess = path.here + path.step * path.tangent
-        z, change = guess, guess
-        for _ in range(_CORRECTIONS):
+
+        def correct(_: Array, carry: tuple[Array, Array]) -> tuple[Array, Array]:
+            z, _ = carry
             off = jnp.append(residual(z), path.tangent @ (z - guess))
             change = jnp.linalg.solve(bordered(z, path.tangent), off)
-            z = z - change
+            return z - change, change
+
+        z, change = jax.lax.fori_loop(0, _CORRECTIONS, correct, (guess, guess))
         last = jnp.zeros_like(z).at[-1].set(1.0)
         tangent = jnp.linalg.solve(bordered(z, path.tangent), last)
         tangent = tangent / jnp.linalg.norm(tangent)

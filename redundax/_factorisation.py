@@ -21,7 +21,7 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
-from ._kinematics import along_motion, change_of_jacobian, explicit_gamma, jacobian
+from ._kinematics import change_of_jacobian, jacobian, second_order
 from ._rank import Spectrum, Split, split
 from ._restricted import restricted_inverse
 from ._results import RESULTS, first_failure
@@ -195,10 +195,11 @@ def factorize(system: AbstractSystem, state: State, rank: ArrayLike | None = Non
 
 @eqx.filter_jit
 def _factorize(system: AbstractSystem, state: State, rank: Int[Array, ""] | None) -> Factorisation:
-    matrix, motion = jacobian(system, state), along_motion(system, state)
+    matrix = jacobian(system, state)
+    motion, explicit, turned = second_order(system, state)
     mass, load = system.mass(state.q, state.t), system.load(state)
     _check_shapes(system, matrix, mass, load)
-    coordinate_scale, row_scale, length = scaling(system, state, matrix)
+    coordinate_scale, row_scale, length = scaling(system, matrix, turned)
     scaled = matrix * coordinate_scale / row_scale[:, None]
     position = jnp.max(jnp.abs(motion.value) / row_scale) / length
     parts, spectrum = split(scaled, position, rank)
@@ -212,7 +213,7 @@ def _factorize(system: AbstractSystem, state: State, rank: Int[Array, ""] | None
         _ratio(force - scaled_mass @ a - scaled.T @ mu, force, scaled_mass @ a, mu),
     )
     qd = state.qd / coordinate_scale
-    evidence = parts.stress, length, position, motion.rate / row_scale, gamma, explicit_gamma(system, state) / row_scale
+    evidence = parts.stress, length, position, motion.rate / row_scale, gamma, explicit / row_scale
     inertia = jnp.trace(scaled_mass) / force.size
     free = jnp.where(inertia > 0, jnp.max(jnp.abs(force)) / jnp.where(inertia > 0, inertia, 1.0), 0.0)
     violation, residual = jax.lax.stop_gradient((_violation(*evidence, qd, a, free), residual))

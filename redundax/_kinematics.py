@@ -6,7 +6,6 @@ so that Phi_q qdd = gamma; two nested directional derivatives, no second-derivat
 s(q, t) gives in the same way its rate and its direction E = (ds/dq)^T.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -28,33 +27,33 @@ class AlongMotion(NamedTuple):
 
 def along_motion(system: AbstractSystem, state: State) -> AlongMotion:
     """Phi, Phi_q qd + Phi_t and gamma at a state."""
-
-    def value(s: Array) -> Array:
-        return system.constraint(system.retract(state.q, s * state.qd), state.t + s)
-
-    (phi, rate), (_, curvature) = _twice(value, jnp.zeros_like(state.t))
-    return AlongMotion(phi, rate, -curvature)
+    return second_order(system, state)[0]
 
 
 def explicit_gamma(system: AbstractSystem, state: State) -> Float[Array, " m"]:
     """-Phi_tt, the part of gamma that prescribed motion alone is answerable for."""
-    _, (_, curvature) = _twice(lambda s: system.constraint(state.q, state.t + s), jnp.zeros_like(state.t))
-    return -curvature
+    return second_order(system, state)[1]
 
 
-def turning(system: AbstractSystem, state: State) -> Float[Array, " m"]:
-    """Second derivative of Phi as all angular coordinates turn, each at another rate so that no two cancel."""
+def second_order(system: AbstractSystem, state: State) -> tuple[AlongMotion, Float[Array, " m"], Float[Array, " m"]]:
+    """`along_motion`; `explicit_gamma`; and the second derivative of Phi as all angular coordinates turn.
+
+    They turn each at another rate, so that no two cancel. All three are one derivative in three directions.
+    """
     angular = system.coordinates.angular
-    rates = jnp.asarray(np.where(angular, 1.0 + 0.5 * np.sin(np.arange(angular.size)), 0.0), state.qd.dtype)
-    _, (_, curvature) = _twice(
-        lambda s: system.constraint(system.retract(state.q, s * rates), state.t), jnp.zeros_like(state.t)
-    )
-    return curvature
+    turning = np.where(angular, 1.0 + 0.5 * np.sin(np.arange(angular.size)), 0.0)
+    rates = jnp.stack([state.qd, jnp.zeros_like(state.qd), jnp.asarray(turning, state.qd.dtype)])
+    times = jnp.array([1.0, 1.0, 0.0], state.qd.dtype)
+    zero, one = jnp.zeros_like(state.t), jnp.ones_like(state.t)
 
+    def along(rate: Array, time: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        def value(s: Array) -> Array:
+            return system.constraint(system.retract(state.q, s * rate), state.t + s * time)
 
-def _twice(function: Callable[[Array], Array], s: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    one = jnp.ones_like(s)
-    return jax.jvp(lambda s: jax.jvp(function, (s,), (one,)), (s,), (one,))
+        return jax.jvp(lambda s: jax.jvp(value, (s,), (one,)), (zero,), (one,))
+
+    (phi, rate), (_, curvature) = jax.vmap(along)(rates, times)
+    return AlongMotion(phi[0], rate[0], -curvature[0]), -curvature[1], curvature[2]
 
 
 def jacobian(system: AbstractSystem, state: State) -> Float[Array, "m n"]:

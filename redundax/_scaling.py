@@ -14,8 +14,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ._kinematics import turning
-from ._state import State
 from ._system import AbstractSystem
 
 
@@ -27,10 +25,9 @@ class Scaling(NamedTuple):
     length: Float[Array, ""]
 
 
-def scaling(system: AbstractSystem, state: State, jacobian: Float[Array, "m n"]) -> Scaling:
-    """The scales of the Jacobian of a system at a state."""
-    turned = jnp.asarray(system.radian) * turning(system, state)
-    length = _length(*jax.lax.stop_gradient((jacobian, turned)), system)
+def scaling(system: AbstractSystem, jacobian: Float[Array, "m n"], turned: Float[Array, " m"]) -> Scaling:
+    """The scales of the Jacobian of a system, given the second derivative of Phi as angular coordinates turn."""
+    length = _length(*jax.lax.stop_gradient((jacobian, jnp.asarray(system.radian) * turned)), system)
     rows = system.rows.angular
     columns = jnp.where(system.coordinates.angular, 1 / length, 1.0).astype(jacobian.dtype)
     norms = jnp.linalg.norm(jax.lax.stop_gradient(jacobian) * columns, axis=1)
