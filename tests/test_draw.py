@@ -378,6 +378,7 @@ def test_wrong_state_and_mechanism(axes):
         draw(case.smooth.anonymous(), case.state, axes=axes)
 
 
+@pytest.mark.slow
 def test_float32(float32, axes):
     mechanism = rx.mechanisms.wojtyra2020()
     state = mechanism.state(phi=0.8, rate=1.0)

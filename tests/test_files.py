@@ -89,6 +89,7 @@ def test_study_draws(file, tmp_path):
     assert "1.phi''" in out
 
 
+@pytest.mark.slow
 def test_study_works_in_chunks_and_tells(file, monkeypatch):
     arguments = ("study", f"{file}:link", "--samples", 10)
     status, whole, error = run(*arguments)
