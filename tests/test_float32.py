@@ -31,7 +31,8 @@ def test_accelerations_and_friction_of_systems(name):
 
 @pytest.mark.parametrize(("name", "solver"), [
     *((name, None) if name == "carriage" else slow(name, None) for name in registry.MECHANISMS),
-    ("wojtyra2020", rx.Newton), slow("parallelogram", rx.Newton), slow("slider_crank", rx.Newton), slow("wojtyra2020", rx.FixedPoint),
+    ("wojtyra2020", rx.Newton), slow("parallelogram", rx.Newton), slow("slider_crank", rx.Newton),
+    slow("wojtyra2020", rx.FixedPoint),
 ])  # fmt: skip
 def test_mechanisms_against_exact_geometry(name, solver):
     mechanism = registry.MECHANISMS[name]()
