@@ -46,6 +46,8 @@ from ._rescaled import state_in_units as state_in_units
 from ._results import RESULTS as RESULTS
 from ._solution import Solution as Solution
 from ._solution import Stats as Stats
+from ._solution_family import SolutionFamily as SolutionFamily
+from ._solution_family import solution_family as solution_family
 from ._solve import solve as solve
 from ._solver import AbstractSolver as AbstractSolver
 from ._solver import FixedPoint as FixedPoint
