@@ -75,6 +75,8 @@ def follow(
         close = (jnp.linalg.norm(change) <= 1e-6 * reach) & (jnp.linalg.norm(x - guess) <= 0.5 * path.step)
         turn = tangent @ path.tangent
         good = close & (turn > jnp.where(path.step > _KINK * reach, _STRAIGHT, 0.0))
+        inside = (x[-1] > 0) & (x[-1] < 1)
+        good = good & (inside | (path.step <= _FIRST * reach))  # short steps end it, so that interpolation is near
         return _accepted(path, x, tangent, turn, good)
 
     def going(path: Path) -> Array:

@@ -45,8 +45,8 @@ class SolutionFamily:
     - `fold`: which solutions are those where the curve turns back; they lie between the amplitudes of `axes`, and are
       not counted.
     - `lost`: number of places where a curve could not be followed on, because it runs to infinity or has a corner.
-    - `names`, `kinds`: of accelerations, multipliers and friction; kinds are "linear", "angular", "force", "moment" or
-      "friction".
+    - `names`, `kinds`: of accelerations, multipliers and friction; kinds are "linear", "angular", "force", "moment",
+      "friction force" and "friction moment".
     - `values`: shape (solutions, n + m + p).
     """
 
@@ -155,8 +155,8 @@ def solution_family(
     **Arguments:**
 
     - `system`, `state`: concrete values; not inside `jit` or `vmap`.
-    - `along`: one or two self-stress states by the multiplier that has the entry 1 in them, a key of
-      `analyze(...).self_stress`; all if not given, which must then be at most two.
+    - `along`: one or two self-stress states by the multiplier that has the entry 1 in them, see
+      `analyze(...).pivots`; all if not given, which must then be at most two.
     - `z`: increasing amplitudes, in units of these multipliers: an array for one state, a sequence of two arrays for
       two; `samples` of them if not given, up to the largest multiplier at minimum norm over the largest entry of the
       state.
@@ -179,7 +179,7 @@ def solution_family(
     branches = trace(solutions, axes, factors, proved, watch)
     names, kinds = output_names(system)
     return SolutionFamily(
-        along=tuple(report.rows[int(np.argmax(row == 1.0))] for row in stress),
+        along=tuple(report.pivots[state] for state in chosen),
         stress=stress,
         axes=axes,
         count=branches.count,
@@ -217,11 +217,12 @@ def output_names(system: AbstractSystem) -> tuple[tuple[str, ...], tuple[str, ..
         *system.rows.labels,
         *(f"tau {name}" for name in slips.labels),
     )
-    return names, (*system.coordinates.kinds, *system.rows.kinds, *("friction" for _ in slips.kinds))
+    friction = ("friction moment" if kind == "angular" else "friction force" for kind in slips.kinds)
+    return names, (*system.coordinates.kinds, *system.rows.kinds, *friction)
 
 
 def _chosen(report: Report, along: Sequence[str] | str | None) -> list[int]:
-    pivots = [report.rows[int(np.argmax(stress == 1.0))] for stress in report.self_stress]
+    pivots = report.pivots
     if along is None:
         if len(pivots) > 2:
             raise ValueError(
