@@ -8,6 +8,7 @@ that walks have found, until no walk is left.
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
@@ -47,18 +48,18 @@ def trace(
     watch: Callable[[Sequence[Any]], Iterable[Any]],
 ) -> Branches:
     """All solutions that are found over the grid; they are taken for one piece where one each is proved."""
-    points = np.array(list(itertools.product(*axes)), float).reshape(-1, len(axes))
     shape = tuple(axis.size for axis in axes)
+    points = np.array(list(itertools.product(*axes)), float).reshape(math.prod(shape), len(axes))
     place, tau = _searched(solutions, points, factors, watch)
     order, lost = [[(points[k], t, False) for k, t in zip(place, tau, strict=True)]], 0
     if not proved:
-        graph = _Graph(solutions, points, shape, list(place), list(tau))
+        graph = _Graph(solutions, points, shape, place.tolist(), list(tau))
         graph.join(watch)
         place, order, lost = np.array(graph.place, int), graph.pieces(), graph.lost
     rows = [(*row, number) for number, piece in enumerate(order) for row in piece]
     return Branches(
         count=np.bincount(place, minlength=len(points)).reshape(shape),
-        z=np.array([row[0] for row in rows]).reshape(-1, len(axes)),
+        z=np.array([row[0] for row in rows]).reshape(len(rows), len(axes)),
         tau=np.array([row[1] for row in rows]).reshape(len(rows), solutions.angular_slips.size),
         branch=np.array([row[3] for row in rows], int),
         fold=np.array([row[2] for row in rows], bool),
@@ -87,10 +88,10 @@ class _Graph:
 
     def __init__(self, solutions: SolutionSet, points: np.ndarray, shape: tuple[int, ...], place: list, tau: list):
         self.solutions, self.points, self.shape, self.place, self.tau = solutions, points, shape, place, tau
-        self.strides = [int(np.prod(shape[axis + 1 :])) for axis in range(len(shape))]
+        self.strides = [math.prod(shape[axis + 1 :]) for axis in range(len(shape))]
         self.at: dict[int, list[int]] = {}
         for node, where in enumerate(place):
-            self.at.setdefault(int(where), []).append(node)
+            self.at.setdefault(where, []).append(node)
         self.links: dict[tuple[int, int, int], tuple[int, tuple | None]] = {}
         self.angular = np.asarray(solutions.angular_slips)
 

@@ -24,6 +24,7 @@ from ._culprits import culprits
 from ._enumerate import start_factors
 from ._friction import slip_kinds
 from ._module import Numbers, as_float, replace
+from ._outputs import unknowns
 from ._results import RESULTS
 from ._solution_set import SolutionSet, solution_set
 from ._state import State
@@ -177,7 +178,7 @@ def solution_family(
     proved = report.spectral_radius is None or report.spectral_radius < 1
     factors = start_factors(solutions.rows.size, 0 if proved else starts, seed)
     branches = trace(solutions, axes, factors, proved, watch)
-    names, kinds = output_names(system)
+    names, kinds = unknowns(system)
     return SolutionFamily(
         along=tuple(report.pivots[state] for state in chosen),
         stress=stress,
@@ -207,18 +208,6 @@ def solutions_of(
     senses = None if sense is None else jnp.broadcast_to(as_float(sense), (count,))
     declared = None if rank is None else jnp.asarray(rank)
     return solution_set(system.anonymous(), state, jnp.asarray(report.self_stress), senses, declared)
-
-
-def output_names(system: AbstractSystem) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names and kinds of accelerations, multipliers and friction."""
-    slips = slip_kinds(system.friction)
-    names = (
-        *(f"{name}''" for name in system.coordinates.labels),
-        *system.rows.labels,
-        *(f"tau {name}" for name in slips.labels),
-    )
-    friction = ("friction moment" if kind == "angular" else "friction force" for kind in slips.kinds)
-    return names, (*system.coordinates.kinds, *system.rows.kinds, *friction)
 
 
 def _chosen(report: Report, along: Sequence[str] | str | None) -> list[int]:

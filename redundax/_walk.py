@@ -109,7 +109,7 @@ def _fold(
         x, v = unknown[: p + 1], unknown[p + 1 :]
         return jnp.concatenate([residual(x), slope(x)[:, :-1] @ v, jnp.array([vector @ v - 1.0])])
 
-    def step(_: int, unknown: Array) -> Array:
+    def step(_: Array, unknown: Array) -> Array:
         return unknown - jnp.linalg.solve(jax.jacfwd(equations)(unknown), equations(unknown))
 
     found = jax.lax.fori_loop(0, _FOLD_STEPS, step, jnp.concatenate([near, vector]))
