@@ -38,6 +38,7 @@ from ._loads import SpringDamper as SpringDamper
 from ._loads import TorsionSpring as TorsionSpring
 from ._loads import Wrench as Wrench
 from ._mechanism import Mechanism as Mechanism
+from ._plot import plot_family as plot_family
 from ._release import Release as Release
 from ._report import Report as Report
 from ._rescaled import in_units as in_units
@@ -46,6 +47,8 @@ from ._rescaled import state_in_units as state_in_units
 from ._results import RESULTS as RESULTS
 from ._solution import Solution as Solution
 from ._solution import Stats as Stats
+from ._solution_family import SolutionFamily as SolutionFamily
+from ._solution_family import solution_family as solution_family
 from ._solve import solve as solve
 from ._solver import AbstractSolver as AbstractSolver
 from ._solver import FixedPoint as FixedPoint

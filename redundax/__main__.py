@@ -10,13 +10,15 @@ It ends with 0, with 1 where a solve failed or a difference from the printed fig
 """
 
 import argparse
+import dataclasses
 import functools
 import json
 import os
 import pathlib
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from importlib import metadata
+from typing import Any
 
 import jax
 import numpy as np
@@ -24,10 +26,11 @@ import numpy as np
 from . import _paper
 from ._analyze import analyze
 from ._file import FileError, load
-from ._plot import plot_sweep
+from ._plot import plot_family
 from ._progress import progress
+from ._report import Report
+from ._solution_family import SolutionFamily, solution_family
 from ._state import State
-from ._study import Sweep, sweep_self_stress
 from ._system import AbstractSystem
 from .mechanisms import wojtyra2020
 
@@ -101,10 +104,10 @@ def _parser() -> argparse.ArgumentParser:
         )
         command.add_argument("--json", action="store_true", help="print JSON")
     study.add_argument(
-        "--png", metavar="FILE", type=_picture, help="draw the sweeps; further states have their number in the name"
+        "--png", metavar="FILE", type=_picture, help="draw the solutions; further states have their number in the name"
     )
     study.add_argument("--amplitude", type=float, help="largest self-stress added; by default the largest load")
-    study.add_argument("--samples", type=_positive, default=201, help="amplitudes in a sweep (default 201)")
+    study.add_argument("--samples", type=_positive, default=201, help="amplitudes looked at (default 201)")
     study.add_argument("--progress", action="store_true", help="tell how far the work is, even if it is short")
     return parser
 
@@ -132,20 +135,39 @@ def _analyze(system: AbstractSystem, state: State, as_json: bool) -> int:
 
 def _study(system: AbstractSystem, state: State, arguments: argparse.Namespace) -> int:
     watch = functools.partial(progress, what="solving", wanted=arguments.progress)
-    report, sweeps = sweep_self_stress(system, state, arguments.amplitude, arguments.samples, watch)
+    report, families = _families(system, state, arguments.amplitude, arguments.samples, watch)
     if arguments.json:
-        _show(json.dumps({"report": report.to_dict(), "sweeps": [sweep.to_dict() for sweep in sweeps]}))
+        _show(json.dumps({"report": report.to_dict(), "families": [family.to_dict() for family in families]}))
     else:
-        _show("\n\n".join(str(part) for part in (report, *sweeps)))
+        _show("\n\n".join(str(part) for part in (report, *families)))
     if arguments.png:
-        _draw(sweeps, arguments.png)
-    return 1 if report.problem or any(sweep.failed for sweep in sweeps) else 0
+        _draw(families, arguments.png)
+    return 1 if report.problem or any(np.any(family.count == 0) for family in families) else 0
 
 
-def _draw(sweeps: Sequence[Sweep], file: pathlib.Path) -> None:
-    for number, sweep in enumerate(sweeps):
+def _families(
+    system: AbstractSystem,
+    state: State,
+    amplitude: float | None,
+    samples: int,
+    watch: Callable[[Sequence[Any]], Iterable[Any]] = iter,
+) -> tuple[Report, list[SolutionFamily]]:
+    """The report, and the solutions along every self-stress state; none where there is a problem."""
+    report = analyze(system, state)
+    if report.problem:
+        return report, []
+    z = None if amplitude is None else np.linspace(-amplitude, amplitude, samples)
+    options = {"z": z, "samples": samples, "watch": watch}
+    try:
+        return report, [solution_family(system, state, along=name, **options) for name in report.pivots]
+    except RuntimeError as error:
+        return dataclasses.replace(report, problem=str(error)), []
+
+
+def _draw(families: Sequence[SolutionFamily], file: pathlib.Path) -> None:
+    for number, family in enumerate(families):
         target = file if number == 0 else file.with_stem(f"{file.stem}_{number}")
-        plot_sweep(sweep).savefig(target)
+        plot_family(family).savefig(target)
         print(f"drawn: {target}", file=sys.stderr)
 
 
@@ -159,7 +181,7 @@ def _paper_study(png: pathlib.Path | None) -> int:
     status = _verdict(comparisons)
     if png:
         state = mechanism.state(phi=_paper.PHI, rate=_paper.RATE)
-        _draw(sweep_self_stress(mechanism, state, amplitude=400.0, samples=401)[1], png)
+        _draw(_families(mechanism, state, amplitude=400.0, samples=401)[1], png)
     return 1 if report.problem else status
 
 

@@ -23,8 +23,8 @@ from ._closure import AbstractClosure, MinimumNorm
 from ._culprits import culprits
 from ._factorisation import factorize
 from ._friction import slip_kinds
-from ._mechanism import Mechanism
 from ._module import Numbers, as_float
+from ._outputs import outputs
 from ._rank import Spectrum
 from ._release import releases
 from ._report import Report
@@ -33,7 +33,6 @@ from ._solve import solve
 from ._state import State
 from ._system import AbstractSystem
 from ._verdict import Family, Judged, family, judge
-from ._wrench import joint_outputs
 
 _MINIMUM_NORM = MinimumNorm()
 
@@ -123,19 +122,8 @@ def _family(
 
 
 def _verdicts(system: AbstractSystem, state: State, figures: Family, result: RESULTS) -> dict[str, tuple[Judged, ...]]:
-    n, m, p = len(system.coordinates), len(system.rows), figures.response.shape[1]
-    identity = np.eye(n + m + p)
-    slips = [f"tau {name}" for name in slip_kinds(system.friction).labels] if p else []
-    outputs = {
-        "acceleration": ([f"{name}''" for name in system.coordinates.labels], identity[:n]),
-        "multiplier": (list(system.rows.labels), identity[n : n + m]),
-        "friction": (slips, identity[n + m :]),
-    }
-    if isinstance(system, Mechanism):
-        names, wrenches = joint_outputs(system, state)
-        outputs["reaction"] = names, np.pad(wrenches, ((0, 0), (n, p)))
     how = {"solved": bool(result == RESULTS.successful), "at_rest": bool(result == RESULTS.friction_at_rest)}
-    return {kind: tuple(judge(figures, *output, **how)) for kind, output in outputs.items()}
+    return {kind: tuple(judge(figures, *output, **how)) for kind, output in outputs(system, state).items()}
 
 
 def _groups(stress: np.ndarray) -> list[np.ndarray]:

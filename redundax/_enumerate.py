@@ -1,30 +1,33 @@
 """All solutions of the frictional equations (25) under a closure that a search finds.
 
-tau = law(rho0 + K tau) can have several solutions once friction no longer contracts. The search runs Newton's method
-from the default solution and from many random loads, of sizes from a tenth to a thousand times those without
+tau = law(rho0 + K tau) can have several solutions once friction no longer contracts. The search takes the default
+solution and runs Newton's method from many random loads, of sizes from a tenth to a thousand times those without
 friction, all in one batch, and keeps what differs. Finding no more is no proof that there are no more.
 """
+
+from typing import cast
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array
+from jaxtyping import Array, Bool, Float
 
 from ._closure import AbstractClosure, MinimumNorm
+from ._continuation import Continuation
 from ._friction import slip_kinds
-from ._module import Numbers
-from ._reduced import reduce
+from ._friction_problem import FrictionProblem
+from ._module import Numbers, as_float
+from ._reduced import Response, reduce
 from ._results import RESULTS
 from ._solution import Solution
 from ._solve import solve
-from ._solver import Newton
+from ._solver import Newton, Root
 from ._state import State
 from ._system import AbstractSystem
 
 _MINIMUM_NORM = MinimumNorm()
-_SAME = 1e4  # roundings, relative to the largest friction of its kind, within which two solutions are one
 
 
 def frictional_solutions(
@@ -54,59 +57,68 @@ def frictional_solutions(
     first = solve(system, state, **options, throw=False)
     if first.result not in (RESULTS.successful, RESULTS.no_solution_found):
         solve(system, state, **options, throw=True)
-    guesses = _initial_loads(system, state, closure, rank, starts, seed)
-    found = _solve_from(system.anonymous(), state, closure, sense, rank, guesses)
-    batch = jax.tree.map(lambda one, many: jnp.concatenate([one[None], many]), first, found)
-    good = np.flatnonzero(np.asarray(batch.result == RESULTS.successful))
-    tau = np.asarray(batch.friction)[good]
-    return [
-        jax.tree.map(lambda x, k=good[k]: x[k], batch) for k in _different(tau, slip_kinds(system.friction).angular)
-    ]
-
-
-def _initial_loads(
-    system: AbstractSystem, state: State, closure: AbstractClosure, rank: ArrayLike | None, starts: int, seed: int
-) -> Array:
-    """x0 of each start, shape (starts, n + m)."""
+    if not system.friction:
+        return [first]
+    factors = start_factors(sum(group.rows.size for group in system.friction), starts, seed)
+    slips = len(slip_kinds(system.friction))
+    senses = None if sense is None else jnp.broadcast_to(as_float(sense), (slips,))
     declared = None if rank is None else jnp.asarray(rank)
-    angular, size = np.asarray(system.rows.angular), np.abs(_frictionless(system.anonymous(), state, closure, declared))
-    size = np.where(angular, size[angular].max(initial=0.0), size[~angular].max(initial=0.0))
-    size = np.where(size > 0, size, 1.0)
-    random = np.random.default_rng(seed)
-    scale = 10 ** random.uniform(-1, 3, (starts, 1))
-    loads = scale * size * random.standard_normal((starts, size.size))
-    return jnp.asarray(np.concatenate([np.zeros((starts, state.qd.size)), loads], axis=1), state.qd.dtype)
+    guesses, found, size = _guesses(system.anonymous(), state, closure, senses, declared, factors)
+    order, rtol = np.argsort(np.asarray(size)), 100 * jnp.finfo(size.dtype).eps * jnp.maximum(size, 1.0)
+    batch = [
+        solve(system, state, x0=guesses[k], **options, solver=Newton(rtol[k]), throw=False) for k in order if found[k]
+    ]
+    return [solution for solution in batch if solution.result == RESULTS.successful]
 
 
 @eqx.filter_jit
-def _frictionless(system: AbstractSystem, state: State, closure: AbstractClosure, rank: Array | None) -> Array:
-    """Multipliers under the closure."""
-    return reduce(system, state, closure, rank=rank).free.multipliers
-
-
-@eqx.filter_jit
-def _solve_from(
+def _guesses(
     system: AbstractSystem,
     state: State,
     closure: AbstractClosure,
-    sense: Numbers | None,
-    rank: ArrayLike | None,
-    guesses: Array,
-) -> Solution:
-    options = {"closure": closure, "sense": sense, "rank": rank, "solver": Newton()}
-    return jax.vmap(lambda x0: solve(system, state, x0=x0, **options, throw=False))(guesses)
+    sense: Array | None,
+    rank: Array | None,
+    factors: Array,
+) -> tuple[Array, Array, Array]:
+    """[qdd; lam] of what the search ends with, which of them are solutions that differ, and their largest friction."""
+    reduced = reduce(system, state, closure, sense=sense, rank=rank)
+    problem, unit = cast(FrictionProblem, reduced.problem), cast(Response, reduced.unit)
+    tau, found = search(problem, factors)
+    ends = jax.vmap(lambda tau: jnp.concatenate(reduced.free.plus(unit, tau)))(tau)
+    return ends, found, jnp.max(jnp.abs(tau / problem.friction_size), axis=1)
 
 
-def _different(tau: np.ndarray, angular: np.ndarray) -> list[int]:
-    """Indices of solutions no two of which are the same, by increasing friction."""
-    if not tau.size:
-        return list(range(min(len(tau), 1)))
-    size = np.where(angular, *(np.abs(tau[:, kind]).max(initial=0.0) for kind in (angular, ~angular)))
-    scaled = tau / np.where(size > 0, size, 1.0)
-    out: list[int] = []
-    for k in np.argsort(np.abs(scaled).max(axis=1)):
-        largest = np.abs(scaled[k]).max()
-        near = _SAME * np.finfo(tau.dtype).eps * max(largest, np.finfo(tau.dtype).tiny)
-        if all(np.abs(scaled[k] - scaled[other]).max() > near for other in out):
-            out.append(int(k))
-    return out
+def start_factors(loads: int, starts: int, seed: int) -> Float[Array, "starts l"]:
+    """Random loads relative to the largest of their kind."""
+    random = np.random.default_rng(seed)
+    scale = 10 ** random.uniform(-1, 3, (starts, 1))
+    return jnp.asarray(scale * random.standard_normal((starts, loads)))
+
+
+def search(
+    problem: FrictionProblem, factors: Float[Array, "starts l"]
+) -> tuple[Float[Array, "starts+1 p"], Bool[Array, " starts+1"]]:
+    """Where the default solver and Newton's method from random loads end, and which ends are solutions that differ."""
+    default, newton = Continuation(), Newton()
+    first = default.run(problem, problem.law(problem.rho0))
+    good = default.result(first.progress) == RESULTS.successful
+    if not len(factors):
+        return first.tau[None], good[None]
+
+    def from_loads(factor: Array) -> Root:
+        tau = newton.run(problem, problem.law(factor * problem.load_size)).tau
+        return newton.run(problem.sized_at(tau), tau)
+
+    others = jax.vmap(from_loads)(factors)
+    tau = jnp.concatenate([first.tau[None], others.tau])
+    found = jnp.append(good, jax.vmap(lambda p: p.converged(newton.tolerance(tau.dtype)))(others.progress))
+    near = jax.vmap(lambda one: jax.vmap(lambda other: same(problem, one, other))(tau))(tau)
+    before = jnp.tril(jnp.ones_like(near), -1)
+    return tau, found & ~jnp.any(near & before & found, axis=1)
+
+
+def same(problem: FrictionProblem, one: Float[Array, " p"], other: Float[Array, " p"]) -> Bool[Array, ""]:
+    """Whether two solutions are one: nearer than the square root of rounding, as no fold can be told from."""
+    size = jnp.max(jnp.abs(one) / problem.friction_size)
+    near = 10 * float(jnp.finfo(one.dtype).eps) ** 0.5
+    return problem.change_of_friction(one - other) <= near * jnp.maximum(size, jnp.finfo(one.dtype).tiny)

@@ -1,13 +1,14 @@
-"""Pictures of sweeps along the self-stress."""
+"""Pictures of solution families and of bands."""
 
-import dataclasses
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ._study import Sweep
+from ._solution_family import SolutionFamily
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _PANELS = (
@@ -17,62 +18,120 @@ _PANELS = (
     ("moment", "moment-type multipliers, N m"),
     ("friction", "friction forces, N, and moments, N m"),
 )
+_UNITS = {
+    "linear": "m/s²",
+    "angular": "rad/s²",
+    "force": "N",
+    "moment": "N m",
+    "friction force": "N",
+    "friction moment": "N m",
+}
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 _DASHES = ("-", "--", "-.", ":")
-_POINTS = 2001  # of a curve at most
+_MAPS = 6  # outputs drawn over two amplitudes at most
 
 
-def plot_sweep(sweep: Sweep) -> "Figure":
-    """One panel for each kind of quantity over the amplitude of the self-stress; constant quantities are left out.
+def plot_family(family: SolutionFamily, outputs: Sequence[str] | None = None) -> "Figure":
+    """Accelerations, multipliers and friction over the amplitude of the self-stress; constant ones are left out.
 
-    Quantities that run together share a line and a name.
+    Along one state: one panel for each kind of quantity; quantities that run together share a line and a name; dots are
+    folds, where a curve turns back; where the number of solutions is not one everywhere, a panel shows it. Along two
+    states: one map for each quantity.
+
+    **Arguments:**
+
+    - `family`: from `solution_family`.
+    - `outputs`: names of what to draw; all if not given, of two states the first six that differ.
     """
+    unknown = [name for name in outputs or () if name not in family.names]
+    if unknown:
+        raise ValueError(f"Argument `outputs` must hold names of the family, but holds {', '.join(unknown)}.")
+    groups = [(title, _together(family, kind, outputs)) for kind, title in _PANELS]
+    groups = [(title, groups) for title, groups in groups if groups]
+    if not groups or len(family.along) not in (1, 2):
+        figure = _figure(4.0, 1.0)
+        figure.text(0.5, 0.5, "Nothing varies along the self-stress.", ha="center")
+        return figure
+    return _curves(family, groups) if len(family.along) == 1 else _maps(family, groups)
+
+
+def _figure(width: float, height: float) -> "Figure":
     from matplotlib.figure import Figure
 
-    few = np.linspace(0, sweep.z.size - 1, min(sweep.z.size, _POINTS)).round().astype(int)
-    sweep = dataclasses.replace(sweep, z=sweep.z[few], values=sweep.values[few])
-    panels = []
-    for kind, title in _PANELS:
-        columns = np.array([k == kind for k in sweep.kinds])
-        curves = _curves(sweep, columns)
-        if curves:
-            panels.append((title, curves))
-    figure = Figure(figsize=(10, 3.2 * max(1, (len(panels) + 1) // 2)), layout="constrained", dpi=110)
-    if not panels:
-        figure.text(0.5, 0.5, "Nothing varies along this self-stress state.", ha="center")
-        return figure
-    for number, (title, curves) in enumerate(panels, 1):
-        axes = figure.add_subplot((len(panels) + 1) // 2, min(2, len(panels)), number)
-        for k, (label, values) in enumerate(curves):
-            axes.plot(
-                sweep.z,
-                values,
-                _DASHES[(k // len(_COLOURS)) % 4 if len(curves) > len(_COLOURS) else k % 4],
-                color=_COLOURS[k % len(_COLOURS)],
-                label=label,
-            )
-        axes.set_title(title, fontsize=10)
-        axes.set_xlabel(f"self-stress added to {sweep.multiplier}")
-        axes.grid(alpha=0.3)
+    return Figure(figsize=(width, height), layout="constrained", dpi=110)
+
+
+def _together(family: SolutionFamily, kind: str, outputs: Sequence[str] | None) -> list[tuple[str, np.ndarray]]:
+    """Label and values of quantities of a kind that vary; those that run together have one label."""
+    names = [name for name, k in zip(family.names, family.kinds, strict=True) if k.startswith(kind)]
+    size = max((np.abs(family[name]).max(initial=0.0) for name in names), default=0.0)
+    out: list[tuple[str, np.ndarray]] = []
+    for name in names:
+        values = family[name]
+        if (outputs is not None and name not in outputs) or np.ptp(values) <= 1e-9 * size:
+            continue
+        for k, (label, other) in enumerate(out):
+            if np.abs(other - values).max() <= 1e-9 * size:
+                out[k] = (f"{label}, {name}", other)
+                break
+        else:
+            out.append((name, values))
+    return out
+
+
+def _curves(family: SolutionFamily, groups: list[tuple[str, list[tuple[str, np.ndarray]]]]) -> "Figure":
+    counted = bool(np.any(family.count != 1))
+    panels = len(groups) + counted
+    rows, columns = (panels + 1) // 2, min(2, panels)
+    figure = _figure(5.5 * columns, 3.2 * rows)
+    z, label = family.z[:, 0], _label(family, 0)
+    for number, (title, curves) in enumerate(groups, 1):
+        axes = figure.add_subplot(rows, columns, number)
+        for k, (name, values) in enumerate(curves):
+            dashes = _DASHES[(k // len(_COLOURS)) % 4 if len(curves) > len(_COLOURS) else k % 4]
+            for piece in range(family.branch.max(initial=-1) + 1):
+                on = family.branch == piece
+                style = {"color": _COLOURS[k % len(_COLOURS)], "linestyle": dashes, "linewidth": 1.4}
+                axes.plot(z[on], values[on], label=name if piece == 0 else None, **style)
+            axes.plot(z[family.fold], values[family.fold], "o", color=_COLOURS[k % len(_COLOURS)], markersize=4)
+        _finish(axes, title, label)
         axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    if counted:
+        axes = figure.add_subplot(rows, columns, panels)
+        axes.step(family.axes[0], family.count, where="mid", color=_COLOURS[-1], linewidth=1.4)
+        axes.set_yticks(range(int(family.count.max()) + 1))
+        _finish(axes, "number of solutions" + (", proved" if family.proved else " found"), label)
     return figure
 
 
-def _curves(sweep: Sweep, columns: np.ndarray) -> list[tuple[str, np.ndarray]]:
-    """Curves that vary, those that coincide under one label."""
-    names = np.array(sweep.names)[columns]
-    values = sweep.values[:, columns]
-    if np.isnan(values).all():
-        return []
-    size = np.nanmax(np.abs(values), initial=0.0)
-    curves: list[tuple[str, np.ndarray]] = []
-    for name, curve in zip(names, values.T, strict=True):
-        if np.nanmax(curve) - np.nanmin(curve) <= 1e-9 * size:
-            continue
-        for k, (label, other) in enumerate(curves):
-            if np.nanmax(np.abs(other - curve)) <= 1e-9 * size:
-                curves[k] = (f"{label}, {name}", other)
-                break
-        else:
-            curves.append((str(name), curve))
-    return curves
+def _maps(family: SolutionFamily, groups: list[tuple[str, list[tuple[str, np.ndarray]]]]) -> "Figure":
+    """Maps over two amplitudes; of several solutions the one with the least friction is drawn."""
+    chosen = [curve for _, curves in groups for curve in curves][:_MAPS]
+    columns = min(3, len(chosen))
+    rows = -(-len(chosen) // columns)
+    figure = _figure(4.2 * columns, 3.4 * rows)
+    first, second = family.axes
+    for number, (name, values) in enumerate(chosen, 1):
+        axes = figure.add_subplot(rows, columns, number)
+        grid = np.full((first.size, second.size), np.nan)
+        order = np.argsort(-np.abs(family.friction).max(axis=1, initial=0.0))
+        for k in order[~family.fold[order]]:
+            grid[np.searchsorted(first, family.z[k, 0]), np.searchsorted(second, family.z[k, 1])] = values[k]
+        drawn = axes.pcolormesh(first, second, grid.T, cmap="cividis", shading="nearest")
+        figure.colorbar(drawn, ax=axes, label=_UNITS[family.kinds[family.names.index(name.partition(", ")[0])]])
+        _finish(axes, name, _label(family, 0))
+        axes.set_ylabel(_label(family, 1), fontsize=9)
+        axes.grid(visible=False)
+    return figure
+
+
+def _label(family: SolutionFamily, state: int) -> str:
+    name = family.along[state]
+    return f"self-stress added to {name}, {_UNITS[family.kinds[family.names.index(name)]]}"
+
+
+def _finish(axes: "Axes", title: str, label: str) -> None:
+    axes.set_title(title, fontsize=10)
+    axes.set_xlabel(label, fontsize=9)
+    axes.tick_params(labelsize=8)
+    axes.grid(alpha=0.3)

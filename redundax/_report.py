@@ -65,17 +65,22 @@ class Report:
         free = {row.rpartition(".")[0] for row in self.rows if row not in self.unique_multipliers}
         return tuple(joint for joint in joints if joint not in free)
 
+    @property
+    def pivots(self) -> tuple[str, ...]:
+        """For each self-stress state the first multiplier that has the entry 1 in it and 0 in all others."""
+        size = np.abs(self.self_stress)
+        alone = (self.self_stress == 1.0) & (size.sum(axis=0) == size)
+        return tuple(self.rows[int(np.argmax(row))] for row in alone)
+
     def dependencies(self) -> tuple[tuple[str, dict[str, float]], ...]:
         """For each self-stress state one row and the coefficients eta (17) with which the others make it.
 
         Phi_q of the row is the sum of eta_j times Phi_q of the rows j; any row of the state can take its place.
         """
         out = []
-        for state in self.self_stress:
-            first = int(np.argmax(state == 1.0))
-            out.append(
-                (self.rows[first], {self.rows[j]: -float(state[j]) for j in np.flatnonzero(state) if j != first})
-            )
+        for state, pivot in zip(self.self_stress, self.pivots, strict=True):
+            others = [j for j in np.flatnonzero(state) if self.rows[j] != pivot]
+            out.append((pivot, {self.rows[j]: -float(state[j]) for j in others}))
         return tuple(out)
 
     def to_dict(self) -> dict[str, Any]:

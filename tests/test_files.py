@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from redundax import _study
+from redundax import _branches
 from redundax.__main__ import main
 from redundax._progress import progress
 
@@ -71,9 +71,9 @@ def test_analyze_a_joint_of_ones_own(file):
 
 def test_study_shares_the_doubled_pin(file):
     status, out, _ = run("study", f"{file}:link", "--json", "--samples", 5)
-    sweep = json.loads(out)["sweeps"][0]
-    values = np.array(sweep["values"])
-    column = {name: values[:, k] for k, name in enumerate(sweep["names"])}
+    family = json.loads(out)["families"][0]
+    values = np.array(family["values"])
+    column = {name: values[:, k] for k, name in enumerate(family["names"])}
     assert status == 0
     assert np.ptp(column["x''"]) < 1e-12
     assert np.ptp(column["first"] + column["again"]) < 1e-12
@@ -94,7 +94,7 @@ def test_study_works_in_chunks_and_tells(file, monkeypatch):
     arguments = ("study", f"{file}:link", "--samples", 10)
     status, whole, error = run(*arguments)
     assert (status, error) == (0, "")  # not on a terminal
-    monkeypatch.setattr(_study, "_CHUNK", 4)
+    monkeypatch.setattr(_branches, "_CHUNK", 4)
     assert run(*arguments, "--progress")[:2] == (0, whole)
     told = run(*arguments, "--progress")[2]  # a bar where tqdm is installed, else a line for each chunk
     assert "3/3" in told or "3 of 3" in told

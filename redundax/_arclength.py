@@ -1,0 +1,125 @@
+"""Pseudo-arclength continuation of a curve H(x) = 0, x = (y, s), from s = 0 until it arrives at s = 1 or ends.
+
+    predictor  x_p = x + step t,   corrector  H(x) = 0,  t^T (x - x_p) = 0,   [H_x; t^T] dx = -[H; t^T (x - x_p)]
+
+t is the unit tangent; the matrix [H_x; t^T] stays regular where the curve folds. Past a fold the curve is followed on:
+it may turn again, or return to s = 0.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+_FIRST, _LONGEST, _SHORTEST = 0.05, 1e3, 1e-9  # arclength steps, for y of size 1
+_CORRECTIONS = 4
+_STRAIGHT = 0.98  # least cosine between tangents of accepted steps, but for steps so short that it is a kink:
+_KINK = 1e-5
+_FAR = 1e9  # |y| that counts as infinite
+
+
+class Path(NamedTuple):
+    """A point of the curve and how it was reached.
+
+    - `here`, `tangent`: x = (y, s), d numbers, and the unit tangent there, shape (d,).
+    - `step`: length of the next step.
+    - `fold`: largest s so far.
+    - `before_fold`: point of the curve before its last fold.
+    - `steps`: steps done.
+    - `arrived`, `returned`: whether it ended at s = 1, or at s = 0 again.
+    - `ended`: whether it ended anywhere else: far away, or where no step is short enough.
+    """
+
+    here: Float[Array, " d"]
+    tangent: Float[Array, " d"]
+    step: Float[Array, ""]
+    fold: Float[Array, ""]
+    before_fold: Float[Array, " d"]
+    steps: Int[Array, ""]
+    arrived: Bool[Array, ""]
+    returned: Bool[Array, ""]
+    ended: Bool[Array, ""]
+
+
+def bordered(slope: Float[Array, "e d"], row: Float[Array, " d"]) -> Float[Array, "d d"]:
+    """[H_x; row]."""
+    return jnp.concatenate([slope, row[None]])
+
+
+def follow(
+    residual: Callable[[Float[Array, " d"]], Float[Array, " e"]],
+    slope: Callable[[Float[Array, " d"]], Float[Array, "e d"]],
+    start: Float[Array, " d"],
+    direction: Float[Array, " d"],
+    wanted: Bool[Array, ""],
+    max_path: int,
+) -> Path:
+    """The curve from `start` at s = 0 along `direction`, in which s grows; nothing where it is not wanted.
+
+    `residual` and `slope` are H and H_x; y should be of size 1.
+    """
+
+    def advance(path: Path) -> Path:
+        guess = path.here + path.step * path.tangent
+
+        def correct(_: Array, carry: tuple[Array, Array]) -> tuple[Array, Array]:
+            x, _ = carry
+            off = jnp.append(residual(x), path.tangent @ (x - guess))
+            change = jnp.linalg.solve(bordered(slope(x), path.tangent), off)
+            return x - change, change
+
+        x, change = jax.lax.fori_loop(0, _CORRECTIONS, correct, (guess, guess))
+        last = jnp.zeros_like(x).at[-1].set(1.0)
+        tangent = jnp.linalg.solve(bordered(slope(x), path.tangent), last)
+        tangent = tangent / jnp.linalg.norm(tangent)
+        reach = 1 + jnp.linalg.norm(x)
+        close = (jnp.linalg.norm(change) <= 1e-6 * reach) & (jnp.linalg.norm(x - guess) <= 0.5 * path.step)
+        turn = tangent @ path.tangent
+        good = close & (turn > jnp.where(path.step > _KINK * reach, _STRAIGHT, 0.0))
+        inside = (x[-1] > 0) & (x[-1] < 1)
+        good = good & (inside | (path.step <= _FIRST * reach))  # short steps end it, so that interpolation is near
+        return _accepted(path, x, tangent, turn, good)
+
+    def going(path: Path) -> Array:
+        return wanted & ~path.arrived & ~path.returned & ~path.ended & (path.steps < max_path)
+
+    begin = Path(
+        here=start,
+        tangent=direction / jnp.linalg.norm(direction),
+        step=jnp.full((), _FIRST, start.dtype),
+        fold=jnp.zeros((), start.dtype),
+        before_fold=start,
+        steps=jnp.zeros((), int),
+        arrived=jnp.zeros((), bool),
+        returned=jnp.zeros((), bool),
+        ended=~jnp.all(jnp.isfinite(start)) | ~jnp.all(jnp.isfinite(direction)),
+    )
+    return jax.lax.while_loop(going, advance, begin)
+
+
+def _accepted(path: Path, x: Array, tangent: Array, turn: Array, good: Array) -> Path:
+    """The path after a step to x, or with half the step where x is not good."""
+    s0, s1 = path.here[-1], x[-1]
+    arrived, returned = good & (s1 >= 1), good & (s1 <= 0)
+    beyond = arrived | returned
+    share = jnp.where(beyond, (arrived - s0) / jnp.where(beyond, s1 - s0, 1.0), 1.0)
+    here = jnp.where(good, path.here + share * (x - path.here), path.here)
+    slope0, slope1 = path.tangent[-1], tangent[-1]
+    turned = good & (slope0 > 0) & (slope1 <= 0)  # the fold of the parabola with these slopes
+    top = s0 + 0.5 * path.step * slope0**2 / jnp.where(turned, slope0 - slope1, 1.0)
+    fold = jnp.maximum(path.fold, jnp.where(turned, jnp.maximum(top, s0), here[-1]))
+    step = path.step * jnp.where(good, jnp.where(turn > 0.5 * (1 + _STRAIGHT), 2.0, 1.0), 0.5)
+    far = jnp.linalg.norm(here)
+    return Path(
+        here=here,
+        tangent=jnp.where(good, tangent, path.tangent),
+        step=jnp.minimum(step, _LONGEST * (1 + far)),
+        fold=fold,
+        before_fold=jnp.where(turned, path.here, path.before_fold),
+        steps=path.steps + 1,
+        arrived=arrived,
+        returned=returned,
+        ended=(far > _FAR) | (step < _SHORTEST * (1 + far)),
+    )

@@ -1,0 +1,40 @@
+"""The outputs of a system by name, as rows of a matrix on its unknowns.
+
+    y = Y [qdd; lam; tau]
+
+Accelerations are called "coordinate''", multipliers as their rows, friction "tau slip"; a `Mechanism` has the force
+(global components) and the moment of every joint too, "joint force x on body".
+"""
+
+import numpy as np
+
+from ._friction import slip_kinds
+from ._mechanism import Mechanism
+from ._state import State
+from ._system import AbstractSystem
+from ._wrench import joint_outputs
+
+
+def unknowns(system: AbstractSystem) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names and kinds of accelerations, multipliers and friction."""
+    slips = slip_kinds(system.friction)
+    names = (
+        *(f"{name}''" for name in system.coordinates.labels),
+        *system.rows.labels,
+        *(f"tau {name}" for name in slips.labels),
+    )
+    friction = ("friction moment" if kind == "angular" else "friction force" for kind in slips.kinds)
+    return names, (*system.coordinates.kinds, *system.rows.kinds, *friction)
+
+
+def outputs(system: AbstractSystem, state: State) -> dict[str, tuple[list[str], np.ndarray]]:
+    """Names and coefficients (outputs, n + m + p) of each "acceleration", "multiplier", "friction" and "reaction"."""
+    n, m = len(system.coordinates), len(system.rows)
+    names, _ = unknowns(system)
+    identity = np.eye(len(names))
+    parts = {"acceleration": slice(0, n), "multiplier": slice(n, n + m), "friction": slice(n + m, None)}
+    out = {kind: (list(names[part]), identity[part]) for kind, part in parts.items()}
+    if isinstance(system, Mechanism):
+        joints, wrenches = joint_outputs(system, state)
+        out["reaction"] = joints, np.pad(wrenches, ((0, 0), (n, len(names) - n - m)))
+    return out

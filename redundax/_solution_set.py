@@ -1,0 +1,73 @@
+"""The set of all solutions of (25) at a state, reduced to the friction forces and the self-stress.
+
+    lam = base + U tau,   tau = law(lam[rows]),   qdd = qdd_0 + A tau
+
+whatever has chosen base (m,) and U (m, p): every base + N z in place of base is as good, N being a basis of the
+self-stress. Along the minimum-norm point, z in R^k,
+
+    base = lam_MP + N z,   U = Lam_MP     so that     tau = law(rho0 + N_R z + K tau).
+
+One factorisation at the state serves every z and every choice of base and U.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from ._closure import MinimumNorm
+from ._friction_problem import FrictionProblem, Law
+from ._reduced import Response, reduce
+from ._state import State
+from ._system import AbstractSystem
+
+
+class SolutionSet(eqx.Module):
+    """Figures of all solutions at a state.
+
+    - `free`, `unit`: minimum-norm response to the load, (n,) and (m,), and to unit friction, (n, p) and (m, p).
+    - `stress`: N, shape (m, k), in units of the multipliers.
+    - `law`: the friction laws; None without friction.
+    - `rows`: multipliers that they read, shape (l,).
+    - `angular_loads`, `angular_slips`: which loads and frictions are moments.
+    """
+
+    free: Response
+    unit: Response
+    stress: Float[Array, "m k"]
+    law: Law | None
+    rows: Int[Array, " l"]
+    angular_loads: Array
+    angular_slips: Array
+
+    def along(self, z: Float[Array, " k"]) -> Float[Array, " m"]:
+        """lam_MP + N z."""
+        return self.free.multipliers + self.stress @ z
+
+    def problem(self, base: Float[Array, " m"], unit: Float[Array, "m p"]) -> FrictionProblem:
+        """tau = law(base[rows] + unit[rows] tau)."""
+        if self.law is None:
+            raise ValueError("Argument `system` must have friction here, but it has none.")
+        return FrictionProblem.make(base[self.rows], unit[self.rows], self.law, self.angular_loads, self.angular_slips)
+
+    def outputs(self, base: Float[Array, " m"], unit: Float[Array, "m p"], tau: Float[Array, " p"]) -> Array:
+        """[qdd; lam; tau], shape (n + m + p,)."""
+        return jnp.concatenate([self.free.acceleration + self.unit.acceleration @ tau, base + unit @ tau, tau])
+
+
+@eqx.filter_jit
+def solution_set(
+    system: AbstractSystem,
+    state: State,
+    stress: Float[Array, "k m"],
+    sense: Float[Array, " p"] | None,
+    rank: Int[Array, ""] | None,
+) -> SolutionSet:
+    """The set of solutions, given self-stress states."""
+    reduced = reduce(system, state, MinimumNorm(), sense=sense, rank=rank)
+    n, m = reduced.free.acceleration.size, reduced.free.multipliers.size
+    if reduced.problem is None or reduced.unit is None:
+        none = Response(jnp.zeros((n, 0)), jnp.zeros((m, 0)))
+        return SolutionSet(reduced.free, none, stress.T, None, reduced.rows, jnp.zeros(0, bool), jnp.zeros(0, bool))
+    problem = reduced.problem
+    kinds = problem.angular_loads, problem.angular_slips
+    return SolutionSet(reduced.free, reduced.unit, stress.T, problem.law, reduced.rows, *kinds)

@@ -1,0 +1,182 @@
+"""The solution family against 50 digits: what solutions there are for an amount of self-stress, and how many.
+
+The truth are the solutions of (25) with lam = lam_MP + z s, as the paths of
+`truth.friction` find them.
+"""
+
+import json
+from dataclasses import replace
+from functools import cache
+
+import jax
+import jax.numpy as jnp
+import literal
+import numpy as np
+import pytest
+from truth import exact, friction
+
+import redundax as rx
+
+STRESS = (1, 1, 1, 1, 1, 1, -1, -1, 0, 0, "4/5", "-4/5")
+FOUR = 0.1445  # mu_rho with up to four solutions
+
+
+def paper(mu_rho):
+    mechanism = rx.mechanisms.wojtyra2020(mu_rho=mu_rho)
+    return mechanism, mechanism.state(phi=np.pi / 4, rate=1.0)
+
+
+@cache
+def family(mu_rho, least, largest, samples=21) -> rx.SolutionFamily:
+    return rx.solution_family(*paper(mu_rho), z=np.linspace(least, largest, samples))
+
+
+@cache
+def truth(mu_rho, z) -> list[exact.Solution]:
+    """All solutions at the amplitude z, by the moment of the first joint."""
+    mechanism = exact.wojtyra2020()
+    joints = tuple(replace(joint, mu_rho=exact.exact(mu_rho)) for joint in mechanism.revolutes)
+    with exact.exactly:
+        misfit = tuple(exact.exact(str(z)) * entry for entry in exact.exact(STRESS))
+    return friction.solutions(replace(mechanism, revolutes=joints), misfit=misfit)
+
+
+def at(found, z) -> np.ndarray:
+    """Values of the solutions at an amplitude, by the moment of the first joint."""
+    here = np.flatnonzero((np.abs(found.z[:, 0] - z) < 1e-9) & ~found.fold)
+    return found.values[here][np.argsort(found["tau A"][here])]
+
+
+def agree(found, mu_rho, z):
+    expected = [np.concatenate([exact.floats(part) for part in solution]) for solution in parts(mu_rho, z)]
+    values = at(found, float(z))
+    assert len(values) == len(expected) == found.count[np.abs(found.axes[0] - float(z)).argmin()]
+    for value, true in zip(values, expected, strict=True):
+        np.testing.assert_allclose(value, true, rtol=0, atol=1e-9 * np.abs(true).max())
+
+
+def parts(mu_rho, z):
+    return [(s.acceleration, s.multipliers, s.friction) for s in truth(mu_rho, z)]
+
+
+@pytest.mark.parametrize("z", ["-400", "-80", "400"])
+def test_one_solution_each_is_proved_where_friction_is_weak(z):
+    found = family(0.02, -400.0, 400.0)
+    assert found.proved and np.all(found.count == 1) and np.all(found.branch == 0)
+    agree(found, "0.02", z)
+
+
+@pytest.mark.parametrize(
+    "z", ["-36", "4", *(pytest.param(z, marks=pytest.mark.slow) for z in ("-28", "-4", "0", "8", "32", "36"))]
+)
+def test_every_solution_is_found_and_counted(z):
+    found = family(FOUR, -40.0, 40.0)
+    assert not found.proved and not found.lost
+    agree(found, str(FOUR), z)
+
+
+def test_one_curve_goes_through_all_its_folds():
+    """At mu_rho = 0.1445 the solutions are one closed curve with four folds, whatever the amplitudes looked at."""
+    coarse, fine = family(FOUR, -40.0, 40.0), family(FOUR, -40.0, 40.0, 161)
+    for found in (coarse, fine):
+        assert set(found.branch) == {0}
+        assert np.count_nonzero(found.fold) == 4
+        # along the curve z goes on until it folds
+        turns = np.flatnonzero(np.diff(np.sign(np.diff(found.z[:, 0]))) != 0) + 1
+        assert set(turns) <= set(np.flatnonzero(found.fold))
+    assert np.allclose(np.sort(coarse.z[coarse.fold, 0]), np.sort(fine.z[fine.fold, 0]), rtol=1e-10)
+
+
+@pytest.mark.slow
+def test_folds_are_where_two_solutions_meet():
+    found = family(FOUR, -40.0, 40.0)
+    for fold in np.flatnonzero(found.fold):
+        z = float(found.z[fold, 0])
+        counts = [len(truth(str(FOUR), repr(z + step))) for step in (-1e-4, 1e-4)]
+        assert abs(counts[1] - counts[0]) == 2
+
+
+def test_where_no_solution_exists_none_is_reported():
+    assert truth("0.15", "0") == []
+    found = rx.solution_family(*paper(0.15), z=np.array([-10.0, 0.0, 10.0]))
+    assert not found.count.any() and found.values.shape == (0, 28)
+    assert "found: 0 at 3 of 3" in str(found)
+
+
+def test_two_states_against_the_literal_iteration():
+    """The carriage on two guides, k = 2, with translational friction: every third point of a grid."""
+    mechanism = rx.mechanisms.carriage(offset=0.1, mu=0.05, guide_length=0.1)
+    state = mechanism.state(0.0, rate=1.0)
+    found = rx.solution_family(mechanism, state, z=(np.linspace(-20, 20, 5), np.linspace(-1, 1, 4)))
+    assert found.count.shape == (5, 4) and np.all(found.count == 1)
+    equations = literal.equations(mechanism, state, 2)
+    for k in range(0, 20, 3):
+        h = np.concatenate([np.zeros(3), found.z[k] @ found.stress])
+        x = jnp.zeros(7)
+        for _ in range(100):
+            x = equations.a_pinv @ equations.right_side(x) + h
+        np.testing.assert_allclose(found.values[k, :7], x, rtol=0, atol=1e-9 * np.abs(x).max())
+
+
+def test_open_newton_ends_on_the_family_and_does_not_cover_it():
+    """Newton (38) ends at solutions near the self-stress of x0: starts without any end in a corner of the family."""
+    system, state = paper(0.02)
+    found = family(0.02, -400.0, 400.0)
+    x0 = 100 * np.random.default_rng(0).standard_normal((400, 24))
+    x0[:, 12:] -= found.amplitude(x0[:, 12:]) * found.stress
+    run = jax.jit(jax.vmap(lambda x0: rx.solve(system, state, closure=None, solver=rx.Newton(), x0=x0)))
+    ends = run(jnp.asarray(x0))
+    assert np.all(ends.result == rx.RESULTS.successful)
+    z = found.amplitude(ends.multipliers)
+    assert z.shape == (400, 1)
+    here = rx.solution_family(system, state, z=np.sort(z[:, 0]))
+    np.testing.assert_allclose(
+        here.acceleration, np.asarray(ends.acceleration)[np.argsort(z[:, 0])], rtol=0, atol=1e-9 * 80
+    )
+    assert len(np.unique(z.round(6))) == 400  # no two starts end at the same solution
+    assert np.abs(z).max() < 0.025 * 400  # and all end in a fortieth of the amplitudes
+    assert np.ptp(ends.acceleration[:, 8]) < 0.02 * np.ptp(found["1.phi''"])
+
+
+def test_along_nothing():
+    """Nothing redundant: the family is one point."""
+    mechanism = rx.mechanisms.n_four_bar(1, mu_rho=0.01)
+    state = mechanism.state(0.7, rate=1.0)
+    found = rx.solution_family(mechanism, state)
+    assert found.along == () and found.values.shape[0] == 1
+    np.testing.assert_allclose(found.acceleration[0], rx.solve(mechanism, state).acceleration, rtol=1e-9)
+    assert str(found).startswith("No self-stress")
+
+
+def test_data_text_and_picture(tmp_path):
+    found = family(FOUR, -40.0, 40.0)
+    data = json.loads(json.dumps(found.to_dict()))
+    assert data["along"] == ["A.x"] and np.array(data["values"]).shape == found.values.shape
+    text = str(found)
+    assert "found: 0 at 5" in text and "1 connected piece" in text and "folds at" in text
+    figure = rx.plot_family(found, outputs=["1.phi''", "tau A"])
+    assert [axes.get_title() for axes in figure.axes] == [
+        "angular accelerations, rad/s²",
+        "friction forces, N, and moments, N m",
+        "number of solutions found",
+    ]
+    figure.savefig(tmp_path / "family.png")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"along": "K.angle"}, "`along` must name"),
+        ({"z": (np.array([0.0, 1.0]), np.array([0.0, 1.0]))}, "`z`"),
+        ({"z": np.array([1.0, 0.0])}, "increasing"),
+    ],
+)
+def test_arguments_that_do_not_fit_are_refused(options, words):
+    with pytest.raises(ValueError, match=words):
+        rx.solution_family(*paper(0.02), **options)
+
+
+def test_at_rest_there_is_no_family():
+    mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02)
+    with pytest.raises(RuntimeError, match=r"at rest.*A, B, C, D"):
+        rx.solution_family(mechanism, mechanism.state(phi=0.8))
