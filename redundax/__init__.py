@@ -2,6 +2,9 @@
 
 from . import mechanisms as mechanisms
 from ._analyze import analyze as analyze
+from ._as_built import AsBuilt as AsBuilt
+from ._as_built import heated as heated
+from ._as_built import misfit as misfit
 from ._assemble import assemble as assemble
 from ._axis import Axis as Axis
 from ._body import GROUND as GROUND
@@ -12,6 +15,8 @@ from ._closure import Compliance as Compliance
 from ._closure import MinimumNorm as MinimumNorm
 from ._continuation import Continuation as Continuation
 from ._draw import draw as draw
+from ._elastic_joints import ElasticJoints as ElasticJoints
+from ._elastic_joints import JointCompliance as JointCompliance
 from ._enumerate import frictional_solutions as frictional_solutions
 from ._factorisation import Factorisation as Factorisation
 from ._factorisation import factorize as factorize
@@ -40,6 +45,7 @@ from ._loads import Wrench as Wrench
 from ._mechanism import Mechanism as Mechanism
 from ._release import Release as Release
 from ._report import Report as Report
+from ._rescaled import closure_in_units as closure_in_units
 from ._rescaled import in_units as in_units
 from ._rescaled import solution_from_units as solution_from_units
 from ._rescaled import state_in_units as state_in_units
