@@ -56,6 +56,9 @@ from ._solve import solve as solve
 from ._solver import AbstractSolver as AbstractSolver
 from ._solver import FixedPoint as FixedPoint
 from ._solver import Newton as Newton
+from ._stability import Settling as Settling
+from ._stability import Stability as Stability
+from ._stability import stability as stability
 from ._state import State as State
 from ._system import AbstractSystem as AbstractSystem
 from ._system import System as System
