@@ -29,8 +29,8 @@ from truth import paper
 
 import redundax as rx
 
-EPSILONS = (1e-2, 1e-3, 1e-4, 1e-5)
-START, RATE, FADES, END = 0.3, 8.0, (0.03, 0.13), 0.15  # rad, rad/s, s
+EPSILONS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
+START, RATE, FADES, END = 0.3, 8.0, (0.03, 0.2), 0.25  # rad, rad/s, s
 DAMPING = 0.5  # beta at the end, eps times, s
 
 # Joint: body of the frame, translational compliance m/N (2, 2), rotational rad/(N m), coupling rad/N, misfit m, m, rad.

@@ -62,6 +62,13 @@ from ._stability import stability as stability
 from ._state import State as State
 from ._system import AbstractSystem as AbstractSystem
 from ._system import System as System
+from ._unit_certificate import UnitCertificate as UnitCertificate
+from ._unit_certificate import UnitVerdict as UnitVerdict
+from ._unit_certificate import unit_certificate as unit_certificate
+from ._unit_theory import dependence_in_units as dependence_in_units
+from ._unit_theory import minimum_norm_parameters as minimum_norm_parameters
+from ._unit_theory import minimum_norm_parameters_in_units as minimum_norm_parameters_in_units
+from ._unit_theory import parametrised_multipliers as parametrised_multipliers
 from ._units import Units as Units
 from ._verdict import Judged as Judged
 from ._verdict import Verdict as Verdict
