@@ -2,6 +2,9 @@
 
 from . import mechanisms as mechanisms
 from ._analyze import analyze as analyze
+from ._as_built import AsBuilt as AsBuilt
+from ._as_built import heated as heated
+from ._as_built import misfit as misfit
 from ._assemble import assemble as assemble
 from ._axis import Axis as Axis
 from ._body import GROUND as GROUND
@@ -12,6 +15,8 @@ from ._closure import Compliance as Compliance
 from ._closure import MinimumNorm as MinimumNorm
 from ._continuation import Continuation as Continuation
 from ._draw import draw as draw
+from ._elastic_joints import ElasticJoints as ElasticJoints
+from ._elastic_joints import JointCompliance as JointCompliance
 from ._enumerate import frictional_solutions as frictional_solutions
 from ._factorisation import Factorisation as Factorisation
 from ._factorisation import factorize as factorize
@@ -41,6 +46,7 @@ from ._mechanism import Mechanism as Mechanism
 from ._plot import plot_family as plot_family
 from ._release import Release as Release
 from ._report import Report as Report
+from ._rescaled import closure_in_units as closure_in_units
 from ._rescaled import in_units as in_units
 from ._rescaled import solution_from_units as solution_from_units
 from ._rescaled import state_in_units as state_in_units
@@ -53,9 +59,19 @@ from ._solve import solve as solve
 from ._solver import AbstractSolver as AbstractSolver
 from ._solver import FixedPoint as FixedPoint
 from ._solver import Newton as Newton
+from ._stability import Settling as Settling
+from ._stability import Stability as Stability
+from ._stability import stability as stability
 from ._state import State as State
 from ._system import AbstractSystem as AbstractSystem
 from ._system import System as System
+from ._unit_certificate import UnitCertificate as UnitCertificate
+from ._unit_certificate import UnitVerdict as UnitVerdict
+from ._unit_certificate import unit_certificate as unit_certificate
+from ._unit_theory import dependence_in_units as dependence_in_units
+from ._unit_theory import minimum_norm_parameters as minimum_norm_parameters
+from ._unit_theory import minimum_norm_parameters_in_units as minimum_norm_parameters_in_units
+from ._unit_theory import parametrised_multipliers as parametrised_multipliers
 from ._units import Units as Units
 from ._verdict import Judged as Judged
 from ._verdict import Verdict as Verdict

@@ -86,7 +86,7 @@ class Compliance(AbstractClosure):
                 f"{self.misfit.shape}."
             )
         if known(self.W):
-            _check_compliance(np.asarray(self.W))
+            check_compliance(np.asarray(self.W))
 
     def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
         m = len(system.rows)
@@ -101,7 +101,7 @@ class Compliance(AbstractClosure):
         return self.units.energy * W / (scale[:, None] * scale), self.misfit / scale
 
 
-def _check_compliance(W: np.ndarray) -> None:
+def check_compliance(W: np.ndarray, argument: str = "Argument `W`") -> None:
     """Refuse a compliance that is not symmetric positive semidefinite; what is not finite is left to the solve."""
     if not np.all(np.isfinite(W)):
         return
@@ -109,7 +109,7 @@ def _check_compliance(W: np.ndarray) -> None:
     negative = np.flatnonzero(diagonal < 0)
     if negative.size:
         raise ValueError(
-            f"Argument `W` must not be negative, but its diagonal is {diagonal[negative[0]]:.4g} in row {negative[0]}. "
+            f"{argument} must not be negative, but its diagonal is {diagonal[negative[0]]:.4g} in row {negative[0]}. "
             "A compliance is at least 0: check the sign."
         )
     if W.ndim == 1:
@@ -119,14 +119,14 @@ def _check_compliance(W: np.ndarray) -> None:
     i, j = np.unravel_index(np.argmax(np.abs(scaled - scaled.T)), W.shape)
     if np.abs(scaled - scaled.T)[i, j] > rounding * np.max(np.abs(scaled)):
         raise ValueError(
-            f"Argument `W` must be symmetric, but W[{i}, {j}] = {W[i, j]:.4g} and W[{j}, {i}] = {W[j, i]:.4g}. "
+            f"{argument} must be symmetric, but W[{i}, {j}] = {W[i, j]:.4g} and W[{j}, {i}] = {W[j, i]:.4g}. "
             "Give both entries of a pair, or (W + W.T) / 2."
         )
     values, vectors = np.linalg.eigh(scaled)
     if values[0] < -rounding * values[-1]:
         rows = np.flatnonzero(np.abs(vectors[:, 0]) > 0.3 * np.max(np.abs(vectors[:, 0])))
         raise ValueError(
-            f"Argument `W` must be positive semidefinite, but scaled to a unit diagonal it has the eigenvalue "
+            f"{argument} must be positive semidefinite, but scaled to a unit diagonal it has the eigenvalue "
             f"{values[0]:.4g} along rows {rows.tolist()}. Correct its entries between these rows: joints store energy "
             "under any load."
         )

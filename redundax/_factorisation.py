@@ -173,6 +173,16 @@ class Factorisation(eqx.Module):
         a, mu = _refined(self._scaled, self._scaled_mass, self._split, self._response, coordinate_scale * force, none)
         return coordinate_scale * a, mu / row_scale
 
+    def apparent_mass(self) -> Float[Array, "m m"]:
+        """M_c = C^+ for regular M: the multipliers -lam of accelerations g of the constraints.
+
+        M a + Phi_q^T lam = 0, Phi_q a = g; of g in the range of Phi_q, and one solution of many for lam.
+        """
+        none = jnp.zeros((self._coordinate_scale.size, self.gamma.size), self.gamma.dtype)
+        unit = jnp.diag(1 / self.row_scale)
+        _, mu = _refined(self._scaled, self._scaled_mass, self._split, self._response, none, unit)
+        return -mu / self.row_scale[:, None]
+
     def stress_response(self, compliance: Float[Array, "m m"]) -> tuple[Float[Array, "m m"], Bool[Array, ""]]:
         """G = N (N^T W N)^-1 N^T: self-stress caused by a misfit under the compliance W; and whether N^T W N > 0."""
         scale = 1 / self.row_scale

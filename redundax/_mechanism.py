@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, Shaped
 
 from ._axis import Axis
 from ._body import Body, poses
@@ -142,7 +142,11 @@ class Mechanism(AbstractSystem):
             eqx.filter_vmap(lambda joint, i, j: joint.residual(body[i], body[j], t))(joints.element, joints.i, joints.j)
             for joints in self.joints
         ]
-        return jnp.concatenate([residual.ravel() for residual in residuals])[self._source]
+        return self.of_rows(residuals)
+
+    def of_rows(self, values: Sequence[Array]) -> Shaped[Array, " m ..."]:
+        """What the rows of the joints have, kind by kind of shape (joints, rows, ...), in the order of the rows."""
+        return jnp.concatenate([value.reshape(-1, *value.shape[2:]) for value in values])[self._source]
 
     def load(self, state: State) -> Float[Array, " n"]:
         body, rate = poses(state.q), poses(state.qd)

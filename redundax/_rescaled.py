@@ -15,6 +15,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int, PyTree
 
 from ._axis import Axis
+from ._closure import AbstractClosure
 from ._friction import AbstractFriction, slip_kinds
 from ._module import replace
 from ._solution import Solution
@@ -129,6 +130,25 @@ def in_units(system: AbstractSystem, units: Units) -> AbstractSystem:
 def state_in_units(state: State, system: AbstractSystem, units: Units) -> State:
     """A state of `system` as a state of `in_units(system, units)`."""
     return State(state.q, state.qd * units.of(system.coordinates) / units.time, state.t * units.time, state.memory)
+
+
+class _RescaledClosure(AbstractClosure):
+    inner: AbstractClosure
+
+    def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
+        if not isinstance(system, Rescaled):
+            raise ValueError(
+                "Argument `closure` comes from `closure_in_units` and must go with a system of `in_units`, but the "
+                "system is none. Give the closure that it was made from."
+            )
+        W, d = self.inner.compliance(system.inner, _restored_state(state, system.inner, system.units))
+        scale = system.units.of(system.rows)
+        return scale[:, None] * W * scale / system.units.energy, scale * d
+
+
+def closure_in_units(closure: AbstractClosure) -> AbstractClosure:
+    """The closure of a system as one of `in_units(system, units)`: the same choice among the same solutions."""
+    return _RescaledClosure(closure)
 
 
 def solution_from_units(solution: Solution, system: AbstractSystem, units: Units) -> Solution:

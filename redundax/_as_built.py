@@ -1,0 +1,92 @@
+"""Parts as they are: the misfit of a mechanism from its geometry.
+
+    d = Phi(q; p + dp) - Phi(q; p),   local points s -> (1 + alpha dT) s of a body warmer by dT
+
+Lengths p as designed, p + dp as made, worn or warm. d is what the constraints of the parts as they are miss at the
+position q of those as designed. It does not matter which of two equal positions of a moving joint is the nominal one:
+misfits that differ by Phi_q v, the parts displaced by v, are the same to every closure.
+"""
+
+from collections.abc import Mapping
+
+import jax.numpy as jnp
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float
+
+from ._body import GROUND
+from ._closure import AbstractClosure
+from ._mechanism import Mechanism
+from ._module import as_float, replace
+from ._state import State
+from ._system import AbstractSystem
+
+
+def misfit(system: AbstractSystem, actual: AbstractSystem, state: State) -> Float[Array, " m"]:
+    """Misfit d of the parts as they are, shape (m,): m or length unit for force-type rows, rad for moment-type rows.
+
+    **Arguments:**
+
+    - `system`: the system as designed, whose constraints `state` satisfies.
+    - `actual`: the same system with its lengths and angles as they are; its masses and loads do not matter.
+    - `state`: position and time.
+    """
+    if system.rows.kinds != actual.rows.kinds:
+        raise ValueError(
+            "Argument `actual` must have the constraint rows of `system`, but has others. Change the lengths and "
+            "angles of its parts only."
+        )
+    return actual.constraint(state.q, state.t) - system.constraint(state.q, state.t)
+
+
+class AsBuilt(AbstractClosure):
+    """A closure with the misfit of the parts as they are, in every position.
+
+    ??? example
+
+        ```python
+        warm = rx.heated(mechanism, {"crank 2": 40.0}, expansion=12e-6)
+        rx.solve(mechanism, state, closure=rx.AsBuilt(rx.Compliance(W), warm))
+        ```
+
+    **Arguments:**
+
+    - `closure`: the compliance, and misfit that comes on top.
+    - `actual`: the system with its lengths and angles as they are.
+    """
+
+    closure: AbstractClosure
+    actual: AbstractSystem
+
+    def __init__(self, closure: AbstractClosure, actual: AbstractSystem):
+        self.closure, self.actual = closure, actual.anonymous()
+
+    def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
+        W, d = self.closure.compliance(system, state)
+        return W, d + misfit(system, self.actual, state)
+
+
+def heated(mechanism: Mechanism, warmer: Mapping[str, ArrayLike], expansion: ArrayLike) -> Mechanism:
+    """The mechanism with some of its bodies warmer: the points of joints on them have moved.
+
+    A body expands about the origin of its frame; the points are the joints' `point_i` and `point_j`. What belongs to
+    no body, such as the length of a `DistanceDriver`, stays.
+
+    **Arguments:**
+
+    - `warmer`: temperature differences, K, by name of body, or "ground".
+    - `expansion`: coefficient of linear thermal expansion, 1/K.
+    """
+    bodies = (*mechanism.body_names, GROUND)
+    unknown = sorted(set(warmer) - set(bodies))
+    if unknown:
+        raise ValueError(f"Argument `warmer` must name bodies of the mechanism, but names {unknown}: it has {bodies}.")
+    factor = 1 + as_float(expansion) * jnp.stack([as_float(warmer.get(body, 0.0)) for body in bodies])
+    stacks = []
+    for stack in mechanism.joints:
+        points = {
+            name: factor[end][:, None] * getattr(stack.element, name)
+            for name, end in (("point_i", stack.i), ("point_j", stack.j))
+            if hasattr(stack.element, name)
+        }
+        stacks.append(replace(stack, element=replace(stack.element, **points)))
+    return replace(mechanism, joints=tuple(stacks))
