@@ -51,6 +51,7 @@ from ._rescaled import in_units as in_units
 from ._rescaled import solution_from_units as solution_from_units
 from ._rescaled import state_in_units as state_in_units
 from ._results import RESULTS as RESULTS
+from ._simulate import simulate as simulate
 from ._solution import Solution as Solution
 from ._solution import Stats as Stats
 from ._solution_family import SolutionFamily as SolutionFamily
@@ -59,12 +60,18 @@ from ._solve import solve as solve
 from ._solver import AbstractSolver as AbstractSolver
 from ._solver import FixedPoint as FixedPoint
 from ._solver import Newton as Newton
+from ._stabilisation import AbstractStabilisation as AbstractStabilisation
+from ._stabilisation import Baumgarte as Baumgarte
+from ._stabilisation import NoStabilisation as NoStabilisation
+from ._stabilisation import Projection as Projection
 from ._stability import Settling as Settling
 from ._stability import Stability as Stability
 from ._stability import stability as stability
 from ._state import State as State
 from ._system import AbstractSystem as AbstractSystem
 from ._system import System as System
+from ._trajectory import Trajectory as Trajectory
+from ._trajectory import TrajectoryStats as TrajectoryStats
 from ._unit_certificate import UnitCertificate as UnitCertificate
 from ._unit_certificate import UnitVerdict as UnitVerdict
 from ._unit_certificate import unit_certificate as unit_certificate

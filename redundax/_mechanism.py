@@ -92,6 +92,10 @@ class Mechanism(AbstractSystem):
     def radian(self) -> float:
         return 1.0
 
+    @property
+    def constant_mass(self) -> bool:
+        return True
+
     def anonymous(self) -> Self:
         return replace(
             self,

@@ -57,6 +57,10 @@ class Rescaled(AbstractSystem):
     def _scale(self) -> Float[Array, " n"]:
         return self.units.of(self.coordinates)
 
+    @property
+    def constant_mass(self) -> bool:
+        return self.inner.constant_mass
+
     def anonymous(self) -> Self:
         return replace(self, inner=self.inner.anonymous())
 

@@ -63,6 +63,18 @@ class RESULTS(eqx.Enumeration):
     max_steps_reached = (
         "The friction iteration reached `max_steps` before it met the tolerance. Raise `max_steps` or `rtol`."
     )
+    steps_exhausted = (
+        "The motion took `max_steps` steps before `t1`; what it reached is given, NaN the rest. Raise `max_steps` or "
+        "`rtol`."
+    )
+    step_too_small = (
+        "The motion stopped where steps became too small: what it reached is given, NaN the rest. Friction may have no "
+        "solution further on (it jams), or the loads are not smooth there."
+    )
+    rank_changed = (
+        "The motion stopped where the rank of its constraints changes for good, or began in a singular position, from "
+        "which branches of motion lead on: what it reached is given, NaN the rest. Begin beside the singular position."
+    )
     diverged = (
         "The friction iteration diverged to values that are not finite. At this friction level the equations "
         "may have no solution; reduce the friction coefficient."

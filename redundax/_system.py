@@ -35,6 +35,11 @@ class AbstractSystem(eqx.Module):
     def radian(self) -> ArrayLike:
         """One radian in the unit of the angular coordinates."""
 
+    @property
+    @abc.abstractmethod
+    def constant_mass(self) -> bool:
+        """Whether `mass` depends on neither position nor time."""
+
     @abc.abstractmethod
     def mass(self, q: Float[Array, "..."], t: Float[Array, ""]) -> Float[Array, "n n"]:
         """Mass matrix, symmetric positive semidefinite."""
@@ -144,6 +149,10 @@ class System(AbstractSystem):
     @property
     def radian(self) -> float:
         return 1.0
+
+    @property
+    def constant_mass(self) -> bool:
+        return not callable(self._mass)
 
     def anonymous(self) -> Self:
         return replace(

@@ -1,0 +1,141 @@
+"""The index-1 equations (7) along a motion, with the rank and the row combinations held.
+
+With rows scaled by D, B = D^-1 Phi_q, and P0 a projector near the self-stress of B, U = I - P0 picks as many
+combinations of rows as the rank r, and they are independent wherever no self-stress lies in their span:
+
+    R = U B M^-1 B^T U + P0,
+    a = M^-1 (f - B^T mu),   mu = U R^-1 U (B M^-1 f - g)                 so that U (B a - g) = 0.
+
+On the manifold U (B a - g) = 0 says the same as B a = g, whatever P0. Off it, where the stages of a Runge-Kutta step
+lie, the redundant rows contradict the others by as much as the state is off; held combinations leave them out, where a
+rank decided anew would count them as independent. R is positive definite: one Cholesky factorisation a stage and no
+singular value decomposition. D makes the diagonal of B M^-1 B^T about 1.
+
+The self-stress at the state follows from P0 too: X = P0 - U R^-1 U B M^-1 B^T P0 spans it, and under the compliance W
+and misfit d of a closure, both scaled,
+
+    mu + G (d - W mu),   G = X (X^T W X + w U)^-1 X^T.
+
+For W = I this G is the orthogonal projector onto the self-stress, which is held from there on: it follows the motion
+and keeps its rank without a decision.
+
+Where M is singular, M + B^T B and f + B^T g stand for M and f: the same solutions, positive definite iff (14).
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ._factorisation import Factorisation
+from ._kinematics import AlongMotion, along_motion, jacobian
+from ._state import State
+from ._system import AbstractSystem
+
+
+class Held(eqx.Module):
+    """What is held while the motion goes on.
+
+    - `projector`: P0, shape (m, m).
+    - `row_scale`: D, shape (m,).
+    - `inverse_mass`: M^-1, shape (n, n), where it is constant and regular.
+    - `singular`: whether M may be singular.
+    """
+
+    projector: Float[Array, "m m"]
+    row_scale: Float[Array, " m"]
+    inverse_mass: Float[Array, "n n"] | None
+    singular: bool = eqx.field(static=True)
+
+
+class Kinetics(NamedTuple):
+    """The matrices at a state, factorised; rows scaled.
+
+    - `rows`: B, shape (m, n).
+    - `motion`: Phi, its rate and gamma, not scaled.
+    - `inverse_mass`, `response`: M^-1, shape (n, n), and M^-1 B^T, shape (n, m).
+    - `gram`, `factor`: B M^-1 B^T and the lower Cholesky factor of R, shape (m, m).
+    """
+
+    rows: Float[Array, "m n"]
+    motion: AlongMotion
+    inverse_mass: Float[Array, "n n"]
+    response: Float[Array, "n m"]
+    gram: Float[Array, "m m"]
+    factor: Float[Array, "m m"]
+
+
+def kinetics(system: AbstractSystem, state: State, held: Held) -> Kinetics:
+    """Assemble and factorise at a state."""
+    rows = jacobian(system, state) / held.row_scale[:, None]
+    inverse_mass = held.inverse_mass
+    if inverse_mass is None:
+        mass = system.mass(state.q, state.t)
+        inverse_mass = _inverse(mass + rows.T @ rows if held.singular else mass)
+    response = inverse_mass @ rows.T
+    gram = rows @ response
+    out = jnp.eye(gram.shape[0], dtype=gram.dtype) - held.projector
+    factor = jnp.linalg.cholesky(out @ gram @ out + held.projector)
+    return Kinetics(rows, along_motion(system, state), inverse_mass, response, gram, factor)
+
+
+def _inverse(matrix: Array) -> Array:
+    factor = jnp.linalg.cholesky(matrix)
+    return jax.scipy.linalg.cho_solve((factor, True), jnp.eye(matrix.shape[0], dtype=matrix.dtype))
+
+
+def respond(
+    parts: Kinetics, held: Held, force: Float[Array, "n p"], gamma: Float[Array, "m p"]
+) -> tuple[Float[Array, "n p"], Float[Array, "m p"]]:
+    """Accelerations a and scaled multipliers mu of M a + B^T mu = force, U (B a - gamma) = 0, for each column."""
+    if held.singular:
+        force = force + parts.rows.T @ gamma
+    free = parts.inverse_mass @ force
+    mu = held_inverse(parts, held, parts.rows @ free - gamma)
+    return free - parts.response @ mu, mu
+
+
+def held_inverse(parts: Kinetics, held: Held, residual: Float[Array, "m ..."]) -> Float[Array, "m ..."]:
+    """U R^-1 U of a scaled residual; M^-1 B^T times it is the least change that meets the held rows."""
+    inside = residual - held.projector @ residual
+    mu = jax.scipy.linalg.cho_solve((parts.factor, True), inside)
+    return mu - held.projector @ mu
+
+
+def stress_response(
+    parts: Kinetics, held: Held, compliance: Float[Array, "m m"] | None
+) -> tuple[Float[Array, "m m"], Float[Array, ""]]:
+    """G: scaled self-stress that a scaled misfit causes under a scaled compliance, I if None; and |B^T X|."""
+    spanned = held.projector - held_inverse(parts, held, parts.gram @ held.projector)
+    inside = spanned.T @ (spanned if compliance is None else compliance @ spanned)
+    size = jnp.trace(inside)
+    size = jnp.where(size > 0, size, 1.0)
+    kept = jnp.eye(inside.shape[0], dtype=inside.dtype) - held.projector
+    factor = jnp.linalg.cholesky(inside / size + kept)
+    half = jax.scipy.linalg.solve_triangular(factor, spanned.T, lower=True)
+    return half.T @ half / size, jnp.max(jnp.abs(parts.rows.T @ spanned))
+
+
+def hold(system: AbstractSystem, factor: Factorisation, *, singular: bool) -> Held:
+    """Hold the rank of a factorisation; `singular` says whether M may be singular."""
+    rows, mass = factor.jacobian, factor.mass
+    scale = 1.0
+    if singular:  # rows as heavy as M, so that M + B^T B is well conditioned
+        sizes = jnp.sum(rows**2, axis=1)
+        scale = jnp.sqrt(jnp.mean(sizes) * mass.shape[0] / jnp.trace(mass))
+        mass = mass + rows.T @ rows / scale**2
+    inverse_mass = _inverse(mass)
+    row_scale = jnp.sqrt(jnp.sum(rows * (rows @ inverse_mass), axis=1))
+    row_scale = jax.lax.stop_gradient(jnp.where(row_scale > 0, row_scale, 1.0))
+    response, _ = factor.stress_response(jnp.diag(row_scale**2))
+    projector = jax.lax.stop_gradient(row_scale[:, None] * response * row_scale)
+    constant = system.constant_mass and not singular
+    return Held(projector, row_scale, inverse_mass if constant else None, singular)
+
+
+def renewed(held: Held, parts: Kinetics) -> tuple[Held, Float[Array, ""]]:
+    """The same rank held by the self-stress found here, and how much the rows that it leaves out contribute."""
+    projector, excess = jax.lax.stop_gradient(stress_response(parts, held, None))
+    return Held(projector, held.row_scale, held.inverse_mass, held.singular), excess

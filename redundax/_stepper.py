@@ -1,0 +1,171 @@
+"""Steps of any diffrax solver on the constraint manifold.
+
+A step of the given solver is followed by the projection of positions and velocities. How far it moves the state is an
+error of the step that the solver's own estimate need not see, and is added to it; where the projection does not close
+the mechanism the step is rejected. Solvers that reuse their last stage are told that the state jumped.
+"""
+
+from typing import Any, NamedTuple
+
+import diffrax
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from ._held_rank import Kinetics, kinetics, renewed
+from ._moving import Context, Equations, Moving, projected
+from ._state import State
+
+# Relative constraint residual after a projection beyond which it has failed, in roundings.
+_CLOSED = 1e6
+# Part of the rows left out, in roots of the rounding, at which they are constraints of their own.
+_SAME = 1e2
+# Least part of the pivot that a step leaves, and the pivot from which it may end in a singular position.
+_LEFT, _BESIDE = 0.1, 1e-3
+
+
+class Watch(NamedTuple):
+    """What is watched over the accepted steps.
+
+    - `position`: largest violation, relative to the size of the mechanism.
+    - `velocity`, `speed`: largest violation and largest velocity, both as lengths per time; `speed` begins with what
+      the first accelerations reach over the length of the mechanism.
+    - `kinetic`, `start`, `energy`: largest kinetic energy, T - A at the start, and its largest change.
+    - `nearest`: smallest pivot of the constraints, mass-weighted: 0 in a singular position.
+    """
+
+    position: Float[Array, ""]
+    velocity: Float[Array, ""]
+    speed: Float[Array, ""]
+    kinetic: Float[Array, ""]
+    start: Float[Array, ""]
+    energy: Float[Array, ""]
+    nearest: Float[Array, ""]
+
+
+class Carried(NamedTuple):
+    """State of the stepper: the solver's own, what is held, friction of the last step, and the watch."""
+
+    inner: Any
+    context: Context
+    watch: Watch
+    pivot: Float[Array, ""]
+
+
+class Stepper(diffrax.AbstractWrappedSolver):
+    """The solver, followed by the stabilisation."""
+
+    solver: diffrax.AbstractSolver
+
+    @property
+    def term_structure(self) -> Any:
+        return self.solver.term_structure
+
+    @property
+    def interpolation_cls(self) -> Any:  # pyright: ignore
+        return self.solver.interpolation_cls
+
+    @property
+    def term_compatible_contr_kwargs(self) -> Any:
+        return self.solver.term_compatible_contr_kwargs
+
+    @property
+    def root_finder(self) -> Any:
+        """Of an implicit solver."""
+        return self.solver.root_finder  # pyright: ignore
+
+    def order(self, terms: Any) -> int | None:
+        return self.solver.order(terms)
+
+    def error_order(self, terms: Any) -> Any:
+        return self.solver.error_order(terms)
+
+    def func(self, terms: Any, t0: Any, y0: Any, args: Any) -> Any:
+        return self.solver.func(terms, t0, y0, args)
+
+    def init(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any) -> Carried:
+        equations, context = args
+        inner = self.solver.init(terms, t0, t1, y0, args)
+        kinetic = equations.kinetic_energy(t0, y0)
+        zero = jnp.zeros_like(kinetic)
+        watch = Watch(zero, zero, equations.speed, kinetic, kinetic - y0.work, zero, jnp.full_like(zero, jnp.inf))
+        return Carried(inner, context, jax.lax.stop_gradient(watch), zero)
+
+    def step(
+        self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: Carried, made_jump: Any
+    ) -> tuple[Any, Any, Any, Carried, Any]:
+        equations, _ = args
+        system, context = equations.system, solver_state.context
+        projects = equations.stabilisation.projects
+        y, error, dense, inner, result = self.solver.step(
+            terms, t0, t1, y0, (equations, context), solver_state.inner, made_jump or projects
+        )
+        raw = y
+        if projects:
+            y, parts = projected(system, t1, raw, context.held)
+        else:
+            parts = kinetics(system, State(y.q, y.qd, t1), context.held)
+        held, excess = renewed(context.held, parts)
+        watch, off = _watched(solver_state.watch, equations, t1, y, parts, held.row_scale)
+        pivot = jnp.min(jnp.diagonal(parts.factor))
+        tau = equations.solved(State(y.q, y.qd, t1), context).tau if system.friction else context.tau
+        carried = Carried(inner, *jax.lax.stop_gradient((Context(held, tau), watch, pivot)))
+        if error is not None:
+            if projects:
+                error = jax.tree.map(lambda e, a, b: jnp.abs(e) + jnp.abs(a - b), error, y, raw)
+            error = _relative(error, t1 - t0, equations, solver_state, carried)
+            good = _may_end(off, excess, solver_state.pivot, pivot) if projects else jnp.isfinite(off)
+            error = jax.tree.map(lambda e: jnp.where(good, e, jnp.inf), error)
+        return y, error, dense, carried, result
+
+
+def _may_end(off: Array, excess: Array, begin: Array, end: Array) -> Bool[Array, ""]:
+    """Whether a step may end here: on the manifold, with the rank that is held, and not beside a singular position.
+
+    A step passes a singular position; it does not end where less than a tenth of the pivot that it began with is left.
+    """
+    eps = jnp.finfo(off.dtype).eps
+    return (off <= _CLOSED * eps) & (excess <= _SAME * eps**0.5) & ((end >= _LEFT * begin) | (begin < _BESIDE))
+
+
+def _relative(error: Moving, dt: Array, equations: Equations, before: Carried, after: Carried) -> Moving:
+    """The error of a step free of units, of which the tolerance is taken: positions relative to the size of the
+    mechanism, velocities to the largest that it had.
+
+    At the pivot p, rounding is magnified by 1 / p in positions, its square in velocities, and its cube in
+    accelerations, whatever the length of a step; that much is not counted.
+    """
+    sizes, speed = equations.scaling, after.watch.speed
+    pivot = jnp.minimum(jnp.where(before.pivot > 0, before.pivot, after.pivot), after.pivot)
+    blur = 10 * jnp.finfo(speed.dtype).eps / pivot
+    shift = speed * jnp.abs(dt) / sizes.length / pivot
+
+    def counted(value: Array, size: Array, rounding: Array) -> Array:
+        return jnp.maximum(jnp.abs(value) / size - rounding, 0.0)
+
+    return Moving(
+        counted(error.q, sizes.length * sizes.coordinates, blur * (1 + shift**2)),
+        counted(error.qd, speed * sizes.coordinates, blur / pivot * (1 + shift)),
+        jnp.zeros_like(error.work),
+    )
+
+
+def _watched(
+    watch: Watch, equations: Equations, t: Array, y: Moving, parts: Kinetics, scale: Array
+) -> tuple[Watch, Float[Array, ""]]:
+    """The watch after a step, and the violation of the position by this step."""
+    sizes, one = equations.scaling, jnp.ones_like(t)
+    value, explicit = jax.jvp(lambda t: equations.system.constraint(y.q, t), (t,), (one,))
+    position = jnp.max(jnp.abs(value) / sizes.rows) / sizes.length
+    rate = scale * (parts.rows @ y.qd) + explicit
+    kinetic = equations.kinetic_energy(t, y)
+    watch = Watch(
+        position=jnp.maximum(watch.position, position),
+        velocity=jnp.maximum(watch.velocity, jnp.max(jnp.abs(rate) / sizes.rows)),
+        speed=jnp.maximum(watch.speed, jnp.max(jnp.abs(y.qd) / sizes.coordinates)),
+        kinetic=jnp.maximum(watch.kinetic, kinetic),
+        start=watch.start,
+        energy=jnp.maximum(watch.energy, jnp.abs(kinetic - y.work - watch.start)),
+        nearest=jnp.minimum(watch.nearest, jnp.min(jnp.diagonal(parts.factor))),
+    )
+    return watch, position

@@ -1,0 +1,50 @@
+"""What `simulate` returns."""
+
+import equinox as eqx
+from jaxtyping import Array, Float, Int
+
+from ._results import RESULTS
+
+
+class TrajectoryStats(eqx.Module):
+    """The evidence beside a motion, over all its accepted steps.
+
+    - `steps`, `rejected`: steps accepted and rejected.
+    - `position_violation`: largest |Phi|, relative to the size of the mechanism.
+    - `velocity_violation`: largest |Phi_q qd + Phi_t|, relative to the largest velocity.
+    - `kinetic_energy`: the largest.
+    - `energy_error`: largest change of kinetic energy less the work of loads, friction and drivers, relative to the
+      largest kinetic energy; it is 0 for the exact motion.
+    - `nearest_singularity`: how near to a singular position steps ended: 0 in it, about 1 far from it.
+    """
+
+    steps: Int[Array, ""]
+    rejected: Int[Array, ""]
+    position_violation: Float[Array, ""]
+    velocity_violation: Float[Array, ""]
+    kinetic_energy: Float[Array, ""]
+    energy_error: Float[Array, ""]
+    nearest_singularity: Float[Array, ""]
+
+
+class Trajectory(eqx.Module):
+    """A motion at the times asked for.
+
+    Where the motion did not get to, all is NaN; accelerations, multipliers and friction are NaN too at times where
+    `solve` has no successful result, as exactly in a singular position.
+
+    - `t`: times, shape (times,).
+    - `q`, `qd`: coordinates and velocities, on the constraint manifold with `Projection`.
+    - `acceleration`, `multipliers`, `friction`: qdd, lam and tau of the closure, as `solve` gives them.
+    - `result`: how the motion ended.
+    - `stats`: the evidence.
+    """
+
+    t: Float[Array, " times"]
+    q: Float[Array, "times n"]
+    qd: Float[Array, "times n"]
+    acceleration: Float[Array, "times n"]
+    multipliers: Float[Array, "times m"]
+    friction: Float[Array, "times p"]
+    result: RESULTS
+    stats: TrajectoryStats
