@@ -27,12 +27,12 @@ class AlongMotion(NamedTuple):
 
 def along_motion(system: AbstractSystem, state: State) -> AlongMotion:
     """Phi, Phi_q qd + Phi_t and gamma at a state."""
-    return second_order(system, state)[0]
+    return _along(system, state, state.qd, jnp.ones_like(state.t))
 
 
 def explicit_gamma(system: AbstractSystem, state: State) -> Float[Array, " m"]:
     """-Phi_tt, the part of gamma that prescribed motion alone is answerable for."""
-    return second_order(system, state)[1]
+    return _along(system, state, jnp.zeros_like(state.qd), jnp.ones_like(state.t)).gamma
 
 
 def second_order(system: AbstractSystem, state: State) -> tuple[AlongMotion, Float[Array, " m"], Float[Array, " m"]]:
@@ -43,17 +43,20 @@ def second_order(system: AbstractSystem, state: State) -> tuple[AlongMotion, Flo
     angular = system.coordinates.angular
     turning = np.where(angular, 1.0 + 0.5 * np.sin(np.arange(angular.size)), 0.0)
     rates = jnp.stack([state.qd, jnp.zeros_like(state.qd), jnp.asarray(turning, state.qd.dtype)])
-    times = jnp.array([1.0, 1.0, 0.0], state.qd.dtype)
+    found = jax.vmap(lambda rate, time: _along(system, state, rate, time))(rates, jnp.array([1, 1, 0], state.qd.dtype))
+    motion, explicit, turned = (jax.tree.map(lambda x, k=k: x[k], found) for k in range(3))
+    return motion, explicit.gamma, -turned.gamma
+
+
+def _along(system: AbstractSystem, state: State, rate: Array, time: Array) -> AlongMotion:
+    """Phi, Phi' and -Phi'' as s grows from 0 in q [+] s rate, t + s time."""
+
+    def value(s: Array) -> Array:
+        return system.constraint(system.retract(state.q, s * rate), state.t + s * time)
+
     zero, one = jnp.zeros_like(state.t), jnp.ones_like(state.t)
-
-    def along(rate: Array, time: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-        def value(s: Array) -> Array:
-            return system.constraint(system.retract(state.q, s * rate), state.t + s * time)
-
-        return jax.jvp(lambda s: jax.jvp(value, (s,), (one,)), (zero,), (one,))
-
-    (phi, rate), (_, curvature) = jax.vmap(along)(rates, times)
-    return AlongMotion(phi[0], rate[0], -curvature[0]), -curvature[1], curvature[2]
+    (phi, first), (_, second) = jax.jvp(lambda s: jax.jvp(value, (s,), (one,)), (zero,), (one,))
+    return AlongMotion(phi, first, -second)
 
 
 def jacobian(system: AbstractSystem, state: State) -> Float[Array, "m n"]:

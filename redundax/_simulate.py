@@ -20,7 +20,7 @@ from ._closure import AbstractClosure, MinimumNorm
 from ._culprits import culprits
 from ._factorisation import Factorisation, factorize
 from ._held_rank import hold
-from ._kinematics import slip_motion
+from ._kinematics import second_order, slip_motion
 from ._module import Numbers, as_float, known
 from ._moving import Context, Equations, Moving, projected
 from ._results import RESULTS, first_failure
@@ -152,7 +152,7 @@ def _simulate(
     rank = factor.spectrum.rank
     result, acceleration, tau = _start(system, state, factor, closure, rank)
     possible = (result == RESULTS.successful) & ~factor.singular_position
-    scale = scaling(system, state, factor.jacobian)
+    scale = scaling(system, factor.jacobian, second_order(system, state)[2])
     reach = jnp.max(jnp.abs(acceleration) / scale.coordinates)
     speed = jnp.max(jnp.abs(state.qd) / scale.coordinates) + jnp.sqrt(reach * scale.length)
     speed = jax.lax.stop_gradient(jnp.where(speed > 0, speed, 1.0))
