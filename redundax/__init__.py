@@ -4,9 +4,17 @@ from . import mechanisms as mechanisms
 from ._analyze import analyze as analyze
 from ._assemble import assemble as assemble
 from ._axis import Axis as Axis
+from ._band import Bands as Bands
+from ._band import band as band
 from ._body import GROUND as GROUND
 from ._body import Body as Body
 from ._body import Pose as Pose
+from ._bounds import AbstractBounds as AbstractBounds
+from ._bounds import AmplitudeBox as AmplitudeBox
+from ._bounds import ComplianceBox as ComplianceBox
+from ._bounds import MisfitBox as MisfitBox
+from ._bounds import PreloadBox as PreloadBox
+from ._bounds import PreloadNorm as PreloadNorm
 from ._closure import AbstractClosure as AbstractClosure
 from ._closure import Compliance as Compliance
 from ._closure import MinimumNorm as MinimumNorm

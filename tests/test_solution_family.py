@@ -66,9 +66,7 @@ def test_one_solution_each_is_proved_where_friction_is_weak(z):
     agree(found, "0.02", z)
 
 
-@pytest.mark.parametrize(
-    "z", ["-36", "4", *(pytest.param(z, marks=pytest.mark.slow) for z in ("-28", "-4", "0", "8", "32", "36"))]
-)
+@pytest.mark.parametrize("z", ["-36", "-28", "-4", "0", "4", "8", "32", "36"])
 def test_every_solution_is_found_and_counted(z):
     found = family(FOUR, -40.0, 40.0)
     assert not found.proved and not found.lost
@@ -87,7 +85,6 @@ def test_one_curve_goes_through_all_its_folds():
     assert np.allclose(np.sort(coarse.z[coarse.fold, 0]), np.sort(fine.z[fine.fold, 0]), rtol=1e-10)
 
 
-@pytest.mark.slow
 def test_folds_are_where_two_solutions_meet():
     found = family(FOUR, -40.0, 40.0)
     for fold in np.flatnonzero(found.fold):
@@ -104,17 +101,18 @@ def test_where_no_solution_exists_none_is_reported():
 
 
 def test_two_states_against_the_literal_iteration():
-    """The carriage on two guides, k = 2, with translational friction: every third point of a grid."""
+    """The carriage on two guides, k = 2, with translational friction."""
     mechanism = rx.mechanisms.carriage(offset=0.1, mu=0.05, guide_length=0.1)
     state = mechanism.state(0.0, rate=1.0)
     found = rx.solution_family(mechanism, state, z=(np.linspace(-20, 20, 5), np.linspace(-1, 1, 4)))
     assert found.count.shape == (5, 4) and np.all(found.count == 1)
     equations = literal.equations(mechanism, state, 2)
-    for k in range(0, 20, 3):
-        h = np.concatenate([np.zeros(3), found.z[k] @ found.stress])
-        x = jnp.zeros(7)
-        for _ in range(100):
-            x = equations.a_pinv @ equations.right_side(x) + h
+    h = np.concatenate([np.zeros((20, 3)), found.z @ found.stress], axis=1)
+    step = jax.jit(jax.vmap(lambda x: equations.a_pinv @ equations.right_side(x)))
+    end = jnp.zeros((20, 7))
+    for _ in range(100):
+        end = step(end) + h
+    for k, x in enumerate(end):
         np.testing.assert_allclose(found.values[k, :7], x, rtol=0, atol=1e-9 * np.abs(x).max())
 
 
