@@ -46,6 +46,7 @@ from ._loads import SpringDamper as SpringDamper
 from ._loads import TorsionSpring as TorsionSpring
 from ._loads import Wrench as Wrench
 from ._mechanism import Mechanism as Mechanism
+from ._plot import plot_band as plot_band
 from ._plot import plot_family as plot_family
 from ._release import Release as Release
 from ._report import Report as Report

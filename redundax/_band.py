@@ -48,7 +48,7 @@ class Bands:
     - `exact`: which bands are proved, shape (outputs,); the others are inner estimates: all within them is attained,
       and more may be.
     - `bounds`: what was bounded: the name of the class.
-    - `parameters`: names of the entries of a case.
+    - `parameters`, `box`: names of the entries of a case, and their bounds, shape (q, 2).
     - `lower_case`, `upper_case`: the case that attains each extreme: amplitude, preload, misfit or compliance, shape
       (outputs, q).
     - `lower_solution`, `upper_solution`: [qdd; lam; tau] there, shape (outputs, n + m + p).
@@ -63,11 +63,18 @@ class Bands:
     exact: np.ndarray
     bounds: str
     parameters: tuple[str, ...]
+    box: np.ndarray
     lower_case: np.ndarray
     upper_case: np.ndarray
     lower_solution: np.ndarray
     upper_solution: np.ndarray
     solved: float
+
+    @property
+    def title(self) -> str:
+        """What was bounded, in words."""
+        parts = [f"{name} {low:.4g} to {high:.4g}" for name, (low, high) in zip(self.parameters, self.box, strict=True)]
+        return f"{self.bounds}: {', '.join(parts)}"
 
     @property
     def empty(self) -> bool:
@@ -81,7 +88,7 @@ class Bands:
 
     def __str__(self) -> str:
         size = max(len(name) for name in self.names) + 2
-        lines = [f"{self.bounds} of {', '.join(self.parameters)}:"]
+        lines = [self.title]
         if self.empty:
             lines.append("NO SOLUTION within the bounds was found.")
             return "\n".join(lines)
@@ -139,6 +146,7 @@ def band(
         exact=unique | exact_way,
         bounds=type(bounds).__name__,
         parameters=cases.names,
+        box=np.stack([cases.lower, cases.upper], axis=1),
         lower_case=pairs[0][1],
         upper_case=pairs[1][1],
         lower_solution=pairs[0][2],

@@ -24,6 +24,16 @@ from ._solution_set import SolutionSet
 from ._state import State
 from ._system import AbstractSystem
 
+Box = Mapping[str, tuple[float, float]]
+
+
+def _pairs(box: Box) -> Box:
+    return {name: (float(lower), float(upper)) for name, (lower, upper) in box.items()}
+
+
+def _numbers(sizes: Mapping[str, float]) -> Mapping[str, float]:
+    return {name: float(size) for name, size in sizes.items()}
+
 
 class AbstractBounds(eqx.Module):
     """What is known of the loads that the equations leave open."""
@@ -42,7 +52,7 @@ class AmplitudeBox(AbstractBounds):
       largest amplitude in units of that multiplier; states without an entry have amplitude 0.
     """
 
-    box: Mapping[str, tuple[float, float]] = eqx.field(static=True)
+    box: Box = eqx.field(static=True, converter=_pairs)
 
     def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Affine:
         places, lower, upper = _box("box", self.box, report.pivots)
@@ -60,7 +70,7 @@ class PreloadBox(AbstractBounds):
       every self-stress state.
     """
 
-    box: Mapping[str, tuple[float, float]] = eqx.field(static=True)
+    box: Box = eqx.field(static=True, converter=_pairs)
 
     def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Affine:
         rows, lower, upper = _box("box", self.box, report.rows)
@@ -76,10 +86,10 @@ class PreloadNorm(AbstractBounds):
       they must bound every self-stress state.
     """
 
-    sizes: Mapping[str, float] = eqx.field(static=True)
+    sizes: Mapping[str, float] = eqx.field(static=True, converter=_numbers)
 
     def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Affine:
-        box = {name: (-float(size), float(size)) for name, size in self.sizes.items()}
+        box = {name: (-size, size) for name, size in self.sizes.items()}
         rows, lower, upper = _box("sizes", box, report.rows)
         return _by_pivots(report, solutions, rows, lower, upper, norm=True)
 
@@ -94,7 +104,7 @@ class MisfitBox(AbstractBounds):
     """
 
     closure: AbstractClosure
-    box: Mapping[str, tuple[float, float]] = eqx.field(static=True)
+    box: Box = eqx.field(static=True, converter=_pairs)
 
     def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Affine:
         rows, lower, upper = _box("box", self.box, report.rows)
@@ -119,7 +129,7 @@ class ComplianceBox(AbstractBounds):
     """
 
     closure: AbstractClosure
-    box: Mapping[str, tuple[float, float]] = eqx.field(static=True)
+    box: Box = eqx.field(static=True, converter=_pairs)
 
     def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Fractional:
         rows, lower, upper = _box("box", self.box, report.rows)
@@ -144,15 +154,13 @@ class ComplianceBox(AbstractBounds):
         )
 
 
-def _box(
-    argument: str, box: Mapping[str, tuple[float, float]], names: tuple[str, ...]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _box(argument: str, box: Box, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Indices among the names, lower and upper bounds."""
     unknown = [name for name in box if name not in names]
     if unknown or not box:
         keys, wrong = ", ".join(names) or "none", ", ".join(unknown) or "none"
         raise ValueError(f"Argument `{argument}` must have keys among {keys}, but has {wrong}.")
-    values = np.array([tuple(map(float, box[name])) for name in box])
+    values = np.array(list(box.values()))
     right = (values[:, 0] <= values[:, 1]) & np.isfinite(values).all(axis=1)
     if not right.all():
         wrong = ", ".join(name for name, good in zip(box, right, strict=True) if not good)

@@ -101,7 +101,7 @@ class Fractional(AbstractCases):
         return jnp.zeros(0, multipliers.dtype)
 
 
-def corners(cases: AbstractCases) -> Float[Array, "2**q q"]:
+def corners(cases: AbstractCases) -> Float[Array, "vertices q"]:
     """All vertices of the box."""
     q = cases.lower.size
     high = (jnp.arange(2**q)[:, None] >> jnp.arange(q)) & 1

@@ -100,6 +100,7 @@ def test_where_no_solution_exists_none_is_reported():
     assert "found: 0 at 3 of 3" in str(found)
 
 
+@pytest.mark.slow
 def test_two_states_against_the_literal_iteration():
     """The carriage on two guides, k = 2, with translational friction."""
     mechanism = rx.mechanisms.carriage(offset=0.1, mu=0.05, guide_length=0.1)
@@ -136,13 +137,20 @@ def test_open_newton_ends_on_the_family_and_does_not_cover_it():
     assert np.ptp(ends.acceleration[:, 8]) < 0.02 * np.ptp(found["1.phi''"])
 
 
+@pytest.mark.slow
 def test_along_nothing():
-    """Nothing redundant: the family is one point."""
-    mechanism = rx.mechanisms.n_four_bar(1, mu_rho=0.01)
-    state = mechanism.state(0.7, rate=1.0)
-    found = rx.solution_family(mechanism, state)
-    assert found.along == () and found.values.shape[0] == 1
-    np.testing.assert_allclose(found.acceleration[0], rx.solve(mechanism, state).acceleration, rtol=1e-9)
+    """Nothing redundant: the family is one point. A bead on a wire that pulls at it with 3 N rubs with mu = 0.1."""
+    rubbing = rx.Friction(
+        lambda q, t, p: q[1:],
+        lambda loads, rate, sense, memory, state, p: -0.1 * jnp.abs(loads) * sense,
+        [0],
+        ["linear"],
+    )
+    pull = jnp.array([3.0, 5.0])
+    system = rx.System(lambda q, t, p: q[:1], jnp.ones(2), lambda q, qd, t, p: pull, friction=rubbing)
+    found = rx.solution_family(system, rx.State([0.0, 0.0], [0.0, 1.0]))
+    assert found.along == () and found.count == 1
+    np.testing.assert_allclose(found.values, [[0.0, 4.7, 3.0, -0.3]], atol=1e-12)
     assert str(found).startswith("No self-stress")
 
 
