@@ -7,9 +7,17 @@ from ._as_built import heated as heated
 from ._as_built import misfit as misfit
 from ._assemble import assemble as assemble
 from ._axis import Axis as Axis
+from ._band import Bands as Bands
+from ._band import band as band
 from ._body import GROUND as GROUND
 from ._body import Body as Body
 from ._body import Pose as Pose
+from ._bounds import AbstractBounds as AbstractBounds
+from ._bounds import AmplitudeBox as AmplitudeBox
+from ._bounds import ComplianceBox as ComplianceBox
+from ._bounds import MisfitBox as MisfitBox
+from ._bounds import PreloadBox as PreloadBox
+from ._bounds import PreloadNorm as PreloadNorm
 from ._closure import AbstractClosure as AbstractClosure
 from ._closure import Compliance as Compliance
 from ._closure import MinimumNorm as MinimumNorm
@@ -43,6 +51,7 @@ from ._loads import SpringDamper as SpringDamper
 from ._loads import TorsionSpring as TorsionSpring
 from ._loads import Wrench as Wrench
 from ._mechanism import Mechanism as Mechanism
+from ._plot import plot_band as plot_band
 from ._plot import plot_family as plot_family
 from ._release import Release as Release
 from ._report import Report as Report

@@ -6,6 +6,8 @@ Accelerations are called "coordinate''", multipliers as their rows, friction "ta
 (global components) and the moment of every joint too, "joint force x on body".
 """
 
+from typing import Any
+
 import numpy as np
 
 from ._friction import slip_kinds
@@ -38,3 +40,12 @@ def outputs(system: AbstractSystem, state: State) -> dict[str, tuple[list[str], 
         joints, wrenches = joint_outputs(system, state)
         out["reaction"] = joints, np.pad(wrenches, ((0, 0), (n, len(names) - n - m)))
     return out
+
+
+def plain(value: Any) -> Any:
+    """Arrays and tuples as lists, NaN as None: data for JSON."""
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, tuple | list):
+        return [plain(item) for item in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value

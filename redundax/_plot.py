@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ._band import Bands
 from ._solution_family import SolutionFamily
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ _UNITS = {
     "friction force": "N",
     "friction moment": "N m",
 }
+_BAR_UNITS = ("rad/s²", "m/s²", "N", "N m")
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 _DASHES = ("-", "--", "-.", ":")
 _MAPS = 6  # outputs drawn over two amplitudes at most
@@ -53,6 +55,49 @@ def plot_family(family: SolutionFamily, outputs: Sequence[str] | None = None) ->
         figure.text(0.5, 0.5, "Nothing varies along the self-stress.", ha="center")
         return figure
     return _curves(family, groups) if len(family.along) == 1 else _maps(family, groups)
+
+
+def plot_band(bands: Bands) -> "Figure":
+    """Bands as bars, one panel for each unit: full bars are exact, hatched ones inner estimates, diamonds one value.
+
+    **Arguments:**
+
+    - `bands`: from `band`.
+    """
+    groups = [(unit, [k for k, kind in enumerate(bands.kinds) if _UNITS[kind] == unit]) for unit in _BAR_UNITS]
+    groups = [(unit, members) for unit, members in groups if members]
+    heights = [0.3 * len(members) + 0.7 for _, members in groups]
+    figure = _figure(8.0, sum(heights) + 0.5)
+    if bands.empty:
+        figure.text(0.5, 0.5, "No solution within the bounds was found.", ha="center")
+        return figure
+    rows = figure.subplots(len(groups), 1, squeeze=False, height_ratios=heights)[:, 0]
+    for axes, (unit, members) in zip(rows, groups, strict=True):
+        largest = max(np.abs([bands.lower[k], bands.upper[k]]).max() for k in members)
+        for place, k in enumerate(members):
+            _bar(axes, place, bands.lower[k], bands.upper[k], bool(bands.exact[k]), 1e-9 * largest)
+        axes.set_yticks(range(len(members)), [bands.names[k] for k in members])
+        axes.set_ylim(len(members) - 0.5, -0.5)
+        axes.use_sticky_edges = False
+        axes.margins(x=0.18)
+        _finish(axes, "", unit)
+    about = "" if bands.solved == 1 else f"; {1 - bands.solved:.0%} of the cases have no solution"
+    figure.supxlabel("full: exact; hatched: inner estimate; diamond: one value", fontsize=8)
+    figure.suptitle(bands.title + about, fontsize=10, wrap=True)
+    return figure
+
+
+def _bar(axes: "Axes", place: int, lower: float, upper: float, exact: bool, rounding: float) -> None:
+    if upper - lower <= rounding:
+        middle = (lower + upper) / 2 if abs(lower + upper) > rounding else 0.0
+        axes.plot(middle, place, "D", color=_COLOURS[-1], markersize=5)
+        axes.annotate(f"{middle:.4g}", (middle, place), (7, 0), textcoords="offset points", va="center", fontsize=8)
+        return
+    fill, hatch = (_COLOURS[5], "") if exact else ("white", "////")
+    axes.barh(place, upper - lower, 0.55, lower, color=fill, hatch=hatch, edgecolor=_COLOURS[0], linewidth=1.2)
+    for value, side, align in ((lower, -4, "right"), (upper, 4, "left")):
+        text = f"{value if abs(value) > rounding else 0.0:.4g}"
+        axes.annotate(text, (value, place), (side, 0), textcoords="offset points", ha=align, va="center", fontsize=8)
 
 
 def _figure(width: float, height: float) -> "Figure":

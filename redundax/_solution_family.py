@@ -24,7 +24,7 @@ from ._culprits import culprits
 from ._enumerate import start_factors
 from ._friction import slip_kinds
 from ._module import Numbers, as_float, replace
-from ._outputs import unknowns
+from ._outputs import plain, unknowns
 from ._results import RESULTS
 from ._solution_set import SolutionSet, solution_set
 from ._state import State
@@ -101,7 +101,7 @@ class SolutionFamily:
     def to_dict(self) -> dict[str, Any]:
         """Plain Python data."""
         out = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
-        return {key: _plain(value) for key, value in out.items()}
+        return {key: plain(value) for key, value in out.items()}
 
     def __str__(self) -> str:
         where = " and ".join(
@@ -248,9 +248,3 @@ def _axes(
 def _values(solutions: SolutionSet, branches: Branches) -> np.ndarray:
     outputs = jax.vmap(lambda z, tau: solutions.outputs(solutions.along(z), solutions.unit.multipliers, tau))
     return np.asarray(outputs(jnp.asarray(branches.z), jnp.asarray(branches.tau)))
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return [_plain(item) for item in value]
-    return value.tolist() if isinstance(value, np.ndarray) else value

@@ -1,0 +1,119 @@
+"""Sets of cases over which an output is bounded: misfits, preloads or compliances that are possible.
+
+A case is a vector theta in a box, and chooses one multiplier vector from the family,
+
+    lam = base(theta) + U(theta) tau,   U tau being what friction tau adds.
+
+`Affine`: base = B_0 + B theta and a constant U, with limits on some multipliers or on a norm of them. `Fractional`:
+theta are diagonal entries of the compliance W,
+
+    lam = lam_p + N (N^T W N)^-1 N^T (d - W lam_p),
+
+in each of which lam is a ratio of linear functions, so monotone, and extreme at the ends of its range.
+"""
+
+import abc
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+
+class AbstractCases(eqx.Module):
+    """Box of cases, and the multipliers that each chooses.
+
+    - `names`: what each entry of theta is.
+    - `lower`, `upper`: the box, shape (q,).
+    """
+
+    names: eqx.AbstractVar[tuple[str, ...]]
+    lower: eqx.AbstractVar[Float[Array, " q"]]
+    upper: eqx.AbstractVar[Float[Array, " q"]]
+
+    @abc.abstractmethod
+    def chosen(self, theta: Float[Array, " q"]) -> tuple[Float[Array, " m"], Float[Array, "m p"]]:
+        """base and U of a case."""
+
+    @abc.abstractmethod
+    def excess(self, multipliers: Float[Array, " m"]) -> Float[Array, " c"]:
+        """How far multipliers exceed their limits, relative to their widths; at most 0 within."""
+
+
+class Affine(AbstractCases):
+    """Cases that add to the multipliers in proportion.
+
+    - `start`, `slope`, `unit`: B_0 (m,), B (m, q) and U (m, p).
+    - `rows`, `least`, `most`: multipliers that have limits, and these, shape (c,).
+    - `norm`: whether these limits are the half axes of an ellipsoid instead, `most`.
+    """
+
+    names: tuple[str, ...] = eqx.field(static=True)
+    lower: Float[Array, " q"]
+    upper: Float[Array, " q"]
+    start: Float[Array, " m"]
+    slope: Float[Array, "m q"]
+    unit: Float[Array, "m p"]
+    rows: Int[Array, " c"]
+    least: Float[Array, " c"]
+    most: Float[Array, " c"]
+    norm: bool = eqx.field(static=True, default=False)
+
+    def chosen(self, theta: Array) -> tuple[Array, Array]:
+        return self.start + self.slope @ theta, self.unit
+
+    def excess(self, multipliers: Array) -> Array:
+        own = multipliers[self.rows]
+        if self.norm:
+            return jnp.array([jnp.sum((own / self.most) ** 2) - 1.0])
+        width = jnp.where(self.most > self.least, self.most - self.least, 1.0)
+        return jnp.concatenate([(own - self.most) / width, (self.least - own) / width])
+
+
+class Fractional(AbstractCases):
+    """Cases of compliance.
+
+    - `start`, `unit`: any multipliers (m,) that solve the equations without friction, and any response (m, p) to it.
+    - `stress`: N, shape (m, k).
+    - `compliance`, `misfit`: W, shape (m, m), with 0 for the diagonal entries `rows`, shape (q,), and d, shape (m,).
+    """
+
+    names: tuple[str, ...] = eqx.field(static=True)
+    lower: Float[Array, " q"]
+    upper: Float[Array, " q"]
+    start: Float[Array, " m"]
+    unit: Float[Array, "m p"]
+    stress: Float[Array, "m k"]
+    compliance: Float[Array, "m m"]
+    misfit: Float[Array, " m"]
+    rows: Int[Array, " q"]
+
+    def chosen(self, theta: Array) -> tuple[Array, Array]:
+        compliance = self.compliance.at[self.rows, self.rows].add(theta)
+        given = jnp.concatenate([self.start[:, None], self.unit], axis=1)
+        wanted = -compliance @ given
+        wanted = wanted.at[:, 0].add(self.misfit)
+        stress = self.stress
+        moved = given + stress @ jnp.linalg.solve(stress.T @ compliance @ stress, stress.T @ wanted)
+        return moved[:, 0], moved[:, 1:]
+
+    def excess(self, multipliers: Array) -> Array:
+        return jnp.zeros(0, multipliers.dtype)
+
+
+def corners(cases: AbstractCases) -> Float[Array, "vertices q"]:
+    """All vertices of the box."""
+    q = cases.lower.size
+    high = (jnp.arange(2**q)[:, None] >> jnp.arange(q)) & 1
+    return jnp.where(high == 1, cases.upper, cases.lower)
+
+
+@eqx.filter_jit
+def multipliers_of(cases: AbstractCases, theta: Float[Array, "s q"], tau: Float[Array, " p"]) -> Float[Array, "s m"]:
+    """Multipliers of many cases under one friction."""
+
+    def one(theta: Array) -> Array:
+        base, unit = cases.chosen(theta)
+        return base + unit @ tau
+
+    return jax.vmap(one)(theta)
