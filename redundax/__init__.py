@@ -60,6 +60,8 @@ from ._rescaled import in_units as in_units
 from ._rescaled import solution_from_units as solution_from_units
 from ._rescaled import state_in_units as state_in_units
 from ._results import RESULTS as RESULTS
+from ._row_scalings import RowNormalised as RowNormalised
+from ._row_scalings import UnitConsistent as UnitConsistent
 from ._simulate import simulate as simulate
 from ._solution import Solution as Solution
 from ._solution import Stats as Stats

@@ -37,6 +37,9 @@ from ._system import AbstractSystem
 
 _STRUCTURAL = 1e-10  # relative size of a coefficient that is rounding
 _STATIONARY = 1e-8
+_SMALL = (
+    1e-2  # share of the other kind, turns times a length of the mechanism, below which a kind has no size of its own
+)
 
 
 class Verdict(enum.Enum):
@@ -82,6 +85,7 @@ class Family:
     - `slope`: dtau/dz at the solution, shape (p, k), NaN where there is none.
     - `gamma`: Gamma, shape (p, p), of minimum norm, and `closed_gamma` of the closure.
     - `reads`: which slip's law reads which load, shape (p, l).
+    - `length`: L of the mechanism, which makes turns and shifts, moments and forces comparable.
     - `loose`: accelerations that (7) leaves free, shape (n, d), none where (14) holds.
     """
 
@@ -93,6 +97,7 @@ class Family:
     gamma: np.ndarray
     closed_gamma: np.ndarray
     reads: np.ndarray
+    length: np.ndarray
     loose: np.ndarray
 
     @property
@@ -137,6 +142,7 @@ def _figures(
         "mass": factor.mass,
         "jacobian": factor.jacobian,
         "determinate": factor.determinate,
+        "length": factor.length,
     }
     closed = reduce(system, state, closure, sense=sense, rank=rank)
     if reduced.problem is None or reduced.unit is None or closed.problem is None:
@@ -181,7 +187,8 @@ def judge(family: Family, names: list[str], outputs: np.ndarray, *, solved: bool
     size = family.response.shape[0]
     n = size - family.stress.shape[0]
     by_multipliers, by_unknowns, by_friction = outputs[:, n:size], outputs[:, :size], outputs[:, size:]
-    stress_size, response_size = _sizes(family.stress, family.kinds[n:]), _sizes(family.response, family.kinds)
+    stress_size = _sizes(family.stress, family.kinds[n:], family.length)
+    response_size = _sizes(family.response, family.kinds, family.length)
     direct_size = np.abs(by_multipliers) @ stress_size
     driven_size = np.abs(by_unknowns) @ response_size + np.abs(by_friction)
     direct = _clean(by_multipliers @ family.stress, direct_size)
@@ -239,11 +246,14 @@ def _touched(family: Family) -> np.ndarray:
     return touched
 
 
-def _sizes(matrix: np.ndarray, kinds: np.ndarray) -> np.ndarray:
-    """Each entry replaced by the largest of its column and kind."""
+def _sizes(matrix: np.ndarray, kinds: np.ndarray, length: np.ndarray) -> np.ndarray:
+    """Each entry replaced by the largest of its column and kind, which is rounding where nothing of the kind moves."""
     out = np.abs(matrix)
-    for kind in set(kinds):
-        out[kinds == kind] = out[kinds == kind].max(axis=0, initial=0.0)
+    for pair, lever in ((("linear", "angular"), length), (("force", "moment"), 1 / length)):
+        largest = [out[kinds == kind].max(axis=0, initial=0.0) for kind in pair]
+        floors = _SMALL * largest[1] * lever, _SMALL * largest[0] / lever
+        for kind, own, floor in zip(pair, largest, floors, strict=True):
+            out[kinds == kind] = np.maximum(own, floor)
     return out
 
 

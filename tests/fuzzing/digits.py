@@ -43,18 +43,28 @@ def _matrix(array: np.ndarray):
 
 
 @exact.exactly
-def solution(problem: Problem, start: np.ndarray) -> Parts:
-    """The answer to a problem of one sample derived in `DIGITS`; Newton's method for friction begins at `start`."""
+def responses(problem: Problem) -> tuple:
+    """Self-stress basis of a problem of one sample, and the accelerations and multipliers of one of its solutions to
+    the load (first column) and to each unit friction."""
     equations, structure = problem.equations, problem.structure
     jacobian = _matrix(equations.jacobian)
-    basis = exact.selfstress(jacobian, structure.rank)
     count = len(structure.frictional)
     force, gamma = mp.zeros(structure.n, 1 + count), mp.zeros(structure.m, 1 + count)
     force[:, 0], gamma[:, 0] = _matrix(equations.load), _matrix(equations.gamma)
     for k in range(count):
         force[:, 1 + k] = mp.matrix(equations.direction[0, :, k].tolist())
     mass = mp.diag(equations.mass[0].tolist())
-    acceleration, multipliers = exact.particular(mass, jacobian, force, gamma, structure.rank)
+    basis = exact.selfstress(jacobian, structure.rank)
+    return basis, *exact.particular(mass, jacobian, force, gamma, structure.rank)
+
+
+@exact.exactly
+def solution(problem: Problem, start: np.ndarray, given: tuple | None = None) -> Parts:
+    """The answer to a problem of one sample derived in `DIGITS`; Newton's method for friction begins at `start`.
+
+    `given` are its `responses`, which do not depend on the misfit."""
+    basis, acceleration, multipliers = given or responses(problem)
+    count = len(problem.structure.frictional)
     compliance = problem.compliance[0].tolist()
     base = exact.close(basis, multipliers[:, 0], compliance, problem.misfit[0].tolist())
     if not count:
