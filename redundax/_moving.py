@@ -141,7 +141,7 @@ def _closed(system: AbstractSystem, held: Held, q: Float[Array, " n"], t: Array)
     """The position nearest to q that meets the held rows; its derivative is dq - B^+ (B dq + dPhi)."""
     parts = kinetics(system, State(q, jnp.zeros_like(q), t), held)
 
-    def chord(_: int, x: Array) -> Array:
+    def chord(_: Array, x: Array) -> Array:
         return x - parts.response @ held_inverse(parts, held, system.constraint(x, t) / held.row_scale)
 
     return jax.lax.fori_loop(0, _CHORDS, chord, q)

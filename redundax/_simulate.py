@@ -157,6 +157,7 @@ def _simulate(
     speed = jnp.max(jnp.abs(state.qd) / scale.coordinates) + jnp.sqrt(reach * scale.length)
     speed = jax.lax.stop_gradient(jnp.where(speed > 0, speed, 1.0))
     equations = Equations(system, closure, Newton(), stabilisation, _sense(system, state), scale, speed)
+    held, _ = hold(system, state, scale, rank, singular=singular)
     first = 0.01 * scale.length / speed if dt0 is None else dt0
     end = jnp.where(possible, t1, state.t)
     solution = diffrax.diffeqsolve(
@@ -166,7 +167,7 @@ def _simulate(
         end,
         jnp.minimum(first, t1 - state.t),
         Moving(state.q, state.qd, jnp.zeros_like(state.t)),
-        (equations, Context(hold(system, factor, singular=singular), jax.lax.stop_gradient(tau))),
+        (equations, Context(held, jax.lax.stop_gradient(tau))),
         stepsize_controller=_controller(rtol, first),
         saveat=diffrax.SaveAt(
             subs=[diffrax.SubSaveAt(ts=jnp.clip(ts, state.t, end)), diffrax.SubSaveAt(t1=True)], solver_state=True
@@ -181,7 +182,7 @@ def _simulate(
     points = jnp.append(ts, stop), jax.tree.map(lambda a, b: jnp.concatenate([a, b]), path, last), reached
     solved, counted = _solved(equations, points, rank, singular)
     ended = _ended(solution.result, last, counted[-1] == rank)
-    refused = RESULTS.where(factor.singular_position, RESULTS.rank_changed, result)
+    refused = RESULTS.where(result == RESULTS.successful, RESULTS.rank_changed, result)
     stats = _stats(cast(Carried, solution.solver_state).watch, solution.stats)
     q, qd, acceleration, multipliers, friction = (x[:-1] for x in solved)
     result = RESULTS.where(possible, ended, refused)
@@ -218,12 +219,10 @@ def _solved(
     def at(point: tuple[Array, Moving, Array]) -> tuple[tuple[Array, ...], Array]:
         t, y, valid = point
         y = jax.tree.map(lambda x: jnp.where(valid, x, jnp.nan), y)
-        factor = factorize(system, State(y.q, y.qd, t), rank)
-        held = hold(system, factor, singular=singular)
+        held, found = hold(system, State(y.q, y.qd, t), equations.scaling, rank, singular=singular)
         if equations.stabilisation.projects:
             y, _ = projected(system, t, y, held)
         solved = equations.solved(State(y.q, y.qd, t), Context(held, None))
-        found = jnp.sum(factor.spectrum.singular_values > factor.spectrum.tolerance)
         return (y.q, y.qd, solved.acceleration, solved.multipliers, solved.tau), found
 
     return jax.lax.map(at, points)

@@ -74,6 +74,11 @@ class Stepper(diffrax.AbstractWrappedSolver):
         """Of an implicit solver."""
         return self.solver.root_finder  # pyright: ignore
 
+    @property
+    def scan_kind(self) -> Any:
+        """Of a Runge-Kutta solver."""
+        return self.solver.scan_kind  # pyright: ignore
+
     def order(self, terms: Any) -> int | None:
         return self.solver.order(terms)
 
