@@ -33,6 +33,8 @@ from ._friction import Friction as Friction
 from ._friction_model import AbstractFrictionModel as AbstractFrictionModel
 from ._friction_model import ConstantFriction as ConstantFriction
 from ._friction_model import Coulomb as Coulomb
+from ._friction_model import RegularisedCoulomb as RegularisedCoulomb
+from ._friction_model import Stribeck as Stribeck
 from ._joints import AbstractFrictionalJoint as AbstractFrictionalJoint
 from ._joints import AbstractJoint as AbstractJoint
 from ._joints import AngleDriver as AngleDriver

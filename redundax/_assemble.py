@@ -149,7 +149,7 @@ def _closed_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
 
 
 def _position(system: AbstractSystem, guess: State, held: Array, positions: Array) -> tuple[Array, Array]:
-    scale = scaling(system, jacobian(system, guess), second_order(system, guess)[2])
+    scale = scaling(system, guess, jacobian(system, guess))
     row_scale = jnp.concatenate([scale.rows, _held_scale(system, held, scale)])
     closing = _Closing(system, guess, held, positions, scale, row_scale)
     d = _closed(closing)
@@ -159,7 +159,7 @@ def _position(system: AbstractSystem, guess: State, held: Array, positions: Arra
 def _velocity(system: AbstractSystem, state: State, driven: Array, rates: Array) -> tuple[Array, Array]:
     matrix = jacobian(system, state)
     motion, _, turned = second_order(system, state)
-    scale = scaling(system, matrix, turned)
+    scale = scaling(system, state, matrix, turned)
     row_scale = jnp.concatenate([scale.rows, _held_scale(system, driven, scale)])
     rows = jnp.concatenate([matrix, jnp.eye(state.qd.size, dtype=matrix.dtype)[driven]])
     misfit = jnp.concatenate([motion.rate, state.qd[driven] - rates]) / row_scale

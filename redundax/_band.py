@@ -159,7 +159,7 @@ def _wanted(
     system: AbstractSystem, state: State, outputs: Sequence[str] | str | None, report: Report
 ) -> tuple[tuple[str, ...], tuple[str, ...], np.ndarray, np.ndarray]:
     """Names, kinds, coefficients and proved uniqueness of the outputs."""
-    known = named_outputs(system, state, np.asarray(factorize(system, state).jacobian))
+    known = named_outputs(system, state)
     rows = {name: row for names, matrix in known.values() for name, row in zip(names, matrix, strict=True)}
     kinds = dict(zip(*unknowns(system), strict=True))
     kinds |= {name: "moment" if " moment on " in name else "force" for name in rows if name not in kinds}

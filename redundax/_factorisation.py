@@ -209,7 +209,7 @@ def _factorize(system: AbstractSystem, state: State, rank: Int[Array, ""] | None
     motion, explicit, turned = second_order(system, state)
     mass, load = system.mass(state.q, state.t), system.load(state)
     _check_shapes(system, matrix, mass, load)
-    coordinate_scale, row_scale, length = scaling(system, matrix, turned)
+    coordinate_scale, row_scale, length = scaling(system, state, matrix, turned)
     scaled = matrix * coordinate_scale / row_scale[:, None]
     position = jnp.max(jnp.abs(motion.value) / row_scale) / length
     parts, spectrum = split(scaled, position, rank)

@@ -27,6 +27,11 @@ class AbstractFriction(eqx.Module):
     rows: eqx.AbstractVar[Int[Array, "..."]]
     slips: eqx.AbstractVar[Axis]
 
+    @property
+    @abc.abstractmethod
+    def has_sense(self) -> bool:
+        """Whether the force depends on the sense of slip, so that it jumps where the slip reverses."""
+
     @abc.abstractmethod
     def slip(self, q: Float[Array, "..."], t: Float[Array, ""]) -> Float[Array, " p"]:
         """Slip coordinates: the relative displacement that each friction force opposes."""
@@ -89,6 +94,11 @@ class Friction(AbstractFriction):
         self.slips = kinds if isinstance(kinds, Axis) else Axis(None, tuple(kinds))
         self.slips.check("kinds", ("linear", "angular"))
         self.parameters = as_parameters(parameters)
+
+    @property
+    def has_sense(self) -> bool:
+        """Taken to be so: what the function does with the sense is not known."""
+        return True
 
     def anonymous(self) -> Self:
         return replace(self, slips=self.slips.anonymous())

@@ -1,6 +1,9 @@
 """Friction models of joints.
 
     Coulomb                  tau = -coefficient (N + preload) sense                        (41)
+    regularised              tau = -coefficient (N + preload) tanh(rate / velocity)
+    Stribeck                 tau = -(kinetic + (static - kinetic) exp(-(rate / velocity)^2)) (N + preload) sense
+                                   - viscous rate
     independent of load      tau = -force sense                                      (24)
 
 N is the joint's normal load: the joint force of a revolute, |N1| + |N2| at the ends of a translational guide.
@@ -21,6 +24,7 @@ class AbstractFrictionModel(eqx.Module):
     """Friction of a joint from its normal load, slip rate and sense."""
 
     depends_on_load: eqx.AbstractClassVar[bool]
+    has_sense: eqx.AbstractClassVar[bool]
 
     @abc.abstractmethod
     def force(
@@ -43,6 +47,7 @@ class Coulomb(AbstractFrictionModel):
     """
 
     depends_on_load: ClassVar[bool] = True
+    has_sense: ClassVar[bool] = True
     coefficient: Float[Array, ""] = eqx.field(converter=as_float)
     preload: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
 
@@ -51,6 +56,60 @@ class Coulomb(AbstractFrictionModel):
 
     def slope_bound(self) -> Array:
         return jnp.abs(self.coefficient)
+
+
+class RegularisedCoulomb(AbstractFrictionModel):
+    """Coulomb friction whose sense is smooth in the slip rate: it creeps where Coulomb friction sticks.
+
+        tau = -coefficient (N + preload) tanh(rate / velocity)
+
+    **Arguments:**
+
+    - `coefficient`, `preload`: as of `Coulomb`.
+    - `velocity`: slip rate at which 76 % of the friction acts, m/s or rad/s.
+    """
+
+    depends_on_load: ClassVar[bool] = True
+    has_sense: ClassVar[bool] = False
+    coefficient: Float[Array, ""] = eqx.field(converter=as_float)
+    velocity: Float[Array, ""] = eqx.field(converter=as_float)
+    preload: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+
+    def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
+        return -self.coefficient * (normal_load + self.preload) * jnp.tanh(rate / self.velocity)
+
+    def slope_bound(self) -> Array:
+        return jnp.abs(self.coefficient)
+
+
+class Stribeck(AbstractFrictionModel):
+    """Coulomb friction that falls from its value at rest as slip sets in, with a viscous part.
+
+        tau = -(kinetic + (static - kinetic) exp(-(rate / velocity)^2)) (N + preload) sense - viscous rate
+
+    **Arguments:**
+
+    - `static`, `kinetic`: coefficients at rest and in fast slip, as of `Coulomb`.
+    - `velocity`: Stribeck velocity, m/s or rad/s.
+    - `viscous`: N s/m of a translational, N m s/rad of a revolute joint.
+    - `preload`: as of `Coulomb`.
+    """
+
+    depends_on_load: ClassVar[bool] = True
+    has_sense: ClassVar[bool] = True
+    static: Float[Array, ""] = eqx.field(converter=as_float)
+    kinetic: Float[Array, ""] = eqx.field(converter=as_float)
+    velocity: Float[Array, ""] = eqx.field(converter=as_float)
+    viscous: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    preload: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+
+    def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
+        fall = jnp.exp(-((rate / self.velocity) ** 2))
+        coefficient = self.kinetic + (self.static - self.kinetic) * fall
+        return -coefficient * (normal_load + self.preload) * sense - self.viscous * rate
+
+    def slope_bound(self) -> Array:
+        return jnp.maximum(jnp.abs(self.static), jnp.abs(self.kinetic))
 
 
 class ConstantFriction(AbstractFrictionModel):
@@ -62,6 +121,7 @@ class ConstantFriction(AbstractFrictionModel):
     """
 
     depends_on_load: ClassVar[bool] = False
+    has_sense: ClassVar[bool] = True
     size: Float[Array, ""] = eqx.field(converter=as_float)
 
     def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:

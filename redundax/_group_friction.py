@@ -29,6 +29,11 @@ class JointFriction(AbstractFriction):
     rows: Int[Array, "p rows"]
     slips: Axis = eqx.field(static=True)
 
+    @property
+    def has_sense(self) -> bool:
+        """As the model has."""
+        return self.model.has_sense
+
     def anonymous(self) -> Self:
         return replace(self, slips=self.slips.anonymous())
 

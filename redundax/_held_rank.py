@@ -27,10 +27,11 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
-from ._factorisation import Factorisation
 from ._kinematics import AlongMotion, along_motion, jacobian
+from ._rank import split
+from ._scaling import Scaling
 from ._state import State
 from ._system import AbstractSystem
 
@@ -109,30 +110,38 @@ def stress_response(
 ) -> tuple[Float[Array, "m m"], Float[Array, ""]]:
     """G: scaled self-stress that a scaled misfit causes under a scaled compliance, I if None; and |B^T X|."""
     spanned = held.projector - held_inverse(parts, held, parts.gram @ held.projector)
+    return _spanned_response(spanned, held.projector, compliance), jnp.max(jnp.abs(parts.rows.T @ spanned))
+
+
+def _spanned_response(spanned: Array, projector: Array, compliance: Array | None) -> Float[Array, "m m"]:
+    """X (X^T W X + w (I - P))^-1 X^T for an X that spans the self-stress with X P = X."""
     inside = spanned.T @ (spanned if compliance is None else compliance @ spanned)
     size = jnp.trace(inside)
     size = jnp.where(size > 0, size, 1.0)
-    kept = jnp.eye(inside.shape[0], dtype=inside.dtype) - held.projector
+    kept = jnp.eye(inside.shape[0], dtype=inside.dtype) - projector
     factor = jnp.linalg.cholesky(inside / size + kept)
     half = jax.scipy.linalg.solve_triangular(factor, spanned.T, lower=True)
-    return half.T @ half / size, jnp.max(jnp.abs(parts.rows.T @ spanned))
+    return half.T @ half / size
 
 
-def hold(system: AbstractSystem, factor: Factorisation, *, singular: bool) -> Held:
-    """Hold the rank of a factorisation; `singular` says whether M may be singular."""
-    rows, mass = factor.jacobian, factor.mass
-    scale = 1.0
+def hold(
+    system: AbstractSystem, state: State, scale: Scaling, rank: Int[Array, ""], *, singular: bool
+) -> tuple[Held, Int[Array, ""]]:
+    """Hold a rank at a state, and the rank found there; `singular` says whether M may be singular."""
+    matrix, mass = jacobian(system, state), system.mass(state.q, state.t)
+    position = jnp.max(jnp.abs(system.constraint(state.q, state.t)) / scale.rows) / scale.length
+    parts, spectrum = split(matrix * scale.coordinates / scale.rows[:, None], position, rank)
     if singular:  # rows as heavy as M, so that M + B^T B is well conditioned
-        sizes = jnp.sum(rows**2, axis=1)
-        scale = jnp.sqrt(jnp.mean(sizes) * mass.shape[0] / jnp.trace(mass))
-        mass = mass + rows.T @ rows / scale**2
-    inverse_mass = _inverse(mass)
-    row_scale = jnp.sqrt(jnp.sum(rows * (rows @ inverse_mass), axis=1))
-    row_scale = jax.lax.stop_gradient(jnp.where(row_scale > 0, row_scale, 1.0))
-    response, _ = factor.stress_response(jnp.diag(row_scale**2))
-    projector = jax.lax.stop_gradient(row_scale[:, None] * response * row_scale)
+        heavy = jnp.trace(mass) / mass.shape[0] / jnp.mean(jnp.sum(matrix**2, axis=1))
+        mass = mass + heavy * matrix.T @ matrix
+    inverse_mass = _inverse(mass + 0.0 * parts.stress[0, 0])  # two LAPACK calls side by side can hang
+    row_scale = jnp.sqrt(jnp.sum(matrix * (matrix @ inverse_mass), axis=1))
+    row_scale = jnp.where(row_scale > 0, row_scale, 1.0)
+    projector = _spanned_response((row_scale / scale.rows)[:, None] * parts.stress, parts.stress, None)
+    held = jax.lax.stop_gradient((projector, row_scale))
     constant = system.constant_mass and not singular
-    return Held(projector, row_scale, inverse_mass if constant else None, singular)
+    found = jnp.sum(spectrum.singular_values > spectrum.tolerance)
+    return Held(*held, inverse_mass if constant else None, singular), found
 
 
 def renewed(held: Held, parts: Kinetics) -> tuple[Held, Float[Array, ""]]:

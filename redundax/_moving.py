@@ -6,7 +6,6 @@ with the rank held (`_held_rank`). A is the work of loads, friction and drivers,
 energy, is constant along the exact motion of any system. Forces of constraints that do not move do no work.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
@@ -19,6 +18,7 @@ from ._friction import load_rows, slip_kinds
 from ._friction_problem import FrictionProblem, Law
 from ._held_rank import Held, Kinetics, held_inverse, kinetics, respond, stress_response
 from ._kinematics import slip_motion
+from ._results import RESULTS
 from ._scaling import Scaling
 from ._solver import AbstractSolver, closed_root
 from ._stabilisation import AbstractStabilisation
@@ -56,6 +56,8 @@ class Equations(eqx.Module):
     - `sense`: sense of slip of every frictional joint, held until an event changes it; shape (p,).
     - `scaling`: sizes of rows and coordinates and the length of the mechanism, for errors free of units.
     - `speed`: a velocity of the mechanism, length per time.
+    - `slip_size`: the length by which slips are made lengths, 1 for those that are; shape (p,).
+    - `has_sense`: whether any friction depends on the sense of slip.
     """
 
     system: AbstractSystem
@@ -65,6 +67,8 @@ class Equations(eqx.Module):
     sense: Float[Array, " p"]
     scaling: Scaling
     speed: Float[Array, ""]
+    slip_size: Float[Array, " p"]
+    has_sense: bool = eqx.field(static=True)
 
     def derivative(self, t: Array, y: Moving, context: Context) -> Moving:
         """y'."""
@@ -73,29 +77,33 @@ class Equations(eqx.Module):
 
     def solved(self, state: State, context: Context) -> Solved:
         """Accelerations, multipliers and friction at a state."""
-        system, held = self.system, context.held
-        scale = held.row_scale
-        parts = kinetics(system, state, held)
-        force = system.load(state)
+        system, scale = self.system, context.held.row_scale
+        parts = kinetics(system, state, context.held)
+        force, rate, directions = system.load(state), state.qd[:0], jnp.zeros((state.qd.size, 0), state.qd.dtype)
+        if system.friction:
+            rate, directions = slip_motion(system, state)
         gamma = self.stabilisation.gamma(parts.motion) / scale
-        a, mu = (x[:, 0] for x in respond(parts, held, force[:, None], gamma[:, None]))
-        pick = _pick(parts, held, *self.closure.compliance(system, state))
-        if not system.friction:
-            return Solved(a, pick(mu, 1.0) / scale, force[:0], self._power(state, force, mu / scale))
-        rate, directions = slip_motion(system, state)
-        unit, unit_mu = respond(parts, held, directions, jnp.zeros((gamma.size, rate.size), gamma.dtype))
-        mu, unit_mu = pick(mu, 1.0), pick(unit_mu, 0.0)
-        rows = load_rows(system.friction)
-        angular_loads = jnp.asarray(system.rows.angular)[rows]
-        angular_slips = jnp.asarray(slip_kinds(system.friction).angular)
-        loads = (mu / scale)[rows], (unit_mu / scale[:, None])[rows]
-        law = Law(system.friction, rate, self.sense, state)
-        problem = FrictionProblem.make(*loads, law, angular_loads, angular_slips)
-        tau = law(problem.rho0)
-        if rows.size:
-            tau = closed_root(problem, tau if context.tau is None else context.tau, self.solver).tau
-        a, mu, force = a + unit @ tau, mu + unit_mu @ tau, force + directions @ tau
-        return Solved(a, mu / scale, tau, self._power(state, force, mu / scale))
+        columns = jnp.concatenate([force[:, None], directions], axis=1)
+        a, mu = respond(parts, context.held, columns, jnp.pad(gamma[:, None], ((0, 0), (0, rate.size))))
+        mu = _picked(parts, context.held, *self.closure.compliance(system, state), mu) / scale[:, None]
+        tau = force[:0]
+        if system.friction:
+            tau = self._friction(Law(system.friction, rate, self.sense, state), mu, context.tau)
+        strengths = jnp.concatenate([jnp.ones_like(force[:1]), tau])
+        multipliers = mu @ strengths
+        return Solved(a @ strengths, multipliers, tau, self._power(state, columns @ strengths, multipliers))
+
+    def _friction(self, law: Law, multipliers: Float[Array, "m p+1"], start: Array | None) -> Float[Array, " p"]:
+        """Friction forces from the multipliers to load and to unit friction; NaN where none are found."""
+        rows = load_rows(self.system.friction)
+        if rows.size == 0:
+            return law(law.rate[:0])
+        angular_loads = jnp.asarray(self.system.rows.angular)[rows]
+        angular_slips = jnp.asarray(slip_kinds(self.system.friction).angular)
+        loads = multipliers[rows]
+        problem = FrictionProblem.make(loads[:, 0], loads[:, 1:], law, angular_loads, angular_slips)
+        root = closed_root(problem, law(problem.rho0) if start is None else start, self.solver)
+        return jnp.where(self.solver.result(root.progress) == RESULTS.successful, root.tau, jnp.nan)
 
     def _power(self, state: State, force: Array, multipliers: Array) -> Float[Array, ""]:
         one, system = jnp.ones_like(state.t), self.system
@@ -108,17 +116,12 @@ class Equations(eqx.Module):
         return y.qd @ self.system.mass(y.q, t) @ y.qd / 2
 
 
-def _pick(parts: Kinetics, held: Held, compliance: Array, misfit: Array) -> Callable[[Array, float], Array]:
-    """The closure: from any scaled multipliers, with a share of the misfit, to those that it picks."""
+def _picked(parts: Kinetics, held: Held, compliance: Array, misfit: Array, mu: Array) -> Float[Array, "m p+1"]:
+    """The scaled multipliers that the closure picks, to load and misfit, and to unit friction."""
     scale = held.row_scale
     compliance = compliance / scale[:, None] / scale
     response, _ = stress_response(parts, held, compliance)
-    constant = response @ (misfit / scale)
-
-    def picked(mu: Array, share: float) -> Array:
-        return mu + share * constant - response @ (compliance @ mu)
-
-    return picked
+    return mu + response @ ((compliance @ -mu).at[:, 0].add(misfit / scale))
 
 
 def projected(system: AbstractSystem, t: Array, y: Moving, held: Held) -> tuple[Moving, Kinetics]:
@@ -141,7 +144,7 @@ def _closed(system: AbstractSystem, held: Held, q: Float[Array, " n"], t: Array)
     """The position nearest to q that meets the held rows; its derivative is dq - B^+ (B dq + dPhi)."""
     parts = kinetics(system, State(q, jnp.zeros_like(q), t), held)
 
-    def chord(_: int, x: Array) -> Array:
+    def chord(_: Array, x: Array) -> Array:
         return x - parts.response @ held_inverse(parts, held, system.constraint(x, t) / held.row_scale)
 
     return jax.lax.fori_loop(0, _CHORDS, chord, q)

@@ -96,6 +96,10 @@ class _RescaledFriction(AbstractFriction):
     def slips(self) -> Axis:
         return self.inner.slips
 
+    @property
+    def has_sense(self) -> bool:
+        return self.inner.has_sense
+
     def anonymous(self) -> Self:
         return replace(self, inner=self.inner.anonymous(), system=self.system.anonymous())
 

@@ -71,6 +71,19 @@ class RESULTS(eqx.Enumeration):
         "The motion stopped where steps became too small: what it reached is given, NaN the rest. Friction may have no "
         "solution further on (it jams), or the loads are not smooth there."
     )
+    stuck = (
+        "The mechanism came to rest and sticks: admissible friction forces hold it, and none lets it go. From "
+        " then on it is given at rest; friction and multipliers, which are not determined there, are NaN."
+    )
+    joint_sticks = (
+        "The motion stopped where a joint sticks while others move on, or where no sense of slip is consistent: what "
+        "it reached is given, NaN the rest. Only mechanisms of one degree of freedom can stick; `RegularisedCoulomb` "
+        "goes on."
+    )
+    phases_exhausted = (
+        "The motion reversed its slip `max_phases` times before `t1`; what it reached is given, NaN the rest. Raise "
+        "`max_phases`."
+    )
     rank_changed = (
         "The motion stopped where the rank of its constraints changes for good, or began in a singular position, from "
         "which branches of motion lead on: what it reached is given, NaN the rest. Begin beside the singular position."

@@ -14,6 +14,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ._kinematics import second_order
+from ._state import State
 from ._system import AbstractSystem
 
 
@@ -25,8 +27,11 @@ class Scaling(NamedTuple):
     length: Float[Array, ""]
 
 
-def scaling(system: AbstractSystem, jacobian: Float[Array, "m n"], turned: Float[Array, " m"]) -> Scaling:
-    """The scales of the Jacobian of a system, given the second derivative of Phi as angular coordinates turn."""
+def scaling(
+    system: AbstractSystem, state: State, jacobian: Float[Array, "m n"], turned: Float[Array, " m"] | None = None
+) -> Scaling:
+    """The scales of the Jacobian of a system; `turned` is that of `second_order` where it is there already."""
+    turned = second_order(system, state)[2] if turned is None else turned
     length = _length(*jax.lax.stop_gradient((jacobian, jnp.asarray(system.radian) * turned)), system)
     rows = system.rows.angular
     columns = jnp.where(system.coordinates.angular, 1 / length, 1.0).astype(jacobian.dtype)

@@ -43,6 +43,12 @@ class Watch(NamedTuple):
     nearest: Float[Array, ""]
 
 
+def at_start(like: Float[Array, ""]) -> Watch:
+    """Nothing seen yet."""
+    zero = jnp.zeros_like(like)
+    return Watch(zero, zero, zero, zero, zero, zero, jnp.full_like(zero, jnp.inf))
+
+
 class Carried(NamedTuple):
     """State of the stepper: the solver's own, what is held, friction of the last step, and the watch."""
 
@@ -74,6 +80,11 @@ class Stepper(diffrax.AbstractWrappedSolver):
         """Of an implicit solver."""
         return self.solver.root_finder  # pyright: ignore
 
+    @property
+    def scan_kind(self) -> Any:
+        """Of a Runge-Kutta solver."""
+        return self.solver.scan_kind  # pyright: ignore
+
     def order(self, terms: Any) -> int | None:
         return self.solver.order(terms)
 
@@ -87,9 +98,8 @@ class Stepper(diffrax.AbstractWrappedSolver):
         equations, context = args
         inner = self.solver.init(terms, t0, t1, y0, args)
         kinetic = equations.kinetic_energy(t0, y0)
-        zero = jnp.zeros_like(kinetic)
-        watch = Watch(zero, zero, equations.speed, kinetic, kinetic - y0.work, zero, jnp.full_like(zero, jnp.inf))
-        return Carried(inner, context, jax.lax.stop_gradient(watch), zero)
+        watch = at_start(kinetic)._replace(speed=equations.speed, kinetic=kinetic, start=kinetic - y0.work)
+        return Carried(inner, context, jax.lax.stop_gradient(watch), jnp.zeros_like(kinetic))
 
     def step(
         self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: Carried, made_jump: Any

@@ -10,6 +10,8 @@ class TrajectoryStats(eqx.Module):
     """The evidence beside a motion, over all its accepted steps.
 
     - `steps`, `rejected`: steps accepted and rejected.
+    - `phases`: phases between events at which a sense of slip changed; 1 without them.
+    - `end`: time at which the motion ended: `t1`, or where it came to rest or stopped.
     - `position_violation`: largest |Phi|, relative to the size of the mechanism.
     - `velocity_violation`: largest |Phi_q qd + Phi_t|, relative to the largest velocity.
     - `kinetic_energy`: the largest.
@@ -20,6 +22,8 @@ class TrajectoryStats(eqx.Module):
 
     steps: Int[Array, ""]
     rejected: Int[Array, ""]
+    phases: Int[Array, ""]
+    end: Float[Array, ""]
     position_violation: Float[Array, ""]
     velocity_violation: Float[Array, ""]
     kinetic_energy: Float[Array, ""]

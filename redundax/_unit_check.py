@@ -17,7 +17,7 @@ from jaxtyping import Array
 
 from ._axis import Axis
 from ._closure import Compliance
-from ._kinematics import jacobian, second_order
+from ._kinematics import jacobian
 from ._scaling import scaling
 from ._state import State
 from ._system import AbstractSystem
@@ -43,7 +43,7 @@ def check_units(system: AbstractSystem, state: State, closure: Compliance, stack
 def _figures(system: AbstractSystem, state: State, closure: Compliance) -> tuple[Array, Array, Array]:
     """Diagonal of W, misfit and L."""
     compliance, misfit = closure.compliance(system, state)
-    return jnp.diag(compliance), misfit, scaling(system, jacobian(system, state), second_order(system, state)[2]).length
+    return jnp.diag(compliance), misfit, scaling(system, state, jacobian(system, state)).length
 
 
 def _of_compliance(rows: Axis, compliance: np.ndarray, length: np.ndarray) -> str:

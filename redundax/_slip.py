@@ -1,0 +1,109 @@
+"""Senses of slip: when they change, and whether a mechanism at rest sticks.
+
+A motion goes on with the senses of slip held, smoothly through the instant at which a slip rate is zero; the step that
+passed it is taken back by Newton's method on the time,
+
+    dt = -rate / rate',   y <- y(t + dt) by one step of the solver,
+
+whose end is the event and whose derivative is that of the event. There one joint reverses while the others slip on; or,
+with one degree of freedom, all stop together. At rest a slip in the senses s is possible if the accelerations that
+friction in these senses leaves are in these senses. Both senses are tried. If neither is possible the mechanism sticks:
+with tau = sigma law(lam), the accelerations at sigma = 1 and -1 do not leave rest, and between them, by continuity,
+there are admissible friction forces that hold it.
+"""
+
+from typing import Any, NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from ._held_rank import Held, kinetics, respond
+from ._kinematics import slip_motion
+from ._moving import Context, Equations, Moving, projected
+from ._state import State
+
+# Slip and velocity that count as none, relative to those of the mechanism.
+_NONE = 1e-9
+# Steps of Newton's method on the time of an event.
+_NEWTON = 4
+
+
+class Onward(NamedTuple):
+    """How it goes on from an event: senses, whether it sticks, and whether these senses are consistent."""
+
+    sense: Float[Array, " p"]
+    stuck: Bool[Array, ""]
+    consistent: Bool[Array, ""]
+
+
+def slip_rates(equations: Equations, t: Array, y: Moving) -> Float[Array, " p"]:
+    """Slip rates of all joints."""
+    return slip_motion(equations.system, State(y.q, y.qd, t))[0]
+
+
+def _slip_accelerations(equations: Equations, t: Array, y: Moving, context: Context) -> Float[Array, " p"]:
+    """Rates of the slip rates along the motion with the senses of the equations."""
+    slope = equations.derivative(t, y, context)
+    ones = jnp.ones_like(t)
+    return jax.jvp(lambda t, y: slip_rates(equations, t, y), (t, y), (ones, slope))[1]
+
+
+def reversed_slip(equations: Equations, t: Array, y: Moving) -> Bool[Array, " p"]:
+    """Which joints slip against their sense."""
+    small = _NONE * equations.speed / equations.slip_size
+    return slip_rates(equations, t, y) * equations.sense < -small
+
+
+def back_to_event(
+    solver: diffrax.AbstractSolver, equations: Equations, t: Array, y: Moving, context: Context
+) -> tuple[Array, Moving]:
+    """The first instant before t at which a joint that now slips against its sense had no slip."""
+    term = diffrax.ODETerm(lambda t, y, args: args[0].derivative(t, y, args[1]))
+    args: Any = (equations, context)
+    over = reversed_slip(equations, t, y)
+    since = jnp.where(over, slip_rates(equations, t, y) / _slip_accelerations(equations, t, y, context), -jnp.inf)
+    joint = jnp.argmax(since)
+
+    def newton(carry: tuple[Array, Moving], _: None) -> tuple[tuple[Array, Moving], None]:
+        t, y = carry
+        dt = -slip_rates(equations, t, y)[joint] / _slip_accelerations(equations, t, y, context)[joint]
+        inner = solver.init(term, t, t + dt, y, args)
+        stepped = solver.step(term, t, t + dt, y, args, inner, True)
+        return (t + dt, stepped[0]), None
+
+    (t, y), _ = jax.lax.scan(newton, (t, y), None, length=_NEWTON)
+    return t, projected(equations.system, t, y, context.held)[0]
+
+
+def onward(equations: Equations, t: Array, y: Moving, held: Held, one_freedom: Array) -> Onward:
+    """How the motion goes on from an instant at which a slip rate is zero, or from rest."""
+    rates, small = slip_rates(equations, t, y), 1e3 * _NONE * equations.speed / equations.slip_size
+    still = jnp.abs(rates) <= small
+    rest = jnp.max(jnp.abs(y.qd) / equations.scaling.coordinates) <= 1e3 * _NONE * equations.speed
+    free = jnp.sign(_free_slip(equations, t, y, held))
+    one = jnp.where(rest, free, jnp.where(still, -equations.sense, jnp.sign(rates)))
+    other = jnp.where(rest, -free, jnp.where(still, equations.sense, jnp.sign(rates)))
+    goes_one, goes_other = (_goes(equations, t, y, held, sense, still) for sense in (one, other))
+    sense = jnp.where(goes_one | ~goes_other, one, other)
+    goes = goes_one | goes_other
+    return Onward(sense, rest & one_freedom & ~goes, goes | rest & one_freedom)
+
+
+def _free_slip(equations: Equations, t: Array, y: Moving, held: Held) -> Float[Array, " p"]:
+    """Slip accelerations without friction."""
+    state = State(y.q, y.qd, t)
+    parts = kinetics(equations.system, state, held)
+    gamma = parts.motion.gamma / held.row_scale
+    a, _ = respond(parts, held, equations.system.load(state)[:, None], gamma[:, None])
+    return slip_motion(equations.system, state)[1].T @ a[:, 0]
+
+
+def _goes(equations: Equations, t: Array, y: Moving, held: Held, sense: Array, still: Array) -> Bool[Array, ""]:
+    """Whether the joints at rest start in the given senses when friction acts in them."""
+    trial = eqx.tree_at(lambda e: e.sense, equations, sense)
+    change = _slip_accelerations(trial, t, y, Context(held, None)) * sense
+    size = jnp.max(jnp.where(still, jnp.abs(change), 0.0))
+    return (size > 0) & jnp.all(~still | (change >= -1e-6 * size))

@@ -1,0 +1,162 @@
+"""Motions against closed forms and scalar equations of one degree of freedom."""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import mechanisms
+import numpy as np
+import pytest
+import registry
+from scipy.integrate import solve_ivp
+from truth import exact
+
+import redundax as rx
+
+T1 = 2.0
+TIMES = np.linspace(0.0, T1, 9)
+slow = pytest.mark.slow
+
+
+def coordinate(case: mechanisms.Case, trajectory: rx.Trajectory) -> np.ndarray:
+    system = case.smooth
+    if case.coordinate == "travel":
+        return np.asarray(trajectory.q[:, :2]) @ np.array([0.6, 0.8])
+    return np.asarray(trajectory.q)[:, system.coordinates.labels.index(case.coordinate)]
+
+
+OTHERS = ("two four-bars", "swing on massless rods", "carriage, guides offset", "driven three times")
+
+
+@pytest.mark.parametrize("name", ["three cranks", *(pytest.param(name, marks=slow) for name in OTHERS)])
+def test_motion_has_its_closed_form(name):
+    """Three cranks and the four-bars pass their singular positions phi = 0 and -pi on the way."""
+    case = mechanisms.CASES[name]
+    driven = bool(case.law)
+    start = case.state if driven or case.coordinate == "travel" else case.smooth.state(float(case.at), rate=0.0)
+    t0 = float(start.t)
+    trajectory = rx.simulate(case.smooth, start, t0 + T1, ts=t0 + TIMES)
+    truth = exact.floats([case.motion(t0 + t if driven else t) for t in TIMES])
+    if case.coordinate == "travel":  # starts with a rate, which the closed form leaves out
+        truth = truth + float(case.rate) * TIMES
+    np.testing.assert_allclose(coordinate(case, trajectory), truth, rtol=0, atol=1e-6)
+    stats = trajectory.stats
+    assert trajectory.result == rx.RESULTS.successful
+    assert max(stats.position_violation, stats.velocity_violation) <= 1e-13
+    assert stats.energy_error <= 1e-8
+    again = rx.solve(case.smooth, rx.State(trajectory.q[3], trajectory.qd[3], trajectory.t[3]))
+    kinds = registry.kinds_of(case.smooth.coordinates)
+    assert registry.agree(trajectory.acceleration[3], again.acceleration, kinds, 1e-9)
+    size = np.max(np.abs(np.asarray(again.multipliers)))
+    np.testing.assert_allclose(trajectory.multipliers[3], again.multipliers, rtol=0, atol=1e-9 * size)
+
+
+# A pendulum whose constraint stands there twice: every program below is small
+
+
+def pendulum(angle, rate, gravity=9.81):
+    def constraint(q, t, p):
+        gap = q @ q - 1.0
+        return jnp.stack([gap, 3 * gap])
+
+    def load(q, qd, t, p):
+        return jnp.stack([jnp.zeros_like(t), -p])
+
+    system = rx.System(constraint, jnp.ones(2), load, gravity, rows="force")
+    outward = jnp.stack([jnp.sin(angle), -jnp.cos(angle)])
+    along = jnp.stack([jnp.cos(angle), jnp.sin(angle)])
+    return system, rx.State(outward, rate * along)
+
+
+def pendulum_truth(angle, rate, gravity=9.81, t1=T1):
+    """x and y of the bob at t1, from the scalar equation of the angle."""
+    run = solve_ivp(
+        lambda t, y: [y[1], -gravity * np.sin(y[0])], (0, t1), [angle, rate], method="DOP853", rtol=1e-13, atol=1e-14
+    )
+    return np.array([np.sin(run.y[0, -1]), -np.cos(run.y[0, -1])])
+
+
+def ends(angle, rate, gravity, **options):
+    system, state = pendulum(angle, rate, gravity)
+    return rx.simulate(system, state, T1, ts=[T1], **options)
+
+
+def richardson(function, x, h=1e-2):
+    def central(h):
+        return (function(x + h) - function(x - h)) / (2 * h)
+
+    coarse, middle, fine = central(h), central(h / 2), central(h / 4)
+    return (64 * fine - 20 * middle + coarse) / 45
+
+
+def test_derivatives_of_the_motion_forward_and_reverse():
+    at = (0.7, 1.3, 9.81)
+    truth = np.stack(
+        [
+            richardson(lambda x, k=k: pendulum_truth(*[x if i == k else v for i, v in enumerate(at)]), at[k])
+            for k in range(3)
+        ],
+        axis=1,
+    )
+    forward = jax.jit(jax.jacfwd(lambda *x: ends(*x, adjoint=diffrax.ForwardMode()).q[0], argnums=(0, 1, 2)))(*at)
+    reverse = jax.jit(jax.jacrev(lambda *x: ends(*x).q[0], argnums=(0, 1, 2)))(*at)
+    np.testing.assert_allclose(jnp.stack(forward, axis=1), truth, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(jnp.stack(reverse, axis=1), truth, rtol=0, atol=1e-6)
+
+
+def test_a_batch_of_motions_keeps_each_to_itself():
+    """One sample starts off the manifold and is NaN; the others do not notice."""
+    rates = jnp.array([0.5, 1.0, 2.0])
+    system, state = pendulum(0.7, 1.0)
+    q = jnp.stack([state.q, 1.1 * state.q, state.q])
+    run = jax.jit(jax.vmap(lambda q, qd: rx.simulate(system, rx.State(q, qd), T1, ts=[T1])))
+    batch = run(q, rates[:, None] * state.qd)
+    assert np.array_equal(batch.result == rx.RESULTS.successful, [True, False, True])
+    assert np.array_equal(batch.result == rx.RESULTS.violated_constraints, [False, True, False])
+    assert np.all(np.isnan(batch.q[1]))
+    for k in (0, 2):
+        np.testing.assert_allclose(batch.q[k, 0], pendulum_truth(0.7, float(rates[k])), rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("stabilisation", "least", "most"),
+    [(rx.NoStabilisation(), 1e-9, 1e-4), (rx.Baumgarte(10.0, 10.0), 1e-12, 1e-6), (rx.Projection(), 0.0, 1e-15)],
+    ids=["none", "Baumgarte", "projection"],
+)
+def test_drift_is_that_of_the_stabilisation(stabilisation, least, most):
+    system, state = pendulum(0.7, 1.3)
+    run = rx.simulate(
+        system, state, T1, ts=[T1], stabilisation=stabilisation, solver=diffrax.Tsit5(), rtol=None, dt0=0.02
+    )
+    assert least <= run.stats.position_violation <= most
+    assert run.stats.steps == 100
+    np.testing.assert_allclose(run.q[0], pendulum_truth(0.7, 1.3), rtol=0, atol=1e-5)
+
+
+def test_where_a_motion_ends_early_the_rest_is_nan():
+    system, state = pendulum(0.7, 1.3)
+    run = rx.simulate(system, state, T1, ts=TIMES, max_steps=12, throw=False)
+    assert run.result == rx.RESULTS.steps_exhausted
+    given = np.isfinite(run.q[:, 0])
+    assert 0 < np.sum(given) < TIMES.size
+    for t, q in zip(TIMES[given][1:], run.q[given][1:], strict=True):
+        np.testing.assert_allclose(q, pendulum_truth(0.7, 1.3, t1=t), rtol=0, atol=1e-6)
+    with pytest.raises(RuntimeError, match="max_steps"):
+        rx.simulate(system, state, T1, ts=TIMES, max_steps=12)
+
+
+@slow
+def test_no_motion_begins_in_a_singular_position():
+    mechanism = rx.mechanisms.parallelogram(3)
+    with pytest.raises(RuntimeError, match="singular position"):
+        rx.simulate(mechanism, mechanism.state(0.0, rate=1.0), 1.0)
+
+
+def test_arguments_that_do_not_fit_are_refused():
+    system, state = pendulum(0.7, 1.3)
+    with pytest.raises(ValueError, match="`dt0`"):
+        rx.simulate(system, state, T1, rtol=None)
+    with pytest.raises(ValueError, match="`rtol`"):
+        rx.simulate(system, state, T1, solver=diffrax.Euler())
+    door = registry.case("door")
+    with pytest.raises(ValueError, match="retraction"):
+        rx.simulate(door.system, door.state, T1)
