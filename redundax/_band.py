@@ -19,8 +19,9 @@ from jaxtyping import Array
 from ._analyze import Report, analyze
 from ._bounds import AbstractBounds
 from ._cases import AbstractCases, Affine, Fractional, corners
+from ._descent import Found, improved, sampled
 from ._enumerate import start_factors
-from ._extremes import Found, improved, linear_extreme, sampled, vertex_extremes
+from ._extremes import linear_extreme, vertex_extremes
 from ._factorisation import factorize
 from ._friction import largest_change
 from ._module import Numbers
