@@ -9,7 +9,6 @@ Fractional:         the vertices of the box
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-import scipy.optimize
 
 from ._cases import Affine, Fractional, corners, multipliers_of
 
@@ -28,8 +27,10 @@ def linear_extreme(cases: Affine, tau: np.ndarray, cost: np.ndarray) -> np.ndarr
     size = np.abs(objective).max(initial=0.0) or 1.0
     if not rows.size:
         return middle - half * np.sign(objective)
+    from scipy.optimize import linprog  # here, because its import takes a second
+
     limits = np.concatenate([most / width - at, at - least / width])
-    found = scipy.optimize.linprog(objective / size, np.concatenate([by, -by]), limits, bounds=(-1, 1))
+    found = linprog(objective / size, np.concatenate([by, -by]), limits, bounds=(-1, 1))
     return middle + half * found.x if found.status == 0 else None
 
 
