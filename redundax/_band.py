@@ -19,8 +19,9 @@ from jaxtyping import Array
 from ._analyze import Report, analyze
 from ._bounds import AbstractBounds
 from ._cases import AbstractCases, Affine, Fractional, corners
+from ._descent import Found, improved, sampled
 from ._enumerate import start_factors
-from ._extremes import Found, improved, linear_extreme, sampled, vertex_extremes
+from ._extremes import linear_extreme, vertex_extremes
 from ._factorisation import factorize
 from ._friction import largest_change
 from ._module import Numbers
@@ -35,6 +36,7 @@ from ._verdict import Verdict
 _CORNERS = 8  # entries of a case up to which all vertices of the box are looked at
 _VERTICES = 16  # compliances up to which all vertices are, where that is exact
 _SEEDS = 3  # starts for each extreme
+_BATCH = 32  # starts that are improved at once: one compiled program
 _APART = 0.1  # least distance of starts, relative to the box
 
 
@@ -271,14 +273,16 @@ class _Search:
         return chosen
 
     def _improved(self, found: Found, starts: list[tuple[np.ndarray, int]]) -> Found:
-        if not starts:
-            return Found(*(part[:0] for part in found))
-        size = max(8, 1 << (len(starts) - 1).bit_length())
-        padded = [*starts, *(starts[-1:] * (size - len(starts)))]
-        costs = jnp.asarray(np.array([cost for cost, _ in padded]))
-        at = np.array([start for _, start in padded])
-        better = improved(self.solutions, self.cases, costs, jnp.asarray(found.theta[at]), jnp.asarray(found.tau[at]))
-        return Found(*(part[: len(starts)] for part in jax.device_get(better)))
+        parts = [Found(*(part[:0] for part in found))]
+        for first in range(0, len(starts), _BATCH):
+            own = starts[first : first + _BATCH]
+            padded = [*own, *(own[-1:] * (_BATCH - len(own)))]
+            costs = jnp.asarray(np.array([cost for cost, _ in padded]))
+            at = np.array([start for _, start in padded])
+            theta, tau = jnp.asarray(found.theta[at]), jnp.asarray(found.tau[at])
+            better = jax.device_get(improved(self.solutions, self.cases, costs, theta, tau))
+            parts.append(Found(*(part[: len(own)] for part in better)))
+        return Found(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
     def _best(self, found: Found, matrix: np.ndarray, unique: np.ndarray, sign: float) -> _Extreme:
         """Least (1) or largest (-1) value of each output over the solutions within the limits; any of unique ones."""
