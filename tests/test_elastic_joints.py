@@ -8,7 +8,7 @@ from turning import rotation, turned
 
 import redundax as rx
 
-PHI, RATE = 0.6, 2.0
+PHI, RATE, NEWTON = 0.6, 2.0, rx.Newton()
 
 
 def seats(frames=True):
@@ -24,10 +24,10 @@ def seats(frames=True):
     return out
 
 
-def solve(mechanism, state, joints, actual=None):
-    """Under one kind of closure always, so that a mechanism is compiled once."""
+def solve(mechanism, state, joints, actual=None, **options):
+    """Under one kind of closure and by one solver always, so that a mechanism is compiled once."""
     closure = rx.AsBuilt(rx.ElasticJoints(mechanism, joints), mechanism if actual is None else actual)
-    return rx.solve(mechanism, state, closure=closure)
+    return rx.solve(mechanism, state, closure=closure, solver=NEWTON, **options)
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,7 @@ def test_axes_turned_with_the_mechanism_change_nothing(paper):
     whole = np.kron(np.eye(4), R)
     one, two = solve(mechanism, state, seats()), solve(other, there, seats())
     constant = rx.Compliance(*rx.ElasticJoints(mechanism, seats()).compliance(mechanism, state))
-    wrong = rx.solve(other, there, closure=constant)
+    wrong = rx.solve(other, there, closure=constant, solver=NEWTON)
     expected = np.concatenate([whole @ one.acceleration[:8], one.acceleration[8:]])
     loads = np.concatenate([whole @ one.multipliers[:8], one.multipliers[8:]])
     assert np.max(np.abs(two.acceleration - expected)) < 1e-12 * np.max(np.abs(expected))
@@ -185,6 +185,7 @@ def test_figures_in_other_units(paper, units):
         rx.in_units(mechanism, units),
         rx.state_in_units(state, mechanism, units),
         closure=rx.closure_in_units(closure),
+        solver=NEWTON,
     )
     back, here = rx.solution_from_units(there, mechanism, units), solve(mechanism, state, seats())
     np.testing.assert_allclose(back.multipliers, here.multipliers, rtol=1e-11, atol=1e-12)
@@ -210,5 +211,12 @@ def test_joints_that_store_no_energy_or_do_not_exist_are_refused(paper):
         rx.solve(mechanism, state, closure=closure)
     with pytest.raises(ValueError, match="`closure` comes from"):
         rx.solve(mechanism, state, closure=rx.closure_in_units(rx.MinimumNorm()))
-    rigid = rx.solve(mechanism, state, closure=rx.ElasticJoints(mechanism, []), throw=False)
+    rigid = solve(mechanism, state, [], throw=False)
     assert rigid.result == rx.RESULTS.indeterminate_closure
+
+
+def test_figures_in_wrong_units_are_told():
+    mechanism = rx.mechanisms.carriage()
+    joints = [rx.JointCompliance(name, 1e-5, 1e-9) for name in ("K1", "K2")]  # mm/N and rad/(N mm)
+    with pytest.warns(UserWarning, match=r"`W` looks .*length=1000.0, mass=0.001"):
+        rx.solve(mechanism, mechanism.state(0.2), closure=rx.ElasticJoints(mechanism, joints))
