@@ -15,6 +15,7 @@ from jaxtyping import Array
 from ._closure import AbstractClosure, Compliance, MinimumNorm
 from ._continuation import Continuation
 from ._culprits import culprits
+from ._elastic_joints import ElasticJoints
 from ._factorisation import Factorisation
 from ._friction import slip_kinds
 from ._friction_problem import FrictionProblem
@@ -80,7 +81,7 @@ def solve(
         sense = _vector("sense", sense, len(slip_kinds(system.friction)), "slips")
     rank = None if rank is None else jnp.asarray(rank)
     solution = _solve(system.anonymous(), state, closure, solver, x0, sense, rank)
-    if isinstance(closure, Compliance) and known(solution.acceleration):
+    if isinstance(closure, Compliance | ElasticJoints) and known(solution.acceleration):
         check_units(system, state, closure, stacklevel=2)
     return _thrown(system, state, solution, throw)
 

@@ -16,17 +16,17 @@ import numpy as np
 from jaxtyping import Array
 
 from ._axis import Axis
-from ._closure import Compliance
+from ._closure import AbstractClosure
 from ._kinematics import jacobian
 from ._scaling import scaling
 from ._state import State
 from ._system import AbstractSystem
 
 _LEAST, _MOST = 1e-3, 1e6
-_checked: WeakValueDictionary[int, Compliance] = WeakValueDictionary()
+_checked: WeakValueDictionary[int, AbstractClosure] = WeakValueDictionary()
 
 
-def check_units(system: AbstractSystem, state: State, closure: Compliance, stacklevel: int) -> None:
+def check_units(system: AbstractSystem, state: State, closure: AbstractClosure, stacklevel: int) -> None:
     """Warn, once for each closure, where its concrete values look as if they were in other units."""
     if _checked.get(id(closure)) is closure:
         return
@@ -40,7 +40,7 @@ def check_units(system: AbstractSystem, state: State, closure: Compliance, stack
 
 
 @eqx.filter_jit
-def _figures(system: AbstractSystem, state: State, closure: Compliance) -> tuple[Array, Array, Array]:
+def _figures(system: AbstractSystem, state: State, closure: AbstractClosure) -> tuple[Array, Array, Array]:
     """Diagonal of W, misfit and L."""
     compliance, misfit = closure.compliance(system, state)
     return jnp.diag(compliance), misfit, scaling(system, state, jacobian(system, state)).length

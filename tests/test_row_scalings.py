@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from test_elastic_joints import rotation, turned
+from turning import rotation, turned
 
 import redundax as rx
 

@@ -12,6 +12,10 @@ import redundax as rx
 STABLE, FLUTTER, UNATTAINABLE = rx.Settling
 
 
+def solve(system, state, closure):
+    return rx.solve(system, state, closure=closure, solver=rx.Newton(), throw=False)
+
+
 def rubbing(loads, rate, sense, memory, state, p):
     return -p["mu"] * loads.sum(axis=-1) * sense
 
@@ -46,7 +50,7 @@ def test_painleve_s_rod_by_hand(mu, verdict):
     """s = 2 B / c on two contacts of compliance c; their self-stress is no motion."""
     compliance = 1e-6
     system, state, closure, B = rod(mu, compliance)
-    solution = rx.solve(system, state, closure=closure)
+    solution = solve(system, state, closure)
     found = rx.stability(system, state, solution, closure)
     np.testing.assert_allclose(found.eigenvalues, [2 * B / compliance], rtol=1e-12)
     assert found.verdict is verdict
@@ -71,11 +75,11 @@ def test_flutter_by_hand():
     """Eigenvalues of B W^-1: (1 +- i mu sqrt(a b)) / c for equal compliances, and with a or b turned round real."""
     mu, a, b, c = 0.5, 2.0, 0.5, 1e-4
     system, state, closure = coupled(mu, a, b, [c, c])
-    found = rx.stability(system, state, rx.solve(system, state, closure=closure), closure)
+    found = rx.stability(system, state, solve(system, state, closure), closure)
     np.testing.assert_allclose(found.eigenvalues, (1 + np.array([-1j, 1j]) * mu * np.sqrt(a * b)) / c, rtol=1e-12)
     assert found.verdict is FLUTTER and "grows unless damped" in str(found)
     system, state, closure = coupled(mu, a, -b, [c, c])
-    found = rx.stability(system, state, rx.solve(system, state, closure=closure), closure)
+    found = rx.stability(system, state, solve(system, state, closure), closure)
     np.testing.assert_allclose(found.eigenvalues, (1 + np.array([-1, 1]) * mu * np.sqrt(a * b)) / c, rtol=1e-12)
     assert found.verdict is STABLE
 
@@ -85,7 +89,7 @@ def test_a_rigid_constraint_leaves_one_vibration(ratio):
     """W = diag(c, ratio c): eigenvalues of B W^-1; with the second one rigid (B11 - B12 B21 / B22) / c."""
     mu, a, b, c = 0.5, 2.0, 0.5, 1e-4
     system, state, closure = coupled(mu, a, b, [c, ratio * c])
-    found = rx.stability(system, state, rx.solve(system, state, closure=closure), closure)
+    found = rx.stability(system, state, solve(system, state, closure), closure)
     B = np.array([[1.0, mu * -b], [mu * a, 1.0]])
     if ratio:
         expected = np.sort_complex(np.linalg.eigvals(B @ np.diag([1 / c, 1 / (ratio * c)])))
@@ -103,7 +107,7 @@ def test_the_paper_s_mechanism_against_its_own_matrices():
     rng = np.random.default_rng(3)
     W = np.diag(10 ** rng.uniform(-8, -6, 12))
     closure = rx.Compliance(W)
-    solution = rx.solve(mechanism, state, closure=closure)
+    solution = solve(mechanism, state, closure)
     found = rx.stability(mechanism, state, solution, closure)
     jac, lam = paper.jacobian(p, q), np.asarray(solution.multipliers)
     B = jac @ np.linalg.solve(paper.mass(p), jac.T - paper.friction_jacobian(p, lam, qd))
@@ -118,7 +122,7 @@ def test_the_rod_on_an_elastic_floor_does_so(mu):
     """The elastic contact, integrated: loads beside the solution vibrate or run away at the rate found."""
     compliance, a0 = 1e-9, np.pi / 3
     system, state, closure, _ = rod(mu, compliance)
-    solution = rx.solve(system, state, closure=closure)
+    solution = solve(system, state, closure)
     s = rx.stability(system, state, solution, closure).eigenvalues[0].real
     load = float(solution.multipliers.sum())
 
@@ -139,7 +143,7 @@ def test_the_rod_on_an_elastic_floor_does_so(mu):
 
 def test_without_numbers_there_is_nothing_to_judge():
     system, state, closure, _ = rod(0.5, 1e-6)
-    bad = rx.solve(system, rx.State([0.0, 5.0, 1.0], [1.0, 0.0, 0.0]), closure=closure, throw=False)
+    bad = solve(system, rx.State([0.0, 5.0, 1.0], [1.0, 0.0, 0.0]), closure)
     with pytest.raises(ValueError, match="`solution` must be successful"):
         rx.stability(system, state, bad, closure)
-    assert rx.stability(system, state, rx.solve(system, state, closure=closure), closure).to_dict()["growth"] == 0.0
+    assert rx.stability(system, state, solve(system, state, closure), closure).to_dict()["growth"] == 0.0

@@ -17,9 +17,9 @@ from fuzzing.samples import Scales, raw_numbers
 import redundax as rx
 
 pytestmark = pytest.mark.filterwarnings("ignore:Argument `(misfit|W)` looks:UserWarning")
-SAMPLES = 40
+SAMPLES = 50
 UNIQUE, STATIONARY, NOT_UNIQUE, UNDECIDED = rx.Verdict
-RECIPES = ("loop, doubled pin", "parallel guides", "driven twice", "gears and frames", "slots and rods", "smooth")
+RECIPES = ("loop, doubled pin", "parallel guides", "driven twice", "gears and frames", "smooth")
 
 
 def whole(parts, kinds):
@@ -91,4 +91,3 @@ def test_no_wrong_verdict(recipe):
         if report.spectral_radius is not None and report.spectral_radius < 1:
             assert np.all(np.abs(again - base) <= 1e-13 * size)
     assert counts[UNIQUE] and counts[NOT_UNIQUE]
-    print(recipe, structure.redundancy, {verdict.value: count for verdict, count in counts.items()})

@@ -148,6 +148,16 @@ def test_at_rest_nothing_is_decided():
     assert found.verdicts["acceleration"][0].without_friction is UNIQUE
 
 
+@pytest.mark.slow
+def test_a_carriage_that_cannot_turn_does_not():
+    """Its angular acceleration is rounding, however it compares with other rounding."""
+    mechanism = rx.mechanisms.carriage(
+        angle=0.4, offset=0.3, mu=0.1, guide_length=0.2, force=(10.0, 3.0), at=(0.1, 0.2)
+    )
+    found = rx.analyze(mechanism, mechanism.state(0.1, rate=1.0)).verdicts["acceleration"]
+    assert [judged.with_friction for judged in found] == [NOT_UNIQUE, NOT_UNIQUE, UNIQUE]
+
+
 SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("three cranks", "slider-crank, three guides")]
 
 
