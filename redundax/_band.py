@@ -22,7 +22,6 @@ from ._cases import AbstractCases, Affine, Fractional, corners
 from ._descent import Found, improved, sampled
 from ._enumerate import start_factors
 from ._extremes import linear_extreme, vertex_extremes
-from ._factorisation import factorize
 from ._friction import largest_change
 from ._module import Numbers
 from ._outputs import outputs as named_outputs
