@@ -93,7 +93,7 @@ class Equations(eqx.Module):
         multipliers = mu @ strengths
         return Solved(a @ strengths, multipliers, tau, self._power(state, columns @ strengths, multipliers))
 
-    def _friction(self, law: Law, multipliers: Float[Array, "m p+1"], start: Array | None) -> Float[Array, " p"]:
+    def _friction(self, law: Law, multipliers: Float[Array, "m columns"], start: Array | None) -> Float[Array, " p"]:
         """Friction forces from the multipliers to load and to unit friction; NaN where none are found."""
         rows = load_rows(self.system.friction)
         if rows.size == 0:
@@ -116,7 +116,7 @@ class Equations(eqx.Module):
         return y.qd @ self.system.mass(y.q, t) @ y.qd / 2
 
 
-def _picked(parts: Kinetics, held: Held, compliance: Array, misfit: Array, mu: Array) -> Float[Array, "m p+1"]:
+def _picked(parts: Kinetics, held: Held, compliance: Array, misfit: Array, mu: Array) -> Float[Array, "m columns"]:
     """The scaled multipliers that the closure picks, to load and misfit, and to unit friction."""
     scale = held.row_scale
     compliance = compliance / scale[:, None] / scale

@@ -97,7 +97,7 @@ def _phase(now: Run, equations: Equations, options: Options, one_freedom: Array)
     sense, stuck, consistent, event = now.sense, now.stuck, now.consistent, jnp.zeros((), bool)
     if equations.has_sense:
         event = solution.result == diffrax.RESULTS.event_occurred
-        at, there = back_to_event(options.solver, equations, t, y, carried.context)
+        at, there = back_to_event(equations, t, y, carried.context)
         t, y = jax.tree.map(lambda new, old: jnp.where(event, new, old), (at, there), (t, y))
         next_sense, next_stuck, next_consistent = onward(equations, t, y, carried.context.held, one_freedom)
         sense = jnp.where(event, next_sense, sense)

@@ -54,7 +54,8 @@ def simulate(
     - `solver`: any diffrax solver of ordinary differential equations; explicit ones suit stiff constraints, not stiff
       loads.
     - `stabilisation`: `Projection()`, `Baumgarte(alpha, beta)` or `NoStabilisation()`.
-    - `ts`: times to give the motion at, ascending; 101 from start to end if not given.
+    - `ts`: times to give the motion at, ascending; 101 from start to end if not given. Between steps it is
+      interpolated, some ten times less accurately than steps are, and projected.
     - `rtol`: tolerance of a step, of positions relative to the size of the mechanism and of velocities to the largest
       so far; `None` for constant steps `dt0`.
     - `dt0`: first step; a small one from the velocities and accelerations at the start if not given.
@@ -65,6 +66,10 @@ def simulate(
       `diffrax.ForwardMode()` for `jax.jvp` and `jax.jacfwd`.
     - `throw`: whether to raise an error unless the result is successful; by default outside of `jit` and `vmap`.
     - `progress`: whether to print progress.
+
+    Where friction depends on the sense of slip, reversals are located as events, with their derivatives. A mechanism of
+    one degree of freedom that comes to rest and cannot leave it in either sense is `RESULTS.stuck` from then on, also
+    if loads change later; a single joint that sticks while others move ends the motion.
 
     **Returns:** a `Trajectory`. The motion passes singular positions on the branch that its velocity lies on.
 

@@ -3,7 +3,7 @@
 A motion goes on with the senses of slip held, smoothly through the instant at which a slip rate is zero; the step that
 passed it is taken back by Newton's method on the time,
 
-    dt = -rate / rate',   y <- y(t + dt) by one step of the solver,
+    dt = -rate / rate',   y <- y(t + dt) by one step of order 8,
 
 whose end is the event and whose derivative is that of the event. There one joint reverses while the others slip on; or,
 with one degree of freedom, all stop together. At rest a slip in the senses s is possible if the accelerations that
@@ -12,12 +12,14 @@ with tau = sigma law(lam), the accelerations at sigma = 1 and -1 do not leave re
 there are admissible friction forces that hold it.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import diffrax
 import equinox as eqx
 import jax
+import jax.flatten_util
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ._held_rank import Held, kinetics, respond
@@ -57,12 +59,8 @@ def reversed_slip(equations: Equations, t: Array, y: Moving) -> Bool[Array, " p"
     return slip_rates(equations, t, y) * equations.sense < -small
 
 
-def back_to_event(
-    solver: diffrax.AbstractSolver, equations: Equations, t: Array, y: Moving, context: Context
-) -> tuple[Array, Moving]:
+def back_to_event(equations: Equations, t: Array, y: Moving, context: Context) -> tuple[Array, Moving]:
     """The first instant before t at which a joint that now slips against its sense had no slip."""
-    term = diffrax.ODETerm(lambda t, y, args: args[0].derivative(t, y, args[1]))
-    args: Any = (equations, context)
     over = reversed_slip(equations, t, y)
     since = jnp.where(over, slip_rates(equations, t, y) / _slip_accelerations(equations, t, y, context), -jnp.inf)
     joint = jnp.argmax(since)
@@ -70,12 +68,27 @@ def back_to_event(
     def newton(carry: tuple[Array, Moving], _: None) -> tuple[tuple[Array, Moving], None]:
         t, y = carry
         dt = -slip_rates(equations, t, y)[joint] / _slip_accelerations(equations, t, y, context)[joint]
-        inner = solver.init(term, t, t + dt, y, args)
-        stepped = solver.step(term, t, t + dt, y, args, inner, True)
-        return (t + dt, stepped[0]), None
+        return (t + dt, _stepped(equations, t, y, dt, context)), None
 
     (t, y), _ = jax.lax.scan(newton, (t, y), None, length=_NEWTON)
     return t, projected(equations.system, t, y, context.held)[0]
+
+
+def _stepped(equations: Equations, t: Array, y: Moving, dt: Array, context: Context) -> Moving:
+    """One explicit step of the method of Dormand and Prince of order 8, which both modes of derivatives pass."""
+    flat, unravel = jax.flatten_util.ravel_pytree(y)
+    tableau = diffrax.Dopri8.tableau
+    weights = [np.zeros(0), *tableau.a_lower]
+    stages = len(weights)
+    lower = jnp.asarray(np.array([np.pad(row, (0, stages - row.size)) for row in weights]), flat.dtype)
+    nodes = jnp.asarray(np.append(0.0, tableau.c), flat.dtype)
+
+    def stage(k: Array, slopes: Array) -> Array:
+        slope = equations.derivative(t + nodes[k] * dt, unravel(flat + dt * lower[k] @ slopes), context)
+        return slopes.at[k].set(jax.flatten_util.ravel_pytree(slope)[0])
+
+    slopes = jax.lax.fori_loop(0, stages, stage, jnp.zeros((stages, flat.size), flat.dtype))
+    return unravel(flat + dt * jnp.asarray(tableau.b_sol, flat.dtype) @ slopes)
 
 
 def onward(equations: Equations, t: Array, y: Moving, held: Held, one_freedom: Array) -> Onward:
@@ -86,7 +99,8 @@ def onward(equations: Equations, t: Array, y: Moving, held: Held, one_freedom: A
     free = jnp.sign(_free_slip(equations, t, y, held))
     one = jnp.where(rest, free, jnp.where(still, -equations.sense, jnp.sign(rates)))
     other = jnp.where(rest, -free, jnp.where(still, equations.sense, jnp.sign(rates)))
-    goes_one, goes_other = (_goes(equations, t, y, held, sense, still) for sense in (one, other))
+    both = jnp.stack([one, other])
+    goes_one, goes_other = jax.lax.map(lambda sense: _goes(equations, t, y, held, sense, still), both)
     sense = jnp.where(goes_one | ~goes_other, one, other)
     goes = goes_one | goes_other
     return Onward(sense, rest & one_freedom & ~goes, goes | rest & one_freedom)

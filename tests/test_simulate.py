@@ -88,6 +88,7 @@ def richardson(function, x, h=1e-2):
     return (64 * fine - 20 * middle + coarse) / 45
 
 
+@slow
 def test_derivatives_of_the_motion_forward_and_reverse():
     at = (0.7, 1.3, 9.81)
     truth = np.stack(
@@ -119,7 +120,11 @@ def test_a_batch_of_motions_keeps_each_to_itself():
 
 @pytest.mark.parametrize(
     ("stabilisation", "least", "most"),
-    [(rx.NoStabilisation(), 1e-9, 1e-4), (rx.Baumgarte(10.0, 10.0), 1e-12, 1e-6), (rx.Projection(), 0.0, 1e-15)],
+    [
+        pytest.param(rx.NoStabilisation(), 1e-9, 1e-4, marks=slow),
+        pytest.param(rx.Baumgarte(10.0, 10.0), 1e-12, 1e-6, marks=slow),
+        (rx.Projection(), 0.0, 1e-15),
+    ],
     ids=["none", "Baumgarte", "projection"],
 )
 def test_drift_is_that_of_the_stabilisation(stabilisation, least, most):

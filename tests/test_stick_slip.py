@@ -1,0 +1,132 @@
+"""Motions with friction through reversals to rest, against closed forms and a scalar equation."""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from truth import paper
+
+import redundax as rx
+
+GRAVITY, STIFFNESS = 10.0, 4.0
+slow = pytest.mark.slow
+
+
+def block(mu: float, x: float = 1.0) -> tuple[rx.System, rx.State]:
+    """A mass of 1 kg on a spring and on a rough guide that stands there twice, released at x."""
+
+    def rubbing(loads, rate, sense, memory, state, p):
+        return -p * jnp.abs(loads[0] + 2 * loads[1])[None] * sense
+
+    friction = rx.Friction(lambda q, t, p: q[:1], rubbing, np.arange(2), ("linear",), mu)
+    system = rx.System(
+        lambda q, t, p: jnp.stack([q[1], 2 * q[1]]),
+        jnp.ones(2),
+        lambda q, qd, t, p: jnp.stack([-STIFFNESS * q[0], -GRAVITY]),
+        friction=friction,
+    )
+    return system, rx.State([x, 0.0], [0.0, 0.0])
+
+
+def where(mu, t):
+    """Each half period pi / 2 is a cosine about a centre that friction shifts by mu g / k."""
+    shift, halves = mu * GRAVITY / STIFFNESS, int(2 * t // np.pi)
+    side = (-1) ** halves
+    return side * (shift + (1 - (2 * halves + 1) * shift) * np.cos(2 * t - halves * np.pi))
+
+
+def test_a_block_slips_and_sticks_where_the_closed_form_does():
+    """It stops first where the spring is weaker than friction: after four half periods, at x = 0."""
+    times = np.linspace(0.0, 8.0, 17)
+    run = rx.simulate(*block(0.05), 8.0, ts=times, throw=False)
+    assert run.result == rx.RESULTS.stuck
+    np.testing.assert_allclose(run.stats.end, 2 * np.pi, rtol=0, atol=1e-7)
+    truth = [where(0.05, t) if t < 2 * np.pi else 0.0 for t in times]
+    np.testing.assert_allclose(run.q[:, 0], truth, rtol=0, atol=1e-6)  # between steps it is interpolated
+    resting = times > 2 * np.pi
+    assert np.all(run.qd[resting] == 0.0)
+    assert np.all(np.isnan(run.friction[resting]))
+    assert run.stats.phases == 4
+    stays = rx.simulate(*block(0.05, x=0.1), 8.0, ts=times, throw=False)
+    assert stays.result == rx.RESULTS.stuck
+    assert stays.stats.end == 0.0
+    np.testing.assert_array_equal(stays.q[:, 0], 0.1)
+
+
+@slow
+def test_the_derivative_across_a_reversal_has_that_of_its_time():
+    """A run whose event had no derivative of its own would be off by several percent."""
+    h, t = 1e-4, 2.0
+    truth = (where(0.05 + h, t) - where(0.05 - h, t)) / (2 * h)
+
+    def end(mu):
+        return rx.simulate(*block(mu), t, ts=[t], adjoint=diffrax.ForwardMode(), max_phases=3).q[0, 0]
+
+    np.testing.assert_allclose(jax.jit(jax.jacfwd(end))(0.05), truth, rtol=0, atol=1e-6)
+
+
+@slow
+def test_the_reverse_derivative_across_a_reversal():
+    h, t = 1e-4, 2.0
+    truth = (where(0.05 + h, t) - where(0.05 - h, t)) / (2 * h)
+    reverse = jax.jit(jax.grad(lambda mu: rx.simulate(*block(mu), t, ts=[t], max_phases=3).q[0, 0]))
+    np.testing.assert_allclose(reverse(0.05), truth, rtol=0, atol=1e-6)
+
+
+def crank(mu_rho: float, t1: float) -> tuple[float, list]:
+    """Crank angle of the paper's mechanism at t1, or where it sticks, and the events before; (27) phase by phase."""
+    parameters = paper.Parameters(mu_rho=mu_rho)
+
+    def acceleration(phi, rate, sense):
+        q, qd = paper.configuration(parameters, phi, sense * max(abs(rate), 1e-9))
+        return paper.fixed_point(parameters, q, qd)[-1][8]
+
+    def stopped(t, y):
+        return y[1]
+
+    stopped.terminal = True
+    t, phi, rate, sense, events = 0.0, np.pi / 4, 1.0, 1.0, []
+    while True:
+        stopped.direction = -sense
+        run = solve_ivp(
+            lambda t, y, sense=sense: [y[1], acceleration(*y, sense)],
+            (t, t1),
+            [phi, rate],
+            method="DOP853",
+            rtol=1e-11,
+            atol=1e-12,
+            events=stopped,
+        )
+        t, phi, rate = run.t[-1], run.y[0, -1], 0.0
+        if t >= t1:
+            return phi, events
+        events.append(t)
+        sense = -sense
+        if acceleration(phi, 0.0, sense) * sense <= 0:
+            return phi, events
+
+
+@slow
+def test_the_papers_mechanism_sticks_where_the_scalar_equation_does():
+    angle, events = crank(0.02, 10.0)
+    mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02)
+    run = rx.simulate(mechanism, mechanism.state(jnp.pi / 4, rate=1.0), 10.0, ts=[1.0, 10.0], throw=False)
+    assert run.result == rx.RESULTS.stuck
+    assert run.stats.phases == len(events)
+    np.testing.assert_allclose(run.stats.end, events[-1], rtol=0, atol=1e-8)
+    np.testing.assert_allclose(run.q[1, 8], angle, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(run.q[0, 8], crank(0.02, 1.0)[0], rtol=0, atol=1e-7)
+    assert run.stats.steps + run.stats.rejected < 500
+
+
+def test_smooth_friction_models():
+    """The forces at hand-made rates; with `RegularisedCoulomb` nothing depends on the sense."""
+    rate, sense = jnp.asarray(0.3), jnp.ones(())
+    smooth = rx.RegularisedCoulomb(0.2, velocity=0.1, preload=1.0)
+    assert smooth.force(jnp.asarray(4.0), rate, sense, None) == pytest.approx(-np.tanh(3.0))
+    assert smooth.force(jnp.asarray(4.0), rate, -sense, None) == pytest.approx(-np.tanh(3.0))
+    stribeck = rx.Stribeck(0.3, 0.2, velocity=0.6, viscous=2.0)
+    truth = -(0.2 + 0.1 * np.exp(-0.25)) * 5 - 0.6
+    assert stribeck.force(jnp.asarray(5.0), rate, sense, None) == pytest.approx(truth)
