@@ -24,12 +24,12 @@ import jax
 import numpy as np
 
 from . import _paper
-from ._analyze import analyze
+from ._analysis._analyze import analyze
+from ._analysis._report import Report
+from ._family._solution_family import SolutionFamily, solution_family
 from ._file import FileError, load
 from ._plot import plot_family
 from ._progress import progress
-from ._report import Report
-from ._solution_family import SolutionFamily, solution_family
 from ._state import State
 from ._system import AbstractSystem
 from .mechanisms import wojtyra2020

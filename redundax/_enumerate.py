@@ -14,7 +14,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 
-from ._closure import AbstractClosure, MinimumNorm
+from ._closures._closure import AbstractClosure, MinimumNorm
 from ._continuation import Continuation
 from ._friction import slip_kinds
 from ._friction_problem import FrictionProblem

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ._band import Bands
-from ._solution_family import SolutionFamily
+from ._family._band import Bands
+from ._family._solution_family import SolutionFamily
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -21,7 +21,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from ._closure import AbstractClosure
+from ._closures._closure import AbstractClosure
 from ._factorisation import Factorisation, factorize
 from ._friction import load_rows, slip_kinds
 from ._friction_problem import FrictionProblem, Law

@@ -15,7 +15,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int, PyTree
 
 from ._axis import Axis
-from ._closure import AbstractClosure
+from ._closures._closure import AbstractClosure
 from ._friction import AbstractFriction, slip_kinds
 from ._module import replace
 from ._solution import Solution

@@ -12,10 +12,11 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array
 
-from ._closure import AbstractClosure, Compliance, MinimumNorm
+from ._closures._closure import AbstractClosure, Compliance, MinimumNorm
+from ._closures._elastic_joints import ElasticJoints
+from ._closures._unit_check import check_units
 from ._continuation import Continuation
 from ._culprits import culprits
-from ._elastic_joints import ElasticJoints
 from ._factorisation import Factorisation
 from ._friction import slip_kinds
 from ._friction_problem import FrictionProblem
@@ -28,7 +29,6 @@ from ._solution import Solution, Stats
 from ._solver import AbstractSolver, Newton, Root, closed_root
 from ._state import State
 from ._system import AbstractSystem
-from ._unit_check import check_units
 
 _MINIMUM_NORM = MinimumNorm()
 

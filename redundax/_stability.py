@@ -27,7 +27,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Complex, Float
 
-from ._closure import AbstractClosure
+from ._closures._closure import AbstractClosure
 from ._module import Numbers, as_float
 from ._reduced import reduce
 from ._results import RESULTS

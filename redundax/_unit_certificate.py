@@ -11,11 +11,11 @@ that friction reads, or the output be unique over all solutions. Mass and time u
 import dataclasses
 from typing import Any
 
-from ._analyze import analyze
-from ._report import Report
+from ._analysis._analyze import analyze
+from ._analysis._report import Report
+from ._analysis._verdict import Verdict
 from ._state import State
 from ._system import AbstractSystem
-from ._verdict import Verdict
 
 
 @dataclasses.dataclass(frozen=True)

@@ -8,8 +8,8 @@ import sys
 import numpy as np
 import pytest
 
-from redundax import _branches
 from redundax.__main__ import main
+from redundax._family import _branches
 from redundax._progress import progress
 
 FILE = """

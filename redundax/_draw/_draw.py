@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jax.typing import ArrayLike
 
-from .._analyze import analyze
+from .._analysis._analyze import analyze
 from .._mechanism import Mechanism
 from .._state import State
 from .._wrench import joint_wrenches

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._closure import AbstractClosure, Compliance, MinimumNorm
+from .._closures._closure import AbstractClosure, Compliance, MinimumNorm
 from .._mechanism import Mechanism
 from .._results import RESULTS
 from .._solution import Solution

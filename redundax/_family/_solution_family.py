@@ -18,17 +18,17 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from ._analyze import Report, analyze
+from .._analysis._analyze import Report, analyze
+from .._analysis._outputs import plain, unknowns
+from .._culprits import culprits
+from .._enumerate import start_factors
+from .._friction import slip_kinds
+from .._module import Numbers, as_float, replace
+from .._results import RESULTS
+from .._state import State
+from .._system import AbstractSystem
 from ._branches import Branches, trace
-from ._culprits import culprits
-from ._enumerate import start_factors
-from ._friction import slip_kinds
-from ._module import Numbers, as_float, replace
-from ._outputs import plain, unknowns
-from ._results import RESULTS
 from ._solution_set import SolutionSet, solution_set
-from ._state import State
-from ._system import AbstractSystem
 
 
 @dataclasses.dataclass(frozen=True)

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from ._friction import slip_kinds
-from ._mechanism import Mechanism
-from ._state import State
-from ._system import AbstractSystem
-from ._wrench import joint_outputs
+from .._friction import slip_kinds
+from .._mechanism import Mechanism
+from .._state import State
+from .._system import AbstractSystem
+from .._wrench import joint_outputs
 
 
 def unknowns(system: AbstractSystem) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -16,13 +16,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from .._analysis._report import Report
+from .._closures._closure import AbstractClosure
+from .._results import RESULTS
+from .._state import State
+from .._system import AbstractSystem
 from ._cases import AbstractCases, Affine, Fractional
-from ._closure import AbstractClosure
-from ._report import Report
-from ._results import RESULTS
 from ._solution_set import SolutionSet
-from ._state import State
-from ._system import AbstractSystem
 
 Box = Mapping[str, tuple[float, float]]
 

@@ -19,15 +19,15 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
-from ._body import GROUND, Pose, perpendicular, poses
+from .._body import GROUND, Pose, perpendicular, poses
+from .._joints import AbstractJoint
+from .._mechanism import Mechanism
+from .._module import Numbers, as_float, as_vector, known
+from .._stack import Stack, stacked
+from .._state import State
+from .._system import AbstractSystem
+from .._units import Units
 from ._closure import AbstractClosure, check_compliance
-from ._joints import AbstractJoint
-from ._mechanism import Mechanism
-from ._module import Numbers, as_float, as_vector, known
-from ._stack import Stack, stacked
-from ._state import State
-from ._system import AbstractSystem
-from ._units import Units
 
 
 class JointCompliance(eqx.Module):

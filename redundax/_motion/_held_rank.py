@@ -29,11 +29,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ._kinematics import AlongMotion, along_motion, jacobian
-from ._rank import split
-from ._scaling import Scaling
-from ._state import State
-from ._system import AbstractSystem
+from .._kinematics import AlongMotion, along_motion, jacobian
+from .._rank import split
+from .._scaling import Scaling
+from .._state import State
+from .._system import AbstractSystem
 
 
 class Held(eqx.Module):

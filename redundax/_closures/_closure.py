@@ -15,10 +15,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ._module import Numbers, as_float, known, optional_float
-from ._state import State
-from ._system import AbstractSystem
-from ._units import Units
+from .._module import Numbers, as_float, known, optional_float
+from .._state import State
+from .._system import AbstractSystem
+from .._units import Units
 
 
 class AbstractClosure(eqx.Module):

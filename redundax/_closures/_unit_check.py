@@ -15,12 +15,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ._axis import Axis
+from .._axis import Axis
+from .._kinematics import jacobian
+from .._scaling import scaling
+from .._state import State
+from .._system import AbstractSystem
 from ._closure import AbstractClosure
-from ._kinematics import jacobian
-from ._scaling import scaling
-from ._state import State
-from ._system import AbstractSystem
 
 _LEAST, _MOST = 1e-3, 1e6
 _checked: WeakValueDictionary[int, AbstractClosure] = WeakValueDictionary()

@@ -13,17 +13,17 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ._closure import AbstractClosure
-from ._friction import load_rows, slip_kinds
-from ._friction_problem import FrictionProblem, Law
+from .._closures._closure import AbstractClosure
+from .._friction import load_rows, slip_kinds
+from .._friction_problem import FrictionProblem, Law
+from .._kinematics import slip_motion
+from .._results import RESULTS
+from .._scaling import Scaling
+from .._solver import AbstractSolver, closed_root
+from .._state import State
+from .._system import AbstractSystem
 from ._held_rank import Held, Kinetics, held_inverse, kinetics, respond, stress_response
-from ._kinematics import slip_motion
-from ._results import RESULTS
-from ._scaling import Scaling
-from ._solver import AbstractSolver, closed_root
 from ._stabilisation import AbstractStabilisation
-from ._state import State
-from ._system import AbstractSystem
 
 
 class Moving(NamedTuple):

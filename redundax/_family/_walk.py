@@ -16,11 +16,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ._arclength import bordered, follow
-from ._enumerate import search
-from ._friction_problem import FrictionProblem
+from .._arclength import bordered, follow
+from .._enumerate import search
+from .._friction_problem import FrictionProblem
+from .._solver import Newton
 from ._solution_set import SolutionSet
-from ._solver import Newton
 
 _MAX_PATH = 400
 _NEAR = 1e-2  # relative distance within which Newton's method may end from where the path ended

@@ -12,9 +12,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from .._state import State
 from ._held_rank import Kinetics, kinetics, renewed
 from ._moving import Context, Equations, Moving, projected
-from ._state import State
 
 # Relative constraint residual after a projection beyond which it has failed, in roundings.
 _CLOSED = 1e6

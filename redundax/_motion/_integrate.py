@@ -6,22 +6,22 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ._closure import AbstractClosure
-from ._factorisation import Factorisation, factorize
-from ._friction import slip_kinds
+from .._closures._closure import AbstractClosure
+from .._factorisation import Factorisation, factorize
+from .._friction import slip_kinds
+from .._kinematics import slip_motion
+from .._results import RESULTS, first_failure
+from .._scaling import Scaling, scaling
+from .._solve import solve
+from .._solver import Newton
+from .._state import State
+from .._system import AbstractSystem
 from ._held_rank import Held, hold
-from ._kinematics import slip_motion
 from ._moving import Context, Equations, Moving, projected
 from ._phases import Options, Run, run
-from ._results import RESULTS, first_failure
-from ._scaling import Scaling, scaling
 from ._slip import onward
-from ._solve import solve
-from ._solver import Newton
 from ._stabilisation import AbstractStabilisation
-from ._state import State
 from ._stepper import at_start
-from ._system import AbstractSystem
 from ._trajectory import Trajectory, TrajectoryStats
 
 

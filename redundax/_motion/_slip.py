@@ -22,10 +22,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from .._kinematics import slip_motion
+from .._state import State
 from ._held_rank import Held, kinetics, respond
-from ._kinematics import slip_motion
 from ._moving import Context, Equations, Moving, projected
-from ._state import State
 
 # Slip and velocity that count as none, relative to those of the mechanism.
 _NONE = 1e-9

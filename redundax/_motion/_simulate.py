@@ -11,14 +11,14 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from ._closure import AbstractClosure, MinimumNorm
-from ._culprits import culprits
+from .._closures._closure import AbstractClosure, MinimumNorm
+from .._culprits import culprits
+from .._module import Numbers, as_float, known
+from .._results import RESULTS
+from .._state import State
+from .._system import AbstractSystem
 from ._integrate import integrate
-from ._module import Numbers, as_float, known
-from ._results import RESULTS
 from ._stabilisation import AbstractStabilisation, Projection
-from ._state import State
-from ._system import AbstractSystem
 from ._trajectory import Trajectory
 
 _MINIMUM_NORM, _PROJECTION, _DOPRI8 = MinimumNorm(), Projection(), diffrax.Dopri8()

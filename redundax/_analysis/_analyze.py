@@ -19,19 +19,19 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array
 
-from ._closure import AbstractClosure, MinimumNorm
-from ._culprits import culprits
-from ._factorisation import factorize
-from ._friction import slip_kinds
-from ._module import Numbers, as_float
+from .._closures._closure import AbstractClosure, MinimumNorm
+from .._culprits import culprits
+from .._factorisation import factorize
+from .._friction import slip_kinds
+from .._module import Numbers, as_float
+from .._rank import Spectrum
+from .._results import RESULTS
+from .._solve import solve
+from .._state import State
+from .._system import AbstractSystem
 from ._outputs import outputs
-from ._rank import Spectrum
 from ._release import releases
 from ._report import Report
-from ._results import RESULTS
-from ._solve import solve
-from ._state import State
-from ._system import AbstractSystem
 from ._verdict import Family, Judged, family, judge
 
 _MINIMUM_NORM = MinimumNorm()

@@ -20,10 +20,10 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
+from .._enumerate import search
+from .._solver import Newton, Root, closed_root
 from ._cases import AbstractCases
-from ._enumerate import search
 from ._solution_set import SolutionSet
-from ._solver import Newton, Root, closed_root
 
 _MARGIN = 0.01  # of the box, by which starts are moved inside: at its ends sin^2 is stationary
 _STEPS = 60  # of BFGS

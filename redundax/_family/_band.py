@@ -16,21 +16,21 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array
 
-from ._analyze import Report, analyze
+from .._analysis._analyze import Report, analyze
+from .._analysis._outputs import outputs as named_outputs
+from .._analysis._outputs import plain, unknowns
+from .._analysis._verdict import Verdict
+from .._enumerate import start_factors
+from .._friction import largest_change
+from .._module import Numbers
+from .._state import State
+from .._system import AbstractSystem
 from ._bounds import AbstractBounds
 from ._cases import AbstractCases, Affine, Fractional, corners
 from ._descent import Found, improved, sampled
-from ._enumerate import start_factors
 from ._extremes import linear_extreme, vertex_extremes
-from ._friction import largest_change
-from ._module import Numbers
-from ._outputs import outputs as named_outputs
-from ._outputs import plain, unknowns
 from ._solution_family import solutions_of
 from ._solution_set import SolutionSet
-from ._state import State
-from ._system import AbstractSystem
-from ._verdict import Verdict
 
 _CORNERS = 8  # entries of a case up to which all vertices of the box are looked at
 _VERTICES = 16  # compliances up to which all vertices are, where that is exact

@@ -13,12 +13,12 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from ._body import GROUND
+from .._body import GROUND
+from .._mechanism import Mechanism
+from .._module import as_float, replace
+from .._state import State
+from .._system import AbstractSystem
 from ._closure import AbstractClosure
-from ._mechanism import Mechanism
-from ._module import as_float, replace
-from ._state import State
-from ._system import AbstractSystem
 
 
 def misfit(system: AbstractSystem, actual: AbstractSystem, state: State) -> Float[Array, " m"]:

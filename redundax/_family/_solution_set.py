@@ -14,11 +14,11 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ._closure import MinimumNorm
-from ._friction_problem import FrictionProblem, Law
-from ._reduced import Response, reduce
-from ._state import State
-from ._system import AbstractSystem
+from .._closures._closure import MinimumNorm
+from .._friction_problem import FrictionProblem, Law
+from .._reduced import Response, reduce
+from .._state import State
+from .._system import AbstractSystem
 
 
 class SolutionSet(eqx.Module):

@@ -3,7 +3,7 @@
 import equinox as eqx
 from jaxtyping import Array, Float, Int
 
-from ._results import RESULTS
+from .._results import RESULTS
 
 
 class TrajectoryStats(eqx.Module):

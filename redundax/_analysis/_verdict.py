@@ -29,11 +29,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ._closure import AbstractClosure, MinimumNorm
-from ._friction import largest_change
-from ._reduced import reduce
-from ._state import State
-from ._system import AbstractSystem
+from .._closures._closure import AbstractClosure, MinimumNorm
+from .._friction import largest_change
+from .._reduced import reduce
+from .._state import State
+from .._system import AbstractSystem
 
 _STRUCTURAL = 1e-10  # relative size of a coefficient that is rounding
 _STATIONARY = 1e-8

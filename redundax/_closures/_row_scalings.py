@@ -11,11 +11,11 @@ the axes in which the constraints are written and with the points whose coordina
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from .._kinematics import jacobian
+from .._scaling import scaling
+from .._state import State
+from .._system import AbstractSystem
 from ._closure import AbstractClosure
-from ._kinematics import jacobian
-from ._scaling import scaling
-from ._state import State
-from ._system import AbstractSystem
 
 _ZERO = 1e-10  # entry of the scaled Jacobian that is rounding
 

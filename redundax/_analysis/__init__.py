@@ -1,0 +1,1 @@
+"""Analysis at a state: rank, self-stress, verdicts and releases."""

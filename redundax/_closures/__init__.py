@@ -1,0 +1,1 @@
+"""Closures: the k equations that choose one multiplier vector, and where they come from."""

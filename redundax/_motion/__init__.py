@@ -1,0 +1,1 @@
+"""Motion: the index-1 equations integrated by diffrax, with stabilisation, stick and slip."""
