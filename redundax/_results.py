@@ -73,7 +73,7 @@ class RESULTS(eqx.Enumeration):
     )
     stuck = (
         "The mechanism came to rest and sticks: admissible friction forces hold it, and none lets it go. From "
-        " then on it is given at rest; friction and multipliers, which are not determined there, are NaN."
+        "then on it is given at rest; friction and multipliers, which are not determined there, are NaN."
     )
     joint_sticks = (
         "The motion stopped where a joint sticks while others move on, or where no sense of slip is consistent: what "
