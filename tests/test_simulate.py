@@ -165,3 +165,6 @@ def test_arguments_that_do_not_fit_are_refused():
     door = registry.case("door")
     with pytest.raises(ValueError, match="retraction"):
         rx.simulate(door.system, door.state, T1)
+    turned = rx.System(lambda q, t, p: q[:1], jnp.ones(2), retraction=lambda q, d: q + d * jnp.exp(q), n=2, m=1)
+    with pytest.raises(ValueError, match="coordinates that add"):
+        rx.simulate(turned, rx.State(jnp.zeros(2), jnp.zeros(2)), 1.0)

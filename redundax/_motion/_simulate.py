@@ -7,6 +7,7 @@ friction at the times asked for are those of `solve`.
 """
 
 import diffrax
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
@@ -114,6 +115,11 @@ def _check(
             f"Argument `state` must have one coordinate for each of the {n} velocities to be simulated, but its `q` "
             f"has shape {state.q.shape}. Use coordinates that add; charts with a retraction are not supported."
         )
+    if not _adds(system, n):
+        raise ValueError(
+            "Argument `system` must have coordinates that add to be simulated, but its retraction is another. Solve at "
+            "single states, or use coordinates that add."
+        )
     if rtol is None and dt0 is None:
         raise ValueError("Argument `dt0` must be given where `rtol` is None, but it is None: it is the constant step.")
     if rtol is not None and not isinstance(solver, diffrax.AbstractAdaptiveSolver):
@@ -121,6 +127,14 @@ def _check(
             f"Argument `rtol` must be None with {type(solver).__name__}, which does not estimate its error, but it is "
             "given. Give `rtol=None` and a constant step `dt0`, or another solver."
         )
+
+
+def _adds(system: AbstractSystem, n: int) -> bool:
+    """Whether the retraction is addition, asked at one point."""
+    with jax.ensure_compile_time_eval():
+        q, d = jnp.linspace(0.3, 0.9, n), jnp.linspace(0.2, -0.1, n)
+        moved = system.retract(q, d)
+    return not known(moved) or (moved.shape == q.shape and bool(jnp.allclose(moved, q + d)))
 
 
 def _thrown(system: AbstractSystem, state: State, trajectory: Trajectory, throw: bool | None) -> Trajectory:
