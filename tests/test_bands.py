@@ -95,6 +95,7 @@ def test_acceleration_band_of_the_paper_against_a_dense_sweep():
     assert np.array_equal(found.lower[unique], found.upper[unique])
 
 
+@pytest.mark.slow
 def test_two_states_with_translational_friction():
     system, state = carriage()
     box = {"K1.perpendicular": (-20.0, 15.0), "K1.angle": (-0.5, 1.0)}

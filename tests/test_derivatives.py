@@ -116,6 +116,7 @@ def test_motion_depends_on_h_through_the_self_stress_alone(name):
     assert np.linalg.matrix_rank(slope[n:, n:], tol=1e-10) == mechanism.k
 
 
+@pytest.mark.slow
 def test_open_newton_depends_on_its_start():
     """The derivative is that of the iterations: an implicit one is wrong along the null vector."""
 
@@ -214,6 +215,7 @@ def _named(parameters) -> bool:
     return isinstance(parameters, dict)
 
 
+@pytest.mark.slow
 def test_derivatives_at_joints_without_force_are_finite():
     """|R| = 0 has derivative 0, not NaN: nothing pulls on the mechanism and it barely moves."""
     mechanism, state = registry.build(registry.MECHANISMS["parallelogram"](), registry.coulomb)

@@ -80,6 +80,7 @@ def test_study_shares_the_doubled_pin(file):
     assert column["first"][2] == pytest.approx(column["again"][2], rel=1e-12)  # minimum norm: equal shares
 
 
+@pytest.mark.slow
 def test_study_draws(file, tmp_path):
     picture = tmp_path / "family.png"
     status, out, error = run("study", f"{file}:paper", "--png", picture, "--samples", 21)

@@ -114,6 +114,7 @@ def test_states_beside_the_manifold_are_flagged_or_harmless(recipe):
     assert np.mean(near.successful[drift < 1e-8]) > 0.99
 
 
+@pytest.mark.slow
 def test_friction_in_a_locked_part_is_flagged():
     rng = np.random.default_rng(0)
     structure = structures.draw(RESTING, rng, fuzz.resting)

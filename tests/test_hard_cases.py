@@ -30,26 +30,20 @@ def check(lines):
     assert passes(lines), "\n" + troubles(lines)
 
 
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", ["drift", "folds", "closures"])
 def test_selection(family):
-    """Some cases of each family in float64, on the default route or, of closures, the closure."""
+    """Some cases of some families in float64, on the default route or, of closures, the closure."""
     cases = FAMILIES[family].cases(quick=True)
     route = "compliance" if family == "closures" else "decided"
     chosen = [case for case in cases if route in case.routes]
     check([*run(chosen[:: max(1, len(chosen) // 4)], ["float64"], [route], draws=2)])
 
 
-IN_FLOAT32 = pytest.mark.xfail(
-    strict=False,
-    reason="float32 flags masses and compliances that differ by 1e8 and more, and slow fixed points lose two digits",
-)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("dtype", ["float64", pytest.param("float32", marks=IN_FLOAT32)])
 @pytest.mark.parametrize("family", FAMILIES)
-def test_every_route(family, dtype):
-    check([*run(FAMILIES[family].cases(quick=True), [dtype])])
+def test_every_route(family):
+    """In float64; what float32 is worth the command tells, which prints 6 % of flags without need for it."""
+    check([*run(FAMILIES[family].cases(quick=True), ["float64"])])
     jax.clear_caches()
 
 

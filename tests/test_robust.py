@@ -76,7 +76,7 @@ def test_the_search_finds_every_solution(mu_rho, rate, count):
     np.testing.assert_allclose(accelerations, expected, rtol=1e-9)
 
 
-@pytest.mark.parametrize("mu_rho", [slow(0.14), slow(0.143), slow(0.145), 0.1455])
+@pytest.mark.parametrize("mu_rho", [slow(0.14), slow(0.143), 0.145, slow(0.1455)])
 def test_the_default_stays_on_the_branch_from_zero_friction(mu_rho):
     solution = solved(mu_rho)
     assert not failed(solution)
@@ -102,6 +102,7 @@ def test_beyond_the_fold_there_is_no_number_but_the_fold(rate, inside, outside):
         rx.solve(*crank(outside, rate))
 
 
+@pytest.mark.slow
 def test_samples_beyond_the_fold_leave_their_neighbours_alone():
     mu_rho = jnp.linspace(0.13, 0.16, 31)
     batch = jax.jit(jax.vmap(solved))(mu_rho)
@@ -111,7 +112,7 @@ def test_samples_beyond_the_fold_leave_their_neighbours_alone():
         np.testing.assert_allclose(batch.acceleration[k], solved(mu_rho[k]).acceleration, rtol=1e-9)
 
 
-@pytest.mark.parametrize("mu_rho", [0.02, 0.1, 0.14])
+@pytest.mark.parametrize("mu_rho", [slow(0.02), slow(0.1), 0.14])
 def test_contraction_bounds_the_work_of_the_fixed_point(mu_rho):
     """The error falls from 1 to 1e-15 in `steps` sweeps, each of which in the long run divides it by 1 / bound."""
     bound = float(solved(mu_rho).stats.contraction)
@@ -153,7 +154,8 @@ def test_derivative_on_a_followed_branch():
     np.testing.assert_allclose(forward, difference, rtol=1e-4)
 
 
-@pytest.mark.parametrize("name", ["slider_crank", slow("wojtyra2020")])
+@pytest.mark.parametrize("name", ["slider_crank", "wojtyra2020"])
+@pytest.mark.slow
 def test_default_and_newton_are_one_where_friction_contracts(name):
     mechanism, state = registry.build(registry.MECHANISMS[name](), registry.coulomb)
     default, plain = registry.solve(mechanism, state), registry.solve(mechanism, state, solver=rx.Newton())

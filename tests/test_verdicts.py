@@ -44,7 +44,8 @@ def kinds(system) -> np.ndarray:
 @pytest.mark.parametrize(
     "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in CASES]
 )
-@pytest.mark.parametrize("friction", [pytest.param(False, marks=pytest.mark.slow), True])
+@pytest.mark.parametrize("friction", [False, True])
+@pytest.mark.slow
 def test_no_wrong_verdict_along_the_family(name, friction):
     case = CASES[name]
     system, found = case.rubbing if friction else case.smooth, report(name, friction)
@@ -110,6 +111,7 @@ def test_stationary_is_not_unique():
     assert found["1.phi''"].without_friction is UNIQUE
 
 
+@pytest.mark.slow
 def test_nothing_redundant_is_not_enough():
     """k = 0: with little friction all is unique; with much it is undecided, as there can be several solutions."""
     case = CASES["slider-crank"]
@@ -161,6 +163,7 @@ def test_a_carriage_that_cannot_turn_does_not():
 SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("three cranks", "slider-crank, three guides")]
 
 
+@pytest.mark.slow
 def test_at_rest_friction_without_load_is_undecided_too():
     body = rx.Body("bead", 1.0, 1.0)
     guide = rx.Translational(
@@ -202,7 +205,9 @@ def test_dependent_rows_follow_from_the_others():
     assert found.groups == (tuple(row for row in found.rows if row not in found.unique_multipliers),)
 
 
-@pytest.mark.parametrize("name", ["wojtyra2020", "carriage", pytest.param("three cranks", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name", ["carriage", *(pytest.param(name, marks=pytest.mark.slow) for name in ("wojtyra2020", "three cranks"))]
+)
 def test_what_depends_on_the_unit_of_length(name):
     """Minimum norm in metres and in millimetres: the rows that change are those that the report names."""
     case, found = CASES[name], report(name, name == "wojtyra2020")
