@@ -42,8 +42,8 @@ def test_selection(family):
 @pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES)
 def test_every_route(family):
-    """In float64; what float32 is worth the command tells, which prints 6 % of flags without need for it."""
-    check([*run(FAMILIES[family].cases(quick=True), ["float64"])])
+    """Every second case in float64; what float32 is worth the command tells, with 6 % of flags without need."""
+    check([*run(FAMILIES[family].cases(quick=True)[::2], ["float64"])])
     jax.clear_caches()
 
 
