@@ -34,7 +34,7 @@ def marks(recipe: str) -> list:
 
 
 @pytest.mark.parametrize("recipe", [pytest.param(name, marks=marks(name)) for name in RECIPES])
-@settings(max_examples=5, derandomize=True, database=None)
+@settings(max_examples=3, derandomize=True, database=None)
 @given(
     number=st.integers(0, 1000),
     seed=st.integers(0, 1000),
