@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ._friction import AbstractFriction, friction_force
+from ._friction import AbstractFriction, friction_force, slip_kinds
 from ._state import State
 
 # Powers of the sweep's derivative that the bound of the contraction takes.
@@ -62,10 +62,9 @@ class FrictionProblem(eqx.Module):
         gain: Float[Array, "l p"],
         law: Law,
         angular_loads: Bool[Array, " l"],
-        angular_slips: Bool[Array, " p"],
     ) -> "FrictionProblem":
-        """The problem, given which loads and slips are moments and angles."""
-        tau = law(rho0)
+        """The problem, given which loads are moments."""
+        tau, angular_slips = law(rho0), jnp.asarray(slip_kinds(law.groups).angular)
         loads = jnp.maximum(jnp.abs(rho0), jnp.abs(gain @ tau))
         sizes = _largest_of_kind(loads, angular_loads), _largest_of_kind(jnp.abs(tau), angular_slips)
         return cls(rho0, gain, law, angular_loads, angular_slips, *jax.lax.stop_gradient(sizes))

@@ -98,7 +98,7 @@ def reduce(
     law = Law(system.friction, rate, _sense(comparable, factor.resting_rate, sense), state)
     rows = load_rows(system.friction)
     angular_loads = jnp.asarray(system.rows.angular)[rows]
-    problem = FrictionProblem.make(free.multipliers[rows], unit.multipliers[rows], law, angular_loads, angular_slips)
+    problem = FrictionProblem.make(free.multipliers[rows], unit.multipliers[rows], law, angular_loads)
     return Reduced(factor, pick, definite, free, unit, rows, problem)
 
 

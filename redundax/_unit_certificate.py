@@ -65,7 +65,8 @@ def unit_certificate(system: AbstractSystem, state: State) -> UnitCertificate:
         raise ValueError(f"Argument `state` must be one that can be analysed, but: {report.problem}")
     dependent = set(report.unit_dependent)
     read = [name for name in report.friction_reads if name in dependent]
-    rows = [_alone(report, name, dict(zip(system.rows.labels, system.rows.kinds, strict=True))) for name in report.rows]
+    kinds = dict(zip(system.rows.labels, system.rows.kinds, strict=True))
+    rows = [_alone(report, name, kinds) for name in report.rows]
     accelerations = [UnitVerdict(f"{name}''", True, "unique without friction") for name in report.coordinates]
     if read:
         why = f"friction depends on the multipliers {', '.join(read)}, which change"

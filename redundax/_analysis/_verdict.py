@@ -21,16 +21,17 @@ of that closure, is below 1: the sweep then contracts in a weighted maximum norm
 
 import dataclasses
 import enum
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from .._closures._closure import AbstractClosure, MinimumNorm
-from .._friction import largest_change
+from .._friction import AbstractFriction, largest_change
 from .._reduced import reduce
 from .._state import State
 from .._system import AbstractSystem
@@ -103,7 +104,7 @@ class Family:
     @property
     def radius(self) -> float:
         """Spectral radius of Gamma under the closure; infinite where a law has no known bound."""
-        return _radius(self.closed_gamma)
+        return spectral_radius(self.closed_gamma)
 
 
 def family(
@@ -156,9 +157,9 @@ def _figures(
         **out,
         "response": jnp.concatenate(reduced.unit),
         "slope": jnp.linalg.solve(identity - slope @ reduced.problem.gain, slope @ rows),
-        "gamma": _changes(system, reduced.problem.gain),
-        "closed_gamma": _changes(system, closed.problem.gain),
-        "reads": _changes(system, jnp.eye(reduced.rows.size)) > 0,
+        "gamma": largest_changes(system.friction, reduced.problem.gain),
+        "closed_gamma": largest_changes(system.friction, closed.problem.gain),
+        "reads": largest_changes(system.friction, jnp.eye(reduced.rows.size)) > 0,
     }
 
 
@@ -173,9 +174,9 @@ def _loose(mass: np.ndarray, jacobian: np.ndarray, determinate: bool) -> np.ndar
     return np.where(np.abs(vt[kept:].T) > 1e-8, vt[kept:].T, 0.0)
 
 
-def _changes(system: AbstractSystem, loads: Array) -> Array:
+def largest_changes(groups: Sequence[AbstractFriction], loads: Float[Array, "l columns"]) -> Float[Array, "p columns"]:
     """Bounds of the change of each friction by each column of changes of the loads."""
-    return jax.vmap(lambda change: largest_change(system.friction, change))(loads.T).T
+    return jax.vmap(lambda change: largest_change(groups, change))(loads.T).T
 
 
 def judge(family: Family, names: list[str], outputs: np.ndarray, *, solved: bool, at_rest: bool) -> list[Judged]:
@@ -195,7 +196,7 @@ def judge(family: Family, names: list[str], outputs: np.ndarray, *, solved: bool
     driven = _clean(by_unknowns @ family.response + by_friction, driven_size)
     known = ~np.any(np.abs(outputs[:, :n] @ family.loose) > 0, axis=1)
     touched = _touched(family)
-    settled = not at_rest and _radius(family.gamma[np.ix_(~touched, ~touched)]) < 1
+    settled = not at_rest and spectral_radius(family.gamma[np.ix_(~touched, ~touched)]) < 1
     out = []
     for k, name in enumerate(names):
         alone = _simple(direct[k], bool(known[k]))
@@ -262,7 +263,8 @@ def _clean(value: np.ndarray, terms: np.ndarray) -> np.ndarray:
     return np.where(np.abs(value) > _STRUCTURAL * terms, value, 0.0)
 
 
-def _radius(gamma: np.ndarray) -> float:
+def spectral_radius(gamma: np.ndarray) -> float:
+    """Of Gamma; infinite where a law has no known bound."""
     if not gamma.size:
         return 0.0
     if not np.all(np.isfinite(gamma)):

@@ -19,9 +19,8 @@ from jaxtyping import Array
 from .._analysis._analyze import Report, analyze
 from .._analysis._outputs import outputs as named_outputs
 from .._analysis._outputs import plain, unknowns
-from .._analysis._verdict import Verdict
+from .._analysis._verdict import Verdict, largest_changes, spectral_radius
 from .._enumerate import start_factors
-from .._friction import largest_change
 from .._module import Numbers
 from .._state import State
 from .._system import AbstractSystem
@@ -182,17 +181,13 @@ def _proved(solutions: SolutionSet, cases: AbstractCases, report: Report) -> boo
         return True
     if not isinstance(cases, Affine) and report.friction_reads:
         return False
-    gain = np.asarray(cases.chosen(cases.lower)[1])[np.asarray(solutions.rows)]
-    groups = solutions.law.groups
-    gamma = np.asarray(jax.vmap(lambda change: largest_change(groups, change))(jnp.asarray(gain.T))).T
-    return bool(np.all(np.isfinite(gamma)) and np.max(np.abs(np.linalg.eigvals(gamma)), initial=0.0) < 1)
+    gain = cases.chosen(cases.lower)[1][solutions.rows]
+    return spectral_radius(np.asarray(largest_changes(solutions.law.groups, gain))) < 1
 
 
 def _few(cases: AbstractCases) -> bool:
     """Whether all vertices of the compliances that matter can be looked at."""
-    if not isinstance(cases, Fractional):
-        return False
-    return int(np.any(np.asarray(cases.stress)[np.asarray(cases.rows)] != 0, axis=1).sum()) <= _VERTICES
+    return isinstance(cases, Fractional) and int(cases.matters.sum()) <= _VERTICES
 
 
 _Extreme = tuple[np.ndarray, np.ndarray, np.ndarray]  # values (b,), cases (b, q), solutions (b, x)

@@ -17,7 +17,7 @@ import abc
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 
 class AbstractCases(eqx.Module):
@@ -87,6 +87,11 @@ class Fractional(AbstractCases):
     compliance: Float[Array, "m m"]
     misfit: Float[Array, " m"]
     rows: Int[Array, " q"]
+
+    @property
+    def matters(self) -> Bool[Array, " q"]:
+        """Which compliances move the multipliers: those of rows in the self-stress."""
+        return jnp.any(self.stress[self.rows] != 0, axis=1)
 
     def chosen(self, theta: Array) -> tuple[Array, Array]:
         compliance = self.compliance.at[self.rows, self.rows].add(theta)

@@ -47,7 +47,7 @@ def _over_ellipsoid(start: np.ndarray, slope: np.ndarray, cost: np.ndarray) -> n
 
 def vertex_extremes(cases: Fractional, tau: np.ndarray, costs: np.ndarray) -> np.ndarray:
     """For each row of `costs` (b, m) the vertex with the least costs^T lam, shape (b, q)."""
-    matters = np.asarray(jnp.any(cases.stress[cases.rows] != 0, axis=1))  # other rows do not move the multipliers
+    matters = np.asarray(cases.matters)
     few = eqx.tree_at(
         lambda cases: (cases.lower, cases.upper, cases.rows),
         cases,

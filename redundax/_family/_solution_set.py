@@ -47,7 +47,7 @@ class SolutionSet(eqx.Module):
         """tau = law(base[rows] + unit[rows] tau)."""
         if self.law is None:
             raise ValueError("Argument `system` must have friction here, but it has none.")
-        return FrictionProblem.make(base[self.rows], unit[self.rows], self.law, self.angular_loads, self.angular_slips)
+        return FrictionProblem.make(base[self.rows], unit[self.rows], self.law, self.angular_loads)
 
     def outputs(self, base: Float[Array, " m"], unit: Float[Array, "m p"], tau: Float[Array, " p"]) -> Array:
         """[qdd; lam; tau], shape (n + m + p,)."""

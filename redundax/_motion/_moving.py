@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._closures._closure import AbstractClosure
-from .._friction import load_rows, slip_kinds
+from .._friction import load_rows
 from .._friction_problem import FrictionProblem, Law
 from .._kinematics import slip_motion
 from .._results import RESULTS
@@ -99,9 +99,8 @@ class Equations(eqx.Module):
         if rows.size == 0:
             return law(law.rate[:0])
         angular_loads = jnp.asarray(self.system.rows.angular)[rows]
-        angular_slips = jnp.asarray(slip_kinds(self.system.friction).angular)
         loads = multipliers[rows]
-        problem = FrictionProblem.make(loads[:, 0], loads[:, 1:], law, angular_loads, angular_slips)
+        problem = FrictionProblem.make(loads[:, 0], loads[:, 1:], law, angular_loads)
         root = closed_root(problem, law(problem.rho0) if start is None else start, self.solver)
         return jnp.where(self.solver.result(root.progress) == RESULTS.successful, root.tau, jnp.nan)
 
