@@ -16,6 +16,7 @@ from jaxtyping import Array, Bool, Float
 
 from ._closures._closure import AbstractClosure, MinimumNorm
 from ._continuation import Continuation
+from ._factorisation import Factorisation, factorize
 from ._friction import slip_kinds
 from ._friction_problem import FrictionProblem
 from ._module import Numbers, as_float
@@ -62,8 +63,7 @@ def frictional_solutions(
     factors = start_factors(sum(group.rows.size for group in system.friction), starts, seed)
     slips = len(slip_kinds(system.friction))
     senses = None if sense is None else jnp.broadcast_to(as_float(sense), (slips,))
-    declared = None if rank is None else jnp.asarray(rank)
-    guesses, found, size = _guesses(system.anonymous(), state, closure, senses, declared, factors)
+    guesses, found, size = _guesses(system.anonymous(), state, factorize(system, state, rank), closure, senses, factors)
     order, rtol = np.argsort(np.asarray(size)), 100 * jnp.finfo(size.dtype).eps * jnp.maximum(size, 1.0)
     batch = [
         solve(system, state, x0=guesses[k], **options, solver=Newton(rtol[k]), throw=False) for k in order if found[k]
@@ -75,13 +75,13 @@ def frictional_solutions(
 def _guesses(
     system: AbstractSystem,
     state: State,
+    factor: Factorisation,
     closure: AbstractClosure,
     sense: Array | None,
-    rank: Array | None,
     factors: Array,
 ) -> tuple[Array, Array, Array]:
     """[qdd; lam] of what the search ends with, which of them are solutions that differ, and their largest friction."""
-    reduced = reduce(system, state, closure, sense=sense, rank=rank)
+    reduced = reduce(system, state, factor, closure, sense=sense)
     problem, unit = cast(FrictionProblem, reduced.problem), cast(Response, reduced.unit)
     tau, found = search(problem, factors)
     ends = jax.vmap(lambda tau: jnp.concatenate(reduced.free.plus(unit, tau)))(tau)

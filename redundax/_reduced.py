@@ -22,7 +22,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from ._closures._closure import AbstractClosure
-from ._factorisation import Factorisation, factorize
+from ._factorisation import Factorisation
 from ._friction import load_rows, slip_kinds
 from ._friction_problem import FrictionProblem, Law
 from ._kinematics import slip_motion
@@ -56,14 +56,12 @@ class Response(NamedTuple):
 class Reduced(eqx.Module):
     """The equations (25) of a system at a state under a closure, reduced to the friction forces.
 
-    - `factor`: the factorisation.
     - `pick`, `definite`: the closure, and whether it determines the multipliers.
     - `free`: response to the load.
     - `unit`, `rows`, `problem`: response to unit friction, the multipliers that friction reads, and the equations for
       tau; without friction none, no rows, none.
     """
 
-    factor: Factorisation
     pick: Pick
     definite: Bool[Array, ""]
     free: Response
@@ -75,21 +73,20 @@ class Reduced(eqx.Module):
 def reduce(
     system: AbstractSystem,
     state: State,
+    factor: Factorisation,
     closure: AbstractClosure,
     *,
     kept: Float[Array, " m"] | None = None,
     sense: Float[Array, " p"] | None = None,
-    rank: Int[Array, ""] | None = None,
 ) -> Reduced:
-    """Factorise, close and reduce; the self-stress of `kept`, for a closure of minimum norm, is added to `free`."""
-    factor = factorize(system, state, rank)
+    """Close and reduce; the self-stress of `kept`, for a closure of minimum norm, is added to `free`."""
     compliance, misfit = closure.compliance(system, state)
     response, definite = factor.stress_response(compliance)
     pick = Pick(response, compliance)
     given = misfit if kept is None else misfit + kept
     free = Response(factor.acceleration, pick(factor.multipliers) + response @ given)
     if not system.friction:
-        return Reduced(factor, pick, definite, free, None, jnp.zeros(0, int), None)
+        return Reduced(pick, definite, free, None, jnp.zeros(0, int), None)
     rate, directions = slip_motion(system, state)
     acceleration, multipliers = factor.respond(directions)
     unit = Response(acceleration, pick(multipliers))
@@ -99,7 +96,7 @@ def reduce(
     rows = load_rows(system.friction)
     angular_loads = jnp.asarray(system.rows.angular)[rows]
     problem = FrictionProblem.make(free.multipliers[rows], unit.multipliers[rows], law, angular_loads)
-    return Reduced(factor, pick, definite, free, unit, rows, problem)
+    return Reduced(pick, definite, free, unit, rows, problem)
 
 
 def at_rest(law: Law, loads: Float[Array, " l"]) -> Bool[Array, ""]:

@@ -17,7 +17,7 @@ from ._closures._elastic_joints import ElasticJoints
 from ._closures._unit_check import check_units
 from ._continuation import Continuation
 from ._culprits import culprits
-from ._factorisation import Factorisation
+from ._factorisation import Factorisation, factorize
 from ._friction import slip_kinds
 from ._friction_problem import FrictionProblem
 from ._iterate import Progress
@@ -79,8 +79,8 @@ def solve(
     x0 = None if x0 is None else _vector("x0", x0, n + m, "[qdd; lam]")
     if sense is not None:
         sense = _vector("sense", sense, len(slip_kinds(system.friction)), "slips")
-    rank = None if rank is None else jnp.asarray(rank)
-    solution = _solve(system.anonymous(), state, closure, solver, x0, sense, rank)
+    factor = factorize(system, state, rank)
+    solution = _solve(system.anonymous(), state, factor, closure, solver, x0, sense)
     if isinstance(closure, Compliance | ElasticJoints) and known(solution.acceleration):
         check_units(system, state, closure, stacklevel=2)
     return _thrown(system, state, solution, throw)
@@ -90,15 +90,15 @@ def solve(
 def _solve(
     system: AbstractSystem,
     state: State,
+    factor: Factorisation,
     closure: AbstractClosure | None,
     solver: AbstractSolver,
     x0: Array | None,
     sense: Array | None,
-    rank: Array | None,
 ) -> Solution:
     chosen = _MINIMUM_NORM if closure is None else closure
     kept = _part(x0, state) if closure is None else None  # Newton (38) keeps the self-stress of x0
-    reduced = reduce(system, state, chosen, kept=kept, sense=sense, rank=rank)
+    reduced = reduce(system, state, factor, chosen, kept=kept, sense=sense)
     if reduced.problem is None:
         end, root, contraction, friction_checks = reduced.free, _loadless(state.qd[:0]), 0.0 * state.t, ()
     else:
@@ -107,13 +107,13 @@ def _solve(
     finite = jnp.all(jnp.isfinite(jnp.concatenate([*end, root.tau])))
     result = first_failure(
         (
-            *reduced.factor.checks,
+            *factor.checks,
             (reduced.definite, RESULTS.indeterminate_closure),
             *friction_checks,
             (finite, RESULTS.not_finite),
         )
     )
-    return _solution(reduced.factor, end, root, contraction, solver.tolerance(state.qd.dtype), result)
+    return _solution(factor, end, root, contraction, solver.tolerance(state.qd.dtype), result)
 
 
 def _solve_friction(

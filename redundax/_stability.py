@@ -28,6 +28,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Complex, Float
 
 from ._closures._closure import AbstractClosure
+from ._factorisation import Factorisation, factorize
 from ._module import Numbers, as_float
 from ._reduced import reduce
 from ._results import RESULTS
@@ -96,8 +97,8 @@ def stability(
             "Argument `solution` must be successful, but ended with another result. Solve with `throw=True` to see why."
         )
     senses = None if sense is None else jnp.broadcast_to(as_float(sense), solution.friction.shape)
-    declared = None if rank is None else jnp.asarray(rank)
-    figures = _figures(system.anonymous(), state, solution.multipliers, closure, senses, declared)
+    factor = factorize(system, state, rank)
+    figures = _figures(system.anonymous(), state, factor, solution.multipliers, closure, senses)
     compliance, response = (np.asarray(x, float) for x in figures)
     size, axes = np.linalg.eigh(compliance)
     soft = size > _RIGID * size[-1]
@@ -122,20 +123,20 @@ def _verdict(eigenvalues: np.ndarray) -> Settling:
 def _figures(
     system: AbstractSystem,
     state: State,
+    factor: Factorisation,
     multipliers: Array,
     closure: AbstractClosure,
     sense: Array | None,
-    rank: Array | None,
 ) -> tuple[Float[Array, "m m"], Float[Array, "m m"]]:
     """W_e and X in multipliers free of units."""
-    reduced = reduce(system, state, closure, sense=sense, rank=rank)
+    reduced = reduce(system, state, factor, closure, sense=sense)
     W, G = reduced.pick.compliance, reduced.pick.response
     given = W - W @ G @ W
-    mass = response = reduced.factor.apparent_mass()
+    mass = response = factor.apparent_mass()
     if reduced.problem is not None and reduced.unit is not None:
         slope = reduced.problem.law.slope(multipliers[reduced.rows])
         loop = jnp.eye(slope.shape[0], dtype=slope.dtype) - slope @ reduced.problem.gain
         friction = jnp.linalg.solve(loop, slope @ reduced.pick(mass)[reduced.rows])
         response = mass + reduced.unit.multipliers @ friction
-    scale = reduced.factor.row_scale
+    scale = factor.row_scale
     return (given + given.T) / (2 * scale[:, None] * scale), scale[:, None] * response * scale

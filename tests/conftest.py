@@ -6,14 +6,20 @@ Two of them must be made before anything else is imported, which is why this fil
 import os
 import sys
 
-# On two-core CPUs, independent batched LAPACK calls in one compiled step can wait for good on the
-# thread pool that they run in (intermittent, seen with jaxlib 0.10). XLA starts such calls side by
-# side only under its concurrency-optimised scheduler; without it they run one after the other.
 # XLA reads its flags once, when the first backend starts. Subprocesses of tests inherit them.
-_SCHEDULER = "--xla_cpu_enable_concurrency_optimized_scheduler"
-_flags = os.environ.get("XLA_FLAGS", "")
-if _SCHEDULER not in _flags:
-    os.environ["XLA_FLAGS"] = f"{_flags} {_SCHEDULER}=false".strip()
+# - On two-core CPUs, independent batched LAPACK calls in one compiled step can wait for good on the
+#   thread pool that they run in (intermittent, seen with jaxlib 0.10). XLA starts such calls side by
+#   side only under its concurrency-optimised scheduler; without it they run one after the other.
+# - The tests spend most of their time in compiling programs that run for milliseconds. Without
+#   optimisation and with XLA's older code generator that takes a third of the time.
+_FLAGS = (
+    "--xla_cpu_enable_concurrency_optimized_scheduler=false",
+    "--xla_backend_optimization_level=0",
+    "--xla_cpu_use_fusion_emitters=false",
+)
+_given = os.environ.get("XLA_FLAGS", "").split()
+_names = {flag.split("=")[0] for flag in _given}
+os.environ["XLA_FLAGS"] = " ".join([*_given, *(flag for flag in _FLAGS if flag.split("=")[0] not in _names)])
 
 import beartype.typing  # noqa: F401 (the expression below needs it loaded)
 import hypothesis

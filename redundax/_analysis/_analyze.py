@@ -21,7 +21,7 @@ from jaxtyping import Array
 
 from .._closures._closure import AbstractClosure, MinimumNorm
 from .._culprits import culprits
-from .._factorisation import factorize
+from .._factorisation import Factorisation, factorize
 from .._friction import slip_kinds
 from .._module import Numbers, as_float
 from .._rank import Spectrum
@@ -55,13 +55,14 @@ def analyze(
     - `rank`: declared rank of the constraint Jacobian; decided from its spectrum if not given.
     """
     declared = None if rank is None else jnp.asarray(rank)
-    found = jax.device_get(_evidence(system.anonymous(), state, declared))
+    factor = factorize(system, state, declared)
+    found = jax.device_get(_evidence(factor))
     rows, unique = np.array(system.rows.labels), found.unique_multipliers
     reads = np.unique(np.concatenate([np.zeros(0, int), *(np.ravel(group.rows) for group in system.friction)]))
     successful = bool(found.result == RESULTS.successful)
     stress = _echelon(found.self_stress, rows.size - int(found.spectrum.rank), unique)
     groups, kinds = _groups(stress), system.rows.kinds
-    figures, result = _family(system, state, closure, stress, sense, declared)
+    figures, result = _family(system, state, factor, closure, stress, sense, declared)
     return Report(
         coordinates=system.coordinates.labels,
         rows=system.rows.labels,
@@ -100,14 +101,14 @@ class _Evidence(NamedTuple):
 
 
 @eqx.filter_jit
-def _evidence(system: AbstractSystem, state: State, rank: Array | None) -> _Evidence:
-    factor = factorize(system, state, rank)
+def _evidence(factor: Factorisation) -> _Evidence:
     return _Evidence(*(getattr(factor, name) for name in _Evidence._fields))
 
 
 def _family(
     system: AbstractSystem,
     state: State,
+    factor: Factorisation,
     closure: AbstractClosure,
     stress: np.ndarray,
     sense: Numbers | None,
@@ -117,7 +118,7 @@ def _family(
     solution = solve(system, state, closure=closure, sense=sense, rank=rank, throw=False)
     count = len(slip_kinds(system.friction))
     senses = None if sense is None else jnp.broadcast_to(as_float(sense), (count,))
-    figures = family(system, state, closure, stress.T, np.asarray(solution.friction), senses, rank)
+    figures = family(system, state, factor, closure, stress.T, np.asarray(solution.friction), senses)
     return figures, solution.result
 
 

@@ -31,6 +31,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._closures._closure import AbstractClosure, MinimumNorm
+from .._factorisation import Factorisation
 from .._friction import AbstractFriction, largest_change
 from .._reduced import reduce
 from .._state import State
@@ -110,42 +111,36 @@ class Family:
 def family(
     system: AbstractSystem,
     state: State,
+    factor: Factorisation,
     closure: AbstractClosure,
     stress: np.ndarray,
     friction: np.ndarray,
     sense: Array | None,
-    rank: Array | None,
 ) -> Family:
     """The figures of the family, given N and the friction forces of a solution; NaN where there is none."""
     given = jnp.asarray(stress), jnp.asarray(friction)
-    figures = jax.device_get(_figures(system.anonymous(), state, closure, *given, sense, rank))
-    mass, jacobian, determinate = (figures.pop(key) for key in ("mass", "jacobian", "determinate"))
+    figures = jax.device_get(_figures(system.anonymous(), state, factor, closure, *given, sense))
+    mass, jacobian, length, determinate = jax.device_get(
+        (factor.mass, factor.jacobian, factor.length, factor.determinate)
+    )
     kinds = np.array([*system.coordinates.kinds, *system.rows.kinds])
-    return Family(kinds, **figures, loose=_loose(mass, jacobian, bool(determinate)))
+    return Family(kinds, **figures, length=length, loose=_loose(mass, jacobian, bool(determinate)))
 
 
 @eqx.filter_jit
 def _figures(
     system: AbstractSystem,
     state: State,
+    factor: Factorisation,
     closure: AbstractClosure,
     stress: Array,
     friction: Array,
     sense: Array | None,
-    rank: Array | None,
 ) -> dict:
-    reduced = reduce(system, state, MinimumNorm(), sense=sense, rank=rank)
+    reduced = reduce(system, state, factor, MinimumNorm(), sense=sense)
+    closed = reduce(system, state, factor, closure, sense=sense)
     rows = stress[reduced.rows]
-    factor = reduced.factor
-    out = {
-        "stress": stress,
-        "stress_rows": rows,
-        "mass": factor.mass,
-        "jacobian": factor.jacobian,
-        "determinate": factor.determinate,
-        "length": factor.length,
-    }
-    closed = reduce(system, state, closure, sense=sense, rank=rank)
+    out = {"stress": stress, "stress_rows": rows}
     if reduced.problem is None or reduced.unit is None or closed.problem is None:
         nothing = jnp.zeros((0, 0))
         none = {"slope": jnp.zeros((0, stress.shape[1])), "reads": nothing}

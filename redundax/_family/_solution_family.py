@@ -206,8 +206,7 @@ def solutions_of(
         raise RuntimeError(RESULTS[result] + culprits(system, state, result))
     count = len(slip_kinds(system.friction))
     senses = None if sense is None else jnp.broadcast_to(as_float(sense), (count,))
-    declared = None if rank is None else jnp.asarray(rank)
-    return solution_set(system.anonymous(), state, jnp.asarray(report.self_stress), senses, declared)
+    return solution_set(system, state, jnp.asarray(report.self_stress), senses, rank)
 
 
 def _chosen(report: Report, along: Sequence[str] | str | None) -> list[int]:

@@ -12,9 +12,11 @@ One factorisation at the state serves every z and every choice of base and U.
 
 import equinox as eqx
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int
 
 from .._closures._closure import MinimumNorm
+from .._factorisation import Factorisation, factorize
 from .._friction_problem import FrictionProblem, Law
 from .._reduced import Response, reduce
 from .._state import State
@@ -54,16 +56,22 @@ class SolutionSet(eqx.Module):
         return jnp.concatenate([self.free.acceleration + self.unit.acceleration @ tau, base + unit @ tau, tau])
 
 
-@eqx.filter_jit
 def solution_set(
     system: AbstractSystem,
     state: State,
     stress: Float[Array, "k m"],
     sense: Float[Array, " p"] | None,
-    rank: Int[Array, ""] | None,
+    rank: ArrayLike | None,
 ) -> SolutionSet:
     """The set of solutions, given self-stress states."""
-    reduced = reduce(system, state, MinimumNorm(), sense=sense, rank=rank)
+    return _solution_set(system.anonymous(), state, factorize(system, state, rank), stress, sense)
+
+
+@eqx.filter_jit
+def _solution_set(
+    system: AbstractSystem, state: State, factor: Factorisation, stress: Array, sense: Array | None
+) -> SolutionSet:
+    reduced = reduce(system, state, factor, MinimumNorm(), sense=sense)
     n, m = reduced.free.acceleration.size, reduced.free.multipliers.size
     if reduced.problem is None or reduced.unit is None:
         none = Response(jnp.zeros((n, 0)), jnp.zeros((m, 0)))
