@@ -1,6 +1,10 @@
 """Overconstrained mechanisms in JAX: what is unique, how far the rest can vary, and what it depends on."""
 
 from . import mechanisms as mechanisms
+from ._analysis._along import Change as Change
+from ._analysis._along import MotionReport as MotionReport
+from ._analysis._along import Narrow as Narrow
+from ._analysis._along import analyze_along as analyze_along
 from ._analysis._analyze import analyze as analyze
 from ._analysis._release import Release as Release
 from ._analysis._report import Report as Report

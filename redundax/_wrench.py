@@ -21,6 +21,10 @@ from ._mechanism import Mechanism
 from ._stack import Stack
 from ._state import State
 
+# Arm of a force about a point that it passes through, relative to its distance from the body's origin: rounding, and
+# how far a joint is from being closed.
+_CLOSED = 1e-9
+
 
 def joint_wrenches(mechanism: Mechanism, state: State, multipliers: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     """For each stack of joints the forces (size, 2), N, and moments about r_i (size,), N m, on the bodies i."""
@@ -44,7 +48,9 @@ def joint_outputs(mechanism: Mechanism, state: State) -> tuple[list[str], np.nda
             on, sign, arm = (j, -1.0, arms_j[k]) if i == GROUND else (i, 1.0, arms_i[k])
             force = by_row[k, :2]
             wrench = np.zeros((3, len(mechanism.rows)))
-            wrench[:, rows[k]] = sign * np.vstack([force, moved(by_row[k, 2], force, arm)])
+            moment, terms = moved(by_row[k, 2], force, arm), np.abs(by_row[k, 2]) + np.abs(arm) @ np.abs(force[::-1])
+            moment = np.where(np.abs(moment) > _CLOSED * terms, moment, 0.0)
+            wrench[:, rows[k]] = sign * np.vstack([force, moment])
             names += [f"{joint} {part} on {on}" for part in ("force x", "force y", "moment")]
             out.append(wrench)
     return names, np.concatenate(out)

@@ -81,7 +81,9 @@ def analyze(
         at_rest=bool(result == RESULTS.friction_at_rest),
         verdicts=_verdicts(system, state, figures, result) if successful else {},
         spectral_radius=figures.radius if system.friction else None,
-        releases=releases(_orthonormal(found, stress), system.rows.labels, system.rows.kinds) if successful else (),
+        releases=releases(orthonormal(found.row_scale, stress), system.rows.labels, system.rows.kinds)
+        if successful
+        else (),
         friction_reads=tuple(str(rows[row]) for row in reads if not unique[row]),
         problem="" if successful else RESULTS[found.result] + culprits(system, state, found.result),
     )
@@ -139,9 +141,9 @@ def _groups(stress: np.ndarray) -> list[np.ndarray]:
     return [np.array(sorted(group)) for group in sorted(groups, key=min)]
 
 
-def _orthonormal(found: _Evidence, stress: np.ndarray) -> np.ndarray:
+def orthonormal(row_scale: np.ndarray, stress: np.ndarray) -> np.ndarray:
     """Orthonormal basis (m, k) of the self-stress in scaled multipliers, free of units."""
-    return np.linalg.qr(stress.T * np.asarray(found.row_scale)[:, None])[0]
+    return np.linalg.qr(stress.T * np.asarray(row_scale)[:, None])[0]
 
 
 def _echelon(projector: np.ndarray, k: int, unique: np.ndarray) -> np.ndarray:

@@ -49,10 +49,19 @@ def releases(basis: np.ndarray, rows: tuple[str, ...], kinds: tuple[str, ...]) -
         order.pop()
     found = []
     for chosen in itertools.combinations(order, count):
-        determinant = abs(float(np.linalg.det(np.stack([vector for _, _, vector in chosen]))))
-        if determinant > 1e-6:
-            found.append(Release(tuple((joint, shares) for joint, shares, _ in chosen), determinant))
+        directions = tuple((joint, shares) for joint, shares, _ in chosen)
+        size = abs(float(np.linalg.det(np.stack([vector for _, _, vector in chosen]))))
+        if size > 1e-6:
+            found.append(Release(directions, size))
     return tuple(sorted(found, key=lambda item: -item.determinant)[:_LISTED])
+
+
+def determinant(
+    directions: tuple[tuple[str, dict[str, float]], ...], basis: np.ndarray, rows: tuple[str, ...]
+) -> float:
+    """|det N_S| of directions for an orthonormal basis N of the self-stress."""
+    shares = np.array([[part.get(row, 0.0) for row in rows] for _, part in directions])
+    return abs(float(np.linalg.det(shares @ basis)))
 
 
 def _candidates(basis: np.ndarray, rows: tuple[str, ...], kinds: tuple[str, ...]) -> list[tuple[str, dict, np.ndarray]]:

@@ -115,10 +115,10 @@ class Report:
             )
         for number, state in enumerate(self.self_stress):
             lines.append(f"Self-stress state {number}:")
-            lines += _columns([f"{name} {value:+.6g}" for name, value in zip(self.rows, state, strict=True) if value])
+            lines += columns([f"{name} {value:+.6g}" for name, value in zip(self.rows, state, strict=True) if value])
         if len(self.groups) > 1:
             lines.append("Dependent groups of rows:")
-            lines += [line for group in self.groups for line in _columns(list(group))]
+            lines += [line for group in self.groups for line in columns(list(group))]
         lines.append("Without friction:")
         lines.append(f"  accelerations: {'unique' if self.unique_accelerations else 'NOT unique, (14) fails'}")
         free = [name for name in self.rows if name not in self.unique_multipliers]
@@ -165,10 +165,11 @@ def _count(number: int, word: str) -> str:
 
 
 def _listed(head: str, names: Any) -> list[str]:
-    return [f"{head} none"] if not names else [head, *_columns(list(names))]
+    return [f"{head} none"] if not names else [head, *columns(list(names))]
 
 
-def _columns(items: list[str], width: int = 96) -> list[str]:
+def columns(items: list[str], width: int = 96) -> list[str]:
+    """Names in columns, as indented lines."""
     cell = max((len(item) for item in items), default=0) + 2
     per_line = max(1, (width - 4) // cell)
     return [

@@ -38,7 +38,7 @@ from .._state import State
 from .._system import AbstractSystem
 
 _STRUCTURAL = 1e-10  # relative size of a coefficient that is rounding
-_STATIONARY = 1e-8
+_STATIONARY = 1e-11
 _SMALL = (
     1e-2  # share of the other kind, turns times a length of the mechanism, below which a kind has no size of its own
 )

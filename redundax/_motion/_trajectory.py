@@ -4,6 +4,7 @@ import equinox as eqx
 from jaxtyping import Array, Float, Int
 
 from .._results import RESULTS
+from .._state import State
 
 
 class TrajectoryStats(eqx.Module):
@@ -52,3 +53,8 @@ class Trajectory(eqx.Module):
     friction: Float[Array, "times p"]
     result: RESULTS
     stats: TrajectoryStats
+
+    @property
+    def states(self) -> State:
+        """The states at all times, each array with an axis for them in front."""
+        return State(self.q, self.qd, self.t)

@@ -1,0 +1,259 @@
+"""What is unique along a motion: the analysis at its states, and what changes between them.
+
+Positions at which the rank drops lie between states, so they are looked for where the smallest singular value that the
+rank keeps has a minimum, on the cubic through the positions and velocities of the states beside it. How near that
+curve is to the constraints says how small a singular value can be told from zero.
+"""
+
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float, Int
+from scipy.optimize import minimize_scalar
+
+from .._closures._closure import AbstractClosure, MinimumNorm
+from .._factorisation import factorize
+from .._module import Numbers
+from .._rank import Spectrum
+from .._state import State
+from .._system import AbstractSystem
+from ._analyze import analyze, orthonormal
+from ._outputs import plain
+from ._release import Release, determinant
+from ._report import Report, columns
+from ._verdict import Verdict
+
+_MINIMUM_NORM = MinimumNorm()
+_NEAR = 0.01  # of the largest singular value: what is worth telling
+
+
+@dataclasses.dataclass(frozen=True)
+class Change:
+    """What is no longer said of an output.
+
+    - `start`, `end`: times of the two states between which it changes.
+    - `name`: of the output; "rank", "problem" and "rest" too.
+    - `before`, `after`: what is said at them.
+    """
+
+    start: float
+    end: float
+    name: str
+    before: str
+    after: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Narrow:
+    """A position in, or near to, which the rank drops.
+
+    - `t`, `q`: time and coordinates.
+    - `smallest`: smallest singular value that the rank keeps elsewhere, relative to the largest.
+    - `drops`: whether it cannot be told from zero.
+    """
+
+    t: float
+    q: np.ndarray
+    smallest: float
+    drops: bool
+
+    def __str__(self) -> str:
+        size = f"smallest singular value {self.smallest:.1e} of the largest"
+        return f"t = {self.t:.6g}: {'the rank drops' if self.drops else 'nearly singular'} ({size})"
+
+
+@dataclasses.dataclass(frozen=True)
+class MotionReport:
+    """Redundancy and uniqueness along a motion. `str()` gives a page, `to_dict()` data.
+
+    - `t`: times of the states, shape (states,).
+    - `reports`: what `analyze` says at each.
+    - `rank`, `smallest`: rank at each, and the singular value that decides the largest of these ranks, relative to the
+      largest singular value.
+    - `changes`: what is said differently at two successive states.
+    - `narrow`: positions between states at which the rank drops or nearly does, by time.
+    - `releases`: as in a `Report`, with the least |det N_S| over the motion; directions are constant in the rows.
+    """
+
+    t: np.ndarray
+    reports: tuple[Report, ...]
+    rank: np.ndarray
+    smallest: np.ndarray
+    changes: tuple[Change, ...]
+    narrow: tuple[Narrow, ...]
+    releases: tuple[Release, ...]
+
+    def always(self, kind: str, verdict: Verdict) -> tuple[str, ...]:
+        """Names of the outputs of a kind with this verdict, friction included, at every state."""
+        said = [
+            {judged.name for judged in report.verdicts.get(kind, ()) if judged.with_friction is verdict}
+            for report in self.reports
+        ]
+        names = (judged.name for judged in self.reports[0].verdicts.get(kind, ()))
+        return tuple(name for name in names if all(name in one for one in said))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain Python data."""
+        return {
+            "t": plain(self.t),
+            "rank": plain(self.rank),
+            "smallest": plain(self.smallest),
+            "changes": [dataclasses.asdict(change) for change in self.changes],
+            "narrow": [{**dataclasses.asdict(found), "q": plain(found.q)} for found in self.narrow],
+            "releases": [dataclasses.asdict(release) for release in self.releases],
+            "reports": [report.to_dict() for report in self.reports],
+        }
+
+    def __str__(self) -> str:
+        m, n = len(self.reports[0].rows), len(self.reports[0].coordinates)
+        ranks = " or ".join(str(rank) for rank in np.unique(self.rank))
+        lines = [
+            f"{self.t.size} states from t = {self.t[0]:.6g} to {self.t[-1]:.6g}: {n} coordinates, {m} constraints of "
+            f"rank {ranks}"
+        ]
+        lines += [f"  {found}" for found in self.narrow] or ["  the rank drops nowhere between them"]
+        lines += ["Changes:", *self._changes()] if self.changes else ["Nothing changes."]
+        for kind in self.reports[0].verdicts:
+            for verdict in Verdict:
+                if names := self.always(kind, verdict):
+                    lines += [f"{kind.capitalize()}, {verdict.value} at every state:", *columns(list(names))]
+        if self.releases:
+            lines.append(
+                "Releases by their least determinant over the motion (1 is best, 0: adds a freedom somewhere):"
+            )
+            lines += [f"    {release}" for release in self.releases]
+        return "\n".join(lines)
+
+    def _changes(self) -> list[str]:
+        """Changes from state to state, those that say the same together."""
+        groups: dict[tuple, list[str]] = {}
+        for change in self.changes:
+            groups.setdefault((change.start, change.end, change.before, change.after), []).append(change.name)
+        lines = []
+        for (start, end, before, after), names in groups.items():
+            lines += [f"  t = {start:.6g} to {end:.6g}, {before} -> {after}:", *columns(names)]
+        return lines
+
+
+def analyze_along(
+    system: AbstractSystem,
+    states: State,
+    *,
+    closure: AbstractClosure = _MINIMUM_NORM,
+    sense: Numbers | None = None,
+    rank: ArrayLike | None = None,
+) -> MotionReport:
+    """Rank, self-stress and uniqueness of a system along a motion.
+
+    **Arguments:**
+
+    - `system`: a `Mechanism` or `System`.
+    - `states`: at least two successive states, each array with an axis for them in front, as
+      `Trajectory.states` gives them; concrete values. States with NaN are left out.
+    - `closure`, `sense`, `rank`: as in `analyze`.
+
+    **Raises:** `ValueError` for fewer than two states.
+    """
+    if states.qd.ndim != 2 or states.q.ndim != 2 or states.t.shape != states.qd.shape[:1]:
+        raise ValueError(
+            "Argument `states` must hold several states, each array with an axis for them in front, but has `qd` of "
+            f"shape {states.qd.shape} and `t` of shape {states.t.shape}. Use `Trajectory.states`, or `analyze` for one."
+        )
+    finite = np.all(np.isfinite(states.q), axis=1) & np.all(np.isfinite(states.qd), axis=1)
+    if finite.sum() < 2:
+        raise ValueError(f"Argument `states` must hold two finite states at least, but has {finite.sum()}.")
+    states = jax.tree.map(lambda x: x[finite], states)
+    each = [jax.tree.map(lambda x, k=k: x[k], states) for k in range(int(finite.sum()))]
+    reports = tuple(analyze(system, state, closure=closure, sense=sense, rank=rank) for state in each)
+    ranks = np.array([report.rank for report in reports])
+    most = int(ranks.max())
+    smallest = np.array([report.singular_values[max(most - 1, 0)] for report in reports])
+    return MotionReport(
+        t=np.asarray(states.t),
+        reports=reports,
+        rank=ranks,
+        smallest=smallest,
+        changes=_changes(np.asarray(states.t), reports),
+        narrow=_narrow(system, each, smallest, most) if most else (),
+        releases=_releases(system, each, reports, rank),
+    )
+
+
+def _changes(t: np.ndarray, reports: tuple[Report, ...]) -> tuple[Change, ...]:
+    out = []
+    for k, (before, after) in enumerate(zip(map(_said, reports[:-1]), map(_said, reports[1:]), strict=True)):
+        for name in before:
+            if name in after and before[name] != after[name]:
+                out.append(Change(float(t[k]), float(t[k + 1]), name, before[name], after[name]))
+    return tuple(out)
+
+
+def _said(report: Report) -> dict[str, str]:
+    """What a report says, by name."""
+    out = {
+        "rank": str(report.rank),
+        "problem": report.problem or "none",
+        "rest": "a joint rests" if report.at_rest else "none",
+    }
+    for kind, judged in report.verdicts.items():
+        out |= {f"{kind} {one.name}": one.with_friction.value for one in judged}
+    return out
+
+
+def _narrow(system: AbstractSystem, states: list[State], smallest: np.ndarray, rank: int) -> tuple[Narrow, ...]:
+    """Minima of the singular value that decides the rank, between the states."""
+    anonymous, out = system.anonymous(), []
+    padded = np.concatenate([[np.inf], smallest, [np.inf]])
+    for k in np.flatnonzero((smallest <= padded[:-2]) & (smallest < padded[2:])):
+        best = None
+        for first in range(max(k - 1, 0), min(k + 1, len(states) - 1)):
+            pair = states[first], states[first + 1]
+
+            def value(s: float, pair: tuple[State, State] = pair) -> float:
+                return float(_between(anonymous, *pair, jnp.asarray(s), jnp.asarray(rank))[1].singular_values[rank - 1])
+
+            found = minimize_scalar(value, bounds=(0.0, 1.0), method="bounded", options={"xatol": 1e-10})
+            if best is None or found.fun < best[0]:
+                best = found.fun, pair, jnp.asarray(found.x)
+        there, spectrum = _between(anonymous, *best[1], best[2], jnp.asarray(rank))
+        if best[0] < _NEAR:
+            drops = bool(best[0] <= spectrum.tolerance)
+            out.append(Narrow(float(there.t), np.asarray(there.q), float(best[0]), drops))
+    return tuple(out)
+
+
+@eqx.filter_jit
+def _between(
+    system: AbstractSystem, first: State, second: State, s: Float[Array, ""], rank: Int[Array, ""]
+) -> tuple[State, Spectrum]:
+    """The state at the fraction s of the way on a cubic, and its spectrum."""
+    h = second.t - first.t
+    a, b = first.q, second.q
+    u, v = h * first.qd, h * second.qd
+    q = a + s * (u + s * (3 * (b - a) - 2 * u - v + s * (2 * (a - b) + u + v)))
+    state = State(q, first.qd + s * (second.qd - first.qd), first.t + s * h)
+    return state, factorize(system, state, rank).spectrum
+
+
+def _releases(
+    system: AbstractSystem, states: list[State], reports: tuple[Report, ...], rank: ArrayLike | None
+) -> tuple[Release, ...]:
+    """All releases advised somewhere, by their least determinant."""
+    if len({report.redundancy for report in reports}) > 1:
+        return ()
+    bases = [
+        orthonormal(np.asarray(factorize(system, state, rank).row_scale), report.self_stress)
+        for state, report in zip(states, reports, strict=True)
+    ]
+    best: dict[tuple[str, ...], Release] = {}
+    for advised in [release.directions for report in reports for release in report.releases]:
+        least = min(determinant(advised, basis, reports[0].rows) for basis in bases)
+        where = tuple(f"{joint}: {', '.join(shares)}" for joint, shares in advised)
+        if where not in best or least > best[where].determinant:
+            best[where] = Release(advised, least)
+    return tuple(sorted(best.values(), key=lambda release: -release.determinant))
