@@ -81,7 +81,7 @@ def solve(
         sense = _vector("sense", sense, len(slip_kinds(system.friction)), "slips")
     factor = factorize(system, state, rank)
     solution = _solve(system.anonymous(), state, factor, closure, solver, x0, sense)
-    if isinstance(closure, Compliance | ElasticJoints) and known(solution.acceleration):
+    if isinstance(closure, Compliance | ElasticJoints) and all(map(known, jax.tree.leaves((factor, closure)))):
         check_units(system, state, closure, stacklevel=2)
     return _thrown(system, state, solution, throw)
 

@@ -228,3 +228,17 @@ def test_no_closure_needs_newton_and_a_start():
             registry.solve(system, state, closure=None, **options)
     with pytest.raises(ValueError, match=r"Argument `x0` must"):
         registry.solve(system, state, closure=None, x0=jnp.ones(12))
+
+
+def test_derivatives_by_misfit_outside_of_jit():
+    """Accelerations without friction do not depend on it, so that they are known while it is traced."""
+    mechanism = rx.mechanisms.wojtyra2020()
+    state = mechanism.state(phi=0.7, rate=1.0)
+    W = jnp.array([1e-8] * 10 + [1e-6] * 2)
+    d = 1e-4 * jnp.arange(12.0)
+
+    def multipliers(d):
+        return rx.solve(mechanism, state, closure=rx.Compliance(W, misfit=d)).multipliers
+
+    slope = jax.jacfwd(multipliers)(0 * d)
+    np.testing.assert_allclose(slope @ d, multipliers(d) - multipliers(0 * d), rtol=1e-9, atol=1e-9)
