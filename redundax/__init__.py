@@ -85,6 +85,7 @@ from ._stability import Settling as Settling
 from ._stability import Stability as Stability
 from ._stability import stability as stability
 from ._state import State as State
+from ._study._study import study as study
 from ._system import AbstractSystem as AbstractSystem
 from ._system import System as System
 from ._unit_certificate import UnitCertificate as UnitCertificate
