@@ -15,7 +15,8 @@ def spread(function: Callable[[PyTree], PyTree], mesh: Mesh | None) -> Callable[
         return jax.jit(function)
     spec = PartitionSpec(mesh.axis_names)
     sharding = NamedSharding(mesh, spec)
-    program = jax.jit(jax.shard_map(function, mesh=mesh, in_specs=spec, out_specs=spec))
+    # Nothing is sent between devices, so there is nothing for the check of what varies over them to find.
+    program = jax.jit(jax.shard_map(function, mesh=mesh, in_specs=spec, out_specs=spec, check_vma=False))
 
     def placed(values: np.ndarray) -> Array:
         return jax.make_array_from_callback(values.shape, sharding, lambda index: values[index])
@@ -32,7 +33,10 @@ def fetched(values: Array) -> np.ndarray:
 
 def of_first(value: int) -> int:
     """The value that process 0 has."""
-    return value if jax.process_count() == 1 else int(multihost_utils.broadcast_one_to_all(np.int32(value)))
+    if jax.process_count() == 1:
+        return value
+    high, low = multihost_utils.broadcast_one_to_all(np.array(divmod(value, 2**30), np.int32))
+    return int(high) * 2**30 + int(low)
 
 
 def refuse(problem: str) -> None:
