@@ -56,14 +56,15 @@ def plot_tolerance(study: "xarray.Dataset", outputs: Sequence[str] | None = None
         right.set_xlim(0, 1)
         finish(left, "", unit)
         finish(right, "", "")
-    panels[-1, 1].set_xlabel("share of the variance", fontsize=9)
+    panels[-1, 1].set_xlabel("share of the variance; white: not linear", fontsize=9)
     _legend(figure, panels[0, 1], [str(name) for name in study.parameter.values])
     figure.suptitle(_title(study), fontsize=10, wrap=True)
     return figure
 
 
 def _band(axes: "Axes", place: int, percentiles: np.ndarray, nominal: float) -> None:
-    low, *between, high = np.sort(percentiles)
+    ends = np.sort(percentiles)
+    low, between, high = ends[0], ends[1:-1], ends[-1]
     axes.barh(place, high - low, 0.55, low, color=COLOURS[5], edgecolor=COLOURS[0], linewidth=1.2)
     axes.vlines(between, place - 0.275, place + 0.275, color=COLOURS[0], linewidth=1.6)
     axes.plot(nominal, place, "D", color=COLOURS[-1], markersize=4)
