@@ -135,7 +135,7 @@ def test_solutions_have_names_and_outcomes(tmp_path):
         (run, {"x": 1.0, "pair": PAIRS}, {}, "`samples` must hold arrays of one length"),
         (run, {"sample": X}, {}, "must not name values 'sample'"),
         (run, {"x": X + 1j}, {}, "`samples` must hold real numbers, but 'x'"),
-        (lambda x: {"x": x}, {"x": X}, {}, "'x': the name is taken"),
+        (lambda x: {"x": x}, {"x": X}, {}, "No output may be called 'x'"),
         (lambda x: x, {"x": X}, {}, "must return a dict of arrays or a `Solution`"),
         (lambda x: {}, {"x": X}, {}, "must return arrays, but returns none"),
         (lambda x: {"y": x + 1j}, {"x": X}, {}, "'y' has dtype complex128"),

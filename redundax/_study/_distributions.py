@@ -8,7 +8,8 @@ import abc
 from collections.abc import Mapping
 
 import numpy as np
-from jax.typing import ArrayLike
+
+from .._module import Numbers
 
 _BITS = 30  # of the Sobol points
 
@@ -32,7 +33,7 @@ class Normal(AbstractDistribution):
     - `mean`, `std`: mean, which is the nominal value, and standard deviation, numbers or arrays of one shape.
     """
 
-    def __init__(self, mean: ArrayLike, std: ArrayLike):
+    def __init__(self, mean: Numbers, std: Numbers):
         self.nominal, self.std = _pair("mean", mean, "std", std)
         if not np.all(self.std > 0):
             raise ValueError(f"Argument `std` must be positive, but is {std}. What does not vary belongs into `build`.")
@@ -51,7 +52,7 @@ class Uniform(AbstractDistribution):
     - `low`, `high`: bounds, numbers or arrays of one shape.
     """
 
-    def __init__(self, low: ArrayLike, high: ArrayLike):
+    def __init__(self, low: Numbers, high: Numbers):
         self.low, self.high = _pair("low", low, "high", high)
         if not np.all(self.low < self.high):
             raise ValueError(f"Argument `high` must be above `low`, but they are {high} and {low}.")
@@ -76,7 +77,7 @@ def sobol(parameters: Mapping[str, AbstractDistribution], samples: int, seed: in
     }
 
 
-def _pair(first: str, one: ArrayLike, second: str, other: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+def _pair(first: str, one: Numbers, second: str, other: Numbers) -> tuple[np.ndarray, np.ndarray]:
     values = np.asarray(one, dtype=float), np.asarray(other, dtype=float)
     try:
         a, b = np.broadcast_arrays(*values)

@@ -11,7 +11,6 @@ from typing import Any
 
 import jax
 import numpy as np
-from jaxtyping import Array
 
 from .._axis import Axis
 from .._friction import slip_kinds
@@ -54,8 +53,8 @@ class Layout:
         return digest.hexdigest()
 
 
-def named(tree: Any) -> dict[str, Array]:
-    """The arrays of a pytree by the path that leads to them; results as codes."""
+def named(tree: Any) -> dict[str, Any]:
+    """The arrays of a pytree, or their shapes, by the path that leads to them; results as codes."""
     return {name: jax.tree.leaves(leaf)[0] for name, leaf in _leaves(tree).items()}
 
 
@@ -74,13 +73,12 @@ def layout(samples: Mapping[str, np.ndarray], outputs: Any, system: AbstractSyst
     for name in found:
         if not name or "/" in name:
             raise ValueError(
-                f"Argument `run` must return a dict of arrays or a `Solution`, with names that are not empty and hold "
+                "Argument `run` must return a dict of arrays or a `Solution`, with names that are not empty and hold "
                 f"no slash, but one array is called {name!r}."
             )
         if name in given or name == SAMPLE or name in labels:
-            raise ValueError(f"Argument `run` must not call an output {name!r}: the name is taken. Choose another.")
-    sizes = {next(iter(samples.values())).shape[0]}
-    return Layout({**given, **found}, labels, sizes.pop())
+            raise ValueError(f"No output may be called {name!r}, as samples or labels are. Choose another name.")
+    return Layout({**given, **found}, labels, len(next(iter(samples.values()))))
 
 
 def _leaves(tree: Any) -> dict[str, Any]:

@@ -187,7 +187,7 @@ def read(path: Path) -> "xarray.Dataset":
     """The samples in the file of a study that are done; the file is opened when one is asked for."""
     xarray = optional("xarray")
     file = _READ[path] = _READ.get(path) or xarray.backends.NetCDF4DataStore.open(path)
-    whole = xarray.open_dataset(file)
+    whole = xarray.open_dataset(file, cache=False)
     done = whole.isel({SAMPLE: slice(int(whole.attrs["done"]))})
     done.set_close(file.close)
     file.close()
