@@ -74,8 +74,9 @@ def test_nominal_without_a_solution_is_refused():
     def build(a):
         return {"y": a, "result": rx.RESULTS.where(a > 5, rx.RESULTS.successful, rx.RESULTS.no_solution_found)}
 
-    with pytest.raises(RuntimeError, match="At the means of the parameters there is no solution"):
-        rx.tolerance_study(build, {"a": A}, samples=4)
+    for function, message in ((build, "jams"), (lambda a: {"y": jnp.log(a - 2)}, "not finite")):
+        with pytest.raises(RuntimeError, match=f"At the means of the parameters there is no solution.*{message}"):
+            rx.tolerance_study(function, {"a": A}, samples=4)
 
 
 def test_too_few_solutions_are_refused():
@@ -90,7 +91,9 @@ def test_too_few_solutions_are_refused():
         (lambda: rx.Normal([0.0, 1.0], [1.0, 1.0, 1.0]), "`mean` and `std` must have one shape"),
         (lambda: rx.Normal(np.nan, 1.0), "`mean` must be finite"),
         (lambda: rx.Uniform(1.0, 1.0), "`high` must be above `low`"),
-        (lambda: rx.tolerance_study(line, {}), "`parameters` must hold"),
+        (lambda: rx.tolerance_study(line, {}), "`parameters` must hold.*holds none"),
+        (lambda: rx.tolerance_study(line, {"std": A}), "`parameters` must not hold .'std'"),
+        (lambda: rx.tolerance_study(lambda a: {"mean": a}, {"a": A}), "`build` must not call outputs .'mean'"),
         (lambda: rx.tolerance_study(lambda a: {"y": a}, {"a": A}, samples=1000), "power of two.*1024 is one"),
         (lambda: rx.tolerance_study(lambda a: {"y": a}, {"a": A}, percentiles=(5, 101)), "between 0 and 100"),
         (lambda: rx.tolerance_study(lambda a: {"y": a > 0}, {"a": A}), "`build` must return arrays of real numbers"),

@@ -20,6 +20,11 @@ class AbstractDistribution(abc.ABC):
     nominal: np.ndarray
     std: np.ndarray
 
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the numbers."""
+        return self.nominal.shape
+
     @abc.abstractmethod
     def quantile(self, u: np.ndarray) -> np.ndarray:
         """Values that are not exceeded with probability u, shape (N, ...)."""
@@ -72,7 +77,7 @@ def sobol(parameters: Mapping[str, AbstractDistribution], samples: int, seed: in
     points += 0.5**_BITS / 2  # the middle of the cells, which are the points' lower ends: 0 has no finite quantile
     parts = np.split(points, np.cumsum(sizes)[:-1], axis=1)
     return {
-        name: one.quantile(part.reshape(samples, *one.nominal.shape))
+        name: one.quantile(part.reshape(samples, *one.shape))
         for (name, one), part in zip(parameters.items(), parts, strict=True)
     }
 

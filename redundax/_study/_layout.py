@@ -65,7 +65,7 @@ def layout(samples: Mapping[str, np.ndarray], outputs: Any, system: AbstractSyst
     found = {name: _variable(name, leaf, axes) for name, leaf in _leaves(outputs).items()}
     if not found:
         raise ValueError("Argument `run` must return arrays, but returns none.")
-    used = {dim for variable in found.values() for dim in variable.dims}
+    used = {dim for variable in (given | found).values() for dim in variable.dims}
     labels = {}
     for dim in sorted(used & set(axes)):
         labels[dim] = (dim, axes[dim].labels)
@@ -76,9 +76,17 @@ def layout(samples: Mapping[str, np.ndarray], outputs: Any, system: AbstractSyst
                 "Argument `run` must return a dict of arrays or a `Solution`, with names that are not empty and hold "
                 f"no slash, but one array is called {name!r}."
             )
-        if name in given or name == SAMPLE or name in labels:
-            raise ValueError(f"No output may be called {name!r}, as samples or labels are. Choose another name.")
+        if name in given:
+            raise ValueError(f"No output may be called {name!r}, as samples are. Choose another name.")
+    for name in (*given, *found):
+        if name in used | {SAMPLE, *labels}:
+            raise ValueError(f"No samples or outputs may be called {name!r}, as a dimension is. Choose another name.")
     return Layout({**given, **found}, labels, len(next(iter(samples.values()))))
+
+
+def storable(dtype: np.dtype) -> bool:
+    """Whether netCDF has such numbers."""
+    return dtype.kind in "biu" or dtype in (np.float32, np.float64)
 
 
 def _leaves(tree: Any) -> dict[str, Any]:
@@ -98,9 +106,9 @@ def _variable(name: str, leaf: Any, axes: Mapping[str, Axis]) -> Variable:
         leaf = jax.tree.leaves(leaf)[0]
         attrs = {"flag_values": np.array([*codes.values()], leaf.dtype), "flag_meanings": " ".join(codes)}
     shape, dtype = tuple(leaf.shape), np.dtype(leaf.dtype)
-    if dtype.kind not in "biuf":
+    if not storable(dtype):
         raise ValueError(
-            f"Argument `run` must return real numbers, but {name!r} has dtype {dtype}. Return real and imaginary parts."
+            f"Argument `run` must return real numbers of at least 32 bits, but {name!r} has dtype {dtype}."
         )
     dims = _dims(name, shape)
     label = _LABELLED.get(name.rpartition(".")[2], "")

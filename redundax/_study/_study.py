@@ -15,11 +15,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh
-from jax.typing import ArrayLike
 
+from .._module import Numbers
 from .._progress import progress as told
 from .._system import AbstractSystem
-from ._layout import SAMPLE, Layout, layout, named
+from ._layout import Layout, layout, named, storable
 from ._processes import fetched, meet, of_first, refuse, spread
 from ._store import File, Follower, Memory, Store, optional
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 def study(
     run: Callable[..., Any],
-    samples: Mapping[str, ArrayLike],
+    samples: Mapping[str, Numbers],
     *,
     system: AbstractSystem | None = None,
     chunk: int = 65536,
@@ -100,7 +100,7 @@ def study(
     return store.dataset()
 
 
-def _given(samples: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
+def _given(samples: Mapping[str, Numbers]) -> dict[str, np.ndarray]:
     given = {name: np.asarray(values) for name, values in samples.items()}
     sizes = {name: values.shape[:1] for name, values in given.items()}
     if len(set(sizes.values())) != 1 or not all(size and size[0] for size in sizes.values()):
@@ -108,11 +108,11 @@ def _given(samples: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
             f"Argument `samples` must hold arrays of one length, at least 1, but holds {sizes or 'none'}. What is the "
             "same for all samples belongs into `run`."
         )
-    if SAMPLE in given:
-        raise ValueError(f"Argument `samples` must not name values {SAMPLE!r}, which is what the dimension is called.")
     for name, values in given.items():
-        if values.dtype.kind not in "biuf":
-            raise ValueError(f"Argument `samples` must hold real numbers, but {name!r} has dtype {values.dtype}.")
+        if not storable(values.dtype):
+            raise ValueError(
+                f"Argument `samples` must hold real numbers of at least 32 bits, but {name!r} has dtype {values.dtype}."
+            )
     return given
 
 

@@ -31,7 +31,14 @@ if TYPE_CHECKING:
     import xarray
 
 _LABELS = {"coordinate": "{}''", "row": "{}", "slip": "tau {}"}
-_ROUNDING = 1e3  # units in the last place of an array's largest entry, below which a spread is rounding
+_STATISTICS = {
+    "mean": "output",
+    "std": "output",
+    "percentiles": ("output", "percentile"),
+    "share": ("output", "parameter"),
+}
+_TAKEN = {*_STATISTICS, "solved", "nominal", "gradient", "output", "output_kind", "parameter", "percentile"}
+_ROUNDING = 1e3  # units in the last place of an output's largest value, below which its spread is rounding
 
 
 class _Outputs(NamedTuple):
@@ -104,44 +111,34 @@ def tolerance_study(
             return _Outputs(found.acceleration, found.multipliers, found.friction, found.result)
         return found
 
-    names, nominal, gradient = _nominal(run, parameters)
+    linear = _linear(run, parameters)
     given = sobol(parameters, samples, seed)
     data = study(run, given, system=system, chunk=chunk, path=path, mesh=mesh, progress=progress)
-    solved = _solved(data, names)
-    failed = int(np.sum(~solved))
-    labels = _parameter_labels(parameters)
-    if solved.sum() <= len(labels):
+    entries = [name for one in parameters for name in _entries(one, parameters[one].shape)]
+    solved = _solved(data, linear.names)
+    if solved.sum() <= len(entries):
         raise RuntimeError(
-            f"Only {solved.sum()} of {solved.size} samples have a solution: too few for the shares of {len(labels)} "
+            f"Only {solved.sum()} of {solved.size} samples have a solution: too few for the shares of {len(entries)} "
             "parameters. Take narrower distributions, or more samples."
         )
-    if failed:
-        text = f"{failed} of {solved.size} samples have no solution and are left out of the statistics{_why(data)}."
-        warnings.warn(text, stacklevel=2)
-    outputs, kinds = _output_labels(data, names)
-    statistics = _statistics(data, names, solved, given, parameters, percentiles)
-    found = data.assign(
-        solved=(SAMPLE, solved),
-        nominal=("output", nominal),
-        mean=("output", statistics.mean),
-        std=("output", statistics.std),
-        percentiles=(("output", "percentile"), statistics.percentiles),
-        gradient=(("output", "parameter"), gradient),
-        share=(("output", "parameter"), statistics.share),
-    )
-    coords = {"output": outputs, "output_kind": ("output", kinds), "parameter": labels, "percentile": [*percentiles]}
-    found = found.assign_coords(coords).assign_attrs(failed=failed)
-    found.set_close(data.close)
-    return found
+    if not solved.all():
+        text = f"{np.sum(~solved)} of {solved.size} samples have no solution and are left out of the statistics"
+        warnings.warn(f"{text}{_why(data)}.", stacklevel=2)
+    statistics = _statistics(data, linear.names, solved, _standard(given, parameters), percentiles)
+    coords = {"parameter": entries, "percentile": [*percentiles]}
+    return _together(data, linear, solved, statistics, coords)
 
 
 def _check(parameters: Mapping[str, AbstractDistribution], samples: int, percentiles: Sequence[float]) -> None:
     wrong = [name for name, one in parameters.items() if not isinstance(one, AbstractDistribution)]
     if wrong or not parameters:
         raise ValueError(
-            f"Argument `parameters` must hold a `Normal` or `Uniform` for each parameter, but {wrong or 'it'} "
-            f"{'hold' if wrong else 'is'} none. What does not vary belongs into `build`."
+            "Argument `parameters` must hold a `Normal` or `Uniform` for each parameter, but holds "
+            f"{f'something else for {wrong}' if wrong else 'none'}. What does not vary belongs into `build`."
         )
+    lost = sorted(set(parameters) & _TAKEN)
+    if lost:
+        raise ValueError(f"Argument `parameters` must not hold {lost}, which are names of statistics. Choose others.")
     if samples < 2 or samples & (samples - 1):
         near = 2 ** max(1, samples.bit_length())
         raise ValueError(f"Argument `samples` must be a power of two, but is {samples}. {near} is one.")
@@ -149,19 +146,20 @@ def _check(parameters: Mapping[str, AbstractDistribution], samples: int, percent
         raise ValueError(f"Argument `percentiles` must lie between 0 and 100, but is {percentiles}.")
 
 
-def _parameter_labels(parameters: Mapping[str, AbstractDistribution]) -> list[str]:
-    return [label for name, one in parameters.items() for label in _entries(name, one.nominal.shape)]
-
-
 def _entries(name: str, shape: tuple[int, ...]) -> list[str]:
     """One name for each entry of an array."""
     return [name + (str([*index]) if shape else "") for index in np.ndindex(shape)]
 
 
-def _nominal(
-    run: Callable[..., Any], parameters: Mapping[str, AbstractDistribution]
-) -> tuple[list[str], np.ndarray, np.ndarray]:
+class _Linear(NamedTuple):
     """Names of the outputs that are real numbers, their entries at the means, and the derivatives there."""
+
+    names: list[str]
+    nominal: np.ndarray
+    gradient: np.ndarray
+
+
+def _linear(run: Callable[..., Any], parameters: Mapping[str, AbstractDistribution]) -> _Linear:
     flat, listed = ravel_pytree([jnp.asarray(one.nominal) for one in parameters.values()])
 
     def restore(vector: Array) -> dict[str, Array]:
@@ -183,7 +181,14 @@ def _nominal(
     for result in results:
         if result != RESULTS.successful:
             raise RuntimeError(f"At the means of the parameters there is no solution. {RESULTS[result]}")
-    return names, np.asarray(nominal), np.asarray(gradient)
+    lost = sorted(set(names) & _TAKEN)
+    if lost:
+        raise ValueError(
+            f"Argument `build` must not call outputs {lost}, which are names of statistics. Choose others."
+        )
+    if not np.all(np.isfinite(nominal)):
+        raise RuntimeError("At the means of the parameters there is no solution: the outputs are not finite.")
+    return _Linear(names, np.asarray(nominal), np.asarray(gradient))
 
 
 def _is_result(leaf: Any) -> bool:
@@ -231,30 +236,24 @@ def _output_labels(data: "xarray.Dataset", names: Sequence[str]) -> tuple[list[s
     return labels, kinds
 
 
-class _Statistics(NamedTuple):
-    mean: np.ndarray
-    std: np.ndarray
-    percentiles: np.ndarray
-    share: np.ndarray
+def _standard(given: Mapping[str, np.ndarray], parameters: Mapping[str, AbstractDistribution]) -> np.ndarray:
+    """Samples of all parameters in standard deviations from their means, shape (N, parameters)."""
+    columns = [(given[name] - one.nominal) / one.std for name, one in parameters.items()]
+    return np.concatenate([column.reshape(len(column), -1) for column in columns], axis=1)
 
 
 def _statistics(
     data: "xarray.Dataset",
     names: Sequence[str],
     solved: np.ndarray,
-    given: Mapping[str, np.ndarray],
-    parameters: Mapping[str, AbstractDistribution],
+    inputs: np.ndarray,
     percentiles: Sequence[float],
-) -> _Statistics:
+) -> dict[str, tuple[Any, np.ndarray]]:
     """Of every entry of every output, over the samples that have a solution."""
-    columns = [
-        ((given[name][: solved.size] - one.nominal) / one.std).reshape(solved.size, -1)[solved]
-        for name, one in parameters.items()
-    ]
-    inputs = np.concatenate(columns, axis=1)
-    inputs -= inputs.mean(axis=0)
+    inputs = inputs[: solved.size][solved]
+    inputs = inputs - inputs.mean(axis=0)
     q, r = np.linalg.qr(inputs)
-    rows = []
+    parts = []
     for name in names:
         values = data[name].values.reshape(solved.size, -1)[solved].astype(float)
         mean, std = values.mean(axis=0), values.std(axis=0)
@@ -262,5 +261,29 @@ def _statistics(
         weights = np.linalg.solve(r, q.T @ (values - mean)) * inputs.std(axis=0)[:, None]
         varies = std > rounding
         share = np.where(varies, (weights / np.where(varies, std, 1.0)) ** 2, 0.0)
-        rows.append(_Statistics(mean, std, np.percentile(values, percentiles, axis=0).T, share.T))
-    return _Statistics(*(np.concatenate(part) for part in zip(*rows, strict=True)))
+        parts.append((mean, std, np.percentile(values, percentiles, axis=0).T, share.T))
+    joined = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return {name: (dims, values) for (name, dims), values in zip(_STATISTICS.items(), joined, strict=True)}
+
+
+def _together(
+    data: "xarray.Dataset",
+    linear: _Linear,
+    solved: np.ndarray,
+    statistics: dict[str, tuple[Any, np.ndarray]],
+    coords: dict[str, Any],
+) -> "xarray.Dataset":
+    """The dataset of the study with all that was found."""
+    outputs, kinds = _output_labels(data, linear.names)
+    found = data.assign(
+        {
+            **statistics,
+            "solved": (SAMPLE, solved),
+            "nominal": ("output", linear.nominal),
+            "gradient": (("output", "parameter"), linear.gradient),
+        }
+    )
+    found = found.assign_coords(coords | {"output": outputs, "output_kind": ("output", kinds)})
+    found = found.assign_attrs(failed=int(np.sum(~solved)))
+    found.set_close(data.close)
+    return found
