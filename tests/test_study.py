@@ -98,6 +98,14 @@ def test_file_of_another_study_is_refused(function, samples, message, tmp_path):
     same(study(path=tmp_path / "one.nc"))
 
 
+def test_file_of_a_study_that_failed_at_once_is_taken(tmp_path, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr(_study, "told", stopped(0))
+        with pytest.warns(UserWarning, match="stopped after 0 of 10"):
+            study(lambda x, pair: {"other": x * x}, path=tmp_path / "new.nc")
+    same(study(path=tmp_path / "new.nc"))
+
+
 def whirl(speed, drift):
     """A mass on a rod held twice, without load: its acceleration is speed^2 towards the middle, without drift."""
 

@@ -41,10 +41,11 @@ class Memory:
 
     def write(self, values: Mapping[str, np.ndarray]) -> None:
         """Add samples after those that are there."""
-        first = self.done
+        first, done = self.done, self.done
         for name, array in values.items():
-            self._arrays[name][first : first + len(array)] = array
-            self.done = first + len(array)
+            done = first + len(array)
+            self._arrays[name][first:done] = array
+        self.done = done
 
     def difference(self, values: Mapping[str, np.ndarray]) -> str:
         """None: a study in memory starts anew."""
@@ -58,7 +59,8 @@ class Memory:
             for name, variable in layout.variables.items()
         }
         attrs = {"samples": layout.size, "done": self.done}
-        return optional("xarray").Dataset(data, _coords(layout), attrs)
+        labels = {name: (dim, list(names)) for name, (dim, names) in layout.labels.items()}
+        return optional("xarray").Dataset(data, labels, attrs)
 
     def close(self) -> None:
         """Nothing is open."""
@@ -89,11 +91,15 @@ class File:
     def _resume(self, fingerprint: str) -> None:
         self._data = optional("netCDF4").Dataset(self._path)
         if getattr(self._data, "fingerprint", None) != fingerprint:
+            empty = "fingerprint" in self._data.ncattrs() and not self._data.done
+            self.close()
+            if empty:  # a study that failed before anything was done
+                self._create(fingerprint)
+                return
             self.problem = (
                 f"Argument `path`: {self._path} holds something else than this study: its samples, outputs or names "
                 "differ. Give another path, or delete the file."
             )
-            self.close()
             return
         self.done = int(self._data.done)
         if self.done < self._layout.size:
@@ -192,10 +198,6 @@ def read(path: Path) -> "xarray.Dataset":
     done.set_close(file.close)
     file.close()
     return done
-
-
-def _coords(layout: Layout) -> dict[str, Any]:
-    return {name: (dim, list(labels)) for name, (dim, labels) in layout.labels.items()}
 
 
 def _stored(variable: Variable) -> np.dtype:
