@@ -50,6 +50,12 @@ def test_chunks_of_any_size(chunk):
     assert found.attrs == {"samples": 10, "done": 10}
 
 
+def test_float32(float32, tmp_path):
+    found = study(path=tmp_path / "single.nc")
+    assert (found.x.dtype, found.square.dtype) == (np.float64, np.float32)
+    np.testing.assert_array_equal(found.square, X.astype(np.float32) ** 2)
+
+
 def stopped(after):
     """What tells progress, interrupted after some chunks."""
 

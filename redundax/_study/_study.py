@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh
 
@@ -79,8 +78,7 @@ def study(
     if chunk < 1:
         raise ValueError(f"Argument `chunk` must be at least 1, but is {chunk}.")
     one = jax.jit(lambda sample: run(**sample))  # traced once, for the shapes
-    shapes = {name: jax.ShapeDtypeStruct(v.shape[1:], jnp.result_type(v.dtype.type)) for name, v in given.items()}
-    plan = layout(given, jax.eval_shape(one, shapes), system)
+    plan = layout(given, jax.eval_shape(one, {name: values[0] for name, values in given.items()}), system)
     devices = 1 if mesh is None else mesh.size
     chunk = -(-min(chunk, plan.size) // devices) * devices
     program = spread(jax.vmap(lambda sample: named(one(sample))), mesh)
