@@ -89,6 +89,12 @@ from ._stability import Settling as Settling
 from ._stability import Stability as Stability
 from ._stability import stability as stability
 from ._state import State as State
+from ._study._distributions import AbstractDistribution as AbstractDistribution
+from ._study._distributions import Normal as Normal
+from ._study._distributions import Uniform as Uniform
+from ._study._plot_tolerance import plot_tolerance as plot_tolerance
+from ._study._study import study as study
+from ._study._tolerance import tolerance_study as tolerance_study
 from ._system import AbstractSystem as AbstractSystem
 from ._system import System as System
 from ._unit_certificate import UnitCertificate as UnitCertificate

@@ -19,7 +19,7 @@ _PANELS = (
     ("moment", "moment-type multipliers, N m"),
     ("friction", "friction forces, N, and moments, N m"),
 )
-_UNITS = {
+UNITS = {
     "linear": "m/s²",
     "angular": "rad/s²",
     "force": "N",
@@ -28,7 +28,7 @@ _UNITS = {
     "friction moment": "N m",
 }
 _BAR_UNITS = ("rad/s²", "m/s²", "N", "N m")
-_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 _DASHES = ("-", "--", "-.", ":")
 _MAPS = 6  # outputs drawn over two amplitudes at most
 
@@ -51,7 +51,7 @@ def plot_family(family: SolutionFamily, outputs: Sequence[str] | None = None) ->
     groups = [(title, _together(family, kind, outputs)) for kind, title in _PANELS]
     groups = [(title, groups) for title, groups in groups if groups]
     if not groups or len(family.along) not in (1, 2):
-        figure = _figure(4.0, 1.0)
+        figure = new_figure(4.0, 1.0)
         figure.text(0.5, 0.5, "Nothing varies along the self-stress.", ha="center")
         return figure
     return _curves(family, groups) if len(family.along) == 1 else _maps(family, groups)
@@ -64,10 +64,10 @@ def plot_band(bands: Bands) -> "Figure":
 
     - `bands`: from `band`.
     """
-    groups = [(unit, [k for k, kind in enumerate(bands.kinds) if _UNITS[kind] == unit]) for unit in _BAR_UNITS]
+    groups = [(unit, [k for k, kind in enumerate(bands.kinds) if UNITS[kind] == unit]) for unit in _BAR_UNITS]
     groups = [(unit, members) for unit, members in groups if members]
     heights = [0.3 * len(members) + 0.7 for _, members in groups]
-    figure = _figure(8.0, sum(heights) + 0.5)
+    figure = new_figure(8.0, sum(heights) + 0.5)
     if bands.empty:
         figure.text(0.5, 0.5, "No solution within the bounds was found.", ha="center")
         return figure
@@ -80,7 +80,7 @@ def plot_band(bands: Bands) -> "Figure":
         axes.set_ylim(len(members) - 0.5, -0.5)
         axes.use_sticky_edges = False
         axes.margins(x=0.18)
-        _finish(axes, "", unit)
+        finish(axes, "", unit)
     about = "" if bands.solved == 1 else f"; {1 - bands.solved:.0%} of the cases have no solution"
     figure.supxlabel("full: exact; hatched: inner estimate; diamond: one value", fontsize=8)
     figure.suptitle(bands.title + about, fontsize=10, wrap=True)
@@ -90,17 +90,18 @@ def plot_band(bands: Bands) -> "Figure":
 def _bar(axes: "Axes", place: int, lower: float, upper: float, exact: bool, rounding: float) -> None:
     if upper - lower <= rounding:
         middle = (lower + upper) / 2 if abs(lower + upper) > rounding else 0.0
-        axes.plot(middle, place, "D", color=_COLOURS[-1], markersize=5)
+        axes.plot(middle, place, "D", color=COLOURS[-1], markersize=5)
         axes.annotate(f"{middle:.4g}", (middle, place), (7, 0), textcoords="offset points", va="center", fontsize=8)
         return
-    fill, hatch = (_COLOURS[5], "") if exact else ("white", "////")
-    axes.barh(place, upper - lower, 0.55, lower, color=fill, hatch=hatch, edgecolor=_COLOURS[0], linewidth=1.2)
+    fill, hatch = (COLOURS[5], "") if exact else ("white", "////")
+    axes.barh(place, upper - lower, 0.55, lower, color=fill, hatch=hatch, edgecolor=COLOURS[0], linewidth=1.2)
     for value, side, align in ((lower, -4, "right"), (upper, 4, "left")):
         text = f"{value if abs(value) > rounding else 0.0:.4g}"
         axes.annotate(text, (value, place), (side, 0), textcoords="offset points", ha=align, va="center", fontsize=8)
 
 
-def _figure(width: float, height: float) -> "Figure":
+def new_figure(width: float, height: float) -> "Figure":
+    """A figure of a size in inches."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained", dpi=110)
@@ -128,24 +129,24 @@ def _curves(family: SolutionFamily, groups: list[tuple[str, list[tuple[str, np.n
     counted = bool(np.any(family.count != 1))
     panels = len(groups) + counted
     rows, columns = (panels + 1) // 2, min(2, panels)
-    figure = _figure(5.5 * columns, 3.2 * rows)
+    figure = new_figure(5.5 * columns, 3.2 * rows)
     z, label = family.z[:, 0], _label(family, 0)
     for number, (title, curves) in enumerate(groups, 1):
         axes = figure.add_subplot(rows, columns, number)
         for k, (name, values) in enumerate(curves):
-            dashes = _DASHES[(k // len(_COLOURS)) % 4 if len(curves) > len(_COLOURS) else k % 4]
+            dashes = _DASHES[(k // len(COLOURS)) % 4 if len(curves) > len(COLOURS) else k % 4]
             for piece in range(family.branch.max(initial=-1) + 1):
                 on = family.branch == piece
-                style = {"color": _COLOURS[k % len(_COLOURS)], "linestyle": dashes, "linewidth": 1.4}
+                style = {"color": COLOURS[k % len(COLOURS)], "linestyle": dashes, "linewidth": 1.4}
                 axes.plot(z[on], values[on], label=name if piece == 0 else None, **style)
-            axes.plot(z[family.fold], values[family.fold], "o", color=_COLOURS[k % len(_COLOURS)], markersize=4)
-        _finish(axes, title, label)
+            axes.plot(z[family.fold], values[family.fold], "o", color=COLOURS[k % len(COLOURS)], markersize=4)
+        finish(axes, title, label)
         axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     if counted:
         axes = figure.add_subplot(rows, columns, panels)
-        axes.step(family.axes[0], family.count, where="mid", color=_COLOURS[-1], linewidth=1.4)
+        axes.step(family.axes[0], family.count, where="mid", color=COLOURS[-1], linewidth=1.4)
         axes.set_yticks(range(int(family.count.max()) + 1))
-        _finish(axes, "number of solutions" + (", proved" if family.proved else " found"), label)
+        finish(axes, "number of solutions" + (", proved" if family.proved else " found"), label)
     return figure
 
 
@@ -154,7 +155,7 @@ def _maps(family: SolutionFamily, groups: list[tuple[str, list[tuple[str, np.nda
     chosen = [curve for _, curves in groups for curve in curves][:_MAPS]
     columns = min(3, len(chosen))
     rows = -(-len(chosen) // columns)
-    figure = _figure(4.2 * columns, 3.4 * rows)
+    figure = new_figure(4.2 * columns, 3.4 * rows)
     first, second = family.axes
     for number, (name, values) in enumerate(chosen, 1):
         axes = figure.add_subplot(rows, columns, number)
@@ -163,8 +164,8 @@ def _maps(family: SolutionFamily, groups: list[tuple[str, list[tuple[str, np.nda
         for k in order[~family.fold[order]]:
             grid[np.searchsorted(first, family.z[k, 0]), np.searchsorted(second, family.z[k, 1])] = values[k]
         drawn = axes.pcolormesh(first, second, grid.T, cmap="cividis", shading="nearest")
-        figure.colorbar(drawn, ax=axes, label=_UNITS[family.kinds[family.names.index(name.partition(", ")[0])]])
-        _finish(axes, name, _label(family, 0))
+        figure.colorbar(drawn, ax=axes, label=UNITS[family.kinds[family.names.index(name.partition(", ")[0])]])
+        finish(axes, name, _label(family, 0))
         axes.set_ylabel(_label(family, 1), fontsize=9)
         axes.grid(visible=False)
     return figure
@@ -172,10 +173,11 @@ def _maps(family: SolutionFamily, groups: list[tuple[str, list[tuple[str, np.nda
 
 def _label(family: SolutionFamily, state: int) -> str:
     name = family.along[state]
-    return f"self-stress added to {name}, {_UNITS[family.kinds[family.names.index(name)]]}"
+    return f"self-stress added to {name}, {UNITS[family.kinds[family.names.index(name)]]}"
 
 
-def _finish(axes: "Axes", title: str, label: str) -> None:
+def finish(axes: "Axes", title: str, label: str) -> None:
+    """Title, label and grid of a panel."""
     axes.set_title(title, fontsize=10)
     axes.set_xlabel(label, fontsize=9)
     axes.tick_params(labelsize=8)

@@ -7,6 +7,7 @@ Numbers are given only with `RESULTS.successful`; with every other result the ar
 from collections.abc import Sequence
 
 import equinox as eqx
+import jax
 from jaxtyping import Array, Bool
 
 
@@ -100,3 +101,8 @@ def first_failure(checks: Sequence[tuple[Bool[Array, ""], RESULTS]]) -> RESULTS:
     for passed, failure in reversed(checks):
         result = RESULTS.where(passed, result, failure)
     return result
+
+
+def result_codes() -> dict[str, int]:
+    """The name of every result and the number that stands for it in arrays."""
+    return {name: int(jax.tree.leaves(getattr(RESULTS, name))[0]) for name in RESULTS._name_to_item}

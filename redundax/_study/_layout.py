@@ -1,0 +1,121 @@
+"""What a study holds: names, shapes and labels of its variables, told before anything is computed.
+
+The outputs of one sample are any pytree; its leaves are called by their path, as in "stats.redundancy". How a solve
+ended is a code, with the meaning of every code beside it (`flag_values` and `flag_meanings` of the CF conventions).
+"""
+
+import dataclasses
+import hashlib
+from collections.abc import Mapping
+from typing import Any
+
+import jax
+import numpy as np
+
+from .._axis import Axis
+from .._friction import slip_kinds
+from .._results import RESULTS, result_codes
+from .._system import AbstractSystem
+
+SAMPLE = "sample"
+_LABELLED = {"acceleration": "coordinate", "multipliers": "row", "friction": "slip"}
+_HASHED = 2**22  # bytes of samples that are hashed at once
+
+
+@dataclasses.dataclass(frozen=True)
+class Variable:
+    """An array of a study without its sample axis."""
+
+    shape: tuple[int, ...]
+    dtype: np.dtype
+    dims: tuple[str, ...]
+    attrs: dict[str, Any]
+
+
+@dataclasses.dataclass(frozen=True)
+class Layout:
+    """The variables of a study, its labels along dimensions as (dimension, labels), and the number of samples."""
+
+    variables: dict[str, Variable]
+    labels: dict[str, tuple[str, tuple[str, ...]]]
+    size: int
+
+    def fingerprint(self, samples: Mapping[str, np.ndarray]) -> str:
+        """The same for the same samples, outputs and labels, and for no others."""
+        digest = hashlib.sha256(repr((self.size, sorted(self.labels.items()))).encode())
+        for name, variable in sorted(self.variables.items()):
+            digest.update(repr((name, variable.shape, variable.dtype.str, variable.dims)).encode())
+            digest.update(variable.attrs.get("flag_meanings", "").encode())
+        for _, values in sorted(samples.items()):
+            rows = max(1, _HASHED // max(1, values[:1].nbytes))
+            for first in range(0, self.size, rows):
+                digest.update(np.ascontiguousarray(values[first : first + rows]).data)
+        return digest.hexdigest()
+
+
+def named(tree: Any) -> dict[str, Any]:
+    """The arrays of a pytree, or their shapes, by the path that leads to them; results as codes."""
+    return {name: jax.tree.leaves(leaf)[0] for name, leaf in _leaves(tree).items()}
+
+
+def layout(samples: Mapping[str, np.ndarray], outputs: Any, system: AbstractSystem | None) -> Layout:
+    """The layout for samples and for what one sample gives, a pytree of shapes as of `jax.eval_shape`."""
+    given = {name: Variable(v.shape[1:], v.dtype, _dims(name, v.shape[1:]), {}) for name, v in samples.items()}
+    axes = {} if system is None else _axes(system)
+    found = {name: _variable(name, leaf, axes) for name, leaf in _leaves(outputs).items()}
+    if not found:
+        raise ValueError("Argument `run` must return arrays, but returns none.")
+    used = {dim for variable in (given | found).values() for dim in variable.dims}
+    labels = {}
+    for dim in sorted(used & set(axes)):
+        labels[dim] = (dim, axes[dim].labels)
+        labels[f"{dim}_kind"] = (dim, axes[dim].kinds)
+    for name in found:
+        if not name or "/" in name:
+            raise ValueError(
+                "Argument `run` must return a dict of arrays or a `Solution`, with names that are not empty and hold "
+                f"no slash, but one array is called {name!r}."
+            )
+        if name in given:
+            raise ValueError(f"No output may be called {name!r}, as samples are. Choose another name.")
+    for name in (*given, *found):
+        if name in used | {SAMPLE, *labels}:
+            raise ValueError(f"No samples or outputs may be called {name!r}, as a dimension is. Choose another name.")
+    return Layout({**given, **found}, labels, len(next(iter(samples.values()))))
+
+
+def storable(dtype: np.dtype) -> bool:
+    """Whether netCDF has such numbers."""
+    return dtype.kind in "biu" or dtype in (np.float32, np.float64)
+
+
+def _leaves(tree: Any) -> dict[str, Any]:
+    leaves = jax.tree_util.tree_flatten_with_path(tree, is_leaf=lambda x: isinstance(x, RESULTS))[0]
+    return {jax.tree_util.keystr(path, simple=True, separator="."): leaf for path, leaf in leaves}
+
+
+def _axes(system: AbstractSystem) -> dict[str, Axis]:
+    axes = {"coordinate": system.coordinates, "row": system.rows, "slip": slip_kinds(system.friction)}
+    return {name: axis for name, axis in axes.items() if len(axis)}
+
+
+def _variable(name: str, leaf: Any, axes: Mapping[str, Axis]) -> Variable:
+    attrs: dict[str, Any] = {}
+    if isinstance(leaf, RESULTS):
+        codes = result_codes()
+        leaf = jax.tree.leaves(leaf)[0]
+        attrs = {"flag_values": np.array([*codes.values()], leaf.dtype), "flag_meanings": " ".join(codes)}
+    shape, dtype = tuple(leaf.shape), np.dtype(leaf.dtype)
+    if not storable(dtype):
+        raise ValueError(
+            f"Argument `run` must return real numbers of at least 32 bits, but {name!r} has dtype {dtype}."
+        )
+    dims = _dims(name, shape)
+    label = _LABELLED.get(name.rpartition(".")[2], "")
+    if label in axes and shape and shape[-1] == len(axes[label]):
+        dims = (*dims[:-1], label)
+    return Variable(shape, dtype, dims, attrs)
+
+
+def _dims(name: str, shape: tuple[int, ...]) -> tuple[str, ...]:
+    return tuple(f"{name}_{k}" for k in range(len(shape)))

@@ -1,0 +1,214 @@
+"""Where a study keeps what is done: in memory, or in a netCDF file to which every chunk is added.
+
+A file has its full size from the start; its attribute `done` tells how many samples are in it, and `fingerprint` of
+which study they are. Variables lie in one piece, without compression, so that chunks of any size can be added.
+"""
+
+import importlib
+from collections.abc import Mapping
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ._layout import SAMPLE, Layout, Variable
+
+if TYPE_CHECKING:
+    import xarray
+
+# Files that datasets of this program read; closed before they are written, they open again when a value is asked for.
+_READ: dict[Path, Any] = {}
+
+
+def optional(name: str) -> ModuleType:
+    """A package that only studies need."""
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise ImportError(f'A study needs the package {name}: pip install "redundax[study]".') from error
+
+
+class Memory:
+    """The arrays of a study in memory."""
+
+    def __init__(self, layout: Layout):
+        self._layout, self.done, self.problem = layout, 0, ""
+        self._arrays = {
+            name: np.empty((layout.size, *variable.shape), variable.dtype)
+            for name, variable in layout.variables.items()
+        }
+
+    def write(self, values: Mapping[str, np.ndarray]) -> None:
+        """Add samples after those that are there."""
+        first, done = self.done, self.done
+        for name, array in values.items():
+            done = first + len(array)
+            self._arrays[name][first:done] = array
+        self.done = done
+
+    def difference(self, values: Mapping[str, np.ndarray]) -> str:
+        """None: a study in memory starts anew."""
+        return ""
+
+    def dataset(self) -> "xarray.Dataset":
+        """What is done."""
+        layout = self._layout
+        data = {
+            name: ((SAMPLE, *variable.dims), self._arrays[name][: self.done], variable.attrs)
+            for name, variable in layout.variables.items()
+        }
+        attrs = {"samples": layout.size, "done": self.done}
+        labels = {name: (dim, list(names)) for name, (dim, names) in layout.labels.items()}
+        return optional("xarray").Dataset(data, labels, attrs)
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+class File:
+    """The netCDF file of a study, new or half done.
+
+    `problem` says why the file cannot be used, if so.
+    """
+
+    def __init__(self, path: Path, layout: Layout, fingerprint: str):
+        self._path, self._layout, self.done, self.problem = path, layout, 0, ""
+        self._data: Any = None
+        if path in _READ:
+            _READ[path].close()
+        try:
+            if path.exists():
+                self._resume(fingerprint)
+            else:
+                self._create(fingerprint)
+        except OSError as error:
+            self.problem = (
+                f"Argument `path`: {path} cannot be opened ({error}). If it is a study that another program reads or "
+                "writes, close it there."
+            )
+
+    def _resume(self, fingerprint: str) -> None:
+        self._data = optional("netCDF4").Dataset(self._path)
+        if getattr(self._data, "fingerprint", None) != fingerprint:
+            empty = "fingerprint" in self._data.ncattrs() and not self._data.done
+            self.close()
+            if empty:  # a study that failed before anything was done
+                self._create(fingerprint)
+                return
+            self.problem = (
+                f"Argument `path`: {self._path} holds something else than this study: its samples, outputs or names "
+                "differ. Give another path, or delete the file."
+            )
+            return
+        self.done = int(self._data.done)
+        if self.done < self._layout.size:
+            self.close()
+            self._data = optional("netCDF4").Dataset(self._path, "a")
+
+    def _create(self, fingerprint: str) -> None:
+        self._data = data = optional("netCDF4").Dataset(self._path, "w")
+        data.set_fill_off()
+        sizes = {dim: len(labels) for dim, labels in self._layout.labels.values()}
+        sizes[SAMPLE] = self._layout.size
+        for variable in self._layout.variables.values():
+            sizes |= dict(zip(variable.dims, variable.shape, strict=True))
+        for dim, size in sizes.items():
+            data.createDimension(dim, size)
+        for name, (dim, labels) in self._layout.labels.items():
+            data.createVariable(name, str, (dim,))[:] = np.array(labels, dtype=object)
+        for name, variable in self._layout.variables.items():
+            stored = data.createVariable(name, _stored(variable), (SAMPLE, *variable.dims))
+            stored.setncatts(variable.attrs | ({"dtype": "bool"} if variable.dtype.kind == "b" else {}))
+        coordinates = " ".join(name for name, (dim, _) in self._layout.labels.items() if name != dim)
+        data.setncatts({"samples": self._layout.size, "done": 0, "fingerprint": fingerprint})
+        if coordinates:
+            data.coordinates = coordinates
+        data.sync()
+
+    def write(self, values: Mapping[str, np.ndarray]) -> None:
+        """Add samples after those that are there."""
+        first, done = self.done, self.done
+        for name, array in values.items():
+            done = first + len(array)
+            self._data[name][first:done] = array
+        self._data.sync()
+        self._data.done = self.done = done  # after the samples, so that what is counted is there
+        self._data.sync()
+
+    def difference(self, values: Mapping[str, np.ndarray]) -> str:
+        """What tells these first samples from those in the file, by more than rounding.
+
+        Stats are not looked at: some of them are rounding, which another chunk or mesh changes.
+        """
+        for name, array in values.items():
+            if "stats" in name.split("."):
+                continue
+            array = array[: self.done]
+            kept = np.ma.getdata(self._data[name][: len(array)])
+            if not _agree(array, kept):
+                return (
+                    f"Argument `path`: {self._path} holds a study in which `run` gave other values of {name!r} for the "
+                    "same samples. Give another path, or delete the file."
+                )
+        return ""
+
+    def dataset(self) -> "xarray.Dataset":
+        """What is done, read from the file when it is asked for."""
+        self.close()
+        return read(self._path)
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._data is not None:
+            self._data.close()
+            self._data = None
+
+
+class Follower:
+    """Stands for the file in the processes that do not write it."""
+
+    def __init__(self, path: Path):
+        self._path, self.done, self.problem = path, 0, ""
+
+    def write(self, values: Mapping[str, np.ndarray]) -> None:
+        """Process 0 does."""
+
+    def difference(self, values: Mapping[str, np.ndarray]) -> str:
+        """Process 0 tells."""
+        return ""
+
+    def dataset(self) -> "xarray.Dataset":
+        """What is done."""
+        return read(self._path)
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+Store = Memory | File | Follower
+
+
+def read(path: Path) -> "xarray.Dataset":
+    """The samples in the file of a study that are done; the file is opened when one is asked for."""
+    xarray = optional("xarray")
+    file = _READ[path] = _READ.get(path) or xarray.backends.NetCDF4DataStore.open(path)
+    whole = xarray.open_dataset(file, cache=False)
+    done = whole.isel({SAMPLE: slice(int(whole.attrs["done"]))})
+    done.set_close(file.close)
+    file.close()
+    return done
+
+
+def _stored(variable: Variable) -> np.dtype:
+    """netCDF has no truth values; xarray reads small integers with the attribute dtype="bool" as such."""
+    return np.dtype("i1") if variable.dtype.kind == "b" else variable.dtype
+
+
+def _agree(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two arrays are the same but for rounding."""
+    if one.dtype.kind != "f":
+        return bool(np.array_equal(one, other))
+    eps = float(np.finfo(one.dtype).eps)
+    size = np.max(np.abs(one), where=np.isfinite(one), initial=0.0)
+    return bool(np.allclose(one, other, rtol=0.0, atol=eps**0.5 * size + eps**0.75, equal_nan=True))
