@@ -173,6 +173,10 @@ class Factorisation(eqx.Module):
         a, mu = _refined(self._scaled, self._scaled_mass, self._split, self._response, coordinate_scale * force, none)
         return coordinate_scale * a, mu / row_scale
 
+    def in_balance(self, multipliers: Float[Array, " m"]) -> Float[Array, " m"]:
+        """A self-stress state without what rounding has left of other multipliers, D^-1 P D lam."""
+        return self._split.stress @ (self.row_scale * multipliers) / self.row_scale
+
     def apparent_mass(self) -> Float[Array, "m m"]:
         """M_c = C^+ for regular M: the multipliers -lam of accelerations g of the constraints.
 

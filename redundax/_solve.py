@@ -102,7 +102,7 @@ def _solve(
     if reduced.problem is None:
         end, root, contraction, friction_checks = reduced.free, _loadless(state.qd[:0]), 0.0 * state.t, ()
     else:
-        end, root = _solve_friction(reduced, reduced.problem, state, closure, solver, x0)
+        end, root = _solve_friction(factor, reduced, reduced.problem, state, closure, solver, x0)
         contraction, friction_checks = reduced.problem.contraction(root.tau), _checks(reduced, end, root, solver)
     finite = jnp.all(jnp.isfinite(jnp.concatenate([*end, root.tau])))
     result = first_failure(
@@ -117,6 +117,7 @@ def _solve(
 
 
 def _solve_friction(
+    factor: Factorisation,
     reduced: Reduced,
     problem: FrictionProblem,
     state: State,
@@ -128,7 +129,7 @@ def _solve_friction(
     if reduced.rows.size == 0:  # friction independent of load, (24)
         root = _loadless(problem.law(problem.rho0))
     elif closure is None and x0 is not None:
-        return _open_newton(reduced.pick.response, problem, free, unit, reduced.rows, x0, solver)
+        return _open_newton(factor, reduced.pick.response, problem, free, unit, reduced.rows, x0, solver)
     else:
         guess = problem.rho0 if x0 is None else _part(x0, state)[reduced.rows]
         root = closed_root(problem, problem.law(guess), solver)
@@ -154,6 +155,7 @@ def _loadless(tau: Array) -> Root:
 
 
 def _open_newton(
+    factor: Factorisation,
     projector: Array,
     problem: FrictionProblem,
     free: Response,
@@ -176,10 +178,13 @@ def _open_newton(
         pull=basis.T @ offset,
         first=x0[n:][rows],
     )
-    end, progress = open_root(open_problem, solver.tolerance(offset.dtype), solver.max_steps)
-    acceleration, multipliers = free.plus(unit, end.tau)
-    root = Root(end.tau, progress, jnp.full((), jnp.inf, offset.dtype))
-    return Response(acceleration, multipliers + projector[:, rows] @ end.w), root
+    rtol = solver.tolerance(offset.dtype)
+    end, progress = open_root(open_problem, rtol, solver.max_steps)
+    stress = factor.in_balance(projector[:, rows] @ end.w)  # w is much larger than its part in the self-stress
+    kept = eqx.tree_at(lambda problem: problem.rho0, problem, problem.rho0 + stress[rows])
+    tau = jnp.where(progress.converged(rtol), Newton().update(kept, end.tau)[0], end.tau)
+    acceleration, multipliers = free.plus(unit, tau)
+    return Response(acceleration, multipliers + stress), Root(tau, progress, jnp.full((), jnp.inf, offset.dtype))
 
 
 def _part(x0: Array | None, state: State) -> Array:
