@@ -182,9 +182,14 @@ def _open_newton(
     end, progress = open_root(open_problem, rtol, solver.max_steps)
     stress = factor.in_balance(projector[:, rows] @ end.w)  # w is much larger than its part in the self-stress
     kept = eqx.tree_at(lambda problem: problem.rho0, problem, problem.rho0 + stress[rows])
-    tau = jnp.where(progress.converged(rtol), Newton().update(kept, end.tau)[0], end.tau)
+    tau = jnp.where(progress.converged(rtol), _finished(kept, end.tau), end.tau)
     acceleration, multipliers = free.plus(unit, tau)
     return Response(acceleration, multipliers + stress), Root(tau, progress, jnp.full((), jnp.inf, offset.dtype))
+
+
+def _finished(problem: FrictionProblem, tau: Array) -> Array:
+    """One step at the same self-stress: the law held to rounding of the loads as they were before they balanced."""
+    return Newton().update(problem, tau)[0]
 
 
 def _part(x0: Array | None, state: State) -> Array:

@@ -75,7 +75,8 @@ def library_iterates(loop, system, state, count, **options):
 
         traced_anew = mock.patch.object(_solve, "_solve", _solve._solve.__wrapped__)
         as_it_is = mock.patch.object(rx.FixedPoint, "_finished", lambda solver, problem, tau: tau)
-        with mock.patch.object(loop, "iterate", run), as_it_is, traced_anew:
+        open_as_it_is = mock.patch.object(_solve, "_finished", lambda problem, tau: tau)
+        with mock.patch.object(loop, "iterate", run), as_it_is, open_as_it_is, traced_anew:
             solution = rx.solve(system, state, **options)
         return jnp.concatenate([solution.acceleration, solution.multipliers])
 
