@@ -77,12 +77,23 @@ def reduce(
     state: State,
     closure: AbstractClosure,
     *,
-    kept: Float[Array, " m"] | None = None,
     sense: Float[Array, " p"] | None = None,
     rank: Int[Array, ""] | None = None,
 ) -> Reduced:
-    """Factorise, close and reduce; the self-stress of `kept`, for a closure of minimum norm, is added to `free`."""
-    factor = factorize(system, state, rank)
+    """Factorise, close and reduce."""
+    return reduce_factorised(factorize(system, state, rank), system, state, closure, sense=sense)
+
+
+def reduce_factorised(
+    factor: Factorisation,
+    system: AbstractSystem,
+    state: State,
+    closure: AbstractClosure,
+    *,
+    kept: Float[Array, " m"] | None = None,
+    sense: Float[Array, " p"] | None = None,
+) -> Reduced:
+    """Close and reduce; the self-stress of `kept`, for a closure of minimum norm, is added to `free`."""
     compliance, misfit = closure.compliance(system, state)
     response, definite = factor.stress_response(compliance)
     pick = Pick(response, compliance)
