@@ -47,14 +47,17 @@ def main() -> None:
     rows: list[Row] = []
     for name in arguments.only or _WORKS:
         print(f"{name} ...", file=sys.stderr, flush=True)
-        rows += _WORKS[name](20_000 if arguments.quick else 1_000_000)
+        found = _WORKS[name](20_000 if arguments.quick else 1_000_000)
+        rows += found
+        if not arguments.json:
+            print("\n".join(_table(found)), end="\n\n", flush=True)
         jax.clear_caches()
     notes = [f"no C++ peer: {_eigen.missing()}"] if _eigen.missing() else []
     if arguments.json:
         lines = [dataclasses.asdict(row) for row in rows]
         print(json.dumps({"rows": lines, "goals": goals(rows), "notes": notes}, indent=2))
     else:
-        print("\n".join([*_table(rows), "", *goals(rows), *notes]))
+        print("\n".join([*goals(rows), *notes]))
 
 
 def _table(rows: list[Row]) -> list[str]:
