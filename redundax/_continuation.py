@@ -1,4 +1,4 @@
-"""The default solver of the frictional equations under a closure: Newton first, then continuation in the friction.
+"""The default solver of the frictional equations under a closure: sweeps, Newton, then continuation in the friction.
 
     H(y, s) = y - s l(y) = 0,   tau = T y,   l(y) = T^-1 law(rho0 + K T y),   T = diag(friction_size)
 
@@ -7,9 +7,10 @@ pseudo-arclength steps (`_arclength`). With Coulomb friction s is a factor of al
 branch folds back or runs to infinity before s = 1 it ends at the `fold`; past a fold it is followed on, because it may
 come back.
 
-Newton's end point is kept where friction contracts at it. Elsewhere it may lie on a branch of its own, so the
-solution on the branch from zero friction is preferred. Where Newton converges and friction contracts, the loop of the
-continuation does not run.
+Where friction is proved to contract strongly at all loads there is one solution, and sweeps find it (`_quick_sweeps`);
+nothing else runs then, in a batch neither. Otherwise Newton's end point is kept where friction contracts at it.
+Elsewhere it may lie on a branch of its own, so the solution on the branch from zero friction is preferred. Where Newton
+converges and friction contracts, the loop of the continuation does not run.
 """
 
 import equinox as eqx
@@ -21,12 +22,13 @@ from ._arclength import Path, follow
 from ._friction_problem import FrictionProblem
 from ._iterate import Progress, iterate
 from ._module import optional_float
+from ._quick_sweeps import quick_sweeps
 from ._results import RESULTS
 from ._solver import AbstractSolver, Newton, Root
 
 
 class Continuation(AbstractSolver):
-    """Newton's method, and where it does not settle the matter the branch from zero friction; the default.
+    """Sweeps or Newton's method, and where they do not settle the matter the branch from zero friction; the default.
 
     It ends with `RESULTS.no_solution_found` where neither finds a solution; `stats.fold` is then the fraction of the
     friction up to which there is one.
@@ -44,6 +46,18 @@ class Continuation(AbstractSolver):
     max_path: int = eqx.field(default=400, static=True)
 
     def run(self, problem: FrictionProblem, start: Array) -> Root:
+        rtol = self.tolerance(start.dtype)
+
+        def search(carry: tuple[Array, Root]) -> tuple[Array, Root]:
+            # Through the carry, or XLA takes it out of the loop, where it runs for nothing.
+            rho0, first = (jnp.where(carry[0], jnp.nan, x) for x in (problem.rho0, start))
+            searched = self._searched(eqx.tree_at(lambda problem: problem.rho0, problem, rho0), first)
+            return jnp.ones_like(carry[0]), searched
+
+        root = quick_sweeps(problem, start, rtol)
+        return jax.lax.while_loop(lambda carry: ~carry[0], search, (root.progress.converged(rtol), root))[1]
+
+    def _searched(self, problem: FrictionProblem, start: Array) -> Root:
         newton, rtol = Newton(self.rtol, self.max_steps), self.tolerance(start.dtype)
         root = newton.run(problem, start)
         settled = root.progress.converged(rtol) & (problem.contraction(root.tau) < 1)

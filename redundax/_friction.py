@@ -147,7 +147,14 @@ def friction_force(
     memories = state.memory or (None,) * len(groups)
     for group, memory in zip(groups, memories, strict=True):
         next_row, next_slip = row + group.rows.size, slip + len(group.slips)
-        own = loads[row:next_row].reshape(group.rows.shape)
+        own = _shaped(loads[row:next_row], group.rows.shape)
         out.append(group.force(own, rate[slip:next_slip], sense[slip:next_slip], memory, state))
         row, slip = next_row, next_slip
     return jnp.concatenate(out)
+
+
+def _shaped(loads: Float[Array, " l"], shape: tuple[int, ...]) -> Float[Array, "..."]:
+    """`loads.reshape(shape)`; for joints entry by entry, which XLA sees through where `reshape` stops it."""
+    if len(shape) != 2 or 0 in shape:
+        return loads.reshape(shape)
+    return jnp.stack([loads[k :: shape[1]] for k in range(shape[1])], axis=1)

@@ -14,10 +14,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ._friction import AbstractFriction, friction_force, slip_kinds
+from ._friction import AbstractFriction, friction_force, largest_change, slip_kinds
 from ._state import State
 
-# Powers of the sweep's derivative that the bound of the contraction takes.
+# Powers of a matrix that the bound of its spectral radius takes.
 _POWERS = 6
 
 
@@ -81,22 +81,17 @@ class FrictionProblem(eqx.Module):
 
     def slope(self, rho: Float[Array, " l"]) -> Float[Array, "p p"]:
         """law'(rho) K, the derivative of one sweep."""
-        return self.law.slope(rho) @ self.gain
+        return jax.vmap(lambda column: jax.jvp(self.law, (rho,), (column,))[1], in_axes=1, out_axes=1)(self.gain)
 
     def contraction(self, tau: Float[Array, " p"]) -> Float[Array, ""]:
-        """Upper bound of the spectral radius of one sweep's derivative at tau: below 1 sweeps contract there.
-
-        Collatz and Wielandt: max_i (A v)_i / v_i over positive v, A the absolute values of `slope`; powers of A
-        bring it down to the spectral radius of A.
-        """
+        """Upper bound of the spectral radius of one sweep's derivative at tau: below 1 sweeps contract there."""
         matrix = jnp.abs(self.slope(self.loads(tau)))
-        matrix = matrix * self.friction_size / self.friction_size[:, None]
-        vector = jnp.ones_like(tau)
-        for _ in range(_POWERS):
-            image = matrix @ vector
-            size = jnp.max(image)
-            vector = jnp.where(size > 0, image / jnp.where(size > 0, size, 1.0), vector) + 1e-3
-        return jnp.max(matrix @ vector / vector)
+        return _radius_bound(matrix * self.friction_size / self.friction_size[:, None])
+
+    def contraction_anywhere(self) -> Float[Array, ""]:
+        """Upper bound of `contraction` at all friction: below 1 there is one solution, and sweeps find it."""
+        changes = jax.vmap(lambda column: largest_change(self.law.groups, column), in_axes=1, out_axes=1)
+        return _radius_bound(changes(self.gain))
 
     def change_of_friction(self, change: Float[Array, " p"]) -> Float[Array, ""]:
         """Largest change of tau, relative to the size of its kind."""
@@ -105,6 +100,19 @@ class FrictionProblem(eqx.Module):
     def change_of_load(self, change: Float[Array, " l"]) -> Float[Array, ""]:
         """Largest change of rho, relative to the size of its kind."""
         return jnp.max(jnp.abs(change) / self.load_size)
+
+
+def _radius_bound(matrix: Float[Array, "p p"]) -> Float[Array, ""]:
+    """Upper bound of the spectral radius of a matrix A >= 0.
+
+    Collatz and Wielandt: max_i (A v)_i / v_i over positive v; powers of A bring it down to the spectral radius.
+    """
+    vector = jnp.ones_like(matrix[0])
+    for _ in range(_POWERS):
+        image = matrix @ vector
+        size = jnp.max(image)
+        vector = jnp.where(size > 0, image / jnp.where(size > 0, size, 1.0), vector) + 1e-3
+    return jnp.max(matrix @ vector / vector)
 
 
 def _largest_of_kind(size: Array, angular: Array) -> Array:

@@ -80,8 +80,15 @@ def unit(v: Numbers) -> Array:
     return v / size
 
 
+@jax.custom_jvp
 def safe_norm(v: Float[Array, " n"]) -> Float[Array, ""]:
     """|v| with derivative 0 at v = 0; `hypot` has a spurious value there and sqrt NaN."""
-    square = v @ v
-    positive = square > 0
-    return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
+    return jnp.sqrt(sum(v[k] * v[k] for k in range(v.shape[0])))  # not `v @ v`: a batch lays entries side by side
+
+
+@safe_norm.defjvp
+def _safe_norm_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+    v, size = primals[0], safe_norm(*primals)  # d|v| = v . dv / |v|
+    positive = size > 0
+    direction = jnp.where(positive, v / jnp.where(positive, size, 1.0), 0.0)
+    return size, jnp.sum(direction * tangents[0])

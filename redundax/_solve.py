@@ -4,7 +4,7 @@ The equations are reduced to the friction forces (`_reduced`), solved for them, 
 friction there is no loop in the compiled program.
 """
 
-from typing import cast
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array
 
+from ._chunks import in_chunks
 from ._closures._closure import AbstractClosure, Compliance, MinimumNorm
 from ._closures._elastic_joints import ElasticJoints
 from ._closures._unit_check import check_units
@@ -96,6 +97,31 @@ def _solve(
     x0: Array | None,
     sense: Array | None,
 ) -> Solution:
+    end, root, contraction, result = _ended(factor, system, state, closure, solver, x0, sense)
+    return _solution(factor, end, root, contraction, solver.tolerance(state.qd.dtype), result)
+
+
+@eqx.filter_custom_jvp
+def _ended(*arguments: Any) -> tuple[Response, Root, Array, RESULTS]:
+    """`_end` in chunks; its derivative is that of `_end`, which has a rule where it iterates."""
+    return in_chunks(_end, *arguments)
+
+
+@_ended.def_jvp
+def _ended_jvp(primals: tuple, tangents: tuple) -> tuple:
+    return eqx.filter_jvp(_end, primals, tangents)
+
+
+def _end(
+    factor: Factorisation,
+    system: AbstractSystem,
+    state: State,
+    closure: AbstractClosure | None,
+    solver: AbstractSolver,
+    x0: Array | None,
+    sense: Array | None,
+) -> tuple[Response, Root, Array, RESULTS]:
+    """Accelerations and multipliers, friction, its contraction and the result."""
     chosen = _MINIMUM_NORM if closure is None else closure
     kept = _part(x0, state) if closure is None else None  # Newton (38) keeps the self-stress of x0
     reduced = reduce(system, state, factor, chosen, kept=kept, sense=sense)
@@ -113,7 +139,8 @@ def _solve(
             (finite, RESULTS.not_finite),
         )
     )
-    return _solution(factor, end, root, contraction, solver.tolerance(state.qd.dtype), result)
+    end, tau = jax.tree.map(lambda x: jnp.where(result == RESULTS.successful, x, jnp.nan), (end, root.tau))
+    return end, eqx.tree_at(lambda root: root.tau, root, tau), contraction, result
 
 
 def _solve_friction(
@@ -215,8 +242,7 @@ def _solution(
         contraction=contraction,
         fold=root.fold,
     )
-    arrays = jax.tree.map(lambda x: jnp.where(result == RESULTS.successful, x, jnp.nan), (*end, root.tau))
-    return Solution(arrays[0], arrays[1], arrays[2], result, stats)
+    return Solution(end.acceleration, end.multipliers, root.tau, result, stats)
 
 
 def _check_state(system: AbstractSystem, state: State) -> None:

@@ -15,6 +15,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ._chunks import in_chunks
 from ._friction_problem import FrictionProblem
 from ._iterate import Progress, iterate
 from ._module import optional_float
@@ -148,7 +149,7 @@ def _root_slope(problem: FrictionProblem, rho: Array) -> Float[Array, "p p"]:
 @eqx.filter_custom_jvp
 def closed_root(problem: FrictionProblem, start: Float[Array, " p"], solver: AbstractSolver) -> Root:
     """Friction forces under a closure; their derivative is implicit."""
-    return solver.run(problem, start)
+    return in_chunks(lambda problem, start, solver: solver.run(problem, start), problem, start, solver)
 
 
 @closed_root.def_jvp

@@ -70,7 +70,7 @@ def library_iterates(loop, system, state, count, **options):
 
     def after(steps):
         def run(update, start, *_, **__):
-            y = jax.lax.fori_loop(0, steps, lambda _, y: update(y)[0], start)
+            y = jax.lax.fori_loop(0, steps.astype(int), lambda _, y: update(y)[0], start)
             return y, Progress.done(jnp.float64)
 
         traced_anew = mock.patch.object(_solve, "_solve", _solve._solve.__wrapped__)
@@ -80,7 +80,7 @@ def library_iterates(loop, system, state, count, **options):
             solution = rx.solve(system, state, **options)
         return jnp.concatenate([solution.acceleration, solution.multipliers])
 
-    return jax.vmap(after)(jnp.arange(count))
+    return jax.vmap(after)(jnp.arange(float(count)))  # numbers of no derivative may not be captured
 
 
 # Fixed point (27) ---------------------------------------------------------------------------

@@ -1,0 +1,77 @@
+"""Runs the sweeps and prints their table and goals: `python -m benchmarks.sweeps --help`."""
+
+import argparse
+import dataclasses
+import json
+import os
+import sys
+
+# On two-core CPUs independent LAPACK calls in one compiled step can wait for each other, see tests/conftest.py. XLA
+# reads its flags once, when the first backend starts.
+_SCHEDULER = "--xla_cpu_enable_concurrency_optimized_scheduler"
+if _SCHEDULER not in os.environ.get("XLA_FLAGS", ""):
+    os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {_SCHEDULER}=false".strip()
+
+import jax  # noqa: E402
+import numpy as np  # noqa: E402
+
+from . import _costs, _eigen, _works  # noqa: E402
+from ._goals import goals  # noqa: E402
+from ._measure import Row  # noqa: E402
+
+_WORKS = {
+    "h": lambda size: _works.over_h(size),
+    "x0": lambda size: _works.over_x0(size // 10),
+    "u": lambda size: _works.over_u(size // 10),
+    "lengths": lambda size: [row for rough in (False, True) for row in _works.over_length(size // 10, rough)],
+    "single": lambda size: [row for rough in (False, True) for row in _costs.single(rough)],
+    "derivatives": lambda size: _costs.derivatives(size // 10),
+    "float32": lambda size: _costs.single_precision(size // 10),
+    "sizes": _costs.sizes,
+    "compilation": lambda size: _costs.compilation(),
+    "start": lambda size: _costs.cold_start(),
+}
+
+
+def main() -> None:
+    """Run the works and print the table and the goals, or JSON."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.sweeps", description=__doc__)
+    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    parser.add_argument(
+        "--quick", action="store_true", help="20,000 values of h instead of 1,000,000, a tenth elsewhere"
+    )
+    parser.add_argument("--only", action="append", choices=_WORKS, help="a work; may be given several times")
+    arguments = parser.parse_args()
+    jax.config.update("jax_enable_x64", True)
+    jax.config.update("jax_enable_compilation_cache", False)
+    rows: list[Row] = []
+    for name in arguments.only or _WORKS:
+        print(f"{name} ...", file=sys.stderr, flush=True)
+        found = _WORKS[name](20_000 if arguments.quick else 1_000_000)
+        rows += found
+        if not arguments.json:
+            print("\n".join(_table(found)), end="\n\n", flush=True)
+        jax.clear_caches()
+    notes = [f"no C++ peer: {_eigen.missing()}"] if _eigen.missing() else []
+    if arguments.json:
+        lines = [dataclasses.asdict(row) for row in rows]
+        print(json.dumps({"rows": lines, "goals": goals(rows), "notes": notes}, indent=2))
+    else:
+        print("\n".join([*goals(rows), *notes]))
+
+
+def _table(rows: list[Row]) -> list[str]:
+    """Time of a solve, its ratio to the first line of the same work, and the error."""
+    first: dict[str, Row] = {}
+    out = [f"{'work':32}{'program':30}{'solves':>10}{'time per solve':>16}{'speed':>9}{'error':>9}"]
+    for row in rows:
+        base = first.setdefault(row.work, row)
+        time = f"{1e6 * row.seconds:.3f} us" if row.seconds < 0.1 else f"{row.seconds:.2f} s"
+        error = "" if np.isnan(row.error) else f"{row.error:.0e}"
+        ratio = f"{base.seconds / row.seconds:.3g}"
+        out.append(f"{row.work:32}{row.program:30}{row.solves:10,}{time:>16}{ratio:>9}{error:>9}")
+    return out
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,73 @@
+"""The exact answers, [qdd; lam; tau] at 50 digits, and their derivatives."""
+
+import dataclasses
+import functools
+from collections.abc import Callable
+
+import numpy as np
+from truth import exact, friction
+
+
+def _numbers(solution: exact.Solution) -> list:
+    return [*solution.acceleration, *solution.multipliers, *solution.friction]
+
+
+def _mechanism(length: float = 0.1, mu_rho: float = 0.02) -> exact.Mechanism:
+    """`u` scales everything; gravity and friction radius are put back."""
+    radius = exact.exact(mu_rho)
+    scaled = exact.wojtyra2020(u=exact.exact(length) * 10)
+    revolutes = tuple(dataclasses.replace(joint, mu_rho=radius) for joint in scaled.revolutes)
+    return dataclasses.replace(scaled, gravity=exact.exact((0, -10)), revolutes=revolutes)
+
+
+@exact.exactly
+def _of_h(h: float) -> list:
+    mechanism = _mechanism()
+    return _numbers(mechanism.solve(misfit=[h] * mechanism.m))
+
+
+@exact.exactly
+def _of_mu_rho(mu_rho: float) -> list:
+    return _numbers(_mechanism(mu_rho=mu_rho).solve())
+
+
+@exact.exactly
+def _of_length(length: float) -> list:
+    return _numbers(_mechanism(length).solve())
+
+
+@exact.exactly
+def _of_length_without_friction(length: float) -> list:
+    return _numbers(_mechanism(length).solve(friction=False))
+
+
+@exact.exactly
+def _of_u(u: float) -> list:
+    return _numbers(exact.wojtyra2020(u=u).solve(friction=False))
+
+
+@exact.exactly
+def _of_x0(x0: float) -> list:
+    return _numbers(friction.open_newton(exact.wojtyra2020(), [x0] * 24))
+
+
+def _as_floats(function: Callable) -> Callable[[float], np.ndarray]:
+    return functools.cache(lambda value: exact.floats(tuple(function(value))))
+
+
+h, mu_rho, length, length_without_friction, u, x0 = map(
+    _as_floats, (_of_h, _of_mu_rho, _of_length, _of_length_without_friction, _of_u, _of_x0)
+)
+
+
+def slope(name: str) -> Callable[[float], np.ndarray]:
+    """The derivative with respect to `h`, `mu_rho` or `length`, by a central difference of 1e-15 at 50 digits."""
+    function = {"h": _of_h, "mu_rho": _of_mu_rho, "length": _of_length}[name]
+
+    @exact.exactly
+    def difference(value: float) -> list:
+        step = exact.mp.mpf(10) ** -15
+        pairs = zip(function(exact.exact(value) + step), function(exact.exact(value) - step), strict=True)
+        return [(after - before) / (2 * step) for after, before in pairs]
+
+    return _as_floats(difference)

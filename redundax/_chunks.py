@@ -1,0 +1,59 @@
+"""A batch in chunks that stay in the cache.
+
+Under `vmap` every operation of a loop passes over the whole batch, which for 10^6 samples is memory traffic and little
+else; and the loop runs until the last sample of the batch has ended. In chunks both are bounded.
+"""
+
+from collections.abc import Callable
+from typing import TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
+T = TypeVar("T", bound=PyTree)
+
+_CHUNK = 8192
+
+
+def in_chunks(function: Callable[..., T], *arguments: PyTree) -> T:
+    """`function(*arguments)`, arrays to arrays, whose batch under `vmap` runs chunk after chunk.
+
+    It has no derivative: that is for a rule around it.
+    """
+    # Functions of the user may hold traced numbers. Equinox looks for them in closures only, hence the lambda.
+    closed = eqx.filter_closure_convert(lambda *given: function(*given), *arguments)
+    arrays, rest = eqx.partition((closed, arguments), eqx.is_array)
+
+    def plain(arrays: PyTree) -> T:
+        function, arguments = eqx.combine(arrays, rest)
+        return function(*arguments)
+
+    run = jax.custom_batching.custom_vmap(plain)
+
+    @run.def_vmap
+    def _(size: int, batched: list, arrays: PyTree) -> tuple[T, PyTree]:
+        many = jax.vmap(plain, in_axes=(jax.tree.map(lambda along: 0 if along else None, batched[0]),))
+        chunk = -(-size // -(-size // _CHUNK))
+        out = many(arrays) if chunk == size else _looped(many, arrays, batched[0], size, chunk)
+        return out, jax.tree.map(lambda _: True, out)
+
+    return run(arrays)
+
+
+def _looped(many: Callable[[PyTree], T], arrays: PyTree, batched: PyTree, size: int, chunk: int) -> T:
+    """`many`, chunk after chunk; the last one reaches back, so that all are of one size."""
+
+    def part(k: jax.Array | int) -> T:
+        def cut(x: jax.Array, along: bool) -> jax.Array:
+            return jax.lax.dynamic_slice_in_dim(x, k * chunk, chunk) if along else x
+
+        return many(jax.tree.map(cut, arrays, batched))
+
+    def body(k: jax.Array, out: T) -> T:
+        return jax.tree.map(lambda x, new: jax.lax.dynamic_update_slice_in_dim(x, new, k * chunk, 0), out, part(k))
+
+    shapes = jax.eval_shape(part, 0)
+    empty = jax.tree.map(lambda x: jnp.zeros((size, *x.shape[1:]), x.dtype), shapes)
+    return jax.lax.fori_loop(0, -(-size // chunk), body, empty)

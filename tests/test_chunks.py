@@ -1,0 +1,78 @@
+"""Batches in chunks, and the sweeps that they run where friction contracts strongly."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import redundax as rx
+from redundax import _chunks
+
+MECHANISM = rx.mechanisms.wojtyra2020(mu_rho=0.02)
+STATE = MECHANISM.state(jnp.pi / 4, rate=1.0)
+
+
+def solve(h, solver=None):
+    return rx.solve(MECHANISM, STATE, closure=rx.MinimumNorm(h), solver=solver)
+
+
+def test_a_batch_in_chunks_is_the_batch(monkeypatch):
+    """The last chunk reaches back."""
+    h = jnp.linspace(-100.0, 100.0, 10)
+    whole = jax.vmap(solve)(h)
+    monkeypatch.setattr(_chunks, "_CHUNK", 4)
+    jax.clear_caches()
+    parts = jax.vmap(solve)(h)
+    for one, other in zip(jax.tree.leaves(whole), jax.tree.leaves(parts), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-10)
+    jax.clear_caches()
+
+
+def test_what_does_not_depend_on_the_sample_stays_out_of_the_batch():
+    alone = jax.vmap(lambda h: solve(h).stats.spectrum.singular_values, out_axes=None, axis_size=3)
+    assert alone(jnp.zeros(3)).shape == (12,)
+
+
+def test_one_bad_sample_leaves_the_others_alone():
+    solutions = jax.vmap(solve)(jnp.array([0.0, jnp.nan, 50.0]))
+    assert np.array_equal(solutions.result == rx.RESULTS.successful, [True, False, True])
+    assert np.all(np.isfinite(solutions.acceleration[::2])) and np.all(np.isnan(solutions.acceleration[1]))
+
+
+@pytest.mark.parametrize("mu_rho", [0.02, 0.05, 0.1])
+def test_sweeps_end_where_newton_ends(mu_rho):
+    mechanism = rx.mechanisms.wojtyra2020(mu_rho=mu_rho)
+    state = mechanism.state(jnp.pi / 4, rate=1.0)
+    default, newton = rx.solve(mechanism, state), rx.solve(mechanism, state, solver=rx.Newton())
+    np.testing.assert_allclose(default.acceleration, newton.acceleration, rtol=1e-12, atol=1e-11)
+    np.testing.assert_allclose(default.multipliers, newton.multipliers, rtol=1e-12, atol=1e-11)
+
+
+def test_numbers_that_a_function_of_the_user_holds_may_be_of_the_batch():
+    def accelerations(mu):
+        def force(loads, rate, sense, memory, state, p):
+            return -mu * jnp.abs(loads[:1]) * sense
+
+        friction = rx.Friction(lambda q, t, p: q[:1], force, rows=[0], kinds=["linear"])
+        system = rx.System(
+            lambda q, t, p: jnp.array([q[1], 2 * q[1]]),
+            mass=jnp.ones(2),
+            load=lambda q, qd, t, p: jnp.array([0.0, -10.0]),
+            friction=[friction],
+        )
+        return rx.solve(system, rx.State(q=jnp.zeros(2), qd=jnp.array([1.0, 0.0])), throw=False).acceleration
+
+    mus = jnp.array([0.1, 0.2])
+    np.testing.assert_allclose(jax.vmap(accelerations)(mus), jnp.stack([accelerations(mu) for mu in mus]), rtol=1e-12)
+
+
+def test_derivatives_through_a_chunked_batch(monkeypatch):
+    monkeypatch.setattr(_chunks, "_CHUNK", 2)
+    h = jnp.linspace(-50.0, 50.0, 5)
+    crank = eqx.filter_jit(lambda h: jnp.sum(jax.vmap(lambda h: solve(h).acceleration[8])(h)))
+    along = jnp.ones(5)
+    step = 1e-3
+    slope = (crank(h + step) - crank(h - step)) / (2 * step)
+    np.testing.assert_allclose(jax.jvp(crank, (h,), (along,))[1], slope, rtol=1e-5)
+    np.testing.assert_allclose(jax.grad(crank)(h) @ along, slope, rtol=1e-5)
