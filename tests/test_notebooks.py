@@ -22,7 +22,7 @@ def code(notebook):
 
 
 def test_notebooks_are_there():
-    names = "own_mechanism paper_step_by_step solution_family physical_closures sensitivities own_constraint"
+    names = "own_mechanism paper_step_by_step solution_family physical_closures sensitivities motion own_constraint"
     assert {path.stem for path in NOTEBOOKS} >= set(names.split())
 
 
