@@ -6,7 +6,7 @@ curve is to the constraints says how small a singular value can be told from zer
 """
 
 import dataclasses
-from typing import Any
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -14,7 +14,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int
-from scipy.optimize import minimize_scalar
 
 from .._closures._closure import AbstractClosure, MinimumNorm
 from .._factorisation import factorize
@@ -207,23 +206,24 @@ def _said(report: Report) -> dict[str, str]:
 
 def _narrow(system: AbstractSystem, states: list[State], smallest: np.ndarray, rank: int) -> tuple[Narrow, ...]:
     """Minima of the singular value that decides the rank, between the states."""
-    anonymous, out = system.anonymous(), []
-    padded = np.concatenate([[np.inf], smallest, [np.inf]])
+    from scipy.optimize import fminbound
+
+    anonymous, last = system.anonymous(), len(states) - 1
+
+    def at(place: float) -> tuple[State, Spectrum]:
+        first = min(int(place), last - 1)
+        return _between(anonymous, *states[first : first + 2], jnp.asarray(place - first), jnp.asarray(rank))
+
+    def value(place: float) -> float:
+        return float(at(place)[1].singular_values[rank - 1])
+
+    padded, out = np.concatenate([[np.inf], smallest, [np.inf]]), []
     for k in np.flatnonzero((smallest <= padded[:-2]) & (smallest < padded[2:])):
-        best = None
-        for first in range(max(k - 1, 0), min(k + 1, len(states) - 1)):
-            pair = states[first], states[first + 1]
-
-            def value(s: float, pair: tuple[State, State] = pair) -> float:
-                return float(_between(anonymous, *pair, jnp.asarray(s), jnp.asarray(rank))[1].singular_values[rank - 1])
-
-            found = minimize_scalar(value, bounds=(0.0, 1.0), method="bounded", options={"xatol": 1e-10})
-            if best is None or found.fun < best[0]:
-                best = found.fun, pair, jnp.asarray(found.x)
-        there, spectrum = _between(anonymous, *best[1], best[2], jnp.asarray(rank))
-        if best[0] < _NEAR:
-            drops = bool(best[0] <= spectrum.tolerance)
-            out.append(Narrow(float(there.t), np.asarray(there.q), float(best[0]), drops))
+        place = fminbound(value, max(k - 1, 0), min(k + 1, last), xtol=1e-10)
+        there, spectrum = at(cast(float, place))
+        least = float(spectrum.singular_values[rank - 1])
+        if least < _NEAR:
+            out.append(Narrow(float(there.t), np.asarray(there.q), least, bool(least <= spectrum.tolerance)))
     return tuple(out)
 
 
