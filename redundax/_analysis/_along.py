@@ -212,7 +212,7 @@ def _narrow(system: AbstractSystem, states: list[State], smallest: np.ndarray, r
 
     def at(place: float) -> tuple[State, Spectrum]:
         first = min(int(place), last - 1)
-        return _between(anonymous, *states[first : first + 2], jnp.asarray(place - first), jnp.asarray(rank))
+        return _between(anonymous, states[first], states[first + 1], jnp.asarray(place - first), jnp.asarray(rank))
 
     def value(place: float) -> float:
         return float(at(place)[1].singular_values[rank - 1])
