@@ -161,7 +161,9 @@ def test_default_and_newton_are_one_where_friction_contracts(name):
     default, plain = registry.solve(mechanism, state), registry.solve(mechanism, state, solver=rx.Newton())
     assert default.stats.contraction < 1
     assert default.stats.fold == jnp.inf
-    np.testing.assert_array_equal(default.multipliers, plain.multipliers)
+    # Sweeps and Newton's method end at the same solution, to rounding.
+    largest = float(np.max(np.abs(plain.multipliers)))
+    np.testing.assert_allclose(default.multipliers, plain.multipliers, rtol=0, atol=1e-14 * largest)
 
 
 def test_rank_is_lower_only_here():
