@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from typing import Self
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
@@ -126,13 +127,17 @@ def slip_kinds(groups: Sequence[AbstractFriction]) -> Axis:
     return Axis(tuple(name for part in names for name in part or ()) if known else None, kinds)
 
 
-def largest_change(groups: Sequence[AbstractFriction], change: Float[Array, " l"]) -> Float[Array, " p"]:
-    """Bounds of |change of tau| of all groups from the change of their concatenated loads."""
-    out, row = [], 0
-    for group in groups:
-        out.append(group.largest_change(change[row : row + group.rows.size].reshape(group.rows.shape)))
-        row += group.rows.size
-    return jnp.concatenate(out)
+def largest_changes(groups: Sequence[AbstractFriction], loads: Float[Array, "l columns"]) -> Float[Array, "p columns"]:
+    """Bounds of |change of tau| of all groups from each column of changes of their concatenated loads."""
+
+    def of_one(change: Float[Array, " l"]) -> Float[Array, " p"]:
+        out, row = [], 0
+        for group in groups:
+            out.append(group.largest_change(change[row : row + group.rows.size].reshape(group.rows.shape)))
+            row += group.rows.size
+        return jnp.concatenate(out)
+
+    return jax.vmap(of_one, in_axes=1, out_axes=1)(loads)
 
 
 def friction_force(

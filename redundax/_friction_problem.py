@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ._friction import AbstractFriction, friction_force, largest_change, slip_kinds
+from ._friction import AbstractFriction, friction_force, largest_changes, slip_kinds
 from ._state import State
 
 # Powers of a matrix that the bound of its spectral radius takes.
@@ -90,8 +90,7 @@ class FrictionProblem(eqx.Module):
 
     def contraction_anywhere(self) -> Float[Array, ""]:
         """Upper bound of `contraction` at all friction: below 1 there is one solution, and sweeps find it."""
-        changes = jax.vmap(lambda column: largest_change(self.law.groups, column), in_axes=1, out_axes=1)
-        return _radius_bound(changes(self.gain))
+        return _radius_bound(largest_changes(self.law.groups, self.gain))
 
     def change_of_friction(self, change: Float[Array, " p"]) -> Float[Array, ""]:
         """Largest change of tau, relative to the size of its kind."""

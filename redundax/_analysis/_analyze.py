@@ -54,15 +54,14 @@ def analyze(
       of the closure.
     - `rank`: declared rank of the constraint Jacobian; decided from its spectrum if not given.
     """
-    declared = None if rank is None else jnp.asarray(rank)
-    factor = factorize(system, state, declared)
+    factor = factorize(system, state, rank)
     found = jax.device_get(_evidence(factor))
     rows, unique = np.array(system.rows.labels), found.unique_multipliers
     reads = np.unique(np.concatenate([np.zeros(0, int), *(np.ravel(group.rows) for group in system.friction)]))
     successful = bool(found.result == RESULTS.successful)
     stress = _echelon(found.self_stress, rows.size - int(found.spectrum.rank), unique)
     groups, kinds = _groups(stress), system.rows.kinds
-    figures, result = _family(system, state, factor, closure, stress, sense, declared)
+    figures, result = _family(system, state, factor, closure, stress, sense, rank)
     return Report(
         coordinates=system.coordinates.labels,
         rows=system.rows.labels,
@@ -114,7 +113,7 @@ def _family(
     closure: AbstractClosure,
     stress: np.ndarray,
     sense: Numbers | None,
-    rank: Array | None,
+    rank: ArrayLike | None,
 ) -> tuple[Family, RESULTS]:
     """The family through the closure's solution, and how its search ended."""
     solution = solve(system, state, closure=closure, sense=sense, rank=rank, throw=False)

@@ -49,10 +49,9 @@ def releases(basis: np.ndarray, rows: tuple[str, ...], kinds: tuple[str, ...]) -
         order.pop()
     found = []
     for chosen in itertools.combinations(order, count):
-        directions = tuple((joint, shares) for joint, shares, _ in chosen)
         size = abs(float(np.linalg.det(np.stack([vector for _, _, vector in chosen]))))
         if size > 1e-6:
-            found.append(Release(directions, size))
+            found.append(Release(tuple((joint, shares) for joint, shares, _ in chosen), size))
     return tuple(sorted(found, key=lambda item: -item.determinant)[:_LISTED])
 
 

@@ -21,18 +21,17 @@ of that closure, is below 1: the sweep then contracts in a weighted maximum norm
 
 import dataclasses
 import enum
-from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from .._closures._closure import AbstractClosure, MinimumNorm
 from .._factorisation import Factorisation
-from .._friction import AbstractFriction, largest_change
+from .._friction import largest_changes
 from .._reduced import reduce
 from .._state import State
 from .._system import AbstractSystem
@@ -167,11 +166,6 @@ def _loose(mass: np.ndarray, jacobian: np.ndarray, determinate: bool) -> np.ndar
     _, sigma, vt = np.linalg.svd(stack)
     kept = np.sum(sigma > 1e-8 * sigma[0])
     return np.where(np.abs(vt[kept:].T) > 1e-8, vt[kept:].T, 0.0)
-
-
-def largest_changes(groups: Sequence[AbstractFriction], loads: Float[Array, "l columns"]) -> Float[Array, "p columns"]:
-    """Bounds of the change of each friction by each column of changes of the loads."""
-    return jax.vmap(lambda change: largest_change(groups, change))(loads.T).T
 
 
 def judge(family: Family, names: list[str], outputs: np.ndarray, *, solved: bool, at_rest: bool) -> list[Judged]:

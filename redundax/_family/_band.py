@@ -19,8 +19,9 @@ from jaxtyping import Array
 from .._analysis._analyze import Report, analyze
 from .._analysis._outputs import outputs as named_outputs
 from .._analysis._outputs import plain, unknowns
-from .._analysis._verdict import Verdict, largest_changes, spectral_radius
+from .._analysis._verdict import Verdict, spectral_radius
 from .._enumerate import start_factors
+from .._friction import largest_changes
 from .._module import Numbers
 from .._state import State
 from .._system import AbstractSystem
