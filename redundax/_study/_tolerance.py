@@ -20,7 +20,7 @@ from jax.flatten_util import ravel_pytree
 from jax.sharding import Mesh
 from jaxtyping import Array
 
-from .._results import RESULTS
+from .._results import RESULTS, result_codes
 from .._solution import Solution
 from .._system import AbstractSystem
 from ._distributions import AbstractDistribution, sobol
@@ -200,20 +200,23 @@ def _solved(data: "xarray.Dataset", names: Sequence[str]) -> np.ndarray:
     solved = np.ones(data.sizes[SAMPLE], dtype=bool)
     for name in names:
         solved &= np.isfinite(data[name].values).reshape(solved.size, -1).all(axis=1)
-    for values in data.values():
-        if "flag_meanings" in values.attrs:
-            solved &= values.values == int(jax.tree.leaves(RESULTS.successful)[0])
+    for values in _results(data):
+        solved &= values.values == result_codes()["successful"]
     return solved
+
+
+def _results(data: "xarray.Dataset") -> list["xarray.DataArray"]:
+    """What solves within `build` ended with."""
+    return [values for values in data.values() if "flag_meanings" in values.attrs]
 
 
 def _why(data: "xarray.Dataset") -> str:
     """What the samples ended with, where `build` tells."""
     counts: dict[str, int] = {}
-    for values in data.values():
-        if "flag_meanings" in values.attrs:
-            meanings = dict(zip(values.flag_values, values.flag_meanings.split(), strict=True))
-            for code, count in zip(*np.unique(values.values, return_counts=True), strict=True):
-                counts[meanings[code]] = counts.get(meanings[code], 0) + int(count)
+    for values in _results(data):
+        meanings = dict(zip(values.flag_values, values.flag_meanings.split(), strict=True))
+        for code, count in zip(*np.unique(values.values, return_counts=True), strict=True):
+            counts[meanings[code]] = counts.get(meanings[code], 0) + int(count)
     counts.pop("successful", None)
     return f" ({', '.join(f'{name}: {count}' for name, count in counts.items())})" if counts else ""
 
