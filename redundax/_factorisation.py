@@ -92,9 +92,18 @@ class Factorisation(eqx.Module):
 
         It is the rounding of the velocities, magnified by the Jacobian as in a part that the others hold still.
         """
-        kept = self.spectrum.singular_values[jnp.clip(self.spectrum.rank - 1, 0)]
-        rounding = 100 * jnp.finfo(kept.dtype).eps * jnp.maximum(10.0, 1 / kept)
+        rounding = 100 * jnp.finfo(self.gamma.dtype).eps * jnp.maximum(10.0, 1 / self._least_kept)
         return rounding * self._speed
+
+    @property
+    def _least_kept(self) -> Float[Array, ""]:
+        """sigma_r / sigma_1."""
+        return self.spectrum.singular_values[jnp.clip(self.spectrum.rank - 1, 0)]
+
+    @property
+    def _noise(self) -> float:
+        """Rounding of a decomposition of K, relative to sigma_1."""
+        return max(self.jacobian.shape) * float(jnp.finfo(self.gamma.dtype).eps)
 
     @property
     def redundancy(self) -> Int[Array, ""]:
@@ -117,9 +126,7 @@ class Factorisation(eqx.Module):
 
         A state off the manifold blurs the zeros; then fewer multipliers are called unique, never more.
         """
-        kept = self.spectrum.singular_values[jnp.clip(self.spectrum.rank - 1, 0)]
-        blur = 100 * max(self.jacobian.shape) * jnp.finfo(kept.dtype).eps / kept
-        return jnp.linalg.norm(self._split.stress, axis=1) <= blur
+        return jnp.linalg.norm(self._split.stress, axis=1) <= 100 * self._noise / self._least_kept
 
     @property
     def unique_only_here(self) -> Bool[Array, " m"]:
@@ -142,10 +149,14 @@ class Factorisation(eqx.Module):
 
     @property
     def checks(self) -> tuple[tuple[Bool[Array, ""], RESULTS], ...]:
-        """What must hold for the equations at this state to have a trustworthy solution, root causes first."""
+        """What must hold for the equations at this state to have a trustworthy solution, root causes first.
+
+        Constraints are consistent up to what the violation of the state and the rounding of P make of gamma.
+        """
         violation, dtype = self.violation, self.gamma.dtype
         off_manifold = float(jnp.finfo(dtype).eps) ** 0.375  # 1e-6 in float64
-        consistent = 4 * self.spectrum.tolerance + 10 * violation.velocity
+        blur = self._noise + violation.position
+        consistent = jnp.minimum(5 / self._least_kept, 120) * blur + 10 * violation.velocity
         possible = violation.acceleration <= consistent
         return (
             (self.finite, RESULTS.not_finite),
@@ -155,7 +166,7 @@ class Factorisation(eqx.Module):
             (violation.velocity <= off_manifold, RESULTS.inadmissible_velocity),
             (possible | (violation.prescribed <= consistent), RESULTS.inconsistent_constraints),
             (possible, RESULTS.inadmissible_velocity),
-            (self.residual <= consistent, RESULTS.unsolved),
+            (self.residual <= 120 * blur + 10 * violation.velocity, RESULTS.unsolved),
         )
 
     @property

@@ -12,8 +12,9 @@ that kind, is at most 10 times the bound: eps of the dtype, or the largest chang
 - as every entry of the equations (7) changes by eps, relative: M, Q, the independent rows of Phi_q and gamma, and the
   coefficients by which the others depend on them.
 
-Both keep the redundancy; where the state is off the manifold by more than eps, that size takes the place of eps. The
-table says how many answers are right by the second alone. Every line ends with a verdict:
+The largest is that over 3 random changes, and over 24 where an error exceeds that. Both keep the redundancy; where the
+state is off the manifold by more than eps, that size takes the place of eps. The table says how many answers are right
+by the second alone. Every line ends with a verdict:
 
     ok            successful, and right
     flagged       not successful, and the result names the reason
