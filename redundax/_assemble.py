@@ -122,7 +122,7 @@ class _Closing(eqx.Module):
         q = self.system.retract(self.guess.q, self.scale.coordinates * d)
         given = q[self.held] - self.positions if self.held.size else self.positions
         rows = jnp.concatenate([self.system.constraint(q, self.guess.t), given])
-        return rows / self.row_scale / self.scale.length
+        return rows / self.row_scale / self.scale.size
 
     def inverse(self, d: Array) -> Array:
         """K^+ of the residual at the decided rank."""
@@ -164,7 +164,7 @@ def _velocity(system: AbstractSystem, state: State, driven: Array, rates: Array)
     rows = jnp.concatenate([matrix, jnp.eye(state.qd.size, dtype=matrix.dtype)[driven]])
     misfit = jnp.concatenate([motion.rate, state.qd[driven] - rates]) / row_scale
     rows = rows * scale.coordinates / row_scale[:, None]
-    drift = jnp.max(jnp.abs(motion.value) / scale.rows) / scale.length
+    drift = jnp.max(jnp.abs(motion.value) / scale.rows) / scale.size
     parts, _ = split(rows, drift, None)
     change = -parts.inverse @ misfit
     qd = state.qd + scale.coordinates * change

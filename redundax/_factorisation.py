@@ -224,9 +224,9 @@ def _factorize(system: AbstractSystem, state: State, rank: Int[Array, ""] | None
     motion, explicit, turned = second_order(system, state)
     mass, load = system.mass(state.q, state.t), system.load(state)
     _check_shapes(system, matrix, mass, load)
-    coordinate_scale, row_scale, length = scaling(system, state, matrix, turned)
+    coordinate_scale, row_scale, length, size = scaling(system, state, matrix, turned)
     scaled = matrix * coordinate_scale / row_scale[:, None]
-    position = jnp.max(jnp.abs(motion.value) / row_scale) / length
+    position = jnp.max(jnp.abs(motion.value) / row_scale) / size
     parts, spectrum = split(scaled, position, rank)
     scaled_mass = coordinate_scale[:, None] * mass * coordinate_scale
     freedom = matrix.shape[1] - spectrum.rank
@@ -238,7 +238,7 @@ def _factorize(system: AbstractSystem, state: State, rank: Int[Array, ""] | None
         _ratio(force - scaled_mass @ a - scaled.T @ mu, force, scaled_mass @ a, mu),
     )
     qd = state.qd / coordinate_scale
-    evidence = parts.stress, length, position, motion.rate / row_scale, gamma, explicit / row_scale
+    evidence = parts.stress, size, position, motion.rate / row_scale, gamma, explicit / row_scale
     inertia = jnp.trace(scaled_mass) / force.size
     free = jnp.where(inertia > 0, jnp.max(jnp.abs(force)) / jnp.where(inertia > 0, inertia, 1.0), 0.0)
     violation, residual = jax.lax.stop_gradient((_violation(*evidence, qd, a, free), residual))
@@ -290,7 +290,7 @@ def _refined(
 
 def _violation(
     stress: Array,
-    length: Array,
+    size: Array,
     position: Array,
     rate: Array,
     gamma: Array,
@@ -299,13 +299,13 @@ def _violation(
     a: Array,
     free: Array,
 ) -> Violation:
-    """Consistency of the state; all but `length` and `position` in scaled variables.
+    """Consistency of the state; all but `size` and `position` in scaled variables.
 
-    Velocities compare with those that the accelerations, or `free` ones without constraints, reach over the length of
+    Velocities compare with those that the accelerations, or `free` ones without constraints, reach over the size of
     the mechanism, so that rest and reversals are no special case.
     """
-    reached = jnp.sqrt(length * (jnp.max(jnp.abs(a)) + free))
-    centripetal = jnp.max(jnp.abs(qd)) ** 2 / length
+    reached = jnp.sqrt(size * (jnp.max(jnp.abs(a)) + free))
+    centripetal = jnp.max(jnp.abs(qd)) ** 2 / size
     return Violation(
         position,
         _ratio(rate, qd, reached),

@@ -29,17 +29,21 @@ def restricted_inverse(
     """
     restricted = projector @ matrix @ projector
     weight = jnp.trace(restricted) / jnp.maximum(dimension, 1)
+    other = jnp.eye(matrix.shape[0], dtype=matrix.dtype) - projector
     rounding = 10 * matrix.shape[0] * jnp.finfo(matrix.dtype).eps
-    noise = rounding * jnp.max(jnp.abs(matrix))  # what is left of a restriction that is zero
-    some = weight > noise
-    weight = jnp.where(some & (dimension > 0), weight, jnp.maximum(noise, 1.0))
-    regular = restricted / weight + jnp.eye(matrix.shape[0], dtype=matrix.dtype) - projector
+    parts = jnp.abs(projector)
+    noise = rounding * jnp.sum((parts @ jnp.abs(matrix)) * parts, axis=1)  # of each diagonal entry of P A P
+    some = weight > jnp.max(noise)  # else all of it is rounding of a restriction that is zero
+    weight = jnp.where(some & (dimension > 0), weight, jnp.maximum(jnp.max(noise), 1.0))
+    regular = restricted / weight + other
     factor = jnp.linalg.cholesky(regular + 0.0 * after)
     half = jax.scipy.linalg.solve_triangular(factor, projector, lower=True)
-    large = jnp.all(jnp.diagonal(factor) ** 2 > 10 * rounding)  # false for NaN, which a minimum can lose
+    blur = noise / weight + rounding * jnp.abs(jnp.diagonal(other))
+    large = jnp.all(jnp.diagonal(factor) ** 2 > 100 * blur)  # false for NaN, which a minimum can lose
     definite = large & (some | (dimension <= 0))
     inverse = half.T @ half / weight
-    inverse = inverse + inverse @ (jnp.eye(matrix.shape[0], dtype=matrix.dtype) - matrix @ inverse)
+    for _ in range(2):
+        inverse = inverse + inverse @ (jnp.eye(matrix.shape[0], dtype=matrix.dtype) - matrix @ inverse)
     return jnp.where(definite, inverse, 0.0), definite
 
 

@@ -20,11 +20,12 @@ from ._system import AbstractSystem
 
 
 class Scaling(NamedTuple):
-    """S, shape (n,), D, shape (m,), and the length L."""
+    """S, shape (n,), D, shape (m,), the length L, which turns angles to lengths, and the size: that of a radian."""
 
     coordinates: Float[Array, " n"]
     rows: Float[Array, " m"]
     length: Float[Array, ""]
+    size: Float[Array, ""]
 
 
 def scaling(
@@ -39,7 +40,7 @@ def scaling(
     largest = jnp.where(rows, *(jnp.max(norms * mask, initial=0.0) for mask in (rows, ~rows)))
     largest = jnp.where(largest > 0, largest, 1.0)
     floor = 100 * jnp.finfo(norms.dtype).eps * largest
-    return Scaling(columns, jnp.where(norms > floor, norms, largest), length)
+    return Scaling(columns, jnp.where(norms > floor, norms, largest), length, length * system.radian)
 
 
 def _length(jacobian: Array, turned: Array, system: AbstractSystem) -> Float[Array, ""]:

@@ -19,7 +19,7 @@ by the second alone. Every line ends with a verdict:
     ok            successful, and right
     flagged       not successful, and the result names the reason
     false flag    not successful though sigma_r / sigma_1 > 1e-3, friction contracts with a spectral radius below 0.9,
-                  and the state is as consistent as the documentation asks
+                  the state is as consistent as the documentation asks, and the bound is below 0.1 for every kind
     SILENT WRONG  successful, but wrong, or of another rank than the true one where sigma_r / sigma_1 exceeds 10 eps
 """
 

@@ -15,6 +15,7 @@ from ._truth import bound, per_kind, scales
 
 DTYPES = {"float64": 2.0**-52, "float32": 2.0**-23}
 ALLOWED = 10.0
+DETERMINED = 0.1
 MANY = 24
 
 
@@ -118,6 +119,7 @@ def judged(case: Case, route: Route, dtype: str, found: Outcome, draws: int) -> 
     ratio, strict, errors, limit = _measured(case, route, dtype, found, draws)
     if ratio > ALLOWED and truths and not found.result:
         ratio, strict, errors, limit = _measured(case, route, dtype, found, MANY)
+    posed = case.well_posed and max(limit.values(), default=0.0) <= DETERMINED
     return Line(
         family=case.family,
         case=case.name,
@@ -132,10 +134,10 @@ def judged(case: Case, route: Route, dtype: str, found: Outcome, draws: int) -> 
         rank_found=found.rank,
         sharpness=case.sharpness,
         contraction=case.contraction,
-        well_posed=case.well_posed,
+        well_posed=posed,
         gap=found.gap,
         result=found.result,
-        verdict=verdict(case, found, ratio, bool(truths), DTYPES[dtype]),
+        verdict=verdict(case, found, ratio, posed, bool(truths), DTYPES[dtype]),
         seconds=found.seconds,
     )
 
@@ -156,13 +158,13 @@ def _ratio(errors: dict[str, float], limit: dict[str, float]) -> float:
     return max(np.inf if np.isinf(error) else error / limit[kind] for kind, error in errors.items())
 
 
-def verdict(case: Case, found: Outcome, ratio: float, solvable: bool, eps: float) -> str:
+def verdict(case: Case, found: Outcome, ratio: float, posed: bool, solvable: bool, eps: float) -> str:
     """`ok`, `flagged`, `false flag` or `SILENT WRONG`, see the package.
 
     Where sigma_r / sigma_1 is below 10 eps, the rank is not in the data.
     """
     if found.result:
-        return "false flag" if case.well_posed and solvable else "flagged"
+        return "false flag" if posed and solvable else "flagged"
     decidable = case.sharpness > ALLOWED * eps
     right = solvable and ratio <= ALLOWED and (found.rank == case.exact.rank or not decidable)
     return "ok" if right else "SILENT WRONG"

@@ -129,7 +129,7 @@ def hold(
 ) -> tuple[Held, Int[Array, ""]]:
     """Hold a rank at a state, and the rank found there; `singular` says whether M may be singular."""
     matrix, mass = jacobian(system, state), system.mass(state.q, state.t)
-    position = jnp.max(jnp.abs(system.constraint(state.q, state.t)) / scale.rows) / scale.length
+    position = jnp.max(jnp.abs(system.constraint(state.q, state.t)) / scale.rows) / scale.size
     parts, spectrum = split(matrix * scale.coordinates / scale.rows[:, None], position, rank)
     if singular:  # rows as heavy as M, so that M + B^T B is well conditioned
         heavy = jnp.trace(mass) / mass.shape[0] / jnp.mean(jnp.sum(matrix**2, axis=1))

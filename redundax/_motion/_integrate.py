@@ -50,7 +50,7 @@ def integrate(
     scale = scaling(system, state, factor.jacobian)
     held, _ = hold(system, state, scale, rank, singular=singular)
     equations = _equations(system, state, factor, scale, closure, stabilisation)
-    first = 0.01 * scale.length / equations.speed if dt0 is None else dt0
+    first = 0.01 * scale.size / equations.speed if dt0 is None else dt0
     options = Options(solver, _controller(rtol, first), adjoint, meter, max_steps, first, t1, ts)
     begin = _start(equations, state, factor, held, rank)
     done = run(_before(begin, state, held, ts, ~factor.singular_position), equations, options, begin.free, max_phases)
@@ -80,7 +80,7 @@ def _equations(
     stabilisation: AbstractStabilisation,
 ) -> Equations:
     reach = jnp.max(jnp.abs(factor.acceleration) / scale.coordinates)
-    speed = jnp.max(jnp.abs(state.qd) / scale.coordinates) + jnp.sqrt(reach * scale.length)
+    speed = jnp.max(jnp.abs(state.qd) / scale.coordinates) + jnp.sqrt(reach * scale.size)
     speed = jax.lax.stop_gradient(jnp.where(speed > 0, speed, 1.0))
     angular = jnp.asarray(slip_kinds(system.friction).angular)
     sense = jnp.sign(slip_motion(system, state)[0]) if system.friction else state.qd[:0]

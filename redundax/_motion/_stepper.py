@@ -148,13 +148,13 @@ def _relative(error: Moving, dt: Array, equations: Equations, before: Carried, a
     sizes, speed = equations.scaling, after.watch.speed
     pivot = jnp.minimum(jnp.where(before.pivot > 0, before.pivot, after.pivot), after.pivot)
     blur = 10 * jnp.finfo(speed.dtype).eps / pivot
-    shift = speed * jnp.abs(dt) / sizes.length / pivot
+    shift = speed * jnp.abs(dt) / sizes.size / pivot
 
     def counted(value: Array, size: Array, rounding: Array) -> Array:
         return jnp.maximum(jnp.abs(value) / size - rounding, 0.0)
 
     return Moving(
-        counted(error.q, sizes.length * sizes.coordinates, blur * (1 + shift**2)),
+        counted(error.q, sizes.size * sizes.coordinates, blur * (1 + shift**2)),
         counted(error.qd, speed * sizes.coordinates, blur / pivot * (1 + shift)),
         jnp.zeros_like(error.work),
     )
@@ -166,7 +166,7 @@ def _watched(
     """The watch after a step, and the violation of the position by this step."""
     sizes, one = equations.scaling, jnp.ones_like(t)
     value, explicit = jax.jvp(lambda t: equations.system.constraint(y.q, t), (t,), (one,))
-    position = jnp.max(jnp.abs(value) / sizes.rows) / sizes.length
+    position = jnp.max(jnp.abs(value) / sizes.rows) / sizes.size
     rate = scale * (parts.rows @ y.qd) + explicit
     kinetic = equations.kinetic_energy(t, y)
     watch = Watch(
