@@ -74,6 +74,7 @@ from ._motion._trajectory import Trajectory as Trajectory
 from ._motion._trajectory import TrajectoryStats as TrajectoryStats
 from ._plot import plot_band as plot_band
 from ._plot import plot_family as plot_family
+from ._plot import plot_spectrum as plot_spectrum
 from ._rescaled import closure_in_units as closure_in_units
 from ._rescaled import in_units as in_units
 from ._rescaled import solution_from_units as solution_from_units

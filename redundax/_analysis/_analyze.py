@@ -70,6 +70,7 @@ def analyze(
         freedom=len(system.coordinates) - int(found.spectrum.rank),
         singular_values=found.spectrum.singular_values,
         gap=float(found.spectrum.gap),
+        tolerance=float(found.spectrum.tolerance),
         self_stress=stress,
         groups=tuple(tuple(str(rows[k]) for k in group) for group in groups),
         unit_dependent=tuple(str(rows[k]) for group in groups if len({kinds[k] for k in group}) > 1 for k in group),

@@ -17,6 +17,7 @@ class Report:
     - `coordinates`, `rows`: their names.
     - `rank`, `redundancy`, `freedom`: r, k = m - r and n - r.
     - `singular_values`, `gap`: spectrum of the scaled Jacobian, free of units, and the ratio across the rank.
+    - `tolerance`: singular values above it count, relative to the largest.
     - `self_stress`: k self-stress states, shape (k, m), in units of the multipliers: loads that the joints can
       carry without any external load. `draw` takes their index, from 0.
     - `groups`: dependent groups: rows that are coupled by self-stress. None of a group is "the redundant one".
@@ -44,6 +45,7 @@ class Report:
     freedom: int
     singular_values: np.ndarray
     gap: float
+    tolerance: float
     self_stress: np.ndarray
     groups: tuple[tuple[str, ...], ...]
     unit_dependent: tuple[str, ...]
