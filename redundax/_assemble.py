@@ -39,6 +39,13 @@ def assemble(
 ) -> State:
     """The state on the constraint manifold nearest to a guess.
 
+    ??? example
+
+        ```python
+        guess = state.q + 0.01
+        closed = rx.assemble(mechanism, guess, positions={"1.phi": 0.8}, rates={"1.phi": 1.0})
+        ```
+
     **Arguments:**
 
     - `system`: a `Mechanism` or `System`.

@@ -15,6 +15,13 @@ import numpy as np
 class Axis:
     """Names and kinds along one axis of an array.
 
+    ??? example
+
+        ```python
+        rx.Axis(("x", "y", "phi"), ("linear", "linear", "angular"))  # coordinates
+        rx.Axis(("slot", "stop"), ("force", "moment"))  # rows
+        ```
+
     **Arguments:**
 
     - `names`: one name for each entry, or `None` where names were left behind (inside compiled code).

@@ -43,6 +43,13 @@ def frictional_solutions(
 ) -> list[Solution]:
     """The solutions of a system with friction at a state, under one closure, that a search from many starts finds.
 
+    ??? example
+
+        ```python
+        found = rx.frictional_solutions(mechanism, state)
+        [solution.friction for solution in found]
+        ```
+
     **Arguments:**
 
     - `system`, `state`: concrete values; not inside `jit` or `vmap`.

@@ -62,6 +62,15 @@ class Friction(AbstractFriction):
 
     An opaque generalised force F(lam, q, qd) is the case `slip=lambda q, t, p: q`, `rows=jnp.arange(m)`.
 
+    ??? example
+
+        ```python
+        def drag(loads, rate, sense, memory, state, p):  # of the sum of two loads
+            return -p["mu"] * jnp.sum(jnp.abs(loads)) * sense
+
+        rx.Friction(lambda q, t, p: q[:1], drag, rows=[0, 1], kinds=["linear"], parameters={"mu": 0.1})
+        ```
+
     **Arguments:**
 
     - `slip`: `(q, t, parameters) -> (p,)`.

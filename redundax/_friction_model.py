@@ -40,6 +40,13 @@ class AbstractFrictionModel(eqx.Module):
 class Coulomb(AbstractFrictionModel):
     """Coulomb friction (41), proportional to the normal load.
 
+    ??? example
+
+        ```python
+        bearing = rx.Coulomb(0.3 * 0.01, preload=50.0)  # mu times pin radius, m; N
+        rx.Revolute("A", "lever", "ground", (0.0, 0.0), (0.0, 0.0), friction=bearing)
+        ```
+
     **Arguments:**
 
     - `coefficient`: mu for a translational joint; friction coefficient times pin radius, mu * rho in m, for a revolute.
@@ -62,6 +69,13 @@ class RegularisedCoulomb(AbstractFrictionModel):
     """Coulomb friction whose sense is smooth in the slip rate: it creeps where Coulomb friction sticks.
 
         tau = -coefficient (N + preload) tanh(rate / velocity)
+
+    ??? example
+
+        ```python
+        bearing = rx.RegularisedCoulomb(0.003, velocity=1e-3)  # m; rad/s
+        rx.Revolute("A", "lever", "ground", (0.0, 0.0), (0.0, 0.0), friction=bearing)
+        ```
 
     **Arguments:**
 
@@ -86,6 +100,13 @@ class Stribeck(AbstractFrictionModel):
     """Coulomb friction that falls from its value at rest as slip sets in, with a viscous part.
 
         tau = -(kinetic + (static - kinetic) exp(-(rate / velocity)^2)) (N + preload) sense - viscous rate
+
+    ??? example
+
+        ```python
+        bearing = rx.Stribeck(static=0.004, kinetic=0.002, velocity=0.1, viscous=1e-3)
+        rx.Revolute("A", "lever", "ground", (0.0, 0.0), (0.0, 0.0), friction=bearing)
+        ```
 
     **Arguments:**
 
@@ -114,6 +135,13 @@ class Stribeck(AbstractFrictionModel):
 
 class ConstantFriction(AbstractFrictionModel):
     """Dry friction that does not depend on load, Eq. (24), as from seals.
+
+    ??? example
+
+        ```python
+        seal = rx.ConstantFriction(0.2)  # N m
+        rx.Revolute("A", "lever", "ground", (0.0, 0.0), (0.0, 0.0), friction=seal)
+        ```
 
     **Arguments:**
 

@@ -29,6 +29,14 @@ from ._system import AbstractSystem
 class Mechanism(AbstractSystem):
     """A planar mechanism of rigid bodies and joints.
 
+    ??? example
+
+        ```python
+        pin = rx.Revolute("A", "rod", "ground", point_i=(-0.5, 0.0), point_j=(0.0, 0.0))
+        pendulum = rx.Mechanism([rx.Body("rod", 1.0, 1 / 12)], [pin], gravity=(0.0, -9.81))
+        rx.solve(pendulum, rx.assemble(pendulum, [0.5, 0.0, 0.0])).acceleration  # [0, -7.36, -14.7]
+        ```
+
     **Arguments:**
 
     - `bodies`: its moving bodies.

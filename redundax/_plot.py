@@ -43,6 +43,13 @@ def plot_spectrum(report: Report) -> "Figure":
     that the rank is beyond doubt; values close to the line, that it has to be declared with `rank=`. Values of zero
     are drawn at 1e-17.
 
+    ??? example
+
+        ```python
+        report = rx.analyze(mechanism, state)
+        rx.plot_spectrum(report).savefig("spectrum.png")
+        ```
+
     **Arguments:**
 
     - `report`: from `analyze`.
@@ -77,6 +84,13 @@ def plot_family(family: SolutionFamily, outputs: Sequence[str] | None = None) ->
     folds, where a curve turns back; where the number of solutions is not one everywhere, a panel shows it. Along two
     states: one map for each quantity.
 
+    ??? example
+
+        ```python
+        family = rx.solution_family(mechanism, state, along="A.x", samples=21)
+        rx.plot_family(family, outputs=["1.phi''", "tau A"]).savefig("family.png")
+        ```
+
     **Arguments:**
 
     - `family`: from `solution_family`.
@@ -96,6 +110,13 @@ def plot_family(family: SolutionFamily, outputs: Sequence[str] | None = None) ->
 
 def plot_band(bands: Bands) -> "Figure":
     """Bands as bars, one panel for each unit: full bars are exact, hatched ones inner estimates, diamonds one value.
+
+    ??? example
+
+        ```python
+        bands = rx.band(mechanism, state, ["A.x", "B.x"], rx.AmplitudeBox({"A.x": (-40.0, 40.0)}))
+        rx.plot_band(bands).savefig("bands.png")
+        ```
 
     **Arguments:**
 

@@ -47,6 +47,15 @@ def solve(
 ) -> Solution:
     """Accelerations, multipliers and friction of a system at a state.
 
+    ??? example
+
+        ```python
+        solution = rx.solve(mechanism, state)
+        solution.acceleration[8]  # of the crank, rad/s^2
+        hs = jnp.linspace(-100.0, 100.0, 5)
+        jax.vmap(lambda h: rx.solve(mechanism, state, closure=rx.MinimumNorm(h)).acceleration)(hs)
+        ```
+
     **Arguments:**
 
     - `system`: a `Mechanism` or `System`.

@@ -47,6 +47,13 @@ def analyze(
 ) -> Report:
     """Rank, self-stress and uniqueness of a system at a state.
 
+    ??? example
+
+        ```python
+        report = rx.analyze(mechanism, state)
+        print(report)  # a page; report.redundancy is 1, report.self_stress has shape (1, 12)
+        ```
+
     **Arguments:**
 
     - `system`, `state`: concrete values; not inside `jit` or `vmap`, where `factorize` gives the same as arrays.

@@ -36,6 +36,15 @@ class Report:
     - `releases`: directions within joints whose release removes all redundancy and adds no degree of freedom.
     - `friction_reads`: names of the multipliers that are not unique and that friction depends on.
     - `problem`: why the equations at this state cannot be trusted; empty if they can.
+
+    ??? example
+
+        ```python
+        report = rx.analyze(mechanism, state)
+        report.rank, report.redundancy, report.freedom  # 11, 1, 1
+        report.unique_multipliers  # ("K.perpendicular", "L.perpendicular"), without friction
+        report.to_json()
+        ```
     """
 
     coordinates: tuple[str, ...]

@@ -35,6 +35,13 @@ class MinimumNorm(AbstractClosure):
     The first n entries of h act only where accelerations are not unique, which a solve flags, so only the
     last m entries are used.
 
+    ??? example
+
+        ```python
+        rx.solve(mechanism, state)  # h = 0
+        rx.solve(mechanism, state, closure=rx.MinimumNorm(h=100.0))
+        ```
+
     **Arguments:**
 
     - `h`: arbitrary vector of Eq. (9), shape (n + m,), a number stands for that many equal entries; 0 gives
@@ -59,6 +66,13 @@ class MinimumNorm(AbstractClosure):
 
 class Compliance(AbstractClosure):
     """Joints of given compliance and misfit: a pick with physical units, the same in every unit system.
+
+    ??? example
+
+        ```python
+        joints = rx.Compliance(W=jnp.array([1e-8] * 10 + [1e-6] * 2))  # m/N, then rad/(N m)
+        rx.solve(mechanism, state, closure=joints).multipliers
+        ```
 
     **Arguments:**
 

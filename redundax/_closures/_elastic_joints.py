@@ -36,6 +36,13 @@ class JointCompliance(eqx.Module):
     Only what the joint holds counts: a revolute joint takes no moment about its pin, so that the angular compliance of
     its seat acts through a reference point beside the pin alone.
 
+    ??? example
+
+        ```python
+        pin = rx.JointCompliance("A", translation=1e-8, misfit=(1e-5, 0.0, 0.0))
+        guide = rx.JointCompliance("K", translation=2e-8, rotation=1e-6, frame="ground")
+        ```
+
     **Arguments:**
 
     - `joint`: its name.

@@ -46,6 +46,13 @@ class AbstractBounds(eqx.Module):
 class AmplitudeBox(AbstractBounds):
     """Bounds on the self-stress, as an amount beside the minimum norm.
 
+    ??? example
+
+        ```python
+        bounds = rx.AmplitudeBox({"A.x": (-40.0, 40.0)})  # N
+        rx.band(mechanism, state, "B.x", bounds)
+        ```
+
     **Arguments:**
 
     - `box`: for self-stress states, by the multiplier that has the entry 1 in them (`analyze(...).pivots`), least and
@@ -64,6 +71,13 @@ class AmplitudeBox(AbstractBounds):
 class PreloadBox(AbstractBounds):
     """Bounds on multipliers, as from preload, measurement or what a joint can carry.
 
+    ??? example
+
+        ```python
+        bounds = rx.PreloadBox({"A.x": (-60.0, 0.0)})  # N
+        rx.band(mechanism, state, "B.x", bounds)
+        ```
+
     **Arguments:**
 
     - `box`: for rows, least and largest multiplier, in its units; the others have no bounds. Together they must bound
@@ -79,6 +93,13 @@ class PreloadBox(AbstractBounds):
 
 class PreloadNorm(AbstractBounds):
     """A bound on a norm of multipliers, sum (lam_i / size_i)^2 <= 1.
+
+    ??? example
+
+        ```python
+        bounds = rx.PreloadNorm({"K.angle": 20.0, "L.angle": 20.0})  # N m
+        rx.band(mechanism, state, "A.x", bounds, samples=32)
+        ```
 
     **Arguments:**
 
@@ -96,6 +117,13 @@ class PreloadNorm(AbstractBounds):
 
 class MisfitBox(AbstractBounds):
     """Bounds on the misfit of joints of given compliance.
+
+    ??? example
+
+        ```python
+        bounds = rx.MisfitBox(rx.Compliance(W=jnp.full(12, 1e-8)), {"A.x": (-1e-6, 1e-6)})  # m
+        rx.band(mechanism, state, "A.x", bounds, samples=32)
+        ```
 
     **Arguments:**
 
@@ -121,6 +149,13 @@ class MisfitBox(AbstractBounds):
 
 class ComplianceBox(AbstractBounds):
     """Bounds on the compliance of rows.
+
+    ??? example
+
+        ```python
+        bounds = rx.ComplianceBox(rx.Compliance(W=jnp.full(12, 1e-8)), {"A.x": (1e-9, 1e-7)})  # m/N
+        rx.band(mechanism, state, "A.x", bounds, samples=32)
+        ```
 
     **Arguments:**
 

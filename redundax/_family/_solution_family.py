@@ -49,6 +49,14 @@ class SolutionFamily:
     - `names`, `kinds`: of accelerations, multipliers and friction; kinds are "linear", "angular", "force", "moment",
       "friction force" and "friction moment".
     - `values`: shape (solutions, n + m + p).
+
+    ??? example
+
+        ```python
+        family = rx.solution_family(mechanism, state, along="A.x", samples=21)
+        family["1.phi''"].min(), family["1.phi''"].max()  # rad/s^2
+        family.count  # 1 at each of the 21 amplitudes
+        ```
     """
 
     along: tuple[str, ...]
@@ -152,6 +160,13 @@ def solution_family(
     watch: Callable[[Sequence[Any]], Iterable[Any]] = iter,
 ) -> SolutionFamily:
     """Every frictional solution that is found along one or two self-stress states, and how many there are.
+
+    ??? example
+
+        ```python
+        family = rx.solution_family(mechanism, state, along="A.x", samples=21)
+        print(family)
+        ```
 
     **Arguments:**
 

@@ -45,6 +45,14 @@ def simulate(
 ) -> Trajectory:
     """The motion of a system from a state.
 
+    ??? example
+
+        ```python
+        smooth = rx.mechanisms.wojtyra2020()
+        motion = rx.simulate(smooth, smooth.state(phi=0.8, rate=1.0), 0.1)
+        motion.q.shape, motion.multipliers.shape  # (101, 12) each
+        ```
+
     **Arguments:**
 
     - `system`: a `Mechanism` or `System` whose coordinates add: a `retraction` of one's own is not supported yet.

@@ -33,6 +33,13 @@ class AbstractDistribution(abc.ABC):
 class Normal(AbstractDistribution):
     """Normally distributed.
 
+    ??? example
+
+        ```python
+        rx.Normal(mean=0.1, std=1e-4)  # a length, m
+        rx.Normal(jnp.zeros(3), 1e-5 * jnp.ones(3))  # three independent misfits
+        ```
+
     **Arguments:**
 
     - `mean`, `std`: mean, which is the nominal value, and standard deviation, numbers or arrays of one shape.
@@ -51,6 +58,12 @@ class Normal(AbstractDistribution):
 
 class Uniform(AbstractDistribution):
     """Equally likely between two bounds; the nominal value is in the middle.
+
+    ??? example
+
+        ```python
+        rx.Uniform(low=0.01, high=0.03)  # a friction radius, m
+        ```
 
     **Arguments:**
 

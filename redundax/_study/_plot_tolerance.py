@@ -23,6 +23,14 @@ def plot_tolerance(study: "xarray.Dataset", outputs: Sequence[str] | None = None
     percentile between, a diamond at the nominal value. On the right the parameters' shares of the variance; what is
     left white is not linear in any of them.
 
+    ??? example
+
+        ```python
+        sizes = {"width": rx.Normal(0.10, 1e-4), "height": rx.Uniform(0.19, 0.21)}
+        found = rx.tolerance_study(lambda width, height: {"area": width * height}, sizes, samples=64)
+        rx.plot_tolerance(found).savefig("tolerances.png")
+        ```
+
     **Arguments:**
 
     - `study`: from `tolerance_study`.

@@ -44,7 +44,8 @@ def study(
         def run(phi, h):
             return rx.solve(mechanism, mechanism.state(phi=phi, rate=1.0), closure=rx.MinimumNorm(h))
 
-        results = rx.study(run, {"phi": phis, "h": hs}, system=mechanism, path="study.nc")
+        samples = {"phi": jnp.linspace(0.2, 1.2, 1000), "h": jnp.linspace(-100.0, 100.0, 1000)}
+        results = rx.study(run, samples, system=mechanism, path="study.nc")
         results.acceleration.sel(coordinate="1.phi").mean()
         ```
 

@@ -39,6 +39,12 @@ def wojtyra2020(
 ) -> Mechanism:
     """The overconstrained mechanism of the paper's Section 5.
 
+    ??? example
+
+        ```python
+        rx.mechanisms.wojtyra2020(mu_rho=0.02).state(phi=0.8, rate=1.0)
+        ```
+
     **Arguments:**
 
     - `length`: l, m.
