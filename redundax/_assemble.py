@@ -37,7 +37,7 @@ def assemble(
     rates: Mapping[str, ArrayLike] | None = None,
     throw: bool | None = None,
 ) -> State:
-    """The state on the constraint manifold nearest to a guess.
+    """The state on the constraint manifold (2), (3) nearest to a guess.
 
     ??? example
 

@@ -38,7 +38,7 @@ class AbstractFrictionModel(eqx.Module):
 
 
 class Coulomb(AbstractFrictionModel):
-    """Coulomb friction (41), proportional to the normal load.
+    """Coulomb friction (41), (42), proportional to the normal load.
 
     ??? example
 

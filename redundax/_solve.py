@@ -45,7 +45,7 @@ def solve(
     rank: ArrayLike | None = None,
     throw: bool | None = None,
 ) -> Solution:
-    """Accelerations, multipliers and friction of a system at a state.
+    """Accelerations, multipliers and friction of a system at a state: (7), with friction (24) or (25).
 
     ??? example
 

@@ -45,7 +45,7 @@ def analyze(
     sense: Numbers | None = None,
     rank: ArrayLike | None = None,
 ) -> Report:
-    """Rank, self-stress and uniqueness of a system at a state.
+    """Rank, self-stress and uniqueness of a system at a state: (13), (14), with friction (33).
 
     ??? example
 

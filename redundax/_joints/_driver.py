@@ -18,7 +18,7 @@ from ._base import AbstractJoint, Row
 
 
 class AngleDriver(AbstractJoint):
-    """Driving constraint phi_i - phi_j = f(t). Its multiplier is minus the driving moment on body i, N m.
+    """Driving constraint (2), phi_i - phi_j = f(t). Its multiplier is minus the driving moment on body i, N m.
 
     ??? example
 
@@ -44,7 +44,7 @@ class AngleDriver(AbstractJoint):
 
 
 class DistanceDriver(AbstractJoint):
-    """Driving constraint on the distance of two points; with a constant law a massless rod.
+    """Driving constraint (2) on the distance of two points; with a constant law a massless rod.
 
     Its multiplier is the tension that holds the points together, N.
 

@@ -43,7 +43,7 @@ def simulate(
     throw: bool | None = None,
     progress: bool = False,
 ) -> Trajectory:
-    """The motion of a system from a state.
+    """The motion of a system from a state: (7) or (25) over time.
 
     ??? example
 

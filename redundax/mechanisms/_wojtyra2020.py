@@ -37,7 +37,7 @@ def wojtyra2020(
     gravity: ArrayLike = 10.0,
     u: ArrayLike = 1.0,
 ) -> Mechanism:
-    """The overconstrained mechanism of the paper's Section 5.
+    """The overconstrained mechanism of the paper's Section 5: (60), (61).
 
     ??? example
 
