@@ -67,7 +67,7 @@ def assemble(
     if held and q.shape != (n,):
         raise ValueError(
             f"Argument `positions` needs a chart with one coordinate for each of the {n} velocities, but `q` has "
-            f"shape {q.shape}."
+            f"shape {q.shape}. Leave them out and give `q` itself."
         )
     state, off, slow = _assemble(
         system.anonymous(),

@@ -33,7 +33,8 @@ class Body(eqx.Module):
         for name, value in (("mass", self.mass), ("inertia", self.inertia)):
             if value.shape != ():
                 raise ValueError(
-                    f"Argument `{name}` of body '{self.name}' must be a number, but has shape {value.shape}."
+                    f"Argument `{name}` of body '{self.name}' must be a number, but has shape {value.shape}. "
+                    "Make one `Body` for each."
                 )
             if known(value) and value < 0:
                 raise ValueError(

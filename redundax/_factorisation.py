@@ -336,5 +336,5 @@ def _check_shapes(system: AbstractSystem, jacobian: Array, mass: Array, load: Ar
         if value.shape != shape:
             raise ValueError(
                 f"Argument `{name}` of the system must give shape {shape}, as its coordinates and rows say, but gives "
-                f"{value.shape}."
+                f"{value.shape}. Change what it returns, or `coordinates` and `rows`."
             )

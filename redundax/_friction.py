@@ -100,7 +100,10 @@ class Friction(AbstractFriction):
         self._slip, self._force = as_functions(slip), as_functions(force)
         self.rows = jnp.asarray(rows, dtype=int)
         if isinstance(kinds, str):
-            raise ValueError(f"Argument `kinds` must hold one kind for each slip, as in ['{kinds}'], but is '{kinds}'.")
+            raise ValueError(
+                f"Argument `kinds` must hold one kind for each slip, as in ['{kinds}'], but is '{kinds}'. "
+                "Put it in a list."
+            )
         self.slips = kinds if isinstance(kinds, Axis) else Axis(None, tuple(kinds))
         self.slips.check("kinds", ("linear", "angular"))
         self.parameters = as_parameters(parameters)

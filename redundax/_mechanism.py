@@ -125,13 +125,16 @@ class Mechanism(AbstractSystem):
         - `t`: time.
         """
         if self.pose is None:
-            raise ValueError("Argument `pose` of the mechanism must be given to use `state`, but it is None.")
+            raise ValueError(
+                "Argument `pose` of the mechanism must be given to use `state`, but it is None. "
+                "Use `rx.assemble`, which closes the mechanism from a guess."
+            )
         names, given = tuple(named), tuple(as_float(x) for x in (*coordinates, *named.values()))
         rates = tuple(rate) if isinstance(rate, tuple | list) else (rate,)
         if len(rates) != len(given):
             raise ValueError(
                 f"Argument `rate` must hold a rate for each of the {len(given)} independent coordinates, "
-                f"but holds {len(rates)}."
+                f"but holds {len(rates)}. Give a tuple with as many."
             )
         positional = len(coordinates)
 

@@ -98,7 +98,10 @@ def plot_family(family: SolutionFamily, outputs: Sequence[str] | None = None) ->
     """
     unknown = [name for name in outputs or () if name not in family.names]
     if unknown:
-        raise ValueError(f"Argument `outputs` must hold names of the family, but holds {', '.join(unknown)}.")
+        raise ValueError(
+            f"Argument `outputs` must hold names of the family, but holds {', '.join(unknown)}. "
+            "They are in `family.names`."
+        )
     groups = [(title, _together(family, kind, outputs)) for kind, title in _PANELS]
     groups = [(title, groups) for title, groups in groups if groups]
     if not groups or len(family.along) not in (1, 2):

@@ -107,6 +107,7 @@ def _coefficients(eta: Numbers, dependent: Axis, independent: Axis) -> Array:
     if array.shape != (len(dependent), len(independent)):
         raise ValueError(
             f"Argument `eta` must have a row for each of {len(dependent)} dependent rows and a column for each of "
-            f"{len(independent)} independent ones, but has shape {array.shape}."
+            f"{len(independent)} independent ones, but has shape {array.shape}. "
+            "`Report.dependencies` gives such coefficients."
         )
     return array

@@ -11,6 +11,7 @@ import functools
 import graphlib
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -283,6 +284,37 @@ def has_examples(package: Package) -> list[str]:
     return complaints
 
 
+def _literal(node: ast.AST) -> str:
+    """The text of a string, with {} for what it takes in; empty if the node is another expression."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        return node.value
+    if isinstance(node, ast.JoinedStr):
+        return "".join(_literal(part) if isinstance(part, ast.Constant) else "{}" for part in node.values)
+    if isinstance(node, ast.BinOp):
+        return (_literal(node.left) or "{}") + (_literal(node.right) or "{}")
+    return ""
+
+
+def errors_say_what_to_do(package: Package) -> list[str]:
+    """A message names its argument, or the thing that is wrong, and goes on to say what helps.
+
+    Messages of the command's options are left out: argparse names the option and shows the usage.
+    """
+    complaints = []
+    for module in package.modules.values():
+        for node in module.walk(ast.Raise):
+            if not (isinstance(node.exc, ast.Call) and node.exc.args) or "argparse" in ast.unparse(node.exc.func):
+                continue
+            text = _literal(node.exc.args[0])
+            if not re.search("[a-z]", text):  # handed on from elsewhere
+                continue
+            if not re.search(r"[`'{]", text):
+                complaints.append(module.at(node, f"the message names nothing: {text}"))
+            if not re.search(r"[.:] [A-Za-z`{]", text):
+                complaints.append(module.at(node, f"the message does not say what helps: {text}"))
+    return complaints
+
+
 def exports_are_explicit(package: Package) -> list[str]:
     """An `__init__` imports as `X as X`; the package's own defines no public name itself."""
     complaints = []
@@ -337,6 +369,7 @@ RULES: list[Rule] = [
     classes_are_abstract_or_final,
     has_docstrings,
     has_examples,
+    errors_say_what_to_do,
     exports_are_explicit,
     is_short,
 ]
@@ -452,6 +485,9 @@ BREAKS: list[tuple[Rule, str, dict[str, str]]] = [
     (has_examples, "_a.py:2: `f`", {"__init__": "from ._f import f as f", "_f/__init__": "from .._a import f as f",
                                     "_a": DOC + "def f(): ..."}),
     (has_examples, "_m.py:1: `A`", {"mechanisms/__init__": "from ._m import A as A", "mechanisms/_m": "class A: ..."}),
+    (errors_say_what_to_do, "_a.py:1: the message names nothing", {"_a": "raise ValueError('Wrong. Mend it.')"}),
+    (errors_say_what_to_do, "what helps: `x` is {}.", {"_a": "raise TypeError(f'`x` is {x}.')"}),
+    (errors_say_what_to_do, "what helps", {"_a": "raise ValueError('`x` is ' + y)"}),
     (exports_are_explicit, "`f`", {"__init__": "from ._a import f"}),
     (exports_are_explicit, "`f`", {"__init__": "from ._a import f as g"}),
     (exports_are_explicit, "`f`", {"_g/__init__": "from ._a import f"}),

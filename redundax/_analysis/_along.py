@@ -201,7 +201,10 @@ def analyze_along(
         )
     finite = np.all(np.isfinite(states.q), axis=1) & np.all(np.isfinite(states.qd), axis=1)
     if finite.sum() < 2:
-        raise ValueError(f"Argument `states` must hold two finite states at least, but has {finite.sum()}.")
+        raise ValueError(
+            f"Argument `states` must hold two finite states at least, but has {finite.sum()}. "
+            "Simulate longer, or give more states."
+        )
     states = jax.tree.map(lambda x: x[finite], states)
     each = [jax.tree.map(lambda x, k=k: x[k], states) for k in range(int(finite.sum()))]
     reports = tuple(analyze(system, state, closure=closure, sense=sense, rank=rank) for state in each)

@@ -84,7 +84,7 @@ class JointCompliance(eqx.Module):
             if value.shape not in shapes:
                 raise ValueError(
                     f"Argument `{name}` of joint '{joint}' must have shape {' or '.join(map(str, shapes))}, but has "
-                    f"{value.shape}."
+                    f"{value.shape}. Its docstring says what each entry is."
                 )
         shift = shift if shift.ndim else shift * jnp.eye(2)
         self.compliance = jnp.block([[shift, cross[:, None]], [cross[None], as_float(rotation)[None, None]]])
@@ -187,7 +187,7 @@ def _on_i(given: JointCompliance, stack: Stack, k: int, bodies: tuple[str, ...])
         if body not in ends:
             raise ValueError(
                 f"Argument `frame` of joint '{given.joint}' must be one of the bodies that it connects, "
-                f"{[(*bodies, GROUND)[end] for end in ends]}, but is '{given.frame}'."
+                f"{[(*bodies, GROUND)[end] for end in ends]}, but is '{given.frame}'. Name one of them."
             )
     return stack.i[k] == body
 

@@ -228,7 +228,10 @@ class _Search:
                 ends = [linear_extreme(cases, tau, cost) for cost in costs]
                 theta = np.array([np.full(cases.lower.size, np.nan) if end is None else end for end in ends])
             else:
-                raise TypeError(f"Argument `cases` must be affine or fractional, but is {type(cases).__name__}.")
+                raise TypeError(
+                    f"Argument `cases` must be affine or fractional, but is {type(cases).__name__}. "
+                    "Give what the method `cases` of bounds returns."
+                )
             if out:
                 theta = np.where(unique[:, None], out[0][1], theta)
             found = self._sampled(jnp.asarray(theta))

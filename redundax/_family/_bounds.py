@@ -169,7 +169,9 @@ class ComplianceBox(AbstractBounds):
     def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Fractional:
         rows, lower, upper = _box("box", self.box, report.rows)
         if lower.min(initial=0.0) < 0:
-            raise ValueError(f"Argument `box` must not hold negative compliances, but holds {lower.min():.4g}.")
+            raise ValueError(
+                f"Argument `box` must not hold negative compliances, but holds {lower.min():.4g}. Give at least 0."
+            )
         compliance, misfit = self.closure.compliance(system, state)
         places = jnp.asarray(rows)
         compliance = compliance.at[places, places].set(0.0)
@@ -194,13 +196,16 @@ def _box(argument: str, box: Box, names: tuple[str, ...]) -> tuple[np.ndarray, n
     unknown = [name for name in box if name not in names]
     if unknown or not box:
         keys, wrong = ", ".join(names) or "none", ", ".join(unknown) or "none"
-        raise ValueError(f"Argument `{argument}` must have keys among {keys}, but has {wrong}.")
+        raise ValueError(
+            f"Argument `{argument}` must have keys among {keys}, but has {wrong}. Correct or remove these."
+        )
     values = np.array(list(box.values()))
     right = (values[:, 0] <= values[:, 1]) & np.isfinite(values).all(axis=1)
     if not right.all():
         wrong = ", ".join(name for name, good in zip(box, right, strict=True) if not good)
         raise ValueError(
-            f"Argument `{argument}` must hold finite bounds (lower, upper) that increase, but those of {wrong} do not."
+            f"Argument `{argument}` must hold finite bounds (lower, upper) that increase, but those of {wrong} do not. "
+            "Put the smaller one first."
         )
     return np.array([names.index(name) for name in box]), values[:, 0], values[:, 1]
 

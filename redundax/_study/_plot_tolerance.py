@@ -39,7 +39,10 @@ def plot_tolerance(study: "xarray.Dataset", outputs: Sequence[str] | None = None
     known = [str(name) for name in study.output.values]
     unknown = [name for name in outputs or () if name not in known]
     if unknown:
-        raise ValueError(f"Argument `outputs` must hold outputs of the study, but holds {', '.join(unknown)}.")
+        raise ValueError(
+            f"Argument `outputs` must hold outputs of the study, but holds {', '.join(unknown)}. "
+            "They are in `study.output`."
+        )
     wanted = range(len(known)) if outputs is None else [known.index(name) for name in outputs]
     varies = (study["share"].sum("parameter") > 0).values
     units = [UNITS.get(str(kind), "") for kind in study.output_kind.values]
