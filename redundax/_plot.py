@@ -53,6 +53,8 @@ def plot_spectrum(report: Report) -> "Figure":
     **Arguments:**
 
     - `report`: from `analyze`.
+
+    **Returns:** a matplotlib figure.
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -95,6 +97,10 @@ def plot_family(family: SolutionFamily, outputs: Sequence[str] | None = None) ->
 
     - `family`: from `solution_family`.
     - `outputs`: names of what to draw; all if not given, of two states the first six that differ.
+
+    **Returns:** a matplotlib figure.
+
+    **Raises:** `ValueError` for names that the family does not have.
     """
     unknown = [name for name in outputs or () if name not in family.names]
     if unknown:
@@ -124,6 +130,8 @@ def plot_band(bands: Bands) -> "Figure":
     **Arguments:**
 
     - `bands`: from `band`.
+
+    **Returns:** a matplotlib figure.
     """
     groups = [(unit, [k for k, kind in enumerate(bands.kinds) if UNITS[kind] == unit]) for unit in _BAR_UNITS]
     groups = [(unit, members) for unit, members in groups if members]

@@ -35,7 +35,7 @@ def drawing(
     if self_stress is not None:
         return [Picture(png, "Self-stress as open arrows", f"{alt}, with a self-stress state as open arrows.")]
     if multipliers is not None:
-        return [Picture(png, "Joint loads at minimum norm", f"{alt}, with the joint loads as arrows.")]
+        return [Picture(png, "Joint loads", f"{alt}, with the joint loads as arrows.")]
     return [Picture(png, "The mechanism at this state", f"{alt}.")]
 
 
@@ -44,10 +44,10 @@ def spectrum_picture(report: Report) -> Picture:
     if not report.redundancy:
         tells = "none is dropped"
     elif np.isfinite(report.gap):
-        tells = f"the smallest counted is {report.gap:.1g} times the largest dropped"
+        tells = f"the smallest counted is {report.gap:.1g} times the largest dropped, and a wide gap is a sure rank"
     else:
         tells = "those dropped are zero"
-    caption = f"Singular values of the constraints: {report.rank} count; {tells}. A wide gap is a sure rank."
+    caption = f"Singular values of the constraints: {report.rank} count; {tells}."
     return Picture(_png(plot_spectrum(report)), caption, f"Dots on a logarithmic scale. {caption}")
 
 

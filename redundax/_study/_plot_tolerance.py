@@ -35,6 +35,10 @@ def plot_tolerance(study: "xarray.Dataset", outputs: Sequence[str] | None = None
 
     - `study`: from `tolerance_study`.
     - `outputs`: names along its dimension "output"; all that vary if not given.
+
+    **Returns:** a matplotlib figure.
+
+    **Raises:** `ValueError` for names that the study does not have.
     """
     known = [str(name) for name in study.output.values]
     unknown = [name for name in outputs or () if name not in known]

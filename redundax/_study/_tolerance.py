@@ -192,7 +192,9 @@ def _linear(run: Callable[..., Any], parameters: Mapping[str, AbstractDistributi
             f"Argument `build` must not call outputs {lost}, which are names of statistics. Choose others."
         )
     if not np.all(np.isfinite(nominal)):
-        raise RuntimeError("`build` gives outputs that are not finite at the means of the parameters. Choose others.")
+        raise RuntimeError(
+            "At the means of the parameters there is no solution: outputs of `build` are not finite. Choose other means."
+        )
     return _Linear(names, np.asarray(nominal), np.asarray(gradient))
 
 
