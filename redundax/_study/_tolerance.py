@@ -193,7 +193,7 @@ def _linear(run: Callable[..., Any], parameters: Mapping[str, AbstractDistributi
         )
     if not np.all(np.isfinite(nominal)):
         raise RuntimeError(
-            "At the means of the parameters there is no solution: outputs of `build` are not finite. Choose other means."
+            "At the means of the parameters there is no solution: outputs of `build` are not finite. Choose others."
         )
     return _Linear(names, np.asarray(nominal), np.asarray(gradient))
 
