@@ -1,4 +1,17 @@
-"""Overconstrained mechanisms in JAX: what is unique, how far the rest can vary, and what it depends on."""
+"""Overconstrained mechanisms in JAX: what is unique, how far the rest can vary, and what it depends on.
+
+The examples in the docstrings go on from here:
+
+    ```python
+    import jax
+    import jax.numpy as jnp
+    import redundax as rx
+
+    jax.config.update("jax_enable_x64", True)
+    mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02)  # friction radius of the revolutes, m
+    state = mechanism.state(phi=0.8, rate=1.0)  # crank angle, rad, and rate, rad/s
+    ```
+"""
 
 from . import mechanisms as mechanisms
 from ._analysis._along import Change as Change
@@ -74,6 +87,7 @@ from ._motion._trajectory import Trajectory as Trajectory
 from ._motion._trajectory import TrajectoryStats as TrajectoryStats
 from ._plot import plot_band as plot_band
 from ._plot import plot_family as plot_family
+from ._plot import plot_spectrum as plot_spectrum
 from ._rescaled import closure_in_units as closure_in_units
 from ._rescaled import in_units as in_units
 from ._rescaled import solution_from_units as solution_from_units

@@ -4,6 +4,7 @@
     python -m redundax tables [--json]           the tables alone, as text or as JSON with full precision
     python -m redundax analyze FILE.py:NAME      what is unique in a mechanism of yours
     python -m redundax study FILE.py:NAME        how far it varies along its self-stress
+    python -m redundax report FILE.py:NAME -o F  both as a page with pictures, F.html or F.md
 
 It ends with 0, with 1 where a solve failed or a difference from the printed figures is unexplained, and with
 2 where the arguments cannot be understood. It computes in float64.
@@ -12,9 +13,12 @@ It ends with 0, with 1 where a solve failed or a difference from the printed fig
 import argparse
 import dataclasses
 import functools
+import hashlib
 import json
 import os
 import pathlib
+import platform
+import shlex
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from importlib import metadata
@@ -28,8 +32,11 @@ from ._analysis._analyze import analyze
 from ._analysis._report import Report
 from ._family._solution_family import SolutionFamily, solution_family
 from ._file import FileError, load
+from ._page._contents import contents
+from ._page._formats import FORMATS, write
 from ._plot import plot_family
 from ._progress import progress
+from ._solve import solve
 from ._state import State
 from ._system import AbstractSystem
 from .mechanisms import wojtyra2020
@@ -54,6 +61,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         system, state = load(arguments.system)
         if arguments.command == "analyze":
             return _analyze(system, state, arguments.json)
+        if arguments.command == "report":
+            return _report(system, state, arguments)
         return _study(system, state, arguments)
     except FileError as error:
         print(f"redundax: {error}", file=sys.stderr)
@@ -86,6 +95,12 @@ def _parser() -> argparse.ArgumentParser:
         help="computed figures at full float64 precision: {table2, table3, table4}, lists of rows with u, h or "
         "x0, linear, angular, forces, moments and, with friction, tau, in the units of the row",
     )
+    _own_mechanism(commands)
+    return parser
+
+
+def _own_mechanism(commands: Any) -> None:
+    """Add the commands on a user's file."""
     analysis = commands.add_parser(
         "analyze",
         help="what is unique in a mechanism of yours",
@@ -96,20 +111,35 @@ def _parser() -> argparse.ArgumentParser:
         help="how far a mechanism of yours varies along its self-stress",
         description="Solutions along every self-stress state: table of extremes, and a picture with --png.",
     )
-    for command in (analysis, study):
+    page = commands.add_parser(
+        "report",
+        help="both as a page with pictures",
+        description="A page to read, print and pass on: the mechanism drawn, what is redundant, what is unique and "
+        "why, what to release, motion and loads with their ranges, and how the page was made.",
+    )
+    for command in (analysis, study, page):
         command.add_argument(
             "system",
             metavar="FILE.py:NAME",
             help="a pair (system, state), a function that returns one, or a system beside a State named 'state'",
         )
+    for command in (analysis, study):
         command.add_argument("--json", action="store_true", help="print JSON")
+    page.add_argument(
+        "-o",
+        "--output",
+        metavar="FILE",
+        type=_page_file,
+        default="report.html",
+        help=".html: one file with its pictures; .md: Markdown with its pictures beside it (default report.html)",
+    )
     study.add_argument(
         "--png", metavar="FILE", type=_picture, help="draw the solutions; further states have their number in the name"
     )
-    study.add_argument("--amplitude", type=float, help="largest self-stress added; by default the largest load")
-    study.add_argument("--samples", type=_positive, default=201, help="amplitudes looked at (default 201)")
-    study.add_argument("--progress", action="store_true", help="tell how far the work is, even if it is short")
-    return parser
+    for command in (study, page):
+        command.add_argument("--amplitude", type=float, help="largest self-stress added; by default the largest load")
+        command.add_argument("--samples", type=_positive, default=201, help="amplitudes looked at (default 201)")
+        command.add_argument("--progress", action="store_true", help="tell how far the work is, even if it is short")
 
 
 def _positive(text: str) -> int:
@@ -119,9 +149,17 @@ def _positive(text: str) -> int:
 
 
 def _picture(text: str) -> pathlib.Path:
+    return _target(text, (".png", ".pdf", ".svg"))
+
+
+def _page_file(text: str) -> pathlib.Path:
+    return _target(text, FORMATS)
+
+
+def _target(text: str, endings: Sequence[str]) -> pathlib.Path:
     file = pathlib.Path(text)
-    if file.suffix not in (".png", ".pdf", ".svg"):
-        raise argparse.ArgumentTypeError(f"must end in .png, .pdf or .svg, but is {text}")
+    if file.suffix not in endings:
+        raise argparse.ArgumentTypeError(f"must end in {', '.join(endings[:-1])} or {endings[-1]}, but is {text}")
     if not file.parent.is_dir():
         raise argparse.ArgumentTypeError(f"must lie in a folder that exists, but there is no {file.parent}")
     return file
@@ -143,6 +181,34 @@ def _study(system: AbstractSystem, state: State, arguments: argparse.Namespace) 
     if arguments.png:
         _draw(families, arguments.png)
     return 1 if report.problem or any(np.any(family.count == 0) for family in families) else 0
+
+
+def _report(system: AbstractSystem, state: State, arguments: argparse.Namespace) -> int:
+    watch = functools.partial(progress, what="solving", wanted=arguments.progress)
+    report, families = _families(system, state, arguments.amplitude, arguments.samples, watch)
+    solution = solve(system, state, throw=False)
+    path, _, name = arguments.system.rpartition(":")
+    title = f"{name} in {pathlib.Path(path).name}: what can be trusted"
+    made = contents(title, system, state, report, solution, families, _provenance(arguments))
+    for file in write(made, arguments.output):
+        print(f"written: {file}", file=sys.stderr)
+    return 1 if report.problem or any(np.any(family.count == 0) for family in families) else 0
+
+
+def _provenance(arguments: argparse.Namespace) -> str:
+    """The command that makes the same page again, versions, and a check sum of the user's file."""
+    words = ["python", "-m", "redundax", "report", arguments.system, "-o", str(arguments.output)]
+    words += [] if arguments.amplitude is None else ["--amplitude", str(arguments.amplitude)]
+    words += ["--samples", str(arguments.samples)]
+    path = arguments.system.rpartition(":")[0]
+    versions = ", ".join(f"{package} {metadata.version(package)}" for package in ("redundax", "jax", "numpy"))
+    return "\n".join(
+        [
+            shlex.join(words),
+            f"{versions}, Python {platform.python_version()}, float64",
+            f"SHA-256 of {path}: {hashlib.sha256(pathlib.Path(path).read_bytes()).hexdigest()}",
+        ]
+    )
 
 
 def _families(

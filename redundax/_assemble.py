@@ -37,7 +37,14 @@ def assemble(
     rates: Mapping[str, ArrayLike] | None = None,
     throw: bool | None = None,
 ) -> State:
-    """The state on the constraint manifold nearest to a guess.
+    """The state on the constraint manifold (2), (3) nearest to a guess.
+
+    ??? example
+
+        ```python
+        guess = state.q + 0.01
+        closed = rx.assemble(mechanism, guess, positions={"1.phi": 0.8}, rates={"1.phi": 1.0})
+        ```
 
     **Arguments:**
 
@@ -60,7 +67,7 @@ def assemble(
     if held and q.shape != (n,):
         raise ValueError(
             f"Argument `positions` needs a chart with one coordinate for each of the {n} velocities, but `q` has "
-            f"shape {q.shape}."
+            f"shape {q.shape}. Leave them out and give `q` itself."
         )
     state, off, slow = _assemble(
         system.anonymous(),

@@ -15,6 +15,13 @@ import numpy as np
 class Axis:
     """Names and kinds along one axis of an array.
 
+    ??? example
+
+        ```python
+        rx.Axis(("x", "y", "phi"), ("linear", "linear", "angular"))  # coordinates
+        rx.Axis(("slot", "stop"), ("force", "moment"))  # rows
+        ```
+
     **Arguments:**
 
     - `names`: one name for each entry, or `None` where names were left behind (inside compiled code).
@@ -28,17 +35,22 @@ class Axis:
         if self.names is not None and len(self.names) != len(self.kinds):
             raise ValueError(
                 f"Argument `names` must have one name for each of the {len(self.kinds)} entries, "
-                f"but has {len(self.names)}."
+                f"but has {len(self.names)}. Give as many."
             )
         if self.names is not None and len(set(self.names)) != len(self.names):
             twice = sorted({name for name in self.names if self.names.count(name) > 1})
-            raise ValueError(f"Argument `names` must name each entry once, but {twice} occur more than once.")
+            raise ValueError(
+                f"Argument `names` must name each entry once, but {twice} occur more than once. Rename them."
+            )
 
     def check(self, argument: str, allowed: tuple[str, ...]) -> None:
         """Refuse kinds that are not allowed on this axis."""
         wrong = sorted(set(self.kinds) - set(allowed))
         if wrong:
-            raise ValueError(f"Argument `{argument}` must hold {' or '.join(map(repr, allowed))}, but holds {wrong}.")
+            raise ValueError(
+                f"Argument `{argument}` must hold {' or '.join(map(repr, allowed))}, but holds {wrong}. "
+                "Use these words alone."
+            )
 
     def __len__(self) -> int:
         return len(self.kinds)
@@ -62,5 +74,7 @@ def axis(names: Sequence[str] | None, kinds: Sequence[str] | str, size: int) -> 
     """An axis of `size` entries; one kind may be given for all."""
     kinds = (kinds,) * size if isinstance(kinds, str) else tuple(kinds)
     if len(kinds) != size:
-        raise ValueError(f"Argument `kinds` must have {size} entries, but has {len(kinds)}.")
+        raise ValueError(
+            f"Argument `kinds` must have {size} entries, but has {len(kinds)}. Give one for each, or one word for all."
+        )
     return Axis(None if names is None else tuple(names), kinds)

@@ -12,6 +12,12 @@ GROUND = "ground"
 class Body(eqx.Module):
     """A planar rigid body with its local frame at the centre of mass, Eq. (1).
 
+    ??? example
+
+        ```python
+        rx.Body("lever", mass=2.0, inertia=0.03)
+        ```
+
     **Arguments:**
 
     - `name`: any word but "ground".
@@ -27,7 +33,8 @@ class Body(eqx.Module):
         for name, value in (("mass", self.mass), ("inertia", self.inertia)):
             if value.shape != ():
                 raise ValueError(
-                    f"Argument `{name}` of body '{self.name}' must be a number, but has shape {value.shape}."
+                    f"Argument `{name}` of body '{self.name}' must be a number, but has shape {value.shape}. "
+                    "Make one `Body` for each."
                 )
             if known(value) and value < 0:
                 raise ValueError(
@@ -37,7 +44,15 @@ class Body(eqx.Module):
 
 
 class Pose(eqx.Module):
-    """Position (2,) and angle of a body's local frame in the global frame, of one body or stacked."""
+    """Position (2,) and angle of a body's local frame in the global frame, of one body or stacked.
+
+    ??? example
+
+        ```python
+        pose = rx.Pose(jnp.array([1.0, 0.0]), jnp.array(jnp.pi / 2))
+        pose.point(jnp.array([0.5, 0.0]))  # [1.0, 0.5]
+        ```
+    """
 
     r: Float[Array, "*bodies 2"]
     phi: Float[Array, "*bodies"]

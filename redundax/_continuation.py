@@ -33,6 +33,13 @@ class Continuation(AbstractSolver):
     It ends with `RESULTS.no_solution_found` where neither finds a solution; `stats.fold` is then the fraction of the
     friction up to which there is one.
 
+    ??? example
+
+        ```python
+        solution = rx.solve(mechanism, state, solver=rx.Continuation(max_path=800))
+        solution.stats.fold  # infinite: there is a solution with all of the friction
+        ```
+
     **Arguments:**
 
     - `rtol`: relative tolerance on the residual, then on the step, each kind against its own size; 100

@@ -41,7 +41,14 @@ def frictional_solutions(
     starts: int = 1000,
     seed: int = 0,
 ) -> list[Solution]:
-    """The solutions of a system with friction at a state, under one closure, that a search from many starts finds.
+    """Solutions of (25) at a state, under one closure: those that a search from many starts finds.
+
+    ??? example
+
+        ```python
+        found = rx.frictional_solutions(mechanism, state)
+        [solution.friction for solution in found]
+        ```
 
     **Arguments:**
 

@@ -63,6 +63,13 @@ class Factorisation(eqx.Module):
     - `residual`: largest residual of (7) at it, relative, the larger of its two blocks.
     - `length`: a length of the mechanism, which makes angles and lengths comparable.
     - `row_scale`: D, shape (m,): D lam are multipliers free of units but for a common factor.
+
+    ??? example
+
+        ```python
+        factor = rx.factorize(mechanism, state)
+        factor.jacobian.shape, factor.spectrum.rank, factor.determinate  # (12, 12), 11, True
+        ```
     """
 
     jacobian: Float[Array, "m n"]
@@ -210,6 +217,14 @@ class Factorisation(eqx.Module):
 def factorize(system: AbstractSystem, state: State, rank: ArrayLike | None = None) -> Factorisation:
     """Factorise the equations (7) of a system at a state.
 
+    ??? example
+
+        ```python
+        rx.factorize(mechanism, state).redundancy  # 1
+        angles = jnp.linspace(0.2, 1.4, 5)
+        jax.vmap(lambda phi: rx.factorize(mechanism, mechanism.state(phi=phi)).spectrum.gap)(angles)
+        ```
+
     **Arguments:**
 
     - `system`, `state`: the system and the known (q, qd, t).
@@ -332,5 +347,5 @@ def _check_shapes(system: AbstractSystem, jacobian: Array, mass: Array, load: Ar
         if value.shape != shape:
             raise ValueError(
                 f"Argument `{name}` of the system must give shape {shape}, as its coordinates and rows say, but gives "
-                f"{value.shape}."
+                f"{value.shape}. Change what it returns, or `coordinates` and `rows`."
             )

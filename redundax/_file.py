@@ -20,13 +20,16 @@ def load(argument: str) -> tuple[AbstractSystem, State]:
     """
     path, colon, name = argument.rpartition(":")
     if not colon or not path or not name:
-        raise FileError(f"'{argument}' must have the form FILE.py:NAME, as in crane.py:mechanism.")
+        raise FileError(
+            f"'{argument}' must have the form FILE.py:NAME, as in crane.py:mechanism. "
+            "Put a colon and a name after the file."
+        )
     file = pathlib.Path(path)
     if not file.is_file():
-        raise FileError(f"There is no file '{path}'.")
+        raise FileError(f"There is no file '{path}'. Check the path and the folder that you are in.")
     spec = importlib.util.spec_from_file_location(file.stem, file)
     if spec is None or spec.loader is None:
-        raise FileError(f"'{path}' must be a Python file with the ending .py.")
+        raise FileError(f"'{path}' must be a Python file with the ending .py. Rename it.")
     module = importlib.util.module_from_spec(spec)
     sys.modules[file.stem] = module
     sys.path.insert(0, str(file.parent.resolve()))  # so that it can import its neighbours
@@ -38,7 +41,10 @@ def load(argument: str) -> tuple[AbstractSystem, State]:
         value = value()
     if isinstance(value, AbstractSystem):
         if not isinstance(getattr(module, "state", None), State):
-            raise FileError(f"'{path}' must also hold a `State` named 'state' for the system '{name}'.")
+            raise FileError(
+                f"'{path}' must also hold a `State` named 'state' for the system '{name}'. "
+                "Add one: `rx.assemble` finds it from a guess."
+            )
         return value, module.state
     if isinstance(value, tuple) and len(value) == 2:
         system, state = value
@@ -46,7 +52,7 @@ def load(argument: str) -> tuple[AbstractSystem, State]:
             return system, state
     raise FileError(
         f"'{name}' in '{path}' must be a system, a pair (system, state), or a function that returns such a pair, "
-        f"but is {type(value).__name__}."
+        f"but is {type(value).__name__}. Return the pair from a function of that name."
     )
 
 

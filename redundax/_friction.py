@@ -62,6 +62,15 @@ class Friction(AbstractFriction):
 
     An opaque generalised force F(lam, q, qd) is the case `slip=lambda q, t, p: q`, `rows=jnp.arange(m)`.
 
+    ??? example
+
+        ```python
+        def drag(loads, rate, sense, memory, state, p):  # of the sum of two loads
+            return -p["mu"] * jnp.sum(jnp.abs(loads)) * sense
+
+        rx.Friction(lambda q, t, p: q[:1], drag, rows=[0, 1], kinds=["linear"], parameters={"mu": 0.1})
+        ```
+
     **Arguments:**
 
     - `slip`: `(q, t, parameters) -> (p,)`.
@@ -91,7 +100,10 @@ class Friction(AbstractFriction):
         self._slip, self._force = as_functions(slip), as_functions(force)
         self.rows = jnp.asarray(rows, dtype=int)
         if isinstance(kinds, str):
-            raise ValueError(f"Argument `kinds` must hold one kind for each slip, as in ['{kinds}'], but is '{kinds}'.")
+            raise ValueError(
+                f"Argument `kinds` must hold one kind for each slip, as in ['{kinds}'], but is '{kinds}'. "
+                "Put it in a list."
+            )
         self.slips = kinds if isinstance(kinds, Axis) else Axis(None, tuple(kinds))
         self.slips.check("kinds", ("linear", "angular"))
         self.parameters = as_parameters(parameters)

@@ -38,7 +38,14 @@ class AbstractFrictionModel(eqx.Module):
 
 
 class Coulomb(AbstractFrictionModel):
-    """Coulomb friction (41), proportional to the normal load.
+    """Coulomb friction (41), (42), proportional to the normal load.
+
+    ??? example
+
+        ```python
+        bearing = rx.Coulomb(0.3 * 0.01, preload=50.0)  # mu times pin radius, m; N
+        rx.Revolute("A", "lever", "ground", (0.0, 0.0), (0.0, 0.0), friction=bearing)
+        ```
 
     **Arguments:**
 
@@ -63,6 +70,13 @@ class RegularisedCoulomb(AbstractFrictionModel):
 
         tau = -coefficient (N + preload) tanh(rate / velocity)
 
+    ??? example
+
+        ```python
+        bearing = rx.RegularisedCoulomb(0.003, velocity=1e-3)  # m; rad/s
+        rx.Revolute("A", "lever", "ground", (0.0, 0.0), (0.0, 0.0), friction=bearing)
+        ```
+
     **Arguments:**
 
     - `coefficient`, `preload`: as of `Coulomb`.
@@ -86,6 +100,13 @@ class Stribeck(AbstractFrictionModel):
     """Coulomb friction that falls from its value at rest as slip sets in, with a viscous part.
 
         tau = -(kinetic + (static - kinetic) exp(-(rate / velocity)^2)) (N + preload) sense - viscous rate
+
+    ??? example
+
+        ```python
+        bearing = rx.Stribeck(static=0.004, kinetic=0.002, velocity=0.1, viscous=1e-3)
+        rx.Revolute("A", "lever", "ground", (0.0, 0.0), (0.0, 0.0), friction=bearing)
+        ```
 
     **Arguments:**
 
@@ -114,6 +135,13 @@ class Stribeck(AbstractFrictionModel):
 
 class ConstantFriction(AbstractFrictionModel):
     """Dry friction that does not depend on load, Eq. (24), as from seals.
+
+    ??? example
+
+        ```python
+        seal = rx.ConstantFriction(0.2)  # N m
+        rx.Revolute("A", "lever", "ground", (0.0, 0.0), (0.0, 0.0), friction=seal)
+        ```
 
     **Arguments:**
 

@@ -29,6 +29,14 @@ from ._system import AbstractSystem
 class Mechanism(AbstractSystem):
     """A planar mechanism of rigid bodies and joints.
 
+    ??? example
+
+        ```python
+        pin = rx.Revolute("A", "rod", "ground", point_i=(-0.5, 0.0), point_j=(0.0, 0.0))
+        pendulum = rx.Mechanism([rx.Body("rod", 1.0, 1 / 12)], [pin], gravity=(0.0, -9.81))
+        rx.solve(pendulum, rx.assemble(pendulum, [0.5, 0.0, 0.0])).acceleration  # [0, -7.36, -14.7]
+        ```
+
     **Arguments:**
 
     - `bodies`: its moving bodies.
@@ -117,13 +125,16 @@ class Mechanism(AbstractSystem):
         - `t`: time.
         """
         if self.pose is None:
-            raise ValueError("Argument `pose` of the mechanism must be given to use `state`, but it is None.")
+            raise ValueError(
+                "Argument `pose` of the mechanism must be given to use `state`, but it is None. "
+                "Use `rx.assemble`, which closes the mechanism from a guess."
+            )
         names, given = tuple(named), tuple(as_float(x) for x in (*coordinates, *named.values()))
         rates = tuple(rate) if isinstance(rate, tuple | list) else (rate,)
         if len(rates) != len(given):
             raise ValueError(
                 f"Argument `rate` must hold a rate for each of the {len(given)} independent coordinates, "
-                f"but holds {len(rates)}."
+                f"but holds {len(rates)}. Give a tuple with as many."
             )
         positional = len(coordinates)
 

@@ -66,7 +66,8 @@ def as_vector(value: Numbers) -> Float[Array, "2"]:
     array = as_float(value)
     if array.shape != (2,):
         raise ValueError(
-            f"Arguments such as `point_i` or `force` must be two components (x, y), but one has shape {array.shape}."
+            f"Arguments such as `point_i` or `force` must be two components (x, y), but one has shape {array.shape}. "
+            "Give a pair of numbers."
         )
     return array
 

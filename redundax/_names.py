@@ -12,9 +12,11 @@ def check_names(bodies: Sequence[str], joints: Sequence[AbstractJoint], loads: S
     for what, names in (("bodies", list(bodies)), ("joints", [joint.name for joint in joints])):
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
-            raise ValueError(f"Argument `{what}` must have different names, but {twice} occur more than once.")
+            raise ValueError(
+                f"Argument `{what}` must have different names, but {twice} occur more than once. Rename them."
+            )
         if not names:
-            raise ValueError(f"Argument `{what}` must hold at least one element, but is empty.")
+            raise ValueError(f"Argument `{what}` must hold at least one element, but is empty. Add one.")
     if GROUND in bodies:
         raise ValueError(f"Argument `bodies` must not hold a body named '{GROUND}': that is the fixed base.")
     known = {*bodies, GROUND}
@@ -30,7 +32,7 @@ def check_names(bodies: Sequence[str], joints: Sequence[AbstractJoint], loads: S
             if element.i == element.j:
                 raise ValueError(
                     f"Argument `{what}`: '{label}' must connect two different bodies, but connects "
-                    f"'{element.i}' with itself."
+                    f"'{element.i}' with itself. Correct `i` or `j`."
                 )
     used = {body for joint in joints for body in (joint.i, joint.j)}
     loose = [body for body in bodies if body not in used]

@@ -1,10 +1,12 @@
-"""Pictures of solution families and of bands."""
+"""Pictures of spectra, of solution families and of bands."""
 
 from collections.abc import Sequence
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ._analysis._report import Report
 from ._family._band import Bands
 from ._family._solution_family import SolutionFamily
 
@@ -31,6 +33,50 @@ _BAR_UNITS = ("rad/s²", "m/s²", "N", "N m")
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 _DASHES = ("-", "--", "-.", ":")
 _MAPS = 6  # outputs drawn over two amplitudes at most
+_ZERO = 1e-17  # where a singular value of zero is drawn
+
+
+def plot_spectrum(report: Report) -> "Figure":
+    """Singular values of the constraints, and the gap in them that decides the rank.
+
+    Full dots are counted, hollow ones dropped; the dotted line is the tolerance between them. A wide shaded gap means
+    that the rank is beyond doubt; values close to the line, that it has to be declared with `rank=`. Values of zero
+    are drawn at 1e-17.
+
+    ??? example
+
+        ```python
+        report = rx.analyze(mechanism, state)
+        rx.plot_spectrum(report).savefig("spectrum.png")
+        ```
+
+    **Arguments:**
+
+    - `report`: from `analyze`.
+
+    **Returns:** a matplotlib figure.
+    """
+    from matplotlib.ticker import MaxNLocator
+
+    values, rank = np.maximum(report.singular_values, _ZERO), report.rank
+    number = np.arange(1, values.size + 1)
+    figure = new_figure(max(4.5, 1.5 + 0.25 * values.size), 3.2)
+    axes = figure.subplots()
+    kept, dropped = number <= rank, number > rank
+    axes.semilogy(number[kept], values[kept], "o", color=COLOURS[0], label="counted")
+    axes.axhline(report.tolerance, color=COLOURS[-1], linestyle=":", linewidth=1.2, label="tolerance")
+    if np.any(dropped):
+        axes.semilogy(number[dropped], values[dropped], "o", mfc="none", color=COLOURS[1], label="dropped")
+        if rank:
+            axes.axhspan(values[rank], values[rank - 1], color=COLOURS[5], alpha=0.25, linewidth=0, label="gap")
+    axes.set_ylim(_ZERO / 10, 10.0)
+    axes.set_xlim(0.3, values.size + 0.7)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    gap = f"; gap {report.gap:.1g}" if np.isfinite(report.gap) else ""
+    finish(axes, f"rank {rank} of {len(report.rows)} constraints{gap}", "number of the singular value")
+    axes.set_ylabel("relative to the largest", fontsize=9)
+    axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    return figure
 
 
 def plot_family(family: SolutionFamily, outputs: Sequence[str] | None = None) -> "Figure":
@@ -40,14 +86,28 @@ def plot_family(family: SolutionFamily, outputs: Sequence[str] | None = None) ->
     folds, where a curve turns back; where the number of solutions is not one everywhere, a panel shows it. Along two
     states: one map for each quantity.
 
+    ??? example
+
+        ```python
+        family = rx.solution_family(mechanism, state, along="A.x", samples=21)
+        rx.plot_family(family, outputs=["1.phi''", "tau A"]).savefig("family.png")
+        ```
+
     **Arguments:**
 
     - `family`: from `solution_family`.
     - `outputs`: names of what to draw; all if not given, of two states the first six that differ.
+
+    **Returns:** a matplotlib figure.
+
+    **Raises:** `ValueError` for names that the family does not have.
     """
     unknown = [name for name in outputs or () if name not in family.names]
     if unknown:
-        raise ValueError(f"Argument `outputs` must hold names of the family, but holds {', '.join(unknown)}.")
+        raise ValueError(
+            f"Argument `outputs` must hold names of the family, but holds {', '.join(unknown)}. "
+            "They are in `family.names`."
+        )
     groups = [(title, _together(family, kind, outputs)) for kind, title in _PANELS]
     groups = [(title, groups) for title, groups in groups if groups]
     if not groups or len(family.along) not in (1, 2):
@@ -60,9 +120,18 @@ def plot_family(family: SolutionFamily, outputs: Sequence[str] | None = None) ->
 def plot_band(bands: Bands) -> "Figure":
     """Bands as bars, one panel for each unit: full bars are exact, hatched ones inner estimates, diamonds one value.
 
+    ??? example
+
+        ```python
+        bands = rx.band(mechanism, state, ["A.x", "B.x"], rx.AmplitudeBox({"A.x": (-40.0, 40.0)}))
+        rx.plot_band(bands).savefig("bands.png")
+        ```
+
     **Arguments:**
 
     - `bands`: from `band`.
+
+    **Returns:** a matplotlib figure.
     """
     groups = [(unit, [k for k, kind in enumerate(bands.kinds) if UNITS[kind] == unit]) for unit in _BAR_UNITS]
     groups = [(unit, members) for unit, members in groups if members]
@@ -93,8 +162,8 @@ def _bar(axes: "Axes", place: int, lower: float, upper: float, exact: bool, roun
         axes.plot(middle, place, "D", color=COLOURS[-1], markersize=5)
         axes.annotate(f"{middle:.4g}", (middle, place), (7, 0), textcoords="offset points", va="center", fontsize=8)
         return
-    fill, hatch = (COLOURS[5], "") if exact else ("white", "////")
-    axes.barh(place, upper - lower, 0.55, lower, color=fill, hatch=hatch, edgecolor=COLOURS[0], linewidth=1.2)
+    colour, hatch = (COLOURS[5], "") if exact else ("white", "////")
+    axes.barh(place, upper - lower, 0.55, lower, color=colour, hatch=hatch, edgecolor=COLOURS[0], linewidth=1.2)
     for value, side, align in ((lower, -4, "right"), (upper, 4, "left")):
         text = f"{value if abs(value) > rounding else 0.0:.4g}"
         axes.annotate(text, (value, place), (side, 0), textcoords="offset points", ha=align, va="center", fontsize=8)
@@ -138,10 +207,11 @@ def _curves(family: SolutionFamily, groups: list[tuple[str, list[tuple[str, np.n
             for piece in range(family.branch.max(initial=-1) + 1):
                 on = family.branch == piece
                 style = {"color": COLOURS[k % len(COLOURS)], "linestyle": dashes, "linewidth": 1.4}
-                axes.plot(z[on], values[on], label=name if piece == 0 else None, **style)
+                axes.plot(z[on], values[on], label=fill(name, 36) if piece == 0 else None, **style)
             axes.plot(z[family.fold], values[family.fold], "o", color=COLOURS[k % len(COLOURS)], markersize=4)
         finish(axes, title, label)
-        axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+        beside = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "ncols": 1 + len(curves) // 16}
+        axes.legend(fontsize=7, frameon=False, **beside)
     if counted:
         axes = figure.add_subplot(rows, columns, panels)
         axes.step(family.axes[0], family.count, where="mid", color=COLOURS[-1], linewidth=1.4)

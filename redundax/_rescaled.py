@@ -136,7 +136,15 @@ def in_units(system: AbstractSystem, units: Units) -> AbstractSystem:
 
 
 def state_in_units(state: State, system: AbstractSystem, units: Units) -> State:
-    """A state of `system` as a state of `in_units(system, units)`."""
+    """A state of `system` as a state of `in_units(system, units)`.
+
+    ??? example
+
+        ```python
+        millimetres = rx.Units(length=1000.0)
+        rx.state_in_units(state, mechanism, millimetres).qd  # mm/s and rad/s
+        ```
+    """
     return State(state.q, state.qd * units.of(system.coordinates) / units.time, state.t * units.time, state.memory)
 
 
@@ -155,12 +163,31 @@ class _RescaledClosure(AbstractClosure):
 
 
 def closure_in_units(closure: AbstractClosure) -> AbstractClosure:
-    """The closure of a system as one of `in_units(system, units)`: the same choice among the same solutions."""
+    """The closure of a system as one of `in_units(system, units)`: the same choice among the same solutions.
+
+    ??? example
+
+        ```python
+        millimetres = rx.Units(length=1000.0)
+        there = rx.in_units(mechanism, millimetres), rx.state_in_units(state, mechanism, millimetres)
+        joints = rx.Compliance(W=jnp.full(12, 1e-8))  # m/N, rad/(N m)
+        rx.solve(*there, closure=rx.closure_in_units(joints))
+        ```
+    """
     return _RescaledClosure(closure)
 
 
 def solution_from_units(solution: Solution, system: AbstractSystem, units: Units) -> Solution:
-    """A solution whose numbers are in `units`, mapped back to the units of `system`."""
+    """A solution whose numbers are in `units`, mapped back to the units of `system`.
+
+    ??? example
+
+        ```python
+        millimetres = rx.Units(length=1000.0)
+        there = rx.in_units(mechanism, millimetres), rx.state_in_units(state, mechanism, millimetres)
+        rx.solution_from_units(rx.solve(*there), mechanism, millimetres).multipliers  # N and N m
+        ```
+    """
     scale = units.of(system.coordinates) / units.time**2
     return eqx.tree_at(
         lambda s: (s.acceleration, s.multipliers, s.friction),

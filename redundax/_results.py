@@ -12,7 +12,16 @@ from jaxtyping import Array, Bool
 
 
 class RESULTS(eqx.Enumeration):
-    """How a solve ended, with a message that names the cause and a way out."""
+    """How a solve ended, with a message that names the cause and a way out.
+
+    ??? example
+
+        ```python
+        solution = rx.solve(mechanism, mechanism.state(phi=0.8), throw=False)  # at rest, with friction
+        solution.result == rx.RESULTS.friction_at_rest  # True
+        print(rx.RESULTS[solution.result])
+        ```
+    """
 
     successful = ""
     violated_constraints = (

@@ -24,6 +24,13 @@ class Stats(eqx.Module):
       that depends on load; below 1 the fixed-point iteration contracts there.
     - `fold`: fraction of the friction up to which the branch of solutions from zero friction exists; infinite if it
       reaches the whole friction, or was not followed because Newton's solution contracts.
+
+    ??? example
+
+        ```python
+        stats = rx.solve(mechanism, state).stats
+        stats.rank, stats.redundancy, stats.spectrum.gap, stats.contraction
+        ```
     """
 
     redundancy: Int[Array, ""]
@@ -53,6 +60,13 @@ class Solution(eqx.Module):
       the opposite on body j.
     - `result`: how the solve ended. The three arrays are NaN unless it is `RESULTS.successful`.
     - `stats`: the evidence.
+
+    ??? example
+
+        ```python
+        solution = rx.solve(mechanism, state)
+        solution.acceleration, solution.multipliers, solution.friction  # shapes (12,), (12,), (4,)
+        ```
     """
 
     acceleration: Float[Array, " n"]

@@ -45,7 +45,16 @@ def solve(
     rank: ArrayLike | None = None,
     throw: bool | None = None,
 ) -> Solution:
-    """Accelerations, multipliers and friction of a system at a state.
+    """Accelerations, multipliers and friction of a system at a state: (7), with friction (24) or (25).
+
+    ??? example
+
+        ```python
+        solution = rx.solve(mechanism, state)
+        solution.acceleration[8]  # of the crank, rad/s^2
+        hs = jnp.linspace(-100.0, 100.0, 5)
+        jax.vmap(lambda h: rx.solve(mechanism, state, closure=rx.MinimumNorm(h)).acceleration)(hs)
+        ```
 
     **Arguments:**
 
@@ -222,7 +231,9 @@ def _finished(problem: FrictionProblem, tau: Array) -> Array:
 def _part(x0: Array | None, state: State) -> Array:
     """The multipliers in x0 = [qdd; lam]."""
     if x0 is None:
-        raise ValueError("Argument `x0` must be given with `closure=None`, but it is None.")
+        raise ValueError(
+            "Argument `x0` must be given with `closure=None`, but it is None. Give an initial guess [qdd; lam]."
+        )
     return x0[state.qd.size :]
 
 
@@ -258,7 +269,8 @@ def _vector(name: str, value: Numbers, size: int, what: str) -> Array:
     array = as_float(value)
     if array.shape not in ((), (size,)):
         raise ValueError(
-            f"Argument `{name}` must be a number or have shape ({size},) for {what}, but has {array.shape}."
+            f"Argument `{name}` must be a number or have shape ({size},) for {what}, but has {array.shape}. "
+            "Give one number for all, or that many."
         )
     return jnp.broadcast_to(array, (size,))
 

@@ -65,6 +65,12 @@ class FixedPoint(AbstractSolver):
 
     It converges where friction contracts; that it does not says nothing about solutions.
 
+    ??? example
+
+        ```python
+        rx.solve(mechanism, state, solver=rx.FixedPoint()).stats.steps
+        ```
+
     **Arguments:**
 
     - `rtol`: relative tolerance on the change of friction, then of loads, each kind against its own size;
@@ -110,6 +116,13 @@ class Newton(AbstractSolver):
 
     Under a closure the equations are square and regular away from folds; there is no safeguard. With `closure=None`
     and an initial guess `x0`, `solve` runs the paper's open iteration (38) instead.
+
+    ??? example
+
+        ```python
+        rx.solve(mechanism, state, solver=rx.Newton())
+        rx.solve(mechanism, state, closure=None, solver=rx.Newton(), x0=100.0)  # (38)
+        ```
 
     **Arguments:**
 

@@ -41,7 +41,16 @@ _COMPLEX = 1e-7  # relative imaginary part of s that rounding at a double eigenv
 
 
 class Settling(enum.Enum):
-    """What stiff elastic joints do beside a solution."""
+    """What stiff elastic joints do beside a solution.
+
+    ??? example
+
+        ```python
+        joints = rx.Compliance(W=jnp.full(12, 1e-8))
+        solution = rx.solve(mechanism, state, closure=joints)
+        rx.stability(mechanism, state, solution, joints).verdict is rx.Settling.STABLE
+        ```
+    """
 
     STABLE = "stable: the joints vibrate about it"
     FLUTTER = "flutter: a vibration of the joints grows unless damped"
@@ -56,6 +65,15 @@ class Stability:
       one for each direction in which joints give way against a mass, at most r.
     - `growth`: the fastest growth among them, Im sqrt(s), 1/s; 0 where all vibrate. Damping adds to that.
     - `verdict`: what follows.
+
+    ??? example
+
+        ```python
+        joints = rx.Compliance(W=jnp.full(12, 1e-8))
+        solution = rx.solve(mechanism, state, closure=joints)
+        found = rx.stability(mechanism, state, solution, joints)
+        found.eigenvalues, found.growth
+        ```
     """
 
     eigenvalues: Complex[np.ndarray, " modes"]
@@ -82,6 +100,14 @@ def stability(
     rank: ArrayLike | None = None,
 ) -> Stability:
     """Stability of a frictional solution under the compliance of its joints.
+
+    ??? example
+
+        ```python
+        joints = rx.Compliance(W=jnp.full(12, 1e-8))
+        solution = rx.solve(mechanism, state, closure=joints)
+        print(rx.stability(mechanism, state, solution, joints))
+        ```
 
     **Arguments:**
 

@@ -10,6 +10,12 @@ from ._module import Numbers, as_float
 class State(eqx.Module):
     """Position, velocity and time.
 
+    ??? example
+
+        ```python
+        rx.State(q=[0.0, -1.0], qd=[0.5, 0.0])
+        ```
+
     **Arguments:**
 
     - `q`: coordinates, in the units of the system; planar mechanisms have x and y of every body first, then

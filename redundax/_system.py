@@ -121,9 +121,15 @@ class System(AbstractSystem):
         if n is None:
             n = _count(coordinates) if callable(self._mass) else self._mass.shape[0]
         if n is None:
-            raise ValueError("Argument `n` must be given where `mass` is a function and `coordinates` one word.")
+            raise ValueError(
+                "Argument `n` must be given where `mass` is a function and `coordinates` one word. "
+                "Give the number of velocities."
+            )
         if not callable(self._mass) and self._mass.shape not in ((n,), (n, n)):
-            raise ValueError(f"Argument `mass` must have shape ({n},) or ({n}, {n}), but has {self._mass.shape}.")
+            raise ValueError(
+                f"Argument `mass` must have shape ({n},) or ({n}, {n}), but has {self._mass.shape}. "
+                "Give one mass for each coordinate, or a matrix."
+            )
         if m is None:
             m = _count(rows)
         if m is None:
@@ -133,16 +139,23 @@ class System(AbstractSystem):
         self.coordinates.check("coordinates", ("linear", "angular"))
         self.rows.check("rows", ("force", "moment"))
         if not len(self.rows):
-            raise ValueError("Argument `constraint` must give at least one residual, but gives none.")
+            raise ValueError(
+                "Argument `constraint` must give at least one residual, but gives none. "
+                "Return an array with one entry for each constraint."
+            )
         self.friction = (friction,) if isinstance(friction, AbstractFriction) else tuple(friction)
 
     def _trial_rows(self, n: int) -> int:
         if self._retraction is not None:
-            raise ValueError("Argument `m` must be given where a `retraction` is given and `rows` is one word.")
+            raise ValueError(
+                "Argument `m` must be given where a `retraction` is given and `rows` is one word. "
+                "Give the number of constraints."
+            )
         value = jax.eval_shape(lambda q, t: self._constraint(q, t, self.parameters), jnp.zeros(n), jnp.zeros(()))
         if value.ndim != 1:
             raise ValueError(
-                f"Argument `constraint` must return a vector of residuals, but returns shape {value.shape}."
+                f"Argument `constraint` must return a vector of residuals, but returns shape {value.shape}. "
+                "Return `jnp.array([...])` or `jnp.stack([...])`."
             )
         return value.shape[0]
 

@@ -20,7 +20,15 @@ from ._system import AbstractSystem
 
 @dataclasses.dataclass(frozen=True)
 class UnitVerdict:
-    """One output: its name, whether it is `invariant` under a change of units, and the reason."""
+    """One output: its name, whether it is `invariant` under a change of units, and the reason.
+
+    ??? example
+
+        ```python
+        verdict = rx.unit_certificate(mechanism, state).multipliers[0]
+        verdict.name, verdict.invariant, verdict.reason
+        ```
+    """
 
     name: str
     invariant: bool
@@ -33,6 +41,13 @@ class UnitCertificate:
 
     - `multipliers`, `accelerations`: a verdict on each. Not invariant means that there are loads and units for which
       it changes.
+
+    ??? example
+
+        ```python
+        certificate = rx.unit_certificate(mechanism, state)
+        [verdict.name for verdict in certificate.multipliers if verdict.invariant]
+        ```
     """
 
     multipliers: tuple[UnitVerdict, ...]
@@ -57,6 +72,12 @@ class UnitCertificate:
 
 def unit_certificate(system: AbstractSystem, state: State) -> UnitCertificate:
     """Which multipliers and accelerations of the minimum-norm solution at a state are the same in all units, and why.
+
+    ??? example
+
+        ```python
+        print(rx.unit_certificate(mechanism, state))
+        ```
 
     **Raises:** `ValueError` where the equations at the state cannot be trusted.
     """

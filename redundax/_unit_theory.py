@@ -27,6 +27,13 @@ def dependence_in_units(
 ) -> Float[Array, "k r"]:
     """eta' (18): how rows depend on others after a change of units.
 
+    ??? example
+
+        ```python
+        millimetres = rx.Units(length=1000.0)
+        rx.dependence_in_units([[0.5, 2.0]], ["force"], ["force", "moment"], millimetres)  # [[0.5, 2000.0]]
+        ```
+
     **Arguments:**
 
     - `eta`: coefficients (17), shape (k, r), a row for each dependent row.
@@ -40,6 +47,12 @@ def dependence_in_units(
 def minimum_norm_parameters(eta: Numbers, basic: Numbers) -> Float[Array, " k"]:
     """p (21): the multipliers of the dependent rows that give all multipliers the least norm.
 
+    ??? example
+
+        ```python
+        rx.minimum_norm_parameters([[1.0, 1.0]], [3.0, 0.0])  # 3 / (1 + 2) = [1.0]
+        ```
+
     **Arguments:**
 
     - `eta`: coefficients (17), shape (k, r).
@@ -52,7 +65,16 @@ def minimum_norm_parameters(eta: Numbers, basic: Numbers) -> Float[Array, " k"]:
 def minimum_norm_parameters_in_units(
     eta: Numbers, basic: Numbers, dependent: Sequence[str], independent: Sequence[str], units: Units
 ) -> Float[Array, " k"]:
-    """p' (22), (23): the same after a change of units, in the new units; `eta`, `basic` are in the old ones."""
+    """p' (22), (23): the same after a change of units, in the new units; `eta`, `basic` are in the old ones.
+
+    ??? example
+
+        ```python
+        millimetres = rx.Units(length=1000.0)
+        kinds = ["force"], ["force", "moment"]
+        rx.minimum_norm_parameters_in_units([[1.0, 1.0]], [3.0, 0.0], *kinds, millimetres)  # [0.003]
+        ```
+    """
     _, others = _axes(dependent, independent)
     there = dependence_in_units(eta, dependent, independent, units)
     return minimum_norm_parameters(there, units.of_force(others) * as_float(basic))
@@ -61,7 +83,14 @@ def minimum_norm_parameters_in_units(
 def parametrised_multipliers(
     eta: Numbers, basic: Numbers, parameters: Numbers
 ) -> tuple[Float[Array, " r"], Float[Array, " k"]]:
-    """lam(p) (19): multipliers of the independent and of the dependent rows, a solution for every p."""
+    """lam(p) (19): multipliers of the independent and of the dependent rows, a solution for every p.
+
+    ??? example
+
+        ```python
+        rx.parametrised_multipliers([[1.0, 1.0]], [3.0, 0.0], [1.0])  # ([2.0, -1.0], [1.0])
+        ```
+    """
     p = as_float(parameters)
     return as_float(basic) - as_float(eta).T @ p, p
 
@@ -78,6 +107,7 @@ def _coefficients(eta: Numbers, dependent: Axis, independent: Axis) -> Array:
     if array.shape != (len(dependent), len(independent)):
         raise ValueError(
             f"Argument `eta` must have a row for each of {len(dependent)} dependent rows and a column for each of "
-            f"{len(independent)} independent ones, but has shape {array.shape}."
+            f"{len(independent)} independent ones, but has shape {array.shape}. "
+            "`Report.dependencies` gives such coefficients."
         )
     return array

@@ -22,6 +22,13 @@ class Units(eqx.Module):
     """Factors by which the numbers of lengths, angles, masses and times grow; 1 leaves a unit as it is.
 
     `Units(length=1000.0)` turns metres into millimetres.
+
+    ??? example
+
+        ```python
+        rx.Units(length=1000.0)  # from metres to millimetres
+        rx.Units(length=1000.0, mass=0.001)  # and from kilograms to tonnes: forces stay in newtons
+        ```
     """
 
     length: Float[Array, ""] = eqx.field(converter=as_float, default=1.0)

@@ -11,6 +11,7 @@ import functools
 import graphlib
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -20,13 +21,26 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 MAX_FILE_LINES = 400
-MAX_FUNCTION_LINES = 80
+MAX_FUNCTION_LINES = 60  # without the docstring
 MAX_IMPORT_SECONDS = 20.0
 
 # Kept out of `import redundax`: heavy, or needed by one optional part only.
 HEAVY = ("IPython", "matplotlib", "netCDF4", "pandas", "scipy", "tqdm", "xarray")
 # Not public although no component starts with an underscore.
 INTERNAL = ("equinox.internal",)
+# Bases that only other parts of the library build on so far, so that an example would be a model of nothing.
+NO_EXAMPLE = {
+    "AbstractBounds",
+    "AbstractClosure",
+    "AbstractDistribution",
+    "AbstractFriction",
+    "AbstractFrictionModel",
+    "AbstractFrictionalJoint",
+    "AbstractLoad",
+    "AbstractSolver",
+    "AbstractStabilisation",
+    "AbstractSystem",
+}
 # Underscored, but documented: methods of named tuples.
 PUBLIC_UNDERSCORED = {"_asdict", "_fields", "_make", "_replace"}
 
@@ -244,6 +258,63 @@ def has_docstrings(package: Package) -> list[str]:
     return complaints
 
 
+def _definition(package: Package, dotted: str) -> tuple[Module, ast.ClassDef | ast.FunctionDef] | None:
+    """The class or function that a dotted path leads to, through the imports on the way."""
+    module, name = package.modules[package.nearest(dotted)], dotted.rpartition(".")[2]
+    for node in module.tree.body:
+        if isinstance(node, ast.ClassDef | ast.FunctionDef) and node.name == name:
+            return module, node
+    further = [target for _, target, bound in package.imports(module) if bound == name and package.own(target)]
+    return _definition(package, further[0]) if further and further[0] != dotted else None
+
+
+def has_examples(package: Package) -> list[str]:
+    """Every class and function that the package, or a public folder of it, offers has an example in its docstring."""
+    complaints = []
+    for face in package.modules.values():
+        if not face.is_package or any(part.startswith("_") for part in face.name.split(".")):
+            continue
+        for _, target, name in package.imports(face):
+            found = _definition(package, target) if package.own(target) and name[0] != "_" else None
+            if found is None or name in NO_EXAMPLE:
+                continue
+            module, node = found
+            if "```python\n" not in (ast.get_docstring(node) or ""):
+                complaints.append(module.at(node, f"`{name}` has no example in its docstring"))
+    return complaints
+
+
+def _literal(node: ast.AST) -> str:
+    """The text of a string, with {} for what it takes in; empty if the node is another expression."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        return node.value
+    if isinstance(node, ast.JoinedStr):
+        return "".join(_literal(part) if isinstance(part, ast.Constant) else "{}" for part in node.values)
+    if isinstance(node, ast.BinOp):
+        return (_literal(node.left) or "{}") + (_literal(node.right) or "{}")
+    return ""
+
+
+def errors_say_what_to_do(package: Package) -> list[str]:
+    """A message names its argument, or the thing that is wrong, and goes on to say what helps.
+
+    Messages of the command's options are left out: argparse names the option and shows the usage.
+    """
+    complaints = []
+    for module in package.modules.values():
+        for node in module.walk(ast.Raise):
+            if not (isinstance(node.exc, ast.Call) and node.exc.args) or "argparse" in ast.unparse(node.exc.func):
+                continue
+            text = _literal(node.exc.args[0])
+            if not re.search("[a-z]", text):  # handed on from elsewhere
+                continue
+            if not re.search(r"[`'{]", text):
+                complaints.append(module.at(node, f"the message names nothing: {text}"))
+            if not re.search(r"[.:] [A-Za-z`{]", text):
+                complaints.append(module.at(node, f"the message does not say what helps: {text}"))
+    return complaints
+
+
 def exports_are_explicit(package: Package) -> list[str]:
     """An `__init__` imports as `X as X`; the package's own defines no public name itself."""
     complaints = []
@@ -278,7 +349,9 @@ def is_short(package: Package) -> list[str]:
         if lines > MAX_FILE_LINES:
             complaints.append(module.at(None, f"{lines} lines, {MAX_FILE_LINES} at most"))
         for node in module.walk(ast.FunctionDef, ast.AsyncFunctionDef):
-            lines = node.end_lineno - node.lineno + 1
+            first = node.body[0]
+            documented = first.end_lineno - first.lineno + 1 if ast.get_docstring(node) else 0
+            lines = node.end_lineno - node.lineno + 1 - documented
             if lines > MAX_FUNCTION_LINES:
                 complaint = f"`{node.name}` has {lines} lines, {MAX_FUNCTION_LINES} at most"
                 complaints.append(module.at(node, complaint))
@@ -295,6 +368,8 @@ RULES: list[Rule] = [
     has_no_super,
     classes_are_abstract_or_final,
     has_docstrings,
+    has_examples,
+    errors_say_what_to_do,
     exports_are_explicit,
     is_short,
 ]
@@ -343,13 +418,23 @@ CLEAN = {
         """Pin."""
         from .._base import AbstractJoint
         class Pin(AbstractJoint):
-            """Pin."""
+            """Pin.
+
+            ```python
+            rx.Pin()
+            ```
+            """
     ''',
     "redundax/_solve.py": '''
         """Solve."""
         from . import _base
         def solve():
-            """Solve."""
+            """Solve.
+
+            ```python
+            rx.solve()
+            ```
+            """
             from ._joints import Pin
             return Pin, _base
     ''',
@@ -396,6 +481,13 @@ BREAKS: list[tuple[Rule, str, dict[str, str]]] = [
     (has_docstrings, "module without", {"_a": '""" """'}),
     (has_docstrings, "`f`", {"_a": DOC + "def f(): ..."}),
     (has_docstrings, "`A`", {"_a": DOC + "class A: ..."}),
+    (has_examples, "_solve.py:2: `solve`", {}),
+    (has_examples, "_a.py:2: `f`", {"__init__": "from ._f import f as f", "_f/__init__": "from .._a import f as f",
+                                    "_a": DOC + "def f(): ..."}),
+    (has_examples, "_m.py:1: `A`", {"mechanisms/__init__": "from ._m import A as A", "mechanisms/_m": "class A: ..."}),
+    (errors_say_what_to_do, "_a.py:1: the message names nothing", {"_a": "raise ValueError('Wrong. Mend it.')"}),
+    (errors_say_what_to_do, "what helps: `x` is {}.", {"_a": "raise TypeError(f'`x` is {x}.')"}),
+    (errors_say_what_to_do, "what helps", {"_a": "raise ValueError('`x` is ' + y)"}),
     (exports_are_explicit, "`f`", {"__init__": "from ._a import f"}),
     (exports_are_explicit, "`f`", {"__init__": "from ._a import f as g"}),
     (exports_are_explicit, "`f`", {"_g/__init__": "from ._a import f"}),

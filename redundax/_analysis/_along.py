@@ -38,6 +38,15 @@ class Change:
     - `start`, `end`: times of the two states between which it changes.
     - `name`: of the output; "rank", "problem" and "rest" too.
     - `before`, `after`: what is said at them.
+
+    ??? example
+
+        ```python
+        angles = jnp.array([0.6, 0.8, 1.0])
+        states = jax.vmap(lambda phi: mechanism.state(phi=phi, rate=1.0, t=phi))(angles)
+        report = rx.analyze_along(mechanism, states)
+        [(change.start, change.name, change.after) for change in report.changes]
+        ```
     """
 
     start: float
@@ -54,6 +63,15 @@ class Narrow:
     - `t`, `q`: time and coordinates.
     - `smallest`: smallest singular value that the rank keeps elsewhere, relative to the largest.
     - `drops`: whether it cannot be told from zero.
+
+    ??? example
+
+        ```python
+        angles = jnp.array([0.6, 0.8, 1.0])
+        states = jax.vmap(lambda phi: mechanism.state(phi=phi, rate=1.0, t=phi))(angles)
+        report = rx.analyze_along(mechanism, states)
+        [(place.t, place.drops) for place in report.narrow]  # none on this way
+        ```
     """
 
     t: float
@@ -77,6 +95,15 @@ class MotionReport:
     - `changes`: what is said differently at two successive states.
     - `narrow`: positions between states at which the rank drops or nearly does, by time.
     - `releases`: as in a `Report`, with the least |det N_S| over the motion; directions are constant in the rows.
+
+    ??? example
+
+        ```python
+        angles = jnp.array([0.6, 0.8, 1.0])
+        states = jax.vmap(lambda phi: mechanism.state(phi=phi, rate=1.0, t=phi))(angles)
+        report = rx.analyze_along(mechanism, states)
+        report.rank, report.smallest  # at each state
+        ```
     """
 
     t: np.ndarray
@@ -149,6 +176,15 @@ def analyze_along(
 ) -> MotionReport:
     """Rank, self-stress and uniqueness of a system along a motion.
 
+    ??? example
+
+        ```python
+        angles = jnp.array([0.6, 0.8, 1.0])
+        states = jax.vmap(lambda phi: mechanism.state(phi=phi, rate=1.0, t=phi))(angles)
+        report = rx.analyze_along(mechanism, states)
+        print(report)
+        ```
+
     **Arguments:**
 
     - `system`: a `Mechanism` or `System`.
@@ -165,7 +201,10 @@ def analyze_along(
         )
     finite = np.all(np.isfinite(states.q), axis=1) & np.all(np.isfinite(states.qd), axis=1)
     if finite.sum() < 2:
-        raise ValueError(f"Argument `states` must hold two finite states at least, but has {finite.sum()}.")
+        raise ValueError(
+            f"Argument `states` must hold two finite states at least, but has {finite.sum()}. "
+            "Simulate longer, or give more states."
+        )
     states = jax.tree.map(lambda x: x[finite], states)
     each = [jax.tree.map(lambda x, k=k: x[k], states) for k in range(int(finite.sum()))]
     reports = tuple(analyze(system, state, closure=closure, sense=sense, rank=rank) for state in each)

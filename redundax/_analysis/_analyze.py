@@ -45,7 +45,14 @@ def analyze(
     sense: Numbers | None = None,
     rank: ArrayLike | None = None,
 ) -> Report:
-    """Rank, self-stress and uniqueness of a system at a state.
+    """Rank, self-stress and uniqueness of a system at a state: (13), (14), with friction (33).
+
+    ??? example
+
+        ```python
+        report = rx.analyze(mechanism, state)
+        print(report)  # a page; report.redundancy is 1, report.self_stress has shape (1, 12)
+        ```
 
     **Arguments:**
 
@@ -70,6 +77,7 @@ def analyze(
         freedom=len(system.coordinates) - int(found.spectrum.rank),
         singular_values=found.spectrum.singular_values,
         gap=float(found.spectrum.gap),
+        tolerance=float(found.spectrum.tolerance),
         self_stress=stress,
         groups=tuple(tuple(str(rows[k]) for k in group) for group in groups),
         unit_dependent=tuple(str(rows[k]) for group in groups if len({kinds[k] for k in group}) > 1 for k in group),

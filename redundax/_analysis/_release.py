@@ -21,6 +21,13 @@ class Release:
 
     - `directions`: for each the joint's name and its rows with their share of the direction, which has length 1.
     - `determinant`: |det N_S|, from 0 to 1; the larger, the better.
+
+    ??? example
+
+        ```python
+        best = rx.analyze(mechanism, state).releases[0]
+        print(best)  # L (+1 L.angle): 0.605
+        ```
     """
 
     directions: tuple[tuple[str, dict[str, float]], ...]

@@ -17,6 +17,7 @@ class Report:
     - `coordinates`, `rows`: their names.
     - `rank`, `redundancy`, `freedom`: r, k = m - r and n - r.
     - `singular_values`, `gap`: spectrum of the scaled Jacobian, free of units, and the ratio across the rank.
+    - `tolerance`: singular values above it count, relative to the largest.
     - `self_stress`: k self-stress states, shape (k, m), in units of the multipliers: loads that the joints can
       carry without any external load. `draw` takes their index, from 0.
     - `groups`: dependent groups: rows that are coupled by self-stress. None of a group is "the redundant one".
@@ -35,6 +36,15 @@ class Report:
     - `releases`: directions within joints whose release removes all redundancy and adds no degree of freedom.
     - `friction_reads`: names of the multipliers that are not unique and that friction depends on.
     - `problem`: why the equations at this state cannot be trusted; empty if they can.
+
+    ??? example
+
+        ```python
+        report = rx.analyze(mechanism, state)
+        report.rank, report.redundancy, report.freedom  # 11, 1, 1
+        report.unique_multipliers  # ("K.perpendicular", "L.perpendicular"), without friction
+        report.to_json()
+        ```
     """
 
     coordinates: tuple[str, ...]
@@ -44,6 +54,7 @@ class Report:
     freedom: int
     singular_values: np.ndarray
     gap: float
+    tolerance: float
     self_stress: np.ndarray
     groups: tuple[tuple[str, ...], ...]
     unit_dependent: tuple[str, ...]

@@ -44,7 +44,15 @@ _SMALL = (
 
 
 class Verdict(enum.Enum):
-    """What is known of an output over all solutions."""
+    """What is known of an output over all solutions.
+
+    ??? example
+
+        ```python
+        loads = rx.analyze(mechanism, state).verdicts["reaction"]
+        [load.name for load in loads if load.with_friction is rx.Verdict.UNIQUE]
+        ```
+    """
 
     UNIQUE = "unique (proved)"
     STATIONARY = "stationary here"
@@ -59,6 +67,13 @@ class Judged:
     - `name`: of the output.
     - `without_friction`, `with_friction`: the verdicts; the same for a system without friction.
     - `moved_by`: indices of the self-stress states that move it, with friction where there is some.
+
+    ??? example
+
+        ```python
+        for judged in rx.analyze(mechanism, state).verdicts["acceleration"]:
+            print(judged.name, judged.with_friction.value, judged.moved_by)
+        ```
     """
 
     name: str

@@ -24,6 +24,14 @@ from ._closure import AbstractClosure
 def misfit(system: AbstractSystem, actual: AbstractSystem, state: State) -> Float[Array, " m"]:
     """Misfit d of the parts as they are, shape (m,): m or length unit for force-type rows, rad for moment-type rows.
 
+    ??? example
+
+        ```python
+        longer = rx.mechanisms.wojtyra2020(length=0.1001, mu_rho=0.02)
+        d = rx.misfit(mechanism, longer, state)
+        rx.solve(mechanism, state, closure=rx.Compliance(W=jnp.full(12, 1e-8), misfit=d))
+        ```
+
     **Arguments:**
 
     - `system`: the system as designed, whose constraints `state` satisfies.
@@ -44,8 +52,9 @@ class AsBuilt(AbstractClosure):
     ??? example
 
         ```python
-        warm = rx.heated(mechanism, {"crank 2": 40.0}, expansion=12e-6)
-        rx.solve(mechanism, state, closure=rx.AsBuilt(rx.Compliance(W), warm))
+        warm = rx.heated(mechanism, {"2": 40.0}, expansion=12e-6)
+        joints = rx.Compliance(W=jnp.full(12, 1e-8))
+        rx.solve(mechanism, state, closure=rx.AsBuilt(joints, warm))
         ```
 
     **Arguments:**
@@ -70,6 +79,13 @@ def heated(mechanism: Mechanism, warmer: Mapping[str, ArrayLike], expansion: Arr
 
     A body expands about the origin of its frame; the points are the joints' `point_i` and `point_j`. What belongs to
     no body, such as the length of a `DistanceDriver`, stays.
+
+    ??? example
+
+        ```python
+        warm = rx.heated(mechanism, {"2": 40.0}, expansion=12e-6)  # body "2" is 40 K warmer
+        rx.misfit(mechanism, warm, state)  # shape (12,)
+        ```
 
     **Arguments:**
 

@@ -35,6 +35,13 @@ class MinimumNorm(AbstractClosure):
     The first n entries of h act only where accelerations are not unique, which a solve flags, so only the
     last m entries are used.
 
+    ??? example
+
+        ```python
+        rx.solve(mechanism, state)  # h = 0
+        rx.solve(mechanism, state, closure=rx.MinimumNorm(h=100.0))
+        ```
+
     **Arguments:**
 
     - `h`: arbitrary vector of Eq. (9), shape (n + m,), a number stands for that many equal entries; 0 gives
@@ -49,7 +56,10 @@ class MinimumNorm(AbstractClosure):
         n, m = len(system.coordinates), len(system.rows)
         h = jnp.zeros((), state.qd.dtype) if self.h is None else self.h
         if h.shape not in ((), (n + m,)):
-            raise ValueError(f"Argument `h` must be a number or have shape (n + m,) = ({n + m},), but has {h.shape}.")
+            raise ValueError(
+                f"Argument `h` must be a number or have shape (n + m,) = ({n + m},), but has {h.shape}. "
+                "Give one number for all, or that many."
+            )
         misfit = jnp.broadcast_to(h, (n + m,))[n:].astype(state.qd.dtype)
         if self.units is None:
             return jnp.eye(m, dtype=misfit.dtype), misfit
@@ -59,6 +69,13 @@ class MinimumNorm(AbstractClosure):
 
 class Compliance(AbstractClosure):
     """Joints of given compliance and misfit: a pick with physical units, the same in every unit system.
+
+    ??? example
+
+        ```python
+        joints = rx.Compliance(W=jnp.array([1e-8] * 10 + [1e-6] * 2))  # m/N, then rad/(N m)
+        rx.solve(mechanism, state, closure=joints).multipliers
+        ```
 
     **Arguments:**
 
@@ -77,13 +94,16 @@ class Compliance(AbstractClosure):
     def __init__(self, W: Numbers, misfit: Numbers | None = None, units: Units | None = None):
         self.W, self.units = as_float(W), units
         if self.W.ndim not in (1, 2) or self.W.shape[0] != self.W.shape[-1]:
-            raise ValueError(f"Argument `W` must have shape (m,) or (m, m), but has {self.W.shape}.")
+            raise ValueError(
+                f"Argument `W` must have shape (m,) or (m, m), but has {self.W.shape}. "
+                "Give one compliance for each row, or a matrix."
+            )
         size = self.W.shape[-1]
         self.misfit = jnp.zeros(size, self.W.dtype) if misfit is None else as_float(misfit)
         if self.misfit.shape != (size,):
             raise ValueError(
                 f"Argument `misfit` must have one entry for each of the {size} rows of `W`, but has shape "
-                f"{self.misfit.shape}."
+                f"{self.misfit.shape}. Give 0 for rows that fit."
             )
         if known(self.W):
             check_compliance(np.asarray(self.W))
@@ -92,7 +112,8 @@ class Compliance(AbstractClosure):
         m = len(system.rows)
         if self.W.shape[-1] != m:
             raise ValueError(
-                f"Argument `W` must have one entry for each of the {m} constraint rows, but has {self.W.shape[-1]}."
+                f"Argument `W` must have one entry for each of the {m} constraint rows, but has {self.W.shape[-1]}. "
+                "The rows are those of `system.rows`."
             )
         W = jnp.diag(self.W) if self.W.ndim == 1 else self.W
         if self.units is None:

@@ -36,6 +36,13 @@ class JointCompliance(eqx.Module):
     Only what the joint holds counts: a revolute joint takes no moment about its pin, so that the angular compliance of
     its seat acts through a reference point beside the pin alone.
 
+    ??? example
+
+        ```python
+        pin = rx.JointCompliance("A", translation=1e-8, misfit=(1e-5, 0.0, 0.0))
+        guide = rx.JointCompliance("K", translation=2e-8, rotation=1e-6, frame="ground")
+        ```
+
     **Arguments:**
 
     - `joint`: its name.
@@ -77,7 +84,7 @@ class JointCompliance(eqx.Module):
             if value.shape not in shapes:
                 raise ValueError(
                     f"Argument `{name}` of joint '{joint}' must have shape {' or '.join(map(str, shapes))}, but has "
-                    f"{value.shape}."
+                    f"{value.shape}. Its docstring says what each entry is."
                 )
         shift = shift if shift.ndim else shift * jnp.eye(2)
         self.compliance = jnp.block([[shift, cross[:, None]], [cross[None], as_float(rotation)[None, None]]])
@@ -180,7 +187,7 @@ def _on_i(given: JointCompliance, stack: Stack, k: int, bodies: tuple[str, ...])
         if body not in ends:
             raise ValueError(
                 f"Argument `frame` of joint '{given.joint}' must be one of the bodies that it connects, "
-                f"{[(*bodies, GROUND)[end] for end in ends]}, but is '{given.frame}'."
+                f"{[(*bodies, GROUND)[end] for end in ends]}, but is '{given.frame}'. Name one of them."
             )
     return stack.i[k] == body
 

@@ -21,7 +21,14 @@ _ZERO = 1e-10  # entry of the scaled Jacobian that is rounding
 
 
 class RowNormalised(AbstractClosure):
-    """The least norm of the multipliers of rows scaled to unit length."""
+    """The least norm of the multipliers of rows scaled to unit length.
+
+    ??? example
+
+        ```python
+        rx.solve(mechanism, state, closure=rx.RowNormalised()).multipliers
+        ```
+    """
 
     def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
         matrix = jacobian(system, state)
@@ -29,7 +36,14 @@ class RowNormalised(AbstractClosure):
 
 
 class UnitConsistent(AbstractClosure):
-    """Uhlmann's unit-consistent inverse of the Jacobian: the same load in all units, but not in all axes."""
+    """Uhlmann's unit-consistent inverse of the Jacobian: the same load in all units, but not in all axes.
+
+    ??? example
+
+        ```python
+        rx.solve(mechanism, state, closure=rx.UnitConsistent()).multipliers
+        ```
+    """
 
     def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
         matrix = jacobian(system, state)

@@ -108,24 +108,35 @@ def _check(mechanism: Any, state: State, scale: float | None) -> None:
     if not isinstance(mechanism, Mechanism):
         raise ValueError(
             f"Argument `mechanism` must be a planar `Mechanism`, but is a {type(mechanism).__name__}, "
-            "which has no bodies and joints to draw."
+            "which has no bodies and joints to draw. Build it with `rx.Mechanism`."
         )
     if not mechanism.body_names:
-        raise ValueError("Argument `mechanism` must have its names, but is anonymous; draw the one it was made from.")
+        raise ValueError("Argument `mechanism` must have its names, but is anonymous. Draw the one it was made from.")
     n = len(mechanism.coordinates)
     if state.q.shape != (n,):
-        raise ValueError(f"Argument `state` must have q of shape ({n},), but has {state.q.shape}.")
+        raise ValueError(
+            f"Argument `state` must have q of shape ({n},), but has {state.q.shape}. Give one state, of this mechanism."
+        )
     if not np.all(np.isfinite(state.q)):
-        raise ValueError("Argument `state` must have finite coordinates, but its q holds NaN or infinity.")
+        raise ValueError(
+            "Argument `state` must have finite coordinates, but its q holds NaN or infinity. "
+            "Look at the `result` of what made it."
+        )
     if scale is not None and not scale > 0:
-        raise ValueError(f"Argument `scale` must be positive, metres on the drawing for each newton, but is {scale}.")
+        raise ValueError(
+            f"Argument `scale` must be positive, metres on the drawing for each newton, but is {scale}. "
+            "Leave it out for one that fits."
+        )
 
 
 def _vector(argument: str, values: Any, mechanism: Mechanism) -> np.ndarray:
     vector, m = np.asarray(values, float), len(mechanism.rows)
     if vector.shape != (m,):
         has = f"has {vector.shape[0]}" if vector.ndim == 1 else f"has shape {vector.shape}"
-        raise ValueError(f"Argument `{argument}` must have one entry for each of the {m} rows, but {has}.")
+        raise ValueError(
+            f"Argument `{argument}` must have one entry for each of the {m} rows, but {has}. "
+            "Give 0 where there is no load."
+        )
     if not np.all(np.isfinite(vector)):
         row = mechanism.rows.labels[int(np.argmin(np.isfinite(vector)))]
         raise ValueError(
@@ -142,7 +153,7 @@ def _stress(mechanism: Mechanism, state: State, given: Any) -> np.ndarray:
     if given != int(given) or not -len(states) <= given < len(states):
         raise ValueError(
             f"Argument `self_stress` must be an index below {len(states)}, the number of self-stress states here, "
-            f"or a vector, but is {given}."
+            f"or a vector, but is {given}. Count from 0."
         )
     return states[int(given)]
 

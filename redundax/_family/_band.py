@@ -55,6 +55,13 @@ class Bands:
     - `lower_solution`, `upper_solution`: [qdd; lam; tau] there, shape (outputs, n + m + p).
     - `solved`: share of the cases looked at that have a solution; below 1 some of what the bounds allow is impossible
       at this state, as past a fold of friction.
+
+    ??? example
+
+        ```python
+        bands = rx.band(mechanism, state, "A.x", rx.AmplitudeBox({"A.x": (-40.0, 40.0)}))
+        bands.lower, bands.upper, bands.exact  # shape (1,)
+        ```
     """
 
     names: tuple[str, ...]
@@ -115,6 +122,13 @@ def band(
     rank: ArrayLike | None = None,
 ) -> Bands:
     """Smallest and largest values of outputs under what is known of preload, misfit or compliance.
+
+    ??? example
+
+        ```python
+        bands = rx.band(mechanism, state, ["1.phi''", "A.x"], rx.AmplitudeBox({"A.x": (-40.0, 40.0)}))
+        print(bands)
+        ```
 
     **Arguments:**
 
@@ -214,7 +228,10 @@ class _Search:
                 ends = [linear_extreme(cases, tau, cost) for cost in costs]
                 theta = np.array([np.full(cases.lower.size, np.nan) if end is None else end for end in ends])
             else:
-                raise TypeError(f"Argument `cases` must be affine or fractional, but is {type(cases).__name__}.")
+                raise TypeError(
+                    f"Argument `cases` must be affine or fractional, but is {type(cases).__name__}. "
+                    "Give what the method `cases` of bounds returns."
+                )
             if out:
                 theta = np.where(unique[:, None], out[0][1], theta)
             found = self._sampled(jnp.asarray(theta))

@@ -46,6 +46,13 @@ class AbstractBounds(eqx.Module):
 class AmplitudeBox(AbstractBounds):
     """Bounds on the self-stress, as an amount beside the minimum norm.
 
+    ??? example
+
+        ```python
+        bounds = rx.AmplitudeBox({"A.x": (-40.0, 40.0)})  # N
+        rx.band(mechanism, state, "B.x", bounds)
+        ```
+
     **Arguments:**
 
     - `box`: for self-stress states, by the multiplier that has the entry 1 in them (`analyze(...).pivots`), least and
@@ -64,6 +71,13 @@ class AmplitudeBox(AbstractBounds):
 class PreloadBox(AbstractBounds):
     """Bounds on multipliers, as from preload, measurement or what a joint can carry.
 
+    ??? example
+
+        ```python
+        bounds = rx.PreloadBox({"A.x": (-60.0, 0.0)})  # N
+        rx.band(mechanism, state, "B.x", bounds)
+        ```
+
     **Arguments:**
 
     - `box`: for rows, least and largest multiplier, in its units; the others have no bounds. Together they must bound
@@ -79,6 +93,13 @@ class PreloadBox(AbstractBounds):
 
 class PreloadNorm(AbstractBounds):
     """A bound on a norm of multipliers, sum (lam_i / size_i)^2 <= 1.
+
+    ??? example
+
+        ```python
+        bounds = rx.PreloadNorm({"K.angle": 20.0, "L.angle": 20.0})  # N m
+        rx.band(mechanism, state, "A.x", bounds, samples=32)
+        ```
 
     **Arguments:**
 
@@ -96,6 +117,13 @@ class PreloadNorm(AbstractBounds):
 
 class MisfitBox(AbstractBounds):
     """Bounds on the misfit of joints of given compliance.
+
+    ??? example
+
+        ```python
+        bounds = rx.MisfitBox(rx.Compliance(W=jnp.full(12, 1e-8)), {"A.x": (-1e-6, 1e-6)})  # m
+        rx.band(mechanism, state, "A.x", bounds, samples=32)
+        ```
 
     **Arguments:**
 
@@ -122,6 +150,13 @@ class MisfitBox(AbstractBounds):
 class ComplianceBox(AbstractBounds):
     """Bounds on the compliance of rows.
 
+    ??? example
+
+        ```python
+        bounds = rx.ComplianceBox(rx.Compliance(W=jnp.full(12, 1e-8)), {"A.x": (1e-9, 1e-7)})  # m/N
+        rx.band(mechanism, state, "A.x", bounds, samples=32)
+        ```
+
     **Arguments:**
 
     - `closure`: the misfit, and the compliance of rows without an entry in `box`.
@@ -134,7 +169,9 @@ class ComplianceBox(AbstractBounds):
     def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Fractional:
         rows, lower, upper = _box("box", self.box, report.rows)
         if lower.min(initial=0.0) < 0:
-            raise ValueError(f"Argument `box` must not hold negative compliances, but holds {lower.min():.4g}.")
+            raise ValueError(
+                f"Argument `box` must not hold negative compliances, but holds {lower.min():.4g}. Give at least 0."
+            )
         compliance, misfit = self.closure.compliance(system, state)
         places = jnp.asarray(rows)
         compliance = compliance.at[places, places].set(0.0)
@@ -159,13 +196,16 @@ def _box(argument: str, box: Box, names: tuple[str, ...]) -> tuple[np.ndarray, n
     unknown = [name for name in box if name not in names]
     if unknown or not box:
         keys, wrong = ", ".join(names) or "none", ", ".join(unknown) or "none"
-        raise ValueError(f"Argument `{argument}` must have keys among {keys}, but has {wrong}.")
+        raise ValueError(
+            f"Argument `{argument}` must have keys among {keys}, but has {wrong}. Correct or remove these."
+        )
     values = np.array(list(box.values()))
     right = (values[:, 0] <= values[:, 1]) & np.isfinite(values).all(axis=1)
     if not right.all():
         wrong = ", ".join(name for name, good in zip(box, right, strict=True) if not good)
         raise ValueError(
-            f"Argument `{argument}` must hold finite bounds (lower, upper) that increase, but those of {wrong} do not."
+            f"Argument `{argument}` must hold finite bounds (lower, upper) that increase, but those of {wrong} do not. "
+            "Put the smaller one first."
         )
     return np.array([names.index(name) for name in box]), values[:, 0], values[:, 1]
 

@@ -49,6 +49,14 @@ class SolutionFamily:
     - `names`, `kinds`: of accelerations, multipliers and friction; kinds are "linear", "angular", "force", "moment",
       "friction force" and "friction moment".
     - `values`: shape (solutions, n + m + p).
+
+    ??? example
+
+        ```python
+        family = rx.solution_family(mechanism, state, along="A.x", samples=21)
+        family["1.phi''"].min(), family["1.phi''"].max()  # rad/s^2
+        family.count  # 1 at each of the 21 amplitudes
+        ```
     """
 
     along: tuple[str, ...]
@@ -67,7 +75,10 @@ class SolutionFamily:
     def __getitem__(self, name: str) -> np.ndarray:
         """Values of one acceleration, multiplier or friction, shape (solutions,)."""
         if name not in self.names:
-            raise ValueError(f"Argument `name` must be one of {', '.join(self.names)}, but is {name!r}.")
+            raise ValueError(
+                f"Argument `name` must be one of {', '.join(self.names)}, but is {name!r}. "
+                "Accelerations end in two primes, friction begins with tau."
+            )
         return self.values[:, self.names.index(name)]
 
     @property
@@ -153,6 +164,13 @@ def solution_family(
 ) -> SolutionFamily:
     """Every frictional solution that is found along one or two self-stress states, and how many there are.
 
+    ??? example
+
+        ```python
+        family = rx.solution_family(mechanism, state, along="A.x", samples=21)
+        print(family)
+        ```
+
     **Arguments:**
 
     - `system`, `state`: concrete values; not inside `jit` or `vmap`.
@@ -223,7 +241,7 @@ def _chosen(report: Report, along: Sequence[str] | str | None) -> list[int]:
     if wrong or not 1 <= len(set(along)) == len(along) <= 2:
         raise ValueError(
             f"Argument `along` must name one or two different self-stress states, of {', '.join(pivots) or 'none'}, "
-            f"but is {along}."
+            f"but is {along}. Take them from `analyze(...).pivots`."
         )
     return [pivots.index(name) for name in along]
 
@@ -237,10 +255,16 @@ def _axes(
         return tuple(np.linspace(-1, 1, each) * largest / np.abs(row).max() for row in stress)
     axes = (z,) if len(stress) == 1 else tuple(z)  # pyright: ignore[reportArgumentType]
     if len(axes) != len(stress):
-        raise ValueError(f"Argument `z` must hold one array for each of {len(stress)} states, but holds {len(axes)}.")
+        raise ValueError(
+            f"Argument `z` must hold one array for each of {len(stress)} states, but holds {len(axes)}. "
+            "Give as many arrays, or name fewer states in `along`."
+        )
     out = tuple(np.asarray(as_float(axis), float) for axis in axes)  # pyright: ignore[reportArgumentType]
     if any(axis.ndim != 1 or not axis.size or np.any(np.diff(axis) <= 0) for axis in out):
-        raise ValueError("Argument `z` must hold increasing amplitudes, but some do not increase.")
+        raise ValueError(
+            "Argument `z` must hold increasing amplitudes, but some do not increase. "
+            "Sort them, and drop those that occur twice."
+        )
     return out
 
 

@@ -48,7 +48,10 @@ class SolutionSet(eqx.Module):
     def problem(self, base: Float[Array, " m"], unit: Float[Array, "m p"]) -> FrictionProblem:
         """tau = law(base[rows] + unit[rows] tau)."""
         if self.law is None:
-            raise ValueError("Argument `system` must have friction here, but it has none.")
+            raise ValueError(
+                "Argument `system` must have friction here, but it has none. "
+                "Without friction `solve` is all that is needed."
+            )
         return FrictionProblem.make(base[self.rows], unit[self.rows], self.law, self.angular_loads)
 
     def outputs(self, base: Float[Array, " m"], unit: Float[Array, "m p"], tau: Float[Array, " p"]) -> Array:

@@ -22,6 +22,23 @@ class AbstractJoint(AbstractBetweenBodies):
 
     A new kind of joint gives `row_kinds`, the name and kind ("force" or "moment") of each of its rows, force-type
     first, and `residual`.
+
+    ??? example
+
+        ```python
+        import equinox as eqx
+
+        class SameHeight(rx.AbstractJoint):  # of the origins of both bodies
+            row_kinds = (("y", "force"),)
+            name: str = eqx.field(static=True)
+            i: str = eqx.field(static=True)
+            j: str = eqx.field(static=True)
+
+            def residual(self, i, j, t):
+                return (i.r - j.r)[1:]
+
+        SameHeight("rail", "carriage", "ground")
+        ```
     """
 
     row_kinds: eqx.AbstractClassVar[tuple[Row, ...]]

@@ -18,7 +18,13 @@ from ._base import AbstractJoint, Row
 
 
 class AngleDriver(AbstractJoint):
-    """Driving constraint phi_i - phi_j = f(t). Its multiplier is minus the driving moment on body i, N m.
+    """Driving constraint (2), phi_i - phi_j = f(t). Its multiplier is minus the driving moment on body i, N m.
+
+    ??? example
+
+        ```python
+        rx.AngleDriver("motor", "crank", "ground", rx.Polynomial([0.5, 2.0]))  # phi = 0.5 + 2 t
+        ```
 
     **Arguments:**
 
@@ -38,9 +44,15 @@ class AngleDriver(AbstractJoint):
 
 
 class DistanceDriver(AbstractJoint):
-    """Driving constraint on the distance of two points; with a constant law a massless rod.
+    """Driving constraint (2) on the distance of two points; with a constant law a massless rod.
 
     Its multiplier is the tension that holds the points together, N.
+
+    ??? example
+
+        ```python
+        rx.DistanceDriver("rod", "lever", "ground", (0.2, 0.0), (0.0, 1.0), rx.Polynomial([0.6]))
+        ```
 
     **Arguments:**
 
@@ -64,6 +76,13 @@ class DistanceDriver(AbstractJoint):
 
 class Polynomial(eqx.Module):
     """c0 + c1 t + c2 t^2 + ..., a law of motion whose coefficients are differentiable.
+
+    ??? example
+
+        ```python
+        law = rx.Polynomial([0.5, 2.0])
+        law(jnp.array(1.5))  # 0.5 + 2 * 1.5 = 3.5
+        ```
 
     **Arguments:**
 

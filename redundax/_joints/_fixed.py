@@ -17,6 +17,12 @@ from ._base import AbstractJoint, Row
 class Fixed(AbstractJoint):
     """Fixed joint. Its multipliers are minus force (N) and moment (N m) on body i, at `point_i`.
 
+    ??? example
+
+        ```python
+        rx.Fixed("weld", "lever", "arm", point_i=(0.2, 0.0), point_j=(-0.1, 0.0), angle=0.5)
+        ```
+
     **Arguments:**
 
     - `name`: rows are called "name.x", "name.y" and "name.angle".

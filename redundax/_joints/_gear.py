@@ -17,6 +17,12 @@ from ._base import AbstractJoint, Row
 class Gear(AbstractJoint):
     """Gear pair. Its multiplier is minus the gear moment on body i, N m; the ground must carry both axes.
 
+    ??? example
+
+        ```python
+        rx.Gear("mesh", "pinion", "wheel", ratio=3.0)  # the wheel turns three times slower, the other way
+        ```
+
     **Arguments:**
 
     - `name`: the row is called "name.angle".

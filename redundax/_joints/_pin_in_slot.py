@@ -18,6 +18,12 @@ from ._base import AbstractFrictionalJoint, Row
 class PinInSlot(AbstractFrictionalJoint):
     """Pin in slot. Its multiplier is the force of the slot on body i along the normal, N.
 
+    ??? example
+
+        ```python
+        rx.PinInSlot("S", "lever", "ground", point_i=(0.2, 0.0), point_j=(0.0, 0.0), normal=(0.0, 1.0))
+        ```
+
     **Arguments:**
 
     - `name`: the row is called "name.perpendicular".

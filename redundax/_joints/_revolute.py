@@ -19,6 +19,12 @@ from ._base import AbstractFrictionalJoint, Row
 class Revolute(AbstractFrictionalJoint):
     """Revolute joint (53). Its multipliers are minus the force on body i, in global components, N.
 
+    ??? example
+
+        ```python
+        rx.Revolute("A", "lever", "ground", point_i=(-0.2, 0.0), point_j=(0.0, 1.0))
+        ```
+
     **Arguments:**
 
     - `name`: rows are called "name.x" and "name.y".

@@ -23,6 +23,15 @@ class Translational(AbstractFrictionalJoint):
     The multiplier "name.perpendicular" is the guide force on body i along the normal at `point_i`, N; "name.angle" is
     minus the guide moment on body i, N m.
 
+    ??? example
+
+        ```python
+        rx.Translational(
+            "K", "slider", "ground", point_i=(0.0, 0.0), point_j=(0.0, 0.3), normal=(0.0, 1.0),
+            guide_length=0.05, friction=rx.Coulomb(0.1),
+        )
+        ```
+
     **Arguments:**
 
     - `name`: rows are called "name.perpendicular" and "name.angle".

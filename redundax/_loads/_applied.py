@@ -12,6 +12,13 @@ from ._base import AbstractLoad, Motion, Wrench
 class AppliedForce(AbstractLoad):
     """A constant force at a point of a body, and a moment.
 
+    ??? example
+
+        ```python
+        rx.AppliedForce("lever", force=(0.0, -10.0), point=(0.2, 0.0))
+        rx.AppliedForce("crank", moment=2.0)
+        ```
+
     **Arguments:**
 
     - `i`: name of the body.

@@ -11,14 +11,30 @@ from .._stack import AbstractBetweenBodies
 
 
 class Wrench(eqx.Module):
-    """Force (2,) in global components, N, and moment about the local frame's origin, N m, on a body."""
+    """Force (2,) in global components, N, and moment about the local frame's origin, N m, on a body.
+
+    ??? example
+
+        ```python
+        rx.Wrench(force=jnp.array([0.0, -10.0]), moment=jnp.array(2.0))
+        ```
+    """
 
     force: Float[Array, "*bodies 2"]
     moment: Float[Array, "*bodies"]
 
 
 class Motion(NamedTuple):
-    """Pose of a body and the time derivative of the pose."""
+    """Pose of a body and the time derivative of the pose.
+
+    ??? example
+
+        ```python
+        still = rx.Pose(jnp.zeros(2), jnp.array(0.0))
+        turning = rx.Motion(still, rx.Pose(jnp.zeros(2), jnp.array(3.0)))
+        turning.point_velocity(jnp.array([0.2, 0.0]))  # [0.0, 0.6]
+        ```
+    """
 
     pose: Pose
     rate: Pose

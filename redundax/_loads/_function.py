@@ -13,6 +13,16 @@ from ._base import AbstractLoad, Motion, Wrench
 class LoadFunction(AbstractLoad):
     """Any load between two bodies, written in jnp.
 
+    ??? example
+
+        ```python
+        def magnet(i, j, t, p):  # pulls the origins of two bodies together
+            force = p["c"] * (j.pose.r - i.pose.r)
+            return i.wrench(force, jnp.zeros(2)), j.wrench(-force, jnp.zeros(2))
+
+        rx.LoadFunction("left", magnet, "right", {"c": 20.0})
+        ```
+
     **Arguments:**
 
     - `i`, `j`: names of the bodies; the ground if `j` is not given.

@@ -15,6 +15,14 @@ from ._base import AbstractLoad, Motion, Wrench
 class SpringDamper(AbstractLoad):
     """Linear spring with damper between a point of body i and a point of body j.
 
+    ??? example
+
+        ```python
+        rx.SpringDamper(
+            "lever", "ground", (0.2, 0.0), (0.2, 0.5), stiffness=500.0, free_length=0.4, damping=2.0
+        )
+        ```
+
     **Arguments:**
 
     - `i`, `j`: names of the bodies, or "ground".
@@ -43,6 +51,12 @@ class SpringDamper(AbstractLoad):
 
 class TorsionSpring(AbstractLoad):
     """Torsion spring with damper between two bodies.
+
+    ??? example
+
+        ```python
+        rx.TorsionSpring("lever", "ground", stiffness=3.0, free_angle=0.1)
+        ```
 
     **Arguments:**
 

@@ -43,7 +43,15 @@ def simulate(
     throw: bool | None = None,
     progress: bool = False,
 ) -> Trajectory:
-    """The motion of a system from a state.
+    """The motion of a system from a state: (7) or (25) over time.
+
+    ??? example
+
+        ```python
+        smooth = rx.mechanisms.wojtyra2020()
+        motion = rx.simulate(smooth, smooth.state(phi=0.8, rate=1.0), 0.1)
+        motion.q.shape, motion.multipliers.shape  # (101, 12) each
+        ```
 
     **Arguments:**
 

@@ -30,7 +30,16 @@ class AbstractStabilisation(eqx.Module):
 
 
 class NoStabilisation(AbstractStabilisation):
-    """Nothing is done: the drift of the plain equations (7)."""
+    """Nothing is done: the drift of the plain equations (7).
+
+    ??? example
+
+        ```python
+        smooth = rx.mechanisms.wojtyra2020()
+        motion = rx.simulate(smooth, smooth.state(phi=0.8, rate=1.0), 0.1, stabilisation=rx.NoStabilisation())
+        motion.stats.position_violation
+        ```
+    """
 
     projects: ClassVar[bool] = False
 
@@ -40,6 +49,14 @@ class NoStabilisation(AbstractStabilisation):
 
 class Baumgarte(AbstractStabilisation):
     """Baumgarte's stabilisation, a damped oscillator for the violation, which stays about as large as errors of a step.
+
+    ??? example
+
+        ```python
+        smooth = rx.mechanisms.wojtyra2020()
+        motion = rx.simulate(smooth, smooth.state(phi=0.8, rate=1.0), 0.1, stabilisation=rx.Baumgarte(20.0, 20.0))
+        motion.stats.position_violation
+        ```
 
     **Arguments:**
 
@@ -55,7 +72,15 @@ class Baumgarte(AbstractStabilisation):
 
 
 class Projection(AbstractStabilisation):
-    """Projection onto positions and velocities after each accepted step; the default."""
+    """Projection onto positions and velocities after each accepted step; the default.
+
+    ??? example
+
+        ```python
+        smooth = rx.mechanisms.wojtyra2020()
+        motion = rx.simulate(smooth, smooth.state(phi=0.8, rate=1.0), 0.1, stabilisation=rx.Projection())
+        ```
+    """
 
     projects: ClassVar[bool] = True
 

@@ -19,6 +19,14 @@ class TrajectoryStats(eqx.Module):
     - `energy_error`: largest change of kinetic energy less the work of loads, friction and drivers, relative to the
       largest kinetic energy; it is 0 for the exact motion.
     - `nearest_singularity`: how near to a singular position steps ended: 0 in it, about 1 far from it.
+
+    ??? example
+
+        ```python
+        smooth = rx.mechanisms.wojtyra2020()
+        motion = rx.simulate(smooth, smooth.state(phi=0.8, rate=1.0), 0.1)
+        motion.stats.steps, motion.stats.energy_error
+        ```
     """
 
     steps: Int[Array, ""]
@@ -43,6 +51,14 @@ class Trajectory(eqx.Module):
     - `acceleration`, `multipliers`, `friction`: qdd, lam and tau of the closure, as `solve` gives them.
     - `result`: how the motion ended.
     - `stats`: the evidence.
+
+    ??? example
+
+        ```python
+        smooth = rx.mechanisms.wojtyra2020()
+        motion = rx.simulate(smooth, smooth.state(phi=0.8, rate=1.0), 0.1)
+        motion.t, motion.acceleration[:, 8]  # s, rad/s^2 of body 1
+        ```
     """
 
     t: Float[Array, " times"]

@@ -193,7 +193,9 @@ def _notes3(comparison: Comparison) -> str:
 def _notes4(comparison: Comparison) -> str:
     table, placement = comparison.table, comparison.placement
     if placement is None:
-        raise ValueError("Argument `comparison` must place the rows, but its `placement` is None.")
+        raise ValueError(
+            "Argument `comparison` must place the rows, but its `placement` is None. Use the comparison of Table 4."
+        )
     guide, crank = table.entries.index("K.angle"), table.entries.index("1.phi''")
     lines = [
         _fill(

@@ -33,6 +33,13 @@ class AbstractDistribution(abc.ABC):
 class Normal(AbstractDistribution):
     """Normally distributed.
 
+    ??? example
+
+        ```python
+        rx.Normal(mean=0.1, std=1e-4)  # a length, m
+        rx.Normal(jnp.zeros(3), 1e-5 * jnp.ones(3))  # three independent misfits
+        ```
+
     **Arguments:**
 
     - `mean`, `std`: mean, which is the nominal value, and standard deviation, numbers or arrays of one shape.
@@ -52,6 +59,12 @@ class Normal(AbstractDistribution):
 class Uniform(AbstractDistribution):
     """Equally likely between two bounds; the nominal value is in the middle.
 
+    ??? example
+
+        ```python
+        rx.Uniform(low=0.01, high=0.03)  # a friction radius, m
+        ```
+
     **Arguments:**
 
     - `low`, `high`: bounds, numbers or arrays of one shape.
@@ -60,7 +73,9 @@ class Uniform(AbstractDistribution):
     def __init__(self, low: Numbers, high: Numbers):
         self.low, self.high = _pair("low", low, "high", high)
         if not np.all(self.low < self.high):
-            raise ValueError(f"Argument `high` must be above `low`, but they are {high} and {low}.")
+            raise ValueError(
+                f"Argument `high` must be above `low`, but they are {high} and {low}. Swap them, or widen the range."
+            )
         self.nominal = (self.low + self.high) / 2
         self.std = (self.high - self.low) / np.sqrt(12)
 
@@ -88,8 +103,10 @@ def _pair(first: str, one: Numbers, second: str, other: Numbers) -> tuple[np.nda
         a, b = np.broadcast_arrays(*values)
     except ValueError:
         shapes = f"{values[0].shape} and {values[1].shape}"
-        raise ValueError(f"Arguments `{first}` and `{second}` must have one shape, but have {shapes}.") from None
+        raise ValueError(
+            f"Arguments `{first}` and `{second}` must have one shape, but have {shapes}. Give both for every entry."
+        ) from None
     for name, value in ((first, a), (second, b)):
         if not np.all(np.isfinite(value)):
-            raise ValueError(f"Argument `{name}` must be finite, but is {value}.")
+            raise ValueError(f"Argument `{name}` must be finite, but is {value}. Look for NaN or infinity in it.")
     return a, b

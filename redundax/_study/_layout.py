@@ -64,7 +64,9 @@ def layout(samples: Mapping[str, np.ndarray], outputs: Any, system: AbstractSyst
     axes = {} if system is None else _axes(system)
     found = {name: _variable(name, leaf, axes) for name, leaf in _leaves(outputs).items()}
     if not found:
-        raise ValueError("Argument `run` must return arrays, but returns none.")
+        raise ValueError(
+            "Argument `run` must return arrays, but returns none. Return the quantities that you want to know."
+        )
     used = {dim for variable in (given | found).values() for dim in variable.dims}
     labels = {}
     for dim in sorted(used & set(axes)):
@@ -74,7 +76,7 @@ def layout(samples: Mapping[str, np.ndarray], outputs: Any, system: AbstractSyst
         if not name or "/" in name:
             raise ValueError(
                 "Argument `run` must return a dict of arrays or a `Solution`, with names that are not empty and hold "
-                f"no slash, but one array is called {name!r}."
+                f"no slash, but one array is called {name!r}. Rename it."
             )
         if name in given:
             raise ValueError(f"No output may be called {name!r}, as samples are. Choose another name.")
@@ -108,7 +110,8 @@ def _variable(name: str, leaf: Any, axes: Mapping[str, Axis]) -> Variable:
     shape, dtype = tuple(leaf.shape), np.dtype(leaf.dtype)
     if not storable(dtype):
         raise ValueError(
-            f"Argument `run` must return real numbers of at least 32 bits, but {name!r} has dtype {dtype}."
+            f"Argument `run` must return real numbers of at least 32 bits, but {name!r} has dtype {dtype}. "
+            "Convert it, say with `astype(float)`."
         )
     dims = _dims(name, shape)
     label = _LABELLED.get(name.rpartition(".")[2], "")

@@ -23,15 +23,30 @@ def plot_tolerance(study: "xarray.Dataset", outputs: Sequence[str] | None = None
     percentile between, a diamond at the nominal value. On the right the parameters' shares of the variance; what is
     left white is not linear in any of them.
 
+    ??? example
+
+        ```python
+        sizes = {"width": rx.Normal(0.10, 1e-4), "height": rx.Uniform(0.19, 0.21)}
+        found = rx.tolerance_study(lambda width, height: {"area": width * height}, sizes, samples=64)
+        rx.plot_tolerance(found).savefig("tolerances.png")
+        ```
+
     **Arguments:**
 
     - `study`: from `tolerance_study`.
     - `outputs`: names along its dimension "output"; all that vary if not given.
+
+    **Returns:** a matplotlib figure.
+
+    **Raises:** `ValueError` for names that the study does not have.
     """
     known = [str(name) for name in study.output.values]
     unknown = [name for name in outputs or () if name not in known]
     if unknown:
-        raise ValueError(f"Argument `outputs` must hold outputs of the study, but holds {', '.join(unknown)}.")
+        raise ValueError(
+            f"Argument `outputs` must hold outputs of the study, but holds {', '.join(unknown)}. "
+            "They are in `study.output`."
+        )
     wanted = range(len(known)) if outputs is None else [known.index(name) for name in outputs]
     varies = (study["share"].sum("parameter") > 0).values
     units = [UNITS.get(str(kind), "") for kind in study.output_kind.values]

@@ -44,7 +44,8 @@ def study(
         def run(phi, h):
             return rx.solve(mechanism, mechanism.state(phi=phi, rate=1.0), closure=rx.MinimumNorm(h))
 
-        results = rx.study(run, {"phi": phis, "h": hs}, system=mechanism, path="study.nc")
+        samples = {"phi": jnp.linspace(0.2, 1.2, 1000), "h": jnp.linspace(-100.0, 100.0, 1000)}
+        results = rx.study(run, samples, system=mechanism, path="study.nc")
         results.acceleration.sel(coordinate="1.phi").mean()
         ```
 
@@ -76,7 +77,7 @@ def study(
     optional("xarray")
     given = _given(samples)
     if chunk < 1:
-        raise ValueError(f"Argument `chunk` must be at least 1, but is {chunk}.")
+        raise ValueError(f"Argument `chunk` must be at least 1, but is {chunk}. Leave it out unless memory runs short.")
     one = jax.jit(lambda sample: run(**sample))  # traced once, for the shapes
     plan = layout(given, jax.eval_shape(one, {name: values[0] for name, values in given.items()}), system)
     devices = 1 if mesh is None else mesh.size
@@ -109,7 +110,8 @@ def _given(samples: Mapping[str, Numbers]) -> dict[str, np.ndarray]:
     for name, values in given.items():
         if not storable(values.dtype):
             raise ValueError(
-                f"Argument `samples` must hold real numbers of at least 32 bits, but {name!r} has dtype {values.dtype}."
+                f"Argument `samples` must hold real numbers of at least 32 bits, but {name!r} has "
+                f"dtype {values.dtype}. Convert it, say with `astype(float)`."
             )
     return given
 
@@ -118,7 +120,10 @@ def _opened(path: Path | None, plan: Layout, given: Mapping[str, np.ndarray]) ->
     if path is None:
         return Memory(plan)
     if path.suffix != ".nc" or not path.parent.is_dir():
-        raise ValueError(f"Argument `path` must end in .nc and lie in a folder that exists, but is {path}.")
+        raise ValueError(
+            f"Argument `path` must end in .nc and lie in a folder that exists, but is {path}. "
+            "Make the folder, or choose another."
+        )
     store = File(path, plan, plan.fingerprint(given)) if jax.process_index() == 0 else Follower(path)
     refuse(store.problem)
     store.done = of_first(store.done)

@@ -143,7 +143,9 @@ def _check(parameters: Mapping[str, AbstractDistribution], samples: int, percent
         near = 2 ** max(1, samples.bit_length())
         raise ValueError(f"Argument `samples` must be a power of two, but is {samples}. {near} is one.")
     if not all(0 <= value <= 100 for value in percentiles) or not len(percentiles):
-        raise ValueError(f"Argument `percentiles` must lie between 0 and 100, but is {percentiles}.")
+        raise ValueError(
+            f"Argument `percentiles` must lie between 0 and 100, but is {percentiles}. Give them in per cent."
+        )
 
 
 def _entries(name: str, shape: tuple[int, ...]) -> list[str]:
@@ -168,7 +170,10 @@ def _linear(run: Callable[..., Any], parameters: Mapping[str, AbstractDistributi
     shapes = named(jax.eval_shape(lambda vector: run(**restore(vector)), flat))
     names = [name for name, value in shapes.items() if jnp.issubdtype(value.dtype, jnp.floating)]
     if not names:
-        raise ValueError("Argument `build` must return arrays of real numbers, but returns none.")
+        raise ValueError(
+            "Argument `build` must return arrays of real numbers, but returns none. "
+            "Return the quantities that you want to know."
+        )
 
     def outputs(vector: Array) -> tuple[Array, tuple[Array, list[RESULTS]]]:
         found = run(**restore(vector))
@@ -187,7 +192,9 @@ def _linear(run: Callable[..., Any], parameters: Mapping[str, AbstractDistributi
             f"Argument `build` must not call outputs {lost}, which are names of statistics. Choose others."
         )
     if not np.all(np.isfinite(nominal)):
-        raise RuntimeError("At the means of the parameters there is no solution: the outputs are not finite.")
+        raise RuntimeError(
+            "At the means of the parameters there is no solution: outputs of `build` are not finite. Choose others."
+        )
     return _Linear(names, np.asarray(nominal), np.asarray(gradient))
 
 

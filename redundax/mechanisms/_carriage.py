@@ -47,6 +47,12 @@ def carriage(
     Body "carriage"; guides K1, K2, ... on the ground. n = 3, m = 2 guides, rank 2, k = 2 (guides - 1), one degree of
     freedom. For the usual two guides m = 4 and k = 2, and no load of a guide is unique.
 
+    ??? example
+
+        ```python
+        rx.mechanisms.carriage(mu=0.1, guide_length=0.1).state(s=0.0, rate=0.5)
+        ```
+
     **Arguments:**
 
     - `guides`: number of guides, at least 1.

@@ -59,6 +59,12 @@ def doubled_four_bar(
     origin), D (rocker on the ground), B1, B2 (couplers on the crank) and C1, C2 (couplers on the rocker). n = m = 12,
     rank 11, k = 1, one degree of freedom. The loads of A and D are unique, those of the couplers are not.
 
+    ??? example
+
+        ```python
+        rx.mechanisms.doubled_four_bar(mu_rho=0.001).state(phi=0.8, rate=1.0)
+        ```
+
     **Arguments:**
 
     - `crank`, `coupler`, `rocker`, `ground`: lengths of the links, m; as given the crank can turn round.

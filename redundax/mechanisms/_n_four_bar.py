@@ -47,6 +47,12 @@ def n_four_bar(
     on the ground, and of coupler c Bc on crank c and Cc on crank c + 1. n = 6 N + 3, m = 6 N + 2 = rank: k = 0, one
     degree of freedom. At phi = 0 and pi, rank 5 N + 2, k = N and N + 1 degrees of freedom to first order.
 
+    ??? example
+
+        ```python
+        rx.mechanisms.n_four_bar(loops=3).state(phi=0.8, rate=1.0)
+        ```
+
     **Arguments:**
 
     - `loops`: N, at least 1.

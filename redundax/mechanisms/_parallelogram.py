@@ -53,6 +53,12 @@ def parallelogram(
     that such velocities are inadmissible. In this position (7) alone does not keep the coupler parallel, so the
     accelerations of a linkage that is not symmetric differ from their limit.
 
+    ??? example
+
+        ```python
+        rx.mechanisms.parallelogram(cranks=4).state(phi=0.8, rate=1.0)
+        ```
+
     **Arguments:**
 
     - `cranks`: N, at least 2.
@@ -85,6 +91,13 @@ def driven_parallelogram(
     k = 2 N - 3, no degree of freedom; the same at phi = 0 and pi. For N = 2 the drivers can work against each
     other: the self-stress is a force along the coupler with the moments -l sin phi and l sin phi of the drivers.
 
+    ??? example
+
+        ```python
+        driven = rx.mechanisms.driven_parallelogram(angle=rx.Polynomial([0.8, 2.0]))
+        driven.state(phi=0.8, rate=2.0)
+        ```
+
     **Arguments:**
 
     - `cranks` to `gravity`: as for `parallelogram`.
@@ -111,6 +124,12 @@ def swing(
     Bodies "crank 1" to "crank N", without mass and inertia, and "coupler", the platform, a uniform rod; joints and
     counts as in `parallelogram`, but rank M = 3. The platform has mass in every motion that the joints allow, so
     condition (14) holds and accelerations are unique: those of a simple pendulum, phi'' = -(g / l) cos phi.
+
+    ??? example
+
+        ```python
+        rx.mechanisms.swing(rods=3).state(phi=-1.2, rate=0.5)
+        ```
 
     **Arguments:**
 

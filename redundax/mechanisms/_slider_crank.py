@@ -55,6 +55,12 @@ def slider_crank(
     k = 2 (guides - 1), one degree of freedom. The loads of A, B and C are unique; those of the guides only where
     there is one. For the usual two guides k = 2.
 
+    ??? example
+
+        ```python
+        rx.mechanisms.slider_crank(guides=2, force=-50.0).state(phi=0.8, rate=1.0)
+        ```
+
     **Arguments:**
 
     - `guides`: number of guides, at least 1.

@@ -37,7 +37,13 @@ def wojtyra2020(
     gravity: ArrayLike = 10.0,
     u: ArrayLike = 1.0,
 ) -> Mechanism:
-    """The overconstrained mechanism of the paper's Section 5.
+    """The overconstrained mechanism of the paper's Section 5: (60), (61).
+
+    ??? example
+
+        ```python
+        rx.mechanisms.wojtyra2020(mu_rho=0.02).state(phi=0.8, rate=1.0)
+        ```
 
     **Arguments:**
 

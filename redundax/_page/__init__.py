@@ -1,0 +1,1 @@
+"""A report of a mechanism as a page: HTML or Markdown."""

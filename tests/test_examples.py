@@ -1,0 +1,30 @@
+"""The examples in docstrings run as printed, each after the lines in the docstring of the package."""
+
+import inspect
+import re
+import textwrap
+
+import pytest
+
+import redundax as rx
+
+
+def blocks(thing):
+    return [textwrap.dedent(block) for block in re.findall(r"```python\n(.*?)```", inspect.getdoc(thing), re.DOTALL)]
+
+
+(START,) = blocks(rx)
+PUBLIC = {name: thing for face in (rx, rx.mechanisms) for name, thing in vars(face).items() if name[0] != "_"}
+EXAMPLES = [
+    pytest.param(block, id=name)
+    for name, thing in PUBLIC.items()
+    if inspect.isclass(thing) or inspect.isfunction(thing)
+    for block in blocks(thing)
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("block", EXAMPLES)
+def test_example_runs(block, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # some write pictures and data
+    exec(compile(START + block, "example", "exec"), {"__name__": "example"})
