@@ -71,12 +71,19 @@ class Equations(eqx.Module):
     has_sense: bool = eqx.field(static=True)
 
     def derivative(self, t: Array, y: Moving, context: Context) -> Moving:
-        """y'."""
-        solved = self.solved(State(y.q, y.qd, t), context)
+        """y'.
+
+        The closure matters to it only through friction: a self-stress does no work.
+        """
+        closed = any(group.rows.size for group in self.system.friction)
+        solved = self.solved(State(y.q, y.qd, t), context, closed=closed)
         return Moving(y.qd, solved.acceleration, solved.power)
 
-    def solved(self, state: State, context: Context) -> Solved:
-        """Accelerations, multipliers and friction at a state."""
+    def solved(self, state: State, context: Context, *, closed: bool = True) -> Solved:
+        """Accelerations, multipliers and friction at a state.
+
+        `closed` says whether the multipliers are those that the closure picks, or some.
+        """
         system, scale = self.system, context.held.row_scale
         parts = kinetics(system, state, context.held)
         force, rate, directions = system.load(state), state.qd[:0], jnp.zeros((state.qd.size, 0), state.qd.dtype)
@@ -85,7 +92,9 @@ class Equations(eqx.Module):
         gamma = self.stabilisation.gamma(parts.motion) / scale
         columns = jnp.concatenate([force[:, None], directions], axis=1)
         a, mu = respond(parts, context.held, columns, jnp.pad(gamma[:, None], ((0, 0), (0, rate.size))))
-        mu = _picked(parts, context.held, *self.closure.compliance(system, state), mu) / scale[:, None]
+        if closed:
+            mu = _picked(parts, context.held, *self.closure.compliance(system, state), mu)
+        mu = mu / scale[:, None]
         tau = force[:0]
         if system.friction:
             tau = self._friction(Law(system.friction, rate, self.sense, state), mu, context.tau)

@@ -1,0 +1,12 @@
+"""Motions of 10 s: time against error, with other programs in the same run.
+
+    python -m benchmarks.motions [--quick] [--only WORK] [--json FILE] [--png FILE]
+
+N-four-bar is problem A02 of the multibody benchmark library: N loops of cranks and couplers, uniform rods of 1 m and
+1 kg, cranks vertical at the start, their tips at 1 m/s. It passes singular positions, where N + 1 motions branch off.
+On the branch of parallel cranks the crank angle obeys one scalar equation; its solution by SciPy to 1e-13 is the truth.
+
+Peers run where they are installed (`pip install exudyn mujoco`): Exudyn, implicit generalised-alpha method with its
+redundant constraints ignored in the factorisation; MuJoCo, a tree closed by equality constraints, as stiff as the step
+allows. Both are given the settings that were found fastest for them.
+"""

@@ -1,0 +1,64 @@
+"""Runs the motions and prints their table: `python -m benchmarks.motions --help`."""
+
+import argparse
+import dataclasses
+import json
+import os
+import pathlib
+import sys
+
+# On two-core CPUs independent LAPACK calls in one compiled step can wait for each other, see tests/conftest.py. XLA
+# reads its flags once, when the first backend starts, and OpenBLAS its threads when it is loaded.
+_SCHEDULER = "--xla_cpu_enable_concurrency_optimized_scheduler"
+if _SCHEDULER not in os.environ.get("XLA_FLAGS", ""):
+    os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {_SCHEDULER}=false".strip()
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import jax  # noqa: E402
+import numpy as np  # noqa: E402
+
+from . import _exudyn, _figure, _mujoco, _works  # noqa: E402
+
+_WORKS = {"one": _works.one_motion, "batch": _works.batch, "long": _works.long_run}
+
+
+def main() -> None:
+    """Run the works and print the table, or JSON."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.motions", description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="fewer mechanisms, precisions, motions and steps")
+    parser.add_argument("--only", action="append", choices=_WORKS, help="a work; may be given several times")
+    parser.add_argument("--json", type=pathlib.Path, metavar="FILE", help="write every line")
+    parser.add_argument("--png", type=pathlib.Path, metavar="FILE", help="write the diagram of time against error")
+    arguments = parser.parse_args()
+    jax.config.update("jax_enable_x64", True)
+    jax.config.update("jax_enable_compilation_cache", False)
+    names = ("compile s", "run ms", "steps", "us/step", "error", "drift", "energy")
+    print(f"{'motion of 10 s':24}{'program':22}{'setting':22}" + "".join(f"{name:>10}" for name in names))
+    rows = []
+    for name in arguments.only or _WORKS:
+        for row in _WORKS[name](arguments.quick):
+            rows.append(row)
+            print(_line(row), flush=True)
+    for reason in filter(None, (_exudyn.missing(), _mujoco.missing())):
+        print(f"note: {reason}", file=sys.stderr)
+    if arguments.json:
+        arguments.json.write_text(json.dumps([dataclasses.asdict(row) for row in rows], indent=1))
+    if arguments.png:
+        _figure.figure(rows).savefig(arguments.png)
+
+
+def _line(row: _works.Row) -> str:
+    numbers = (
+        f"{row.compilation:.1f}" if row.compilation else "",
+        f"{1e3 * row.seconds:.4g}",
+        f"{row.steps}",
+        f"{1e6 * row.seconds / row.steps:.3g}",
+        *(f"{value:.0e}" for value in (row.error, row.drift, row.energy)),
+    )
+    shown = "".join(f"{'' if number == 'nan' else number:>10}" for number in numbers)
+    return f"{row.work:24}{row.program:22}{row.setting:22}{shown}".rstrip().replace("nan", "   ")
+
+
+if __name__ == "__main__":
+    np.seterr(all="ignore")
+    main()

@@ -1,0 +1,147 @@
+"""What is run: one motion at many precisions, a batch of motions, and a very long one."""
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import redundax as rx
+
+from . import _exudyn, _mujoco
+from ._problems import T1, Problem, n_four_bar, three_cranks
+
+ALL = "redundax"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One program on one motion: seconds to compile and to run, steps, error of the crank angle at the end.
+
+    `drift` and `energy` are the largest violation of the constraints and error of the energy, where they are known.
+    """
+
+    work: str
+    program: str
+    setting: str
+    compilation: float
+    seconds: float
+    steps: int
+    error: float
+    drift: float = np.nan
+    energy: float = np.nan
+
+
+def one_motion(quick: bool) -> Iterator[Row]:
+    """Time against error."""
+    for problem in (three_cranks(), *(n_four_bar(loops) for loops in ((1,) if quick else (1, 2, 10)))):
+        angle = problem.angle()
+        for rtol in (1e-5, 1e-7, 1e-9) if quick else (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10):
+            yield _ours(problem, rtol, angle)
+        if problem.name != three_cranks().name:
+            yield from _peers(problem, angle, (1_000, 10_000) if quick else (1_000, 4_000, 16_000, 64_000, 256_000))
+
+
+def _ours(problem: Problem, rtol: float, angle: float) -> Row:
+    mechanism, state = problem.mechanism, problem.state
+
+    def run() -> rx.Trajectory:
+        return rx.simulate(mechanism, state, T1, ts=[T1], rtol=rtol, throw=False)
+
+    first, seconds, found = _timed(run)
+    stats = found.stats
+    return Row(
+        problem.name,
+        ALL,
+        f"rtol {rtol:.0e}",
+        first - seconds,
+        seconds,
+        int(stats.steps + stats.rejected),
+        abs(float(found.q[0, problem.index]) - angle),
+        float(jnp.maximum(stats.position_violation, stats.velocity_violation)),
+        float(stats.energy_error),
+    )
+
+
+def _timed(run: Callable, repeats: int = 3) -> tuple:
+    """Seconds of the first call, median of the others, and the value."""
+    times = []
+    for _ in range(repeats + 1):
+        start = time.perf_counter()
+        value = jax.block_until_ready(run())
+        times.append(time.perf_counter() - start)
+    return times[0], float(np.median(times[1:])), value
+
+
+def _peers(problem: Problem, angle: float, counts: Sequence[int]) -> Iterator[Row]:
+    loops = round((problem.index - 2) / 4)
+    runs: dict[str, Callable] = {}
+    if not _exudyn.missing():
+        runs[_exudyn.NAME] = _exudyn.run
+    if not _mujoco.missing():
+        for name, integrator in _mujoco.INTEGRATORS.items():
+            runs[name] = lambda loops, steps, integrator=integrator: _mujoco.run(loops, steps, integrator)
+    for name, run in runs.items():
+        for steps in counts:
+            found = [run(loops, steps) for _ in range(3 if steps < 64_000 else 1)]
+            seconds = float(np.median([seconds for seconds, _ in found]))
+            yield Row(problem.name, name, f"{steps} steps", 0.0, seconds, steps, abs(found[0][1] - angle))
+
+
+def batch(quick: bool) -> Iterator[Row]:
+    """Motions of 1-four-bar from different rates: seconds of one, in a batch on all cores; the largest error."""
+    problem, count = n_four_bar(1), 50 if quick else 1000
+    rates = np.linspace(-1.1, -0.9, count)
+    some = np.linspace(0, count - 1, 8).astype(int)
+    exact = np.array([problem.angle(rate) for rate in rates[some]])
+    for setting, options in {
+        "rtol 1e-7": {"rtol": 1e-7},
+        "rtol 1e-8": {"rtol": 1e-8},
+        "1000 steps of Dopri5": {"rtol": None, "dt0": T1 / 1000, "solver": diffrax.Dopri5()},
+    }.items():
+        run = jax.jit(jax.vmap(lambda rate, options=options: _last(problem, rate, options)))
+        first, seconds, (angles, steps) = _timed(lambda run=run: run(jnp.asarray(rates)), 1)
+        error = np.abs(np.asarray(angles)[some] - exact).max()
+        yield Row(f"{count} motions", ALL, setting, first - seconds, seconds / count, int(np.mean(steps)), error)
+    if not _exudyn.missing():
+        for steps in (10_000,) if quick else (10_000, 64_000):
+            with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+                list(pool.map(_exudyn.run, [1, 1], [100, 100]))  # starts the processes
+                start = time.perf_counter()
+                found = list(pool.map(_exudyn.run, [1] * len(some), [steps] * len(some), rates[some]))
+                seconds = (time.perf_counter() - start) / len(some)
+            error = np.abs(np.array([angle for _, angle in found]) - exact).max()
+            yield Row(f"{count} motions", f"{_exudyn.NAME}, 2 processes", f"{steps} steps", 0.0, seconds, steps, error)
+
+
+def _last(problem: Problem, rate: jax.Array, options: dict) -> tuple[jax.Array, jax.Array]:
+    """Crank angle at the end, and steps."""
+    state = problem.mechanism.state(problem.phi, rate=rate)
+    found = rx.simulate(problem.mechanism, state, T1, ts=[T1], throw=False, max_steps=100_000, **options)
+    return found.q[0, problem.index], found.stats.steps + found.stats.rejected
+
+
+def long_run(quick: bool) -> Iterator[Row]:
+    """Constant steps: does drift stay at rounding and the energy bounded?"""
+    problem = n_four_bar(1)
+    for steps in (1_000, 10_000) if quick else (10_000, 100_000, 1_000_000):
+        end = 0.01 * steps
+        run = rx.simulate(
+            problem.mechanism,
+            problem.state,
+            end,
+            ts=[end],
+            rtol=None,
+            dt0=0.01,
+            solver=diffrax.Dopri5(),
+            max_steps=steps + 1,
+            throw=False,
+        )
+        drift = float(jnp.maximum(run.stats.position_violation, run.stats.velocity_violation))
+        energy = float(run.stats.energy_error)
+        yield Row("many steps of 0.01 s", ALL, "Dopri5", 0.0, np.nan, int(run.stats.steps), np.nan, drift, energy)
