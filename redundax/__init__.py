@@ -65,6 +65,7 @@ from ._loads import SpringDamper as SpringDamper
 from ._loads import TorsionSpring as TorsionSpring
 from ._loads import Wrench as Wrench
 from ._mechanism import Mechanism as Mechanism
+from ._motion._plot_trajectory import plot_trajectory as plot_trajectory
 from ._motion._simulate import simulate as simulate
 from ._motion._stabilisation import AbstractStabilisation as AbstractStabilisation
 from ._motion._stabilisation import Baumgarte as Baumgarte
@@ -92,6 +93,8 @@ from ._state import State as State
 from ._study._distributions import AbstractDistribution as AbstractDistribution
 from ._study._distributions import Normal as Normal
 from ._study._distributions import Uniform as Uniform
+from ._study._ensemble import ensemble as ensemble
+from ._study._plot_ensemble import plot_ensemble as plot_ensemble
 from ._study._plot_tolerance import plot_tolerance as plot_tolerance
 from ._study._study import study as study
 from ._study._tolerance import tolerance_study as tolerance_study
