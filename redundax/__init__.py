@@ -94,6 +94,10 @@ from ._study._distributions import AbstractDistribution as AbstractDistribution
 from ._study._distributions import Normal as Normal
 from ._study._distributions import Uniform as Uniform
 from ._study._ensemble import ensemble as ensemble
+from ._study._identification import Combination as Combination
+from ._study._identification import Identification as Identification
+from ._study._identification import Minimum as Minimum
+from ._study._identify import identify as identify
 from ._study._plot_ensemble import plot_ensemble as plot_ensemble
 from ._study._plot_tolerance import plot_tolerance as plot_tolerance
 from ._study._study import study as study
