@@ -26,6 +26,7 @@ from ._closures._elastic_joints import JointCompliance as JointCompliance
 from ._closures._row_scalings import RowNormalised as RowNormalised
 from ._closures._row_scalings import UnitConsistent as UnitConsistent
 from ._continuation import Continuation as Continuation
+from ._draw import animate as animate
 from ._draw import draw as draw
 from ._enumerate import frictional_solutions as frictional_solutions
 from ._factorisation import Factorisation as Factorisation

@@ -203,7 +203,7 @@ def _end(u: np.ndarray, residual: np.ndarray, slopes: np.ndarray) -> _End:
     least = max(1.0, np.finfo(slopes.dtype).eps ** 0.5 * singular[0])
     rank = int(np.sum(singular >= least))
     steps = left[: len(residual), :rank].T @ residual
-    return _End(u, slopes, float(residual @ residual), singular, directions, rank, np.linalg.norm(steps) <= _LEFT)
+    return _End(u, slopes, float(residual @ residual), singular, directions, rank, bool(np.linalg.norm(steps) <= _LEFT))
 
 
 def _problem(order: list[_End], minima: tuple[Minimum, ...], searches: int) -> str:
