@@ -102,7 +102,7 @@ def _band(panel: "Axes", ensemble: "xarray.Dataset", output: Output, percentiles
     for k, (name, values) in enumerate(zip(between, band[1:-1], strict=True)):
         name = "median" if name == "50" else f"{name} %"
         panel.plot(t, values, color=_EDGE, linestyle=_DASHES[k % 4], linewidth=1.6, label=name)
-    panel.margins(x=0)
+    panel.set_xlim(t[0], t[-1])
 
 
 def _verdicts(panel: "Axes", along: MotionReport, output: Output) -> None:
