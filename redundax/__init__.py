@@ -39,6 +39,7 @@ from ._closures._elastic_joints import JointCompliance as JointCompliance
 from ._closures._row_scalings import RowNormalised as RowNormalised
 from ._closures._row_scalings import UnitConsistent as UnitConsistent
 from ._continuation import Continuation as Continuation
+from ._draw import animate as animate
 from ._draw import draw as draw
 from ._enumerate import frictional_solutions as frictional_solutions
 from ._factorisation import Factorisation as Factorisation
@@ -78,6 +79,7 @@ from ._loads import SpringDamper as SpringDamper
 from ._loads import TorsionSpring as TorsionSpring
 from ._loads import Wrench as Wrench
 from ._mechanism import Mechanism as Mechanism
+from ._motion._plot_trajectory import plot_trajectory as plot_trajectory
 from ._motion._simulate import simulate as simulate
 from ._motion._stabilisation import AbstractStabilisation as AbstractStabilisation
 from ._motion._stabilisation import Baumgarte as Baumgarte
@@ -106,6 +108,12 @@ from ._state import State as State
 from ._study._distributions import AbstractDistribution as AbstractDistribution
 from ._study._distributions import Normal as Normal
 from ._study._distributions import Uniform as Uniform
+from ._study._ensemble import ensemble as ensemble
+from ._study._identification import Combination as Combination
+from ._study._identification import Identification as Identification
+from ._study._identification import Minimum as Minimum
+from ._study._identify import identify as identify
+from ._study._plot_ensemble import plot_ensemble as plot_ensemble
 from ._study._plot_tolerance import plot_tolerance as plot_tolerance
 from ._study._study import study as study
 from ._study._tolerance import tolerance_study as tolerance_study

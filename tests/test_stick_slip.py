@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from test_simulate import richardson
 from truth import paper
 
 import redundax as rx
@@ -119,6 +120,23 @@ def test_the_papers_mechanism_sticks_where_the_scalar_equation_does():
     np.testing.assert_allclose(run.q[1, 8], angle, rtol=0, atol=1e-8)
     np.testing.assert_allclose(run.q[0, 8], crank(0.02, 1.0)[0], rtol=0, atol=1e-7)
     assert run.stats.steps + run.stats.rejected < 500
+
+
+@slow
+@pytest.mark.parametrize("way", ["forward", "reverse"])
+def test_the_derivative_of_the_papers_motion_with_respect_to_friction(way):
+    """d phi_1(0.3 s) / d mu_rho, across the reversal of the crank; the truth is that of the scalar equation."""
+    truth = richardson(lambda mu_rho: crank(mu_rho, 0.3)[0], 0.02, 2e-3)
+
+    def angle(mu_rho, **options):
+        mechanism = rx.mechanisms.wojtyra2020(mu_rho=mu_rho)
+        return rx.simulate(mechanism, mechanism.state(jnp.pi / 4, rate=1.0), 0.3, ts=[0.3], **options).q[0, 8]
+
+    if way == "reverse":
+        found = jax.jit(jax.grad(angle))(0.02)
+    else:
+        found = jax.jit(jax.jacfwd(lambda mu_rho: angle(mu_rho, adjoint=diffrax.ForwardMode())))(0.02)
+    np.testing.assert_allclose(found, truth, rtol=1e-6)
 
 
 def test_smooth_friction_models():

@@ -1,3 +1,4 @@
 """Drawings of planar mechanisms with matplotlib, which is imported only when one is made."""
 
+from ._animate import animate as animate
 from ._draw import draw as draw

@@ -3,7 +3,7 @@
 load of a joint on its body i = -(d Phi / d pose_i)^T lam,   length of an arrow = scale * |force|
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -75,7 +75,8 @@ def draw(
 
     **Returns:** the axes. Artists have telling group ids: "body 2", "load force A", "self-stress moment K", ...
     """
-    _check(mechanism, state, scale)
+    check(mechanism, scale)
+    _check_state(mechanism, state)
     stage = scene(mechanism, state)
     groups = []
     if self_stress is not None:
@@ -84,27 +85,26 @@ def draw(
     if multipliers is not None:
         lam = _vector("multipliers", multipliers, mechanism)
         groups.append(Arrows(LOADS, on_bodies(stage, joint_wrenches(mechanism, state, lam))))
-    applied = Arrows(FORCES, _applied(stage))
+    applied = Arrows(FORCES, applied_arrows(stage))
     if axes is None:
-        axes = _new_axes(stage, groups)
-    axes.set(xlabel="x (m)", ylabel="y (m)")
-    axes.spines[["top", "right"]].set_visible(False)
-    room = _room(axes)
-    head = key_height(groups, stage.gravity, float(room[0]))
-    point = _frame(axes, stage, [*groups, applied], room, head, scale)
-    small = _smaller(stage, point)
+        from matplotlib import pyplot
+
+        axes = new_axes(pyplot.figure, stage.points(), stage, groups)
+    point, head = framed(axes, stage.points(), stage, [*groups, applied], scale)
+    small = smaller(stage.spacing(), point)
     pen = Pen(axes, point * small, small)
     outlines = draw_bodies(pen, stage)
     draw_joints(pen, stage)
     draw_springs(pen, stage)
     values = draw_arrows(pen, stage, [*groups, applied])
     draw_key(Pen(axes, point), groups, stage.gravity)
-    named = [*_joint_labels(pen, stage), *_body_labels(pen, stage, outlines)] if names else []
+    named = [*joint_labels(pen, stage), *_body_labels(pen, stage, outlines)] if names else []
     place(pen, [*named, *values], axes.get_ylim()[1] - head * point)
     return axes
 
 
-def _check(mechanism: Any, state: State, scale: float | None) -> None:
+def check(mechanism: Any, scale: float | None) -> None:
+    """Refuse what cannot be drawn."""
     if not isinstance(mechanism, Mechanism):
         raise ValueError(
             f"Argument `mechanism` must be a planar `Mechanism`, but is a {type(mechanism).__name__}, "
@@ -112,6 +112,14 @@ def _check(mechanism: Any, state: State, scale: float | None) -> None:
         )
     if not mechanism.body_names:
         raise ValueError("Argument `mechanism` must have its names, but is anonymous. Draw the one it was made from.")
+    if scale is not None and not scale > 0:
+        raise ValueError(
+            f"Argument `scale` must be positive, metres on the drawing for each newton, but is {scale}. "
+            "Leave it out for one that fits."
+        )
+
+
+def _check_state(mechanism: Mechanism, state: State) -> None:
     n = len(mechanism.coordinates)
     if state.q.shape != (n,):
         raise ValueError(
@@ -121,11 +129,6 @@ def _check(mechanism: Any, state: State, scale: float | None) -> None:
         raise ValueError(
             "Argument `state` must have finite coordinates, but its q holds NaN or infinity. "
             "Look at the `result` of what made it."
-        )
-    if scale is not None and not scale > 0:
-        raise ValueError(
-            f"Argument `scale` must be positive, metres on the drawing for each newton, but is {scale}. "
-            "Leave it out for one that fits."
         )
 
 
@@ -158,36 +161,44 @@ def _stress(mechanism: Mechanism, state: State, given: Any) -> np.ndarray:
     return states[int(given)]
 
 
-def _applied(stage: Scene) -> list[Arrow]:
+def applied_arrows(stage: Scene) -> list[Arrow]:
+    """Applied forces and moments."""
     return [Arrow("", "", load.on_i, load.on_i, load.force, load.moment) for load in applied_loads(stage)]
 
 
-def _new_axes(stage: Scene, groups: list[Arrows]) -> "matplotlib.axes.Axes":
-    """Axes of a new pyplot figure whose size suits the mechanism."""
-    from matplotlib import pyplot
-
+def new_axes(
+    make: Callable[..., Any], points: np.ndarray, stage: Scene, groups: list[Arrows], strip: float = 0.0
+) -> "matplotlib.axes.Axes":
+    """Axes of a figure that is made in a size that suits the points, with a strip of some points of print for more."""
     left, lower, right, upper = (54.0, 40.0, 14.0, 10.0)
-    spread = np.ptp(stage.points(), axis=0)
+    spread = np.ptp(points, axis=0)
     point = min(max(*(spread / _ROOM)), stage.spacing() / (1.4 * _SPACING)) or 1.0
     reach = 1.2 * LONGEST if groups else 0.0
-    wanted = (
-        spread / point
-        + 2 * _pad(groups)
-        + reach
-        + [left + right, key_height(groups, stage.gravity, np.inf) + lower + upper]
-    )
+    head = key_height(groups, stage.gravity, np.inf) + strip
+    wanted = spread / point + 2 * _pad(groups) + reach + [left + right, head + lower + upper]
     width, height = np.clip(wanted, *_SIZES)
-    figure = pyplot.figure(figsize=(width / 72.0, height / 72.0))
+    figure = make(figsize=(width / 72.0, height / 72.0))
     return figure.add_axes((left / width, lower / height, 1 - (left + right) / width, 1 - (lower + upper) / height))
+
+
+def framed(
+    axes: Any, points: np.ndarray, stage: Scene, groups: list[Arrows], scale: float | None, strip: float = 0.0
+) -> tuple[float, float]:
+    """Axes set so that points and arrows fit: size of a point of print in data units, points of the key above."""
+    axes.set(xlabel="x (m)", ylabel="y (m)")
+    axes.spines[["top", "right"]].set_visible(False)
+    room = _room(axes)
+    head = key_height(groups[:-1], stage.gravity, float(room[0])) + strip
+    return _frame(axes, points, stage.spacing(), groups, room, head, scale), head
 
 
 def _pad(groups: list[Arrows]) -> np.ndarray:
     return _PAD + (_WIDER if groups else 0.0)
 
 
-def _smaller(stage: Scene, point: float) -> float:
-    """Factor for all symbols where joints are near to each other on paper."""
-    return float(np.clip(stage.spacing() / (_SPACING * point), 0.4, 1.0))
+def smaller(spacing: float, point: float) -> float:
+    """Factor for all symbols where joints, at their usual spacing, are near to each other on paper."""
+    return float(np.clip(spacing / (_SPACING * point), 0.4, 1.0))
 
 
 def _room(axes: Any) -> np.ndarray:
@@ -198,15 +209,23 @@ def _room(axes: Any) -> np.ndarray:
     return np.array([window.width, window.height]) * 72.0 / axes.figure.dpi
 
 
-def _frame(axes: Any, stage: Scene, groups: list[Arrows], room: np.ndarray, head: float, scale: float | None) -> float:
+def _frame(
+    axes: Any,
+    points: np.ndarray,
+    spacing: float,
+    groups: list[Arrows],
+    room: np.ndarray,
+    head: float,
+    scale: float | None,
+) -> float:
     """Set the limits so that all fits, and the arrows' scales; the size of a point of print in data units."""
     inner = np.maximum(room - 2 * np.minimum(_pad(groups[:-1]), 0.15 * room) - [0.0, head], 0.1 * room)
-    points, point = stage.points(), 0.0
+    point = 0.0
     size = float(np.ptp(points, axis=0).max())
     low, high = points.min(axis=0), points.max(axis=0)
     for _ in range(12):  # arrows have lengths on paper, so the frame depends on itself
         point = max(*((high - low) / inner), 0.1 * size / inner.max()) or 1.0 / inner.max()
-        _set_scales(groups, min(LONGEST, 0.25 * room.min()) * _smaller(stage, point) * point, scale)
+        _set_scales(groups, min(LONGEST, 0.25 * room.min()) * smaller(spacing, point) * point, scale)
         tips = [a.at + g.vector(a, point) for g in groups for a in g.arrows if np.any(a.force)]
         every = np.array([*points, *tips])
         low, high = every.min(axis=0), every.max(axis=0)
@@ -221,7 +240,7 @@ def _set_scales(groups: list[Arrows], longest: float, scale: float | None) -> No
     """Scales of all groups; applied forces, the last group, share that of joint loads of their size or have none."""
     *loads, applied = groups
     for group in loads:
-        shared = group.look is LOADS and applied.largest() <= _COMPARABLE * group.largest()
+        shared = group.look.gid == LOADS.gid and applied.largest() <= _COMPARABLE * group.largest()
         largest = max(group.largest(), applied.largest() * shared)
         if scale is not None:
             group.scale = scale
@@ -231,7 +250,7 @@ def _set_scales(groups: list[Arrows], longest: float, scale: float | None) -> No
             applied.scale = group.scale
 
 
-def _joint_labels(pen: Pen, stage: Scene) -> list[Label]:
+def joint_labels(pen: Pen, stage: Scene) -> list[Label]:
     """One label for all joints at a place."""
     places: list[tuple[np.ndarray, list[str], float]] = []
     for joint in stage.joints:

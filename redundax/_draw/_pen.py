@@ -37,7 +37,7 @@ class Pen:
 
         face = to_rgba(fill, style.pop("opacity", 1.0)) if fill != "none" else "none"
         style = {"joinstyle": "round", **style, "linewidth": self.symbol * style.get("linewidth", 1.0)}
-        self.axes.add_patch(Polygon(corners, closed=True, facecolor=face, edgecolor=edge, zorder=z, **style))
+        self.axes.add_artist(Polygon(corners, closed=True, facecolor=face, edgecolor=edge, zorder=z, **style))
 
     def line(self, points: Any, colour: str = INK, z: float = 1.0, **style: Any) -> None:
         """An open line."""
@@ -45,7 +45,7 @@ class Pen:
 
         points = np.asarray(points)
         style = {"solid_capstyle": "round", **style, "linewidth": self.symbol * style.get("linewidth", 1.0)}
-        self.axes.add_line(Line2D(points[:, 0], points[:, 1], color=colour, zorder=z, **style))
+        self.axes.add_artist(Line2D(points[:, 0], points[:, 1], color=colour, zorder=z, **style))
 
     def circle(self, centre: np.ndarray, radius: float, fill: str = "white", **style: Any) -> None:
         """A circle; `radius` in points."""

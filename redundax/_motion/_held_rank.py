@@ -68,6 +68,7 @@ class Kinetics(NamedTuple):
     factor: Float[Array, "m m"]
 
 
+@eqx.filter_jit  # traced once, for the many places that it stands in
 def kinetics(system: AbstractSystem, state: State, held: Held) -> Kinetics:
     """Assemble and factorise at a state."""
     rows = jacobian(system, state) / held.row_scale[:, None]

@@ -45,9 +45,10 @@ def integrate(
     singular: bool,
 ) -> Trajectory:
     """The motion; `singular` says whether M may be."""
-    factor = factorize(system, state, rank)
+    fixed = jax.lax.stop_gradient((system, state))  # what only decides how to compute has no derivative
+    factor = factorize(*fixed, rank)
     rank = factor.spectrum.rank
-    scale = scaling(system, state, factor.jacobian)
+    scale = scaling(*fixed, factor.jacobian)
     held, _ = hold(system, state, scale, rank, singular=singular)
     equations = _equations(system, state, factor, scale, closure, stabilisation)
     first = 0.01 * scale.size / equations.speed if dt0 is None else dt0
@@ -110,12 +111,14 @@ def _start(equations: Equations, state: State, factor: Factorisation, held: Held
     if not system.friction:
         return _Start(factor.result, sense, sense, no, one_freedom)
     if equations.has_sense:
-        there = onward(equations, state.t, Moving(state.q, state.qd, jnp.zeros_like(state.t)), held, one_freedom)
+        here = Moving(state.q, state.qd, jnp.zeros_like(state.t))
+        there = onward(*jax.lax.stop_gradient((equations, state.t, here, held, one_freedom)))
         sense, stuck = there.sense, there.stuck
-    solution = solve(system, state, closure=equations.closure, rank=rank, sense=sense)
+    system, state, closure = jax.lax.stop_gradient((system, state, equations.closure))
+    solution = solve(system, state, closure=closure, rank=rank, sense=sense)
     result = RESULTS.where(stuck, factor.result, solution.result)
-    tau = jax.lax.stop_gradient(jnp.where(stuck, 0.0, solution.friction))
-    return _Start(result, jax.lax.stop_gradient(sense), tau, stuck, one_freedom)
+    tau = jnp.where(stuck, 0.0, solution.friction)
+    return _Start(result, sense, tau, stuck, one_freedom)
 
 
 def _before(begin: _Start, state: State, held: Held, ts: Array, regular: Array) -> Run:

@@ -79,6 +79,7 @@ class Equations(eqx.Module):
         solved = self.solved(State(y.q, y.qd, t), context, closed=closed)
         return Moving(y.qd, solved.acceleration, solved.power)
 
+    @eqx.filter_jit  # traced once, for the many places that it stands in
     def solved(self, state: State, context: Context, *, closed: bool = True) -> Solved:
         """Accelerations, multipliers and friction at a state.
 

@@ -99,7 +99,8 @@ def _phase(now: Run, equations: Equations, options: Options, one_freedom: Array)
         event = solution.result == diffrax.RESULTS.event_occurred
         at, there = back_to_event(equations, t, y, carried.context)
         t, y = jax.tree.map(lambda new, old: jnp.where(event, new, old), (at, there), (t, y))
-        next_sense, next_stuck, next_consistent = onward(equations, t, y, carried.context.held, one_freedom)
+        here = jax.lax.stop_gradient((equations, t, y, carried.context.held, one_freedom))
+        next_sense, next_stuck, next_consistent = onward(*here)
         sense = jnp.where(event, next_sense, sense)
         stuck, consistent = event & next_stuck, ~event | next_consistent
     here = (options.ts >= now.t) & (options.ts <= t)

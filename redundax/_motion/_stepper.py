@@ -115,11 +115,13 @@ class Stepper(diffrax.AbstractWrappedSolver):
             y, parts = projected(system, t1, raw, context.held)
         else:
             parts = kinetics(system, State(y.q, y.qd, t1), context.held)
+        # What is watched and what the next step starts from have no derivatives.
+        fixed, there, t, parts = jax.lax.stop_gradient((equations, y, t1, parts))
         held, excess = renewed(context.held, parts)
-        watch, off = _watched(solver_state.watch, equations, t1, y, parts, held.row_scale)
+        watch, off = _watched(solver_state.watch, fixed, t, there, parts, held.row_scale)
         pivot = jnp.min(jnp.diagonal(parts.factor))
-        tau = equations.solved(State(y.q, y.qd, t1), context).tau if system.friction else context.tau
-        carried = Carried(inner, *jax.lax.stop_gradient((Context(held, tau), watch, pivot)))
+        tau = fixed.solved(State(there.q, there.qd, t), context).tau if system.friction else context.tau
+        carried = Carried(inner, Context(held, tau), watch, pivot)
         if error is not None:
             if projects:
                 error = jax.tree.map(lambda e, a, b: jnp.abs(e) + jnp.abs(a - b), error, y, raw)

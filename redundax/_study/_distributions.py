@@ -97,6 +97,11 @@ def sobol(parameters: Mapping[str, AbstractDistribution], samples: int, seed: in
     }
 
 
+def entries(name: str, shape: tuple[int, ...]) -> list[str]:
+    """One name for each entry of an array."""
+    return [name + (str([*index]) if shape else "") for index in np.ndindex(shape)]
+
+
 def _pair(first: str, one: Numbers, second: str, other: Numbers) -> tuple[np.ndarray, np.ndarray]:
     values = np.asarray(one, dtype=float), np.asarray(other, dtype=float)
     try:

@@ -18,7 +18,13 @@ from .._results import RESULTS, result_codes
 from .._system import AbstractSystem
 
 SAMPLE = "sample"
-_LABELLED = {"acceleration": "coordinate", "multipliers": "row", "friction": "slip"}
+_LABELLED = {
+    "q": "coordinate",
+    "qd": "coordinate",
+    "acceleration": "coordinate",
+    "multipliers": "row",
+    "friction": "slip",
+}
 _HASHED = 2**22  # bytes of samples that are hashed at once
 
 

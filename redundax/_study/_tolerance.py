@@ -23,7 +23,7 @@ from jaxtyping import Array
 from .._results import RESULTS, result_codes
 from .._solution import Solution
 from .._system import AbstractSystem
-from ._distributions import AbstractDistribution, sobol
+from ._distributions import AbstractDistribution, entries, sobol
 from ._layout import SAMPLE, named
 from ._study import study
 
@@ -114,18 +114,18 @@ def tolerance_study(
     linear = _linear(run, parameters)
     given = sobol(parameters, samples, seed)
     data = study(run, given, system=system, chunk=chunk, path=path, mesh=mesh, progress=progress)
-    entries = [name for one in parameters for name in _entries(one, parameters[one].shape)]
+    inputs = [name for one in parameters for name in entries(one, parameters[one].shape)]
     solved = _solved(data, linear.names)
-    if solved.sum() <= len(entries):
+    if solved.sum() <= len(inputs):
         raise RuntimeError(
-            f"Only {solved.sum()} of {solved.size} samples have a solution: too few for the shares of {len(entries)} "
+            f"Only {solved.sum()} of {solved.size} samples have a solution: too few for the shares of {len(inputs)} "
             "parameters. Take narrower distributions, or more samples."
         )
     if not solved.all():
         text = f"{np.sum(~solved)} of {solved.size} samples have no solution and are left out of the statistics"
         warnings.warn(f"{text}{_why(data)}.", stacklevel=2)
     statistics = _statistics(data, linear.names, solved, _standard(given, parameters), percentiles)
-    coords = {"parameter": entries, "percentile": [*percentiles]}
+    coords = {"parameter": inputs, "percentile": [*percentiles]}
     return _together(data, linear, solved, statistics, coords)
 
 
@@ -146,11 +146,6 @@ def _check(parameters: Mapping[str, AbstractDistribution], samples: int, percent
         raise ValueError(
             f"Argument `percentiles` must lie between 0 and 100, but is {percentiles}. Give them in per cent."
         )
-
-
-def _entries(name: str, shape: tuple[int, ...]) -> list[str]:
-    """One name for each entry of an array."""
-    return [name + (str([*index]) if shape else "") for index in np.ndindex(shape)]
 
 
 class _Linear(NamedTuple):
@@ -240,9 +235,9 @@ def _output_labels(data: "xarray.Dataset", names: Sequence[str]) -> tuple[list[s
             friction = {"linear": "friction force", "angular": "friction moment"} if dim == "slip" else {}
             kinds += [friction.get(kind, str(kind)) for kind in data[f"{dim}_kind"].values]
         else:
-            entries = _entries(name, shape)
-            labels += entries
-            kinds += [""] * len(entries)
+            found = entries(name, shape)
+            labels += found
+            kinds += [""] * len(found)
     return labels, kinds
 
 

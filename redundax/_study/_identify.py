@@ -1,0 +1,163 @@
+"""Identification: parameters from a measured motion, their uncertainty, and what the measurement cannot tell.
+
+    r(p) = (predict(p) - measured) / noise,      chi^2 = |r|^2 -> min
+
+Weighted least squares, the maximum likelihood for independent normal noise, by Levenberg-Marquardt steps (optimistix)
+from many starts at once: they need the sensitivities J = dr/dp that the uncertainty is made of anyway, by forward mode,
+and get to the minimum in some ten of them where gradient methods (optax) take hundreds. With the standard deviations
+D = diag(d) of the parameters before the measurement, from their distributions,
+
+    J D = U S V^T,      covariance of p = D V S^-2 V^T D
+
+and the combination v_k of parameters in units of d has the standard uncertainty 1 / s_k. Where s_k < 1 the measurement
+leaves it as uncertain as it was: it is not determined. What is left to do at an end of the search, |U^T r| over the
+determined combinations, is the distance to the minimum in standard uncertainties: it alone says whether a search has
+converged, whatever made it stop.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jaxtyping import Array
+
+from .._module import Numbers, as_float
+from ._distributions import AbstractDistribution, sobol
+from ._identification import Ends, Identification, Shapes, Space, identified, restored
+
+
+def identify(
+    predict: Callable[..., Array],
+    measured: Numbers,
+    parameters: Mapping[str, AbstractDistribution],
+    *,
+    noise: Numbers,
+    starts: int = 8,
+    max_steps: int = 64,
+    rtol: float = 1e-5,
+    seed: int = 0,
+    throw: bool = True,
+) -> Identification:
+    """Find parameters from measured outputs, how uncertain they are, and which of them the data cannot determine.
+
+    ??? example
+
+        ```python
+        t = jnp.linspace(0.0, 2.0, 21)
+        def predict(rate, damping):
+            return jnp.exp(-damping * t) * jnp.sin(rate * t)
+        ranges = {"rate": rx.Uniform(1.0, 4.0), "damping": rx.Uniform(0.0, 1.0)}
+        found = rx.identify(predict, predict(3.0, 0.2), ranges, noise=0.01)
+        print(found)  # 3.0, 0.2, each with its uncertainty
+        ```
+
+    A motion is predicted by `simulate(..., adjoint=diffrax.ForwardMode()).q[:, k]`, say.
+
+    **Arguments:**
+
+    - `predict`: function with arguments named as in `parameters`, written in jnp and differentiable in forward mode,
+      that gives what is measured.
+    - `measured`: the measurement, in the shape that `predict` gives.
+    - `parameters`: `Uniform` or `Normal` for each argument of `predict`, numbers or arrays: friction coefficients,
+      misfits, preloads, compliances. Searches start at Sobol points of them, and their standard deviations are what the
+      uncertainty of the estimate is compared with. They do not bound the estimate, nor draw it to them.
+    - `noise`: standard deviation of the measurement, a number or one for each.
+    - `starts`: number of searches, a power of two; they run as one batch.
+    - `max_steps`, `rtol`: steps of a search at most, and its relative tolerance.
+    - `seed`: of the scrambling of the Sobol points.
+    - `throw`: whether to raise an error where the search did not converge.
+
+    **Returns:** an `Identification`; printed, it is a page.
+
+    **Raises:** `ValueError` for arguments that do not fit; `RuntimeError` where no search converged, or where one that
+    did not has the least misfit, and `throw` says so.
+    """
+    data, sigma = _checked(measured, noise, parameters, starts)
+    shapes = tuple((name, one.shape) for name, one in parameters.items())
+    middle = jnp.concatenate([jnp.ravel(one.nominal) for one in parameters.values()])
+    scale = jnp.concatenate([jnp.ravel(one.std) for one in parameters.values()])
+    begin = jnp.concatenate([x.reshape(starts, -1) for x in sobol(parameters, starts, seed).values()], axis=1)
+    try:
+        found = _searches(predict, shapes, begin, data, sigma, middle, scale, max_steps, rtol)
+    except TypeError as error:
+        if "forward-mode" not in str(error):
+            raise
+        raise ValueError(
+            "Argument `predict` must be differentiable in forward mode, but is not. Give `simulate` the argument "
+            "`adjoint=diffrax.ForwardMode()`."
+        ) from error
+    out = identified(Ends(*map(np.asarray, found)), Space(shapes, np.asarray(middle), np.asarray(scale)))
+    if out.problem and throw:
+        raise RuntimeError(out.problem)
+    return out
+
+
+def _checked(
+    measured: Numbers, noise: Numbers, parameters: Mapping[str, AbstractDistribution], starts: int
+) -> tuple[Array, Array]:
+    wrong = [name for name, one in parameters.items() if not isinstance(one, AbstractDistribution)]
+    if wrong or not parameters:
+        raise ValueError(
+            "Argument `parameters` must hold a `Normal` or `Uniform` for each parameter, but holds "
+            f"{f'something else for {wrong}' if wrong else 'none'}. What is known belongs into `predict`."
+        )
+    if starts < 1 or starts & (starts - 1):
+        raise ValueError(
+            f"Argument `starts` must be a power of two, but is {starts}. {2 ** starts.bit_length()} is one."
+        )
+    data, sigma = as_float(measured), as_float(noise)
+    if not bool(jnp.all(jnp.isfinite(data))):
+        raise ValueError(
+            "Argument `measured` must be finite. Leave out of it, and of what `predict` gives, what is missing."
+        )
+    if not bool(jnp.all(sigma > 0)):
+        raise ValueError(f"Argument `noise` must be positive, but is {noise}. Give a standard deviation.")
+    if sigma.shape not in ((), data.shape):
+        raise ValueError(
+            f"Argument `noise` must be a number or have the shape of `measured`, {data.shape}, but has {sigma.shape}. "
+            "Give one standard deviation for all, or one for each."
+        )
+    return data, sigma
+
+
+@eqx.filter_jit
+def _searches(
+    predict: Callable[..., Array],
+    shapes: Shapes,
+    begin: Array,
+    data: Array,
+    sigma: Array,
+    middle: Array,
+    scale: Array,
+    max_steps: int,
+    rtol: float,
+) -> tuple[Array, ...]:
+    """All searches: where they ended, residuals and sensitivities there."""
+
+    def residual(u: Array) -> tuple[Array, Array]:
+        given = jnp.asarray(predict(**restored(shapes, middle + scale * u)))
+        if given.shape != data.shape:
+            raise ValueError(
+                f"Argument `measured` must have the shape that `predict` gives, {given.shape}, but has {data.shape}. "
+                "Let `predict` give what was measured, at the same times."
+            )
+        value = ((given - data) / sigma).ravel()
+        return value, value
+
+    def linear(u: Array, _: Any) -> Array:
+        # A step asks for the residual, then for its derivative: one program gives both, so that it is compiled once.
+        here = jax.lax.stop_gradient(u)
+        slopes, value = jax.jacfwd(residual, has_aux=True)(here)
+        return value + slopes @ (u - here)
+
+    def search(u: Array) -> tuple[Array, ...]:
+        solver = optx.LevenbergMarquardt(rtol=rtol, atol=rtol)
+        found = optx.least_squares(linear, solver, u, max_steps=max_steps, throw=False)
+        last = found.state.f_info
+        return found.value, last.residual, last.jac.as_matrix()
+
+    return jax.vmap(search)((begin - middle) / scale)
