@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import registry
 from scipy.integrate import solve_ivp
-from truth import exact
+from truth import exact, squeezer
 
 import redundax as rx
 
@@ -147,6 +147,48 @@ def test_where_a_motion_ends_early_the_rest_is_nan():
         np.testing.assert_allclose(q, pendulum_truth(0.7, 1.3, t1=t), rtol=0, atol=1e-6)
     with pytest.raises(RuntimeError, match="max_steps"):
         rx.simulate(system, state, T1, ts=TIMES, max_steps=12)
+
+
+def two_rods(q):
+    """Accelerations of a double pendulum of uniform rods, 1 m and 1 kg each, by Lagrange's equations."""
+    (a, b), (da, db), g = q[:2], q[2:], 9.81
+    mass = np.array([[4 / 3, np.cos(a - b) / 2], [np.cos(a - b) / 2, 1 / 3]])
+    bent = np.sin(a - b) / 2 * np.array([-(db**2), da**2])
+    return np.linalg.solve(mass, bent - g * np.array([1.5 * np.cos(a), 0.5 * np.cos(b)]))
+
+
+@slow
+def test_a_double_pendulum_swings_as_lagrange_says():
+    rods = [rx.Body(name, 1.0, 1 / 12) for name in ("upper", "lower")]
+    pins = [
+        rx.Revolute("A", "upper", "ground", point_i=(-0.5, 0.0), point_j=(0.0, 0.0)),
+        rx.Revolute("B", "lower", "upper", point_i=(-0.5, 0.0), point_j=(0.5, 0.0)),
+    ]
+    mechanism = rx.Mechanism(rods, pins, gravity=(0.0, -9.81))
+    a, b = 0.4, -0.9
+    elbow = np.array([np.cos(a), np.sin(a)])
+    hand = elbow + np.array([np.cos(b), np.sin(b)]) / 2
+    start = rx.State(q=np.array([*elbow / 2, *hand, a, b]), qd=np.zeros(6))
+    trajectory = rx.simulate(mechanism, start, T1, ts=TIMES, rtol=1e-10)
+    truth = solve_ivp(
+        lambda t, q: [*q[2:], *two_rods(q)],
+        (0, T1),
+        [a, b, 0, 0],
+        method="DOP853",
+        rtol=1e-12,
+        atol=1e-12,
+        t_eval=TIMES,
+    )
+    np.testing.assert_allclose(trajectory.q[:, 4:], truth.y[:2].T, rtol=0, atol=1e-7)
+    assert trajectory.stats.energy_error <= 1e-9
+    assert trajectory.stats.position_violation <= 1e-13
+
+
+@slow
+def test_the_squeezer_ends_where_it_was_published_to():
+    trajectory = rx.simulate(squeezer.mechanism(), squeezer.start(), squeezer.T1, ts=[squeezer.T1])
+    np.testing.assert_allclose(squeezer.relative_angles(trajectory.q[0]), squeezer.PUBLISHED, rtol=1e-8)
+    assert trajectory.stats.energy_error <= 1e-8
 
 
 @slow

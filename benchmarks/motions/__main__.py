@@ -33,7 +33,7 @@ def main() -> None:
     jax.config.update("jax_enable_x64", True)
     jax.config.update("jax_enable_compilation_cache", False)
     names = ("compile s", "run ms", "steps", "us/step", "error", "drift", "energy")
-    print(f"{'motion of 10 s':24}{'program':22}{'setting':22}" + "".join(f"{name:>10}" for name in names))
+    print(f"{'motion, 10 s':24}{'program':22}{'setting':22}" + "".join(f"{name:>10}" for name in names))
     rows = []
     for name in arguments.only or _WORKS:
         for row in _WORKS[name](arguments.quick):
@@ -49,7 +49,7 @@ def main() -> None:
 
 def _line(row: _works.Row) -> str:
     numbers = (
-        f"{row.compilation:.1f}" if row.compilation else "",
+        f"{row.compilation:.1f}" if row.compilation > 0.05 else "",
         f"{1e3 * row.seconds:.4g}",
         f"{row.steps}",
         f"{1e6 * row.seconds / row.steps:.3g}",

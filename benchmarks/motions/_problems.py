@@ -1,9 +1,12 @@
 """The problems, and what is known of their motions."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
+import jax.numpy as jnp
 import numpy as np
 from scipy.integrate import solve_ivp
+from truth import squeezer
 
 import redundax as rx
 
@@ -12,40 +15,66 @@ T1, GRAVITY = 10.0, 9.81
 
 @dataclass(frozen=True)
 class Problem:
-    """A mechanism of parallel cranks, phi'' = -k cos phi; `index` is that of a crank angle in q."""
+    """A motion up to `t1` with the error of the position at its end; `loops` of N-four-bar, for the peers."""
 
     name: str
     mechanism: rx.Mechanism
-    index: int
-    k: float
-    phi: float = np.pi / 2
-    rate: float = -1.0
+    state: rx.State
+    error: Callable[[np.ndarray], float]
+    t1: float = T1
+    loops: int = 0
 
-    @property
-    def state(self) -> rx.State:
-        """The start."""
-        return self.mechanism.state(self.phi, rate=self.rate)
 
-    def angle(self, rate: float | None = None) -> float:
-        """The crank angle at the end."""
-        run = solve_ivp(
-            lambda t, y: [y[1], -self.k * np.cos(y[0])],
-            (0, T1),
-            [self.phi, self.rate if rate is None else rate],
-            method="DOP853",
-            rtol=1e-13,
-            atol=1e-14,
-        )
-        return run.y[0, -1]
+def crank_angle(k: float, phi: float, rate: float) -> float:
+    """The angle of parallel cranks after 10 s, phi'' = -k cos phi."""
+    run = solve_ivp(
+        lambda t, y: [y[1], -k * np.cos(y[0])], (0, T1), [phi, rate], method="DOP853", rtol=1e-13, atol=1e-14
+    )
+    return run.y[0, -1]
+
+
+def stiffness(loops: int) -> float:
+    """k of N-four-bar with rods of 1 m and 1 kg."""
+    return GRAVITY * ((loops + 1) / 2 + loops) / ((loops + 1) / 3 + loops)
+
+
+def crank(loops: int) -> int:
+    """Where the angle of its first crank stands in q."""
+    return 4 * loops + 2
 
 
 def n_four_bar(loops: int) -> Problem:
     """N-four-bar with rods of 1 m and 1 kg."""
-    inertia, weight = (loops + 1) / 3 + loops, GRAVITY * ((loops + 1) / 2 + loops)
-    return Problem(f"{loops}-four-bar", rx.mechanisms.n_four_bar(loops), 4 * loops + 2, weight / inertia)
+    mechanism = rx.mechanisms.n_four_bar(loops)
+    angle = crank_angle(stiffness(loops), np.pi / 2, -1.0)
+    return Problem(
+        f"{loops}-four-bar",
+        mechanism,
+        mechanism.state(np.pi / 2, rate=-1.0),
+        lambda q: abs(q[crank(loops)] - angle),
+        loops=loops,
+    )
 
 
 def three_cranks() -> Problem:
-    """A coupler of 4 kg on three cranks of 0.5 m and 1 kg: k = 1."""
+    """A coupler of 4 kg on three cranks of 0.5 m and 1 kg: k = 1 redundant constraint."""
     inertia, weight = 3 * 0.5**2 / 3 + 4 * 0.5**2, GRAVITY * 0.5 * (3 / 2 + 4)
-    return Problem("three cranks, k = 1", rx.mechanisms.parallelogram(3), 8, weight / inertia)
+    angle = crank_angle(weight / inertia, np.pi / 2, -1.0)
+    mechanism = rx.mechanisms.parallelogram(3)
+    return Problem("three cranks, k = 1", mechanism, mechanism.state(np.pi / 2, rate=-1.0), lambda q: abs(q[8] - angle))
+
+
+def papers(mu_rho: float | None = None) -> Problem:
+    """The paper's mechanism from phi = pi/4; with friction it comes to rest. No truth is known."""
+    mechanism = rx.mechanisms.wojtyra2020(mu_rho=mu_rho)
+    name = "the paper's" + (", to rest" if mu_rho else "")
+    return Problem(name, mechanism, mechanism.state(phi=jnp.pi / 4, rate=1.0), lambda q: np.nan)
+
+
+def andrews() -> Problem:
+    """Andrews' squeezer, with the published position after 0.03 s."""
+
+    def error(q: np.ndarray) -> float:
+        return float(np.max(np.abs(squeezer.relative_angles(q) / squeezer.PUBLISHED - 1)))
+
+    return Problem("squeezer, 0.03 s", squeezer.mechanism(), squeezer.start(), error, squeezer.T1)

@@ -14,9 +14,9 @@ import numpy as np
 import redundax as rx
 
 from . import _exudyn, _mujoco
-from ._problems import T1, Problem, n_four_bar, three_cranks
+from ._problems import T1, Problem, andrews, crank, crank_angle, n_four_bar, papers, stiffness, three_cranks
 
-ALL = "redundax"
+OURS = "redundax"
 
 
 @dataclass(frozen=True)
@@ -39,30 +39,30 @@ class Row:
 
 def one_motion(quick: bool) -> Iterator[Row]:
     """Time against error."""
-    for problem in (three_cranks(), *(n_four_bar(loops) for loops in ((1,) if quick else (1, 2, 10)))):
-        angle = problem.angle()
+    controls = (three_cranks(), andrews(), papers(), papers(0.02))
+    for problem in (*controls, *(n_four_bar(loops) for loops in ((1,) if quick else (1, 2, 10)))):
         for rtol in (1e-5, 1e-7, 1e-9) if quick else (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10):
-            yield _ours(problem, rtol, angle)
-        if problem.name != three_cranks().name:
-            yield from _peers(problem, angle, (1_000, 10_000) if quick else (1_000, 4_000, 16_000, 64_000, 256_000))
+            yield _ours(problem, rtol)
+        if problem.loops:
+            yield from _peers(problem, (1_000, 10_000) if quick else (1_000, 4_000, 16_000, 64_000, 256_000))
 
 
-def _ours(problem: Problem, rtol: float, angle: float) -> Row:
-    mechanism, state = problem.mechanism, problem.state
+def _ours(problem: Problem, rtol: float) -> Row:
+    mechanism, state, t1 = problem.mechanism, problem.state, problem.t1
 
     def run() -> rx.Trajectory:
-        return rx.simulate(mechanism, state, T1, ts=[T1], rtol=rtol, throw=False)
+        return rx.simulate(mechanism, state, t1, ts=[t1], rtol=rtol, throw=False)
 
     first, seconds, found = _timed(run)
     stats = found.stats
     return Row(
         problem.name,
-        ALL,
+        OURS,
         f"rtol {rtol:.0e}",
         first - seconds,
         seconds,
         int(stats.steps + stats.rejected),
-        abs(float(found.q[0, problem.index]) - angle),
+        float(problem.error(np.asarray(found.q[0]))),
         float(jnp.maximum(stats.position_violation, stats.velocity_violation)),
         float(stats.energy_error),
     )
@@ -78,8 +78,8 @@ def _timed(run: Callable, repeats: int = 3) -> tuple:
     return times[0], float(np.median(times[1:])), value
 
 
-def _peers(problem: Problem, angle: float, counts: Sequence[int]) -> Iterator[Row]:
-    loops = round((problem.index - 2) / 4)
+def _peers(problem: Problem, counts: Sequence[int]) -> Iterator[Row]:
+    angle = crank_angle(stiffness(problem.loops), np.pi / 2, -1.0)
     runs: dict[str, Callable] = {}
     if not _exudyn.missing():
         runs[_exudyn.NAME] = _exudyn.run
@@ -88,7 +88,7 @@ def _peers(problem: Problem, angle: float, counts: Sequence[int]) -> Iterator[Ro
             runs[name] = lambda loops, steps, integrator=integrator: _mujoco.run(loops, steps, integrator)
     for name, run in runs.items():
         for steps in counts:
-            found = [run(loops, steps) for _ in range(3 if steps < 64_000 else 1)]
+            found = [run(problem.loops, steps) for _ in range(3 if steps < 64_000 else 1)]
             seconds = float(np.median([seconds for seconds, _ in found]))
             yield Row(problem.name, name, f"{steps} steps", 0.0, seconds, steps, abs(found[0][1] - angle))
 
@@ -98,7 +98,7 @@ def batch(quick: bool) -> Iterator[Row]:
     problem, count = n_four_bar(1), 50 if quick else 1000
     rates = np.linspace(-1.1, -0.9, count)
     some = np.linspace(0, count - 1, 8).astype(int)
-    exact = np.array([problem.angle(rate) for rate in rates[some]])
+    exact = np.array([crank_angle(stiffness(1), np.pi / 2, rate) for rate in rates[some]])
     for setting, options in {
         "rtol 1e-7": {"rtol": 1e-7},
         "rtol 1e-8": {"rtol": 1e-8},
@@ -107,7 +107,7 @@ def batch(quick: bool) -> Iterator[Row]:
         run = jax.jit(jax.vmap(lambda rate, options=options: _last(problem, rate, options)))
         first, seconds, (angles, steps) = _timed(lambda run=run: run(jnp.asarray(rates)), 1)
         error = np.abs(np.asarray(angles)[some] - exact).max()
-        yield Row(f"{count} motions", ALL, setting, first - seconds, seconds / count, int(np.mean(steps)), error)
+        yield Row(f"{count} motions", OURS, setting, first - seconds, seconds / count, int(np.mean(steps)), error)
     if not _exudyn.missing():
         for steps in (10_000,) if quick else (10_000, 64_000):
             with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
@@ -121,9 +121,9 @@ def batch(quick: bool) -> Iterator[Row]:
 
 def _last(problem: Problem, rate: jax.Array, options: dict) -> tuple[jax.Array, jax.Array]:
     """Crank angle at the end, and steps."""
-    state = problem.mechanism.state(problem.phi, rate=rate)
+    state = problem.mechanism.state(np.pi / 2, rate=rate)
     found = rx.simulate(problem.mechanism, state, T1, ts=[T1], throw=False, max_steps=100_000, **options)
-    return found.q[0, problem.index], found.stats.steps + found.stats.rejected
+    return found.q[0, crank(1)], found.stats.steps + found.stats.rejected
 
 
 def long_run(quick: bool) -> Iterator[Row]:
@@ -144,4 +144,4 @@ def long_run(quick: bool) -> Iterator[Row]:
         )
         drift = float(jnp.maximum(run.stats.position_violation, run.stats.velocity_violation))
         energy = float(run.stats.energy_error)
-        yield Row("many steps of 0.01 s", ALL, "Dopri5", 0.0, np.nan, int(run.stats.steps), np.nan, drift, energy)
+        yield Row("many steps of 0.01 s", OURS, "Dopri5", 0.0, np.nan, int(run.stats.steps), np.nan, drift, energy)
