@@ -19,7 +19,10 @@ def missing() -> str:
 
 
 def run(loops: int, steps: int, rate: float = -1.0) -> tuple[float, float]:
-    """Seconds of the integration, and the angle of the first crank at the end, from vertical cranks of a rate."""
+    """Seconds of the integration, and the angle of the first crank at the end, from vertical cranks of a rate.
+
+    The angle is NaN where Newton's method of a step fails, as it may beside a singular position.
+    """
     import exudyn as exu
 
     system, crank = _model(loops, rate)
@@ -34,7 +37,10 @@ def run(loops: int, steps: int, rate: float = -1.0) -> tuple[float, float]:
     integration.generalizedAlpha.spectralRadius = 0.9
     integration.newton.useModifiedNewton = True
     start = time.perf_counter()
-    system.SolveDynamic(settings, solverType=exu.DynamicSolverType.GeneralizedAlpha)
+    try:
+        system.SolveDynamic(settings, solverType=exu.DynamicSolverType.GeneralizedAlpha)
+    except exu.SolverError:
+        return time.perf_counter() - start, np.nan
     seconds = time.perf_counter() - start
     return seconds, np.pi / 2 + system.GetNodeOutput(crank, exu.OutputVariableType.Coordinates)[2]
 

@@ -90,7 +90,9 @@ def _peers(problem: Problem, counts: Sequence[int]) -> Iterator[Row]:
         for steps in counts:
             found = [run(problem.loops, steps) for _ in range(3 if steps < 64_000 else 1)]
             seconds = float(np.median([seconds for seconds, _ in found]))
-            yield Row(problem.name, name, f"{steps} steps", 0.0, seconds, steps, abs(found[0][1] - angle))
+            error = abs(found[0][1] - angle)
+            setting = f"{steps} steps" + (", stopped" if np.isnan(error) else "")
+            yield Row(problem.name, name, setting, 0.0, seconds, steps, error)
 
 
 def batch(quick: bool) -> Iterator[Row]:
