@@ -68,10 +68,10 @@ def back_to_event(equations: Equations, t: Array, y: Moving, context: Context) -
     def newton(carry: tuple[Array, Moving], _: None) -> tuple[tuple[Array, Moving], None]:
         t, y = carry
         dt = -slip_rates(equations, t, y)[joint] / _slip_accelerations(equations, t, y, context)[joint]
-        return (t + dt, _stepped(equations, t, y, dt, context)), None
+        there = _stepped(equations, t, y, dt, context)
+        return (t + dt, projected(equations.system, t + dt, there, context.held)[0]), None
 
-    (t, y), _ = jax.lax.scan(newton, (t, y), None, length=_NEWTON)
-    return t, projected(equations.system, t, y, context.held)[0]
+    return jax.lax.scan(newton, (t, y), None, length=_NEWTON)[0]
 
 
 def _stepped(equations: Equations, t: Array, y: Moving, dt: Array, context: Context) -> Moving:
