@@ -348,7 +348,9 @@ def figure(rows: Sequence[Row]) -> "Figure":
     for axes in panels[:, 0]:
         axes.set_ylabel("time per solve (s)")
     handles, labels = panels[0, 0].get_legend_handles_labels()
-    title = "large marks: one solve alone; small ones: a batch of 1000; shaded: wrong by more than 10 %, at the end 1e3 or more"
+    title = (
+        "large marks: one solve alone; small ones: a batch of 1000; shaded: wrong by 10 %, at the end by 1e3 or more"
+    )
     style = {"frameon": False, "fontsize": 8.5, "title_fontsize": 8.5}
     out.legend(handles, labels, loc="outside lower center", ncols=min(columns + 1, 4), title=title, **style)
     return out
