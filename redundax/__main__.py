@@ -15,6 +15,7 @@ import dataclasses
 import functools
 import hashlib
 import json
+import math
 import os
 import pathlib
 import platform
@@ -137,15 +138,25 @@ def _own_mechanism(commands: Any) -> None:
         "--png", metavar="FILE", type=_picture, help="draw the solutions; further states have their number in the name"
     )
     for command in (study, page):
-        command.add_argument("--amplitude", type=float, help="largest self-stress added; by default the largest load")
-        command.add_argument("--samples", type=_positive, default=201, help="amplitudes looked at (default 201)")
+        command.add_argument("--amplitude", type=_size, help="largest self-stress added; by default the largest load")
+        command.add_argument("--samples", type=_count, default=201, help="amplitudes looked at (default 201)")
         command.add_argument("--progress", action="store_true", help="tell how far the work is, even if it is short")
 
 
-def _positive(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"must be a whole number and at least 1, but is {text}")
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 3:
+        raise argparse.ArgumentTypeError(f"must be a whole number and at least 3, but is {text}")
     return int(text)
+
+
+def _size(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"must be a positive number, but is {text}")
+    return value
 
 
 def _picture(text: str) -> pathlib.Path:
@@ -192,6 +203,8 @@ def _report(system: AbstractSystem, state: State, arguments: argparse.Namespace)
     made = contents(title, system, state, report, solution, families, _provenance(arguments))
     for file in write(made, arguments.output):
         print(f"written: {file}", file=sys.stderr)
+    if report.problem:
+        print(f"redundax: {report.problem}", file=sys.stderr)
     return 1 if report.problem or any(np.any(family.count == 0) for family in families) else 0
 
 

@@ -36,7 +36,7 @@ class Body(eqx.Module):
                     f"Argument `{name}` of body '{self.name}' must be a number, but has shape {value.shape}. "
                     "Make one `Body` for each."
                 )
-            if known(value) and value < 0:
+            if known(value) and not value >= 0:
                 raise ValueError(
                     f"Argument `{name}` of '{self.name}' must not be negative, but is {float(value)}. Zero is allowed "
                     "where the constraints leave the coordinate no freedom of its own, condition (14)."

@@ -3,6 +3,7 @@
 import importlib.util
 import pathlib
 import sys
+import traceback
 
 from ._state import State
 from ._system import AbstractSystem
@@ -33,7 +34,10 @@ def load(argument: str) -> tuple[AbstractSystem, State]:
     module = importlib.util.module_from_spec(spec)
     sys.modules[file.stem] = module
     sys.path.insert(0, str(file.parent.resolve()))  # so that it can import its neighbours
-    spec.loader.exec_module(module)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise FileError(f"'{path}'{_line(error, file)} fails with {type(error).__name__}: {error}") from error
     if not hasattr(module, name):
         raise FileError(f"'{path}' has no '{name}'. It has {', '.join(_public(module)) or 'no public names'}.")
     value = getattr(module, name)
@@ -54,6 +58,13 @@ def load(argument: str) -> tuple[AbstractSystem, State]:
         f"'{name}' in '{path}' must be a system, a pair (system, state), or a function that returns such a pair, "
         f"but is {type(value).__name__}. Return the pair from a function of that name."
     )
+
+
+def _line(error: Exception, file: pathlib.Path) -> str:
+    """Where in the file an error arose."""
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(file)]
+    line = error.lineno if isinstance(error, SyntaxError) else lines[-1] if lines else None
+    return f", line {line}," if line else ""
 
 
 def _public(module: object) -> list[str]:

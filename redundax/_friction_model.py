@@ -17,7 +17,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from ._module import as_float
+from ._module import as_float, not_negative
 
 
 class AbstractFrictionModel(eqx.Module):
@@ -58,6 +58,9 @@ class Coulomb(AbstractFrictionModel):
     coefficient: Float[Array, ""] = eqx.field(converter=as_float)
     preload: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
 
+    def __check_init__(self) -> None:
+        not_negative("coefficient", self.coefficient)
+
     def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
         return -self.coefficient * (normal_load + self.preload) * sense
 
@@ -88,6 +91,9 @@ class RegularisedCoulomb(AbstractFrictionModel):
     coefficient: Float[Array, ""] = eqx.field(converter=as_float)
     velocity: Float[Array, ""] = eqx.field(converter=as_float)
     preload: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+
+    def __check_init__(self) -> None:
+        not_negative("coefficient", self.coefficient)
 
     def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
         return -self.coefficient * (normal_load + self.preload) * jnp.tanh(rate / self.velocity)
@@ -123,6 +129,10 @@ class Stribeck(AbstractFrictionModel):
     velocity: Float[Array, ""] = eqx.field(converter=as_float)
     viscous: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
     preload: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+
+    def __check_init__(self) -> None:
+        for name in ("static", "kinetic", "viscous"):
+            not_negative(name, getattr(self, name))
 
     def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
         fall = jnp.exp(-((rate / self.velocity) ** 2))

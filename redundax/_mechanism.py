@@ -19,7 +19,7 @@ from ._body import Body, poses
 from ._group_friction import FrictionMembers, JointFriction, friction_members
 from ._joints import AbstractJoint
 from ._loads import AbstractLoad, Motion
-from ._module import Numbers, as_float, as_functions, replace
+from ._module import Numbers, as_float, as_functions, as_vector, replace
 from ._names import check_names
 from ._stack import Stack, indices, stacked, stacks
 from ._state import State
@@ -72,7 +72,7 @@ class Mechanism(AbstractSystem):
         check_names(names, joints, loads)
         self.body = stacked([replace(body, name="") for body in bodies])
         self.loads, _ = stacks(loads, names)
-        self.gravity, self.pose = as_float(gravity), as_functions(pose)
+        self.gravity, self.pose = as_vector(gravity), as_functions(pose)
         self.coordinates = Axis(
             (
                 *(f"{name}.{axis}" for name in names for axis in "xy"),

@@ -8,6 +8,7 @@ import equinox as eqx
 import jax
 import jax.core
 import jax.numpy as jnp
+import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
@@ -70,6 +71,12 @@ def as_vector(value: Numbers) -> Float[Array, "2"]:
             "Give a pair of numbers."
         )
     return array
+
+
+def not_negative(name: str, value: Array) -> None:
+    """Refuse a negative number or NaN."""
+    if known(value) and not np.all(np.asarray(value) >= 0):
+        raise ValueError(f"Argument `{name}` must not be negative or NaN, but is {value}. Give a number from 0 on.")
 
 
 def unit(v: Numbers) -> Array:

@@ -48,8 +48,8 @@ def joint_outputs(mechanism: Mechanism, state: State) -> tuple[list[str], np.nda
             on, sign, arm = (j, -1.0, arms_j[k]) if i == GROUND else (i, 1.0, arms_i[k])
             force = by_row[k, :2]
             wrench = np.zeros((3, len(mechanism.rows)))
-            moment, terms = moved(by_row[k, 2], force, arm), np.abs(by_row[k, 2]) + np.abs(arm) @ np.abs(force[::-1])
-            moment = np.where(np.abs(moment) > _CLOSED * terms, moment, 0.0)
+            moment, reach = moved(by_row[k, 2], force, arm), np.linalg.norm(arm) * np.linalg.norm(force, axis=0)
+            moment = np.where(np.abs(moment) > _CLOSED * (np.abs(by_row[k, 2]) + reach), moment, 0.0)
             wrench[:, rows[k]] = sign * np.vstack([force, moment])
             names += [f"{joint} {part} on {on}" for part in ("force x", "force y", "moment")]
             out.append(wrench)

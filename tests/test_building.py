@@ -142,6 +142,8 @@ BODY = rx.Body("a", 1.0, 1.0)
 STATE = rx.State([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
 BAD = {
     "negative mass": (lambda: rx.Body("a", -1.0, 1.0), ["`mass`", "'a'", "negative"]),
+    "mass not a number": (lambda: rx.Body("a", np.nan, 1.0), ["`mass`", "'a'"]),
+    "negative friction": (lambda: rx.Coulomb(-0.1), ["`coefficient`", "negative"]),
     "negative inertia": (lambda: rx.Body("a", 1.0, -1.0), ["`inertia`", "negative"]),
     "mass of wrong shape": (lambda: rx.Body("a", [1.0, 2.0], 1.0), ["`mass`", "number"]),
     "point of wrong shape": (lambda: pin(point_i=(0, 0, 0)), ["`point_i`", "two components"]),

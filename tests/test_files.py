@@ -113,6 +113,15 @@ def test_progress_waits_for_long_work(monkeypatch):
     assert error.getvalue() == "solving: 2 of 2\n"
 
 
+def test_a_file_that_fails_is_told_by_its_line(file):
+    file.write_text("import redundax as rx\n\nbody = rx.Body('a', -1.0, 1.0)\n")
+    status, out, error = run("analyze", f"{file}:body")
+    assert (status, out) == (2, "")
+    assert f"'{file}', line 3, fails with ValueError: Argument `mass`" in error
+    file.write_text("import redundax as\n")
+    assert "line 1, fails with SyntaxError" in run("analyze", f"{file}:body")[2]
+
+
 def test_study_tells_why_nothing_can_be_solved(file):
     status, out, error = run("study", f"{file}:resting", "--samples", 5)
     assert (status, error) == (1, "")
@@ -122,7 +131,8 @@ def test_study_tells_why_nothing_can_be_solved(file):
 @pytest.mark.parametrize(
     ("option", "value", "words"),
     [
-        ("--samples", "0", "at least 1"),
+        ("--samples", "2", "at least 3"),
+        ("--amplitude", "-5", "positive"),
         ("--samples", "many", "whole number"),
         ("--png", "picture.foo", ".png, .pdf or .svg"),
         ("--png", "nowhere/picture.png", "no nowhere"),

@@ -16,7 +16,7 @@ def test_block_runs(block):
     out = io.StringIO()
     with contextlib.redirect_stdout(out):
         exec(compile(block, "README.md", "exec"), {})
-    assert out.getvalue().strip()
+    assert out.getvalue().strip() or "print(" not in block
     assert "nan" not in out.getvalue()
 
 

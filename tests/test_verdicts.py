@@ -85,6 +85,9 @@ def test_the_paper_s_mechanism():
     assert reactions["K force y on 4"].with_friction is UNIQUE
     assert reactions["A force x on 1"].without_friction is NOT_UNIQUE
     assert found.spectral_radius < 1
+    state = mechanism.state(phi=np.pi / 4, rate=1.0)
+    found = rx.analyze(mechanism, rx.State(state.q.at[9].set(4e-33), state.qd))  # rounding turns the coupler
+    assert all(j.with_friction is UNIQUE for j in found.verdicts["reaction"] if j.name == "B moment on 2")
 
 
 def test_stationary_is_not_unique():

@@ -55,6 +55,13 @@ class AbstractFrictionalJoint(AbstractJoint):
     slip_kind: eqx.AbstractClassVar[str]
     friction: eqx.AbstractVar[AbstractFrictionModel | None]
 
+    def __check_init__(self) -> None:
+        if self.friction is not None and not isinstance(self.friction, AbstractFrictionModel):
+            raise ValueError(
+                f"Argument `friction` of joint '{self.name}' must be a friction model, but is {self.friction!r}. "
+                "Give `rx.Coulomb` with this coefficient, say."
+            )
+
     @abc.abstractmethod
     def slip(self, i: Pose, j: Pose) -> Float[Array, ""]:
         """Displacement of body i relative to body j that friction opposes; "linear" or "angular" by `slip_kind`."""

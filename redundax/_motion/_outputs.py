@@ -62,10 +62,13 @@ def outputs(named: Mapping[str, Axis]) -> list[Output]:
     ]
 
 
-def chosen(known: Sequence[Output], names: Sequence[str] | None, varies: Callable[[Output], bool]) -> list[Output]:
-    """The outputs of these names; if not given, the first six positions that vary."""
+def chosen(
+    known: Sequence[Output], names: Sequence[str] | None, values: Callable[[Output], np.ndarray]
+) -> list[Output]:
+    """The outputs of these names; if not given, the first six positions whose values vary, angles first."""
     if names is None:
-        return [output for output in known if output.array == "q" and varies(output)][:_MOST]
+        positions = sorted((output for output in known if output.array == "q"), key=lambda output: output.unit != "rad")
+        return [output for output in positions if _varies(output, positions, values)][:_MOST]
     missing = [name for name in names if name not in {output.name for output in known}]
     if missing:
         some = ", ".join(output.name for output in known[:: max(1, len(known) // 4)])
@@ -76,8 +79,9 @@ def chosen(known: Sequence[Output], names: Sequence[str] | None, varies: Callabl
     return [output for name in names for output in known if output.name == name]
 
 
-def spreads(values: np.ndarray) -> bool:
-    """Whether values differ along the last axis by more than rounding, anywhere; NaN counts for nothing."""
-    low = np.nanmin(values, axis=-1, initial=np.inf)
-    high = np.nanmax(values, axis=-1, initial=-np.inf)
-    return bool(np.any(high - low > _ROUNDING * np.nanmax(np.abs(values), initial=0.0)))
+def _varies(output: Output, positions: Sequence[Output], values: Callable[[Output], np.ndarray]) -> bool:
+    """Whether values differ along the last axis by more than rounding of the largest position in the same unit."""
+    largest = max(np.nanmax(np.abs(values(one)), initial=0.0) for one in positions if one.unit == output.unit)
+    found = values(output)
+    change = np.nanmax(found, axis=-1, initial=-np.inf) - np.nanmin(found, axis=-1, initial=np.inf)
+    return bool(np.any(change > _ROUNDING * largest))

@@ -7,7 +7,7 @@ import numpy as np
 
 from .._plot import COLOURS, finish, new_figure
 from .._system import AbstractSystem
-from ._outputs import axes, chosen, outputs, spreads
+from ._outputs import axes, chosen, outputs
 from ._trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def plot_trajectory(system: AbstractSystem, trajectory: Trajectory, outputs: Seq
 
     - `system`, `trajectory`: as given to and by `simulate`.
     - `outputs`: names of what to draw, as in "1.phi", "1.phi'", "1.phi''" (m, rad and their rates), "A.x", "tau A" (N,
-      N m); the first six positions that vary if not given.
+      N m); the first six positions that vary, angles first, if not given.
 
     **Returns:** a matplotlib figure. Curves end where the motion did.
 
@@ -43,7 +43,7 @@ def plot_trajectory(system: AbstractSystem, trajectory: Trajectory, outputs: Seq
     def values(array: str, index: int) -> np.ndarray:
         return np.asarray(getattr(trajectory, array))[:, index]
 
-    wanted = chosen(_known(axes(system)), outputs, lambda one: spreads(values(one.array, one.entry)))
+    wanted = chosen(_known(axes(system)), outputs, lambda one: values(one.array, one.entry))
     units = list(dict.fromkeys(output.unit for output in wanted))
     figure = new_figure(6.6, 2.0 * max(len(units), 1) + 0.5)
     if not units:

@@ -108,13 +108,15 @@ def _drawn(
     """The distributions, and the number of samples."""
     drawn = {name: one for name, one in samples.items() if isinstance(one, AbstractDistribution)}
     fixed = [np.shape(one)[0] for one in samples.values() if not isinstance(one, AbstractDistribution) and np.ndim(one)]
-    if drawn and not fixed and (size < 2 or size & (size - 1)):
-        raise ValueError(f"Argument `size` must be a power of two, but is {size}. {2 ** size.bit_length()} is one.")
-    if not len(percentiles) or not all(0 <= value <= 100 for value in percentiles):
+    count = fixed[0] if fixed else size
+    if drawn and (count < 2 or count & (count - 1)):
+        name, near = "samples" if fixed else "size", 2 ** max(1, count.bit_length())
+        raise ValueError(f"Argument `{name}` must give a power of two samples, but gives {count}. {near} is one.")
+    if len(percentiles) < 2 or not all(0 <= value <= 100 for value in percentiles):
         raise ValueError(
-            f"Argument `percentiles` must lie between 0 and 100, but is {percentiles}. Give percent: 5 and 95, say."
+            f"Argument `percentiles` must hold two or more from 0 to 100, but is {percentiles}. Give 5 and 95, say."
         )
-    return drawn, fixed[0] if fixed else size
+    return drawn, count
 
 
 def _named(data: "xarray.Dataset", system: AbstractSystem) -> "xarray.Dataset":

@@ -8,7 +8,7 @@ import numpy as np
 from .._analysis._along import MotionReport
 from .._analysis._verdict import Verdict
 from .._axis import Axis
-from .._motion._outputs import QUANTITIES, Output, chosen, outputs, spreads
+from .._motion._outputs import QUANTITIES, Output, chosen, outputs
 from .._plot import COLOURS, finish, new_figure
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def plot_ensemble(
 
     - `ensemble`: from `ensemble`.
     - `outputs`: names of what to draw, as in "1.phi", "1.phi'", "1.phi''" (m, rad and their rates), "A.x", "tau A" (N,
-      N m); the first six positions that vary between the motions if not given.
+      N m); the first six positions that vary between the motions, angles first, if not given.
     - `along`: from `analyze_along` on one of the motions. A black bar below the band is where the output (of positions
       and velocities the acceleration) is not unique in that motion, a grey one where this is undecided.
 
@@ -52,7 +52,7 @@ def plot_ensemble(
     **Raises:** `ValueError` for names that are not there.
     """
     percentiles = np.sort(ensemble.percentile.values)
-    drawn = chosen(_known(_axes(ensemble)), outputs, lambda output: spreads(_values(ensemble, output).T))
+    drawn = chosen(_known(_axes(ensemble)), outputs, lambda output: _values(ensemble, output).T)
     columns = min(2, max(1, len(drawn)))
     rows = max(1, -(-len(drawn) // columns))
     figure = new_figure(5.2 * columns, 2.5 * rows + 0.8)
@@ -90,7 +90,7 @@ def _values(ensemble: "xarray.Dataset", output: Output) -> np.ndarray:
 def _band(panel: "Axes", ensemble: "xarray.Dataset", output: Output, percentiles: np.ndarray) -> None:
     t, band = ensemble.time.values, _values(ensemble, output)
     missing = ensemble[f"{output.array}_count"].values[:, output.entry] < ensemble.sizes["sample"]
-    low, *between, high = [f"{value:g}" for value in percentiles] if len(percentiles) > 1 else [""] * 2
+    low, *between, high = [f"{value:g}" for value in percentiles]
     label = f"{low} to {high} % of the motions"
     panel.fill_between(t, band[0], band[-1], facecolor=_FILL, alpha=0.6, edgecolor=_EDGE, linewidth=0.8, label=label)
     if missing.any():
@@ -106,7 +106,8 @@ def _verdicts(panel: "Axes", along: MotionReport, output: Output) -> None:
     """Bars along the foot of a panel where an output is not unique, or where that is not known."""
     name = f"{output.name.rstrip(chr(39))}''" if output.array in ("q", "qd") else output.name
     kind = {"multipliers": "multiplier", "friction": "friction"}.get(output.array, "acceleration")
-    said = [next(one.with_friction for one in report.verdicts[kind] if one.name == name) for report in along.reports]
+    found = [[one for one in report.verdicts.get(kind, ()) if one.name == name] for report in along.reports]
+    said = [judged[0].with_friction if judged else Verdict.UNDECIDED for judged in found]
     edges = np.concatenate([along.t[:1], (along.t[1:] + along.t[:-1]) / 2, along.t[-1:]])
     for verdicts, colour, label in (
         ((Verdict.NOT_UNIQUE,), COLOURS[-1], "not unique"),
