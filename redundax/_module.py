@@ -74,9 +74,9 @@ def as_vector(value: Numbers) -> Float[Array, "2"]:
 
 
 def not_negative(name: str, value: Array) -> None:
-    """Refuse a negative number or NaN."""
-    if known(value) and not np.all(np.asarray(value) >= 0):
-        raise ValueError(f"Argument `{name}` must not be negative or NaN, but is {value}. Give a number from 0 on.")
+    """Refuse a negative number; one that is NaN gives results that say so."""
+    if known(value) and np.any(np.asarray(value) < 0):
+        raise ValueError(f"Argument `{name}` must not be negative, but is {value}. Give a number from 0 on.")
 
 
 def unit(v: Numbers) -> Array:

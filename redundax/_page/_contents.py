@@ -18,7 +18,7 @@ from ._pictures import drawing, family_picture, spectrum_picture
 
 _KINDS = {
     "acceleration": "Accelerations",
-    "reaction": "Joint loads",
+    "reaction": "Joint loads without friction",
     "multiplier": "Multipliers",
     "friction": "Friction",
 }

@@ -35,7 +35,7 @@ def drawing(
     if self_stress is not None:
         return [Picture(png, "Self-stress as open arrows", f"{alt}, with a self-stress state as open arrows.")]
     if multipliers is not None:
-        return [Picture(png, "Joint loads", f"{alt}, with the joint loads as arrows.")]
+        return [Picture(png, "Joint loads without friction", f"{alt}, with the joint loads as arrows.")]
     return [Picture(png, "The mechanism at this state", f"{alt}.")]
 
 

@@ -65,7 +65,7 @@ def ensemble(
       as Sobol points.
     - `system`: gives coordinates, rows and slips their names.
     - `size`: N, a power of two, where all are drawn; else N is that of the values.
-    - `percentiles`: of the bands, between 0 and 100.
+    - `percentiles`: of the bands, two or more from 0 to 100.
     - `seed`: of the scrambling of the Sobol points.
     - `chunk`, `path`, `mesh`, `progress`: as in `study`; the file holds the motions, not the bands.
 
