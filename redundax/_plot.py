@@ -31,7 +31,7 @@ UNITS = {
 }
 _BAR_UNITS = ("rad/s²", "m/s²", "N", "N m")
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-_DASHES = ("-", "--", "-.", ":")
+DASHES = ("-", "--", "-.", ":")
 _MAPS = 6  # outputs drawn over two amplitudes at most
 _ZERO = 1e-17  # where a singular value of zero is drawn
 
@@ -203,7 +203,7 @@ def _curves(family: SolutionFamily, groups: list[tuple[str, list[tuple[str, np.n
     for number, (title, curves) in enumerate(groups, 1):
         axes = figure.add_subplot(rows, columns, number)
         for k, (name, values) in enumerate(curves):
-            dashes = _DASHES[(k // len(COLOURS)) % 4 if len(curves) > len(COLOURS) else k % 4]
+            dashes = DASHES[(k // len(COLOURS)) % 4 if len(curves) > len(COLOURS) else k % 4]
             for piece in range(family.branch.max(initial=-1) + 1):
                 on = family.branch == piece
                 style = {"color": COLOURS[k % len(COLOURS)], "linestyle": dashes, "linewidth": 1.4}

@@ -50,7 +50,7 @@ def axes(system: AbstractSystem) -> dict[str, Axis]:
     return {"coordinate": system.coordinates, "row": system.rows, "slip": slip_kinds(system.friction)}
 
 
-def outputs(named: Mapping[str, Axis]) -> list[Output]:
+def all_outputs(named: Mapping[str, Axis]) -> list[Output]:
     """All entries of a motion whose arrays have these axes, positions first."""
     return [
         Output(quantity.pattern.format(label), array, k, quantity.angular if angular else quantity.linear)
@@ -68,7 +68,8 @@ def chosen(
     """The outputs of these names; if not given, the first six positions whose values vary, angles first."""
     if names is None:
         positions = sorted((output for output in known if output.array == "q"), key=lambda output: output.unit != "rad")
-        return [output for output in positions if _varies(output, positions, values)][:_MOST]
+        found = {output: values(output) for output in positions}
+        return [output for output in positions if _varies(output, found)][:_MOST]
     missing = [name for name in names if name not in {output.name for output in known}]
     if missing:
         some = ", ".join(output.name for output in known[:: max(1, len(known) // 4)])
@@ -79,9 +80,9 @@ def chosen(
     return [output for name in names for output in known if output.name == name]
 
 
-def _varies(output: Output, positions: Sequence[Output], values: Callable[[Output], np.ndarray]) -> bool:
+def _varies(output: Output, found: Mapping[Output, np.ndarray]) -> bool:
     """Whether values differ along the last axis by more than rounding of the largest position in the same unit."""
-    largest = max(np.nanmax(np.abs(values(one)), initial=0.0) for one in positions if one.unit == output.unit)
-    found = values(output)
-    change = np.nanmax(found, axis=-1, initial=-np.inf) - np.nanmin(found, axis=-1, initial=np.inf)
+    largest = max(np.nanmax(np.abs(values), initial=0.0) for one, values in found.items() if one.unit == output.unit)
+    own = found[output]
+    change = np.nanmax(own, axis=-1, initial=-np.inf) - np.nanmin(own, axis=-1, initial=np.inf)
     return bool(np.any(change > _ROUNDING * largest))

@@ -5,16 +5,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .._plot import COLOURS, finish, new_figure
+from .._plot import COLOURS, DASHES, finish, new_figure
 from .._system import AbstractSystem
-from ._outputs import axes, chosen, outputs
+from ._outputs import all_outputs, axes, chosen
 from ._trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-_known = outputs
-_DASHES = ("-", "--", "-.", ":")
 
 
 def plot_trajectory(system: AbstractSystem, trajectory: Trajectory, outputs: Sequence[str] | None = None) -> "Figure":
@@ -43,7 +40,7 @@ def plot_trajectory(system: AbstractSystem, trajectory: Trajectory, outputs: Seq
     def values(array: str, index: int) -> np.ndarray:
         return np.asarray(getattr(trajectory, array))[:, index]
 
-    wanted = chosen(_known(axes(system)), outputs, lambda one: values(one.array, one.entry))
+    wanted = chosen(all_outputs(axes(system)), outputs, lambda one: values(one.array, one.entry))
     units = list(dict.fromkeys(output.unit for output in wanted))
     figure = new_figure(6.6, 2.0 * max(len(units), 1) + 0.5)
     if not units:
@@ -52,7 +49,7 @@ def plot_trajectory(system: AbstractSystem, trajectory: Trajectory, outputs: Seq
     panels = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
     for panel, unit in zip(panels, units, strict=True):
         for k, output in enumerate(output for output in wanted if output.unit == unit):
-            style = {"color": COLOURS[k % len(COLOURS)], "linestyle": _DASHES[k % 4], "linewidth": 1.4}
+            style = {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % 4], "linewidth": 1.4}
             panel.plot(np.asarray(trajectory.t), values(output.array, output.entry), label=output.name, **style)
         finish(panel, "", "")
         panel.set_ylabel(unit, fontsize=9)

@@ -147,17 +147,9 @@ def _named(data: "xarray.Dataset", system: AbstractSystem) -> "xarray.Dataset":
 def banded(values: np.ndarray, percentiles: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
     """Percentiles over the first axis of those values that are not NaN, NaN where there are none; and their number."""
     count = np.sum(~np.isnan(values), axis=0)
-    ordered = np.sort(values, axis=0)  # NaN last
-    out = []
-    for percentile in percentiles:
-        place = np.maximum(count - 1, 0) * percentile / 100.0
-        low = np.floor(place).astype(int)
-        lower, upper = (
-            np.take_along_axis(ordered, np.minimum(k, np.maximum(count - 1, 0))[None], axis=0)[0]
-            for k in (low, low + 1)
-        )
-        out.append(lower + (place - low) * (upper - lower))
-    return np.stack(out), count
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "All-NaN slice", RuntimeWarning)
+        return np.nanpercentile(values, percentiles, axis=0), count
 
 
 def _outcomes(motions: "xarray.Dataset") -> dict[str, int]:

@@ -8,16 +8,14 @@ import numpy as np
 from .._analysis._along import MotionReport
 from .._analysis._verdict import Verdict
 from .._axis import Axis
-from .._motion._outputs import QUANTITIES, Output, chosen, outputs
-from .._plot import COLOURS, finish, new_figure
+from .._motion._outputs import QUANTITIES, Output, all_outputs, chosen
+from .._plot import COLOURS, DASHES, finish, new_figure
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_known = outputs
-_DASHES = ("-", "--", "-.", ":")
 _FILL, _EDGE = COLOURS[5], COLOURS[0]
 
 
@@ -52,7 +50,7 @@ def plot_ensemble(
     **Raises:** `ValueError` for names that are not there.
     """
     percentiles = np.sort(ensemble.percentile.values)
-    drawn = chosen(_known(_axes(ensemble)), outputs, lambda output: _values(ensemble, output).T)
+    drawn = chosen(all_outputs(_axes(ensemble)), outputs, lambda output: _values(ensemble, output).T)
     columns = min(2, max(1, len(drawn)))
     rows = max(1, -(-len(drawn) // columns))
     figure = new_figure(5.2 * columns, 2.5 * rows + 0.8)
@@ -98,7 +96,7 @@ def _band(panel: "Axes", ensemble: "xarray.Dataset", output: Output, percentiles
         panel.fill_between(t, band[0], band[-1], where=missing.tolist(), label="some have ended before", **style)
     for k, (name, values) in enumerate(zip(between, band[1:-1], strict=True)):
         name = "median" if name == "50" else f"{name} %"
-        panel.plot(t, values, color=_EDGE, linestyle=_DASHES[k % 4], linewidth=1.6, label=name)
+        panel.plot(t, values, color=_EDGE, linestyle=DASHES[k % 4], linewidth=1.6, label=name)
     panel.set_xlim(t[0], t[-1])
 
 
