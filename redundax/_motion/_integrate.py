@@ -9,11 +9,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._closures._closure import AbstractClosure
+from .._continuation import Continuation
 from .._factorisation import Factorisation, factorize
 from .._friction import slip_kinds
 from .._results import RESULTS, first_failure
 from .._scaling import Scaling, scaling
-from .._solve import solve
+from .._solve import solve_factorised
 from .._solver import Newton
 from .._state import State
 from .._system import AbstractSystem
@@ -54,7 +55,7 @@ def integrate(
     equations = _equations(system, state, factor, scale, closure, stabilisation)
     first = 0.01 * scale.size / equations.speed if dt0 is None else dt0
     options = Options(solver, partial(_controller, rtol, first), adjoint, meter, max_steps, first, t1, ts)
-    begin = _start(equations, state, factor, held, rank)
+    begin = _start(equations, state, factor, held)
     before = _before(begin, _moving(equations, state), state.t, held, ts, ~factor.singular_position)
     done = run(before, equations, options, max_phases)
     solved, found = _solved(equations, done, ts, rank, singular)
@@ -105,15 +106,15 @@ def _controller(rtol: Array | None, first: Array, longest: Array) -> diffrax.Abs
     return diffrax.PIDController(rtol=0.0, atol=rtol, dtmin=1e-10 * first, dtmax=longest, force_dtmin=False)
 
 
-def _start(equations: Equations, state: State, factor: Factorisation, held: Held, rank: Array) -> _Start:
+def _start(equations: Equations, state: State, factor: Factorisation, held: Held) -> _Start:
     system, none = equations.system, jnp.zeros((), bool)
     start = Onward(equations.sense, none, ~none)
     if not system.friction:
         return _Start(factor.result, equations.sense, start)
     if equations.has_sense:
         start = onward(equations, state.t, _moving(equations, state), Context(held, None))
-    system, state, closure = jax.lax.stop_gradient((system, state, equations.closure))
-    solution = solve(system, state, closure=closure, rank=rank, sense=start.sense)
+    fixed = jax.lax.stop_gradient((system, state, factor, equations.closure))
+    solution = solve_factorised(*fixed, Continuation(), None, start.sense)
     sticks = jnp.any(equations.with_sense(start.sense).sticking)
     result = RESULTS.where(sticks, factor.result, solution.result)
     return _Start(result, jnp.where(sticks, 0.0, solution.friction), start)

@@ -108,7 +108,7 @@ def _phase(now: Run, equations: Equations, options: Options) -> Run:
         event = solution.result == diffrax.RESULTS.event_occurred
         t, y, onward = jax.lax.cond(
             event,
-            lambda: locate(equations, carried.start, t, y, carried.context),
+            lambda: locate(equations, carried.start, t, y, carried.context, carried.onward),
             lambda: (t, y, onward),
         )
         y = y._replace(event=jnp.zeros_like(t))

@@ -1,7 +1,7 @@
 """Events: a joint that slips comes to a stop, or joints that stick are let go.
 
 A step goes on with the senses held, smoothly through the event; at its end it is seen (`happened`), and taken back:
-bisection from the beginning of the step brackets the event, and Newton's method on the time finds it,
+bisection of the interpolated step brackets the event, and Newton's method on the time finds it,
 
     dt = -h / h',   y <- y(t + dt) by one step of order 8,
 
@@ -29,21 +29,20 @@ _HALVINGS, _NEWTON = 8, 4
 
 
 class Bracket(NamedTuple):
-    """Two instants around an event, the slope of h between them, the joint, and whether it is let go."""
+    """An instant just after an event, the slope of h up to it, the joint, and whether it is let go."""
 
-    begin: Array
     end: Array
     slope: Array
     joint: Array
     released: Bool[Array, ""]
 
 
-def happened(equations: Equations, state: State, linear: Linear) -> Float[Array, ""]:
-    """1 where a joint slips against its sense or joints that stick do not any longer, else 0."""
-    released = jax.lax.cond(
-        jnp.any(equations.sticking), lambda: jnp.any(_released(equations, state, linear)), lambda: jnp.zeros((), bool)
-    )
-    return (released | jnp.any(_reversed(equations, linear.rate))).astype(state.t.dtype)
+def happened(equations: Equations, state: State, linear: Linear) -> tuple[Float[Array, ""], Onward]:
+    """1 where a joint slips against its sense or joints that stick do not any longer, else 0; and the senses there."""
+    as_before = Onward(equations.sense, equations.resting, jnp.ones((), bool))
+    there = jax.lax.cond(jnp.any(equations.sticking), lambda: settled(equations, state, linear), lambda: as_before)
+    event = jnp.any(_let_go(equations, there) | _reversed(equations, linear.rate))
+    return event.astype(state.t.dtype), there
 
 
 def _reversed(equations: Equations, rate: Float[Array, " p"]) -> Bool[Array, " p"]:
@@ -51,25 +50,27 @@ def _reversed(equations: Equations, rate: Float[Array, " p"]) -> Bool[Array, " p
     return jnp.asarray(equations.sensed) & (rate * equations.sense < -small)
 
 
-def _released(equations: Equations, state: State, linear: Linear) -> Bool[Array, " p"]:
-    return equations.sticking & (settled(equations, state, linear).sense != 0)
+def _let_go(equations: Equations, there: Onward) -> Bool[Array, " p"]:
+    return equations.sticking & (there.sense != 0)
 
 
 def locate(
-    equations: Equations, start: tuple[Array, Moving], t: Array, y: Moving, context: Context
+    equations: Equations, start: tuple[Array, Moving], t: Array, y: Moving, context: Context, there: Onward
 ) -> tuple[Array, Moving, Onward]:
-    """The first event of the step from `start` to (t, y), and how it goes on from there."""
-    fixed, begin, end, rank = jax.lax.stop_gradient((equations, start, (t, y), context))
-    there = onward(fixed, *end, rank)
-    let_go = fixed.sticking & (there.sense != 0)
+    """The first event of the step from `start` to (t, y), and how it goes on from there.
+
+    `there` are the senses at the end of the step.
+    """
+    fixed, end, rank, there = jax.lax.stop_gradient((equations, (t, y), context, there))
+    let_go = _let_go(fixed, there)
     after = fixed.with_sense(jnp.where(let_go, there.sense, fixed.sense))
-    bracket = _bracket(fixed, after, let_go, begin, end, rank)
+    bracket = _bracket(fixed, after, let_go, start, end, rank)
     mode = equations.with_sense(jnp.where(bracket.released, after.sense, equations.sense))
 
     def newton(carry: tuple[Array, Moving, Array], _: None) -> tuple[tuple[Array, Moving, Array], None]:
         t, y, dt = carry
         y = projected(equations.system, t + dt, _stepped(equations, t, y, dt, context), context.held)[0]
-        slip, rate = _slip(mode, t + dt, y, context)
+        slip, rate = _slip(mode, State(y.q, y.qd, t + dt), context)
         h = jnp.where(bracket.released, slip, rate)[bracket.joint]
         slope = jnp.where(bracket.released, bracket.slope, slip[bracket.joint])
         return (t + dt, y, -h / slope), None
@@ -80,9 +81,8 @@ def locate(
     return t, y, jax.tree.map(lambda a, b: jnp.where(bracket.released, a, b), onwards, stopped)
 
 
-def _slip(equations: Equations, t: Array, y: Moving, context: Context) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
+def _slip(equations: Equations, state: State, context: Context) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
     """Rates of the slip rates, and slip rates."""
-    state = State(y.q, y.qd, t)
     linear = equations.linear(state, context.held, closed=equations.loaded)
     return equations.solved(state, linear, context.tau).slip, linear.rate
 
@@ -95,32 +95,42 @@ def _bracket(
     end: tuple[Array, Moving],
     context: Context,
 ) -> Bracket:
-    """The first event, to a fraction of the step; h is taken so that it is positive before the event."""
-    t0, y0 = begin
+    """The first event to a fraction of the step, interpolated; h is taken so that it is positive before the event."""
     over = _reversed(equations, slip_motion(equations.system, State(end[1].q, end[1].qd, end[0]))[0])
 
     def heights(t: Array) -> Array:
-        y = _stepped(equations, t0, y0, t - t0, context)
-        slip, rate = _slip(after, t, y, context)
+        slip, rate = _slip(after, _between(begin, end, t), context)
         of_one = jnp.where(let_go, -slip * after.sense, rate * equations.sense)
         return jnp.where(over | let_go, of_one * equations.slip_size, jnp.inf)
 
-    def halved(_: Array, carry: tuple) -> tuple:
+    def halved(k: Array, carry: tuple) -> tuple:
         low, high, at_low, at_high = carry
-        middle = (low + high) / 2
-        found = heights(middle)
-        before = jnp.all(found > 0)
-        return jax.tree.map(
-            lambda a, b: jnp.where(before, a, b), (middle, high, found, at_high), (low, middle, at_low, found)
-        )
+        t = jnp.where(k == 0, low, jnp.where(k == 1, high, (low + high) / 2))
+        found = heights(t)
+        before = (k == 0) | (k > 1) & jnp.all(found > 0)
+        return jax.tree.map(lambda a, b: jnp.where(before, a, b), (t, high, found, at_high), (low, t, at_low, found))
 
-    first = (t0, end[0], heights(t0), heights(end[0]))
-    low, high, at_low, at_high = jax.lax.fori_loop(0, _HALVINGS, halved, first)
+    none = jnp.zeros_like(equations.sense)
+    low, high, at_low, at_high = jax.lax.fori_loop(0, 2 + _HALVINGS, halved, (begin[0], end[0], none, none))
     joint = jnp.argmin(at_high)
     released = let_go[joint]
     sign = jnp.where(released, -after.sense, equations.sense) * equations.slip_size
     slope = (at_high - at_low)[joint] / (high - low) / sign[joint]
-    return Bracket(low, high, slope, joint, released)
+    return Bracket(high, slope, joint, released)
+
+
+def _between(begin: tuple[Array, Moving], end: tuple[Array, Moving], t: Array) -> State:
+    """The state by cubic interpolation of positions and velocities of both ends."""
+    (t0, y0), (t1, y1) = begin, end
+    span = t1 - t0
+
+    def position(t: Array) -> Array:
+        s = (t - t0) / span
+        ends = (1 + 2 * s) * (1 - s) ** 2 * y0.q + s**2 * (3 - 2 * s) * y1.q
+        return ends + span * (s * (1 - s) ** 2 * y0.qd - s**2 * (1 - s) * y1.qd)
+
+    q, qd = jax.jvp(position, (t,), (jnp.ones_like(t),))
+    return State(q, qd, t)
 
 
 def _stepped(equations: Equations, t: Array, y: Moving, dt: Array, context: Context) -> Moving:

@@ -7,9 +7,9 @@ and the rates alpha of the slip rates then meet
 
 with A = E^T A_tau symmetric positive semidefinite and rho = rho_0 + K tau. For given bounds these are the conditions of
 optimality of min tau^T A tau / 2 + alpha_0^T tau, the principle of Gauss with friction. Projected Gauss-Seidel sweeps
-solve it, the bounds following the loads. Joints that end with alpha_j = 0 stick; the others start in the sense of alpha_j.
-It is one question for all joints: with one degree of freedom all stop together, and a joint at its bound is held by the
-others.
+solve it, the bounds following the loads. Joints that end with alpha_j = 0 stick; the others start in the sense of
+alpha_j. It is one question for all joints: with one degree of freedom all stop together, and a joint at its bound is
+held by the others.
 
 Joints that slip have the friction of their sense, lo = hi.
 """
