@@ -136,7 +136,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
         fixed, there, t, parts = jax.lax.stop_gradient((equations, y, t1, parts))
         held, excess = renewed(context.held, parts)
         watch, off = _watched(solver_state.watch, fixed, t, there, parts, held.row_scale)
-        pivot = jnp.min(jnp.diagonal(parts.factor))
+        pivot = jnp.min(parts.pivots)
         tau, state, onward = context.tau, State(there.q, there.qd, t), solver_state.onward
         jump = jnp.zeros_like(off)
         if system.friction:
@@ -208,6 +208,6 @@ def _watched(
         speed=jnp.maximum(watch.speed, jnp.max(jnp.abs(y.qd) / sizes.coordinates)),
         kinetic=jnp.maximum(watch.kinetic, kinetic),
         energy=jnp.maximum(watch.energy, jnp.abs(kinetic - y.work - watch.start)),
-        nearest=jnp.minimum(watch.nearest, jnp.min(jnp.diagonal(parts.factor))),
+        nearest=jnp.minimum(watch.nearest, jnp.min(parts.pivots)),
     )
     return watch, position
