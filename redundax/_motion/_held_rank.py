@@ -86,7 +86,7 @@ def kinetics(system: AbstractSystem, state: State, held: Held) -> Kinetics:
 
 
 def _whitened(matrix: Array) -> tuple[Array, Array]:
-    """Diagonal of the Cholesky factor L, and L^-1: two LAPACK calls for all solutions, which a batch pays for singly."""
+    """Diagonal of the Cholesky factor L, and L^-1: two LAPACK calls, which a batch pays for one by one."""
     factor = jnp.linalg.cholesky(matrix)
     one = jnp.eye(matrix.shape[0], dtype=matrix.dtype)
     return jnp.diagonal(factor), jax.scipy.linalg.solve_triangular(factor, one, lower=True)

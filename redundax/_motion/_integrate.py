@@ -54,7 +54,7 @@ def integrate(
     held, _ = hold(system, state, scale, rank, singular=singular)
     equations = _equations(system, state, factor, scale, closure, stabilisation)
     first = 0.01 * scale.size / equations.speed if dt0 is None else dt0
-    options = Options(solver, partial(_controller, rtol, first), adjoint, meter, max_steps, first, t1, ts)
+    options = Options(solver, rtol is None, partial(_controller, rtol, first), adjoint, meter, max_steps, first, t1, ts)
     begin = _start(equations, state, factor, held)
     before = _before(begin, _moving(equations, state), state.t, held, ts, ~factor.singular_position)
     done = run(before, equations, options, max_phases)
@@ -99,9 +99,9 @@ def _equations(
 
 
 def _controller(rtol: Array | None, first: Array, longest: Array) -> diffrax.AbstractStepSizeController:
-    """Of the relative errors that the stepper gives."""
+    """Of the relative errors that the stepper gives; without tolerance steps are constant unless they cannot end so."""
     if rtol is None:
-        return diffrax.ConstantStepSize()
+        rtol, longest = jnp.ones_like(first), jnp.minimum(first, longest)
     return diffrax.PIDController(rtol=0.0, atol=rtol, dtmin=1e-10 * first, dtmax=longest, force_dtmin=False)
 
 

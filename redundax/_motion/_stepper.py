@@ -10,6 +10,7 @@ the state jumped.
 from typing import Any, NamedTuple
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -72,9 +73,10 @@ class Carried(NamedTuple):
 
 
 class Stepper(diffrax.AbstractWrappedSolver):
-    """The solver, followed by the stabilisation."""
+    """The solver, followed by the stabilisation; `constant` steps are judged by where they end alone."""
 
     solver: diffrax.AbstractSolver
+    constant: bool = eqx.field(static=True)
 
     @property
     def term_structure(self) -> Any:
@@ -151,13 +153,15 @@ class Stepper(diffrax.AbstractWrappedSolver):
                 event, onward = happened(fixed, state, linear)
                 y = y._replace(event=event)
         carried = Carried(inner, Context(held, tau), watch, pivot, jax.lax.stop_gradient((t0, y0)), onward)
-        if error is not None:
+        good = _may_end(off, excess, solver_state.pivot, pivot) if projects else jnp.isfinite(off)
+        good = good & (jump <= _JUMP)
+        if self.constant or error is None:
+            error = jax.tree.map(jnp.zeros_like, y)
+        else:
             if projects:
                 error = jax.tree.map(lambda e, a, b: jnp.abs(e) + jnp.abs(a - b), error, y, raw)
             error = _relative(error, t1 - t0, equations, solver_state, carried)
-            good = _may_end(off, excess, solver_state.pivot, pivot) if projects else jnp.isfinite(off)
-            good = good & (jump <= _JUMP)
-            error = jax.tree.map(lambda e: jnp.where(good, e, jnp.inf), error)
+        error = jax.tree.map(lambda e: jnp.where(good, e, jnp.inf), error)
         return y, error, dense, carried, result
 
 
