@@ -54,6 +54,8 @@ from ._family._bounds import PreloadBox as PreloadBox
 from ._family._bounds import PreloadNorm as PreloadNorm
 from ._family._solution_family import SolutionFamily as SolutionFamily
 from ._family._solution_family import solution_family as solution_family
+from ._family._sticking import sticking as sticking
+from ._family._sticking_report import Sticking as Sticking
 from ._friction import AbstractFriction as AbstractFriction
 from ._friction import Friction as Friction
 from ._friction_model import AbstractFrictionModel as AbstractFrictionModel
