@@ -21,7 +21,8 @@ Verdicts on all of them are proved by cells that cover the bounds, because under
     |change of y| <= |e|^T (I - Gamma)^-1 Lambda |change of the case|,   Lambda: bounds of the change of law.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -44,6 +45,8 @@ from ._held import held
 from ._search import Search, proved_single
 from ._solution_set import SolutionSet, solution_set
 from ._sticking_report import Sticking
+
+T = TypeVar("T")
 
 _MINIMUM_NORM = MinimumNorm()
 _NONE = 1e-10  # relative size of a drive or of a slip that is rounding
@@ -196,13 +199,14 @@ def _ends(search: Search, drive: _Drive, theta: jax.Array, samples: int, seed: i
     places = jnp.concatenate([jnp.asarray(found.theta), theta[without]])
     begin = np.concatenate([found.tau, np.full((without.sum(), drive.effect.size), np.nan)])
     margin = np.concatenate([margin, np.full(without.sum(), np.inf)])
-    stays = jax.device_get(held(solutions, cases, jnp.asarray(drive.effect), places, jnp.asarray(begin)))
+    effect = jnp.asarray(drive.effect)
+    stays = _in_batches(lambda *own: held(solutions, cases, effect, *own), len(theta), places, jnp.asarray(begin))
     if drive.none:
         stays = stays._replace(
             tau=0 * begin, share=np.zeros(len(begin)), multipliers=found.values[:, n : n + m], good=found.good
         )
     sticks = stays.within() & (margin >= -_LIMIT)
-    decided = {tuple(row) for row in np.concatenate([found.theta[slips], stays.theta[sticks]])}
+    decided = {tuple(row) for row in (*found.theta[slips], *stays.theta[sticks])}
     parts = [
         (margin[: len(slips)][slips], margin[sticks]),
         (found.theta[slips], stays.theta[sticks]),
@@ -212,7 +216,18 @@ def _ends(search: Search, drive: _Drive, theta: jax.Array, samples: int, seed: i
         (np.ones(slips.sum()), stays.share[sticks]),
     ]
     solved = np.mean([tuple(row) in decided for row in np.asarray(theta)])
-    return _Ends(*(np.concatenate(part) for part in parts), float(solved))
+    margins, *others = (np.concatenate(part) for part in parts)
+    return _Ends(margins, *others, solved=float(solved))
+
+
+def _in_batches(function: Callable[..., T], size: int, *arrays: ArrayLike) -> T:
+    """A compiled function of rows, called with batches of one size, so that nothing is compiled anew."""
+    rows, parts = np.asarray(arrays[0]).shape[0], []
+    for first in range(0, rows, size):
+        places = np.minimum(np.arange(first, first + size), rows - 1)
+        out = jax.device_get(function(*(jnp.asarray(array)[places] for array in arrays)))
+        parts.append(jax.tree.map(lambda x, first=first: x[: rows - first], out))
+    return jax.tree.map(lambda *parts: np.concatenate(parts), *parts)
 
 
 def _gamma(solutions: SolutionSet, cases: AbstractCases) -> np.ndarray:
@@ -238,17 +253,11 @@ def _covered(search: Search, drive: _Drive, theta: jax.Array, sign: float) -> bo
     change = np.asarray(largest_changes(solutions.law.groups, cases.slope[solutions.rows]))
     slope = np.abs(drive.effect) @ np.linalg.solve(np.eye(len(gamma)) - gamma, change)
     middle, half = np.asarray(cases.lower + cases.upper)[None] / 2, np.asarray(cases.upper - cases.lower)[None] / 2
-    batch, looked = len(theta), 0  # batches of one size: nothing is compiled anew
+    looked = 0
     while len(middle) and looked < _CELLS:
         looked += len(middle)
-        margins = []
-        for first in range(0, len(middle), batch):
-            own = middle[first : first + batch]
-            padded = np.concatenate([own, np.repeat(own[-1:], batch - len(own), axis=0)])
-            found = jax.device_get(sampled(solutions, cases, jnp.asarray(padded), search.factors))
-            margin = np.where(found.good[:, 0], -(found.values[:, 0] @ drive.output), np.nan)
-            margins.append(sign * margin[: len(own)])
-        margin = np.concatenate(margins)
+        found = _in_batches(lambda own: sampled(solutions, cases, own, search.factors), len(theta), middle)
+        margin = sign * np.where(found.good[:, 0], -(found.values[:, 0] @ drive.output), np.nan)
         if not np.all(margin >= 0):
             return False
         left = margin < half @ slope
