@@ -6,6 +6,7 @@ so that Phi_q qdd = gamma; two nested directional derivatives, no second-derivat
 s(q, t) gives in the same way its rate and its direction E = (ds/dq)^T.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -50,11 +51,11 @@ def second_order(system: AbstractSystem, state: State) -> tuple[AlongMotion, Flo
 
 def _along(system: AbstractSystem, state: State, rate: Array, time: Array) -> AlongMotion:
     """Phi, Phi' and -Phi'' as s grows from 0 in q [+] s rate, t + s time."""
+    return _second(lambda s: system.constraint(system.retract(state.q, s * rate), state.t + s * time), state.t)
 
-    def value(s: Array) -> Array:
-        return system.constraint(system.retract(state.q, s * rate), state.t + s * time)
 
-    zero, one = jnp.zeros_like(state.t), jnp.ones_like(state.t)
+def _second(value: Callable[[Array], Array], like: Array) -> AlongMotion:
+    zero, one = jnp.zeros_like(like), jnp.ones_like(like)
     (phi, first), (_, second) = jax.jvp(lambda s: jax.jvp(value, (s,), (one,)), (zero,), (one,))
     return AlongMotion(phi, first, -second)
 
@@ -78,9 +79,17 @@ def slip_motion(system: AbstractSystem, state: State) -> tuple[Float[Array, " p"
     """Slip rates and slip directions E of all friction groups: F = E tau, rate = E^T qd + s_t."""
 
     def slip(d: Array, t: Array) -> Array:
-        q = system.retract(state.q, d)
-        return jnp.concatenate([group.slip(q, t) for group in system.friction])
+        return _slips(system, system.retract(state.q, d), t)
 
     zero = jnp.zeros_like(state.qd)
     _, rate = jax.jvp(slip, (zero, state.t), (state.qd, jnp.ones_like(state.t)))
     return rate, jax.jacrev(slip)(zero, state.t).T
+
+
+def slip_gamma(system: AbstractSystem, state: State) -> Float[Array, " p"]:
+    """gamma of the slips: the slip rates change by E^T qdd - gamma."""
+    return _second(lambda s: _slips(system, system.retract(state.q, s * state.qd), state.t + s), state.t).gamma
+
+
+def _slips(system: AbstractSystem, q: Array, t: Array) -> Float[Array, " p"]:
+    return jnp.concatenate([group.slip(q, t) for group in system.friction])

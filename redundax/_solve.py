@@ -90,14 +90,14 @@ def solve(
     if sense is not None:
         sense = _vector("sense", sense, len(slip_kinds(system.friction)), "slips")
     factor = factorize(system, state, rank)
-    solution = _solve(system.anonymous(), state, factor, closure, solver, x0, sense)
+    solution = solve_factorised(system.anonymous(), state, factor, closure, solver, x0, sense)
     if isinstance(closure, Compliance | ElasticJoints) and all(map(known, jax.tree.leaves((factor, closure)))):
         check_units(system, state, closure, stacklevel=2)
     return _thrown(system, state, solution, throw)
 
 
 @eqx.filter_jit
-def _solve(
+def solve_factorised(
     system: AbstractSystem,
     state: State,
     factor: Factorisation,
@@ -106,6 +106,7 @@ def _solve(
     x0: Array | None,
     sense: Array | None,
 ) -> Solution:
+    """`solve`, given the factorisation at the state."""
     end, root, contraction, result = _ended(factor, system, state, closure, solver, x0, sense)
     return _solution(factor, end, root, contraction, solver.tolerance(state.qd.dtype), result)
 

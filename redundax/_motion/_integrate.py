@@ -1,27 +1,29 @@
 """The compiled part of `simulate`: the start, the phases of the motion, and what is given at the times asked for."""
 
+from functools import partial
+
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from .._closures._closure import AbstractClosure
+from .._continuation import Continuation
 from .._factorisation import Factorisation, factorize
 from .._friction import slip_kinds
-from .._kinematics import slip_motion
 from .._results import RESULTS, first_failure
 from .._scaling import Scaling, scaling
-from .._solve import solve
+from .._solve import solve_factorised
 from .._solver import Newton
 from .._state import State
 from .._system import AbstractSystem
 from ._held_rank import Held, hold
 from ._moving import Context, Equations, Moving, projected
 from ._phases import Options, Run, run
-from ._slip import onward
 from ._stabilisation import AbstractStabilisation
 from ._stepper import at_start
+from ._stick import Onward, onward
 from ._trajectory import Trajectory, TrajectoryStats
 
 
@@ -52,9 +54,10 @@ def integrate(
     held, _ = hold(system, state, scale, rank, singular=singular)
     equations = _equations(system, state, factor, scale, closure, stabilisation)
     first = 0.01 * scale.size / equations.speed if dt0 is None else dt0
-    options = Options(solver, _controller(rtol, first), adjoint, meter, max_steps, first, t1, ts)
-    begin = _start(equations, state, factor, held, rank)
-    done = run(_before(begin, state, held, ts, ~factor.singular_position), equations, options, begin.free, max_phases)
+    options = Options(solver, partial(_controller, rtol, first), adjoint, meter, max_steps, first, t1, ts)
+    begin = _start(equations, state, factor, held)
+    before = _before(begin, _moving(equations, state), state.t, held, ts, ~factor.singular_position)
+    done = run(before, equations, options, max_phases)
     solved, found = _solved(equations, done, ts, rank, singular)
     ended = _ended(done, ~factor.singular_position, found == rank, t1)
     ended = RESULTS.where(begin.result == RESULTS.successful, ended, begin.result)
@@ -63,13 +66,11 @@ def integrate(
 
 
 class _Start(eqx.Module):
-    """How the motion starts: result, senses, friction, whether it sticks, whether it has one degree of freedom."""
+    """How the motion starts: result, friction, and which joints stick."""
 
     result: RESULTS
-    sense: Float[Array, " p"]
     tau: Float[Array, " p"]
-    stuck: Bool[Array, ""]
-    free: Bool[Array, ""]
+    onward: Onward
 
 
 def _equations(
@@ -84,61 +85,67 @@ def _equations(
     speed = jnp.max(jnp.abs(state.qd) / scale.coordinates) + jnp.sqrt(reach * scale.size)
     speed = jax.lax.stop_gradient(jnp.where(speed > 0, speed, 1.0))
     angular = jnp.asarray(slip_kinds(system.friction).angular)
-    sense = jnp.sign(slip_motion(system, state)[0]) if system.friction else state.qd[:0]
     return Equations(
         system,
         closure,
         Newton(),
         stabilisation,
-        sense,
+        jnp.ones(angular.size, state.qd.dtype),
+        jnp.zeros((), bool),
         scale,
         speed,
         jnp.where(angular, scale.length, 1.0),
-        any(group.has_sense for group in system.friction),
+        tuple(group.has_sense for group in system.friction for _ in group.slips.kinds),
     )
 
 
-def _controller(rtol: Array | None, first: Array) -> diffrax.AbstractStepSizeController:
+def _controller(rtol: Array | None, first: Array, longest: Array) -> diffrax.AbstractStepSizeController:
     """Of the relative errors that the stepper gives."""
     if rtol is None:
         return diffrax.ConstantStepSize()
-    return diffrax.PIDController(rtol=0.0, atol=rtol, dtmin=1e-10 * first, force_dtmin=False)
+    return diffrax.PIDController(rtol=0.0, atol=rtol, dtmin=1e-10 * first, dtmax=longest, force_dtmin=False)
 
 
-def _start(equations: Equations, state: State, factor: Factorisation, held: Held, rank: Array) -> _Start:
-    system, one_freedom, no = equations.system, factor.freedom == 1, jnp.zeros((), bool)
-    sense, stuck = equations.sense, no
+def _start(equations: Equations, state: State, factor: Factorisation, held: Held) -> _Start:
+    system, none = equations.system, jnp.zeros((), bool)
+    start = Onward(equations.sense, none, ~none)
     if not system.friction:
-        return _Start(factor.result, sense, sense, no, one_freedom)
+        return _Start(factor.result, equations.sense, start)
     if equations.has_sense:
-        here = Moving(state.q, state.qd, jnp.zeros_like(state.t))
-        there = onward(*jax.lax.stop_gradient((equations, state.t, here, held, one_freedom)))
-        sense, stuck = there.sense, there.stuck
-    system, state, closure = jax.lax.stop_gradient((system, state, equations.closure))
-    solution = solve(system, state, closure=closure, rank=rank, sense=sense)
-    result = RESULTS.where(stuck, factor.result, solution.result)
-    tau = jnp.where(stuck, 0.0, solution.friction)
-    return _Start(result, sense, tau, stuck, one_freedom)
+        start = onward(equations, state.t, _moving(equations, state), Context(held, None))
+    fixed = jax.lax.stop_gradient((system, state, factor, equations.closure))
+    solution = solve_factorised(*fixed, Continuation(), None, start.sense)
+    sticks = jnp.any(equations.with_sense(start.sense).sticking)
+    result = RESULTS.where(sticks, factor.result, solution.result)
+    return _Start(result, jnp.where(sticks, 0.0, solution.friction), start)
 
 
-def _before(begin: _Start, state: State, held: Held, ts: Array, regular: Array) -> Run:
+def _moving(equations: Equations, state: State) -> Moving:
+    none = jnp.zeros_like(state.t)
+    return Moving(state.q, state.qd, none, none if equations.has_sense else None)
+
+
+def _before(begin: _Start, y: Moving, t: Array, held: Held, ts: Array, regular: Array) -> Run:
     """The run before its first phase."""
-    y = Moving(state.q, state.qd, jnp.zeros_like(state.t))
+    start = begin.onward
+    y = y._replace(qd=jnp.where(start.resting, 0.0, y.qd))
     path = jax.tree.map(lambda x: jnp.full((ts.size, *x.shape), jnp.nan, x.dtype), y)
     none = jnp.zeros((), int)
     return Run(
-        t=state.t,
+        t=t,
         y=y,
-        sense=begin.sense,
+        sense=start.sense,
         tau=begin.tau,
         held=held,
+        resting=start.resting,
+        since=t,
         path=path,
-        senses=jnp.broadcast_to(begin.sense, (ts.size, *begin.sense.shape)),
-        going=(begin.result == RESULTS.successful) & regular & ~begin.stuck,
-        stuck=begin.stuck,
-        consistent=jnp.ones((), bool),
+        senses=jnp.broadcast_to(start.sense, (ts.size, *start.sense.shape)),
+        rests=jnp.broadcast_to(start.resting, ts.shape),
+        going=(begin.result == RESULTS.successful) & regular & start.decided,
+        decided=start.decided,
         ended=diffrax.RESULTS.successful,
-        watch=at_start(jnp.zeros_like(state.t)),
+        watch=at_start(jnp.zeros_like(t)),
         steps=none,
         rejected=none,
         phases=none,
@@ -149,29 +156,27 @@ def _solved(equations: Equations, done: Run, ts: Array, rank: Array, singular: b
     """Position, velocity, acceleration, multipliers and friction at times; and the rank found at the end."""
     system = equations.system
 
-    def at(point: tuple[Array, Moving, Array]) -> tuple[tuple[Array, ...], Array]:
-        t, y, sense = point
-        there = eqx.tree_at(lambda e: e.sense, equations, sense)
+    def at(point: tuple[Array, Moving, Array, Array]) -> tuple[tuple[Array, ...], Array]:
+        t, y, sense, resting = point
+        there = equations.with_sense(sense)
         held, found = hold(system, State(y.q, y.qd, t), equations.scaling, rank, singular=singular)
         if equations.stabilisation.projects:
-            y, _ = projected(system, t, y, held)
-        solved = there.solved(State(y.q, y.qd, t), Context(held, None))
-        resting = done.stuck & (t >= done.t)
-        rest = done.y.q, jnp.zeros_like(y.qd), jnp.zeros_like(y.qd)
-        moving = y.q, y.qd, solved.acceleration
-        motion = tuple(jnp.where(resting, a, b) for a, b in zip(rest, moving, strict=True))
+            y = jax.tree.map(lambda a, b: jnp.where(resting, a, b), y, projected(system, t, y, held)[0])
+        state = State(y.q, y.qd, t)
+        solved = there.solved(state, there.linear(state, held), None)
+        acceleration = jnp.where(resting, 0.0, solved.acceleration)
         loads = tuple(jnp.where(resting, jnp.nan, x) for x in (solved.multipliers, solved.tau))
-        return (*motion, *loads), found
+        return (y.q, y.qd, acceleration, *loads), found
 
-    last = jax.tree.map(lambda a, b: jnp.concatenate([a, b[None]]), done.path, done.y)
-    points = jnp.append(ts, done.t), last, jnp.concatenate([done.senses, done.sense[None]])
+    path, here = (done.path, done.senses, done.rests), (done.y, done.sense, done.resting)
+    points = jnp.append(ts, done.t), *jax.tree.map(lambda a, b: jnp.concatenate([a, b[None]]), path, here)
     solved, found = jax.lax.map(at, points)
     return tuple(x[:-1] for x in solved), found[-1]
 
 
 def _ended(done: Run, regular: Array, same: Array, t1: Array) -> RESULTS:
     """The result of a motion; `same` says whether the rank is what it was."""
-    reached = (done.t >= t1) | done.stuck
+    reached = done.t >= t1
     events = done.ended == diffrax.RESULTS.event_occurred
     stopped = done.ended == diffrax.RESULTS.successful
     return first_failure(
@@ -179,11 +184,11 @@ def _ended(done: Run, regular: Array, same: Array, t1: Array) -> RESULTS:
             (regular, RESULTS.rank_changed),
             (jnp.all(jnp.isfinite(done.y.q)) & jnp.all(jnp.isfinite(done.y.qd)), RESULTS.not_finite),
             (done.ended != diffrax.RESULTS.max_steps_reached, RESULTS.steps_exhausted),
-            (done.consistent, RESULTS.joint_sticks),
+            (done.decided, RESULTS.joint_sticks),
             (reached | ~events, RESULTS.phases_exhausted),
             (events | stopped | same, RESULTS.rank_changed),
             (events | stopped, RESULTS.step_too_small),
-            (~done.stuck, RESULTS.stuck),
+            (~done.resting, RESULTS.stuck),
         )
     )
 
@@ -194,7 +199,7 @@ def _stats(done: Run) -> TrajectoryStats:
         steps=done.steps,
         rejected=done.rejected,
         phases=done.phases,
-        end=done.t,
+        end=jnp.where(done.resting, done.since, done.t),
         position_violation=watch.position,
         velocity_violation=watch.velocity / jnp.where(watch.speed > 0, watch.speed, 1.0),
         kinetic_energy=watch.kinetic,

@@ -11,12 +11,12 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from .._closures._closure import AbstractClosure
 from .._friction import load_rows
 from .._friction_problem import FrictionProblem, Law
-from .._kinematics import slip_motion
+from .._kinematics import slip_gamma, slip_motion
 from .._results import RESULTS
 from .._scaling import Scaling
 from .._solver import AbstractSolver, closed_root
@@ -27,11 +27,16 @@ from ._stabilisation import AbstractStabilisation
 
 
 class Moving(NamedTuple):
-    """Position, velocity and work done so far."""
+    """Position, velocity and work done so far; and, where friction has senses, 1 from an event on, else 0."""
 
     q: Float[Array, " n"]
     qd: Float[Array, " n"]
     work: Float[Array, ""]
+    event: Float[Array, ""] | None
+
+
+# Eigenvalues of unit slip accelerations of joints that stick, relative to the largest, that count as 0.
+_DEPENDENT = 1e-10
 
 
 class Context(NamedTuple):
@@ -41,23 +46,39 @@ class Context(NamedTuple):
     tau: Float[Array, " p"] | None
 
 
+class Linear(NamedTuple):
+    """The equations at a state, linear in the friction forces: column 0 the response to load, the others to friction.
+
+    - `force`, `acceleration`, shape (n, 1 + p); `multipliers`, shape (m, 1 + p).
+    - `rate`, shape (p,), and `slip`, its rate of change, shape (p, 1 + p).
+    """
+
+    force: Float[Array, "n columns"]
+    acceleration: Float[Array, "n columns"]
+    multipliers: Float[Array, "m columns"]
+    rate: Float[Array, " p"]
+    slip: Float[Array, "p columns"]
+
+
 class Solved(NamedTuple):
-    """Accelerations, multipliers, friction forces and power at a state."""
+    """Accelerations, multipliers, friction forces, rates of the slip rates and power at a state."""
 
     acceleration: Float[Array, " n"]
     multipliers: Float[Array, " m"]
     tau: Float[Array, " p"]
+    slip: Float[Array, " p"]
     power: Float[Array, ""]
 
 
 class Equations(eqx.Module):
     """The equations of motion of a system.
 
-    - `sense`: sense of slip of every frictional joint, held until an event changes it; shape (p,).
+    - `sense`: sense of slip of every frictional joint, 0 of one that sticks, held until an event; shape (p,).
+    - `resting`: whether the mechanism is at rest and stays there until friction lets it go.
     - `scaling`: sizes of rows and coordinates and the length of the mechanism, for errors free of units.
     - `speed`: a velocity of the mechanism, length per time.
     - `slip_size`: the length by which slips are made lengths, 1 for those that are; shape (p,).
-    - `has_sense`: whether any friction depends on the sense of slip.
+    - `sensed`: whose friction depends on the sense of slip, so that it can stick.
     """
 
     system: AbstractSystem
@@ -65,54 +86,106 @@ class Equations(eqx.Module):
     solver: AbstractSolver
     stabilisation: AbstractStabilisation
     sense: Float[Array, " p"]
+    resting: Bool[Array, ""]
     scaling: Scaling
     speed: Float[Array, ""]
     slip_size: Float[Array, " p"]
-    has_sense: bool = eqx.field(static=True)
+    sensed: tuple[bool, ...] = eqx.field(static=True)
+
+    @property
+    def has_sense(self) -> bool:
+        """Whether any friction depends on the sense of slip."""
+        return any(self.sensed)
+
+    @property
+    def sticking(self) -> Bool[Array, " p"]:
+        """Which joints stick."""
+        return (self.sense == 0) & jnp.asarray(self.sensed)
+
+    def with_sense(self, sense: Float[Array, " p"]) -> "Equations":
+        """The same equations with other senses."""
+        return eqx.tree_at(lambda e: e.sense, self, sense)
 
     def derivative(self, t: Array, y: Moving, context: Context) -> Moving:
         """y'.
 
         The closure matters to it only through friction: a self-stress does no work.
         """
-        closed = any(group.rows.size for group in self.system.friction)
-        solved = self.solved(State(y.q, y.qd, t), context, closed=closed)
-        return Moving(y.qd, solved.acceleration, solved.power)
+        state = State(y.q, y.qd, t)
+        solved = self.solved(state, self.linear(state, context.held, closed=self.loaded), context.tau)
+        slope = Moving(y.qd, solved.acceleration, solved.power, jax.tree.map(jnp.zeros_like, y.event))
+        if not self.has_sense:
+            return slope
+        return jax.tree.map(lambda x: jnp.where(self.resting, 0.0, x), slope)
+
+    @property
+    def loaded(self) -> bool:
+        """Whether any friction depends on loads."""
+        return any(group.rows.size for group in self.system.friction)
 
     @eqx.filter_jit  # traced once, for the many places that it stands in
-    def solved(self, state: State, context: Context, *, closed: bool = True) -> Solved:
-        """Accelerations, multipliers and friction at a state.
-
-        `closed` says whether the multipliers are those that the closure picks, or some.
-        """
-        system, scale = self.system, context.held.row_scale
-        parts = kinetics(system, state, context.held)
+    def linear(self, state: State, held: Held, *, closed: bool = True) -> Linear:
+        """What load and unit friction cause; `closed` says whether the multipliers are the closure's, or some."""
+        system, scale = self.system, held.row_scale
+        parts = kinetics(system, state, held)
         force, rate, directions = system.load(state), state.qd[:0], jnp.zeros((state.qd.size, 0), state.qd.dtype)
         if system.friction:
             rate, directions = slip_motion(system, state)
         gamma = self.stabilisation.gamma(parts.motion) / scale
         columns = jnp.concatenate([force[:, None], directions], axis=1)
-        a, mu = respond(parts, context.held, columns, jnp.pad(gamma[:, None], ((0, 0), (0, rate.size))))
+        a, mu = respond(parts, held, columns, jnp.pad(gamma[:, None], ((0, 0), (0, rate.size))))
         if closed:
-            mu = _picked(parts, context.held, *self.closure.compliance(system, state), mu)
-        mu = mu / scale[:, None]
-        tau = force[:0]
-        if system.friction:
-            tau = self._friction(Law(system.friction, rate, self.sense, state), mu, context.tau)
-        strengths = jnp.concatenate([jnp.ones_like(force[:1]), tau])
-        multipliers = mu @ strengths
-        return Solved(a @ strengths, multipliers, tau, self._power(state, columns @ strengths, multipliers))
+            mu = _picked(parts, held, *self.closure.compliance(system, state), mu)
+        slip = directions.T @ a
+        if self.has_sense:
+            slip = slip.at[:, 0].add(-slip_gamma(system, state))
+        return Linear(columns, a, mu / scale[:, None], rate, slip)
 
-    def _friction(self, law: Law, multipliers: Float[Array, "m columns"], start: Array | None) -> Float[Array, " p"]:
-        """Friction forces from the multipliers to load and to unit friction; NaN where none are found."""
+    @eqx.filter_jit
+    def solved(self, state: State, linear: Linear, start: Float[Array, " p"] | None) -> Solved:
+        """Accelerations, multipliers and friction, from friction forces that the solver starts at, if known."""
+        tau = linear.rate
+        if self.system.friction:
+            tau = self._friction(Law(self.system.friction, linear.rate, self.sense, state), linear, start)
+        strengths = jnp.concatenate([jnp.ones_like(state.t)[None], tau])
+        multipliers = linear.multipliers @ strengths
+        power = self._power(state, linear.force @ strengths, multipliers)
+        return Solved(linear.acceleration @ strengths, multipliers, tau, linear.slip @ strengths, power)
+
+    def _friction(self, law: Law, linear: Linear, start: Array | None) -> Float[Array, " p"]:
+        """Friction forces, those that hold the joints that stick and those of the law; NaN where none are found."""
+        holding, passed = jnp.zeros_like(linear.rate), None
+        if self.has_sense:
+            holding, passed = jax.lax.cond(jnp.any(self.sticking), lambda: self._holding(linear), lambda: _none(linear))
         rows = load_rows(self.system.friction)
         if rows.size == 0:
-            return law(law.rate[:0])
-        angular_loads = jnp.asarray(self.system.rows.angular)[rows]
-        loads = multipliers[rows]
-        problem = FrictionProblem.make(loads[:, 0], loads[:, 1:], law, angular_loads)
-        root = closed_root(problem, law(problem.rho0) if start is None else start, self.solver)
-        return jnp.where(self.solver.result(root.progress) == RESULTS.successful, root.tau, jnp.nan)
+            tau = law(law.rate[:0])
+        else:
+            loads = linear.multipliers[rows]
+            rho0, gain = loads[:, 0] + loads[:, 1:] @ holding, loads[:, 1:]
+            gain = gain if passed is None else gain @ passed
+            problem = FrictionProblem.make(rho0, gain, law, jnp.asarray(self.system.rows.angular)[rows])
+            root = closed_root(problem, law(problem.rho0) if start is None else start, self.solver)
+            tau = jnp.where(self.solver.result(root.progress) == RESULTS.successful, root.tau, jnp.nan)
+        return tau if passed is None else holding + passed @ tau
+
+    def _holding(self, linear: Linear) -> tuple[Float[Array, " p"], Float[Array, "p p"]]:
+        """tau = holding + passed tau_law: what holds the joints that stick, and the friction of the others.
+
+        The slip accelerations A = E^T A_tau of unit friction are symmetric positive semidefinite; where several joints
+        stick that need not, the least holding friction is taken, as of contacts equally compliant. What is left of
+        slip rates dies away.
+        """
+        stick = self.sticking
+        both = stick[:, None] & stick
+        matrix = jnp.where(both, linear.slip[:, 1:], 0.0)
+        size = jnp.sqrt(jnp.diagonal(matrix))
+        size = jnp.where(size > 0, size, 1.0)
+        inverse = jnp.linalg.pinv(matrix / size[:, None] / size, rtol=_DEPENDENT, hermitian=True)
+        inverse = jnp.where(both, inverse / size[:, None] / size, 0.0)
+        slides = jnp.diag(1.0 - stick)
+        offset = linear.slip[:, 0] + self.speed / self.scaling.size * linear.rate
+        return -inverse @ offset, slides - inverse @ linear.slip[:, 1:] @ slides
 
     def _power(self, state: State, force: Array, multipliers: Array) -> Float[Array, ""]:
         one, system = jnp.ones_like(state.t), self.system
@@ -123,6 +196,11 @@ class Equations(eqx.Module):
     def kinetic_energy(self, t: Array, y: Moving) -> Float[Array, ""]:
         """T."""
         return y.qd @ self.system.mass(y.q, t) @ y.qd / 2
+
+
+def _none(linear: Linear) -> tuple[Float[Array, " p"], Float[Array, "p p"]]:
+    """Nothing sticks."""
+    return jnp.zeros_like(linear.rate), jnp.eye(linear.rate.size, dtype=linear.rate.dtype)
 
 
 def _picked(parts: Kinetics, held: Held, compliance: Array, misfit: Array, mu: Array) -> Float[Array, "m columns"]:
@@ -141,7 +219,7 @@ def projected(system: AbstractSystem, t: Array, y: Moving, held: Held) -> tuple[
     for _ in range(2):  # the second pass is refinement
         qd = qd - parts.response @ held_inverse(parts, held, rate + parts.rows @ (qd - y.qd))
     moved = system.load(State((q + y.q) / 2, y.qd, t)) @ (q - y.q)
-    return Moving(q, qd, y.work + moved), parts
+    return Moving(q, qd, y.work + moved, y.event), parts
 
 
 # Chord iterations of the position: a step leaves it off by e, each turns e^k into e^(k+1).

@@ -4,7 +4,8 @@ Without friction, or with friction that knows no sense, there is one phase. The 
 the motion can be differentiated in reverse mode; those that are not needed do nothing.
 """
 
-from typing import Any, NamedTuple, cast
+from collections.abc import Callable
+from typing import NamedTuple, cast
 
 import diffrax
 import equinox as eqx
@@ -14,15 +15,19 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ._held_rank import Held
 from ._moving import Context, Equations, Moving
-from ._slip import back_to_event, onward, reversed_slip
+from ._slip import locate
 from ._stepper import Carried, Stepper, Watch
+from ._stick import Onward
+
+# Steps at rest, at least, so that loads that let it go are seen.
+_RESTING = 100
 
 
 class Options(NamedTuple):
-    """Arguments of diffrax, the end of the motion, and the times asked for."""
+    """Arguments of diffrax, the controller given the longest step, the end of the motion, and the times asked for."""
 
     solver: diffrax.AbstractSolver
-    controller: diffrax.AbstractStepSizeController
+    controller: Callable[[Array], diffrax.AbstractStepSizeController]
     adjoint: diffrax.AbstractAdjoint
     meter: diffrax.AbstractProgressMeter
     max_steps: int
@@ -35,8 +40,9 @@ class Run(NamedTuple):
     """A motion so far.
 
     - `t`, `y`, `sense`, `tau`, `held`: where it is, and what is held from there on.
-    - `path`, `senses`: at the times asked for, as far as it got.
-    - `going`, `stuck`, `consistent`: whether it goes on; at rest for good; with senses that match.
+    - `resting`, `since`: whether it is at rest, and when the phase began.
+    - `path`, `senses`, `rests`: at the times asked for, as far as it got.
+    - `going`, `decided`: whether it goes on; whether it was found which joints stick.
     - `ended`: how the last phase ended.
     - `watch`, `steps`, `rejected`, `phases`: the evidence.
     """
@@ -46,11 +52,13 @@ class Run(NamedTuple):
     sense: Float[Array, " p"]
     tau: Float[Array, " p"] | None
     held: Held
+    resting: Bool[Array, ""]
+    since: Array
     path: Moving
     senses: Float[Array, "times p"]
+    rests: Bool[Array, " times"]
     going: Bool[Array, ""]
-    stuck: Bool[Array, ""]
-    consistent: Bool[Array, ""]
+    decided: Bool[Array, ""]
     ended: diffrax.RESULTS
     watch: Watch
     steps: Int[Array, ""]
@@ -58,19 +66,20 @@ class Run(NamedTuple):
     phases: Int[Array, ""]
 
 
-def run(start: Run, equations: Equations, options: Options, one_freedom: Array, max_phases: int) -> Run:
-    """The motion up to the end, or to rest."""
+def run(start: Run, equations: Equations, options: Options, max_phases: int) -> Run:
+    """The motion up to the end."""
 
     def phase(now: Run, _: None) -> tuple[Run, None]:
-        return jax.lax.cond(now.going, lambda: _phase(now, equations, options, one_freedom), lambda: now), None
+        return jax.lax.cond(now.going, lambda: _phase(now, equations, options), lambda: now), None
 
     if not equations.has_sense:
-        return _phase(start, equations, options, one_freedom)
+        return _phase(start, equations, options)
     return jax.lax.scan(phase, start, None, length=max_phases)[0]
 
 
-def _phase(now: Run, equations: Equations, options: Options, one_freedom: Array) -> Run:
-    equations = eqx.tree_at(lambda e: e.sense, equations, jax.lax.stop_gradient(now.sense))
+def _phase(now: Run, equations: Equations, options: Options) -> Run:
+    mode = jax.lax.stop_gradient((now.sense, now.resting))
+    equations = eqx.tree_at(lambda e: (e.sense, e.resting), equations, mode)
     end = jnp.where(now.going, options.end, now.t)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(lambda t, y, args: args[0].derivative(t, y, args[1])),
@@ -80,12 +89,12 @@ def _phase(now: Run, equations: Equations, options: Options, one_freedom: Array)
         jnp.minimum(options.first, end - now.t),
         now.y,
         (equations, Context(now.held, now.tau)),
-        stepsize_controller=options.controller,
+        stepsize_controller=options.controller(jnp.where(now.resting, (end - now.t) / _RESTING, jnp.inf)),
         saveat=diffrax.SaveAt(
             subs=[diffrax.SubSaveAt(ts=jnp.clip(options.ts, now.t, end)), diffrax.SubSaveAt(t1=True)],
             solver_state=True,
         ),
-        event=diffrax.Event(_slipped) if equations.has_sense else None,
+        event=diffrax.Event(lambda t, y, args, **_: y.event > 0) if equations.has_sense else None,
         adjoint=options.adjoint,
         max_steps=options.max_steps,
         progress_meter=options.meter,
@@ -94,37 +103,35 @@ def _phase(now: Run, equations: Equations, options: Options, one_freedom: Array)
     (path, last), (_, stop) = cast(tuple[Moving, Moving], solution.ys), cast(list, solution.ts)
     t, y = stop[0], jax.tree.map(lambda x: x[0], last)
     carried = cast(Carried, solution.solver_state)
-    sense, stuck, consistent, event = now.sense, now.stuck, now.consistent, jnp.zeros((), bool)
+    event, onward = jnp.zeros((), bool), Onward(now.sense, now.resting, now.decided)
     if equations.has_sense:
         event = solution.result == diffrax.RESULTS.event_occurred
-        at, there = back_to_event(equations, t, y, carried.context)
-        t, y = jax.tree.map(lambda new, old: jnp.where(event, new, old), (at, there), (t, y))
-        here = jax.lax.stop_gradient((equations, t, y, carried.context.held, one_freedom))
-        next_sense, next_stuck, next_consistent = onward(*here)
-        sense = jnp.where(event, next_sense, sense)
-        stuck, consistent = event & next_stuck, ~event | next_consistent
+        t, y, onward = jax.lax.cond(
+            event,
+            lambda: locate(equations, carried.start, t, y, carried.context, carried.onward),
+            lambda: (t, y, onward),
+        )
+        y = y._replace(event=jnp.zeros_like(t))
     here = (options.ts >= now.t) & (options.ts <= t)
     return Run(
         t=t,
-        y=y,
-        sense=sense,
+        y=Moving(y.q, jnp.where(onward.resting, 0.0, y.qd), y.work, y.event),
+        sense=onward.sense,
         tau=carried.context.tau,
         held=carried.context.held,
+        resting=onward.resting,
+        since=jnp.where(event, t, now.since),
         path=jax.tree.map(lambda new, old: jnp.where(_like(here, new), new, old), path, now.path),
         senses=jnp.where(here[:, None], now.sense, now.senses),
-        going=event & ~stuck & consistent & (t < options.end),
-        stuck=stuck,
-        consistent=consistent,
+        rests=jnp.where(here, now.resting, now.rests),
+        going=event & onward.decided & (t < options.end),
+        decided=onward.decided,
         ended=solution.result,
         watch=_joined(now.watch, carried.watch),
         steps=now.steps + solution.stats["num_accepted_steps"],
         rejected=now.rejected + solution.stats["num_rejected_steps"],
-        phases=now.phases + 1,
+        phases=now.phases + ~now.resting,
     )
-
-
-def _slipped(t: Array, y: Moving, args: Any, **_: Any) -> Bool[Array, ""]:
-    return jnp.any(reversed_slip(args[0], t, y))
 
 
 def _like(mask: Array, x: Array) -> Array:

@@ -1,21 +1,18 @@
-"""Senses of slip: when they change, and whether a mechanism at rest sticks.
+"""Events: a joint that slips comes to a stop, or joints that stick are let go.
 
-A motion goes on with the senses of slip held, smoothly through the instant at which a slip rate is zero; the step that
-passed it is taken back by Newton's method on the time,
+A step goes on with the senses held, smoothly through the event; at its end it is seen (`happened`), and taken back:
+bisection of the interpolated step brackets the event, and Newton's method on the time finds it,
 
-    dt = -rate / rate',   y <- y(t + dt) by one step of order 8,
+    dt = -h / h',   y <- y(t + dt) by one step of order 8,
 
-whose end is the event and whose derivative is that of the event. There one joint reverses while the others slip on; or,
-with one degree of freedom, all stop together. At rest a slip in the senses s is possible if the accelerations that
-friction in these senses leaves are in these senses. Both senses are tried. If neither is possible the mechanism sticks:
-with tau = sigma law(lam), the accelerations at sigma = 1 and -1 do not leave rest, and between them, by continuity,
-there are admissible friction forces that hold it.
+h a slip rate, or of a joint let go its slip acceleration with the friction of its sense. The end of the iteration is
+the event, and its derivative that of the event. Joints let go start from there; where a slip rate is zero it is asked
+which joints stick (`_stick`).
 """
 
 from typing import NamedTuple
 
 import diffrax
-import equinox as eqx
 import jax
 import jax.flatten_util
 import jax.numpy as jnp
@@ -24,54 +21,116 @@ from jaxtyping import Array, Bool, Float
 
 from .._kinematics import slip_motion
 from .._state import State
-from ._held_rank import Held, kinetics, respond
-from ._moving import Context, Equations, Moving, projected
+from ._moving import Context, Equations, Linear, Moving, projected
+from ._stick import NONE, Onward, onward, settled
 
-# Slip and velocity that count as none, relative to those of the mechanism.
-_NONE = 1e-9
-# Steps of Newton's method on the time of an event.
-_NEWTON = 4
+# Halvings of the step, and steps of Newton's method, that locate an event.
+_HALVINGS, _NEWTON = 8, 4
 
 
-class Onward(NamedTuple):
-    """How it goes on from an event: senses, whether it sticks, and whether these senses are consistent."""
+class Bracket(NamedTuple):
+    """An instant just after an event, the slope of h up to it, the joint, and whether it is let go."""
 
-    sense: Float[Array, " p"]
-    stuck: Bool[Array, ""]
-    consistent: Bool[Array, ""]
-
-
-def slip_rates(equations: Equations, t: Array, y: Moving) -> Float[Array, " p"]:
-    """Slip rates of all joints."""
-    return slip_motion(equations.system, State(y.q, y.qd, t))[0]
+    end: Array
+    slope: Array
+    joint: Array
+    released: Bool[Array, ""]
 
 
-def _slip_accelerations(equations: Equations, t: Array, y: Moving, context: Context) -> Float[Array, " p"]:
-    """Rates of the slip rates along the motion with the senses of the equations."""
-    slope = equations.derivative(t, y, context)
-    ones = jnp.ones_like(t)
-    return jax.jvp(lambda t, y: slip_rates(equations, t, y), (t, y), (ones, slope))[1]
+def happened(equations: Equations, state: State, linear: Linear) -> tuple[Float[Array, ""], Onward]:
+    """1 where a joint slips against its sense or joints that stick do not any longer, else 0; and the senses there."""
+    as_before = Onward(equations.sense, equations.resting, jnp.ones((), bool))
+    there = jax.lax.cond(jnp.any(equations.sticking), lambda: settled(equations, state, linear), lambda: as_before)
+    event = jnp.any(_let_go(equations, there) | _reversed(equations, linear.rate))
+    return event.astype(state.t.dtype), there
 
 
-def reversed_slip(equations: Equations, t: Array, y: Moving) -> Bool[Array, " p"]:
-    """Which joints slip against their sense."""
-    small = _NONE * equations.speed / equations.slip_size
-    return slip_rates(equations, t, y) * equations.sense < -small
+def _reversed(equations: Equations, rate: Float[Array, " p"]) -> Bool[Array, " p"]:
+    small = NONE * equations.speed / equations.slip_size
+    return jnp.asarray(equations.sensed) & (rate * equations.sense < -small)
 
 
-def back_to_event(equations: Equations, t: Array, y: Moving, context: Context) -> tuple[Array, Moving]:
-    """The first instant before t at which a joint that now slips against its sense had no slip."""
-    over = reversed_slip(equations, t, y)
-    since = jnp.where(over, slip_rates(equations, t, y) / _slip_accelerations(equations, t, y, context), -jnp.inf)
-    joint = jnp.argmax(since)
+def _let_go(equations: Equations, there: Onward) -> Bool[Array, " p"]:
+    return equations.sticking & (there.sense != 0)
 
-    def newton(carry: tuple[Array, Moving], _: None) -> tuple[tuple[Array, Moving], None]:
-        t, y = carry
-        dt = -slip_rates(equations, t, y)[joint] / _slip_accelerations(equations, t, y, context)[joint]
-        there = _stepped(equations, t, y, dt, context)
-        return (t + dt, projected(equations.system, t + dt, there, context.held)[0]), None
 
-    return jax.lax.scan(newton, (t, y), None, length=_NEWTON)[0]
+def locate(
+    equations: Equations, start: tuple[Array, Moving], t: Array, y: Moving, context: Context, there: Onward
+) -> tuple[Array, Moving, Onward]:
+    """The first event of the step from `start` to (t, y), and how it goes on from there.
+
+    `there` are the senses at the end of the step.
+    """
+    fixed, end, rank, there = jax.lax.stop_gradient((equations, (t, y), context, there))
+    let_go = _let_go(fixed, there)
+    after = fixed.with_sense(jnp.where(let_go, there.sense, fixed.sense))
+    bracket = _bracket(fixed, after, let_go, start, end, rank)
+    mode = equations.with_sense(jnp.where(bracket.released, after.sense, equations.sense))
+
+    def newton(carry: tuple[Array, Moving, Array], _: None) -> tuple[tuple[Array, Moving, Array], None]:
+        t, y, dt = carry
+        y = projected(equations.system, t + dt, _stepped(equations, t, y, dt, context), context.held)[0]
+        slip, rate = _slip(mode, State(y.q, y.qd, t + dt), context)
+        h = jnp.where(bracket.released, slip, rate)[bracket.joint]
+        slope = jnp.where(bracket.released, bracket.slope, slip[bracket.joint])
+        return (t + dt, y, -h / slope), None
+
+    (t, y, _), _ = jax.lax.scan(newton, (t, y, bracket.end - t), None, length=_NEWTON)
+    stopped = onward(fixed, t, y, context)
+    onwards = Onward(after.sense, jnp.zeros((), bool), there.decided)
+    return t, y, jax.tree.map(lambda a, b: jnp.where(bracket.released, a, b), onwards, stopped)
+
+
+def _slip(equations: Equations, state: State, context: Context) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
+    """Rates of the slip rates, and slip rates."""
+    linear = equations.linear(state, context.held, closed=equations.loaded)
+    return equations.solved(state, linear, context.tau).slip, linear.rate
+
+
+def _bracket(
+    equations: Equations,
+    after: Equations,
+    let_go: Bool[Array, " p"],
+    begin: tuple[Array, Moving],
+    end: tuple[Array, Moving],
+    context: Context,
+) -> Bracket:
+    """The first event to a fraction of the step, interpolated; h is taken so that it is positive before the event."""
+    over = _reversed(equations, slip_motion(equations.system, State(end[1].q, end[1].qd, end[0]))[0])
+
+    def heights(t: Array) -> Array:
+        slip, rate = _slip(after, _between(begin, end, t), context)
+        of_one = jnp.where(let_go, -slip * after.sense, rate * equations.sense)
+        return jnp.where(over | let_go, of_one * equations.slip_size, jnp.inf)
+
+    def halved(k: Array, carry: tuple) -> tuple:
+        low, high, at_low, at_high = carry
+        t = jnp.where(k == 0, low, jnp.where(k == 1, high, (low + high) / 2))
+        found = heights(t)
+        before = (k == 0) | (k > 1) & jnp.all(found > 0)
+        return jax.tree.map(lambda a, b: jnp.where(before, a, b), (t, high, found, at_high), (low, t, at_low, found))
+
+    none = jnp.zeros_like(equations.sense)
+    low, high, at_low, at_high = jax.lax.fori_loop(0, 2 + _HALVINGS, halved, (begin[0], end[0], none, none))
+    joint = jnp.argmin(at_high)
+    released = let_go[joint]
+    sign = jnp.where(released, -after.sense, equations.sense) * equations.slip_size
+    slope = (at_high - at_low)[joint] / (high - low) / sign[joint]
+    return Bracket(high, slope, joint, released)
+
+
+def _between(begin: tuple[Array, Moving], end: tuple[Array, Moving], t: Array) -> State:
+    """The state by cubic interpolation of positions and velocities of both ends."""
+    (t0, y0), (t1, y1) = begin, end
+    span = t1 - t0
+
+    def position(t: Array) -> Array:
+        s = (t - t0) / span
+        ends = (1 + 2 * s) * (1 - s) ** 2 * y0.q + s**2 * (3 - 2 * s) * y1.q
+        return ends + span * (s * (1 - s) ** 2 * y0.qd - s**2 * (1 - s) * y1.qd)
+
+    q, qd = jax.jvp(position, (t,), (jnp.ones_like(t),))
+    return State(q, qd, t)
 
 
 def _stepped(equations: Equations, t: Array, y: Moving, dt: Array, context: Context) -> Moving:
@@ -89,35 +148,3 @@ def _stepped(equations: Equations, t: Array, y: Moving, dt: Array, context: Cont
 
     slopes = jax.lax.fori_loop(0, stages, stage, jnp.zeros((stages, flat.size), flat.dtype))
     return unravel(flat + dt * jnp.asarray(tableau.b_sol, flat.dtype) @ slopes)
-
-
-def onward(equations: Equations, t: Array, y: Moving, held: Held, one_freedom: Array) -> Onward:
-    """How the motion goes on from an instant at which a slip rate is zero, or from rest."""
-    rates, small = slip_rates(equations, t, y), 1e3 * _NONE * equations.speed / equations.slip_size
-    still = jnp.abs(rates) <= small
-    rest = jnp.max(jnp.abs(y.qd) / equations.scaling.coordinates) <= 1e3 * _NONE * equations.speed
-    free = jnp.sign(_free_slip(equations, t, y, held))
-    one = jnp.where(rest, free, jnp.where(still, -equations.sense, jnp.sign(rates)))
-    other = jnp.where(rest, -free, jnp.where(still, equations.sense, jnp.sign(rates)))
-    both = jnp.stack([one, other])
-    goes_one, goes_other = jax.lax.map(lambda sense: _goes(equations, t, y, held, sense, still), both)
-    sense = jnp.where(goes_one | ~goes_other, one, other)
-    goes = goes_one | goes_other
-    return Onward(sense, rest & one_freedom & ~goes, goes | rest & one_freedom)
-
-
-def _free_slip(equations: Equations, t: Array, y: Moving, held: Held) -> Float[Array, " p"]:
-    """Slip accelerations without friction."""
-    state = State(y.q, y.qd, t)
-    parts = kinetics(equations.system, state, held)
-    gamma = parts.motion.gamma / held.row_scale
-    a, _ = respond(parts, held, equations.system.load(state)[:, None], gamma[:, None])
-    return slip_motion(equations.system, state)[1].T @ a[:, 0]
-
-
-def _goes(equations: Equations, t: Array, y: Moving, held: Held, sense: Array, still: Array) -> Bool[Array, ""]:
-    """Whether the joints at rest start in the given senses when friction acts in them."""
-    trial = eqx.tree_at(lambda e: e.sense, equations, sense)
-    change = _slip_accelerations(trial, t, y, Context(held, None)) * sense
-    size = jnp.max(jnp.where(still, jnp.abs(change), 0.0))
-    return (size > 0) & jnp.all(~still | (change >= -1e-6 * size))

@@ -15,6 +15,8 @@ from jaxtyping import Array, Bool, Float
 from .._state import State
 from ._held_rank import Kinetics, kinetics, renewed
 from ._moving import Context, Equations, Moving, projected
+from ._slip import happened
+from ._stick import Onward
 
 # Relative constraint residual after a projection beyond which it has failed, in roundings.
 _CLOSED = 1e6
@@ -50,12 +52,15 @@ def at_start(like: Float[Array, ""]) -> Watch:
 
 
 class Carried(NamedTuple):
-    """State of the stepper: the solver's own, what is held, friction of the last step, and the watch."""
+    """State of the stepper: the solver's own, what is held, friction of the last step, the watch; where the step began,
+    and the senses at its end."""
 
     inner: Any
     context: Context
     watch: Watch
     pivot: Float[Array, ""]
+    start: tuple[Array, Moving]
+    onward: Onward
 
 
 class Stepper(diffrax.AbstractWrappedSolver):
@@ -99,7 +104,9 @@ class Stepper(diffrax.AbstractWrappedSolver):
         inner = self.solver.init(terms, t0, t1, y0, args)
         kinetic = equations.kinetic_energy(t0, y0)
         watch = at_start(kinetic)._replace(speed=equations.speed, kinetic=kinetic, start=kinetic - y0.work)
-        return Carried(inner, context, jax.lax.stop_gradient(watch), jnp.zeros_like(kinetic))
+        none = jnp.zeros((), bool)
+        parts = watch, jnp.zeros_like(kinetic), (t0, y0), Onward(equations.sense, none, none)
+        return Carried(inner, context, *jax.lax.stop_gradient(parts))
 
     def step(
         self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: Carried, made_jump: Any
@@ -115,13 +122,21 @@ class Stepper(diffrax.AbstractWrappedSolver):
             y, parts = projected(system, t1, raw, context.held)
         else:
             parts = kinetics(system, State(y.q, y.qd, t1), context.held)
+        if equations.has_sense:
+            y = jax.tree.map(lambda still, new: jnp.where(equations.resting, still, new), y0, y)
         # What is watched and what the next step starts from have no derivatives.
         fixed, there, t, parts = jax.lax.stop_gradient((equations, y, t1, parts))
         held, excess = renewed(context.held, parts)
         watch, off = _watched(solver_state.watch, fixed, t, there, parts, held.row_scale)
         pivot = jnp.min(jnp.diagonal(parts.factor))
-        tau = fixed.solved(State(there.q, there.qd, t), context).tau if system.friction else context.tau
-        carried = Carried(inner, Context(held, tau), watch, pivot)
+        tau, state, onward = context.tau, State(there.q, there.qd, t), solver_state.onward
+        if system.friction:
+            linear = fixed.linear(state, context.held, closed=fixed.loaded)
+            tau = fixed.solved(state, linear, tau).tau
+            if fixed.has_sense:
+                event, onward = happened(fixed, state, linear)
+                y = y._replace(event=event)
+        carried = Carried(inner, Context(held, tau), watch, pivot, jax.lax.stop_gradient((t0, y0)), onward)
         if error is not None:
             if projects:
                 error = jax.tree.map(lambda e, a, b: jnp.abs(e) + jnp.abs(a - b), error, y, raw)
@@ -159,6 +174,7 @@ def _relative(error: Moving, dt: Array, equations: Equations, before: Carried, a
         counted(error.q, sizes.size * sizes.coordinates, blur * (1 + shift**2)),
         counted(error.qd, speed * sizes.coordinates, blur / pivot * (1 + shift)),
         jnp.zeros_like(error.work),
+        jax.tree.map(jnp.zeros_like, error.event),
     )
 
 

@@ -1,0 +1,100 @@
+"""Which joints stick and which slip, and in which sense, from an instant on.
+
+At an instant Coulomb friction of a joint without slip can take any value between those of its two senses. Friction tau
+and the rates alpha of the slip rates then meet
+
+    alpha = alpha_0 + A tau,   lo(rho) <= tau <= hi(rho),   alpha_j > 0 only at tau_j = lo_j,   alpha_j < 0 only at hi_j
+
+with A = E^T A_tau symmetric positive semidefinite and rho = rho_0 + K tau. For given bounds these are the conditions of
+optimality of min tau^T A tau / 2 + alpha_0^T tau, the principle of Gauss with friction. Projected Gauss-Seidel sweeps
+solve it, the bounds following the loads. Joints that end with alpha_j = 0 stick; the others start in the sense of
+alpha_j. It is one question for all joints: with one degree of freedom all stop together, and a joint at its bound is
+held by the others.
+
+Joints that slip have the friction of their sense, lo = hi.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from .._friction import friction_force, load_rows
+from .._state import State
+from ._moving import Context, Equations, Linear, Moving
+
+# Slip and velocity that count as none, relative to those of the mechanism.
+NONE = 1e-9
+_STILL = 1e3 * NONE
+# Accelerations that count as none, relative to the sum of the parts that cancel; sweeps at most, and their tolerance.
+_HELD, _SWEEPS, _SETTLED = 1e-7, 2000, 1e-12
+
+
+class Onward(NamedTuple):
+    """How it goes on: senses, 0 of joints that stick; whether all stays at rest; whether sticking was decided."""
+
+    sense: Float[Array, " p"]
+    resting: Bool[Array, ""]
+    decided: Bool[Array, ""]
+
+
+def onward(equations: Equations, t: Array, y: Moving, context: Context) -> Onward:
+    """How the motion goes on from an instant at which a slip rate is zero; it has no derivative."""
+    equations, t, y, context = jax.lax.stop_gradient((equations, t, y, context))
+    state = State(y.q, y.qd, t)
+    return settled(equations, state, equations.linear(state, context.held, closed=equations.loaded))
+
+
+def settled(equations: Equations, state: State, linear: Linear) -> Onward:
+    """`onward`, given the equations at the state."""
+    sensed = jnp.asarray(equations.sensed)
+    still = sensed & ((jnp.abs(linear.rate) <= _STILL * equations.speed / equations.slip_size) | equations.sticking)
+    tau, decided = _settled(equations, state, linear, still)
+    acceleration = linear.slip[:, 0] + linear.slip[:, 1:] @ tau
+    parts = jnp.abs(linear.slip[:, 0]) + jnp.abs(linear.slip[:, 1:]) @ jnp.abs(tau)
+    size = jnp.max(jnp.where(still, parts * equations.slip_size, 0.0))
+    sticks = still & (jnp.abs(acceleration) * equations.slip_size <= _HELD * size)
+    sense = jnp.where(still, jnp.where(sticks, 0.0, jnp.sign(acceleration)), jnp.sign(linear.rate))
+    scale = equations.scaling.coordinates
+    moved = jnp.abs(linear.acceleration[:, 0] + linear.acceleration[:, 1:] @ tau)
+    whole = jnp.abs(linear.acceleration[:, 0]) + jnp.abs(linear.acceleration[:, 1:]) @ jnp.abs(tau)
+    rests = jnp.max(jnp.abs(state.qd) / scale) <= _STILL * equations.speed
+    stays = jnp.max(moved / scale) <= _HELD * jnp.max(whole / scale)
+    return Onward(jnp.where(sensed, sense, 1.0), rests & stays & jnp.any(sticks), decided)
+
+
+def _settled(
+    equations: Equations, state: State, linear: Linear, still: Bool[Array, " p"]
+) -> tuple[Float[Array, " p"], Bool[Array, ""]]:
+    """tau of the conditions above, and whether it was found."""
+    friction, rows = equations.system.friction, load_rows(equations.system.friction)
+    loads, diagonal = linear.multipliers[rows], jnp.diagonal(linear.slip[:, 1:])
+    senses = [jnp.where(still, sense, jnp.sign(linear.rate)) for sense in (1.0, -1.0)]
+
+    def bounds(tau: Array) -> tuple[Array, Array]:
+        rho = loads[:, 0] + loads[:, 1:] @ tau
+        one, two = (friction_force(friction, rho, linear.rate, sense, state) for sense in senses)
+        return jnp.minimum(one, two), jnp.maximum(one, two)
+
+    def sweep(carry: tuple) -> tuple:
+        tau, _, _, count = carry
+        low, high = bounds(tau)
+
+        def one(j: Array, new: Array) -> Array:
+            alpha = linear.slip[j, 0] + linear.slip[j, 1:] @ new
+            step = jnp.where(diagonal[j] > 0, alpha / jnp.where(diagonal[j] > 0, diagonal[j], 1.0), 0.0)
+            return new.at[j].set(jnp.clip(new[j] - step, low[j], high[j]))
+
+        new = jax.lax.fori_loop(0, tau.size, one, tau)
+        size = jnp.max(jnp.maximum(jnp.abs(low), jnp.abs(high)) / equations.slip_size)
+        return new, jnp.max(jnp.abs(new - tau) / equations.slip_size), size, count + 1
+
+    def going(carry: tuple) -> Array:
+        _, change, size, count = carry
+        return (change > _SETTLED * size) & (count < _SWEEPS)
+
+    zero = jnp.zeros_like(linear.rate)
+    first = (zero, jnp.full_like(state.t, jnp.inf), jnp.zeros_like(state.t), jnp.zeros((), int))
+    tau, change, size, _ = jax.lax.while_loop(going, sweep, first)
+    return tau, change <= _SETTLED * size
