@@ -61,6 +61,8 @@ from ._friction import Friction as Friction
 from ._friction_model import AbstractFrictionModel as AbstractFrictionModel
 from ._friction_model import ConstantFriction as ConstantFriction
 from ._friction_model import Coulomb as Coulomb
+from ._friction_model import Dahl as Dahl
+from ._friction_model import LuGre as LuGre
 from ._friction_model import RegularisedCoulomb as RegularisedCoulomb
 from ._friction_model import Stribeck as Stribeck
 from ._joints import AbstractFrictionalJoint as AbstractFrictionalJoint

@@ -7,7 +7,6 @@ from jaxtyping import Array
 
 from .._analysis._analyze import Report
 from .._analysis._verdict import spectral_radius
-from .._friction import largest_changes
 from ._cases import AbstractCases, Affine, Fractional, corners
 from ._descent import Found, improved, sampled
 from ._extremes import linear_extreme, vertex_extremes
@@ -27,7 +26,7 @@ def proved_single(solutions: SolutionSet, cases: AbstractCases, report: Report) 
     if not isinstance(cases, Affine) and report.friction_reads:
         return False
     gain = cases.chosen(cases.lower)[1][solutions.rows]
-    return spectral_radius(np.asarray(largest_changes(solutions.law.groups, gain))) < 1
+    return spectral_radius(np.asarray(solutions.law.largest_changes(gain))) < 1
 
 
 def few(cases: AbstractCases) -> bool:

@@ -34,7 +34,7 @@ from .._analysis._verdict import spectral_radius
 from .._closures._closure import AbstractClosure, MinimumNorm
 from .._enumerate import start_factors
 from .._factorisation import factorize
-from .._friction import largest_changes, slip_kinds
+from .._friction import slip_kinds
 from .._kinematics import slip_motion
 from .._state import State
 from .._system import AbstractSystem
@@ -234,7 +234,7 @@ def _gamma(solutions: SolutionSet, cases: AbstractCases) -> np.ndarray:
     if solutions.law is None:
         return np.zeros((0, 0))
     gain = cases.chosen(cases.lower)[1][solutions.rows]
-    return np.asarray(largest_changes(solutions.law.groups, gain))
+    return np.asarray(solutions.law.largest_changes(gain))
 
 
 def _most_holds(solutions: SolutionSet, cases: AbstractCases, drive: _Drive) -> bool:
@@ -250,7 +250,7 @@ def _covered(search: Search, drive: _Drive, theta: jax.Array, sign: float) -> bo
     if not isinstance(cases, Affine) or solutions.law is None:
         return False
     gamma = _gamma(solutions, cases)
-    change = np.asarray(largest_changes(solutions.law.groups, cases.slope[solutions.rows]))
+    change = np.asarray(solutions.law.largest_changes(cases.slope[solutions.rows]))
     slope = np.abs(drive.effect) @ np.linalg.solve(np.eye(len(gamma)) - gamma, change)
     middle, half = np.asarray(cases.lower + cases.upper)[None] / 2, np.asarray(cases.upper - cases.lower)[None] / 2
     looked = 0

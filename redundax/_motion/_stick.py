@@ -42,7 +42,7 @@ class Onward(NamedTuple):
 def onward(equations: Equations, t: Array, y: Moving, context: Context) -> Onward:
     """How the motion goes on from an instant at which a slip rate is zero; it has no derivative."""
     equations, t, y, context = jax.lax.stop_gradient((equations, t, y, context))
-    state = State(y.q, y.qd, t)
+    state = y.at(t)
     return settled(equations, state, equations.linear(state, context.held, closed=equations.loaded))
 
 
