@@ -94,7 +94,8 @@ class FrictionProblem(eqx.Module):
 
     def contraction_anywhere(self) -> Float[Array, ""]:
         """Upper bound of `contraction` at all friction: below 1 there is one solution, and sweeps find it."""
-        return _radius_bound(self.law.largest_changes(self.gain))
+        bound = _radius_bound(self.law.largest_changes(self.gain))
+        return jnp.where(jnp.isnan(bound), jnp.inf, bound)
 
     def change_of_friction(self, change: Float[Array, " p"]) -> Float[Array, ""]:
         """Largest change of tau, relative to the size of its kind."""

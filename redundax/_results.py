@@ -79,16 +79,16 @@ class RESULTS(eqx.Enumeration):
     )
     step_too_small = (
         "The motion stopped where steps became too small: what it reached is given, NaN the rest. Friction may have no "
-        "solution further on (it jams), or the loads are not smooth there."
+        "solution further on (it jams) or one on another branch only (see `stats.contraction`), or the loads are not "
+        "smooth there."
     )
     stuck = (
-        "The mechanism came to rest and sticks: admissible friction forces hold it, and none lets it go. From "
-        "then on it is given at rest; friction and multipliers, which are not determined there, are NaN."
+        "The mechanism came to rest and sticks: admissible friction forces hold it, and its loads do not let it go by "
+        "`t1`. At rest friction and multipliers are not determined, and NaN."
     )
     joint_sticks = (
-        "The motion stopped where a joint sticks while others move on, or where no sense of slip is consistent: what "
-        "it reached is given, NaN the rest. Only mechanisms of one degree of freedom can stick; `RegularisedCoulomb` "
-        "goes on."
+        "The motion stopped where it could not be decided which joints stick and which slip on: what it reached is "
+        "given, NaN the rest. Friction this large may jam; `RegularisedCoulomb` goes on."
     )
     phases_exhausted = (
         "The motion reversed its slip `max_phases` times before `t1`; what it reached is given, NaN the rest. Raise "

@@ -19,7 +19,7 @@ from .._solver import Newton
 from .._state import State
 from .._system import AbstractSystem
 from ._held_rank import Held, hold
-from ._moving import Context, Equations, Moving, projected
+from ._moving import Equations, Moving, projected
 from ._phases import Options, Run, run
 from ._stabilisation import AbstractStabilisation
 from ._stepper import at_start
@@ -66,10 +66,9 @@ def integrate(
 
 
 class _Start(eqx.Module):
-    """How the motion starts: result, friction, and which joints stick."""
+    """How the motion starts."""
 
     result: RESULTS
-    tau: Float[Array, " p"]
     onward: Onward
 
 
@@ -108,16 +107,16 @@ def _controller(rtol: Array | None, first: Array, longest: Array) -> diffrax.Abs
 
 def _start(equations: Equations, state: State, factor: Factorisation, held: Held) -> _Start:
     system, none = equations.system, jnp.zeros((), bool)
-    start = Onward(equations.sense, none, ~none)
+    start = Onward(equations.sense, equations.sense, none, ~none)
     if not system.friction:
-        return _Start(factor.result, equations.sense, start)
+        return _Start(factor.result, start)
     if equations.has_sense:
-        start = onward(equations, state.t, _moving(equations, state), Context(held, None))
+        start = onward(equations, state, held)
     fixed = jax.lax.stop_gradient((system, state, factor, equations.closure))
     solution = solve_factorised(*fixed, Continuation(), None, start.sense)
     sticks = jnp.any(equations.with_sense(start.sense).sticking)
     result = RESULTS.where(sticks, factor.result, solution.result)
-    return _Start(result, jnp.where(sticks, 0.0, solution.friction), start)
+    return _Start(result, start._replace(tau=jnp.where(sticks, start.tau, solution.friction)))
 
 
 def _moving(equations: Equations, state: State) -> Moving:
@@ -136,7 +135,7 @@ def _before(begin: _Start, y: Moving, t: Array, held: Held, ts: Array, regular: 
         t=t,
         y=y,
         sense=start.sense,
-        tau=begin.tau,
+        tau=start.tau,
         held=held,
         resting=start.resting,
         since=t,
@@ -206,4 +205,6 @@ def _stats(done: Run) -> TrajectoryStats:
         kinetic_energy=watch.kinetic,
         energy_error=watch.energy / jnp.where(watch.kinetic > 0, watch.kinetic, 1.0),
         nearest_singularity=watch.nearest,
+        contraction=watch.contraction,
+        jump=watch.jump,
     )

@@ -49,10 +49,10 @@ _DEPENDENT = 1e-10
 
 
 class Context(NamedTuple):
-    """What stays the same within a step: the held rank, and the friction forces that a solve starts from, if known."""
+    """What stays the same within a step: the held rank, and the friction forces that a solve starts from."""
 
     held: Held
-    tau: Float[Array, " p"] | None
+    tau: Float[Array, " p"]
 
 
 class Linear(NamedTuple):
@@ -70,13 +70,18 @@ class Linear(NamedTuple):
 
 
 class Solved(NamedTuple):
-    """Accelerations, multipliers, friction forces, rates of the slip rates and power at a state."""
+    """Accelerations, multipliers, friction forces, rates of the slip rates and power at a state.
+
+    `contraction` bounds that of friction at all loads, below 1 there is one solution; `size` is that of the friction.
+    """
 
     acceleration: Float[Array, " n"]
     multipliers: Float[Array, " m"]
     tau: Float[Array, " p"]
     slip: Float[Array, " p"]
     power: Float[Array, ""]
+    contraction: Float[Array, ""]
+    size: Float[Array, " p"]
 
 
 class Equations(eqx.Module):
@@ -156,16 +161,21 @@ class Equations(eqx.Module):
     @eqx.filter_jit
     def solved(self, state: State, linear: Linear, start: Float[Array, " p"] | None) -> Solved:
         """Accelerations, multipliers and friction, from friction forces that the solver starts at, if known."""
-        tau = linear.rate
+        tau, contraction, size = linear.rate, jnp.zeros_like(state.t), jnp.ones_like(linear.rate)
         if self.system.friction:
-            tau = self._friction(Law(self.system.friction, linear.rate, self.sense, state), linear, start)
+            law = Law(self.system.friction, linear.rate, self.sense, state)
+            tau, contraction, size = self._friction(law, linear, start)
         strengths = jnp.concatenate([jnp.ones_like(state.t)[None], tau])
         multipliers = linear.multipliers @ strengths
         power = self._power(state, linear.force @ strengths, multipliers)
-        return Solved(linear.acceleration @ strengths, multipliers, tau, linear.slip @ strengths, power)
+        slip = linear.slip @ strengths
+        return Solved(linear.acceleration @ strengths, multipliers, tau, slip, power, contraction, size)
 
-    def _friction(self, law: Law, linear: Linear, start: Array | None) -> Float[Array, " p"]:
+    def _friction(
+        self, law: Law, linear: Linear, start: Array | None
+    ) -> tuple[Float[Array, " p"], Float[Array, ""], Float[Array, " p"]]:
         """Friction forces, those that hold the joints that stick and those of the law; NaN where none are found."""
+        contraction, size = jnp.zeros_like(law.state.t), jnp.ones_like(linear.rate)
         holding, passed = jnp.zeros_like(linear.rate), None
         if self.has_sense:
             holding, passed = jax.lax.cond(jnp.any(self.sticking), lambda: self._holding(linear), lambda: _none(linear))
@@ -177,9 +187,10 @@ class Equations(eqx.Module):
             rho0, gain = loads[:, 0] + loads[:, 1:] @ holding, loads[:, 1:]
             gain = gain if passed is None else gain @ passed
             problem = FrictionProblem.make(rho0, gain, law, jnp.asarray(self.system.rows.angular)[rows])
+            contraction, size = problem.contraction_anywhere(), problem.friction_size
             root = closed_root(problem, law(problem.rho0) if start is None else start, self.solver)
             tau = jnp.where(self.solver.result(root.progress) == RESULTS.successful, root.tau, jnp.nan)
-        return tau if passed is None else holding + passed @ tau
+        return tau if passed is None else holding + passed @ tau, contraction, size
 
     def _holding(self, linear: Linear) -> tuple[Float[Array, " p"], Float[Array, "p p"]]:
         """tau = holding + passed tau_law: what holds the joints that stick, and the friction of the others.

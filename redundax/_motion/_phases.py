@@ -50,7 +50,7 @@ class Run(NamedTuple):
     t: Array
     y: Moving
     sense: Float[Array, " p"]
-    tau: Float[Array, " p"] | None
+    tau: Float[Array, " p"]
     held: Held
     resting: Bool[Array, ""]
     since: Array
@@ -103,7 +103,7 @@ def _phase(now: Run, equations: Equations, options: Options) -> Run:
     (path, last), (_, stop) = cast(tuple[Moving, Moving], solution.ys), cast(list, solution.ts)
     t, y = stop[0], jax.tree.map(lambda x: x[0], last)
     carried = cast(Carried, solution.solver_state)
-    event, onward = jnp.zeros((), bool), Onward(now.sense, now.resting, now.decided)
+    event, onward = jnp.zeros((), bool), Onward(now.sense, carried.context.tau, now.resting, now.decided)
     if equations.has_sense:
         event = solution.result == diffrax.RESULTS.event_occurred
         t, y, onward = jax.lax.cond(
@@ -117,7 +117,7 @@ def _phase(now: Run, equations: Equations, options: Options) -> Run:
         t=t,
         y=y._replace(qd=jnp.where(onward.resting, 0.0, y.qd)),
         sense=onward.sense,
-        tau=carried.context.tau,
+        tau=onward.tau,
         held=carried.context.held,
         resting=onward.resting,
         since=jnp.where(event, t, now.since),

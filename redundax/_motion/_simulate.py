@@ -76,11 +76,15 @@ def simulate(
     - `throw`: whether to raise an error unless the result is successful; by default outside of `jit` and `vmap`.
     - `progress`: whether to print progress.
 
-    Where friction depends on the sense of slip, reversals are located as events, with their derivatives. A mechanism of
-    one degree of freedom that comes to rest and cannot leave it in either sense is `RESULTS.stuck` from then on, also
-    if loads change later; a single joint that sticks while others move ends the motion.
+    Where friction depends on the sense of slip, instants at which a joint comes to a stop or is let go are located as
+    events, with their derivatives. Which joints stick is decided for all together: a joint at its bound may be held by
+    others. A mechanism at rest stays there until its loads let it go, and at least 100 steps look for that; it ends
+    as `RESULTS.stuck` if none does.
 
-    **Returns:** a `Trajectory`. The motion passes singular positions on the branch that its velocity lies on.
+    Where the frictional equations may have several solutions the motion follows its branch, and stops where that ends.
+
+    **Returns:** a `Trajectory`. The motion passes singular positions on the branch that its velocity lies on. Where
+    more joints stick than need to while others move, their friction is the least that holds; it is NaN at rest.
 
     **Raises:** `ValueError` for arguments that do not fit; `RuntimeError` with the message of the result where `throw`
     says so.

@@ -39,7 +39,7 @@ class Bracket(NamedTuple):
 
 def happened(equations: Equations, state: State, linear: Linear) -> tuple[Float[Array, ""], Onward]:
     """1 where a joint slips against its sense or joints that stick do not any longer, else 0; and the senses there."""
-    as_before = Onward(equations.sense, equations.resting, jnp.ones((), bool))
+    as_before = Onward(equations.sense, linear.rate, equations.resting, jnp.ones((), bool))
     there = jax.lax.cond(jnp.any(equations.sticking), lambda: settled(equations, state, linear), lambda: as_before)
     event = jnp.any(_let_go(equations, there) | _reversed(equations, linear.rate))
     return event.astype(state.t.dtype), there
@@ -76,8 +76,8 @@ def locate(
         return (t + dt, y, -h / slope), None
 
     (t, y, _), _ = jax.lax.scan(newton, (t, y, bracket.end - t), None, length=_NEWTON)
-    stopped = onward(fixed, t, y, context)
-    onwards = Onward(after.sense, jnp.zeros((), bool), there.decided)
+    stopped = onward(fixed, y.at(t), context.held)
+    onwards = Onward(after.sense, there.tau, jnp.zeros((), bool), there.decided)
     return t, y, jax.tree.map(lambda a, b: jnp.where(bracket.released, a, b), onwards, stopped)
 
 

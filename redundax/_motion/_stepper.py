@@ -2,7 +2,9 @@
 
 A step of the given solver is followed by the projection of positions and velocities. How far it moves the state is an
 error of the step that the solver's own estimate need not see, and is added to it; where the projection does not close
-the mechanism the step is rejected. Solvers that reuse their last stage are told that the state jumped.
+the mechanism the step is rejected. So it is where friction changes by much that may have several solutions: the motion
+follows its branch, and where the branch ends steps become too small. Solvers that reuse their last stage are told that
+the state jumped.
 """
 
 from typing import Any, NamedTuple
@@ -19,6 +21,8 @@ from ._stick import Onward
 
 # Relative constraint residual after a projection beyond which it has failed, in roundings.
 _CLOSED = 1e6
+# Largest change of friction in a step, relative to its size, where it may have several solutions.
+_JUMP = 0.1
 # Part of the rows left out, in roots of the rounding, at which they are constraints of their own.
 _SAME = 1e2
 # Least part of the pivot that a step leaves, and the pivot from which it may end in a singular position.
@@ -33,6 +37,8 @@ class Watch(NamedTuple):
       the first accelerations reach over the length of the mechanism.
     - `kinetic`, `start`, `energy`: largest kinetic energy, T - A at the start, and its largest change.
     - `nearest`: smallest pivot of the constraints, mass-weighted: 0 in a singular position.
+    - `contraction`: largest bound of that of friction at all loads.
+    - `jump`: largest change of friction in a step, relative to its size, where that bound is 1 or more.
     """
 
     position: Float[Array, ""]
@@ -42,12 +48,14 @@ class Watch(NamedTuple):
     start: Float[Array, ""]
     energy: Float[Array, ""]
     nearest: Float[Array, ""]
+    contraction: Float[Array, ""]
+    jump: Float[Array, ""]
 
 
 def at_start(like: Float[Array, ""]) -> Watch:
     """Nothing seen yet."""
     zero = jnp.zeros_like(like)
-    return Watch(zero, zero, zero, zero, zero, zero, jnp.full_like(zero, jnp.inf))
+    return Watch(zero, zero, zero, zero, zero, zero, jnp.full_like(zero, jnp.inf), zero, zero)
 
 
 class Carried(NamedTuple):
@@ -104,7 +112,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
         kinetic = equations.kinetic_energy(t0, y0)
         watch = at_start(kinetic)._replace(speed=equations.speed, kinetic=kinetic, start=kinetic - y0.work)
         none = jnp.zeros((), bool)
-        parts = watch, jnp.zeros_like(kinetic), (t0, y0), Onward(equations.sense, none, none)
+        parts = watch, jnp.zeros_like(kinetic), (t0, y0), Onward(equations.sense, context.tau, none, none)
         return Carried(inner, context, *jax.lax.stop_gradient(parts))
 
     def step(
@@ -129,9 +137,15 @@ class Stepper(diffrax.AbstractWrappedSolver):
         watch, off = _watched(solver_state.watch, fixed, t, there, parts, held.row_scale)
         pivot = jnp.min(jnp.diagonal(parts.factor))
         tau, state, onward = context.tau, there.at(t), solver_state.onward
+        jump = jnp.zeros_like(off)
         if system.friction:
             linear = fixed.linear(state, context.held, closed=fixed.loaded)
-            tau = fixed.solved(state, linear, tau).tau
+            solved = fixed.solved(state, linear, tau)
+            jump = jnp.where(solved.contraction < 1, 0.0, jnp.max(jnp.abs(solved.tau - tau) / solved.size))
+            watch = watch._replace(
+                contraction=jnp.maximum(watch.contraction, solved.contraction), jump=jnp.maximum(watch.jump, jump)
+            )
+            tau = solved.tau
             if fixed.has_sense:
                 event, onward = happened(fixed, state, linear)
                 y = y._replace(event=event)
@@ -141,6 +155,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
                 error = jax.tree.map(lambda e, a, b: jnp.abs(e) + jnp.abs(a - b), error, y, raw)
             error = _relative(error, t1 - t0, equations, solver_state, carried)
             good = _may_end(off, excess, solver_state.pivot, pivot) if projects else jnp.isfinite(off)
+            good = good & (jump <= _JUMP)
             error = jax.tree.map(lambda e: jnp.where(good, e, jnp.inf), error)
         return y, error, dense, carried, result
 
@@ -190,12 +205,11 @@ def _watched(
     position = jnp.max(jnp.abs(value) / sizes.rows) / sizes.size
     rate = scale * (parts.rows @ y.qd) + explicit
     kinetic = equations.kinetic_energy(t, y)
-    watch = Watch(
+    watch = watch._replace(
         position=jnp.maximum(watch.position, position),
         velocity=jnp.maximum(watch.velocity, jnp.max(jnp.abs(rate) / sizes.rows)),
         speed=jnp.maximum(watch.speed, jnp.max(jnp.abs(y.qd) / sizes.coordinates)),
         kinetic=jnp.maximum(watch.kinetic, kinetic),
-        start=watch.start,
         energy=jnp.maximum(watch.energy, jnp.abs(kinetic - y.work - watch.start)),
         nearest=jnp.minimum(watch.nearest, jnp.min(jnp.diagonal(parts.factor))),
     )

@@ -22,7 +22,8 @@ from jaxtyping import Array, Bool, Float
 
 from .._friction import friction_force, load_rows
 from .._state import State
-from ._moving import Context, Equations, Linear, Moving
+from ._held_rank import Held
+from ._moving import Equations, Linear
 
 # Slip and velocity that count as none, relative to those of the mechanism.
 NONE = 1e-9
@@ -32,18 +33,18 @@ _HELD, _SWEEPS, _SETTLED = 1e-7, 2000, 1e-12
 
 
 class Onward(NamedTuple):
-    """How it goes on: senses, 0 of joints that stick; whether all stays at rest; whether sticking was decided."""
+    """How it goes on: senses, 0 of joints that stick; friction; whether all rests; whether sticking was decided."""
 
     sense: Float[Array, " p"]
+    tau: Float[Array, " p"]
     resting: Bool[Array, ""]
     decided: Bool[Array, ""]
 
 
-def onward(equations: Equations, t: Array, y: Moving, context: Context) -> Onward:
+def onward(equations: Equations, state: State, held: Held) -> Onward:
     """How the motion goes on from an instant at which a slip rate is zero; it has no derivative."""
-    equations, t, y, context = jax.lax.stop_gradient((equations, t, y, context))
-    state = y.at(t)
-    return settled(equations, state, equations.linear(state, context.held, closed=equations.loaded))
+    equations, state, held = jax.lax.stop_gradient((equations, state, held))
+    return settled(equations, state, equations.linear(state, held, closed=equations.loaded))
 
 
 def settled(equations: Equations, state: State, linear: Linear) -> Onward:
@@ -61,7 +62,7 @@ def settled(equations: Equations, state: State, linear: Linear) -> Onward:
     whole = jnp.abs(linear.acceleration[:, 0]) + jnp.abs(linear.acceleration[:, 1:]) @ jnp.abs(tau)
     rests = jnp.max(jnp.abs(state.qd) / scale) <= _STILL * equations.speed
     stays = jnp.max(moved / scale) <= _HELD * jnp.max(whole / scale)
-    return Onward(jnp.where(sensed, sense, 1.0), rests & stays & jnp.any(sticks), decided)
+    return Onward(jnp.where(sensed, sense, 1.0), tau, rests & stays & jnp.any(sticks), decided)
 
 
 def _settled(

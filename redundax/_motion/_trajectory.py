@@ -11,14 +11,18 @@ class TrajectoryStats(eqx.Module):
     """The evidence beside a motion, over all its accepted steps.
 
     - `steps`, `rejected`: steps accepted and rejected.
-    - `phases`: phases between events at which a sense of slip changed; 1 without them.
-    - `end`: time at which the motion ended: `t1`, or where it came to rest or stopped.
+    - `phases`: phases of motion between events at which joints came to a stop or were let go; 1 without them.
+    - `end`: time at which the motion ended: `t1`, or where it came to rest for good or stopped.
     - `position_violation`: largest |Phi|, relative to the size of the mechanism.
     - `velocity_violation`: largest |Phi_q qd + Phi_t|, relative to the largest velocity.
     - `kinetic_energy`: the largest.
     - `energy_error`: largest change of kinetic energy less the work of loads, friction and drivers, relative to the
       largest kinetic energy; it is 0 for the exact motion.
     - `nearest_singularity`: how near to a singular position steps ended: 0 in it, about 1 far from it.
+    - `contraction`: largest bound of the contraction of friction at all loads; below 1 friction, and so the motion, is
+      proved unique under the closure.
+    - `jump`: where it is not, the largest change of friction in a step, relative to its size. With adaptive steps it is
+      at most 0.1, so that the motion follows one branch of solutions; in a constant step it may jump to another.
 
     ??? example
 
@@ -38,6 +42,8 @@ class TrajectoryStats(eqx.Module):
     kinetic_energy: Float[Array, ""]
     energy_error: Float[Array, ""]
     nearest_singularity: Float[Array, ""]
+    contraction: Float[Array, ""]
+    jump: Float[Array, ""]
 
 
 class Trajectory(eqx.Module):
