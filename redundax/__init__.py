@@ -54,11 +54,15 @@ from ._family._bounds import PreloadBox as PreloadBox
 from ._family._bounds import PreloadNorm as PreloadNorm
 from ._family._solution_family import SolutionFamily as SolutionFamily
 from ._family._solution_family import solution_family as solution_family
+from ._family._sticking import sticking as sticking
+from ._family._sticking_report import Sticking as Sticking
 from ._friction import AbstractFriction as AbstractFriction
 from ._friction import Friction as Friction
 from ._friction_model import AbstractFrictionModel as AbstractFrictionModel
 from ._friction_model import ConstantFriction as ConstantFriction
 from ._friction_model import Coulomb as Coulomb
+from ._friction_model import Dahl as Dahl
+from ._friction_model import LuGre as LuGre
 from ._friction_model import RegularisedCoulomb as RegularisedCoulomb
 from ._friction_model import Stribeck as Stribeck
 from ._joints import AbstractFrictionalJoint as AbstractFrictionalJoint

@@ -106,6 +106,8 @@ def search(
     problem: FrictionProblem, factors: Float[Array, "starts l"]
 ) -> tuple[Float[Array, "starts+1 p"], Bool[Array, " starts+1"]]:
     """Where the default solver and Newton's method from random loads end, and which ends are solutions that differ."""
+    if not problem.rho0.size:  # friction independent of load, (24)
+        return problem.law(problem.rho0)[None], jnp.ones(1, bool)
     default, newton = Continuation(), Newton()
     first = default.run(problem, problem.law(problem.rho0))
     good = default.result(first.progress) == RESULTS.successful

@@ -9,16 +9,18 @@ the sign of tau opposite to the sense.
 """
 
 import abc
+import itertools
 from collections.abc import Callable, Sequence
 from typing import Self
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
 from ._axis import Axis
-from ._module import Numbers, as_functions, as_parameters, replace
+from ._module import Numbers, as_float, as_functions, as_parameters, replace
 from ._state import State
 
 
@@ -49,8 +51,18 @@ class AbstractFriction(eqx.Module):
         """Friction forces or moments tau from the multipliers `lam[rows]`, slip rates, senses and internal state."""
 
     @abc.abstractmethod
-    def largest_change(self, change: Float[Array, "..."]) -> Float[Array, " p"]:
+    def largest_change(
+        self, change: Float[Array, "..."], rate: Float[Array, " p"], memory: PyTree
+    ) -> Float[Array, " p"]:
         """Bound of |change of tau| that a change of loads can cause at any loads; infinite where none is known."""
+
+    @abc.abstractmethod
+    def memory_size(self) -> PyTree:
+        """Sizes of the internal state, which starts at zero; `None` without one."""
+
+    @abc.abstractmethod
+    def memory_rate(self, rate: Float[Array, " p"], memory: PyTree, state: State) -> PyTree:
+        """Rate of change of the internal state; `None` without one."""
 
     @abc.abstractmethod
     def anonymous(self) -> Self:
@@ -75,12 +87,14 @@ class Friction(AbstractFriction):
 
     - `slip`: `(q, t, parameters) -> (p,)`.
     - `force`: `(loads, rate, sense, memory, state, parameters) -> (p,)`, with `loads = lam[rows]` in the shape of
-      `rows` and `memory` the law's internal state, `None` unless the state has some.
+      `rows` and `memory` the law's internal state, if it has one.
     - `rows`: indices of the multipliers that the law reads, any shape; empty for friction that does not
       depend on load, Eq. (24).
     - `kinds`: for each slip "linear" if it is a length (tau is a force) or "angular" if it is an angle (a moment).
       An `Axis` gives names too.
     - `parameters`: any pytree; its numbers become arrays.
+    - `memory`: sizes of the internal state, which starts at zero: any pytree.
+    - `memory_rate`: `(rate, memory, state, parameters) -> pytree`, the rate of change of the internal state.
     """
 
     rows: Int[Array, "..."]
@@ -88,6 +102,8 @@ class Friction(AbstractFriction):
     slips: Axis = eqx.field(static=True)
     _slip: Callable[..., Array]
     _force: Callable[..., Array]
+    _memory: PyTree
+    _memory_rate: Callable[..., PyTree] | None
 
     def __init__(
         self,
@@ -96,8 +112,17 @@ class Friction(AbstractFriction):
         rows: Numbers,
         kinds: Axis | Sequence[str],
         parameters: PyTree = None,
+        *,
+        memory: PyTree = None,
+        memory_rate: Callable[..., PyTree] | None = None,
     ):
-        self._slip, self._force = as_functions(slip), as_functions(force)
+        self._slip, self._force, self._memory_rate = map(as_functions, (slip, force, memory_rate))
+        self._memory = jax.tree.map(as_float, memory)
+        if (memory is None) != (memory_rate is None):
+            raise ValueError(
+                "Arguments `memory` and `memory_rate` must be given together, but one is None. "
+                "Give the sizes of the internal state and its rate of change."
+            )
         self.rows = jnp.asarray(rows, dtype=int)
         if isinstance(kinds, str):
             raise ValueError(
@@ -122,7 +147,13 @@ class Friction(AbstractFriction):
     def force(self, loads: Array, rate: Array, sense: Array, memory: PyTree, state: State) -> Array:
         return self._force(loads, rate, sense, memory, state, self.parameters)
 
-    def largest_change(self, change: Array) -> Array:
+    def memory_size(self) -> PyTree:
+        return self._memory
+
+    def memory_rate(self, rate: Array, memory: PyTree, state: State) -> PyTree:
+        return None if self._memory_rate is None else self._memory_rate(rate, memory, state, self.parameters)
+
+    def largest_change(self, change: Array, rate: Array, memory: PyTree) -> Array:
         return jnp.full(len(self.slips), jnp.where(jnp.any(change != 0), jnp.inf, 0.0), change.dtype)
 
 
@@ -139,13 +170,38 @@ def slip_kinds(groups: Sequence[AbstractFriction]) -> Axis:
     return Axis(tuple(name for part in names for name in part or ()) if known else None, kinds)
 
 
-def largest_changes(groups: Sequence[AbstractFriction], loads: Float[Array, "l columns"]) -> Float[Array, "p columns"]:
+def memories(groups: Sequence[AbstractFriction], state: State) -> tuple[PyTree, ...]:
+    """Internal states of all groups at a state, zero if it holds none."""
+    if state.memory and len(state.memory) != len(groups):
+        raise ValueError(
+            f"Argument `state` must have a memory for each of {len(groups)} friction groups, but has "
+            f"{len(state.memory)}. Leave `memory` out to start from zero."
+        )
+    return state.memory or tuple(jax.tree.map(jnp.zeros_like, group.memory_size()) for group in groups)
+
+
+def memory_rates(groups: Sequence[AbstractFriction], rate: Float[Array, " p"], state: State) -> tuple[PyTree, ...]:
+    """Rates of change of the internal states of all groups."""
+    parts = zip(groups, _by_group(groups, rate), memories(groups, state), strict=True)
+    return tuple(group.memory_rate(own, memory, state) for group, own, memory in parts)
+
+
+def _by_group(groups: Sequence[AbstractFriction], slips: Float[Array, " p"]) -> list[Float[Array, "..."]]:
+    """One entry for each slip as one part for each group."""
+    ends = np.cumsum([0, *(len(group.slips) for group in groups)])
+    return [slips[first:last] for first, last in itertools.pairwise(ends)]
+
+
+def largest_changes(
+    groups: Sequence[AbstractFriction], loads: Float[Array, "l columns"], rate: Float[Array, " p"], state: State
+) -> Float[Array, "p columns"]:
     """Bounds of |change of tau| of all groups from each column of changes of their concatenated loads."""
 
     def of_one(change: Float[Array, " l"]) -> Float[Array, " p"]:
         out, row = [], 0
-        for group in groups:
-            out.append(group.largest_change(change[row : row + group.rows.size].reshape(group.rows.shape)))
+        for group, own, memory in zip(groups, _by_group(groups, rate), memories(groups, state), strict=True):
+            part = change[row : row + group.rows.size].reshape(group.rows.shape)
+            out.append(group.largest_change(part, own, memory))
             row += group.rows.size
         return jnp.concatenate(out)
 
@@ -160,13 +216,12 @@ def friction_force(
     state: State,
 ) -> Float[Array, " p"]:
     """tau of all groups from their concatenated loads, slip rates and senses."""
-    out, row, slip = [], 0, 0
-    memories = state.memory or (None,) * len(groups)
-    for group, memory in zip(groups, memories, strict=True):
-        next_row, next_slip = row + group.rows.size, slip + len(group.slips)
-        own = _shaped(loads[row:next_row], group.rows.shape)
-        out.append(group.force(own, rate[slip:next_slip], sense[slip:next_slip], memory, state))
-        row, slip = next_row, next_slip
+    out, row = [], 0
+    parts = _by_group(groups, rate), _by_group(groups, sense), memories(groups, state)
+    for group, own_rate, own_sense, memory in zip(groups, *parts, strict=True):
+        own = _shaped(loads[row : row + group.rows.size], group.rows.shape)
+        out.append(group.force(own, own_rate, own_sense, memory, state))
+        row += group.rows.size
     return jnp.concatenate(out)
 
 

@@ -32,6 +32,10 @@ class Law(eqx.Module):
     def __call__(self, loads: Float[Array, " l"]) -> Float[Array, " p"]:
         return friction_force(self.groups, loads, self.rate, self.sense, self.state)
 
+    def largest_changes(self, loads: Float[Array, "l columns"]) -> Float[Array, "p columns"]:
+        """Bounds of |change of friction| that each column of changes of the loads can cause at any loads."""
+        return largest_changes(self.groups, loads, self.rate, self.state)
+
     def slope(self, loads: Float[Array, " l"]) -> Float[Array, "p l"]:
         """Derivative of the friction forces with respect to the loads, F_lam of Eq. (35) reduced."""
         return jax.jacfwd(self)(loads)
@@ -90,7 +94,7 @@ class FrictionProblem(eqx.Module):
 
     def contraction_anywhere(self) -> Float[Array, ""]:
         """Upper bound of `contraction` at all friction: below 1 there is one solution, and sweeps find it."""
-        bound = _radius_bound(largest_changes(self.law.groups, self.gain))
+        bound = _radius_bound(self.law.largest_changes(self.gain))
         return jnp.where(jnp.isnan(bound), jnp.inf, bound)
 
     def change_of_friction(self, change: Float[Array, " p"]) -> Float[Array, ""]:

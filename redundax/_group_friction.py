@@ -48,9 +48,16 @@ class JointFriction(AbstractFriction):
             self.model, self._normal(loads), rate, sense, memory
         )
 
-    def largest_change(self, change: Array) -> Array:
+    def largest_change(self, change: Array, rate: Array, memory: PyTree) -> Array:
         """A normal load is a seminorm of the joint's multipliers, so that its change is at most that of the change."""
-        return eqx.filter_vmap(lambda model: model.slope_bound())(self.model) * self._normal(change)
+        slope = eqx.filter_vmap(lambda model, *args: model.slope_bound(*args))(self.model, rate, memory)
+        return slope * self._normal(change)
+
+    def memory_size(self) -> PyTree:
+        return eqx.filter_vmap(lambda model: model.memory_size())(self.model)
+
+    def memory_rate(self, rate: Array, memory: PyTree, state: State) -> PyTree:
+        return eqx.filter_vmap(lambda model, *args: model.memory_rate(*args))(self.model, rate, memory)
 
     def _normal(self, loads: Array) -> Array:
         if not self.model.depends_on_load:

@@ -11,6 +11,7 @@ rows of angular ones. The chart q is left as it is; velocities and all else are 
 from typing import Self
 
 import equinox as eqx
+import jax
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int, PyTree
 
@@ -109,16 +110,27 @@ class _RescaledFriction(AbstractFriction):
     def force(self, loads: Array, rate: Array, sense: Array, memory: PyTree, state: State) -> Array:
         tau = self.inner.force(
             loads / self.units.of_force(self.system.rows)[self.rows],
-            rate * self.units.time / self.units.of(self.slips),
+            self._inner_rate(rate),
             sense,
             memory,
             _restored_state(state, self.system, self.units),
         )
         return self.units.of_force(self.slips) * tau
 
-    def largest_change(self, change: Array) -> Array:
-        inner = self.inner.largest_change(change / self.units.of_force(self.system.rows)[self.rows])
-        return self.units.of_force(self.slips) * inner
+    def largest_change(self, change: Array, rate: Array, memory: PyTree) -> Array:
+        change = change / self.units.of_force(self.system.rows)[self.rows]
+        return self.units.of_force(self.slips) * self.inner.largest_change(change, self._inner_rate(rate), memory)
+
+    def memory_size(self) -> PyTree:
+        """That of the inner group: internal states stay as they are."""
+        return self.inner.memory_size()
+
+    def memory_rate(self, rate: Array, memory: PyTree, state: State) -> PyTree:
+        inner = self.inner.memory_rate(self._inner_rate(rate), memory, _restored_state(state, self.system, self.units))
+        return jax.tree.map(lambda x: x / self.units.time, inner)
+
+    def _inner_rate(self, rate: Array) -> Array:
+        return rate * self.units.time / self.units.of(self.slips)
 
 
 def in_units(system: AbstractSystem, units: Units) -> AbstractSystem:

@@ -170,6 +170,7 @@ def _closed_root_jvp(primals: tuple, tangents: tuple) -> tuple:
     problem, start, solver = primals
     root = closed_root(problem, start, solver)
     _, explicit = eqx.filter_jvp(lambda p: p.law(p.loads(root.tau)), (problem,), (tangents[0],))
+    explicit = jnp.zeros_like(root.tau) if explicit is None else explicit  # of a law that reads none of what changes
     tau_dot = jnp.linalg.solve(_root_slope(problem, problem.loads(root.tau)), explicit)
     still = jax.tree.map(lambda x: jnp.zeros_like(x) if eqx.is_inexact_array(x) else None, root)
     return root, eqx.tree_at(lambda root: root.tau, still, tau_dot)

@@ -22,7 +22,8 @@ class State(eqx.Module):
       all angles, Eq. (60).
     - `qd`: velocities, shape (n,); for planar mechanisms the time derivative of `q`.
     - `t`: time.
-    - `memory`: internal states of friction laws that have some, one entry for each friction group.
+    - `memory`: internal states of friction laws that have some, one entry for each friction group;
+      zero if not given.
     """
 
     q: Float[Array, "..."]

@@ -31,7 +31,6 @@ from jaxtyping import Array
 
 from .._closures._closure import AbstractClosure, MinimumNorm
 from .._factorisation import Factorisation
-from .._friction import largest_changes
 from .._reduced import reduce
 from .._state import State
 from .._system import AbstractSystem
@@ -160,15 +159,16 @@ def _figures(
         none = {"slope": jnp.zeros((0, stress.shape[1])), "reads": nothing}
         size = stress.shape[0] + state.qd.size
         return {**out, **none, "response": jnp.zeros((size, 0)), "gamma": nothing, "closed_gamma": nothing}
-    slope = reduced.problem.law.slope(closed.problem.loads(friction))
+    law = reduced.problem.law
+    slope = law.slope(closed.problem.loads(friction))
     identity = jnp.eye(friction.size, dtype=slope.dtype)
     return {
         **out,
         "response": jnp.concatenate(reduced.unit),
         "slope": jnp.linalg.solve(identity - slope @ reduced.problem.gain, slope @ rows),
-        "gamma": largest_changes(system.friction, reduced.problem.gain),
-        "closed_gamma": largest_changes(system.friction, closed.problem.gain),
-        "reads": largest_changes(system.friction, jnp.eye(reduced.rows.size)) > 0,
+        "gamma": law.largest_changes(reduced.problem.gain),
+        "closed_gamma": law.largest_changes(closed.problem.gain),
+        "reads": law.largest_changes(jnp.eye(reduced.rows.size)) > 0,
     }
 
 

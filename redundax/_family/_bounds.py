@@ -136,14 +136,7 @@ class MisfitBox(AbstractBounds):
 
     def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Affine:
         rows, lower, upper = _box("box", self.box, report.rows)
-        compliance, misfit = self.closure.compliance(system, state)
-        stress = solutions.stress
-        _check_definite(np.asarray(stress.T @ compliance @ stress))
-        response = stress @ jnp.linalg.solve(stress.T @ compliance @ stress, stress.T)
-        free, unit = solutions.free.multipliers, solutions.unit.multipliers
-        kept = misfit.at[jnp.asarray(rows)].set(0.0)
-        start = free + response @ (kept - compliance @ free)
-        unit = unit - response @ (compliance @ unit)
+        start, response, unit = _closed(self.closure, system, state, solutions, rows)
         return _affine(tuple(self.box), lower, upper, solutions, start, response[:, rows], unit)
 
 
@@ -189,6 +182,25 @@ class ComplianceBox(AbstractBounds):
             misfit,
             places,
         )
+
+
+def one_case(closure: AbstractClosure, system: AbstractSystem, state: State, solutions: SolutionSet) -> Affine:
+    """The one case that a closure picks."""
+    nothing = np.zeros(0)
+    start, response, unit = _closed(closure, system, state, solutions, nothing.astype(int))
+    return _affine((), nothing, nothing, solutions, start, response[:, :0], unit)
+
+
+def _closed(
+    closure: AbstractClosure, system: AbstractSystem, state: State, solutions: SolutionSet, rows: np.ndarray
+) -> tuple[Array, Array, Array]:
+    """Multipliers without friction, by misfit and by friction under a closure; the misfits of `rows` left out."""
+    compliance, misfit = closure.compliance(system, state)
+    stress, free, unit = solutions.stress, solutions.free.multipliers, solutions.unit.multipliers
+    _check_definite(np.asarray(stress.T @ compliance @ stress))
+    response = stress @ jnp.linalg.solve(stress.T @ compliance @ stress, stress.T)
+    kept = misfit.at[jnp.asarray(rows)].set(0.0)
+    return free + response @ (kept - compliance @ free), response, unit - response @ (compliance @ unit)
 
 
 def _box(argument: str, box: Box, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -31,7 +31,7 @@ _ROUNDS, _WEIGHT = 8, 100.0  # of the augmented Lagrangian
 _BACK = 30  # halvings of the way back to the start
 _TRIES, _TRIED = 60, 24  # rounds of random steps, and steps in each
 _RADIUS, _GROWN, _SHRUNK = 0.02, 1.5, 0.6  # their first size, relative to the box, and how it changes
-_WITHIN = 1e-9  # excess over a limit, relative to its width, that is rounding
+WITHIN = 1e-9  # excess over a limit, relative to its width, that is rounding
 
 
 class Found(NamedTuple):
@@ -52,7 +52,7 @@ class Found(NamedTuple):
 
     def within(self) -> np.ndarray:
         """Which are solutions within the limits."""
-        return np.asarray(self.good) & (np.asarray(self.excess) <= _WITHIN)
+        return np.asarray(self.good) & (np.asarray(self.excess) <= WITHIN)
 
 
 @eqx.filter_jit
@@ -98,7 +98,7 @@ def _improved(solutions: SolutionSet, cases: AbstractCases, cost: Array, theta: 
         return _found(solutions, cases, theta, tau if root is None else jnp.where(good, root.tau, tau), good)
 
     def merit(found: Found) -> Array:
-        inside = jnp.where(found.excess <= _WITHIN, cost @ found.values, 1e3 * (1 + found.excess))
+        inside = jnp.where(found.excess <= WITHIN, cost @ found.values, 1e3 * (1 + found.excess))
         return jnp.where(found.good, inside, jnp.inf)
 
     def best(found: Found) -> Found:

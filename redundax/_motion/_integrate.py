@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from .._closures._closure import AbstractClosure
 from .._continuation import Continuation
 from .._factorisation import Factorisation, factorize
-from .._friction import slip_kinds
+from .._friction import memories, slip_kinds
 from .._results import RESULTS, first_failure
 from .._scaling import Scaling, scaling
 from .._solve import solve_factorised
@@ -61,8 +61,8 @@ def integrate(
     solved, found = _solved(equations, done, ts, rank, singular)
     ended = _ended(done, ~factor.singular_position, found == rank, t1)
     ended = RESULTS.where(begin.result == RESULTS.successful, ended, begin.result)
-    q, qd, acceleration, multipliers, friction = solved
-    return Trajectory(ts, q, qd, acceleration, multipliers, friction, ended, _stats(done))
+    q, qd, acceleration, multipliers, friction, memory = solved
+    return Trajectory(ts, q, qd, acceleration, multipliers, friction, memory, ended, _stats(done))
 
 
 class _Start(eqx.Module):
@@ -121,7 +121,8 @@ def _start(equations: Equations, state: State, factor: Factorisation, held: Held
 
 def _moving(equations: Equations, state: State) -> Moving:
     none = jnp.zeros_like(state.t)
-    return Moving(state.q, state.qd, none, none if equations.has_sense else None)
+    memory = memories(equations.system.friction, state)
+    return Moving(state.q, state.qd, none, none if equations.has_sense else None, memory)
 
 
 def _before(begin: _Start, y: Moving, t: Array, held: Held, ts: Array, regular: Array) -> Run:
@@ -151,26 +152,26 @@ def _before(begin: _Start, y: Moving, t: Array, held: Held, ts: Array, regular: 
     )
 
 
-def _solved(equations: Equations, done: Run, ts: Array, rank: Array, singular: bool) -> tuple[tuple[Array, ...], Array]:
+def _solved(equations: Equations, done: Run, ts: Array, rank: Array, singular: bool) -> tuple[tuple, Array]:
     """Position, velocity, acceleration, multipliers and friction at times; and the rank found at the end."""
     system = equations.system
 
-    def at(point: tuple[Array, Moving, Array, Array]) -> tuple[tuple[Array, ...], Array]:
+    def at(point: tuple[Array, Moving, Array, Array]) -> tuple[tuple, Array]:
         t, y, sense, resting = point
         there = equations.with_sense(sense)
-        held, found = hold(system, State(y.q, y.qd, t), equations.scaling, rank, singular=singular)
+        held, found = hold(system, y.at(t), equations.scaling, rank, singular=singular)
         if equations.stabilisation.projects:
             y = jax.tree.map(lambda a, b: jnp.where(resting, a, b), y, projected(system, t, y, held)[0])
-        state = State(y.q, y.qd, t)
+        state = y.at(t)
         solved = there.solved(state, there.linear(state, held), None)
         acceleration = jnp.where(resting, 0.0, solved.acceleration)
         loads = tuple(jnp.where(resting, jnp.nan, x) for x in (solved.multipliers, solved.tau))
-        return (y.q, y.qd, acceleration, *loads), found
+        return (y.q, y.qd, acceleration, *loads, y.memory), found
 
     path, here = (done.path, done.senses, done.rests), (done.y, done.sense, done.resting)
     points = jnp.append(ts, done.t), *jax.tree.map(lambda a, b: jnp.concatenate([a, b[None]]), path, here)
     solved, found = jax.lax.map(at, points)
-    return tuple(x[:-1] for x in solved), found[-1]
+    return jax.tree.map(lambda x: x[:-1], solved), found[-1]
 
 
 def _ended(done: Run, regular: Array, same: Array, t1: Array) -> RESULTS:

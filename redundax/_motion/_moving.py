@@ -2,8 +2,9 @@
 
     y = (q, qd, A):   q' = qd,   qd' = qdd(q, qd, t) of (25),   A' = qd . (Q + E tau) + Phi_t . lam + qd . M' qd / 2
 
-with the rank held (`_held_rank`). A is the work of loads, friction and drivers, so that T - A, with T the kinetic
-energy, is constant along the exact motion of any system. Forces of constraints that do not move do no work.
+with the rank held (`_held_rank`), and the internal states of friction laws beside them. A is the work of loads,
+friction and drivers, so that T - A, with T the kinetic energy, is constant along the exact motion of any system. Forces
+of constraints that do not move do no work.
 """
 
 from typing import NamedTuple
@@ -11,10 +12,10 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, PyTree
 
 from .._closures._closure import AbstractClosure
-from .._friction import load_rows
+from .._friction import load_rows, memory_rates
 from .._friction_problem import FrictionProblem, Law
 from .._kinematics import slip_gamma, slip_motion
 from .._results import RESULTS
@@ -27,12 +28,20 @@ from ._stabilisation import AbstractStabilisation
 
 
 class Moving(NamedTuple):
-    """Position, velocity and work done so far; and, where friction has senses, 1 from an event on, else 0."""
+    """Position, velocity and work done so far; and, where friction has senses, 1 from an event on, else 0.
+
+    `memory` are the internal states of friction, group by group, `None` of those without one.
+    """
 
     q: Float[Array, " n"]
     qd: Float[Array, " n"]
     work: Float[Array, ""]
     event: Float[Array, ""] | None
+    memory: tuple[PyTree, ...]
+
+    def at(self, t: Array) -> State:
+        """The state at a time."""
+        return State(self.q, self.qd, t, self.memory)
 
 
 # Eigenvalues of unit slip accelerations of joints that stick, relative to the largest, that count as 0.
@@ -116,9 +125,12 @@ class Equations(eqx.Module):
 
         The closure matters to it only through friction: a self-stress does no work.
         """
-        state = State(y.q, y.qd, t)
-        solved = self.solved(state, self.linear(state, context.held, closed=self.loaded), context.tau)
-        slope = Moving(y.qd, solved.acceleration, solved.power, jax.tree.map(jnp.zeros_like, y.event))
+        state = y.at(t)
+        linear = self.linear(state, context.held, closed=self.loaded)
+        solved = self.solved(state, linear, context.tau)
+        event = jax.tree.map(jnp.zeros_like, y.event)
+        memory = memory_rates(self.system.friction, linear.rate, state)
+        slope = Moving(y.qd, solved.acceleration, solved.power, event, memory)
         if not self.has_sense:
             return slope
         return jax.tree.map(lambda x: jnp.where(self.resting, 0.0, x), slope)
@@ -230,7 +242,7 @@ def projected(system: AbstractSystem, t: Array, y: Moving, held: Held) -> tuple[
     for _ in range(2):  # the second pass is refinement
         qd = qd - parts.response @ held_inverse(parts, held, rate + parts.rows @ (qd - y.qd))
     moved = system.load(State((q + y.q) / 2, y.qd, t)) @ (q - y.q)
-    return Moving(q, qd, y.work + moved, y.event), parts
+    return y._replace(q=q, qd=qd, work=y.work + moved), parts
 
 
 # Chord iterations of the position: a step leaves it off by e, each turns e^k into e^(k+1).

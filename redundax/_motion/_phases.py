@@ -116,7 +116,7 @@ def _phase(now: Run, equations: Equations, options: Options) -> Run:
     here = (options.ts >= now.t) & (options.ts <= t)
     return Run(
         t=t,
-        y=Moving(y.q, jnp.where(onward.resting, 0.0, y.qd), y.work, y.event),
+        y=y._replace(qd=jnp.where(onward.resting, 0.0, y.qd)),
         sense=onward.sense,
         tau=onward.tau,
         held=carried.context.held,

@@ -70,13 +70,13 @@ def locate(
     def newton(carry: tuple[Array, Moving, Array], _: None) -> tuple[tuple[Array, Moving, Array], None]:
         t, y, dt = carry
         y = projected(equations.system, t + dt, _stepped(equations, t, y, dt, context), context.held)[0]
-        slip, rate = _slip(mode, State(y.q, y.qd, t + dt), context)
+        slip, rate = _slip(mode, y.at(t + dt), context)
         h = jnp.where(bracket.released, slip, rate)[bracket.joint]
         slope = jnp.where(bracket.released, bracket.slope, slip[bracket.joint])
         return (t + dt, y, -h / slope), None
 
     (t, y, _), _ = jax.lax.scan(newton, (t, y, bracket.end - t), None, length=_NEWTON)
-    stopped = onward(fixed, State(y.q, y.qd, t), context.held)
+    stopped = onward(fixed, y.at(t), context.held)
     onwards = Onward(after.sense, there.tau, jnp.zeros((), bool), there.decided)
     return t, y, jax.tree.map(lambda a, b: jnp.where(bracket.released, a, b), onwards, stopped)
 
@@ -96,7 +96,7 @@ def _bracket(
     context: Context,
 ) -> Bracket:
     """The first event to a fraction of the step, interpolated; h is taken so that it is positive before the event."""
-    over = _reversed(equations, slip_motion(equations.system, State(end[1].q, end[1].qd, end[0]))[0])
+    over = _reversed(equations, slip_motion(equations.system, end[1].at(end[0]))[0])
 
     def heights(t: Array) -> Array:
         slip, rate = _slip(after, _between(begin, end, t), context)
@@ -120,7 +120,7 @@ def _bracket(
 
 
 def _between(begin: tuple[Array, Moving], end: tuple[Array, Moving], t: Array) -> State:
-    """The state by cubic interpolation of positions and velocities of both ends."""
+    """The state by cubic interpolation of positions and velocities of both ends, linear of internal states."""
     (t0, y0), (t1, y1) = begin, end
     span = t1 - t0
 
@@ -130,7 +130,8 @@ def _between(begin: tuple[Array, Moving], end: tuple[Array, Moving], t: Array) -
         return ends + span * (s * (1 - s) ** 2 * y0.qd - s**2 * (1 - s) * y1.qd)
 
     q, qd = jax.jvp(position, (t,), (jnp.ones_like(t),))
-    return State(q, qd, t)
+    share = (t - t0) / span
+    return State(q, qd, t, jax.tree.map(lambda a, b: a + share * (b - a), y0.memory, y1.memory))
 
 
 def _stepped(equations: Equations, t: Array, y: Moving, dt: Array, context: Context) -> Moving:

@@ -15,7 +15,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._state import State
 from ._held_rank import Kinetics, kinetics, renewed
 from ._moving import Context, Equations, Moving, projected
 from ._slip import happened
@@ -131,7 +130,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
         if projects:
             y, parts = projected(system, t1, raw, context.held)
         else:
-            parts = kinetics(system, State(y.q, y.qd, t1), context.held)
+            parts = kinetics(system, y.at(t1), context.held)
         if equations.has_sense:
             y = jax.tree.map(lambda still, new: jnp.where(equations.resting, still, new), y0, y)
         # What is watched and what the next step starts from have no derivatives.
@@ -139,7 +138,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
         held, excess = renewed(context.held, parts)
         watch, off = _watched(solver_state.watch, fixed, t, there, parts, held.row_scale)
         pivot = jnp.min(parts.pivots)
-        tau, state, onward = context.tau, State(there.q, there.qd, t), solver_state.onward
+        tau, state, onward = context.tau, there.at(t), solver_state.onward
         jump = jnp.zeros_like(off)
         if system.friction:
             linear = fixed.linear(state, context.held, closed=fixed.loaded)
@@ -176,7 +175,7 @@ def _may_end(off: Array, excess: Array, begin: Array, end: Array) -> Bool[Array,
 
 def _relative(error: Moving, dt: Array, equations: Equations, before: Carried, after: Carried) -> Moving:
     """The error of a step free of units, of which the tolerance is taken: positions relative to the size of the
-    mechanism, velocities to the largest that it had.
+    mechanism, velocities to the largest that it had, internal states to their sizes.
 
     At the pivot p, rounding is magnified by 1 / p in positions, its square in velocities, and its cube in
     accelerations, whatever the length of a step; that much is not counted.
@@ -194,6 +193,10 @@ def _relative(error: Moving, dt: Array, equations: Equations, before: Carried, a
         counted(error.qd, speed * sizes.coordinates, blur / pivot * (1 + shift)),
         jnp.zeros_like(error.work),
         jax.tree.map(jnp.zeros_like, error.event),
+        tuple(
+            jax.tree.map(lambda e, size: jnp.abs(e) / size, own, group.memory_size())
+            for own, group in zip(error.memory, equations.system.friction, strict=True)
+        ),
     )
 
 

@@ -1,7 +1,7 @@
 """What `simulate` returns."""
 
 import equinox as eqx
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, PyTree
 
 from .._results import RESULTS
 from .._state import State
@@ -55,6 +55,7 @@ class Trajectory(eqx.Module):
     - `t`: times, shape (times,).
     - `q`, `qd`: coordinates and velocities, on the constraint manifold with `Projection`.
     - `acceleration`, `multipliers`, `friction`: qdd, lam and tau of the closure, as `solve` gives them.
+    - `memory`: internal states of friction laws that have some, one entry for each friction group.
     - `result`: how the motion ended.
     - `stats`: the evidence.
 
@@ -73,10 +74,11 @@ class Trajectory(eqx.Module):
     acceleration: Float[Array, "times n"]
     multipliers: Float[Array, "times m"]
     friction: Float[Array, "times p"]
+    memory: tuple[PyTree, ...]
     result: RESULTS
     stats: TrajectoryStats
 
     @property
     def states(self) -> State:
         """The states at all times, each array with an axis for them in front."""
-        return State(self.q, self.qd, self.t)
+        return State(self.q, self.qd, self.t, self.memory)

@@ -1,0 +1,137 @@
+"""The search for extremes of outputs over a set of cases: samples and vertices, then descents from the best of them."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from .._analysis._analyze import Report
+from .._analysis._verdict import spectral_radius
+from ._cases import AbstractCases, Affine, Fractional, corners
+from ._descent import Found, improved, sampled
+from ._extremes import linear_extreme, vertex_extremes
+from ._solution_set import SolutionSet
+
+_CORNERS = 8  # entries of a case up to which all vertices of the box are looked at
+_VERTICES = 16  # compliances up to which all vertices are, where that is exact
+_SEEDS = 3  # starts for each extreme
+_BATCH = 32  # starts that are improved at once: one compiled program
+_APART = 0.1  # least distance of starts, relative to the box
+
+
+def proved_single(solutions: SolutionSet, cases: AbstractCases, report: Report) -> bool:
+    """Whether each case has one solution, by the spectral radius of its Gamma; see `_verdict`."""
+    if solutions.law is None:
+        return True
+    if not isinstance(cases, Affine) and report.friction_reads:
+        return False
+    gain = cases.chosen(cases.lower)[1][solutions.rows]
+    return spectral_radius(np.asarray(solutions.law.largest_changes(gain))) < 1
+
+
+def few(cases: AbstractCases) -> bool:
+    """Whether all vertices of the compliances that matter can be looked at."""
+    return isinstance(cases, Fractional) and int(cases.matters.sum()) <= _VERTICES
+
+
+Extreme = tuple[np.ndarray, np.ndarray, np.ndarray]  # values (b,), cases (b, q), solutions (b, x)
+
+
+class Search:
+    """The extremes of outputs over a set of cases."""
+
+    def __init__(self, solutions: SolutionSet, cases: AbstractCases, factors: Array):
+        self.solutions, self.cases, self.factors, self.solved = solutions, cases, factors, 1.0
+
+    def exactly(self, matrix: np.ndarray, unique: np.ndarray) -> tuple[Extreme, Extreme]:
+        """Where friction does not depend on the case; of unique outputs any case serves."""
+        cases = self.cases
+        tau = np.asarray(self._sampled(cases.lower[None]).tau[0])
+        n, m = self.solutions.free.acceleration.size, self.solutions.stress.shape[0]
+        out = []
+        for sign in (1.0, -1.0):
+            costs = sign * matrix[:, n : n + m]
+            if isinstance(cases, Fractional):
+                theta = vertex_extremes(cases, tau, costs)
+            elif isinstance(cases, Affine):
+                ends = [linear_extreme(cases, tau, cost) for cost in costs]
+                theta = np.array([np.full(cases.lower.size, np.nan) if end is None else end for end in ends])
+            else:
+                raise TypeError(
+                    f"Argument `cases` must be affine or fractional, but is {type(cases).__name__}. "
+                    "Give what the method `cases` of bounds returns."
+                )
+            if out:
+                theta = np.where(unique[:, None], out[0][1], theta)
+            found = self._sampled(jnp.asarray(theta))
+            out.append((np.sum(matrix * found.values, axis=1), theta, np.asarray(found.values)))
+        return out[0], out[1]
+
+    def _sampled(self, theta: Array) -> Found:
+        """The first solution of each case, as NumPy arrays."""
+        found = jax.device_get(sampled(self.solutions, self.cases, theta, self.factors[:0]))
+        return Found(*(part[:, 0] for part in found))
+
+    def found(self, matrix: np.ndarray, unique: np.ndarray, samples: int, seed: int) -> Found:
+        """All solutions of a search for the extremes of outputs; sets `solved`."""
+        found = jax.device_get(sampled(self.solutions, self.cases, self.sample(samples, seed), self.factors))
+        self.solved = float(np.mean(found.good.any(axis=1)))
+        found = Found(*(part.reshape(found.good.size, *part.shape[2:])[found.good.ravel()] for part in found))
+        values = found.values @ matrix.T
+        if not found.theta.size:
+            return found
+        spread, size = np.ptp(values, axis=0), np.abs(values).max(axis=0)
+        moving = np.flatnonzero(~unique & (spread > 1e-12 * size))
+        starts = []
+        for k in moving:
+            for cost in (1 / spread[k], -1 / spread[k]):
+                starts += [(cost * matrix[k], start) for start in self._starts(found, cost * values[:, k])]
+        better = self._improved(found, starts)
+        return Found(*(np.concatenate(pair) for pair in zip(found, better, strict=True)))
+
+    def sample(self, samples: int, seed: int) -> Array:
+        """Middle and vertices of the box, and random cases."""
+        lower, upper = self.cases.lower, self.cases.upper
+        random, q = np.random.default_rng(seed), lower.size
+        share = np.linspace(0.0, 1.0, samples)[:, None] if q == 1 else random.random((samples, q))
+        ends = corners(self.cases) if q <= _CORNERS else jnp.where(random.random((2**_CORNERS, q)) < 0.5, lower, upper)
+        return jnp.concatenate([((lower + upper) / 2)[None], ends, lower + jnp.asarray(share) * (upper - lower)])
+
+    def _starts(self, found: Found, cost: np.ndarray) -> list[int]:
+        """Solutions of little cost that lie apart, those within the limits first."""
+        span = np.asarray(self.cases.upper - self.cases.lower)
+        largest = np.abs(found.tau).max(axis=0, initial=0.0)
+        place = np.concatenate(
+            [found.theta / np.where(span > 0, span, 1.0), found.tau / np.where(largest > 0, largest, 1.0)], axis=1
+        )
+        chosen: list[int] = []
+        for k in np.argsort(cost + 10 * np.maximum(found.excess, 0.0)):
+            if all(np.abs(place[k] - place[other]).max() > _APART for other in chosen):
+                chosen.append(int(k))
+            if len(chosen) == _SEEDS:
+                break
+        return chosen
+
+    def _improved(self, found: Found, starts: list[tuple[np.ndarray, int]]) -> Found:
+        parts = [Found(*(part[:0] for part in found))]
+        for first in range(0, len(starts), _BATCH):
+            own = starts[first : first + _BATCH]
+            padded = [*own, *(own[-1:] * (_BATCH - len(own)))]
+            costs = jnp.asarray(np.array([cost for cost, _ in padded]))
+            at = np.array([start for _, start in padded])
+            theta, tau = jnp.asarray(found.theta[at]), jnp.asarray(found.tau[at])
+            better = jax.device_get(improved(self.solutions, self.cases, costs, theta, tau))
+            parts.append(Found(*(part[: len(own)] for part in better)))
+        return Found(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+
+def best(found: Found, matrix: np.ndarray, unique: np.ndarray, sign: float) -> Extreme:
+    """Least (1) or largest (-1) value of each output over the solutions within the limits; any of unique ones."""
+    within = Found(*(part[found.within()] for part in found))
+    if not len(within.good):
+        b = len(matrix)
+        return np.full(b, np.nan), np.full((b, found.theta.shape[1]), np.nan), np.full((b, matrix.shape[1]), np.nan)
+    values = within.values @ matrix.T
+    best = np.where(unique, 0, np.argmin(sign * values, axis=0))
+    least = values[best, np.arange(len(matrix))]
+    return np.asarray(least), np.asarray(within.theta[best]), np.asarray(within.values[best])

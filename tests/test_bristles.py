@@ -1,0 +1,199 @@
+"""Dahl and LuGre friction against closed forms and separately written scalar equations."""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from test_stick_slip import crank
+
+import redundax as rx
+
+slow = pytest.mark.slow
+MASS, GRAVITY, SPRING, SPEED = 2.0, 10.0, 50.0, 0.05
+LUGRE = {
+    "static": 0.3,
+    "kinetic": 0.2,
+    "velocity": 0.01,
+    "stiffness": 1e3,
+    "damping": 5.0,
+    "viscous": 0.4,
+    "preload": 5.0,
+}
+
+
+def pulling(i, j, t, p):
+    """A spring whose end moves at a constant speed."""
+    force = jnp.stack([p["spring"] * (p["speed"] * t - i.pose.r[0]), 0.0 * t])
+    return i.wrench(force, jnp.zeros(2)), j.wrench(0 * force, jnp.zeros(2))
+
+
+def block(friction):
+    """A block in a guide, pulled by a spring."""
+    body = rx.Body("block", MASS, 0.1)
+    guide = rx.Translational(
+        "guide", "block", "ground", (0.0, 0.0), (0.0, 0.0), (0.0, 1.0), friction=friction, guide_length=0.1
+    )
+    load = rx.LoadFunction("block", pulling, parameters={"spring": SPRING, "speed": SPEED})
+    return rx.Mechanism([body], [guide], loads=[load], gravity=(0.0, -GRAVITY)), rx.State(jnp.zeros(3), jnp.zeros(3))
+
+
+def pulled(times, static, kinetic, velocity, stiffness, damping, viscous, preload):
+    """x, v, z of the block by its scalar equations, and the friction."""
+    normal = MASS * GRAVITY + preload
+
+    def bristles(v, z):
+        rate = v - stiffness * np.abs(v) * z / (kinetic + (static - kinetic) * np.exp(-((v / velocity) ** 2)))
+        return rate, -normal * (stiffness * z + damping * rate + viscous * v)
+
+    def slope(t, y):
+        x, v, z = y
+        rate, tau = bristles(v, z)
+        return [v, (SPRING * (SPEED * t - x) + tau) / MASS, rate]
+
+    y = solve_ivp(slope, (0, times[-1]), [0, 0, 0], "Radau", times, rtol=1e-10, atol=1e-13).y
+    return *y, bristles(y[1], y[2])[1]
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "damping", "solver"),
+    [(1e3, 5.0, diffrax.Dopri8()), pytest.param(1e5, 50.0, diffrax.Kvaerno3(), marks=slow)],
+)
+def test_a_pulled_block_stops_and_goes_as_the_scalar_equations_do(stiffness, damping, solver):
+    """Twice in 6 s it breaks loose; with short bristles the equations are stiff."""
+    values = {**LUGRE, "stiffness": stiffness, "damping": damping}
+    times = np.linspace(0, 6, 25)
+    x, v, z, tau = pulled(times, **values)
+    assert v.max() > SPEED and (np.abs(v) < 0.1 * SPEED).sum() > 5
+    run = rx.simulate(*block(rx.LuGre(**values)), 6.0, ts=times, solver=solver)
+    np.testing.assert_allclose(run.q[:, 0], x, rtol=0, atol=2e-8)
+    np.testing.assert_allclose(run.memory[0][:, 0], z, rtol=0, atol=2e-8 * 0.3 / stiffness * 100)
+    np.testing.assert_allclose(run.friction[:, 0], tau, rtol=0, atol=1e-4)
+    assert run.stats.steps < 1500 and run.stats.energy_error < 1e-6
+    again = jax.tree.map(lambda x: x[4], run.states)  # from 1 s on
+    rest = rx.simulate(block(rx.LuGre(**values))[0], again, 6.0, ts=times[4:], solver=solver)
+    np.testing.assert_allclose(rest.q[:, 0], x[4:], rtol=0, atol=5e-8)
+
+
+MU, BRISTLES, REACH = 0.3, 60.0, 0.02
+
+
+def to_and_fro(t):
+    """Position of a block that is moved to and fro."""
+    return REACH * jnp.sin(t)
+
+
+def dahl(t):
+    """tau / N as the block is moved: exponentials between the reversals at pi / 2 and 3 pi / 2."""
+    shift, last, share = np.sin(t) * REACH, 0.0, 0.0
+    for turn, sign in ((np.pi / 2, 1.0), (3 * np.pi / 2, -1.0), (np.inf, 1.0)):
+        there = min(t, turn)
+        x = REACH * np.sin(there)
+        share = sign * MU + (share - sign * MU) * np.exp(-BRISTLES * abs(x - last) / MU)
+        last = x
+        if t <= turn:
+            break
+    assert last == shift
+    return -share
+
+
+def by_function(mu):
+    """The block as functions, held by a driver, with the bristles of one's own."""
+
+    def force(loads, rate, sense, memory, state, p):
+        return -jnp.abs(loads[:1]) * BRISTLES * memory["z"]
+
+    def bend(rate, memory, state, p):
+        return {"z": rate - BRISTLES * jnp.abs(rate) * memory["z"] / p}
+
+    friction = rx.Friction(
+        lambda q, t, p: q[:1], force, [0], ["linear"], mu, memory={"z": jnp.full(1, MU / BRISTLES)}, memory_rate=bend
+    )
+    return rx.System(
+        lambda q, t, p: jnp.stack([q[1], q[0] - to_and_fro(t)]),
+        jnp.ones(2),
+        lambda q, qd, t, p: jnp.stack([0.0, -GRAVITY]),
+        friction=friction,
+    )
+
+
+def test_hysteresis_before_slip_is_that_of_the_closed_form():
+    times = np.linspace(0.0, 6.0, 25)
+    run = rx.simulate(by_function(MU), rx.State([0.0, 0.0], [REACH, 0.0]), 6.0, ts=times)
+    np.testing.assert_allclose(run.friction[:, 0], [GRAVITY * dahl(t) for t in times], rtol=0, atol=1e-6)
+    assert np.ptp(run.friction) > 1.9 * MU * GRAVITY
+
+
+@slow
+@pytest.mark.parametrize("way", ["reverse", "forward"])
+def test_the_derivative_passes_the_bristles(way):
+    """d tau / d mu at t = 1, of tau = -mu N (1 - exp(-stiffness x / mu))."""
+
+    def tau(mu, adjoint=None):
+        return rx.simulate(
+            by_function(mu), rx.State([0.0, 0.0], [REACH, 0.0]), 1.0, ts=[1.0], adjoint=adjoint
+        ).friction[0, 0]
+
+    bent = BRISTLES * REACH * np.sin(1.0) / MU
+    truth = -GRAVITY * (1 - np.exp(-bent) * (1 + bent))
+    found = jax.grad(tau)(MU) if way == "reverse" else jax.jacfwd(lambda mu: tau(mu, diffrax.ForwardMode()))(MU)
+    np.testing.assert_allclose(found, truth, rtol=1e-6)
+
+
+def bristled(model):
+    """The paper's mechanism with a friction model in its revolutes."""
+    l, h = 0.1, 0.1 * np.sqrt(2)  # noqa: E741 (the paper's letter)
+    bodies = [rx.Body(str(k + 1), m, m * l**2 * c) for k, (m, c) in enumerate([(3, 2 / 3), (9, 16 / 3)] * 2)]
+    joints = [
+        rx.Revolute("A", "1", "ground", (-h, 0.0), (0.0, 0.0), friction=model),
+        rx.Revolute("B", "2", "1", (-4 * l, 0.0), (h, 0.0), friction=model),
+        rx.Revolute("C", "3", "2", (h, 0.0), (4 * l, 0.0), friction=model),
+        rx.Revolute("D", "3", "ground", (-h, 0.0), (8 * l, 0.0), friction=model),
+        rx.Translational("K", "4", "ground", (0.0, 0.0), (4 * l, 0.0), (1.0, 0.0)),
+        rx.Translational("L", "4", "2", (0.0, 0.0), (0.0, 0.0), (0.0, 1.0)),
+    ]
+    return rx.Mechanism(bodies, joints, gravity=(0.0, -10.0))
+
+
+@slow
+def test_the_papers_mechanism_comes_to_rest_on_its_bristles():
+    """Where Coulomb friction lets it stick, to the deflection of the bristles; nothing stops the motion."""
+    angle, events = crank(0.02, 10.0)
+    end = events[-1] + 0.5
+    state = rx.mechanisms.wojtyra2020().state(jnp.pi / 4, rate=1.0)
+    model = rx.LuGre(0.02, 0.02, velocity=0.1, stiffness=20.0, damping=0.005)
+    run = rx.simulate(bristled(model), state, end, ts=np.linspace(0.0, end, 11))
+    assert run.result == rx.RESULTS.successful
+    assert np.abs(run.qd[-1]).max() < 0.02
+    np.testing.assert_allclose(run.q[-1, 8], angle, rtol=0, atol=5e-3)
+    assert max(run.stats.position_violation, run.stats.velocity_violation) < 1e-13
+    assert run.stats.energy_error < 1e-6
+    weights = np.abs(run.friction[-1]) / np.hypot(run.multipliers[-1, 0:8:2], run.multipliers[-1, 1:8:2])
+    np.testing.assert_allclose(weights, 20.0 * np.abs(run.memory[0][-1]), rtol=0, atol=1e-4)
+
+
+def test_friction_with_a_memory_in_other_units():
+    """Bristles bent by hand: the law at a state, in metres and in millimetres."""
+    system, state = block(rx.LuGre(**LUGRE))
+    state = rx.State(state.q, jnp.array([0.02, 0.0, 0.0]), 0.3, (jnp.array([1e-4]),))
+    solution = rx.solve(system, state)
+    rate = 0.02 - 1e3 * 0.02 * 1e-4 / (0.2 + 0.1 * np.exp(-4.0))
+    np.testing.assert_allclose(solution.friction, -25.0 * (1e3 * 1e-4 + 5 * rate + 0.4 * 0.02), rtol=1e-12)
+    units = rx.Units(length=1000.0, time=1e3)
+    there = rx.solve(rx.in_units(system, units), rx.state_in_units(state, system, units))
+    there = rx.solution_from_units(there, system, units)
+    np.testing.assert_allclose(there.friction, solution.friction, rtol=1e-12)
+    np.testing.assert_allclose(there.acceleration, solution.acceleration, rtol=0, atol=1e-12)
+    none = rx.solve(system, rx.State(state.q, jnp.zeros(3)))
+    assert none.friction == 0.0 and none.stats.contraction == 0.0
+
+
+def test_errors():
+    with pytest.raises(ValueError, match="`stiffness` must be positive"):
+        rx.Dahl(0.1, stiffness=0.0)
+    with pytest.raises(ValueError, match="`memory_rate` must be given together"):
+        rx.Friction(lambda q, t, p: q, lambda *_: 0.0, [0], ["linear"], memory=jnp.ones(1))
+    system, state = block(rx.LuGre(**LUGRE))
+    with pytest.raises(ValueError, match="memory for each of 1 friction groups, but has 2"):
+        rx.solve(system, rx.State(state.q, state.qd, memory=(None, None)))
