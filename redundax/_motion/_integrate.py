@@ -62,7 +62,7 @@ def integrate(
     ended = _ended(done, ~factor.singular_position, found == rank, t1)
     ended = RESULTS.where(begin.result == RESULTS.successful, ended, begin.result)
     q, qd, acceleration, multipliers, friction, memory = solved
-    return Trajectory(ts, q, qd, acceleration, multipliers, friction, memory, ended, _stats(done))
+    return Trajectory(ts, q, qd, acceleration, multipliers, friction, done.senses, memory, ended, _stats(done))
 
 
 class _Start(eqx.Module):
@@ -140,7 +140,7 @@ def _before(begin: _Start, y: Moving, t: Array, held: Held, ts: Array, regular: 
         resting=start.resting,
         since=t,
         path=path,
-        senses=jnp.broadcast_to(start.sense, (ts.size, *start.sense.shape)),
+        senses=jnp.full((ts.size, *start.sense.shape), jnp.nan, t.dtype),
         rests=jnp.broadcast_to(start.resting, ts.shape),
         going=(begin.result == RESULTS.successful) & regular & start.decided,
         decided=start.decided,

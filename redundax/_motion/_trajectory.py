@@ -55,6 +55,7 @@ class Trajectory(eqx.Module):
     - `t`: times, shape (times,).
     - `q`, `qd`: coordinates and velocities, on the constraint manifold with `Projection`.
     - `acceleration`, `multipliers`, `friction`: qdd, lam and tau of the closure, as `solve` gives them.
+    - `sense`: sense of slip of each friction, 0 where the joint sticks; 1 where friction does not depend on it.
     - `memory`: internal states of friction laws that have some, one entry for each friction group.
     - `result`: how the motion ended.
     - `stats`: the evidence.
@@ -74,6 +75,7 @@ class Trajectory(eqx.Module):
     acceleration: Float[Array, "times n"]
     multipliers: Float[Array, "times m"]
     friction: Float[Array, "times p"]
+    sense: Float[Array, "times p"]
     memory: tuple[PyTree, ...]
     result: RESULTS
     stats: TrajectoryStats
