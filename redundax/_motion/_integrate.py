@@ -111,7 +111,7 @@ def _start(equations: Equations, state: State, factor: Factorisation, held: Held
     if not system.friction:
         return _Start(factor.result, start)
     if equations.has_sense:
-        start = onward(equations, state, held)
+        start = onward(equations, state, held, ~none)
     fixed = jax.lax.stop_gradient((system, state, factor, equations.closure))
     solution = solve_factorised(*fixed, Continuation(), None, start.sense)
     sticks = jnp.any(equations.with_sense(start.sense).sticking)

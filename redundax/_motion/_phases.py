@@ -109,7 +109,7 @@ def _phase(now: Run, equations: Equations, options: Options) -> Run:
         event = solution.result == diffrax.RESULTS.event_occurred
         t, y, onward = jax.lax.cond(
             event,
-            lambda: locate(equations, carried.start, t, y, carried.context, carried.onward),
+            lambda: locate(equations, carried.start, t, y, carried.context, carried.onward, event),
             lambda: (t, y, onward),
         )
         y = y._replace(event=jnp.zeros_like(t))

@@ -39,8 +39,9 @@ class Bracket(NamedTuple):
 
 def happened(equations: Equations, state: State, linear: Linear) -> tuple[Float[Array, ""], Onward]:
     """1 where a joint slips against its sense or joints that stick do not any longer, else 0; and the senses there."""
-    as_before = Onward(equations.sense, linear.rate, equations.resting, jnp.ones((), bool))
-    there = jax.lax.cond(jnp.any(equations.sticking), lambda: settled(equations, state, linear), lambda: as_before)
+    some = jnp.any(equations.sticking)
+    there = settled(equations, state, linear, some)
+    there = there._replace(sense=jnp.where(some, there.sense, equations.sense))
     event = jnp.any(_let_go(equations, there) | _reversed(equations, linear.rate))
     return event.astype(state.t.dtype), there
 
@@ -55,16 +56,22 @@ def _let_go(equations: Equations, there: Onward) -> Bool[Array, " p"]:
 
 
 def locate(
-    equations: Equations, start: tuple[Array, Moving], t: Array, y: Moving, context: Context, there: Onward
+    equations: Equations,
+    start: tuple[Array, Moving],
+    t: Array,
+    y: Moving,
+    context: Context,
+    there: Onward,
+    event: Bool[Array, ""],
 ) -> tuple[Array, Moving, Onward]:
     """The first event of the step from `start` to (t, y), and how it goes on from there.
 
-    `there` are the senses at the end of the step.
+    `there` are the senses at the end of the step; `event` says whether there is one: a batch looks where there is none.
     """
     fixed, end, rank, there = jax.lax.stop_gradient((equations, (t, y), context, there))
     let_go = _let_go(fixed, there)
     after = fixed.with_sense(jnp.where(let_go, there.sense, fixed.sense))
-    bracket = _bracket(fixed, after, let_go, start, end, rank)
+    bracket = _bracket(fixed, after, let_go, start, end, rank, event)
     mode = equations.with_sense(jnp.where(bracket.released, after.sense, equations.sense))
 
     def newton(carry: tuple[Array, Moving, Array], _: None) -> tuple[tuple[Array, Moving, Array], None]:
@@ -73,10 +80,10 @@ def locate(
         slip, rate = _slip(mode, y.at(t + dt), context)
         h = jnp.where(bracket.released, slip, rate)[bracket.joint]
         slope = jnp.where(bracket.released, bracket.slope, slip[bracket.joint])
-        return (t + dt, y, -h / slope), None
+        return (t + dt, y, jnp.where(event, -h / jnp.where(event, slope, 1.0), 0.0)), None
 
     (t, y, _), _ = jax.lax.scan(newton, (t, y, bracket.end - t), None, length=_NEWTON)
-    stopped = onward(fixed, y.at(t), context.held)
+    stopped = onward(fixed, y.at(t), context.held, event)
     onwards = Onward(after.sense, there.tau, jnp.zeros((), bool), there.decided)
     return t, y, jax.tree.map(lambda a, b: jnp.where(bracket.released, a, b), onwards, stopped)
 
@@ -94,6 +101,7 @@ def _bracket(
     begin: tuple[Array, Moving],
     end: tuple[Array, Moving],
     context: Context,
+    event: Bool[Array, ""],
 ) -> Bracket:
     """The first event to a fraction of the step, interpolated; h is taken so that it is positive before the event."""
     over = _reversed(equations, slip_motion(equations.system, end[1].at(end[0]))[0])
@@ -103,15 +111,17 @@ def _bracket(
         of_one = jnp.where(let_go, -slip * after.sense, rate * equations.sense)
         return jnp.where(over | let_go, of_one * equations.slip_size, jnp.inf)
 
-    def halved(k: Array, carry: tuple) -> tuple:
-        low, high, at_low, at_high = carry
+    def halved(carry: tuple) -> tuple:
+        k, low, high, at_low, at_high = carry
         t = jnp.where(k == 0, low, jnp.where(k == 1, high, (low + high) / 2))
         found = heights(t)
         before = (k == 0) | (k > 1) & jnp.all(found > 0)
-        return jax.tree.map(lambda a, b: jnp.where(before, a, b), (t, high, found, at_high), (low, t, at_low, found))
+        ends = (t, high, found, at_high), (low, t, at_low, found)
+        return k + 1, *jax.tree.map(lambda a, b: jnp.where(before, a, b), *ends)
 
     none = jnp.zeros_like(equations.sense)
-    low, high, at_low, at_high = jax.lax.fori_loop(0, 2 + _HALVINGS, halved, (begin[0], end[0], none, none))
+    first = jnp.zeros((), int), begin[0], end[0], none, none
+    _, low, high, at_low, at_high = jax.lax.while_loop(lambda c: event & (c[0] < 2 + _HALVINGS), halved, first)
     joint = jnp.argmin(at_high)
     released = let_go[joint]
     sign = jnp.where(released, -after.sense, equations.sense) * equations.slip_size

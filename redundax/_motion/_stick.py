@@ -41,17 +41,17 @@ class Onward(NamedTuple):
     decided: Bool[Array, ""]
 
 
-def onward(equations: Equations, state: State, held: Held) -> Onward:
-    """How the motion goes on from an instant at which a slip rate is zero; it has no derivative."""
+def onward(equations: Equations, state: State, held: Held, wanted: Bool[Array, ""]) -> Onward:
+    """How the motion goes on from an instant at which a slip rate is zero, if wanted; it has no derivative."""
     equations, state, held = jax.lax.stop_gradient((equations, state, held))
-    return settled(equations, state, equations.linear(state, held, closed=equations.loaded))
+    return settled(equations, state, equations.linear(state, held, closed=equations.loaded), wanted)
 
 
-def settled(equations: Equations, state: State, linear: Linear) -> Onward:
+def settled(equations: Equations, state: State, linear: Linear, wanted: Bool[Array, ""]) -> Onward:
     """`onward`, given the equations at the state."""
     sensed = jnp.asarray(equations.sensed)
     still = sensed & ((jnp.abs(linear.rate) <= _STILL * equations.speed / equations.slip_size) | equations.sticking)
-    tau, decided = _settled(equations, state, linear, still)
+    tau, decided = _settled(equations, state, linear, still, wanted)
     acceleration = linear.slip[:, 0] + linear.slip[:, 1:] @ tau
     parts = jnp.abs(linear.slip[:, 0]) + jnp.abs(linear.slip[:, 1:]) @ jnp.abs(tau)
     size = jnp.max(jnp.where(still, parts * equations.slip_size, 0.0))
@@ -66,7 +66,7 @@ def settled(equations: Equations, state: State, linear: Linear) -> Onward:
 
 
 def _settled(
-    equations: Equations, state: State, linear: Linear, still: Bool[Array, " p"]
+    equations: Equations, state: State, linear: Linear, still: Bool[Array, " p"], wanted: Bool[Array, ""]
 ) -> tuple[Float[Array, " p"], Bool[Array, ""]]:
     """tau of the conditions above, and whether it was found."""
     friction, rows = equations.system.friction, load_rows(equations.system.friction)
@@ -93,7 +93,7 @@ def _settled(
 
     def going(carry: tuple) -> Array:
         _, change, size, count = carry
-        return (change > _SETTLED * size) & (count < _SWEEPS)
+        return wanted & (change > _SETTLED * size) & (count < _SWEEPS)
 
     zero = jnp.zeros_like(linear.rate)
     first = (zero, jnp.full_like(state.t, jnp.inf), jnp.zeros_like(state.t), jnp.zeros((), int))
