@@ -137,6 +137,18 @@ def test_drift_is_that_of_the_stabilisation(stabilisation, least, most):
     np.testing.assert_allclose(run.q[0], pendulum_truth(0.7, 1.3), rtol=0, atol=1e-5)
 
 
+@slow
+def test_constant_steps_do_not_end_beside_a_singular_position():
+    """Ten thousand steps of a parallelogram that turns through its flat positions thirty times a minute."""
+    mechanism = rx.mechanisms.parallelogram(2)
+    start = mechanism.state(0.5, rate=8.0)
+    options = {"rtol": None, "dt0": 0.01, "solver": diffrax.Dopri5(), "ts": [100.0]}
+    run = rx.simulate(mechanism, start, 100.0, **options)
+    assert run.stats.velocity_violation < 1e-14
+    assert run.stats.energy_error < 1e-6
+    assert 10_000 <= run.stats.steps < 10_500
+
+
 def test_where_a_motion_ends_early_the_rest_is_nan():
     system, state = pendulum(0.7, 1.3)
     run = rx.simulate(system, state, T1, ts=TIMES, max_steps=12, throw=False)

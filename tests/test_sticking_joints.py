@@ -35,20 +35,8 @@ def slides(mu, loads, x, t1):
     free = np.asarray(loads(x, t))
     mode, changes = np.where(np.abs(free) > limit, np.sign(free), 0.0), []
     while True:
-
-        def rates(t, y, mode=mode):
-            x, v = np.split(y, 2)
-            return np.concatenate([v * np.abs(mode), np.where(mode == 0, 0.0, loads(x, t) - mode * limit)])
-
-        def over(j, mode=mode):
-            def margin(t, y):
-                x, v = np.split(np.asarray(y), 2)
-                return limit[j] - abs(loads(x, t)[j]) if mode[j] == 0 else v[j] * mode[j] + 1e-13
-
-            margin.terminal, margin.direction = True, -1
-            return margin
-
-        events = [over(j) for j in range(len(x))]
+        events = [margin(j, mode[j], limit[j], loads) for j in range(len(x))]
+        rates = moved(mode, limit, loads)
         run = solve_ivp(rates, (t, t1), [*x, *v], method="DOP853", rtol=1e-12, atol=1e-13, events=events)
         t, (x, v) = run.t[-1], np.split(run.y[:, -1], 2)
         if t >= t1:
@@ -58,6 +46,27 @@ def slides(mu, loads, x, t1):
         free, v[j] = loads(x, t)[j], 0.0
         mode = mode.copy()
         mode[j] = np.sign(free) if mode[j] == 0 or abs(free) > limit[j] else 0.0
+
+
+def moved(mode, limit, loads):
+    """Blocks that slip in their mode, -1 or 1, and stand still in mode 0."""
+
+    def rates(t, y):
+        x, v = np.split(y, 2)
+        return np.concatenate([v * np.abs(mode), np.where(mode == 0, 0.0, loads(x, t) - mode * limit)])
+
+    return rates
+
+
+def margin(j, mode, limit, loads):
+    """What is left of friction that holds block j, or of its velocity."""
+
+    def left(t, y):
+        x, v = np.split(np.asarray(y), 2)
+        return limit - abs(loads(x, t)[j]) if mode == 0 else v[j] * mode + 1e-13
+
+    left.terminal, left.direction = True, -1
+    return left
 
 
 def chain(x, t):
@@ -88,7 +97,7 @@ def test_a_load_that_grows_lets_a_block_go():
     np.testing.assert_allclose(run.q[2, 0], truth[0], rtol=0, atol=1e-8)
     assert run.q[0, 0] == 0.0
     assert np.isnan(run.friction[0, 0])
-    ends = rx.simulate(pushed, rx.State([0.0, 0.0], [0.0, 0.0]), 3.0, throw=False)
+    ends = rx.simulate(pushed, rx.State([0.0, 0.0], [0.0, 0.0]), 3.0, ts=[1.0, 2.0, 3.0], throw=False)
     assert ends.result == rx.RESULTS.stuck
     np.testing.assert_allclose(ends.stats.end, changes[1], rtol=0, atol=1e-8)
 

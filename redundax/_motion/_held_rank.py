@@ -57,7 +57,8 @@ class Kinetics(NamedTuple):
     - `rows`: B, shape (m, n).
     - `motion`: Phi, its rate and gamma, not scaled.
     - `inverse_mass`, `response`: M^-1, shape (n, n), and M^-1 B^T, shape (n, m).
-    - `gram`, `factor`: B M^-1 B^T and the lower Cholesky factor of R, shape (m, m).
+    - `gram`: B M^-1 B^T, shape (m, m).
+    - `pivots`, `whitening`: diagonal of the lower Cholesky factor L of R, shape (m,), and L^-1, shape (m, m).
     """
 
     rows: Float[Array, "m n"]
@@ -65,7 +66,8 @@ class Kinetics(NamedTuple):
     inverse_mass: Float[Array, "n n"]
     response: Float[Array, "n m"]
     gram: Float[Array, "m m"]
-    factor: Float[Array, "m m"]
+    pivots: Float[Array, " m"]
+    whitening: Float[Array, "m m"]
 
 
 @eqx.filter_jit  # traced once, for the many places that it stands in
@@ -79,13 +81,20 @@ def kinetics(system: AbstractSystem, state: State, held: Held) -> Kinetics:
     response = inverse_mass @ rows.T
     gram = rows @ response
     out = jnp.eye(gram.shape[0], dtype=gram.dtype) - held.projector
-    factor = jnp.linalg.cholesky(out @ gram @ out + held.projector)
-    return Kinetics(rows, along_motion(system, state), inverse_mass, response, gram, factor)
+    pivots, whitening = _whitened(out @ gram @ out + held.projector)
+    return Kinetics(rows, along_motion(system, state), inverse_mass, response, gram, pivots, whitening)
+
+
+def _whitened(matrix: Array) -> tuple[Array, Array]:
+    """Diagonal of the Cholesky factor L, and L^-1: two LAPACK calls, which a batch pays for one by one."""
+    factor = jnp.linalg.cholesky(matrix)
+    one = jnp.eye(matrix.shape[0], dtype=matrix.dtype)
+    return jnp.diagonal(factor), jax.scipy.linalg.solve_triangular(factor, one, lower=True)
 
 
 def _inverse(matrix: Array) -> Array:
-    factor = jnp.linalg.cholesky(matrix)
-    return jax.scipy.linalg.cho_solve((factor, True), jnp.eye(matrix.shape[0], dtype=matrix.dtype))
+    _, whitening = _whitened(matrix)
+    return whitening.T @ whitening
 
 
 def respond(
@@ -102,7 +111,7 @@ def respond(
 def held_inverse(parts: Kinetics, held: Held, residual: Float[Array, "m ..."]) -> Float[Array, "m ..."]:
     """U R^-1 U of a scaled residual; M^-1 B^T times it is the least change that meets the held rows."""
     inside = residual - held.projector @ residual
-    mu = jax.scipy.linalg.cho_solve((parts.factor, True), inside)
+    mu = parts.whitening.T @ (parts.whitening @ inside)
     return mu - held.projector @ mu
 
 
@@ -120,8 +129,7 @@ def _spanned_response(spanned: Array, projector: Array, compliance: Array | None
     size = jnp.trace(inside)
     size = jnp.where(size > 0, size, 1.0)
     kept = jnp.eye(inside.shape[0], dtype=inside.dtype) - projector
-    factor = jnp.linalg.cholesky(inside / size + kept)
-    half = jax.scipy.linalg.solve_triangular(factor, spanned.T, lower=True)
+    half = _whitened(inside / size + kept)[1] @ spanned.T
     return half.T @ half / size
 
 

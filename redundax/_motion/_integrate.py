@@ -54,7 +54,7 @@ def integrate(
     held, _ = hold(system, state, scale, rank, singular=singular)
     equations = _equations(system, state, factor, scale, closure, stabilisation)
     first = 0.01 * scale.size / equations.speed if dt0 is None else dt0
-    options = Options(solver, partial(_controller, rtol, first), adjoint, meter, max_steps, first, t1, ts)
+    options = Options(solver, rtol is None, partial(_controller, rtol, first), adjoint, meter, max_steps, first, t1, ts)
     begin = _start(equations, state, factor, held)
     before = _before(begin, _moving(equations, state), state.t, held, ts, ~factor.singular_position)
     done = run(before, equations, options, max_phases)
@@ -62,7 +62,7 @@ def integrate(
     ended = _ended(done, ~factor.singular_position, found == rank, t1)
     ended = RESULTS.where(begin.result == RESULTS.successful, ended, begin.result)
     q, qd, acceleration, multipliers, friction, memory = solved
-    return Trajectory(ts, q, qd, acceleration, multipliers, friction, memory, ended, _stats(done))
+    return Trajectory(ts, q, qd, acceleration, multipliers, friction, done.senses, memory, ended, _stats(done))
 
 
 class _Start(eqx.Module):
@@ -99,9 +99,9 @@ def _equations(
 
 
 def _controller(rtol: Array | None, first: Array, longest: Array) -> diffrax.AbstractStepSizeController:
-    """Of the relative errors that the stepper gives."""
+    """Of the relative errors that the stepper gives; without tolerance steps are constant unless they cannot end so."""
     if rtol is None:
-        return diffrax.ConstantStepSize()
+        rtol, longest = jnp.ones_like(first), jnp.minimum(first, longest)
     return diffrax.PIDController(rtol=0.0, atol=rtol, dtmin=1e-10 * first, dtmax=longest, force_dtmin=False)
 
 
@@ -140,7 +140,7 @@ def _before(begin: _Start, y: Moving, t: Array, held: Held, ts: Array, regular: 
         resting=start.resting,
         since=t,
         path=path,
-        senses=jnp.broadcast_to(start.sense, (ts.size, *start.sense.shape)),
+        senses=jnp.full((ts.size, *start.sense.shape), jnp.nan, t.dtype),
         rests=jnp.broadcast_to(start.resting, ts.shape),
         going=(begin.result == RESULTS.successful) & regular & start.decided,
         decided=start.decided,

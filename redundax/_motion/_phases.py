@@ -27,6 +27,7 @@ class Options(NamedTuple):
     """Arguments of diffrax, the controller given the longest step, the end of the motion, and the times asked for."""
 
     solver: diffrax.AbstractSolver
+    constant: bool
     controller: Callable[[Array], diffrax.AbstractStepSizeController]
     adjoint: diffrax.AbstractAdjoint
     meter: diffrax.AbstractProgressMeter
@@ -83,7 +84,7 @@ def _phase(now: Run, equations: Equations, options: Options) -> Run:
     end = jnp.where(now.going, options.end, now.t)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(lambda t, y, args: args[0].derivative(t, y, args[1])),
-        Stepper(options.solver),
+        Stepper(options.solver, options.constant),
         now.t,
         end,
         jnp.minimum(options.first, end - now.t),
@@ -128,8 +129,8 @@ def _phase(now: Run, equations: Equations, options: Options) -> Run:
         decided=onward.decided,
         ended=solution.result,
         watch=_joined(now.watch, carried.watch),
-        steps=now.steps + solution.stats["num_accepted_steps"],
-        rejected=now.rejected + solution.stats["num_rejected_steps"],
+        steps=now.steps + jnp.where(now.resting, 0, solution.stats["num_accepted_steps"]),
+        rejected=now.rejected + jnp.where(now.resting, 0, solution.stats["num_rejected_steps"]),
         phases=now.phases + ~now.resting,
     )
 

@@ -66,7 +66,7 @@ def simulate(
     - `ts`: times to give the motion at, ascending; 101 from start to end if not given. Between steps it is
       interpolated, some ten times less accurately than steps are, and projected.
     - `rtol`: tolerance of a step, of positions relative to the size of the mechanism and of velocities to the largest
-      so far; `None` for constant steps `dt0`.
+      so far; `None` for constant steps `dt0`, shorter only where one would end beside a singular position.
     - `dt0`: first step; a small one from the velocities and accelerations at the start if not given.
     - `max_steps`: steps of a phase at most, rejected ones included.
     - `max_phases`: phases at most; where friction depends on the sense of slip each reversal begins a new one.

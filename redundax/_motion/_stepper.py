@@ -10,6 +10,7 @@ the state jumped.
 from typing import Any, NamedTuple
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -71,9 +72,10 @@ class Carried(NamedTuple):
 
 
 class Stepper(diffrax.AbstractWrappedSolver):
-    """The solver, followed by the stabilisation."""
+    """The solver, followed by the stabilisation; `constant` steps are judged by where they end alone."""
 
     solver: diffrax.AbstractSolver
+    constant: bool = eqx.field(static=True)
 
     @property
     def term_structure(self) -> Any:
@@ -135,7 +137,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
         fixed, there, t, parts = jax.lax.stop_gradient((equations, y, t1, parts))
         held, excess = renewed(context.held, parts)
         watch, off = _watched(solver_state.watch, fixed, t, there, parts, held.row_scale)
-        pivot = jnp.min(jnp.diagonal(parts.factor))
+        pivot = jnp.min(parts.pivots)
         tau, state, onward = context.tau, there.at(t), solver_state.onward
         jump = jnp.zeros_like(off)
         if system.friction:
@@ -150,13 +152,15 @@ class Stepper(diffrax.AbstractWrappedSolver):
                 event, onward = happened(fixed, state, linear)
                 y = y._replace(event=event)
         carried = Carried(inner, Context(held, tau), watch, pivot, jax.lax.stop_gradient((t0, y0)), onward)
-        if error is not None:
+        good = _may_end(off, excess, solver_state.pivot, pivot) if projects else jnp.isfinite(off)
+        good = good & (jump <= _JUMP)
+        if self.constant or error is None:
+            error = jax.tree.map(jnp.zeros_like, y)
+        else:
             if projects:
                 error = jax.tree.map(lambda e, a, b: jnp.abs(e) + jnp.abs(a - b), error, y, raw)
             error = _relative(error, t1 - t0, equations, solver_state, carried)
-            good = _may_end(off, excess, solver_state.pivot, pivot) if projects else jnp.isfinite(off)
-            good = good & (jump <= _JUMP)
-            error = jax.tree.map(lambda e: jnp.where(good, e, jnp.inf), error)
+        error = jax.tree.map(lambda e: jnp.where(good, e, jnp.inf), error)
         return y, error, dense, carried, result
 
 
@@ -211,6 +215,6 @@ def _watched(
         speed=jnp.maximum(watch.speed, jnp.max(jnp.abs(y.qd) / sizes.coordinates)),
         kinetic=jnp.maximum(watch.kinetic, kinetic),
         energy=jnp.maximum(watch.energy, jnp.abs(kinetic - y.work - watch.start)),
-        nearest=jnp.minimum(watch.nearest, jnp.min(jnp.diagonal(parts.factor))),
+        nearest=jnp.minimum(watch.nearest, jnp.min(parts.pivots)),
     )
     return watch, position

@@ -10,7 +10,7 @@ from .._state import State
 class TrajectoryStats(eqx.Module):
     """The evidence beside a motion, over all its accepted steps.
 
-    - `steps`, `rejected`: steps accepted and rejected.
+    - `steps`, `rejected`: steps of motion accepted and rejected.
     - `phases`: phases of motion between events at which joints came to a stop or were let go; 1 without them.
     - `end`: time at which the motion ended: `t1`, or where it came to rest for good or stopped.
     - `position_violation`: largest |Phi|, relative to the size of the mechanism.
@@ -21,8 +21,8 @@ class TrajectoryStats(eqx.Module):
     - `nearest_singularity`: how near to a singular position steps ended: 0 in it, about 1 far from it.
     - `contraction`: largest bound of the contraction of friction at all loads; below 1 friction, and so the motion, is
       proved unique under the closure.
-    - `jump`: where it is not, the largest change of friction in a step, relative to its size. With adaptive steps it is
-      at most 0.1, so that the motion follows one branch of solutions; in a constant step it may jump to another.
+    - `jump`: where it is not, the largest change of friction in a step, relative to its size; at most 0.1, so that the
+      motion follows one branch of solutions.
 
     ??? example
 
@@ -55,6 +55,7 @@ class Trajectory(eqx.Module):
     - `t`: times, shape (times,).
     - `q`, `qd`: coordinates and velocities, on the constraint manifold with `Projection`.
     - `acceleration`, `multipliers`, `friction`: qdd, lam and tau of the closure, as `solve` gives them.
+    - `sense`: sense of slip of each friction, 0 where the joint sticks; 1 where friction does not depend on it.
     - `memory`: internal states of friction laws that have some, one entry for each friction group.
     - `result`: how the motion ended.
     - `stats`: the evidence.
@@ -74,6 +75,7 @@ class Trajectory(eqx.Module):
     acceleration: Float[Array, "times n"]
     multipliers: Float[Array, "times m"]
     friction: Float[Array, "times p"]
+    sense: Float[Array, "times p"]
     memory: tuple[PyTree, ...]
     result: RESULTS
     stats: TrajectoryStats

@@ -69,7 +69,7 @@ def ensemble(
     - `seed`: of the scrambling of the Sobol points.
     - `chunk`, `path`, `mesh`, `progress`: as in `study`; the file holds the motions, not the bands.
 
-    **Returns:** an `xarray.Dataset`. The motions are `q`, `qd`, `acceleration`, `multipliers` and `friction` along
+    **Returns:** an `xarray.Dataset` of the motions: `q`, `qd`, `acceleration`, `multipliers`, `friction` and `sense` along
     "sample", "time" and "coordinate", "row" or "slip", with `result` and `stats` of each sample; the attribute `units`
     gives the units of linear and angular entries, which `coordinate_kind` and its like tell apart. `q_band` and its
     like have "percentile" in place of "sample", and `q_count` says on how many motions they rest. `solved` is whether
@@ -121,7 +121,7 @@ def _drawn(
 
 def _named(data: "xarray.Dataset", system: AbstractSystem) -> "xarray.Dataset":
     """The motions with one time, and names and units along the other dimensions."""
-    missing = [name for name in ("t", *QUANTITIES, "result") if name not in data]
+    missing = [name for name in ("t", *QUANTITIES, "sense", "result") if name not in data]
     if missing:
         raise ValueError(
             f"Argument `run` must give a `Trajectory`, but its result has no {', '.join(missing)}. "
@@ -131,6 +131,7 @@ def _named(data: "xarray.Dataset", system: AbstractSystem) -> "xarray.Dataset":
     if times.ndim != 2 or not np.array_equal(times, np.broadcast_to(times[0], times.shape)):
         raise ValueError("Argument `run` must give all motions at the same times. Give `ts` to `simulate`.")
     motions = data.drop_vars("t").assign_coords(time=("time", times[0], {"units": "s"}))
+    motions = motions.assign(sense=data["sense"].rename({data["sense"].dims[1]: "time"}))
     for name, quantity in QUANTITIES.items():
         size = len(axes(system)[quantity.axis])
         if data[name].shape[2] != size:

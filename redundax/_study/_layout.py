@@ -24,6 +24,7 @@ _LABELLED = {
     "acceleration": "coordinate",
     "multipliers": "row",
     "friction": "slip",
+    "sense": "slip",
 }
 _HASHED = 2**22  # bytes of samples that are hashed at once
 
