@@ -232,7 +232,7 @@ class LuGre(AbstractFrictionModel):
         g = kinetic + (static - kinetic) exp(-(rate / velocity)^2)
 
     There is no jump at a reversal, so that joints come to rest on their bristles and never stick. Bristles relax at the
-    rate stiffness |rate| / g; where that is a thousand times faster than the motion, an implicit solver suits, as
+    rate stiffness |rate| / g; where that is ten thousand times faster than the motion, an implicit solver suits, as in
     `simulate(..., solver=diffrax.Kvaerno3(), rtol=1e-6)`. The damping times the largest slip rate should stay well
     below `static`, or to begin to slip takes more friction than slip itself.
 

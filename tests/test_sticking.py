@@ -170,7 +170,7 @@ def test_a_body_on_an_incline(friction, hold):
     found = rx.sticking(*incline(friction))
     assert found.verdict == ("must stick" if hold >= 20 * np.sin(0.5) else "must slip")
     np.testing.assert_allclose(found.margin, hold / (20 * np.sin(0.5)) - 1, rtol=1e-9)
-    assert found.can_hold == (hold > 0) == ("creeps" not in str(found))
+    assert found.can_hold == (hold > 0) == ("gives way" not in str(found))
 
 
 def test_errors():

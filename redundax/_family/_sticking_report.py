@@ -27,7 +27,8 @@ class Sticking:
     - `bounds`: what was bounded, or the closure: the name of the class.
     - `parameters`, `box`: names of the entries of a case, and their bounds, shape (q, 2).
     - `names`, `senses`: of the slips, and the sense of each in which it sets out without friction, shape (p,).
-    - `can_hold`: whether any friction depends on the sense of slip; other friction, as `RegularisedCoulomb`, creeps.
+    - `can_hold`: whether any friction depends on the sense of slip; other friction, as `RegularisedCoulomb`, creeps,
+      and `LuGre` bends bristles.
     - `solved`: share of the cases looked at that are decided; the others have no solution, or lie beyond limits on
       multipliers.
 
@@ -65,7 +66,7 @@ class Sticking:
         how = "proved" if self.proved else "as far as the search went"
         lines = [f"At rest, {self.bounds}{': ' if box else ''}{box}", f"{self.verdict.upper()} ({how})"]
         if not self.can_hold:
-            lines.append("No friction here depends on the sense of slip: it creeps, and holds nothing.")
+            lines.append("No friction here depends on the sense of slip: it gives way, and holds nothing.")
         if self.solved < 1:
             lines.append(f"UNDECIDED for {1 - self.solved:.0%} of the cases looked at.")
         for what, k in (("least", 0), ("largest", 1)):

@@ -121,7 +121,7 @@ def _start(equations: Equations, state: State, factor: Factorisation, held: Held
 
 def _moving(equations: Equations, state: State) -> Moving:
     none = jnp.zeros_like(state.t)
-    memory = memories(equations.system.friction, state)
+    memory = list(memories(equations.system.friction, state))
     return Moving(state.q, state.qd, none, none if equations.has_sense else None, memory)
 
 
@@ -166,7 +166,7 @@ def _solved(equations: Equations, done: Run, ts: Array, rank: Array, singular: b
         solved = there.solved(state, there.linear(state, held), None)
         acceleration = jnp.where(resting, 0.0, solved.acceleration)
         loads = tuple(jnp.where(resting, jnp.nan, x) for x in (solved.multipliers, solved.tau))
-        return (y.q, y.qd, acceleration, *loads, y.memory), found
+        return (y.q, y.qd, acceleration, *loads, tuple(y.memory)), found
 
     path, here = (done.path, done.senses, done.rests), (done.y, done.sense, done.resting)
     points = jnp.append(ts, done.t), *jax.tree.map(lambda a, b: jnp.concatenate([a, b[None]]), path, here)

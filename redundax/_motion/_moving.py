@@ -30,18 +30,19 @@ from ._stabilisation import AbstractStabilisation
 class Moving(NamedTuple):
     """Position, velocity and work done so far; and, where friction has senses, 1 from an event on, else 0.
 
-    `memory` are the internal states of friction, group by group, `None` of those without one.
+    `memory` are the internal states of friction, group by group, `None` of those without one; a list, because Equinox
+    takes an empty tuple for a leaf.
     """
 
     q: Float[Array, " n"]
     qd: Float[Array, " n"]
     work: Float[Array, ""]
     event: Float[Array, ""] | None
-    memory: tuple[PyTree, ...]
+    memory: list[PyTree]
 
     def at(self, t: Array) -> State:
         """The state at a time."""
-        return State(self.q, self.qd, t, self.memory)
+        return State(self.q, self.qd, t, tuple(self.memory))
 
 
 # Eigenvalues of unit slip accelerations of joints that stick, relative to the largest, that count as 0.
@@ -129,7 +130,7 @@ class Equations(eqx.Module):
         linear = self.linear(state, context.held, closed=self.loaded)
         solved = self.solved(state, linear, context.tau)
         event = jax.tree.map(jnp.zeros_like, y.event)
-        memory = memory_rates(self.system.friction, linear.rate, state)
+        memory = list(memory_rates(self.system.friction, linear.rate, state))
         slope = Moving(y.qd, solved.acceleration, solved.power, event, memory)
         if not self.has_sense:
             return slope

@@ -81,6 +81,8 @@ def simulate(
     others. A mechanism at rest stays there until its loads let it go, and at least 100 steps look for that; it ends
     as `RESULTS.stuck` if none does.
 
+    Internal states of friction (`Dahl`, `LuGre`) start as in `state`, at zero if it holds none.
+
     Where the frictional equations may have several solutions the motion follows its branch, and stops where that ends.
 
     **Returns:** a `Trajectory`. The motion passes singular positions on the branch that its velocity lies on. Where

@@ -141,7 +141,7 @@ def _between(begin: tuple[Array, Moving], end: tuple[Array, Moving], t: Array) -
 
     q, qd = jax.jvp(position, (t,), (jnp.ones_like(t),))
     share = (t - t0) / span
-    return State(q, qd, t, jax.tree.map(lambda a, b: a + share * (b - a), y0.memory, y1.memory))
+    return State(q, qd, t, tuple(jax.tree.map(lambda a, b: a + share * (b - a), y0.memory, y1.memory)))
 
 
 def _stepped(equations: Equations, t: Array, y: Moving, dt: Array, context: Context) -> Moving:

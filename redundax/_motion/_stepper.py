@@ -193,10 +193,10 @@ def _relative(error: Moving, dt: Array, equations: Equations, before: Carried, a
         counted(error.qd, speed * sizes.coordinates, blur / pivot * (1 + shift)),
         jnp.zeros_like(error.work),
         jax.tree.map(jnp.zeros_like, error.event),
-        tuple(
+        [
             jax.tree.map(lambda e, size: jnp.abs(e) / size, own, group.memory_size())
             for own, group in zip(error.memory, equations.system.friction, strict=True)
-        ),
+        ],
     )
 
 
