@@ -19,8 +19,13 @@ _RCOND = 1e-11  # between the two smallest singular values of A of the sweeps be
 
 def redundax(name: str, solve: Callable, values: np.ndarray, truth: Callable, names: tuple[str, ...] = FULL) -> Program:
     """`solve` of each value under plain `jax.vmap` inside `jax.jit`, with some of its arrays as output."""
-    run = jax.jit(jax.vmap(lambda value: [getattr(solve(value), name) for name in names]))
     given = jnp.asarray(values)
+
+    @jax.jit
+    @jax.vmap
+    def run(value: jax.Array) -> list[jax.Array]:
+        solution = solve(value)  # once: XLA does not merge loops
+        return [getattr(solution, name) for name in names]
 
     def rows(found: list, samples: np.ndarray) -> np.ndarray:
         return whole(**{name: part[samples] for name, part in zip(names, found, strict=True)})
