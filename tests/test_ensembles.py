@@ -110,7 +110,7 @@ def test_picture_of_a_motion():
 
 def stub(rate, t=(0.0, 1.0), n=2):
     array = jnp.full((2, n), rate)
-    names = ("q", "qd", "acceleration", "multipliers", "friction")
+    names = ("q", "qd", "acceleration", "multipliers", "friction", "sense")
     return {"t": jnp.asarray(t), **dict.fromkeys(names, array), "result": jnp.zeros((), int)}
 
 

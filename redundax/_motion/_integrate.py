@@ -1,7 +1,5 @@
 """The compiled part of `simulate`: the start, the phases of the motion, and what is given at the times asked for."""
 
-from functools import partial
-
 import diffrax
 import equinox as eqx
 import jax
@@ -54,7 +52,7 @@ def integrate(
     held, _ = hold(system, state, scale, rank, singular=singular)
     equations = _equations(system, state, factor, scale, closure, stabilisation)
     first = 0.01 * scale.size / equations.speed if dt0 is None else dt0
-    options = Options(solver, rtol is None, partial(_controller, rtol, first), adjoint, meter, max_steps, first, t1, ts)
+    options = Options(solver, rtol is None, _controller(rtol, first), adjoint, meter, max_steps, first, t1, ts)
     begin = _start(equations, state, factor, held)
     before = _before(begin, _moving(equations, state), state.t, held, ts, ~factor.singular_position)
     done = run(before, equations, options, max_phases)
@@ -90,7 +88,6 @@ def _equations(
         Newton(),
         stabilisation,
         jnp.ones(angular.size, state.qd.dtype),
-        jnp.zeros((), bool),
         scale,
         speed,
         jnp.where(angular, scale.length, 1.0),
@@ -98,11 +95,12 @@ def _equations(
     )
 
 
-def _controller(rtol: Array | None, first: Array, longest: Array) -> diffrax.AbstractStepSizeController:
+def _controller(rtol: Array | None, first: Array) -> diffrax.AbstractStepSizeController:
     """Of the relative errors that the stepper gives; without tolerance steps are constant unless they cannot end so."""
+    limits = {"rtol": 0.0, "dtmin": 1e-10 * first, "force_dtmin": False}
     if rtol is None:
-        rtol, longest = jnp.ones_like(first), jnp.minimum(first, longest)
-    return diffrax.PIDController(rtol=0.0, atol=rtol, dtmin=1e-10 * first, dtmax=longest, force_dtmin=False)
+        return diffrax.PIDController(atol=1.0, dtmax=first, **limits)
+    return diffrax.PIDController(atol=rtol, **limits)
 
 
 def _start(equations: Equations, state: State, factor: Factorisation, held: Held) -> _Start:

@@ -89,7 +89,6 @@ class Equations(eqx.Module):
     """The equations of motion of a system.
 
     - `sense`: sense of slip of every frictional joint, 0 of one that sticks, held until an event; shape (p,).
-    - `resting`: whether the mechanism is at rest and stays there until friction lets it go.
     - `scaling`: sizes of rows and coordinates and the length of the mechanism, for errors free of units.
     - `speed`: a velocity of the mechanism, length per time.
     - `slip_size`: the length by which slips are made lengths, 1 for those that are; shape (p,).
@@ -101,7 +100,6 @@ class Equations(eqx.Module):
     solver: AbstractSolver
     stabilisation: AbstractStabilisation
     sense: Float[Array, " p"]
-    resting: Bool[Array, ""]
     scaling: Scaling
     speed: Float[Array, ""]
     slip_size: Float[Array, " p"]
@@ -131,10 +129,7 @@ class Equations(eqx.Module):
         solved = self.solved(state, linear, context.tau)
         event = jax.tree.map(jnp.zeros_like, y.event)
         memory = list(memory_rates(self.system.friction, linear.rate, state))
-        slope = Moving(y.qd, solved.acceleration, solved.power, event, memory)
-        if not self.has_sense:
-            return slope
-        return jax.tree.map(lambda x: jnp.where(self.resting, 0.0, x), slope)
+        return Moving(y.qd, solved.acceleration, solved.power, event, memory)
 
     @property
     def loaded(self) -> bool:

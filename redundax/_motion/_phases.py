@@ -4,11 +4,9 @@ Without friction, or with friction that knows no sense, there is one phase. The 
 the motion can be differentiated in reverse mode; those that are not needed do nothing.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple, cast
 
 import diffrax
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
@@ -17,18 +15,15 @@ from ._held_rank import Held
 from ._moving import Context, Equations, Moving
 from ._slip import locate
 from ._stepper import Carried, Stepper, Watch
-from ._stick import Onward
-
-# Steps at rest, at least, so that loads that let it go are seen.
-_RESTING = 100
+from ._stick import Onward, let_go
 
 
 class Options(NamedTuple):
-    """Arguments of diffrax, the controller given the longest step, the end of the motion, and the times asked for."""
+    """Arguments of diffrax, the end of the motion, and the times asked for."""
 
     solver: diffrax.AbstractSolver
     constant: bool
-    controller: Callable[[Array], diffrax.AbstractStepSizeController]
+    controller: diffrax.AbstractStepSizeController
     adjoint: diffrax.AbstractAdjoint
     meter: diffrax.AbstractProgressMeter
     max_steps: int
@@ -79,9 +74,8 @@ def run(start: Run, equations: Equations, options: Options, max_phases: int) -> 
 
 
 def _phase(now: Run, equations: Equations, options: Options) -> Run:
-    mode = jax.lax.stop_gradient((now.sense, now.resting))
-    equations = eqx.tree_at(lambda e: (e.sense, e.resting), equations, mode)
-    end = jnp.where(now.going, options.end, now.t)
+    equations = equations.with_sense(jax.lax.stop_gradient(now.sense))
+    end = jnp.where(now.going & ~now.resting, options.end, now.t)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(lambda t, y, args: args[0].derivative(t, y, args[1])),
         Stepper(options.solver, options.constant),
@@ -90,7 +84,7 @@ def _phase(now: Run, equations: Equations, options: Options) -> Run:
         jnp.minimum(options.first, end - now.t),
         now.y,
         (equations, Context(now.held, now.tau)),
-        stepsize_controller=options.controller(jnp.where(now.resting, (end - now.t) / _RESTING, jnp.inf)),
+        stepsize_controller=options.controller,
         saveat=diffrax.SaveAt(
             subs=[diffrax.SubSaveAt(ts=jnp.clip(options.ts, now.t, end)), diffrax.SubSaveAt(t1=True)],
             solver_state=True,
@@ -106,10 +100,14 @@ def _phase(now: Run, equations: Equations, options: Options) -> Run:
     carried = cast(Carried, solution.solver_state)
     event, onward = jnp.zeros((), bool), Onward(now.sense, carried.context.tau, now.resting, now.decided)
     if equations.has_sense:
-        event = solution.result == diffrax.RESULTS.event_occurred
+        waited = let_go(equations, y.at(t), now.held, options.end, now.resting & now.going)
+        t, begin, there = jax.tree.map(
+            lambda a, b: jnp.where(now.resting, a, b), (waited[1], (waited[0], y), waited[2]), (t, *carried[-2:])
+        )
+        event = jnp.where(now.resting, ~there.resting, solution.result == diffrax.RESULTS.event_occurred)
         t, y, onward = jax.lax.cond(
             event,
-            lambda: locate(equations, carried.start, t, y, carried.context, carried.onward, event),
+            lambda: locate(equations, begin, t, y, carried.context, there, event),
             lambda: (t, y, onward),
         )
         y = y._replace(event=jnp.zeros_like(t))
@@ -129,8 +127,8 @@ def _phase(now: Run, equations: Equations, options: Options) -> Run:
         decided=onward.decided,
         ended=solution.result,
         watch=_joined(now.watch, carried.watch),
-        steps=now.steps + jnp.where(now.resting, 0, solution.stats["num_accepted_steps"]),
-        rejected=now.rejected + jnp.where(now.resting, 0, solution.stats["num_rejected_steps"]),
+        steps=now.steps + solution.stats["num_accepted_steps"],
+        rejected=now.rejected + solution.stats["num_rejected_steps"],
         phases=now.phases + ~now.resting,
     )
 

@@ -131,8 +131,6 @@ class Stepper(diffrax.AbstractWrappedSolver):
             y, parts = projected(system, t1, raw, context.held)
         else:
             parts = kinetics(system, y.at(t1), context.held)
-        if equations.has_sense:
-            y = jax.tree.map(lambda still, new: jnp.where(equations.resting, still, new), y0, y)
         # What is watched and what the next step starts from have no derivatives.
         fixed, there, t, parts = jax.lax.stop_gradient((equations, y, t1, parts))
         held, excess = renewed(context.held, parts)

@@ -16,6 +16,7 @@ Joints that slip have the friction of their sense, lo = hi.
 
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -30,6 +31,8 @@ NONE = 1e-9
 _STILL = 1e3 * NONE
 # Accelerations that count as none, relative to the sum of the parts that cancel; sweeps at most, and their tolerance.
 _HELD, _SWEEPS, _SETTLED = 1e-7, 2000, 1e-12
+# Instants at rest at which it is asked whether the loads let the mechanism go.
+_LOOKS = 100
 
 
 class Onward(NamedTuple):
@@ -45,6 +48,32 @@ def onward(equations: Equations, state: State, held: Held, wanted: Bool[Array, "
     """How the motion goes on from an instant at which a slip rate is zero, if wanted; it has no derivative."""
     equations, state, held = jax.lax.stop_gradient((equations, state, held))
     return settled(equations, state, equations.linear(state, held, closed=equations.loaded), wanted)
+
+
+def let_go(
+    equations: Equations, state: State, held: Held, end: Array, resting: Bool[Array, ""]
+) -> tuple[Array, Array, Onward]:
+    """Where a mechanism at rest, if it is, is let go by its loads: the instants looked at before and after, and how.
+
+    Without that the second is the end.
+    """
+    span, fixed = (end - state.t) / _LOOKS, jax.lax.stop_gradient((equations, state, held))
+
+    def at(k: Array) -> State:
+        return eqx.tree_at(lambda state: state.t, fixed[1], state.t + span * k)
+
+    def look(carry: tuple[Array, Onward]) -> tuple[Array, Onward]:
+        k = carry[0] + 1
+        return k, onward(fixed[0], at(k), held, resting)
+
+    def waiting(carry: tuple[Array, Onward]) -> Array:
+        k, there = carry
+        return resting & there.resting & (k < _LOOKS)
+
+    none, zero = jnp.zeros((), bool), jnp.zeros_like(equations.sense)
+    k, there = jax.lax.while_loop(waiting, look, (jnp.zeros((), int), Onward(equations.sense, zero, ~none, none)))
+    last = jnp.where(k < _LOOKS, fixed[1].t + span * k, end)
+    return jax.lax.stop_gradient((fixed[1].t + span * jnp.maximum(k - 1, 0), last, there))
 
 
 def settled(equations: Equations, state: State, linear: Linear, wanted: Bool[Array, ""]) -> Onward:
