@@ -26,7 +26,12 @@ def single(frictional: bool) -> list[Row]:
     state = mechanism.state(PHI, rate=RATE)
     p = paper.Parameters()
     q, qd = paper.configuration(p, PHI, RATE)
-    solve = jax.jit(lambda mechanism, state: [getattr(rx.solve(mechanism, state), name) for name in FULL])
+
+    @jax.jit
+    def solve(mechanism: rx.Mechanism, state: rx.State) -> list[jax.Array]:
+        solution = rx.solve(mechanism, state)
+        return [getattr(solution, name) for name in FULL]
+
     value, batch = np.array([0.1]), np.index_exp[None]  # the length
     truth = _truth.length if frictional else _truth.length_without_friction
     programs = [

@@ -22,7 +22,7 @@ from jaxtyping import Array, Bool, Float
 from .._kinematics import slip_motion
 from .._state import State
 from ._moving import Context, Equations, Linear, Moving, projected
-from ._stick import NONE, Onward, onward, settled
+from ._stick import NONE, Onward, counted, onward, settled
 
 # Halvings of the step, and steps of Newton's method, that locate an event.
 _HALVINGS, _NEWTON = 8, 4
@@ -47,7 +47,7 @@ def happened(equations: Equations, state: State, linear: Linear) -> tuple[Float[
 
 
 def _reversed(equations: Equations, rate: Float[Array, " p"]) -> Bool[Array, " p"]:
-    small = NONE * equations.speed / equations.slip_size
+    small = counted(NONE, rate) * equations.speed / equations.slip_size
     return jnp.asarray(equations.sensed) & (rate * equations.sense < -small)
 
 

@@ -26,13 +26,18 @@ from .._state import State
 from ._held_rank import Held
 from ._moving import Equations, Linear
 
-# Slip and velocity that count as none, relative to those of the mechanism.
-NONE = 1e-9
-_STILL = 1e3 * NONE
-# Accelerations that count as none, relative to the sum of the parts that cancel; sweeps at most, and their tolerance.
-_HELD, _SWEEPS, _SETTLED = 1e-7, 2000, 1e-12
+# Slips that count as none, and slips and velocities at an event, relative to those of the mechanism; accelerations,
+# relative to the sum of the parts that cancel; and changes of friction after which sweeps have settled it. Each with
+# the roundings that it is at least.
+NONE, _STILL, _HELD, _SETTLED = (1e-9, 10), (1e-6, 1e3), (1e-7, 1e3), (1e-12, 10)
+_SWEEPS = 2000
 # Instants at rest at which it is asked whether the loads let the mechanism go.
 _LOOKS = 100
+
+
+def counted(tolerance: tuple[float, float], like: Array) -> float:
+    """A tolerance, at least so many roundings."""
+    return max(tolerance[0], tolerance[1] * float(jnp.finfo(like.dtype).eps))
 
 
 class Onward(NamedTuple):
@@ -79,18 +84,19 @@ def let_go(
 def settled(equations: Equations, state: State, linear: Linear, wanted: Bool[Array, ""]) -> Onward:
     """`onward`, given the equations at the state."""
     sensed = jnp.asarray(equations.sensed)
-    still = sensed & ((jnp.abs(linear.rate) <= _STILL * equations.speed / equations.slip_size) | equations.sticking)
+    slow, held = counted(_STILL, linear.rate) * equations.speed, counted(_HELD, linear.rate)
+    still = sensed & ((jnp.abs(linear.rate) <= slow / equations.slip_size) | equations.sticking)
     tau, decided = _settled(equations, state, linear, still, wanted)
     acceleration = linear.slip[:, 0] + linear.slip[:, 1:] @ tau
     parts = jnp.abs(linear.slip[:, 0]) + jnp.abs(linear.slip[:, 1:]) @ jnp.abs(tau)
     size = jnp.max(jnp.where(still, parts * equations.slip_size, 0.0))
-    sticks = still & (jnp.abs(acceleration) * equations.slip_size <= _HELD * size)
+    sticks = still & (jnp.abs(acceleration) * equations.slip_size <= held * size)
     sense = jnp.where(still, jnp.where(sticks, 0.0, jnp.sign(acceleration)), jnp.sign(linear.rate))
     scale = equations.scaling.coordinates
     moved = jnp.abs(linear.acceleration[:, 0] + linear.acceleration[:, 1:] @ tau)
     whole = jnp.abs(linear.acceleration[:, 0]) + jnp.abs(linear.acceleration[:, 1:]) @ jnp.abs(tau)
-    rests = jnp.max(jnp.abs(state.qd) / scale) <= _STILL * equations.speed
-    stays = jnp.max(moved / scale) <= _HELD * jnp.max(whole / scale)
+    rests = jnp.max(jnp.abs(state.qd) / scale) <= slow
+    stays = jnp.max(moved / scale) <= held * jnp.max(whole / scale)
     return Onward(jnp.where(sensed, sense, 1.0), tau, rests & stays & jnp.any(sticks), decided)
 
 
@@ -120,11 +126,13 @@ def _settled(
         size = jnp.max(jnp.maximum(jnp.abs(low), jnp.abs(high)) / equations.slip_size)
         return new, jnp.max(jnp.abs(new - tau) / equations.slip_size), size, count + 1
 
+    enough = counted(_SETTLED, linear.rate)
+
     def going(carry: tuple) -> Array:
         _, change, size, count = carry
-        return wanted & (change > _SETTLED * size) & (count < _SWEEPS)
+        return wanted & (change > enough * size) & (count < _SWEEPS)
 
     zero = jnp.zeros_like(linear.rate)
     first = (zero, jnp.full_like(state.t, jnp.inf), jnp.zeros_like(state.t), jnp.zeros((), int))
     tau, change, size, _ = jax.lax.while_loop(going, sweep, first)
-    return tau, change <= _SETTLED * size
+    return tau, change <= enough * size
