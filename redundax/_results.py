@@ -91,8 +91,8 @@ class RESULTS(eqx.Enumeration):
         "given, NaN the rest. Friction this large may jam; `RegularisedCoulomb` goes on."
     )
     phases_exhausted = (
-        "The motion reversed its slip `max_phases` times before `t1`; what it reached is given, NaN the rest. Raise "
-        "`max_phases`."
+        "Joints stopped, reversed or were let go `max_phases` times before `t1`; what the motion reached is given, NaN "
+        "the rest. Raise `max_phases`."
     )
     rank_changed = (
         "The motion stopped where the rank of its constraints changes for good, or began in a singular position, from "

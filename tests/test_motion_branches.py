@@ -48,5 +48,3 @@ def test_a_motion_stops_where_its_branch_of_friction_ends():
     lower = brentq(remainder, -2 * LARGE, tau, args=(grown(0.5 * fold),), xtol=1e-15)
     np.testing.assert_allclose(run.friction[0, 0], lower, rtol=0, atol=1e-9)
     assert np.isnan(run.q[1]).all()
-    assert run.stats.contraction >= 1
-    assert run.stats.jump <= 0.1

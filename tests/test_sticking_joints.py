@@ -97,9 +97,29 @@ def test_a_load_that_grows_lets_a_block_go():
     np.testing.assert_allclose(run.q[2, 0], truth[0], rtol=0, atol=1e-8)
     assert run.q[0, 0] == 0.0
     assert np.isnan(run.friction[0, 0])
+    assert np.array_equal(run.sense[:, 0], [0.0, 0.0, -1.0])
     ends = rx.simulate(pushed, rx.State([0.0, 0.0], [0.0, 0.0]), 3.0, ts=[1.0, 2.0, 3.0], throw=False)
     assert ends.result == rx.RESULTS.stuck
     np.testing.assert_allclose(ends.stats.end, changes[1], rtol=0, atol=1e-8)
+
+
+@slow
+def test_a_motion_out_of_phases_says_so():
+    """The first phase is the rest."""
+    pushed = blocks([0.1], lambda x, t: 1.25 * jnp.sin(t) * jnp.ones(1))
+    run = rx.simulate(pushed, rx.State([0.0, 0.0], [0.0, 0.0]), 5.0, ts=[0.5, 2.0], max_phases=1, throw=False)
+    assert run.result == rx.RESULTS.phases_exhausted
+    np.testing.assert_allclose(run.stats.end, np.arcsin(0.8), rtol=0, atol=1e-8)
+    assert run.acceleration[0, 0] == 0.0
+    assert np.isnan(run.acceleration[1]).all()
+
+
+@slow
+def test_what_no_friction_holds_moves_though_another_block_sticks():
+    """Both at rest; the load of the smooth block begins at zero and grows, that of the rough one is nothing."""
+    pair = blocks([0.0, 0.1], lambda x, t: jnp.stack([jnp.sin(t), 0.0 * t]))
+    run = rx.simulate(pair, rx.State(jnp.zeros(4), jnp.zeros(4)), 2.0, ts=[2.0])
+    np.testing.assert_allclose(run.q[0, :2], [2.0 - np.sin(2.0), 0.0], rtol=0, atol=1e-7)
 
 
 @slow

@@ -50,14 +50,14 @@ def integrate(
     rank = factor.spectrum.rank
     scale = scaling(*fixed, factor.jacobian)
     held, _ = hold(system, state, scale, rank, singular=singular)
-    equations = _equations(system, state, factor, scale, closure, stabilisation)
+    equations = _equations(system, state, factor, scale, closure, stabilisation, t1)
     first = 0.01 * scale.size / equations.speed if dt0 is None else dt0
     options = Options(solver, rtol is None, _controller(rtol, first), adjoint, meter, max_steps, first, t1, ts)
     begin = _start(equations, state, factor, held)
     before = _before(begin, _moving(equations, state), state.t, held, ts, ~factor.singular_position)
     done = run(before, equations, options, max_phases)
     solved, found = _solved(equations, done, ts, rank, singular)
-    ended = _ended(done, ~factor.singular_position, found == rank, t1)
+    ended = _ended(done, ~factor.singular_position, found == rank)
     ended = RESULTS.where(begin.result == RESULTS.successful, ended, begin.result)
     q, qd, acceleration, multipliers, friction, memory = solved
     return Trajectory(ts, q, qd, acceleration, multipliers, friction, done.senses, memory, ended, _stats(done))
@@ -77,10 +77,12 @@ def _equations(
     scale: Scaling,
     closure: AbstractClosure,
     stabilisation: AbstractStabilisation,
+    t1: Array,
 ) -> Equations:
     reach = jnp.max(jnp.abs(factor.acceleration) / scale.coordinates)
     speed = jnp.max(jnp.abs(state.qd) / scale.coordinates) + jnp.sqrt(reach * scale.size)
-    speed = jax.lax.stop_gradient(jnp.where(speed > 0, speed, 1.0))
+    slow = scale.size / jnp.where(t1 > state.t, t1 - state.t, 1.0)
+    speed = jax.lax.stop_gradient(jnp.where(speed > 0, speed, slow))
     angular = jnp.asarray(slip_kinds(system.friction).angular)
     return Equations(
         system,
@@ -139,7 +141,7 @@ def _before(begin: _Start, y: Moving, t: Array, held: Held, ts: Array, regular: 
         since=t,
         path=path,
         senses=jnp.full((ts.size, *start.sense.shape), jnp.nan, t.dtype),
-        rests=jnp.broadcast_to(start.resting, ts.shape),
+        rests=jnp.zeros(ts.shape, bool),
         going=(begin.result == RESULTS.successful) & regular & start.decided,
         decided=start.decided,
         ended=diffrax.RESULTS.successful,
@@ -172,9 +174,8 @@ def _solved(equations: Equations, done: Run, ts: Array, rank: Array, singular: b
     return jax.tree.map(lambda x: x[:-1], solved), found[-1]
 
 
-def _ended(done: Run, regular: Array, same: Array, t1: Array) -> RESULTS:
+def _ended(done: Run, regular: Array, same: Array) -> RESULTS:
     """The result of a motion; `same` says whether the rank is what it was."""
-    reached = done.t >= t1
     events = done.ended == diffrax.RESULTS.event_occurred
     stopped = done.ended == diffrax.RESULTS.successful
     return first_failure(
@@ -183,7 +184,7 @@ def _ended(done: Run, regular: Array, same: Array, t1: Array) -> RESULTS:
             (jnp.all(jnp.isfinite(done.y.q)) & jnp.all(jnp.isfinite(done.y.qd)), RESULTS.not_finite),
             (done.ended != diffrax.RESULTS.max_steps_reached, RESULTS.steps_exhausted),
             (done.decided, RESULTS.joint_sticks),
-            (reached | ~events, RESULTS.phases_exhausted),
+            (~done.going, RESULTS.phases_exhausted),
             (events | stopped | same, RESULTS.rank_changed),
             (events | stopped, RESULTS.step_too_small),
             (~done.resting, RESULTS.stuck),

@@ -188,6 +188,13 @@ class Equations(eqx.Module):
             tau = jnp.where(self.solver.result(root.progress) == RESULTS.successful, root.tau, jnp.nan)
         return tau if passed is None else holding + passed @ tau, contraction, size
 
+    def yielding(self, linear: Linear) -> Float[Array, " p"]:
+        """Slip acceleration of each joint by its own unit friction; infinite where constraints leave it no slip."""
+        own = jnp.diagonal(linear.slip[:, 1:])
+        size = own * self.slip_size**2
+        blocked = size <= 10 * jnp.finfo(own.dtype).eps * jnp.max(size)
+        return jnp.where(blocked, jnp.inf, jnp.where(blocked, 1.0, own))
+
     def _holding(self, linear: Linear) -> tuple[Float[Array, " p"], Float[Array, "p p"]]:
         """tau = holding + passed tau_law: what holds the joints that stick, and the friction of the others.
 
@@ -198,9 +205,9 @@ class Equations(eqx.Module):
         stick = self.sticking
         both = stick[:, None] & stick
         matrix = jnp.where(both, linear.slip[:, 1:], 0.0)
-        size = jnp.sqrt(jnp.diagonal(matrix))
-        size = jnp.where(size > 0, size, 1.0)
-        inverse = jnp.linalg.pinv(matrix / size[:, None] / size, rtol=_DEPENDENT, hermitian=True)
+        size = jnp.sqrt(self.yielding(linear))
+        rtol = max(_DEPENDENT, 100 * float(jnp.finfo(matrix.dtype).eps))
+        inverse = jnp.linalg.pinv(matrix / size[:, None] / size, rtol=rtol, hermitian=True)
         inverse = jnp.where(both, inverse / size[:, None] / size, 0.0)
         slides = jnp.diag(1.0 - stick)
         offset = linear.slip[:, 0] + self.speed / self.scaling.size * linear.rate

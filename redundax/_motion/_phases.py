@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ._held_rank import Held
 from ._moving import Context, Equations, Moving
-from ._slip import locate
+from ._slip import locate, released
 from ._stepper import Carried, Stepper, Watch
 from ._stick import Onward, let_go
 
@@ -98,17 +98,19 @@ def _phase(now: Run, equations: Equations, options: Options) -> Run:
     (path, last), (_, stop) = cast(tuple[Moving, Moving], solution.ys), cast(list, solution.ts)
     t, y = stop[0], jax.tree.map(lambda x: x[0], last)
     carried = cast(Carried, solution.solver_state)
-    event, onward = jnp.zeros((), bool), Onward(now.sense, carried.context.tau, now.resting, now.decided)
+    stopped, onward = jnp.zeros((), bool), Onward(now.sense, carried.context.tau, now.resting, now.decided)
     if equations.has_sense:
-        waited = let_go(equations, y.at(t), now.held, options.end, now.resting & now.going)
-        t, begin, there = jax.tree.map(
-            lambda a, b: jnp.where(now.resting, a, b), (waited[1], (waited[0], y), waited[2]), (t, *carried[-2:])
-        )
-        event = jnp.where(now.resting, ~there.resting, solution.result == diffrax.RESULTS.event_occurred)
+        looked, last, there = let_go(equations, y.at(t), now.held, options.end, now.resting & now.going)
+        moves = now.resting & ~there.resting & ~jnp.any(released(equations, there))  # what no friction held
+        t = jnp.where(now.resting, jnp.where(moves, looked, last), t)
+        begin = jax.tree.map(lambda a, b: jnp.where(now.resting, a, b), (looked, y), carried.start)
+        stopped = jnp.where(now.resting, ~there.resting, solution.result == diffrax.RESULTS.event_occurred)
+        event = stopped & ~moves
+        goes_on = onward._replace(resting=now.resting & ~moves, decided=now.decided & (there.decided | ~moves))
         t, y, onward = jax.lax.cond(
             event,
-            lambda: locate(equations, begin, t, y, carried.context, there, event),
-            lambda: (t, y, onward),
+            lambda: locate(equations, begin, t, y, carried.context, event),
+            lambda: (t, y, goes_on),
         )
         y = y._replace(event=jnp.zeros_like(t))
     here = (options.ts >= now.t) & (options.ts <= t)
@@ -119,11 +121,11 @@ def _phase(now: Run, equations: Equations, options: Options) -> Run:
         tau=onward.tau,
         held=carried.context.held,
         resting=onward.resting,
-        since=jnp.where(event, t, now.since),
+        since=jnp.where(stopped, t, now.since),
         path=jax.tree.map(lambda new, old: jnp.where(_like(here, new), new, old), path, now.path),
         senses=jnp.where(here[:, None], now.sense, now.senses),
         rests=jnp.where(here, now.resting, now.rests),
-        going=event & onward.decided & (t < options.end),
+        going=stopped & onward.decided & (t < options.end),
         decided=onward.decided,
         ended=solution.result,
         watch=_joined(now.watch, carried.watch),

@@ -69,7 +69,7 @@ def simulate(
       so far; `None` for constant steps `dt0`, shorter only where one would end beside a singular position.
     - `dt0`: first step; a small one from the velocities and accelerations at the start if not given.
     - `max_steps`: steps of a phase at most, rejected ones included.
-    - `max_phases`: phases at most; where friction depends on the sense of slip each reversal begins a new one.
+    - `max_phases`: phases at most; where friction depends on the sense of slip each stop, release and rest begins one.
     - `rank`: declared rank of the constraint Jacobian; decided at the start if not given. It is held over the motion.
     - `adjoint`: how derivatives are taken, `diffrax.RecursiveCheckpointAdjoint()` (reverse mode) if not given;
       `diffrax.ForwardMode()` for `jax.jvp` and `jax.jacfwd`.

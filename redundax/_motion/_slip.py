@@ -29,50 +29,42 @@ _HALVINGS, _NEWTON = 8, 4
 
 
 class Bracket(NamedTuple):
-    """An instant just after an event, the slope of h up to it, the joint, and whether it is let go."""
+    """An instant just after an event, what joints do there, the joint, whether it is let go, and the slope of h."""
 
     end: Array
-    slope: Array
+    there: Onward
     joint: Array
     released: Bool[Array, ""]
+    slope: Array
 
 
-def happened(equations: Equations, state: State, linear: Linear) -> tuple[Float[Array, ""], Onward]:
-    """1 where a joint slips against its sense or joints that stick do not any longer, else 0; and the senses there."""
-    some = jnp.any(equations.sticking)
-    there = settled(equations, state, linear, some)
-    there = there._replace(sense=jnp.where(some, there.sense, equations.sense))
-    event = jnp.any(_let_go(equations, there) | _reversed(equations, linear.rate))
-    return event.astype(state.t.dtype), there
+def happened(equations: Equations, state: State, linear: Linear) -> Bool[Array, ""]:
+    """Whether a joint slips against its sense, or joints that stick do not any longer."""
+    there = settled(equations, state, linear, jnp.any(equations.sticking))
+    small = counted(NONE, linear.rate) * equations.speed / equations.slip_size
+    return jnp.any(released(equations, there)) | jnp.any(_against(equations, linear.rate) > small)
 
 
-def _reversed(equations: Equations, rate: Float[Array, " p"]) -> Bool[Array, " p"]:
-    small = counted(NONE, rate) * equations.speed / equations.slip_size
-    return jnp.asarray(equations.sensed) & (rate * equations.sense < -small)
-
-
-def _let_go(equations: Equations, there: Onward) -> Bool[Array, " p"]:
+def released(equations: Equations, there: Onward) -> Bool[Array, " p"]:
+    """Which joints that stick are let go."""
     return equations.sticking & (there.sense != 0)
 
 
+def _against(equations: Equations, rate: Float[Array, " p"]) -> Float[Array, " p"]:
+    """Rates at which joints slip against their sense."""
+    return jnp.where(jnp.asarray(equations.sensed), -rate * equations.sense, 0.0)
+
+
 def locate(
-    equations: Equations,
-    start: tuple[Array, Moving],
-    t: Array,
-    y: Moving,
-    context: Context,
-    there: Onward,
-    event: Bool[Array, ""],
+    equations: Equations, start: tuple[Array, Moving], t: Array, y: Moving, context: Context, event: Bool[Array, ""]
 ) -> tuple[Array, Moving, Onward]:
     """The first event of the step from `start` to (t, y), and how it goes on from there.
 
-    `there` are the senses at the end of the step; `event` says whether there is one: a batch looks where there is none.
+    `event` says whether there is one: a batch looks where there is none.
     """
-    fixed, end, rank, there = jax.lax.stop_gradient((equations, (t, y), context, there))
-    let_go = _let_go(fixed, there)
-    after = fixed.with_sense(jnp.where(let_go, there.sense, fixed.sense))
-    bracket = _bracket(fixed, after, let_go, start, end, rank, event)
-    mode = equations.with_sense(jnp.where(bracket.released, after.sense, equations.sense))
+    fixed, start, end, rank = jax.lax.stop_gradient((equations, start, (t, y), context))
+    bracket = _bracket(fixed, start, end, rank, event)
+    mode = equations.with_sense(jnp.where(bracket.released, _after(fixed, bracket.there), equations.sense))
 
     def newton(carry: tuple[Array, Moving, Array], _: None) -> tuple[tuple[Array, Moving, Array], None]:
         t, y, dt = carry
@@ -84,8 +76,13 @@ def locate(
 
     (t, y, _), _ = jax.lax.scan(newton, (t, y, bracket.end - t), None, length=_NEWTON)
     stopped = onward(fixed, y.at(t), context.held, event)
-    onwards = Onward(after.sense, there.tau, jnp.zeros((), bool), there.decided)
-    return t, y, jax.tree.map(lambda a, b: jnp.where(bracket.released, a, b), onwards, stopped)
+    going = bracket.there._replace(sense=mode.sense, resting=jnp.zeros((), bool))
+    return t, y, jax.tree.map(lambda a, b: jnp.where(bracket.released, a, b), going, stopped)
+
+
+def _after(equations: Equations, there: Onward) -> Float[Array, " p"]:
+    """Senses with which joints that are let go start."""
+    return jnp.where(released(equations, there), there.sense, equations.sense)
 
 
 def _slip(equations: Equations, state: State, context: Context) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
@@ -96,37 +93,34 @@ def _slip(equations: Equations, state: State, context: Context) -> tuple[Float[A
 
 def _bracket(
     equations: Equations,
-    after: Equations,
-    let_go: Bool[Array, " p"],
     begin: tuple[Array, Moving],
     end: tuple[Array, Moving],
     context: Context,
     event: Bool[Array, ""],
 ) -> Bracket:
-    """The first event to a fraction of the step, interpolated; h is taken so that it is positive before the event."""
-    over = _reversed(equations, slip_motion(equations.system, end[1].at(end[0]))[0])
-
-    def heights(t: Array) -> Array:
-        slip, rate = _slip(after, _between(begin, end, t), context)
-        of_one = jnp.where(let_go, -slip * after.sense, rate * equations.sense)
-        return jnp.where(over | let_go, of_one * equations.slip_size, jnp.inf)
+    """The first event to a fraction of the step, interpolated; a reversal where there are both."""
+    over = _against(equations, slip_motion(equations.system, end[1].at(end[0]))[0]) > 0
 
     def halved(carry: tuple) -> tuple:
-        k, low, high, at_low, at_high = carry
-        t = jnp.where(k == 0, low, jnp.where(k == 1, high, (low + high) / 2))
-        found = heights(t)
-        before = (k == 0) | (k > 1) & jnp.all(found > 0)
-        ends = (t, high, found, at_high), (low, t, at_low, found)
+        k, low, high, there, against = carry
+        t = jnp.where(k == 0, high, (low + high) / 2)
+        state = _between(begin, end, t)
+        linear = equations.linear(state, context.held, closed=equations.loaded)
+        here = settled(equations, state, linear, event & jnp.any(equations.sticking))
+        late = jnp.where(over, _against(equations, linear.rate), 0.0)
+        before = (k > 0) & ~jnp.any(released(equations, here)) & jnp.all(late <= 0)
+        ends = (t, high, there, against), (low, t, here, late * equations.slip_size)
         return k + 1, *jax.tree.map(lambda a, b: jnp.where(before, a, b), *ends)
 
-    none = jnp.zeros_like(equations.sense)
-    first = jnp.zeros((), int), begin[0], end[0], none, none
-    _, low, high, at_low, at_high = jax.lax.while_loop(lambda c: event & (c[0] < 2 + _HALVINGS), halved, first)
-    joint = jnp.argmin(at_high)
-    released = let_go[joint]
-    sign = jnp.where(released, -after.sense, equations.sense) * equations.slip_size
-    slope = (at_high - at_low)[joint] / (high - low) / sign[joint]
-    return Bracket(high, slope, joint, released)
+    zero, none = jnp.zeros_like(equations.sense), jnp.zeros((), bool)
+    first = jnp.zeros((), int), begin[0], end[0], Onward(equations.sense, zero, none, none), zero
+    _, low, high, there, against = jax.lax.while_loop(lambda c: event & (c[0] <= _HALVINGS), halved, first)
+    reverses, go = jnp.any(against > 0), released(equations, there)
+    joint = jnp.where(reverses, jnp.argmax(against), jnp.argmax(go))
+    after = equations.with_sense(_after(equations, there))
+    slips = jax.lax.map(lambda t: _slip(after, _between(begin, end, t), context)[0], jnp.stack([low, high]))
+    slope = (slips[1] - slips[0])[joint] / jnp.where(event, high - low, 1.0)
+    return Bracket(high, there, joint, ~reverses & jnp.any(go), slope)
 
 
 def _between(begin: tuple[Array, Moving], end: tuple[Array, Moving], t: Array) -> State:

@@ -18,7 +18,6 @@ from jaxtyping import Array, Bool, Float
 from ._held_rank import Kinetics, kinetics, renewed
 from ._moving import Context, Equations, Moving, projected
 from ._slip import happened
-from ._stick import Onward
 
 # Relative constraint residual after a projection beyond which it has failed, in roundings.
 _CLOSED = 1e6
@@ -60,15 +59,13 @@ def at_start(like: Float[Array, ""]) -> Watch:
 
 
 class Carried(NamedTuple):
-    """State of the stepper: the solver's own, what is held, friction of the last step, the watch; where the step began,
-    and the senses at its end."""
+    """State of the stepper: the solver's own, what is held, friction of the last step, the watch, where it began."""
 
     inner: Any
     context: Context
     watch: Watch
     pivot: Float[Array, ""]
     start: tuple[Array, Moving]
-    onward: Onward
 
 
 class Stepper(diffrax.AbstractWrappedSolver):
@@ -113,9 +110,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
         inner = self.solver.init(terms, t0, t1, y0, args)
         kinetic = equations.kinetic_energy(t0, y0)
         watch = at_start(kinetic)._replace(speed=equations.speed, kinetic=kinetic, start=kinetic - y0.work)
-        none = jnp.zeros((), bool)
-        parts = watch, jnp.zeros_like(kinetic), (t0, y0), Onward(equations.sense, context.tau, none, none)
-        return Carried(inner, context, *jax.lax.stop_gradient(parts))
+        return Carried(inner, context, *jax.lax.stop_gradient((watch, jnp.zeros_like(kinetic), (t0, y0))))
 
     def step(
         self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: Carried, made_jump: Any
@@ -136,20 +131,20 @@ class Stepper(diffrax.AbstractWrappedSolver):
         held, excess = renewed(context.held, parts)
         watch, off = _watched(solver_state.watch, fixed, t, there, parts, held.row_scale)
         pivot = jnp.min(parts.pivots)
-        tau, state, onward = context.tau, there.at(t), solver_state.onward
+        tau, state = context.tau, there.at(t)
         jump = jnp.zeros_like(off)
         if system.friction:
             linear = fixed.linear(state, context.held, closed=fixed.loaded)
             solved = fixed.solved(state, linear, tau)
-            jump = jnp.where(solved.contraction < 1, 0.0, jnp.max(jnp.abs(solved.tau - tau) / solved.size))
+            change = jnp.where(fixed.sticking, 0.0, jnp.abs(solved.tau - tau) / solved.size)
+            jump = jnp.where(solved.contraction < 1, 0.0, jnp.max(change))
             watch = watch._replace(
                 contraction=jnp.maximum(watch.contraction, solved.contraction), jump=jnp.maximum(watch.jump, jump)
             )
             tau = solved.tau
             if fixed.has_sense:
-                event, onward = happened(fixed, state, linear)
-                y = y._replace(event=event)
-        carried = Carried(inner, Context(held, tau), watch, pivot, jax.lax.stop_gradient((t0, y0)), onward)
+                y = y._replace(event=happened(fixed, state, linear).astype(t.dtype))
+        carried = Carried(inner, Context(held, tau), watch, pivot, jax.lax.stop_gradient((t0, y0)))
         good = _may_end(off, excess, solver_state.pivot, pivot) if projects else jnp.isfinite(off)
         good = good & (jump <= _JUMP)
         if self.constant or error is None:

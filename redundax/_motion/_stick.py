@@ -97,6 +97,7 @@ def settled(equations: Equations, state: State, linear: Linear, wanted: Bool[Arr
     whole = jnp.abs(linear.acceleration[:, 0]) + jnp.abs(linear.acceleration[:, 1:]) @ jnp.abs(tau)
     rests = jnp.max(jnp.abs(state.qd) / scale) <= slow
     stays = jnp.max(moved / scale) <= held * jnp.max(whole / scale)
+    decided = decided | ~jnp.any(still)
     return Onward(jnp.where(sensed, sense, 1.0), tau, rests & stays & jnp.any(sticks), decided)
 
 
@@ -105,7 +106,7 @@ def _settled(
 ) -> tuple[Float[Array, " p"], Bool[Array, ""]]:
     """tau of the conditions above, and whether it was found."""
     friction, rows = equations.system.friction, load_rows(equations.system.friction)
-    loads, diagonal = linear.multipliers[rows], jnp.diagonal(linear.slip[:, 1:])
+    loads, yielding = linear.multipliers[rows], equations.yielding(linear)
     senses = [jnp.where(still, sense, jnp.sign(linear.rate)) for sense in (1.0, -1.0)]
 
     def bounds(tau: Array) -> tuple[Array, Array]:
@@ -119,8 +120,7 @@ def _settled(
 
         def one(j: Array, new: Array) -> Array:
             alpha = linear.slip[j, 0] + linear.slip[j, 1:] @ new
-            step = jnp.where(diagonal[j] > 0, alpha / jnp.where(diagonal[j] > 0, diagonal[j], 1.0), 0.0)
-            return new.at[j].set(jnp.clip(new[j] - step, low[j], high[j]))
+            return new.at[j].set(jnp.clip(new[j] - alpha / yielding[j], low[j], high[j]))
 
         new = jax.lax.fori_loop(0, tau.size, one, tau)
         size = jnp.max(jnp.maximum(jnp.abs(low), jnp.abs(high)) / equations.slip_size)

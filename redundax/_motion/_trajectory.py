@@ -54,7 +54,8 @@ class Trajectory(eqx.Module):
 
     - `t`: times, shape (times,).
     - `q`, `qd`: coordinates and velocities, on the constraint manifold with `Projection`.
-    - `acceleration`, `multipliers`, `friction`: qdd, lam and tau of the closure, as `solve` gives them.
+    - `acceleration`, `multipliers`, `friction`: qdd, lam and tau of the closure, as `solve` gives them. Where
+      `stats.contraction` is not below 1 they may be of another solution than the motion follows.
     - `sense`: sense of slip of each friction, 0 where the joint sticks; 1 where friction does not depend on it.
     - `memory`: internal states of friction laws that have some, one entry for each friction group.
     - `result`: how the motion ended.
