@@ -118,6 +118,7 @@ def by_function(mu):
     )
 
 
+@slow
 def test_hysteresis_before_slip_is_that_of_the_closed_form():
     times = np.linspace(0.0, 6.0, 25)
     run = rx.simulate(by_function(MU), rx.State([0.0, 0.0], [REACH, 0.0]), 6.0, ts=times)

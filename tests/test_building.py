@@ -111,6 +111,7 @@ def test_assemble_finds_the_nearest_state():
     np.testing.assert_allclose(state.qd, exact.qd, atol=1e-13)
 
 
+@pytest.mark.slow
 def test_assembly_moves_with_the_lengths():
     guess = rx.mechanisms.wojtyra2020().state(0.7).q
 

@@ -67,6 +67,7 @@ def test_numbers_that_a_function_of_the_user_holds_may_be_of_the_batch():
     np.testing.assert_allclose(jax.vmap(accelerations)(mus), jnp.stack([accelerations(mu) for mu in mus]), rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_derivatives_through_a_chunked_batch(monkeypatch):
     monkeypatch.setattr(_chunks, "_CHUNK", 2)
     h = jnp.linspace(-50.0, 50.0, 5)

@@ -87,6 +87,7 @@ def test_pictures_have_units_and_say_what_is_missing(blocks):
         rx.plot_ensemble(blocks, ["z"])
 
 
+@pytest.mark.slow
 def test_picture_of_a_motion():
     mechanism = rx.mechanisms.parallelogram(3)
     motion = rx.simulate(mechanism, mechanism.state(0.5, rate=1.0), 0.2, ts=np.linspace(0, 0.2, 5))

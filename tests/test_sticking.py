@@ -107,6 +107,7 @@ def paper_margin(mu_rho, phi, z):
     return -crank_acceleration(mu_rho, phi, z, np.sign(free)) / free
 
 
+@slow
 def test_the_papers_mechanism_sticks_where_its_own_iteration_does():
     """The limit of the self-stress in A.x beyond which no sense of slip leaves rest."""
     mu_rho, phi = 0.02, np.pi / 4

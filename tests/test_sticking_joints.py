@@ -86,6 +86,7 @@ def test_one_block_sticks_while_the_other_moves():
     assert run.stats.energy_error < 1e-8
 
 
+@slow
 def test_a_load_that_grows_lets_a_block_go():
     """At rest, let go where the load passes mu g, at rest again; one run of motion in each half period."""
     mu, force = 0.1, 1.25
