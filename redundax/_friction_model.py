@@ -145,8 +145,7 @@ class Stribeck(AbstractFrictionModel):
             not_negative(name, getattr(self, name))
 
     def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
-        fall = jnp.exp(-((rate / self.velocity) ** 2))
-        coefficient = self.kinetic + (self.static - self.kinetic) * fall
+        coefficient = _falling(self.static, self.kinetic, rate / self.velocity)
         return -coefficient * (normal_load + self.preload) * sense - self.viscous * rate
 
     def slope_bound(self, rate: Array, memory: PyTree) -> Array:
@@ -278,9 +277,14 @@ class LuGre(AbstractFrictionModel):
         return self.static / self.stiffness
 
     def memory_rate(self, rate: Array, memory: PyTree) -> Array:
-        fall = jnp.exp(-((rate / self.velocity) ** 2))
-        return rate - self.stiffness * jnp.abs(rate) * memory / (self.kinetic + (self.static - self.kinetic) * fall)
+        coefficient = _falling(self.static, self.kinetic, rate / self.velocity)
+        return rate - self.stiffness * jnp.abs(rate) * memory / coefficient
 
     def _share(self, rate: Array, memory: Array) -> Array:
         """-tau for a normal load of 1."""
         return self.stiffness * memory + self.damping * self.memory_rate(rate, memory) + self.viscous * rate
+
+
+def _falling(static: Array, kinetic: Array, rate: Array) -> Array:
+    """Coefficient that falls from its value at rest as slip sets in; the rate relative to the Stribeck velocity."""
+    return kinetic + (static - kinetic) * jnp.exp(-(rate**2))

@@ -52,7 +52,12 @@ class Found(NamedTuple):
 
     def within(self) -> np.ndarray:
         """Which are solutions within the limits."""
-        return np.asarray(self.good) & (np.asarray(self.excess) <= WITHIN)
+        return within(self.good, self.excess)
+
+
+def within(good: Array | np.ndarray, excess: Array | np.ndarray) -> np.ndarray:
+    """Which good ones exceed no limit."""
+    return np.asarray(good) & (np.asarray(excess) <= WITHIN)
 
 
 @eqx.filter_jit

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ._cases import AbstractCases
-from ._descent import WITHIN
+from ._descent import within
 from ._solution_set import SolutionSet
 
 _STEPS = 40  # of Newton's method
@@ -42,7 +42,7 @@ class Held(NamedTuple):
 
     def within(self) -> np.ndarray:
         """Which are held within the limits."""
-        return np.asarray(self.good) & (np.asarray(self.excess) <= WITHIN)
+        return within(self.good, self.excess)
 
 
 @eqx.filter_jit
