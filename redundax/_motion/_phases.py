@@ -100,19 +100,8 @@ def _phase(now: Run, equations: Equations, options: Options) -> Run:
     carried = cast(Carried, solution.solver_state)
     stopped, onward = jnp.zeros((), bool), Onward(now.sense, carried.context.tau, now.resting, now.decided)
     if equations.has_sense:
-        looked, last, there = let_go(equations, y.at(t), now.held, options.end, now.resting & now.going)
-        moves = now.resting & ~there.resting & ~jnp.any(released(equations, there))  # what no friction held
-        t = jnp.where(now.resting, jnp.where(moves, looked, last), t)
-        begin = jax.tree.map(lambda a, b: jnp.where(now.resting, a, b), (looked, y), carried.start)
-        stopped = jnp.where(now.resting, ~there.resting, solution.result == diffrax.RESULTS.event_occurred)
-        event = stopped & ~moves
-        goes_on = onward._replace(resting=now.resting & ~moves, decided=now.decided & (there.decided | ~moves))
-        t, y, onward = jax.lax.cond(
-            event,
-            lambda: locate(equations, begin, t, y, carried.context, event),
-            lambda: (t, y, goes_on),
-        )
-        y = y._replace(event=jnp.zeros_like(t))
+        happened = solution.result == diffrax.RESULTS.event_occurred
+        t, y, onward, stopped = _stopped(now, equations, options.end, happened, t, y, carried, onward)
     here = (options.ts >= now.t) & (options.ts <= t)
     return Run(
         t=t,
@@ -133,6 +122,32 @@ def _phase(now: Run, equations: Equations, options: Options) -> Run:
         rejected=now.rejected + solution.stats["num_rejected_steps"],
         phases=now.phases + ~now.resting,
     )
+
+
+def _stopped(
+    now: Run,
+    equations: Equations,
+    end: Array,
+    happened: Bool[Array, ""],
+    t: Array,
+    y: Moving,
+    carried: Carried,
+    onward: Onward,
+) -> tuple[Array, Moving, Onward, Bool[Array, ""]]:
+    """Where an event of the last step ends a phase, or loads end a rest, how it goes on there, and whether they do."""
+    looked, until, there = let_go(equations, y.at(t), now.held, end, now.resting & now.going)
+    moves = now.resting & ~there.resting & ~jnp.any(released(equations, there))  # what no friction held
+    t = jnp.where(now.resting, jnp.where(moves, looked, until), t)
+    begin = jax.tree.map(lambda a, b: jnp.where(now.resting, a, b), (looked, y), carried.start)
+    stopped = jnp.where(now.resting, ~there.resting, happened)
+    event = stopped & ~moves
+    goes_on = onward._replace(resting=now.resting & ~moves, decided=now.decided & (there.decided | ~moves))
+    t, y, onward = jax.lax.cond(
+        event,
+        lambda: locate(equations, begin, t, y, carried.context, event),
+        lambda: (t, y, goes_on),
+    )
+    return t, y._replace(event=jnp.zeros_like(t)), onward, stopped
 
 
 def _like(mask: Array, x: Array) -> Array:
