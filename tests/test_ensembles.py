@@ -1,5 +1,6 @@
 """Bands of ensembles against percentiles of exact motions; their pictures."""
 
+import diffrax
 import jax
 import jax.numpy as jnp
 import matplotlib
@@ -24,7 +25,7 @@ def blocks():
     def run(mu, lift):
         system, state = block(mu)
         state = rx.State(state.q.at[1].add(lift), state.qd)
-        return rx.simulate(system, state, 2.0, ts=TIMES, max_phases=3)
+        return rx.simulate(system, state, 2.0, ts=TIMES, max_phases=3, adjoint=diffrax.ForwardMode())
 
     samples = {"mu": [*MUS, 0.04], "lift": [*np.zeros(6), 0.5]}
     with pytest.warns(UserWarning, match=r"1 of 7 motions did not get to the end \(violated_constraints: 1\)"):

@@ -1,7 +1,8 @@
 """A motion as phases: between events at which a sense of slip changes, and at rest.
 
 Without friction, or with friction that knows no sense, there is one phase. The number of phases is bounded, so that
-the motion can be differentiated in reverse mode; those that are not needed do nothing.
+the motion can be differentiated in reverse mode; those that are not needed do nothing, but in a batch take time. In
+forward mode there are none of them.
 """
 
 from typing import NamedTuple, cast
@@ -65,12 +66,15 @@ class Run(NamedTuple):
 def run(start: Run, equations: Equations, options: Options, max_phases: int) -> Run:
     """The motion up to the end."""
 
-    def phase(now: Run, _: None) -> tuple[Run, None]:
-        return jax.lax.cond(now.going, lambda: _phase(now, equations, options), lambda: now), None
+    def phase(k: Array, now: Run) -> Run:
+        return jax.lax.cond(now.going, lambda: _phase(now, equations, options), lambda: now)
 
     if not equations.has_sense:
         return _phase(start, equations, options)
-    return jax.lax.scan(phase, start, None, length=max_phases)[0]
+    if not isinstance(options.adjoint, diffrax.ForwardMode):
+        return jax.lax.fori_loop(0, max_phases, phase, start)
+    first, going = (jnp.zeros((), int), start), lambda carry: carry[1].going & (carry[0] < max_phases)
+    return jax.lax.while_loop(going, lambda carry: (carry[0] + 1, _phase(carry[1], equations, options)), first)[1]
 
 
 def _phase(now: Run, equations: Equations, options: Options) -> Run:

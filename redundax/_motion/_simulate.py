@@ -72,7 +72,8 @@ def simulate(
     - `max_phases`: phases at most; where friction depends on the sense of slip each stop, release and rest begins one.
     - `rank`: declared rank of the constraint Jacobian; decided at the start if not given. It is held over the motion.
     - `adjoint`: how derivatives are taken, `diffrax.RecursiveCheckpointAdjoint()` (reverse mode) if not given;
-      `diffrax.ForwardMode()` for `jax.jvp` and `jax.jacfwd`.
+      `diffrax.ForwardMode()` for `jax.jvp` and `jax.jacfwd`, and for batches of motions with friction, where
+      without reverse mode no phase idles until `max_phases`.
     - `throw`: whether to raise an error unless the result is successful; by default outside of `jit` and `vmap`.
     - `progress`: whether to print progress.
 

@@ -1,5 +1,6 @@
 """Arrays and decisions that several processes share (`jax.distributed`); with one process nothing is sent."""
 
+import os
 from collections.abc import Callable
 
 import jax
@@ -22,6 +23,27 @@ def spread(function: Callable[[PyTree], PyTree], mesh: Mesh | None) -> Callable[
         return jax.make_array_from_callback(values.shape, sharding, lambda index: values[index])
 
     return lambda tree: program(jax.tree.map(placed, tree))
+
+
+def check_threads(mesh: Mesh | None) -> None:
+    """Refuse CPU devices of this process whose batched LAPACK calls could wait for each other for ever.
+
+    They split into tasks for the threads of XLA's pool, which all devices share, and wait for them in one of these.
+    """
+    here = [] if mesh is None else [d for d in mesh.devices.flat if d.platform == "cpu"]
+    count = sum(device.process_index == jax.process_index() for device in here)
+    given = os.environ.get("PJRT_NPROC") or os.environ.get("NPROC")
+    threads = int(given) if given else _cores()
+    if count > 1 and threads < 2 * count:
+        raise ValueError(
+            f"Argument `mesh` has {count} CPU devices of this process, but XLA's pool of {threads} threads could leave "
+            f"them waiting for each other. Set the environment variable PJRT_NPROC={2 * count} before JAX starts."
+        )
+
+
+def _cores() -> int:
+    cores = getattr(os, "sched_getaffinity", None)  # not on all platforms
+    return len(cores(0)) if cores else os.cpu_count() or 1
 
 
 def fetched(values: Array) -> np.ndarray:

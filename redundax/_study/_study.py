@@ -19,7 +19,7 @@ from .._module import Numbers
 from .._progress import progress as told
 from .._system import AbstractSystem
 from ._layout import Layout, layout, named, storable
-from ._processes import fetched, meet, of_first, refuse, spread
+from ._processes import check_threads, fetched, meet, of_first, refuse, spread
 from ._store import File, Follower, Memory, Store, optional
 
 if TYPE_CHECKING:
@@ -62,7 +62,9 @@ def study(
       meanwhile, the first chunk is computed again and compared.
     - `mesh`: devices over which the samples of a chunk are spread, along all axes of the mesh; JAX's default device
       if not given. The mesh may span processes (`jax.distributed`) that all make the same call: process 0 writes,
-      and all read the file at the end.
+      and all read the file at the end. For the cores of a CPU let each be a device, by
+      `jax.config.update("jax_num_cpu_devices", 4)` and the environment variable PJRT_NPROC=8, which gives XLA two
+      threads for each.
     - `progress`: whether to tell how far the work is, even if it is short.
 
     **Returns:** an `xarray.Dataset` of the samples and outputs along the dimension "sample". Outputs that are nested
@@ -80,6 +82,7 @@ def study(
         raise ValueError(f"Argument `chunk` must be at least 1, but is {chunk}. Leave it out unless memory runs short.")
     one = jax.jit(lambda sample: run(**sample))  # traced once, for the shapes
     plan = layout(given, jax.eval_shape(one, {name: values[0] for name, values in given.items()}), system)
+    check_threads(mesh)
     devices = 1 if mesh is None else mesh.size
     chunk = -(-min(chunk, plan.size) // devices) * devices
     program = spread(jax.vmap(lambda sample: named(one(sample))), mesh)
