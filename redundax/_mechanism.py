@@ -19,7 +19,7 @@ from ._body import Body, poses
 from ._group_friction import FrictionMembers, JointFriction, friction_members
 from ._joints import AbstractJoint
 from ._loads import AbstractLoad, Motion
-from ._module import Numbers, as_float, as_functions, as_vector, replace
+from ._module import Numbers, as_float, as_functions, as_vector, moved, replace
 from ._names import check_names
 from ._stack import Stack, indices, stacked, stacks
 from ._state import State
@@ -178,7 +178,18 @@ class Mechanism(AbstractSystem):
         return jnp.concatenate([force[:count].ravel(), moment[:count]])
 
     def retract(self, q: Array, d: Array) -> Array:
-        return q + d
+        return moved(q, d)
+
+    def __str__(self) -> str:
+        """Its parts by name."""
+        kinds = [
+            f"{type(joints.element).__name__} {', '.join(names)}"
+            for joints, names in zip(self.joints, self.joint_names, strict=False)
+        ]
+        sizes = f"{len(self.coordinates)} coordinates, {len(self.rows)} rows"
+        friction = ", ".join(label for group in self.friction for label in group.slips.labels)
+        parts = (f"bodies {', '.join(self.body_names)}", *kinds, f"friction in {friction or 'none'}")
+        return f"Mechanism with {sizes}: {'; '.join(parts)}"
 
 
 def _rows(

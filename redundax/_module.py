@@ -54,6 +54,26 @@ def known(value: Array) -> bool:
     return not isinstance(value, jax.core.Tracer)
 
 
+def no_classes(**arguments: Any) -> None:
+    """Refuse a class where one of its objects is wanted."""
+    for name, value in arguments.items():
+        if isinstance(value, type):
+            raise ValueError(
+                f"Argument `{name}` must be an object, but is the class {value.__name__}. "
+                f"Write `{value.__name__}(...)`, with its arguments if it needs some."
+            )
+
+
+def moved(q: Array, d: Array) -> Array:
+    """q + d, for coordinates that add."""
+    if q.shape != d.shape:
+        raise ValueError(
+            f"Argument `q` must have shape {d.shape}, one number for each coordinate, but has {q.shape}. Give them in "
+            "the order of `system.coordinates`, and use jax.vmap for many positions."
+        )
+    return q + d
+
+
 def replace(module: T, **fields: Any) -> T:
     """A copy of the frozen `module` with the given fields replaced, without running its `__init__`."""
     copy = object.__new__(type(module))

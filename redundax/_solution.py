@@ -1,9 +1,11 @@
 """What a solve returns."""
 
 import equinox as eqx
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ._factorisation import Violation
+from ._module import known
 from ._rank import Spectrum
 from ._results import RESULTS
 
@@ -74,3 +76,19 @@ class Solution(eqx.Module):
     friction: Float[Array, " p"]
     result: RESULTS
     stats: Stats
+
+    def __str__(self) -> str:
+        """The numbers of one solution, or what failed; of a batch, and inside of transformations, the shapes."""
+        if not known(self.acceleration) or self.acceleration.ndim != 1:
+            return repr(self)
+        stats = self.stats
+        counts = f"redundancy {stats.redundancy}, freedom {stats.freedom}, {stats.steps} steps of friction"
+        if self.result != RESULTS.successful:
+            return f"{RESULTS[self.result]}\n{counts}"
+        numbers = {"acceleration": self.acceleration, "multipliers": self.multipliers, "friction": self.friction}
+        return "\n".join([counts, *(f"{name} {_shown(np.asarray(value))}" for name, value in numbers.items())])
+
+
+def _shown(values: np.ndarray) -> str:
+    """Numbers as text; beside others of some size, what is rounding is 0."""
+    return np.array2string(values, 100, 6, suppress_small=bool(np.abs(values).max(initial=0.0) >= 1e-3))

@@ -22,7 +22,7 @@ from ._factorisation import Factorisation, factorize
 from ._friction import slip_kinds
 from ._friction_problem import FrictionProblem
 from ._iterate import Progress
-from ._module import Numbers, as_float, known
+from ._module import Numbers, as_float, known, no_classes
 from ._open_newton import OpenProblem, open_root
 from ._reduced import Reduced, Response, at_rest, reduce
 from ._results import RESULTS, first_failure
@@ -77,6 +77,7 @@ def solve(
     **Raises:** `ValueError` for arguments that do not fit the system; `RuntimeError` with the message of
     the result where `throw` says so.
     """
+    no_classes(closure=closure, solver=solver)
     _check_state(system, state)
     n, m = len(system.coordinates), len(system.rows)
     if solver is None:

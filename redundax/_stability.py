@@ -29,7 +29,7 @@ from jaxtyping import Array, Complex, Float
 
 from ._closures._closure import AbstractClosure
 from ._factorisation import Factorisation, factorize
-from ._module import Numbers, as_float
+from ._module import Numbers, as_float, no_classes
 from ._reduced import reduce
 from ._results import RESULTS
 from ._solution import Solution
@@ -118,6 +118,7 @@ def stability(
 
     **Raises:** `ValueError` where the solution has no numbers.
     """
+    no_classes(closure=closure)
     if solution.result != RESULTS.successful:
         raise ValueError(
             "Argument `solution` must be successful, but ended with another result. Solve with `throw=True` to see why."

@@ -19,7 +19,7 @@ from jaxtyping import Array, Float, PyTree
 
 from ._axis import Axis, axis
 from ._friction import AbstractFriction
-from ._module import Numbers, as_float, as_functions, as_parameters, replace
+from ._module import Numbers, as_float, as_functions, as_parameters, moved, replace
 from ._state import State
 
 
@@ -188,7 +188,7 @@ class System(AbstractSystem):
         return self._load(state.q, state.qd, state.t, self.parameters)
 
     def retract(self, q: Array, d: Array) -> Array:
-        return q + d if self._retraction is None else self._retraction(q, d)
+        return moved(q, d) if self._retraction is None else self._retraction(q, d)
 
 
 def _count(kinds: Any) -> int | None:

@@ -1,6 +1,9 @@
 """Failures are values: each cause has its result, no number comes with it, and neighbours live on."""
 
 import dataclasses
+import re
+import subprocess
+import sys
 
 import jax
 import jax.numpy as jnp
@@ -240,6 +243,56 @@ def test_a_state_of_another_mechanism_is_refused():
     mechanism, state = paper()
     with pytest.raises(ValueError, match=r"Argument `state` must"):
         registry.solve(mechanism, rx.State(state.q[:9], state.qd[:9]))
+
+
+@pytest.mark.parametrize("function", [rx.solve, rx.analyze, lambda system, state: rx.assemble(system, state.q)])
+def test_positions_of_another_mechanism_are_refused(function):
+    mechanism, state = paper()
+    with pytest.raises(ValueError, match=r"Argument `q` must have shape \(12,\).* but has \(9,\)"):
+        function(mechanism, rx.State(state.q[:9], state.qd))
+
+
+CLASSES = """
+import redundax as rx
+mechanism = rx.mechanisms.wojtyra2020()
+given = mechanism, mechanism.state(0.7, rate=1.0)
+for call in (
+    lambda: rx.solve(*given, closure=rx.MinimumNorm),
+    lambda: rx.solve(*given, solver=rx.Newton),
+    lambda: rx.analyze(*given, closure=rx.MinimumNorm),
+    lambda: rx.simulate(*given, 1.0, stabilisation=rx.Projection),
+    lambda: rx.band(*given, None, rx.PreloadBox),
+):
+    try:
+        call()
+    except ValueError as error:
+        print(error)
+"""
+
+
+def test_a_class_in_place_of_an_object_is_refused():
+    """In a process where types are not checked, as for users."""
+    out = subprocess.run([sys.executable, "-c", CLASSES], capture_output=True, text=True, check=True).stdout
+    said = [re.findall(r"^Argument `(\w+)` must be an object.* Write `(\w+)\(", line) for line in out.splitlines()]
+    assert said == [[pair] for pair in (
+        ("closure", "MinimumNorm"), ("solver", "Newton"), ("closure", "MinimumNorm"), ("stabilisation", "Projection"),
+        ("bounds", "PreloadBox"),
+    )]  # fmt: skip
+
+
+def test_what_is_printed():
+    """A uniform rod of 1 m that falls from the horizontal turns with 3 g / 2."""
+    pin = rx.Revolute("A", "rod", "ground", point_i=(-0.5, 0.0), point_j=(0.0, 0.0))
+    pendulum = rx.Mechanism([rx.Body("rod", 1.0, 1 / 12)], [pin], gravity=(0.0, -10.0))
+    assert str(pendulum) == "Mechanism with 3 coordinates, 2 rows: bodies rod; Revolute A; friction in none"
+    state = rx.State([0.5, 0.0, 0.0], [0.0, 0.0, 0.0])
+    counts, acceleration, multipliers, friction = str(registry.solve(pendulum, state)).splitlines()
+    assert counts == "redundancy 0, freedom 1, 0 steps of friction"
+    assert acceleration.split() == ["acceleration", "[", "0.", "-7.5", "-15.", "]"]
+    assert multipliers.split() == ["multipliers", "[", "0.", "-2.5]"]
+    assert friction == "friction []"
+    off = registry.solve(pendulum, rx.State(state.q + 0.1, state.qd), throw=False)
+    assert str(off).startswith(rx.RESULTS[off.result])
 
 
 def test_a_guide_that_rubs_needs_a_length():

@@ -23,7 +23,7 @@ from .._closures._closure import AbstractClosure, MinimumNorm
 from .._culprits import culprits
 from .._factorisation import Factorisation, factorize
 from .._friction import slip_kinds
-from .._module import Numbers, as_float
+from .._module import Numbers, as_float, no_classes
 from .._rank import Spectrum
 from .._results import RESULTS
 from .._solve import solve
@@ -61,6 +61,7 @@ def analyze(
       of the closure.
     - `rank`: declared rank of the constraint Jacobian; decided from its spectrum if not given.
     """
+    no_classes(closure=closure)
     factor = factorize(system, state, rank)
     found = jax.device_get(_evidence(factor))
     rows, unique = np.array(system.rows.labels), found.unique_multipliers

@@ -18,7 +18,7 @@ from .._analysis._outputs import outputs as named_outputs
 from .._analysis._outputs import plain, unknowns
 from .._analysis._verdict import Verdict
 from .._enumerate import start_factors
-from .._module import Numbers
+from .._module import Numbers, no_classes
 from .._state import State
 from .._system import AbstractSystem
 from ._bounds import AbstractBounds
@@ -130,6 +130,7 @@ def band(
 
     **Raises:** as `solution_family`; `ValueError` where bounds or outputs do not fit the system.
     """
+    no_classes(bounds=bounds)
     report = analyze(system, state, sense=sense, rank=rank)
     solutions = solutions_of(system, state, report, sense, rank)
     if not report.pivots:

@@ -36,6 +36,7 @@ from .._enumerate import start_factors
 from .._factorisation import factorize
 from .._friction import slip_kinds
 from .._kinematics import slip_motion
+from .._module import no_classes
 from .._state import State
 from .._system import AbstractSystem
 from ._bounds import AbstractBounds, one_case
@@ -86,6 +87,7 @@ def sticking(
     **Raises:** `ValueError` where the state moves, drivers set it in motion, the system has not one degree of freedom,
     or bounds do not fit it; `RuntimeError` where the equations cannot be trusted, as `solve` does.
     """
+    no_classes(bounds=bounds)
     state = State(state.q, state.qd, state.t)  # bristles that bend let it move, so they do not count
     drive = _drive(system, state, rank)
     senses = jnp.asarray(drive.sense)

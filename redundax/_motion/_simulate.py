@@ -14,7 +14,7 @@ from jax.typing import ArrayLike
 
 from .._closures._closure import AbstractClosure, MinimumNorm
 from .._culprits import culprits
-from .._module import Numbers, as_float, known
+from .._module import Numbers, as_float, known, no_classes
 from .._results import RESULTS
 from .._state import State
 from .._system import AbstractSystem
@@ -92,6 +92,7 @@ def simulate(
     **Raises:** `ValueError` for arguments that do not fit; `RuntimeError` with the message of the result where `throw`
     says so.
     """
+    no_classes(closure=closure, solver=solver, stabilisation=stabilisation, adjoint=adjoint)
     _check(system, state, solver, rtol, dt0)
     t1 = as_float(t1).astype(state.qd.dtype)
     given = state.t + (t1 - state.t) * jnp.linspace(0, 1, 101, dtype=t1.dtype) if ts is None else as_float(ts)
