@@ -75,7 +75,7 @@ def library_iterates(loop, system, state, count, **options):
 
         traced_anew = mock.patch.object(_solve, "solve_factorised", _solve.solve_factorised.__wrapped__)
         as_it_is = mock.patch.object(rx.FixedPoint, "_finished", lambda solver, problem, tau: tau)
-        open_as_it_is = mock.patch.object(_solve, "_finished", lambda problem, tau: tau)
+        open_as_it_is = mock.patch.object(_open_newton, "_finished", lambda problem, stress, tau: tau)
         with mock.patch.object(loop, "iterate", run), as_it_is, open_as_it_is, traced_anew:
             solution = rx.solve(system, state, **options)
         return jnp.concatenate([solution.acceleration, solution.multipliers])
