@@ -1,4 +1,4 @@
-"""What Newton's open iteration (38) on the friction unknowns is given, and where it ends; symbols as in `_open_newton`."""
+"""What Newton's open iteration (38) is given, and where it ends; symbols as in `_open_newton`."""
 
 import equinox as eqx
 from jaxtyping import Array, Float, Int

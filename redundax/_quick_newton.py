@@ -10,7 +10,7 @@ columns, so that elimination needs no pivots. A joint's friction reads loads of 
 """
 
 from functools import partial, reduce
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -139,11 +139,11 @@ def _rows(matrix: Array) -> list[list[Array]]:
     return [list(row) for row in matrix]
 
 
-def _read(slope: Slope, loads: list) -> Array | float:
+def _read(slope: Slope, loads: list) -> Any:
     return sum(entry * loads[k] for k, entry in slope.items())
 
 
-def _dot(a: list, b: list) -> Array | float:
+def _dot(a: list, b: list) -> Any:
     return sum(x * y for x, y in zip(a, b, strict=True))
 
 
