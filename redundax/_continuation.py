@@ -20,7 +20,7 @@ from jaxtyping import Array, Bool, Float
 
 from ._arclength import Path, follow
 from ._friction_problem import FrictionProblem
-from ._iterate import Progress, iterate
+from ._iterate import Progress, iterate, unless
 from ._module import optional_float
 from ._quick_sweeps import quick_sweeps
 from ._results import RESULTS
@@ -55,14 +55,11 @@ class Continuation(AbstractSolver):
     def run(self, problem: FrictionProblem, start: Array) -> Root:
         rtol = self.tolerance(start.dtype)
 
-        def search(carry: tuple[Array, Root]) -> tuple[Array, Root]:
-            # Through the carry, or XLA takes it out of the loop, where it runs for nothing.
-            rho0, first = (jnp.where(carry[0], jnp.nan, x) for x in (problem.rho0, start))
-            searched = self._searched(eqx.tree_at(lambda problem: problem.rho0, problem, rho0), first)
-            return jnp.ones_like(carry[0]), searched
+        def search(rho0: Array, start: Array) -> Root:
+            return self._searched(eqx.tree_at(lambda problem: problem.rho0, problem, rho0), start)
 
         root = quick_sweeps(problem, start, rtol)
-        return jax.lax.while_loop(lambda carry: ~carry[0], search, (root.progress.converged(rtol), root))[1]
+        return unless(root.progress.converged(rtol), root, search, problem.rho0, start)
 
     def _searched(self, problem: FrictionProblem, start: Array) -> Root:
         newton, rtol = Newton(self.rtol, self.max_steps), self.tolerance(start.dtype)

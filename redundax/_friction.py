@@ -68,6 +68,10 @@ class AbstractFriction(eqx.Module):
     def anonymous(self) -> Self:
         """The same group without names."""
 
+    def apart(self, memory: PyTree) -> tuple[tuple["AbstractFriction", PyTree], ...]:
+        """The group as smaller ones, each with its memory, in the order of the slips."""
+        return ((self, memory),)
+
 
 class Friction(AbstractFriction):
     """A friction group from functions that the user writes in jnp.

@@ -14,7 +14,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ._friction import AbstractFriction, friction_force, largest_changes, slip_kinds
+from ._friction import AbstractFriction, friction_force, largest_changes, memories, slip_kinds
+from ._module import replace
 from ._state import State
 
 # Powers of a matrix that the bound of its spectral radius takes.
@@ -31,6 +32,12 @@ class Law(eqx.Module):
 
     def __call__(self, loads: Float[Array, " l"]) -> Float[Array, " p"]:
         return friction_force(self.groups, loads, self.rate, self.sense, self.state)
+
+    def apart(self) -> "Law":
+        """The same law, joint by joint."""
+        whole = zip(self.groups, memories(self.groups, self.state), strict=True)
+        groups, parts = zip(*(part for group, memory in whole for part in group.apart(memory)), strict=True)
+        return replace(self, groups=groups, state=replace(self.state, memory=parts))
 
     def largest_changes(self, loads: Float[Array, "l columns"]) -> Float[Array, "p columns"]:
         """Bounds of |change of friction| that each column of changes of the loads can cause at any loads."""

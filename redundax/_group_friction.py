@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any, Self
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int, PyTree
@@ -36,6 +37,13 @@ class JointFriction(AbstractFriction):
 
     def anonymous(self) -> Self:
         return replace(self, slips=self.slips.anonymous())
+
+    def apart(self, memory: PyTree) -> tuple[tuple[AbstractFriction, PyTree], ...]:
+        def joint(k: int) -> tuple[AbstractFriction, PyTree]:
+            group, own = jax.tree.map(lambda x: x[k : k + 1], (self, memory))
+            return replace(group, slips=Axis(None, self.slips.kinds[k : k + 1])), own
+
+        return tuple(joint(k) for k in range(len(self.slips)))
 
     def slip(self, q: Array, t: Array) -> Array:
         body = poses(q)

@@ -115,3 +115,16 @@ def iterate(
         return jax.tree.map(lambda new, old: jnp.where(on, new, old), body(carry), carry), None
 
     return jax.lax.scan(masked, first, None, length=max_steps)[0]
+
+
+def unless(done: Bool[Array, ""], end: Y, search: Callable[..., Y], *operands: Float[Array, "..."]) -> Y:
+    """`end` where done, else `search(*operands)`, which runs where a sample of a batch asks for it and not otherwise.
+
+    What the search needs goes through the carry, or XLA takes it out of the loop; where done it is NaN, so that the
+    search ends at once.
+    """
+
+    def body(carry: tuple[Array, Y]) -> tuple[Array, Y]:
+        return jnp.ones_like(carry[0]), search(*(jnp.where(carry[0], jnp.nan, x) for x in operands))
+
+    return jax.lax.while_loop(lambda carry: ~carry[0], body, (done, end))[1]

@@ -123,6 +123,5 @@ def safe_norm(v: Float[Array, " n"]) -> Float[Array, ""]:
 @safe_norm.defjvp
 def _safe_norm_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
     v, size = primals[0], safe_norm(*primals)  # d|v| = v . dv / |v|
-    positive = size > 0
-    direction = jnp.where(positive, v / jnp.where(positive, size, 1.0), 0.0)
-    return size, jnp.sum(direction * tangents[0])
+    divisor = jnp.where(size > 0, size, 1.0)
+    return size, sum((v[k] / divisor * tangents[0][k] for k in range(v.shape[0])), jnp.zeros_like(size))

@@ -29,27 +29,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ._friction_problem import FrictionProblem
-from ._iterate import Progress, iterate
-
-
-class OpenProblem(eqx.Module):
-    """The friction problem at minimum norm, with what the minimum-norm step needs beside it.
-
-    - `problem`: rho0 of the minimum-norm multipliers and the self-stress of x0, K of minimum-norm ones, and the law.
-    - `stress`: S = P[rows, rows], shape (l, l).
-    - `axes`: Q, orthonormal and so that the columns of X Q are orthogonal, shape (p, p).
-    - `gram`: (X Q)^T X Q, shape (p, p).
-    - `pull`: (X Q)^T (x0 - x_p), shape (p,).
-    - `first`: loads of x0, shape (l,).
-    """
-
-    problem: FrictionProblem
-    stress: Float[Array, "l l"]
-    axes: Float[Array, "p p"]
-    gram: Float[Array, "p p"]
-    pull: Float[Array, " p"]
-    first: Float[Array, " l"]
+from ._iterate import iterate, unless
+from ._open_problem import OpenEnd, OpenProblem
+from ._quick_newton import quick_newton
+from ._solver import Newton
 
 
 class OpenIterate(NamedTuple):
@@ -94,9 +77,15 @@ def _step(open_problem: OpenProblem, y: OpenIterate, slope: Array, residual: Arr
 
 
 @eqx.filter_custom_jvp
-def open_root(open_problem: OpenProblem, rtol: Float[Array, ""], max_steps: int) -> tuple[OpenIterate, Progress]:
-    """End point of Newton (38) from x0, and how the iteration went; the derivative goes through the iterations."""
-    return _run(open_problem, rtol, max_steps, bounded=False)
+def open_root(open_problem: OpenProblem, rtol: Float[Array, ""], max_steps: int) -> OpenEnd:
+    """End of Newton (38) from x0; the derivative goes through the iterations."""
+
+    def run(rho0: Array, first: Array) -> OpenEnd:
+        given = eqx.tree_at(lambda given: (given.problem.rho0, given.first), open_problem, (rho0, first))
+        return _run(given, rtol, max_steps, bounded=False)
+
+    end = quick_newton(open_problem, rtol, max_steps)
+    return unless(end.progress.converged(rtol), end, run, open_problem.problem.rho0, open_problem.first)
 
 
 @open_root.def_jvp
@@ -105,11 +94,21 @@ def _open_root_jvp(primals: tuple, tangents: tuple) -> tuple:
     return eqx.filter_jvp(lambda problem: _run(problem, rtol, max_steps, bounded=True), primals[:1], tangents[:1])
 
 
-def _run(open_problem: OpenProblem, rtol: Array, max_steps: int, *, bounded: bool) -> tuple[OpenIterate, Progress]:
-    return iterate(
+def _run(open_problem: OpenProblem, rtol: Array, max_steps: int, *, bounded: bool) -> OpenEnd:
+    end, progress = iterate(
         lambda y: update(open_problem, y),
         first_step(open_problem),
         rtol,
         max_steps,
         bounded=bounded,
     )
+    stress = open_problem.balance @ (open_problem.projector @ end.w)  # of a w much larger
+    tau = jnp.where(progress.converged(rtol), _finished(open_problem, stress, end.tau), end.tau)
+    return OpenEnd(tau, stress, progress)
+
+
+def _finished(open_problem: OpenProblem, stress: Array, tau: Array) -> Array:
+    """One step at the same self-stress: the law held to rounding of the loads as they were before they balanced."""
+    problem = open_problem.problem
+    kept = eqx.tree_at(lambda problem: problem.rho0, problem, problem.rho0 + stress[open_problem.rows])
+    return Newton().update(kept, tau)[0]

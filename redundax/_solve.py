@@ -23,7 +23,8 @@ from ._friction import slip_kinds
 from ._friction_problem import FrictionProblem
 from ._iterate import Progress
 from ._module import Numbers, as_float, known, no_classes
-from ._open_newton import OpenProblem, open_root
+from ._open_newton import open_root
+from ._open_problem import OpenProblem
 from ._reduced import Reduced, Response, at_rest, reduce
 from ._results import RESULTS, first_failure
 from ._solution import Solution, Stats
@@ -210,24 +211,18 @@ def _open_newton(
     basis = basis @ axes
     open_problem = OpenProblem(
         problem,
-        stress=projector[rows][:, rows],
+        rows,
+        projector=projector[:, rows],
+        balance=jax.vmap(factor.in_balance, out_axes=1)(jnp.eye(x0.size - n, dtype=x0.dtype)),
         axes=axes,
         gram=basis.T @ basis,
         pull=basis.T @ offset,
         first=x0[n:][rows],
     )
-    rtol = solver.tolerance(offset.dtype)
-    end, progress = open_root(open_problem, rtol, solver.max_steps)
-    stress = factor.in_balance(projector[:, rows] @ end.w)  # w is much larger than its part in the self-stress
-    kept = eqx.tree_at(lambda problem: problem.rho0, problem, problem.rho0 + stress[rows])
-    tau = jnp.where(progress.converged(rtol), _finished(kept, end.tau), end.tau)
-    acceleration, multipliers = free.plus(unit, tau)
-    return Response(acceleration, multipliers + stress), Root(tau, progress, jnp.full((), jnp.inf, offset.dtype))
-
-
-def _finished(problem: FrictionProblem, tau: Array) -> Array:
-    """One step at the same self-stress: the law held to rounding of the loads as they were before they balanced."""
-    return Newton().update(problem, tau)[0]
+    end = open_root(open_problem, solver.tolerance(offset.dtype), solver.max_steps)
+    acceleration, multipliers = free.plus(unit, end.tau)
+    root = Root(end.tau, end.progress, jnp.full((), jnp.inf, offset.dtype))
+    return Response(acceleration, multipliers + end.stress), root
 
 
 def _part(x0: Array | None, state: State) -> Array:
