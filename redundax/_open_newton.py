@@ -21,6 +21,8 @@ solved for Q^T dtau, Q from the singular value decomposition of X: the squares o
 r and the second part of e differ from 0 in the first step only, where x0 need not satisfy A x = b. The
 iterates are the paper's to rounding. The end point depends on x0, and its derivative is that of the
 iterations, not an implicit one: the end point moves along the null vector of G_x too.
+
+Where friction is proved to contract strongly `_quick_newton` takes the same steps, and these only where it fails.
 """
 
 from typing import NamedTuple

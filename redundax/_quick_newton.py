@@ -9,7 +9,7 @@ columns, so that elimination needs no pivots. A joint's friction reads loads of 
 `_quick_sweeps` the unknowns are numbers, not vectors, which a batch lays out in one piece each.
 """
 
-from functools import partial, reduce
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -21,11 +21,9 @@ from ._friction_problem import Law
 from ._iterate import Progress
 from ._module import replace
 from ._open_problem import OpenEnd, OpenProblem
+from ._quick_sweeps import FEW, STRONG, largest
 
-_STRONG = 0.5  # largest bound of the contraction
-_FEW = 6  # unknowns as numbers, at most
 _STEPS = 15  # more than quadratic convergence takes
-
 
 Slope = dict[int, Array]  # of a friction, by load
 
@@ -43,15 +41,15 @@ def quick_newton(open_problem: OpenProblem, rtol: Float[Array, ""], max_steps: i
     The step of its progress is a bound of the change of the loads.
     """
     problem, infinite = open_problem.problem, jnp.full((), jnp.inf, rtol.dtype)
-    if open_problem.pull.size > _FEW:
+    if open_problem.pull.size > FEW:
         return OpenEnd(open_problem.pull, open_problem.projector[:, 0], Progress.begin(rtol.dtype))
     stress, single = _single(open_problem)
-    strong = single & (problem.contraction_anywhere() <= _STRONG)
+    strong = single & (problem.contraction_anywhere() <= STRONG)
     law, rho0, gain, n = problem.law.apart(), list(problem.rho0), _rows(problem.gain), list(stress[open_problem.rows])
     norm = _rows(jnp.sqrt(jnp.diagonal(open_problem.gram))[:, None] * open_problem.axes.T)
     per_size = list(1 / problem.friction_size)
     columns = _rows(problem.gain.T)
-    *per_tau, per_z = (_largest(column, list(1 / problem.load_size)) for column in (*columns, n))
+    *per_tau, per_z = (largest(column, list(1 / problem.load_size)) for column in (*columns, n))
 
     def step(residual: list, slope: list[Slope], pull: list | None = None) -> Iterate:
         by_tau = [[_read(row, column) for column in columns] for row in slope]
@@ -76,7 +74,7 @@ def quick_newton(open_problem: OpenProblem, rtol: Float[Array, ""], max_steps: i
         residual = [f - t for f, t in zip(force, tau, strict=True)]
         by = step(residual, slope)
         change = _dot(per_tau, [jnp.abs(x) for x in by.tau]) + per_z * jnp.abs(by.z)
-        return steps + 1, jax.tree.map(jnp.add, Iterate(tau, z), by), _largest(residual, per_size), change
+        return steps + 1, jax.tree.map(jnp.add, Iterate(tau, z), by), largest(residual, per_size), change
 
     def going(carry: tuple) -> Array:
         steps, _, residual, change = carry
@@ -145,7 +143,3 @@ def _read(slope: Slope, loads: list) -> Any:
 
 def _dot(a: list, b: list) -> Any:
     return sum(x * y for x, y in zip(a, b, strict=True))
-
-
-def _largest(change: list, per_size: list) -> Array:
-    return reduce(jnp.maximum, [jnp.abs(x) * per for x, per in zip(change, per_size, strict=True)])

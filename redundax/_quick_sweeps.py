@@ -15,18 +15,18 @@ from ._friction_problem import FrictionProblem
 from ._iterate import Progress
 from ._solver import Root
 
-_STRONG = 0.5  # largest bound of the contraction
+STRONG = 0.5  # largest bound of the contraction
 _SWEEPS, _TOGETHER = 60, 3  # 0.5^60 is below the rounding of float64; a test of convergence costs about a sweep
-_FEW = 6  # unknowns as numbers, at most
+FEW = 6  # unknowns as numbers, at most
 
 
 def quick_sweeps(problem: FrictionProblem, start: Float[Array, " p"], rtol: Float[Array, ""]) -> Root:
     """The solution, or progress that has not converged where friction does not contract strongly."""
     infinite, none = jnp.full((), jnp.inf, start.dtype), jnp.zeros((), int)
-    if start.size > _FEW:
+    if start.size > FEW:
         return Root(start, Progress.begin(start.dtype), infinite)
     bound, law = problem.contraction_anywhere(), problem.law.apart()
-    strong = bound <= _STRONG
+    strong = bound <= STRONG
     untested = jnp.where(strong, jnp.log(rtol) / jnp.log(bound) / 2 - _TOGETHER, 0.0)
     rho0, gain = list(problem.rho0), [list(row) for row in problem.gain]
     per_size, per_load_size = list(1 / problem.friction_size), list(1 / problem.load_size)
@@ -44,7 +44,7 @@ def quick_sweeps(problem: FrictionProblem, start: Float[Array, " p"], rtol: Floa
             tau = swept(tau)
         last, tau = tau, swept(tau)
         change = [new - old for new, old in zip(tau, last, strict=True)]
-        return steps + _TOGETHER, tau, _largest(change, per_size), _largest(caused(change), per_load_size)
+        return steps + _TOGETHER, tau, largest(change, per_size), largest(caused(change), per_load_size)
 
     def going(carry: tuple) -> Array:
         steps, _, residual, step = carry
@@ -56,5 +56,6 @@ def quick_sweeps(problem: FrictionProblem, start: Float[Array, " p"], rtol: Floa
     return Root(jnp.stack(tau), Progress(steps, residual, step, residual, none), infinite)
 
 
-def _largest(change: list, per_size: list) -> Array:
+def largest(change: list, per_size: list) -> Array:
+    """Largest change relative to its size."""
     return reduce(jnp.maximum, [jnp.abs(x) * per for x, per in zip(change, per_size, strict=True)])
