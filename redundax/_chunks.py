@@ -14,7 +14,7 @@ from jaxtyping import PyTree
 
 T = TypeVar("T", bound=PyTree)
 
-_CHUNK = 8192
+_CHUNK = 4096
 
 
 def in_chunks(function: Callable[..., T], *arguments: PyTree) -> T:
