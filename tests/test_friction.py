@@ -10,7 +10,7 @@ import literal
 import numpy as np
 import pytest
 import registry
-from truth import exact, paper
+from truth import exact, friction, paper
 
 import redundax as rx
 from redundax import _open_newton, _solve, _solver
@@ -159,6 +159,33 @@ def test_open_newton_ends_where_the_paper_does(u, start):
     tau = paper.friction(p, end[12:], there[1])[0]
     assert registry.agree(solution.friction, tau, ["angular"] * 4, 1e-9)
     assert solution.stats.steps > 0 and solution.stats.residual < 1e-13
+
+
+def test_open_newton_of_weak_and_strong_friction_in_one_batch():
+    """With mu_rho = 0.06 m and more nothing is proved beforehand, and the loop with pivots takes over."""
+    radii, starts = np.repeat([0.02, 0.05, 0.06, 0.08], 2), 50 * np.random.default_rng(3).normal(size=(8, 24))
+
+    def function(radius, x0):
+        mechanism = rx.mechanisms.wojtyra2020(mu_rho=radius)
+        return rx.solve(mechanism, mechanism.state(phi=np.pi / 4, rate=1.0), closure=None, x0=x0)
+
+    ends = jax.jit(jax.vmap(function))(radii, starts)
+    mechanism, _, p, there = paper_state(1.0)
+    for k, (radius, x0) in enumerate(zip(radii, starts, strict=True)):
+        own = dataclasses.replace(p, mu_rho=radius)
+        end = paper.newton(own, *there, x0)[-1]
+        assert agree(np.concatenate([ends.acceleration[k], ends.multipliers[k]]), end, mechanism, 1e-11)
+        assert np.max(np.abs(ends.friction[k] - paper.friction(own, end[12:], there[1])[0])) <= 1e-11
+
+
+@pytest.mark.parametrize(("u", "start"), [(1e-4, -50), (1e2, 50)])
+def test_open_newton_in_extreme_units(u, start):
+    """Against 50 digits."""
+    mechanism, state, *_ = paper_state(u)
+    solution = registry.solve(mechanism, state, closure=None, x0=float(start))
+    true = friction.open_newton(exact.wojtyra2020(u=exact.exact(u)), [start] * 24)
+    end = exact.floats((*true.acceleration, *true.multipliers))
+    assert agree(whole(solution), end, mechanism, 1e-10)
 
 
 @pytest.mark.slow
