@@ -218,13 +218,14 @@ def friction_force(
     rate: Float[Array, " p"],
     sense: Float[Array, " p"],
     state: State,
+    memory: Sequence[PyTree] | None = None,
 ) -> Float[Array, " p"]:
-    """tau of all groups from their concatenated loads, slip rates and senses."""
+    """tau of all groups from their concatenated loads, rates and senses; `memory` is that of `state` if not given."""
     out, row = [], 0
-    parts = _by_group(groups, rate), _by_group(groups, sense), memories(groups, state)
-    for group, own_rate, own_sense, memory in zip(groups, *parts, strict=True):
+    parts = _by_group(groups, rate), _by_group(groups, sense), memories(groups, state) if memory is None else memory
+    for group, own_rate, own_sense, own_memory in zip(groups, *parts, strict=True):
         own = _shaped(loads[row : row + group.rows.size], group.rows.shape)
-        out.append(group.force(own, own_rate, own_sense, memory, state))
+        out.append(group.force(own, own_rate, own_sense, own_memory, state))
         row += group.rows.size
     return jnp.concatenate(out)
 

@@ -12,7 +12,7 @@ on tau, because x_{i+1} depends on x_i through F(lam_i) alone.
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, PyTree
 
 from ._friction import AbstractFriction, friction_force, largest_changes, memories, slip_kinds
 from ._module import replace
@@ -29,15 +29,16 @@ class Law(eqx.Module):
     rate: Float[Array, " p"]
     sense: Float[Array, " p"]
     state: State
+    memory: tuple[PyTree, ...] | None = None  # that of `state` if not given
 
     def __call__(self, loads: Float[Array, " l"]) -> Float[Array, " p"]:
-        return friction_force(self.groups, loads, self.rate, self.sense, self.state)
+        return friction_force(self.groups, loads, self.rate, self.sense, self.state, self.memory)
 
     def apart(self) -> "Law":
         """The same law, joint by joint."""
         whole = zip(self.groups, memories(self.groups, self.state), strict=True)
         groups, parts = zip(*(part for group, memory in whole for part in group.apart(memory)), strict=True)
-        return replace(self, groups=groups, state=replace(self.state, memory=parts))
+        return replace(self, groups=groups, memory=parts)
 
     def largest_changes(self, loads: Float[Array, "l columns"]) -> Float[Array, "p columns"]:
         """Bounds of |change of friction| that each column of changes of the loads can cause at any loads."""

@@ -40,7 +40,7 @@ class JointFriction(AbstractFriction):
 
     def apart(self, memory: PyTree) -> tuple[tuple[AbstractFriction, PyTree], ...]:
         def joint(k: int) -> tuple[AbstractFriction, PyTree]:
-            group, own = jax.tree.map(lambda x: x[k : k + 1], (self, memory))
+            group, own = jax.tree.map(lambda x: x[k : k + 1] if eqx.is_array(x) else x, (self, memory))
             return replace(group, slips=Axis(None, self.slips.kinds[k : k + 1])), own
 
         return tuple(joint(k) for k in range(len(self.slips)))

@@ -181,13 +181,15 @@ class Mechanism(AbstractSystem):
         return moved(q, d)
 
     def __str__(self) -> str:
-        """Its parts by name."""
+        """Its parts by name; of one without names, the shapes."""
+        if not self.body_names:
+            return repr(self)
         kinds = [
             f"{type(joints.element).__name__} {', '.join(names)}"
-            for joints, names in zip(self.joints, self.joint_names, strict=False)
+            for joints, names in zip(self.joints, self.joint_names, strict=True)
         ]
         sizes = f"{len(self.coordinates)} coordinates, {len(self.rows)} rows"
-        friction = ", ".join(label for group in self.friction for label in group.slips.labels)
+        friction = ", ".join(label for members in self._friction for label in members.slips.labels)
         parts = (f"bodies {', '.join(self.body_names)}", *kinds, f"friction in {friction or 'none'}")
         return f"Mechanism with {sizes}: {'; '.join(parts)}"
 

@@ -104,7 +104,7 @@ def _run(open_problem: OpenProblem, rtol: Array, max_steps: int, *, bounded: boo
         max_steps,
         bounded=bounded,
     )
-    stress = open_problem.balance @ (open_problem.projector @ end.w)  # of a w much larger
+    stress = open_problem.balance @ (open_problem.projector @ end.w)  # w is much larger than what is left of it
     tau = jnp.where(progress.converged(rtol), _finished(open_problem, stress, end.tau), end.tau)
     return OpenEnd(tau, stress, progress)
 

@@ -10,7 +10,7 @@ columns, so that elimination needs no pivots. A joint's friction reads loads of 
 """
 
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
@@ -19,9 +19,8 @@ from jaxtyping import Array, Bool, Float
 
 from ._friction_problem import Law
 from ._iterate import Progress
-from ._module import replace
 from ._open_problem import OpenEnd, OpenProblem
-from ._quick_sweeps import FEW, STRONG, largest
+from ._quick_sweeps import FEW, LOADS, STRONG, largest
 
 _STEPS = 15  # more than quadratic convergence takes
 
@@ -41,8 +40,9 @@ def quick_newton(open_problem: OpenProblem, rtol: Float[Array, ""], max_steps: i
     The step of its progress is a bound of the change of the loads.
     """
     problem, infinite = open_problem.problem, jnp.full((), jnp.inf, rtol.dtype)
-    if open_problem.pull.size > FEW:
-        return OpenEnd(open_problem.pull, open_problem.projector[:, 0], Progress.begin(rtol.dtype))
+    if max(problem.gain.shape) > LOADS or open_problem.pull.size > FEW:
+        none = jnp.zeros_like(open_problem.balance[0])
+        return OpenEnd(jnp.zeros_like(open_problem.pull), none, Progress.begin(rtol.dtype))
     stress, single = _single(open_problem)
     strong = single & (problem.contraction_anywhere() <= STRONG)
     law, rho0, gain, n = problem.law.apart(), list(problem.rho0), _rows(problem.gain), list(stress[open_problem.rows])
@@ -86,15 +86,14 @@ def quick_newton(open_problem: OpenProblem, rtol: Float[Array, ""], max_steps: i
 
 
 def _single(open_problem: OpenProblem) -> tuple[Float[Array, " m"], Bool[Array, ""]]:
-    """The self-stress n, and whether friction reads no other: S = n[rows] n[rows]^T."""
+    """The self-stress n, and whether friction reads no other: P[:, rows] = n n[rows]^T."""
     stress, rounding = open_problem.stress, 100 * jnp.finfo(open_problem.stress.dtype).eps
     sizes = jnp.diagonal(stress)
     k = jnp.argmax(sizes)
     some = sizes[k] > 0
-    column = open_problem.balance @ open_problem.projector[:, k]
-    n = jnp.where(some, column / jnp.sqrt(jnp.where(some, sizes[k], 1.0)), 0.0)
-    read = n[open_problem.rows]
-    return n, jnp.all(jnp.abs(stress - read * read[:, None]) <= rounding * sizes[k])
+    columns, size = open_problem.balance @ open_problem.projector, jnp.sqrt(jnp.where(some, sizes[k], 1.0))
+    n = jnp.where(some, columns[:, k] / size, 0.0)
+    return n, jnp.all(jnp.abs(columns - n[:, None] * n[open_problem.rows]) <= rounding * size)
 
 
 def _linearised(law: Law, rho: list) -> tuple[list, list[Slope]]:
@@ -102,7 +101,7 @@ def _linearised(law: Law, rho: list) -> tuple[list, list[Slope]]:
     tau, slope, row = [], [], 0
     for k, group in enumerate(law.groups):
         slips = slice(len(tau), len(tau) + len(group.slips))
-        alone = Law((group,), law.rate[slips], law.sense[slips], replace(law.state, memory=law.state.memory[k : k + 1]))
+        alone = Law((group,), law.rate[slips], law.sense[slips], law.state, cast(tuple, law.memory)[k : k + 1])
         force, own = partial(_force, alone), rho[row : row + group.rows.size]
         units = [[jnp.full_like(x, u) for x, u in zip(own, unit, strict=True)] for unit in np.eye(len(own))]
         columns = [jax.jvp(force, own, unit)[1] for unit in units]

@@ -17,13 +17,13 @@ from ._solver import Root
 
 STRONG = 0.5  # largest bound of the contraction
 _SWEEPS, _TOGETHER = 60, 3  # 0.5^60 is below the rounding of float64; a test of convergence costs about a sweep
-FEW = 6  # unknowns as numbers, at most
+FEW, LOADS = 6, 12  # unknowns and loads as numbers, at most
 
 
 def quick_sweeps(problem: FrictionProblem, start: Float[Array, " p"], rtol: Float[Array, ""]) -> Root:
     """The solution, or progress that has not converged where friction does not contract strongly."""
     infinite, none = jnp.full((), jnp.inf, start.dtype), jnp.zeros((), int)
-    if start.size > FEW:
+    if max(problem.gain.shape) > LOADS or start.size > FEW:
         return Root(start, Progress.begin(start.dtype), infinite)
     bound, law = problem.contraction_anywhere(), problem.law.apart()
     strong = bound <= STRONG

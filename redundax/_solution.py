@@ -1,6 +1,7 @@
 """What a solve returns."""
 
 import equinox as eqx
+import jax
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
@@ -79,7 +80,8 @@ class Solution(eqx.Module):
 
     def __str__(self) -> str:
         """The numbers of one solution, or what failed; of a batch, and inside of transformations, the shapes."""
-        if not known(self.acceleration) or self.acceleration.ndim != 1:
+        leaves = (self.acceleration, self.multipliers, self.friction, *jax.tree.leaves(self.result))
+        if not all(isinstance(x, jax.Array) and known(x) for x in leaves) or self.acceleration.ndim != 1:
             return repr(self)
         stats = self.stats
         counts = f"redundancy {stats.redundancy}, freedom {stats.freedom}, {stats.steps} steps of friction"
@@ -90,5 +92,6 @@ class Solution(eqx.Module):
 
 
 def _shown(values: np.ndarray) -> str:
-    """Numbers as text; beside others of some size, what is rounding is 0."""
-    return np.array2string(values, 100, 6, suppress_small=bool(np.abs(values).max(initial=0.0) >= 1e-3))
+    """Numbers as text; what is rounding beside the largest is 0."""
+    rounding = 100 * np.finfo(values.dtype).eps * np.abs(values).max(initial=0.0)
+    return np.array2string(np.where(np.abs(values) > rounding, values, 0.0), 100, 6)

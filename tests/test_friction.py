@@ -1,6 +1,7 @@
 """Friction: the iterations are the paper's, their ends are solutions, and the laws of friction hold."""
 
 import dataclasses
+from typing import ClassVar
 from unittest import mock
 
 import equinox as eqx
@@ -176,6 +177,30 @@ def test_open_newton_of_weak_and_strong_friction_in_one_batch():
         end = paper.newton(own, *there, x0)[-1]
         assert agree(np.concatenate([ends.acceleration[k], ends.multipliers[k]]), end, mechanism, 1e-11)
         assert np.max(np.abs(ends.friction[k] - paper.friction(own, end[12:], there[1])[0])) <= 1e-11
+
+
+class Proportional(rx.AbstractFrictionModel):
+    """A user's model whose coefficient is a plain number."""
+
+    depends_on_load: ClassVar[bool] = True
+    has_sense: ClassVar[bool] = True
+    radius: float
+
+    def force(self, normal_load, rate, sense, memory):
+        return -self.radius * normal_load * sense
+
+    def slope_bound(self, rate, memory):
+        return jnp.asarray(self.radius)
+
+
+@pytest.mark.parametrize("options", [{}, {"closure": None, "x0": 5.0}])
+def test_a_model_of_the_user_may_hold_plain_numbers(options):
+    """A rod of 1 m and 1 kg swings through the bottom: phi'' / 3 = -0.01 |R|, R = (phi'' / 2, g + w^2 / 2)."""
+    pin = rx.Revolute("A", "rod", "ground", (-0.5, 0.0), (0.0, 0.0), friction=Proportional(0.01))
+    rod = rx.Mechanism([rx.Body("rod", 1.0, 1 / 12)], [pin], gravity=(0.0, -10.0))
+    state = rx.State([0.0, -0.5, -np.pi / 2], [1.0, 0.0, 2.0])
+    turning = rx.solve(rod, state, **options).acceleration[2]
+    np.testing.assert_allclose(turning, -0.36 / np.sqrt(1 - 0.015**2), rtol=1e-12)
 
 
 @pytest.mark.parametrize(("u", "start"), [(1e-4, -50), (1e2, 50)])

@@ -293,6 +293,8 @@ def test_what_is_printed():
     assert friction == "friction []"
     off = registry.solve(pendulum, rx.State(state.q + 0.1, state.qd), throw=False)
     assert str(off).startswith(rx.RESULTS[off.result])
+    shapes = jax.tree.map(jnp.shape, (off, pendulum))
+    assert "float" not in "".join(map(str, shapes)) and str(pendulum.anonymous()).startswith("Mechanism(")
 
 
 def test_a_guide_that_rubs_needs_a_length():

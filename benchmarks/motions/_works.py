@@ -97,7 +97,7 @@ def _peers(problem: Problem, counts: Sequence[int]) -> Iterator[Row]:
 
 def batch(quick: bool) -> Iterator[Row]:
     """Motions of 1-four-bar from different rates: seconds of one, in a batch on all cores; the largest error."""
-    problem, count = n_four_bar(1), 50 if quick else 1000
+    problem, count = n_four_bar(1), -(-(50 if quick else 1000) // jax.device_count()) * jax.device_count()
     rates = np.linspace(-1.1, -0.9, count)
     some = np.linspace(0, count - 1, 8).astype(int)
     exact = np.array([crank_angle(stiffness(1), np.pi / 2, rate) for rate in rates[some]])

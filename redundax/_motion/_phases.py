@@ -1,8 +1,8 @@
 """A motion as phases: between events at which a sense of slip changes, and at rest.
 
 Without friction, or with friction that knows no sense, there is one phase. The number of phases is bounded, so that
-the motion can be differentiated in reverse mode; those that are not needed do nothing, but in a batch take time. In
-forward mode there are none of them.
+the motion can be differentiated in reverse mode; those that are not needed do nothing, but in a batch take time. For
+forward mode alone a while loop ends with the last phase that a sample needs.
 """
 
 from typing import NamedTuple, cast
@@ -66,7 +66,7 @@ class Run(NamedTuple):
 def run(start: Run, equations: Equations, options: Options, max_phases: int) -> Run:
     """The motion up to the end."""
 
-    def phase(k: Array, now: Run) -> Run:
+    def phase(_: Array, now: Run) -> Run:
         return jax.lax.cond(now.going, lambda: _phase(now, equations, options), lambda: now)
 
     if not equations.has_sense:

@@ -33,11 +33,11 @@ def check_threads(mesh: Mesh | None) -> None:
     here = [] if mesh is None else [d for d in mesh.devices.flat if d.platform == "cpu"]
     count = sum(device.process_index == jax.process_index() for device in here)
     given = os.environ.get("PJRT_NPROC") or os.environ.get("NPROC")
-    threads = int(given) if given else _cores()
+    threads = int(given) if given and given.isdigit() else _cores()
     if count > 1 and threads < 2 * count:
         raise ValueError(
             f"Argument `mesh` has {count} CPU devices of this process, but XLA's pool of {threads} threads could leave "
-            f"them waiting for each other. Set the environment variable PJRT_NPROC={2 * count} before JAX starts."
+            f"them waiting for each other. Start Python anew with the environment variable PJRT_NPROC={2 * count}."
         )
 
 
