@@ -68,14 +68,6 @@ def test_the_derivative_across_a_reversal_has_that_of_its_time():
     np.testing.assert_allclose(jax.jit(jax.jacfwd(end))(0.05), truth, rtol=0, atol=1e-6)
 
 
-@slow
-def test_the_reverse_derivative_across_a_reversal():
-    h, t = 1e-4, 2.0
-    truth = (where(0.05 + h, t) - where(0.05 - h, t)) / (2 * h)
-    reverse = jax.jit(jax.grad(lambda mu: rx.simulate(*block(mu), t, ts=[t], max_phases=3).q[0, 0]))
-    np.testing.assert_allclose(reverse(0.05), truth, rtol=0, atol=1e-6)
-
-
 def crank(mu_rho: float, t1: float) -> tuple[float, list]:
     """Crank angle of the paper's mechanism at t1, or where it sticks, and the events before; (27) phase by phase."""
     parameters = paper.Parameters(mu_rho=mu_rho)
