@@ -20,7 +20,7 @@ from jaxtyping import Array, Bool, Float
 from ._friction_problem import Law
 from ._iterate import Progress
 from ._open_problem import OpenEnd, OpenProblem
-from ._quick_sweeps import FEW, LOADS, STRONG, largest
+from ._quick_sweeps import STRONG, dot, few, largest, rows
 
 _STEPS = 15  # more than quadratic convergence takes
 
@@ -40,24 +40,24 @@ def quick_newton(open_problem: OpenProblem, rtol: Float[Array, ""], max_steps: i
     The step of its progress is a bound of the change of the loads.
     """
     problem, infinite = open_problem.problem, jnp.full((), jnp.inf, rtol.dtype)
-    if max(problem.gain.shape) > LOADS or open_problem.pull.size > FEW:
+    if not few(problem):
         none = jnp.zeros_like(open_problem.balance[0])
         return OpenEnd(jnp.zeros_like(open_problem.pull), none, Progress.begin(rtol.dtype))
     stress, single = _single(open_problem)
     strong = single & (problem.contraction_anywhere() <= STRONG)
-    law, rho0, gain, n = problem.law.apart(), list(problem.rho0), _rows(problem.gain), list(stress[open_problem.rows])
-    norm = _rows(jnp.sqrt(jnp.diagonal(open_problem.gram))[:, None] * open_problem.axes.T)
+    law, rho0, gain, n = problem.law.apart(), list(problem.rho0), rows(problem.gain), list(stress[open_problem.rows])
+    norm = rows(jnp.sqrt(jnp.diagonal(open_problem.gram))[:, None] * open_problem.axes.T)
     per_size = list(1 / problem.friction_size)
-    columns = _rows(problem.gain.T)
+    columns = rows(problem.gain.T)
     *per_tau, per_z = (largest(column, list(1 / problem.load_size)) for column in (*columns, n))
 
     def step(residual: list, slope: list[Slope], pull: list | None = None) -> Iterate:
         by_tau = [[_read(row, column) for column in columns] for row in slope]
         lower = [[(i == j) - entry for j, entry in enumerate(row)] for i, row in enumerate(by_tau)]
         c, d = _eliminated(lower, residual, [_read(row, n) for row in slope])
-        of_d = [_dot(row, d) for row in norm]
-        against = _dot([_dot(row, c) for row in norm], of_d)
-        dz = (-against if pull is None else _dot(pull, d) - against) / (1 + _dot(of_d, of_d))
+        of_d = [dot(row, d) for row in norm]
+        against = dot([dot(row, c) for row in norm], of_d)
+        dz = (-against if pull is None else dot(pull, d) - against) / (1 + dot(of_d, of_d))
         return Iterate([a + b * dz for a, b in zip(c, d, strict=True)], dz)
 
     def first() -> Iterate:
@@ -69,11 +69,11 @@ def quick_newton(open_problem: OpenProblem, rtol: Float[Array, ""], max_steps: i
 
     def body(carry: tuple) -> tuple:
         steps, (tau, z), _, _ = carry
-        rho = [free + _dot(row, tau) + a * z for free, row, a in zip(rho0, gain, n, strict=True)]
+        rho = [free + dot(row, tau) + a * z for free, row, a in zip(rho0, gain, n, strict=True)]
         force, slope = _linearised(law, rho)
         residual = [f - t for f, t in zip(force, tau, strict=True)]
         by = step(residual, slope)
-        change = _dot(per_tau, [jnp.abs(x) for x in by.tau]) + per_z * jnp.abs(by.z)
+        change = dot(per_tau, [jnp.abs(x) for x in by.tau]) + per_z * jnp.abs(by.z)
         return steps + 1, jax.tree.map(jnp.add, Iterate(tau, z), by), largest(residual, per_size), change
 
     def going(carry: tuple) -> Array:
@@ -118,27 +118,19 @@ def _force(law: Law, *loads: Array) -> list[Array]:
 def _eliminated(matrix: list[list], *rights: list) -> list[list]:
     """Solutions of matrix x = right, without pivots."""
     p = len(matrix)
-    rows = [[*row, *entries] for row, *entries in zip(matrix, *rights, strict=True)]
+    table = [[*row, *entries] for row, *entries in zip(matrix, *rights, strict=True)]
     for k in range(p):
         for i in range(k + 1, p):
-            ratio = rows[i][k] / rows[k][k]
-            rows[i] = [a - ratio * b for a, b in zip(rows[i], rows[k], strict=True)]
+            ratio = table[i][k] / table[k][k]
+            table[i] = [a - ratio * b for a, b in zip(table[i], table[k], strict=True)]
     solutions = []
     for right in range(p, p + len(rights)):
         x = []
         for k in reversed(range(p)):
-            x.insert(0, (rows[k][right] - _dot(rows[k][k + 1 : p], x)) / rows[k][k])
+            x.insert(0, (table[k][right] - dot(table[k][k + 1 : p], x)) / table[k][k])
         solutions.append(x)
     return solutions
 
 
-def _rows(matrix: Array) -> list[list[Array]]:
-    return [list(row) for row in matrix]
-
-
 def _read(slope: Slope, loads: list) -> Any:
     return sum(entry * loads[k] for k, entry in slope.items())
-
-
-def _dot(a: list, b: list) -> Any:
-    return sum(x * y for x, y in zip(a, b, strict=True))

@@ -6,6 +6,7 @@ vectors, so that a batch lays each of them out in one piece: a fused loop, with 
 """
 
 from functools import reduce
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -17,22 +18,22 @@ from ._solver import Root
 
 STRONG = 0.5  # largest bound of the contraction
 _SWEEPS, _TOGETHER = 60, 3  # 0.5^60 is below the rounding of float64; a test of convergence costs about a sweep
-FEW, LOADS = 6, 12  # unknowns and loads as numbers, at most
+_FEW, _LOADS = 6, 12  # unknowns and loads as numbers, at most
 
 
 def quick_sweeps(problem: FrictionProblem, start: Float[Array, " p"], rtol: Float[Array, ""]) -> Root:
     """The solution, or progress that has not converged where friction does not contract strongly."""
     infinite, none = jnp.full((), jnp.inf, start.dtype), jnp.zeros((), int)
-    if max(problem.gain.shape) > LOADS or start.size > FEW:
+    if not few(problem):
         return Root(start, Progress.begin(start.dtype), infinite)
     bound, law = problem.contraction_anywhere(), problem.law.apart()
     strong = bound <= STRONG
     untested = jnp.where(strong, jnp.log(rtol) / jnp.log(bound) / 2 - _TOGETHER, 0.0)
-    rho0, gain = list(problem.rho0), [list(row) for row in problem.gain]
+    rho0, gain = list(problem.rho0), rows(problem.gain)
     per_size, per_load_size = list(1 / problem.friction_size), list(1 / problem.load_size)
 
     def caused(tau: list) -> list:
-        return [sum(k * t for k, t in zip(row, tau, strict=True)) for row in gain]
+        return [dot(row, tau) for row in gain]
 
     @jax.jit  # traced once
     def swept(tau: list) -> list:
@@ -54,6 +55,22 @@ def quick_sweeps(problem: FrictionProblem, start: Float[Array, " p"], rtol: Floa
     steps, tau = jax.lax.while_loop(lambda c: c[0] < untested, lambda c: (c[0] + 1, swept(c[1])), begin)
     steps, tau, residual, step = jax.lax.while_loop(going, tested, (steps, tau, infinite, infinite))
     return Root(jnp.stack(tau), Progress(steps, residual, step, residual, none), infinite)
+
+
+def few(problem: FrictionProblem) -> bool:
+    """Whether unknowns and loads are few enough to be numbers."""
+    loads, unknowns = problem.gain.shape
+    return unknowns <= _FEW and loads <= _LOADS
+
+
+def rows(matrix: Array) -> list[list[Array]]:
+    """A matrix as numbers."""
+    return [list(row) for row in matrix]
+
+
+def dot(a: list, b: list) -> Any:
+    """Product of two vectors of numbers."""
+    return sum(x * y for x, y in zip(a, b, strict=True))
 
 
 def largest(change: list, per_size: list) -> Array:
