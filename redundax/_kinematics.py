@@ -17,6 +17,8 @@ from jaxtyping import Array, Float
 from ._state import State
 from ._system import AbstractSystem
 
+_GAUSS_NEWTON = 6  # steps, whose error is squared each time from a turn of a radian on
+
 
 class AlongMotion(NamedTuple):
     """Constraint residual (m,), its rate (m,) and gamma (m,), Eqs. (2) to (5)."""
@@ -73,6 +75,44 @@ def change_of_jacobian(system: AbstractSystem, state: State, direction: Float[Ar
 
 def _jacobian_at(system: AbstractSystem, state: State, d: Array) -> Array:
     return jax.jacfwd(lambda d: system.constraint(system.retract(state.q, d), state.t))(d)
+
+
+def chart_rate(system: AbstractSystem, state: State) -> Float[Array, "..."]:
+    """q', the rate of the coordinates: the derivative of q [+] s qd at s = 0."""
+    zero = jnp.zeros_like(state.t)
+    return jax.jvp(lambda s: system.retract(state.q, s * state.qd), (zero,), (jnp.ones_like(zero),))[1]
+
+
+def chart_inverse(system: AbstractSystem, base: Array, d: Array, change: Array) -> Float[Array, " n"]:
+    """The change of d that changes base [+] d by a given one, by least squares."""
+    slope = jax.jacfwd(lambda e: system.retract(base, e))(d).reshape(-1, d.size)
+    return jax.scipy.linalg.solve(slope.T @ slope, slope.T @ change.ravel(), assume_a="pos")
+
+
+def displacement(system: AbstractSystem, base: Float[Array, "..."], q: Float[Array, "..."]) -> Float[Array, " n"]:
+    """d with base [+] d nearest to q, by Gauss-Newton; not for turns beyond about a right angle."""
+    if system.adds:
+        return q - base
+
+    def step(_: int, d: Array) -> Array:
+        return d + chart_inverse(system, base, d, q - system.retract(base, d))
+
+    return jax.lax.fori_loop(0, _GAUSS_NEWTON, step, jnp.zeros(len(system.coordinates), q.dtype))
+
+
+def between(system: AbstractSystem, first: State, second: State, t: Float[Array, ""]) -> State:
+    """The state at a time by cubic interpolation of the displacement; internal states linear."""
+    span = second.t - first.t
+    whole = displacement(system, first.q, second.q)
+
+    def moved(t: Array) -> Array:
+        s = (t - first.t) / span
+        return s**2 * (3 - 2 * s) * whole + span * (s * (1 - s) ** 2 * first.qd - s**2 * (1 - s) * second.qd)
+
+    d, qd = jax.jvp(moved, (t,), (jnp.ones_like(t),))
+    share = (t - first.t) / span
+    memory = jax.tree.map(lambda a, b: a + share * (b - a), first.memory, second.memory)
+    return State(system.retract(first.q, d), qd, t, memory)
 
 
 def slip_motion(system: AbstractSystem, state: State) -> tuple[Float[Array, " p"], Float[Array, "n p"]]:

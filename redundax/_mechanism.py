@@ -180,6 +180,10 @@ class Mechanism(AbstractSystem):
     def retract(self, q: Array, d: Array) -> Array:
         return moved(q, d)
 
+    @property
+    def adds(self) -> bool:
+        return True
+
     def __str__(self) -> str:
         """Its parts by name; of one without names, the shapes."""
         if not self.body_names:

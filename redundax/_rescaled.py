@@ -80,6 +80,10 @@ class Rescaled(AbstractSystem):
     def retract(self, q: Array, d: Array) -> Array:
         return self.inner.retract(q, d / self._scale)
 
+    @property
+    def adds(self) -> bool:
+        return False
+
 
 class _RescaledFriction(AbstractFriction):
     inner: AbstractFriction

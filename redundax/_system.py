@@ -56,6 +56,11 @@ class AbstractSystem(eqx.Module):
     def retract(self, q: Float[Array, "..."], d: Float[Array, " n"]) -> Float[Array, "..."]:
         """q [+] d: the position reached from q by the displacement d."""
 
+    @property
+    @abc.abstractmethod
+    def adds(self) -> bool:
+        """Whether q [+] d is q + d."""
+
     @abc.abstractmethod
     def anonymous(self) -> Self:
         """The same system without names: what compiled programs are keyed on."""
@@ -189,6 +194,10 @@ class System(AbstractSystem):
 
     def retract(self, q: Array, d: Array) -> Array:
         return moved(q, d) if self._retraction is None else self._retraction(q, d)
+
+    @property
+    def adds(self) -> bool:
+        return self._retraction is None
 
 
 def _count(kinds: Any) -> int | None:

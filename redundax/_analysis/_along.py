@@ -17,6 +17,7 @@ from jaxtyping import Array, Float, Int
 
 from .._closures._closure import AbstractClosure, MinimumNorm
 from .._factorisation import factorize
+from .._kinematics import between
 from .._module import Numbers
 from .._rank import Spectrum
 from .._state import State
@@ -270,12 +271,8 @@ def _narrow(system: AbstractSystem, states: list[State], smallest: np.ndarray, r
 def _between(
     system: AbstractSystem, first: State, second: State, s: Float[Array, ""], rank: Int[Array, ""]
 ) -> tuple[State, Spectrum]:
-    """The state at the fraction s of the way on a cubic, and its spectrum."""
-    h = second.t - first.t
-    a, b = first.q, second.q
-    u, v = h * first.qd, h * second.qd
-    q = a + s * (u + s * (3 * (b - a) - 2 * u - v + s * (2 * (a - b) + u + v)))
-    state = State(q, first.qd + s * (second.qd - first.qd), first.t + s * h)
+    """The state at the fraction s of the way, and its spectrum."""
+    state = between(system, first, second, first.t + s * (second.t - first.t))
     return state, factorize(system, state, rank).spectrum
 
 

@@ -126,7 +126,7 @@ def stress_response(
 def _spanned_response(spanned: Array, projector: Array, compliance: Array | None) -> Float[Array, "m m"]:
     """X (X^T W X + w (I - P))^-1 X^T for an X that spans the self-stress with X P = X."""
     inside = spanned.T @ (spanned if compliance is None else compliance @ spanned)
-    size = jnp.trace(inside)
+    size = jnp.trace(inside) / (2 * jnp.maximum(jnp.trace(projector), 1.0))
     size = jnp.where(size > 0, size, 1.0)
     kept = jnp.eye(inside.shape[0], dtype=inside.dtype) - projector
     half = _whitened(inside / size + kept)[1] @ spanned.T

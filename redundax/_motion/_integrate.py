@@ -17,7 +17,7 @@ from .._solver import Newton
 from .._state import State
 from .._system import AbstractSystem
 from ._held_rank import Held, hold
-from ._moving import Equations, Moving, projected
+from ._moving import Equations, Moving, charted, projected
 from ._phases import Options, Run, run
 from ._stabilisation import AbstractStabilisation
 from ._stepper import at_start
@@ -122,7 +122,8 @@ def _start(equations: Equations, state: State, factor: Factorisation, held: Held
 def _moving(equations: Equations, state: State) -> Moving:
     none = jnp.zeros_like(state.t)
     memory = list(memories(equations.system.friction, state))
-    return Moving(state.q, state.qd, none, none if equations.has_sense else None, memory)
+    base = None if equations.system.adds else state.q
+    return Moving(state.q, base, state.qd, none, none if equations.has_sense else None, memory)
 
 
 def _before(begin: _Start, y: Moving, t: Array, held: Held, ts: Array, regular: Array) -> Run:
@@ -160,6 +161,7 @@ def _solved(equations: Equations, done: Run, ts: Array, rank: Array, singular: b
         t, y, sense, resting = point
         there = equations.with_sense(sense)
         held, found = hold(system, y.at(t), equations.scaling, rank, singular=singular)
+        y = charted(system, y)
         if equations.stabilisation.projects:
             y = jax.tree.map(lambda a, b: jnp.where(resting, a, b), y, projected(system, t, y, held)[0])
         state = y.at(t)

@@ -2,9 +2,11 @@
 
     y = (q, qd, A):   q' = qd,   qd' = qdd(q, qd, t) of (25),   A' = qd . (Q + E tau) + Phi_t . lam + qd . M' qd / 2
 
-with the rank held (`_held_rank`), and the internal states of friction laws beside them. A is the work of loads,
-friction and drivers, so that T - A, with T the kinetic energy, is constant along the exact motion of any system. Forces
-of constraints that do not move do no work.
+with the rank held (`_held_rank`), and the internal states of friction laws beside them. In a chart that does not add
+q' is the derivative of q [+] s qd; a step leaves the chart by its error, and its end is put back to q_0 [+] d.
+
+A is the work of loads, friction and drivers, so that T - A, with T the kinetic energy, is constant along the exact
+motion of any system. Forces of constraints that do not move do no work.
 """
 
 from typing import NamedTuple
@@ -17,7 +19,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 from .._closures._closure import AbstractClosure
 from .._friction import load_rows, memory_rates
 from .._friction_problem import FrictionProblem, Law
-from .._kinematics import slip_gamma, slip_motion
+from .._kinematics import chart_rate, displacement, slip_gamma, slip_motion
 from .._results import RESULTS
 from .._scaling import Scaling
 from .._solver import AbstractSolver, closed_root
@@ -30,11 +32,13 @@ from ._stabilisation import AbstractStabilisation
 class Moving(NamedTuple):
     """Position, velocity and work done so far; and, where friction has senses, 1 from an event on, else 0.
 
-    `memory` are the internal states of friction, group by group, `None` of those without one; a list, because Equinox
-    takes an empty tuple for a leaf.
+    `base`, where coordinates do not add, is the position on the chart in which the last step ended. `memory` are the
+    internal states of friction, group by group, `None` of those without one; a list, because Equinox takes an empty
+    tuple for a leaf.
     """
 
-    q: Float[Array, " n"]
+    q: Float[Array, "..."]
+    base: Float[Array, "..."] | None
     qd: Float[Array, " n"]
     work: Float[Array, ""]
     event: Float[Array, ""] | None
@@ -127,9 +131,9 @@ class Equations(eqx.Module):
         state = y.at(t)
         linear = self.linear(state, context.held, closed=self.loaded)
         solved = self.solved(state, linear, context.tau)
-        event = jax.tree.map(jnp.zeros_like, y.event)
+        base, event = jax.tree.map(jnp.zeros_like, (y.base, y.event))
         memory = list(memory_rates(self.system.friction, linear.rate, state))
-        return Moving(y.qd, solved.acceleration, solved.power, event, memory)
+        return Moving(chart_rate(self.system, state), base, solved.acceleration, solved.power, event, memory)
 
     @property
     def loaded(self) -> bool:
@@ -216,7 +220,7 @@ class Equations(eqx.Module):
     def _power(self, state: State, force: Array, multipliers: Array) -> Float[Array, ""]:
         one, system = jnp.ones_like(state.t), self.system
         _, driven = jax.jvp(lambda t: system.constraint(state.q, t), (state.t,), (one,))
-        _, mass_rate = jax.jvp(system.mass, (state.q, state.t), (state.qd, one))
+        _, mass_rate = jax.jvp(system.mass, (state.q, state.t), (chart_rate(system, state), one))
         return state.qd @ force + driven @ multipliers + state.qd @ mass_rate @ state.qd / 2
 
     def kinetic_energy(self, t: Array, y: Moving) -> Float[Array, ""]:
@@ -237,15 +241,24 @@ def _picked(parts: Kinetics, held: Held, compliance: Array, misfit: Array, mu: A
     return mu + response @ ((compliance @ -mu).at[:, 0].add(misfit / scale))
 
 
+def charted(system: AbstractSystem, y: Moving) -> Moving:
+    """y with its position put back on the chart."""
+    if y.base is None:
+        return y
+    q = system.retract(y.base, displacement(system, y.base, y.q))
+    return y._replace(q=q, base=q)
+
+
 def projected(system: AbstractSystem, t: Array, y: Moving, held: Held) -> tuple[Moving, Kinetics]:
     """y moved onto the manifold, positions then velocities, by least change in the norm of M, and its matrices."""
-    q = _closed(system, held, y.q, t)
+    d = _closed(system, held, y.q, t)
+    q = system.retract(y.q, d)
     parts = kinetics(system, State(q, y.qd, t), held)
     qd, rate = y.qd, parts.motion.rate / held.row_scale
     for _ in range(2):  # the second pass is refinement
         qd = qd - parts.response @ held_inverse(parts, held, rate + parts.rows @ (qd - y.qd))
-    moved = system.load(State((q + y.q) / 2, y.qd, t)) @ (q - y.q)
-    return y._replace(q=q, qd=qd, work=y.work + moved), parts
+    moved = system.load(State(system.retract(y.q, d / 2), y.qd, t)) @ d
+    return y._replace(q=q, base=None if y.base is None else q, qd=qd, work=y.work + moved), parts
 
 
 # Chord iterations of the position: a step leaves it off by e, each turns e^k into e^(k+1).
@@ -253,23 +266,25 @@ _CHORDS = 4
 
 
 @eqx.filter_custom_jvp
-def _closed(system: AbstractSystem, held: Held, q: Float[Array, " n"], t: Array) -> Float[Array, " n"]:
-    """The position nearest to q that meets the held rows; its derivative is dq - B^+ (B dq + dPhi)."""
-    parts = kinetics(system, State(q, jnp.zeros_like(q), t), held)
+def _closed(system: AbstractSystem, held: Held, q: Float[Array, "..."], t: Array) -> Float[Array, " n"]:
+    """The least displacement from q that meets the held rows; its derivative is -B^+ dPhi at the new position."""
+    parts = kinetics(system, State(q, jnp.zeros(len(system.coordinates), q.dtype), t), held)
 
-    def chord(_: Array, x: Array) -> Array:
-        return x - parts.response @ held_inverse(parts, held, system.constraint(x, t) / held.row_scale)
+    def chord(_: Array, d: Array) -> Array:
+        return d - parts.response @ held_inverse(parts, held, _residual(system, q, d, t) / held.row_scale)
 
-    return jax.lax.fori_loop(0, _CHORDS, chord, q)
+    return jax.lax.fori_loop(0, _CHORDS, chord, jnp.zeros_like(parts.rows[0]))
 
 
 @_closed.def_jvp
 def _closed_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
-    system, held, _, t = primals
+    system, held, q, t = primals
     system_dot, _, q_dot, t_dot = tangents
-    q = _closed(*primals)
-    parts = kinetics(system, State(q, jnp.zeros_like(q), t), held)
-    _, explicit = eqx.filter_jvp(lambda system, t: system.constraint(q, t), (system, t), (system_dot, t_dot))
-    q_dot = jnp.zeros_like(q) if q_dot is None else q_dot
-    off = parts.rows @ q_dot + (0.0 if explicit is None else explicit / held.row_scale)
-    return q, q_dot - parts.response @ held_inverse(parts, held, off)
+    d = _closed(*primals)
+    parts = kinetics(system, State(system.retract(q, d), jnp.zeros_like(d), t), held)
+    _, off = eqx.filter_jvp(lambda system, q, t: _residual(system, q, d, t), (system, q, t), (system_dot, q_dot, t_dot))
+    return d, -parts.response @ held_inverse(parts, held, off / held.row_scale)
+
+
+def _residual(system: AbstractSystem, q: Array, d: Array, t: Array) -> Float[Array, " m"]:
+    return system.constraint(system.retract(q, d), t)

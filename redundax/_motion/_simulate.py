@@ -7,7 +7,6 @@ friction at the times asked for are those of `solve`.
 """
 
 import diffrax
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
@@ -55,7 +54,7 @@ def simulate(
 
     **Arguments:**
 
-    - `system`: a `Mechanism` or `System` whose coordinates add: a `retraction` of one's own is not supported yet.
+    - `system`: a `Mechanism` or `System`; with a `retraction` of its own, too.
     - `state`: position, velocity and time at the start, on the constraint manifold and not in a singular position.
     - `t1`: time at the end.
     - `closure`: which of the multipliers to take where they are not unique; it matters to the motion where friction
@@ -126,15 +125,10 @@ def _check(
 ) -> None:
     """Refuse what cannot be integrated."""
     n = len(system.coordinates)
-    if state.q.shape != (n,) or state.qd.shape != (n,):
+    if state.qd.shape != (n,) or (system.adds and state.q.shape != (n,)):
         raise ValueError(
-            f"Argument `state` must have one coordinate for each of the {n} velocities to be simulated, but its `q` "
-            f"has shape {state.q.shape}. Use coordinates that add; charts with a retraction are not supported."
-        )
-    if not _adds(system, n):
-        raise ValueError(
-            "Argument `system` must have coordinates that add to be simulated, but its retraction is another. Solve at "
-            "single states, or use coordinates that add."
+            f"Argument `state` must have one entry for each of the {n} coordinates, but its `q` has shape "
+            f"{state.q.shape} and its `qd` {state.qd.shape}. Use jax.vmap for many motions."
         )
     if rtol is None and dt0 is None:
         raise ValueError("Argument `dt0` must be given where `rtol` is None, but it is None: it is the constant step.")
@@ -143,14 +137,6 @@ def _check(
             f"Argument `rtol` must be None with {type(solver).__name__}, which does not estimate its error, but it is "
             "given. Give `rtol=None` and a constant step `dt0`, or another solver."
         )
-
-
-def _adds(system: AbstractSystem, n: int) -> bool:
-    """Whether the retraction is addition, asked at one point."""
-    with jax.ensure_compile_time_eval():
-        q, d = jnp.linspace(0.3, 0.9, n), jnp.linspace(0.2, -0.1, n)
-        off = system.retract(q, d) - (q + d)
-    return not known(off) or float(np.abs(np.asarray(off)).max()) <= 1e-3
 
 
 def _thrown(system: AbstractSystem, state: State, trajectory: Trajectory, throw: bool | None) -> Trajectory:

@@ -19,9 +19,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .._kinematics import slip_motion
+from .._kinematics import between, slip_motion
 from .._state import State
-from ._moving import Context, Equations, Linear, Moving, projected
+from ._moving import Context, Equations, Linear, Moving, charted, projected
 from ._stick import NONE, Onward, counted, onward, settled
 
 # Halvings of the step, and steps of Newton's method, that locate an event.
@@ -62,13 +62,14 @@ def locate(
 
     `event` says whether there is one: a batch looks where there is none.
     """
-    fixed, start, end, rank = jax.lax.stop_gradient((equations, start, (t, y), context))
-    bracket = _bracket(fixed, start, end, rank, event)
+    fixed, ends, rank = jax.lax.stop_gradient((equations, (start[1].at(start[0]), y.at(t)), context))
+    bracket = _bracket(fixed, *ends, rank, event)
     mode = equations.with_sense(jnp.where(bracket.released, _after(fixed, bracket.there), equations.sense))
 
     def newton(carry: tuple[Array, Moving, Array], _: None) -> tuple[tuple[Array, Moving, Array], None]:
         t, y, dt = carry
-        y = projected(equations.system, t + dt, _stepped(equations, t, y, dt, context), context.held)[0]
+        y = charted(equations.system, _stepped(equations, t, y, dt, context))
+        y = projected(equations.system, t + dt, y, context.held)[0]
         slip, rate = _slip(mode, y.at(t + dt), context)
         h = jnp.where(bracket.released, slip, rate)[bracket.joint]
         slope = jnp.where(bracket.released, bracket.slope, slip[bracket.joint])
@@ -93,18 +94,18 @@ def _slip(equations: Equations, state: State, context: Context) -> tuple[Float[A
 
 def _bracket(
     equations: Equations,
-    begin: tuple[Array, Moving],
-    end: tuple[Array, Moving],
+    first: State,
+    last: State,
     context: Context,
     event: Bool[Array, ""],
 ) -> Bracket:
     """The first event to a fraction of the step, interpolated; a reversal where there are both."""
-    over = _against(equations, slip_motion(equations.system, end[1].at(end[0]))[0]) > 0
+    over = _against(equations, slip_motion(equations.system, last)[0]) > 0
 
     def halved(carry: tuple) -> tuple:
         k, low, high, there, against = carry
         t = jnp.where(k == 0, high, (low + high) / 2)
-        state = _between(begin, end, t)
+        state = between(equations.system, first, last, t)
         linear = equations.linear(state, context.held, closed=equations.loaded)
         here = settled(equations, state, linear, event & jnp.any(equations.sticking))
         late = jnp.where(over, _against(equations, linear.rate), 0.0)
@@ -113,29 +114,15 @@ def _bracket(
         return k + 1, *jax.tree.map(lambda a, b: jnp.where(before, a, b), *ends)
 
     zero, none = jnp.zeros_like(equations.sense), jnp.zeros((), bool)
-    first = jnp.zeros((), int), begin[0], end[0], Onward(equations.sense, zero, none, none), zero
-    _, low, high, there, against = jax.lax.while_loop(lambda c: event & (c[0] <= _HALVINGS), halved, first)
+    whole = jnp.zeros((), int), first.t, last.t, Onward(equations.sense, zero, none, none), zero
+    _, low, high, there, against = jax.lax.while_loop(lambda c: event & (c[0] <= _HALVINGS), halved, whole)
     reverses, go = jnp.any(against > 0), released(equations, there)
     joint = jnp.where(reverses, jnp.argmax(against), jnp.argmax(go))
     after = equations.with_sense(_after(equations, there))
-    slips = jax.lax.map(lambda t: _slip(after, _between(begin, end, t), context)[0], jnp.stack([low, high]))
+    ends = (between(equations.system, first, last, t) for t in (low, high))
+    slips = jax.lax.map(lambda state: _slip(after, state, context)[0], jax.tree.map(lambda *x: jnp.stack(x), *ends))
     slope = (slips[1] - slips[0])[joint] / jnp.where(event, high - low, 1.0)
     return Bracket(high, there, joint, ~reverses & jnp.any(go), slope)
-
-
-def _between(begin: tuple[Array, Moving], end: tuple[Array, Moving], t: Array) -> State:
-    """The state by cubic interpolation of positions and velocities of both ends, linear of internal states."""
-    (t0, y0), (t1, y1) = begin, end
-    span = t1 - t0
-
-    def position(t: Array) -> Array:
-        s = (t - t0) / span
-        ends = (1 + 2 * s) * (1 - s) ** 2 * y0.q + s**2 * (3 - 2 * s) * y1.q
-        return ends + span * (s * (1 - s) ** 2 * y0.qd - s**2 * (1 - s) * y1.qd)
-
-    q, qd = jax.jvp(position, (t,), (jnp.ones_like(t),))
-    share = (t - t0) / span
-    return State(q, qd, t, tuple(jax.tree.map(lambda a, b: a + share * (b - a), y0.memory, y1.memory)))
 
 
 def _stepped(equations: Equations, t: Array, y: Moving, dt: Array, context: Context) -> Moving:

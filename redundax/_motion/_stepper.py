@@ -15,8 +15,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from .._kinematics import chart_inverse
 from ._held_rank import Kinetics, kinetics, renewed
-from ._moving import Context, Equations, Moving, projected
+from ._moving import Context, Equations, Moving, charted, projected
 from ._slip import happened
 
 # Relative constraint residual after a projection beyond which it has failed, in roundings.
@@ -119,11 +120,11 @@ class Stepper(diffrax.AbstractWrappedSolver):
         system, context = equations.system, solver_state.context
         projects = equations.stabilisation.projects
         y, error, dense, inner, result = self.solver.step(
-            terms, t0, t1, y0, (equations, context), solver_state.inner, made_jump or projects
+            terms, t0, t1, y0, (equations, context), solver_state.inner, made_jump or projects or not system.adds
         )
-        raw = y
+        raw, y = y, charted(system, y)
         if projects:
-            y, parts = projected(system, t1, raw, context.held)
+            y, parts = projected(system, t1, y, context.held)
         else:
             parts = kinetics(system, y.at(t1), context.held)
         # What is watched and what the next step starts from have no derivatives.
@@ -150,7 +151,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
         if self.constant or error is None:
             error = jax.tree.map(jnp.zeros_like, y)
         else:
-            if projects:
+            if projects or not system.adds:
                 error = jax.tree.map(lambda e, a, b: jnp.abs(e) + jnp.abs(a - b), error, y, raw)
             error = _relative(error, t1 - t0, equations, solver_state, carried)
         error = jax.tree.map(lambda e: jnp.where(good, e, jnp.inf), error)
@@ -181,14 +182,19 @@ def _relative(error: Moving, dt: Array, equations: Equations, before: Carried, a
     def counted(value: Array, size: Array, rounding: Array) -> Array:
         return jnp.maximum(jnp.abs(value) / size - rounding, 0.0)
 
+    system, off = equations.system, error.q
+    if not system.adds:
+        off = chart_inverse(system, after.start[1].q, jnp.zeros_like(error.qd), off)
+    position = counted(off, sizes.size * sizes.coordinates, blur * (1 + shift**2))
     return Moving(
-        counted(error.q, sizes.size * sizes.coordinates, blur * (1 + shift**2)),
+        position if system.adds else jnp.full_like(error.q, jnp.sqrt(jnp.mean(position**2))),
+        jax.tree.map(jnp.zeros_like, error.base),
         counted(error.qd, speed * sizes.coordinates, blur / pivot * (1 + shift)),
         jnp.zeros_like(error.work),
         jax.tree.map(jnp.zeros_like, error.event),
         [
             jax.tree.map(lambda e, size: jnp.abs(e) / size, own, group.memory_size())
-            for own, group in zip(error.memory, equations.system.friction, strict=True)
+            for own, group in zip(error.memory, system.friction, strict=True)
         ],
     )
 
