@@ -94,7 +94,7 @@ def displacement(system: AbstractSystem, base: Float[Array, "..."], q: Float[Arr
     if system.adds:
         return q - base
 
-    def step(_: int, d: Array) -> Array:
+    def step(_: Array, d: Array) -> Array:
         return d + chart_inverse(system, base, d, q - system.retract(base, d))
 
     return jax.lax.fori_loop(0, _GAUSS_NEWTON, step, jnp.zeros(len(system.coordinates), q.dtype))

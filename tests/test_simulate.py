@@ -216,9 +216,5 @@ def test_arguments_that_do_not_fit_are_refused():
         rx.simulate(system, state, T1, rtol=None)
     with pytest.raises(ValueError, match="`rtol`"):
         rx.simulate(system, state, T1, solver=diffrax.Euler())
-    door = registry.case("door")
-    with pytest.raises(ValueError, match="retraction"):
-        rx.simulate(door.system, door.state, T1)
-    turned = rx.System(lambda q, t, p: q[:1], jnp.ones(2), retraction=lambda q, d: q + d * jnp.exp(q), n=2, m=1)
-    with pytest.raises(ValueError, match="coordinates that add"):
-        rx.simulate(turned, rx.State(jnp.zeros(2), jnp.zeros(2)), 1.0)
+    with pytest.raises(ValueError, match=r"jax\.vmap"):
+        rx.simulate(system, jax.tree.map(lambda x: jnp.stack([x, x]), state), T1)

@@ -50,12 +50,12 @@ def axes(system: AbstractSystem) -> dict[str, Axis]:
     return {"coordinate": system.coordinates, "row": system.rows, "slip": slip_kinds(system.friction)}
 
 
-def all_outputs(named: Mapping[str, Axis]) -> list[Output]:
-    """All entries of a motion whose arrays have these axes, positions first."""
+def all_outputs(named: Mapping[str, Axis], *, positions: bool) -> list[Output]:
+    """All entries of a motion whose arrays have these axes, those of q first where it has one for each coordinate."""
     return [
         Output(quantity.pattern.format(label), array, k, quantity.angular if angular else quantity.linear)
         for array, quantity in QUANTITIES.items()
-        if quantity.axis in named
+        if quantity.axis in named and (positions or array != "q")
         for k, (label, angular) in enumerate(
             zip(named[quantity.axis].labels, named[quantity.axis].angular, strict=True)
         )
@@ -65,9 +65,10 @@ def all_outputs(named: Mapping[str, Axis]) -> list[Output]:
 def chosen(
     known: Sequence[Output], names: Sequence[str] | None, values: Callable[[Output], np.ndarray]
 ) -> list[Output]:
-    """The outputs of these names; if not given, the first six positions whose values vary, angles first."""
+    """The outputs of these names; if not given, the first six of the first array whose values vary, angles first."""
     if names is None:
-        positions = sorted((output for output in known if output.array == "q"), key=lambda output: output.unit != "rad")
+        first = [output for output in known if output.array == known[0].array]
+        positions = sorted(first, key=lambda output: not output.unit.startswith("rad"))
         found = {output: values(output) for output in positions}
         return [output for output in positions if _varies(output, found)][:_MOST]
     missing = [name for name in names if name not in {output.name for output in known}]

@@ -30,7 +30,8 @@ def plot_trajectory(system: AbstractSystem, trajectory: Trajectory, outputs: Seq
 
     - `system`, `trajectory`: as given to and by `simulate`.
     - `outputs`: names of what to draw, as in "1.phi", "1.phi'", "1.phi''" (m, rad and their rates), "A.x", "tau A" (N,
-      N m); the first six positions that vary, angles first, if not given.
+      N m); the first six positions that vary, angles first, if not given. Positions have names where there is one for
+      each velocity; where not, velocities take their place.
 
     **Returns:** a matplotlib figure. Curves end where the motion did.
 
@@ -40,7 +41,8 @@ def plot_trajectory(system: AbstractSystem, trajectory: Trajectory, outputs: Seq
     def values(array: str, index: int) -> np.ndarray:
         return np.asarray(getattr(trajectory, array))[:, index]
 
-    wanted = chosen(all_outputs(axes(system)), outputs, lambda one: values(one.array, one.entry))
+    known = all_outputs(axes(system), positions=trajectory.q.shape == trajectory.qd.shape)
+    wanted = chosen(known, outputs, lambda one: values(one.array, one.entry))
     units = list(dict.fromkeys(output.unit for output in wanted))
     figure = new_figure(6.6, 2.0 * max(len(units), 1) + 0.5)
     if not units:

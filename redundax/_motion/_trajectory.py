@@ -53,7 +53,7 @@ class Trajectory(eqx.Module):
     `solve` has no successful result, as exactly in a singular position.
 
     - `t`: times, shape (times,).
-    - `q`, `qd`: coordinates and velocities, on the constraint manifold with `Projection`.
+    - `q`, `qd`: coordinates and velocities, on the constraint manifold with `Projection`; `q` as the chart has it.
     - `acceleration`, `multipliers`, `friction`: qdd, lam and tau of the closure, as `solve` gives them. Where
       `stats.contraction` is not below 1 they may be of another solution than the motion follows.
     - `sense`: sense of slip of each friction, 0 where the joint sticks; 1 where friction does not depend on it.
@@ -71,7 +71,7 @@ class Trajectory(eqx.Module):
     """
 
     t: Float[Array, " times"]
-    q: Float[Array, "times n"]
+    q: Float[Array, "times ..."]
     qd: Float[Array, "times n"]
     acceleration: Float[Array, "times n"]
     multipliers: Float[Array, "times m"]

@@ -50,7 +50,8 @@ def plot_ensemble(
     **Raises:** `ValueError` for names that are not there.
     """
     percentiles = np.sort(ensemble.percentile.values)
-    drawn = chosen(all_outputs(_axes(ensemble)), outputs, lambda output: _values(ensemble, output).T)
+    known = all_outputs(_axes(ensemble), positions=ensemble.q_band.dims == ensemble.qd_band.dims)
+    drawn = chosen(known, outputs, lambda output: _values(ensemble, output).T)
     columns = min(2, max(1, len(drawn)))
     rows = max(1, -(-len(drawn) // columns))
     figure = new_figure(5.2 * columns, 2.5 * rows + 0.8)
