@@ -24,7 +24,7 @@ def code(notebook):
 
 def test_notebooks_are_there():
     names = "own_mechanism paper_step_by_step solution_family physical_closures sensitivities motion own_constraint"
-    assert {path.stem for path in NOTEBOOKS} >= {*names.split(), "speed_against_error"}
+    assert {path.stem for path in NOTEBOOKS} >= {*names.split(), "speed_against_error", "spatial_linkage"}
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
