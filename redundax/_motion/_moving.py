@@ -186,9 +186,11 @@ class Equations(eqx.Module):
             loads = linear.multipliers[rows]
             rho0, gain = loads[:, 0] + loads[:, 1:] @ holding, loads[:, 1:]
             gain = gain if passed is None else gain @ passed
+            begin = law(rho0) if start is None else start
             problem = FrictionProblem.make(rho0, gain, law, jnp.asarray(self.system.rows.angular)[rows])
+            problem = problem.sized_at(jax.lax.stop_gradient(begin))
             contraction, size = problem.contraction_anywhere(), problem.friction_size
-            root = closed_root(problem, law(problem.rho0) if start is None else start, self.solver)
+            root = closed_root(problem, begin, self.solver)
             tau = jnp.where(self.solver.result(root.progress) == RESULTS.successful, root.tau, jnp.nan)
         return tau if passed is None else holding + passed @ tau, contraction, size
 
