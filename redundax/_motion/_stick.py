@@ -29,7 +29,7 @@ from ._moving import Equations, Linear
 # Slips that count as none, and slips and velocities at an event, relative to those of the mechanism; accelerations,
 # relative to the sum of the parts that cancel; and changes of friction after which sweeps have settled it. Each with
 # the roundings that it is at least.
-NONE, _STILL, _HELD, _SETTLED = (1e-9, 10), (1e-6, 1e3), (1e-7, 1e3), (1e-12, 10)
+NONE, _STILL, _HELD, _SETTLED = (1e-9, 10), (1e-6, 1e3), (1e-7, 1e3), (1e-10, 1e3)
 _SWEEPS = 2000
 # Instants at rest at which it is asked whether the loads let the mechanism go.
 _LOOKS = 100

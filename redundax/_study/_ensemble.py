@@ -85,11 +85,12 @@ def ensemble(
     data = study(run, values, system=system, chunk=chunk, path=path, mesh=mesh, progress=progress)
     motions = _named(data, system)
     bands = {}
-    for array, quantity in QUANTITIES.items():
+    for array in QUANTITIES:
         if array in motions:
             band, count = banded(motions[array].values, percentiles)
-            bands[f"{array}_band"] = (("percentile", "time", quantity.axis), band, motions[array].attrs)
-            bands[f"{array}_count"] = (("time", quantity.axis), count)
+            _, *dims = motions[array].dims
+            bands[f"{array}_band"] = (("percentile", *dims), band, motions[array].attrs)
+            bands[f"{array}_count"] = (dims, count)
     outcomes = _outcomes(motions)
     solved = np.isin(motions["result"].values, [result_codes()[name] for name in _GOOD])
     found = motions.assign(bands | {"solved": (SAMPLE, solved), "outcomes": ("outcome", [*outcomes.values()])})
@@ -134,14 +135,14 @@ def _named(data: "xarray.Dataset", system: AbstractSystem) -> "xarray.Dataset":
     motions = data.drop_vars("t").assign_coords(time=("time", times[0], {"units": "s"}))
     motions = motions.assign(sense=data["sense"].rename({data["sense"].dims[1]: "time"}))
     for name, quantity in QUANTITIES.items():
-        size = len(axes(system)[quantity.axis])
-        if data[name].shape[2] != size:
+        size, chart = len(axes(system)[quantity.axis]), name == "q" and not system.adds
+        if data[name].shape[2] != size and not chart:
             raise ValueError(
                 f"Argument `system` must be the one whose motions `run` gives, but has {size} {quantity.axis}s where "
                 f"they have {data[name].shape[2]}. Give the one that `run` simulates."
             )
         renamed = data[name].rename({data[name].dims[1]: "time"})
-        units = {"units": f"{quantity.linear} (linear), {quantity.angular} (angular)"}
+        units = {} if chart else {"units": f"{quantity.linear} (linear), {quantity.angular} (angular)"}
         motions = motions.drop_vars(name) if size == 0 else motions.assign({name: renamed.assign_attrs(units)})
     return motions
 
