@@ -88,3 +88,21 @@ def test_a_braked_door_and_its_derivative():
     np.testing.assert_allclose(motion.qd[:, 5], rate, rtol=0, atol=1e-8)
     first, second = (np.subtract(*(truth(brake=1 + s)[0][1, -1] for s in (h, -h))) / (2 * h) for h in (1e-2, 5e-3))
     np.testing.assert_allclose(slope, (4 * second - first) / 3, rtol=1e-6)
+
+
+@slow
+def test_ensembles_in_charts():
+    """Bands of the rates are those of the ends; positions have no names."""
+    case, weights = registry.door("quaternion"), np.array([0.0, 5.0, 9.81])
+
+    def run(gravity):
+        down = jnp.stack([0.0 * gravity, -gravity, 0.0 * gravity])
+        door = eqx.tree_at(lambda system: system.parameters["gravity"], case.system, down)
+        return rx.simulate(door, case.state, T1, ts=TIMES)
+
+    found = rx.ensemble(run, {"gravity": weights}, system=case.system, percentiles=(0, 100))
+    rates = np.stack([truth(weight)[0][1] if weight else np.full(TIMES.size, 1.7) for weight in weights])
+    ends = np.stack([rates.min(axis=0), rates.max(axis=0)])
+    np.testing.assert_allclose(found.qd_band.values[:, :, 5], ends, rtol=0, atol=1e-6)
+    assert found.q_band.shape == (2, TIMES.size, 7)
+    assert "5'" in {panel.get_ylabel().split(",")[0] for panel in rx.plot_ensemble(found).axes}

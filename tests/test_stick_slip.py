@@ -115,6 +115,17 @@ def test_the_papers_mechanism_sticks_where_the_scalar_equation_does():
 
 
 @slow
+def test_many_joints_with_one_freedom_come_to_rest():
+    """Six frictions hold one freedom, five of them are left to rounding; `sticking` proves the rest in another way."""
+    mechanism = rx.mechanisms.doubled_four_bar(mu_rho=0.005)
+    run = rx.simulate(mechanism, mechanism.state(0.9, rate=1.0), 10.0, ts=[10.0], throw=False)
+    assert run.result == rx.RESULTS.stuck
+    assert run.stats.energy_error < 1e-8
+    found = rx.sticking(mechanism, rx.State(run.q[0], run.qd[0], run.t[0]))
+    assert (found.verdict, found.proved) == ("must stick", True)
+
+
+@slow
 @pytest.mark.parametrize("way", ["forward", "reverse"])
 def test_the_derivative_of_the_papers_motion_with_respect_to_friction(way):
     """d phi_1(0.3 s) / d mu_rho, across the reversal of the crank; the truth is that of the scalar equation."""
