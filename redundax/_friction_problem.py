@@ -9,6 +9,8 @@ see only (rho0, K, law). A sweep tau -> law(rho0 + K tau) is the paper's fixed-p
 on tau, because x_{i+1} depends on x_i through F(lam_i) alone.
 """
 
+import functools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -128,7 +130,12 @@ def _radius_bound(matrix: Float[Array, "p p"]) -> Float[Array, ""]:
 
 
 def _largest_of_kind(size: Array, angular: Array) -> Array:
-    of_angular = jnp.max(jnp.where(angular, size, 0.0), initial=0.0)
-    of_linear = jnp.max(jnp.where(angular, 0.0, size), initial=0.0)
+    of_angular = _largest(jnp.where(angular, size, 0.0))
+    of_linear = _largest(jnp.where(angular, 0.0, size))
     largest = jnp.where(angular, of_angular, of_linear)
     return jnp.where(largest > 0, largest, 1.0)
+
+
+def _largest(size: Array) -> Array:
+    """Largest entry of few, number by number, which XLA fuses with what they are computed from."""
+    return functools.reduce(jnp.maximum, size) if 0 < size.size <= 12 else jnp.max(size, initial=0.0)

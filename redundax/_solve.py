@@ -135,6 +135,7 @@ def _end(
 ) -> tuple[Response, Root, Array, RESULTS]:
     """Accelerations and multipliers, friction, its contraction and the result."""
     chosen = _MINIMUM_NORM if closure is None else closure
+    x0 = None if x0 is None else jnp.broadcast_to(x0, (state.qd.size + factor.gamma.size,))
     kept = _part(x0, state) if closure is None else None  # Newton (38) keeps the self-stress of x0
     reduced = reduce(system, state, factor, chosen, kept=kept, sense=sense)
     if reduced.problem is None:
@@ -263,13 +264,14 @@ def _check_state(system: AbstractSystem, state: State) -> None:
 
 
 def _vector(name: str, value: Numbers, size: int, what: str) -> Array:
+    """`value`, checked: a number stands for that many equal entries, and stays one until they are needed."""
     array = as_float(value)
     if array.shape not in ((), (size,)):
         raise ValueError(
             f"Argument `{name}` must be a number or have shape ({size},) for {what}, but has {array.shape}. "
             "Give one number for all, or that many."
         )
-    return jnp.broadcast_to(array, (size,))
+    return array
 
 
 def _thrown(system: AbstractSystem, state: State, solution: Solution, throw: bool | None) -> Solution:
