@@ -57,8 +57,9 @@ class FrictionProblem(eqx.Module):
     - `rho0`, `gain`: loads without friction, shape (l,), and K, shape (l, p).
     - `law`: the friction laws.
     - `angular_loads`, `angular_slips`: which loads and frictions are moments.
-    - `load_size`, `friction_size`: for each entry the largest load or friction of its kind, at the first sweep from
-      rho0.
+    - `friction_size`: for each entry the largest friction of its kind, at the first sweep from rho0.
+    - `load_size`: for each entry the largest load of its kind, rho0 or what friction of its size can cause, so that a
+      relative change of friction is no larger change of the loads.
     """
 
     rho0: Float[Array, " l"]
@@ -79,9 +80,14 @@ class FrictionProblem(eqx.Module):
     ) -> "FrictionProblem":
         """The problem, given which loads are moments."""
         tau, angular_slips = law(rho0), jnp.asarray(slip_kinds(law.groups).angular)
-        loads = jnp.maximum(jnp.abs(rho0), jnp.abs(gain @ tau))
-        sizes = _largest_of_kind(loads, angular_loads), _largest_of_kind(jnp.abs(tau), angular_slips)
-        return cls(rho0, gain, law, angular_loads, angular_slips, *jax.lax.stop_gradient(sizes))
+        friction_size = _largest_of_kind(jnp.abs(tau), angular_slips)
+        loads = jnp.maximum(jnp.abs(rho0), jnp.abs(gain) @ friction_size)
+        sizes = jax.lax.stop_gradient((_largest_of_kind(loads, angular_loads), friction_size))
+        return cls(rho0, gain, law, angular_loads, angular_slips, *sizes)
+
+    def at(self, rho0: Float[Array, " l"]) -> "FrictionProblem":
+        """The same problem with other loads without friction."""
+        return FrictionProblem.make(rho0, self.gain, self.law, self.angular_loads)
 
     def sized_at(self, tau: Float[Array, " p"]) -> "FrictionProblem":
         """The same problem, its sizes at least those of the friction tau."""
