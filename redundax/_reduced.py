@@ -76,7 +76,7 @@ def reduce(
     factor: Factorisation,
     closure: AbstractClosure,
     *,
-    kept: Float[Array, " m"] | None = None,
+    kept: Float[Array, " m"] | Float[Array, ""] | None = None,
     sense: Float[Array, " p"] | None = None,
 ) -> Reduced:
     """Close and reduce; the self-stress of `kept`, for a closure of minimum norm, is added to `free`."""
@@ -84,7 +84,9 @@ def reduce(
     response, definite = factor.stress_response(compliance)
     pick = Pick(response, compliance)
     given = misfit if kept is None else misfit + kept
-    free = Response(factor.acceleration, pick(factor.multipliers) + response @ given)
+    by_given = response if given.ndim else jnp.sum(response, axis=1, keepdims=True)  # to one number, in a batch one each
+    given, picked = jnp.atleast_1d(given), pick(factor.multipliers)
+    free = Response(factor.acceleration, picked + by_given @ given)
     if not system.friction:
         return Reduced(pick, definite, free, None, jnp.zeros(0, int), None)
     rate, directions = slip_motion(system, state)
@@ -95,7 +97,7 @@ def reduce(
     law = Law(system.friction, rate, _sense(comparable, factor.resting_rate, sense), state)
     rows = load_rows(system.friction)
     angular_loads = jnp.asarray(system.rows.angular)[rows]
-    problem = FrictionProblem.make(free.multipliers[rows], unit.multipliers[rows], law, angular_loads)
+    problem = FrictionProblem.make(picked[rows] + by_given[rows] @ given, unit.multipliers[rows], law, angular_loads)
     return Reduced(pick, definite, free, unit, rows, problem)
 
 

@@ -135,15 +135,14 @@ def _end(
 ) -> tuple[Response, Root, Array, RESULTS]:
     """Accelerations and multipliers, friction, its contraction and the result."""
     chosen = _MINIMUM_NORM if closure is None else closure
-    x0 = None if x0 is None else jnp.broadcast_to(x0, (state.qd.size + factor.gamma.size,))
-    kept = _part(x0, state) if closure is None else None  # Newton (38) keeps the self-stress of x0
+    kept = _kept(x0, state) if closure is None else None  # Newton (38) keeps the self-stress of x0
     reduced = reduce(system, state, factor, chosen, kept=kept, sense=sense)
     if reduced.problem is None:
         end, root, contraction, friction_checks = reduced.free, _loadless(state.qd[:0]), 0.0 * state.t, ()
     else:
         end, root = _solve_friction(factor, reduced, reduced.problem, state, closure, solver, x0)
         contraction, friction_checks = reduced.problem.contraction(root.tau), _checks(reduced, end, root, solver)
-    finite = jnp.all(jnp.isfinite(jnp.concatenate([*end, root.tau])))
+    finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(x)) for x in (*end, root.tau)]))
     result = first_failure(
         (
             *factor.checks,
@@ -171,7 +170,7 @@ def _solve_friction(
     elif closure is None and x0 is not None:
         return _open_newton(factor, reduced.pick.response, problem, free, unit, reduced.rows, x0, solver)
     else:
-        guess = problem.rho0 if x0 is None else _part(x0, state)[reduced.rows]
+        guess = problem.rho0 if x0 is None else _loads(x0, factor, reduced.rows)
         root = closed_root(problem, problem.law(guess), solver)
     return free.plus(unit, root.tau), root
 
@@ -214,11 +213,11 @@ def _open_newton(
         problem,
         rows,
         projector=projector[:, rows],
-        balance=jax.vmap(factor.in_balance, out_axes=1)(jnp.eye(x0.size - n, dtype=x0.dtype)),
+        balance=jax.vmap(factor.in_balance, out_axes=1)(jnp.eye(offset.size - n, dtype=offset.dtype)),
         axes=axes,
         gram=basis.T @ basis,
         pull=basis.T @ offset,
-        first=x0[n:][rows],
+        first=_loads(x0, factor, rows),
     )
     end = open_root(open_problem, solver.tolerance(offset.dtype), solver.max_steps)
     acceleration, multipliers = free.plus(unit, end.tau)
@@ -226,13 +225,19 @@ def _open_newton(
     return Response(acceleration, multipliers + end.stress), root
 
 
-def _part(x0: Array | None, state: State) -> Array:
-    """The multipliers in x0 = [qdd; lam]."""
+def _kept(x0: Array | None, state: State) -> Array:
+    """The multipliers in x0 = [qdd; lam], a number if they are equal."""
     if x0 is None:
         raise ValueError(
             "Argument `x0` must be given with `closure=None`, but it is None. Give an initial guess [qdd; lam]."
         )
-    return x0[state.qd.size :]
+    return x0[state.qd.size :] if x0.ndim else x0
+
+
+def _loads(x0: Array, factor: Factorisation, rows: Array) -> Array:
+    """The loads in x0."""
+    n, m = factor.acceleration.size, factor.multipliers.size
+    return jnp.broadcast_to(x0, (n + m,))[n + rows]
 
 
 def _solution(
