@@ -25,7 +25,7 @@ from ._iterate import Progress
 from ._module import Numbers, as_float, known, no_classes
 from ._open_newton import open_root
 from ._open_problem import OpenProblem
-from ._reduced import Reduced, Response, at_rest, reduce
+from ._reduced import Pick, Reduced, Response, at_rest, reduce, times
 from ._results import RESULTS, first_failure
 from ._solution import Solution, Stats
 from ._solver import AbstractSolver, Newton, Root, closed_root
@@ -168,7 +168,7 @@ def _solve_friction(
     if reduced.rows.size == 0:  # friction independent of load, (24)
         root = _loadless(problem.law(problem.rho0))
     elif closure is None and x0 is not None:
-        return _open_newton(factor, reduced.pick.response, problem, free, unit, reduced.rows, x0, solver)
+        return _open_newton(factor, reduced.pick, problem, free, unit, reduced.rows, x0, solver)
     else:
         guess = problem.rho0 if x0 is None else _loads(x0, factor, reduced.rows)
         root = closed_root(problem, problem.law(guess), solver)
@@ -195,7 +195,7 @@ def _loadless(tau: Array) -> Root:
 
 def _open_newton(
     factor: Factorisation,
-    projector: Array,
+    pick: Pick,
     problem: FrictionProblem,
     free: Response,
     unit: Response,
@@ -204,24 +204,23 @@ def _open_newton(
     solver: AbstractSolver,
 ) -> tuple[Response, Root]:
     """Newton (38) from x0; `free` and `unit` are at minimum norm, `free` with the self-stress of x0 added."""
-    n = free.acceleration.size
-    offset = x0 - jnp.concatenate(free)
+    particular = jnp.concatenate([factor.acceleration, pick(factor.multipliers)])
     basis = jnp.concatenate(unit)
     axes = jnp.linalg.svd(jax.lax.stop_gradient(basis), full_matrices=False)[2].T
     basis = basis @ axes
     open_problem = OpenProblem(
         problem,
         rows,
-        projector=projector[:, rows],
-        balance=jax.vmap(factor.in_balance, out_axes=1)(jnp.eye(offset.size - n, dtype=offset.dtype)),
+        projector=pick.response[:, rows],
+        balance=jax.vmap(factor.in_balance, out_axes=1)(jnp.eye(*pick.response.shape, dtype=basis.dtype)),
         axes=axes,
         gram=basis.T @ basis,
-        pull=basis.T @ offset,
+        pull=times(basis.T, x0) - basis.T @ particular,
         first=_loads(x0, factor, rows),
     )
-    end = open_root(open_problem, solver.tolerance(offset.dtype), solver.max_steps)
+    end = open_root(open_problem, solver.tolerance(basis.dtype), solver.max_steps)
     acceleration, multipliers = free.plus(unit, end.tau)
-    root = Root(end.tau, end.progress, jnp.full((), jnp.inf, offset.dtype))
+    root = Root(end.tau, end.progress, jnp.full((), jnp.inf, basis.dtype))
     return Response(acceleration, multipliers + end.stress), root
 
 
