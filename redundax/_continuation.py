@@ -56,7 +56,7 @@ class Continuation(AbstractSolver):
         rtol = self.tolerance(start.dtype)
 
         def search(rho0: Array, start: Array) -> Root:
-            return self._searched(eqx.tree_at(lambda problem: problem.rho0, problem, rho0), start)
+            return self._searched(problem.at(rho0), start)
 
         root = quick_sweeps(problem, start, rtol)
         return unless(root.progress.converged(rtol), root, search, problem.rho0, start)

@@ -9,6 +9,8 @@ see only (rho0, K, law). A sweep tau -> law(rho0 + K tau) is the paper's fixed-p
 on tau, because x_{i+1} depends on x_i through F(lam_i) alone.
 """
 
+import functools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -55,8 +57,9 @@ class FrictionProblem(eqx.Module):
     - `rho0`, `gain`: loads without friction, shape (l,), and K, shape (l, p).
     - `law`: the friction laws.
     - `angular_loads`, `angular_slips`: which loads and frictions are moments.
-    - `load_size`, `friction_size`: for each entry the largest load or friction of its kind, at the first sweep from
-      rho0.
+    - `friction_size`: for each entry the largest friction of its kind, at the first sweep from rho0.
+    - `load_size`: for each entry the largest load of its kind, rho0 or what friction of its size can cause, so that a
+      relative change of friction is no larger change of the loads.
     """
 
     rho0: Float[Array, " l"]
@@ -77,9 +80,14 @@ class FrictionProblem(eqx.Module):
     ) -> "FrictionProblem":
         """The problem, given which loads are moments."""
         tau, angular_slips = law(rho0), jnp.asarray(slip_kinds(law.groups).angular)
-        loads = jnp.maximum(jnp.abs(rho0), jnp.abs(gain @ tau))
-        sizes = _largest_of_kind(loads, angular_loads), _largest_of_kind(jnp.abs(tau), angular_slips)
-        return cls(rho0, gain, law, angular_loads, angular_slips, *jax.lax.stop_gradient(sizes))
+        friction_size = _largest_of_kind(jnp.abs(tau), angular_slips)
+        loads = jnp.maximum(jnp.abs(rho0), jnp.abs(gain) @ friction_size)
+        sizes = jax.lax.stop_gradient((_largest_of_kind(loads, angular_loads), friction_size))
+        return cls(rho0, gain, law, angular_loads, angular_slips, *sizes)
+
+    def at(self, rho0: Float[Array, " l"]) -> "FrictionProblem":
+        """The same problem with other loads without friction."""
+        return FrictionProblem.make(rho0, self.gain, self.law, self.angular_loads)
 
     def sized_at(self, tau: Float[Array, " p"]) -> "FrictionProblem":
         """The same problem, its sizes at least those of the friction tau."""
@@ -128,7 +136,12 @@ def _radius_bound(matrix: Float[Array, "p p"]) -> Float[Array, ""]:
 
 
 def _largest_of_kind(size: Array, angular: Array) -> Array:
-    of_angular = jnp.max(jnp.where(angular, size, 0.0), initial=0.0)
-    of_linear = jnp.max(jnp.where(angular, 0.0, size), initial=0.0)
+    of_angular = _largest(jnp.where(angular, size, 0.0))
+    of_linear = _largest(jnp.where(angular, 0.0, size))
     largest = jnp.where(angular, of_angular, of_linear)
     return jnp.where(largest > 0, largest, 1.0)
+
+
+def _largest(size: Array) -> Array:
+    """Largest entry of few, number by number, which XLA fuses with what they are computed from."""
+    return functools.reduce(jnp.maximum, size) if 0 < size.size <= 12 else jnp.max(size, initial=0.0)

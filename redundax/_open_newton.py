@@ -83,7 +83,8 @@ def open_root(open_problem: OpenProblem, rtol: Float[Array, ""], max_steps: int)
     """End of Newton (38) from x0; the derivative goes through the iterations."""
 
     def run(rho0: Array, first: Array) -> OpenEnd:
-        given = eqx.tree_at(lambda given: (given.problem.rho0, given.first), open_problem, (rho0, first))
+        changed = open_problem.problem.at(rho0), first
+        given = eqx.tree_at(lambda given: (given.problem, given.first), open_problem, changed)
         return _run(given, rtol, max_steps, bounded=False)
 
     end = quick_newton(open_problem, rtol, max_steps)

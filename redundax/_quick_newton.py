@@ -49,7 +49,7 @@ def quick_newton(open_problem: OpenProblem, rtol: Float[Array, ""], max_steps: i
     norm = rows(jnp.sqrt(jnp.diagonal(open_problem.gram))[:, None] * open_problem.axes.T)
     per_size = list(1 / problem.friction_size)
     columns = rows(problem.gain.T)
-    *per_tau, per_z = (largest(column, list(1 / problem.load_size)) for column in (*columns, n))
+    per_z = largest(n, list(1 / problem.load_size))
 
     def step(residual: list, slope: list[Slope], pull: list | None = None) -> Iterate:
         by_tau = [[_read(row, column) for column in columns] for row in slope]
@@ -73,7 +73,7 @@ def quick_newton(open_problem: OpenProblem, rtol: Float[Array, ""], max_steps: i
         force, slope = _linearised(law, rho)
         residual = [f - t for f, t in zip(force, tau, strict=True)]
         by = step(residual, slope)
-        change = dot(per_tau, [jnp.abs(x) for x in by.tau]) + per_z * jnp.abs(by.z)
+        change = largest(by.tau, per_size) + per_z * jnp.abs(by.z)
         return steps + 1, jax.tree.map(jnp.add, Iterate(tau, z), by), largest(residual, per_size), change
 
     def going(carry: tuple) -> Array:

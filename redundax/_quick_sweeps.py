@@ -22,7 +22,10 @@ _FEW, _LOADS = 6, 12  # unknowns and loads as numbers, at most
 
 
 def quick_sweeps(problem: FrictionProblem, start: Float[Array, " p"], rtol: Float[Array, ""]) -> Root:
-    """The solution, or progress that has not converged where friction does not contract strongly."""
+    """The solution, or progress that has not converged where friction does not contract strongly.
+
+    A change of friction bounds that of the loads, by their sizes: it stands for the step too.
+    """
     infinite, none = jnp.full((), jnp.inf, start.dtype), jnp.zeros((), int)
     if not few(problem):
         return Root(start, Progress.begin(start.dtype), infinite)
@@ -30,31 +33,28 @@ def quick_sweeps(problem: FrictionProblem, start: Float[Array, " p"], rtol: Floa
     strong = bound <= STRONG
     untested = jnp.where(strong, jnp.log(rtol) / jnp.log(bound) / 2 - _TOGETHER, 0.0)
     rho0, gain = list(problem.rho0), rows(problem.gain)
-    per_size, per_load_size = list(1 / problem.friction_size), list(1 / problem.load_size)
-
-    def caused(tau: list) -> list:
-        return [dot(row, tau) for row in gain]
+    per_size = list(1 / problem.friction_size)
 
     @jax.jit  # traced once
     def swept(tau: list) -> list:
-        return list(law(jnp.stack([free + more for free, more in zip(rho0, caused(tau), strict=True)])))
+        return list(law(jnp.stack([free + dot(row, tau) for free, row in zip(rho0, gain, strict=True)])))
 
     def tested(carry: tuple) -> tuple:
-        steps, tau, _, _ = carry
+        steps, tau, _ = carry
         for _ in range(_TOGETHER - 1):
             tau = swept(tau)
         last, tau = tau, swept(tau)
         change = [new - old for new, old in zip(tau, last, strict=True)]
-        return steps + _TOGETHER, tau, largest(change, per_size), largest(caused(change), per_load_size)
+        return steps + _TOGETHER, tau, largest(change, per_size)
 
     def going(carry: tuple) -> Array:
-        steps, _, residual, step = carry
-        return strong & (steps < _SWEEPS) & ((residual > rtol) | (step > rtol))
+        steps, _, residual = carry
+        return strong & (steps < _SWEEPS) & (residual > rtol)
 
     begin = (none, list(start))
     steps, tau = jax.lax.while_loop(lambda c: c[0] < untested, lambda c: (c[0] + 1, swept(c[1])), begin)
-    steps, tau, residual, step = jax.lax.while_loop(going, tested, (steps, tau, infinite, infinite))
-    return Root(jnp.stack(tau), Progress(steps, residual, step, residual, none), infinite)
+    steps, tau, residual = jax.lax.while_loop(going, tested, (steps, tau, infinite))
+    return Root(jnp.stack(tau), Progress(steps, residual, residual, residual, none), infinite)
 
 
 def few(problem: FrictionProblem) -> bool:

@@ -76,7 +76,7 @@ def reduce(
     factor: Factorisation,
     closure: AbstractClosure,
     *,
-    kept: Float[Array, " m"] | None = None,
+    kept: Float[Array, " m"] | Float[Array, ""] | None = None,
     sense: Float[Array, " p"] | None = None,
 ) -> Reduced:
     """Close and reduce; the self-stress of `kept`, for a closure of minimum norm, is added to `free`."""
@@ -84,7 +84,8 @@ def reduce(
     response, definite = factor.stress_response(compliance)
     pick = Pick(response, compliance)
     given = misfit if kept is None else misfit + kept
-    free = Response(factor.acceleration, pick(factor.multipliers) + response @ given)
+    picked = pick(factor.multipliers)
+    free = Response(factor.acceleration, picked + times(response, given))
     if not system.friction:
         return Reduced(pick, definite, free, None, jnp.zeros(0, int), None)
     rate, directions = slip_motion(system, state)
@@ -95,8 +96,14 @@ def reduce(
     law = Law(system.friction, rate, _sense(comparable, factor.resting_rate, sense), state)
     rows = load_rows(system.friction)
     angular_loads = jnp.asarray(system.rows.angular)[rows]
-    problem = FrictionProblem.make(free.multipliers[rows], unit.multipliers[rows], law, angular_loads)
+    rho0 = picked[rows] + times(response[rows], given)
+    problem = FrictionProblem.make(rho0, unit.multipliers[rows], law, angular_loads)
     return Reduced(pick, definite, free, unit, rows, problem)
+
+
+def times(matrix: Float[Array, "d m"], vector: Float[Array, " m"] | Float[Array, ""]) -> Float[Array, " d"]:
+    """matrix @ vector; a number stands for m equal ones, so that a batch of numbers stays one."""
+    return matrix @ vector if vector.ndim else jnp.sum(matrix, axis=1) * vector
 
 
 def at_rest(law: Law, loads: Float[Array, " l"]) -> Bool[Array, ""]:

@@ -25,7 +25,7 @@ from ._iterate import Progress
 from ._module import Numbers, as_float, known, no_classes
 from ._open_newton import open_root
 from ._open_problem import OpenProblem
-from ._reduced import Reduced, Response, at_rest, reduce
+from ._reduced import Pick, Reduced, Response, at_rest, reduce, times
 from ._results import RESULTS, first_failure
 from ._solution import Solution, Stats
 from ._solver import AbstractSolver, Newton, Root, closed_root
@@ -135,14 +135,14 @@ def _end(
 ) -> tuple[Response, Root, Array, RESULTS]:
     """Accelerations and multipliers, friction, its contraction and the result."""
     chosen = _MINIMUM_NORM if closure is None else closure
-    kept = _part(x0, state) if closure is None else None  # Newton (38) keeps the self-stress of x0
+    kept = _kept(x0, state) if closure is None else None  # Newton (38) keeps the self-stress of x0
     reduced = reduce(system, state, factor, chosen, kept=kept, sense=sense)
     if reduced.problem is None:
         end, root, contraction, friction_checks = reduced.free, _loadless(state.qd[:0]), 0.0 * state.t, ()
     else:
         end, root = _solve_friction(factor, reduced, reduced.problem, state, closure, solver, x0)
         contraction, friction_checks = reduced.problem.contraction(root.tau), _checks(reduced, end, root, solver)
-    finite = jnp.all(jnp.isfinite(jnp.concatenate([*end, root.tau])))
+    finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(x)) for x in (*end, root.tau)]))
     result = first_failure(
         (
             *factor.checks,
@@ -168,9 +168,9 @@ def _solve_friction(
     if reduced.rows.size == 0:  # friction independent of load, (24)
         root = _loadless(problem.law(problem.rho0))
     elif closure is None and x0 is not None:
-        return _open_newton(factor, reduced.pick.response, problem, free, unit, reduced.rows, x0, solver)
+        return _open_newton(factor, reduced.pick, problem, free, unit, reduced.rows, x0, solver)
     else:
-        guess = problem.rho0 if x0 is None else _part(x0, state)[reduced.rows]
+        guess = problem.rho0 if x0 is None else _loads(x0, factor, reduced.rows)
         root = closed_root(problem, problem.law(guess), solver)
     return free.plus(unit, root.tau), root
 
@@ -195,7 +195,7 @@ def _loadless(tau: Array) -> Root:
 
 def _open_newton(
     factor: Factorisation,
-    projector: Array,
+    pick: Pick,
     problem: FrictionProblem,
     free: Response,
     unit: Response,
@@ -204,34 +204,39 @@ def _open_newton(
     solver: AbstractSolver,
 ) -> tuple[Response, Root]:
     """Newton (38) from x0; `free` and `unit` are at minimum norm, `free` with the self-stress of x0 added."""
-    n = free.acceleration.size
-    offset = x0 - jnp.concatenate(free)
+    particular = jnp.concatenate([factor.acceleration, pick(factor.multipliers)])
     basis = jnp.concatenate(unit)
     axes = jnp.linalg.svd(jax.lax.stop_gradient(basis), full_matrices=False)[2].T
     basis = basis @ axes
     open_problem = OpenProblem(
         problem,
         rows,
-        projector=projector[:, rows],
-        balance=jax.vmap(factor.in_balance, out_axes=1)(jnp.eye(x0.size - n, dtype=x0.dtype)),
+        projector=pick.response[:, rows],
+        balance=jax.vmap(factor.in_balance, out_axes=1)(jnp.eye(*pick.response.shape, dtype=basis.dtype)),
         axes=axes,
         gram=basis.T @ basis,
-        pull=basis.T @ offset,
-        first=x0[n:][rows],
+        pull=times(basis.T, x0) - basis.T @ particular,
+        first=_loads(x0, factor, rows),
     )
-    end = open_root(open_problem, solver.tolerance(offset.dtype), solver.max_steps)
+    end = open_root(open_problem, solver.tolerance(basis.dtype), solver.max_steps)
     acceleration, multipliers = free.plus(unit, end.tau)
-    root = Root(end.tau, end.progress, jnp.full((), jnp.inf, offset.dtype))
+    root = Root(end.tau, end.progress, jnp.full((), jnp.inf, basis.dtype))
     return Response(acceleration, multipliers + end.stress), root
 
 
-def _part(x0: Array | None, state: State) -> Array:
-    """The multipliers in x0 = [qdd; lam]."""
+def _kept(x0: Array | None, state: State) -> Array:
+    """The multipliers in x0 = [qdd; lam], a number if they are equal."""
     if x0 is None:
         raise ValueError(
             "Argument `x0` must be given with `closure=None`, but it is None. Give an initial guess [qdd; lam]."
         )
-    return x0[state.qd.size :]
+    return x0[state.qd.size :] if x0.ndim else x0
+
+
+def _loads(x0: Array, factor: Factorisation, rows: Array) -> Array:
+    """The loads in x0."""
+    n, m = factor.acceleration.size, factor.multipliers.size
+    return jnp.broadcast_to(x0, (n + m,))[n + rows]
 
 
 def _solution(
@@ -263,13 +268,14 @@ def _check_state(system: AbstractSystem, state: State) -> None:
 
 
 def _vector(name: str, value: Numbers, size: int, what: str) -> Array:
+    """`value`, checked: a number stands for that many equal entries, and stays one until they are needed."""
     array = as_float(value)
     if array.shape not in ((), (size,)):
         raise ValueError(
             f"Argument `{name}` must be a number or have shape ({size},) for {what}, but has {array.shape}. "
             "Give one number for all, or that many."
         )
-    return jnp.broadcast_to(array, (size,))
+    return array
 
 
 def _thrown(system: AbstractSystem, state: State, solution: Solution, throw: bool | None) -> Solution:

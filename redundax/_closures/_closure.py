@@ -25,8 +25,10 @@ class AbstractClosure(eqx.Module):
     """Chooses the self-stress by compliance and misfit."""
 
     @abc.abstractmethod
-    def compliance(self, system: AbstractSystem, state: State) -> tuple[Float[Array, "m m"], Float[Array, " m"]]:
-        """Compliance W, symmetric positive semidefinite, and misfit d at a state."""
+    def compliance(
+        self, system: AbstractSystem, state: State
+    ) -> tuple[Float[Array, "m m"], Float[Array, " m"] | Float[Array, ""]]:
+        """Compliance W, symmetric positive semidefinite, and misfit d at a state; a number stands for m equal ones."""
 
 
 class MinimumNorm(AbstractClosure):
@@ -60,7 +62,7 @@ class MinimumNorm(AbstractClosure):
                 f"Argument `h` must be a number or have shape (n + m,) = ({n + m},), but has {h.shape}. "
                 "Give one number for all, or that many."
             )
-        misfit = jnp.broadcast_to(h, (n + m,))[n:].astype(state.qd.dtype)
+        misfit = (h[n:] if h.ndim else h).astype(state.qd.dtype)
         if self.units is None:
             return jnp.eye(m, dtype=misfit.dtype), misfit
         scale = self.units.of_force(system.rows)

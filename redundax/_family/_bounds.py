@@ -179,7 +179,7 @@ class ComplianceBox(AbstractBounds):
             unit,
             solutions.stress,
             compliance,
-            misfit,
+            jnp.broadcast_to(misfit, compliance.shape[:1]),
             places,
         )
 
@@ -199,7 +199,7 @@ def _closed(
     stress, free, unit = solutions.stress, solutions.free.multipliers, solutions.unit.multipliers
     _check_definite(np.asarray(stress.T @ compliance @ stress))
     response = stress @ jnp.linalg.solve(stress.T @ compliance @ stress, stress.T)
-    kept = misfit.at[jnp.asarray(rows)].set(0.0)
+    kept = jnp.broadcast_to(misfit, compliance.shape[:1]).at[jnp.asarray(rows)].set(0.0)
     return free + response @ (kept - compliance @ free), response, unit - response @ (compliance @ unit)
 
 
