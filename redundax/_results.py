@@ -80,7 +80,7 @@ class RESULTS(eqx.Enumeration):
     step_too_small = (
         "The motion stopped where steps became too small: what it reached is given, NaN the rest. Friction may have no "
         "solution further on (it jams) or one on another branch only (see `stats.contraction`), or the loads are not "
-        "smooth there."
+        "smooth there. Beside a singular position float32 may be too coarse."
     )
     stuck = (
         "The mechanism came to rest and sticks: admissible friction forces hold it, and its loads do not let it go by "

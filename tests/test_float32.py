@@ -59,3 +59,15 @@ def test_open_newton():
     solution = registry.solve(mechanism, state, closure=None, x0=1.0)
     assert solution.acceleration.dtype == jnp.float32
     assert abs(solution.acceleration[8] + 36.75) < 0.01  # printed in Table 4
+
+
+@pytest.mark.slow
+def test_a_motion_beside_singular_positions_is_right_or_stops():
+    """The flat positions of a parallelogram magnify rounding by the cube of 1 / pivot."""
+    mechanism = rx.mechanisms.parallelogram(2)
+    for rtol in (1e-3, 1e-4, 1e-5, 1e-6):
+        run = rx.simulate(mechanism, mechanism.state(0.7, rate=3.0), 10.0, rtol=rtol, throw=False)
+        assert run.q.dtype == jnp.float32
+        assert run.result in (rx.RESULTS.successful, rx.RESULTS.step_too_small)
+        assert run.stats.energy_error < 3e-3
+        assert run.stats.position_violation < 1e-5

@@ -19,15 +19,16 @@ from .._kinematics import chart_inverse
 from ._held_rank import Kinetics, kinetics, renewed
 from ._moving import Context, Equations, Moving, charted, projected
 from ._slip import happened
+from ._stick import counted
 
-# Relative constraint residual after a projection beyond which it has failed, in roundings.
-_CLOSED = 1e6
+# Relative constraint residual after a projection beyond which it has failed, at least so many roundings.
+_CLOSED = 2e-10, 1e3
 # Largest change of friction in a step, relative to its size, where it may have several solutions.
 _JUMP = 0.1
 # Part of the rows left out, in roots of the rounding, at which they are constraints of their own.
 _SAME = 1e2
-# Least part of the pivot that a step leaves, and the pivot from which it may end in a singular position.
-_LEFT, _BESIDE = 0.1, 1e-3
+# Least part of its pivot that a step leaves; and of the largest pivot, at least so many cube roots of the rounding.
+_LEFT, _BESIDE = 0.1, (1e-3, 10.0)
 
 
 class Watch(NamedTuple):
@@ -60,12 +61,13 @@ def at_start(like: Float[Array, ""]) -> Watch:
 
 
 class Carried(NamedTuple):
-    """State of the stepper: the solver's own, what is held, friction of the last step, the watch, where it began."""
+    """State: the solver's own, what is held, the watch, pivots now and largest, the start of the step."""
 
     inner: Any
     context: Context
     watch: Watch
     pivot: Float[Array, ""]
+    largest: Float[Array, ""]
     start: tuple[Array, Moving]
 
 
@@ -111,7 +113,8 @@ class Stepper(diffrax.AbstractWrappedSolver):
         inner = self.solver.init(terms, t0, t1, y0, args)
         kinetic = equations.kinetic_energy(t0, y0)
         watch = at_start(kinetic)._replace(speed=equations.speed, kinetic=kinetic, start=kinetic - y0.work)
-        return Carried(inner, context, *jax.lax.stop_gradient((watch, jnp.zeros_like(kinetic), (t0, y0))))
+        zero = jnp.zeros_like(kinetic)
+        return Carried(inner, context, *jax.lax.stop_gradient((watch, zero, zero, (t0, y0))))
 
     def step(
         self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: Carried, made_jump: Any
@@ -145,8 +148,9 @@ class Stepper(diffrax.AbstractWrappedSolver):
             tau = solved.tau
             if fixed.has_sense:
                 y = y._replace(event=happened(fixed, state, linear).astype(t.dtype))
-        carried = Carried(inner, Context(held, tau), watch, pivot, jax.lax.stop_gradient((t0, y0)))
-        good = _may_end(off, excess, solver_state.pivot, pivot) if projects else jnp.isfinite(off)
+        largest = jnp.maximum(solver_state.largest, pivot)
+        carried = Carried(inner, Context(held, tau), watch, pivot, largest, jax.lax.stop_gradient((t0, y0)))
+        good = _may_end(off, excess, solver_state, pivot) if projects else jnp.isfinite(off)
         good = good & (jump <= _JUMP)
         if self.constant or error is None:
             error = jax.tree.map(jnp.zeros_like, y)
@@ -158,13 +162,16 @@ class Stepper(diffrax.AbstractWrappedSolver):
         return y, error, dense, carried, result
 
 
-def _may_end(off: Array, excess: Array, begin: Array, end: Array) -> Bool[Array, ""]:
+def _may_end(off: Array, excess: Array, before: Carried, end: Array) -> Bool[Array, ""]:
     """Whether a step may end here: on the manifold, with the rank that is held, and not beside a singular position.
 
-    A step passes a singular position; it does not end where less than a tenth of the pivot that it began with is left.
+    A step passes a singular position; it does not end where less than a tenth of the pivot that it began with is left,
+    nor where rounding, magnified by the cube of 1 / pivot, would tell in accelerations, unless it begins there.
     """
-    eps = jnp.finfo(off.dtype).eps
-    return (off <= _CLOSED * eps) & (excess <= _SAME * eps**0.5) & ((end >= _LEFT * begin) | (begin < _BESIDE))
+    eps = float(jnp.finfo(off.dtype).eps)
+    beside = max(_BESIDE[0], _BESIDE[1] * eps ** (1 / 3)) * before.largest
+    clear = (end >= _LEFT * before.pivot) & (end >= beside)
+    return (off <= counted(_CLOSED, off)) & (excess <= _SAME * eps**0.5) & (clear | (before.pivot < beside))
 
 
 def _relative(error: Moving, dt: Array, equations: Equations, before: Carried, after: Carried) -> Moving:
