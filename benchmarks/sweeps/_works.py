@@ -89,7 +89,7 @@ def over_x0(size: int) -> list[Row]:
         Program("NumPy, batched pinv", lambda: _numpy.open_newton(few[:, None] * ones), few, _truth.x0, lines),
         redundax("redundax, all", lambda x0: rx.solve(mechanism, state, closure=None, x0=x0), x0, _truth.x0),
     ]
-    return compare(f"x0, {size:,}", programs, repeats=3)
+    return compare(f"x0, {size:,}", programs, repeats=15)
 
 
 def over_u(size: int) -> list[Row]:
