@@ -14,16 +14,22 @@ from jaxtyping import PyTree
 
 T = TypeVar("T", bound=PyTree)
 
-_CHUNK = 16384
+_CHUNK = 16384  # samples at most, enough for all threads
+_NUMBERS = 2**21  # that go into a chunk and come out of it, at most
 
 
 def in_chunks(function: Callable[..., T], *arguments: PyTree) -> T:
     """`function(*arguments)`, arrays to arrays, whose batch under `vmap` runs chunk after chunk.
 
-    It has no derivative: that is for a rule around it.
+    Its derivative is that of the function in one piece.
     """
     # Functions of the user may hold traced numbers. Equinox looks for them in closures only, hence the lambda.
     closed = eqx.filter_closure_convert(lambda *given: function(*given), *arguments)
+    return _in_chunks(closed, arguments)
+
+
+@eqx.filter_custom_jvp
+def _in_chunks(closed: Callable[..., T], arguments: PyTree) -> T:
     arrays, rest = eqx.partition((closed, arguments), eqx.is_array)
 
     def plain(arrays: PyTree) -> T:
@@ -35,11 +41,19 @@ def in_chunks(function: Callable[..., T], *arguments: PyTree) -> T:
     @run.def_vmap
     def _(size: int, batched: list, arrays: PyTree) -> tuple[T, PyTree]:
         many = jax.vmap(plain, in_axes=(jax.tree.map(lambda along: 0 if along else None, batched[0]),))
-        chunk = -(-size // -(-size // _CHUNK))
+        given = jax.tree.map(lambda x, along: x if along else None, arrays, batched[0])
+        numbers = sum(x.size for x in jax.tree.leaves((given, jax.eval_shape(many, arrays)))) // size
+        chunk = min(_CHUNK, max(_NUMBERS // max(numbers, 1), 1))
+        chunk = -(-size // -(-size // chunk))
         out = many(arrays) if chunk == size else _looped(many, arrays, batched[0], size, chunk)
         return out, jax.tree.map(lambda _: True, out)
 
     return run(arrays)
+
+
+@_in_chunks.def_jvp
+def _in_chunks_jvp(primals: tuple, tangents: tuple) -> tuple[T, T]:
+    return eqx.filter_jvp(lambda closed, arguments: closed(*arguments), primals, tangents)
 
 
 def _looped(many: Callable[[PyTree], T], arrays: PyTree, batched: PyTree, size: int, chunk: int) -> T:

@@ -9,6 +9,15 @@ With the singular value decomposition K = U diag(sigma) V^T cut at rank r,
 
     K^+ = V sigma^-1 U^T,   P = I - U U^T  (self-stress, onto null K^T),   Z = I - V V^T  (motion, onto null K).
 
+Where the spectrum has a wide gap no decomposition is needed. With c = |K|_F^2 and a small delta, the iteration
+
+    X = K^T (K K^T + delta c I)^-1,   X <- X (2 I - K X)
+
+squares the relative error delta c / (sigma^2 + delta c) of each kept singular value and leaves what is rounding small:
+P = I - K X, K^+ = X (I - P), Z = I - K^+ K. That tr P = |P|_F^2 proves that it projects onto a whole number of
+directions, |P K|_F bounds the singular values that it drops from above, and 1 / |K^+| those that it keeps from below.
+Where these bounds do not decide, the decomposition does; a batch pays for it only if it holds such a sample.
+
 Traced code knows the self-stress space and the space of motions only through P and Z: they have a fixed
 shape, need no basis, and at constant rank have the derivatives (Golub and Pereyra)
 
@@ -25,6 +34,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+_DELTA = 0.45  # power of the rounding: large enough that the Cholesky factor exists, else as small as can be
+_STEPS = 3
+
 
 class Spectrum(eqx.Module):
     """The rank decision and the evidence for it, all free of units.
@@ -34,6 +46,7 @@ class Spectrum(eqx.Module):
     - `tolerance`: singular values above it count; it grows with the constraint violation.
     - `gap`: smallest kept over largest dropped singular value; infinite if none is dropped.
     - `ambiguous`: a singular value is too close to the tolerance to call, or the declared rank is impossible.
+    - `kept`: the smallest kept singular value, or a bound below it that is nearly as large.
     """
 
     singular_values: Float[Array, " s"]
@@ -41,6 +54,7 @@ class Spectrum(eqx.Module):
     tolerance: Float[Array, ""]
     gap: Float[Array, ""]
     ambiguous: Bool[Array, ""]
+    kept: Float[Array, ""]
 
 
 class Split(NamedTuple):
@@ -51,66 +65,150 @@ class Split(NamedTuple):
     motion: Float[Array, "n n"]
 
 
-def spectrum(
-    singular_values: Float[Array, " s"],
-    shape: tuple[int, int],
-    violation: Float[Array, ""],
-    rank: Int[Array, ""] | None,
-) -> Spectrum:
-    """Decide the rank from the singular values, rounding and the constraint violation, or take it declared.
+class _Decision(NamedTuple):
+    """The split, its rank, the smallest kept singular value and whether the rank is ambiguous."""
 
-    Off the manifold by a relative distance v, a permanently redundant row shows a singular value below v, and the
-    decomposition one of a few roundings. The tolerance is 30 times both; what is kept must lie 10 times above
-    it, and what is dropped must look like v and rounding, or the rank is ambiguous.
-    """
-    dtype = singular_values.dtype
-    values = singular_values / jnp.maximum(singular_values[0], jnp.finfo(dtype).tiny)
-    noise = max(shape) * jnp.finfo(dtype).eps
-    tolerance = 30 * (noise + violation)
-    rounding = 10 * jnp.finfo(dtype).eps  # what the decomposition leaves of a zero
-    decided = jnp.sum(values > tolerance) if rank is None else rank
-    kept = jnp.where(decided > 0, values[jnp.clip(decided - 1, 0)], jnp.inf)
-    dropped = jnp.append(values, jnp.zeros((), dtype))[jnp.clip(decided, 0, values.size)]
-    if rank is None:
-        ambiguous = (kept < 10 * tolerance) | (dropped > rounding + violation)
-    else:
-        ambiguous = (kept <= 3 * noise) | (rank < 0) | (rank > values.size)
-    gap = jnp.where(dropped > 0, kept / jnp.where(dropped > 0, dropped, 1.0), jnp.inf)
-    return Spectrum(values, decided, tolerance, gap, ambiguous)
+    parts: Split
+    rank: Int[Array, ""]
+    kept: Float[Array, ""]
+    ambiguous: Bool[Array, ""]
 
 
 def split(
     scaled: Float[Array, "m n"], violation: Float[Array, ""], rank: Int[Array, ""] | None
 ) -> tuple[Split, Spectrum]:
-    """Decide the rank of the scaled Jacobian and return K^+, P and Z, differentiable at constant rank."""
-    u, sigma, vt = jnp.linalg.svd(jax.lax.stop_gradient(scaled), full_matrices=False)
-    decided = spectrum(sigma, (scaled.shape[0], scaled.shape[1]), jax.lax.stop_gradient(violation), rank)
-    return _split(scaled, u, sigma, vt, decided.rank), decided
+    """Decide the rank of the scaled Jacobian, or take it declared; K^+, P and Z are differentiable at that rank.
+
+    Off the manifold by a relative distance v, a permanently redundant row shows a singular value below v, and the
+    decomposition one of a few roundings. The tolerance is 30 times both; what is kept must lie 10 times above
+    it, and what is dropped must look like v and rounding, or the rank is ambiguous.
+    """
+    still, violation = jax.lax.stop_gradient((scaled, violation))
+    rank = None if rank is None else jnp.asarray(rank, int)
+    tolerance = 30 * (_noise(still) + violation)
+
+    def decomposed(state: tuple[_Decision, Array]) -> tuple[_Decision, Array]:
+        unproved = jnp.where(state[1], 0.0, still)  # XLA would move what does not change out of the loop, and run it
+        return _decomposed(unproved, violation, tolerance, rank), jnp.asarray(True)
+
+    found, _ = jax.lax.while_loop(lambda state: ~state[1], decomposed, _multiplied(still, violation, tolerance, rank))
+    values = _relative(_singular_values(still))
+    dropped = jnp.append(values, jnp.zeros((), values.dtype))[jnp.clip(found.rank, 0, values.size)]
+    gap = jnp.where(dropped > 0, _kept(values, found.rank) / jnp.where(dropped > 0, dropped, 1.0), jnp.inf)
+    return _following(scaled, found.parts), Spectrum(values, found.rank, tolerance, gap, found.ambiguous, found.kept)
+
+
+@jax.custom_batching.sequential_vmap  # batched, it could run beside another LAPACK call, and both can hang
+def _singular_values(scaled: Array) -> Array:
+    return jnp.linalg.svd(scaled, compute_uv=False)
+
+
+def _relative(values: Array) -> Array:
+    return values / jnp.maximum(values[0], jnp.finfo(values.dtype).tiny)
+
+
+def _kept(values: Array, rank: Array) -> Array:
+    return jnp.where(rank > 0, values[jnp.clip(rank - 1, 0)], jnp.inf)
+
+
+def _noise(scaled: Array) -> float:
+    """Rounding of a decomposition, relative to sigma_1."""
+    return max(scaled.shape) * float(jnp.finfo(scaled.dtype).eps)
+
+
+def _rounding(scaled: Array) -> float:
+    """What a decomposition leaves of a singular value that is zero, relative to sigma_1."""
+    return 10 * float(jnp.finfo(scaled.dtype).eps)
+
+
+def _multiplied(
+    scaled: Array, violation: Array, tolerance: Array, rank: Array | None
+) -> tuple[_Decision, Bool[Array, ""]]:
+    """The decision by multiplication alone, and whether its bounds prove it."""
+    m, n = scaled.shape
+    one, eps = jnp.eye(m, dtype=scaled.dtype), float(jnp.finfo(scaled.dtype).eps)
+    gram = scaled @ scaled.T
+    size = _trace(gram)
+    factor = jnp.linalg.cholesky(gram / size + eps**_DELTA * one)
+    half = jax.scipy.linalg.solve_triangular(factor, one, lower=True)
+    inverse = (scaled.T @ half.T) @ half / size
+    for _ in range(_STEPS):
+        inverse = 2 * inverse - inverse @ (scaled @ inverse)
+    image = scaled @ inverse
+    stress = _symmetric(one - image)  # its eigenvalues lie between 0 and 1
+    between = jnp.trace(stress) - jnp.sum(stress**2)
+    stress = stress - 2 * _symmetric(stress @ image)
+    inverse = inverse - inverse @ stress
+    motion = _symmetric(jnp.eye(n, dtype=scaled.dtype) - inverse @ scaled)
+    largest = _largest(gram)
+    kept = 1 / (largest * _largest(inverse @ inverse.T))
+    found = m - jnp.round(jnp.trace(stress)).astype(int)
+    parts = _cleaned(scaled, inverse, stress, motion, found, kept)
+    proved = (
+        (between <= _noise(scaled) / kept)
+        & (jnp.linalg.norm(parts.stress @ scaled) <= (_rounding(scaled) + violation) * largest)
+        & (kept >= 10 * tolerance)
+        & (True if rank is None else found == rank)
+    )
+    return _Decision(parts, found, kept, jnp.asarray(False)), proved
+
+
+def _largest(gram: Array) -> Array:
+    """A bound above the largest singular value, from A A^T; it is at most r^(1/16) too large."""
+    size = _trace(gram)
+    gram = gram / size
+    for _ in range(2):
+        gram = gram @ gram
+    return jnp.sqrt(size) * jnp.sum(gram**2) ** (1 / 16)
+
+
+def _trace(gram: Array) -> Array:
+    """Its trace, or 1 if it is zero."""
+    trace = jnp.trace(gram)
+    return jnp.where(trace > 0, trace, 1.0)
+
+
+def _symmetric(matrix: Array) -> Array:
+    return (matrix + matrix.T) / 2
+
+
+def _decomposed(scaled: Array, violation: Array, tolerance: Array, rank: Array | None) -> _Decision:
+    """The decision by singular value decomposition."""
+    u, sigma, vt = jnp.linalg.svd(scaled, full_matrices=False)
+    values = _relative(sigma)
+    found = jnp.sum(values > tolerance) if rank is None else rank
+    kept = _kept(values, found)
+    if rank is None:
+        dropped = jnp.append(values, jnp.zeros((), values.dtype))[jnp.clip(found, 0, values.size)]
+        ambiguous = (kept < 10 * tolerance) | (dropped > _rounding(scaled) + violation)
+    else:
+        ambiguous = (kept <= 3 * _noise(scaled)) | (rank < 0) | (rank > values.size)
+    counted = jnp.arange(sigma.size) < found
+    inverse = vt.T @ (jnp.where(counted, 1 / jnp.where(counted, sigma, 1.0), 0.0)[:, None] * u.T)
+    stress, motion = (jnp.eye(side.shape[0], dtype=u.dtype) - (side * counted) @ side.T for side in (u, vt.T))
+    return _Decision(_cleaned(scaled, inverse, stress, motion, found, kept), found, kept, ambiguous)
+
+
+def _cleaned(scaled: Array, inverse: Array, stress: Array, motion: Array, rank: Array, kept: Array) -> Split:
+    """The split; rows and columns of projectors that are rounding are zero, as a soft row would magnify them."""
+
+    def cleaned(projector: Array) -> Array:
+        true = (jnp.linalg.norm(projector, axis=1) > _noise(scaled) / kept) & (rank < projector.shape[0])
+        return jnp.where(true[:, None] & true, projector, 0.0)
+
+    return Split(inverse, cleaned(stress), cleaned(motion))
 
 
 @jax.custom_jvp
-def _split(scaled: Array, u: Array, sigma: Array, vt: Array, rank: Array) -> Split:
-    kept = jnp.arange(sigma.size) < rank
-    inverse = vt.T @ (jnp.where(kept, 1 / jnp.where(kept, sigma, 1.0), 0.0)[:, None] * u.T)
-    m, n = scaled.shape
-    blur = max(m, n) * jnp.finfo(u.dtype).eps * sigma[0] / sigma[jnp.clip(rank - 1, 0)]
-    return Split(
-        inverse,
-        _without_rounding(jnp.where(rank < m, jnp.eye(m, dtype=u.dtype) - (u * kept) @ u.T, 0.0), blur),
-        _without_rounding(jnp.where(rank < n, jnp.eye(n, dtype=u.dtype) - (vt.T * kept) @ vt, 0.0), blur),
-    )
+def _following(scaled: Array, parts: Split) -> Split:
+    """The split with its derivative at constant rank."""
+    return parts
 
 
-def _without_rounding(projector: Array, blur: Array) -> Array:
-    """The projector with rows and columns that are rounding set to zero, as a soft row would magnify them."""
-    true = jnp.linalg.norm(projector, axis=1) > blur
-    return jnp.where(true[:, None] & true, projector, 0.0)
-
-
-@_split.defjvp
-def _split_jvp(primals: tuple, tangents: tuple) -> tuple[Split, Split]:
+@_following.defjvp
+def _following_jvp(primals: tuple, tangents: tuple) -> tuple[Split, Split]:
     change = tangents[0]  # derivation: module docstring
-    inverse, stress, motion = out = _split(*primals)
+    inverse, stress, motion = out = _following(*primals)
     stress_part = stress @ change @ inverse
     motion_part = inverse @ change @ motion
     inverse_dot = (
