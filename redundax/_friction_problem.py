@@ -92,7 +92,7 @@ class FrictionProblem(eqx.Module):
     def sized_at(self, tau: Float[Array, " p"]) -> "FrictionProblem":
         """The same problem, its sizes at least those of the friction tau."""
         friction = jnp.maximum(self.friction_size, _largest_of_kind(jnp.abs(tau), self.angular_slips))
-        loads = jnp.maximum(self.load_size, _largest_of_kind(jnp.abs(self.loads(tau)), self.angular_loads))
+        loads = jnp.maximum(self.load_size, _largest_of_kind(jnp.abs(self.gain) @ friction, self.angular_loads))
         return eqx.tree_at(lambda problem: (problem.load_size, problem.friction_size), self, (loads, friction))
 
     def loads(self, tau: Float[Array, " p"]) -> Float[Array, " l"]:

@@ -2,8 +2,9 @@
 
     Phi(s) = Phi(q [+] s qd, t + s):   Phi_q qd + Phi_t = Phi'(0),   gamma = -Phi''(0)      (3), (4), (5)
 
-so that Phi_q qdd = gamma; two nested directional derivatives, no second-derivative tensor. A friction slip
-s(q, t) gives in the same way its rate and its direction E = (ds/dq)^T.
+so that Phi_q qdd = gamma, where the second derivative is that along the field q' = d/dr (q [+] r qd) at r = 0, which
+a retraction need meet to first order only; two nested directional derivatives, no second-derivative tensor. A friction
+slip s(q, t) gives in the same way its rate and its direction E = (ds/dq)^T.
 """
 
 from collections.abc import Callable
@@ -52,14 +53,22 @@ def second_order(system: AbstractSystem, state: State) -> tuple[AlongMotion, Flo
 
 
 def _along(system: AbstractSystem, state: State, rate: Array, time: Array) -> AlongMotion:
-    """Phi, Phi' and -Phi'' as s grows from 0 in q [+] s rate, t + s time."""
-    return _second(lambda s: system.constraint(system.retract(state.q, s * rate), state.t + s * time), state.t)
+    """Phi, Phi' and -Phi'' at constant rate and t' = time."""
+    return _second(system, system.constraint, state, rate, time)
 
 
-def _second(value: Callable[[Array], Array], like: Array) -> AlongMotion:
-    zero, one = jnp.zeros_like(like), jnp.ones_like(like)
-    (phi, first), (_, second) = jax.jvp(lambda s: jax.jvp(value, (s,), (one,)), (zero,), (one,))
-    return AlongMotion(phi, first, -second)
+def _second(
+    system: AbstractSystem, value: Callable[[Array, Array], Array], state: State, rate: Array, time: Array
+) -> AlongMotion:
+    """A function of position and time, its first and minus its second derivative at constant rate and t' = time."""
+    zero, one = jnp.zeros_like(state.t), jnp.ones_like(state.t)
+
+    def first(s: Array) -> tuple[Array, Array]:
+        q, t = system.retract(state.q, s * rate), state.t + s * time
+        return jax.jvp(lambda r: value(system.retract(q, r * rate), t + r * time), (zero,), (one,))
+
+    (phi, slope), (_, bend) = jax.jvp(first, (zero,), (one,))
+    return AlongMotion(phi, slope, -bend)
 
 
 def jacobian(system: AbstractSystem, state: State) -> Float[Array, "m n"]:
@@ -89,30 +98,39 @@ def chart_inverse(system: AbstractSystem, base: Array, d: Array, change: Array) 
     return jax.scipy.linalg.solve(slope.T @ slope, slope.T @ change.ravel(), assume_a="pos")
 
 
-def displacement(system: AbstractSystem, base: Float[Array, "..."], q: Float[Array, "..."]) -> Float[Array, " n"]:
-    """d with base [+] d nearest to q, by Gauss-Newton; not for turns beyond about a right angle."""
+def displacement(
+    system: AbstractSystem, base: Float[Array, "..."], q: Float[Array, "..."]
+) -> tuple[Float[Array, " n"], Float[Array, ""]]:
+    """d with base [+] d nearest to q, by Gauss-Newton, and its last relative change, as large turns need not settle."""
     if system.adds:
-        return q - base
+        return q - base, jnp.zeros((), q.dtype)
 
-    def step(_: Array, d: Array) -> Array:
-        return d + chart_inverse(system, base, d, q - system.retract(base, d))
+    def step(_: Array, found: tuple[Array, Array]) -> tuple[Array, Array]:
+        change = chart_inverse(system, base, found[0], q - system.retract(base, found[0]))
+        return found[0] + change, change
 
-    return jax.lax.fori_loop(0, _GAUSS_NEWTON, step, jnp.zeros(len(system.coordinates), q.dtype))
+    none = jnp.zeros(len(system.coordinates), q.dtype)
+    d, change = jax.lax.fori_loop(0, _GAUSS_NEWTON, step, (none, none))
+    size = jnp.linalg.norm(jax.lax.stop_gradient(d))
+    return d, jnp.linalg.norm(jax.lax.stop_gradient(change)) / jnp.where(size > 0, size, 1.0)
 
 
-def between(system: AbstractSystem, first: State, second: State, t: Float[Array, ""]) -> State:
-    """The state at a time by cubic interpolation of the displacement; internal states linear."""
+def between(system: AbstractSystem, first: State, second: State, s: Float[Array, ""]) -> State:
+    """The state at the fraction s of the way: displacement cubic in time, or linear between states of one time;
+    internal states linear."""
     span = second.t - first.t
-    whole = displacement(system, first.q, second.q)
+    whole, _ = displacement(system, first.q, second.q)
 
-    def moved(t: Array) -> Array:
-        s = (t - first.t) / span
-        return s**2 * (3 - 2 * s) * whole + span * (s * (1 - s) ** 2 * first.qd - s**2 * (1 - s) * second.qd)
+    def moved(s: Array) -> Array:
+        bent = s**2 * (3 - 2 * s) * whole + span * (s * (1 - s) ** 2 * first.qd - s**2 * (1 - s) * second.qd)
+        return jnp.where(span == 0, s * whole, bent)
 
-    d, qd = jax.jvp(moved, (t,), (jnp.ones_like(t),))
-    share = (t - first.t) / span
-    memory = jax.tree.map(lambda a, b: a + share * (b - a), first.memory, second.memory)
-    return State(system.retract(first.q, d), qd, t, memory)
+    def linear(a: Array, b: Array) -> Array:
+        return a + s * (b - a)
+
+    d, slope = jax.jvp(moved, (s,), (jnp.ones_like(s),))
+    qd = jnp.where(span == 0, linear(first.qd, second.qd), slope / jnp.where(span == 0, 1.0, span))
+    return State(system.retract(first.q, d), qd, first.t + s * span, jax.tree.map(linear, first.memory, second.memory))
 
 
 def slip_motion(system: AbstractSystem, state: State) -> tuple[Float[Array, " p"], Float[Array, "n p"]]:
@@ -128,7 +146,7 @@ def slip_motion(system: AbstractSystem, state: State) -> tuple[Float[Array, " p"
 
 def slip_gamma(system: AbstractSystem, state: State) -> Float[Array, " p"]:
     """gamma of the slips: the slip rates change by E^T qdd - gamma."""
-    return _second(lambda s: _slips(system, system.retract(state.q, s * state.qd), state.t + s), state.t).gamma
+    return _second(system, lambda q, t: _slips(system, q, t), state, state.qd, jnp.ones_like(state.t)).gamma
 
 
 def _slips(system: AbstractSystem, q: Array, t: Array) -> Float[Array, " p"]:

@@ -21,7 +21,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from ._closures._closure import AbstractClosure
+from ._closures._closure import AbstractClosure, closed_by
 from ._factorisation import Factorisation
 from ._friction import load_rows, slip_kinds
 from ._friction_problem import FrictionProblem, Law
@@ -80,7 +80,7 @@ def reduce(
     sense: Float[Array, " p"] | None = None,
 ) -> Reduced:
     """Close and reduce; the self-stress of `kept`, for a closure of minimum norm, is added to `free`."""
-    compliance, misfit = closure.compliance(system, state)
+    compliance, misfit = closed_by(closure, system, state)
     response, definite = factor.stress_response(compliance)
     pick = Pick(response, compliance)
     given = misfit if kept is None else misfit + kept

@@ -88,7 +88,8 @@ def solve(
             "Argument `closure` may be None only with `solver=Newton()` and an initial guess `x0`: without a "
             "closure the end point of (38) is chosen by `x0`. Give both, or a closure such as `MinimumNorm()`."
         )
-    x0 = None if x0 is None else _vector("x0", x0, n + m, "[qdd; lam]")
+    if x0 is not None:
+        x0 = _vector("x0", x0, n + m, "[qdd; lam]").astype(state.qd.dtype)
     if sense is not None:
         sense = _vector("sense", sense, len(slip_kinds(system.friction)), "slips")
     factor = factorize(system, state, rank)

@@ -33,6 +33,15 @@ def test_positions_between_the_states_at_which_the_rank_drops(flat):
     assert "t = 0.488319: the rank drops" in str(flat)
 
 
+def test_positions_are_found_between_states_of_one_time():
+    """A sweep over configurations has no times."""
+    mechanism = rx.mechanisms.parallelogram(cranks=2)
+    states = [mechanism.state(phi, rate=1.0) for phi in (-0.5, -0.2, 0.3, 0.6)]
+    found = rx.analyze_along(mechanism, jax.tree.map(lambda *x: jnp.stack(x), *states)).narrow
+    assert [one.drops for one in found] == [True]
+    assert abs(found[0].q[6]) < 1e-7
+
+
 def test_a_pin_carries_no_moment_at_any_state(flat):
     pins = [name for name in flat.always("reaction", UNIQUE) if " moment " in name]
     assert len(pins) == 6

@@ -1,4 +1,4 @@
-"""Motions in charts with a retraction of their own: a door on two hinges, with quaternions or rotation matrices."""
+"""Charts with a retraction of their own: a door on two hinges in quaternions or rotation matrices, a heavy top."""
 
 import diffrax
 import equinox as eqx
@@ -106,3 +106,89 @@ def test_ensembles_in_charts():
     np.testing.assert_allclose(found.qd_band.values[:, :, 5], ends, rtol=0, atol=1e-6)
     assert found.q_band.shape == (2, TIMES.size, 7)
     assert "5'" in {panel.get_ylabel().split(",")[0] for panel in rx.plot_ensemble(found).axes}
+
+
+TOP_MASS, TOP_CENTRE, SPIN = 2.0, np.array([0.4, 0.1, -0.3]), np.array([1.0, 2.0, -1.5])
+TOP_INERTIA = np.diag([0.3, 0.4, 0.5])
+
+
+def turned_about(axis, angle):
+    across = np.cross(np.eye(3)[axis], np.eye(3)).T
+    return jnp.eye(3) + jnp.sin(angle) * across + (1 - jnp.cos(angle)) * across @ across
+
+
+def top():
+    """A heavy top, its pivot held twice, in rotation matrices that turn about x, y and z one after the other.
+
+    This retraction meets the exponential to first order only.
+    """
+
+    def frame(q):
+        return q[3:].reshape(3, 3)
+
+    def inertia(q):
+        return frame(q) @ TOP_INERTIA @ frame(q).T
+
+    def load(q, qd, t, p):
+        return jnp.concatenate([jnp.array([0.0, 0.0, -9.81 * TOP_MASS]), -jnp.cross(qd[3:], inertia(q) @ qd[3:])])
+
+    def constraint(q, t, p):
+        off = q[:3] - frame(q) @ TOP_CENTRE
+        return jnp.concatenate([off, 2 * off])
+
+    def retraction(q, d):
+        turn = turned_about(0, d[3]) @ turned_about(1, d[4]) @ turned_about(2, d[5])
+        return jnp.concatenate([q[:3] + d[:3], (turn @ frame(q)).ravel()])
+
+    system = rx.System(
+        constraint,
+        lambda q, t, p: jax.scipy.linalg.block_diag(TOP_MASS * jnp.eye(3), inertia(q)),
+        load,
+        coordinates=("linear",) * 3 + ("angular",) * 3,
+        n=6,
+        m=6,
+        retraction=retraction,
+    )
+    q = jnp.concatenate([TOP_CENTRE, jnp.eye(3).ravel()])
+    return system, rx.State(q, jnp.concatenate([np.cross(SPIN, TOP_CENTRE), SPIN]))
+
+
+def top_rate(t, y):
+    """Euler's equations about the pivot: frame, shape (9,), and angular velocity, shape (3,), in global components."""
+    about = TOP_INERTIA + TOP_MASS * (TOP_CENTRE @ TOP_CENTRE * np.eye(3) - np.outer(TOP_CENTRE, TOP_CENTRE))
+    frame = y[:9].reshape(3, 3)
+    spin = frame.T @ y[9:]
+    moment = np.cross(TOP_CENTRE, frame.T @ [0.0, 0.0, -9.81 * TOP_MASS]) - np.cross(spin, about @ spin)
+    return np.concatenate([np.cross(y[9:], frame.T).T.ravel(), frame @ np.linalg.solve(about, moment)])
+
+
+def test_a_retraction_of_first_order_gives_the_accelerations():
+    exact = top_rate(0.0, np.concatenate([np.eye(3).ravel(), SPIN]))[9:]
+    np.testing.assert_allclose(rx.solve(*top()).acceleration[3:], exact, rtol=0, atol=1e-13)
+
+
+@slow
+def test_a_retraction_of_first_order_gives_the_motion():
+    start = np.concatenate([np.eye(3).ravel(), SPIN])
+    path = solve_ivp(top_rate, (0.0, T1), start, "DOP853", t_eval=TIMES, rtol=1e-12, atol=1e-12).y
+    motion = rx.simulate(*top(), T1, ts=TIMES, rtol=1e-9)
+    np.testing.assert_allclose(motion.q[:, 3:], path[:9].T, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(motion.qd[:, 3:], path[9:].T, rtol=0, atol=1e-6)
+
+
+@slow
+@pytest.mark.parametrize("rate", [2.0, 3.1])
+def test_steps_of_nearly_half_a_turn_are_right(rate):
+    """Quaternions that are normalised do not get there in one step."""
+    case = registry.door("quaternion")
+    floating = eqx.tree_at(lambda system: system.parameters["gravity"], case.system, jnp.zeros(3))
+    qd = case.state.qd * rate / case.state.qd[5]
+    motion = rx.simulate(floating, rx.State(case.state.q, qd), 1.0, ts=[1.0], rtol=None, dt0=1.0)
+    assert 2 * np.arctan2(motion.q[-1, 6], motion.q[-1, 3]) == pytest.approx(0.6 + rate, abs=1e-5)
+
+
+def test_positions_that_the_retraction_refuses_are_told():
+    case = registry.door("quaternion")
+    for q in (case.state.q[:-1], jnp.stack([case.state.q] * 2)):
+        with pytest.raises(ValueError, match="Argument `state` must have a `q`"):
+            rx.simulate(case.system, rx.State(q, case.state.qd), 1.0)

@@ -182,6 +182,22 @@ def test_data_in_other_units_are_the_same_closure(units, friction):
     assert same(rx.solve(system, state, closure=closure), reference, system, 1e-13)
 
 
+class Own(rx.AbstractClosure):
+    misfit: object
+
+    def compliance(self, system, state):
+        return jnp.eye(len(system.rows)), self.misfit
+
+
+def test_own_closures_give_a_number_or_a_vector():
+    system, state, *_ = data("wojtyra2020", registry.coulomb)
+    reference = rx.solve(system, state, closure=rx.MinimumNorm(3.0))
+    for misfit in (3.0, jnp.full(12, 3.0)):
+        same(rx.solve(system, state, closure=Own(misfit)), reference, system)
+    with pytest.raises(ValueError, match=r"Argument `closure` must give .* misfit .* shape \(12,\), but gives"):
+        rx.solve(system, state, closure=Own(jnp.zeros(13)))
+
+
 def test_data_in_wrong_units_are_told_once():
     system, state, *_ = data("wojtyra2020")
     W, misfit = in_other(MILLIMETRES, system)

@@ -195,12 +195,14 @@ def analyze_along(
 
     **Raises:** `ValueError` for fewer than two states.
     """
-    if states.qd.ndim != 2 or states.q.ndim != 2 or states.t.shape != states.qd.shape[:1]:
+    if states.qd.ndim != 2 or not states.q.shape[:1] == states.t.shape == states.qd.shape[:1]:
         raise ValueError(
-            "Argument `states` must hold several states, each array with an axis for them in front, but has `qd` of "
-            f"shape {states.qd.shape} and `t` of shape {states.t.shape}. Use `Trajectory.states`, or `analyze` for one."
+            "Argument `states` must hold several states, each array with an axis for them in front, but has `q` of "
+            f"shape {states.q.shape}, `qd` of {states.qd.shape} and `t` of {states.t.shape}. "
+            "Use `Trajectory.states`, or `analyze` for one."
         )
-    finite = np.all(np.isfinite(states.q), axis=1) & np.all(np.isfinite(states.qd), axis=1)
+    count = len(states.t)
+    finite = np.all([np.all(np.isfinite(x.reshape(count, -1)), axis=1) for x in (states.q, states.qd)], axis=0)
     if finite.sum() < 2:
         raise ValueError(
             f"Argument `states` must hold two finite states at least, but has {finite.sum()}. "
@@ -272,7 +274,7 @@ def _between(
     system: AbstractSystem, first: State, second: State, s: Float[Array, ""], rank: Int[Array, ""]
 ) -> tuple[State, Spectrum]:
     """The state at the fraction s of the way, and its spectrum."""
-    state = between(system, first, second, first.t + s * (second.t - first.t))
+    state = between(system, first, second, s)
     return state, factorize(system, state, rank).spectrum
 
 

@@ -31,6 +31,18 @@ class AbstractClosure(eqx.Module):
         """Compliance W, symmetric positive semidefinite, and misfit d at a state; a number stands for m equal ones."""
 
 
+def closed_by(closure: AbstractClosure, system: AbstractSystem, state: State) -> tuple[Array, Array]:
+    """Compliance and misfit as arrays of the dtype of the state, checked."""
+    m = len(system.rows)
+    compliance, misfit = (jnp.asarray(x, state.qd.dtype) for x in closure.compliance(system, state))
+    if compliance.shape != (m, m) or misfit.shape not in ((), (m,)):
+        raise ValueError(
+            f"Argument `closure` must give a compliance of shape (m, m) = ({m}, {m}) and a misfit that is a number or "
+            f"has shape ({m},), but gives {compliance.shape} and {misfit.shape}. Change what its `compliance` returns."
+        )
+    return compliance, misfit
+
+
 class MinimumNorm(AbstractClosure):
     """The Moore-Penrose pick x = A^+ b + (I - A^+ A) h, Eq. (9), in the units of the system or in others.
 

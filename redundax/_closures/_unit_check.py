@@ -20,7 +20,7 @@ from .._kinematics import jacobian
 from .._scaling import scaling
 from .._state import State
 from .._system import AbstractSystem
-from ._closure import AbstractClosure
+from ._closure import AbstractClosure, closed_by
 
 _LEAST, _MOST = 1e-3, 1e6
 _checked: WeakValueDictionary[int, AbstractClosure] = WeakValueDictionary()
@@ -42,7 +42,7 @@ def check_units(system: AbstractSystem, state: State, closure: AbstractClosure, 
 @eqx.filter_jit
 def _figures(system: AbstractSystem, state: State, closure: AbstractClosure) -> tuple[Array, Array, Array]:
     """Diagonal of W, misfit and L."""
-    compliance, misfit = closure.compliance(system, state)
+    compliance, misfit = closed_by(closure, system, state)
     return jnp.diag(compliance), misfit, scaling(system, state, jacobian(system, state)).length
 
 

@@ -161,7 +161,7 @@ def _solved(equations: Equations, done: Run, ts: Array, rank: Array, singular: b
         t, y, sense, resting = point
         there = equations.with_sense(sense)
         held, found = hold(system, y.at(t), equations.scaling, rank, singular=singular)
-        y = charted(system, y)
+        y, _ = charted(system, y)
         if equations.stabilisation.projects:
             y = jax.tree.map(lambda a, b: jnp.where(resting, a, b), y, projected(system, t, y, held)[0])
         state = y.at(t)

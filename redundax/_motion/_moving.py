@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
-from .._closures._closure import AbstractClosure
+from .._closures._closure import AbstractClosure, closed_by
 from .._friction import load_rows, memory_rates
 from .._friction_problem import FrictionProblem, Law
 from .._kinematics import chart_rate, displacement, slip_gamma, slip_motion
@@ -152,7 +152,7 @@ class Equations(eqx.Module):
         columns = jnp.concatenate([force[:, None], directions], axis=1)
         a, mu = respond(parts, held, columns, jnp.pad(gamma[:, None], ((0, 0), (0, rate.size))))
         if closed:
-            mu = _picked(parts, held, *self.closure.compliance(system, state), mu)
+            mu = _picked(parts, held, *closed_by(self.closure, system, state), mu)
         slip = directions.T @ a
         if self.has_sense:
             slip = slip.at[:, 0].add(-slip_gamma(system, state))
@@ -243,12 +243,13 @@ def _picked(parts: Kinetics, held: Held, compliance: Array, misfit: Array, mu: A
     return mu + response @ ((compliance @ -mu).at[:, 0].add(misfit / scale))
 
 
-def charted(system: AbstractSystem, y: Moving) -> Moving:
-    """y with its position put back on the chart."""
+def charted(system: AbstractSystem, y: Moving) -> tuple[Moving, Bool[Array, ""]]:
+    """y with its position put back on the chart, and whether that settled."""
     if y.base is None:
-        return y
-    q = system.retract(y.base, displacement(system, y.base, y.q))
-    return y._replace(q=q, base=q)
+        return y, jnp.asarray(True)
+    d, change = displacement(system, y.base, y.q)
+    q = system.retract(y.base, d)
+    return y._replace(q=q, base=q), change <= float(jnp.finfo(change.dtype).eps) ** 0.375
 
 
 def projected(system: AbstractSystem, t: Array, y: Moving, held: Held) -> tuple[Moving, Kinetics]:

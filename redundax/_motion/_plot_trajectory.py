@@ -33,7 +33,8 @@ def plot_trajectory(system: AbstractSystem, trajectory: Trajectory, outputs: Seq
       N m); the first six positions that vary, angles first, if not given. Positions have names where there is one for
       each velocity; where not, velocities take their place.
 
-    **Returns:** a matplotlib figure. Curves end where the motion did.
+    **Returns:** a matplotlib figure, which names SI units, also of a system `in_units`. Curves end where the motion
+    did.
 
     **Raises:** `ValueError` for names that are not there.
     """

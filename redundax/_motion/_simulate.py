@@ -7,6 +7,7 @@ friction at the times asked for are those of `solve`.
 """
 
 import diffrax
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
@@ -130,6 +131,8 @@ def _check(
             f"Argument `state` must have one entry for each of the {n} coordinates, but its `q` has shape "
             f"{state.q.shape} and its `qd` {state.qd.shape}. Use jax.vmap for many motions."
         )
+    if not system.adds:
+        _check_chart(system, state)
     if rtol is None and dt0 is None:
         raise ValueError("Argument `dt0` must be given where `rtol` is None, but it is None: it is the constant step.")
     if rtol is not None and not isinstance(solver, diffrax.AbstractAdaptiveSolver):
@@ -137,6 +140,23 @@ def _check(
             f"Argument `rtol` must be None with {type(solver).__name__}, which does not estimate its error, but it is "
             "given. Give `rtol=None` and a constant step `dt0`, or another solver."
         )
+
+
+def _check_chart(system: AbstractSystem, state: State) -> None:
+    """Refuse positions that the retraction does not take and give back."""
+    try:
+        shape = jax.eval_shape(system.retract, state.q, state.qd).shape
+    except (TypeError, ValueError, IndexError) as error:
+        raise ValueError(_chart_message(state, f"raises: {error}")) from error
+    if shape != state.q.shape:
+        raise ValueError(_chart_message(state, f"gives shape {shape}"))
+
+
+def _chart_message(state: State, what: str) -> str:
+    return (
+        f"Argument `state` must have a `q` that the system's retraction takes and gives back, but for `q` of shape "
+        f"{state.q.shape} it {what}. Give the position as the constraints take it; use jax.vmap for many motions."
+    )
 
 
 def _thrown(system: AbstractSystem, state: State, trajectory: Trajectory, throw: bool | None) -> Trajectory:

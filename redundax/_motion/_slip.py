@@ -68,8 +68,8 @@ def locate(
 
     def newton(carry: tuple[Array, Moving, Array], _: None) -> tuple[tuple[Array, Moving, Array], None]:
         t, y, dt = carry
-        y = charted(equations.system, _stepped(equations, t, y, dt, context))
-        y = projected(equations.system, t + dt, y, context.held)[0]
+        stepped = charted(equations.system, _stepped(equations, t, y, dt, context))[0]
+        y = projected(equations.system, t + dt, stepped, context.held)[0]
         slip, rate = _slip(mode, y.at(t + dt), context)
         h = jnp.where(bracket.released, slip, rate)[bracket.joint]
         slope = jnp.where(bracket.released, bracket.slope, slip[bracket.joint])
@@ -100,12 +100,16 @@ def _bracket(
     event: Bool[Array, ""],
 ) -> Bracket:
     """The first event to a fraction of the step, interpolated; a reversal where there are both."""
+
+    def at(t: Array) -> State:
+        return between(equations.system, first, last, (t - first.t) / (last.t - first.t))
+
     over = _against(equations, slip_motion(equations.system, last)[0]) > 0
 
     def halved(carry: tuple) -> tuple:
         k, low, high, there, against = carry
         t = jnp.where(k == 0, high, (low + high) / 2)
-        state = between(equations.system, first, last, t)
+        state = at(t)
         linear = equations.linear(state, context.held, closed=equations.loaded)
         here = settled(equations, state, linear, event & jnp.any(equations.sticking))
         late = jnp.where(over, _against(equations, linear.rate), 0.0)
@@ -119,7 +123,7 @@ def _bracket(
     reverses, go = jnp.any(against > 0), released(equations, there)
     joint = jnp.where(reverses, jnp.argmax(against), jnp.argmax(go))
     after = equations.with_sense(_after(equations, there))
-    ends = (between(equations.system, first, last, t) for t in (low, high))
+    ends = at(low), at(high)
     slips = jax.lax.map(lambda state: _slip(after, state, context)[0], jax.tree.map(lambda *x: jnp.stack(x), *ends))
     slope = (slips[1] - slips[0])[joint] / jnp.where(event, high - low, 1.0)
     return Bracket(high, there, joint, ~reverses & jnp.any(go), slope)

@@ -125,7 +125,8 @@ class Stepper(diffrax.AbstractWrappedSolver):
         y, error, dense, inner, result = self.solver.step(
             terms, t0, t1, y0, (equations, context), solver_state.inner, made_jump or projects or not system.adds
         )
-        raw, y = y, charted(system, y)
+        raw = y
+        y, settled = charted(system, y)
         if projects:
             y, parts = projected(system, t1, y, context.held)
         else:
@@ -151,7 +152,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
         largest = jnp.maximum(solver_state.largest, pivot)
         carried = Carried(inner, Context(held, tau), watch, pivot, largest, jax.lax.stop_gradient((t0, y0)))
         good = _may_end(off, excess, solver_state, pivot) if projects else jnp.isfinite(off)
-        good = good & (jump <= _JUMP)
+        good = good & settled & (jump <= _JUMP)
         if self.constant or error is None:
             error = jax.tree.map(jnp.zeros_like, y)
         else:

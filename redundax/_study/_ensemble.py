@@ -71,11 +71,11 @@ def ensemble(
     - `chunk`, `path`, `mesh`, `progress`: as in `study`; the file holds the motions, not the bands.
 
     **Returns:** an `xarray.Dataset` of the motions: `q`, `qd`, `acceleration`, `multipliers`, `friction` and `sense`
-    along "sample", "time" and "coordinate", "row" or "slip", with `result` and `stats` of each sample; the attribute
-    `units` gives the units of linear and angular entries, which `coordinate_kind` and its like tell apart. `q_band` and
-    its like have "percentile" in place of "sample", and `q_count` says on how many motions they rest. `solved` is
-    whether a motion got to the end or to rest for good, and `outcomes` how many motions ended in which way, along
-    "outcome". Draw it with `plot_ensemble`.
+    along "sample", "time" and "coordinate", "row" or "slip" (`q` in a chart of its own along "q_1", ...), with `result`
+    and `stats` of each sample; the attribute `units` gives the SI units of linear and angular entries, which
+    `coordinate_kind` and its like tell apart. `q_band` and its like have "percentile" in place of "sample", and
+    `q_count` says on how many motions they rest. `solved` is whether a motion got to the end or to rest for good, and
+    `outcomes` how many motions ended in which way, along "outcome". Draw it with `plot_ensemble`.
 
     **Raises:** `ValueError` where arguments do not fit, as in `study`; warns where motions did not get to the end.
     """
