@@ -21,7 +21,6 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
-from ._chunks import in_chunks
 from ._kinematics import change_of_jacobian, jacobian, second_order
 from ._rank import Spectrum, Split, split
 from ._restricted import restricted_inverse
@@ -236,10 +235,6 @@ def factorize(system: AbstractSystem, state: State, rank: ArrayLike | None = Non
 
 @eqx.filter_jit
 def _factorize(system: AbstractSystem, state: State, rank: Int[Array, ""] | None) -> Factorisation:
-    return in_chunks(_factorised, system, state, rank)
-
-
-def _factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | None) -> Factorisation:
     matrix = jacobian(system, state)
     motion, explicit, turned = second_order(system, state)
     mass, load = system.mass(state.q, state.t), system.load(state)

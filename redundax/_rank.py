@@ -34,6 +34,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from ._chunks import in_chunks
+
 _DELTA = 0.45  # power of the rounding: large enough that the Cholesky factor exists, else as small as can be
 _STEPS = 3
 
@@ -86,16 +88,22 @@ def split(
     still, violation = jax.lax.stop_gradient((scaled, violation))
     rank = None if rank is None else jnp.asarray(rank, int)
     tolerance = 30 * (_noise(still) + violation)
-
-    def decomposed(state: tuple[_Decision, Array]) -> tuple[_Decision, Array]:
-        unproved = jnp.where(state[1], 0.0, still)  # XLA would move what does not change out of the loop, and run it
-        return _decomposed(unproved, violation, tolerance, rank), jnp.asarray(True)
-
-    found, _ = jax.lax.while_loop(lambda state: ~state[1], decomposed, _multiplied(still, violation, tolerance, rank))
+    found = in_chunks(_decided, still, violation, tolerance, rank)
     values = _relative(_singular_values(still))
     dropped = jnp.append(values, jnp.zeros((), values.dtype))[jnp.clip(found.rank, 0, values.size)]
     gap = jnp.where(dropped > 0, _kept(values, found.rank) / jnp.where(dropped > 0, dropped, 1.0), jnp.inf)
     return _following(scaled, found.parts), Spectrum(values, found.rank, tolerance, gap, found.ambiguous, found.kept)
+
+
+def _decided(scaled: Array, violation: Array, tolerance: Array, rank: Array | None) -> _Decision:
+    """By multiplication, or where its bounds prove nothing by decomposition."""
+
+    def decomposed(state: tuple[_Decision, Array]) -> tuple[_Decision, Array]:
+        unproved = jnp.where(state[1], 0.0, scaled)  # XLA would move what does not change out of the loop, and run it
+        return _decomposed(unproved, violation, tolerance, rank), jnp.asarray(True)
+
+    start = _multiplied(scaled, violation, tolerance, rank)
+    return jax.lax.while_loop(lambda state: ~state[1], decomposed, start)[0]
 
 
 @jax.custom_batching.sequential_vmap  # batched, it could run beside another LAPACK call, and both can hang

@@ -17,6 +17,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from ._chunks import in_chunks
+
 
 @jax.custom_jvp
 def restricted_inverse(
@@ -27,6 +29,10 @@ def restricted_inverse(
     `after` is a finite number that must be computed first: two LAPACK calls that XLA runs at the same time can wait
     for each other for good on small CPUs.
     """
+    return in_chunks(_inverse, matrix, projector, dimension, after)
+
+
+def _inverse(matrix: Array, projector: Array, dimension: Array, after: Array) -> tuple[Array, Array]:
     restricted = projector @ matrix @ projector
     weight = jnp.trace(restricted) / jnp.maximum(dimension, 1)
     other = jnp.eye(matrix.shape[0], dtype=matrix.dtype) - projector

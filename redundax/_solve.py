@@ -4,7 +4,7 @@ The equations are reduced to the friction forces (`_reduced`), solved for them, 
 friction nothing iterates.
 """
 
-from typing import cast
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -110,8 +110,19 @@ def solve_factorised(
     sense: Array | None,
 ) -> Solution:
     """`solve`, given the factorisation at the state."""
-    end, root, contraction, result = in_chunks(_end, factor, system, state, closure, solver, x0, sense)
+    end, root, contraction, result = _ended(factor, system, state, closure, solver, x0, sense)
     return _solution(factor, end, root, contraction, solver.tolerance(state.qd.dtype), result)
+
+
+@eqx.filter_custom_jvp
+def _ended(*arguments: Any) -> tuple[Response, Root, Array, RESULTS]:
+    """`_end` in chunks; its derivative is that of `_end`, which has a rule where it iterates."""
+    return in_chunks(_end, *arguments)
+
+
+@_ended.def_jvp
+def _ended_jvp(primals: tuple, tangents: tuple) -> tuple:
+    return eqx.filter_jvp(_end, primals, tangents)
 
 
 def _end(

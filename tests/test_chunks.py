@@ -34,19 +34,6 @@ def test_what_does_not_depend_on_the_sample_stays_out_of_the_batch():
     assert alone(jnp.zeros(3)).shape == (12,)
 
 
-def test_chunks_factorise_only_what_depends_on_the_sample():
-    """Friction does not enter the factorisation; gravity enters the load, not the Jacobian."""
-
-    def factor(**numbers):
-        mechanism = rx.mechanisms.wojtyra2020(**{"mu_rho": 0.02} | numbers)
-        return rx.factorize(mechanism, mechanism.state(0.8, rate=1.0))
-
-    alone = jax.vmap(lambda mu: factor(mu_rho=mu).jacobian, out_axes=None, axis_size=3)(jnp.full(3, 0.1))
-    np.testing.assert_array_equal(alone, factor().jacobian)
-    found = jax.vmap(lambda g: (lambda f: (f.load, f.self_stress))(factor(gravity=g)), out_axes=(0, None))(jnp.ones(3))
-    assert found[0].shape == (3, 12) and found[1].shape == (12, 12)
-
-
 def test_one_bad_sample_leaves_the_others_alone():
     solutions = jax.vmap(solve)(jnp.array([0.0, jnp.nan, 50.0]))
     assert np.array_equal(solutions.result == rx.RESULTS.successful, [True, False, True])
