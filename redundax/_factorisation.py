@@ -104,7 +104,7 @@ class Factorisation(eqx.Module):
 
     @property
     def _least_kept(self) -> Float[Array, ""]:
-        """sigma_r / sigma_1."""
+        """sigma_r / sigma_1, or a bound below it."""
         return jnp.minimum(self.spectrum.kept, 1.0)
 
     @property

@@ -90,7 +90,7 @@ def split(
     tolerance = 30 * (_noise(still) + violation)
     found = in_chunks(_decided, still, violation, tolerance, rank)
     values = _relative(_singular_values(still))
-    dropped = jnp.append(values, jnp.zeros((), values.dtype))[jnp.clip(found.rank, 0, values.size)]
+    dropped = _dropped(values, found.rank)
     gap = jnp.where(dropped > 0, _kept(values, found.rank) / jnp.where(dropped > 0, dropped, 1.0), jnp.inf)
     return _following(scaled, found.parts), Spectrum(values, found.rank, tolerance, gap, found.ambiguous, found.kept)
 
@@ -117,6 +117,10 @@ def _relative(values: Array) -> Array:
 
 def _kept(values: Array, rank: Array) -> Array:
     return jnp.where(rank > 0, values[jnp.clip(rank - 1, 0)], jnp.inf)
+
+
+def _dropped(values: Array, rank: Array) -> Array:
+    return jnp.append(values, jnp.zeros((), values.dtype))[jnp.clip(rank, 0, values.size)]
 
 
 def _noise(scaled: Array) -> float:
@@ -187,8 +191,7 @@ def _decomposed(scaled: Array, violation: Array, tolerance: Array, rank: Array |
     found = jnp.sum(values > tolerance) if rank is None else rank
     kept = _kept(values, found)
     if rank is None:
-        dropped = jnp.append(values, jnp.zeros((), values.dtype))[jnp.clip(found, 0, values.size)]
-        ambiguous = (kept < 10 * tolerance) | (dropped > _rounding(scaled) + violation)
+        ambiguous = (kept < 10 * tolerance) | (_dropped(values, found) > _rounding(scaled) + violation)
     else:
         ambiguous = (kept <= 3 * _noise(scaled)) | (rank < 0) | (rank > values.size)
     counted = jnp.arange(sigma.size) < found

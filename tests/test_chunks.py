@@ -34,6 +34,18 @@ def test_what_does_not_depend_on_the_sample_stays_out_of_the_batch():
     assert alone(jnp.zeros(3)).shape == (12,)
 
 
+def test_factorisations_of_a_batch_hold_only_what_depends_on_the_sample():
+    """Gravity enters the load, friction nothing; a sweep over them has one decomposition."""
+
+    def parts(number):
+        mechanism = rx.mechanisms.wojtyra2020(mu_rho=number, gravity=number)
+        factor = rx.factorize(mechanism, mechanism.state(0.8, rate=1.0))
+        return factor.load, factor.self_stress
+
+    load, stress = jax.vmap(parts, out_axes=(0, None))(jnp.full(3, 0.1))
+    assert load.shape == (3, 12) and stress.shape == (12, 12)
+
+
 def test_one_bad_sample_leaves_the_others_alone():
     solutions = jax.vmap(solve)(jnp.array([0.0, jnp.nan, 50.0]))
     assert np.array_equal(solutions.result == rx.RESULTS.successful, [True, False, True])

@@ -193,7 +193,7 @@ def test_own_closures_give_a_number_or_a_vector():
     system, state, *_ = data("wojtyra2020", registry.coulomb)
     reference = rx.solve(system, state, closure=rx.MinimumNorm(3.0))
     for misfit in (3.0, jnp.full(12, 3.0)):
-        same(rx.solve(system, state, closure=Own(misfit)), reference, system)
+        assert same(rx.solve(system, state, closure=Own(misfit)), reference, system)
     with pytest.raises(ValueError, match=r"Argument `closure` must give .* misfit .* shape \(12,\), but gives"):
         rx.solve(system, state, closure=Own(jnp.zeros(13)))
 
