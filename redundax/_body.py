@@ -1,10 +1,11 @@
 """Planar rigid bodies."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ._module import as_float, known
+from ._module import as_float, known, taken
 
 GROUND = "ground"
 
@@ -46,6 +47,8 @@ class Body(eqx.Module):
 class Pose(eqx.Module):
     """Position (2,) and angle of a body's local frame in the global frame, of one body or stacked.
 
+    `along` and `across`, shape (2,), are the frame's axes, which follow from the angle.
+
     ??? example
 
         ```python
@@ -56,10 +59,16 @@ class Pose(eqx.Module):
 
     r: Float[Array, "*bodies 2"]
     phi: Float[Array, "*bodies"]
+    along: Float[Array, "*bodies 2"] = eqx.field(repr=False)
+    across: Float[Array, "*bodies 2"] = eqx.field(repr=False)
 
-    def __getitem__(self, body: Int[Array, ""]) -> "Pose":
-        """Pose of one body out of stacked ones."""
-        return Pose(self.r[body], self.phi[body])
+    def __init__(self, r: Float[Array, "*bodies 2"], phi: Float[Array, "*bodies"]):
+        self.r, self.phi = r, phi
+        self.along, self.across = _axes(phi)
+
+    def __getitem__(self, body: Int[Array, "*some"]) -> "Pose":
+        """Poses of some bodies out of stacked ones."""
+        return taken(self, body)
 
     def point(self, s: Float[Array, "2"]) -> Float[Array, "2"]:
         """Global position of the point s of the local frame: r + R s."""
@@ -67,8 +76,21 @@ class Pose(eqx.Module):
 
     def rotate(self, v: Float[Array, "2"]) -> Float[Array, "2"]:
         """Global components of the local vector v: R v, Eq. (54)."""
-        c, s = jnp.cos(self.phi), jnp.sin(self.phi)
-        return jnp.stack([c * v[0] - s * v[1], s * v[0] + c * v[1]])
+        return self.along * v[0] + self.across * v[1]
+
+
+@jax.custom_jvp
+def _axes(phi: Float[Array, "*bodies"]) -> tuple[Float[Array, "*bodies 2"], Float[Array, "*bodies 2"]]:
+    """The axes of frames in the global frame, the columns of R."""
+    c, s = jnp.cos(phi), jnp.sin(phi)
+    return jnp.stack([c, s], axis=-1), jnp.stack([-s, c], axis=-1)
+
+
+@_axes.defjvp
+def _axes_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    along, across = _axes(*primals)  # each turns into the other: no sines in derivatives of any order
+    rate = tangents[0][..., None]
+    return (along, across), (rate * across, -rate * along)
 
 
 def perpendicular(v: Float[Array, "2"]) -> Float[Array, "2"]:

@@ -47,8 +47,8 @@ class JointFriction(AbstractFriction):
 
     def slip(self, q: Array, t: Array) -> Array:
         body = poses(q)
-        return eqx.filter_vmap(lambda joint, i, j: joint.slip(body[i], body[j]))(
-            self.joints.element, self.joints.i, self.joints.j
+        return eqx.filter_vmap(lambda joint, i, j: joint.slip(i, j))(
+            self.joints.element, body[self.joints.i], body[self.joints.j]
         )
 
     def force(self, loads: Array, rate: Array, sense: Array, memory: PyTree, state: State) -> Array:

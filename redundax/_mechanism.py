@@ -19,7 +19,7 @@ from ._body import Body, poses
 from ._group_friction import FrictionMembers, JointFriction, friction_members
 from ._joints import AbstractJoint
 from ._loads import AbstractLoad, Motion
-from ._module import Numbers, as_float, as_functions, as_vector, moved, replace
+from ._module import Numbers, as_float, as_functions, as_vector, moved, replace, taken
 from ._names import check_names
 from ._stack import Stack, indices, stacked, stacks
 from ._state import State
@@ -154,14 +154,15 @@ class Mechanism(AbstractSystem):
     def constraint(self, q: Array, t: Array) -> Float[Array, " m"]:
         body = poses(q)
         residuals = [
-            eqx.filter_vmap(lambda joint, i, j: joint.residual(body[i], body[j], t))(joints.element, joints.i, joints.j)
+            eqx.filter_vmap(lambda joint, i, j: joint.residual(i, j, t))(joints.element, body[joints.i], body[joints.j])
             for joints in self.joints
         ]
         return self.of_rows(residuals)
 
     def of_rows(self, values: Sequence[Array]) -> Shaped[Array, " m ..."]:
         """What the rows of the joints have, kind by kind of shape (joints, rows, ...), in the order of the rows."""
-        return jnp.concatenate([value.reshape(-1, *value.shape[2:]) for value in values])[self._source]
+        flat = jnp.concatenate([value.reshape(-1, *value.shape[2:]) for value in values])
+        return taken(flat, self._source)
 
     def load(self, state: State) -> Float[Array, " n"]:
         body, rate = poses(state.q), poses(state.qd)

@@ -10,7 +10,7 @@ import jax.core
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 T = TypeVar("T")
 
@@ -80,6 +80,13 @@ def replace(module: T, **fields: Any) -> T:
     for field in dataclasses.fields(module):  # pyright: ignore[reportArgumentType]
         object.__setattr__(copy, field.name, fields.get(field.name, getattr(module, field.name)))
     return copy
+
+
+def taken(stacked: T, members: Int[Array, "..."]) -> T:
+    """Some members of what is stacked; the indices, ours, are in bounds, and nothing is traced that checks them."""
+    return jax.tree.map(
+        lambda x: jnp.asarray(x).at[members].get(mode="promise_in_bounds", wrap_negative_indices=False), stacked
+    )
 
 
 def as_vector(value: Numbers) -> Float[Array, "2"]:

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Int
 
 from ._body import GROUND
-from ._module import as_functions, replace
+from ._module import as_functions, replace, taken
 
 
 class AbstractBetweenBodies(eqx.Module):
@@ -41,7 +41,7 @@ class Stack(eqx.Module, Generic[E]):
 
     def take(self, members: Int[Array, " some"]) -> "Stack[E]":
         """The stack of the given members."""
-        return jax.tree.map(lambda x: x[members], self)
+        return taken(self, members)
 
 
 def kinds(elements: Sequence[E]) -> list[list[int]]:
