@@ -16,17 +16,21 @@ class Sticking:
       others; "must slip": no case was found in which friction can hold it; "undecided": no case was found to be
       possible.
     - `proved`: whether the verdict is proved; otherwise it is as good as the search.
-    - `margin`: least and largest margin, shape (2,): what friction holds of the load's drive, less 1; it sticks from 0
-      on, -1 is no friction. Infinite where nothing drives the mechanism, or friction grows with its own load so that
-      no force would make it slip.
+    - `margin`: least and largest margin, shape (2,): the largest part of the load's drive that friction can hold, less
+      1; it sticks from 0 on, -1 is no friction against some part of the drive. Infinite where nothing drives the
+      mechanism, or friction grows with its own load so that no force would make it slip.
     - `case`: the case of each: amplitude, preload, misfit or compliance, shape (2, q).
     - `acceleration`, `multipliers`, `friction`: the state of each, shapes (2, n), (2, m) and (2, p): held, without
       acceleration, or as slip begins.
     - `share`: of its limit |law|, that the friction of every joint uses there, shape (2,): at most 1 where held, 1
-      where it slips. Friction that holds is not unique; this is the one in which all joints use the same share.
+      where it slips. Friction that holds is not unique; this is the one in which all joints use the same share, with
+      several degrees of freedom one in which no joint uses more.
     - `bounds`: what was bounded, or the closure: the name of the class.
     - `parameters`, `box`: names of the entries of a case, and their bounds, shape (q, 2).
     - `names`, `senses`: of the slips, and the sense of each in which it sets out without friction, shape (p,).
+    - `slip_verdicts`, `slip_proved`: the same of each slip, "must stick", "may stick" or "must slip", and whether that
+      is proved, shape (p,): with several degrees of freedom some joints slip while others stick.
+    - `slip_senses`: the senses, -1 or 1, in which each slip was found to start.
     - `can_hold`: whether any friction depends on the sense of slip; other friction, as `RegularisedCoulomb`, creeps,
       and `LuGre` bends bristles.
     - `solved`: share of the cases looked at that are decided; the others have no solution, or lie beyond limits on
@@ -54,6 +58,9 @@ class Sticking:
     box: np.ndarray
     names: tuple[str, ...]
     senses: np.ndarray
+    slip_verdicts: tuple[str, ...]
+    slip_proved: np.ndarray
+    slip_senses: tuple[tuple[int, ...], ...]
     can_hold: bool
     solved: float
 
@@ -72,7 +79,17 @@ class Sticking:
         for what, k in (("least", 0), ("largest", 1)):
             if len(self.margin) and not (k and self.margin[0] == self.margin[1]):
                 lines += self._end(what if self.parameters else "", k)
-        return "\n".join(lines)
+        return "\n".join([*lines, *self._joints()])
+
+    def _joints(self) -> list[str]:
+        """What is known of the slips, in words."""
+        groups: dict[str, list[str]] = {}
+        for name, verdict, proved, senses in zip(
+            self.names, self.slip_verdicts, self.slip_proved, self.slip_senses, strict=True
+        ):
+            line = f"{verdict} ({'proved' if proved else 'as far as the search went'})"
+            groups.setdefault(line, []).append(name + "".join(" +" if sense > 0 else " -" for sense in senses))
+        return [f"slips that {line}: {', '.join(names)}" for line, names in groups.items()]
 
     def _end(self, what: str, k: int) -> list[str]:
         """One of the ends, in words."""

@@ -1,0 +1,246 @@
+"""A mechanism at rest with any number of degrees of freedom, case by case.
+
+    lambda = max lambda   with   lambda g + S^T tau = 0,   lo(rho) <= tau <= hi(rho),   rho = rho_0 + K tau
+
+is the largest part of its drive that friction can hold, at the loads that it has then, and margin = lambda - 1. With
+one degree of freedom that is the margin of `_one_freedom`. Held, tau is within the share t of the limits at the loads
+of that tau. Limits are those at the last friction, programme after programme (`_capacity`), until they stay; where they
+do not, the margin is 1 / t - 1 of friction that holds, if any was found.
+
+Limits that depend on tau make the set of tau no convex one, so that the search can miss friction that holds. Proofs do
+without the search: with L = (I - Gamma)^-1 (limits at tau = 0 + c), no friction exceeds L and
+
+    |limits - those at tau = 0 in the middle of a cell of cases| <= c + Gamma L,   c = Lambda |half the cell|,
+
+where the spectral radius of Gamma is below 1. Over a cell
+
+- nothing holds, if lambda < 1 at the largest of these limits, by the dual;
+- nothing slips, if some tau* holds at the least of them: g and S do not depend on the case, and with any friction tau of
+  joints that slip a^T M a <= sum_j (|tau*_j| - |tau_j|) |alpha_j| <= 0;
+- a joint slips, if its alpha at the limits in the middle exceeds the change of it that `_stick_slip` states.
+
+Where friction puts no load on friction, Gamma = 0, cells get as small as the verdict needs.
+"""
+
+import functools
+from collections.abc import Callable
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from .._analysis._verdict import spectral_radius
+from ._at_rest import LIMIT, Drive, Ends, in_batches
+from ._capacity import Capacity, capacity
+from ._cases import Affine
+from ._descent import within
+from ._one_freedom import CELLS, largest_gamma
+from ._search import Search
+from ._stick_slip import Looked, looked, settled, started
+
+_TURNS = 100  # programmes in a row
+_STAYS = 1e-12  # relative change of limits that is none
+_ENDLESS = 1e9  # lambda that has no end
+_ROUNDS, _TRIED = 40, 16  # of random steps to the least and the largest margin, and steps of each
+_RADIUS, _GROWN, _SHRUNK = 0.1, 1.5, 0.6  # their first size, relative to the box, and how it changes
+
+
+class _Turned(NamedTuple):
+    """Friction tau (s, p) that programmes end with, at limits that give lambda (s,), and whether these are its own."""
+
+    tau: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    most: np.ndarray
+    stays: np.ndarray
+
+
+class ManyFreedoms:
+    """Cases of a mechanism at rest with any number of degrees of freedom.
+
+    - `search`, `drive`: the cases, and what drives the mechanism.
+    - `size`: how many cases are looked at in one batch.
+    - `gamma`, `change`: Gamma (p, p) and Lambda (p, q); infinite where no bound is known.
+    """
+
+    def __init__(self, search: Search, drive: Drive, size: int, *, reads: bool):
+        """`reads` says whether any load on friction depends on the case."""
+        solutions, cases = search.solutions, search.cases
+        self.search, self.drive, self.size = search, drive, size
+        p, affine = len(drive.slips), isinstance(cases, Affine)
+        gamma = largest_gamma(solutions, cases) if affine or not reads else np.full((p, p), np.inf)
+        own = np.linalg.norm(drive.slips, axis=1)
+        rounding = gamma * own[:, None] <= _STAYS * own
+        self.gamma = np.where(rounding, 0.0, gamma)
+        self.change = np.full((p, cases.lower.size), np.inf if reads else 0.0)
+        if reads and affine and solutions.law is not None:
+            change = np.asarray(solutions.law.largest_changes(cases.slope[solutions.rows]))
+            self.change = np.where(np.asarray(cases.upper > cases.lower), change, 0.0)
+
+    def ends(self, theta: np.ndarray, seed: int) -> Ends:
+        """States that are possible in cases, and in those to which random steps to the extreme margins lead."""
+        ends = self._states(theta)
+        lower, upper = np.asarray(self.search.cases.lower), np.asarray(self.search.cases.upper)
+        if not len(ends.margin) or not np.ptp(ends.margin[np.isfinite(ends.margin)], initial=0.0) > LIMIT:
+            return ends
+        random, radius = np.random.default_rng(seed), np.full(2, _RADIUS)
+        for _ in range(_ROUNDS):
+            before = ends.margin.min(), ends.margin.max()
+            best = ends.theta[[ends.margin.argmin(), ends.margin.argmax()]]
+            steps = random.standard_normal((_TRIED, 2, lower.size)) * radius[:, None] * (upper - lower)
+            tried = self._states(np.clip(best + steps, lower, upper).reshape(-1, lower.size))
+            ends = Ends(*(np.concatenate(pair) for pair in zip(ends[:-1], tried[:-1], strict=True)), ends.solved)
+            better = np.array([ends.margin.min() < before[0], ends.margin.max() > before[1]])
+            radius = radius * np.where(better, _GROWN, _SHRUNK)
+        return ends
+
+    def _states(self, theta: np.ndarray) -> Ends:
+        """States that are possible in cases: held, and as slip begins."""
+        drive, (s, p) = self.drive, (len(theta), len(self.drive.slips))
+        held, margin = self._held(theta)
+        at = self._looked(theta, held.tau)
+        sticks = held.stays & within(held.stays, at.excess)
+        tau, found = self._settled(theta)
+        slip, moves = started(drive, tau)
+        then = self._looked(theta, tau)
+        slips = moves & within(found, then.excess)
+        left = np.ones(s) if drive.none else 1 + (tau @ drive.slips) @ drive.load / (drive.load @ drive.load)
+        falls = np.where(~held.stays & (margin < -LIMIT), margin, -left)
+        free, unit = self.search.solutions.free.acceleration, self.search.solutions.unit.acceleration
+        moved = np.asarray(free) + tau @ np.asarray(unit).T
+        parts = [
+            (falls[slips], margin[sticks]),
+            (theta[slips], theta[sticks]),
+            (moved[slips], np.zeros((sticks.sum(), moved.shape[1]))),
+            (then.multipliers[slips], at.multipliers[sticks]),
+            (tau[slips], held.tau[sticks]),
+            (np.ones(slips.sum()), 1 / held.most[sticks]),
+            (slip[slips], np.zeros((sticks.sum(), p))),
+        ]
+        return Ends(*(np.concatenate(part) for part in parts), solved=float(np.mean(slips | sticks)))
+
+    def _held(self, theta: np.ndarray) -> tuple[_Turned, np.ndarray]:
+        """Friction that holds each case with the least share, if `stays`, and the margin, NaN where not known."""
+        s, p = len(theta), len(self.drive.slips)
+        none = np.zeros((s, p)), np.full((s, p), np.nan), np.full((s, p), np.nan), np.zeros(s)
+        if self.drive.none:
+            most = np.full(s, np.inf)
+            return _Turned(*none[:3], most, np.ones(s, bool)), most
+        whole = self._turned(theta, *none)
+        margin = np.where(whole.stays, whole.most - 1, np.where(whole.most >= _ENDLESS, np.inf, np.nan))
+        begin = whole.tau / np.where(whole.most > 0, whole.most, 1.0)[:, None]
+        held = self._turned(theta, begin, *whole[1:4], hold=True)
+        held = held._replace(stays=self._holds(theta, held.tau) & (held.most >= 1 - LIMIT))
+        shown = held.stays & ~(margin >= -LIMIT)
+        return held, np.where(shown, held.most - 1, margin)
+
+    def _turned(
+        self,
+        theta: np.ndarray,
+        tau: np.ndarray,
+        low: np.ndarray,
+        high: np.ndarray,
+        most: np.ndarray,
+        *,
+        hold: bool = False,
+    ) -> _Turned:
+        """Programmes in turn, from friction found at limits: all of it, or the share that holds."""
+        tau, low, high, most = (np.array(x) for x in (tau, low, high, most))
+        stays = np.zeros(len(theta), bool)
+        for _ in range(_TURNS):
+            at = self._looked(theta, tau)
+            size = np.maximum(-at.low, at.high).max(axis=1, initial=0.0)
+            change = np.maximum(np.abs(at.low - low), np.abs(at.high - high)).max(axis=1, initial=0.0)
+            stays = change <= _STAYS * size
+            going = ~stays & np.isfinite(size) & (most < _ENDLESS)
+            if not going.any():
+                break
+            low[going], high[going] = at.low[going], at.high[going]
+            found = self._most(low[going], high[going])
+            most[going] = found.most
+            part = np.where(hold & (found.most > 0), found.most, 1.0)
+            tau[going] = found.tau / part[:, None]
+        return _Turned(tau, low, high, most, stays)
+
+    def _holds(self, theta: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        """Whether friction leaves no acceleration and is within its limits; NaN is not."""
+        at, drive = self._looked(theta, tau), self.drive
+        rounding = LIMIT * np.maximum(-at.low, at.high).max(axis=1, initial=0.0)[:, None]
+        inside = np.all((tau >= at.low - rounding) & (tau <= at.high + rounding), axis=1)
+        return inside & (np.linalg.norm(drive.load + tau @ drive.slips, axis=1) <= LIMIT * np.linalg.norm(drive.load))
+
+    def _looked(self, theta: np.ndarray, tau: np.ndarray) -> Looked:
+        search = self.search
+        return in_batches(lambda *own: looked(search.solutions, search.cases, *own), self.size, theta, tau)
+
+    def _settled(self, theta: np.ndarray, *, own_loads: bool = True) -> tuple[np.ndarray, np.ndarray]:
+        """Friction as it starts, and whether it was found; with or without the loads that friction puts on it."""
+        solutions, cases = self.search.solutions, self.search.cases
+        if not len(self.drive.slips):
+            return np.zeros((len(theta), 0)), np.ones(len(theta), bool)
+        if not own_loads:
+            cases = eqx.tree_at(lambda cases: cases.unit, cases, 0 * cases.unit)
+        load, slips = map(jnp.asarray, (self.drive.load, self.drive.slips))
+        return in_batches(lambda own: settled(solutions, cases, load, slips, own), self.size, theta)
+
+    def proves(self, verdict: str, joint: int | None = None) -> bool:
+        """Whether a verdict that states found support is proved, of the whole or of a joint."""
+        if verdict == "must stick":
+            return self._all_stick
+        if verdict == "must slip":
+            return self._all_slip if joint is None else self._always_slips(joint)
+        return verdict == "may stick"
+
+    @functools.cached_property
+    def _all_stick(self) -> bool:
+        """Whether it is proved that no case slips."""
+        return self.drive.none or self._covered(
+            lambda _, low, high, less: self._most(low + less, high - less).most >= 1
+        )
+
+    @functools.cached_property
+    def _all_slip(self) -> bool:
+        """Whether it is proved that friction holds no case."""
+        return not self.drive.none and self._covered(
+            lambda _, low, high, less: self._most(low - less, high + less).bound < 1 - LIMIT
+        )
+
+    def _always_slips(self, joint: int) -> bool:
+        """Whether it is proved that a joint slips in every case."""
+        own = np.linalg.norm(self.drive.slips, axis=1)
+
+        def proves(middle: np.ndarray, _low: np.ndarray, _high: np.ndarray, less: np.ndarray) -> np.ndarray:
+            tau, found = self._settled(middle, own_loads=False)
+            alpha = (self.drive.load + tau @ self.drive.slips) @ self.drive.slips[joint]
+            return found & (started(self.drive, tau)[0][:, joint] != 0) & (np.abs(alpha) > own[joint] * (less @ own))
+
+        return self._covered(proves)
+
+    def _most(self, low: np.ndarray, high: np.ndarray) -> Capacity:
+        return capacity(self.drive, np.minimum(low, 0.0), np.maximum(high, 0.0))
+
+    def _covered(self, proves: Callable[..., np.ndarray]) -> bool:
+        """Whether `proves(middle, low, high, less)` holds in each of cells (s, q) that cover the box.
+
+        Limits of friction in the cell are those without friction in its middle, low and high, give or take `less`.
+        """
+        lower, upper = np.asarray(self.search.cases.lower), np.asarray(self.search.cases.upper)
+        if not np.all(np.isfinite(self.change)) or not spectral_radius(self.gamma) < 1:
+            return False
+        middle, half, count = (lower + upper)[None] / 2, (upper - lower)[None] / 2, 0
+        weight = np.linalg.norm(self.drive.slips, axis=1) @ self.change
+        while len(middle) and count < CELLS:
+            count += len(middle)
+            change = half @ self.change.T
+            at = self._looked(middle, np.zeros_like(change))
+            most = np.linalg.solve(np.eye(len(self.gamma)) - self.gamma, (np.maximum(-at.low, at.high) + change).T).T
+            left = ~proves(middle, at.low, at.high, change + most @ self.gamma.T)
+            middle, half = middle[left], half[left]
+            if not np.all((half * weight).any(axis=1)):
+                return False
+            widest = (half * weight).argmax(axis=1)[:, None] == np.arange(len(lower))
+            half = np.where(widest, half / 2, half)
+            shift = np.where(widest, half, 0.0)
+            middle, half = np.concatenate([middle - shift, middle + shift]), np.concatenate([half, half])
+        return not len(middle)
