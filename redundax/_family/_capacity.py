@@ -7,63 +7,105 @@ names the motion w that is held least: for any w with w^T g = 1
 
     lambda <= sum_j max(-(S w)_j lo_j, -(S w)_j hi_j).
 
-The programmes of many cases are one, block by block.
+Joints are in one part where S_j . S_k joins them. Parts are held one by one, lambda being the least of theirs, and one
+with a single freedom needs no programme. The programmes of many cases are one, block by block.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from ._at_rest import Drive
+from ._at_rest import NONE, Drive
 
 _BLOCKS = 64  # cases in one programme
 _TOLERANCE = 1e-10
 
 
+class Part(NamedTuple):
+    """Joints that move apart from the others: which, shape (p,); g, shape (d,), and S, shape (p, d), of them alone."""
+
+    joints: np.ndarray
+    load: np.ndarray
+    slips: np.ndarray
+
+
 class Capacity(NamedTuple):
     """What friction can hold of the drive, case by case.
 
-    - `most`: lambda, shape (s,), and `tau` that holds it, shape (s, p); NaN where the programme failed.
+    - `most`: lambda, shape (s,); NaN where the programme failed.
+    - `least`: friction that holds the drive, shape (s, p), within the least share of the limits, part by part.
     - `bound`: an upper bound of lambda, shape (s,), by the dual: it holds even where the programme is not exact.
     """
 
     most: np.ndarray
-    tau: np.ndarray
+    least: np.ndarray
     bound: np.ndarray
 
 
-def capacity(drive: Drive, low: np.ndarray, high: np.ndarray) -> Capacity:
+def parts_of(drive: Drive) -> list[Part]:
+    """The parts that are driven, and one without joints where something drives a motion that slips nowhere."""
+    from scipy.sparse.csgraph import connected_components  # here, because its import takes a second
+
+    sizes, whole = np.linalg.norm(drive.slips, axis=1), np.linalg.norm(drive.load)
+    joined = np.abs(drive.slips @ drive.slips.T) > NONE * np.outer(sizes, sizes)
+    found, rest = [], drive.load
+    for label in range(connected_components(joined)[0]) if len(sizes) else ():
+        joints = connected_components(joined)[1] == label
+        _, size, ways = np.linalg.svd(drive.slips[joints], full_matrices=False)
+        ways = ways[size > NONE * max(size[0], NONE * sizes.max())]
+        rest = rest - ways.T @ (ways @ drive.load)
+        found.append(Part(joints, ways @ drive.load, drive.slips[joints] @ ways.T))
+    found.append(Part(np.zeros(len(sizes), bool), rest, np.zeros((0, rest.size))))
+    return [part for part in found if np.linalg.norm(part.load) > NONE * whole]
+
+
+def capacity(parts: list[Part], low: np.ndarray, high: np.ndarray) -> Capacity:
     """The capacity at limits (s, p) that are finite; no friction must be within them."""
-    parts = [_capacity(drive, low[k : k + _BLOCKS], high[k : k + _BLOCKS]) for k in range(0, len(low), _BLOCKS)]
-    return Capacity(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+    whole = Capacity(np.full(len(low), np.inf), np.zeros_like(low), np.full(len(low), np.inf))
+    for part in parts:
+        own = _of_part(part, low[:, part.joints], high[:, part.joints])
+        whole.least[:, part.joints] = own.least
+        whole = Capacity(np.minimum(whole.most, own.most), whole.least, np.minimum(whole.bound, own.bound))
+    return whole
 
 
-def _capacity(drive: Drive, low: np.ndarray, high: np.ndarray) -> Capacity:
-    from scipy.optimize import linprog  # here, because its import takes a second
+def _of_part(part: Part, low: np.ndarray, high: np.ndarray) -> Capacity:
+    if not part.slips.size:
+        most, tau, bound = np.zeros(len(low)), low, np.zeros(len(low))
+    elif part.load.size == 1:
+        effect = part.slips[:, 0] / part.load[0]
+        tau = np.where(effect > 0, low, high)
+        most = bound = -tau @ effect
+    else:
+        blocks = [_programmed(part, low[k : k + _BLOCKS], high[k : k + _BLOCKS]) for k in range(0, len(low), _BLOCKS)]
+        most, tau, bound = (np.concatenate(block) for block in zip(*blocks, strict=True))
+    return Capacity(most, tau / np.where(most > 0, most, 1.0)[:, None], bound)
+
+
+def _programmed(part: Part, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """lambda, its friction and its bound."""
+    from scipy.optimize import linprog
     from scipy.sparse import block_diag
 
     s, p = low.shape
-    size, whole = np.maximum(np.abs(low), np.abs(high)), np.linalg.norm(drive.load)
-    size = np.where(size > 0, size, 1.0)
-    reach = (np.linalg.norm(drive.slips, axis=1) * size * ((low < 0) | (high > 0))).max(axis=1, initial=0.0)
-    reach = np.where(reach > 0, reach, 1.0)  # unknowns and coefficients of size 1
-    unit, columns = drive.load / whole, drive.slips.T * (size / reach[:, None])[:, None, :]
+    size, whole = np.maximum(-low, high), np.linalg.norm(part.load)
+    reach = (np.linalg.norm(part.slips, axis=1) * size).max(axis=1)
+    reach, size = np.where(reach > 0, reach, 1.0), np.where(size > 0, size, 1.0)
+    unit, columns = part.load / whole, part.slips.T * (size / reach[:, None])[:, None, :]  # of size 1
     blocks = np.concatenate([np.broadcast_to(unit[:, None], (s, unit.size, 1)), columns], axis=2)
     ends = np.stack([low / size, high / size], axis=2)
-    bounds = np.concatenate([np.broadcast_to([0.0, np.inf], (s, 1, 2)), ends], axis=1)
-    cost = np.tile(np.append(-1.0, np.zeros(p)), s)
-    options = {"primal_feasibility_tolerance": _TOLERANCE, "dual_feasibility_tolerance": _TOLERANCE}
     found = linprog(
-        cost, A_eq=block_diag(blocks), b_eq=np.zeros(s * unit.size), bounds=bounds.reshape(-1, 2), options=options
+        np.tile(np.append(-1.0, np.zeros(p)), s),
+        A_eq=block_diag(blocks),
+        b_eq=np.zeros(s * unit.size),
+        bounds=np.concatenate([np.broadcast_to([0.0, np.inf], (s, 1, 2)), ends], axis=1).reshape(-1, 2),
+        options={"primal_feasibility_tolerance": _TOLERANCE, "dual_feasibility_tolerance": _TOLERANCE},
     )
     if found.status != 0:
-        none = np.full(s, np.nan)
-        return Capacity(none, np.full((s, p), np.nan), np.full(s, np.inf))
-    at = found.x.reshape(s, 1 + p)
-    motion = found.eqlin.marginals.reshape(s, -1)
-    along = motion @ unit
-    motion = motion / np.where(along != 0, along, 1.0)[:, None]
-    against = -np.einsum("sd,sdp->sp", motion, columns)
+        return np.full(s, np.nan), np.full((s, p), np.nan), np.full(s, np.inf)
+    at, motion = found.x.reshape(s, 1 + p), found.eqlin.marginals.reshape(s, -1)
+    along = (motion @ unit)[:, None]
+    against = -np.einsum("sd,sdp->sp", motion / np.where(along != 0, along, 1.0), columns)
     bound = np.maximum(against * ends[..., 0], against * ends[..., 1]).sum(axis=1)
-    bound = np.where(along != 0, bound, np.inf)
-    return Capacity(at[:, 0] * reach / whole, at[:, 1:] * size, bound * reach / whole)
+    bound = np.where(along[:, 0] != 0, bound, np.inf)
+    return at[:, 0] * reach / whole, at[:, 1:] * size, bound * reach / whole

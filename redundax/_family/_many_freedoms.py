@@ -15,14 +15,13 @@ without the search: with L = (I - Gamma)^-1 (limits at tau = 0 + c), no friction
 where the spectral radius of Gamma is below 1. Over a cell
 
 - nothing holds, if lambda < 1 at the largest of these limits, by the dual;
-- nothing slips, if some tau* holds at the least of them: g and S do not depend on the case, and with any friction tau of
-  joints that slip a^T M a <= sum_j (|tau*_j| - |tau_j|) |alpha_j| <= 0;
+- nothing slips, if some tau* holds at the least of them: g and S do not depend on the case, and with any friction tau
+  as slip begins a^T M a <= sum_j (|tau*_j| - limit_j) |alpha_j| <= 0;
 - a joint slips, if its alpha at the limits in the middle exceeds the change of it that `_stick_slip` states.
 
 Where friction puts no load on friction, Gamma = 0, cells get as small as the verdict needs.
 """
 
-import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -32,12 +31,12 @@ import numpy as np
 
 from .._analysis._verdict import spectral_radius
 from ._at_rest import LIMIT, Drive, Ends, in_batches
-from ._capacity import Capacity, capacity
+from ._capacity import Capacity, Part, capacity, parts_of
 from ._cases import Affine
 from ._descent import within
 from ._one_freedom import CELLS, largest_gamma
 from ._search import Search
-from ._stick_slip import Looked, looked, settled, started
+from ._stick_slip import Limits, Looked, looked, settled, started
 
 _TURNS = 100  # programmes in a row
 _STAYS = 1e-12  # relative change of limits that is none
@@ -61,13 +60,14 @@ class ManyFreedoms:
 
     - `search`, `drive`: the cases, and what drives the mechanism.
     - `size`: how many cases are looked at in one batch.
+    - `parts`: joints that are held together.
     - `gamma`, `change`: Gamma (p, p) and Lambda (p, q); infinite where no bound is known.
     """
 
     def __init__(self, search: Search, drive: Drive, size: int, *, reads: bool):
         """`reads` says whether any load on friction depends on the case."""
         solutions, cases = search.solutions, search.cases
-        self.search, self.drive, self.size = search, drive, size
+        self.search, self.drive, self.size, self.parts = search, drive, size, parts_of(drive)
         p, affine = len(drive.slips), isinstance(cases, Affine)
         gamma = largest_gamma(solutions, cases) if affine or not reads else np.full((p, p), np.inf)
         own = np.linalg.norm(drive.slips, axis=1)
@@ -79,37 +79,39 @@ class ManyFreedoms:
             self.change = np.where(np.asarray(cases.upper > cases.lower), change, 0.0)
 
     def ends(self, theta: np.ndarray, seed: int) -> Ends:
-        """States that are possible in cases, and in those to which random steps to the extreme margins lead."""
-        ends = self._states(theta)
+        """States that are possible in cases, and in those to which random steps to extremes lead.
+
+        Extremes are those of the margin and of what friction holds of each part.
+        """
+        ends, score = self._states(theta)
         lower, upper = np.asarray(self.search.cases.lower), np.asarray(self.search.cases.upper)
-        if not len(ends.margin) or not np.ptp(ends.margin[np.isfinite(ends.margin)], initial=0.0) > LIMIT:
+        if not len(score) or np.allclose(score, score[0], rtol=LIMIT, atol=LIMIT):
             return ends
-        random, radius = np.random.default_rng(seed), np.full(2, _RADIUS)
+        random, radius = np.random.default_rng(seed), np.full(score.shape[1], _RADIUS)
         for _ in range(_ROUNDS):
-            before = ends.margin.min(), ends.margin.max()
-            best = ends.theta[[ends.margin.argmin(), ends.margin.argmax()]]
-            steps = random.standard_normal((_TRIED, 2, lower.size)) * radius[:, None] * (upper - lower)
-            tried = self._states(np.clip(best + steps, lower, upper).reshape(-1, lower.size))
+            best, place = score.max(axis=0), ends.theta[score.argmax(axis=0)]
+            steps = random.standard_normal((_TRIED, *place.shape)) * radius[:, None] * (upper - lower)
+            tried, others = self._states(np.clip(place + steps, lower, upper).reshape(-1, lower.size))
             ends = Ends(*(np.concatenate(pair) for pair in zip(ends[:-1], tried[:-1], strict=True)), ends.solved)
-            better = np.array([ends.margin.min() < before[0], ends.margin.max() > before[1]])
-            radius = radius * np.where(better, _GROWN, _SHRUNK)
+            score = np.concatenate([score, others])
+            radius = radius * np.where(score.max(axis=0) > best, _GROWN, _SHRUNK)
         return ends
 
-    def _states(self, theta: np.ndarray) -> Ends:
-        """States that are possible in cases: held, and as slip begins."""
+    def _states(self, theta: np.ndarray) -> tuple[Ends, np.ndarray]:
+        """States that are possible in cases, held and as slip begins, and columns of what the largest is sought of."""
         drive, (s, p) = self.drive, (len(theta), len(self.drive.slips))
         held, margin = self._held(theta)
         at = self._looked(theta, held.tau)
-        sticks = held.stays & within(held.stays, at.excess)
-        tau, found = self._settled(theta)
-        slip, moves = started(drive, tau)
+        sticks = within(held.stays, at.excess)
+        tau = self._settled(theta)
         then = self._looked(theta, tau)
+        slip, moves, found = started(drive, tau, then)
         slips = moves & within(found, then.excess)
         left = np.ones(s) if drive.none else 1 + (tau @ drive.slips) @ drive.load / (drive.load @ drive.load)
         falls = np.where(~held.stays & (margin < -LIMIT), margin, -left)
         free, unit = self.search.solutions.free.acceleration, self.search.solutions.unit.acceleration
         moved = np.asarray(free) + tau @ np.asarray(unit).T
-        parts = [
+        rows = [
             (falls[slips], margin[sticks]),
             (theta[slips], theta[sticks]),
             (moved[slips], np.zeros((sticks.sum(), moved.shape[1]))),
@@ -118,7 +120,13 @@ class ManyFreedoms:
             (np.ones(slips.sum()), 1 / held.most[sticks]),
             (slip[slips], np.zeros((sticks.sum(), p))),
         ]
-        return Ends(*(np.concatenate(part) for part in parts), solved=float(np.mean(slips | sticks)))
+        ends = Ends(*(np.concatenate(row) for row in rows), solved=float(np.mean(slips | sticks)))
+        low, high = (
+            np.concatenate([one[slips], two[sticks]]) for one, two in ((then.low, at.low), (then.high, at.high))
+        )
+        of_parts = [self._most(low, high, [part]).most for part in self.parts if len(self.parts) > 1]
+        score = np.stack([ends.margin, *of_parts], axis=1)
+        return ends, np.concatenate([score, -score], axis=1)
 
     def _held(self, theta: np.ndarray) -> tuple[_Turned, np.ndarray]:
         """Friction that holds each case with the least share, if `stays`, and the margin, NaN where not known."""
@@ -159,8 +167,7 @@ class ManyFreedoms:
             low[going], high[going] = at.low[going], at.high[going]
             found = self._most(low[going], high[going])
             most[going] = found.most
-            part = np.where(hold & (found.most > 0), found.most, 1.0)
-            tau[going] = found.tau / part[:, None]
+            tau[going] = found.least * np.where(hold, 1.0, found.most)[:, None]
         return _Turned(tau, low, high, most, stays)
 
     def _holds(self, theta: np.ndarray, tau: np.ndarray) -> np.ndarray:
@@ -174,11 +181,9 @@ class ManyFreedoms:
         search = self.search
         return in_batches(lambda *own: looked(search.solutions, search.cases, *own), self.size, theta, tau)
 
-    def _settled(self, theta: np.ndarray, *, own_loads: bool = True) -> tuple[np.ndarray, np.ndarray]:
-        """Friction as it starts, and whether it was found; with or without the loads that friction puts on it."""
+    def _settled(self, theta: np.ndarray, *, own_loads: bool = True) -> np.ndarray:
+        """Friction as slip begins, with or without the loads that friction puts on friction."""
         solutions, cases = self.search.solutions, self.search.cases
-        if not len(self.drive.slips):
-            return np.zeros((len(theta), 0)), np.ones(len(theta), bool)
         if not own_loads:
             cases = eqx.tree_at(lambda cases: cases.unit, cases, 0 * cases.unit)
         load, slips = map(jnp.asarray, (self.drive.load, self.drive.slips))
@@ -186,50 +191,45 @@ class ManyFreedoms:
 
     def proves(self, verdict: str, joint: int | None = None) -> bool:
         """Whether a verdict that states found support is proved, of the whole or of a joint."""
+        own = [part for part in self.parts if joint is None or part.joints[joint]]
+        together = np.any([part.joints for part in own], axis=0) if own else np.zeros(len(self.drive.slips), bool)
         if verdict == "must stick":
-            return self._all_stick
-        if verdict == "must slip":
-            return self._all_slip if joint is None else self._always_slips(joint)
-        return verdict == "may stick"
+            return not own or self._covered(
+                together, lambda _, low, high, less: self._most(low + less, high - less, own).most >= 1
+            )
+        if verdict == "must slip" and joint is None:
+            return self._covered(
+                together, lambda _, low, high, less: self._most(low - less, high + less).bound < 1 - LIMIT
+            )
+        return verdict == "may stick" or (verdict == "must slip" and self._always_slips(joint, together))
 
-    @functools.cached_property
-    def _all_stick(self) -> bool:
-        """Whether it is proved that no case slips."""
-        return self.drive.none or self._covered(
-            lambda _, low, high, less: self._most(low + less, high - less).most >= 1
-        )
-
-    @functools.cached_property
-    def _all_slip(self) -> bool:
-        """Whether it is proved that friction holds no case."""
-        return not self.drive.none and self._covered(
-            lambda _, low, high, less: self._most(low - less, high + less).bound < 1 - LIMIT
-        )
-
-    def _always_slips(self, joint: int) -> bool:
+    def _always_slips(self, joint: int | None, together: np.ndarray) -> bool:
         """Whether it is proved that a joint slips in every case."""
-        own = np.linalg.norm(self.drive.slips, axis=1)
+        own = np.linalg.norm(self.drive.slips, axis=1) * together
 
-        def proves(middle: np.ndarray, _low: np.ndarray, _high: np.ndarray, less: np.ndarray) -> np.ndarray:
-            tau, found = self._settled(middle, own_loads=False)
+        def proves(middle: np.ndarray, low: np.ndarray, high: np.ndarray, less: np.ndarray) -> np.ndarray:
+            tau = self._settled(middle, own_loads=False)
+            sense, _, found = started(self.drive, tau, Limits(low, high))
             alpha = (self.drive.load + tau @ self.drive.slips) @ self.drive.slips[joint]
-            return found & (started(self.drive, tau)[0][:, joint] != 0) & (np.abs(alpha) > own[joint] * (less @ own))
+            return found & (sense[:, joint] != 0) & (np.abs(alpha) > own[joint] * (less @ own))
 
-        return self._covered(proves)
+        return self._covered(together, proves)
 
-    def _most(self, low: np.ndarray, high: np.ndarray) -> Capacity:
-        return capacity(self.drive, np.minimum(low, 0.0), np.maximum(high, 0.0))
+    def _most(self, low: np.ndarray, high: np.ndarray, parts: list[Part] | None = None) -> Capacity:
+        return capacity(self.parts if parts is None else parts, np.minimum(low, 0.0), np.maximum(high, 0.0))
 
-    def _covered(self, proves: Callable[..., np.ndarray]) -> bool:
+    def _covered(self, joints: np.ndarray, proves: Callable[..., np.ndarray]) -> bool:
         """Whether `proves(middle, low, high, less)` holds in each of cells (s, q) that cover the box.
 
-        Limits of friction in the cell are those without friction in its middle, low and high, give or take `less`.
+        Limits of friction in the cell are those without friction in its middle, low and high, give or take `less`;
+        those of `joints` matter.
         """
         lower, upper = np.asarray(self.search.cases.lower), np.asarray(self.search.cases.upper)
         if not np.all(np.isfinite(self.change)) or not spectral_radius(self.gamma) < 1:
             return False
         middle, half, count = (lower + upper)[None] / 2, (upper - lower)[None] / 2, 0
-        weight = np.linalg.norm(self.drive.slips, axis=1) @ self.change
+        slope = np.linalg.solve(np.eye(len(self.gamma)) - self.gamma, self.change)  # of `less`
+        weight = (np.linalg.norm(self.drive.slips, axis=1) * joints) @ slope
         while len(middle) and count < CELLS:
             count += len(middle)
             change = half @ self.change.T

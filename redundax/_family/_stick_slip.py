@@ -19,7 +19,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from .._analysis._verdict import spectral_radius
 from ._at_rest import Drive
@@ -28,8 +28,15 @@ from ._solution_set import SolutionSet
 
 _SWEEPS = 20000
 _SETTLED = 1e-13  # change of friction, relative to the largest, after which sweeps have settled it
-_FOUND = 1e-9  # the same of what is taken for a solution
+_FOUND = 1e-6  # error of the acceleration, relative to the parts that cancel, of what is taken for a solution
 _HELD, _ROUNDING = 1e-8, 1e-12  # accelerations that are none: relative to the parts that cancel, and to all
+
+
+class Limits(NamedTuple):
+    """Limits of friction at cases, shape (s, p)."""
+
+    low: np.ndarray
+    high: np.ndarray
 
 
 class Looked(NamedTuple):
@@ -76,13 +83,15 @@ def settled(
     load: Float[Array, " d"],
     slips: Float[Array, "p d"],
     theta: Float[Array, "s q"],
-) -> tuple[Float[Array, "s p"], Bool[Array, " s"]]:
-    """Friction of the conditions above, and whether it was found."""
+) -> Float[Array, "s p"]:
+    """Friction of the conditions above, as far as sweeps settle it."""
     free, matrix = slips @ load, slips @ slips.T
     own = jnp.where(jnp.diagonal(matrix) > 0, jnp.diagonal(matrix), jnp.inf)
 
-    def one(theta: Array) -> tuple[Array, Array]:
+    def one(theta: Array) -> Array:
         base, unit = cases.chosen(theta)
+        if not free.size:
+            return free
 
         def sweep(carry: tuple) -> tuple:
             tau, _, _, count = carry
@@ -102,21 +111,27 @@ def settled(
 
         zero = jnp.zeros((), base.dtype)
         first = (jnp.zeros_like(free), zero + jnp.inf, zero, jnp.zeros((), int))
-        tau, change, size, _ = jax.lax.while_loop(going, sweep, first)
-        return tau, change <= _FOUND * size
+        return jax.lax.while_loop(going, sweep, first)[0]
 
     return jax.vmap(one)(theta)
 
 
-def started(drive: Drive, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Sense in which each slip starts under friction (s, p), 0 where it sticks, and whether anything moves."""
+def started(drive: Drive, tau: np.ndarray, limits: Limits | Looked) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Sense in which each slip starts under friction, 0 where it sticks; whether anything moves; whether that is sure.
+
+    Arrays (s, p), (s,) and (s,). What is left of the conditions bounds the error of a = g + S^T tau,
+    |error|^2 <= 2 sum_j (tau_j alpha_j + limit_j |alpha_j|).
+    """
     matrix, sizes = drive.slips @ drive.slips.T, np.linalg.norm(drive.slips, axis=1)
     left = drive.load + tau @ drive.slips
     alpha = left @ drive.slips.T
+    gap = (tau * alpha - np.minimum(np.asarray(limits.low) * alpha, np.asarray(limits.high) * alpha)).sum(axis=1)
+    error = np.sqrt(2 * np.maximum(gap, 0.0))
     own = np.abs(drive.slips @ drive.load) + np.abs(tau) @ np.abs(matrix)
     whole = np.linalg.norm(drive.load) + np.abs(tau) @ sizes
-    none = _HELD * own + _ROUNDING * sizes * whole[:, None]
-    return np.where(np.abs(alpha) > none, np.sign(alpha), 0.0), np.linalg.norm(left, axis=1) > _HELD * whole
+    none = np.maximum(_HELD * own + _ROUNDING * sizes * whole[:, None], sizes * error[:, None])
+    moves = np.linalg.norm(left, axis=1) > np.maximum(_HELD * whole, error)
+    return np.where(np.abs(alpha) > none, np.sign(alpha), 0.0), moves, error <= _FOUND * whole
 
 
 def one_start(drive: Drive, gamma: np.ndarray) -> bool:
