@@ -111,9 +111,10 @@ def _ways(system: AbstractSystem, factor: Factorisation) -> np.ndarray:
 
 def in_batches(function: Callable[..., T], size: int, *arrays: ArrayLike) -> T:
     """A compiled function of rows, called with batches of one size, so that nothing is compiled anew."""
-    rows, parts = np.asarray(arrays[0]).shape[0], []
+    arrays = tuple(np.asarray(array) for array in arrays)
+    rows, parts = arrays[0].shape[0], []
     for first in range(0, rows, size):
         places = np.minimum(np.arange(first, first + size), rows - 1)
-        out = jax.device_get(function(*(jnp.asarray(array)[places] for array in arrays)))
+        out = jax.device_get(function(*(jnp.asarray(array[places]) for array in arrays)))
         parts.append(jax.tree.map(lambda x, first=first: x[: rows - first], out))
     return jax.tree.map(lambda *parts: np.concatenate(parts), *parts)

@@ -62,7 +62,7 @@ def parts_of(drive: Drive) -> list[Part]:
 def capacity(parts: list[Part], low: np.ndarray, high: np.ndarray) -> Capacity:
     """The capacity at limits (s, p) that are finite; no friction must be within them."""
     whole = Capacity(np.full(len(low), np.inf), np.zeros_like(low), np.full(len(low), np.inf))
-    for part in parts:
+    for part in parts if len(low) else ():
         own = _of_part(part, low[:, part.joints], high[:, part.joints])
         whole.least[:, part.joints] = own.least
         whole = Capacity(np.minimum(whole.most, own.most), whole.least, np.minimum(whole.bound, own.bound))

@@ -227,20 +227,23 @@ class ManyFreedoms:
         lower, upper = np.asarray(self.search.cases.lower), np.asarray(self.search.cases.upper)
         if not np.all(np.isfinite(self.change)) or not spectral_radius(self.gamma) < 1:
             return False
+        back = np.linalg.inv(np.eye(len(self.gamma)) - self.gamma)
+        weight = (np.linalg.norm(self.drive.slips, axis=1) * joints) @ back @ self.change
         middle, half, count = (lower + upper)[None] / 2, (upper - lower)[None] / 2, 0
-        slope = np.linalg.solve(np.eye(len(self.gamma)) - self.gamma, self.change)  # of `less`
-        weight = (np.linalg.norm(self.drive.slips, axis=1) * joints) @ slope
-        while len(middle) and count < CELLS:
+        while count < CELLS:
             count += len(middle)
+            at = self._looked(middle, np.zeros((len(middle), len(back))))
             change = half @ self.change.T
-            at = self._looked(middle, np.zeros_like(change))
-            most = np.linalg.solve(np.eye(len(self.gamma)) - self.gamma, (np.maximum(-at.low, at.high) + change).T).T
-            left = ~proves(middle, at.low, at.high, change + most @ self.gamma.T)
-            middle, half = middle[left], half[left]
-            if not np.all((half * weight).any(axis=1)):
-                return False
+            caused = (np.maximum(-at.low, at.high) + change) @ (self.gamma @ back).T
+            left = ~proves(middle, at.low, at.high, change + caused)
+            if not left.any():
+                return True
+            middle, half, low, high = middle[left], half[left], at.low[left], at.high[left]
+            caused = np.maximum(-low, high) @ (self.gamma @ back).T
+            if not (half * weight).any(axis=1).all() or not proves(middle, low, high, caused).all():
+                return False  # no smaller cells help
             widest = (half * weight).argmax(axis=1)[:, None] == np.arange(len(lower))
             half = np.where(widest, half / 2, half)
             shift = np.where(widest, half, 0.0)
             middle, half = np.concatenate([middle - shift, middle + shift]), np.concatenate([half, half])
-        return not len(middle)
+        return False
