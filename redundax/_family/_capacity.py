@@ -108,4 +108,20 @@ def _programmed(part: Part, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarr
     against = -np.einsum("sd,sdp->sp", motion / np.where(along != 0, along, 1.0), columns)
     bound = np.maximum(against * ends[..., 0], against * ends[..., 1]).sum(axis=1)
     bound = np.where(along[:, 0] != 0, bound, np.inf)
-    return at[:, 0] * reach / whole, at[:, 1:] * size, bound * reach / whole
+    tau = _evened(part.slips, low, high, at[:, 1:] * size)
+    return at[:, 0] * reach / whole, tau, bound * reach / whole
+
+
+def _evened(slips: np.ndarray, low: np.ndarray, high: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    """Friction that does the same, of which joints that slip in proportion take the same share of their limits."""
+    tau, left = tau.copy(), np.linalg.norm(slips, axis=1) > 0
+    while left.any():
+        first = slips[left.argmax()]
+        effect = slips @ first / (first @ first)
+        same = left & (np.linalg.norm(slips - np.outer(effect, first), axis=1) <= NONE * np.abs(slips).max())
+        left &= ~same
+        given = tau[:, same] @ effect[same]
+        limits = np.where(given[:, None] * effect[same] > 0, high[:, same], low[:, same])
+        most = limits @ effect[same]
+        tau[:, same] = limits * (given / np.where(most != 0, most, 1.0))[:, None]
+    return tau

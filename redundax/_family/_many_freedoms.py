@@ -41,8 +41,9 @@ from ._stick_slip import Limits, Looked, looked, settled, started
 _TURNS = 100  # programmes in a row
 _STAYS = 1e-12  # relative change of limits that is none
 _ENDLESS = 1e9  # lambda that has no end
-_ROUNDS, _TRIED = 40, 16  # of random steps to the least and the largest margin, and steps of each
-_RADIUS, _GROWN, _SHRUNK = 0.1, 1.5, 0.6  # their first size, relative to the box, and how it changes
+_ROUNDS, _TRIED = 60, 16  # of random steps to each extreme, at most, and steps of each
+_RADIUS, _LAST = 0.1, 1e-6  # their first and last size, relative to the box,
+_GROWN, _SHRUNK = 1.5, 0.6  # and how it changes
 
 
 class _Turned(NamedTuple):
@@ -94,7 +95,9 @@ class ManyFreedoms:
             tried, others = self._states(np.clip(place + steps, lower, upper).reshape(-1, lower.size))
             ends = Ends(*(np.concatenate(pair) for pair in zip(ends[:-1], tried[:-1], strict=True)), ends.solved)
             score = np.concatenate([score, others])
-            radius = radius * np.where(score.max(axis=0) > best, _GROWN, _SHRUNK)
+            radius = radius * np.where(score.max(axis=0) > best + LIMIT * np.abs(best), _GROWN, _SHRUNK)
+            if radius.max() < _LAST:
+                break
         return ends
 
     def _states(self, theta: np.ndarray) -> tuple[Ends, np.ndarray]:
