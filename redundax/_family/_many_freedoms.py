@@ -25,9 +25,9 @@ Where friction puts no load on friction, Gamma = 0, cells get as small as the ve
 from collections.abc import Callable
 from typing import NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from .._analysis._verdict import spectral_radius
 from ._at_rest import LIMIT, Drive, Ends, in_batches
@@ -69,13 +69,14 @@ class ManyFreedoms:
         """`reads` says whether any load on friction depends on the case."""
         solutions, cases = search.solutions, search.cases
         self.search, self.drive, self.size, self.parts = search, drive, size, parts_of(drive)
-        p, affine = len(drive.slips), isinstance(cases, Affine)
-        gamma = largest_gamma(solutions, cases) if affine or not reads else np.full((p, p), np.inf)
+        p = len(drive.slips)
+        known = isinstance(cases, Affine) or not reads
+        gamma = largest_gamma(solutions, cases) if known else np.full((p, p), np.inf)
         own = np.linalg.norm(drive.slips, axis=1)
         rounding = gamma * own[:, None] <= _STAYS * own
         self.gamma = np.where(rounding, 0.0, gamma)
         self.change = np.full((p, cases.lower.size), np.inf if reads else 0.0)
-        if reads and affine and solutions.law is not None:
+        if reads and isinstance(cases, Affine) and solutions.law is not None:
             change = np.asarray(solutions.law.largest_changes(cases.slope[solutions.rows]))
             self.change = np.where(np.asarray(cases.upper > cases.lower), change, 0.0)
 
@@ -93,7 +94,8 @@ class ManyFreedoms:
             best, place = score.max(axis=0), ends.theta[score.argmax(axis=0)]
             steps = random.standard_normal((_TRIED, *place.shape)) * radius[:, None] * (upper - lower)
             tried, others = self._states(np.clip(place + steps, lower, upper).reshape(-1, lower.size))
-            ends = Ends(*(np.concatenate(pair) for pair in zip(ends[:-1], tried[:-1], strict=True)), ends.solved)
+            rows = [np.concatenate(pair) for pair in zip(ends[:-1], tried[:-1], strict=True)]
+            ends = Ends(*rows, solved=ends.solved)
             score = np.concatenate([score, others])
             radius = radius * np.where(score.max(axis=0) > best + LIMIT * np.abs(best), _GROWN, _SHRUNK)
             if radius.max() < _LAST:
@@ -187,10 +189,12 @@ class ManyFreedoms:
     def _settled(self, theta: np.ndarray, *, own_loads: bool = True) -> np.ndarray:
         """Friction as slip begins, with or without the loads that friction puts on friction."""
         solutions, cases = self.search.solutions, self.search.cases
-        if not own_loads:
-            cases = eqx.tree_at(lambda cases: cases.unit, cases, 0 * cases.unit)
-        load, slips = map(jnp.asarray, (self.drive.load, self.drive.slips))
-        return in_batches(lambda own: settled(solutions, cases, load, slips, own), self.size, theta)
+        load, slips, loads = (jnp.asarray(x) for x in (self.drive.load, self.drive.slips, float(own_loads)))
+
+        def batch(own: Array) -> Array:
+            return settled(solutions, cases, load, slips, loads, own)
+
+        return np.asarray(in_batches(batch, self.size, theta))
 
     def proves(self, verdict: str, joint: int | None = None) -> bool:
         """Whether a verdict that states found support is proved, of the whole or of a joint."""

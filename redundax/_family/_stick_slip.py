@@ -82,9 +82,10 @@ def settled(
     cases: AbstractCases,
     load: Float[Array, " d"],
     slips: Float[Array, "p d"],
+    loads: Float[Array, ""],
     theta: Float[Array, "s q"],
 ) -> Float[Array, "s p"]:
-    """Friction of the conditions above, as far as sweeps settle it."""
+    """Friction of the conditions above, as far as sweeps settle it; `loads` is 1, or 0 for K = 0."""
     free, matrix = slips @ load, slips @ slips.T
     own = jnp.where(jnp.diagonal(matrix) > 0, jnp.diagonal(matrix), jnp.inf)
 
@@ -95,7 +96,7 @@ def settled(
 
         def sweep(carry: tuple) -> tuple:
             tau, _, _, count = carry
-            low, high = _limits(solutions, base + unit @ tau)
+            low, high = _limits(solutions, base + loads * (unit @ tau))
 
             def joint(j: Array, new: Array) -> Array:
                 return new.at[j].set(jnp.clip(new[j] - (free[j] + matrix[j] @ new) / own[j], low[j], high[j]))

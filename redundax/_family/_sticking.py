@@ -33,7 +33,7 @@ from .._state import State
 from .._system import AbstractSystem
 from ._at_rest import LIMIT, Drive, Ends, drive
 from ._bounds import AbstractBounds, one_case
-from ._joint_verdicts import joint_verdicts
+from ._joint_verdicts import Joints, joint_verdicts
 from ._many_freedoms import ManyFreedoms
 from ._one_freedom import covered, ends_of_one, most_holds
 from ._search import Search, proved_single
@@ -100,16 +100,9 @@ def sticking(
         ends = ends_of_one(search, start, theta, samples, seed)
         verdict = _verdict(ends)
         proved = start.none or (single and _proved_of_one(verdict, search, start, theta, fixed=fixed))
-        joints = joint_verdicts(ends, start.sense == 0, lambda *_: proved)
+        joints = joint_verdicts(ends, np.equal(start.sense, 0), lambda *_: proved)
     else:
-        many = ManyFreedoms(search, start, len(theta), reads=not fixed)
-        ends = many.ends(np.asarray(theta), seed)
-        verdict = _verdict(ends)
-        known = fixed and ends.solved == 1 and one_start(start, many.gamma)  # one state that was found is all
-        proved = known or many.proves(verdict)
-        joints = joint_verdicts(
-            ends, ~start.slips.any(axis=1), lambda verdict, joint: known or many.proves(verdict, joint)
-        )
+        ends, verdict, proved, joints = _of_many(search, start, theta, seed, fixed=fixed)
     order = [np.argmin(ends.margin), np.argmax(ends.margin)] if len(ends.margin) else []
     return Sticking(
         verdict=verdict,
@@ -147,3 +140,14 @@ def _proved_of_one(verdict: str, search: Search, start: Drive, theta: Array, *, 
         return fixed or covered(search, start, theta, 1.0)
     settled = verdict != "undecided" and most_holds(search.solutions, search.cases, start)
     return settled and (verdict == "may stick" or fixed or covered(search, start, theta, -1.0))
+
+
+def _of_many(search: Search, start: Drive, theta: Array, seed: int, *, fixed: bool) -> tuple[Ends, str, bool, Joints]:
+    """States found of any number of freedoms, and the verdicts that they support."""
+    many = ManyFreedoms(search, start, len(theta), reads=not fixed)
+    ends = many.ends(np.asarray(theta), seed)
+    verdict = _verdict(ends)
+    known = fixed and ends.solved == 1 and one_start(start, many.gamma)  # the one state that was found is all
+    blocked = np.logical_not(start.slips.any(axis=1))
+    joints = joint_verdicts(ends, blocked, lambda verdict, joint: known or many.proves(verdict, joint))
+    return ends, verdict, known or many.proves(verdict), joints
