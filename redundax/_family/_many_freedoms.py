@@ -36,9 +36,10 @@ from ._cases import Affine
 from ._descent import within
 from ._one_freedom import CELLS, largest_gamma
 from ._search import Search
-from ._stick_slip import Limits, Looked, looked, settled, started
+from ._stick_slip import Limits, Looked, least_accelerated, looked, settled, started
 
 _TURNS = 100  # programmes in a row
+_SQUARES = 3  # least squares in a row
 _STAYS = 1e-12  # relative change of limits that is none
 _ENDLESS = 1e9  # lambda that has no end
 _ROUNDS, _TRIED = 60, 16  # of random steps to each extreme, at most, and steps of each
@@ -108,7 +109,7 @@ class ManyFreedoms:
         held, margin = self._held(theta)
         at = self._looked(theta, held.tau)
         sticks = within(held.stays, at.excess)
-        tau = self._settled(theta)
+        tau = self._started(theta)
         then = self._looked(theta, tau)
         slip, moves, found = started(drive, tau, then)
         slips = moves & within(found, then.excess)
@@ -185,6 +186,17 @@ class ManyFreedoms:
     def _looked(self, theta: np.ndarray, tau: np.ndarray) -> Looked:
         search = self.search
         return in_batches(lambda *own: looked(search.solutions, search.cases, *own), self.size, theta, tau)
+
+    def _started(self, theta: np.ndarray) -> np.ndarray:
+        """Friction as slip begins."""
+        tau = self._settled(theta)
+        for _ in range(_SQUARES):
+            at = self._looked(theta, tau)
+            left = ~started(self.drive, tau, at)[2]
+            if not left.any():
+                break
+            tau[left] = least_accelerated(self.drive, Limits(at.low[left], at.high[left]))
+        return tau
 
     def _settled(self, theta: np.ndarray, *, own_loads: bool = True) -> np.ndarray:
         """Friction as slip begins, with or without the loads that friction puts on friction."""

@@ -10,7 +10,7 @@ optimality of min |g + S^T tau|^2, so that the acceleration is unique, and with 
 Where the limits depend on tau, through Gamma of `_one_freedom`, each case has one solution tau (proved) if the spectral
 radius of C is below 1, C_jj = Gamma_jj, C_jk = max(|S_j . S_k| / |S_j|^2, Gamma_jk): a sweep of Jacobi's,
 tau_j <- clip(tau_j - alpha_j / |S_j|^2, lo_j, hi_j), then contracts in a weighted maximum norm. Sweeps of Gauss and
-Seidel find it.
+Seidel find it, least squares within bounds where masses are too unlike for them.
 """
 
 from typing import NamedTuple
@@ -26,7 +26,7 @@ from ._at_rest import Drive
 from ._cases import AbstractCases
 from ._solution_set import SolutionSet
 
-_SWEEPS = 20000
+_SWEEPS = 2000
 _SETTLED = 1e-13  # change of friction, relative to the largest, after which sweeps have settled it
 _FOUND = 1e-6  # error of the acceleration, relative to the parts that cancel, of what is taken for a solution
 _HELD, _ROUNDING = 1e-8, 1e-12  # accelerations that are none: relative to the parts that cancel, and to all
@@ -133,6 +133,18 @@ def started(drive: Drive, tau: np.ndarray, limits: Limits | Looked) -> tuple[np.
     none = np.maximum(_HELD * own + _ROUNDING * sizes * whole[:, None], sizes * error[:, None])
     moves = np.linalg.norm(left, axis=1) > np.maximum(_HELD * whole, error)
     return np.where(np.abs(alpha) > none, np.sign(alpha), 0.0), moves, error <= _FOUND * whole
+
+
+def least_accelerated(drive: Drive, limits: Limits) -> np.ndarray:
+    """Friction (s, p) of least |g + S^T tau| within limits."""
+    from scipy.optimize import lsq_linear  # here, because its import takes a second
+
+    tau, free = np.array(limits.low), limits.low < limits.high
+    for own, low, high, some in zip(tau, *limits, free, strict=True):
+        if some.any():
+            given = drive.load + own[~some] @ drive.slips[~some]
+            own[some] = lsq_linear(drive.slips[some].T, -given, (low[some], high[some]), method="bvls", tol=1e-15).x
+    return tau
 
 
 def one_start(drive: Drive, gamma: np.ndarray) -> bool:
