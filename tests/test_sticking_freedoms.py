@@ -6,7 +6,7 @@ import json
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.optimize import linprog
+from scipy.optimize import linprog, lsq_linear
 
 import redundax as rx
 
@@ -324,3 +324,36 @@ def test_coupled_slips_as_a_linear_programme_and_all_patterns_tried(coupling):
         assert (found.margin[0] < 0) == any(pattern) == (found.verdict == "must slip")
         seen.add(sum(sense != 0 for sense in pattern))
     assert seen == {0, 2, 3}  # two that stick leave no motion
+
+
+def stacks(q, t, p):
+    return q[1:] - q[:-1]  # from the floor, q[0], on
+
+
+def constant(loads, rate, sense, memory, state, p):
+    return -p * sense
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_high_stack_of_blocks_of_unlike_mass(seed):
+    """Friction that accelerates least, and what it can hold, by scipy; masses from 0.01 to 100 kg."""
+    count, rng = 10, np.random.default_rng(seed)
+    mass = 10 ** rng.uniform(-2, 2, count)
+    limits = 2 * rng.uniform(0.1, 1.0, count) * np.cumsum(mass[::-1])[::-1]
+    force = 3 * mass * rng.standard_normal(count)
+    friction = rx.Friction(stacks, constant, jnp.zeros(0, int), ["linear"] * count, limits)
+    inertia = np.concatenate([[1.0], mass])
+    system = rx.System(lambda q, t, p: q[:1], inertia, lambda q, qd, t, p: jnp.append(0.0, p), force, friction=friction)
+    found = rx.sticking(system, rx.State(jnp.zeros(count + 1), jnp.zeros(count + 1)))
+    slips = np.eye(count) - np.eye(count, k=-1)
+    bounds = [(0, None), *zip(-limits, limits, strict=True)]
+    most = linprog(-np.eye(count + 1)[0], A_eq=np.hstack([force[:, None], slips.T]), b_eq=0 * force, bounds=bounds)
+    np.testing.assert_allclose(found.margin, most.x[0] - 1, rtol=0, atol=1e-9)
+    scaled, drive = slips / np.sqrt(mass), force / np.sqrt(mass)
+    tau = lsq_linear(scaled.T, -drive, (-limits, limits), method="bvls", tol=1e-14).x
+    alpha = scaled @ (drive + scaled.T @ tau)
+    senses = np.where(np.abs(alpha) > 1e-6, np.sign(alpha), 0.0).astype(int)
+    assert 0 < np.abs(senses).sum() < count
+    assert found.slip_senses == tuple((sense,) if sense else () for sense in senses.tolist())
+    assert found.proved and found.slip_proved.all()
+    np.testing.assert_allclose(np.diff(found.acceleration[0]), alpha, rtol=0, atol=1e-6)

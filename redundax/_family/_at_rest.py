@@ -35,6 +35,7 @@ class Drive(NamedTuple):
     - `output`: a as an output of [qdd; lam; tau], relative to the start and along it: a^T M a_0 / a_0^T M a_0.
     - `effect`: e, that output of unit friction, shape (p,).
     - `load`, `slips`: g, shape (d,), and S, shape (p, d).
+    - `rounding`: relative size of what is none.
     """
 
     sense: np.ndarray
@@ -42,6 +43,7 @@ class Drive(NamedTuple):
     effect: np.ndarray
     load: np.ndarray
     slips: np.ndarray
+    rounding: float
 
     @property
     def none(self) -> bool:
@@ -75,8 +77,9 @@ def drive(system: AbstractSystem, state: State, rank: ArrayLike | None) -> Drive
             f"Argument `state` must be at rest, but has velocities up to {rates.max():.3g}. "
             "Take `qd = 0`, or `simulate` to where it comes to rest."
         )
+    none = max(NONE, 100 * float(np.finfo(factor.load.dtype).eps))
     a, mass, load = (np.asarray(x, float) for x in (factor.acceleration, factor.mass, factor.load))
-    if np.abs(factor.gamma).max(initial=0.0) > NONE * np.abs(factor.jacobian @ a).max(initial=0.0):
+    if np.abs(factor.gamma).max(initial=0.0) > none * np.abs(factor.jacobian @ a).max(initial=0.0):
         raise ValueError(
             "Argument `state` must be free to stay at rest, but a driver accelerates the mechanism. "
             "Lock the driver, or choose another time `t`."
@@ -88,14 +91,14 @@ def drive(system: AbstractSystem, state: State, rank: ArrayLike | None) -> Drive
     directions = np.asarray(slip_motion(system, state)[1]) if p else np.zeros((a.size, 0))
     moved = directions.T @ ways
     reach = np.linalg.norm(moved, axis=1) * turns
-    moved = np.where((reach > NONE * reach.max(initial=0.0))[:, None], moved, 0.0)
-    if not np.abs(lever * force).max() > NONE * np.abs(lever * load).max():
-        return Drive(np.zeros(p), np.zeros(size + p), np.zeros(p), np.zeros(ways.shape[1]), moved)
+    moved = np.where((reach > none * reach.max(initial=0.0))[:, None], moved, 0.0)
+    if not np.abs(lever * force).max() > none * np.abs(lever * load).max():
+        return Drive(np.zeros(p), np.zeros(size + p), np.zeros(p), np.zeros(ways.shape[1]), moved, none)
     output = np.concatenate([force / (a @ force), np.zeros(len(system.rows) + p)])
     slip = directions.T @ a
     shift = np.abs(slip) * turns
-    slip = np.where(shift > NONE * shift.max(initial=0.0), slip, 0.0)
-    return Drive(np.sign(slip), output, slip / (a @ force), ways.T @ force, moved)
+    slip = np.where(shift > none * shift.max(initial=0.0), slip, 0.0)
+    return Drive(np.sign(slip), output, slip / (a @ force), ways.T @ force, moved, none)
 
 
 def _ways(system: AbstractSystem, factor: Factorisation) -> np.ndarray:

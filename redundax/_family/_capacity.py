@@ -46,17 +46,17 @@ def parts_of(drive: Drive) -> list[Part]:
     """The parts that are driven, and one without joints where something drives a motion that slips nowhere."""
     from scipy.sparse.csgraph import connected_components  # here, because its import takes a second
 
-    sizes, whole = np.linalg.norm(drive.slips, axis=1), np.linalg.norm(drive.load)
-    joined = np.abs(drive.slips @ drive.slips.T) > NONE * np.outer(sizes, sizes)
+    none, sizes, whole = drive.rounding, np.linalg.norm(drive.slips, axis=1), np.linalg.norm(drive.load)
+    joined = np.abs(drive.slips @ drive.slips.T) > none * np.outer(sizes, sizes)
     found, rest = [], drive.load
     for label in range(connected_components(joined)[0]) if len(sizes) else ():
         joints = connected_components(joined)[1] == label
         _, size, ways = np.linalg.svd(drive.slips[joints], full_matrices=False)
-        ways = ways[size > NONE * max(size[0], NONE * sizes.max())]
+        ways = ways[size > none * max(size[0], none * sizes.max())]
         rest = rest - ways.T @ (ways @ drive.load)
         found.append(Part(joints, ways @ drive.load, drive.slips[joints] @ ways.T))
     found.append(Part(np.zeros(len(sizes), bool), rest, np.zeros((0, rest.size))))
-    return [part for part in found if np.linalg.norm(part.load) > NONE * whole]
+    return [part for part in found if np.linalg.norm(part.load) > none * whole]
 
 
 def capacity(parts: list[Part], low: np.ndarray, high: np.ndarray) -> Capacity:

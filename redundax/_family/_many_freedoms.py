@@ -30,7 +30,7 @@ import numpy as np
 from jaxtyping import Array
 
 from .._analysis._verdict import spectral_radius
-from ._at_rest import LIMIT, Drive, Ends, in_batches
+from ._at_rest import LIMIT, NONE, Drive, Ends, in_batches
 from ._capacity import Capacity, Part, capacity, parts_of
 from ._cases import Affine
 from ._descent import within
@@ -63,6 +63,7 @@ class ManyFreedoms:
     - `search`, `drive`: the cases, and what drives the mechanism.
     - `size`: how many cases are looked at in one batch.
     - `parts`: joints that are held together.
+    - `limit`, `same`: a margin that is rounding, and a relative change of limits that is.
     - `gamma`, `change`: Gamma (p, p) and Lambda (p, q); infinite where no bound is known.
     """
 
@@ -70,11 +71,12 @@ class ManyFreedoms:
         """`reads` says whether any load on friction depends on the case."""
         solutions, cases = search.solutions, search.cases
         self.search, self.drive, self.size, self.parts = search, drive, size, parts_of(drive)
+        self.limit, self.same = max(LIMIT, drive.rounding), _STAYS * drive.rounding / NONE
         p = len(drive.slips)
         known = isinstance(cases, Affine) or not reads
         gamma = largest_gamma(solutions, cases) if known else np.full((p, p), np.inf)
         own = np.linalg.norm(drive.slips, axis=1)
-        rounding = gamma * own[:, None] <= _STAYS * own
+        rounding = gamma * own[:, None] <= self.same * own
         self.gamma = np.where(rounding, 0.0, gamma)
         self.change = np.full((p, cases.lower.size), np.inf if reads else 0.0)
         if reads and isinstance(cases, Affine) and solutions.law is not None:
@@ -88,7 +90,7 @@ class ManyFreedoms:
         """
         ends, score = self._states(theta)
         lower, upper = np.asarray(self.search.cases.lower), np.asarray(self.search.cases.upper)
-        if not len(score) or np.allclose(score, score[0], rtol=LIMIT, atol=LIMIT):
+        if not len(score) or np.allclose(score, score[0], rtol=self.limit, atol=self.limit):
             return ends
         random, radius = np.random.default_rng(seed), np.full(score.shape[1], _RADIUS)
         for _ in range(_ROUNDS):
@@ -98,7 +100,7 @@ class ManyFreedoms:
             rows = [np.concatenate(pair) for pair in zip(ends[:-1], tried[:-1], strict=True)]
             ends = Ends(*rows, solved=ends.solved)
             score = np.concatenate([score, others])
-            radius = radius * np.where(score.max(axis=0) > best + LIMIT * np.abs(best), _GROWN, _SHRUNK)
+            radius = radius * np.where(score.max(axis=0) > best + self.limit * np.abs(best), _GROWN, _SHRUNK)
             if radius.max() < _LAST:
                 break
         return ends
@@ -114,7 +116,7 @@ class ManyFreedoms:
         slip, moves, found = started(drive, tau, then)
         slips = moves & within(found, then.excess)
         left = np.ones(s) if drive.none else 1 + (tau @ drive.slips) @ drive.load / (drive.load @ drive.load)
-        falls = np.where(~held.stays & (margin < -LIMIT), margin, -left)
+        falls = np.where(~held.stays & (margin < -self.limit), margin, -left)
         free, unit = self.search.solutions.free.acceleration, self.search.solutions.unit.acceleration
         moved = np.asarray(free) + tau @ np.asarray(unit).T
         rows = [
@@ -145,8 +147,8 @@ class ManyFreedoms:
         margin = np.where(whole.stays, whole.most - 1, np.where(whole.most >= _ENDLESS, np.inf, np.nan))
         begin = whole.tau / np.where(whole.most > 0, whole.most, 1.0)[:, None]
         held = self._turned(theta, begin, *whole[1:4], hold=True)
-        held = held._replace(stays=self._holds(theta, held.tau) & (held.most >= 1 - LIMIT))
-        shown = held.stays & ~(margin >= -LIMIT)
+        held = held._replace(stays=self._holds(theta, held.tau) & (held.most >= 1 - self.limit))
+        shown = held.stays & ~(margin >= -self.limit)
         return held, np.where(shown, held.most - 1, margin)
 
     def _turned(
@@ -166,7 +168,7 @@ class ManyFreedoms:
             at = self._looked(theta, tau)
             size = np.maximum(-at.low, at.high).max(axis=1, initial=0.0)
             change = np.maximum(np.abs(at.low - low), np.abs(at.high - high)).max(axis=1, initial=0.0)
-            stays = change <= _STAYS * size
+            stays = change <= self.same * size
             going = ~stays & np.isfinite(size) & (most < _ENDLESS)
             if not going.any():
                 break
@@ -179,9 +181,11 @@ class ManyFreedoms:
     def _holds(self, theta: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Whether friction leaves no acceleration and is within its limits; NaN is not."""
         at, drive = self._looked(theta, tau), self.drive
-        rounding = LIMIT * np.maximum(-at.low, at.high).max(axis=1, initial=0.0)[:, None]
+        rounding = self.limit * np.maximum(-at.low, at.high).max(axis=1, initial=0.0)[:, None]
         inside = np.all((tau >= at.low - rounding) & (tau <= at.high + rounding), axis=1)
-        return inside & (np.linalg.norm(drive.load + tau @ drive.slips, axis=1) <= LIMIT * np.linalg.norm(drive.load))
+        return inside & (
+            np.linalg.norm(drive.load + tau @ drive.slips, axis=1) <= self.limit * np.linalg.norm(drive.load)
+        )
 
     def _looked(self, theta: np.ndarray, tau: np.ndarray) -> Looked:
         search = self.search
@@ -195,7 +199,7 @@ class ManyFreedoms:
             left = ~started(self.drive, tau, at)[2]
             if not left.any():
                 break
-            tau[left] = least_accelerated(self.drive, Limits(at.low[left], at.high[left]))
+            tau[left] = least_accelerated(self.drive, np.asarray(at.low)[left], np.asarray(at.high)[left])
         return tau
 
     def _settled(self, theta: np.ndarray, *, own_loads: bool = True) -> np.ndarray:
@@ -218,7 +222,7 @@ class ManyFreedoms:
             )
         if verdict == "must slip" and joint is None:
             return self._covered(
-                together, lambda _, low, high, less: self._most(low - less, high + less).bound < 1 - LIMIT
+                together, lambda _, low, high, less: self._most(low - less, high + less).bound < 1 - self.limit
             )
         return verdict == "may stick" or (verdict == "must slip" and self._always_slips(joint, together))
 

@@ -22,14 +22,14 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._analysis._verdict import spectral_radius
-from ._at_rest import Drive
+from ._at_rest import NONE, Drive
 from ._cases import AbstractCases
 from ._solution_set import SolutionSet
 
 _SWEEPS = 2000
 _SETTLED = 1e-13  # change of friction, relative to the largest, after which sweeps have settled it
 _FOUND = 1e-6  # error of the acceleration, relative to the parts that cancel, of what is taken for a solution
-_HELD, _ROUNDING = 1e-8, 1e-12  # accelerations that are none: relative to the parts that cancel, and to all
+_HELD = 1e-8  # accelerations that are none, relative to the parts that cancel
 
 
 class Limits(NamedTuple):
@@ -130,20 +130,22 @@ def started(drive: Drive, tau: np.ndarray, limits: Limits | Looked) -> tuple[np.
     error = np.sqrt(2 * np.maximum(gap, 0.0))
     own = np.abs(drive.slips @ drive.load) + np.abs(tau) @ np.abs(matrix)
     whole = np.linalg.norm(drive.load) + np.abs(tau) @ sizes
-    none = np.maximum(_HELD * own + _ROUNDING * sizes * whole[:, None], sizes * error[:, None])
-    moves = np.linalg.norm(left, axis=1) > np.maximum(_HELD * whole, error)
-    return np.where(np.abs(alpha) > none, np.sign(alpha), 0.0), moves, error <= _FOUND * whole
+    held, found = max(_HELD, drive.rounding), _FOUND * np.sqrt(drive.rounding / NONE)
+    none = np.maximum(held * own + drive.rounding / 100 * sizes * whole[:, None], sizes * error[:, None])
+    moves = np.linalg.norm(left, axis=1) > np.maximum(held * whole, error)
+    return np.where(np.abs(alpha) > none, np.sign(alpha), 0.0), moves, error <= found * whole
 
 
-def least_accelerated(drive: Drive, limits: Limits) -> np.ndarray:
+def least_accelerated(drive: Drive, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Friction (s, p) of least |g + S^T tau| within limits."""
     from scipy.optimize import lsq_linear  # here, because its import takes a second
 
-    tau, free = np.array(limits.low), limits.low < limits.high
-    for own, low, high, some in zip(tau, *limits, free, strict=True):
+    tau = np.array(low, float)
+    for own, most in zip(tau, high, strict=True):
+        some = own < most
         if some.any():
             given = drive.load + own[~some] @ drive.slips[~some]
-            own[some] = lsq_linear(drive.slips[some].T, -given, (low[some], high[some]), method="bvls", tol=1e-15).x
+            own[some] = lsq_linear(drive.slips[some].T, -given, (own[some], most[some]), method="bvls", tol=1e-15).x
     return tau
 
 

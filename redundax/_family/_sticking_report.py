@@ -87,6 +87,7 @@ class Sticking:
         for name, verdict, proved, senses in zip(
             self.names, self.slip_verdicts, self.slip_proved, self.slip_senses, strict=True
         ):
+            verdict = "are undecided" if verdict == "undecided" else verdict
             line = f"{verdict} ({'proved' if proved else 'as far as the search went'})"
             groups.setdefault(line, []).append(name + "".join(" +" if sense > 0 else " -" for sense in senses))
         return [f"slips that {line}: {', '.join(names)}" for line, names in groups.items()]
