@@ -47,7 +47,7 @@ def margin(load):
     return MU * (np.abs(load) + np.abs(load + WEIGHT)) / PULL - 1
 
 
-@pytest.mark.parametrize(
+BOXES = pytest.mark.parametrize(
     ("box", "verdict"),
     [
         ((9.999, 40.0), "may stick"),
@@ -57,6 +57,9 @@ def margin(load):
         ((-60.0, -20.001), "must stick"),
     ],
 )
+
+
+@BOXES
 def test_a_clamped_block_sticks_where_its_clamping_holds_it(box, verdict):
     found = rx.sticking(*clamped(), rx.PreloadBox({"below": box}))
     assert (found.verdict, found.solved) == (verdict, 1.0)
@@ -73,10 +76,30 @@ def test_a_clamped_block_sticks_where_its_clamping_holds_it(box, verdict):
     np.testing.assert_allclose(found.share, np.where(sticks, 1 / (1 + found.margin), 1.0), rtol=1e-9)
 
 
+@BOXES
+def test_verdicts_over_bounds_are_proved_where_the_law_is_known(box, verdict):
+    """The same block in two guides: forces N up in the first and WEIGHT - N in the other."""
+    guides = [
+        rx.Translational(name, "a", "ground", (0, 0), (0, 0), (0, 1), guide_length=0.1, friction=rx.Coulomb(MU))
+        for name in ("first", "second")
+    ]
+    pull = rx.AppliedForce("a", (PULL, 0.0))
+    block = rx.Mechanism([rx.Body("a", 1.0, 0.1)], guides, loads=[pull], gravity=(0.0, -WEIGHT))
+    first = (-box[1], -box[0])  # N below is -N first
+    bounds = rx.PreloadBox({"first.angle": (0.0, 0.0), "first.perpendicular": first})
+    found = rx.sticking(block, rx.State(jnp.zeros(3), jnp.zeros(3)), bounds)
+    assert (found.verdict, found.proved, found.solved) == (verdict, True, 1.0)
+    assert found.slip_proved.all()
+    values = margin(np.linspace(*box, 20001))
+    np.testing.assert_allclose(found.margin, [values.min(), values.max()], rtol=0, atol=1e-5)
+
+
 def test_a_closure_gives_one_case_and_without_a_drive_anything_holds():
     found = rx.sticking(*clamped())
     assert (found.verdict, found.proved) == ("must slip", True)  # the weight is shared: 5 N on each wall
     np.testing.assert_allclose(found.margin, MU * WEIGHT / PULL - 1)
+    assert (found.slip_verdicts, found.slip_senses) == (("must slip",) * 2, ((1,), (1,)))
+    assert found.slip_proved.all()
     assert rx.sticking(*clamped(2.9)).verdict == "must stick"
     still = rx.sticking(*clamped(0.0), rx.PreloadBox({"below": (-5.0, 5.0)}))
     assert (still.verdict, still.proved, still.share.tolist()) == ("must stick", True, [0.0, 0.0])
@@ -90,6 +113,7 @@ def test_text():
         "At rest, PreloadBox: below 0 to 40\nMAY STICK (proved)\nleast margin -0.6667 at below 0: slips"
     )
     assert "largest margin 2 at below 40: held by 33% of the friction\n    tau 0 -4" in text
+    assert text.endswith("\nslips that may stick (proved): 0 +, 1 +")
 
 
 STRESS = np.array([1, 1, 1, 1, 1, 1, -1, -1, 0, 0, 0.8, -0.8])
