@@ -34,6 +34,16 @@ def along_motion(system: AbstractSystem, state: State) -> AlongMotion:
     return _along(system, state, state.qd, jnp.ones_like(state.t))
 
 
+def constraint_rate(system: AbstractSystem, state: State) -> Float[Array, " m"]:
+    """Phi_q qd + Phi_t."""
+    zero, one = jnp.zeros_like(state.t), jnp.ones_like(state.t)
+
+    def value(s: Array) -> Array:
+        return system.constraint(system.retract(state.q, s * state.qd), state.t + s)
+
+    return jax.jvp(value, (zero,), (one,))[1]
+
+
 def explicit_gamma(system: AbstractSystem, state: State) -> Float[Array, " m"]:
     """-Phi_tt, the part of gamma that prescribed motion alone is answerable for."""
     return _along(system, state, jnp.zeros_like(state.qd), jnp.ones_like(state.t)).gamma

@@ -163,7 +163,7 @@ def _solved(equations: Equations, done: Run, ts: Array, rank: Array, singular: b
         held, found = hold(system, y.at(t), equations.scaling, rank, singular=singular)
         y, _ = charted(system, y)
         if equations.stabilisation.projects:
-            y = jax.tree.map(lambda a, b: jnp.where(resting, a, b), y, projected(system, t, y, held)[0])
+            y = jax.tree.map(lambda a, b: jnp.where(resting, a, b), y, projected(system, t, y, held))
         state = y.at(t)
         solved = there.solved(state, there.linear(state, held), None)
         acceleration = jnp.where(resting, 0.0, solved.acceleration)

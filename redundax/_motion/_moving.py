@@ -19,7 +19,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 from .._closures._closure import AbstractClosure, closed_by
 from .._friction import load_rows, memory_rates
 from .._friction_problem import FrictionProblem, Law
-from .._kinematics import chart_rate, displacement, slip_gamma, slip_motion
+from .._kinematics import chart_rate, constraint_rate, displacement, slip_gamma, slip_motion
 from .._results import RESULTS
 from .._scaling import Scaling
 from .._solver import AbstractSolver, closed_root
@@ -128,12 +128,17 @@ class Equations(eqx.Module):
 
         The closure matters to it only through friction: a self-stress does no work.
         """
+        return self.instant(t, y, context)[0]
+
+    def instant(self, t: Array, y: Moving, context: Context) -> tuple[Moving, Float[Array, " p"], Float[Array, " p"]]:
+        """y', the rates of the slip rates, and the slip rates."""
         state = y.at(t)
         linear = self.linear(state, context.held, closed=self.loaded)
         solved = self.solved(state, linear, context.tau)
         base, event = jax.tree.map(jnp.zeros_like, (y.base, y.event))
         memory = list(memory_rates(self.system.friction, linear.rate, state))
-        return Moving(chart_rate(self.system, state), base, solved.acceleration, solved.power, event, memory)
+        slope = Moving(chart_rate(self.system, state), base, solved.acceleration, solved.power, event, memory)
+        return slope, solved.slip, linear.rate
 
     @property
     def loaded(self) -> bool:
@@ -141,10 +146,13 @@ class Equations(eqx.Module):
         return any(group.rows.size for group in self.system.friction)
 
     @eqx.filter_jit  # traced once, for the many places that it stands in
-    def linear(self, state: State, held: Held, *, closed: bool = True) -> Linear:
-        """What load and unit friction cause; `closed` says whether the multipliers are the closure's, or some."""
+    def linear(self, state: State, held: Held, parts: Kinetics | None = None, *, closed: bool = True) -> Linear:
+        """What load and unit friction cause, given the matrices at the state if they are known.
+
+        `closed` says whether the multipliers are the closure's, or some.
+        """
         system, scale = self.system, held.row_scale
-        parts = kinetics(system, state, held)
+        parts = kinetics(system, state, held) if parts is None else parts
         force, rate, directions = system.load(state), state.qd[:0], jnp.zeros((state.qd.size, 0), state.qd.dtype)
         if system.friction:
             rate, directions = slip_motion(system, state)
@@ -252,41 +260,57 @@ def charted(system: AbstractSystem, y: Moving) -> tuple[Moving, Bool[Array, ""]]
     return y._replace(q=q, base=q), change <= float(jnp.finfo(change.dtype).eps) ** 0.375
 
 
-def projected(system: AbstractSystem, t: Array, y: Moving, held: Held) -> tuple[Moving, Kinetics]:
-    """y moved onto the manifold, positions then velocities, by least change in the norm of M, and its matrices."""
-    d = _closed(system, held, y.q, t)
+def projected(system: AbstractSystem, t: Array, y: Moving, held: Held) -> Moving:
+    """y moved onto the manifold, positions then velocities, by least change in the norm of M."""
+    d, qd = _closed(system, held, y.q, y.qd, t)
     q = system.retract(y.q, d)
-    parts = kinetics(system, State(q, y.qd, t), held)
-    qd, rate = y.qd, parts.motion.rate / held.row_scale
-    for _ in range(2):  # the second pass is refinement
-        qd = qd - parts.response @ held_inverse(parts, held, rate + parts.rows @ (qd - y.qd))
     moved = system.load(State(system.retract(y.q, d / 2), y.qd, t)) @ d
-    return y._replace(q=q, base=None if y.base is None else q, qd=qd, work=y.work + moved), parts
+    return y._replace(q=q, base=None if y.base is None else q, qd=qd, work=y.work + moved)
 
 
-# Chord iterations of the position: a step leaves it off by e, each turns e^k into e^(k+1).
+# Chord iterations of position and velocity: a step leaves them off by e, each turns e^k into e^(k+1).
 _CHORDS = 4
 
 
 @eqx.filter_custom_jvp
-def _closed(system: AbstractSystem, held: Held, q: Float[Array, "..."], t: Array) -> Float[Array, " n"]:
-    """The least displacement from q that meets the held rows; its derivative is -B^+ dPhi at the new position."""
-    parts = kinetics(system, State(q, jnp.zeros(len(system.coordinates), q.dtype), t), held)
+def _closed(
+    system: AbstractSystem, held: Held, q: Float[Array, "..."], qd: Float[Array, " n"], t: Array
+) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+    """The least displacement from q that meets the held rows, and the velocity nearest to qd that does so there."""
+    parts = kinetics(system, State(q, qd, t), held)
 
-    def chord(_: Array, d: Array) -> Array:
-        return d - parts.response @ held_inverse(parts, held, _residual(system, q, d, t) / held.row_scale)
+    def position(_: Array, d: Array) -> Array:
+        return d - _nearest(parts, held, _residual(system, q, d, t))
 
-    return jax.lax.fori_loop(0, _CHORDS, chord, jnp.zeros_like(parts.rows[0]))
+    d = jax.lax.fori_loop(0, _CHORDS, position, jnp.zeros_like(qd))
+    there = system.retract(q, d)
+
+    def velocity(_: Array, qd: Array) -> Array:
+        return qd - _nearest(parts, held, constraint_rate(system, State(there, qd, t)))
+
+    return d, jax.lax.fori_loop(0, _CHORDS, velocity, qd)
 
 
 @_closed.def_jvp
-def _closed_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
-    system, held, q, t = primals
-    system_dot, _, q_dot, t_dot = tangents
-    d = _closed(*primals)
-    parts = kinetics(system, State(system.retract(q, d), jnp.zeros_like(d), t), held)
+def _closed_jvp(primals: tuple, tangents: tuple) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """By the constraints at the new position: what the step is off by is small beside what moves."""
+    system, held, q, qd, t = primals
+    system_dot, _, q_dot, qd_dot, t_dot = tangents
+    d, qd = _closed(*primals)
+    parts = kinetics(system, State(system.retract(q, d), qd, t), held)
     _, off = eqx.filter_jvp(lambda system, q, t: _residual(system, q, d, t), (system, q, t), (system_dot, q_dot, t_dot))
-    return d, -parts.response @ held_inverse(parts, held, off / held.row_scale)
+    d_dot = -_nearest(parts, held, off)
+    _, (own, off) = eqx.filter_jvp(
+        lambda system, q, d, qd, t: (qd, constraint_rate(system, State(system.retract(q, d), qd, t))),
+        (system, q, d, qd, t),
+        (system_dot, q_dot, d_dot, qd_dot, t_dot),
+    )
+    return (d, qd), (d_dot, own - _nearest(parts, held, off))
+
+
+def _nearest(parts: Kinetics, held: Held, off: Float[Array, " m"]) -> Float[Array, " n"]:
+    """The least change by which the held rows change as much."""
+    return parts.response @ held_inverse(parts, held, off / held.row_scale)
 
 
 def _residual(system: AbstractSystem, q: Array, d: Array, t: Array) -> Float[Array, " m"]:

@@ -14,9 +14,9 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ._held_rank import Held
 from ._moving import Context, Equations, Moving
-from ._slip import locate, released
+from ._slip import bracketed, locate, released
 from ._stepper import Carried, Stepper, Watch
-from ._stick import Onward, let_go
+from ._stick import Onward
 
 
 class Options(NamedTuple):
@@ -139,16 +139,19 @@ def _stopped(
     onward: Onward,
 ) -> tuple[Array, Moving, Onward, Bool[Array, ""]]:
     """Where an event of the last step ends a phase, or loads end a rest, how it goes on there, and whether they do."""
-    looked, until, there = let_go(equations, y.at(t), now.held, end, now.resting & now.going)
+    rests = now.resting & now.going
+    (first, start), last = carried.start, y.at(jnp.where(now.resting, end, t))
+    before = jax.tree.map(lambda a, b: jnp.where(now.resting, a, b), y.at(t), start.at(first))
+    bracket = bracketed(equations, before, last, carried.context.held, rests, happened)
+    there = bracket.there
     moves = now.resting & ~there.resting & ~jnp.any(released(equations, there))  # what no friction held
-    t = jnp.where(now.resting, jnp.where(moves, looked, until), t)
-    begin = jax.tree.map(lambda a, b: jnp.where(now.resting, a, b), (looked, y), carried.start)
+    t = jnp.where(now.resting, jnp.where(moves, bracket.low, bracket.high), t)
     stopped = jnp.where(now.resting, ~there.resting, happened)
     event = stopped & ~moves
     goes_on = onward._replace(resting=now.resting & ~moves, decided=now.decided & (there.decided | ~moves))
     t, y, onward = jax.lax.cond(
         event,
-        lambda: locate(equations, begin, t, y, carried.context, event),
+        lambda: locate(equations, bracket, t, y, carried.context, event),
         lambda: (t, y, goes_on),
     )
     return t, y._replace(event=jnp.zeros_like(t)), onward, stopped

@@ -8,8 +8,11 @@ bisection of the interpolated step brackets the event, and Newton's method on th
 h a slip rate, or of a joint let go its slip acceleration with the friction of its sense. The end of the iteration is
 the event, and its derivative that of the event. Joints let go start from there; where a slip rate is zero it is asked
 which joints stick (`_stick`).
+
+A mechanism at rest is looked at from time to time: loads that change may let it go.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import diffrax
@@ -19,23 +22,28 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .._kinematics import between, slip_motion
+from .._kinematics import between
 from .._state import State
+from ._held_rank import Held
 from ._moving import Context, Equations, Linear, Moving, charted, projected
 from ._stick import NONE, Onward, counted, onward, settled
 
-# Halvings of the step, and steps of Newton's method, that locate an event.
-_HALVINGS, _NEWTON = 8, 4
+# Halvings of the step, steps of Newton's method that locate an event, and instants at rest that are looked at.
+_HALVINGS, _NEWTON, _LOOKS = 8, 5, 100
 
 
 class Bracket(NamedTuple):
-    """An instant just after an event, what joints do there, the joint, whether it is let go, and the slope of h."""
+    """Where an event is, to a fraction of a step or of the time between two looks.
 
-    end: Array
+    - `low`, `high`: instants before and just after it; both the end where there is none.
+    - `there`: what joints do at `high`.
+    - `against`: slip rates against their sense, as lengths, of joints that stop; shape (p,).
+    """
+
+    low: Array
+    high: Array
     there: Onward
-    joint: Array
-    released: Bool[Array, ""]
-    slope: Array
+    against: Float[Array, " p"]
 
 
 def happened(equations: Equations, state: State, linear: Linear) -> Bool[Array, ""]:
@@ -55,92 +63,130 @@ def _against(equations: Equations, rate: Float[Array, " p"]) -> Float[Array, " p
     return jnp.where(jnp.asarray(equations.sensed), -rate * equations.sense, 0.0)
 
 
+def bracketed(
+    equations: Equations, first: State, last: State, held: Held, resting: Bool[Array, ""], happened: Bool[Array, ""]
+) -> Bracket:
+    """The first event between two states, if one has happened; or where the loads let a mechanism at rest go."""
+    equations, first, last, held = jax.lax.stop_gradient((equations, first, last, held))
+    span = jnp.where(last.t > first.t, last.t - first.t, 1.0)
+
+    def here(t: Array, wanted: Array) -> tuple[Onward, Float[Array, " p"]]:
+        state = between(equations.system, first, last, (t - first.t) / span)
+        linear = equations.linear(state, held, closed=equations.loaded)
+        there = settled(equations, state, linear, jnp.any(equations.sticking) & wanted)
+        return there, _against(equations, linear.rate) * equations.slip_size
+
+    def look(carry: _Looking) -> _Looking:
+        low, high, count = carry.found.low, carry.found.high, carry.count
+        t = jnp.where(carry.halves, jnp.where(count == 0, high, (low + high) / 2), low + (last.t - first.t) / _LOOKS)
+        there, against = here(t, ~carry.ends)
+        over = jnp.where(carry.halves & (count == 0), against > 0, carry.over)
+        late, free = jnp.where(over, against, 0.0), released(equations, there)
+        before = (carry.halves & (count > 0) & ~jnp.any(free) & jnp.all(late <= 0)) | (~carry.halves & there.resting)
+        old, new = carry.found._replace(low=t), Bracket(low, t, there, late)
+        found = jax.tree.map(lambda a, b: jnp.where(before, a, b), old, new)
+        starts = ~carry.halves & jnp.any(free)
+        ends = jnp.where(carry.halves, count == _HALVINGS, (before & (count + 1 == _LOOKS)) | ~(before | starts))
+        return _Looking(jnp.where(starts, 1, count + 1), found, over, carry.halves | starts, ends)
+
+    zero, none = jnp.zeros_like(equations.sense), jnp.zeros((), bool)
+    whole = Bracket(first.t, last.t, Onward(equations.sense, zero, ~none, none), zero)
+    begin = _Looking(jnp.zeros((), int), whole, zero > 0, ~resting, ~(resting | happened))
+    return jax.lax.while_loop(lambda carry: ~carry.ends, look, begin).found
+
+
+class _Looking(NamedTuple):
+    """How often it was looked, what was found, which joints slip against their sense at the end of the step, whether
+    an event is closed in on by halves, and whether that is all."""
+
+    count: Array
+    found: Bracket
+    over: Bool[Array, " p"]
+    halves: Bool[Array, ""]
+    ends: Bool[Array, ""]
+
+
 def locate(
-    equations: Equations, start: tuple[Array, Moving], t: Array, y: Moving, context: Context, event: Bool[Array, ""]
+    equations: Equations, bracket: Bracket, t: Array, y: Moving, context: Context, event: Bool[Array, ""]
 ) -> tuple[Array, Moving, Onward]:
-    """The first event of the step from `start` to (t, y), and how it goes on from there.
+    """The event of the bracket, from (t, y) after it, and how it goes on from there.
 
     `event` says whether there is one: a batch looks where there is none.
     """
-    fixed, ends, rank = jax.lax.stop_gradient((equations, (start[1].at(start[0]), y.at(t)), context))
-    bracket = _bracket(fixed, *ends, rank, event)
-    mode = equations.with_sense(jnp.where(bracket.released, _after(fixed, bracket.there), equations.sense))
+    fixed = jax.lax.stop_gradient(equations)
+    reverses, go = jnp.any(bracket.against > 0), released(fixed, bracket.there)
+    joint = jnp.where(reverses, jnp.argmax(bracket.against), jnp.argmax(go))
+    free = ~reverses & jnp.any(go)
+    starts = equations.with_sense(jnp.where(free & go, bracket.there.sense, equations.sense))
 
-    def newton(carry: tuple[Array, Moving, Array], _: None) -> tuple[tuple[Array, Moving, Array], None]:
-        t, y, dt = carry
-        stepped = charted(equations.system, _stepped(equations, t, y, dt, context))[0]
-        y = projected(equations.system, t + dt, stepped, context.held)[0]
-        slip, rate = _slip(mode, y.at(t + dt), context)
-        h = jnp.where(bracket.released, slip, rate)[bracket.joint]
-        slope = jnp.where(bracket.released, bracket.slope, slip[bracket.joint])
-        return (t + dt, y, jnp.where(event, -h / jnp.where(event, slope, 1.0), 0.0)), None
+    def newton(carry: _Newton, count: Array) -> tuple[_Newton, None]:
+        t, y = carry.t, carry.y
 
-    (t, y, _), _ = jax.lax.scan(newton, (t, y, bracket.end - t), None, length=_NEWTON)
+        def ahead(slip: Array, rate: Array) -> _Ahead:
+            h, width = jnp.where(free, slip, rate)[joint], bracket.high - bracket.low
+            secant = jax.lax.stop_gradient(h - carry.h) / jnp.where(event, width, 1.0)
+            slope = jnp.where(free, jnp.where(count == 2, secant, carry.slope), slip[joint])
+            dt = -h / jnp.where(event & (~free | (count > 1)), slope, 1.0)
+            dt = jnp.where(count == 0, bracket.low - t, jnp.where(free & (count == 1), width, dt))
+            return _Ahead(jnp.where(event, dt, 0.0), h, slope)
+
+        y, (dt, h, slope) = _stepped(equations, starts, t, y, context, ahead)
+        y = projected(equations.system, t + dt, charted(equations.system, y)[0], context.held)
+        return _Newton(t + dt, y, h, slope), None
+
+    zero = jnp.zeros_like(t)
+    (t, y, *_), _ = jax.lax.scan(newton, _Newton(t, y, zero, zero), jnp.arange(_NEWTON))
     stopped = onward(fixed, y.at(t), context.held, event)
-    going = bracket.there._replace(sense=mode.sense, resting=jnp.zeros((), bool))
-    return t, y, jax.tree.map(lambda a, b: jnp.where(bracket.released, a, b), going, stopped)
+    going = bracket.there._replace(sense=starts.sense, resting=jnp.zeros((), bool))
+    return t, y, jax.tree.map(lambda a, b: jnp.where(free, a, b), going, stopped)
 
 
-def _after(equations: Equations, there: Onward) -> Float[Array, " p"]:
-    """Senses with which joints that are let go start."""
-    return jnp.where(released(equations, there), there.sense, equations.sense)
+class _Newton(NamedTuple):
+    """Where the iteration is, h there before, and the slope of h of a joint that is let go."""
+
+    t: Array
+    y: Moving
+    h: Array
+    slope: Array
 
 
-def _slip(equations: Equations, state: State, context: Context) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
-    """Rates of the slip rates, and slip rates."""
-    linear = equations.linear(state, context.held, closed=equations.loaded)
-    return equations.solved(state, linear, context.tau).slip, linear.rate
+class _Ahead(NamedTuple):
+    """How far to step, h, and its slope."""
+
+    dt: Array
+    h: Array
+    slope: Array
 
 
-def _bracket(
+def _stepped(
     equations: Equations,
-    first: State,
-    last: State,
+    starts: Equations,
+    t: Array,
+    y: Moving,
     context: Context,
-    event: Bool[Array, ""],
-) -> Bracket:
-    """The first event to a fraction of the step, interpolated; a reversal where there are both."""
+    ahead: Callable[[Float[Array, " p"], Float[Array, " p"]], _Ahead],
+) -> tuple[Moving, _Ahead]:
+    """One explicit step of the method of Dormand and Prince of order 8, which both modes of derivatives pass.
 
-    def at(t: Array) -> State:
-        return between(equations.system, first, last, (t - first.t) / (last.t - first.t))
-
-    over = _against(equations, slip_motion(equations.system, last)[0]) > 0
-
-    def halved(carry: tuple) -> tuple:
-        k, low, high, there, against = carry
-        t = jnp.where(k == 0, high, (low + high) / 2)
-        state = at(t)
-        linear = equations.linear(state, context.held, closed=equations.loaded)
-        here = settled(equations, state, linear, event & jnp.any(equations.sticking))
-        late = jnp.where(over, _against(equations, linear.rate), 0.0)
-        before = (k > 0) & ~jnp.any(released(equations, here)) & jnp.all(late <= 0)
-        ends = (t, high, there, against), (low, t, here, late * equations.slip_size)
-        return k + 1, *jax.tree.map(lambda a, b: jnp.where(before, a, b), *ends)
-
-    zero, none = jnp.zeros_like(equations.sense), jnp.zeros((), bool)
-    whole = jnp.zeros((), int), first.t, last.t, Onward(equations.sense, zero, none, none), zero
-    _, low, high, there, against = jax.lax.while_loop(lambda c: event & (c[0] <= _HALVINGS), halved, whole)
-    reverses, go = jnp.any(against > 0), released(equations, there)
-    joint = jnp.where(reverses, jnp.argmax(against), jnp.argmax(go))
-    after = equations.with_sense(_after(equations, there))
-    ends = at(low), at(high)
-    slips = jax.lax.map(lambda state: _slip(after, state, context)[0], jax.tree.map(lambda *x: jnp.stack(x), *ends))
-    slope = (slips[1] - slips[0])[joint] / jnp.where(event, high - low, 1.0)
-    return Bracket(high, there, joint, ~reverses & jnp.any(go), slope)
-
-
-def _stepped(equations: Equations, t: Array, y: Moving, dt: Array, context: Context) -> Moving:
-    """One explicit step of the method of Dormand and Prince of order 8, which both modes of derivatives pass."""
+    How far it goes is told by rates of the slip rates, with the senses of `starts`, and slip rates where it begins.
+    """
     flat, unravel = jax.flatten_util.ravel_pytree(y)
     tableau = diffrax.Dopri8.tableau
-    weights = [np.zeros(0), *tableau.a_lower]
+    weights = [np.zeros(0), np.zeros(0), *tableau.a_lower]  # the first looks how far, the others are the method's
     stages = len(weights)
-    lower = jnp.asarray(np.array([np.pad(row, (0, stages - row.size)) for row in weights]), flat.dtype)
-    nodes = jnp.asarray(np.append(0.0, tableau.c), flat.dtype)
+    lower = np.array([np.pad(row, (k > 0, stages - row.size - (k > 0))) for k, row in enumerate(weights)])
+    lower = jnp.asarray(lower, flat.dtype)
+    nodes = jnp.asarray(np.concatenate([np.zeros(2), tableau.c]), flat.dtype)
 
-    def stage(k: Array, slopes: Array) -> Array:
-        slope = equations.derivative(t + nodes[k] * dt, unravel(flat + dt * lower[k] @ slopes), context)
-        return slopes.at[k].set(jax.flatten_util.ravel_pytree(slope)[0])
+    def stage(k: Array, carry: tuple[Array, _Ahead]) -> tuple[Array, _Ahead]:
+        slopes, told = carry
+        there = equations.with_sense(jnp.where(k == 0, starts.sense, equations.sense))
+        at = unravel(flat + told.dt * lower[k] @ slopes)
+        slope, slip, rate = there.instant(t + nodes[k] * told.dt, at, context)
+        told = jax.tree.map(lambda a, b: jnp.where(k == 0, a, b), ahead(slip, rate), told)
+        return slopes.at[k].set(jax.flatten_util.ravel_pytree(slope)[0]), told
 
-    slopes = jax.lax.fori_loop(0, stages, stage, jnp.zeros((stages, flat.size), flat.dtype))
-    return unravel(flat + dt * jnp.asarray(tableau.b_sol, flat.dtype) @ slopes)
+    zero = jnp.zeros_like(t)
+    start = jnp.zeros((stages, flat.size), flat.dtype), _Ahead(zero, zero, zero)
+    slopes, told = jax.lax.fori_loop(0, stages, stage, start)
+    return unravel(flat + told.dt * jnp.asarray(tableau.b_sol, flat.dtype) @ slopes[1:]), told

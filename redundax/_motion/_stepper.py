@@ -128,18 +128,17 @@ class Stepper(diffrax.AbstractWrappedSolver):
         raw = y
         y, settled = charted(system, y)
         if projects:
-            y, parts = projected(system, t1, y, context.held)
-        else:
-            parts = kinetics(system, y.at(t1), context.held)
+            y = projected(system, t1, y, context.held)
         # What is watched and what the next step starts from have no derivatives.
-        fixed, there, t, parts = jax.lax.stop_gradient((equations, y, t1, parts))
+        fixed, there, t = jax.lax.stop_gradient((equations, y, t1))
+        parts = kinetics(fixed.system, there.at(t), context.held)
         held, excess = renewed(context.held, parts)
-        watch, off = _watched(solver_state.watch, fixed, t, there, parts, held.row_scale)
+        watch, off = _watched(solver_state.watch, fixed, t, there, parts)
         pivot = jnp.min(parts.pivots)
         tau, state = context.tau, there.at(t)
         jump = jnp.zeros_like(off)
         if system.friction:
-            linear = fixed.linear(state, context.held, closed=fixed.loaded)
+            linear = fixed.linear(state, context.held, parts, closed=fixed.loaded)
             solved = fixed.solved(state, linear, tau)
             change = jnp.where(fixed.sticking, 0.0, jnp.abs(solved.tau - tau) / solved.size)
             jump = jnp.where(solved.contraction < 1, 0.0, jnp.max(change))
@@ -208,17 +207,15 @@ def _relative(error: Moving, dt: Array, equations: Equations, before: Carried, a
 
 
 def _watched(
-    watch: Watch, equations: Equations, t: Array, y: Moving, parts: Kinetics, scale: Array
+    watch: Watch, equations: Equations, t: Array, y: Moving, parts: Kinetics
 ) -> tuple[Watch, Float[Array, ""]]:
     """The watch after a step, and the violation of the position by this step."""
-    sizes, one = equations.scaling, jnp.ones_like(t)
-    value, explicit = jax.jvp(lambda t: equations.system.constraint(y.q, t), (t,), (one,))
-    position = jnp.max(jnp.abs(value) / sizes.rows) / sizes.size
-    rate = scale * (parts.rows @ y.qd) + explicit
+    sizes = equations.scaling
+    position = jnp.max(jnp.abs(parts.motion.value) / sizes.rows) / sizes.size
     kinetic = equations.kinetic_energy(t, y)
     watch = watch._replace(
         position=jnp.maximum(watch.position, position),
-        velocity=jnp.maximum(watch.velocity, jnp.max(jnp.abs(rate) / sizes.rows)),
+        velocity=jnp.maximum(watch.velocity, jnp.max(jnp.abs(parts.motion.rate) / sizes.rows)),
         speed=jnp.maximum(watch.speed, jnp.max(jnp.abs(y.qd) / sizes.coordinates)),
         kinetic=jnp.maximum(watch.kinetic, kinetic),
         energy=jnp.maximum(watch.energy, jnp.abs(kinetic - y.work - watch.start)),

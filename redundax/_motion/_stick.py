@@ -16,7 +16,6 @@ Joints that slip have the friction of their sense, lo = hi.
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -31,8 +30,6 @@ from ._moving import Equations, Linear
 # the roundings that it is at least.
 NONE, _STILL, _HELD, _SETTLED = (1e-9, 10), (1e-6, 1e3), (1e-7, 1e3), (1e-10, 1e3)
 _SWEEPS = 2000
-# Instants at rest at which it is asked whether the loads let the mechanism go.
-_LOOKS = 100
 
 
 def counted(tolerance: tuple[float, float], like: Array) -> float:
@@ -53,32 +50,6 @@ def onward(equations: Equations, state: State, held: Held, wanted: Bool[Array, "
     """How the motion goes on from an instant at which a slip rate is zero, if wanted; it has no derivative."""
     equations, state, held = jax.lax.stop_gradient((equations, state, held))
     return settled(equations, state, equations.linear(state, held, closed=equations.loaded), wanted)
-
-
-def let_go(
-    equations: Equations, state: State, held: Held, end: Array, resting: Bool[Array, ""]
-) -> tuple[Array, Array, Onward]:
-    """Where a mechanism at rest, if it is, is let go by its loads: the instants looked at before and after, and how.
-
-    Without that the second is the end.
-    """
-    span, fixed = (end - state.t) / _LOOKS, jax.lax.stop_gradient((equations, state, held))
-
-    def at(k: Array) -> State:
-        return eqx.tree_at(lambda state: state.t, fixed[1], state.t + span * k)
-
-    def look(carry: tuple[Array, Onward]) -> tuple[Array, Onward]:
-        k = carry[0] + 1
-        return k, onward(fixed[0], at(k), held, resting)
-
-    def waiting(carry: tuple[Array, Onward]) -> Array:
-        k, there = carry
-        return resting & there.resting & (k < _LOOKS)
-
-    none, zero = jnp.zeros((), bool), jnp.zeros_like(equations.sense)
-    k, there = jax.lax.while_loop(waiting, look, (jnp.zeros((), int), Onward(equations.sense, zero, ~none, none)))
-    last = jnp.where(k < _LOOKS, fixed[1].t + span * k, end)
-    return jax.lax.stop_gradient((fixed[1].t + span * jnp.maximum(k - 1, 0), last, there))
 
 
 def settled(equations: Equations, state: State, linear: Linear, wanted: Bool[Array, ""]) -> Onward:
