@@ -77,7 +77,7 @@ def bracketed(
         return there, _against(equations, linear.rate) * equations.slip_size
 
     def look(carry: _Looking) -> _Looking:
-        low, high, count = carry.found.low, carry.found.high, carry.count
+        low, high, count = carry.found.low, carry.found.high, carry.looks
         t = jnp.where(carry.halves, jnp.where(count == 0, high, (low + high) / 2), low + (last.t - first.t) / _LOOKS)
         there, against = here(t, ~carry.ends)
         over = jnp.where(carry.halves & (count == 0), against > 0, carry.over)
@@ -99,7 +99,7 @@ class _Looking(NamedTuple):
     """How often it was looked, what was found, which joints slip against their sense at the end of the step, whether
     an event is closed in on by halves, and whether that is all."""
 
-    count: Array
+    looks: Array
     found: Bracket
     over: Bool[Array, " p"]
     halves: Bool[Array, ""]
