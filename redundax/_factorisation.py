@@ -25,7 +25,7 @@ from ._kinematics import change_of_jacobian, jacobian, second_order
 from ._rank import Spectrum, Split, split
 from ._restricted import restricted_inverse
 from ._results import RESULTS, first_failure
-from ._scaling import scaling
+from ._scaling import Scaling, scaling
 from ._state import State
 from ._system import AbstractSystem
 
@@ -91,6 +91,7 @@ class Factorisation(eqx.Module):
     _change: Float[Array, "m n"]
     _response: Float[Array, "n n"]
     _speed: Float[Array, ""]
+    _size: Float[Array, ""]
     _coordinate_scale: Float[Array, " n"]
 
     @property
@@ -121,6 +122,16 @@ class Factorisation(eqx.Module):
     def freedom(self) -> Int[Array, ""]:
         """n - r, number of degrees of freedom."""
         return self.jacobian.shape[1] - self.spectrum.rank
+
+    @property
+    def scaling(self) -> Scaling:
+        """The scales of coordinates and rows, the length, and the size of the mechanism."""
+        return Scaling(self._coordinate_scale, self.row_scale, self.length, self._size)
+
+    @property
+    def scaled_self_stress(self) -> Float[Array, "m m"]:
+        """The projector onto the self-stress of the scaled rows."""
+        return self._split.stress
 
     @property
     def self_stress(self) -> Float[Array, "m m"]:
@@ -276,6 +287,7 @@ def _factorize(system: AbstractSystem, state: State, rank: Int[Array, ""] | None
         _change=_change(system, state, parts, coordinate_scale, row_scale),
         _response=response,
         _speed=jax.lax.stop_gradient(jnp.max(jnp.abs(qd))),
+        _size=size,
         _coordinate_scale=coordinate_scale,
         row_scale=row_scale,
     )

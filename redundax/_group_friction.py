@@ -74,19 +74,19 @@ class JointFriction(AbstractFriction):
 
 
 class FrictionMembers(eqx.Module):
-    """Which joints of a stack have friction of one model, and their rows."""
+    """Which joints of a stack have friction of one model, `None` for all of them, and their rows."""
 
     kind: int = eqx.field(static=True)
-    members: Int[Array, " p"]
+    members: Int[Array, " p"] | None
     model: AbstractFrictionModel
     rows: Int[Array, "p rows"]
     slips: Axis = eqx.field(static=True)
 
     def of(self, joints: Sequence[Stack]) -> JointFriction:
         """The friction group, given the stacks of joints."""
-        return JointFriction(
-            joints=joints[self.kind].take(self.members), model=self.model, rows=self.rows, slips=self.slips
-        )
+        stack = joints[self.kind]
+        some = stack if self.members is None else stack.take(self.members)
+        return JointFriction(joints=some, model=self.model, rows=self.rows, slips=self.slips)
 
 
 def friction_members(kind: int, joints: Sequence[AbstractJoint], places: np.ndarray) -> list[FrictionMembers]:
@@ -103,5 +103,6 @@ def friction_members(kind: int, joints: Sequence[AbstractJoint], places: np.ndar
         rows = places[members] if model.depends_on_load else np.zeros((len(members), 0))
         names = tuple(joints[k].name for k in members)
         slips = Axis(names, (frictional[members[0]][0].slip_kind,) * len(members))
-        out.append(FrictionMembers(kind, indices(members), model, indices(rows), slips))
+        some = None if members == list(range(len(joints))) else indices(members)
+        out.append(FrictionMembers(kind, some, model, indices(rows), slips))
     return out

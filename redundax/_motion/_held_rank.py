@@ -137,20 +137,28 @@ def hold(
     system: AbstractSystem, state: State, scale: Scaling, rank: Int[Array, ""], *, singular: bool
 ) -> tuple[Held, Int[Array, ""]]:
     """Hold a rank at a state, and the rank found there; `singular` says whether M may be singular."""
-    matrix, mass = jacobian(system, state), system.mass(state.q, state.t)
+    matrix = jacobian(system, state)
     position = jnp.max(jnp.abs(system.constraint(state.q, state.t)) / scale.rows) / scale.size
     parts, spectrum = split(matrix * scale.coordinates / scale.rows[:, None], position, rank)
+    found = jnp.sum(spectrum.singular_values > spectrum.tolerance)
+    return held_by(system, state, scale, parts.stress, singular=singular), found
+
+
+def held_by(
+    system: AbstractSystem, state: State, scale: Scaling, stress: Float[Array, "m m"], *, singular: bool
+) -> Held:
+    """Hold the rank that the projector onto the self-stress of the scaled rows has; `singular` as in `hold`."""
+    matrix, mass = jacobian(system, state), system.mass(state.q, state.t)
     if singular:  # rows as heavy as M, so that M + B^T B is well conditioned
         heavy = jnp.trace(mass) / mass.shape[0] / jnp.mean(jnp.sum(matrix**2, axis=1))
         mass = mass + heavy * matrix.T @ matrix
-    inverse_mass = _inverse(mass + 0.0 * parts.stress[0, 0])  # two LAPACK calls side by side can hang
+    inverse_mass = _inverse(mass + 0.0 * stress[0, 0])  # two LAPACK calls side by side can hang
     row_scale = jnp.sqrt(jnp.sum(matrix * (matrix @ inverse_mass), axis=1))
     row_scale = jnp.where(row_scale > 0, row_scale, 1.0)
-    projector = _spanned_response((row_scale / scale.rows)[:, None] * parts.stress, parts.stress, None)
+    projector = _spanned_response((row_scale / scale.rows)[:, None] * stress, stress, None)
     held = jax.lax.stop_gradient((projector, row_scale))
     constant = system.constant_mass and not singular
-    found = jnp.sum(spectrum.singular_values > spectrum.tolerance)
-    return Held(*held, inverse_mass if constant else None, singular), found
+    return Held(*held, inverse_mass if constant else None, singular)
 
 
 def renewed(held: Held, parts: Kinetics) -> tuple[Held, Float[Array, ""]]:

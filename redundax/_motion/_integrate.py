@@ -11,12 +11,11 @@ from .._continuation import Continuation
 from .._factorisation import Factorisation, factorize
 from .._friction import memories, slip_kinds
 from .._results import RESULTS, first_failure
-from .._scaling import Scaling, scaling
 from .._solve import solve_factorised
 from .._solver import Newton
 from .._state import State
 from .._system import AbstractSystem
-from ._held_rank import Held, hold
+from ._held_rank import Held, held_by, hold
 from ._moving import Equations, Moving, charted, projected
 from ._phases import Options, Run, run
 from ._stabilisation import AbstractStabilisation
@@ -48,10 +47,9 @@ def integrate(
     fixed = jax.lax.stop_gradient((system, state))  # what only decides how to compute has no derivative
     factor = factorize(*fixed, rank)
     rank = factor.spectrum.rank
-    scale = scaling(*fixed, factor.jacobian)
-    held, _ = hold(system, state, scale, rank, singular=singular)
-    equations = _equations(system, state, factor, scale, closure, stabilisation, t1)
-    first = 0.01 * scale.size / equations.speed if dt0 is None else dt0
+    held = held_by(system, state, factor.scaling, factor.scaled_self_stress, singular=singular)
+    equations = _equations(system, state, factor, closure, stabilisation, t1)
+    first = 0.01 * factor.scaling.size / equations.speed if dt0 is None else dt0
     options = Options(solver, rtol is None, _controller(rtol, first), adjoint, meter, max_steps, first, t1, ts)
     begin = _start(equations, state, factor, held)
     before = _before(begin, _moving(equations, state), state.t, held, ts, ~factor.singular_position)
@@ -74,11 +72,11 @@ def _equations(
     system: AbstractSystem,
     state: State,
     factor: Factorisation,
-    scale: Scaling,
     closure: AbstractClosure,
     stabilisation: AbstractStabilisation,
     t1: Array,
 ) -> Equations:
+    scale = factor.scaling
     reach = jnp.max(jnp.abs(factor.acceleration) / scale.coordinates)
     speed = jnp.max(jnp.abs(state.qd) / scale.coordinates) + jnp.sqrt(reach * scale.size)
     slow = scale.size / jnp.where(t1 > state.t, t1 - state.t, 1.0)
