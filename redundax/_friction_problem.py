@@ -79,20 +79,22 @@ class FrictionProblem(eqx.Module):
         angular_loads: Bool[Array, " l"],
     ) -> "FrictionProblem":
         """The problem, given which loads are moments."""
-        tau, angular_slips = law(rho0), jnp.asarray(slip_kinds(law.groups).angular)
-        friction_size = _largest_of_kind(jnp.abs(tau), angular_slips)
-        loads = jnp.maximum(jnp.abs(rho0), jnp.abs(gain) @ friction_size)
-        sizes = jax.lax.stop_gradient((_largest_of_kind(loads, angular_loads), friction_size))
-        return cls(rho0, gain, law, angular_loads, angular_slips, *sizes)
+        angular_slips = jnp.asarray(slip_kinds(law.groups).angular)
+        given, effect, friction = jax.lax.stop_gradient((rho0, gain, law))
+        friction_size = _largest_of_kind(jnp.abs(friction(given)), angular_slips)
+        loads = jnp.maximum(jnp.abs(given), jnp.abs(effect) @ friction_size)
+        load_size = _largest_of_kind(loads, angular_loads)
+        return cls(rho0, gain, law, angular_loads, angular_slips, load_size, friction_size)
 
     def at(self, rho0: Float[Array, " l"]) -> "FrictionProblem":
         """The same problem with other loads without friction."""
         return FrictionProblem.make(rho0, self.gain, self.law, self.angular_loads)
 
     def sized_at(self, tau: Float[Array, " p"]) -> "FrictionProblem":
-        """The same problem, its sizes at least those of the friction tau."""
+        """The same problem, its sizes at least those of the friction tau; sizes have no derivatives."""
+        tau, gain = jax.lax.stop_gradient((tau, self.gain))
         friction = jnp.maximum(self.friction_size, _largest_of_kind(jnp.abs(tau), self.angular_slips))
-        loads = jnp.maximum(self.load_size, _largest_of_kind(jnp.abs(self.gain) @ friction, self.angular_loads))
+        loads = jnp.maximum(self.load_size, _largest_of_kind(jnp.abs(gain) @ friction, self.angular_loads))
         return eqx.tree_at(lambda problem: (problem.load_size, problem.friction_size), self, (loads, friction))
 
     def loads(self, tau: Float[Array, " p"]) -> Float[Array, " l"]:
@@ -110,7 +112,8 @@ class FrictionProblem(eqx.Module):
 
     def contraction_anywhere(self) -> Float[Array, ""]:
         """Upper bound of `contraction` at all friction: below 1 there is one solution, and sweeps find it."""
-        bound = _radius_bound(self.law.largest_changes(self.gain))
+        law, gain = jax.lax.stop_gradient((self.law, self.gain))
+        bound = _radius_bound(law.largest_changes(gain))
         return jnp.where(jnp.isnan(bound), jnp.inf, bound)
 
     def change_of_friction(self, change: Float[Array, " p"]) -> Float[Array, ""]:
@@ -127,11 +130,13 @@ def _radius_bound(matrix: Float[Array, "p p"]) -> Float[Array, ""]:
 
     Collatz and Wielandt: max_i (A v)_i / v_i over positive v; powers of A bring it down to the spectral radius.
     """
-    vector = jnp.ones_like(matrix[0])
-    for _ in range(_POWERS):
+
+    def power(_: Array, vector: Array) -> Array:
         image = matrix @ vector
         size = jnp.max(image)
-        vector = jnp.where(size > 0, image / jnp.where(size > 0, size, 1.0), vector) + 1e-3
+        return jnp.where(size > 0, image / jnp.where(size > 0, size, 1.0), vector) + 1e-3
+
+    vector = jax.lax.fori_loop(0, _POWERS, power, jnp.ones_like(matrix[0]))
     return jnp.max(matrix @ vector / vector)
 
 

@@ -196,7 +196,7 @@ class Equations(eqx.Module):
             gain = gain if passed is None else gain @ passed
             begin = law(rho0) if start is None else start
             problem = FrictionProblem.make(rho0, gain, law, jnp.asarray(self.system.rows.angular)[rows])
-            problem = problem.sized_at(jax.lax.stop_gradient(begin))
+            problem = problem.sized_at(begin)
             contraction, size = problem.contraction_anywhere(), problem.friction_size
             root = closed_root(problem, begin, self.solver)
             tau = jnp.where(self.solver.result(root.progress) == RESULTS.successful, root.tau, jnp.nan)
