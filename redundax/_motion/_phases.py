@@ -1,13 +1,13 @@
 """A motion as phases: between events at which a sense of slip changes, and at rest.
 
 Without friction, or with friction that knows no sense, there is one phase. The number of phases is bounded, so that
-the motion can be differentiated in reverse mode; those that are not needed do nothing, but in a batch take time. For
-forward mode alone a while loop ends with the last phase that a sample needs.
+the motion can be differentiated in reverse mode; those that no sample of a batch needs are passed over.
 """
 
 from typing import NamedTuple, cast
 
 import diffrax
+import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
@@ -67,14 +67,14 @@ def run(start: Run, equations: Equations, options: Options, max_phases: int) -> 
     """The motion up to the end."""
 
     def phase(_: Array, now: Run) -> Run:
-        return jax.lax.cond(now.going, lambda: _phase(now, equations, options), lambda: now)
+        def after() -> Run:
+            return jax.tree.map(lambda a, b: jnp.where(now.going, a, b), _phase(now, equations, options), now)
+
+        return jax.lax.cond(eqxi.unvmap_any(now.going), after, lambda: now)
 
     if not equations.has_sense:
         return _phase(start, equations, options)
-    if not isinstance(options.adjoint, diffrax.ForwardMode):
-        return jax.lax.fori_loop(0, max_phases, phase, start)
-    first, going = (jnp.zeros((), int), start), lambda carry: carry[1].going & (carry[0] < max_phases)
-    return jax.lax.while_loop(going, lambda carry: (carry[0] + 1, _phase(carry[1], equations, options)), first)[1]
+    return jax.lax.fori_loop(0, max_phases, phase, start)
 
 
 def _phase(now: Run, equations: Equations, options: Options) -> Run:

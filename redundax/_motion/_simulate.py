@@ -70,10 +70,10 @@ def simulate(
     - `dt0`: first step; a small one from the velocities and accelerations at the start if not given.
     - `max_steps`: steps of a phase at most, rejected ones included.
     - `max_phases`: phases at most; where friction depends on the sense of slip each stop, release and rest begins one.
+      Reverse mode takes time and memory for each, reached or not.
     - `rank`: declared rank of the constraint Jacobian; decided at the start if not given. It is held over the motion.
     - `adjoint`: how derivatives are taken, `diffrax.RecursiveCheckpointAdjoint()` (reverse mode) if not given;
-      `diffrax.ForwardMode()` for `jax.jvp` and `jax.jacfwd`, and for batches of motions with friction, where
-      without reverse mode no phase idles until `max_phases`.
+      `diffrax.ForwardMode()` for `jax.jvp` and `jax.jacfwd`.
     - `throw`: whether to raise an error unless the result is successful; by default outside of `jit` and `vmap`.
     - `progress`: whether to print progress.
 

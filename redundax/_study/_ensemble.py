@@ -60,8 +60,7 @@ def ensemble(
     **Arguments:**
 
     - `run`: function of one sample, written in jnp, with arguments named as in `samples`; it gives what `simulate`
-      does, at times `ts` that are the same for all samples. With friction `simulate(adjoint=diffrax.ForwardMode())`
-      saves a third of the time: a batch has no idle phases.
+      does, at times `ts` that are the same for all samples.
     - `samples`: for each argument its values, shape (N, ...), or the `Normal` or `Uniform` that they are drawn from,
       as Sobol points.
     - `system`: gives coordinates, rows and slips their names.
