@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
 from ._friction import AbstractFriction, friction_force, largest_changes, memories, slip_kinds
-from ._module import replace
+from ._module import replace, still
 from ._state import State
 
 # Powers of a matrix that the bound of its spectral radius takes.
@@ -80,7 +80,7 @@ class FrictionProblem(eqx.Module):
     ) -> "FrictionProblem":
         """The problem, given which loads are moments."""
         angular_slips = jnp.asarray(slip_kinds(law.groups).angular)
-        given, effect, friction = jax.lax.stop_gradient((rho0, gain, law))
+        given, effect, friction = still((rho0, gain, law))
         friction_size = _largest_of_kind(jnp.abs(friction(given)), angular_slips)
         loads = jnp.maximum(jnp.abs(given), jnp.abs(effect) @ friction_size)
         load_size = _largest_of_kind(loads, angular_loads)
@@ -92,7 +92,7 @@ class FrictionProblem(eqx.Module):
 
     def sized_at(self, tau: Float[Array, " p"]) -> "FrictionProblem":
         """The same problem, its sizes at least those of the friction tau; sizes have no derivatives."""
-        tau, gain = jax.lax.stop_gradient((tau, self.gain))
+        tau, gain = still((tau, self.gain))
         friction = jnp.maximum(self.friction_size, _largest_of_kind(jnp.abs(tau), self.angular_slips))
         loads = jnp.maximum(self.load_size, _largest_of_kind(jnp.abs(gain) @ friction, self.angular_loads))
         return eqx.tree_at(lambda problem: (problem.load_size, problem.friction_size), self, (loads, friction))
@@ -112,7 +112,7 @@ class FrictionProblem(eqx.Module):
 
     def contraction_anywhere(self) -> Float[Array, ""]:
         """Upper bound of `contraction` at all friction: below 1 there is one solution, and sweeps find it."""
-        law, gain = jax.lax.stop_gradient((self.law, self.gain))
+        law, gain = still((self.law, self.gain))
         bound = _radius_bound(law.largest_changes(gain))
         return jnp.where(jnp.isnan(bound), jnp.inf, bound)
 

@@ -82,6 +82,11 @@ def replace(module: T, **fields: Any) -> T:
     return copy
 
 
+def still(tree: T) -> T:
+    """The same without derivatives; numbers that a user's own function or model holds stay numbers."""
+    return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if eqx.is_array(x) else x, tree)
+
+
 def taken(stacked: T, members: Int[Array, "..."]) -> T:
     """Some members of what is stacked; the indices, ours, are in bounds, and nothing is traced that checks them."""
     return jax.tree.map(

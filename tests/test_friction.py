@@ -193,14 +193,17 @@ class Proportional(rx.AbstractFrictionModel):
         return jnp.asarray(self.radius)
 
 
-@pytest.mark.parametrize("options", [{}, {"closure": None, "x0": 5.0}])
-def test_a_model_of_the_user_may_hold_plain_numbers(options):
+@pytest.mark.parametrize("way", [{}, {"closure": None, "x0": 5.0}, "motion"], ids=["closed", "open", "motion"])
+def test_a_model_of_the_user_may_hold_plain_numbers(way):
     """A rod of 1 m and 1 kg swings through the bottom: phi'' / 3 = -0.01 |R|, R = (phi'' / 2, g + w^2 / 2)."""
     pin = rx.Revolute("A", "rod", "ground", (-0.5, 0.0), (0.0, 0.0), friction=Proportional(0.01))
     rod = rx.Mechanism([rx.Body("rod", 1.0, 1 / 12)], [pin], gravity=(0.0, -10.0))
     state = rx.State([0.0, -0.5, -np.pi / 2], [1.0, 0.0, 2.0])
-    turning = rx.solve(rod, state, **options).acceleration[2]
-    np.testing.assert_allclose(turning, -0.36 / np.sqrt(1 - 0.015**2), rtol=1e-12)
+    if way == "motion":
+        found = rx.simulate(rod, state, 0.1, ts=[0.0]).acceleration[0]
+    else:
+        found = rx.solve(rod, state, **way).acceleration
+    np.testing.assert_allclose(found[2], -0.36 / np.sqrt(1 - 0.015**2), rtol=1e-12)
 
 
 @pytest.mark.parametrize(("u", "start"), [(1e-4, -50), (1e2, 50)])

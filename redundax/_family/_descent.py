@@ -130,7 +130,7 @@ def _root(solutions: SolutionSet, cases: AbstractCases, theta: Array, tau: Array
     """Friction of a case, by Newton's method from tau; None without friction."""
     if solutions.law is None:
         return None
-    problem = solutions.problem(*cases.chosen(theta)).sized_at(jax.lax.stop_gradient(tau))
+    problem = solutions.problem(*cases.chosen(theta)).sized_at(tau)
     return closed_root(problem, tau, Newton())
 
 

@@ -10,6 +10,7 @@ from .._closures._closure import AbstractClosure
 from .._continuation import Continuation
 from .._factorisation import Factorisation, factorize
 from .._friction import memories, slip_kinds
+from .._module import still
 from .._results import RESULTS, first_failure
 from .._solve import solve_factorised
 from .._solver import Newton
@@ -44,7 +45,7 @@ def integrate(
     singular: bool,
 ) -> Trajectory:
     """The motion; `singular` says whether M may be."""
-    fixed = jax.lax.stop_gradient((system, state))  # what only decides how to compute has no derivative
+    fixed = still((system, state))  # what only decides how to compute has no derivative
     factor = factorize(*fixed, rank)
     rank = factor.spectrum.rank
     held = held_by(system, state, factor.scaling, factor.scaled_self_stress, singular=singular)
@@ -110,7 +111,7 @@ def _start(equations: Equations, state: State, factor: Factorisation, held: Held
         return _Start(factor.result, start)
     if equations.has_sense:
         start = onward(equations, state, held, ~none)
-    fixed = jax.lax.stop_gradient((system, state, factor, equations.closure))
+    fixed = still((system, state, factor, equations.closure))
     solution = solve_factorised(*fixed, Continuation(), None, start.sense)
     sticks = jnp.any(equations.with_sense(start.sense).sticking)
     result = RESULTS.where(sticks, factor.result, solution.result)

@@ -23,6 +23,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._kinematics import between
+from .._module import still
 from .._state import State
 from ._held_rank import Held
 from ._moving import Context, Equations, Linear, Moving, charted, projected
@@ -67,7 +68,7 @@ def bracketed(
     equations: Equations, first: State, last: State, held: Held, resting: Bool[Array, ""], happened: Bool[Array, ""]
 ) -> Bracket:
     """The first event between two states, if one has happened; or where the loads let a mechanism at rest go."""
-    equations, first, last, held = jax.lax.stop_gradient((equations, first, last, held))
+    equations, first, last, held = still((equations, first, last, held))
     span = jnp.where(last.t > first.t, last.t - first.t, 1.0)
 
     def here(t: Array, wanted: Array) -> tuple[Onward, Float[Array, " p"]]:
@@ -113,7 +114,7 @@ def locate(
 
     `event` says whether there is one: a batch looks where there is none.
     """
-    fixed = jax.lax.stop_gradient(equations)
+    fixed = still(equations)
     reverses, go = jnp.any(bracket.against > 0), released(fixed, bracket.there)
     joint = jnp.where(reverses, jnp.argmax(bracket.against), jnp.argmax(go))
     free = ~reverses & jnp.any(go)

@@ -16,6 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._kinematics import chart_inverse
+from .._module import still
 from ._held_rank import Kinetics, kinetics, renewed
 from ._moving import Context, Equations, Moving, charted, projected
 from ._slip import happened
@@ -130,7 +131,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
         if projects:
             y = projected(system, t1, y, context.held)
         # What is watched and what the next step starts from have no derivatives.
-        fixed, there, t = jax.lax.stop_gradient((equations, y, t1))
+        fixed, there, t = still((equations, y, t1))
         parts = kinetics(fixed.system, there.at(t), context.held)
         held, excess = renewed(context.held, parts)
         watch, off = _watched(solver_state.watch, fixed, t, there, parts)

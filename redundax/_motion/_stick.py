@@ -21,6 +21,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._friction import friction_force, load_rows
+from .._module import still
 from .._state import State
 from ._held_rank import Held
 from ._moving import Equations, Linear
@@ -48,7 +49,7 @@ class Onward(NamedTuple):
 
 def onward(equations: Equations, state: State, held: Held, wanted: Bool[Array, ""]) -> Onward:
     """How the motion goes on from an instant at which a slip rate is zero, if wanted; it has no derivative."""
-    equations, state, held = jax.lax.stop_gradient((equations, state, held))
+    equations, state, held = still((equations, state, held))
     return settled(equations, state, equations.linear(state, held, closed=equations.loaded), wanted)
 
 
