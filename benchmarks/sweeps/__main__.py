@@ -12,6 +12,13 @@ _SCHEDULER = "--xla_cpu_enable_concurrency_optimized_scheduler"
 if _SCHEDULER not in os.environ.get("XLA_FLAGS", ""):
     os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {_SCHEDULER}=false".strip()
 
+# NumPy asks for huge pages for its arrays, XLA leaves that to malloc. The C library reads this when a program starts.
+_PAGES = "glibc.malloc.hugetlb=1"
+if __name__ == "__main__" and sys.platform == "linux" and _PAGES not in os.environ.get("GLIBC_TUNABLES", ""):
+    given = os.environ.get("GLIBC_TUNABLES")
+    os.environ["GLIBC_TUNABLES"] = f"{given}:{_PAGES}" if given else _PAGES
+    os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
+
 import jax  # noqa: E402
 import numpy as np  # noqa: E402
 
