@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ._module import as_float, known, taken
+from ._module import as_float, known
 
 GROUND = "ground"
 
@@ -47,7 +47,8 @@ class Body(eqx.Module):
 class Pose(eqx.Module):
     """Position (2,) and angle of a body's local frame in the global frame, of one body or stacked.
 
-    `along` and `across`, shape (2,), are the frame's axes, which follow from the angle.
+    `axes`, of shape (2,) each, are those of the frame, where they are known already; constraints and slips are given
+    poses with axes, loads without.
 
     ??? example
 
@@ -59,16 +60,11 @@ class Pose(eqx.Module):
 
     r: Float[Array, "*bodies 2"]
     phi: Float[Array, "*bodies"]
-    along: Float[Array, "*bodies 2"] = eqx.field(repr=False)
-    across: Float[Array, "*bodies 2"] = eqx.field(repr=False)
+    axes: tuple[Float[Array, "*bodies 2"], Float[Array, "*bodies 2"]] | None = None
 
-    def __init__(self, r: Float[Array, "*bodies 2"], phi: Float[Array, "*bodies"]):
-        self.r, self.phi = r, phi
-        self.along, self.across = _axes(phi)
-
-    def __getitem__(self, body: Int[Array, "*some"]) -> "Pose":
+    def __getitem__(self, body: Int[Array, "*some"] | int) -> "Pose":
         """Poses of some bodies out of stacked ones."""
-        return taken(self, body)
+        return jax.tree.map(lambda x: x[body], self)
 
     def point(self, s: Float[Array, "2"]) -> Float[Array, "2"]:
         """Global position of the point s of the local frame: r + R s."""
@@ -76,7 +72,12 @@ class Pose(eqx.Module):
 
     def rotate(self, v: Float[Array, "2"]) -> Float[Array, "2"]:
         """Global components of the local vector v: R v, Eq. (54)."""
-        return self.along * v[0] + self.across * v[1]
+        along, across = _axes(self.phi) if self.axes is None else self.axes
+        return along * v[0] + across * v[1]
+
+    def with_axes(self) -> "Pose":
+        """The same, its axes computed once; for functions that take derivatives through the angle alone."""
+        return Pose(self.r, self.phi, _axes(self.phi))
 
 
 @jax.custom_jvp

@@ -154,7 +154,9 @@ class Mechanism(AbstractSystem):
     def constraint(self, q: Array, t: Array) -> Float[Array, " m"]:
         body = poses(q)
         residuals = [
-            eqx.filter_vmap(lambda joint, i, j: joint.residual(i, j, t))(joints.element, body[joints.i], body[joints.j])
+            eqx.filter_vmap(lambda joint, i, j: joint.residual(i, j, t))(
+                joints.element, taken(body, joints.i), taken(body, joints.j)
+            )
             for joints in self.joints
         ]
         return self.of_rows(residuals)

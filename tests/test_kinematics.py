@@ -134,3 +134,18 @@ def test_state_of_the_pose_is_the_hand_made_one():
         assert close(state.q, q, 1e-15) and close(state.qd, qd, 1e-15)
     by_position = rx.mechanisms.wojtyra2020().state(jnp.asarray(0.7), rate=2.0)
     assert close(by_position.q, rx.mechanisms.wojtyra2020().state(phi=0.7).q, 1e-15)
+
+
+def test_a_pose_moves_with_its_rate():
+    """R s turns by perpendicular(R s) times the rate, whatever the derivative is taken with respect to."""
+    still, s = rx.Pose(jnp.array([1.0, 2.0]), jnp.array(0.3)), jnp.array([0.5, -0.2])
+    rate = rx.Pose(jnp.array([0.1, 0.0]), jnp.array(2.0))
+    c, sine = np.cos(0.3), np.sin(0.3)
+    arm = np.array([0.5 * c + 0.2 * sine, 0.5 * sine - 0.2 * c])
+    np.testing.assert_allclose(still.point(s), np.array([1.0, 2.0]) + arm, rtol=1e-15)
+    moved = jax.jvp(lambda pose: pose.point(s), (still,), (rate,))[1]
+    np.testing.assert_allclose(moved, [0.1 - 2 * arm[1], 2 * arm[0]], rtol=1e-15)
+    slope = jax.jacfwd(lambda pose: pose.with_axes().point(s))(still)
+    np.testing.assert_allclose(slope.phi, [-arm[1], arm[0]], rtol=1e-15)
+    several = rx.Pose(jnp.zeros((3, 2)), jnp.arange(3.0))
+    assert several[-1].phi == 2.0

@@ -17,8 +17,8 @@ GRAVITY, STIFFNESS = 10.0, 4.0
 slow = pytest.mark.slow
 
 
-def block(mu: float, x: float = 1.0) -> tuple[rx.System, rx.State]:
-    """A mass of 1 kg on a spring and on a rough guide that stands there twice, released at x."""
+def block(mu: float, x: float = 1.0, force=None) -> tuple[rx.System, rx.State]:
+    """A mass of 1 kg on a spring, or under a force, and on a rough guide that stands there twice, released at x."""
 
     def rubbing(loads, rate, sense, memory, state, p):
         return -p * jnp.abs(loads[0] + 2 * loads[1])[None] * sense
@@ -27,7 +27,7 @@ def block(mu: float, x: float = 1.0) -> tuple[rx.System, rx.State]:
     system = rx.System(
         lambda q, t, p: jnp.stack([q[1], 2 * q[1]]),
         jnp.ones(2),
-        lambda q, qd, t, p: jnp.stack([-STIFFNESS * q[0], -GRAVITY]),
+        lambda q, qd, t, p: jnp.stack([-STIFFNESS * q[0] if force is None else force(t), -GRAVITY]),
         friction=friction,
     )
     return system, rx.State([x, 0.0], [0.0, 0.0])
@@ -58,10 +58,20 @@ def test_a_block_slips_and_sticks_where_the_closed_form_does():
     np.testing.assert_array_equal(stays.q[:, 0], 0.1)
 
 
+@pytest.mark.parametrize("step", [150.0, 200.0, 300.0])
+def test_a_reversal_soon_after_the_start_of_a_long_step(step):
+    """Under 1.5 N - t against 1 N it slips from 0 to 1 s, by t^2 / 4 - t^3 / 6, sticks to 2.5 s, and slips back."""
+    system, state = block(0.1, 0.0, lambda t: 1.5 - t)
+    run = rx.simulate(system, state, step, ts=[1.0, 2.0, step], rtol=None, dt0=step)
+    np.testing.assert_allclose(run.q[:2, 0], 1 / 12, rtol=0, atol=1e-6)  # of positions up to 1e6 m
+    np.testing.assert_allclose(run.q[2, 0], 1 / 12 - (step - 2.5) ** 3 / 6, rtol=1e-9)
+    assert run.stats.phases == 2
+
+
 def test_a_batch_passes_over_phases_that_no_sample_needs():
-    """Of ten thousand phases two are needed; passing over one takes some 10 us, idling through it milliseconds."""
+    """Of 100,000 phases two are needed; passing over one takes some 10 us, idling through it milliseconds."""
     mu = np.array([0.03, 0.05, 0.08])
-    run = jax.jit(jax.vmap(lambda mu: rx.simulate(*block(mu), 2.0, ts=[2.0], max_phases=10_000, throw=False).q[0, 0]))
+    run = jax.jit(jax.vmap(lambda mu: rx.simulate(*block(mu), 2.0, ts=[2.0], max_phases=100_000, throw=False).q[0, 0]))
     np.testing.assert_allclose(run(mu), [where(x, 2.0) for x in mu], rtol=0, atol=1e-7)
     start = time.perf_counter()
     jax.block_until_ready(run(mu))

@@ -105,6 +105,9 @@ def test_a_closure_gives_one_case_and_without_a_drive_anything_holds():
     assert (still.verdict, still.proved, still.share.tolist()) == ("must stick", True, [0.0, 0.0])
     assert np.all(still.margin == np.inf) and np.all(still.friction == 0.0)
     assert json.loads(json.dumps(still.to_dict()))["margin"] == [None, None]
+    for above, verdict in (((10.0, 15.0), "must stick"), ((100.0, 101.0), "undecided")):
+        both = rx.sticking(*clamped(0.0), rx.PreloadBox({"below": (0.0, 5.0), "above": above}))
+        assert (both.verdict, both.proved) == (verdict, verdict != "undecided")
 
 
 def test_text():

@@ -49,8 +49,9 @@ def parts_of(drive: Drive) -> list[Part]:
     none, sizes, whole = drive.rounding, np.linalg.norm(drive.slips, axis=1), np.linalg.norm(drive.load)
     joined = np.abs(drive.slips @ drive.slips.T) > none * np.outer(sizes, sizes)
     found, rest = [], drive.load
-    for label in range(connected_components(joined)[0]) if len(sizes) else ():
-        joints = connected_components(joined)[1] == label
+    count, labels = connected_components(joined) if len(sizes) else (0, sizes)
+    for label in range(count):
+        joints = labels == label
         _, size, ways = np.linalg.svd(drive.slips[joints], full_matrices=False)
         ways = ways[size > none * max(size[0], none * sizes.max())]
         rest = rest - ways.T @ (ways @ drive.load)
@@ -101,6 +102,10 @@ def _programmed(part: Part, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarr
         bounds=np.concatenate([np.broadcast_to([0.0, np.inf], (s, 1, 2)), ends], axis=1).reshape(-1, 2),
         options={"primal_feasibility_tolerance": _TOLERANCE, "dual_feasibility_tolerance": _TOLERANCE},
     )
+    if found.status != 0 and s > 1:  # one case may have spoilt the others
+        rows = [_programmed(part, low[k : k + 1], high[k : k + 1]) for k in range(s)]
+        most, tau, bound = (np.concatenate(row) for row in zip(*rows, strict=True))
+        return most, tau, bound
     if found.status != 0:
         return np.full(s, np.nan), np.full((s, p), np.nan), np.full(s, np.inf)
     at, motion = found.x.reshape(s, 1 + p), found.eqlin.marginals.reshape(s, -1)

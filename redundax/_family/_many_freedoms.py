@@ -76,7 +76,9 @@ class ManyFreedoms:
         known = isinstance(cases, Affine) or not reads
         gamma = largest_gamma(solutions, cases) if known else np.full((p, p), np.inf)
         own = np.linalg.norm(drive.slips, axis=1)
-        rounding = gamma * own[:, None] <= self.same * own
+        moves = np.broadcast_to(own[:, None] > 0, gamma.shape)
+        effect = np.multiply(gamma, own[:, None], out=np.full_like(gamma, np.inf), where=moves)
+        rounding = effect <= self.same * own
         self.gamma = np.where(rounding, 0.0, gamma)
         self.change = np.full((p, cases.lower.size), np.inf if reads else 0.0)
         if reads and isinstance(cases, Affine) and solutions.law is not None:
@@ -113,8 +115,8 @@ class ManyFreedoms:
         sticks = within(held.stays, at.excess)
         tau = self._started(theta)
         then = self._looked(theta, tau)
-        slip, moves, found = started(drive, tau, then)
-        slips = moves & within(found, then.excess)
+        slip, moves, sure, _ = started(drive, tau, then)
+        slips = moves & within(sure, then.excess)
         left = np.ones(s) if drive.none else 1 + (tau @ drive.slips) @ drive.load / (drive.load @ drive.load)
         falls = np.where(~held.stays & (margin < -self.limit), margin, -left)
         free, unit = self.search.solutions.free.acceleration, self.search.solutions.unit.acceleration
@@ -134,7 +136,8 @@ class ManyFreedoms:
         )
         of_parts = [self._most(low, high, [part]).most for part in self.parts if len(self.parts) > 1]
         score = np.stack([ends.margin, *of_parts], axis=1)
-        return ends, np.concatenate([score, -score], axis=1)
+        score = np.concatenate([score, -score], axis=1)
+        return ends, np.where(np.isnan(score), -np.inf, score)
 
     def _held(self, theta: np.ndarray) -> tuple[_Turned, np.ndarray]:
         """Friction that holds each case with the least share, if `stays`, and the margin, NaN where not known."""
@@ -146,7 +149,8 @@ class ManyFreedoms:
         whole = self._turned(theta, *none)
         margin = np.where(whole.stays, whole.most - 1, np.where(whole.most >= _ENDLESS, np.inf, np.nan))
         begin = whole.tau / np.where(whole.most > 0, whole.most, 1.0)[:, None]
-        held = self._turned(theta, begin, *whole[1:4], hold=True)
+        ended = np.where(whole.most < _ENDLESS, whole.most, 1.0)
+        held = self._turned(theta, begin, whole.low, whole.high, ended, hold=True)
         held = held._replace(stays=self._holds(theta, held.tau) & (held.most >= 1 - self.limit))
         shown = held.stays & ~(margin >= -self.limit)
         return held, np.where(shown, held.most - 1, margin)
@@ -196,7 +200,7 @@ class ManyFreedoms:
         tau = self._settled(theta)
         for _ in range(_SQUARES):
             at = self._looked(theta, tau)
-            left = ~started(self.drive, tau, at)[2]
+            left = ~started(self.drive, tau, at).sure
             if not left.any():
                 break
             tau[left] = least_accelerated(self.drive, np.asarray(at.low)[left], np.asarray(at.high)[left])
@@ -232,9 +236,9 @@ class ManyFreedoms:
 
         def proves(middle: np.ndarray, low: np.ndarray, high: np.ndarray, less: np.ndarray) -> np.ndarray:
             tau = self._settled(middle, own_loads=False)
-            sense, _, found = started(self.drive, tau, Limits(low, high))
+            at = started(self.drive, tau, Limits(low, high))
             alpha = (self.drive.load + tau @ self.drive.slips) @ self.drive.slips[joint]
-            return found & (sense[:, joint] != 0) & (np.abs(alpha) > own[joint] * (less @ own))
+            return at.sure & (at.sense[:, joint] != 0) & (np.abs(alpha) > own[joint] * (less @ own + at.error))
 
         return self._covered(together, proves)
 

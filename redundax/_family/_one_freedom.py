@@ -47,7 +47,11 @@ def ends_of_one(search: Search, drive: Drive, theta: jax.Array, samples: int, se
     stays = in_batches(lambda *own: held(solutions, cases, effect, *own), len(theta), places, jnp.asarray(begin))
     if drive.none:
         stays = stays._replace(
-            tau=0 * begin, share=np.zeros(len(begin)), multipliers=found.values[:, n : n + m], good=found.good
+            tau=0 * begin,
+            share=np.zeros(len(begin)),
+            multipliers=found.values[:, n : n + m],
+            excess=found.excess,
+            good=found.good,
         )
     sticks = stays.within() & (margin >= -LIMIT)
     decided = {tuple(row) for row in (*found.theta[slips], *stays.theta[sticks])}

@@ -117,11 +117,24 @@ def settled(
     return jax.vmap(one)(theta)
 
 
-def started(drive: Drive, tau: np.ndarray, limits: Limits | Looked) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Sense in which each slip starts under friction, 0 where it sticks; whether anything moves; whether that is sure.
+class Started(NamedTuple):
+    """How slip begins, case by case.
 
-    Arrays (s, p), (s,) and (s,). What is left of the conditions bounds the error of a = g + S^T tau,
-    |error|^2 <= 2 sum_j (tau_j alpha_j + limit_j |alpha_j|).
+    - `sense`: in which each slip starts, 0 where it sticks; shape (s, p).
+    - `moves`, `sure`: whether anything moves, and whether that is sure; shape (s,).
+    - `error`: a bound of that of a = g + S^T tau; shape (s,).
+    """
+
+    sense: np.ndarray
+    moves: np.ndarray
+    sure: np.ndarray
+    error: np.ndarray
+
+
+def started(drive: Drive, tau: np.ndarray, limits: Limits | Looked) -> Started:
+    """How slip begins under friction.
+
+    What is left of the conditions bounds the error of a: |error|^2 <= 2 sum_j (tau_j alpha_j + limit_j |alpha_j|).
     """
     matrix, sizes = drive.slips @ drive.slips.T, np.linalg.norm(drive.slips, axis=1)
     left = drive.load + tau @ drive.slips
@@ -133,7 +146,7 @@ def started(drive: Drive, tau: np.ndarray, limits: Limits | Looked) -> tuple[np.
     held, found = max(_HELD, drive.rounding), _FOUND * np.sqrt(drive.rounding / NONE)
     none = np.maximum(held * own + drive.rounding / 100 * sizes * whole[:, None], sizes * error[:, None])
     moves = np.linalg.norm(left, axis=1) > np.maximum(held * whole, error)
-    return np.where(np.abs(alpha) > none, np.sign(alpha), 0.0), moves, error <= found * whole
+    return Started(np.where(np.abs(alpha) > none, np.sign(alpha), 0.0), moves, error <= found * whole, error)
 
 
 def least_accelerated(drive: Drive, low: np.ndarray, high: np.ndarray) -> np.ndarray:

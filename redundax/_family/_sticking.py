@@ -100,6 +100,7 @@ def sticking(
         ends = ends_of_one(search, start, theta, samples, seed)
         verdict = _verdict(ends)
         proved = start.none or (single and _proved_of_one(verdict, search, start, theta, fixed=fixed))
+        proved = verdict != "undecided" and proved
         joints = joint_verdicts(ends, np.equal(start.sense, 0), lambda *_: proved)
     else:
         ends, verdict, proved, joints = _of_many(search, start, theta, seed, fixed=fixed)

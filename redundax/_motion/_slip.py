@@ -29,7 +29,7 @@ from ._held_rank import Held
 from ._moving import Context, Equations, Linear, Moving, charted, projected
 from ._stick import NONE, Onward, counted, onward, settled
 
-# Halvings of the step, steps of Newton's method that locate an event, and instants at rest that are looked at.
+# Halvings of the step, steps that locate an event, into the bracket and then Newton's, and looks at rest.
 _HALVINGS, _NEWTON, _LOOKS = 8, 5, 100
 
 
@@ -79,14 +79,15 @@ def bracketed(
 
     def look(carry: _Looking) -> _Looking:
         low, high, count = carry.found.low, carry.found.high, carry.looks
-        t = jnp.where(carry.halves, jnp.where(count == 0, high, (low + high) / 2), low + (last.t - first.t) / _LOOKS)
+        next_look = first.t + (last.t - first.t) * ((count + 1) / _LOOKS)
+        t = jnp.where(carry.halves, jnp.where(count == 0, high, (low + high) / 2), next_look)
         there, against = here(t, ~carry.ends)
         over = jnp.where(carry.halves & (count == 0), against > 0, carry.over)
         late, free = jnp.where(over, against, 0.0), released(equations, there)
         before = (carry.halves & (count > 0) & ~jnp.any(free) & jnp.all(late <= 0)) | (~carry.halves & there.resting)
         old, new = carry.found._replace(low=t), Bracket(low, t, there, late)
         found = jax.tree.map(lambda a, b: jnp.where(before, a, b), old, new)
-        starts = ~carry.halves & jnp.any(free)
+        starts = ~carry.halves & ~there.resting & jnp.any(free)
         ends = jnp.where(carry.halves, count == _HALVINGS, (before & (count + 1 == _LOOKS)) | ~(before | starts))
         return _Looking(jnp.where(starts, 1, count + 1), found, over, carry.halves | starts, ends)
 
@@ -125,10 +126,11 @@ def locate(
 
         def ahead(slip: Array, rate: Array) -> _Ahead:
             h, width = jnp.where(free, slip, rate)[joint], bracket.high - bracket.low
-            secant = jax.lax.stop_gradient(h - carry.h) / jnp.where(event, width, 1.0)
+            secant = jax.lax.stop_gradient(h - carry.h) / jnp.where(width > 0, width, 1.0)
             slope = jnp.where(free, jnp.where(count == 2, secant, carry.slope), slip[joint])
-            dt = -h / jnp.where(event & (~free | (count > 1)), slope, 1.0)
-            dt = jnp.where(count == 0, bracket.low - t, jnp.where(free & (count == 1), width, dt))
+            dt = jnp.where(slope != 0, -h / jnp.where(slope != 0, slope, 1.0), 0.0)
+            first = jnp.where(free, bracket.low, bracket.high) - t
+            dt = jnp.where(count == 0, first, jnp.where(free & (count == 1), width, dt))
             return _Ahead(jnp.where(event, dt, 0.0), h, slope)
 
         y, (dt, h, slope) = _stepped(equations, starts, t, y, context, ahead)

@@ -132,14 +132,14 @@ class Stepper(diffrax.AbstractWrappedSolver):
             y = projected(system, t1, y, context.held)
         # What is watched and what the next step starts from have no derivatives.
         fixed, there, t = still((equations, y, t1))
-        parts = kinetics(fixed.system, there.at(t), context.held)
+        parts = kinetics(fixed.system, there.at(t), still(context.held))
         held, excess = renewed(context.held, parts)
         watch, off = _watched(solver_state.watch, fixed, t, there, parts)
         pivot = jnp.min(parts.pivots)
         tau, state = context.tau, there.at(t)
         jump = jnp.zeros_like(off)
         if system.friction:
-            linear = fixed.linear(state, context.held, parts, closed=fixed.loaded)
+            linear = fixed.linear(state, still(context.held), parts, closed=fixed.loaded)
             solved = fixed.solved(state, linear, tau)
             change = jnp.where(fixed.sticking, 0.0, jnp.abs(solved.tau - tau) / solved.size)
             jump = jnp.where(solved.contraction < 1, 0.0, jnp.max(change))
