@@ -74,21 +74,20 @@ def _wrenches(mechanism: Mechanism, state: State) -> list[tuple[np.ndarray, np.n
     rows), and where the joints' points on i and j, or the origins of these bodies, are from r_i, (size, 2) each.
     """
     out = []
-    for (by_r, by_phi), *arms in jax.device_get(_slopes(mechanism.joints, state)):
-        by_row = -np.concatenate([by_r, by_phi[..., None]], axis=2).swapaxes(1, 2)
+    for slope, *arms in jax.device_get(_slopes(mechanism.joints, state)):
+        by_row = -np.concatenate([slope.r, slope.phi[..., None]], axis=2).swapaxes(1, 2)
         out.append((by_row.astype(float), *arms))
     return out
 
 
 @eqx.filter_jit
-def _slopes(joints: tuple[Stack, ...], state: State) -> list[tuple[tuple[Array, Array], Array, Array]]:
+def _slopes(joints: tuple[Stack, ...], state: State) -> list[tuple[Pose, Array, Array]]:
     body = poses(state.q)
 
-    def of_joint(joint: AbstractJoint, i: Array, j: Array) -> tuple[tuple[Array, Array], Array, Array]:
-        one, other = body[i], body[j]
-        slope = jax.jacfwd(lambda at: joint.residual(Pose(*at), other, state.t))((one.r, one.phi))
-        points = _point(joint, "point_i", one), _point(joint, "point_j", other)
-        return slope, points[0] - one.r, points[1] - one.r
+    def of_joint(joint: AbstractJoint, i: Array, j: Array) -> tuple[Pose, Array, Array]:
+        slope = jax.jacfwd(lambda pose: joint.residual(pose, body[j], state.t))(body[i])
+        points = _point(joint, "point_i", body[i]), _point(joint, "point_j", body[j])
+        return slope, points[0] - body[i].r, points[1] - body[i].r
 
     return [eqx.filter_vmap(of_joint)(stack.element, stack.i, stack.j) for stack in joints]
 

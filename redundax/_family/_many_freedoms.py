@@ -34,8 +34,8 @@ from ._at_rest import LIMIT, NONE, Drive, Ends, in_batches
 from ._capacity import Capacity, Part, capacity, parts_of
 from ._cases import Affine
 from ._descent import within
-from ._one_freedom import CELLS, largest_gamma
-from ._search import Search
+from ._one_freedom import CELLS, halved
+from ._search import Search, largest_gamma
 from ._stick_slip import Limits, Looked, least_accelerated, looked, settled, started
 
 _TURNS = 100  # programmes in a row
@@ -269,8 +269,5 @@ class ManyFreedoms:
             caused = np.maximum(-low, high) @ (self.gamma @ back).T
             if not (half * weight).any(axis=1).all() or not proves(middle, low, high, caused).all():
                 return False  # no smaller cells help
-            widest = (half * weight).argmax(axis=1)[:, None] == np.arange(len(lower))
-            half = np.where(widest, half / 2, half)
-            shift = np.where(widest, half, 0.0)
-            middle, half = np.concatenate([middle - shift, middle + shift]), np.concatenate([half, half])
+            middle, half = halved(middle, half, weight)
         return False

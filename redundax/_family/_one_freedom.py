@@ -23,7 +23,7 @@ from ._at_rest import LIMIT, Drive, Ends, in_batches
 from ._cases import AbstractCases, Affine
 from ._descent import sampled
 from ._held import held
-from ._search import Search
+from ._search import Search, largest_gamma
 from ._solution_set import SolutionSet
 
 CELLS = 4096  # cells of the bounds at most, in a proof
@@ -69,14 +69,6 @@ def ends_of_one(search: Search, drive: Drive, theta: jax.Array, samples: int, se
     return Ends(margins, *others, solved=float(solved))
 
 
-def largest_gamma(solutions: SolutionSet, cases: AbstractCases) -> np.ndarray:
-    """Gamma, shape (p, p); infinite where a law has no known bound."""
-    if solutions.law is None:
-        return np.zeros((0, 0))
-    gain = cases.chosen(cases.lower)[1][solutions.rows]
-    return np.asarray(solutions.law.largest_changes(gain))
-
-
 def most_holds(solutions: SolutionSet, cases: AbstractCases, drive: Drive) -> bool:
     """Whether, of all friction, the whole friction against the start is proved to hold most."""
     gamma, effect = largest_gamma(solutions, cases), np.abs(drive.effect)
@@ -104,8 +96,13 @@ def covered(search: Search, drive: Drive, theta: jax.Array, sign: float) -> bool
             return False
         left = margin < half @ slope
         middle, half = middle[left], half[left]
-        widest = (half * slope).argmax(axis=1)[:, None] == np.arange(len(slope))
-        half = np.where(widest, half / 2, half)
-        shift = np.where(widest, half, 0.0)
-        middle, half = np.concatenate([middle - shift, middle + shift]), np.concatenate([half, half])
+        middle, half = halved(middle, half, slope)
     return not len(middle)
+
+
+def halved(middle: np.ndarray, half: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Cells (s, q), each cut in two across the side that is widest times its weight (q,)."""
+    widest = (half * weight).argmax(axis=1)[:, None] == np.arange(len(weight))
+    half = np.where(widest, half / 2, half)
+    shift = np.where(widest, half, 0.0)
+    return np.concatenate([middle - shift, middle + shift]), np.concatenate([half, half])

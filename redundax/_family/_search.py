@@ -25,8 +25,15 @@ def proved_single(solutions: SolutionSet, cases: AbstractCases, report: Report) 
         return True
     if not isinstance(cases, Affine) and report.friction_reads:
         return False
+    return spectral_radius(largest_gamma(solutions, cases)) < 1
+
+
+def largest_gamma(solutions: SolutionSet, cases: AbstractCases) -> np.ndarray:
+    """Gamma_ij = max |d law_i / d rho| |K_ij|, shape (p, p); infinite where a law has no known bound."""
+    if solutions.law is None:
+        return np.zeros((0, 0))
     gain = cases.chosen(cases.lower)[1][solutions.rows]
-    return spectral_radius(np.asarray(solutions.law.largest_changes(gain))) < 1
+    return np.asarray(solutions.law.largest_changes(gain))
 
 
 def few(cases: AbstractCases) -> bool:

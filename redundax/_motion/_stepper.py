@@ -131,15 +131,15 @@ class Stepper(diffrax.AbstractWrappedSolver):
         if projects:
             y = projected(system, t1, y, context.held)
         # What is watched and what the next step starts from have no derivatives.
-        fixed, there, t = still((equations, y, t1))
-        parts = kinetics(fixed.system, there.at(t), still(context.held))
+        fixed, there, t, before = still((equations, y, t1, context.held))
+        parts = kinetics(fixed.system, there.at(t), before)
         held, excess = renewed(context.held, parts)
         watch, off = _watched(solver_state.watch, fixed, t, there, parts)
         pivot = jnp.min(parts.pivots)
         tau, state = context.tau, there.at(t)
         jump = jnp.zeros_like(off)
         if system.friction:
-            linear = fixed.linear(state, still(context.held), parts, closed=fixed.loaded)
+            linear = fixed.linear(state, before, parts, closed=fixed.loaded)
             solved = fixed.solved(state, linear, tau)
             change = jnp.where(fixed.sticking, 0.0, jnp.abs(solved.tau - tau) / solved.size)
             jump = jnp.where(solved.contraction < 1, 0.0, jnp.max(change))
