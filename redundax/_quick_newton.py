@@ -65,7 +65,8 @@ def quick_newton(open_problem: OpenProblem, rtol: Float[Array, ""], max_steps: i
         force, slope = _linearised(law, rho)
         missing = [free - load for free, load in zip(rho0, rho, strict=True)]
         residual = [f + _read(row, missing) for f, row in zip(force, slope, strict=True)]
-        return step(residual, slope, list(open_problem.axes @ open_problem.pull))
+        pull = list(open_problem.pull)
+        return step(residual, slope, [dot(row, pull) for row in rows(open_problem.axes)])
 
     def body(carry: tuple) -> tuple:
         steps, (tau, z), _, _ = carry

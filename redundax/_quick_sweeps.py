@@ -52,7 +52,7 @@ def quick_sweeps(problem: FrictionProblem, start: Float[Array, " p"], rtol: Floa
         return strong & (steps < _SWEEPS) & (residual > rtol)
 
     begin = (none, list(start))
-    steps, tau = jax.lax.while_loop(lambda c: c[0] < untested, lambda c: (c[0] + 1, swept(c[1])), begin)
+    steps, tau = jax.lax.while_loop(lambda c: c[0] < untested, lambda c: (c[0] + 2, swept(swept(c[1]))), begin)
     steps, tau, residual = jax.lax.while_loop(going, tested, (steps, tau, infinite))
     return Root(jnp.stack(tau), Progress(steps, residual, residual, residual, none), infinite)
 

@@ -15,9 +15,11 @@ recovered after convergence; nothing that is constant in a sweep over closures' 
 coefficients depends on the batch.
 """
 
-from typing import NamedTuple
+import functools
+from typing import NamedTuple, cast
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
@@ -60,6 +62,7 @@ class Reduced(eqx.Module):
     - `free`: response to the load.
     - `unit`, `rows`, `problem`: response to unit friction, the multipliers that friction reads, and the equations for
       tau; without friction none, no rows, none.
+    - `free_size`: bound of the sum of |free|.
     """
 
     pick: Pick
@@ -68,6 +71,33 @@ class Reduced(eqx.Module):
     unit: Response | None
     rows: Int[Array, " l"]
     problem: FrictionProblem | None
+    free_size: Float[Array, ""]
+
+    def end(self, tau: Float[Array, " p"], stress: Float[Array, " m"] | None) -> Response:
+        """Accelerations and multipliers at the friction tau, with a self-stress added."""
+        if self.unit is None:
+            return self.free
+        acceleration, multipliers = self.free.plus(self.unit, tau)
+        return Response(acceleration, multipliers if stress is None else multipliers + stress)
+
+    def end_size(self, tau: Float[Array, " p"], stress: Float[Array, " m"] | None) -> Float[Array, ""]:
+        """Bound of the sum of |end|: if it is finite all of them are, and none need be looked at."""
+        size = self.free_size
+        if self.unit is not None:
+            size = size + _size(*self.unit) * _size(tau)
+        return size if stress is None else size + _size(stress)
+
+    def at_rest(self, tau: Float[Array, " p"], stress: Float[Array, " m"] | None) -> Bool[Array, ""]:
+        """Whether the friction of a joint of no sense depends on the sense."""
+        problem = cast(FrictionProblem, self.problem)
+        law = problem.law
+
+        def depends() -> Bool[Array, ""]:
+            loads = problem.loads(tau) + (0.0 if stress is None else stress[self.rows])
+            moving = eqx.tree_at(lambda law: law.sense, law, jnp.where(law.sense == 0, 1.0, law.sense))
+            return jnp.any((law.sense == 0) & (moving(loads) != law(loads)))
+
+        return jax.lax.cond(jnp.any(law.sense == 0), depends, lambda: jnp.zeros((), bool))
 
 
 def reduce(
@@ -86,8 +116,9 @@ def reduce(
     given = misfit if kept is None else misfit + kept
     picked = pick(factor.multipliers)
     free = Response(factor.acceleration, picked + times(response, given))
+    free_size = _size(factor.acceleration, picked) + _size(response) * _size(given)
     if not system.friction:
-        return Reduced(pick, definite, free, None, jnp.zeros(0, int), None)
+        return Reduced(pick, definite, free, None, jnp.zeros(0, int), None, free_size)
     rate, directions = slip_motion(system, state)
     acceleration, multipliers = factor.respond(directions)
     unit = Response(acceleration, pick(multipliers))
@@ -98,7 +129,7 @@ def reduce(
     angular_loads = jnp.asarray(system.rows.angular)[rows]
     rho0 = picked[rows] + times(response[rows], given)
     problem = FrictionProblem.make(rho0, unit.multipliers[rows], law, angular_loads)
-    return Reduced(pick, definite, free, unit, rows, problem)
+    return Reduced(pick, definite, free, unit, rows, problem, free_size)
 
 
 def times(matrix: Float[Array, "d m"], vector: Float[Array, " m"] | Float[Array, ""]) -> Float[Array, " d"]:
@@ -106,10 +137,10 @@ def times(matrix: Float[Array, "d m"], vector: Float[Array, " m"] | Float[Array,
     return matrix @ vector if vector.ndim else jnp.sum(matrix, axis=1) * vector
 
 
-def at_rest(law: Law, loads: Float[Array, " l"]) -> Bool[Array, ""]:
-    """Whether the friction of a joint of no sense depends on the sense."""
-    moving = eqx.tree_at(lambda law: law.sense, law, jnp.where(law.sense == 0, 1.0, law.sense))
-    return jnp.any((law.sense == 0) & (moving(loads) != law(loads)))
+def _size(*arrays: Array) -> Array:
+    """Sum of the sizes of all entries, which a NaN does not pass by; of few number by number, which XLA fuses."""
+    sizes = [jnp.abs(array).ravel() for array in arrays]
+    return functools.reduce(jnp.add, [x for size in sizes for x in (size if 0 < size.size <= 12 else [jnp.sum(size)])])
 
 
 def _sense(rate: Array, resting: Array, sense: Array | None) -> Array:

@@ -4,13 +4,15 @@ The equations are reduced to the friction forces (`_reduced`), solved for them, 
 friction nothing iterates.
 """
 
+import functools
+import operator
 from typing import Any, cast
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
-from jaxtyping import Array
+from jaxtyping import Array, Bool
 
 from ._chunks import in_chunks
 from ._closures._closure import AbstractClosure, Compliance, MinimumNorm
@@ -25,7 +27,7 @@ from ._iterate import Progress
 from ._module import Numbers, as_float, known, no_classes
 from ._open_newton import open_root
 from ._open_problem import OpenProblem
-from ._reduced import Pick, Reduced, Response, at_rest, reduce, times
+from ._reduced import Reduced, Response, reduce, times
 from ._results import RESULTS, first_failure
 from ._solution import Solution, Stats
 from ._solver import AbstractSolver, Newton, Root, closed_root
@@ -139,21 +141,22 @@ def _end(
     kept = _kept(x0, state) if closure is None else None  # Newton (38) keeps the self-stress of x0
     reduced = reduce(system, state, factor, chosen, kept=kept, sense=sense)
     if reduced.problem is None:
-        end, root, contraction, friction_checks = reduced.free, _loadless(state.qd[:0]), 0.0 * state.t, ()
+        root, stress, contraction, friction_checks = _loadless(state.qd[:0]), None, 0.0 * state.t, ()
     else:
-        end, root = _solve_friction(factor, reduced, reduced.problem, state, closure, solver, x0)
-        contraction, friction_checks = reduced.problem.contraction(root.tau), _checks(reduced, end, root, solver)
-    finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(x)) for x in (*end, root.tau)]))
-    result = first_failure(
-        (
-            *factor.checks,
-            (reduced.definite, RESULTS.indeterminate_closure),
-            *friction_checks,
-            (finite, RESULTS.not_finite),
-        )
+        root, stress = _solve_friction(factor, reduced, reduced.problem, state, closure, solver, x0)
+        resting = reduced.at_rest(root.tau, stress)
+        contraction, friction_checks = reduced.problem.contraction(root.tau), _checks(resting, root, solver)
+    finite = jnp.isfinite(reduced.end_size(root.tau, stress))
+    checks = (
+        *factor.checks,
+        (reduced.definite, RESULTS.indeterminate_closure),
+        *friction_checks,
+        (finite, RESULTS.not_finite),
     )
-    end, tau = jax.tree.map(lambda x: jnp.where(result == RESULTS.successful, x, jnp.nan), (end, root.tau))
-    return end, eqx.tree_at(lambda root: root.tau, root, tau), contraction, result
+    good = functools.reduce(operator.and_, (passed for passed, _ in checks))
+    found = reduced.end(root.tau, stress), root.tau
+    end, tau = jax.tree.map(lambda x: jnp.where(good, x, jnp.nan), found)
+    return end, eqx.tree_at(lambda root: root.tau, root, tau), contraction, first_failure(checks)
 
 
 def _solve_friction(
@@ -164,22 +167,19 @@ def _solve_friction(
     closure: AbstractClosure | None,
     solver: AbstractSolver,
     x0: Array | None,
-) -> tuple[Response, Root]:
-    free, unit = reduced.free, cast(Response, reduced.unit)
+) -> tuple[Root, Array | None]:
+    """Friction, and the self-stress added to that of `reduced.free`."""
     if reduced.rows.size == 0:  # friction independent of load, (24)
-        root = _loadless(problem.law(problem.rho0))
-    elif closure is None and x0 is not None:
-        return _open_newton(factor, reduced.pick, problem, free, unit, reduced.rows, x0, solver)
-    else:
-        guess = problem.rho0 if x0 is None else _loads(x0, factor, reduced.rows)
-        root = closed_root(problem, problem.law(guess), solver)
-    return free.plus(unit, root.tau), root
+        return _loadless(problem.law(problem.rho0)), None
+    if closure is None and x0 is not None:
+        return _open_newton(factor, reduced, problem, x0, solver)
+    guess = problem.rho0 if x0 is None else _loads(x0, factor, reduced.rows)
+    return closed_root(problem, problem.law(guess), solver), None
 
 
-def _checks(reduced: Reduced, end: Response, root: Root, solver: AbstractSolver) -> tuple:
+def _checks(resting: Bool[Array, ""], root: Root, solver: AbstractSolver) -> tuple:
     """What must hold for the friction."""
     ended = solver.result(root.progress)
-    resting = at_rest(cast(FrictionProblem, reduced.problem).law, end.multipliers[reduced.rows])
     failures = (
         RESULTS.diverged,
         RESULTS.no_contraction,
@@ -195,18 +195,12 @@ def _loadless(tau: Array) -> Root:
 
 
 def _open_newton(
-    factor: Factorisation,
-    pick: Pick,
-    problem: FrictionProblem,
-    free: Response,
-    unit: Response,
-    rows: Array,
-    x0: Array,
-    solver: AbstractSolver,
-) -> tuple[Response, Root]:
-    """Newton (38) from x0; `free` and `unit` are at minimum norm, `free` with the self-stress of x0 added."""
+    factor: Factorisation, reduced: Reduced, problem: FrictionProblem, x0: Array, solver: AbstractSolver
+) -> tuple[Root, Array]:
+    """Newton (38) from x0; `reduced` is at minimum norm, with the self-stress of x0 added."""
+    pick, rows = reduced.pick, reduced.rows
     particular = jnp.concatenate([factor.acceleration, pick(factor.multipliers)])
-    basis = jnp.concatenate(unit)
+    basis = jnp.concatenate(cast(Response, reduced.unit))
     axes = jnp.linalg.svd(jax.lax.stop_gradient(basis), full_matrices=False)[2].T
     basis = basis @ axes
     open_problem = OpenProblem(
@@ -220,9 +214,7 @@ def _open_newton(
         first=_loads(x0, factor, rows),
     )
     end = open_root(open_problem, solver.tolerance(basis.dtype), solver.max_steps)
-    acceleration, multipliers = free.plus(unit, end.tau)
-    root = Root(end.tau, end.progress, jnp.full((), jnp.inf, basis.dtype))
-    return Response(acceleration, multipliers + end.stress), root
+    return Root(end.tau, end.progress, jnp.full((), jnp.inf, basis.dtype)), end.stress
 
 
 def _kept(x0: Array | None, state: State) -> Array:
@@ -236,8 +228,7 @@ def _kept(x0: Array | None, state: State) -> Array:
 
 def _loads(x0: Array, factor: Factorisation, rows: Array) -> Array:
     """The loads in x0."""
-    n, m = factor.acceleration.size, factor.multipliers.size
-    return jnp.broadcast_to(x0, (n + m,))[n + rows]
+    return x0[factor.acceleration.size + rows] if x0.ndim else jnp.broadcast_to(x0, rows.shape)
 
 
 def _solution(
