@@ -1,5 +1,7 @@
 """Planar rigid bodies."""
 
+from typing import cast
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -80,11 +82,19 @@ class Pose(eqx.Module):
         return Pose(self.r, self.phi, _axes(self.phi))
 
 
+    def unit_rates(self) -> "Pose":
+        """Rates of a pose with axes as x, y and phi change, stacked."""
+        r, phi = jnp.eye(3, 2, dtype=self.r.dtype), jnp.eye(3, dtype=self.r.dtype)[2]
+        along, across = cast(tuple[Array, Array], self.axes)
+        return Pose(r, phi, (phi[:, None] * across, -phi[:, None] * along))
+
+
 @jax.custom_jvp
 def _axes(phi: Float[Array, "*bodies"]) -> tuple[Float[Array, "*bodies 2"], Float[Array, "*bodies 2"]]:
     """The axes of frames in the global frame, the columns of R."""
-    c, s = jnp.cos(phi), jnp.sin(phi)
-    return jnp.stack([c, s], axis=-1), jnp.stack([-s, c], axis=-1)
+    along = jnp.stack([jnp.cos(phi), jnp.sin(phi)], axis=-1)
+    both = along @ jnp.array([[1, 0, 0, 1], [0, 1, -1, 0]], along.dtype)
+    return both[..., :2], both[..., 2:]
 
 
 @_axes.defjvp

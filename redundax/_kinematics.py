@@ -83,17 +83,13 @@ def _second(
 
 def jacobian(system: AbstractSystem, state: State) -> Float[Array, "m n"]:
     """Constraint Jacobian Phi_q through the retraction."""
-    return _jacobian_at(system, state, jnp.zeros_like(state.qd))
+    return system.jacobian(state.q, state.t)
 
 
 def change_of_jacobian(system: AbstractSystem, state: State, direction: Float[Array, " n"]) -> Float[Array, "m n"]:
-    """Derivative of Phi_q as the position moves along a direction, at constant t."""
+    """Derivative of Phi_q as the position moves along a direction, at constant t; up to combinations of its rows."""
     moved = jnp.zeros_like(direction)
-    return jax.jvp(lambda d: _jacobian_at(system, state, d), (moved,), (direction,))[1]
-
-
-def _jacobian_at(system: AbstractSystem, state: State, d: Array) -> Array:
-    return jax.jacfwd(lambda d: system.constraint(system.retract(state.q, d), state.t))(d)
+    return jax.jvp(lambda d: system.jacobian(system.retract(state.q, d), state.t), (moved,), (direction,))[1]
 
 
 def chart_rate(system: AbstractSystem, state: State) -> Float[Array, "..."]:

@@ -57,6 +57,7 @@ class Mechanism(AbstractSystem):
     gravity: Float[Array, "2"]
     pose: Callable[..., Array] | None
     _source: Int[Array, " m"]
+    _entries: Int[Array, "m n"]
     _friction: tuple[FrictionMembers, ...]
 
     def __init__(
@@ -85,6 +86,7 @@ class Mechanism(AbstractSystem):
         self.joint_names = tuple(tuple(joints[k].name for k in group) for group in groups)
         self.rows, source, places = _rows(joints, groups)
         self._source = indices(source)
+        self._entries = indices(_entries(joints, groups, source, names))
         self._friction = tuple(
             members
             for kind, group in enumerate(groups)
@@ -102,6 +104,10 @@ class Mechanism(AbstractSystem):
 
     @property
     def constant_mass(self) -> bool:
+        return True
+
+    @property
+    def diagonal_mass(self) -> bool:
         return True
 
     def anonymous(self) -> Self:
@@ -152,7 +158,7 @@ class Mechanism(AbstractSystem):
         return jnp.diag(jnp.concatenate([jnp.repeat(self.body.mass, 2), self.body.inertia]))
 
     def constraint(self, q: Array, t: Array) -> Float[Array, " m"]:
-        body = poses(q)
+        body = poses(q).with_axes()
         residuals = [
             eqx.filter_vmap(lambda joint, i, j: joint.residual(i, j, t))(
                 joints.element, taken(body, joints.i), taken(body, joints.j)
@@ -160,6 +166,18 @@ class Mechanism(AbstractSystem):
             for joints in self.joints
         ]
         return self.of_rows(residuals)
+
+    def jacobian(self, q: Array, t: Array) -> Float[Array, "m n"]:
+        """Joint by joint: each reads the coordinates of two bodies."""
+        body = poses(q).with_axes()
+        slopes = [
+            eqx.filter_vmap(lambda joint, i, j: joint.jacobian(i, j, t))(
+                joints.element, taken(body, joints.i), taken(body, joints.j)
+            )
+            for joints in self.joints
+        ]
+        flat = jnp.concatenate([jnp.zeros(1, q.dtype), *(slope.ravel() for slope in slopes)])
+        return taken(flat, self._entries)
 
     def of_rows(self, values: Sequence[Array]) -> Shaped[Array, " m ..."]:
         """What the rows of the joints have, kind by kind of shape (joints, rows, ...), in the order of the rows."""
@@ -216,6 +234,20 @@ def _rows(
     places = [np.array([[row_of[k, c] for c in range(len(joints[k].row_kinds))] for k in group]) for group in groups]
     names = tuple(f"{joints[k].name}.{joints[k].row_kinds[column][0]}" for k, column in row_of)
     return Axis(names, tuple(joints[k].row_kinds[column][1] for k, column in row_of)), np.array(source), places
+
+
+def _entries(
+    joints: Sequence[AbstractJoint], groups: Sequence[Sequence[int]], source: np.ndarray, bodies: Sequence[str]
+) -> np.ndarray:
+    """Where the Jacobian, (m, n), finds its entries among those of the joints, 6 for each row, after a zero."""
+    columns = {name: (2 * k, 2 * k + 1, 2 * len(bodies) + k) for k, name in enumerate(bodies)}
+    owner = [joints[k] for group in groups for k in group for _ in joints[k].row_kinds]
+    entries = np.zeros((len(source), 3 * len(bodies)))
+    for row, place in enumerate(source):
+        for k, body in enumerate((owner[place].i, owner[place].j)):
+            if body in columns:
+                entries[row, columns[body]] = 1 + 6 * place + 3 * k + np.arange(3)
+    return entries
 
 
 def _kind(joints: Sequence[AbstractJoint], place: tuple[int, int]) -> str:

@@ -62,6 +62,10 @@ class Rescaled(AbstractSystem):
     def constant_mass(self) -> bool:
         return self.inner.constant_mass
 
+    @property
+    def diagonal_mass(self) -> bool:
+        return self.inner.diagonal_mass
+
     def anonymous(self) -> Self:
         return replace(self, inner=self.inner.anonymous())
 
@@ -72,6 +76,10 @@ class Rescaled(AbstractSystem):
 
     def constraint(self, q: Array, t: Array) -> Float[Array, " m"]:
         return self.units.of(self.rows) * self.inner.constraint(q, t / self.units.time)
+
+    def jacobian(self, q: Array, t: Array) -> Float[Array, "m n"]:
+        inner = self.inner.jacobian(q, t / self.units.time)
+        return self.units.of(self.rows)[:, None] * inner / self._scale
 
     def load(self, state: State) -> Float[Array, " n"]:
         inner = self.inner.load(_restored_state(state, self.inner, self.units))

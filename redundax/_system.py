@@ -40,6 +40,11 @@ class AbstractSystem(eqx.Module):
     def constant_mass(self) -> bool:
         """Whether `mass` depends on neither position nor time."""
 
+    @property
+    def diagonal_mass(self) -> bool:
+        """Whether `mass` is known to be diagonal."""
+        return False
+
     @abc.abstractmethod
     def mass(self, q: Float[Array, "..."], t: Float[Array, ""]) -> Float[Array, "n n"]:
         """Mass matrix, symmetric positive semidefinite."""
@@ -47,6 +52,11 @@ class AbstractSystem(eqx.Module):
     @abc.abstractmethod
     def constraint(self, q: Float[Array, "..."], t: Float[Array, ""]) -> Float[Array, " m"]:
         """Constraint residual Phi(q, t), Eq. (2)."""
+
+    def jacobian(self, q: Float[Array, "..."], t: Float[Array, ""]) -> Float[Array, "m n"]:
+        """Constraint Jacobian Phi_q through the retraction."""
+        zero = jnp.zeros(len(self.coordinates), q.dtype)
+        return jax.jacfwd(lambda d: self.constraint(self.retract(q, d), t))(zero)
 
     @abc.abstractmethod
     def load(self, state: State) -> Float[Array, " n"]:
@@ -171,6 +181,10 @@ class System(AbstractSystem):
     @property
     def constant_mass(self) -> bool:
         return not callable(self._mass)
+
+    @property
+    def diagonal_mass(self) -> bool:
+        return not callable(self._mass) and self._mass.ndim == 1
 
     def anonymous(self) -> Self:
         return replace(

@@ -8,6 +8,8 @@ bodies is -Phi_q^T lam.
 import abc
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._body import Pose
@@ -47,6 +49,17 @@ class AbstractJoint(AbstractBetweenBodies):
     @abc.abstractmethod
     def residual(self, i: Pose, j: Pose, t: Float[Array, ""]) -> Float[Array, " rows"]:
         """Constraint residual, one entry for each of `row_kinds`."""
+
+    def jacobian(self, i: Pose, j: Pose, t: Float[Array, ""]) -> Float[Array, "rows 6"]:
+        """Derivatives of the residual by x, y and phi of body i, then of body j; the poses with axes."""
+
+        def along(rate_i: Pose, rate_j: Pose) -> Array:
+            return jax.jvp(lambda i, j: self.residual(i, j, t), (i, j), (rate_i, rate_j))[1]
+
+        none_i, none_j = jax.tree.map(jnp.zeros_like, (i, j))
+        by_i = jax.vmap(lambda rate: along(rate, none_j), out_axes=1)(i.unit_rates())
+        by_j = jax.vmap(lambda rate: along(none_i, rate), out_axes=1)(j.unit_rates())
+        return jnp.concatenate([by_i, by_j], axis=1)
 
 
 class AbstractFrictionalJoint(AbstractJoint):

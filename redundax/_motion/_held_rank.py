@@ -41,13 +41,13 @@ class Held(eqx.Module):
 
     - `projector`: P0, shape (m, m).
     - `row_scale`: D, shape (m,).
-    - `inverse_mass`: M^-1, shape (n, n), where it is constant and regular.
+    - `inverse_mass`: M^-1, shape (n, n), where it is constant and regular; of a diagonal M its diagonal, shape (n,).
     - `singular`: whether M may be singular.
     """
 
     projector: Float[Array, "m m"]
     row_scale: Float[Array, " m"]
-    inverse_mass: Float[Array, "n n"] | None
+    inverse_mass: Float[Array, "n n"] | Float[Array, " n"] | None
     singular: bool = eqx.field(static=True)
 
 
@@ -56,18 +56,23 @@ class Kinetics(NamedTuple):
 
     - `rows`: B, shape (m, n).
     - `motion`: Phi, its rate and gamma, not scaled.
-    - `inverse_mass`, `response`: M^-1, shape (n, n), and M^-1 B^T, shape (n, m).
+    - `inverse_mass`, `response`: M^-1, shape (n, n) or its diagonal, and M^-1 B^T, shape (n, m).
     - `gram`: B M^-1 B^T, shape (m, m).
-    - `pivots`, `whitening`: diagonal of the lower Cholesky factor L of R, shape (m,), and L^-1, shape (m, m).
+    - `factor`, `whitening`: the lower Cholesky factor L of R, and L^-1, for more than a few columns; shape (m, m).
     """
 
     rows: Float[Array, "m n"]
     motion: AlongMotion
-    inverse_mass: Float[Array, "n n"]
+    inverse_mass: Float[Array, "n n"] | Float[Array, " n"]
     response: Float[Array, "n m"]
     gram: Float[Array, "m m"]
-    pivots: Float[Array, " m"]
+    factor: Float[Array, "m m"]
     whitening: Float[Array, "m m"]
+
+    @property
+    def pivots(self) -> Float[Array, " m"]:
+        """Diagonal of L."""
+        return jnp.diagonal(self.factor)
 
 
 @eqx.filter_jit  # traced once, for the many places that it stands in
@@ -78,18 +83,23 @@ def kinetics(system: AbstractSystem, state: State, held: Held) -> Kinetics:
     if inverse_mass is None:
         mass = system.mass(state.q, state.t)
         inverse_mass = _inverse(mass + rows.T @ rows if held.singular else mass)
-    response = inverse_mass @ rows.T
+    response = _times(inverse_mass, rows.T)
     gram = rows @ response
     out = jnp.eye(gram.shape[0], dtype=gram.dtype) - held.projector
-    pivots, whitening = _whitened(out @ gram @ out + held.projector)
-    return Kinetics(rows, along_motion(system, state), inverse_mass, response, gram, pivots, whitening)
+    factor, whitening = _whitened(out @ gram @ out + held.projector)
+    return Kinetics(rows, along_motion(system, state), inverse_mass, response, gram, factor, whitening)
 
 
 def _whitened(matrix: Array) -> tuple[Array, Array]:
-    """Diagonal of the Cholesky factor L, and L^-1: two LAPACK calls, which a batch pays for one by one."""
-    factor = jnp.linalg.cholesky(matrix)
+    """The Cholesky factor L, and L^-1: two LAPACK calls, which a batch pays for one by one."""
+    factor = jnp.linalg.cholesky(matrix, symmetrize_input=False)
     one = jnp.eye(matrix.shape[0], dtype=matrix.dtype)
-    return jnp.diagonal(factor), jax.scipy.linalg.solve_triangular(factor, one, lower=True)
+    return factor, jax.scipy.linalg.solve_triangular(factor, one, lower=True)
+
+
+def _times(inverse_mass: Array, force: Float[Array, "n p"]) -> Float[Array, "n p"]:
+    """M^-1 times columns."""
+    return inverse_mass @ force if inverse_mass.ndim == 2 else inverse_mass[:, None] * force
 
 
 def _inverse(matrix: Array) -> Array:
@@ -98,20 +108,28 @@ def _inverse(matrix: Array) -> Array:
 
 
 def respond(
-    parts: Kinetics, held: Held, force: Float[Array, "n p"], gamma: Float[Array, "m p"]
+    parts: Kinetics, held: Held, force: Float[Array, "n p"], gamma: Float[Array, "m p"], *, once: bool = False
 ) -> tuple[Float[Array, "n p"], Float[Array, "m p"]]:
-    """Accelerations a and scaled multipliers mu of M a + B^T mu = force, U (B a - gamma) = 0, for each column."""
+    """Accelerations a and scaled multipliers mu of M a + B^T mu = force, U (B a - gamma) = 0, for each column.
+
+    `once` says that nothing else is asked of the matrices.
+    """
     if held.singular:
         force = force + parts.rows.T @ gamma
-    free = parts.inverse_mass @ force
-    mu = held_inverse(parts, held, parts.rows @ free - gamma)
+    free = _times(parts.inverse_mass, force)
+    mu = held_inverse(parts, held, parts.rows @ free - gamma, once=once)
     return free - parts.response @ mu, mu
 
 
-def held_inverse(parts: Kinetics, held: Held, residual: Float[Array, "m ..."]) -> Float[Array, "m ..."]:
+def held_inverse(
+    parts: Kinetics, held: Held, residual: Float[Array, "m ..."], *, once: bool = False
+) -> Float[Array, "m ..."]:
     """U R^-1 U of a scaled residual; M^-1 B^T times it is the least change that meets the held rows."""
     inside = residual - held.projector @ residual
-    mu = parts.whitening.T @ (parts.whitening @ inside)
+    if once:
+        mu = jax.scipy.linalg.cho_solve((parts.factor, True), inside)
+    else:
+        mu = parts.whitening.T @ (parts.whitening @ inside)
     return mu - held.projector @ mu
 
 
@@ -152,8 +170,11 @@ def held_by(
     if singular:  # rows as heavy as M, so that M + B^T B is well conditioned
         heavy = jnp.trace(mass) / mass.shape[0] / jnp.mean(jnp.sum(matrix**2, axis=1))
         mass = mass + heavy * matrix.T @ matrix
-    inverse_mass = _inverse(mass + 0.0 * stress[0, 0])  # two LAPACK calls side by side can hang
-    row_scale = jnp.sqrt(jnp.sum(matrix * (matrix @ inverse_mass), axis=1))
+    if system.diagonal_mass and not singular:
+        inverse_mass = 1 / jnp.diagonal(mass)
+    else:
+        inverse_mass = _inverse(mass + 0.0 * stress[0, 0])  # two LAPACK calls side by side can hang
+    row_scale = jnp.sqrt(jnp.sum(matrix.T * _times(inverse_mass, matrix.T), axis=0))
     row_scale = jnp.where(row_scale > 0, row_scale, 1.0)
     projector = _spanned_response((row_scale / scale.rows)[:, None] * stress, stress, None)
     held = jax.lax.stop_gradient((projector, row_scale))

@@ -152,13 +152,14 @@ class Equations(eqx.Module):
         `closed` says whether the multipliers are the closure's, or some.
         """
         system, scale = self.system, held.row_scale
+        once = parts is None and not closed
         parts = kinetics(system, state, held) if parts is None else parts
         force, rate, directions = system.load(state), state.qd[:0], jnp.zeros((state.qd.size, 0), state.qd.dtype)
         if system.friction:
             rate, directions = slip_motion(system, state)
         gamma = self.stabilisation.gamma(parts.motion) / scale
         columns = jnp.concatenate([force[:, None], directions], axis=1)
-        a, mu = respond(parts, held, columns, jnp.pad(gamma[:, None], ((0, 0), (0, rate.size))))
+        a, mu = respond(parts, held, columns, jnp.pad(gamma[:, None], ((0, 0), (0, rate.size))), once=once)
         if closed:
             mu = _picked(parts, held, *closed_by(self.closure, system, state), mu)
         slip = directions.T @ a
