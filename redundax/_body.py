@@ -81,7 +81,6 @@ class Pose(eqx.Module):
         """The same, its axes computed once; for functions that take derivatives through the angle alone."""
         return Pose(self.r, self.phi, _axes(self.phi))
 
-
     def unit_rates(self) -> "Pose":
         """Rates of a pose with axes as x, y and phi change, stacked."""
         r, phi = jnp.eye(3, 2, dtype=self.r.dtype), jnp.eye(3, dtype=self.r.dtype)[2]
