@@ -4,6 +4,7 @@ Under `vmap` every operation of a loop passes over the whole batch, which for 10
 else; and the loop runs until the last sample of the batch has ended. In chunks both are bounded.
 """
 
+import os
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -14,8 +15,22 @@ from jaxtyping import PyTree
 
 T = TypeVar("T", bound=PyTree)
 
-_CHUNK = 16384  # samples at most, enough for all threads
+_CHUNK = 4096  # samples at most for a core, four times as many where cores share a device and its loops
 _NUMBERS = 2**21  # that go into a chunk and come out of it, at most
+_ACCELERATOR = 64  # times as much elsewhere than on CPUs: threads by the thousand, and other caches
+
+
+def cores() -> int:
+    """Of the CPU, those that this process may use."""
+    allowed = getattr(os, "sched_getaffinity", None)  # not on all platforms
+    return len(allowed(0)) if allowed else os.cpu_count() or 1
+
+
+def limits() -> tuple[int, int]:
+    """Samples and numbers of a chunk, at most."""
+    if jax.default_backend() != "cpu":
+        return _ACCELERATOR * _CHUNK, _ACCELERATOR * _NUMBERS
+    return (_CHUNK if jax.local_device_count() >= cores() else 4 * _CHUNK), _NUMBERS
 
 
 def in_chunks(function: Callable[..., T], *arguments: PyTree) -> T:
@@ -38,7 +53,8 @@ def in_chunks(function: Callable[..., T], *arguments: PyTree) -> T:
         many = jax.vmap(plain, in_axes=(jax.tree.map(lambda along: 0 if along else None, batched[0]),))
         given = [x for x, along in zip(*map(jax.tree.leaves, (arrays, batched[0])), strict=True) if along]
         numbers = sum(x.size for x in (*given, *jax.tree.leaves(jax.eval_shape(many, arrays)))) // size
-        most = min(_CHUNK, max(_NUMBERS // max(numbers, 1), 1))
+        samples, held = limits()
+        most = min(samples, max(held // max(numbers, 1), 1))
         chunk = -(-size // -(-size // most))
         out = many(arrays) if chunk == size else _looped(many, arrays, batched[0], size, chunk)
         return out, jax.tree.map(lambda _: True, out)

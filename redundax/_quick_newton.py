@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from ._elimination import eliminated
 from ._friction_problem import Law
 from ._iterate import Progress
 from ._open_problem import OpenEnd, OpenProblem
@@ -54,7 +55,7 @@ def quick_newton(open_problem: OpenProblem, rtol: Float[Array, ""], max_steps: i
     def step(residual: list, slope: list[Slope], pull: list | None = None) -> Iterate:
         by_tau = [[_read(row, column) for column in columns] for row in slope]
         lower = [[(i == j) - entry for j, entry in enumerate(row)] for i, row in enumerate(by_tau)]
-        c, d = _eliminated(lower, residual, [_read(row, n) for row in slope])
+        c, d = eliminated(lower, residual, [_read(row, n) for row in slope], pivots=False)
         of_d = [dot(row, d) for row in norm]
         against = dot([dot(row, c) for row in norm], of_d)
         dz = (-against if pull is None else dot(pull, d) - against) / (1 + dot(of_d, of_d))
@@ -114,23 +115,6 @@ def _linearised(law: Law, rho: list) -> tuple[list, list[Slope]]:
 
 def _force(law: Law, *loads: Array) -> list[Array]:
     return list(law(jnp.stack(loads) if loads else jnp.zeros(0, law.rate.dtype)))
-
-
-def _eliminated(matrix: list[list], *rights: list) -> list[list]:
-    """Solutions of matrix x = right, without pivots."""
-    p = len(matrix)
-    table = [[*row, *entries] for row, *entries in zip(matrix, *rights, strict=True)]
-    for k in range(p):
-        for i in range(k + 1, p):
-            ratio = table[i][k] / table[k][k]
-            table[i] = [a - ratio * b for a, b in zip(table[i], table[k], strict=True)]
-    solutions = []
-    for right in range(p, p + len(rights)):
-        x = []
-        for k in reversed(range(p)):
-            x.insert(0, (table[k][right] - dot(table[k][k + 1 : p], x)) / table[k][k])
-        solutions.append(x)
-    return solutions
 
 
 def _read(slope: Slope, loads: list) -> Any:

@@ -16,6 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ._chunks import in_chunks
+from ._elimination import solve_few
 from ._friction_problem import FrictionProblem
 from ._iterate import Progress, iterate
 from ._module import optional_float
@@ -171,6 +172,6 @@ def _closed_root_jvp(primals: tuple, tangents: tuple) -> tuple:
     root = closed_root(problem, start, solver)
     _, explicit = eqx.filter_jvp(lambda p: p.law(p.loads(root.tau)), (problem,), (tangents[0],))
     explicit = jnp.zeros_like(root.tau) if explicit is None else explicit  # of a law that reads none of what changes
-    tau_dot = jnp.linalg.solve(_root_slope(problem, problem.loads(root.tau)), explicit)
+    tau_dot = solve_few(_root_slope(problem, problem.loads(root.tau)), explicit)
     still = jax.tree.map(lambda x: jnp.zeros_like(x) if eqx.is_inexact_array(x) else None, root)
     return root, eqx.tree_at(lambda root: root.tau, still, tau_dot)

@@ -5,9 +5,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from mpmath import mp
 
 import redundax as rx
 from redundax import _chunks
+from redundax._elimination import solve_few
 
 MECHANISM = rx.mechanisms.wojtyra2020(mu_rho=0.02)
 STATE = MECHANISM.state(jnp.pi / 4, rate=1.0)
@@ -21,12 +23,38 @@ def test_a_batch_in_chunks_is_the_batch(monkeypatch):
     """The last chunk reaches back."""
     h = jnp.linspace(-100.0, 100.0, 10)
     whole = jax.vmap(solve)(h)
-    monkeypatch.setattr(_chunks, "_CHUNK", 4)
+    monkeypatch.setattr(_chunks, "limits", lambda: (4, 2**21))
     jax.clear_caches()
     parts = jax.vmap(solve)(h)
     for one, other in zip(jax.tree.leaves(whole), jax.tree.leaves(parts), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-10)
     jax.clear_caches()
+
+
+def test_chunks_are_larger_where_threads_share_a_device(monkeypatch):
+    """A core of its own for each device asks for the smallest, an accelerator for the largest."""
+    sizes = []
+    for backend, devices in (("cpu", 8), ("cpu", 1), ("gpu", 1)):
+        monkeypatch.setattr(jax, "default_backend", lambda backend=backend: backend)
+        monkeypatch.setattr(jax, "local_device_count", lambda devices=devices: devices)
+        monkeypatch.setattr(_chunks, "cores", lambda: 8)
+        sizes.append(_chunks.limits())
+    assert sizes == sorted(sizes) and len(set(sizes)) == 3
+
+
+@pytest.mark.parametrize("size", range(1, 9))
+def test_few_linear_equations(size):
+    """Against 50 digits, also where the first pivots are zero."""
+    rng = np.random.default_rng(size)
+    for zeros in (0, size - 1):
+        matrix, right = rng.normal(size=(size, size)), rng.normal(size=size)
+        matrix[range(zeros), range(zeros)] = 0.0
+        with mp.workdps(50):
+            true = np.array(mp.lu_solve(mp.matrix(matrix.tolist()), mp.matrix(right.tolist())).T.tolist()[0], float)
+        found = solve_few(jnp.asarray(matrix), jnp.asarray(right))
+        assert np.max(np.abs(found - true)) <= 1e-14 * np.linalg.cond(matrix) * np.max(np.abs(true))
+        each = jax.vmap(solve_few)(jnp.asarray([matrix, 2 * matrix]), jnp.asarray([right, right]))
+        np.testing.assert_allclose(each, [found, found / 2], rtol=1e-13 * np.linalg.cond(matrix))
 
 
 def test_what_does_not_depend_on_the_sample_stays_out_of_the_batch():
@@ -81,7 +109,7 @@ def test_numbers_that_a_function_of_the_user_holds_may_be_of_the_batch():
 
 @pytest.mark.slow
 def test_derivatives_through_a_chunked_batch(monkeypatch):
-    monkeypatch.setattr(_chunks, "_CHUNK", 2)
+    monkeypatch.setattr(_chunks, "limits", lambda: (2, 2**21))
     h = jnp.linspace(-50.0, 50.0, 5)
     crank = eqx.filter_jit(lambda h: jnp.sum(jax.vmap(lambda h: solve(h).acceleration[8])(h)))
     along = jnp.ones(5)

@@ -1,17 +1,14 @@
 """Runs the suite and prints its table: `python -m benchmarks.hard_cases --help`."""
 
 import argparse
-import os
 import pathlib
 import sys
 import time
 import warnings
 
-# On two-core CPUs independent LAPACK calls in one compiled step can wait for each other, see tests/conftest.py. XLA
-# reads its flags once, when the first backend starts.
-_SCHEDULER = "--xla_cpu_enable_concurrency_optimized_scheduler"
-if _SCHEDULER not in os.environ.get("XLA_FLAGS", ""):
-    os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {_SCHEDULER}=false".strip()
+from .._devices import prepare
+
+prepare()
 
 import jax  # noqa: E402
 

@@ -7,15 +7,11 @@ import os
 import pathlib
 import sys
 
-# On two-core CPUs independent LAPACK calls in one compiled step can wait for each other, see tests/conftest.py. XLA
-# reads its flags once, when the first backend starts, and OpenBLAS its threads when it is loaded.
-_SCHEDULER = "--xla_cpu_enable_concurrency_optimized_scheduler"
-if _SCHEDULER not in os.environ.get("XLA_FLAGS", ""):
-    os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {_SCHEDULER}=false".strip()
+from .._devices import prepare
+
+# OpenBLAS reads its threads when it is loaded.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# A batch has a device for each core; their LAPACK calls share a pool of threads, which must not all wait.
-_CORES = os.cpu_count() or 1
-os.environ.setdefault("PJRT_NPROC", str(2 * _CORES))
+prepare(os.cpu_count() or 1)  # a batch has a device for each core
 
 import jax  # noqa: E402
 import numpy as np  # noqa: E402
@@ -34,7 +30,6 @@ def main() -> None:
     parser.add_argument("--png", type=pathlib.Path, metavar="FILE", help="write the diagram of time against error")
     arguments = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
-    jax.config.update("jax_num_cpu_devices", _CORES)
     jax.config.update("jax_enable_compilation_cache", False)
     names = ("compile s", "run ms", "steps", "us/step", "error", "drift", "energy")
     print(f"{'motion, 10 s':24}{'program':22}{'setting':22}" + "".join(f"{name:>10}" for name in names))

@@ -13,6 +13,7 @@ import numpy as np
 
 import redundax as rx
 
+from .._devices import batched
 from . import _exudyn, _mujoco
 from ._problems import T1, Problem, andrews, crank, crank_angle, n_four_bar, papers, stiffness, three_cranks
 
@@ -106,7 +107,7 @@ def batch(quick: bool) -> Iterator[Row]:
         "rtol 1e-8": {"rtol": 1e-8},
         "1000 steps of Dopri5": {"rtol": None, "dt0": T1 / 1000, "solver": diffrax.Dopri5()},
     }.items():
-        run = _on_all_cores(lambda rate, options=options: _last(problem, rate, options))
+        run = batched(lambda rate, options=options: _last(problem, rate, options))
         first, seconds, (angles, steps) = _timed(lambda run=run: run(rates), 1)
         error = np.abs(np.asarray(angles)[some] - exact).max()
         yield Row(f"{count} motions", OURS, setting, first - seconds, seconds / count, int(np.mean(steps)), error)
@@ -119,12 +120,6 @@ def batch(quick: bool) -> Iterator[Row]:
                 seconds = (time.perf_counter() - start) / len(some)
             error = np.abs(np.array([angle for _, angle in found]) - exact).max()
             yield Row(f"{count} motions", f"{_exudyn.NAME}, 2 processes", f"{steps} steps", 0.0, seconds, steps, error)
-
-
-def _on_all_cores(run: Callable) -> Callable:
-    """A batch of runs, compiled, each device with its share."""
-    mesh, share = jax.sharding.Mesh(jax.devices(), "core"), jax.sharding.PartitionSpec("core")
-    return jax.jit(jax.shard_map(jax.vmap(run), mesh=mesh, in_specs=share, out_specs=share, check_vma=False))
 
 
 def _last(problem: Problem, rate: jax.Array, options: dict) -> tuple[jax.Array, jax.Array]:

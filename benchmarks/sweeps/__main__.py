@@ -6,11 +6,7 @@ import json
 import os
 import sys
 
-# On two-core CPUs independent LAPACK calls in one compiled step can wait for each other, see tests/conftest.py. XLA
-# reads its flags once, when the first backend starts.
-_SCHEDULER = "--xla_cpu_enable_concurrency_optimized_scheduler"
-if _SCHEDULER not in os.environ.get("XLA_FLAGS", ""):
-    os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {_SCHEDULER}=false".strip()
+from .._devices import prepare
 
 # NumPy asks for huge pages for its arrays, XLA leaves that to malloc. The C library reads this when a program starts.
 _PAGES = "glibc.malloc.hugetlb=1"
@@ -18,6 +14,9 @@ if __name__ == "__main__" and sys.platform == "linux" and _PAGES not in os.envir
     given = os.environ.get("GLIBC_TUNABLES")
     os.environ["GLIBC_TUNABLES"] = f"{given}:{_PAGES}" if given else _PAGES
     os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
+
+_DEVICES = int(sys.argv[sys.argv.index("--devices") + 1]) if "--devices" in sys.argv else 1
+prepare(_DEVICES)
 
 import jax  # noqa: E402
 import numpy as np  # noqa: E402
@@ -46,6 +45,9 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
     parser.add_argument(
         "--quick", action="store_true", help="20,000 values of h instead of 1,000,000, a tenth elsewhere"
+    )
+    parser.add_argument(
+        "--devices", type=int, default=1, help="devices of the CPU over which batches are spread, 1 if not given"
     )
     parser.add_argument("--only", action="append", choices=_WORKS, help="a work; may be given several times")
     arguments = parser.parse_args()

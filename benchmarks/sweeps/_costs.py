@@ -15,6 +15,7 @@ from truth import paper
 
 import redundax as rx
 
+from .._devices import batched, placed
 from . import _truth
 from ._measure import MU_RHO, PHI, RATE, Program, Row, compare, whole
 from ._works import FULL, lines, redundax_over_h
@@ -56,7 +57,7 @@ def single(frictional: bool) -> list[Row]:
 def sizes(largest: int) -> list[Row]:
     """The sweep over h in batches from 1 on."""
     out = []
-    for size in (10**k for k in range(7) if 10**k <= largest):
+    for size in (10**k for k in range(7) if 10**k <= largest and 10**k % jax.device_count() == 0):
         h = np.linspace(-100.0, 100.0, size)
         out += compare("h, batch size", redundax_over_h(h)[:1])
     return out
@@ -104,10 +105,10 @@ def _with_length(length: jax.Array) -> jax.Array:
 
 def _derivative(name: str, function: Callable, values: np.ndarray) -> list[Row]:
     crank = 8  # coordinate phi of the first body
-    given = jnp.asarray(values)
+    given = placed(values)
 
     def program(title: str, one: Callable, truth: Callable, rows: Callable) -> Program:
-        run = jax.jit(jax.vmap(one))
+        run = batched(one)
         return Program(title, lambda: run(given), values, truth, rows)
 
     def all_rows(found: jax.Array, samples: np.ndarray) -> np.ndarray:

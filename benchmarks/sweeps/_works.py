@@ -10,6 +10,7 @@ from truth import paper
 
 import redundax as rx
 
+from .._devices import batched, placed
 from . import _eigen, _naive, _numpy, _truth
 from ._measure import MU_RHO, PHI, RATE, Program, Row, compare, whole
 
@@ -18,11 +19,10 @@ _RCOND = 1e-11  # between the two smallest singular values of A of the sweeps be
 
 
 def redundax(name: str, solve: Callable, values: np.ndarray, truth: Callable, names: tuple[str, ...] = FULL) -> Program:
-    """`solve` of each value under plain `jax.vmap` inside `jax.jit`, with some of its arrays as output."""
-    given = jnp.asarray(values)
+    """`solve` of each value under `jax.vmap` inside `jax.jit`, with some of its arrays as output."""
+    given = placed(values)
 
-    @jax.jit
-    @jax.vmap
+    @batched
     def run(value: jax.Array) -> list[jax.Array]:
         solution = solve(value)  # once: XLA does not merge loops
         return [getattr(solution, name) for name in names]

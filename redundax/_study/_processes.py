@@ -9,6 +9,8 @@ from jax.experimental import multihost_utils
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, PyTree
 
+from .._chunks import cores
+
 
 def spread(function: Callable[[PyTree], PyTree], mesh: Mesh | None) -> Callable[[PyTree], PyTree]:
     """A compiled function of host arrays, each device taking its share of their leading axis."""
@@ -33,17 +35,12 @@ def check_threads(mesh: Mesh | None) -> None:
     here = [] if mesh is None else [d for d in mesh.devices.flat if d.platform == "cpu"]
     count = sum(device.process_index == jax.process_index() for device in here)
     given = os.environ.get("PJRT_NPROC") or os.environ.get("NPROC")
-    threads = int(given) if given and given.isdigit() else _cores()
+    threads = int(given) if given and given.isdigit() else cores()
     if count > 1 and threads < 2 * count:
         raise ValueError(
             f"Argument `mesh` has {count} CPU devices of this process, but XLA's pool of {threads} threads could leave "
             f"them waiting for each other. Start Python anew with the environment variable PJRT_NPROC={2 * count}."
         )
-
-
-def _cores() -> int:
-    cores = getattr(os, "sched_getaffinity", None)  # not on all platforms
-    return len(cores(0)) if cores else os.cpu_count() or 1
 
 
 def fetched(values: Array) -> np.ndarray:
