@@ -58,6 +58,24 @@ def test_gamma_is_minus_the_bend_along_the_motion(name):
     assert close(rx.factorize(system, state).gamma, -bend, 1e-6)
 
 
+@every_case
+@pytest.mark.parametrize("units", [None, rx.Units(length=1e3, mass=1e-3, time=10.0)], ids=["SI", "mm"])
+def test_jacobian_is_the_slope_of_the_constraints(name, units):
+    """By central differences along displacements of the chart; off the manifold too."""
+    case = registry.case(name)
+    system, q, t, rng = case.system, case.state.q, case.state.t, np.random.default_rng(3)
+    if units is not None:
+        there = rx.state_in_units(case.state, system, units)
+        system, q, t = rx.in_units(system, units), there.q, there.t
+    size = np.where(system.coordinates.angular, 1.0, 1.0 if units is None else units.length)
+    q = system.retract(q, jnp.asarray(0.1 * size * rng.normal(size=len(size))))
+    matrix = np.asarray(system.jacobian(q, t)) * size
+    for direction in rng.normal(size=(3, len(size))):
+        ends = [system.constraint(system.retract(q, jnp.asarray(step * size * direction)), t) for step in (1e-5, -1e-5)]
+        slope = np.subtract(*ends) / 2e-5
+        assert np.max(np.abs(matrix @ direction - slope)) <= 1e-8 * (np.max(np.abs(matrix)) + np.max(np.abs(slope)))
+
+
 @every_mechanism
 def test_projector_is_that_of_the_exact_self_stress(name):
     mechanism = registry.MECHANISMS[name]()
