@@ -1,4 +1,4 @@
-"""What must be set before JAX is imported, and batches over the devices that a benchmark has."""
+"""What must be set before JAX starts, and batches over the devices that a benchmark has."""
 
 import os
 from collections.abc import Callable
@@ -17,9 +17,9 @@ def prepare(devices: int = 1) -> None:
         os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {_SCHEDULER}=false".strip()
     if devices > 1:
         os.environ.setdefault("PJRT_NPROC", str(2 * devices))
-    import jax
+        import jax
 
-    jax.config.update("jax_num_cpu_devices", devices)
+        jax.config.update("jax_num_cpu_devices", devices)
 
 
 def batched(run: Callable) -> Callable:

@@ -1,7 +1,5 @@
 """Planar rigid bodies."""
 
-from typing import cast
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -50,7 +48,7 @@ class Pose(eqx.Module):
     """Position (2,) and angle of a body's local frame in the global frame, of one body or stacked.
 
     `axes`, of shape (2,) each, are those of the frame, where they are known already; constraints and slips are given
-    poses with axes, loads without.
+    poses with axes, loads without. To turn a pose make a new one: axes do not follow the angle.
 
     ??? example
 
@@ -78,21 +76,16 @@ class Pose(eqx.Module):
         return along * v[0] + across * v[1]
 
     def with_axes(self) -> "Pose":
-        """The same, its axes computed once; for functions that take derivatives through the angle alone."""
+        """The same with its axes, computed once for all that reads them."""
         return Pose(self.r, self.phi, _axes(self.phi))
-
-    def unit_rates(self) -> "Pose":
-        """Rates of a pose with axes as x, y and phi change, stacked."""
-        r, phi = jnp.eye(3, 2, dtype=self.r.dtype), jnp.eye(3, dtype=self.r.dtype)[2]
-        along, across = cast(tuple[Array, Array], self.axes)
-        return Pose(r, phi, (phi[:, None] * across, -phi[:, None] * along))
 
 
 @jax.custom_jvp
 def _axes(phi: Float[Array, "*bodies"]) -> tuple[Float[Array, "*bodies 2"], Float[Array, "*bodies 2"]]:
     """The axes of frames in the global frame, the columns of R."""
     along = jnp.stack([jnp.cos(phi), jnp.sin(phi)], axis=-1)
-    both = along @ jnp.array([[1, 0, 0, 1], [0, 1, -1, 0]], along.dtype)
+    # A product is computed once. Without it XLA computes sines anew for every entry that reads them.
+    both = jnp.matmul(along, jnp.array([[1, 0, 0, 1], [0, 1, -1, 0]], along.dtype), precision="highest")
     return both[..., :2], both[..., 2:]
 
 

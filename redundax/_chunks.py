@@ -4,7 +4,6 @@ Under `vmap` every operation of a loop passes over the whole batch, which for 10
 else; and the loop runs until the last sample of the batch has ended. In chunks both are bounded.
 """
 
-import os
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -13,23 +12,19 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
+from ._module import cores
+
 T = TypeVar("T", bound=PyTree)
 
 _CHUNK = 4096  # samples at most for a core, four times as many where cores share a device and its loops
 _NUMBERS = 2**21  # that go into a chunk and come out of it, at most
-_ACCELERATOR = 64  # times as much elsewhere than on CPUs: threads by the thousand, and other caches
-
-
-def cores() -> int:
-    """Of the CPU, those that this process may use."""
-    allowed = getattr(os, "sched_getaffinity", None)  # not on all platforms
-    return len(allowed(0)) if allowed else os.cpu_count() or 1
+_ACCELERATOR = 64, 16  # times as many of both elsewhere than on CPUs, for threads by the thousand
 
 
 def limits() -> tuple[int, int]:
     """Samples and numbers of a chunk, at most."""
     if jax.default_backend() != "cpu":
-        return _ACCELERATOR * _CHUNK, _ACCELERATOR * _NUMBERS
+        return _ACCELERATOR[0] * _CHUNK, _ACCELERATOR[1] * _NUMBERS
     return (_CHUNK if jax.local_device_count() >= cores() else 4 * _CHUNK), _NUMBERS
 
 

@@ -21,13 +21,10 @@ def eliminated(matrix: list[list[Array]], *rights: list[Array], pivots: bool) ->
     p = len(matrix)
     table = [[*row, *entries] for row, *entries in zip(matrix, *rights, strict=True)]
     for k in range(p):
-        for i in range(k + 1, p):
-            if pivots:
-                larger = jnp.abs(table[i][k]) > jnp.abs(table[k][k])
-                pairs = [
-                    (jnp.where(larger, b, a), jnp.where(larger, a, b)) for a, b in zip(table[k], table[i], strict=True)
-                ]
-                table[k], table[i] = map(list, zip(*pairs, strict=True))
+        for i in range(k + 1, p) if pivots else ():
+            larger = jnp.abs(table[i][k]) > jnp.abs(table[k][k])
+            both = [(jnp.where(larger, b, a), jnp.where(larger, a, b)) for a, b in zip(table[k], table[i], strict=True)]
+            table[k], table[i] = map(list, zip(*both, strict=True))
         for i in range(k + 1, p):
             ratio = table[i][k] / table[k][k]
             table[i] = [a - ratio * b for a, b in zip(table[i], table[k], strict=True)]

@@ -87,7 +87,10 @@ def jacobian(system: AbstractSystem, state: State) -> Float[Array, "m n"]:
 
 
 def change_of_jacobian(system: AbstractSystem, state: State, direction: Float[Array, " n"]) -> Float[Array, "m n"]:
-    """Derivative of Phi_q as the position moves along a direction, at constant t; up to combinations of its rows."""
+    """Derivative of Phi_q as the position moves along a direction, at constant t.
+
+    Up to combinations of its columns where coordinates do not add, which no self-stress sees.
+    """
     moved = jnp.zeros_like(direction)
     return jax.jvp(lambda d: system.jacobian(system.retract(state.q, d), state.t), (moved,), (direction,))[1]
 

@@ -57,7 +57,7 @@ class Mechanism(AbstractSystem):
     gravity: Float[Array, "2"]
     pose: Callable[..., Array] | None
     _source: Int[Array, " m"]
-    _entries: Int[Array, "m n"]
+    _entries: Int[Array, "m n"]  # for the bodies that joints had when they were given
     _friction: tuple[FrictionMembers, ...]
 
     def __init__(
@@ -169,7 +169,7 @@ class Mechanism(AbstractSystem):
 
     def jacobian(self, q: Array, t: Array) -> Float[Array, "m n"]:
         """Joint by joint: each reads the coordinates of two bodies."""
-        body = poses(q).with_axes()
+        body = poses(moved(q, jnp.zeros(len(self.coordinates), q.dtype))).with_axes()
         slopes = [
             eqx.filter_vmap(lambda joint, i, j: joint.jacobian(i, j, t))(
                 joints.element, taken(body, joints.i), taken(body, joints.j)

@@ -1,6 +1,7 @@
 """Small helpers: fields that do not retrace, functions in pytrees, copies of frozen modules, safe norms."""
 
 import dataclasses
+import os
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
@@ -47,6 +48,12 @@ def as_functions(tree: Any) -> Any:
 def as_parameters(tree: Any) -> Any:
     """The pytree with its numbers as arrays, each of its own kind."""
     return jax.tree.map(jnp.asarray, as_functions(tree))
+
+
+def cores() -> int:
+    """Cores of the CPU that this process may use."""
+    allowed = getattr(os, "sched_getaffinity", None)  # not on all platforms
+    return len(allowed(0)) if allowed else os.cpu_count() or 1
 
 
 def known(value: Array) -> bool:

@@ -81,7 +81,7 @@ class Reduced(eqx.Module):
         return Response(acceleration, multipliers if stress is None else multipliers + stress)
 
     def end_size(self, tau: Float[Array, " p"], stress: Float[Array, " m"] | None) -> Float[Array, ""]:
-        """Bound of the sum of |end|: if it is finite all of them are, and none need be looked at."""
+        """Bound of the sum of |end|: if it is finite all of them are; else one is not, or the bound overflows."""
         size = self.free_size
         if self.unit is not None:
             size = size + _size(*self.unit) * _size(tau)

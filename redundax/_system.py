@@ -54,7 +54,7 @@ class AbstractSystem(eqx.Module):
         """Constraint residual Phi(q, t), Eq. (2)."""
 
     def jacobian(self, q: Float[Array, "..."], t: Float[Array, ""]) -> Float[Array, "m n"]:
-        """Constraint Jacobian Phi_q through the retraction."""
+        """Constraint Jacobian Phi_q through the retraction; whoever overrides it says the same as `constraint`."""
         zero = jnp.zeros(len(self.coordinates), q.dtype)
         return jax.jacfwd(lambda d: self.constraint(self.retract(q, d), t))(zero)
 

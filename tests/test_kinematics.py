@@ -73,7 +73,23 @@ def test_jacobian_is_the_slope_of_the_constraints(name, units):
     for direction in rng.normal(size=(3, len(size))):
         ends = [system.constraint(system.retract(q, jnp.asarray(step * size * direction)), t) for step in (1e-5, -1e-5)]
         slope = np.subtract(*ends) / 2e-5
-        assert np.max(np.abs(matrix @ direction - slope)) <= 1e-8 * (np.max(np.abs(matrix)) + np.max(np.abs(slope)))
+        assert np.all(np.abs(matrix @ direction - slope) <= 1e-8 * (np.sum(np.abs(matrix), axis=1) + size.max()))
+
+
+@every_mechanism
+def test_jacobian_joint_by_joint_has_the_derivatives_of_the_whole(name):
+    """Forward and reverse, beside `jacfwd` of all constraints together."""
+    mechanism, rng = registry.MECHANISMS[name](), np.random.default_rng(4)
+    system, state = registry.build(mechanism)
+    weight = jnp.asarray(rng.normal(size=(mechanism.m, mechanism.n)))
+    direction = jnp.asarray(rng.normal(size=mechanism.n))
+
+    def derivatives(jacobian):
+        forward = jax.jvp(lambda q: jacobian(q, state.t), (state.q,), (direction,))[1]
+        return np.append(forward, jax.grad(lambda q: jnp.sum(weight * jacobian(q, state.t)))(state.q))
+
+    whole = derivatives(lambda q, t: rx.AbstractSystem.jacobian(system, q, t))
+    assert close(derivatives(system.jacobian), whole, 1e-13)
 
 
 @every_mechanism

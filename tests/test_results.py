@@ -248,8 +248,9 @@ def test_a_state_of_another_mechanism_is_refused():
 @pytest.mark.parametrize("function", [rx.solve, rx.analyze, lambda system, state: rx.assemble(system, state.q)])
 def test_positions_of_another_mechanism_are_refused(function):
     mechanism, state = paper()
-    with pytest.raises(ValueError, match=r"Argument `q` must have shape \(12,\).* but has \(9,\)"):
-        function(mechanism, rx.State(state.q[:9], state.qd))
+    for q, shape in ((state.q[:9], r"\(9,\)"), (jnp.stack([state.q] * 2), r"\(2, 12\)")):
+        with pytest.raises(ValueError, match=rf"Argument `q` must have shape \(12,\).* but has {shape}"):
+            function(mechanism, rx.State(q, state.qd))
 
 
 CLASSES = """

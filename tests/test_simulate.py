@@ -104,6 +104,26 @@ def test_derivatives_of_the_motion_forward_and_reverse():
     np.testing.assert_allclose(jnp.stack(reverse, axis=1), truth, rtol=0, atol=1e-6)
 
 
+@pytest.mark.parametrize("kind", ["diagonal", "matrix", "function"])
+def test_motion_of_every_kind_of_mass(kind):
+    """Masses 2 and 2 as a vector, in skew coordinates x = T u as a full matrix, and as a function."""
+    turn = jnp.eye(2) if kind == "diagonal" else jnp.array([[1.0, 0.5], [-0.25, 1.0]])
+    matrix = 2.0 * turn.T @ turn
+    mass = {"diagonal": jnp.full(2, 2.0), "matrix": matrix, "function": lambda q, t, p: matrix}[kind]
+    system = rx.System(
+        lambda q, t, p: jnp.array([1.0, 3.0]) * (jnp.sum((turn @ q) ** 2) - 1.0),
+        mass,
+        lambda q, qd, t, p: 2.0 * 9.81 * -turn[1],
+        n=2,
+        rows="force",
+        m=2,
+    )
+    state = pendulum(0.7, 1.3)[1]
+    start = rx.State(jnp.linalg.solve(turn, state.q), jnp.linalg.solve(turn, state.qd))
+    end = rx.simulate(system, start, T1, ts=[T1], rtol=1e-10)
+    np.testing.assert_allclose(turn @ end.q[0], pendulum_truth(0.7, 1.3), rtol=0, atol=1e-8)
+
+
 def test_a_batch_of_motions_keeps_each_to_itself():
     """One sample starts off the manifold and is NaN; the others do not notice."""
     rates = jnp.array([0.5, 1.0, 2.0])

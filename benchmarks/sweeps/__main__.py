@@ -15,8 +15,15 @@ if __name__ == "__main__" and sys.platform == "linux" and _PAGES not in os.envir
     os.environ["GLIBC_TUNABLES"] = f"{given}:{_PAGES}" if given else _PAGES
     os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
 
-_DEVICES = int(sys.argv[sys.argv.index("--devices") + 1]) if "--devices" in sys.argv else 1
-prepare(_DEVICES)
+# JAX must know the devices before it starts.
+_early = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+_early.add_argument(
+    "--devices",
+    type=int,
+    default=1,
+    help="devices of the CPU for redundax's batches, a divisor of their size; 1 if not given",
+)
+prepare(_early.parse_known_args()[0].devices)
 
 import jax  # noqa: E402
 import numpy as np  # noqa: E402
@@ -41,13 +48,12 @@ _WORKS = {
 
 def main() -> None:
     """Run the works and print the table and the goals, or JSON."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.sweeps", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.sweeps", description=__doc__, parents=[_early], allow_abbrev=False
+    )
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
     parser.add_argument(
         "--quick", action="store_true", help="20,000 values of h instead of 1,000,000, a tenth elsewhere"
-    )
-    parser.add_argument(
-        "--devices", type=int, default=1, help="devices of the CPU over which batches are spread, 1 if not given"
     )
     parser.add_argument("--only", action="append", choices=_WORKS, help="a work; may be given several times")
     arguments = parser.parse_args()

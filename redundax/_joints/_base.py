@@ -6,6 +6,7 @@ bodies is -Phi_q^T lam.
 """
 
 import abc
+from typing import cast
 
 import equinox as eqx
 import jax
@@ -57,9 +58,16 @@ class AbstractJoint(AbstractBetweenBodies):
             return jax.jvp(lambda i, j: self.residual(i, j, t), (i, j), (rate_i, rate_j))[1]
 
         none_i, none_j = jax.tree.map(jnp.zeros_like, (i, j))
-        by_i = jax.vmap(lambda rate: along(rate, none_j), out_axes=1)(i.unit_rates())
-        by_j = jax.vmap(lambda rate: along(none_i, rate), out_axes=1)(j.unit_rates())
+        by_i = jax.vmap(lambda rate: along(rate, none_j), out_axes=1)(_unit_rates(i))
+        by_j = jax.vmap(lambda rate: along(none_i, rate), out_axes=1)(_unit_rates(j))
         return jnp.concatenate([by_i, by_j], axis=1)
+
+
+def _unit_rates(pose: Pose) -> Pose:
+    """Rates of a pose with axes as x, y and phi change, stacked."""
+    r, phi = jnp.eye(3, 2, dtype=pose.r.dtype), jnp.eye(3, dtype=pose.r.dtype)[2]
+    along, across = cast(tuple[Array, Array], pose.axes)
+    return Pose(r, phi, (phi[:, None] * across, -phi[:, None] * along))
 
 
 class AbstractFrictionalJoint(AbstractJoint):

@@ -58,7 +58,7 @@ class Kinetics(NamedTuple):
     - `motion`: Phi, its rate and gamma, not scaled.
     - `inverse_mass`, `response`: M^-1, shape (n, n) or its diagonal, and M^-1 B^T, shape (n, m).
     - `gram`: B M^-1 B^T, shape (m, m).
-    - `factor`, `whitening`: the lower Cholesky factor L of R, and L^-1, for more than a few columns; shape (m, m).
+    - `factor`, `whitening`: the lower Cholesky factor L of R, and L^-1 for more than one solve; shape (m, m).
     """
 
     rows: Float[Array, "m n"]
@@ -103,7 +103,7 @@ def _times(inverse_mass: Array, force: Float[Array, "n p"]) -> Float[Array, "n p
 
 
 def _inverse(matrix: Array) -> Array:
-    _, whitening = _whitened(matrix)
+    _, whitening = _whitened((matrix + matrix.T) / 2)
     return whitening.T @ whitening
 
 
@@ -171,7 +171,7 @@ def held_by(
         heavy = jnp.trace(mass) / mass.shape[0] / jnp.mean(jnp.sum(matrix**2, axis=1))
         mass = mass + heavy * matrix.T @ matrix
     if system.diagonal_mass and not singular:
-        inverse_mass = 1 / jnp.diagonal(mass)
+        inverse_mass = 1 / jnp.where(jnp.diagonal(mass) > 0, jnp.diagonal(mass), jnp.nan)
     else:
         inverse_mass = _inverse(mass + 0.0 * stress[0, 0])  # two LAPACK calls side by side can hang
     row_scale = jnp.sqrt(jnp.sum(matrix.T * _times(inverse_mass, matrix.T), axis=0))
