@@ -23,13 +23,12 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-# Independent LAPACK calls in one compiled step can wait for each other on two cores, see tests/conftest.py.
-_SCHEDULER = "--xla_cpu_enable_concurrency_optimized_scheduler"
-if _SCHEDULER not in os.environ.get("XLA_FLAGS", ""):
-    os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {_SCHEDULER}=false".strip()
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+
+from benchmarks._devices import prepare
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+prepare()
 
 import jax  # noqa: E402
 import jax.numpy as jnp  # noqa: E402

@@ -17,7 +17,7 @@ import optimistix as optx
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int
 
-from ._kinematics import jacobian, second_order
+from ._kinematics import second_order
 from ._module import Numbers, as_float, known
 from ._rank import split
 from ._scaling import Scaling, scaling
@@ -156,7 +156,7 @@ def _closed_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
 
 
 def _position(system: AbstractSystem, guess: State, held: Array, positions: Array) -> tuple[Array, Array]:
-    scale = scaling(system, guess, jacobian(system, guess))
+    scale = scaling(system, guess, system.jacobian(guess.q, guess.t))
     row_scale = jnp.concatenate([scale.rows, _held_scale(system, held, scale)])
     closing = _Closing(system, guess, held, positions, scale, row_scale)
     d = _closed(closing)
@@ -164,7 +164,7 @@ def _position(system: AbstractSystem, guess: State, held: Array, positions: Arra
 
 
 def _velocity(system: AbstractSystem, state: State, driven: Array, rates: Array) -> tuple[Array, Array]:
-    matrix = jacobian(system, state)
+    matrix = system.jacobian(state.q, state.t)
     motion, _, turned = second_order(system, state)
     scale = scaling(system, state, matrix, turned)
     row_scale = jnp.concatenate([scale.rows, _held_scale(system, driven, scale)])

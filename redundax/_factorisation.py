@@ -21,7 +21,7 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
-from ._kinematics import change_of_jacobian, jacobian, second_order
+from ._kinematics import change_of_jacobian, second_order
 from ._rank import Spectrum, Split, split
 from ._restricted import restricted_inverse
 from ._results import RESULTS, first_failure
@@ -246,7 +246,7 @@ def factorize(system: AbstractSystem, state: State, rank: ArrayLike | None = Non
 
 @eqx.filter_jit
 def _factorize(system: AbstractSystem, state: State, rank: Int[Array, ""] | None) -> Factorisation:
-    matrix = jacobian(system, state)
+    matrix = system.jacobian(state.q, state.t)
     motion, explicit, turned = second_order(system, state)
     mass, load = system.mass(state.q, state.t), system.load(state)
     _check_shapes(system, matrix, mass, load)

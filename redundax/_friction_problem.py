@@ -9,13 +9,12 @@ see only (rho0, K, law). A sweep tau -> law(rho0 + K tau) is the paper's fixed-p
 on tau, because x_{i+1} depends on x_i through F(lam_i) alone.
 """
 
-import functools
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
+from ._by_number import combined
 from ._friction import AbstractFriction, friction_force, largest_changes, memories, slip_kinds
 from ._module import replace, still
 from ._state import State
@@ -146,5 +145,4 @@ def _largest_of_kind(size: Array, angular: Array) -> Array:
 
 
 def _largest(size: Array) -> Array:
-    """Largest entry of few, number by number, which XLA fuses with what they are computed from."""
-    return functools.reduce(jnp.maximum, size) if 0 < size.size <= 12 else jnp.max(size, initial=0.0)
+    return combined(jnp.maximum, lambda size: jnp.max(size, initial=0.0), size)

@@ -17,7 +17,7 @@ from ._body import poses
 from ._friction import AbstractFriction
 from ._friction_model import AbstractFrictionModel
 from ._joints import AbstractFrictionalJoint, AbstractJoint
-from ._module import as_functions, replace, taken
+from ._module import as_functions, replace
 from ._stack import Stack, indices, kinds, stacked
 from ._state import State
 
@@ -46,10 +46,7 @@ class JointFriction(AbstractFriction):
         return tuple(joint(k) for k in range(len(self.slips)))
 
     def slip(self, q: Array, t: Array) -> Array:
-        body = poses(q).with_axes()
-        return eqx.filter_vmap(lambda joint, i, j: joint.slip(i, j))(
-            self.joints.element, taken(body, self.joints.i), taken(body, self.joints.j)
-        )
+        return self.joints.over(lambda joint, i, j: joint.slip(i, j), poses(q).with_axes())
 
     def force(self, loads: Array, rate: Array, sense: Array, memory: PyTree, state: State) -> Array:
         return eqx.filter_vmap(lambda model, *args: model.force(*args))(

@@ -81,11 +81,6 @@ def _second(
     return AlongMotion(phi, slope, -bend)
 
 
-def jacobian(system: AbstractSystem, state: State) -> Float[Array, "m n"]:
-    """Constraint Jacobian Phi_q through the retraction."""
-    return system.jacobian(state.q, state.t)
-
-
 def change_of_jacobian(system: AbstractSystem, state: State, direction: Float[Array, " n"]) -> Float[Array, "m n"]:
     """Derivative of Phi_q as the position moves along a direction, at constant t.
 

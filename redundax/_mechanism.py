@@ -19,7 +19,7 @@ from ._body import Body, poses
 from ._group_friction import FrictionMembers, JointFriction, friction_members
 from ._joints import AbstractJoint
 from ._loads import AbstractLoad, Motion
-from ._module import Numbers, as_float, as_functions, as_vector, moved, replace, taken
+from ._module import Numbers, as_float, as_functions, as_vector, check_position, moved, replace, taken
 from ._names import check_names
 from ._stack import Stack, indices, stacked, stacks
 from ._state import State
@@ -159,23 +159,13 @@ class Mechanism(AbstractSystem):
 
     def constraint(self, q: Array, t: Array) -> Float[Array, " m"]:
         body = poses(q).with_axes()
-        residuals = [
-            eqx.filter_vmap(lambda joint, i, j: joint.residual(i, j, t))(
-                joints.element, taken(body, joints.i), taken(body, joints.j)
-            )
-            for joints in self.joints
-        ]
-        return self.of_rows(residuals)
+        return self.of_rows([joints.over(lambda joint, i, j: joint.residual(i, j, t), body) for joints in self.joints])
 
     def jacobian(self, q: Array, t: Array) -> Float[Array, "m n"]:
         """Joint by joint: each reads the coordinates of two bodies."""
-        body = poses(moved(q, jnp.zeros(len(self.coordinates), q.dtype))).with_axes()
-        slopes = [
-            eqx.filter_vmap(lambda joint, i, j: joint.jacobian(i, j, t))(
-                joints.element, taken(body, joints.i), taken(body, joints.j)
-            )
-            for joints in self.joints
-        ]
+        check_position(q, len(self.coordinates))
+        body = poses(q).with_axes()
+        slopes = [joints.over(lambda joint, i, j: joint.jacobian(i, j, t), body) for joints in self.joints]
         flat = jnp.concatenate([jnp.zeros(1, q.dtype), *(slope.ravel() for slope in slopes)])
         return taken(flat, self._entries)
 
@@ -191,9 +181,7 @@ class Mechanism(AbstractSystem):
         force = jnp.zeros((count + 1, 2), state.qd.dtype).at[:count].set(weight)
         moment = jnp.zeros(count + 1, state.qd.dtype)
         for loads in self.loads:
-            on_i, on_j = eqx.filter_vmap(
-                lambda load, i, j: load.wrenches(Motion(body[i], rate[i]), Motion(body[j], rate[j]), state.t)
-            )(loads.element, loads.i, loads.j)
+            on_i, on_j = loads.over(lambda load, i, j: load.wrenches(i, j, state.t), Motion(body, rate))
             force = force.at[loads.i].add(on_i.force).at[loads.j].add(on_j.force)
             moment = moment.at[loads.i].add(on_i.moment).at[loads.j].add(on_j.moment)
         return jnp.concatenate([force[:count].ravel(), moment[:count]])

@@ -73,12 +73,17 @@ def no_classes(**arguments: Any) -> None:
 
 def moved(q: Array, d: Array) -> Array:
     """q + d, for coordinates that add."""
-    if q.shape != d.shape:
+    check_position(q, d.size)
+    return q + d
+
+
+def check_position(q: Array, n: int) -> None:
+    """Refuse a position that is not one number for each of n coordinates."""
+    if q.shape != (n,):
         raise ValueError(
-            f"Argument `q` must have shape {d.shape}, one number for each coordinate, but has {q.shape}. Give them in "
+            f"Argument `q` must have shape ({n},), one number for each coordinate, but has {q.shape}. Give them in "
             "the order of `system.coordinates`, and use jax.vmap for many positions."
         )
-    return q + d
 
 
 def replace(module: T, **fields: Any) -> T:

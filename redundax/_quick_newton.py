@@ -17,11 +17,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ._elimination import eliminated
+from ._by_number import dot, eliminated, rows
 from ._friction_problem import Law
 from ._iterate import Progress
 from ._open_problem import OpenEnd, OpenProblem
-from ._quick_sweeps import STRONG, dot, few, largest, rows
+from ._quick_sweeps import STRONG, few, largest
 
 _STEPS = 15  # more than quadratic convergence takes
 

@@ -1,24 +1,24 @@
 """Sweeps tau <- law(rho0 + K tau) where friction is proved to contract strongly, whatever the loads.
 
 The bound c of `contraction_anywhere` asks for no sample: there is one solution, and log(rtol) / log(c) sweeps reach it.
-Most samples contract faster, so that half of these go untested. Few unknowns go through the loop as numbers, not as
-vectors, so that a batch lays each of them out in one piece: a fused loop, with no product of small matrices in it.
+Most samples contract faster, so that half of these go untested, two at a time, which spares a copy of each. Few
+unknowns go through the loop as numbers, not as vectors: a fused loop, with no product of small matrices in it.
 """
 
 from functools import reduce
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ._by_number import FEW, dot, rows
 from ._friction_problem import FrictionProblem
 from ._iterate import Progress
 from ._solver import Root
 
 STRONG = 0.5  # largest bound of the contraction
 _SWEEPS, _TOGETHER = 60, 3  # 0.5^60 is below the rounding of float64; a test of convergence costs about a sweep
-_FEW, _LOADS = 6, 12  # unknowns and loads as numbers, at most
+_LOADS = 12  # as numbers, at most
 
 
 def quick_sweeps(problem: FrictionProblem, start: Float[Array, " p"], rtol: Float[Array, ""]) -> Root:
@@ -60,17 +60,7 @@ def quick_sweeps(problem: FrictionProblem, start: Float[Array, " p"], rtol: Floa
 def few(problem: FrictionProblem) -> bool:
     """Whether unknowns and loads are few enough to be numbers."""
     loads, unknowns = problem.gain.shape
-    return unknowns <= _FEW and loads <= _LOADS
-
-
-def rows(matrix: Array) -> list[list[Array]]:
-    """A matrix as numbers."""
-    return [list(row) for row in matrix]
-
-
-def dot(a: list, b: list) -> Any:
-    """Product of two vectors of numbers."""
-    return sum(x * y for x, y in zip(a, b, strict=True))
+    return unknowns <= FEW and loads <= _LOADS
 
 
 def largest(change: list, per_size: list) -> Array:

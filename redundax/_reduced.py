@@ -15,7 +15,6 @@ recovered after convergence; nothing that is constant in a sweep over closures' 
 coefficients depends on the batch.
 """
 
-import functools
 from typing import NamedTuple, cast
 
 import equinox as eqx
@@ -23,6 +22,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from ._by_number import combined
 from ._closures._closure import AbstractClosure, closed_by
 from ._factorisation import Factorisation
 from ._friction import load_rows, slip_kinds
@@ -138,9 +138,8 @@ def times(matrix: Float[Array, "d m"], vector: Float[Array, " m"] | Float[Array,
 
 
 def _size(*arrays: Array) -> Array:
-    """Sum of the sizes of all entries, which a NaN does not pass by; of few number by number, which XLA fuses."""
-    sizes = [jnp.abs(array).ravel() for array in arrays]
-    return functools.reduce(jnp.add, [x for size in sizes for x in (size if 0 < size.size <= 12 else [jnp.sum(size)])])
+    """Sum of the sizes of all entries, which a NaN does not pass by."""
+    return jnp.asarray(sum(combined(jnp.add, jnp.sum, jnp.abs(array).ravel()) for array in arrays))
 
 
 def _sense(rate: Array, resting: Array, sense: Array | None) -> Array:

@@ -153,6 +153,7 @@ def _end(
         *friction_checks,
         (finite, RESULTS.not_finite),
     )
+    # Of the flags alone: XLA would walk through the whole choice of a result again for every entry.
     good = functools.reduce(operator.and_, (passed for passed, _ in checks))
     found = reduced.end(root.tau, stress), root.tau
     end, tau = jax.tree.map(lambda x: jnp.where(good, x, jnp.nan), found)

@@ -15,8 +15,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ._by_number import solve_few
 from ._chunks import in_chunks
-from ._elimination import solve_few
 from ._friction_problem import FrictionProblem
 from ._iterate import Progress, iterate
 from ._module import optional_float

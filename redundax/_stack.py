@@ -4,7 +4,7 @@ So compile time does not grow with their number, and one compiled program serves
 same counts of each kind.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Generic, TypeVar
 
 import equinox as eqx
@@ -38,6 +38,10 @@ class Stack(eqx.Module, Generic[E]):
     element: E
     i: Int[Array, " size"]
     j: Int[Array, " size"]
+
+    def over(self, function: Callable[[E, Any, Any], Any], bodies: Any) -> Any:
+        """`function(element, i, j)` of every element and of what its bodies i and j have among all, the ground last."""
+        return eqx.filter_vmap(function)(self.element, taken(bodies, self.i), taken(bodies, self.j))
 
     def take(self, members: Int[Array, " some"]) -> "Stack[E]":
         """The stack of the given members."""

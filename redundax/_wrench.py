@@ -58,10 +58,8 @@ def joint_outputs(mechanism: Mechanism, state: State) -> tuple[list[str], np.nda
 
 def load_wrenches(stack: Any, state: State) -> tuple[Wrench, Wrench]:
     """Wrenches of stacked loads on their bodies i and j, moments about the bodies' origins."""
-    body, rate = poses(state.q), poses(state.qd)
-    return eqx.filter_vmap(
-        lambda load, i, j: load.wrenches(Motion(body[i], rate[i]), Motion(body[j], rate[j]), state.t)
-    )(stack.element, stack.i, stack.j)
+    bodies = Motion(poses(state.q), poses(state.qd))
+    return stack.over(lambda load, i, j: load.wrenches(i, j, state.t), bodies)
 
 
 def moved(moment: np.ndarray | float, force: np.ndarray, arm: np.ndarray) -> np.ndarray | float:
@@ -75,21 +73,17 @@ def _wrenches(mechanism: Mechanism, state: State) -> list[tuple[np.ndarray, np.n
     """
     out = []
     for slope, *arms in jax.device_get(_slopes(mechanism.joints, state)):
-        by_row = -np.concatenate([slope.r, slope.phi[..., None]], axis=2).swapaxes(1, 2)
-        out.append((by_row.astype(float), *arms))
+        out.append((-slope.swapaxes(1, 2).astype(float), *arms))
     return out
 
 
 @eqx.filter_jit
-def _slopes(joints: tuple[Stack, ...], state: State) -> list[tuple[Pose, Array, Array]]:
-    body = poses(state.q)
+def _slopes(joints: tuple[Stack, ...], state: State) -> list[tuple[Array, Array, Array]]:
+    def of_joint(joint: AbstractJoint, i: Pose, j: Pose) -> tuple[Array, Array, Array]:
+        points = _point(joint, "point_i", i), _point(joint, "point_j", j)
+        return joint.jacobian(i, j, state.t)[:, :3], points[0] - i.r, points[1] - i.r
 
-    def of_joint(joint: AbstractJoint, i: Array, j: Array) -> tuple[Pose, Array, Array]:
-        slope = jax.jacfwd(lambda pose: joint.residual(pose, body[j], state.t))(body[i])
-        points = _point(joint, "point_i", body[i]), _point(joint, "point_j", body[j])
-        return slope, points[0] - body[i].r, points[1] - body[i].r
-
-    return [eqx.filter_vmap(of_joint)(stack.element, stack.i, stack.j) for stack in joints]
+    return [stack.over(of_joint, poses(state.q).with_axes()) for stack in joints]
 
 
 def _point(joint: AbstractJoint, name: str, pose: Pose) -> Array:

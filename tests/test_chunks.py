@@ -9,7 +9,7 @@ from mpmath import mp
 
 import redundax as rx
 from redundax import _chunks
-from redundax._elimination import solve_few
+from redundax._by_number import solve_few
 
 MECHANISM = rx.mechanisms.wojtyra2020(mu_rho=0.02)
 STATE = MECHANISM.state(jnp.pi / 4, rate=1.0)

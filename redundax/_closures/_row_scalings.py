@@ -11,7 +11,6 @@ the axes in which the constraints are written and with the points whose coordina
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .._kinematics import jacobian
 from .._scaling import scaling
 from .._state import State
 from .._system import AbstractSystem
@@ -31,7 +30,7 @@ class RowNormalised(AbstractClosure):
     """
 
     def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
-        matrix = jacobian(system, state)
+        matrix = system.jacobian(state.q, state.t)
         return jnp.diag(jnp.sum(matrix**2, axis=1)), jnp.zeros_like(matrix[:, 0])
 
 
@@ -46,7 +45,7 @@ class UnitConsistent(AbstractClosure):
     """
 
     def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
-        matrix = jacobian(system, state)
+        matrix = system.jacobian(state.q, state.t)
         scales = scaling(system, state, matrix)
         some = jnp.abs(matrix * scales.coordinates / scales.rows[:, None]) > _ZERO
         logs = jnp.where(some, jnp.log(jnp.where(some, jnp.abs(matrix), 1.0)), 0.0)

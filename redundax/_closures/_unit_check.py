@@ -16,7 +16,6 @@ import numpy as np
 from jaxtyping import Array
 
 from .._axis import Axis
-from .._kinematics import jacobian
 from .._scaling import scaling
 from .._state import State
 from .._system import AbstractSystem
@@ -43,7 +42,7 @@ def check_units(system: AbstractSystem, state: State, closure: AbstractClosure, 
 def _figures(system: AbstractSystem, state: State, closure: AbstractClosure) -> tuple[Array, Array, Array]:
     """Diagonal of W, misfit and L."""
     compliance, misfit = closed_by(closure, system, state)
-    return jnp.diag(compliance), misfit, scaling(system, state, jacobian(system, state)).length
+    return jnp.diag(compliance), misfit, scaling(system, state, system.jacobian(state.q, state.t)).length
 
 
 def _of_compliance(rows: Axis, compliance: np.ndarray, length: np.ndarray) -> str:

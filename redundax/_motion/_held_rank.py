@@ -29,7 +29,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from .._kinematics import AlongMotion, along_motion, jacobian
+from .._kinematics import AlongMotion, along_motion
 from .._rank import split
 from .._scaling import Scaling
 from .._state import State
@@ -78,7 +78,7 @@ class Kinetics(NamedTuple):
 @eqx.filter_jit  # traced once, for the many places that it stands in
 def kinetics(system: AbstractSystem, state: State, held: Held) -> Kinetics:
     """Assemble and factorise at a state."""
-    rows = jacobian(system, state) / held.row_scale[:, None]
+    rows = system.jacobian(state.q, state.t) / held.row_scale[:, None]
     inverse_mass = held.inverse_mass
     if inverse_mass is None:
         mass = system.mass(state.q, state.t)
@@ -124,7 +124,10 @@ def respond(
 def held_inverse(
     parts: Kinetics, held: Held, residual: Float[Array, "m ..."], *, once: bool = False
 ) -> Float[Array, "m ..."]:
-    """U R^-1 U of a scaled residual; M^-1 B^T times it is the least change that meets the held rows."""
+    """U R^-1 U of a scaled residual; M^-1 B^T times it is the least change that meets the held rows.
+
+    `once` as in `respond`.
+    """
     inside = residual - held.projector @ residual
     if once:
         mu = jax.scipy.linalg.cho_solve((parts.factor, True), inside)
@@ -155,7 +158,7 @@ def hold(
     system: AbstractSystem, state: State, scale: Scaling, rank: Int[Array, ""], *, singular: bool
 ) -> tuple[Held, Int[Array, ""]]:
     """Hold a rank at a state, and the rank found there; `singular` says whether M may be singular."""
-    matrix = jacobian(system, state)
+    matrix = system.jacobian(state.q, state.t)
     position = jnp.max(jnp.abs(system.constraint(state.q, state.t)) / scale.rows) / scale.size
     parts, spectrum = split(matrix * scale.coordinates / scale.rows[:, None], position, rank)
     found = jnp.sum(spectrum.singular_values > spectrum.tolerance)
@@ -166,12 +169,13 @@ def held_by(
     system: AbstractSystem, state: State, scale: Scaling, stress: Float[Array, "m m"], *, singular: bool
 ) -> Held:
     """Hold the rank that the projector onto the self-stress of the scaled rows has; `singular` as in `hold`."""
-    matrix, mass = jacobian(system, state), system.mass(state.q, state.t)
+    matrix, mass = system.jacobian(state.q, state.t), system.mass(state.q, state.t)
     if singular:  # rows as heavy as M, so that M + B^T B is well conditioned
         heavy = jnp.trace(mass) / mass.shape[0] / jnp.mean(jnp.sum(matrix**2, axis=1))
         mass = mass + heavy * matrix.T @ matrix
     if system.diagonal_mass and not singular:
-        inverse_mass = 1 / jnp.where(jnp.diagonal(mass) > 0, jnp.diagonal(mass), jnp.nan)
+        own = jnp.diagonal(mass)
+        inverse_mass = 1 / jnp.where(own > 0, own, jnp.nan)
     else:
         inverse_mass = _inverse(mass + 0.0 * stress[0, 0])  # two LAPACK calls side by side can hang
     row_scale = jnp.sqrt(jnp.sum(matrix.T * _times(inverse_mass, matrix.T), axis=0))

@@ -1,19 +1,39 @@
-"""Linear equations in few unknowns, written on numbers, which a batch lays out in one piece each.
+"""Small vectors and matrices number by number: a batch lays each number out in one piece, and XLA fuses what is done.
 
-A batch of LAPACK calls pays for every small matrix by itself.
+A batch of LAPACK calls or of reductions pays for every small matrix by itself.
 """
+
+import functools
+from collections.abc import Callable
+from typing import Any
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-_FEW = 6  # unknowns, at most
+FEW = 6  # unknowns, at most
+_ENTRIES = 12  # of a vector that is reduced, at most
+
+
+def rows(matrix: Array) -> list[list[Array]]:
+    """A matrix as numbers."""
+    return [list(row) for row in matrix]
+
+
+def dot(a: list, b: list) -> Any:
+    """Product of two vectors of numbers."""
+    return sum(x * y for x, y in zip(a, b, strict=True))
+
+
+def combined(pair: Callable[[Array, Array], Array], whole: Callable[[Array], Array], vector: Array) -> Array:
+    """The entries combined pair by pair, of many by `whole`."""
+    return functools.reduce(pair, vector) if 0 < vector.size <= _ENTRIES else whole(vector)
 
 
 def solve_few(matrix: Float[Array, "p p"], right: Float[Array, " p"]) -> Float[Array, " p"]:
     """The solution of matrix x = right, by elimination with partial pivoting; of many unknowns by LAPACK."""
-    if not 0 < right.size <= _FEW:
+    if not 0 < right.size <= FEW:
         return jnp.linalg.solve(matrix, right)
-    return jnp.stack(eliminated([list(row) for row in matrix], list(right), pivots=True)[0])
+    return jnp.stack(eliminated(rows(matrix), list(right), pivots=True)[0])
 
 
 def eliminated(matrix: list[list[Array]], *rights: list[Array], pivots: bool) -> list[list[Array]]:
@@ -32,7 +52,6 @@ def eliminated(matrix: list[list[Array]], *rights: list[Array], pivots: bool) ->
     for right in range(p, p + len(rights)):
         x: list[Array] = []
         for k in reversed(range(p)):
-            known = sum(a * b for a, b in zip(table[k][k + 1 : p], x, strict=True))
-            x.insert(0, (table[k][right] - known) / table[k][k])
+            x.insert(0, (table[k][right] - dot(table[k][k + 1 : p], x)) / table[k][k])
         solutions.append(x)
     return solutions
