@@ -133,23 +133,28 @@ def friction_law(problem: Problem, multipliers: np.ndarray) -> tuple[np.ndarray,
     return tau, slope, bound
 
 
+def response(s: Scaled) -> np.ndarray:
+    """Multipliers that unit frictions cause, (batch, m, p)."""
+    n, batch, count = s.problem.structure.n, len(s.rows), len(s.problem.structure.frictional)
+    matrix = jacobian(s, np.zeros((batch, count, s.problem.structure.m)))
+    force = np.zeros((batch, matrix.shape[1], count))
+    force[:, :n] = s.coordinates[..., None] * s.problem.equations.direction
+    return np.linalg.solve(matrix, force)[:, n:] / s.rows[..., None]
+
+
 def contraction(s: Scaled) -> np.ndarray:
     """Spectral radius of Gamma_ij = coefficient_i |d(normal load i) / d tau_j|: below 1 the answer is the only one."""
-    structure, equations = s.problem.structure, s.problem.equations
+    structure = s.problem.structure
     count = len(structure.frictional)
     if not count:
         return np.zeros(len(s.rows))
-    rows, batch = _rows_of(structure), len(s.rows)
-    matrix = jacobian(s, np.zeros((batch, count, structure.m)))
-    force = np.zeros((batch, structure.n + structure.m, count))
-    force[:, : structure.n] = s.coordinates[..., None] * equations.direction
-    response = np.linalg.solve(matrix, force)[:, structure.n :] / s.rows[..., None]
-    gamma = np.zeros((batch, count, count))
+    rows, effect = _rows_of(structure), response(s)
+    gamma = np.zeros((len(effect), count, count))
     for place, k in enumerate(structure.frictional):
         joint, own = structure.joints[k], s.problem.parameters.joints[k]
         if joint.friction == "constant":
             continue
-        parts = [response[:, rows[k, c]] for c in range(2 if joint.kind != "pin" else 1)]
+        parts = [effect[:, rows[k, c]] for c in range(2 if joint.kind != "pin" else 1)]
         if joint.kind == "translational":
             couple = parts[1] / own["guide_length"][:, None]
             size = np.abs(parts[0] / 2 + couple) + np.abs(parts[0] / 2 - couple)
@@ -209,7 +214,7 @@ def judge(problem: Problem, answers: Answers) -> Judged:
         "energy": _energy(s, answers),
     }
     if tau.shape[1]:
-        ratios["friction law"] = _friction(problem, tau, law, bound, s.unit)
+        ratios["friction law"] = _friction(s, tau, lam, (law, slope, bound))
         ratios["dissipation"] = np.where(np.all(tau * problem.equations.slip_rate <= 0, axis=1), 0.0, np.inf)
     tolerance = limit / sigma[:, -1]
     clear = s.separated & (contraction(s) < CONTRACTS)
@@ -261,16 +266,24 @@ def _energy(s: Scaled, answers: Answers) -> np.ndarray:
     return np.abs(balance) / (s.unit * np.where(size > 0, size, 1.0))
 
 
-def _friction(problem: Problem, tau: np.ndarray, law: np.ndarray, bound: np.ndarray, unit: float) -> np.ndarray:
-    """tau = law(loads), each kind against its largest."""
-    joints = problem.structure.joints
-    angular = np.array([joints[k].kind == "revolute" for k in problem.structure.frictional])
+def _friction(s: Scaled, tau: np.ndarray, lam: np.ndarray, friction: tuple[np.ndarray, ...]) -> np.ndarray:
+    """tau = law(loads), each kind against its largest.
+
+    Loads are sums, of those without friction and those that each friction causes: small ones keep the rounding of their
+    terms.
+    """
+    (law, slope, bound), joints = friction, s.problem.structure.joints
+    effect = response(s)
+    terms = np.abs(lam - _times(effect, tau)) + _times(np.abs(effect), np.abs(tau))
+    rounding = np.finfo(float).eps * _times(np.abs(slope), terms)
+    unit = max(s.unit, 100 * np.finfo(float).eps)
+    angular = np.array([joints[k].kind == "revolute" for k in s.problem.structure.frictional])
     ratios = np.zeros(len(tau))
     for kind in (angular, ~angular):
         if np.any(kind):
-            size = np.max(bound[:, kind], axis=1)
+            size = unit * np.max(bound[:, kind], axis=1) + _ROUNDINGS * np.max(rounding[:, kind], axis=1)
             error = np.max(np.abs(tau - law)[:, kind], axis=1)
-            ratios = np.maximum(ratios, error / (max(unit, 100 * np.finfo(float).eps) * np.where(size > 0, size, 1.0)))
+            ratios = np.maximum(ratios, error / np.where(size > 0, size, unit))
     return ratios
 
 
