@@ -220,8 +220,7 @@ class Factorisation(eqx.Module):
         """G = N (N^T W N)^-1 N^T: self-stress caused by a misfit under the compliance W; and whether N^T W N > 0."""
         scale = 1 / self.row_scale
         scaled = scale[:, None] * compliance * scale
-        after = self._response[0, 0]
-        response, definite = restricted_inverse(scaled, self._split.stress, self.redundancy, after)
+        response, definite = restricted_inverse(scaled, self._split.stress, self.redundancy)
         return scale[:, None] * response * scale, definite
 
 
@@ -256,7 +255,7 @@ def _factorize(system: AbstractSystem, state: State, rank: Int[Array, ""] | None
     parts, spectrum = split(scaled, position, rank)
     scaled_mass = coordinate_scale[:, None] * mass * coordinate_scale
     freedom = matrix.shape[1] - spectrum.rank
-    response, determinate = restricted_inverse(scaled_mass, parts.motion, freedom, jnp.zeros((), matrix.dtype))
+    response, determinate = restricted_inverse(scaled_mass, parts.motion, freedom)
     force, gamma = coordinate_scale * load, motion.gamma / row_scale
     a, mu = _refined(scaled, scaled_mass, parts, response, force, gamma)
     residual = jnp.maximum(
@@ -265,7 +264,7 @@ def _factorize(system: AbstractSystem, state: State, rank: Int[Array, ""] | None
     )
     qd = state.qd / coordinate_scale
     evidence = parts.stress, size, position, motion.rate / row_scale, gamma, explicit / row_scale
-    inertia = jnp.trace(scaled_mass) / force.size
+    inertia = jnp.sum(jnp.diagonal(scaled_mass)) / force.size
     free = jnp.where(inertia > 0, jnp.max(jnp.abs(force)) / jnp.where(inertia > 0, inertia, 1.0), 0.0)
     violation, residual = jax.lax.stop_gradient((_violation(*evidence, qd, a, free), residual))
     return Factorisation(

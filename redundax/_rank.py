@@ -139,22 +139,21 @@ def _multiplied(
     """The decision by multiplication alone, and whether its bounds prove it."""
     m, n = scaled.shape
     one, eps = jnp.eye(m, dtype=scaled.dtype), float(jnp.finfo(scaled.dtype).eps)
-    gram = scaled @ scaled.T
-    size = _trace(gram)
-    factor = jnp.linalg.cholesky(gram / size + eps**_DELTA * one)
-    half = jax.scipy.linalg.solve_triangular(factor, one, lower=True)
-    inverse = (scaled.T @ half.T) @ half / size
+    size, gram = _gram(scaled)
+    factor = jnp.linalg.cholesky(gram + eps**_DELTA * one)
+    half = jax.lax.linalg.triangular_solve(factor, one, lower=True)
+    inverse = (scaled.T / size @ half.T) @ half
     for _ in range(_STEPS):
         inverse = 2 * inverse - inverse @ (scaled @ inverse)
     image = scaled @ inverse
     stress = _symmetric(one - image)  # its eigenvalues lie between 0 and 1
-    between = jnp.trace(stress) - jnp.sum(stress**2)
+    between = jnp.sum(jnp.diagonal(stress)) - jnp.sum(stress**2)
     stress = stress - 2 * _symmetric(stress @ image)
     inverse = inverse - inverse @ stress
     motion = _symmetric(jnp.eye(n, dtype=scaled.dtype) - inverse @ scaled)
-    largest = _largest(gram)
-    kept = 1 / (largest * _largest(inverse @ inverse.T))
-    found = m - jnp.round(jnp.trace(stress)).astype(int)
+    largest = _largest(size, gram)
+    kept = 1 / (largest * _largest(*_gram(inverse)))
+    found = m - jnp.round(jnp.sum(jnp.diagonal(stress))).astype(int)
     parts = _cleaned(scaled, inverse, stress, motion, found, kept)
     proved = (
         (between <= _noise(scaled) / kept)
@@ -165,19 +164,18 @@ def _multiplied(
     return _Decision(parts, found, kept, jnp.asarray(False)), proved
 
 
-def _largest(gram: Array) -> Array:
+def _gram(matrix: Array) -> tuple[Array, Array]:
+    """|A|_F^2, or 1 if it is zero, and A A^T over it."""
+    size = jnp.sum(matrix**2)
+    size = jnp.where(size > 0, size, 1.0)
+    return size, matrix @ (matrix.T / size)  # a product with a plain transpose XLA leaves to a slower kernel
+
+
+def _largest(size: Array, gram: Array) -> Array:
     """A bound above the largest singular value, from A A^T; it is at most r^(1/16) too large."""
-    size = _trace(gram)
-    gram = gram / size
     for _ in range(2):
         gram = gram @ gram
     return jnp.sqrt(size) * jnp.sum(gram**2) ** (1 / 16)
-
-
-def _trace(gram: Array) -> Array:
-    """Its trace, or 1 if it is zero."""
-    trace = jnp.trace(gram)
-    return jnp.where(trace > 0, trace, 1.0)
 
 
 def _symmetric(matrix: Array) -> Array:

@@ -1,9 +1,10 @@
 """Inverse of a symmetric matrix restricted to a subspace that is known by its projector alone.
 
-    G = V (V^T A V)^-1 V^T = P (P A P + w (I - P))^-1 P,   P = V V^T
+    G = V (V^T A V)^-1 V^T = sum of w w^T / (w^T A w),   P = V V^T
 
-P A P loses the small entries of an A whose entries differ by orders of magnitude; one step G + G (I - A G) of
-refinement, which knows A itself, brings them back.
+over directions w that are conjugate: each is a column of what is left of P, w = v - G A v with G so far. A subspace of
+one direction, as most mechanisms have of motions and of self-stress, needs neither a product nor a factor of matrices.
+Of more, two steps G + G (I - A G) of refinement bring back what A loses whose entries differ by orders of magnitude.
 
 With G A G = G, P G = G and P A G = P on the subspace, its derivative is
 
@@ -13,43 +14,62 @@ Where V^T A V is not positive definite G is zero, value and derivative, so that 
 a batch alone; the flag beside it says so.
 """
 
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from ._chunks import in_chunks
+from ._chunks import in_chunks, of_any
 
 
 @jax.custom_jvp
 def restricted_inverse(
-    matrix: Float[Array, "n n"], projector: Float[Array, "n n"], dimension: Int[Array, ""], after: Float[Array, ""]
+    matrix: Float[Array, "n n"], projector: Float[Array, "n n"], dimension: Int[Array, ""]
 ) -> tuple[Float[Array, "n n"], Bool[Array, ""]]:
-    """G, and whether the restriction is positive definite.
-
-    `after` is a finite number that must be computed first: two LAPACK calls that XLA runs at the same time can wait
-    for each other for good on small CPUs.
-    """
-    return in_chunks(_inverse, matrix, projector, dimension, after)
+    """G, and whether the restriction is positive definite."""
+    return in_chunks(_inverse, matrix, projector, dimension)
 
 
-def _inverse(matrix: Array, projector: Array, dimension: Array, after: Array) -> tuple[Array, Array]:
-    restricted = projector @ matrix @ projector
-    weight = jnp.trace(restricted) / jnp.maximum(dimension, 1)
-    other = jnp.eye(matrix.shape[0], dtype=matrix.dtype) - projector
+class _Directions(NamedTuple):
+    """How many directions were taken, the projector onto the others, G so far, and whether all had energy."""
+
+    number: Int[Array, ""]
+    left: Float[Array, "n n"]
+    inverse: Float[Array, "n n"]
+    definite: Bool[Array, ""]
+
+
+def _inverse(matrix: Array, projector: Array, dimension: Array) -> tuple[Array, Array]:
     rounding = 10 * matrix.shape[0] * jnp.finfo(matrix.dtype).eps
-    parts = jnp.abs(projector)
-    noise = rounding * jnp.sum((parts @ jnp.abs(matrix)) * parts, axis=1)  # of each diagonal entry of P A P
-    some = weight > jnp.max(noise)  # else all of it is rounding of a restriction that is zero
-    weight = jnp.where(some & (dimension > 0), weight, jnp.maximum(jnp.max(noise), 1.0))
-    regular = restricted / weight + other
-    factor = jnp.linalg.cholesky(regular + 0.0 * after)
-    half = jax.scipy.linalg.solve_triangular(factor, projector, lower=True)
-    blur = noise / weight + rounding * jnp.abs(jnp.diagonal(other))
-    large = jnp.all(jnp.diagonal(factor) ** 2 > 100 * blur)  # false for NaN, which a minimum can lose
-    definite = large & (some | (dimension <= 0))
-    inverse = half.T @ half / weight
-    for _ in range(2):
-        inverse = inverse + inverse @ (jnp.eye(matrix.shape[0], dtype=matrix.dtype) - matrix @ inverse)
+    whole = jnp.sum(jnp.where(jnp.diagonal(projector) > 0, jnp.abs(jnp.diagonal(matrix)), 0.0))
+
+    def added(now: _Directions, *, first: bool = False) -> _Directions:
+        pivots = jnp.diagonal(now.left)
+        largest = jnp.max(pivots)
+        v = now.left[jnp.argmax(pivots)] / jnp.sqrt(jnp.where(largest > 0, largest, 1.0))
+        w, moved = v, matrix @ v
+        for _ in range(0 if first else 2):  # the second time is refinement
+            w = w - now.inverse @ moved
+            moved = matrix @ w
+        energy, wanted = w @ moved, now.number < dimension
+        # what rounding leaves of the energy, and the energy of what it leaves in v
+        blur = rounding * (100 * (jnp.abs(v) @ (jnp.abs(matrix) @ jnp.abs(v))) + rounding * whole)
+        good = energy > blur  # not if it is NaN
+        more = now.inverse + jnp.outer(w, w) / jnp.where(good, energy, 1.0)
+        inverse = jnp.where(wanted, more, now.inverse)
+        return _Directions(now.number + 1, now.left - jnp.outer(v, v), inverse, now.definite & (good | ~wanted))
+
+    def others() -> tuple[Array, Array]:
+        end = jax.lax.while_loop(lambda now: of_any(now.number < dimension), added, first)
+        better = end.inverse
+        for _ in range(2):
+            better = better + better @ (jnp.eye(matrix.shape[0], dtype=matrix.dtype) - matrix @ better)
+        return jnp.where(dimension > 1, better, end.inverse), end.definite
+
+    start = _Directions(jnp.zeros((), int), projector, jnp.zeros_like(matrix), jnp.ones((), bool))
+    first = added(start, first=True)
+    inverse, definite = jax.lax.cond(of_any(dimension > 1), others, lambda: (first.inverse, first.definite))
     return jnp.where(definite, inverse, 0.0), definite
 
 

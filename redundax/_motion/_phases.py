@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from .._chunks import of_any
 from ._held_rank import Held
 from ._moving import Context, Equations, Moving
 from ._slip import bracketed, locate, released
@@ -69,22 +70,11 @@ def run(start: Run, equations: Equations, options: Options, max_phases: int) -> 
         def after() -> Run:
             return jax.tree.map(lambda a, b: jnp.where(now.going, a, b), _phase(now, equations, options), now)
 
-        return jax.lax.cond(_of_any(now.going), after, lambda: now)
+        return jax.lax.cond(of_any(now.going), after, lambda: now)
 
     if not equations.has_sense:
         return _phase(start, equations, options)
     return jax.lax.fori_loop(0, max_phases, phase, start)
-
-
-@jax.custom_batching.custom_vmap
-def _of_any(flag: Bool[Array, ""]) -> Bool[Array, ""]:
-    """Whether it is so for any sample of a batch; a condition that does not depend on the sample is not a selection."""
-    return flag
-
-
-@_of_any.def_vmap
-def _of_any_in_batch(size: int, batched: list[bool], flag: Bool[Array, " size"]) -> tuple[Bool[Array, ""], bool]:
-    return _of_any(jnp.any(flag, axis=0)), False
 
 
 def _phase(now: Run, equations: Equations, options: Options) -> Run:

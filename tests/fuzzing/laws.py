@@ -133,13 +133,24 @@ def friction_law(problem: Problem, multipliers: np.ndarray) -> tuple[np.ndarray,
     return tau, slope, bound
 
 
-def response(s: Scaled) -> np.ndarray:
+def _carried(s: Scaled, right: np.ndarray) -> np.ndarray:
+    """Multipliers that each column of the right-hand side causes, (batch, m, columns)."""
+    n, p, m = s.problem.structure.n, len(s.problem.structure.frictional), s.problem.structure.m
+    return np.linalg.solve(jacobian(s, np.zeros((len(right), p, m))), right)[:, n:] / s.rows[..., None]
+
+
+def by_friction(s: Scaled) -> np.ndarray:
     """Multipliers that unit frictions cause, (batch, m, p)."""
-    n, batch, count = s.problem.structure.n, len(s.rows), len(s.problem.structure.frictional)
-    matrix = jacobian(s, np.zeros((batch, count, s.problem.structure.m)))
-    force = np.zeros((batch, matrix.shape[1], count))
-    force[:, :n] = s.coordinates[..., None] * s.problem.equations.direction
-    return np.linalg.solve(matrix, force)[:, n:] / s.rows[..., None]
+    force = s.coordinates[..., None] * s.problem.equations.direction
+    return _carried(s, np.concatenate([force, np.zeros((len(force), s.problem.structure.m, force.shape[2]))], axis=1))
+
+
+def by_misfit(s: Scaled) -> np.ndarray:
+    """Multipliers that unit misfits cause, (batch, m, m)."""
+    misfit = s.stress / (s.rows * s.softness[:, None])[:, None]
+    return _carried(
+        s, np.concatenate([np.zeros((len(misfit), s.problem.structure.n, misfit.shape[2])), misfit], axis=1)
+    )
 
 
 def contraction(s: Scaled) -> np.ndarray:
@@ -148,7 +159,7 @@ def contraction(s: Scaled) -> np.ndarray:
     count = len(structure.frictional)
     if not count:
         return np.zeros(len(s.rows))
-    rows, effect = _rows_of(structure), response(s)
+    rows, effect = _rows_of(structure), by_friction(s)
     gamma = np.zeros((len(effect), count, count))
     for place, k in enumerate(structure.frictional):
         joint, own = structure.joints[k], s.problem.parameters.joints[k]
@@ -269,12 +280,12 @@ def _energy(s: Scaled, answers: Answers) -> np.ndarray:
 def _friction(s: Scaled, tau: np.ndarray, lam: np.ndarray, friction: tuple[np.ndarray, ...]) -> np.ndarray:
     """tau = law(loads), each kind against its largest.
 
-    Loads are sums, of those without friction and those that each friction causes: small ones keep the rounding of their
-    terms.
+    Loads are sums, of those that load, each misfit and each friction cause: small ones keep the rounding of the terms.
     """
     (law, slope, bound), joints = friction, s.problem.structure.joints
-    effect = response(s)
-    terms = np.abs(lam - _times(effect, tau)) + _times(np.abs(effect), np.abs(tau))
+    causes = (by_friction(s), tau), (by_misfit(s), s.problem.misfit)
+    rest = lam - sum(_times(effect, cause) for effect, cause in causes)
+    terms = np.abs(rest) + sum(_times(np.abs(effect), np.abs(cause)) for effect, cause in causes)
     rounding = np.finfo(float).eps * _times(np.abs(slope), terms)
     unit = max(s.unit, 100 * np.finfo(float).eps)
     angular = np.array([joints[k].kind == "revolute" for k in s.problem.structure.frictional])
