@@ -41,7 +41,7 @@ class _Directions(NamedTuple):
 
 
 def _inverse(matrix: Array, projector: Array, dimension: Array) -> tuple[Array, Array]:
-    rounding = 10 * matrix.shape[0] * jnp.finfo(matrix.dtype).eps
+    rounding = matrix.shape[0] * jnp.finfo(matrix.dtype).eps
     whole = jnp.sum(jnp.where(jnp.diagonal(projector) > 0, jnp.abs(jnp.diagonal(matrix)), 0.0))
 
     def added(now: _Directions, *, first: bool = False) -> _Directions:
@@ -53,8 +53,8 @@ def _inverse(matrix: Array, projector: Array, dimension: Array) -> tuple[Array, 
             w = w - now.inverse @ moved
             moved = matrix @ w
         energy, wanted = w @ moved, now.number < dimension
-        # what rounding leaves of the energy, and the energy of what it leaves in v
-        blur = rounding * (100 * (jnp.abs(v) @ (jnp.abs(matrix) @ jnp.abs(v))) + rounding * whole)
+        # what rounding leaves of the energy, and the energy of what it leaves in w
+        blur = 10 * rounding * (100 * (jnp.abs(w) @ (jnp.abs(matrix) @ jnp.abs(w))) + rounding * whole * (w @ w))
         good = energy > blur  # not if it is NaN
         more = now.inverse + jnp.outer(w, w) / jnp.where(good, energy, 1.0)
         inverse = jnp.where(wanted, more, now.inverse)
