@@ -10,7 +10,7 @@ from typing import TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, PyTree
+from jaxtyping import PyTree
 
 from ._module import cores
 
@@ -72,14 +72,3 @@ def _looped(many: Callable[[PyTree], T], arrays: PyTree, batched: PyTree, size: 
     shapes = jax.eval_shape(part, 0)
     empty = jax.tree.map(lambda x: jnp.zeros((size, *x.shape[1:]), x.dtype), shapes)
     return jax.lax.fori_loop(0, -(-size // chunk), body, empty)
-
-
-@jax.custom_batching.custom_vmap
-def of_any(flag: Bool[Array, ""]) -> Bool[Array, ""]:
-    """Whether it is so for any sample of a batch; a condition that does not depend on the sample is not a selection."""
-    return flag
-
-
-@of_any.def_vmap
-def _of_any_in_batch(size: int, batched: list[bool], flag: Bool[Array, " size"]) -> tuple[Bool[Array, ""], bool]:
-    return of_any(jnp.any(flag, axis=0)), False

@@ -5,8 +5,8 @@
 In the scaled variables of `_scaling` (a = S a_s, lam = D^-1 mu, K = D^-1 Phi_q S, M_s = S M S) motion and
 self-stress are dual to each other: mass acts on the null space of K as compliance acts on that of K^T,
 
-    Y = Z (Z M_s Z + w (I - Z))^-1 Z       response of the motion to force,
-    G = P (P W_s P + w (I - P))^-1 P       response of the self-stress to misfit,
+    Y = (Z M_s Z)^+       response of the motion to force,
+    G = (P W_s P)^+       response of the self-stress to misfit,
 
     a_s = K^+ g_s + Y (f_s - M_s K^+ g_s),   mu = K^+T (f_s - M_s a_s).
 
@@ -220,7 +220,7 @@ class Factorisation(eqx.Module):
         """G = N (N^T W N)^-1 N^T: self-stress caused by a misfit under the compliance W; and whether N^T W N > 0."""
         scale = 1 / self.row_scale
         scaled = scale[:, None] * compliance * scale
-        response, definite = restricted_inverse(scaled, self._split.stress, self.redundancy)
+        response, definite = restricted_inverse(scaled, self._split.stress, self.redundancy, self.spectrum.kept)
         return scale[:, None] * response * scale, definite
 
 
@@ -255,7 +255,7 @@ def _factorize(system: AbstractSystem, state: State, rank: Int[Array, ""] | None
     parts, spectrum = split(scaled, position, rank)
     scaled_mass = coordinate_scale[:, None] * mass * coordinate_scale
     freedom = matrix.shape[1] - spectrum.rank
-    response, determinate = restricted_inverse(scaled_mass, parts.motion, freedom)
+    response, determinate = restricted_inverse(scaled_mass, parts.motion, freedom, spectrum.kept)
     force, gamma = coordinate_scale * load, motion.gamma / row_scale
     a, mu = _refined(scaled, scaled_mass, parts, response, force, gamma)
     residual = jnp.maximum(

@@ -1,4 +1,5 @@
-"""Small helpers: fields that do not retrace, functions in pytrees, copies of frozen modules, safe norms."""
+"""Small helpers: fields that do not retrace, functions in pytrees, copies of frozen modules, safe norms, conditions
+of a whole batch."""
 
 import dataclasses
 import os
@@ -11,7 +12,7 @@ import jax.core
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 T = TypeVar("T")
 
@@ -149,3 +150,14 @@ def _safe_norm_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array
     v, size = primals[0], safe_norm(*primals)  # d|v| = v . dv / |v|
     divisor = jnp.where(size > 0, size, 1.0)
     return size, sum((v[k] / divisor * tangents[0][k] for k in range(v.shape[0])), jnp.zeros_like(size))
+
+
+@jax.custom_batching.custom_vmap
+def of_any(flag: Bool[Array, ""]) -> Bool[Array, ""]:
+    """Whether it is so for any sample of a batch; a condition that does not depend on the sample is not a selection."""
+    return flag
+
+
+@of_any.def_vmap
+def _of_any_in_batch(size: int, batched: list[bool], flag: Bool[Array, " size"]) -> tuple[Bool[Array, ""], bool]:
+    return of_any(jnp.any(flag, axis=0)), False

@@ -2,9 +2,9 @@
 
     G = V (V^T A V)^-1 V^T = sum of w w^T / (w^T A w),   P = V V^T
 
-over directions w that are conjugate: each is a column of what is left of P, w = v - G A v with G so far. A subspace of
-one direction, as most mechanisms have of motions and of self-stress, needs neither a product nor a factor of matrices.
-Of more, two steps G + G (I - A G) of refinement bring back what A loses whose entries differ by orders of magnitude.
+over directions w = v - G A v that are conjugate, with G so far: v is the column of what is left of P that has the
+largest pivot, over its root. A subspace of one direction, as most mechanisms have of motions and of self-stress, needs
+neither a product nor a factor of matrices.
 
 With G A G = G, P G = G and P A G = P on the subspace, its derivative is
 
@@ -20,15 +20,20 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from ._chunks import in_chunks, of_any
+from ._chunks import in_chunks
+from ._module import of_any
 
 
 @jax.custom_jvp
 def restricted_inverse(
-    matrix: Float[Array, "n n"], projector: Float[Array, "n n"], dimension: Int[Array, ""]
+    matrix: Float[Array, "n n"], projector: Float[Array, "n n"], dimension: Int[Array, ""], kept: Float[Array, ""]
 ) -> tuple[Float[Array, "n n"], Bool[Array, ""]]:
-    """G, and whether the restriction is positive definite."""
-    return in_chunks(_inverse, matrix, projector, dimension)
+    """G, and whether the restriction is positive definite.
+
+    `dimension` is the rank of the projector, `kept` the smallest kept singular value of the matrix that it
+    belongs to, relative to the largest: by its inverse rounding is magnified in P.
+    """
+    return in_chunks(_inverse, matrix, projector, dimension, kept)
 
 
 class _Directions(NamedTuple):
@@ -40,9 +45,11 @@ class _Directions(NamedTuple):
     definite: Bool[Array, ""]
 
 
-def _inverse(matrix: Array, projector: Array, dimension: Array) -> tuple[Array, Array]:
-    rounding = matrix.shape[0] * jnp.finfo(matrix.dtype).eps
-    whole = jnp.sum(jnp.where(jnp.diagonal(projector) > 0, jnp.abs(jnp.diagonal(matrix)), 0.0))
+def _inverse(matrix: Array, projector: Array, dimension: Array, kept: Array) -> tuple[Array, Array]:
+    n = matrix.shape[0]
+    rounding, dimension = n * jnp.finfo(matrix.dtype).eps, jnp.minimum(dimension, n)
+    sizes = jnp.where(jnp.any(projector != 0, axis=1), jnp.abs(jnp.diagonal(matrix)), 0.0)
+    unseen = (rounding / jnp.minimum(kept, 1.0)) ** 2 * jnp.sum(sizes)  # energy of what rounding leaves in a direction
 
     def added(now: _Directions, *, first: bool = False) -> _Directions:
         pivots = jnp.diagonal(now.left)
@@ -53,8 +60,7 @@ def _inverse(matrix: Array, projector: Array, dimension: Array) -> tuple[Array, 
             w = w - now.inverse @ moved
             moved = matrix @ w
         energy, wanted = w @ moved, now.number < dimension
-        # what rounding leaves of the energy, and the energy of what it leaves in w
-        blur = 10 * rounding * (100 * (jnp.abs(w) @ (jnp.abs(matrix) @ jnp.abs(w))) + rounding * whole * (w @ w))
+        blur = 10 * (rounding * (jnp.abs(w) @ (jnp.abs(matrix) @ jnp.abs(w))) + unseen * (w @ w))
         good = energy > blur  # not if it is NaN
         more = now.inverse + jnp.outer(w, w) / jnp.where(good, energy, 1.0)
         inverse = jnp.where(wanted, more, now.inverse)
@@ -62,10 +68,7 @@ def _inverse(matrix: Array, projector: Array, dimension: Array) -> tuple[Array, 
 
     def others() -> tuple[Array, Array]:
         end = jax.lax.while_loop(lambda now: of_any(now.number < dimension), added, first)
-        better = end.inverse
-        for _ in range(2):
-            better = better + better @ (jnp.eye(matrix.shape[0], dtype=matrix.dtype) - matrix @ better)
-        return jnp.where(dimension > 1, better, end.inverse), end.definite
+        return end.inverse, end.definite
 
     start = _Directions(jnp.zeros((), int), projector, jnp.zeros_like(matrix), jnp.ones((), bool))
     first = added(start, first=True)
@@ -75,9 +78,9 @@ def _inverse(matrix: Array, projector: Array, dimension: Array) -> tuple[Array, 
 
 @restricted_inverse.defjvp
 def _restricted_inverse_jvp(primals: tuple, tangents: tuple) -> tuple:
-    matrix = primals[0]
     d_matrix, d_projector = tangents[:2]
     inverse, definite = out = restricted_inverse(*primals)
+    matrix = jnp.where(definite, primals[0], 0.0)
     part = d_projector @ inverse
     part = part - inverse @ (matrix @ part)
     return out, (part + part.T - inverse @ d_matrix @ inverse, jnp.zeros(definite.shape, jax.dtypes.float0))

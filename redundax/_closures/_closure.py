@@ -3,7 +3,7 @@
 Every constraint row has a compliance (matrix W) and a misfit d, the residual of the parts as they really
 are. Stiff elastic joints satisfy W lam = Phi_q dq + d, hence N^T W lam = N^T d and
 
-    lam = lam_p + G (d - W lam_p),   G = N (N^T W N)^-1 N^T = P (P W P + w (I - P))^-1 P
+    lam = lam_p + G (d - W lam_p),   G = N (N^T W N)^-1 N^T = (P W P)^+
 
 for any particular lam_p. W = I, d = h is the paper's (9), (12) with h, and d = 0 the Moore-Penrose answer.
 """
