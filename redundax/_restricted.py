@@ -4,7 +4,8 @@
 
 over directions w = v - G A v that are conjugate, with G so far: v is the column of what is left of P that has the
 largest pivot, over its root. A subspace of one direction, as most mechanisms have of motions and of self-stress, needs
-neither a product nor a factor of matrices.
+neither a product nor a factor of matrices. Of more, the sum is put between projectors again: cancellation leaves the
+later columns of what is left of P less exact than P.
 
 With G A G = G, P G = G and P A G = P on the subspace, its derivative is
 
@@ -49,7 +50,7 @@ def _inverse(matrix: Array, projector: Array, dimension: Array, kept: Array) -> 
     n = matrix.shape[0]
     rounding, dimension = n * jnp.finfo(matrix.dtype).eps, jnp.minimum(dimension, n)
     sizes = jnp.where(jnp.any(projector != 0, axis=1), jnp.abs(jnp.diagonal(matrix)), 0.0)
-    unseen = (rounding / jnp.minimum(kept, 1.0)) ** 2 * jnp.sum(sizes)  # energy of what rounding leaves in a direction
+    unseen = (rounding / jnp.minimum(kept, 1.0)) ** 2 * jnp.sum(sizes)  # energy of the error of a direction
 
     def added(now: _Directions, *, first: bool = False) -> _Directions:
         pivots = jnp.diagonal(now.left)
@@ -68,7 +69,8 @@ def _inverse(matrix: Array, projector: Array, dimension: Array, kept: Array) -> 
 
     def others() -> tuple[Array, Array]:
         end = jax.lax.while_loop(lambda now: of_any(now.number < dimension), added, first)
-        return end.inverse, end.definite
+        inside = projector @ end.inverse @ projector  # where rounding has led directions after the first out of it
+        return jnp.where(dimension > 1, inside, end.inverse), end.definite
 
     start = _Directions(jnp.zeros((), int), projector, jnp.zeros_like(matrix), jnp.ones((), bool))
     first = added(start, first=True)
