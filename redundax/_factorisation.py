@@ -220,7 +220,9 @@ class Factorisation(eqx.Module):
         """G = N (N^T W N)^-1 N^T: self-stress caused by a misfit under the compliance W; and whether N^T W N > 0."""
         scale = 1 / self.row_scale
         scaled = scale[:, None] * compliance * scale
-        response, definite = restricted_inverse(scaled, self._split.stress, self.redundancy, self.spectrum.kept)
+        after = self._response[0, 0]
+        kept = self.spectrum.kept
+        response, definite = restricted_inverse(scaled, self._split.stress, self.redundancy, kept, after)
         return scale[:, None] * response * scale, definite
 
 
@@ -255,7 +257,8 @@ def _factorize(system: AbstractSystem, state: State, rank: Int[Array, ""] | None
     parts, spectrum = split(scaled, position, rank)
     scaled_mass = coordinate_scale[:, None] * mass * coordinate_scale
     freedom = matrix.shape[1] - spectrum.rank
-    response, determinate = restricted_inverse(scaled_mass, parts.motion, freedom, spectrum.kept)
+    zero = jnp.zeros((), matrix.dtype)
+    response, determinate = restricted_inverse(scaled_mass, parts.motion, freedom, spectrum.kept, zero)
     force, gamma = coordinate_scale * load, motion.gamma / row_scale
     a, mu = _refined(scaled, scaled_mass, parts, response, force, gamma)
     residual = jnp.maximum(

@@ -1,11 +1,10 @@
 """Inverse of a symmetric matrix restricted to a subspace that is known by its projector alone.
 
-    G = V (V^T A V)^-1 V^T = sum of w w^T / (w^T A w),   P = V V^T
+    G = V (V^T A V)^-1 V^T = P (P A P + w (I - P))^-1 P,   P = V V^T
 
-over directions w = v - G A v that are conjugate, with G so far: v is the column of what is left of P that has the
-largest pivot, over its root. A subspace of one direction, as most mechanisms have of motions and of self-stress, needs
-neither a product nor a factor of matrices. Of more, the sum is put between projectors again: cancellation leaves the
-later columns of what is left of P less exact than P.
+Of one direction v, as most mechanisms have of motions and of self-stress, G = v v^T / (v^T A v) needs neither a product
+nor a factor of matrices. Of more, P A P loses the small entries of an A whose entries differ by orders of magnitude;
+two steps G + G (I - A G) of refinement, which know A itself, bring them back.
 
 With G A G = G, P G = G and P A G = P on the subspace, its derivative is
 
@@ -14,8 +13,6 @@ With G A G = G, P G = G and P A G = P on the subspace, its derivative is
 Where V^T A V is not positive definite G is zero, value and derivative, so that one bad sample leaves the gradient of
 a batch alone; the flag beside it says so.
 """
-
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -27,55 +24,69 @@ from ._module import of_any
 
 @jax.custom_jvp
 def restricted_inverse(
-    matrix: Float[Array, "n n"], projector: Float[Array, "n n"], dimension: Int[Array, ""], kept: Float[Array, ""]
+    matrix: Float[Array, "n n"],
+    projector: Float[Array, "n n"],
+    dimension: Int[Array, ""],
+    kept: Float[Array, ""],
+    after: Float[Array, ""],
 ) -> tuple[Float[Array, "n n"], Bool[Array, ""]]:
     """G, and whether the restriction is positive definite.
 
-    `dimension` is the rank of the projector, `kept` the smallest kept singular value of the matrix that it
-    belongs to, relative to the largest: by its inverse rounding is magnified in P.
+    `dimension` is the rank of the projector, `kept` the smallest kept singular value of the matrix that it belongs to,
+    relative to the largest: by its inverse rounding is magnified in P. `after` is a finite number that must be computed
+    first: two LAPACK calls that XLA runs at the same time can wait for each other for good on small CPUs.
     """
-    return in_chunks(_inverse, matrix, projector, dimension, kept)
+    return in_chunks(_inverse, matrix, projector, dimension, kept, after)
 
 
-class _Directions(NamedTuple):
-    """How many directions were taken, the projector onto the others, G so far, and whether all had energy."""
+def _inverse(
+    matrix: Array, projector: Array, dimension: Array, kept: Array, after: Array
+) -> tuple[Array, Bool[Array, ""]]:
+    one = _of_one_direction(matrix, projector, dimension, kept)
 
-    number: Int[Array, ""]
-    left: Float[Array, "n n"]
-    inverse: Float[Array, "n n"]
-    definite: Bool[Array, ""]
+    def of_several() -> tuple[Array, Array]:
+        several = _of_several_directions(matrix, projector, dimension, after)
+        return jax.tree.map(lambda a, b: jnp.where(dimension > 1, a, b), several, one)
 
-
-def _inverse(matrix: Array, projector: Array, dimension: Array, kept: Array) -> tuple[Array, Array]:
-    n = matrix.shape[0]
-    rounding, dimension = n * jnp.finfo(matrix.dtype).eps, jnp.minimum(dimension, n)
-    sizes = jnp.where(jnp.any(projector != 0, axis=1), jnp.abs(jnp.diagonal(matrix)), 0.0)
-    unseen = (rounding / jnp.minimum(kept, 1.0)) ** 2 * jnp.sum(sizes)  # energy of the error of a direction
-
-    def added(now: _Directions, *, first: bool = False) -> _Directions:
-        pivots = jnp.diagonal(now.left)
-        largest = jnp.max(pivots)
-        v = now.left[jnp.argmax(pivots)] / jnp.sqrt(jnp.where(largest > 0, largest, 1.0))
-        w, moved = v, matrix @ v
-        for _ in range(0 if first else 2):  # the second time is refinement
-            w = w - now.inverse @ moved
-            moved = matrix @ w
-        energy, wanted = w @ moved, now.number < dimension
-        blur = 10 * (rounding * (jnp.abs(w) @ (jnp.abs(matrix) @ jnp.abs(w))) + unseen * (w @ w))
-        good = energy > blur  # not if it is NaN
-        more = now.inverse + jnp.outer(w, w) / jnp.where(good, energy, 1.0)
-        inverse = jnp.where(wanted, more, now.inverse)
-        return _Directions(now.number + 1, now.left - jnp.outer(v, v), inverse, now.definite & (good | ~wanted))
-
-    def others() -> tuple[Array, Array]:
-        end = jax.lax.while_loop(lambda now: of_any(now.number < dimension), added, first)
-        inside = projector @ end.inverse @ projector  # where rounding has led directions after the first out of it
-        return jnp.where(dimension > 1, inside, end.inverse), end.definite
-
-    start = _Directions(jnp.zeros((), int), projector, jnp.zeros_like(matrix), jnp.ones((), bool))
-    first = added(start, first=True)
-    inverse, definite = jax.lax.cond(of_any(dimension > 1), others, lambda: (first.inverse, first.definite))
+    inverse, definite = jax.lax.cond(of_any(dimension > 1), of_several, lambda: one)
     return jnp.where(definite, inverse, 0.0), definite
+
+
+def _of_one_direction(matrix: Array, projector: Array, dimension: Array, kept: Array) -> tuple[Array, Bool[Array, ""]]:
+    """The inverse on the direction that the column of the largest pivot has, or on none."""
+    rounding = matrix.shape[0] * jnp.finfo(matrix.dtype).eps
+    pivots = jnp.diagonal(projector)
+    largest = jnp.max(pivots)
+    v = projector[jnp.argmax(pivots)] / jnp.sqrt(jnp.where(largest > 0, largest, 1.0))
+    energy = v @ (matrix @ v)
+    sizes = jnp.where(jnp.any(projector != 0, axis=1), jnp.abs(jnp.diagonal(matrix)), 0.0)
+    blur = rounding * (jnp.abs(v) @ (jnp.abs(matrix) @ jnp.abs(v)))
+    blur = 10 * (blur + (rounding / jnp.minimum(kept, 1.0)) ** 2 * jnp.sum(sizes))  # energy of the error of v
+    some, none = energy > blur, dimension <= 0  # NaN is not
+    inverse = jnp.outer(v, v) / jnp.where(some, energy, 1.0)
+    return jnp.where(none, 0.0, inverse), some | none
+
+
+def _of_several_directions(
+    matrix: Array, projector: Array, dimension: Array, after: Array
+) -> tuple[Array, Bool[Array, ""]]:
+    restricted = projector @ matrix @ projector
+    weight = jnp.trace(restricted) / jnp.maximum(dimension, 1)
+    other = jnp.eye(matrix.shape[0], dtype=matrix.dtype) - projector
+    rounding = 10 * matrix.shape[0] * jnp.finfo(matrix.dtype).eps
+    parts = jnp.abs(projector)
+    noise = rounding * jnp.sum((parts @ jnp.abs(matrix)) * parts, axis=1)  # of each diagonal entry of P A P
+    some = weight > jnp.max(noise)  # else all of it is rounding of a restriction that is zero
+    weight = jnp.where(some, weight, jnp.maximum(jnp.max(noise), 1.0))
+    regular = restricted / weight + other
+    factor = jnp.linalg.cholesky(regular + 0.0 * after)
+    half = jax.scipy.linalg.solve_triangular(factor, projector, lower=True)
+    blur = noise / weight + rounding * jnp.abs(jnp.diagonal(other))
+    large = jnp.all(jnp.diagonal(factor) ** 2 > 100 * blur)  # false for NaN, which a minimum can lose
+    inverse = half.T @ half / weight
+    for _ in range(2):
+        inverse = inverse + inverse @ (jnp.eye(matrix.shape[0], dtype=matrix.dtype) - matrix @ inverse)
+    return inverse, large & some
 
 
 @restricted_inverse.defjvp
