@@ -168,7 +168,7 @@ def _gram(matrix: Array) -> tuple[Array, Array]:
     """|A|_F^2, or 1 if it is zero, and A A^T over it."""
     size = jnp.sum(matrix**2)
     size = jnp.where(size > 0, size, 1.0)
-    return size, matrix @ (matrix.T / size)  # a product with a plain transpose XLA leaves to a slower kernel
+    return size, matrix @ (matrix.T / size)
 
 
 def _largest(size: Array, gram: Array) -> Array:

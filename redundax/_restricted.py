@@ -70,6 +70,7 @@ def _of_one_direction(matrix: Array, projector: Array, dimension: Array, kept: A
 def _of_several_directions(
     matrix: Array, projector: Array, dimension: Array, after: Array
 ) -> tuple[Array, Bool[Array, ""]]:
+    """The inverse on two directions or more."""
     restricted = projector @ matrix @ projector
     weight = jnp.trace(restricted) / jnp.maximum(dimension, 1)
     other = jnp.eye(matrix.shape[0], dtype=matrix.dtype) - projector

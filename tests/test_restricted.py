@@ -50,17 +50,18 @@ def test_masses_of_large_spread(dimension, dtype, spread):
         assert np.abs(inverse - truth).max() <= 100 * jnp.finfo(dtype).eps * np.abs(truth).max()
 
 
+@pytest.mark.parametrize("dimension", [1, 3])
 @pytest.mark.parametrize("spoiled", [np.nan, np.inf, -1.0, 0.0])
-def test_what_has_no_inverse_is_flagged_and_leaves_value_and_gradient_finite(spoiled):
+def test_what_has_no_inverse_is_flagged_and_leaves_value_and_gradient_finite(spoiled, dimension):
     rng = np.random.default_rng(3)
-    v = np.linalg.qr(rng.normal(size=(6, 3)))[0]
+    v = np.linalg.qr(rng.normal(size=(6, dimension)))[0]
     good, projector = jnp.array(10.0 ** rng.uniform(0, 3, 6)), jnp.array(v @ v.T)
 
     @jax.jit
     @jax.vmap
     def run(mass):
         def one(mass, projector):
-            inverse, definite = restricted_inverse(mass, projector, jnp.asarray(3), jnp.ones(()), jnp.zeros(()))
+            inverse, definite = restricted_inverse(mass, projector, jnp.asarray(dimension), jnp.ones(()), jnp.zeros(()))
             return jnp.sum(inverse), (inverse, definite)
 
         return jax.value_and_grad(one, argnums=(0, 1), has_aux=True)(mass, projector)

@@ -133,24 +133,22 @@ def friction_law(problem: Problem, multipliers: np.ndarray) -> tuple[np.ndarray,
     return tau, slope, bound
 
 
-def _carried(s: Scaled, right: np.ndarray) -> np.ndarray:
-    """Multipliers that each column of the right-hand side causes, (batch, m, columns)."""
+def _carried(s: Scaled, first: int, part: np.ndarray) -> np.ndarray:
+    """Multipliers that each column of a right-hand side causes, (batch, m, columns), given from a first row on."""
     n, p, m = s.problem.structure.n, len(s.problem.structure.frictional), s.problem.structure.m
-    return np.linalg.solve(jacobian(s, np.zeros((len(right), p, m))), right)[:, n:] / s.rows[..., None]
+    right = np.zeros((len(part), n + m, part.shape[2]))
+    right[:, first : first + part.shape[1]] = part
+    return np.linalg.solve(jacobian(s, np.zeros((len(part), p, m))), right)[:, n:] / s.rows[..., None]
 
 
 def by_friction(s: Scaled) -> np.ndarray:
     """Multipliers that unit frictions cause, (batch, m, p)."""
-    force = s.coordinates[..., None] * s.problem.equations.direction
-    return _carried(s, np.concatenate([force, np.zeros((len(force), s.problem.structure.m, force.shape[2]))], axis=1))
+    return _carried(s, 0, s.coordinates[..., None] * s.problem.equations.direction)
 
 
 def by_misfit(s: Scaled) -> np.ndarray:
     """Multipliers that unit misfits cause, (batch, m, m)."""
-    misfit = s.stress / (s.rows * s.softness[:, None])[:, None]
-    return _carried(
-        s, np.concatenate([np.zeros((len(misfit), s.problem.structure.n, misfit.shape[2])), misfit], axis=1)
-    )
+    return _carried(s, s.problem.structure.n, s.stress / (s.rows * s.softness[:, None])[:, None])
 
 
 def contraction(s: Scaled) -> np.ndarray:
