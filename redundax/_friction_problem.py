@@ -9,6 +9,8 @@ see only (rho0, K, law). A sweep tau -> law(rho0 + K tau) is the paper's fixed-p
 on tau, because x_{i+1} depends on x_i through F(lam_i) alone.
 """
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -50,15 +52,36 @@ class Law(eqx.Module):
         return jax.jacfwd(self)(loads)
 
 
+class Sizes(NamedTuple):
+    """A size of the forces and one of the moments."""
+
+    linear: Float[Array, ""]
+    angular: Float[Array, ""]
+
+    @classmethod
+    def of(cls, entries: Float[Array, " d"], angular: Bool[Array, " d"]) -> "Sizes":
+        """The largest entry of each kind, 1 if there is none but zeros."""
+        largest = (_largest(jnp.where(kind, entries, 0.0)) for kind in (~angular, angular))
+        return cls(*(jnp.where(size > 0, size, 1.0) for size in largest))
+
+    def at(self, angular: Bool[Array, " d"]) -> Float[Array, " d"]:
+        """The size of each entry's kind."""
+        return jnp.where(angular, self.angular, self.linear)
+
+    def larger(self, other: "Sizes") -> "Sizes":
+        """The larger of both, kind by kind."""
+        return Sizes(*map(jnp.maximum, self, other))
+
+
 class FrictionProblem(eqx.Module):
     """tau = law(rho0 + K tau), with the sizes that make residuals comparable.
 
     - `rho0`, `gain`: loads without friction, shape (l,), and K, shape (l, p).
     - `law`: the friction laws.
     - `angular_loads`, `angular_slips`: which loads and frictions are moments.
-    - `friction_size`: for each entry the largest friction of its kind, at the first sweep from rho0.
-    - `load_size`: for each entry the largest load of its kind, rho0 or what friction of its size can cause, so that a
-      relative change of friction is no larger change of the loads.
+    - `friction_sizes`: the largest friction of each kind, at the first sweep from rho0.
+    - `load_sizes`: the largest load of each kind, rho0 or what friction of its size can cause, so that a relative
+      change of friction is no larger change of the loads.
     """
 
     rho0: Float[Array, " l"]
@@ -66,8 +89,8 @@ class FrictionProblem(eqx.Module):
     law: Law
     angular_loads: Bool[Array, " l"]
     angular_slips: Bool[Array, " p"]
-    load_size: Float[Array, " l"]
-    friction_size: Float[Array, " p"]
+    load_sizes: Sizes
+    friction_sizes: Sizes
 
     @classmethod
     def make(
@@ -80,10 +103,20 @@ class FrictionProblem(eqx.Module):
         """The problem, given which loads are moments."""
         angular_slips = jnp.asarray(slip_kinds(law.groups).angular)
         given, effect, friction = still((rho0, gain, law))
-        friction_size = _largest_of_kind(jnp.abs(friction(given)), angular_slips)
-        loads = jnp.maximum(jnp.abs(given), jnp.abs(effect) @ friction_size)
-        load_size = _largest_of_kind(loads, angular_loads)
-        return cls(rho0, gain, law, angular_loads, angular_slips, load_size, friction_size)
+        friction_sizes = Sizes.of(jnp.abs(friction(given)), angular_slips)
+        loads = jnp.maximum(jnp.abs(given), _caused(effect, angular_slips, friction_sizes))
+        load_sizes = Sizes.of(loads, angular_loads)
+        return cls(rho0, gain, law, angular_loads, angular_slips, load_sizes, friction_sizes)
+
+    @property
+    def friction_size(self) -> Float[Array, " p"]:
+        """Size of each friction: that of its kind."""
+        return self.friction_sizes.at(self.angular_slips)
+
+    @property
+    def load_size(self) -> Float[Array, " l"]:
+        """Size of each load: that of its kind."""
+        return self.load_sizes.at(self.angular_loads)
 
     def at(self, rho0: Float[Array, " l"]) -> "FrictionProblem":
         """The same problem with other loads without friction."""
@@ -92,9 +125,10 @@ class FrictionProblem(eqx.Module):
     def sized_at(self, tau: Float[Array, " p"]) -> "FrictionProblem":
         """The same problem, its sizes at least those of the friction tau; sizes have no derivatives."""
         tau, gain = still((tau, self.gain))
-        friction = jnp.maximum(self.friction_size, _largest_of_kind(jnp.abs(tau), self.angular_slips))
-        loads = jnp.maximum(self.load_size, _largest_of_kind(jnp.abs(gain) @ friction, self.angular_loads))
-        return eqx.tree_at(lambda problem: (problem.load_size, problem.friction_size), self, (loads, friction))
+        friction = self.friction_sizes.larger(Sizes.of(jnp.abs(tau), self.angular_slips))
+        caused = _caused(gain, self.angular_slips, friction)
+        loads = self.load_sizes.larger(Sizes.of(caused, self.angular_loads))
+        return replace(self, load_sizes=loads, friction_sizes=friction)
 
     def loads(self, tau: Float[Array, " p"]) -> Float[Array, " l"]:
         """rho = rho0 + K tau."""
@@ -137,11 +171,10 @@ def _radius_bound(matrix: Float[Array, "p p"]) -> Float[Array, ""]:
     return jnp.max(matrix @ vector / vector)
 
 
-def _largest_of_kind(size: Array, angular: Array) -> Array:
-    of_angular = _largest(jnp.where(angular, size, 0.0))
-    of_linear = _largest(jnp.where(angular, 0.0, size))
-    largest = jnp.where(angular, of_angular, of_linear)
-    return jnp.where(largest > 0, largest, 1.0)
+def _caused(gain: Array, angular: Array, friction: Sizes) -> Array:
+    """Bound of the loads that friction of these sizes causes: |K| times the sizes."""
+    linear, angles = (jnp.sum(jnp.where(kind, jnp.abs(gain), 0.0), axis=1) for kind in (~angular, angular))
+    return linear * friction.linear + angles * friction.angular
 
 
 def _largest(size: Array) -> Array:

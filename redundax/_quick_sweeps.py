@@ -2,9 +2,11 @@
 
 The bound c of `contraction_anywhere` asks for no sample: there is one solution, and log(rtol) / log(c) sweeps reach it.
 Most samples contract faster, so that half of these go untested, two at a time, which spares a copy of each. Few
-unknowns go through the loop as numbers, not as vectors: a fused loop, with no product of small matrices in it.
+unknowns go through the loop as numbers, not as vectors: a fused loop, with no product of small matrices in it. Of many
+the loads of a batch are one product of large matrices.
 """
 
+from collections.abc import Callable
 from functools import reduce
 
 import jax
@@ -27,17 +29,10 @@ def quick_sweeps(problem: FrictionProblem, start: Float[Array, " p"], rtol: Floa
     A change of friction bounds that of the loads, by their sizes: it stands for the step too.
     """
     infinite, none = jnp.full((), jnp.inf, start.dtype), jnp.zeros((), int)
-    if not few(problem):
-        return Root(start, Progress.begin(start.dtype), infinite)
-    bound, law = problem.contraction_anywhere(), problem.law.apart()
+    bound = problem.contraction_anywhere()
     strong = bound <= STRONG
     untested = jnp.where(strong, jnp.log(rtol) / jnp.log(bound) / 2 - _TOGETHER, 0.0)
-    rho0, gain = list(problem.rho0), rows(problem.gain)
-    per_size = list(1 / problem.friction_size)
-
-    @jax.jit  # traced once
-    def swept(tau: list) -> list:
-        return list(law(jnp.stack([free + dot(row, tau) for free, row in zip(rho0, gain, strict=True)])))
+    begin, per_size, swept = _numbers(problem, start) if few(problem) else _vectors(problem, start)
 
     def tested(carry: tuple) -> tuple:
         steps, tau, _ = carry
@@ -51,10 +46,30 @@ def quick_sweeps(problem: FrictionProblem, start: Float[Array, " p"], rtol: Floa
         steps, _, residual = carry
         return strong & (steps < _SWEEPS) & (residual > rtol)
 
-    begin = (none, list(start))
-    steps, tau = jax.lax.while_loop(lambda c: c[0] < untested, lambda c: (c[0] + 2, swept(swept(c[1]))), begin)
+    steps, tau = jax.lax.while_loop(lambda c: c[0] < untested, lambda c: (c[0] + 2, swept(swept(c[1]))), (none, begin))
     steps, tau, residual = jax.lax.while_loop(going, tested, (steps, tau, infinite))
-    return Root(jnp.stack(tau), Progress(steps, residual, residual, residual, none), infinite)
+    return Root(jnp.stack(tau).reshape(start.shape), Progress(steps, residual, residual, residual, none), infinite)
+
+
+def _numbers(problem: FrictionProblem, start: Array) -> tuple[list[Array], list[Array], Callable[[list], list]]:
+    """Friction, 1 / its size and a sweep, number by number."""
+    law, rho0, gain = problem.law.apart(), list(problem.rho0), rows(problem.gain)
+
+    @jax.jit  # traced once
+    def swept(tau: list) -> list:
+        return list(law(jnp.stack([free + dot(row, tau) for free, row in zip(rho0, gain, strict=True)])))
+
+    return list(start), list(1 / problem.friction_size), swept
+
+
+def _vectors(problem: FrictionProblem, start: Array) -> tuple[list[Array], list[Array], Callable[[list], list]]:
+    """The same in one vector."""
+
+    @jax.jit
+    def swept(tau: list) -> list:
+        return [problem.law(problem.loads(*tau))]
+
+    return [start], [1 / problem.friction_size], swept
 
 
 def few(problem: FrictionProblem) -> bool:
@@ -65,4 +80,4 @@ def few(problem: FrictionProblem) -> bool:
 
 def largest(change: list, per_size: list) -> Array:
     """Largest change relative to its size."""
-    return reduce(jnp.maximum, [jnp.abs(x) * per for x, per in zip(change, per_size, strict=True)])
+    return reduce(jnp.maximum, [jnp.max(jnp.abs(x) * per) for x, per in zip(change, per_size, strict=True)])

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from mpmath import mp
+from truth import exact
 
 import redundax as rx
 from redundax import _chunks
@@ -87,6 +88,25 @@ def test_sweeps_end_where_newton_ends(mu_rho):
     default, newton = rx.solve(mechanism, state), rx.solve(mechanism, state, solver=rx.Newton())
     np.testing.assert_allclose(default.acceleration, newton.acceleration, rtol=1e-12, atol=1e-11)
     np.testing.assert_allclose(default.multipliers, newton.multipliers, rtol=1e-12, atol=1e-11)
+
+
+def test_many_joints_of_weak_and_strong_friction_in_one_batch():
+    """Twelve joints against 50 digits; friction is proved to contract strongly in the first two samples alone."""
+    mus = (0.005, 0.04, 0.09)
+
+    def one(mu_rho):
+        mechanism = rx.mechanisms.parallelogram(cranks=6, mu_rho=mu_rho)
+        state = mechanism.state(np.arctan2(4.0, 3.0), rate=1.0)
+        solution = rx.solve(mechanism, state, closure=rx.MinimumNorm(30.0))
+        return solution.acceleration, solution.multipliers, solution.friction
+
+    found = jax.jit(jax.vmap(one))(jnp.array(mus))
+    for place, mu_rho in enumerate(mus):
+        mechanism = exact.parallel_cranks(6, mu_rho)
+        true = mechanism.solve(misfit=[30] * mechanism.m)
+        for part, wanted in zip(found, (true.acceleration, true.multipliers, true.friction), strict=True):
+            wanted = exact.floats(wanted).ravel()
+            assert np.max(np.abs(part[place] - wanted)) <= 1e-13 * np.max(np.abs(wanted))
 
 
 def test_numbers_that_a_function_of_the_user_holds_may_be_of_the_batch():

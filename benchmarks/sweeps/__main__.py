@@ -28,12 +28,13 @@ prepare(_early.parse_known_args()[0].devices)
 import jax  # noqa: E402
 import numpy as np  # noqa: E402
 
-from . import _costs, _eigen, _works  # noqa: E402
+from . import _costs, _eigen, _joints, _works  # noqa: E402
 from ._goals import goals  # noqa: E402
 from ._measure import Row  # noqa: E402
 
 _WORKS = {
     "h": lambda size: _works.over_h(size),
+    "joints": lambda size: [row for cranks in (6, 20) for row in _joints.over_h(cranks, size // 10)],
     "x0": lambda size: _works.over_x0(size // 10),
     "u": lambda size: _works.over_u(size // 10),
     "lengths": lambda size: [row for rough in (False, True) for row in _works.over_length(size // 10, rough)],

@@ -46,19 +46,19 @@ class Row:
     error: float
 
 
-def compare(work: str, programs: Sequence[Program], repeats: int = 5) -> list[Row]:
-    """Run all programs in turn; errors at five samples of each."""
+def compare(work: str, programs: Sequence[Program], repeats: int = 5, kinds: dict[str, slice] = KINDS) -> list[Row]:
+    """Run all programs in turn; errors at five samples of each, of the kinds of their entries."""
     seconds = times([program.run for program in programs], repeats)
     return [
-        Row(work, program.name, len(program.values), value / len(program.values), _error_of(program))
+        Row(work, program.name, len(program.values), value / len(program.values), _error_of(program, kinds))
         for program, value in zip(programs, seconds, strict=True)
     ]
 
 
-def _error_of(program: Program) -> float:
+def _error_of(program: Program, kinds: dict[str, slice]) -> float:
     samples = np.unique(np.linspace(0, len(program.values) - 1, 5).astype(int))
     true = np.stack([program.truth(float(program.values[sample])) for sample in samples])
-    return error(program.rows(program.run(), samples), true)
+    return error(program.rows(program.run(), samples), true, kinds)
 
 
 def times(runs: Sequence[Callable[[], Any]], repeats: int) -> list[float]:
@@ -74,11 +74,11 @@ def times(runs: Sequence[Callable[[], Any]], repeats: int) -> list[float]:
     return [float(np.median(values)) for values in measured]
 
 
-def error(found: np.ndarray, true: np.ndarray) -> float:
+def error(found: np.ndarray, true: np.ndarray, kinds: dict[str, slice] = KINDS) -> float:
     """Largest error of any kind, relative to the largest true value of the kind; what is not there does not count."""
     found, true = np.asarray(found, float), np.asarray(true, float)
     worst = []
-    for part in KINDS.values():
+    for part in kinds.values():
         there = ~np.isnan(found[:, part])
         if there.any() and np.any(true[:, part]):
             off = np.where(there, np.abs(found - true)[:, part], 0.0)

@@ -628,6 +628,32 @@ def parallelogram(rate=2) -> Mechanism:
 
 
 @exactly
+def parallel_cranks(count: int, mu_rho) -> Mechanism:
+    """Coupler of 4 kg on `count` equal cranks of 1 kg and 1/2 m, 2/5 m apart, along (3/5, 4/5) at 1 rad/s.
+
+    All are uniform rods. n = 3 count + 3, m = 4 count, rank 3 count + 2, one motion. All revolutes have the friction
+    mu_rho.
+    """
+    mu_rho, zero, half = exact(mu_rho), mp.mpf(0), exact("1/4")
+    pivots = [exact("2/5") * c for c in range(count)]
+    middle, (ax, ay) = pivots[-1] / 2, exact(("3/10", "2/5"))
+    ground = [Revolute(f"A{c}", c, 0, (-half, zero), (x, zero), mu_rho) for c, x in enumerate(pivots, 1)]
+    upper = [Revolute(f"B{c}", count + 1, c, (x - middle, zero), (half, zero), mu_rho) for c, x in enumerate(pivots, 1)]
+    phi, one = mp.atan2(4, 3), mp.mpf(1)
+    return Mechanism(
+        name=f"{count} cranks",
+        bodies=(*[Body(one, exact("1/48"))] * count, Body(4 * one, pivots[-1] ** 2 / 3)),
+        revolutes=(*ground, *upper),
+        translationals=(),
+        drivers=(),
+        gravity=exact((0, -9.81)),
+        q=(*(item for x in pivots for item in (x + ax / 2, ay / 2)), middle + ax, ay, *[phi] * count, zero),
+        qd=(*[-ay / 2, ax / 2] * count, -ay, ax, *[one] * count, zero),
+        rank=3 * count + 2,
+    )
+
+
+@exactly
 def carriage() -> Mechanism:
     """One body on two parallel guides along (3/5, 4/5), pulled by a force off its centre.
 
