@@ -80,6 +80,7 @@ class FrictionProblem(eqx.Module):
     - `law`: the friction laws.
     - `angular_loads`, `angular_slips`: which loads and frictions are moments.
     - `friction_sizes`: the largest friction of each kind, at the first sweep from rho0.
+    - `unsized`: whether a kind has no friction at the first sweep, so that its size says nothing.
     - `load_sizes`: the largest load of each kind, rho0 or what friction of its size can cause, so that a relative
       change of friction is no larger change of the loads.
     """
@@ -91,6 +92,7 @@ class FrictionProblem(eqx.Module):
     angular_slips: Bool[Array, " p"]
     load_sizes: Sizes
     friction_sizes: Sizes
+    unsized: Bool[Array, ""]
 
     @classmethod
     def make(
@@ -103,10 +105,12 @@ class FrictionProblem(eqx.Module):
         """The problem, given which loads are moments."""
         angular_slips = jnp.asarray(slip_kinds(law.groups).angular)
         given, effect, friction = still((rho0, gain, law))
-        friction_sizes = Sizes.of(jnp.abs(friction(given)), angular_slips)
+        first = jnp.abs(friction(given))
+        friction_sizes = Sizes.of(first, angular_slips)
+        unsized = _nothing(first, angular_slips) | _nothing(first, ~angular_slips)
         loads = jnp.maximum(jnp.abs(given), _caused(effect, angular_slips, friction_sizes))
         load_sizes = Sizes.of(loads, angular_loads)
-        return cls(rho0, gain, law, angular_loads, angular_slips, load_sizes, friction_sizes)
+        return cls(rho0, gain, law, angular_loads, angular_slips, load_sizes, friction_sizes, unsized)
 
     @property
     def friction_size(self) -> Float[Array, " p"]:
@@ -175,6 +179,11 @@ def _caused(gain: Array, angular: Array, friction: Sizes) -> Array:
     """Bound of the loads that friction of these sizes causes: |K| times the sizes."""
     linear, angles = (jnp.sum(jnp.where(kind, jnp.abs(gain), 0.0), axis=1) for kind in (~angular, angular))
     return linear * friction.linear + angles * friction.angular
+
+
+def _nothing(size: Array, kind: Array) -> Array:
+    """Whether there are sizes of this kind, and all are 0."""
+    return jnp.any(kind) & (_largest(jnp.where(kind, size, 0.0)) == 0)
 
 
 def _largest(size: Array) -> Array:

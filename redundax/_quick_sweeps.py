@@ -1,9 +1,10 @@
 """Sweeps tau <- law(rho0 + K tau) where friction is proved to contract strongly, whatever the loads.
 
 The bound c of `contraction_anywhere` asks for no sample: there is one solution, and log(rtol) / log(c) sweeps reach it.
-Most samples contract faster, so that half of these go untested, two at a time, which spares a copy of each. Few
-unknowns go through the loop as numbers, not as vectors: a fused loop, with no product of small matrices in it. Of many
-the loads of a batch are one product of large matrices.
+Most samples contract faster, so that half of these go untested, two at a time, which spares a copy of each; all of them
+where a kind of friction that is zero at the first sweep leaves the test no size to compare with. Few unknowns go
+through the loop as numbers, not as vectors: a fused loop, with no product of small matrices in it. Of many the loads
+of a batch are one product of large matrices.
 """
 
 from collections.abc import Callable
@@ -16,6 +17,7 @@ from jaxtyping import Array, Float
 from ._by_number import FEW, dot, rows
 from ._friction_problem import FrictionProblem
 from ._iterate import Progress
+from ._module import of_any
 from ._solver import Root
 
 STRONG = 0.5  # largest bound of the contraction
@@ -31,7 +33,8 @@ def quick_sweeps(problem: FrictionProblem, start: Float[Array, " p"], rtol: Floa
     infinite, none = jnp.full((), jnp.inf, start.dtype), jnp.zeros((), int)
     bound = problem.contraction_anywhere()
     strong = bound <= STRONG
-    untested = jnp.where(strong, jnp.log(rtol) / jnp.log(bound) / 2 - _TOGETHER, 0.0)
+    enough = jnp.log(rtol) / jnp.log(bound)
+    untested = jnp.where(strong, jnp.where(of_any(problem.unsized), enough, enough / 2 - _TOGETHER), 0.0)
     begin, per_size, swept = _numbers(problem, start) if few(problem) else _vectors(problem, start)
 
     def tested(carry: tuple) -> tuple:

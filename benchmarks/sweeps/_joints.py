@@ -86,6 +86,7 @@ _mechanism = functools.cache(lambda cranks: exact.parallel_cranks(cranks, _MU_RH
 
 
 def _truth(cranks: int) -> Callable[[float], np.ndarray]:
+    @functools.cache
     @exact.exactly
     def numbers(h: float) -> np.ndarray:
         mechanism = _mechanism(cranks)
