@@ -1,10 +1,10 @@
 """Sweeps tau <- law(rho0 + K tau) where friction is proved to contract strongly, whatever the loads.
 
 The bound c of `contraction_anywhere` asks for no sample: there is one solution, and log(rtol) / log(c) sweeps reach it.
-Most samples contract faster, so that half of these go untested, two at a time, which spares a copy of each; all of them
-where a kind of friction that is zero at the first sweep leaves the test no size to compare with. Few unknowns go
-through the loop as numbers, not as vectors: a fused loop, with no product of small matrices in it. Of many the loads
-of a batch are one product of large matrices.
+Most samples contract faster, so that half of these go untested, two at a time, which spares a copy of each; and the
+others until a test ends them, but where a kind of friction that is zero at the first sweep leaves it no size to compare
+with. Few unknowns go through the loop as numbers, not as vectors: a fused loop, with no product of small matrices in
+it. Of many the loads of a batch are one product of large matrices.
 """
 
 from collections.abc import Callable
@@ -17,7 +17,6 @@ from jaxtyping import Array, Float
 from ._by_number import FEW, dot, rows
 from ._friction_problem import FrictionProblem
 from ._iterate import Progress
-from ._module import of_any
 from ._solver import Root
 
 STRONG = 0.5  # largest bound of the contraction
@@ -34,7 +33,7 @@ def quick_sweeps(problem: FrictionProblem, start: Float[Array, " p"], rtol: Floa
     bound = problem.contraction_anywhere()
     strong = bound <= STRONG
     enough = jnp.log(rtol) / jnp.log(bound)
-    untested = jnp.where(strong, jnp.where(of_any(problem.unsized), enough, enough / 2 - _TOGETHER), 0.0)
+    untested = jnp.where(strong, enough / 2 - _TOGETHER, 0.0)
     begin, per_size, swept = _numbers(problem, start) if few(problem) else _vectors(problem, start)
 
     def tested(carry: tuple) -> tuple:
@@ -47,7 +46,8 @@ def quick_sweeps(problem: FrictionProblem, start: Float[Array, " p"], rtol: Floa
 
     def going(carry: tuple) -> Array:
         steps, _, residual = carry
-        return strong & (steps < _SWEEPS) & (residual > rtol)
+        short = (residual > rtol) | (problem.unsized & (steps < enough))
+        return strong & (steps < _SWEEPS) & short
 
     steps, tau = jax.lax.while_loop(lambda c: c[0] < untested, lambda c: (c[0] + 2, swept(swept(c[1]))), (none, begin))
     steps, tau, residual = jax.lax.while_loop(going, tested, (steps, tau, infinite))
