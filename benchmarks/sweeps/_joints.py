@@ -1,7 +1,7 @@
 """Many frictional joints: the sweep over h of parallel cranks on one coupler, whose 2 N revolutes all have friction."""
 
-import functools
-from collections.abc import Callable
+import dataclasses
+from collections.abc import Callable, Sequence
 
 import jax
 import numpy as np
@@ -9,8 +9,9 @@ from truth import exact
 
 import redundax as rx
 
-from .._devices import batched, placed
+from . import _truth
 from ._measure import Program, Row, compare
+from ._works import redundax
 
 _MU_RHO = 0.005
 _CHUNK = 1000  # samples at once, the fastest for NumPy
@@ -22,20 +23,18 @@ def over_h(cranks: int, size: int) -> list[Row]:
     h = np.linspace(-100.0, 100.0, size)
     mechanism = rx.mechanisms.parallelogram(cranks, mu_rho=_MU_RHO)
     state = mechanism.state(np.arctan2(4.0, 3.0), rate=1.0)
-    given = placed(h)
+    exactly = exact.parallel_cranks(cranks, _MU_RHO)
+    truth = _truth.over_h(exactly)
 
-    @batched
-    def run(h: jax.Array) -> tuple[jax.Array, ...]:
-        solution = rx.solve(mechanism, state, closure=rx.MinimumNorm(h))
-        return solution.acceleration, solution.multipliers, solution.friction
+    def solve(h: jax.Array) -> rx.Solution:
+        return rx.solve(mechanism, state, closure=rx.MinimumNorm(h))
 
-    def rows(found: tuple, samples: np.ndarray) -> np.ndarray:
+    def rows(found: Sequence, samples: np.ndarray) -> np.ndarray:
         return np.concatenate([np.asarray(part)[samples] for part in found], axis=1)
 
-    truth = _truth(cranks)
     programs = [
-        Program("NumPy, reduced, in chunks", _numpy(cranks, h), h, truth, rows),
-        Program("redundax, all", lambda: run(given), h, truth, rows),
+        Program("NumPy, reduced, in chunks", _numpy(exactly, h), h, truth, rows),
+        dataclasses.replace(redundax("redundax, all", solve, h, truth), rows=rows),
     ]
     n, m = 3 * cranks + 3, 4 * cranks
     ends = {"linear": 2 * cranks + 2, "angular": n, "force": n + m, "friction": n + m + 2 * cranks}
@@ -44,9 +43,8 @@ def over_h(cranks: int, size: int) -> list[Row]:
     return compare(f"{2 * cranks} joints, {size:,}", programs, kinds=kinds)
 
 
-def _numpy(cranks: int, h: np.ndarray) -> Callable[[], tuple]:
+def _numpy(exactly: exact.Mechanism, h: np.ndarray) -> Callable[[], tuple]:
     """Fixed point (27) with the loads alone in the loop, after the pseudoinverse of A."""
-    exactly = _mechanism(cranks)
     mass, jacobian, load, gamma, directions = (
         exact.floats(part)
         for part in (exactly.mass_matrix, exactly.jacobian, exactly.load, exactly.gamma, exactly.distribution)
@@ -80,17 +78,3 @@ def _numpy(cranks: int, h: np.ndarray) -> Callable[[], tuple]:
         return out
 
     return run
-
-
-_mechanism = functools.cache(lambda cranks: exact.parallel_cranks(cranks, _MU_RHO))
-
-
-def _truth(cranks: int) -> Callable[[float], np.ndarray]:
-    @functools.cache
-    @exact.exactly
-    def numbers(h: float) -> np.ndarray:
-        mechanism = _mechanism(cranks)
-        solution = mechanism.solve(misfit=[h] * mechanism.m)
-        return exact.floats((*solution.acceleration, *solution.multipliers, *solution.friction))
-
-    return numbers

@@ -21,9 +21,13 @@ def _mechanism(length: float = 0.1, mu_rho: float = 0.02) -> exact.Mechanism:
 
 
 @exact.exactly
-def _of_h(h: float) -> list:
-    mechanism = _mechanism()
+def _at_h(mechanism: exact.Mechanism, h: float) -> list:
     return _numbers(mechanism.solve(misfit=[h] * mechanism.m))
+
+
+@exact.exactly
+def _of_h(h: float) -> list:
+    return _at_h(_mechanism(), h)
 
 
 @exact.exactly
@@ -58,6 +62,11 @@ def _as_floats(function: Callable) -> Callable[[float], np.ndarray]:
 h, mu_rho, length, length_without_friction, u, x0 = map(
     _as_floats, (_of_h, _of_mu_rho, _of_length, _of_length_without_friction, _of_u, _of_x0)
 )
+
+
+def over_h(mechanism: exact.Mechanism) -> Callable[[float], np.ndarray]:
+    """The answer of a mechanism at h."""
+    return _as_floats(functools.partial(_at_h, mechanism))
 
 
 def slope(name: str) -> Callable[[float], np.ndarray]:
