@@ -42,6 +42,7 @@ from ._continuation import Continuation as Continuation
 from ._draw import animate as animate
 from ._draw import draw as draw
 from ._enumerate import frictional_solutions as frictional_solutions
+from ._decision import Decision as Decision
 from ._factorisation import Factorisation as Factorisation
 from ._factorisation import factorize as factorize
 from ._family._band import Bands as Bands

@@ -34,10 +34,10 @@ def culprits(system: AbstractSystem, state: State, result: RESULTS) -> str:
             if state.qd.dtype == np.float32
             else ""
         )
-    if result == RESULTS.friction_at_rest:
+    if result in (RESULTS.friction_at_rest, RESULTS.ambiguous_rest):
         factor, slips = factorize(system, state), slip_kinds(system.friction)
-        rate = np.abs(slip_motion(system, state)[0]) * np.where(slips.angular, factor.length, 1.0)
-        resting, labels = rate <= factor.resting_rate, slips.labels
+        rate = slip_motion(system, state)[0] * np.where(slips.angular, factor.length, 1.0)
+        resting, labels = np.asarray(~factor.motion_of(rate).is_yes), slips.labels
         return f" At rest: {', '.join(label for label, rests in zip(labels, resting, strict=True) if rests)}."
     return ""
 

@@ -21,7 +21,8 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
-from ._kinematics import change_of_jacobian, second_order
+from ._decision import Decision
+from ._kinematics import second_derivative, second_order
 from ._rank import Spectrum, Split, split
 from ._restricted import restricted_inverse
 from ._results import RESULTS, first_failure
@@ -29,8 +30,7 @@ from ._scaling import Scaling, scaling
 from ._state import State
 from ._system import AbstractSystem
 
-# Relative derivative of a projector that is more than the blur of a state beside the manifold.
-_CHANGES = 1e-4
+_ROUNDING = 10  # roundings of a state, and of what the constraints make of it
 
 
 class Violation(eqx.Module):
@@ -58,11 +58,13 @@ class Factorisation(eqx.Module):
     - `violation`: consistency of the state.
     - `finite`: whether state and equations are free of NaN and infinity; asked of every entry, because a batched
       maximum on CPU can lose a NaN.
-    - `determinate`: whether condition (14) holds, so that accelerations are unique.
+    - `determinacy`: the decision whether condition (14) holds, so that accelerations are unique.
+    - `singularity`: the decision whether the rank is higher beside this position, to second order.
     - `acceleration`, `multipliers`: a solution without friction; the multipliers are one of many.
     - `residual`: largest residual of (7) at it, relative, the larger of its two blocks.
     - `length`: a length of the mechanism, which makes angles and lengths comparable.
     - `row_scale`: D, shape (m,): D lam are multipliers free of units but for a common factor.
+    - `split`: K^+, P and Z of the scaled Jacobian.
 
     ??? example
 
@@ -79,7 +81,8 @@ class Factorisation(eqx.Module):
     spectrum: Spectrum
     violation: Violation
     finite: Bool[Array, ""]
-    determinate: Bool[Array, ""]
+    determinacy: Decision
+    singularity: Decision
     acceleration: Float[Array, " n"]
     multipliers: Float[Array, " m"]
     residual: Float[Array, ""]
@@ -87,21 +90,19 @@ class Factorisation(eqx.Module):
     row_scale: Float[Array, " m"]
     _scaled: Float[Array, "m n"]
     _scaled_mass: Float[Array, "n n"]
-    _split: Split
-    _change: Float[Array, "m n"]
+    split: Split
     _response: Float[Array, "n n"]
-    _speed: Float[Array, ""]
+    _rate_noise: Float[Array, ""]
     _size: Float[Array, ""]
     _coordinate_scale: Float[Array, " n"]
 
-    @property
-    def resting_rate(self) -> Float[Array, ""]:
-        """Slip rate below which a joint is at rest, m/s; as L times an angular rate.
+    def motion_of(self, rates: Float[Array, " p"]) -> Decision:
+        """Whether slip rates, m/s or L times an angular rate, are those of joints that move.
 
-        It is the rounding of the velocities, magnified by the Jacobian as in a part that the others hold still.
+        The noise is the rounding of the velocities and what violates the constraints of them, magnified by the
+        Jacobian as in a part that the others hold still.
         """
-        rounding = 100 * jnp.finfo(self.gamma.dtype).eps * jnp.maximum(10.0, 1 / self._least_kept)
-        return rounding * self._speed
+        return Decision(jnp.abs(rates) / self._rate_noise)
 
     @property
     def _least_kept(self) -> Float[Array, ""]:
@@ -129,11 +130,6 @@ class Factorisation(eqx.Module):
         return Scaling(self._coordinate_scale, self.row_scale, self.length, self._size)
 
     @property
-    def scaled_self_stress(self) -> Float[Array, "m m"]:
-        """The projector onto the self-stress of the scaled rows."""
-        return self._split.stress
-
-    @property
     def self_stress(self) -> Float[Array, "m m"]:
         """Orthogonal projector P = N N^T onto the self-stress states null(Phi_q^T), in the units of the multipliers."""
         return self.stress_response(jnp.eye(self.gamma.size, dtype=self.gamma.dtype))[0]
@@ -144,46 +140,57 @@ class Factorisation(eqx.Module):
 
         A state off the manifold blurs the zeros; then fewer multipliers are called unique, never more.
         """
-        return jnp.linalg.norm(self._split.stress, axis=1) <= 100 * self._noise / self._least_kept
+        return jnp.linalg.norm(self.split.stress, axis=1) <= 100 * self._noise / self._least_kept
 
     @property
-    def unique_only_here(self) -> Bool[Array, " m"]:
-        """Which unique multipliers are so at this position only: the derivative of their row of P is not zero.
+    def contradiction(self) -> Decision:
+        """Whether the accelerations that the constraints prescribe contradict each other: P gamma is not zero."""
+        return Decision(self.violation.acceleration / self._consistent)
 
-        dP = -P dK K^+ - (P dK K^+)^T along a displacement that the constraints allow.
-        """
-        moved = self._split.stress @ self._change @ self._split.inverse
-        return self.unique_multipliers & (jnp.linalg.norm(moved, axis=0) > _CHANGES * jnp.max(jnp.abs(self._change)))
+    @property
+    def _consistent(self) -> Float[Array, ""]:
+        """What the violation of the state and the rounding of P make of P gamma."""
+        blur = self._noise + self.violation.position
+        return jnp.minimum(5 / self._least_kept, 120) * blur + 10 * self.violation.velocity
+
+    @property
+    def determinate(self) -> Bool[Array, ""]:
+        """Whether condition (14) holds, so that accelerations are unique."""
+        return self.determinacy.is_yes
 
     @property
     def singular_position(self) -> Bool[Array, ""]:
-        """Whether the rank is lower at this position than beside it: P dK Z is not zero.
+        """Whether the rank is lower at this position than beside it: P Phi_qq[w, w] is not zero for a motion w.
 
         There more multipliers are not unique than elsewhere, branches of motion meet, and (7) does not contain the
         condition of third order that keeps the accelerations on their branch.
         """
-        moved = self._split.stress @ self._change @ self._split.motion
-        return jnp.max(jnp.abs(moved)) > _CHANGES * jnp.max(jnp.abs(self._change))
+        return self.singularity.is_yes
+
+    @property
+    def lost_digits(self) -> Float[Array, ""]:
+        """Decimal digits that accelerations and multipliers lose to the smallest kept singular value."""
+        return -jnp.log10(self._least_kept)
 
     @property
     def checks(self) -> tuple[tuple[Bool[Array, ""], RESULTS], ...]:
-        """What must hold for the equations at this state to have a trustworthy solution, root causes first.
-
-        Constraints are consistent up to what the violation of the state and the rounding of P make of gamma.
-        """
-        violation, dtype = self.violation, self.gamma.dtype
-        off_manifold = float(jnp.finfo(dtype).eps) ** 0.375  # 1e-6 in float64
+        """What must hold for the equations at this state to have a trustworthy solution, root causes first."""
+        violation = self.violation
+        off_manifold = float(jnp.finfo(self.gamma.dtype).eps) ** 0.375  # 1e-6 in float64
         blur = self._noise + violation.position
-        consistent = jnp.minimum(5 / self._least_kept, 120) * blur + 10 * violation.velocity
-        possible = violation.acceleration <= consistent
+        prescribed = violation.prescribed > self._consistent
         return (
             (self.finite, RESULTS.not_finite),
             (violation.position <= off_manifold, RESULTS.violated_constraints),
             (~self.spectrum.ambiguous, RESULTS.ambiguous_rank),
-            (self.determinate, RESULTS.indeterminate_acceleration),
+            (~self.determinacy.is_no, RESULTS.indeterminate_acceleration),
+            (self.determinacy.is_yes, RESULTS.ambiguous_mass),
             (violation.velocity <= off_manifold, RESULTS.inadmissible_velocity),
-            (possible | (violation.prescribed <= consistent), RESULTS.inconsistent_constraints),
-            (possible, RESULTS.inadmissible_velocity),
+            (~(self.contradiction.is_yes & prescribed), RESULTS.inconsistent_constraints),
+            (~self.contradiction.is_yes, RESULTS.inadmissible_velocity),
+            (self.contradiction.is_no, RESULTS.ambiguous_constraints),
+            (~self.singularity.is_yes, RESULTS.singular_position),
+            (self.singularity.is_no, RESULTS.ambiguous_position),
             (self.residual <= 120 * blur + 10 * violation.velocity, RESULTS.unsolved),
         )
 
@@ -199,12 +206,12 @@ class Factorisation(eqx.Module):
         """
         coordinate_scale, row_scale = self._coordinate_scale[:, None], self.row_scale[:, None]
         none = jnp.zeros((self.gamma.size, force.shape[1]), force.dtype)
-        a, mu = _refined(self._scaled, self._scaled_mass, self._split, self._response, coordinate_scale * force, none)
+        a, mu = _refined(self._scaled, self._scaled_mass, self.split, self._response, coordinate_scale * force, none)
         return coordinate_scale * a, mu / row_scale
 
     def in_balance(self, multipliers: Float[Array, " m"]) -> Float[Array, " m"]:
         """A self-stress state without what rounding has left of other multipliers, D^-1 P D lam."""
-        return self._split.stress @ (self.row_scale * multipliers) / self.row_scale
+        return self.split.stress @ (self.row_scale * multipliers) / self.row_scale
 
     def apparent_mass(self) -> Float[Array, "m m"]:
         """M_c = C^+ for regular M: the multipliers -lam of accelerations g of the constraints.
@@ -213,17 +220,17 @@ class Factorisation(eqx.Module):
         """
         none = jnp.zeros((self._coordinate_scale.size, self.gamma.size), self.gamma.dtype)
         unit = jnp.diag(1 / self.row_scale)
-        _, mu = _refined(self._scaled, self._scaled_mass, self._split, self._response, none, unit)
+        _, mu = _refined(self._scaled, self._scaled_mass, self.split, self._response, none, unit)
         return -mu / self.row_scale[:, None]
 
-    def stress_response(self, compliance: Float[Array, "m m"]) -> tuple[Float[Array, "m m"], Bool[Array, ""]]:
+    def stress_response(self, compliance: Float[Array, "m m"]) -> tuple[Float[Array, "m m"], Decision]:
         """G = N (N^T W N)^-1 N^T: self-stress caused by a misfit under the compliance W; and whether N^T W N > 0."""
         scale = 1 / self.row_scale
         scaled = scale[:, None] * compliance * scale
         after = self._response[0, 0]
         kept = self.spectrum.kept
-        response, definite = restricted_inverse(scaled, self._split.stress, self.redundancy, kept, after)
-        return scale[:, None] * response * scale, definite
+        response, _, definiteness = restricted_inverse(scaled, self.split.stress, self.redundancy, kept, after)
+        return scale[:, None] * response * scale, definiteness
 
 
 def factorize(system: AbstractSystem, state: State, rank: ArrayLike | None = None) -> Factorisation:
@@ -258,18 +265,27 @@ def _factorize(system: AbstractSystem, state: State, rank: Int[Array, ""] | None
     scaled_mass = coordinate_scale[:, None] * mass * coordinate_scale
     freedom = matrix.shape[1] - spectrum.rank
     zero = jnp.zeros((), matrix.dtype)
-    response, determinate = restricted_inverse(scaled_mass, parts.motion, freedom, spectrum.kept, zero)
+    response, _, determinacy = restricted_inverse(scaled_mass, parts.motion, freedom, spectrum.kept, zero)
     force, gamma = coordinate_scale * load, motion.gamma / row_scale
     a, mu = _refined(scaled, scaled_mass, parts, response, force, gamma)
     residual = jnp.maximum(
         _ratio(gamma - scaled @ a, gamma, a),
         _ratio(force - scaled_mass @ a - scaled.T @ mu, force, scaled_mass @ a, mu),
     )
-    qd = state.qd / coordinate_scale
-    evidence = parts.stress, size, position, motion.rate / row_scale, gamma, explicit / row_scale
+    qd, rate = state.qd / coordinate_scale, motion.rate / row_scale
     inertia = jnp.sum(jnp.diagonal(scaled_mass)) / force.size
     free = jnp.where(inertia > 0, jnp.max(jnp.abs(force)) / jnp.where(inertia > 0, inertia, 1.0), 0.0)
-    violation, residual = jax.lax.stop_gradient((_violation(*evidence, qd, a, free), residual))
+    reached = jnp.sqrt(size * (jnp.max(jnp.abs(a)) + free))
+    scales = Scaling(coordinate_scale, row_scale, length, size)
+    violation, rate_noise, singularity, determinacy, residual = jax.lax.stop_gradient(
+        (
+            _violation(parts.stress, size, position, rate, gamma, explicit / row_scale, qd, a, reached),
+            _rate_noise(qd, rate, reached, spectrum.kept),
+            _singularity(system, state, scales, parts, position, gamma, reached),
+            determinacy,
+            residual,
+        )
+    )
     return Factorisation(
         jacobian=matrix,
         gamma=motion.gamma,
@@ -278,28 +294,59 @@ def _factorize(system: AbstractSystem, state: State, rank: Int[Array, ""] | None
         spectrum=spectrum,
         violation=violation,
         finite=_finite(state.q, state.qd, state.t, *motion, matrix, mass, load),
-        determinate=determinate,
+        determinacy=determinacy,
+        singularity=singularity,
         acceleration=coordinate_scale * a,
         multipliers=mu / row_scale,
         residual=residual,
         length=length,
         _scaled=scaled,
         _scaled_mass=scaled_mass,
-        _split=parts,
-        _change=_change(system, state, parts, coordinate_scale, row_scale),
+        split=parts,
         _response=response,
-        _speed=jax.lax.stop_gradient(jnp.max(jnp.abs(qd))),
+        _rate_noise=rate_noise,
         _size=size,
         _coordinate_scale=coordinate_scale,
         row_scale=row_scale,
     )
 
 
-def _change(system: AbstractSystem, state: State, parts: Split, coordinate_scale: Array, row_scale: Array) -> Array:
-    """Change of the scaled Jacobian along a displacement that the constraints allow and that has no symmetry."""
-    uneven = jnp.cos(jnp.arange(1.0, coordinate_scale.size + 1, dtype=coordinate_scale.dtype) ** 2)
-    change = change_of_jacobian(system, state, coordinate_scale * (parts.motion @ uneven))
-    return jax.lax.stop_gradient(change * coordinate_scale / row_scale[:, None])
+def _rate_noise(qd: Array, rate: Array, reached: Array, kept: Array) -> Array:
+    """What rounding and violation can make of a slip rate that is zero; more than zero."""
+    rounding = 10 * jnp.finfo(qd.dtype).eps
+    magnified = jnp.maximum(10.0, 1 / jnp.minimum(kept, 1.0))
+    noise = magnified * (rounding * jnp.max(jnp.abs(qd)) + jnp.max(jnp.abs(rate))) + rounding * reached
+    return jnp.where(noise > 0, noise, 1.0)
+
+
+def _singularity(
+    system: AbstractSystem, state: State, scales: Scaling, parts: Split, position: Array, gamma: Array, reached: Array
+) -> Decision:
+    """Whether P Phi'' is zero along motions w, and along the motion itself with w added.
+
+    Of a quadratic form that is not zero, directions of no symmetry see it. Where time enters, the second one sees that
+    the rank changes with it; what it has without w is -P gamma, another matter. Rounding moves Phi'' itself, the range
+    of P by as much of K^+ Phi'', and a state off the manifold likewise.
+    """
+    numbers = jnp.arange(1.0, state.qd.size + 1, dtype=gamma.dtype)
+    motions = jnp.stack([jnp.cos(numbers**2), jnp.sin(numbers**2)]) @ parts.motion
+    sizes = jnp.max(jnp.abs(motions), axis=1, keepdims=True)
+    motions = motions / jnp.where(sizes > 0, sizes, 1.0)
+    speed = jnp.max(jnp.abs(state.qd / scales.coordinates)) + reached
+    speed = jnp.where(speed > 0, speed, scales.size)
+    rates = jnp.stack(
+        [scales.size * scales.coordinates * motions[0], state.qd + speed * scales.coordinates * motions[1]]
+    )
+    bends = jax.vmap(lambda rate, time: second_derivative(system, state, rate, time))(
+        rates, jnp.array([0, 1], gamma.dtype)
+    )
+    bends = (bends / scales.rows).T
+    without = jnp.stack([jnp.zeros_like(gamma), -gamma], axis=1)
+    moved = jnp.max(jnp.abs(parts.stress @ (bends - without)), axis=0)
+    large = sum(jnp.max(jnp.abs(part), axis=0) for part in (bends, without, parts.inverse @ bends))
+    large = large + jnp.stack([scales.size, 2 * speed]) ** 2 / scales.size
+    rounding = max(bends.shape[0], state.qd.size) * float(jnp.finfo(gamma.dtype).eps)
+    return Decision(jnp.max(moved / (_ROUNDING * (rounding + position) * large)))
 
 
 def _refined(
@@ -326,14 +373,13 @@ def _violation(
     explicit: Array,
     qd: Array,
     a: Array,
-    free: Array,
+    reached: Array,
 ) -> Violation:
     """Consistency of the state; all but `size` and `position` in scaled variables.
 
-    Velocities compare with those that the accelerations, or `free` ones without constraints, reach over the size of
-    the mechanism, so that rest and reversals are no special case.
+    Velocities compare with those `reached` over the size of the mechanism by the accelerations, or by those without
+    constraints, so that rest and reversals are no special case.
     """
-    reached = jnp.sqrt(size * (jnp.max(jnp.abs(a)) + free))
     centripetal = jnp.max(jnp.abs(qd)) ** 2 / size
     return Violation(
         position,

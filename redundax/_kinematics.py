@@ -49,6 +49,13 @@ def explicit_gamma(system: AbstractSystem, state: State) -> Float[Array, " m"]:
     return _along(system, state, jnp.zeros_like(state.qd), jnp.ones_like(state.t)).gamma
 
 
+def second_derivative(
+    system: AbstractSystem, state: State, rate: Float[Array, " n"], time: Array
+) -> Float[Array, " m"]:
+    """Phi'' along a constant rate, and t' = time."""
+    return -_along(system, state, rate, time).gamma
+
+
 def second_order(system: AbstractSystem, state: State) -> tuple[AlongMotion, Float[Array, " m"], Float[Array, " m"]]:
     """`along_motion`; `explicit_gamma`; and the second derivative of Phi as all angular coordinates turn.
 

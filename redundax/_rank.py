@@ -35,6 +35,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from ._chunks import in_chunks
+from ._decision import CLEAR, Decision
 
 _DELTA = 0.45  # power of the rounding: large enough that the Cholesky factor exists, else as small as can be
 _STEPS = 3
@@ -47,7 +48,8 @@ class Spectrum(eqx.Module):
     - `rank`: r, number of independent constraints.
     - `tolerance`: singular values above it count; it grows with the constraint violation.
     - `gap`: smallest kept over largest dropped singular value; infinite if none is dropped.
-    - `ambiguous`: a singular value is too close to the tolerance to call, or the declared rank is impossible.
+    - `decision`: whether the rank is clear: its margin is 10 where the smallest kept singular value is 10 times the
+      tolerance and the largest dropped one is what violation and rounding explain.
     - `kept`: the smallest kept singular value, or a bound below it that is nearly as large.
     """
 
@@ -55,8 +57,13 @@ class Spectrum(eqx.Module):
     rank: Int[Array, ""]
     tolerance: Float[Array, ""]
     gap: Float[Array, ""]
-    ambiguous: Bool[Array, ""]
+    decision: Decision
     kept: Float[Array, ""]
+
+    @property
+    def ambiguous(self) -> Bool[Array, ""]:
+        """Whether a singular value is too close to the tolerance to call, or the declared rank is impossible."""
+        return ~self.decision.is_yes
 
 
 class Split(NamedTuple):
@@ -67,13 +74,13 @@ class Split(NamedTuple):
     motion: Float[Array, "n n"]
 
 
-class _Decision(NamedTuple):
-    """The split, its rank, the smallest kept singular value and whether the rank is ambiguous."""
+class _Decided(NamedTuple):
+    """The split, its rank, the smallest kept singular value and whether the rank is clear."""
 
     parts: Split
     rank: Int[Array, ""]
     kept: Float[Array, ""]
-    ambiguous: Bool[Array, ""]
+    decision: Decision
 
 
 def split(
@@ -92,13 +99,13 @@ def split(
     values = _relative(_singular_values(still))
     dropped = _dropped(values, found.rank)
     gap = jnp.where(dropped > 0, _kept(values, found.rank) / jnp.where(dropped > 0, dropped, 1.0), jnp.inf)
-    return _following(scaled, found.parts), Spectrum(values, found.rank, tolerance, gap, found.ambiguous, found.kept)
+    return _following(scaled, found.parts), Spectrum(values, found.rank, tolerance, gap, found.decision, found.kept)
 
 
-def _decided(scaled: Array, violation: Array, tolerance: Array, rank: Array | None) -> _Decision:
+def _decided(scaled: Array, violation: Array, tolerance: Array, rank: Array | None) -> _Decided:
     """By multiplication, or where its bounds prove nothing by decomposition."""
 
-    def decomposed(state: tuple[_Decision, Array]) -> tuple[_Decision, Array]:
+    def decomposed(state: tuple[_Decided, Array]) -> tuple[_Decided, Array]:
         unproved = jnp.where(state[1], 0.0, scaled)  # XLA would move what does not change out of the loop, and run it
         return _decomposed(unproved, violation, tolerance, rank), jnp.asarray(True)
 
@@ -135,7 +142,7 @@ def _rounding(scaled: Array) -> float:
 
 def _multiplied(
     scaled: Array, violation: Array, tolerance: Array, rank: Array | None
-) -> tuple[_Decision, Bool[Array, ""]]:
+) -> tuple[_Decided, Bool[Array, ""]]:
     """The decision by multiplication alone, and whether its bounds prove it."""
     m, n = scaled.shape
     one, eps = jnp.eye(m, dtype=scaled.dtype), float(jnp.finfo(scaled.dtype).eps)
@@ -161,7 +168,7 @@ def _multiplied(
         & (kept >= 10 * tolerance)
         & (True if rank is None else found == rank)
     )
-    return _Decision(parts, found, kept, jnp.asarray(False)), proved
+    return _Decided(parts, found, kept, Decision(kept / tolerance)), proved
 
 
 def _gram(matrix: Array) -> tuple[Array, Array]:
@@ -182,20 +189,23 @@ def _symmetric(matrix: Array) -> Array:
     return (matrix + matrix.T) / 2
 
 
-def _decomposed(scaled: Array, violation: Array, tolerance: Array, rank: Array | None) -> _Decision:
+def _decomposed(scaled: Array, violation: Array, tolerance: Array, rank: Array | None) -> _Decided:
     """The decision by singular value decomposition."""
     u, sigma, vt = jnp.linalg.svd(scaled, full_matrices=False)
     values = _relative(sigma)
     found = jnp.sum(values > tolerance) if rank is None else rank
     kept = _kept(values, found)
     if rank is None:
-        ambiguous = (kept < 10 * tolerance) | (_dropped(values, found) > _rounding(scaled) + violation)
+        dropped = _dropped(values, found)
+        explained = CLEAR * (_rounding(scaled) + violation) / jnp.where(dropped > 0, dropped, 1.0)
+        margin = jnp.minimum(kept / tolerance, jnp.where(dropped > 0, explained, jnp.inf))
     else:
-        ambiguous = (kept <= 3 * _noise(scaled)) | (rank < 0) | (rank > values.size)
+        possible = (rank >= 0) & (rank <= values.size)
+        margin = jnp.where(possible, CLEAR * kept / (3 * _noise(scaled)), 0.0)
     counted = jnp.arange(sigma.size) < found
     inverse = vt.T @ (jnp.where(counted, 1 / jnp.where(counted, sigma, 1.0), 0.0)[:, None] * u.T)
     stress, motion = (jnp.eye(side.shape[0], dtype=u.dtype) - (side * counted) @ side.T for side in (u, vt.T))
-    return _Decision(_cleaned(scaled, inverse, stress, motion, found, kept), found, kept, ambiguous)
+    return _Decided(_cleaned(scaled, inverse, stress, motion, found, kept), found, kept, Decision(margin))
 
 
 def _cleaned(scaled: Array, inverse: Array, stress: Array, motion: Array, rank: Array, kept: Array) -> Split:

@@ -24,6 +24,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ._by_number import combined
 from ._closures._closure import AbstractClosure, closed_by
+from ._decision import Decision
 from ._factorisation import Factorisation
 from ._friction import load_rows, slip_kinds
 from ._friction_problem import FrictionProblem, Law
@@ -58,19 +59,21 @@ class Response(NamedTuple):
 class Reduced(eqx.Module):
     """The equations (25) of a system at a state under a closure, reduced to the friction forces.
 
-    - `pick`, `definite`: the closure, and whether it determines the multipliers.
+    - `pick`, `definiteness`: the closure, and the decision whether it determines the multipliers.
     - `free`: response to the load.
     - `unit`, `rows`, `problem`: response to unit friction, the multipliers that friction reads, and the equations for
       tau; without friction none, no rows, none.
+    - `motion`: the decision for each slip whether it moves, shape (p,); none without friction.
     - `free_size`: bound of the sum of |free|.
     """
 
     pick: Pick
-    definite: Bool[Array, ""]
+    definiteness: Decision
     free: Response
     unit: Response | None
     rows: Int[Array, " l"]
     problem: FrictionProblem | None
+    motion: Decision | None
     free_size: Float[Array, ""]
 
     def end(self, tau: Float[Array, " p"], stress: Float[Array, " m"] | None) -> Response:
@@ -87,17 +90,17 @@ class Reduced(eqx.Module):
             size = size + _size(*self.unit) * _size(tau)
         return size if stress is None else size + _size(stress)
 
-    def at_rest(self, tau: Float[Array, " p"], stress: Float[Array, " m"] | None) -> Bool[Array, ""]:
-        """Whether the friction of a joint of no sense depends on the sense."""
+    def senseless(self, tau: Float[Array, " p"], stress: Float[Array, " m"] | None) -> Bool[Array, " p"]:
+        """Which joints have no sense although their friction depends on it."""
         problem = cast(FrictionProblem, self.problem)
         law = problem.law
 
-        def depends() -> Bool[Array, ""]:
+        def depends() -> Bool[Array, " p"]:
             loads = problem.loads(tau) + (0.0 if stress is None else stress[self.rows])
             moving = eqx.tree_at(lambda law: law.sense, law, jnp.where(law.sense == 0, 1.0, law.sense))
-            return jnp.any((law.sense == 0) & (moving(loads) != law(loads)))
+            return (law.sense == 0) & (moving(loads) != law(loads))
 
-        return jax.lax.cond(jnp.any(law.sense == 0), depends, lambda: jnp.zeros((), bool))
+        return jax.lax.cond(jnp.any(law.sense == 0), depends, lambda: jnp.zeros(law.sense.shape, bool))
 
 
 def reduce(
@@ -111,25 +114,25 @@ def reduce(
 ) -> Reduced:
     """Close and reduce; the self-stress of `kept`, for a closure of minimum norm, is added to `free`."""
     compliance, misfit = closed_by(closure, system, state)
-    response, definite = factor.stress_response(compliance)
+    response, definiteness = factor.stress_response(compliance)
     pick = Pick(response, compliance)
     given = misfit if kept is None else misfit + kept
     picked = pick(factor.multipliers)
     free = Response(factor.acceleration, picked + times(response, given))
     free_size = _size(factor.acceleration, picked) + _size(response) * _size(given)
     if not system.friction:
-        return Reduced(pick, definite, free, None, jnp.zeros(0, int), None, free_size)
+        return Reduced(pick, definiteness, free, None, jnp.zeros(0, int), None, None, free_size)
     rate, directions = slip_motion(system, state)
     acceleration, multipliers = factor.respond(directions)
     unit = Response(acceleration, pick(multipliers))
     angular_slips = jnp.asarray(slip_kinds(system.friction).angular)
-    comparable = rate * jnp.where(angular_slips, factor.length, 1.0)
-    law = Law(system.friction, rate, _sense(comparable, factor.resting_rate, sense), state)
+    motion = factor.motion_of(rate * jnp.where(angular_slips, factor.length, 1.0))
+    law = Law(system.friction, rate, _sense(rate, motion, sense), state)
     rows = load_rows(system.friction)
     angular_loads = jnp.asarray(system.rows.angular)[rows]
     rho0 = picked[rows] + times(response[rows], given)
     problem = FrictionProblem.make(rho0, unit.multipliers[rows], law, angular_loads)
-    return Reduced(pick, definite, free, unit, rows, problem, free_size)
+    return Reduced(pick, definiteness, free, unit, rows, problem, motion, free_size)
 
 
 def times(matrix: Float[Array, "d m"], vector: Float[Array, " m"] | Float[Array, ""]) -> Float[Array, " d"]:
@@ -142,7 +145,7 @@ def _size(*arrays: Array) -> Array:
     return jnp.asarray(sum(combined(jnp.add, jnp.sum, jnp.abs(array).ravel()) for array in arrays))
 
 
-def _sense(rate: Array, resting: Array, sense: Array | None) -> Array:
-    """Sign of comparable slip rates, or the given sense where a joint rests."""
+def _sense(rate: Array, motion: Decision, sense: Array | None) -> Array:
+    """Sign of the slip rates of joints that move, or the given sense."""
     given = 0.0 if sense is None else sense.astype(rate.dtype)
-    return jnp.where(jnp.abs(rate) > resting, jnp.sign(rate), given)
+    return jnp.where(motion.is_yes, jnp.sign(rate), given)

@@ -1,10 +1,15 @@
 """Inverse of a symmetric matrix restricted to a subspace that is known by its projector alone.
 
-    G = V (V^T A V)^-1 V^T = P (P A P + w (I - P))^-1 P,   P = V V^T
+    G = V (V^T A V)^-1 V^T = P (P A P + w (I - P))^-1 P,   P = V V^T,   A positive semidefinite
 
 Of one direction v, as most mechanisms have of motions and of self-stress, G = v v^T / (v^T A v) needs neither a product
 nor a factor of matrices. Of more, P A P loses the small entries of an A whose entries differ by orders of magnitude;
-two steps G + G (I - A G) of refinement, which know A itself, bring them back.
+steps G + G (I - A G) of refinement, which know A itself, bring them back.
+
+Whether V^T A V is positive definite is asked of A itself along the direction that G magnifies most, the largest column
+of G: one step of inverse iteration from the direction of least energy. P is tilted by rounding over the smallest kept
+singular value; a direction without energy has the square of that tilt, because A is semidefinite. Of more directions
+tr(G A) must be their number too, as it is not where rounding stands in for an energy.
 
 With G A G = G, P G = G and P A G = P on the subspace, its derivative is
 
@@ -19,7 +24,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from ._chunks import in_chunks
+from ._decision import CLEAR, Decision
 from ._module import of_any
+
+_STEPS = 5  # of refinement at most
+_SETTLED = 0.01  # of a direction that tr(G A) may miss
 
 
 @jax.custom_jvp
@@ -29,8 +38,8 @@ def restricted_inverse(
     dimension: Int[Array, ""],
     kept: Float[Array, ""],
     after: Float[Array, ""],
-) -> tuple[Float[Array, "n n"], Bool[Array, ""]]:
-    """G, and whether the restriction is positive definite.
+) -> tuple[Float[Array, "n n"], Bool[Array, ""], Decision]:
+    """G, whether the restriction is positive definite, and the decision about that with its margin.
 
     `dimension` is the rank of the projector, `kept` the smallest kept singular value of the matrix that it belongs to,
     relative to the largest: by its inverse rounding is magnified in P. `after` is a finite number that must be computed
@@ -41,60 +50,82 @@ def restricted_inverse(
 
 def _inverse(
     matrix: Array, projector: Array, dimension: Array, kept: Array, after: Array
-) -> tuple[Array, Bool[Array, ""]]:
-    one = _of_one_direction(matrix, projector, dimension, kept)
+) -> tuple[Array, Bool[Array, ""], Decision]:
+    one = _of_one_direction(matrix, projector, kept)
 
     def of_several() -> tuple[Array, Array]:
-        several = _of_several_directions(matrix, projector, dimension, after)
+        several = _of_several_directions(matrix, projector, dimension, kept, after)
         return jax.tree.map(lambda a, b: jnp.where(dimension > 1, a, b), several, one)
 
-    inverse, definite = jax.lax.cond(of_any(dimension > 1), of_several, lambda: one)
-    return jnp.where(definite, inverse, 0.0), definite
+    inverse, margin = jax.lax.cond(of_any(dimension > 1), of_several, lambda: one)
+    none = dimension <= 0
+    decision = Decision(jnp.where(none, jnp.inf, margin))
+    return jnp.where(decision.is_yes & ~none, inverse, 0.0), decision.is_yes, decision
 
 
-def _of_one_direction(matrix: Array, projector: Array, dimension: Array, kept: Array) -> tuple[Array, Bool[Array, ""]]:
-    """The inverse on the direction that the column of the largest pivot has, or on none."""
-    rounding = matrix.shape[0] * jnp.finfo(matrix.dtype).eps
-    pivots = jnp.diagonal(projector)
-    largest = jnp.max(pivots)
-    v = projector[jnp.argmax(pivots)] / jnp.sqrt(jnp.where(largest > 0, largest, 1.0))
-    energy = v @ (matrix @ v)
-    sizes = jnp.where(jnp.any(projector != 0, axis=1), jnp.abs(jnp.diagonal(matrix)), 0.0)
-    blur = rounding * (jnp.abs(v) @ (jnp.abs(matrix) @ jnp.abs(v)))
-    blur = 10 * (blur + (rounding / jnp.minimum(kept, 1.0)) ** 2 * jnp.sum(sizes))  # energy of the error of v
-    some, none = energy > blur, dimension <= 0  # NaN is not
-    inverse = jnp.outer(v, v) / jnp.where(some, energy, 1.0)
-    return jnp.where(none, 0.0, inverse), some | none
+def _of_one_direction(matrix: Array, projector: Array, kept: Array) -> tuple[Array, Array]:
+    """The inverse on the direction that the column of the largest pivot has, and the margin of its energy."""
+    v = _largest_column(projector)
+    energy, noise = _energy(matrix, projector, v, kept)
+    return jnp.outer(v, v) / jnp.where(energy > 0, energy, 1.0), energy / noise
 
 
 def _of_several_directions(
-    matrix: Array, projector: Array, dimension: Array, after: Array
-) -> tuple[Array, Bool[Array, ""]]:
-    """The inverse on two directions or more."""
+    matrix: Array, projector: Array, dimension: Array, kept: Array, after: Array
+) -> tuple[Array, Array]:
+    """The inverse on two directions or more, and the margin of the least energy."""
+    one = jnp.eye(matrix.shape[0], dtype=matrix.dtype)
+    rounding = 4 * matrix.shape[0] * jnp.finfo(matrix.dtype).eps
     restricted = projector @ matrix @ projector
     weight = jnp.trace(restricted) / jnp.maximum(dimension, 1)
-    other = jnp.eye(matrix.shape[0], dtype=matrix.dtype) - projector
-    rounding = 10 * matrix.shape[0] * jnp.finfo(matrix.dtype).eps
-    parts = jnp.abs(projector)
-    noise = rounding * jnp.sum((parts @ jnp.abs(matrix)) * parts, axis=1)  # of each diagonal entry of P A P
-    some = weight > jnp.max(noise)  # else all of it is rounding of a restriction that is zero
-    weight = jnp.where(some, weight, jnp.maximum(jnp.max(noise), 1.0))
-    regular = restricted / weight + other
-    factor = jnp.linalg.cholesky(regular + 0.0 * after)
+    weight = jnp.where(weight > 0, weight, 1.0)
+    regular = restricted / weight + (one - projector)
+    shift = rounding * jnp.max(jnp.diagonal(regular))  # without it no factor exists of a direction without energy
+    factor = jnp.linalg.cholesky(regular + shift * one + 0.0 * after)
     half = jax.scipy.linalg.solve_triangular(factor, projector, lower=True)
-    blur = noise / weight + rounding * jnp.abs(jnp.diagonal(other))
-    large = jnp.all(jnp.diagonal(factor) ** 2 > 100 * blur)  # false for NaN, which a minimum can lose
-    inverse = half.T @ half / weight
-    for _ in range(2):
-        inverse = inverse + inverse @ (jnp.eye(matrix.shape[0], dtype=matrix.dtype) - matrix @ inverse)
-    return inverse, large & some
+    start = half.T @ half / weight
+
+    def refine(found: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        step, inverse, image = found
+        inverse = inverse + inverse @ (one - image)
+        return step + 1, inverse, matrix @ inverse
+
+    def missing(image: Array) -> Array:
+        return jnp.abs(jnp.trace(image) - dimension)
+
+    def goes_on(found: tuple[Array, Array, Array]) -> Array:
+        step, _, image = found
+        return (step < 2) | ((step < _STEPS) & (missing(image) > rounding * dimension))
+
+    _, inverse, image = jax.lax.while_loop(goes_on, refine, (jnp.asarray(0), start, matrix @ start))
+    energy, noise = _energy(matrix, projector, _largest_column(start), kept)
+    margin = jnp.where(jnp.all(jnp.isfinite(factor)), energy / noise, 0.0)  # no factor: an energy below zero
+    settled = missing(image) <= _SETTLED
+    return inverse, jnp.where(settled, margin, jnp.minimum(margin, 0.5 * CLEAR))
+
+
+def _largest_column(matrix: Array) -> Array:
+    """The column of the largest diagonal entry of a symmetric matrix, as a unit vector; zero if it is."""
+    column = matrix[jnp.argmax(jnp.diagonal(matrix))]
+    size = jnp.linalg.norm(column)
+    return column / jnp.where(size > 0, size, 1.0)
+
+
+def _energy(matrix: Array, projector: Array, v: Array, kept: Array) -> tuple[Array, Array]:
+    """v^T A v, and what rounding can make of it where it is zero."""
+    rounding = matrix.shape[0] * jnp.finfo(matrix.dtype).eps
+    sizes = jnp.where(jnp.any(projector != 0, axis=1), jnp.abs(jnp.diagonal(matrix)), 0.0)
+    tilt = (rounding / jnp.minimum(kept, 1.0)) ** 2
+    noise = 10 * (rounding * (jnp.abs(v) @ (jnp.abs(matrix) @ jnp.abs(v))) + tilt * jnp.sum(sizes))
+    return v @ (matrix @ v), jnp.where(noise > 0, noise, 1.0)
 
 
 @restricted_inverse.defjvp
 def _restricted_inverse_jvp(primals: tuple, tangents: tuple) -> tuple:
     d_matrix, d_projector = tangents[:2]
-    inverse, definite = out = restricted_inverse(*primals)
+    inverse, definite, decision = out = restricted_inverse(*primals)
     matrix = jnp.where(definite, primals[0], 0.0)
     part = d_projector @ inverse
     part = part - inverse @ (matrix @ part)
-    return out, (part + part.T - inverse @ d_matrix @ inverse, jnp.zeros(definite.shape, jax.dtypes.float0))
+    change = part + part.T - inverse @ d_matrix @ inverse
+    return out, (change, jnp.zeros(definite.shape, jax.dtypes.float0), jax.tree.map(jnp.zeros_like, decision))

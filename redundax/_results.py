@@ -38,18 +38,40 @@ class RESULTS(eqx.Enumeration):
         "The constraints contradict each other: the accelerations that they prescribe cannot all be met "
         "(A A^+ b differs from b). Remove or correct one of the contradictory driving constraints."
     )
+    ambiguous_constraints = (
+        "Whether the constraints contradict each other cannot be decided: the accelerations that they prescribe differ "
+        "by hardly more than rounding and the violation of the state explain. Bring the state closer to the constraint "
+        "manifold with `rx.assemble`."
+    )
     ambiguous_rank = (
         "The rank of the constraint Jacobian cannot be decided: a singular value lies too close to the "
         "tolerance, or a declared rank keeps one that is rounding. Look at `stats.spectrum` and declare the rank with "
         "`rank=`, or bring the state closer to the constraint manifold."
     )
+    singular_position = (
+        "The position is singular: the rank of the constraints is lower here than beside it, branches of motion meet, "
+        "and (7) does not contain the condition that keeps the accelerations on one of them. Move the state beside it, "
+        "or let `simulate` pass it from a state before it."
+    )
+    ambiguous_position = (
+        "Whether the position is singular cannot be decided: the rank changes beside it by hardly more than rounding. "
+        "Bring the state closer to the constraint manifold, or move it."
+    )
     indeterminate_acceleration = (
         "The accelerations are not unique: rank [M Phi_q^T] < n, condition (14). Give mass or inertia to "
         "every coordinate that the constraints leave free."
     )
+    ambiguous_mass = (
+        "Whether the accelerations are unique, condition (14), cannot be decided: the mass of a motion is hardly more "
+        "than what rounding leaves of none. Give it more mass or inertia, or a state further from singular positions."
+    )
     indeterminate_closure = (
         "The closure does not determine the multipliers: N^T W N is singular. Give a compliance `W` that is "
         "positive on every self-stress state."
+    )
+    ambiguous_closure = (
+        "Whether the closure determines the multipliers cannot be decided: the compliance of a self-stress state is "
+        "hardly more than what rounding leaves of none. Give a compliance `W` that is clearly positive on it."
     )
     unsolved = (
         "The linear equations (7) were not solved: their residual is too large. The declared rank may be too low, or "
@@ -59,6 +81,11 @@ class RESULTS(eqx.Enumeration):
     friction_at_rest = (
         "A joint with friction is at rest, where Coulomb friction can take any value up to its bound. Give "
         "the sense of the impending slip with `sense=`."
+    )
+    ambiguous_rest = (
+        "Whether a joint with friction moves cannot be decided: its slip rate is hardly more than rounding and the "
+        "violation of the constraints by the velocity explain. Give the sense of its slip with `sense=`, or a state "
+        "closer to the constraint manifold."
     )
     no_contraction = (
         "The friction iteration does not contract: its residual stopped decreasing. That says nothing about "
@@ -95,8 +122,7 @@ class RESULTS(eqx.Enumeration):
         "the rest. Raise `max_phases`."
     )
     rank_changed = (
-        "The motion stopped where the rank of its constraints changes for good, or began in a singular position, from "
-        "which branches of motion lead on: what it reached is given, NaN the rest. Begin beside the singular position."
+        "The motion stopped where the rank of its constraints changes for good: what it reached is given, NaN the rest."
     )
     diverged = (
         "The friction iteration diverged to values that are not finite. At this friction level the equations "

@@ -17,8 +17,10 @@ class Stats(eqx.Module):
     - `redundancy`, `freedom`: k = m - r redundant constraints and n - r degrees of freedom.
     - `spectrum`: the rank decision with singular values, tolerance and gap.
     - `violation`: consistency of the state.
-    - `singular_position`: whether the rank is lower at this position than beside it, so that branches of motion meet:
-      accelerations solve (7), which there does not keep them on their branch, and verdicts hold only here.
+    - `singular_position`: whether the rank is lower at this position than beside it, so that branches of motion meet;
+      (7) does not keep accelerations on their branch there, and none are given.
+    - `lost_digits`: decimal digits that accelerations and multipliers lose to the smallest kept singular value, as
+      beside a singular position; of about 16 in float64, 7 in float32.
     - `steps`: friction iterations done; 0 without friction.
     - `tolerance`: what `residual` and `step` had to reach.
     - `residual`: last relative change of friction (fixed point) or relative residual of (34) (Newton).
@@ -41,6 +43,7 @@ class Stats(eqx.Module):
     spectrum: Spectrum
     violation: Violation
     singular_position: Bool[Array, ""]
+    lost_digits: Float[Array, ""]
     steps: Int[Array, ""]
     tolerance: Float[Array, ""]
     residual: Float[Array, ""]

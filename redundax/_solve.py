@@ -20,6 +20,7 @@ from ._closures._elastic_joints import ElasticJoints
 from ._closures._unit_check import check_units
 from ._continuation import Continuation
 from ._culprits import culprits
+from ._decision import Decision
 from ._factorisation import Factorisation, factorize
 from ._friction import slip_kinds
 from ._friction_problem import FrictionProblem
@@ -75,7 +76,8 @@ def solve(
     - `throw`: whether to raise an error unless the result is successful. By default it does outside of
       transformations such as `jit` and `vmap`, and does not inside, so that one bad sample does not end a sweep.
 
-    **Returns:** a `Solution`; its arrays are NaN unless `result` is `RESULTS.successful`.
+    **Returns:** a `Solution`; its arrays are NaN unless `result` is `RESULTS.successful`, and so are their derivatives
+    in forward mode; to a gradient in reverse mode such a sample of a batch adds nothing.
 
     **Raises:** `ValueError` for arguments that do not fit the system; `RuntimeError` with the message of
     the result where `throw` says so.
@@ -144,20 +146,33 @@ def _end(
         root, stress, contraction, friction_checks = _loadless(state.qd[:0]), None, 0.0 * state.t, ()
     else:
         root, stress = _solve_friction(factor, reduced, reduced.problem, state, closure, solver, x0)
-        resting = reduced.at_rest(root.tau, stress)
-        contraction, friction_checks = reduced.problem.contraction(root.tau), _checks(resting, root, solver)
+        contraction = reduced.problem.contraction(root.tau)
+        friction_checks = _checks(reduced, stress, root, solver)
     finite = jnp.isfinite(reduced.end_size(root.tau, stress))
     checks = (
         *factor.checks,
-        (reduced.definite, RESULTS.indeterminate_closure),
+        (~reduced.definiteness.is_no, RESULTS.indeterminate_closure),
+        (reduced.definiteness.is_yes, RESULTS.ambiguous_closure),
         *friction_checks,
         (finite, RESULTS.not_finite),
     )
     # Of the flags alone: XLA would walk through the whole choice of a result again for every entry.
     good = functools.reduce(operator.and_, (passed for passed, _ in checks))
     found = reduced.end(root.tau, stress), root.tau
-    end, tau = jax.tree.map(lambda x: jnp.where(good, x, jnp.nan), found)
+    end, tau = jax.tree.map(lambda x: _figure(good, x), found)
     return end, eqx.tree_at(lambda root: root.tau, root, tau), contraction, first_failure(checks)
+
+
+@jax.custom_jvp
+def _figure(good: Bool[Array, ""], x: Array) -> Array:
+    """x, or NaN where it is not to be given."""
+    return jnp.where(good, x, jnp.nan)
+
+
+@_figure.defjvp
+def _figure_jvp(primals: tuple[Array, Array], tangents: tuple[Any, Array]) -> tuple[Array, Array]:
+    # NaN in forward mode; what is transposed passes nothing on, so that a bad sample leaves its batch's gradient alone.
+    return _figure(*primals), _figure(primals[0], tangents[1])
 
 
 def _solve_friction(
@@ -178,16 +193,21 @@ def _solve_friction(
     return closed_root(problem, problem.law(guess), solver), None
 
 
-def _checks(resting: Bool[Array, ""], root: Root, solver: AbstractSolver) -> tuple:
+def _checks(reduced: Reduced, stress: Array | None, root: Root, solver: AbstractSolver) -> tuple:
     """What must hold for the friction."""
-    ended = solver.result(root.progress)
+    ended, senseless = solver.result(root.progress), reduced.senseless(root.tau, stress)
+    rests = cast(Decision, reduced.motion).is_no
     failures = (
         RESULTS.diverged,
         RESULTS.no_contraction,
         RESULTS.max_steps_reached,
         RESULTS.no_solution_found,
     )
-    return ((~resting, RESULTS.friction_at_rest), *((ended != failure, failure) for failure in failures))
+    return (
+        (~jnp.any(senseless & rests), RESULTS.friction_at_rest),
+        (~jnp.any(senseless), RESULTS.ambiguous_rest),
+        *((ended != failure, failure) for failure in failures),
+    )
 
 
 def _loadless(tau: Array) -> Root:
@@ -241,6 +261,7 @@ def _solution(
         spectrum=factor.spectrum,
         violation=factor.violation,
         singular_position=factor.singular_position,
+        lost_digits=factor.lost_digits,
         steps=root.progress.steps,
         tolerance=tolerance,
         residual=root.progress.residual,

@@ -43,7 +43,7 @@ def test_masses_of_large_spread(dimension, dtype, spread):
             exact = v * (v.T * mp.diag(mass.tolist()) * v) ** -1 * v.T
             projector, truth = (np.array(x.tolist(), float) for x in (v * v.T, exact))
         given = jnp.diag(jnp.asarray(mass, dtype)), jnp.asarray(projector, dtype)
-        inverse, definite = jax.jit(restricted_inverse)(
+        inverse, definite, _ = jax.jit(restricted_inverse)(
             *given, jnp.asarray(dimension), jnp.ones((), dtype), jnp.zeros((), dtype)
         )
         assert definite
@@ -61,7 +61,8 @@ def test_what_has_no_inverse_is_flagged_and_leaves_value_and_gradient_finite(spo
     @jax.vmap
     def run(mass):
         def one(mass, projector):
-            inverse, definite = restricted_inverse(mass, projector, jnp.asarray(dimension), jnp.ones(()), jnp.zeros(()))
+            given = jnp.asarray(dimension), jnp.ones(()), jnp.zeros(())
+            inverse, definite, _ = restricted_inverse(mass, projector, *given)
             return jnp.sum(inverse), (inverse, definite)
 
         return jax.value_and_grad(one, argnums=(0, 1), has_aux=True)(mass, projector)

@@ -126,10 +126,10 @@ def test_cause_is_raised_unless_asked_not_to(cause):
 
 
 @pytest.mark.parametrize("rates", [(1.0, 1.0), (1.0, -3.0), (-2.0, 6.0), (0.0, 0.0)])
-def test_a_flat_parallelogram_moves_along_its_branches(rates):
-    solution = registry.solve(*registry.four_bar(0.0, rates))
+def test_a_flat_parallelogram_is_singular_on_all_its_branches(rates):
+    solution = registry.solve(*registry.four_bar(0.0, rates), throw=False)
+    assert solution.result == R.singular_position
     assert (solution.stats.rank, solution.stats.freedom) == (7, 2)
-    assert np.all(np.isfinite(solution.acceleration))
 
 
 def test_drivers_that_agree_are_consistent():

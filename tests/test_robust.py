@@ -169,8 +169,9 @@ def test_default_and_newton_are_one_where_friction_contracts(name):
 def test_rank_is_lower_only_here():
     mechanism = rx.mechanisms.parallelogram()
     for phi, singular in ((0.0, True), (1e-6, False), (0.3, False)):
-        solution = rx.solve(mechanism, mechanism.state(phi=phi, rate=1.0))
+        solution = rx.solve(mechanism, mechanism.state(phi=phi, rate=1.0), throw=False)
         assert bool(solution.stats.singular_position) == singular
+        assert (solution.result == rx.RESULTS.singular_position) == singular
     nearly = rx.solve(mechanism, mechanism.state(phi=1e-14, rate=1.0), throw=False)
     assert nearly.result == rx.RESULTS.ambiguous_rank
     report = rx.analyze(mechanism, mechanism.state(phi=0.0, rate=1.0))

@@ -30,6 +30,7 @@ from .._solve import solve
 from .._state import State
 from .._system import AbstractSystem
 from ._outputs import outputs
+from ._position import position
 from ._release import releases
 from ._report import Report
 from ._verdict import Family, Judged, family, judge
@@ -63,11 +64,12 @@ def analyze(
     """
     no_classes(closure=closure)
     factor = factorize(system, state, rank)
-    found = jax.device_get(_evidence(factor))
-    rows, unique = np.array(system.rows.labels), found.unique_multipliers
+    found, here = jax.device_get((_evidence(factor), position(system.anonymous(), state, factor)))
+    singular = bool(found.singular_position)
+    rows, unique = np.array(system.rows.labels), found.unique_multipliers & (not singular)
     reads = np.unique(np.concatenate([np.zeros(0, int), *(np.ravel(group.rows) for group in system.friction)]))
     successful = bool(found.result == RESULTS.successful)
-    stress = _echelon(found.self_stress, rows.size - int(found.spectrum.rank), unique)
+    stress = _echelon(found.self_stress, rows.size - int(found.spectrum.rank), found.unique_multipliers)
     groups, kinds = _groups(stress), system.rows.kinds
     figures, result = _family(system, state, factor, closure, stress, sense, rank)
     return Report(
@@ -83,10 +85,12 @@ def analyze(
         groups=tuple(tuple(str(rows[k]) for k in group) for group in groups),
         unit_dependent=tuple(str(rows[k]) for group in groups if len({kinds[k] for k in group}) > 1 for k in group),
         unique_multipliers=tuple(str(name) for name in rows[unique]),
-        unique_only_here=tuple(str(name) for name in rows[found.unique_only_here]),
-        singular_position=bool(found.singular_position),
-        unique_accelerations=bool(found.determinate),
-        at_rest=bool(result == RESULTS.friction_at_rest),
+        unique_only_here=tuple(str(name) for name in rows[here.unique_only_here & (not singular)]),
+        singular_position=singular,
+        local_self_stress=int(here.local),
+        lost_digits=float(found.lost_digits),
+        unique_accelerations=bool(found.determinate) and not singular,
+        at_rest=_rests(result),
         verdicts=_verdicts(system, state, figures, result) if successful else {},
         spectral_radius=figures.radius if system.friction else None,
         releases=releases(orthonormal(found.row_scale, stress), system.rows.labels, system.rows.kinds)
@@ -105,8 +109,8 @@ class _Evidence(NamedTuple):
     determinate: Array
     self_stress: Array
     unique_multipliers: Array
-    unique_only_here: Array
     singular_position: Array
+    lost_digits: Array
     row_scale: Array
 
 
@@ -133,8 +137,12 @@ def _family(
 
 
 def _verdicts(system: AbstractSystem, state: State, figures: Family, result: RESULTS) -> dict[str, tuple[Judged, ...]]:
-    how = {"solved": bool(result == RESULTS.successful), "at_rest": bool(result == RESULTS.friction_at_rest)}
+    how = {"solved": bool(result == RESULTS.successful), "at_rest": _rests(result)}
     return {kind: tuple(judge(figures, *output, **how)) for kind, output in outputs(system, state).items()}
+
+
+def _rests(result: RESULTS) -> bool:
+    return bool((result == RESULTS.friction_at_rest) | (result == RESULTS.ambiguous_rest))
 
 
 def _groups(stress: np.ndarray) -> list[np.ndarray]:

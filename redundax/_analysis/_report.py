@@ -10,6 +10,9 @@ from ._release import Release
 from ._verdict import Judged, Verdict
 
 
+_FEW = 6.0  # lost digits that are worth a word
+
+
 @dataclasses.dataclass(frozen=True)
 class Report:
     """Redundancy and uniqueness of a system at a state. `str()` gives a page, `to_dict()` and `to_json()` data.
@@ -25,8 +28,10 @@ class Report:
       that hold force-type and moment-type rows (Section 3). Under `Compliance` none does.
     - `unique_multipliers`: names of the multipliers that are unique without friction.
     - `unique_only_here`: those of them that are unique at this position only.
-    - `singular_position`: whether the rank is lower here than at positions beside it, so that nothing said here holds
-      there.
+    - `singular_position`: whether the rank is lower here than at positions beside it: then nothing is called unique,
+      and what is said of self-stress holds only here.
+    - `local_self_stress`: how many of the self-stress states, at least, vanish beside a singular position.
+    - `lost_digits`: decimal digits that accelerations and loads lose to the smallest kept singular value.
     - `unique_accelerations`: whether accelerations are unique without friction.
     - `at_rest`: whether a joint with friction rests, where its friction is set-valued and what it moves undecided.
     - `verdicts`: what is proved, over all solutions, of each "acceleration", "multiplier", "friction" and, for a
@@ -61,6 +66,8 @@ class Report:
     unique_multipliers: tuple[str, ...]
     unique_only_here: tuple[str, ...]
     singular_position: bool
+    local_self_stress: int
+    lost_digits: float
     unique_accelerations: bool
     at_rest: bool
     verdicts: dict[str, tuple[Judged, ...]]
@@ -121,8 +128,12 @@ class Report:
             lines.append(f"PROBLEM: {self.problem}")
         if self.singular_position:
             lines.append(
-                "SINGULAR POSITION: the rank is higher beside it. What follows holds only here; branches of motion "
-                "meet, and accelerations need not be those of a motion along one."
+                f"SINGULAR POSITION: the rank is higher beside it, where at least {self.local_self_stress} of the "
+                f"{_count(self.redundancy, 'self-stress state')} vanish. No acceleration and no load is called unique."
+            )
+        elif self.lost_digits >= _FEW:
+            lines.append(
+                f"NEAR A SINGULAR POSITION: accelerations and loads lose {self.lost_digits:.0f} of their digits."
             )
         for number, state in enumerate(self.self_stress):
             lines.append(f"Self-stress state {number}:")

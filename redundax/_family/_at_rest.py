@@ -72,7 +72,7 @@ def drive(system: AbstractSystem, state: State, rank: ArrayLike | None) -> Drive
     factor = factorize(system, state, rank)
     length, angular = np.asarray(factor.length), np.asarray(system.coordinates.angular)
     rates = np.abs(np.asarray(state.qd)) * np.where(angular, length, 1.0)
-    if rates.max() > factor.resting_rate:
+    if bool(factor.motion_of(jnp.asarray(rates.max())).is_yes):
         raise ValueError(
             f"Argument `state` must be at rest, but has velocities up to {rates.max():.3g}. "
             "Take `qd = 0`, or `simulate` to where it comes to rest."

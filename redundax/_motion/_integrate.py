@@ -48,15 +48,15 @@ def integrate(
     fixed = still((system, state))  # what only decides how to compute has no derivative
     factor = factorize(*fixed, rank)
     rank = factor.spectrum.rank
-    held = held_by(system, state, factor.scaling, factor.scaled_self_stress, singular=singular)
+    held = held_by(system, state, factor.scaling, factor.split.stress, singular=singular)
     equations = _equations(system, state, factor, closure, stabilisation, t1)
     first = 0.01 * factor.scaling.size / equations.speed if dt0 is None else dt0
     options = Options(solver, rtol is None, _controller(rtol, first), adjoint, meter, max_steps, first, t1, ts)
     begin = _start(equations, state, factor, held)
-    before = _before(begin, _moving(equations, state), state.t, held, ts, ~factor.singular_position)
+    before = _before(begin, _moving(equations, state), state.t, held, ts)
     done = run(before, equations, options, max_phases)
     solved, found = _solved(equations, done, ts, rank, singular)
-    ended = _ended(done, ~factor.singular_position, found == rank)
+    ended = _ended(done, found == rank)
     ended = RESULTS.where(begin.result == RESULTS.successful, ended, begin.result)
     q, qd, acceleration, multipliers, friction, memory = solved
     return Trajectory(ts, q, qd, acceleration, multipliers, friction, done.senses, memory, ended, _stats(done))
@@ -125,7 +125,7 @@ def _moving(equations: Equations, state: State) -> Moving:
     return Moving(state.q, base, state.qd, none, none if equations.has_sense else None, memory)
 
 
-def _before(begin: _Start, y: Moving, t: Array, held: Held, ts: Array, regular: Array) -> Run:
+def _before(begin: _Start, y: Moving, t: Array, held: Held, ts: Array) -> Run:
     """The run before its first phase."""
     start = begin.onward
     y = y._replace(qd=jnp.where(start.resting, 0.0, y.qd))
@@ -142,7 +142,7 @@ def _before(begin: _Start, y: Moving, t: Array, held: Held, ts: Array, regular: 
         path=path,
         senses=jnp.full((ts.size, *start.sense.shape), jnp.nan, t.dtype),
         rests=jnp.zeros(ts.shape, bool),
-        going=(begin.result == RESULTS.successful) & regular & start.decided,
+        going=(begin.result == RESULTS.successful) & start.decided,
         decided=start.decided,
         ended=diffrax.RESULTS.successful,
         watch=at_start(jnp.zeros_like(t)),
@@ -175,13 +175,12 @@ def _solved(equations: Equations, done: Run, ts: Array, rank: Array, singular: b
     return jax.tree.map(lambda x: x[:-1], solved), found[-1]
 
 
-def _ended(done: Run, regular: Array, same: Array) -> RESULTS:
+def _ended(done: Run, same: Array) -> RESULTS:
     """The result of a motion; `same` says whether the rank is what it was."""
     events = done.ended == diffrax.RESULTS.event_occurred
     stopped = done.ended == diffrax.RESULTS.successful
     return first_failure(
         (
-            (regular, RESULTS.rank_changed),
             (jnp.all(jnp.isfinite(done.y.q)) & jnp.all(jnp.isfinite(done.y.qd)), RESULTS.not_finite),
             (done.ended != diffrax.RESULTS.max_steps_reached, RESULTS.steps_exhausted),
             (done.decided, RESULTS.joint_sticks),
