@@ -39,10 +39,10 @@ from ._closures._elastic_joints import JointCompliance as JointCompliance
 from ._closures._row_scalings import RowNormalised as RowNormalised
 from ._closures._row_scalings import UnitConsistent as UnitConsistent
 from ._continuation import Continuation as Continuation
+from ._decision import Decision as Decision
 from ._draw import animate as animate
 from ._draw import draw as draw
 from ._enumerate import frictional_solutions as frictional_solutions
-from ._decision import Decision as Decision
 from ._factorisation import Factorisation as Factorisation
 from ._factorisation import factorize as factorize
 from ._family._band import Bands as Bands

@@ -328,10 +328,7 @@ def _singularity(
     the rank changes with it; what it has without w is -P gamma, another matter. Rounding moves Phi'' itself, the range
     of P by as much of K^+ Phi'', and a state off the manifold likewise.
     """
-    numbers = jnp.arange(1.0, state.qd.size + 1, dtype=gamma.dtype)
-    motions = jnp.stack([jnp.cos(numbers**2), jnp.sin(numbers**2)]) @ parts.motion
-    sizes = jnp.max(jnp.abs(motions), axis=1, keepdims=True)
-    motions = motions / jnp.where(sizes > 0, sizes, 1.0)
+    motions = _uneven(parts.motion)
     speed = jnp.max(jnp.abs(state.qd / scales.coordinates)) + reached
     speed = jnp.where(speed > 0, speed, scales.size)
     rates = jnp.stack(
@@ -347,6 +344,18 @@ def _singularity(
     large = large + jnp.stack([scales.size, 2 * speed]) ** 2 / scales.size
     rounding = max(bends.shape[0], state.qd.size) * float(jnp.finfo(gamma.dtype).eps)
     return Decision(jnp.max(moved / (_ROUNDING * (rounding + position) * large)))
+
+
+def _uneven(projector: Array) -> Array:
+    """Two directions in the range of a projector, of largest entry 1, that have no symmetry; zero if it is.
+
+    The column of the largest pivot, added with the sign of what is there, keeps them from being rounding.
+    """
+    numbers, pivot = jnp.arange(1.0, len(projector) + 1, dtype=projector.dtype), jnp.argmax(jnp.diagonal(projector))
+    mixed = jnp.stack([jnp.cos(numbers**2), jnp.sin(numbers**2)]) @ projector
+    mixed = mixed + jnp.where(mixed[:, pivot] < 0, -2.0, 2.0)[:, None] * projector[pivot]
+    largest = jnp.max(jnp.abs(mixed), axis=1, keepdims=True)
+    return mixed / jnp.where(largest > 0, largest, 1.0)
 
 
 def _refined(

@@ -9,7 +9,6 @@ import numpy as np
 from ._release import Release
 from ._verdict import Judged, Verdict
 
-
 _FEW = 6.0  # lost digits that are worth a word
 
 
