@@ -322,40 +322,33 @@ def _rate_noise(qd: Array, rate: Array, reached: Array, kept: Array) -> Array:
 def _singularity(
     system: AbstractSystem, state: State, scales: Scaling, parts: Split, position: Array, gamma: Array, reached: Array
 ) -> Decision:
-    """Whether P Phi'' is zero along motions w, and along the motion itself with w added.
+    """Whether P Phi'' along the velocity with a motion w added is what it is without, -P gamma.
 
-    Of a quadratic form that is not zero, directions of no symmetry see it. Where time enters, the second one sees that
-    the rank changes with it; what it has without w is -P gamma, another matter. Rounding moves Phi'' itself, the range
-    of P by as much of K^+ Phi'', and a state off the manifold likewise.
+    Of a quadratic form that is not zero a direction of no symmetry sees it, and where time enters that the rank changes
+    with it. Rounding moves Phi'' itself, the range of P by as much of K^+ Phi'', and a state off the manifold likewise.
     """
-    motions = _uneven(parts.motion)
-    speed = jnp.max(jnp.abs(state.qd / scales.coordinates)) + reached
+    qd = state.qd / scales.coordinates
+    speed = jnp.max(jnp.abs(qd)) + reached
     speed = jnp.where(speed > 0, speed, scales.size)
-    rates = jnp.stack(
-        [scales.size * scales.coordinates * motions[0], state.qd + speed * scales.coordinates * motions[1]]
-    )
-    bends = jax.vmap(lambda rate, time: second_derivative(system, state, rate, time))(
-        rates, jnp.array([0, 1], gamma.dtype)
-    )
-    bends = (bends / scales.rows).T
-    without = jnp.stack([jnp.zeros_like(gamma), -gamma], axis=1)
-    moved = jnp.max(jnp.abs(parts.stress @ (bends - without)), axis=0)
-    large = sum(jnp.max(jnp.abs(part), axis=0) for part in (bends, without, parts.inverse @ bends))
-    large = large + jnp.stack([scales.size, 2 * speed]) ** 2 / scales.size
-    rounding = max(bends.shape[0], state.qd.size) * float(jnp.finfo(gamma.dtype).eps)
-    return Decision(jnp.max(moved / (_ROUNDING * (rounding + position) * large)))
+    rate = qd + speed * _uneven(parts.motion, qd)
+    bend = second_derivative(system, state, scales.coordinates * rate, jnp.ones_like(state.t)) / scales.rows
+    moved = jnp.max(jnp.abs(parts.stress @ (bend + gamma)))
+    large = sum(jnp.max(jnp.abs(part)) for part in (bend, gamma, parts.inverse @ bend)) + (2 * speed) ** 2 / scales.size
+    rounding = max(gamma.size, qd.size) * float(jnp.finfo(gamma.dtype).eps)
+    return Decision(moved / (_ROUNDING * (rounding + position) * large))
 
 
-def _uneven(projector: Array) -> Array:
-    """Two directions in the range of a projector, of largest entry 1, that have no symmetry; zero if it is.
+def _uneven(projector: Array, along: Array) -> Array:
+    """A direction of no symmetry in the range of a projector, of largest entry 1; zero if it is.
 
-    The column of the largest pivot, added with the sign of what is there, keeps them from being rounding.
+    The column of the largest pivot, added with the sign of what is there, keeps it from being rounding; turned so that
+    it does not point against a vector, with which it could cancel.
     """
     numbers, pivot = jnp.arange(1.0, len(projector) + 1, dtype=projector.dtype), jnp.argmax(jnp.diagonal(projector))
-    mixed = jnp.stack([jnp.cos(numbers**2), jnp.sin(numbers**2)]) @ projector
-    mixed = mixed + jnp.where(mixed[:, pivot] < 0, -2.0, 2.0)[:, None] * projector[pivot]
-    largest = jnp.max(jnp.abs(mixed), axis=1, keepdims=True)
-    return mixed / jnp.where(largest > 0, largest, 1.0)
+    mixed = jnp.cos(numbers**2) @ projector
+    mixed = mixed + jnp.where(mixed[pivot] < 0, -2.0, 2.0) * projector[pivot]
+    largest = jnp.max(jnp.abs(mixed))
+    return jnp.where(mixed @ along < 0, -1.0, 1.0) * mixed / jnp.where(largest > 0, largest, 1.0)
 
 
 def _refined(

@@ -263,5 +263,5 @@ def test_singular_positions(cases):
     found = names(jax.jit(jax.vmap(run))(stacked(given)))
     assert set(found) <= {"successful", "singular_position", "ambiguous_position"}
     assert np.all(found[share == 0] == "successful")
-    assert np.all(found[share > 1e-8] == "singular_position")
-    assert not np.any(found[share > 1e-11] == "successful")
+    assert np.all(found[share > 1e-7] == "singular_position")
+    assert not np.any(found[share > 1e-9] == "successful")
