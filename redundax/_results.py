@@ -129,6 +129,8 @@ class RESULTS(eqx.Enumeration):
         "may have no solution; reduce the friction coefficient."
     )
 
+    __members__ = tuple(name for name in vars() if not name.startswith("__"))  # last, after all of them
+
 
 def first_failure(checks: Sequence[tuple[Bool[Array, ""], RESULTS]]) -> RESULTS:
     """The result of the first check that did not pass, or `RESULTS.successful`."""
@@ -140,4 +142,4 @@ def first_failure(checks: Sequence[tuple[Bool[Array, ""], RESULTS]]) -> RESULTS:
 
 def result_codes() -> dict[str, int]:
     """The name of every result and the number that stands for it in arrays."""
-    return {name: int(jax.tree.leaves(getattr(RESULTS, name))[0]) for name in RESULTS._name_to_item}
+    return {name: int(jax.tree.leaves(getattr(RESULTS, name))[0]) for name in RESULTS.__members__}
