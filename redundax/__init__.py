@@ -110,11 +110,11 @@ from ._stability import Settling as Settling
 from ._stability import Stability as Stability
 from ._stability import stability as stability
 from ._state import State as State
+from ._study._combination import Combination as Combination
 from ._study._distributions import AbstractDistribution as AbstractDistribution
 from ._study._distributions import Normal as Normal
 from ._study._distributions import Uniform as Uniform
 from ._study._ensemble import ensemble as ensemble
-from ._study._identification import Combination as Combination
 from ._study._identification import Identification as Identification
 from ._study._identification import Minimum as Minimum
 from ._study._identify import identify as identify

@@ -97,6 +97,38 @@ def test_what_acts_only_as_a_product_is_named():
     assert page.count("not determined") == 2 and "± " in page
 
 
+BEYOND = {
+    "sum": lambda a, b: a + b,
+    "difference": lambda a, b: a - b,
+    "product": lambda a, b: a * b,
+    "quotient": lambda a, b: a / b,
+    "": lambda a, b: a**2 / 4 + b,  # as a + b and as a b where a = b = 2
+    " ": lambda a, b: a + 2 * b,
+}
+
+
+@pytest.mark.parametrize("noise", [1e-3, 1e-6])
+@pytest.mark.parametrize("about", BEYOND)
+def test_the_word_is_that_of_what_the_data_determine(about, noise):
+    """Beside a parameter that is determined, and where a = b: a sum and a product have the same sensitivities."""
+
+    def predict(rate, a, b):
+        return BEYOND[about](a, b) * (1 + T) + rate * T**2
+
+    ranges = {"rate": rx.Uniform(0.5, 1.5), "a": rx.Normal(2.0, 0.2), "b": rx.Normal(2.0, 0.3)}
+    found = rx.identify(predict, predict(1.0, 2.0, 2.0), ranges, noise=noise, starts=4)
+    (one,) = found.undetermined
+    assert one.names == ("a", "b") and one.about == about.strip()
+    assert ("the data determine their" in str(one)) == bool(one.about)
+
+
+def test_sensitivities_that_tell_no_two_words_apart_give_none():
+    """Ranges so narrow that a sum differs from a product by less than the noise."""
+    ranges = {"a": rx.Normal(2.0, 0.002), "b": rx.Normal(2.0, 0.002)}
+    found = rx.identify(lambda a, b: (a + b) * (1 + T), 4 * (1 + T), ranges, noise=1e-3)
+    assert [one.about for one in found.undetermined] == [""]
+
+
 def test_what_has_no_effect_and_what_acts_as_a_quotient():
     ranges = {name: rx.Uniform(1.0, 3.0) for name in ("a", "b", "idle")}
     found = rx.identify(lambda a, b, idle: a / b * T + 0.0 * idle, 1.5 * T + NOISE, ranges, noise=0.01)

@@ -2,10 +2,12 @@
 
 import dataclasses
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ._combination import Combination, Points, word
 from ._distributions import entries
 
 _LEFT = 0.01  # standard uncertainties from the minimum, up to which a search has converged
@@ -14,40 +16,6 @@ _RIVAL = 4.0  # of chi^2 above the least, up to which the data do not tell minim
 _MEMBER = 0.1  # part of a combination's largest entry, from which a parameter belongs to it
 _LISTED = 3  # other minima on the page
 _ODD = 4.0  # standard deviations of chi^2 from its mean, from which model or noise are in doubt
-
-
-@dataclasses.dataclass(frozen=True)
-class Combination:
-    """Parameters that the data do not determine, changed together.
-
-    - `names`: the parameters.
-    - `changes`: how far each changes with hardly any change of what is predicted, in its own unit.
-    - `uncertainty`: standard uncertainty of the combination, relative to that before the measurement; above 1.
-    - `about`: "product" or "quotient" where that of two parameters is all that the data determine, else "".
-
-    ??? example
-
-        ```python
-        def predict(load, drag):
-            return load / drag * jnp.ones(3)
-
-
-        found = rx.identify(predict, jnp.ones(3), {"load": rx.Normal(1, 0.1), "drag": rx.Normal(1, 0.1)}, noise=0.01)
-        print(found.undetermined[0])  # load and drag: ...; the data determine their quotient only
-        ```
-    """
-
-    names: tuple[str, ...]
-    changes: np.ndarray
-    uncertainty: float
-    about: str
-
-    def __str__(self) -> str:
-        if len(self.names) == 1:
-            return f"{self.names[0]}: hardly any effect on what is measured"
-        pairs = ", ".join(f"{name} by {x:+.2g}" for name, x in zip(self.names, self.changes, strict=True))
-        rest = f"; the data determine their {self.about} only" if self.about else ""
-        return f"{' and '.join(self.names)}: changing {pairs} has hardly any effect{rest}"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -179,6 +147,10 @@ class Ends(NamedTuple):
     slopes: np.ndarray
 
 
+# Places in standard deviations (k, p), and the sensitivities there (k, N, p).
+Sensitivities = Callable[[], tuple[np.ndarray, np.ndarray]]
+
+
 class _End(NamedTuple):
     """One of them: singular value decomposition of the sensitivities, how many are determined, whether it converged."""
 
@@ -191,8 +163,8 @@ class _End(NamedTuple):
     converged: bool
 
 
-def identified(ends: Ends, space: Space) -> Identification:
-    """The identification from the ends of all searches."""
+def identified(ends: Ends, space: Space, sensitivities: Sensitivities) -> Identification:
+    """The identification from the ends of all searches, and from sensitivities elsewhere, asked for where needed."""
     each = [_end(*one) for one in zip(*ends, strict=True)]
     order = sorted((one for one in each if np.isfinite(one.chi_square)), key=lambda one: one.chi_square)
     groups: list[list[_End]] = []
@@ -222,7 +194,7 @@ def identified(ends: Ends, space: Space) -> Identification:
         covariance=covariance,
         chi_square=best.chi_square,
         degrees=len(best.slopes) - best.rank,
-        undetermined=tuple(_combination(best, k, space) for k in range(best.rank, p)),
+        undetermined=tuple(_combination(best, k, space, sensitivities) for k in range(best.rank, p)),
         singular_values=best.singular,
         minima=minima,
         searches=len(each),
@@ -262,17 +234,18 @@ def _covariance(best: _End, scale: np.ndarray) -> np.ndarray:
     return scale[:, None] * (half @ half.T) * scale
 
 
-def _combination(best: _End, k: int, space: Space) -> Combination:
+def _combination(best: _End, k: int, space: Space, sensitivities: Sensitivities) -> Combination:
     direction = best.directions[k]
     direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
     members = np.flatnonzero(np.abs(direction) > _MEMBER * np.abs(direction).max())
-    changes, values = (direction * space.scale)[members], (space.middle + space.scale * best.u)[members]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        turns = changes / values
-        ratio = turns[0] / turns[1] if len(members) == 2 else np.nan
-    about = next((name for name, wanted in (("product", -1.0), ("quotient", 1.0)) if abs(ratio - wanted) < 0.1), "")
+    about = ""
+    if len(members) == 2:
+        elsewhere, slopes = sensitivities()
+        u, slopes = np.vstack([best.u, elsewhere]), np.concatenate([best.slopes[None], slopes])
+        points = Points((space.middle + space.scale * u)[:, members], slopes[:, :, members])
+        about = word(points, space.scale[members])
     uncertainty = 1.0 / max(float(best.singular[k]), np.finfo(float).tiny)
-    return Combination(tuple(space.names[i] for i in members), changes, uncertainty, about)
+    return Combination(tuple(space.names[i] for i in members), (direction * space.scale)[members], uncertainty, about)
 
 
 def _flat(values: dict[str, np.ndarray]) -> np.ndarray:

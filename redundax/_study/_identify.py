@@ -29,6 +29,8 @@ from .._module import Numbers, as_float
 from ._distributions import AbstractDistribution, sobol
 from ._identification import Ends, Identification, Shapes, Space, identified, restored
 
+_POINTS = 8  # of the ranges, at which the sensitivities must agree on a sum, difference, product or quotient
+
 
 def identify(
     predict: Callable[..., Array],
@@ -80,7 +82,7 @@ def identify(
     shapes = tuple((name, one.shape) for name, one in parameters.items())
     middle = jnp.concatenate([jnp.ravel(one.nominal) for one in parameters.values()])
     scale = jnp.concatenate([jnp.ravel(one.std) for one in parameters.values()])
-    begin = jnp.concatenate([x.reshape(starts, -1) for x in sobol(parameters, starts, seed).values()], axis=1)
+    begin = _points(parameters, starts, seed)
     try:
         found = _searches(predict, shapes, begin, data, sigma, middle, scale, max_steps, rtol)
     except TypeError as error:
@@ -90,10 +92,21 @@ def identify(
             "Argument `predict` must be differentiable in forward mode, but is not. Give `simulate` the argument "
             "`adjoint=diffrax.ForwardMode()`."
         ) from error
-    out = identified(Ends(*map(np.asarray, found)), Space(shapes, np.asarray(middle), np.asarray(scale)))
+
+    def elsewhere() -> tuple[np.ndarray, np.ndarray]:
+        u = (_points(parameters, _POINTS, seed) - middle) / scale
+        return np.asarray(u), np.asarray(_sensitivities(predict, shapes, u, sigma, middle, scale))
+
+    space = Space(shapes, np.asarray(middle), np.asarray(scale))
+    out = identified(Ends(*map(np.asarray, found)), space, elsewhere)
     if out.problem and throw:
         raise RuntimeError(out.problem)
     return out
+
+
+def _points(parameters: Mapping[str, AbstractDistribution], count: int, seed: int) -> Array:
+    """Values of all entries of the parameters at Sobol points, shape (count, p)."""
+    return jnp.concatenate([x.reshape(count, -1) for x in sobol(parameters, count, seed).values()], axis=1)
 
 
 def _checked(
@@ -161,3 +174,11 @@ def _searches(
         return found.value, last.residual, last.jac.as_matrix()
 
     return jax.vmap(search)((begin - middle) / scale)
+
+
+@eqx.filter_jit
+def _sensitivities(
+    predict: Callable[..., Array], shapes: Shapes, points: Array, sigma: Array, middle: Array, scale: Array
+) -> Array:
+    """Those of the residual at each point."""
+    return jax.vmap(jax.jacfwd(lambda u: (predict(**restored(shapes, middle + scale * u)) / sigma).ravel()))(points)
