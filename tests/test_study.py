@@ -112,6 +112,112 @@ def test_file_of_a_study_that_failed_at_once_is_taken(tmp_path, monkeypatch):
     same(study(path=tmp_path / "new.nc"))
 
 
+def cut(path):
+    path.write_bytes(path.read_bytes()[:-100])
+
+
+def changed(path):
+    """The last of the first samples beyond the first chunk, by one bit."""
+    content = path.read_bytes()
+    place = content.index(np.array(X[4:8] ** 2).tobytes()) + 24
+    path.write_bytes(content[:place] + bytes([content[place] ^ 1]) + content[place + 1 :])
+
+
+def rewritten(path):
+    import netCDF4
+
+    with netCDF4.Dataset(path, "a") as data:
+        data["nested.sums"][9, 1] += 1e-9
+
+
+@pytest.mark.parametrize(
+    ("harm", "message"),
+    [
+        (lambda path: path.write_bytes(b""), "study.nc is no netCDF file.* delete the file"),
+        (lambda path: path.write_text("a,b\n1,2\n"), "study.nc is no netCDF file.* delete the file"),
+        (cut, "study.nc cannot be read .*cut off or damaged. Delete the file"),
+        (changed, "study.nc was changed or damaged.* samples 4 to 7 are not .* Delete the file"),
+        (rewritten, "study.nc was changed or damaged.* samples 8 to 9 are not .* Delete the file"),
+    ],
+)
+def test_a_damaged_file_is_told(harm, message, tmp_path):
+    study(path=tmp_path / "study.nc")
+    harm(tmp_path / "study.nc")
+    with pytest.raises(ValueError, match=message):
+        study(path=tmp_path / "study.nc")
+    (tmp_path / "study.nc").unlink()
+    same(study(path=tmp_path / "study.nc"))
+
+
+def test_a_folder_is_no_file(tmp_path):
+    (tmp_path / "study.nc").mkdir()
+    with pytest.raises(ValueError, match=r"study.nc cannot be opened .*Choose another"):
+        study(path=tmp_path / "study.nc")
+
+
+HELD = "import netCDF4, sys; data = netCDF4.Dataset(sys.argv[1], 'a'); print('open', flush=True); sys.stdin.read()"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="asks for the lock as Unix knows it")
+def test_a_file_that_is_open_elsewhere_is_told(tmp_path):
+    path = tmp_path / "study.nc"
+    study(path=path)
+    with subprocess.Popen([sys.executable, "-c", HELD, path], stdin=-1, stdout=-1, text=True) as other:
+        assert other.stdout.readline() == "open\n"
+        with pytest.raises(ValueError, match=r"study.nc is open in another program .* Close it there"):
+            study(path=path)
+        other.communicate()
+    same(study(path=path))
+
+
+FULL = """
+import json, resource, sys
+import jax.numpy as jnp, numpy as np
+import redundax as rx
+from redundax._study import _study
+
+x, said, begun = np.arange(1000.0), [], []
+
+def room(size):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
+
+def told(steps, *_):
+    for step in steps:
+        begun.append(step)
+        if step == 300:
+            room(1000)
+        yield step
+
+def study():
+    try:
+        return rx.study(lambda x: {"y": x + jnp.arange(10)}, {"x": x}, chunk=100, path=sys.argv[1])
+    except (OSError, ValueError) as error:
+        said.append(f"{type(error).__name__}: {error}")
+
+room(20_000)  # of 48,000 bytes
+study()
+room(resource.RLIM_INFINITY)
+_study.told = told
+study()
+room(resource.RLIM_INFINITY)
+_study.told = lambda steps, *_: begun.append(steps[0]) or steps
+found = study()
+print(json.dumps([said, begun, bool(np.array_equal(found.y, x[:, None] + np.arange(10)))]))
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="limits the size of files")
+def test_a_full_disk_is_told_and_the_study_goes_on(tmp_path):
+    process = [sys.executable, "-c", FULL, tmp_path / "study.nc"]
+    out = subprocess.run(process, capture_output=True, text=True, timeout=1000, check=True).stdout
+    (before, later), begun, right = json.loads(out)
+    assert before.startswith("ValueError: Argument `path`: ") and later.startswith("OSError: Argument `path`: ")
+    for one in (before, later):
+        assert "study.nc cannot be written" in one and "MB are free" in one and "Make room, or choose another" in one
+    assert "call the study again: 300 of 1000 samples are done" in later
+    assert begun == [0, 100, 200, 300, 300] and right
+
+
 def whirl(speed, drift):
     """A mass on a rod held twice, without load: its acceleration is speed^2 towards the middle, without drift."""
 

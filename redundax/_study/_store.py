@@ -1,10 +1,13 @@
 """Where a study keeps what is done: in memory, or in a netCDF file to which every chunk is added.
 
 A file has its full size from the start; its attribute `done` tells how many samples are in it, and `fingerprint` of
-which study they are. Variables lie in one piece, without compression, so that chunks of any size can be added.
+which study they are. Variables lie in one piece, without compression, so that chunks of any size can be added. What
+the disk can do to it is in `_disk`.
 """
 
+import contextlib
 import importlib
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
@@ -12,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ._disk import add_check, create_checks, damage, no_room, reserve, unreadable
 from ._layout import SAMPLE, Layout, Variable
 
 if TYPE_CHECKING:
@@ -83,10 +87,7 @@ class File:
             else:
                 self._create(fingerprint)
         except OSError as error:
-            self.problem = (
-                f"Argument `path`: {path} cannot be opened ({error}). If it is a study that another program reads or "
-                "writes, close it there."
-            )
+            self.problem = unreadable(path, error)
 
     def _resume(self, fingerprint: str) -> None:
         self._data = optional("netCDF4").Dataset(self._path)
@@ -102,11 +103,33 @@ class File:
             )
             return
         self.done = int(self._data.done)
+        wrong = damage(self._data, tuple(self._layout.variables), self.done)
+        if wrong:
+            self.close()
+            self.problem = (
+                f"Argument `path`: {self._path} was changed or damaged, or another version wrote it: {wrong} are not "
+                "what the check sums say. Delete the file, or give another path, and the study begins anew."
+            )
+            return
         if self.done < self._layout.size:
             self.close()
             self._data = optional("netCDF4").Dataset(self._path, "a")
 
     def _create(self, fingerprint: str) -> None:
+        try:
+            self._lay_out(fingerprint)
+            for name, variable in self._layout.variables.items():  # so that HDF5 gives each its place
+                self._data[name][-1] = np.zeros(variable.shape, _stored(variable))
+            self._data.sync()
+            reserve(self._path)
+        except (OSError, RuntimeError) as error:
+            self._give_up()
+            if not self._path.exists():
+                raise
+            self._path.unlink()
+            self.problem = f"{no_room(self._path, self._size)} ({error})."
+
+    def _lay_out(self, fingerprint: str) -> None:
         self._data = data = optional("netCDF4").Dataset(self._path, "w")
         data.set_fill_off()
         sizes = {dim: len(labels) for dim, labels in self._layout.labels.values()}
@@ -124,17 +147,37 @@ class File:
         data.setncatts({"samples": self._layout.size, "done": 0, "fingerprint": fingerprint})
         if coordinates:
             data.coordinates = coordinates
-        data.sync()
+        create_checks(data)
+
+    @property
+    def _size(self) -> int:
+        """Bytes of all samples."""
+        variables = self._layout.variables.values()
+        return self._layout.size * sum(math.prod(one.shape) * _stored(one).itemsize for one in variables)
 
     def write(self, values: Mapping[str, np.ndarray]) -> None:
         """Add samples after those that are there."""
-        first, done = self.done, self.done
-        for name, array in values.items():
-            done = first + len(array)
-            self._data[name][first:done] = array
-        self._data.sync()
-        self._data.done = self.done = done  # after the samples, so that what is counted is there
-        self._data.sync()
+        variables, first = self._layout.variables, self.done
+        stored = {name: array.astype(_stored(variables[name]), copy=False) for name, array in values.items()}
+        done = first + len(next(iter(stored.values())))
+        try:
+            for name, array in stored.items():
+                self._data[name][first:done] = array
+            add_check(self._data, first, done, stored)
+            self._data.sync()
+            self._data.done = done  # after the samples, so that what is counted is there
+            self._data.sync()
+        except (OSError, RuntimeError) as error:
+            self._give_up()
+            raise OSError(
+                f"{no_room(self._path, self._size)}, and call the study again: {first} of {self._layout.size} samples "
+                f"are done ({error})."
+            ) from error
+        self.done = done
+
+    def _give_up(self) -> None:
+        with contextlib.suppress(OSError, RuntimeError):
+            self.close()
 
     def difference(self, values: Mapping[str, np.ndarray]) -> str:
         """What tells these first samples from those in the file, by more than rounding.
@@ -160,9 +203,9 @@ class File:
 
     def close(self) -> None:
         """Close the file."""
-        if self._data is not None:
-            self._data.close()
-            self._data = None
+        data, self._data = self._data, None
+        if data is not None:
+            data.close()
 
 
 class Follower:

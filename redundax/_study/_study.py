@@ -59,7 +59,8 @@ def study(
     - `chunk`: number of samples that are on the devices at once; rounded up to a multiple of their number.
     - `path`: a netCDF file, ".nc", to which every chunk is written, so that memory does not grow with N. A study that
       was stopped goes on where it stopped if it is called again in the same way. So that `run` cannot have changed
-      meanwhile, the first chunk is computed again and compared.
+      meanwhile, the first chunk is computed again and compared; what is in the file is compared with check sums. Room
+      on the disk is taken for all samples at the start.
     - `mesh`: devices over which the samples of a chunk are spread, along all axes of the mesh; JAX's default device
       if not given. The mesh may span processes (`jax.distributed`) that all make the same call: process 0 writes,
       and all read the file at the end. For the cores of a CPU let each be a device, by
@@ -73,8 +74,9 @@ def study(
     differ only after an interrupt from the keyboard: it ends a study of one process with a warning and what is done.
     With `path` values are read when they are asked for, and the file is open from then until `close()`.
 
-    **Raises:** `ValueError` where samples and outputs do not fit, or where the file holds another study;
-    `ImportError` where the packages of the extra `study` are missing.
+    **Raises:** `ValueError` where samples and outputs do not fit, or where the file holds another study, is damaged,
+    open elsewhere or too large for the disk; `OSError` where the disk fails later; `ImportError` where the packages of
+    the extra `study` are missing.
     """
     optional("xarray")
     given = _given(samples)
