@@ -6,8 +6,9 @@
     python -m redundax study FILE.py:NAME        how far it varies along its self-stress
     python -m redundax report FILE.py:NAME -o F  both as a page with pictures, F.html or F.md
 
-It ends with 0, with 1 where a solve failed or a difference from the printed figures is unexplained, and with
-2 where the arguments cannot be understood. It computes in float64.
+It ends with 0, with 1 where a solve failed or a difference from the printed figures is unexplained, with 2 where the
+arguments cannot be understood, a file of yours fails or cannot be written, and with 130 where you stop it. It computes
+in float64.
 """
 
 import argparse
@@ -20,10 +21,11 @@ import os
 import pathlib
 import platform
 import shlex
+import signal
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from importlib import metadata
-from typing import Any
+from typing import Any, NoReturn
 
 import jax
 import numpy as np
@@ -32,7 +34,7 @@ from . import _paper
 from ._analysis._analyze import analyze
 from ._analysis._report import Report
 from ._family._solution_family import SolutionFamily, solution_family
-from ._file import FileError, load
+from ._file import FileError, blaming, check_target, load, writing
 from ._page._contents import contents
 from ._page._formats import FORMATS, write
 from ._plot import plot_family
@@ -57,14 +59,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         if arguments.command == "tables":
             return _tables_as_json() if arguments.json else _tables_as_text()
+        for target in filter(None, (getattr(arguments, name, None) for name in ("png", "output"))):
+            check_target(target)
         if arguments.command is None:
             return _paper_study(arguments.png)
-        system, state = load(arguments.system)
-        if arguments.command == "analyze":
-            return _analyze(system, state, arguments.json)
-        if arguments.command == "report":
-            return _report(system, state, arguments)
-        return _study(system, state, arguments)
+        with blaming(arguments.system):
+            return _COMMANDS[arguments.command](*load(arguments.system), arguments)
     except FileError as error:
         print(f"redundax: {error}", file=sys.stderr)
         return 2
@@ -80,7 +80,7 @@ def _parser() -> argparse.ArgumentParser:
         "and computed figures side by side, every difference marked and explained, and what of the mechanism's "
         "motion and joint loads is unique.",
         epilog="Exit status: 0 if all went well, 1 if a solve failed or a difference from the printed figures is "
-        "unexplained, 2 if the arguments are wrong.",
+        "unexplained, 2 if the arguments are wrong, your file fails or nothing can be written, 130 if you stop it.",
     )
     parser.add_argument("--png", metavar="FILE", type=_picture, help="also draw the mechanism's family of solutions")
     parser.add_argument("--version", action="version", version=f"redundax {_version()}")
@@ -176,9 +176,9 @@ def _target(text: str, endings: Sequence[str]) -> pathlib.Path:
     return file
 
 
-def _analyze(system: AbstractSystem, state: State, as_json: bool) -> int:
+def _analyze(system: AbstractSystem, state: State, arguments: argparse.Namespace) -> int:
     report = analyze(system, state)
-    _show(report.to_json() if as_json else str(report))
+    _show(report.to_json() if arguments.json else str(report))
     return 1 if report.problem else 0
 
 
@@ -201,11 +201,16 @@ def _report(system: AbstractSystem, state: State, arguments: argparse.Namespace)
     path, _, name = arguments.system.rpartition(":")
     title = f"{name} in {pathlib.Path(path).name}: what can be trusted"
     made = contents(title, system, state, report, solution, families, _provenance(arguments))
-    for file in write(made, arguments.output):
+    with writing(arguments.output):
+        files = write(made, arguments.output)
+    for file in files:
         print(f"written: {file}", file=sys.stderr)
     if report.problem:
         print(f"redundax: {report.problem}", file=sys.stderr)
     return 1 if report.problem or any(np.any(family.count == 0) for family in families) else 0
+
+
+_COMMANDS = {"analyze": _analyze, "study": _study, "report": _report}
 
 
 def _provenance(arguments: argparse.Namespace) -> str:
@@ -246,7 +251,8 @@ def _families(
 def _draw(families: Sequence[SolutionFamily], file: pathlib.Path) -> None:
     for number, family in enumerate(families):
         target = file if number == 0 else file.with_stem(f"{file.stem}_{number}")
-        plot_family(family).savefig(target)
+        with writing(target):
+            plot_family(family).savefig(target)
         print(f"drawn: {target}", file=sys.stderr)
 
 
@@ -310,12 +316,20 @@ def _show(text: str) -> None:
     print(text, flush=True)
 
 
+def _stop(*_: object) -> NoReturn:
+    os.write(sys.stderr.fileno(), b"redundax: stopped\n")  # a stream may be in the middle of a line
+    os._exit(130)
+
+
 def process() -> int:
     """Run the command in a process of its own.
 
     It runs most of its programs once, so it compiles them without optimisation, in less than half the time, unless
-    `JAX_DISABLE_MOST_OPTIMIZATIONS` or `XLA_FLAGS` say otherwise.
+    `JAX_DISABLE_MOST_OPTIMIZATIONS` or `XLA_FLAGS` say otherwise. Stopped from the keyboard it ends at once: a
+    KeyboardInterrupt that comes while a library cleans up would be printed and lost.
     """
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not where it is ignored, as under nohup
+        signal.signal(signal.SIGINT, _stop)
     if "JAX_DISABLE_MOST_OPTIMIZATIONS" not in os.environ:
         jax.config.update("jax_disable_most_optimizations", True)
     if jax.__version_info__ < (0, 11):  # XLA aborts at flags that it has dropped

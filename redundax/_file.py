@@ -1,16 +1,57 @@
-"""A system and its state out of a user's Python file, for the command line."""
+"""Files of the command line: a user's Python file with a system and its state, and what is written."""
 
+import contextlib
 import importlib.util
 import pathlib
 import sys
 import traceback
+from collections.abc import Iterator
 
 from ._state import State
 from ._system import AbstractSystem
 
+_PACKAGE = pathlib.Path(__file__).parent
+
 
 class FileError(Exception):
-    """A file or name that does not give a system and a state; the message says what to change."""
+    """A file that does not give a system and a state, or cannot be written; the message says what to change."""
+
+
+@contextlib.contextmanager
+def writing(file: pathlib.Path) -> Iterator[None]:
+    """Tell in a line why a file cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        raise FileError(
+            f"'{error.filename or file}' cannot be written: {error.strerror}. Choose another place."
+        ) from error
+
+
+def check_target(file: pathlib.Path) -> None:
+    """Refuse a file that cannot be written; what it holds, or that it is absent, stays."""
+    absent = not file.exists()
+    with writing(file):
+        file.open("ab").close()
+    if absent:
+        file.unlink()
+
+
+@contextlib.contextmanager
+def blaming(argument: str) -> Iterator[None]:
+    """Tell in a line what fails in the file of `FILE.py:NAME`, or what the package does not take from it."""
+    path = argument.rpartition(":")[0]
+    try:
+        yield
+    except FileError:
+        raise
+    except Exception as error:
+        line = _line(error, pathlib.Path(path))
+        if not (line or _is_ours(error)):
+            raise
+        first = (str(error).strip() or "no message").splitlines()[0]
+        where = f", line {line}," if line else ""
+        raise FileError(f"'{path}'{where} fails with {type(error).__name__}: {first}") from error
 
 
 def load(argument: str) -> tuple[AbstractSystem, State]:
@@ -34,10 +75,7 @@ def load(argument: str) -> tuple[AbstractSystem, State]:
     module = importlib.util.module_from_spec(spec)
     sys.modules[file.stem] = module
     sys.path.insert(0, str(file.parent.resolve()))  # so that it can import its neighbours
-    try:
-        spec.loader.exec_module(module)
-    except Exception as error:
-        raise FileError(f"'{path}'{_line(error, file)} fails with {type(error).__name__}: {error}") from error
+    spec.loader.exec_module(module)
     if not hasattr(module, name):
         raise FileError(f"'{path}' has no '{name}'. It has {', '.join(_public(module)) or 'no public names'}.")
     value = getattr(module, name)
@@ -60,11 +98,17 @@ def load(argument: str) -> tuple[AbstractSystem, State]:
     )
 
 
-def _line(error: Exception, file: pathlib.Path) -> str:
-    """Where in the file an error arose."""
-    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(file)]
-    line = error.lineno if isinstance(error, SyntaxError) else lines[-1] if lines else None
-    return f", line {line}," if line else ""
+def _line(error: Exception, file: pathlib.Path) -> int | None:
+    """Where in the file an error arose, if there."""
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.lineno for frame in frames if pathlib.Path(frame.filename).resolve() == file.resolve()]
+    return error.lineno if isinstance(error, SyntaxError) else lines[-1] if lines else None
+
+
+def _is_ours(error: Exception) -> bool:
+    """Whether the package itself refuses something."""
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    return isinstance(error, ValueError | RuntimeError) and pathlib.Path(last.filename).is_relative_to(_PACKAGE)
 
 
 def _public(module: object) -> list[str]:

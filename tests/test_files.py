@@ -3,6 +3,9 @@
 import contextlib
 import io
 import json
+import os
+import signal
+import subprocess
 import sys
 
 import numpy as np
@@ -120,6 +123,109 @@ def test_a_file_that_fails_is_told_by_its_line(file):
     assert f"'{file}', line 3, fails with ValueError: Argument `mass`" in error
     file.write_text("import redundax as\n")
     assert "line 1, fails with SyntaxError" in run("analyze", f"{file}:body")[2]
+
+
+BROKEN = """
+import time
+import jax.numpy as jnp
+import redundax as rx
+
+
+def broken():
+    return 1 / 0
+
+
+def branching(q, t, p):
+    if q[0] > 0:
+        return q
+    return -q
+
+
+def slow():
+    print("begun", flush=True)
+    time.sleep(1000)
+
+
+axes = {"coordinates": rx.Axis(("x", "y"), ("linear",) * 2), "rows": rx.Axis(("a", "b"), ("force",) * 2)}
+branched = rx.System(branching, mass=[1.0, 1.0], **axes)
+unequal = rx.System(lambda q, t, p: q, mass=[1.0, 1.0, 1.0], **axes)
+state = rx.State([0.0, 0.0], [0.0, 0.0])
+"""
+
+
+@pytest.fixture
+def broken(tmp_path):
+    (tmp_path / "broken.py").write_text(BROKEN)
+    return tmp_path
+
+
+def begin(folder, *arguments):
+    """The command in a process of its own, stopped by SIGINT even where the tests are not."""
+    code = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    code += "from redundax.__main__ import process; sys.exit(process())"
+    command = [sys.executable, "-c", code, *arguments]
+    return subprocess.Popen(command, cwd=folder, stdin=-3, stdout=-1, stderr=-1, text=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("broken", "'broken.py', line 8, fails with ZeroDivisionError: division by zero"),
+        ("branched", "'broken.py', line 12, fails with TracerBoolConversionError: Attempted boolean conversion"),
+        ("unequal", r"'broken.py' fails with ValueError: Argument `mass` of the system must give shape (2, 2)"),
+    ],
+)
+def test_what_fails_in_a_file_is_told_in_a_line(broken, monkeypatch, name, told):
+    monkeypatch.chdir(broken)
+    status, out, error = run("analyze", f"broken.py:{name}")
+    assert (status, out) == (2, "")
+    (line,) = error.splitlines()
+    assert line.startswith(f"redundax: {told}")
+
+
+def test_no_traceback_reaches_the_terminal(broken):
+    process = begin(broken, "report", "broken.py:broken")
+    out, error = process.communicate(timeout=1000)
+    assert (process.returncode, out, len(error.splitlines())) == (2, "", 1)
+    assert not (broken / "report.html").exists()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends the signal of Ctrl-C")
+@pytest.mark.parametrize("arguments", [("analyze", "broken.py:slow"), ("tables",)])
+def test_stopped_from_the_keyboard(broken, arguments):
+    process = begin(broken, *arguments)
+    assert process.stdout.readline()
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=1000)
+    assert (process.returncode, error) == (130, "redundax: stopped\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "place"),
+    [
+        (("report", "broken.py:broken", "-o"), "folder.html"),
+        (("report", "broken.py:broken", "-o"), "/proc/page.md"),
+        (("study", "broken.py:broken", "--png"), "folder.png"),
+        (("--png",), "folder.png"),
+    ],
+)
+def test_where_nothing_can_be_written_is_told_first(broken, monkeypatch, words, place):
+    monkeypatch.chdir(broken)
+    if "folder" in place:
+        (broken / place).mkdir()
+    elif not os.path.isdir("/proc"):
+        pytest.skip("has no /proc")
+    status, out, error = run(*words, place)
+    assert (status, out) == (2, "")
+    (line,) = error.splitlines()
+    assert line.startswith(f"redundax: '{place}' cannot be written: ") and line.endswith(". Choose another place.")
+
+
+def test_a_page_that_is_there_stays_until_the_new_one_is_made(broken, monkeypatch):
+    monkeypatch.chdir(broken)
+    (broken / "report.html").write_text("old")
+    assert run("report", "broken.py:broken")[0] == 2
+    assert (broken / "report.html").read_text() == "old"
 
 
 def test_study_tells_why_nothing_can_be_solved(file):

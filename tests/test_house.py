@@ -41,8 +41,8 @@ NO_EXAMPLE = {
     "AbstractStabilisation",
     "AbstractSystem",
 }
-# Underscored, but documented: methods of named tuples.
-PUBLIC_UNDERSCORED = {"_asdict", "_fields", "_make", "_replace"}
+# Underscored, but documented: methods of named tuples, and the exit that skips what Python does at its end.
+PUBLIC_UNDERSCORED = {"_asdict", "_exit", "_fields", "_make", "_replace"}
 
 
 # ------------------------------------------------------------------------------------- the source
