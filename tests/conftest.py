@@ -51,7 +51,7 @@ hypothesis.settings.register_profile("redundax", deadline=None)
 if hypothesis.settings.get_current_profile_name() == "default":
     hypothesis.settings.load_profile("redundax")
 
-SLOW_TIMEOUT = 600  # seconds; must stay below `faulthandler_timeout` in pyproject.toml
+SLOW_TIMEOUT = 1800  # seconds; must stay below `faulthandler_timeout` in pyproject.toml
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -48,7 +48,7 @@ def process(*arguments):
         env=environment,
         capture_output=True,
         text=True,
-        timeout=110,
+        timeout=500,
         check=False,
     )
 

@@ -185,7 +185,7 @@ def test_what_fails_in_a_file_is_told_in_a_line(broken, monkeypatch, name, told)
 
 def test_no_traceback_reaches_the_terminal(broken):
     process = begin(broken, "report", "broken.py:broken")
-    out, error = process.communicate(timeout=1000)
+    out, error = process.communicate(timeout=500)
     assert (process.returncode, out, len(error.splitlines())) == (2, "", 1)
     assert not (broken / "report.html").exists()
 
@@ -196,7 +196,7 @@ def test_stopped_from_the_keyboard(broken, arguments):
     process = begin(broken, *arguments)
     assert process.stdout.readline()
     process.send_signal(signal.SIGINT)
-    _, error = process.communicate(timeout=1000)
+    _, error = process.communicate(timeout=500)
     assert (process.returncode, error) == (130, "redundax: stopped\n")
 
 

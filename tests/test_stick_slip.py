@@ -69,13 +69,13 @@ def test_a_reversal_soon_after_the_start_of_a_long_step(step):
 
 
 def test_a_batch_passes_over_phases_that_no_sample_needs():
-    """Of 100,000 phases two are needed; passing over one takes some 10 us, idling through it milliseconds."""
+    """Of 100,000 phases two are needed: passing over the others takes 0.1 s of the processor, idling 100 s."""
     mu = np.array([0.03, 0.05, 0.08])
     run = jax.jit(jax.vmap(lambda mu: rx.simulate(*block(mu), 2.0, ts=[2.0], max_phases=100_000, throw=False).q[0, 0]))
     np.testing.assert_allclose(run(mu), [where(x, 2.0) for x in mu], rtol=0, atol=1e-7)
-    start = time.perf_counter()
+    start = time.process_time()
     jax.block_until_ready(run(mu))
-    assert time.perf_counter() - start < 10.0
+    assert time.process_time() - start < 10.0
 
 
 @slow
