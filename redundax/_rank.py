@@ -88,9 +88,10 @@ def split(
 ) -> tuple[Split, Spectrum]:
     """Decide the rank of the scaled Jacobian, or take it declared; K^+, P and Z are differentiable at that rank.
 
-    Off the manifold by a relative distance v, a permanently redundant row shows a singular value below v, and the
-    decomposition one of a few roundings. The tolerance is 30 times both; what is kept must lie 10 times above
-    it, and what is dropped must look like v and rounding, or the rank is ambiguous.
+    Off the manifold by a relative distance v, a permanently redundant row shows a singular value of the size of v, and
+    the decomposition one of a few roundings. Where points have few digits that value is the change of their misfit
+    along the motion, v the misfit itself, and now and then many times smaller. The tolerance is 30 times both; what
+    is kept must lie 10 times above it, and what is dropped below 30 v and rounding, or the rank is ambiguous.
     """
     still, violation = jax.lax.stop_gradient((scaled, violation))
     rank = None if rank is None else jnp.asarray(rank, int)
@@ -197,7 +198,7 @@ def _decomposed(scaled: Array, violation: Array, tolerance: Array, rank: Array |
     kept = _kept(values, found)
     if rank is None:
         dropped = _dropped(values, found)
-        explained = CLEAR * (_rounding(scaled) + violation) / jnp.where(dropped > 0, dropped, 1.0)
+        explained = CLEAR * (_rounding(scaled) + 30 * violation) / jnp.where(dropped > 0, dropped, 1.0)
         margin = jnp.minimum(kept / tolerance, jnp.where(dropped > 0, explained, jnp.inf))
     else:
         possible = (rank >= 0) & (rank <= values.size)
