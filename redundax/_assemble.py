@@ -5,9 +5,15 @@
 Levenberg-Marquardt finds the position in the scaled variables of `_scaling`, in which lengths and angles compare;
 Newton steps d = -K^+ Phi at the decided rank finish it to rounding. The last of them carries the derivative:
 geometry moves q by the smallest displacement that keeps the mechanism closed.
+
+Points of few digits leave a misfit where constraints are redundant. The steps then end at K^T Phi = 0, as near as the
+points allow: the rank is that of a tolerance above the misfit, so no step closes it along a direction that only the
+rounding of the points constrains.
 """
 
+import warnings
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -15,12 +21,12 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from ._kinematics import second_order
 from ._module import Numbers, as_float, known
 from ._rank import split
-from ._scaling import Scaling, scaling
+from ._scaling import Scaling, largest_violation, scaling
 from ._state import State
 from ._system import AbstractSystem
 
@@ -54,7 +60,9 @@ def assemble(
     - `positions`, `rates`: values that named coordinates must take, such as `{"crank.phi": 0.5}`.
     - `throw`: whether to raise an error where no state is found; by default outside of `jit` and `vmap`.
 
-    **Returns:** a `State`, NaN where none is found.
+    **Returns:** a `State`, NaN where none is found. Redundant constraints on points of few digits cannot be met
+    exactly: the state then meets them as nearly as they allow, by least squares and as far as `solve` takes it, and
+    outside of `jit` and `vmap` a warning tells the largest misfit, which is that of `solve`'s `stats.violation`.
 
     **Raises:** `RuntimeError` that names the rows that cannot be met.
     """
@@ -77,16 +85,10 @@ def assemble(
         jnp.asarray(np.array(driven, int)),
         jnp.stack([jnp.zeros(()), *(as_float(x) for x in rates.values())])[1:].astype(dtype),
     )
-    if throw is False or (throw is None and not known(off)):
-        return state
-    for what, failed, names in (("position", off, positions), ("velocity", slow, rates)):
-        m, labels = len(system.rows), (*system.rows.labels, *(f"{name} as given" for name in names))
-        failing = [k for k in (*range(m, len(labels)), *range(m)) if failed[k]]
-        if failing:
-            raise RuntimeError(
-                f"No {what} satisfies the constraints near the guess. What cannot be met together: "
-                f"{', '.join(labels[k] for k in failing)}. Give a better guess, or change given values or lengths."
-            )
+    if known(off.refused):
+        _tell("position", off, (*system.rows.labels, *(f"{name} as given" for name in positions)), throw)
+        if slow.refused or not off.beyond.any():  # what the position misses the velocity does too
+            _tell("velocity", slow, (*system.rows.labels, *(f"{name} as given" for name in rates)), throw)
     return state
 
 
@@ -99,6 +101,48 @@ def _index(system: AbstractSystem, argument: str, name: str) -> int:
     return system.coordinates.labels.index(name)
 
 
+class _Misfit(NamedTuple):
+    """What a position or velocity leaves of rows and given values, shape (m + h,).
+
+    - `size`: of each, in its own unit.
+    - `relative`: the same relative to the mechanism.
+    - `beyond`: which are beyond rounding.
+    - `refused`: whether this is not the nearest that can be, or farther than `solve` takes.
+    - `weakest`: the least singular value that it relies on, relative to the largest.
+    """
+
+    size: Float[Array, " rows"]
+    relative: Float[Array, " rows"]
+    beyond: Bool[Array, " rows"]
+    refused: Bool[Array, ""]
+    weakest: Float[Array, ""]
+
+
+def _tell(what: str, misfit: _Misfit, labels: tuple[str, ...], throw: bool | None) -> None:
+    """Raise what cannot be met, or warn of what is met by rounding alone or not exactly."""
+    failing = sorted(np.flatnonzero(misfit.beyond), key=lambda k: not labels[k].endswith(" as given"))
+    if misfit.refused and throw is not False:
+        raise RuntimeError(
+            f"No {what} satisfies the constraints near the guess. What cannot be met together: "
+            f"{', '.join(labels[k] for k in failing)}. Give a better guess, or change given values or lengths."
+        )
+    worst, told = int(jnp.argmax(misfit.relative)), ""
+    if failing and not misfit.refused:
+        told = (
+            f"The constraints cannot be met exactly: the nearest {what} misses {labels[worst]} by "
+            f"{misfit.size[worst]:.2g} in its unit, {misfit.relative[worst]:.1g} relative to the mechanism. "
+            "Give redundant points and values with all digits, unless they are measured."
+        )
+    elif misfit.weakest < largest_violation(misfit.relative.dtype) and not misfit.refused:
+        told = (
+            f"The constraints fix the {what} along one direction so weakly, by a singular value of "
+            f"{misfit.weakest:.1g}, that it may be the rounding of points of few digits. Give redundant points with "
+            "all digits, or declare the `rank` to `solve`."
+        )
+    if told:
+        warnings.warn(told, stacklevel=3)
+
+
 @eqx.filter_jit
 def _assemble(
     system: AbstractSystem,
@@ -107,11 +151,11 @@ def _assemble(
     positions: Float[Array, " h"],
     driven: Int[Array, " d"],
     rates: Float[Array, " d"],
-) -> tuple[State, Array, Array]:
-    """State, and masks of the rows not met by its position, shape (m + h,), and velocity, shape (m + d,)."""
+) -> tuple[State, _Misfit, _Misfit]:
+    """State, and the misfits of its position and of its velocity."""
     q, off = _position(system, guess, held, positions)
     qd, slow = _velocity(system, State(q, guess.qd, guess.t), driven, rates)
-    failed = jnp.any(off) | jnp.any(slow)
+    failed = off.refused | slow.refused
     return State(jnp.where(failed, jnp.nan, q), jnp.where(failed, jnp.nan, qd), guess.t), off, slow
 
 
@@ -131,39 +175,56 @@ class _Closing(eqx.Module):
         rows = jnp.concatenate([self.system.constraint(q, self.guess.t), given])
         return rows / self.row_scale / self.scale.size
 
-    def inverse(self, d: Array) -> Array:
-        """K^+ of the residual at the decided rank."""
-        parts, _ = split(jax.jacfwd(self.residual)(d), jnp.max(jnp.abs(self.residual(d))), None)
-        return parts.inverse
+    def inverse(self, d: Array) -> tuple[Array, Array]:
+        """K^+ of the residual at the decided rank, and the least singular value that it inverts."""
+        parts, spectrum = split(jax.jacfwd(self.residual)(d), jnp.max(jnp.abs(self.residual(d))), None)
+        return parts.inverse, spectrum.kept
+
+
+class _Closed(NamedTuple):
+    """A displacement, the size of the last step to it, and the least singular value that the steps inverted."""
+
+    d: Float[Array, " n"]
+    step: Float[Array, ""]
+    weakest: Float[Array, ""]
 
 
 @eqx.filter_custom_jvp
-def _closed(closing: _Closing) -> Float[Array, " n"]:
-    """A displacement d with r(d) = 0; its derivative is dd = -K^+ dr, the smallest that keeps r at 0."""
+def _closed(closing: _Closing) -> _Closed:
+    """A displacement d with K^+ r(d) = 0; its derivative is dd = -K^+ dr, the smallest that keeps it so."""
     start = jnp.zeros_like(closing.guess.qd)
     solver = optx.LevenbergMarquardt(rtol=1e-8, atol=1e-8)
     d = optx.least_squares(lambda d, _: closing.residual(d), solver, start, max_steps=500, throw=False).value
-    for _ in range(_POLISHING_STEPS):
-        d = d - closing.inverse(d) @ closing.residual(d)
-    return d
+
+    def polished(_: Array, carry: _Closed) -> _Closed:
+        inverse, weakest = closing.inverse(carry.d)
+        step = -inverse @ closing.residual(carry.d)
+        return _Closed(carry.d + step, jnp.max(jnp.abs(step)), jnp.minimum(carry.weakest, weakest))
+
+    infinite = jnp.full((), jnp.inf, d.dtype)
+    return jax.lax.fori_loop(0, _POLISHING_STEPS, polished, _Closed(d, infinite, infinite))
 
 
 @_closed.def_jvp
-def _closed_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
-    d = _closed(*primals)
-    _, change = eqx.filter_jvp(lambda closing: closing.residual(d), primals, tangents)
-    return d, -primals[0].inverse(d) @ change
+def _closed_jvp(primals: tuple, tangents: tuple) -> tuple:
+    closed = _closed(*primals)
+    _, change = eqx.filter_jvp(lambda closing: closing.residual(closed.d), primals, tangents)
+    none = jnp.zeros_like(closed.step)
+    return closed, _Closed(-primals[0].inverse(closed.d)[0] @ change, none, none)
 
 
-def _position(system: AbstractSystem, guess: State, held: Array, positions: Array) -> tuple[Array, Array]:
+def _position(system: AbstractSystem, guess: State, held: Array, positions: Array) -> tuple[Array, _Misfit]:
     scale = scaling(system, guess, system.jacobian(guess.q, guess.t))
     row_scale = jnp.concatenate([scale.rows, _held_scale(system, held, scale)])
     closing = _Closing(system, guess, held, positions, scale, row_scale)
-    d = _closed(closing)
-    return system.retract(guess.q, scale.coordinates * d), ~(jnp.abs(closing.residual(d)) <= _tolerance(d))
+    d, step, weakest = _closed(closing)
+    relative = jnp.abs(closing.residual(d))
+    settled = step <= jnp.maximum(jnp.max(relative), _tolerance(d))
+    misfit = _misfit(relative * row_scale * scale.size, relative, settled, weakest, _tolerance(d))
+    return system.retract(guess.q, scale.coordinates * d), misfit
 
 
-def _velocity(system: AbstractSystem, state: State, driven: Array, rates: Array) -> tuple[Array, Array]:
+def _velocity(system: AbstractSystem, state: State, driven: Array, rates: Array) -> tuple[Array, _Misfit]:
     matrix = system.jacobian(state.q, state.t)
     motion, _, turned = second_order(system, state)
     scale = scaling(system, state, matrix, turned)
@@ -176,7 +237,15 @@ def _velocity(system: AbstractSystem, state: State, driven: Array, rates: Array)
     change = -parts.inverse @ misfit
     qd = state.qd + scale.coordinates * change
     speed = jnp.max(jnp.abs(qd / scale.coordinates)) + jnp.max(jnp.abs(misfit))
-    return qd, ~(jnp.abs(misfit + rows @ change) <= _tolerance(qd) * speed)
+    left = jnp.abs(misfit + rows @ change)
+    relative = left / jnp.where(speed > 0, speed, 1.0)
+    return qd, _misfit(left * row_scale, relative, jnp.asarray(True), jnp.asarray(jnp.inf), _tolerance(qd))
+
+
+def _misfit(size: Array, relative: Array, settled: Array, weakest: Array, rounding: float) -> _Misfit:
+    beyond = ~(relative <= rounding)
+    near = jnp.all(relative <= max(rounding, largest_violation(relative.dtype)))
+    return _Misfit(size, relative, beyond, jnp.any(beyond) & ~(settled & near), weakest)
 
 
 def _held_scale(system: AbstractSystem, held: Array, scale: Scaling) -> Array:

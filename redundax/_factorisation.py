@@ -26,7 +26,7 @@ from ._kinematics import second_derivative, second_order
 from ._rank import Spectrum, Split, split
 from ._restricted import restricted_inverse
 from ._results import RESULTS, first_failure
-from ._scaling import Scaling, scaling
+from ._scaling import Scaling, largest_violation, scaling
 from ._state import State
 from ._system import AbstractSystem
 
@@ -176,7 +176,7 @@ class Factorisation(eqx.Module):
     def checks(self) -> tuple[tuple[Bool[Array, ""], RESULTS], ...]:
         """What must hold for the equations at this state to have a trustworthy solution, root causes first."""
         violation = self.violation
-        off_manifold = float(jnp.finfo(self.gamma.dtype).eps) ** 0.375  # 1e-6 in float64
+        off_manifold = largest_violation(self.gamma.dtype)
         blur = self._noise + violation.position
         prescribed = violation.prescribed > self._consistent
         return (

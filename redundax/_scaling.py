@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from ._kinematics import second_order
@@ -26,6 +27,11 @@ class Scaling(NamedTuple):
     rows: Float[Array, " m"]
     length: Float[Array, ""]
     size: Float[Array, ""]
+
+
+def largest_violation(dtype: DTypeLike) -> float:
+    """How far off the manifold a state may be, relative to the size of the mechanism: 1e-6 in float64."""
+    return float(jnp.finfo(dtype).eps) ** 0.375
 
 
 def scaling(

@@ -1,0 +1,124 @@
+"""Assembly on points of few digits: the rank of the exact points, accelerations near theirs, and the misfit told."""
+
+import re
+import warnings
+
+import numpy as np
+import pytest
+
+import redundax as rx
+
+DIGITS = (16, 12, 10, 8, 6)
+MASS, CRANK_MASS, CRANK_INERTIA, GRAVITY = 2.0, 0.5, 0.01, 9.81
+
+
+def turned(angle, point):
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([c * point[0] - s * point[1], s * point[0] + c * point[1]])
+
+
+def plate(digits, angle, twist, crank, along, shift=0.0):
+    """A plate on parallel cranks, given in turned frames so that no point is a short number; its exact position.
+
+    The plate only shifts, so that the energy gives phi'' in closed form. The last pivot can be beside its place.
+    """
+    ends = [turned(twist, (x, 0.1 * (-1) ** k)) for k, x in enumerate(along)]
+    pivots = [turned(angle, end) for end in ends]
+
+    def typed(point):
+        return tuple(np.round(point, digits))
+
+    bodies, joints = [rx.Body("plate", MASS, 0.2)], []
+    misplaced = [*pivots[:-1], pivots[-1] + np.array([shift, 0.0])]
+    for k, (end, pivot) in enumerate(zip(ends, misplaced, strict=True)):
+        bodies.append(rx.Body(f"c{k}", CRANK_MASS, CRANK_INERTIA))
+        joints += [
+            rx.Revolute(f"G{k}", f"c{k}", "ground", typed((-crank / 2, 0.0)), typed(pivot)),
+            rx.Revolute(f"P{k}", "plate", f"c{k}", typed(end), typed((crank / 2, 0.0))),
+        ]
+
+    def position(phi):
+        u = turned(phi, (crank, 0.0))
+        return np.r_[u, *(pivot + u / 2 for pivot in pivots), angle, [phi] * len(pivots)]
+
+    return rx.Mechanism(bodies, joints, gravity=(0.0, -GRAVITY)), position
+
+
+def crank_acceleration(phi, crank, cranks):
+    inertia = MASS * crank**2 + cranks * (CRANK_INERTIA + CRANK_MASS * crank**2 / 4)
+    return -GRAVITY * (MASS + cranks * CRANK_MASS / 2) * crank * np.cos(phi) / inertia
+
+
+PLATES = {
+    "three cranks": (0.3, 0.0, 0.3, (0.0, 0.5, 1.2)),
+    "three cranks, turned": (-1.1, 0.7, 0.45, (0.1, 0.6, 1.7)),
+    "four cranks": (2.0, -0.4, 0.37, (0.0, 0.4, 1.1, 1.6)),
+}
+
+
+@pytest.mark.parametrize("digits", DIGITS)
+@pytest.mark.parametrize("case", PLATES)
+def test_points_of_few_digits_keep_rank_and_accelerations(case, digits):
+    mechanism, position = plate(digits, *PLATES[case])
+    cranks, phi = len(PLATES[case][3]), 1.0
+    guess = position(phi) + 0.02 * np.sin(3.0 * np.arange(position(phi).size))
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        state = rx.assemble(mechanism, guess, positions={"c0.phi": phi}, rates={"c0.phi": 1.0})
+    solution = rx.solve(mechanism, state)
+    assert int(solution.stats.spectrum.rank) == 3 * cranks + 2
+    unit = 10.0 ** (3 - digits) + 1e-12
+    assert np.abs(state.q - position(phi)).max() < unit
+    truth = crank_acceleration(phi, PLATES[case][2], cranks)
+    assert np.abs(solution.acceleration[-cranks:] - truth).max() < abs(truth) * unit
+    assert bool(told) == (float(solution.stats.violation.position) > 1e-12)
+    if digits <= 8:
+        assert "cannot be met exactly" in str(told[0].message)
+
+
+@pytest.mark.parametrize("digits", DIGITS)
+def test_guides_of_few_digits(digits):
+    """A carriage on two parallel guides slides by -g sin(slope); two of four rows are redundant, a moment too."""
+    slope, angle = 0.37, np.pi / 7
+    normal = tuple(np.round(turned(slope, (0.0, 1.0)), digits))
+
+    def guide(name, x, y):
+        end = turned(0.5, (x, y))
+        points = np.round(end, digits), np.round(turned(angle, end) + turned(slope, (0.3, 0.0)), digits)
+        return rx.Translational(name, "a", "ground", *points, normal, np.round(angle, digits))
+
+    mechanism = rx.Mechanism(
+        [rx.Body("a", 2.0, 0.3)], [guide("A", -0.4, 0.1), guide("B", 0.7, 0.2)], gravity=(0, -GRAVITY)
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        state = rx.assemble(mechanism, [0.31, 0.09, angle + 0.01], [1.0, 0.0, 0.0])
+    solution = rx.solve(mechanism, state)
+    assert int(solution.stats.spectrum.rank) == 2
+    sliding = -GRAVITY * np.sin(slope) * np.array([np.cos(slope), np.sin(slope), 0.0])
+    np.testing.assert_allclose(solution.acceleration, sliding, rtol=0, atol=10.0 ** (2 - digits) + 1e-12)
+
+
+def test_misfit_is_told_by_size_and_joint():
+    gap = 1e-7  # m
+    mechanism, position = plate(16, *PLATES["three cranks"], shift=gap)
+    with pytest.warns(UserWarning, match="nearest position misses") as told:
+        state = rx.assemble(mechanism, position(1.0), rates={"c0.phi": 1.0})
+    misfit = np.abs(mechanism.constraint(state.q, state.t))
+    assert gap / 20 < misfit.max() < gap
+    row, size = re.search(r"misses (\S+) by (\S+) in its unit", str(told[0].message)).groups()
+    assert size == f"{misfit[mechanism.rows.labels.index(row)]:.2g}"
+    solution = rx.solve(mechanism, state)
+    np.testing.assert_allclose(solution.acceleration[-3:], crank_acceleration(1.0, 0.3, 3), rtol=1e-5)
+
+
+@pytest.mark.parametrize("gap", [1e-4, 1e-2])
+def test_parts_that_do_not_fit_are_refused(gap):
+    """Four collinear pins that fix a rod twice, one of them beside its place."""
+    joints = [
+        rx.Revolute(f"R{k}", "rod", "ground", (x, 0.0), (x + gap * (k == 2), 0.0)) for k, x in enumerate((0, 1, 2))
+    ]
+    rod = rx.Mechanism([rx.Body("rod", 1.0, 1.0)], joints)
+    with pytest.raises(RuntimeError, match="No position"):
+        rx.assemble(rod, [0.0, 0.0, 0.0])
+    assert np.isnan(rx.assemble(rod, [0.0, 0.0, 0.0], throw=False).q).all()
