@@ -3,7 +3,8 @@
     predictor  x_p = x + step t,   corrector  H(x) = 0,  t^T (x - x_p) = 0,   [H_x; t^T] dx = -[H; t^T (x - x_p)]
 
 t is the unit tangent; the matrix [H_x; t^T] stays regular where the curve folds. Past a fold the curve is followed on:
-it may turn again, or return to s = 0.
+it may turn again, or return to s = 0. A fold, where s is largest, is passed in a step so short that the tangents at its
+ends intersect there to 1e-9; so no solution just below a fold at s > 1 is stepped over.
 """
 
 from collections.abc import Callable
@@ -16,7 +17,7 @@ from jaxtyping import Array, Bool, Float, Int
 _FIRST, _LONGEST, _SHORTEST = 0.05, 1e3, 1e-9  # arclength steps, for y of size 1
 _CORRECTIONS = 4
 _STRAIGHT = 0.98  # least cosine between tangents of accepted steps, but for steps so short that it is a kink:
-_KINK = 1e-5
+_KINK = 1e-5  # relative to 1 + |x|; folds too are passed in such steps
 _FAR = 1e9  # |y| that counts as infinite
 
 
@@ -75,12 +76,13 @@ def follow(
         tangent = jnp.linalg.solve(bordered(slope(x), path.tangent), last)
         tangent = tangent / jnp.linalg.norm(tangent)
         reach = 1 + jnp.linalg.norm(x)
-        close = (jnp.linalg.norm(change) <= 1e-6 * reach) & (jnp.linalg.norm(x - guess) <= 0.5 * path.step)
+        close = jnp.linalg.norm(change) <= jnp.minimum(1e-6 * reach, 0.1 * path.step)
+        close = close & (jnp.linalg.norm(x - guess) <= 0.5 * path.step)
         turn = tangent @ path.tangent
         good = close & (turn > jnp.where(path.step > _KINK * reach, _STRAIGHT, 0.0))
         inside = (x[-1] > 0) & (x[-1] < 1)
         good = good & (inside | (path.step <= _FIRST * reach))  # short steps end it, so that interpolation is near
-        return _accepted(path, x, tangent, turn, good)
+        return _accepted(path, x, tangent, turn, good, reach)
 
     def going(path: Path) -> Array:
         return wanted & ~path.arrived & ~path.returned & ~path.ended & (path.steps < max_path)
@@ -99,25 +101,29 @@ def follow(
     return jax.lax.while_loop(going, advance, begin)
 
 
-def _accepted(path: Path, x: Array, tangent: Array, turn: Array, good: Array) -> Path:
-    """The path after a step to x, or with half the step where x is not good."""
-    s0, s1 = path.here[-1], x[-1]
+def _accepted(path: Path, x: Array, tangent: Array, turn: Array, good: Array, reach: Array) -> Path:
+    """The path after a step to x; with half the step where x is not good, and a step to the fold where x is beyond."""
+    s0, s1, slope0, slope1 = path.here[-1], x[-1], path.tangent[-1], tangent[-1]
+    turned = good & (slope0 > 0) & (slope1 <= 0)
+    passed = turned & (path.step <= _KINK * reach)
+    good = good & (passed | ~turned)
     arrived, returned = good & (s1 >= 1), good & (s1 <= 0)
     beyond = arrived | returned
     share = jnp.where(beyond, (arrived - s0) / jnp.where(beyond, s1 - s0, 1.0), 1.0)
     here = jnp.where(good, path.here + share * (x - path.here), path.here)
-    slope0, slope1 = path.tangent[-1], tangent[-1]
-    turned = good & (slope0 > 0) & (slope1 <= 0)  # the fold of the parabola with these slopes
-    top = s0 + 0.5 * path.step * slope0**2 / jnp.where(turned, slope0 - slope1, 1.0)
-    fold = jnp.maximum(path.fold, jnp.where(turned, jnp.maximum(top, s0), here[-1]))
+    top = s0 + slope0 * (turn * (s1 - s0) - path.step * slope1) / jnp.where(passed, turn * slope0 - slope1, 1.0)
+    fold = jnp.maximum(path.fold, jnp.where(passed, jnp.maximum(top, s0), here[-1]))
+    to_fold = path.step * slope0 / jnp.where(turned, slope0 - slope1, 1.0)  # where s is a parabola
     step = path.step * jnp.where(good, jnp.where(turn > 0.5 * (1 + _STRAIGHT), 2.0, 1.0), 0.5)
+    step = jnp.where(turned, jnp.maximum(0.99 * to_fold, 0.5 * _KINK * reach), step)
+    step = jnp.where(passed, _FIRST * reach, step)
     far = jnp.linalg.norm(here)
     return Path(
         here=here,
         tangent=jnp.where(good, tangent, path.tangent),
         step=jnp.minimum(step, _LONGEST * (1 + far)),
         fold=fold,
-        before_fold=jnp.where(turned, path.here, path.before_fold),
+        before_fold=jnp.where(passed, path.here, path.before_fold),
         steps=path.steps + 1,
         arrived=arrived,
         returned=returned,
