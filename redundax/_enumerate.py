@@ -28,6 +28,7 @@ from ._solver import Newton, Root
 from ._state import State
 from ._system import AbstractSystem
 
+SEARCH_STARTS = 1000  # random initial loads of a search
 _MINIMUM_NORM = MinimumNorm()
 
 
@@ -38,7 +39,7 @@ def frictional_solutions(
     closure: AbstractClosure = _MINIMUM_NORM,
     sense: Numbers | None = None,
     rank: ArrayLike | None = None,
-    starts: int = 1000,
+    starts: int = SEARCH_STARTS,
     seed: int = 0,
 ) -> list[Solution]:
     """Solutions of (25) at a state, under one closure: those that a search from many starts finds.

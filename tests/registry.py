@@ -71,6 +71,16 @@ def build(
     )
 
 
+def pins(mechanism: exact.Mechanism, stress: tuple = ()) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """rho0 (p, 2), K (p, 2, p) and senses (p,) of the pins' friction beside a self-stress, the minimum norm else."""
+    responses = mechanism.responses[1]
+    count = len(mechanism.revolutes)
+    free = exact.close(mechanism.selfstress, responses[:, 0], misfit=stress or None)
+    unit = exact.close(mechanism.selfstress, responses[:, 1:])
+    rho0, gain = (np.array(part.tolist(), float)[: 2 * count].reshape(count, 2, -1) for part in (free, unit))
+    return rho0[:, :, 0], gain, exact.floats(mechanism.senses)
+
+
 def four_bar(phi=0.0, rates=(1.0, 1.0)) -> tuple[rx.Mechanism, rx.State]:
     """A parallelogram of cranks 1/2 and coupler 1; at phi = 0 it is flat and its rank drops.
 

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import literal
 import numpy as np
 import pytest
+import registry
 from truth import exact, friction
 
 import redundax as rx
@@ -91,6 +92,46 @@ def test_folds_are_where_two_solutions_meet():
         z = float(found.z[fold, 0])
         counts = [len(truth(str(FOUR), repr(z + step))) for step in (-1e-4, 1e-4)]
         assert abs(counts[1] - counts[0]) == 2
+
+
+def dense(mu_rho, rho0, gain, sense) -> np.ndarray:
+    """All friction with tau = -mu_rho |rho0 + K tau| sense that Newton's method in NumPy finds from 4000 starts."""
+    random = np.random.default_rng(5)
+    tau = random.normal(size=(4000, 4)) * 10 ** random.uniform(-2, 3, (4000, 1))
+    for _ in range(60):
+        rho = rho0 + np.einsum("icj,sj->sic", gain, tau)
+        size = np.linalg.norm(rho, axis=2)
+        slope = np.eye(4) + mu_rho * np.einsum("i,sic,icj->sij", sense, rho / size[:, :, None], gain)
+        step = np.linalg.solve(slope, (tau + mu_rho * size * sense)[:, :, None])[:, :, 0]
+        tau = tau - step
+    tau = tau[np.abs(step).max(axis=1) <= 1e-10 * np.abs(tau).max(axis=1)]
+    found = []
+    while len(tau):
+        found.append(tau[0])
+        tau = tau[np.abs(tau - tau[0]).max(axis=1) > 1e-6 * np.abs(tau[0]).max()]
+    return np.array(sorted(found, key=lambda tau: tau[0])).reshape(-1, 4)
+
+
+@pytest.mark.parametrize("rate", [1, -1])
+def test_one_amplitude_is_searched_as_well_as_many(rate):
+    """The family at one amplitude, `frictional_solutions` there, and a search of its own in NumPy."""
+    counts = []
+    for z in (0, 30):
+        stress = tuple(z * entry for entry in exact.exact(STRESS))
+        pins = registry.pins(exact.wojtyra2020(rate=rate), stress)
+        for mu_rho in (0.139, 0.141, 0.144, 0.1475, 0.15):
+            mechanism = rx.mechanisms.wojtyra2020(mu_rho=mu_rho)
+            state = mechanism.state(phi=np.pi / 4, rate=float(rate))
+            truth = dense(mu_rho, *pins)
+            family = rx.solution_family(mechanism, state, z=np.array([float(z)]))
+            misfit = np.r_[np.zeros(12), exact.floats(stress)]
+            listed = rx.frictional_solutions(mechanism, state, closure=rx.MinimumNorm(misfit))
+            assert family.count[0] == len(listed) == len(truth)
+            for found in (family.values[:, -4:], np.reshape([solution.friction for solution in listed], (-1, 4))):
+                order = np.argsort(found[:, 0])
+                np.testing.assert_allclose(found[order], truth, rtol=0, atol=1e-8 * np.abs(truth).max(initial=0.0))
+            counts.append(len(truth))
+    assert set(counts) == ({0, 1, 2, 4} if rate == 1 else {0, 1})
 
 
 def test_where_no_solution_exists_none_is_reported():

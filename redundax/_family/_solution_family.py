@@ -10,6 +10,7 @@ search has missed, shows where curves fold, and joins solutions to branches.
 """
 
 import dataclasses
+import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
@@ -21,7 +22,7 @@ from jax.typing import ArrayLike
 from .._analysis._analyze import Report, analyze
 from .._analysis._outputs import plain, unknowns
 from .._culprits import culprits
-from .._enumerate import start_factors
+from .._enumerate import SEARCH_STARTS, start_factors
 from .._friction import slip_kinds
 from .._module import Numbers, as_float, replace
 from .._results import RESULTS
@@ -29,6 +30,8 @@ from .._state import State
 from .._system import AbstractSystem
 from ._branches import Branches, trace
 from ._solution_set import SolutionSet, solution_set
+
+_STARTS = 32  # of the search at each z, at least
 
 
 @dataclasses.dataclass(frozen=True)
@@ -156,7 +159,7 @@ def solution_family(
     along: Sequence[str] | str | None = None,
     z: Numbers | Sequence[Numbers] | None = None,
     samples: int = 201,
-    starts: int = 32,
+    starts: int | None = None,
     seed: int = 0,
     sense: Numbers | None = None,
     rank: ArrayLike | None = None,
@@ -180,7 +183,9 @@ def solution_family(
       two; `samples` of them if not given, up to the largest multiplier at minimum norm over the largest entry of the
       state.
     - `samples`: number of amplitudes for one state; odd ones include 0. Two states share it: each has about its root.
-    - `starts`, `seed`: random initial loads for the search at each z, where the number of solutions is not proved.
+    - `starts`: number of random initial loads for the search at each z, where the number of solutions is not proved;
+      if not given 1000 in all, as in `frictional_solutions`, and at least 32, since walks from neighbours search too.
+    - `seed`: of their random numbers.
     - `sense`, `rank`: as in `solve`.
     - `watch`: passes the steps of the work on, one by one, and may tell how far it is.
 
@@ -194,6 +199,8 @@ def solution_family(
     axes = _axes(np.asarray(solutions.free.multipliers), stress, z, samples)
     solutions = replace(solutions, stress=jnp.asarray(stress.T))
     proved = report.spectral_radius is None or report.spectral_radius < 1
+    if starts is None:
+        starts = max(_STARTS, -(-SEARCH_STARTS // math.prod(axis.size for axis in axes)))
     factors = start_factors(solutions.rows.size, 0 if proved else starts, seed)
     branches = trace(solutions, axes, factors, proved, watch)
     names, kinds = unknowns(system)
