@@ -85,7 +85,7 @@ def assemble(
         jnp.asarray(np.array(driven, int)),
         jnp.stack([jnp.zeros(()), *(as_float(x) for x in rates.values())])[1:].astype(dtype),
     )
-    if known(off.refused):
+    if known(off.refused) and known(slow.refused):
         _tell("position", off, (*system.rows.labels, *(f"{name} as given" for name in positions)), throw)
         if slow.refused or not off.beyond.any():  # what the position misses the velocity does too
             _tell("velocity", slow, (*system.rows.labels, *(f"{name} as given" for name in rates)), throw)
@@ -209,8 +209,9 @@ def _closed(closing: _Closing) -> _Closed:
 def _closed_jvp(primals: tuple, tangents: tuple) -> tuple:
     closed = _closed(*primals)
     _, change = eqx.filter_jvp(lambda closing: closing.residual(closed.d), primals, tangents)
+    moved = None if change is None else -primals[0].inverse(closed.d)[0] @ change  # None where nothing in r moves
     none = jnp.zeros_like(closed.step)
-    return closed, _Closed(-primals[0].inverse(closed.d)[0] @ change, none, none)
+    return closed, eqx.tree_at(lambda closed: closed.d, _Closed(none, none, none), moved)
 
 
 def _position(system: AbstractSystem, guess: State, held: Array, positions: Array) -> tuple[Array, _Misfit]:

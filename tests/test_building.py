@@ -124,6 +124,27 @@ def test_assembly_moves_with_the_lengths():
     np.testing.assert_allclose(jax.jacrev(assembled)(0.1), exact, atol=1e-10)
 
 
+@pytest.mark.parametrize("argument", ["rate", "t", "qd"])
+def test_assembly_moves_with_rates_time_and_velocities(argument):
+    """On a circle of radius 1 + t, alone among the arguments of `vmap`, `jacfwd` and `jacrev`, against closed forms."""
+    circle = rx.System(lambda q, t, p: jnp.linalg.norm(q)[None] - 1 - t, jnp.ones(2), lambda q, qd, t, p: 0.0 * q)
+    n, guess, t, qd, rate = np.array([0.6, 0.8]), [0.75, 1.0], 0.25, np.array([0.3, -0.2]), 0.5
+
+    def found(x):
+        at = {"t": t, "qd": qd, "rate": rate} | {argument: x}
+        free = rx.assemble(circle, guess, at["qd"], at["t"])
+        held = rx.assemble(circle, guess, 0.0, at["t"], rates={"0": at["rate"]})
+        return jnp.concatenate([free.q, free.qd, held.qd])
+
+    along = np.outer([0.8, -0.6], [0.8, -0.6])
+    value = np.concatenate([1.25 * n, n + along @ qd, [rate, (1 - 0.6 * rate) / 0.8]])
+    moves = {"rate": [0, 0, 0, 0, 1, -0.75], "t": [*n, 0, 0, 0, 0], "qd": np.vstack([0 * along, along, 0 * along])}
+    x = jnp.asarray({"t": t, "qd": qd, "rate": rate}[argument])
+    np.testing.assert_allclose(jax.vmap(found)(jnp.stack([x, x])), [value, value], atol=1e-13)
+    for derivative in (jax.jacfwd, jax.jacrev):
+        np.testing.assert_allclose(derivative(found)(x), moves[argument], atol=1e-13)
+
+
 def pin(i="a", j=G, **change):
     return rx.Revolute(**{"name": "A", "i": i, "j": j, "point_i": (0, 0), "point_j": (0, 0), **change})
 
