@@ -68,6 +68,73 @@ def test_a_reversal_soon_after_the_start_of_a_long_step(step):
     assert run.stats.phases == 2
 
 
+def test_slip_that_reverses_while_the_motion_goes_on():
+    """A slip x^2 / 2 + y on y = 0 reverses at x = 0, where its friction does no work; a slip x has none.
+
+    With friction -+mu |load|, load + g = friction, x'' = x friction: from x = -1 it goes by cosh, from 0 on by sine.
+    """
+    mu, rate = 0.3, 3.0
+
+    def rubbing(loads, rate, sense, memory, state, p):
+        return -jnp.array([mu, 0.0]) * jnp.abs(loads) * sense
+
+    system = rx.System(
+        lambda q, t, p: q[1:],
+        jnp.ones(2),
+        lambda q, qd, t, p: jnp.array([0.0, -GRAVITY]),
+        friction=rx.Friction(lambda q, t, p: jnp.stack([q[0] ** 2 / 2 + q[1], q[0]]), rubbing, [0], ["linear"] * 2),
+    )
+    before, after = np.sqrt(mu * GRAVITY / (1 + mu)), np.sqrt(mu * GRAVITY / (1 - mu))
+    at_zero = np.arctanh(before / rate) / before
+    late = at_zero + np.array([0.1, 0.3])
+    run = rx.simulate(system, rx.State([-1.0, 0.0], [rate, 0.0]), late[1], ts=[at_zero / 2, *late])
+    early = -np.cosh(before * at_zero / 2) + rate / before * np.sinh(before * at_zero / 2)
+    fast = np.sqrt(rate**2 - before**2) / after
+    truth = [early, *(fast * np.sin(after * (late - at_zero)))]
+    np.testing.assert_allclose(run.q[:, 0], truth, rtol=0, atol=1e-6)
+    assert run.stats.phases == 2
+
+
+def four_bar(friction: rx.AbstractFrictionModel | None) -> rx.Mechanism:
+    """A crank of 0.2, a coupler of 0.5 and a rocker of 0.4 m on a ground of 0.5 m, rods of 2 kg/m."""
+    (a, b, c, d), ground = (0.2, 0.5, 0.4, 0.5), "ground"
+    rods = [rx.Body(name, 2 * size, size**3 / 6) for name, size in (("crank", a), ("coupler", b), ("rocker", c))]
+    pins = [
+        ("A", "crank", ground, (-a / 2, 0.0), (0.0, 0.0)),
+        ("B", "coupler", "crank", (-b / 2, 0.0), (a / 2, 0.0)),
+        ("C", "rocker", "coupler", (c / 2, 0.0), (b / 2, 0.0)),
+        ("D", "rocker", ground, (-c / 2, 0.0), (d, 0.0)),
+    ]
+    return rx.Mechanism(rods, [rx.Revolute(*pin, friction=friction) for pin in pins], gravity=(0.0, -9.81))
+
+
+@slow
+def test_a_users_law_moves_as_the_built_in_one():
+    """Coulomb friction written by hand, through four reversals of single joints."""
+    plain, mu_rho = four_bar(None), 0.002
+
+    def law(loads, rate, sense, memory, state, p):
+        return -mu_rho * jnp.linalg.norm(loads, axis=1) * sense
+
+    def slips(q, t, p):
+        return jnp.stack([q[6], q[7] - q[6], q[8] - q[7], q[8]])
+
+    user = rx.System(
+        lambda q, t, p: plain.constraint(q, t),
+        lambda q, t, p: plain.mass(q, t),
+        lambda q, qd, t, p: plain.load(rx.State(q, qd, t)),
+        coordinates=plain.coordinates,
+        rows=plain.rows,
+        friction=rx.Friction(slips, law, rows=np.arange(8).reshape(4, 2), kinds=["angular"] * 4),
+    )
+    guess = [0.05, 0.08, 0.3, 0.3, 0.6, 0.2, 1.0, 0.4, 1.3]
+    state = rx.assemble(plain, guess, positions={"crank.phi": 1.0}, rates={"crank.phi": 5.0})
+    own, built_in = (rx.simulate(system, state, 1.0) for system in (user, four_bar(rx.Coulomb(mu_rho))))
+    assert own.stats.phases == built_in.stats.phases > 4
+    np.testing.assert_allclose(own.q, built_in.q, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(own.friction, built_in.friction, rtol=0, atol=1e-6)
+
+
 def test_a_batch_passes_over_phases_that_no_sample_needs():
     """Of 100,000 phases two are needed: passing over the others takes 0.1 s of the processor, idling 100 s."""
     mu = np.array([0.03, 0.05, 0.08])

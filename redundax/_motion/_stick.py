@@ -79,6 +79,9 @@ def _settled(
     """tau of the conditions above, and whether it was found."""
     friction, rows = equations.system.friction, load_rows(equations.system.friction)
     loads, yielding = linear.multipliers[rows], equations.yielding(linear)
+    pull = jnp.abs(linear.slip[:, 0]) * equations.slip_size
+    reverses = jnp.isinf(yielding) & (pull > counted(_HELD, pull) * jnp.max(pull))  # whatever its friction
+    yielding = jnp.where(reverses, jnp.finfo(pull.dtype).tiny, yielding)
     senses = [jnp.where(still, sense, jnp.sign(linear.rate)) for sense in (1.0, -1.0)]
 
     def bounds(tau: Array) -> tuple[Array, Array]:
