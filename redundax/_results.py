@@ -128,6 +128,10 @@ class RESULTS(eqx.Enumeration):
         "The friction iteration diverged to values that are not finite. At this friction level the equations "
         "may have no solution; reduce the friction coefficient."
     )
+    times_out_of_order = (
+        "The times do not follow each other: a motion runs forward, from the time of `state` through `ts` to `t1`. "
+        "Look for a `t1` before the start, times beyond the ends or in descending order, and NaN."
+    )
 
     __members__ = tuple(name for name in vars() if not name.startswith("__"))  # last, after all of them
 

@@ -238,3 +238,58 @@ def test_arguments_that_do_not_fit_are_refused():
         rx.simulate(system, state, T1, solver=diffrax.Euler())
     with pytest.raises(ValueError, match=r"jax\.vmap"):
         rx.simulate(system, jax.tree.map(lambda x: jnp.stack([x, x]), state), T1)
+    for option in ("rtol", "dt0", "max_steps"):
+        with pytest.raises(ValueError, match=f"`{option}` must be positive"):
+            rx.simulate(system, state, T1, **{option: 0})
+
+
+DISORDER = {  # end, and times, from 0
+    "backward": (-0.5, [-0.4, -0.2]),
+    "end NaN": (np.nan, [0.1, 0.2]),
+    "no end": (np.inf, [0.1, 0.2]),
+    "time before the start": (0.5, [-0.1, 0.2]),
+    "time after the end": (0.5, [0.1, 0.6]),
+    "descending": (0.5, [0.4, 0.2]),
+    "time NaN": (0.5, [0.1, np.nan]),
+}
+
+
+def test_times_that_no_motion_runs_through():
+    """Refused by the name of the argument; traced ones end as a result, alone in their batch."""
+    system, state = pendulum(0.7, 1.3)
+    for name, (t1, ts) in DISORDER.items():
+        named = "`t1`" if name in ("backward", "end NaN", "no end") else "`ts`"
+        with pytest.raises(ValueError, match=named):
+            rx.simulate(system, state, t1, ts=ts, throw=False)
+    with pytest.raises(ValueError, match="one time or more"):
+        rx.simulate(system, state, T1, ts=[])
+    ends, times = (jnp.asarray(x) for x in zip(*DISORDER.values(), (T1, [0.4, T1]), strict=True))
+    run = jax.jit(jax.vmap(lambda t1, ts: rx.simulate(system, state, t1, ts=ts)))(ends, times)
+    assert list(run.result == rx.RESULTS.times_out_of_order) == [True] * len(DISORDER) + [False]
+    for x in (run.q, run.qd, run.acceleration, run.multipliers):
+        assert np.isnan(x[:-1]).all()
+    assert list(run.result == rx.RESULTS.successful) == [False] * len(DISORDER) + [True]
+    np.testing.assert_allclose(run.q[-1, 1], pendulum_truth(0.7, 1.3), rtol=0, atol=1e-6)
+
+
+def test_times_that_touch():
+    """A motion of no length, times that come twice, and a last one that rounding puts beyond the end."""
+    system, state = pendulum(0.7, 1.3)
+    for t1, ts in ((0.0, [0.0] * 4), (0.6, [0.0, 0.3, 0.3, 0.1 * 6])):
+        run = rx.simulate(system, state, t1, ts=ts)
+        assert run.result == rx.RESULTS.successful
+        truth = [pendulum_truth(0.7, 1.3, t1=t) if t > 0 else state.q for t in np.asarray(run.t)]
+        np.testing.assert_allclose(run.q, truth, rtol=0, atol=1e-6)
+
+
+def test_derivatives_by_the_times_are_velocities():
+    """At the end too, where the time touches the end of the motion."""
+    system, state = pendulum(0.7, 1.3)
+
+    def moved(ts):
+        return rx.simulate(system, state, T1, ts=ts, adjoint=diffrax.ForwardMode()).q
+
+    ts = jnp.array([0.0, 0.5, T1])
+    qd = rx.simulate(system, state, T1, ts=ts).qd
+    _, slope = jax.jvp(moved, (ts,), (jnp.ones(3),))
+    np.testing.assert_allclose(slope, qd, rtol=0, atol=1e-6)

@@ -202,7 +202,8 @@ def analyze_along(
             "Use `Trajectory.states`, or `analyze` for one."
         )
     count = len(states.t)
-    finite = np.all([np.all(np.isfinite(x.reshape(count, -1)), axis=1) for x in (states.q, states.qd)], axis=0)
+    numbers = states.q, states.qd, states.t
+    finite = np.all([np.all(np.isfinite(x.reshape(count, -1)), axis=1) for x in numbers], axis=0)
     if finite.sum() < 2:
         raise ValueError(
             f"Argument `states` must hold two finite states at least, but has {finite.sum()}. "

@@ -22,6 +22,7 @@ from ._phases import Options, Run, run
 from ._stabilisation import AbstractStabilisation
 from ._stepper import at_start
 from ._stick import Onward, onward
+from ._times import in_order, within
 from ._trajectory import Trajectory, TrajectoryStats
 
 
@@ -45,6 +46,9 @@ def integrate(
     singular: bool,
 ) -> Trajectory:
     """The motion; `singular` says whether M may be."""
+    ordered, given = in_order(state.t, t1, ts), ts
+    t1, ts = (jnp.where(ordered, t, state.t) for t in (t1, within(state.t, t1, ts)))
+    state = eqx.tree_at(lambda state: state.q, state, jnp.where(ordered, state.q, jnp.nan))
     fixed = still((system, state))  # what only decides how to compute has no derivative
     factor = factorize(*fixed, rank)
     rank = factor.spectrum.rank
@@ -58,8 +62,20 @@ def integrate(
     solved, found = _solved(equations, done, ts, rank, singular)
     ended = _ended(done, found == rank)
     ended = RESULTS.where(begin.result == RESULTS.successful, ended, begin.result)
+    ended = RESULTS.where(ordered, ended, RESULTS.times_out_of_order)
     q, qd, acceleration, multipliers, friction, memory = solved
-    return Trajectory(ts, q, qd, acceleration, multipliers, friction, done.senses, memory, ended, _stats(done))
+    return Trajectory(
+        jnp.where(ordered, ts, given),
+        q,
+        qd,
+        acceleration,
+        multipliers,
+        friction,
+        done.senses,
+        memory,
+        ended,
+        _stats(done),
+    )
 
 
 class _Start(eqx.Module):

@@ -17,6 +17,7 @@ from ._moving import Context, Equations, Moving
 from ._slip import bracketed, locate, released
 from ._stepper import Carried, Stepper, Watch
 from ._stick import Onward
+from ._times import within
 
 
 class Options(NamedTuple):
@@ -90,7 +91,7 @@ def _phase(now: Run, equations: Equations, options: Options) -> Run:
         (equations, Context(now.held, now.tau)),
         stepsize_controller=options.controller,
         saveat=diffrax.SaveAt(
-            subs=[diffrax.SubSaveAt(ts=jnp.clip(options.ts, now.t, end)), diffrax.SubSaveAt(t1=True)],
+            subs=[diffrax.SubSaveAt(ts=within(now.t, end, options.ts)), diffrax.SubSaveAt(t1=True)],
             solver_state=True,
         ),
         event=diffrax.Event(lambda t, y, args, **_: y.event > 0) if equations.has_sense else None,

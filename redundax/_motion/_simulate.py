@@ -14,12 +14,13 @@ from jax.typing import ArrayLike
 
 from .._closures._closure import AbstractClosure, MinimumNorm
 from .._culprits import culprits
-from .._module import Numbers, as_float, known, no_classes
+from .._module import Numbers, as_float, known, no_classes, positive
 from .._results import RESULTS
 from .._state import State
 from .._system import AbstractSystem
 from ._integrate import integrate
 from ._stabilisation import AbstractStabilisation, Projection
+from ._times import check_times
 from ._trajectory import Trajectory
 
 _MINIMUM_NORM, _PROJECTION, _DOPRI8 = MinimumNorm(), Projection(), diffrax.Dopri8()
@@ -57,14 +58,14 @@ def simulate(
 
     - `system`: a `Mechanism` or `System`; with a `retraction` of its own, too.
     - `state`: position, velocity and time at the start, on the constraint manifold and not in a singular position.
-    - `t1`: time at the end.
+    - `t1`: time at the end, not before that of `state`: motions run forward.
     - `closure`: which of the multipliers to take where they are not unique; it matters to the motion where friction
       depends on load.
     - `solver`: any diffrax solver of ordinary differential equations; explicit ones suit stiff constraints, not stiff
       loads.
     - `stabilisation`: `Projection()`, `Baumgarte(alpha, beta)` or `NoStabilisation()`.
-    - `ts`: times to give the motion at, ascending; 101 from start to end if not given. Between steps it is
-      interpolated, some ten times less accurately than steps are, and projected.
+    - `ts`: times to give the motion at, one or more, ascending from start to end; 101 if not given. Between steps it
+      is interpolated, some ten times less accurately than steps are, and projected.
     - `rtol`: tolerance of a step, of positions relative to the size of the mechanism and of velocities to the largest
       so far; `None` for constant steps `dt0`, shorter only where one would end beside a singular position.
     - `dt0`: first step; a small one from the velocities and accelerations at the start if not given.
@@ -93,15 +94,17 @@ def simulate(
     says so.
     """
     no_classes(closure=closure, solver=solver, stabilisation=stabilisation, adjoint=adjoint)
-    _check(system, state, solver, rtol, dt0)
+    _check(system, state, solver, rtol, dt0, max_steps)
     t1 = as_float(t1).astype(state.qd.dtype)
     given = state.t + (t1 - state.t) * jnp.linspace(0, 1, 101, dtype=t1.dtype) if ts is None else as_float(ts)
+    given = given.astype(t1.dtype)
+    check_times(state.t, t1, given)
     mass = system.mass(state.q, state.t)
     trajectory = integrate(
         system.anonymous(),
         state,
         t1,
-        given.astype(t1.dtype),
+        given,
         closure,
         solver,
         stabilisation,
@@ -123,6 +126,7 @@ def _check(
     solver: diffrax.AbstractSolver,
     rtol: ArrayLike | None,
     dt0: ArrayLike | None,
+    max_steps: int,
 ) -> None:
     """Refuse what cannot be integrated."""
     n = len(system.coordinates)
@@ -133,6 +137,9 @@ def _check(
         )
     if not system.adds:
         _check_chart(system, state)
+    for name, value in (("rtol", rtol), ("dt0", dt0), ("max_steps", max_steps)):
+        if value is not None:
+            positive(name, jnp.asarray(value))
     if rtol is None and dt0 is None:
         raise ValueError("Argument `dt0` must be given where `rtol` is None, but it is None: it is the constant step.")
     if rtol is not None and not isinstance(solver, diffrax.AbstractAdaptiveSolver):

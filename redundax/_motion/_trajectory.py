@@ -18,7 +18,8 @@ class TrajectoryStats(eqx.Module):
     - `kinetic_energy`: the largest.
     - `energy_error`: largest change of kinetic energy less the work of loads, friction and drivers, relative to the
       largest kinetic energy; it is 0 for the exact motion.
-    - `nearest_singularity`: how near to a singular position steps ended: 0 in it, about 1 far from it.
+    - `nearest_singularity`: how near to a singular position steps ended: 0 in it, about 1 far from it, infinite where
+      there was no step.
     - `contraction`: largest bound of the contraction of friction at all loads; below 1 friction, and so the motion, is
       proved unique under the closure.
     - `jump`: where it is not, the largest change of friction in a step, relative to its size; at most 0.1, so that the

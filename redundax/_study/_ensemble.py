@@ -129,7 +129,7 @@ def _named(data: "xarray.Dataset", system: AbstractSystem) -> "xarray.Dataset":
             "Return what `simulate` gives."
         )
     times = data["t"].values
-    if times.ndim != 2 or not np.array_equal(times, np.broadcast_to(times[0], times.shape)):
+    if times.ndim != 2 or not np.array_equal(times, np.broadcast_to(times[0], times.shape), equal_nan=True):
         raise ValueError("Argument `run` must give all motions at the same times. Give `ts` to `simulate`.")
     motions = data.drop_vars("t").assign_coords(time=("time", times[0], {"units": "s"}))
     motions = motions.assign(sense=data["sense"].rename({data["sense"].dims[1]: "time"}))
