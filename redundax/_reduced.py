@@ -146,6 +146,6 @@ def _size(*arrays: Array) -> Array:
 
 
 def _sense(rate: Array, motion: Decision, sense: Array | None) -> Array:
-    """Sign of the slip rates of joints that move, or the given sense."""
-    given = 0.0 if sense is None else sense.astype(rate.dtype)
+    """Sign of the slip rates of joints that move, or of the given sense."""
+    given = 0.0 if sense is None else jnp.sign(sense.astype(rate.dtype))
     return jnp.where(motion.is_yes, jnp.sign(rate), given)

@@ -161,6 +161,12 @@ def test_what_is_not_finite_is_no_success(place, bad):
         assert np.all(np.isnan(solution.acceleration)) and np.all(np.isnan(solution.multipliers))
 
 
+def test_a_mechanism_at_rest_is_sent_to_the_call_that_answers_it():
+    mechanism, state = paper(0.02, rate=0.0)
+    with pytest.raises(RuntimeError, match=r"Ask `rx\.sticking`.*At rest: A, B, C, D"):
+        registry.solve(mechanism, state)
+
+
 def test_what_is_not_finite_is_not_called_at_rest():
     solution = registry.solve(*paper(mu_rho=np.nan), throw=False)
     assert solution.result != R.friction_at_rest
