@@ -77,9 +77,14 @@ def assemble(
             f"Argument `positions` needs a chart with one coordinate for each of the {n} velocities, but `q` has "
             f"shape {q.shape}. Leave them out and give `q` itself."
         )
+    numbers = {"q": q, "qd": qd, "t": t}
+    for name, value in numbers.items():
+        if throw is not False and known(value) and not jnp.all(jnp.isfinite(value)):
+            raise ValueError(f"Argument `{name}` must be finite, but is {value}. Give a guess of every entry.")
+    finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(value)) for value in numbers.values()]))
     state, off, slow = _assemble(
         system.anonymous(),
-        State(q.astype(dtype), qd.astype(dtype), t.astype(dtype)),
+        State(jnp.where(finite, q, jnp.nan).astype(dtype), qd.astype(dtype), t.astype(dtype)),
         jnp.asarray(np.array(held, int)),
         jnp.stack([jnp.zeros(()), *(as_float(x) for x in positions.values())])[1:].astype(dtype),
         jnp.asarray(np.array(driven, int)),

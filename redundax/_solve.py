@@ -153,6 +153,7 @@ def _end(
     finite = jnp.isfinite(reduced.end_size(root.tau, stress))
     checks = (
         *factor.checks,
+        (jnp.isfinite(jnp.sum(reduced.pick.compliance)), RESULTS.not_finite),
         (~reduced.definiteness.is_no, RESULTS.indeterminate_closure),
         (reduced.definiteness.is_yes, RESULTS.ambiguous_closure),
         *friction_checks,
@@ -198,7 +199,8 @@ def _solve_friction(
 def _checks(reduced: Reduced, stress: Array | None, root: Root, solver: AbstractSolver) -> tuple:
     """What must hold for the friction."""
     ended, senseless = solver.result(root.progress), reduced.senseless(root.tau, stress)
-    rests = cast(Decision, reduced.motion).is_no
+    rests, problem = cast(Decision, reduced.motion).is_no, cast(FrictionProblem, reduced.problem)
+    given = jnp.isfinite(reduced.end_size(problem.law(problem.rho0), None))
     failures = (
         RESULTS.diverged,
         RESULTS.no_contraction,
@@ -206,6 +208,7 @@ def _checks(reduced: Reduced, stress: Array | None, root: Root, solver: Abstract
         RESULTS.no_solution_found,
     )
     return (
+        (given, RESULTS.not_finite),
         (~jnp.any(senseless & rests), RESULTS.friction_at_rest),
         (~jnp.any(senseless), RESULTS.ambiguous_rest),
         *((ended != failure, failure) for failure in failures),

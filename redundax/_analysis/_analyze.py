@@ -68,10 +68,12 @@ def analyze(
     singular = bool(found.singular_position)
     rows, unique = np.array(system.rows.labels), found.unique_multipliers & (not singular)
     reads = np.unique(np.concatenate([np.zeros(0, int), *(np.ravel(group.rows) for group in system.friction)]))
-    successful = bool(found.result == RESULTS.successful)
     stress = _echelon(found.self_stress, rows.size - int(found.spectrum.rank), found.unique_multipliers)
     groups, kinds = _groups(stress), system.rows.kinds
-    figures, result = _family(system, state, factor, closure, stress, sense, rank)
+    figures, result = None, found.result
+    if result == RESULTS.successful:
+        figures, result = _family(system, state, factor, closure, stress, sense, rank)
+    figures = None if result == RESULTS.not_finite else figures
     return Report(
         coordinates=system.coordinates.labels,
         rows=system.rows.labels,
@@ -91,13 +93,13 @@ def analyze(
         lost_digits=float(found.lost_digits),
         unique_accelerations=bool(found.determinate) and not singular,
         at_rest=_rests(result),
-        verdicts=_verdicts(system, state, figures, result) if successful else {},
-        spectral_radius=figures.radius if system.friction else None,
+        verdicts={} if figures is None else _verdicts(system, state, figures, result),
+        spectral_radius=figures.radius if system.friction and figures is not None else None,
         releases=releases(orthonormal(found.row_scale, stress), system.rows.labels, system.rows.kinds)
-        if successful
+        if figures is not None
         else (),
         friction_reads=tuple(str(rows[row]) for row in reads if not unique[row]),
-        problem="" if successful else RESULTS[found.result] + culprits(system, state, found.result),
+        problem="" if figures is not None else RESULTS[result] + culprits(system, state, result),
     )
 
 

@@ -181,4 +181,4 @@ def _thrown(system: AbstractSystem, state: State, trajectory: Trajectory, throw:
 def _singular(mass: np.ndarray) -> bool:
     """Whether the mass matrix is, or is nearly, singular."""
     size = np.sqrt(np.where(np.diag(mass) > 0, np.diag(mass), 1.0))
-    return bool(np.linalg.eigvalsh(mass / size[:, None] / size)[0] < 1e-12)
+    return bool(np.all(np.isfinite(mass))) and bool(np.linalg.eigvalsh(mass / size[:, None] / size)[0] < 1e-12)
