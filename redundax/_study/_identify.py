@@ -127,8 +127,8 @@ def _checked(
         raise ValueError(
             "Argument `measured` must be finite. Leave out of it, and of what `predict` gives, what is missing."
         )
-    if not bool(jnp.all(sigma > 0)):
-        raise ValueError(f"Argument `noise` must be positive, but is {noise}. Give a standard deviation.")
+    if not bool(jnp.all((sigma > 0) & jnp.isfinite(sigma))):
+        raise ValueError(f"Argument `noise` must be positive and finite, but is {noise}. Give a standard deviation.")
     if sigma.shape not in ((), data.shape):
         raise ValueError(
             f"Argument `noise` must be a number or have the shape of `measured`, {data.shape}, but has {sigma.shape}. "
