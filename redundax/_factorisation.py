@@ -96,7 +96,7 @@ class Factorisation(eqx.Module):
     _size: Float[Array, ""]
     _coordinate_scale: Float[Array, " n"]
 
-    def motion_of(self, rates: Float[Array, " p"]) -> Decision:
+    def motion_of(self, rates: Float[Array, "..."]) -> Decision:
         """Whether slip rates, m/s or L times an angular rate, are those of joints that move.
 
         The noise is the rounding of the velocities and what violates the constraints of them, magnified by the
