@@ -292,3 +292,68 @@ def test_a_study_tells_its_spoiled_samples():
     np.testing.assert_array_equal(data["result"] == 0, GOOD)
     for name in ("acceleration", "multipliers", "friction"):
         assert np.isfinite(data[name][GOOD]).all() and np.isnan(data[name][~GOOD]).all()
+
+
+def spoiled_above(limit: float, value: jax.Array) -> jax.Array:
+    return jnp.where(value > limit, jnp.nan, value)
+
+
+@slow
+def test_an_ensemble_is_finite_where_a_motion_counts():
+    def run(mu, push):
+        return simulated(block(mu, push=push), at(), SOFT)
+
+    for mus, good in ((jnp.array([0.1, np.nan]), [True, False]), (jnp.array([np.nan, np.nan]), [False, False])):
+        with pytest.warns(UserWarning, match=f"{2 - sum(good)} of 2 motions did not get to the end"):
+            data = rx.ensemble(run, {"mu": mus, "push": jnp.array([3.0, 4.0])}, system=block())
+        np.testing.assert_array_equal(data["solved"], good)
+        for name in ("q", "qd", "acceleration", "multipliers", "friction"):
+            assert np.all(data[f"{name}_count"] == sum(good))
+            assert np.all(np.isfinite(data[f"{name}_band"]) == any(good))
+
+
+@slow
+def test_a_tolerance_study_is_finite_where_samples_fail():
+    def build(push, mu):
+        return rx.solve(block(mu, push=spoiled_above(3.1, push)), at(), closure=SOFT)
+
+    varies = {"mu": rx.Normal(0.1, 0.01)}
+    with pytest.warns(UserWarning, match="have no solution and are left out"):
+        data = rx.tolerance_study(build, {"push": rx.Normal(3.0, 0.1), **varies}, samples=64, system=block())
+    np.testing.assert_array_equal(data["solved"], data["push"] <= 3.1)
+    for name in ("nominal", "mean", "std", "percentiles", "gradient", "share"):
+        assert np.all(np.isfinite(data[name])), name
+    with pytest.raises(RuntimeError, match="not finite"):
+        rx.tolerance_study(build, {"push": rx.Normal(3.2, 0.1), **varies}, samples=64, system=block())
+
+
+@slow
+@pytest.mark.parametrize("limit", [np.inf, 3.1, -np.inf])
+def test_an_identification_is_finite_or_has_a_problem(limit):
+    """What is predicted is NaN where the push is above the limit: nowhere, for some starts, everywhere."""
+
+    def predict(push, mu):
+        return rx.solve(block(mu, push=spoiled_above(limit, push)), at(), closure=SOFT).acceleration[:1]
+
+    varies = {"push": rx.Normal(3.0, 0.5), "mu": rx.Normal(0.1, 0.02)}
+    found = rx.identify(predict, [1.3], varies, noise=0.01, starts=4, throw=False)
+    assert found.converged == (not found.problem)
+    assert found.converged == np.isfinite(found.chi_square)
+    if found.converged:
+        assert_finite(found)
+    assert found.converged or limit < np.inf
+    assert found.problem or limit > -np.inf
+    with pytest.raises(ValueError, match="`noise` must be positive and finite"):
+        rx.identify(predict, [1.3], varies, noise=np.inf)
+
+
+@slow
+@pytest.mark.parametrize("options", [{"max_steps": 3}, {"max_phases": 1}])
+def test_a_motion_that_ends_early_is_finite_up_to_its_end(options):
+    times = jnp.linspace(0.0, 4.0, 9)
+    run = rx.simulate(block(), at(), 4.0, ts=times, throw=False, **options)
+    assert run.result in (R.steps_exhausted, R.phases_exhausted)
+    reached = np.asarray(times) <= float(run.stats.end)
+    assert 0 < reached.sum() < 9
+    for part in (run.q, run.qd, run.acceleration, run.multipliers, run.friction, run.sense):
+        assert np.isfinite(part[reached]).all() and np.isnan(part[~reached]).all()
