@@ -79,7 +79,7 @@ def assemble(
         )
     numbers = {"q": q, "qd": qd, "t": t}
     for name, value in numbers.items():
-        if throw is not False and known(value) and not jnp.all(jnp.isfinite(value)):
+        if throw is not False and known(value) and not np.all(np.isfinite(value)):
             raise ValueError(f"Argument `{name}` must be finite, but is {value}. Give a guess of every entry.")
     finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(value)) for value in numbers.values()]))
     state, off, slow = _assemble(
