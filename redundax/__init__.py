@@ -68,10 +68,10 @@ from ._friction_model import RegularisedCoulomb as RegularisedCoulomb
 from ._friction_model import Stribeck as Stribeck
 from ._joints import AbstractFrictionalJoint as AbstractFrictionalJoint
 from ._joints import AbstractJoint as AbstractJoint
+from ._joints import AngleCoupling as AngleCoupling
 from ._joints import AngleDriver as AngleDriver
 from ._joints import DistanceDriver as DistanceDriver
 from ._joints import Fixed as Fixed
-from ._joints import Gear as Gear
 from ._joints import PinInSlot as PinInSlot
 from ._joints import Polynomial as Polynomial
 from ._joints import Revolute as Revolute

@@ -290,8 +290,8 @@ def everything() -> tuple[rx.Mechanism, rx.State]:
     joints = [
         rx.Revolute("A", "wheel", ground, (0.0, 0.0), (0.0, 0.0)),
         rx.Revolute("B", "gear", ground, (0.0, 0.0), (0.6, 0.0)),
-        rx.Gear("G", "wheel", "gear", 2.0),
-        rx.Gear("belt", "gear", "wheel", -0.5),
+        rx.AngleCoupling("G", "wheel", "gear", 2.0),
+        rx.AngleCoupling("belt", "gear", "wheel", -0.5),
         rx.AngleDriver("drive", "gear", ground, rx.Polynomial([0.3])),
         rx.Revolute("C", "arm", ground, (-0.4, 0.0), (1.4, 0.0)),
         rx.PinInSlot("S", "tip", "arm", (-0.1, 0.0), (0.0, 0.0), (0.0, 1.0)),

@@ -52,8 +52,8 @@ def draw(
     normal for a translational one, and in general -(d residual / d pose_i)^T lam, moments about the joint's point on
     body i. Moments are circular arrows, counterclockwise where positive, with their values in N m. Loads below 1e-4
     of the largest are left out, and so are values and, in very dense pictures, names that would cover other ones.
-    Applied forces are black, to the scale of `multipliers` where these are given and not four times smaller. Internal
-    gears look like belts.
+    Applied forces are black, to the scale of `multipliers` where these are given and not four times smaller.
+    Couplings of angles look like gears, or belts where both bodies turn in the same sense; neither's force is there.
 
     ??? example
 

@@ -3,7 +3,7 @@
     p = r + R(phi) s                                                                       (54)
 
 for every joint point s of a body; a guide runs along R_j v_j turned by -90 degrees, Eq. (57). The ground has the
-index after the last body. Joints without points of their own (drivers, gears) are shown at the pin of their bodies.
+index after the last body. Joints without points of their own (drivers, couplings) are shown at the pin of their bodies.
 """
 
 import dataclasses
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from .._body import poses
-from .._joints import AngleDriver, Gear, Revolute
+from .._joints import AngleCoupling, AngleDriver, Revolute
 from .._loads import AppliedForce, SpringDamper, TorsionSpring
 from .._mechanism import Mechanism
 from .._state import State
@@ -25,8 +25,8 @@ _SIDES = np.array([[0.0, -1.0], [0.0, 1.0], [-1.0, 0.0], [1.0, 0.0]])
 class Joint:
     """A joint: `on_i` and `on_j` are its points on the two bodies, `spot` is where its symbol and name belong.
 
-    `axis` is the unit vector along its guide, `length` the guide's length and `ratio` that of a gear pair, where
-    the joint has such a thing; `pointed` is whether it has a point. `group` and `member` say where in the
+    `axis` is the unit vector along its guide, `length` the guide's length and `ratio` that of a coupling of angles,
+    where the joint has such a thing; `pointed` is whether it has a point. `group` and `member` say where in the
     mechanism's stacks it lies.
     """
 
@@ -156,7 +156,7 @@ def _at_pin(joint: Joint, joints: list[Joint], r: np.ndarray) -> Joint:
         return joint
     if joint.pointed:
         return dataclasses.replace(joint, spot=(joint.on_i + joint.on_j) / 2)
-    if joint.kind is Gear:
+    if joint.kind is AngleCoupling:
         ends = [pin(body, len(r) - 1, joints) for body in (joint.i, joint.j)]
         on_i, on_j = (r[body] if end is None else end for body, end in zip((joint.i, joint.j), ends, strict=True))
         return dataclasses.replace(joint, on_i=on_i, on_j=on_j, spot=(on_i + on_j) / 2)
@@ -174,9 +174,9 @@ def pin(i: int, j: int, joints: list[Joint]) -> np.ndarray | None:
 
 
 def pitch_circles(joint: Joint) -> list[tuple[np.ndarray, float]]:
-    """Centre and radius of the wheels of a gear pair, which touch if they turn in opposite senses; else none."""
+    """Centre and radius of the wheels of a coupling, which touch if they turn in opposite senses; else none."""
     distance, ratio = float(np.hypot(*(joint.on_j - joint.on_i))), joint.ratio or 1.0
-    if joint.kind is not Gear or distance == 0:
+    if joint.kind is not AngleCoupling or distance == 0:
         return []
     whole = distance if ratio > 0 else 0.5 * distance
     return [(joint.on_i, whole / (1 + abs(ratio))), (joint.on_j, whole * abs(ratio) / (1 + abs(ratio)))]

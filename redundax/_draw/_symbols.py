@@ -1,15 +1,15 @@
 """Symbols of joints, of the ground and of loads, as in textbooks on mechanisms.
 
 A circle is a revolute joint and a block between rails a translational one; hatching is the ground, M a driven angle, a
-cylinder a driven distance (a rod where it is constant), a black square a fixed joint, chain-dotted circles a gear
-pair, and a diamond a joint that the user wrote.
+cylinder a driven distance (a rod where it is constant), a black square a fixed joint, chain-dotted circles the wheels
+of a coupling of angles, and a diamond a joint that the user wrote.
 """
 
 from collections.abc import Callable
 
 import numpy as np
 
-from .._joints import AngleDriver, DistanceDriver, Fixed, Gear, PinInSlot, Revolute, Translational
+from .._joints import AngleCoupling, AngleDriver, DistanceDriver, Fixed, PinInSlot, Revolute, Translational
 from .._loads import AppliedForce, SpringDamper, TorsionSpring
 from ._bodies import block_length, guide_reach, hull
 from ._pen import HARD, OUTLINE, Pen, across, circle
@@ -148,7 +148,7 @@ def _distance_driver(pen: Pen, scene: Scene, joint: Joint) -> None:
         pen.cover(end, PIN + 1.0, HARD)
 
 
-def _gear(pen: Pen, scene: Scene, joint: Joint) -> None:
+def _angle_coupling(pen: Pen, scene: Scene, joint: Joint) -> None:
     """Pitch circles that touch for an external pair, two wheels and a belt for any other."""
     circles = pitch_circles(joint)
     for centre, radius in circles:
@@ -202,5 +202,5 @@ _SYMBOLS: dict[type, Callable[[Pen, Scene, Joint], None]] = {
     Fixed: _fixed,
     AngleDriver: _angle_driver,
     DistanceDriver: _distance_driver,
-    Gear: _gear,
+    AngleCoupling: _angle_coupling,
 }

@@ -1,12 +1,12 @@
 """Planar joints, Appendix B, one kind a file."""
 
+from ._angle_coupling import AngleCoupling as AngleCoupling
 from ._base import AbstractFrictionalJoint as AbstractFrictionalJoint
 from ._base import AbstractJoint as AbstractJoint
 from ._driver import AngleDriver as AngleDriver
 from ._driver import DistanceDriver as DistanceDriver
 from ._driver import Polynomial as Polynomial
 from ._fixed import Fixed as Fixed
-from ._gear import Gear as Gear
 from ._pin_in_slot import PinInSlot as PinInSlot
 from ._revolute import Revolute as Revolute
 from ._translational import Translational as Translational

@@ -106,7 +106,7 @@ def _joint(name: str, joint: Joint, own: dict) -> Any:
     if joint.kind == "fixed":
         return rx.Fixed(*ends, *points, own["angle"])
     if joint.kind == "gear":
-        return rx.Gear(*ends, own["ratio"], own["angle"])
+        return rx.AngleCoupling(*ends, own["ratio"], own["angle"])
     return rx.AngleDriver(*ends, law) if joint.kind == "angle" else rx.DistanceDriver(*ends, *points, law)
 
 
