@@ -22,7 +22,7 @@ from ._stack import Stack
 from ._state import State
 
 # Arm of a force about a point that it passes through, relative to its distance from the body's origin: rounding, and
-# how far a joint is from being closed.
+# how far a joint is from being closed. Share of a force along an axis that it is square to: how far a body is turned.
 _CLOSED = 1e-9
 
 
@@ -46,10 +46,11 @@ def joint_outputs(mechanism: Mechanism, state: State) -> tuple[list[str], np.nda
         for k, joint in enumerate(joints):
             i, j = bodies[int(stack.i[k])], bodies[int(stack.j[k])]
             on, sign, arm = (j, -1.0, arms_j[k]) if i == GROUND else (i, 1.0, arms_i[k])
-            force = by_row[k, :2]
-            wrench = np.zeros((3, len(mechanism.rows)))
-            moment, reach = moved(by_row[k, 2], force, arm), np.linalg.norm(arm) * np.linalg.norm(force, axis=0)
+            whole = np.linalg.norm(by_row[k, :2], axis=0)
+            force = np.where(np.abs(by_row[k, :2]) > _CLOSED * whole, by_row[k, :2], 0.0)
+            moment, reach = moved(by_row[k, 2], by_row[k, :2], arm), np.linalg.norm(arm) * whole
             moment = np.where(np.abs(moment) > _CLOSED * (np.abs(by_row[k, 2]) + reach), moment, 0.0)
+            wrench = np.zeros((3, len(mechanism.rows)))
             wrench[:, rows[k]] = sign * np.vstack([force, moment])
             names += [f"{joint} {part} on {on}" for part in ("force x", "force y", "moment")]
             out.append(wrench)

@@ -18,7 +18,7 @@ import redundax as rx
 
 pytestmark = pytest.mark.filterwarnings("ignore:Argument `(misfit|W)` looks:UserWarning")
 SAMPLES = 50
-UNIQUE, STATIONARY, NOT_UNIQUE, UNDECIDED = rx.Verdict
+UNIQUE, ZERO, NO_CHANGE, NOT_UNIQUE, UNDECIDED = rx.Verdict
 RECIPES = ("loop, doubled pin", "parallel guides", "driven twice", "gears and frames", "smooth")
 
 

@@ -10,6 +10,7 @@ Here values are concrete, so the self-stress states appear as a basis: reduced t
 state has the entry 1 in a row where all others have 0.
 """
 
+from functools import cache, partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -23,12 +24,15 @@ from .._closures._closure import AbstractClosure, MinimumNorm
 from .._culprits import culprits
 from .._factorisation import Factorisation, factorize
 from .._friction import slip_kinds
+from .._joints import AngleCoupling
+from .._mechanism import Mechanism
 from .._module import Numbers, as_float, no_classes
 from .._rank import Spectrum
 from .._results import RESULTS
 from .._solve import solve
 from .._state import State
 from .._system import AbstractSystem
+from ._others import other_solutions
 from ._outputs import outputs
 from ._position import position
 from ._release import releases
@@ -99,6 +103,7 @@ def analyze(
         if figures is not None
         else (),
         friction_reads=tuple(str(rows[row]) for row in reads if not unique[row]),
+        couplings=_couplings(system),
         problem="" if figures is not None else RESULTS[result] + culprits(system, state, result),
     )
 
@@ -134,8 +139,8 @@ def _family(
     solution = solve(system, state, closure=closure, sense=sense, rank=rank, throw=False)
     count = len(slip_kinds(system.friction))
     senses = None if sense is None else jnp.broadcast_to(as_float(sense), (count,))
-    figures = family(system, state, factor, closure, stress.T, np.asarray(solution.friction), senses)
-    return figures, solution.result
+    others = partial(other_solutions, system, state, factor, solution, stress, senses)
+    return family(system, state, factor, closure, stress.T, solution, cache(others), senses), solution.result
 
 
 def _verdicts(system: AbstractSystem, state: State, figures: Family, result: RESULTS) -> dict[str, tuple[Judged, ...]]:
@@ -145,6 +150,13 @@ def _verdicts(system: AbstractSystem, state: State, figures: Family, result: RES
 
 def _rests(result: RESULTS) -> bool:
     return bool((result == RESULTS.friction_at_rest) | (result == RESULTS.ambiguous_rest))
+
+
+def _couplings(system: AbstractSystem) -> tuple[str, ...]:
+    if not isinstance(system, Mechanism):
+        return ()
+    stacks = zip(system.joints, system.joint_names, strict=True)
+    return tuple(name for stack, names in stacks if isinstance(stack.element, AngleCoupling) for name in names)
 
 
 def _groups(stress: np.ndarray) -> list[np.ndarray]:

@@ -39,6 +39,8 @@ class Report:
       equations are proved to have one solution for each misfit of it; None without friction.
     - `releases`: directions within joints whose release removes all redundancy and adds no degree of freedom.
     - `friction_reads`: names of the multipliers that are not unique and that friction depends on.
+    - `couplings`: names of the joints that are an `AngleCoupling`: what is said of bearings leaves out the forces of
+      their teeth or belts.
     - `problem`: why the equations at this state cannot be trusted; empty if they can.
 
     ??? example
@@ -73,6 +75,7 @@ class Report:
     spectral_radius: float | None
     releases: tuple[Release, ...]
     friction_reads: tuple[str, ...]
+    couplings: tuple[str, ...]
     problem: str
 
     @property
@@ -88,6 +91,15 @@ class Report:
         size = np.abs(self.self_stress)
         alone = (self.self_stress == 1.0) & (size.sum(axis=0) == size)
         return tuple(self.rows[int(np.argmax(row))] for row in alone)
+
+    @property
+    def left_out(self) -> str:
+        """What the equations leave out, in words; empty if there is nothing to tell."""
+        if not self.couplings:
+            return ""
+        return (
+            f"Angles alone are coupled by {', '.join(self.couplings)}: no force of teeth or belts loads the bearings."
+        )
 
     def dependencies(self) -> tuple[tuple[str, dict[str, float]], ...]:
         """For each self-stress state one row and the coefficients eta (17) with which the others make it.
@@ -134,6 +146,8 @@ class Report:
             lines.append(
                 f"NEAR A SINGULAR POSITION: accelerations and loads lose {self.lost_digits:.0f} of their digits."
             )
+        if self.left_out:
+            lines.append(f"LEFT OUT: {self.left_out}")
         for number, state in enumerate(self.self_stress):
             lines.append(f"Self-stress state {number}:")
             lines += columns([f"{name} {value:+.6g}" for name, value in zip(self.rows, state, strict=True) if value])

@@ -6,13 +6,16 @@ every solution of (25) is
     x = x_0 + X tau + [0; N z],   tau = law(rho0 + K tau + N_R z),   N_R = N[rows],   z in R^k.
 
 Without friction y is unique iff Y_lam N = 0 (13) and accelerations are if (14) holds. With friction call a slip
-*touched* if its law reads a load with N_R != 0, or one that a touched friction moves through K. Then
+*touched* by a column of N if its law reads a load with N_R != 0 there, or one that a touched friction moves through K.
+Then
 
+- y is zero if all of Y is: joints carry no such load, as a pin carries no moment;
 - y is unique (proved) if Y_lam N = 0, no touched friction moves it, and the other friction has one solution, for
   which the spectral radius of Gamma_ij = max |d law_i / d rho| |K_ij| over the untouched slips below 1 suffices;
 - y is not unique (proved) if its derivative dy/dz at a solution is not zero,
-      dtau/dz = (I - J K)^-1 J N_R,   J = d law / d rho;
-- where that derivative is zero although touched friction moves y, y is stationary here, which proves nothing;
+      dtau/dz = (I - J K)^-1 J N_R,   J = d law / d rho,
+  or another solution along a column of N (`_others`) has another y;
+- where touched friction moves y but neither shows a change, no change was found, which proves nothing;
 - all else is undecided, such as at rest, where Coulomb friction is set-valued.
 
 Each misfit of a compliance, or h, has one solution (proved) where the spectral radius of the whole Gamma, with the K
@@ -21,6 +24,7 @@ of that closure, is below 1: the sweep then contracts in a weighted maximum norm
 
 import dataclasses
 import enum
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -31,7 +35,9 @@ from jaxtyping import Array
 
 from .._closures._closure import AbstractClosure, MinimumNorm
 from .._factorisation import Factorisation
+from .._friction import slip_kinds
 from .._reduced import reduce
+from .._solution import Solution
 from .._state import State
 from .._system import AbstractSystem
 
@@ -45,6 +51,10 @@ _SMALL = (
 class Verdict(enum.Enum):
     """What is known of an output over all solutions.
 
+    `ZERO` is no result of a mechanism's motion or loads: the joint carries no such load at the state, as a pin carries
+    no moment. `NO_CHANGE` is no proof: friction that varies with the self-stress reaches the output, but neither the
+    derivative nor the other solutions that were looked at change it.
+
     ??? example
 
         ```python
@@ -54,7 +64,8 @@ class Verdict(enum.Enum):
     """
 
     UNIQUE = "unique (proved)"
-    STATIONARY = "stationary here"
+    ZERO = "zero (the joint carries none)"
+    NO_CHANGE = "no change found"
     NOT_UNIQUE = "not unique"
     UNDECIDED = "undecided"
 
@@ -94,7 +105,7 @@ class Judged:
 class Family:
     """Concrete figures of the family of solutions at a state, as `family` gives them.
 
-    - `kinds`: kinds of qdd and lam, shape (n + m,).
+    - `kinds`: kinds of qdd, lam and tau, friction as forces and moments, shape (n + m + p,).
     - `stress`: N, shape (m, k), and `stress_rows` N_R, shape (l, k), in units of the multipliers.
     - `response`: X = [A; Lam], shape (n + m, p).
     - `slope`: dtau/dz at the solution, shape (p, k), NaN where there is none.
@@ -102,6 +113,8 @@ class Family:
     - `reads`: which slip's law reads which load, shape (p, l).
     - `length`: L of the mechanism, which makes turns and shifts, moments and forces comparable.
     - `loose`: accelerations that (7) leaves free, shape (n, d), none where (14) holds.
+    - `solution`, `others`: [qdd; lam; tau] of the solution, and a function that gives other ones, some for each column
+      of N, shape (k, looks, n + m + p); NaN where there is none.
     """
 
     kinds: np.ndarray
@@ -114,6 +127,8 @@ class Family:
     reads: np.ndarray
     length: np.ndarray
     loose: np.ndarray
+    solution: np.ndarray
+    others: Callable[[], np.ndarray]
 
     @property
     def radius(self) -> float:
@@ -127,17 +142,25 @@ def family(
     factor: Factorisation,
     closure: AbstractClosure,
     stress: np.ndarray,
-    friction: np.ndarray,
+    solution: Solution,
+    others: Callable[[], np.ndarray],
     sense: Array | None,
 ) -> Family:
-    """The figures of the family, given N and the friction forces of a solution; NaN where there is none."""
-    given = jnp.asarray(stress), jnp.asarray(friction)
+    """The figures of the family, given N, a solution, NaN where there is none, and how to find others."""
+    given = jnp.asarray(stress), solution.friction
     figures = jax.device_get(_figures(system.anonymous(), state, factor, closure, *given, sense))
     mass, jacobian, length, determinate = jax.device_get(
         (factor.mass, factor.jacobian, factor.length, factor.determinate)
     )
-    kinds = np.array([*system.coordinates.kinds, *system.rows.kinds])
-    return Family(kinds, **figures, length=length, loose=_loose(mass, jacobian, bool(determinate)))
+    slips = ("moment" if kind == "angular" else "force" for kind in slip_kinds(system.friction).kinds)
+    return Family(
+        np.array([*system.coordinates.kinds, *system.rows.kinds, *slips]),
+        **figures,
+        length=length,
+        loose=_loose(mass, jacobian, bool(determinate)),
+        solution=np.concatenate([solution.acceleration, solution.multipliers, solution.friction]),
+        others=others,
+    )
 
 
 @eqx.filter_jit
@@ -192,63 +215,63 @@ def judge(family: Family, names: list[str], outputs: np.ndarray, *, solved: bool
     size = family.response.shape[0]
     n = size - family.stress.shape[0]
     by_multipliers, by_unknowns, by_friction = outputs[:, n:size], outputs[:, :size], outputs[:, size:]
-    stress_size = _sizes(family.stress, family.kinds[n:], family.length)
-    response_size = _sizes(family.response, family.kinds, family.length)
-    direct_size = np.abs(by_multipliers) @ stress_size
+    direct_size = np.abs(by_multipliers) @ _sizes(family.stress, family.kinds[n:size], family.length)
+    response_size = _sizes(family.response, family.kinds[:size], family.length)
     driven_size = np.abs(by_unknowns) @ response_size + np.abs(by_friction)
     direct = _clean(by_multipliers @ family.stress, direct_size)
     driven = _clean(by_unknowns @ family.response + by_friction, driven_size)
-    known = ~np.any(np.abs(outputs[:, :n] @ family.loose) > 0, axis=1)
     touched = _touched(family)
-    settled = not at_rest and spectral_radius(family.gamma[np.ix_(~touched, ~touched)]) < 1
+    untouched = ~touched.any(axis=1)
+    depends = (direct != 0) | ((driven != 0) @ touched.astype(int) > 0)
+    moving = direct != 0
+    if solved:
+        terms = direct_size + driven_size @ np.abs(family.slope)
+        moving = depends & (np.abs(direct + driven @ family.slope) > _STATIONARY * terms)
+        if np.any(depends & ~moving):
+            moving |= depends & _differ(family, outputs)
+    known = ~np.any(np.abs(outputs[:, :n] @ family.loose) > 0, axis=1)
+    settled = not at_rest and spectral_radius(family.gamma[np.ix_(untouched, untouched)]) < 1
     out = []
     for k, name in enumerate(names):
-        alone = _simple(direct[k], bool(known[k]))
-        moved = direct[k] + driven[k] @ family.slope
-        terms = direct_size[k] + driven_size[k] @ np.abs(family.slope)
-        moving = np.abs(moved) > _STATIONARY * terms
-        with_friction = alone
-        if family.slope.shape[0]:
-            with_friction = _with_friction(
-                bool(known[k]),
-                bool(np.any(direct[k]) or np.any(driven[k, touched])),
-                bool(np.any(driven[k])),
-                settled,
-                solved,
-                moving,
-            )
-        states = moving if family.slope.shape[0] and solved else direct[k] != 0
-        out.append(Judged(name, alone, with_friction, tuple(int(s) for s in np.flatnonzero(states))))
+        alone = with_friction = _simple(bool(outputs[k].any()), bool(known[k]), bool(direct[k].any()))
+        if family.slope.shape[0] and known[k] and alone is not Verdict.ZERO:
+            sure = settled or not driven[k].any()
+            with_friction = _with_friction(bool(depends[k].any()), bool(sure), solved, bool(moving[k].any()))
+        out.append(Judged(name, alone, with_friction, tuple(int(s) for s in np.flatnonzero(moving[k]))))
     return out
 
 
-def _simple(direct: np.ndarray, known: bool) -> Verdict:
-    if not known:
-        return Verdict.NOT_UNIQUE
-    return Verdict.NOT_UNIQUE if np.any(direct) else Verdict.UNIQUE
+def _simple(carried: bool, known: bool, moved: bool) -> Verdict:
+    if not carried:
+        return Verdict.ZERO
+    return Verdict.NOT_UNIQUE if moved or not known else Verdict.UNIQUE
 
 
-def _with_friction(
-    known: bool, depends: bool, driven: bool, settled: bool, solved: bool, moving: np.ndarray
-) -> Verdict:
-    if not known:
-        return Verdict.NOT_UNIQUE
+def _with_friction(depends: bool, sure: bool, solved: bool, moving: bool) -> Verdict:
     if not depends:
-        return Verdict.UNIQUE if settled or not driven else Verdict.UNDECIDED
+        return Verdict.UNIQUE if sure else Verdict.UNDECIDED
     if not solved:
         return Verdict.UNDECIDED
-    return Verdict.NOT_UNIQUE if np.any(moving) else Verdict.STATIONARY
+    return Verdict.NOT_UNIQUE if moving else Verdict.NO_CHANGE
 
 
 def _touched(family: Family) -> np.ndarray:
-    """Slips whose friction can depend on the self-stress."""
-    reads = family.reads.astype(bool)
-    loaded = np.abs(family.stress_rows).max(axis=1, initial=0.0)
-    touched = (reads & (loaded > 0)).any(axis=1)
+    """Which slips' friction can depend on which self-stress state, shape (p, k)."""
+    touched = family.reads.astype(int) @ (family.stress_rows != 0) > 0
     moves = family.gamma > _STRUCTURAL * family.gamma.max(initial=0.0)
     for _ in range(len(touched)):
-        touched = touched | (moves & touched).any(axis=1)
+        touched = touched | (moves.astype(int) @ touched > 0)
     return touched
+
+
+def _differ(family: Family, outputs: np.ndarray) -> np.ndarray:
+    """Which outputs differ between the solution and others along each self-stress state, shape (outputs, k)."""
+    others = family.others()
+    change = np.nan_to_num(others - family.solution)
+    found = np.nan_to_num(np.vstack([family.solution, *others]))
+    size = np.abs(outputs) @ _sizes(found.T, family.kinds, family.length).max(axis=1)
+    moved = np.abs(np.einsum("ox,slx->osl", outputs, change)).max(axis=2)
+    return moved > np.sqrt(np.finfo(found.dtype).eps) * size[:, None]
 
 
 def _sizes(matrix: np.ndarray, kinds: np.ndarray, length: np.ndarray) -> np.ndarray:

@@ -179,5 +179,5 @@ def _wanted(
             f"are like {next(iter(rows))!r}, multipliers {system.rows.labels[0]!r}; `analyze(...).verdicts` has all."
         )
     judged = {one.name: one.with_friction for group in report.verdicts.values() for one in group}
-    unique = np.array([judged[name] is Verdict.UNIQUE for name in names])
+    unique = np.array([judged[name] in (Verdict.UNIQUE, Verdict.ZERO) for name in names])
     return names, tuple(kinds[name] for name in names), np.array([rows[name] for name in names]), unique

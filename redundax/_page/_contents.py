@@ -24,6 +24,7 @@ _KINDS = {
 }
 _PICTURES = 4  # self-stress states drawn, and families along them, at most
 _SAME = 1e-9  # relative to the largest of a table and unit, below which values do not differ
+_LEAST = 1e-13  # the same of values that are known to differ
 
 
 def contents(
@@ -64,15 +65,22 @@ def _short(report: Report) -> tuple[Block, ...]:
     if report.problem:
         return Items((counts,)), Text(f"Problem: {report.problem}", warning=True)
     items = [counts]
-    for kind, title in _listed(report):
-        judged = report.verdicts[kind]
-        unique = sum(one.with_friction is Verdict.UNIQUE for one in judged)
-        items.append(f"{title}: {unique} of {len(judged)} components are unique (proved).")
-    blocks = [Items(tuple(items))]
+    items += [_share(title, report.verdicts[kind]) for kind, title in _listed(report)]
+    blocks: list[Block] = [Items(tuple(items))]
+    if report.left_out:
+        blocks.append(Text(report.left_out, warning=True))
     if report.singular_position:
         singular = "Singular position: the rank is higher beside it, and what follows holds only here."
         return *blocks, Text(singular, warning=True)
     return tuple(blocks)
+
+
+def _share(title: str, judged: Sequence[Judged]) -> str:
+    """How many components are unique, of those that a joint can carry."""
+    said = [one.with_friction for one in judged]
+    zeros = said.count(Verdict.ZERO)
+    text = f"{title}: {said.count(Verdict.UNIQUE)} of {len(said) - zeros} components are unique (proved)."
+    return text + (f" {zeros} more are zero, because the joint carries none." if zeros else "")
 
 
 def _state(system: AbstractSystem, state: State) -> Block:
@@ -114,7 +122,7 @@ def _self_stress(system: AbstractSystem, state: State, report: Report) -> tuple[
 
 
 def _verdicts(report: Report) -> tuple[Block, ...]:
-    blocks: list[Block] = []
+    blocks: list[Block] = [Text(report.left_out)] if report.left_out else []
     for kind, title in _listed(report):
         groups: dict[tuple[str, str], list[str]] = {}
         for judged in report.verdicts[kind]:
@@ -136,8 +144,12 @@ def _why(judged: Judged, report: Report) -> str:
         frictionless = report.spectral_radius is None
         reaches = "no self-stress" if frictionless else "neither self-stress nor friction that varies with it"
         return f"the same in every solution: {reaches} reaches it"
-    if verdict is Verdict.STATIONARY:
-        return "friction that varies with the self-stress reaches it, but its rate of change is zero at this solution"
+    if verdict is Verdict.ZERO:
+        return "the joint can carry no such load at this position"
+    if verdict is Verdict.NO_CHANGE:
+        return (
+            "friction that varies with the self-stress reaches it; no solution that was looked at changes it: no proof"
+        )
     if verdict is Verdict.UNDECIDED:
         resting = "a joint with friction rests, where friction can take any value up to its bound"
         return resting if report.at_rest else "friction is not proved to have one solution"
@@ -190,26 +202,42 @@ def _values(
     given = outputs(system, state)
     for kind, title in _listed(report):
         names, matrix = given[kind]
-        blocks.append(_ranges(title, names, _units(kind, names, system), matrix @ x, found @ matrix.T))
+        said = [judged.with_friction for judged in report.verdicts[kind]]
+        blocks.append(_ranges(title, names, _units(kind, names, system), said, matrix @ x, found @ matrix.T))
     if report.spectral_radius is not None:
         blocks += [family_picture(family) for family in families[:_PICTURES]]
     return tuple(blocks)
 
 
-def _ranges(title: str, names: Sequence[str], units: Sequence[str], value: np.ndarray, found: np.ndarray) -> Table:
+def _ranges(
+    title: str,
+    names: Sequence[str],
+    units: Sequence[str],
+    said: Sequence[Verdict],
+    value: np.ndarray,
+    found: np.ndarray,
+) -> Table:
     """Values of minimum norm, and where the solutions (number, outputs) differ the least and the largest."""
     unit = np.array(units)
     size = np.array([np.abs(found[:, unit == own]).max() for own in units])
-    found, value = (np.where(np.abs(array) > _SAME * size, array, 0.0) for array in (found, value))
-    differs = np.ptp(found, axis=0) > _SAME * size
+    rounding = size * np.array([_LEAST if one is Verdict.NOT_UNIQUE else _SAME for one in said])
+    found, value = (np.where(np.abs(array) > rounding, array, 0.0) for array in (found, value))
+    differs = np.ptp(found, axis=0) > rounding
+    differs &= np.array([one not in (Verdict.UNIQUE, Verdict.ZERO) for one in said])
+    ends = zip(found.min(axis=0), found.max(axis=0), strict=True)
     rows = [
-        (name, _number(value[k]), *(_number(end[k]) if differs[k] else "" for end in ends), units[k])
-        for ends in [(found.min(axis=0), found.max(axis=0))]
-        for k, name in enumerate(names)
+        (name, _number(value[k]), *(_apart(low, high) if differs[k] else ("", "")), units[k])
+        for k, (name, (low, high)) in enumerate(zip(names, ends, strict=True))
     ]
     if not differs.any():
         return Table(title, ("component", "value", "unit"), tuple((row[0], row[1], row[4]) for row in rows))
     return Table(title, ("component", "minimum norm", "least", "largest", "unit"), tuple(rows))
+
+
+def _apart(low: float, high: float) -> tuple[str, str]:
+    """Two numbers with the digits that tell them apart."""
+    texts = [(f"{low + 0.0:.{digits}g}", f"{high + 0.0:.{digits}g}") for digits in (5, 8, 11, 14)]
+    return next((pair for pair in texts if pair[0] != pair[1]), texts[-1])
 
 
 def _units(kind: str, names: Sequence[str], system: AbstractSystem) -> list[str]:

@@ -110,7 +110,7 @@ def _verdicts(panel: "Axes", along: MotionReport, output: Output) -> None:
     edges = np.concatenate([along.t[:1], (along.t[1:] + along.t[:-1]) / 2, along.t[-1:]])
     for verdicts, colour, label in (
         ((Verdict.NOT_UNIQUE,), COLOURS[-1], "not unique"),
-        ((Verdict.UNDECIDED, Verdict.STATIONARY), "#999999", "uniqueness undecided"),
+        ((Verdict.UNDECIDED, Verdict.NO_CHANGE), "#999999", "uniqueness undecided"),
     ):
         spans = [(a, b - a) for a, b, one in zip(edges, edges[1:], said, strict=False) if one in verdicts]
         if spans:
