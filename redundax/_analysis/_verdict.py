@@ -76,7 +76,7 @@ class Judged:
 
     - `name`: of the output.
     - `without_friction`, `with_friction`: the verdicts; the same for a system without friction.
-    - `moved_by`: indices of the self-stress states that move it, with friction where there is some.
+    - `moved_by`: indices of the self-stress states that were found to move it, with friction where there is some.
 
     ??? example
 
