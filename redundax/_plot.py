@@ -179,10 +179,10 @@ def new_figure(width: float, height: float) -> "Figure":
 def _together(family: SolutionFamily, kind: str, outputs: Sequence[str] | None) -> list[tuple[str, np.ndarray]]:
     """Label and values of quantities of a kind that vary; those that run together have one label."""
     names = [name for name, k in zip(family.names, family.kinds, strict=True) if k.startswith(kind)]
-    size = max((np.abs(family[name]).max(initial=0.0) for name in names), default=0.0)
+    sizes = dict(zip(family.names, family.sizes, strict=True))
     out: list[tuple[str, np.ndarray]] = []
     for name in names:
-        values = family[name]
+        values, size = family[name], sizes[name]
         if (outputs is not None and name not in outputs) or np.ptp(values) <= 1e-9 * size:
             continue
         for k, (label, other) in enumerate(out):

@@ -104,6 +104,7 @@ def analyze(
         else (),
         friction_reads=tuple(str(rows[row]) for row in reads if not unique[row]),
         couplings=_couplings(system),
+        length=float(factor.length),
         problem="" if figures is not None else RESULTS[result] + culprits(system, state, result),
     )
 

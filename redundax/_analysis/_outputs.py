@@ -6,6 +6,7 @@ Accelerations are called "coordinate''", multipliers as their rows, friction "ta
 (global components) and the moment of every joint too, "joint force x on body".
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,8 @@ from .._mechanism import Mechanism
 from .._state import State
 from .._system import AbstractSystem
 from .._wrench import joint_outputs
+
+_SHARE = 1e-2
 
 
 def unknowns(system: AbstractSystem) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -39,6 +42,20 @@ def outputs(system: AbstractSystem, state: State) -> dict[str, tuple[list[str], 
     if isinstance(system, Mechanism):
         joints, wrenches = joint_outputs(system, state)
         out["reaction"] = joints, np.pad(wrenches, ((0, 0), (n, len(names) - n - m)))
+    return out
+
+
+def sizes(matrix: np.ndarray, kinds: Sequence[str], length: float | np.ndarray) -> np.ndarray:
+    """What rounding of each entry is measured against: the largest of its column and kind, friction among the loads.
+
+    Where nothing of a kind moves that is rounding too, so it is at least a share of the other kind, times a length.
+    """
+    kind_of, out = np.array([kind.removeprefix("friction ") for kind in kinds]), np.abs(matrix)
+    for pair, lever in ((("linear", "angular"), length), (("force", "moment"), 1 / length)):
+        largest = [out[kind_of == kind].max(axis=0, initial=0.0) for kind in pair]
+        floors = _SHARE * largest[1] * lever, _SHARE * largest[0] / lever
+        for kind, own, floor in zip(pair, largest, floors, strict=True):
+            out[kind_of == kind] = np.maximum(own, floor)
     return out
 
 

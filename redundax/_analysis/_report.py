@@ -41,6 +41,7 @@ class Report:
     - `friction_reads`: names of the multipliers that are not unique and that friction depends on.
     - `couplings`: names of the joints that are an `AngleCoupling`: what is said of bearings leaves out the forces of
       their teeth or belts.
+    - `length`: a length of the mechanism, by which moments are compared with forces, and turns with shifts.
     - `problem`: why the equations at this state cannot be trusted; empty if they can.
 
     ??? example
@@ -76,6 +77,7 @@ class Report:
     releases: tuple[Release, ...]
     friction_reads: tuple[str, ...]
     couplings: tuple[str, ...]
+    length: float
     problem: str
 
     @property

@@ -35,17 +35,14 @@ from jaxtyping import Array
 
 from .._closures._closure import AbstractClosure, MinimumNorm
 from .._factorisation import Factorisation
-from .._friction import slip_kinds
 from .._reduced import reduce
 from .._solution import Solution
 from .._state import State
 from .._system import AbstractSystem
+from ._outputs import sizes, unknowns
 
 _STRUCTURAL = 1e-10  # relative size of a coefficient that is rounding
 _STATIONARY = 1e-11
-_SMALL = (
-    1e-2  # share of the other kind, turns times a length of the mechanism, below which a kind has no size of its own
-)
 
 
 class Verdict(enum.Enum):
@@ -105,7 +102,7 @@ class Judged:
 class Family:
     """Concrete figures of the family of solutions at a state, as `family` gives them.
 
-    - `kinds`: kinds of qdd, lam and tau, friction as forces and moments, shape (n + m + p,).
+    - `kinds`: kinds of qdd, lam and tau.
     - `stress`: N, shape (m, k), and `stress_rows` N_R, shape (l, k), in units of the multipliers.
     - `response`: X = [A; Lam], shape (n + m, p).
     - `slope`: dtau/dz at the solution, shape (p, k), NaN where there is none.
@@ -117,7 +114,7 @@ class Family:
       of N, shape (k, looks, n + m + p); NaN where there is none.
     """
 
-    kinds: np.ndarray
+    kinds: tuple[str, ...]
     stress: np.ndarray
     stress_rows: np.ndarray
     response: np.ndarray
@@ -152,9 +149,8 @@ def family(
     mass, jacobian, length, determinate = jax.device_get(
         (factor.mass, factor.jacobian, factor.length, factor.determinate)
     )
-    slips = ("moment" if kind == "angular" else "force" for kind in slip_kinds(system.friction).kinds)
     return Family(
-        np.array([*system.coordinates.kinds, *system.rows.kinds, *slips]),
+        unknowns(system)[1],
         **figures,
         length=length,
         loose=_loose(mass, jacobian, bool(determinate)),
@@ -215,8 +211,8 @@ def judge(family: Family, names: list[str], outputs: np.ndarray, *, solved: bool
     size = family.response.shape[0]
     n = size - family.stress.shape[0]
     by_multipliers, by_unknowns, by_friction = outputs[:, n:size], outputs[:, :size], outputs[:, size:]
-    direct_size = np.abs(by_multipliers) @ _sizes(family.stress, family.kinds[n:size], family.length)
-    response_size = _sizes(family.response, family.kinds[:size], family.length)
+    direct_size = np.abs(by_multipliers) @ sizes(family.stress, family.kinds[n:size], family.length)
+    response_size = sizes(family.response, family.kinds[:size], family.length)
     driven_size = np.abs(by_unknowns) @ response_size + np.abs(by_friction)
     direct = _clean(by_multipliers @ family.stress, direct_size)
     driven = _clean(by_unknowns @ family.response + by_friction, driven_size)
@@ -269,20 +265,9 @@ def _differ(family: Family, outputs: np.ndarray) -> np.ndarray:
     others = family.others()
     change = np.nan_to_num(others - family.solution)
     found = np.nan_to_num(np.vstack([family.solution, *others]))
-    size = np.abs(outputs) @ _sizes(found.T, family.kinds, family.length).max(axis=1)
+    size = np.abs(outputs) @ sizes(found.T, family.kinds, family.length).max(axis=1)
     moved = np.abs(np.einsum("ox,slx->osl", outputs, change)).max(axis=2)
     return moved > np.sqrt(np.finfo(found.dtype).eps) * size[:, None]
-
-
-def _sizes(matrix: np.ndarray, kinds: np.ndarray, length: np.ndarray) -> np.ndarray:
-    """Each entry replaced by the largest of its column and kind, which is rounding where nothing of the kind moves."""
-    out = np.abs(matrix)
-    for pair, lever in ((("linear", "angular"), length), (("force", "moment"), 1 / length)):
-        largest = [out[kinds == kind].max(axis=0, initial=0.0) for kind in pair]
-        floors = _SMALL * largest[1] * lever, _SMALL * largest[0] / lever
-        for kind, own, floor in zip(pair, largest, floors, strict=True):
-            out[kinds == kind] = np.maximum(own, floor)
-    return out
 
 
 def _clean(value: np.ndarray, terms: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from .._analysis._analyze import Report, analyze
-from .._analysis._outputs import plain, unknowns
+from .._analysis._outputs import plain, sizes, unknowns
 from .._culprits import culprits
 from .._enumerate import SEARCH_STARTS, start_factors
 from .._friction import slip_kinds
@@ -52,6 +52,8 @@ class SolutionFamily:
     - `names`, `kinds`: of accelerations, multipliers and friction; kinds are "linear", "angular", "force", "moment",
       "friction force" and "friction moment".
     - `values`: shape (solutions, n + m + p).
+    - `sizes`: what rounding of each is measured against, shape (n + m + p,): the largest value of its kind, friction
+      among the loads, or a hundredth of the other kind's, times or over a length of the mechanism.
 
     ??? example
 
@@ -74,6 +76,7 @@ class SolutionFamily:
     names: tuple[str, ...]
     kinds: tuple[str, ...]
     values: np.ndarray
+    sizes: np.ndarray
 
     def __getitem__(self, name: str) -> np.ndarray:
         """Values of one acceleration, multiplier or friction, shape (solutions,)."""
@@ -138,17 +141,15 @@ class SolutionFamily:
         return text + (f"; lost at {self.lost} places" if self.lost else "")
 
     def _table(self) -> list[str]:
-        size = max(len(name) for name in self.names) + 2
+        wide = max(len(name) for name in self.names) + 2
         middle = int(np.argmin(np.linalg.norm(self.z, axis=1)))
-        lines = [f"{'':{size}}{'nearest 0':>14}{'least':>14}{'largest':>14}"]
+        lines = [f"{'':{wide}}{'nearest 0':>14}{'least':>14}{'largest':>14}"]
         least, largest = self.values.min(axis=0), self.values.max(axis=0)
-        sizes = np.maximum(np.abs(least), np.abs(largest))
-        for k, name in enumerate(self.names):
-            of_kind = max(sizes[j] for j, kind in enumerate(self.kinds) if kind == self.kinds[k])
-            same = largest[k] - least[k] <= 1e-9 * of_kind
+        for k, (name, size) in enumerate(zip(self.names, self.sizes, strict=True)):
+            same = largest[k] - least[k] <= 1e-9 * size
             figures = (self.values[middle, k], least[k], largest[k])
-            row = "".join(f"{x if abs(x) > 1e-12 * of_kind else 0.0:14.6g}" for x in figures)
-            lines.append(f"{name:{size}}{row}  {'the same' if same else 'varies'}")
+            row = "".join(f"{x if abs(x) > 1e-12 * size else 0.0:14.6g}" for x in figures)
+            lines.append(f"{name:{wide}}{row}  {'the same' if same else 'varies'}")
         return lines
 
 
@@ -204,6 +205,7 @@ def solution_family(
     factors = start_factors(solutions.rows.size, 0 if proved else starts, seed)
     branches = trace(solutions, axes, factors, proved, watch)
     names, kinds = unknowns(system)
+    values = _values(solutions, branches)
     return SolutionFamily(
         along=tuple(report.pivots[state] for state in chosen),
         stress=stress,
@@ -216,7 +218,8 @@ def solution_family(
         lost=branches.lost,
         names=names,
         kinds=kinds,
-        values=_values(solutions, branches),
+        values=values,
+        sizes=sizes(values.T, kinds, report.length).max(axis=1, initial=0.0),
     )
 
 

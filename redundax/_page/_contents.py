@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .._analysis._outputs import outputs, unknowns
+from .._analysis._outputs import outputs, sizes, unknowns
 from .._analysis._report import Report
 from .._analysis._verdict import Judged, Verdict
 from .._family._solution_family import SolutionFamily
@@ -22,6 +22,7 @@ _KINDS = {
     "multiplier": "Multipliers",
     "friction": "Friction",
 }
+_KIND_OF = {unit: kind for kind, unit in UNITS.items() if not kind.startswith("friction")}
 _PICTURES = 4  # self-stress states drawn, and families along them, at most
 _SAME = 1e-9  # relative to the largest of a table and unit, below which values do not differ
 _LEAST = 1e-13  # the same of values that are known to differ
@@ -203,7 +204,9 @@ def _values(
     for kind, title in _listed(report):
         names, matrix = given[kind]
         said = [judged.with_friction for judged in report.verdicts[kind]]
-        blocks.append(_ranges(title, names, _units(kind, names, system), said, matrix @ x, found @ matrix.T))
+        blocks.append(
+            _ranges(title, names, _units(kind, names, system), report.length, said, matrix @ x, found @ matrix.T)
+        )
     if report.spectral_radius is not None:
         blocks += [family_picture(family) for family in families[:_PICTURES]]
     return tuple(blocks)
@@ -213,13 +216,13 @@ def _ranges(
     title: str,
     names: Sequence[str],
     units: Sequence[str],
+    length: float,
     said: Sequence[Verdict],
     value: np.ndarray,
     found: np.ndarray,
 ) -> Table:
     """Values of minimum norm, and where the solutions (number, outputs) differ the least and the largest."""
-    unit = np.array(units)
-    size = np.array([np.abs(found[:, unit == own]).max() for own in units])
+    size = sizes(found.T, [_KIND_OF[unit] for unit in units], length).max(axis=1)
     rounding = size * np.array([_LEAST if one is Verdict.NOT_UNIQUE else _SAME for one in said])
     found, value = (np.where(np.abs(array) > rounding, array, 0.0) for array in (found, value))
     differs = np.ptp(found, axis=0) > rounding
