@@ -27,7 +27,7 @@ from .._friction import slip_kinds
 from .._joints import AngleCoupling
 from .._mechanism import Mechanism
 from .._module import Numbers, as_float, no_classes
-from .._rank import Spectrum
+from .._rank import Spectrum, Split
 from .._results import RESULTS
 from .._solve import solve
 from .._state import State
@@ -72,7 +72,8 @@ def analyze(
     singular = bool(found.singular_position)
     rows, unique = np.array(system.rows.labels), found.unique_multipliers & (not singular)
     reads = np.unique(np.concatenate([np.zeros(0, int), *(np.ravel(group.rows) for group in system.friction)]))
-    stress = _echelon(found.self_stress, rows.size - int(found.spectrum.rank), found.unique_multipliers)
+    redundancy = rows.size - int(found.spectrum.rank)
+    stress = _echelon(found.split.stress, found.row_scale, redundancy, found.unique_multipliers)
     groups, kinds = _groups(stress), system.rows.kinds
     figures, result = None, found.result
     if result == RESULTS.successful:
@@ -82,7 +83,7 @@ def analyze(
         coordinates=system.coordinates.labels,
         rows=system.rows.labels,
         rank=int(found.spectrum.rank),
-        redundancy=rows.size - int(found.spectrum.rank),
+        redundancy=redundancy,
         freedom=len(system.coordinates) - int(found.spectrum.rank),
         singular_values=found.spectrum.singular_values,
         gap=float(found.spectrum.gap),
@@ -115,7 +116,7 @@ class _Evidence(NamedTuple):
     spectrum: Spectrum
     result: RESULTS
     determinate: Array
-    self_stress: Array
+    split: Split
     unique_multipliers: Array
     singular_position: Array
     lost_digits: Array
@@ -177,17 +178,19 @@ def orthonormal(row_scale: np.ndarray, stress: np.ndarray) -> np.ndarray:
     return np.linalg.qr(stress.T * np.asarray(row_scale)[:, None])[0]
 
 
-def _echelon(projector: np.ndarray, k: int, unique: np.ndarray) -> np.ndarray:
-    """Basis of the projector's range in reduced echelon form, shape (k, m)."""
-    vectors = np.linalg.eigh(projector)[1][:, projector.shape[0] - k :].T
+def _echelon(projector: np.ndarray, row_scale: np.ndarray, k: int, unique: np.ndarray) -> np.ndarray:
+    """Basis of the self-stress in reduced echelon form, shape (k, m), given the projector of scaled multipliers."""
+    vectors, pivots = np.linalg.eigh(projector)[1][:, projector.shape[0] - k :].T, []
     for state in range(k):
         size = np.abs(vectors[state:]).max(axis=0)
         pivot = int(np.argmax(size > 0.1 * size.max()))
         row = state + int(np.argmax(np.abs(vectors[state:, pivot])))
         vectors[[state, row]] = vectors[[row, state]]
         vectors[state] /= vectors[state, pivot]
+        pivots.append(pivot)
         others = np.arange(k) != state
         vectors[others] -= vectors[others, pivot][:, None] * vectors[state]
     vectors[:, unique] = 0.0
     noise = 1e3 * np.finfo(vectors.dtype).eps * np.abs(vectors).max(axis=1, keepdims=True, initial=0.0)
-    return np.where(np.abs(vectors) > noise, vectors, 0.0)
+    states = np.where(np.abs(vectors) > noise, vectors, 0.0) / row_scale
+    return states / states[np.arange(k), pivots][:, None]

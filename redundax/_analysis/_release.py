@@ -51,7 +51,7 @@ def releases(basis: np.ndarray, rows: tuple[str, ...], kinds: tuple[str, ...]) -
     candidates = _candidates(basis, rows, kinds)
     if not count or len(candidates) < count:
         return ()
-    order = sorted(candidates, key=lambda item: -float(np.linalg.norm(item[2])))
+    order = sorted(candidates, key=lambda item: -_rank(np.linalg.norm(item[2])))
     while _choices(len(order), count) > _MOST_CHOICES:
         order.pop()
     found = []
@@ -59,7 +59,12 @@ def releases(basis: np.ndarray, rows: tuple[str, ...], kinds: tuple[str, ...]) -
         size = abs(float(np.linalg.det(np.stack([vector for _, _, vector in chosen]))))
         if size > 1e-6:
             found.append(Release(tuple((joint, shares) for joint, shares, _ in chosen), size))
-    return tuple(sorted(found, key=lambda item: -item.determinant)[:_LISTED])
+    return tuple(sorted(found, key=lambda item: -_rank(item.determinant))[:_LISTED])
+
+
+def _rank(size: float | np.floating) -> float:
+    """What choices are sorted by: sizes that differ by rounding are equal, so that units do not change the order."""
+    return round(float(size), 9)
 
 
 def determinant(
