@@ -18,6 +18,8 @@ from redundax._page._formats import as_html, as_markdown
 
 NASTY = '<b>&"it\'s"|*'  # a name that must come out as it is
 FILE = f"""
+import jax.numpy as jnp
+
 import redundax as rx
 
 
@@ -38,7 +40,18 @@ def rough():
 
 def resting():
     return sledge(friction=rx.Coulomb(0.1), speed=0.0)
+
+
+def free(q, d):
+    return jnp.concatenate([q[:3] + d[:3], q[3:] + jnp.pad(d[3:], (1, 0)) / 2])
+
+
+def chart():  # a body in space: 7 coordinates, 6 velocities
+    kinds = ["linear"] * 3 + ["angular"] * 3
+    body = rx.System(lambda q, t, p: q[:1], jnp.ones(6), coordinates=kinds, rows="force", m=1, retraction=free)
+    return body, rx.State([0.0, 1.5, 0, 1, 0, 0, 0], [0.0, 0, 0, 0, 0, 2.5])
 """
+KINDS = ["linear"] * 3 + ["angular"] * 3
 VOID = {"img", "meta"}
 PNG = b"\x89PNG\r\n"
 
@@ -144,6 +157,17 @@ def test_markdown_has_the_same_content(folder, page):
     for told in filter(str.strip, page.text):
         if "page.html" not in told:
             assert " ".join(told.split()) in words or told.strip() in words
+
+
+def test_a_chart_has_positions_and_velocities_of_its_own(folder):
+    status, _ = run("report", f"{folder}/mine.py:chart", "-o", folder / "chart.html")
+    text = Reader((folder / "chart.html").read_text(encoding="utf-8")).text
+    assert status == 0
+    cells = [cell for cell in text if cell.strip()]
+    positions = cells[cells.index("position") + 1 : cells.index("Velocities")]
+    assert positions == [cell for k, q in enumerate(("0", "1.5", "0", "1", "0", "0", "0")) for cell in (str(k), q)]
+    velocities = cells[cells.index("Velocities") + 4 :][:18]
+    assert velocities == [cell for k in range(6) for cell in (str(k), "2.5" if k == 5 else "0", KINDS[k])]
 
 
 def test_a_problem_is_told(folder):

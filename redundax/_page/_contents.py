@@ -44,7 +44,7 @@ def contents(
     """
     sections = [
         Section("In short", _short(report)),
-        Section("The mechanism", (*drawing(system, state), _state(system, state))),
+        Section("The mechanism", (*drawing(system, state), *_state(system, state))),
         Section("What is redundant", _redundant(report)),
     ]
     if report.redundancy:
@@ -84,14 +84,19 @@ def _share(title: str, judged: Sequence[Judged]) -> str:
     return text + (f" {zeros} more are zero, because the joint carries none." if zeros else "")
 
 
-def _state(system: AbstractSystem, state: State) -> Block:
+def _state(system: AbstractSystem, state: State) -> tuple[Block, ...]:
     names, kinds = system.coordinates.labels, system.coordinates.kinds
-    cells = zip(names, kinds, np.asarray(state.q), np.asarray(state.qd), strict=True)
-    rows = tuple(
-        (name, _number(q), _number(qd), "m, m/s" if kind == "linear" else "rad, rad/s") for name, kind, q, qd in cells
+    caption = f"The state, at t = {_number(float(state.t))}"
+    q, qd = (tuple(map(_number, np.ravel(values))) for values in (state.q, state.qd))
+    if system.adds:
+        rows = tuple(zip(names, q, qd, kinds, strict=True))
+        return (Table(caption, ("coordinate", "position", "velocity", "kind"), rows),)
+    chart = tuple((str(number), value) for number, value in enumerate(q))
+    rows = tuple(zip(names, qd, kinds, strict=True))
+    return (
+        Table(f"{caption}, in its chart", ("entry", "position"), chart),
+        Table("Velocities", ("velocity", "value", "kind"), rows),
     )
-    caption = f"The state, at t = {_number(float(state.t))} s"
-    return Table(caption, ("coordinate", "position", "velocity", "unit"), rows)
 
 
 def _redundant(report: Report) -> tuple[Block, ...]:
