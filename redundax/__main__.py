@@ -33,6 +33,9 @@ import numpy as np
 from . import _paper
 from ._analysis._analyze import analyze
 from ._analysis._report import Report
+from ._closures._closure import AbstractClosure, MinimumNorm
+from ._factorisation import factorize
+from ._family._preload import in_words, unit_free_norm
 from ._family._solution_family import SolutionFamily, solution_family
 from ._file import FileError, blaming, check_target, load, writing
 from ._page._contents import contents
@@ -138,7 +141,12 @@ def _own_mechanism(commands: Any) -> None:
         "--png", metavar="FILE", type=_picture, help="draw the solutions; further states have their number in the name"
     )
     for command in (study, page):
-        command.add_argument("--amplitude", type=_size, help="largest self-stress added; by default the largest load")
+        command.add_argument(
+            "--amplitude",
+            type=_size,
+            help="largest self-stress added, in units of the multiplier that names it; by default as large as the "
+            "largest joint load without friction, where a moment counts as a force at a length of the mechanism",
+        )
         command.add_argument("--samples", type=_count, default=201, help="amplitudes looked at (default 201)")
         command.add_argument("--progress", action="store_true", help="tell how far the work is, even if it is short")
 
@@ -177,14 +185,15 @@ def _target(text: str, endings: Sequence[str]) -> pathlib.Path:
 
 
 def _analyze(system: AbstractSystem, state: State, arguments: argparse.Namespace) -> int:
-    report = analyze(system, state)
+    report = analyze(system, state, closure=unit_free_norm(factorize(system, state)))
     _show(report.to_json() if arguments.json else str(report))
     return 1 if report.problem else 0
 
 
 def _study(system: AbstractSystem, state: State, arguments: argparse.Namespace) -> int:
     watch = functools.partial(progress, what="solving", wanted=arguments.progress)
-    report, families = _families(system, state, arguments.amplitude, arguments.samples, watch)
+    closure = unit_free_norm(factorize(system, state))
+    report, families = _families(system, state, closure, arguments.amplitude, arguments.samples, watch)
     if arguments.json:
         _show(json.dumps({"report": report.to_dict(), "families": [family.to_dict() for family in families]}))
     else:
@@ -196,11 +205,12 @@ def _study(system: AbstractSystem, state: State, arguments: argparse.Namespace) 
 
 def _report(system: AbstractSystem, state: State, arguments: argparse.Namespace) -> int:
     watch = functools.partial(progress, what="solving", wanted=arguments.progress)
-    report, families = _families(system, state, arguments.amplitude, arguments.samples, watch)
-    solution = solve(system, state, throw=False)
+    closure = unit_free_norm(factorize(system, state))
+    report, families = _families(system, state, closure, arguments.amplitude, arguments.samples, watch)
+    solution = solve(system, state, closure=closure, throw=False)
     path, _, name = arguments.system.rpartition(":")
     title = f"{name} in {pathlib.Path(path).name}: what can be trusted"
-    made = contents(title, system, state, report, solution, families, _provenance(arguments))
+    made = contents(title, system, state, report, solution, families, in_words(closure), _provenance(arguments))
     with writing(arguments.output):
         files = write(made, arguments.output)
     for file in files:
@@ -232,16 +242,17 @@ def _provenance(arguments: argparse.Namespace) -> str:
 def _families(
     system: AbstractSystem,
     state: State,
+    closure: AbstractClosure,
     amplitude: float | None,
     samples: int,
     watch: Callable[[Sequence[Any]], Iterable[Any]] = iter,
 ) -> tuple[Report, list[SolutionFamily]]:
     """The report, and the solutions along every self-stress state; none where there is a problem."""
-    report = analyze(system, state)
+    report = analyze(system, state, closure=closure)
     if report.problem:
         return report, []
     z = None if amplitude is None else np.linspace(-amplitude, amplitude, samples)
-    options = {"z": z, "samples": samples, "watch": watch}
+    options = {"z": z, "closure": closure, "samples": samples, "watch": watch}
     try:
         return report, [solution_family(system, state, along=name, **options) for name in report.pivots]
     except RuntimeError as error:
@@ -266,7 +277,7 @@ def _paper_study(png: pathlib.Path | None) -> int:
     status = _verdict(comparisons)
     if png:
         state = mechanism.state(phi=_paper.PHI, rate=_paper.RATE)
-        _draw(_families(mechanism, state, amplitude=400.0, samples=401)[1], png)
+        _draw(_families(mechanism, state, MinimumNorm(), amplitude=400.0, samples=401)[1], png)
     return 1 if report.problem else status
 
 

@@ -158,6 +158,36 @@ def test_two_states_against_the_literal_iteration():
         np.testing.assert_allclose(found.values[k, :7], x, rtol=0, atol=1e-9 * np.abs(x).max())
 
 
+def test_about_a_closure():
+    """z is added to the solution of the closure, with friction too, and `amplitude` finds it again."""
+    system, state = paper(0.02)
+    joints = rx.Compliance(np.linspace(1e-8, 5e-8, 12), misfit=np.linspace(-1e-6, 2e-6, 12))
+    found = rx.solution_family(system, state, z=[-30.0, 0.0, 20.0], closure=joints)
+    here = rx.solve(system, state, closure=joints)
+    assert found.about == "the solution of Compliance"
+    np.testing.assert_allclose(
+        found.multipliers[1], here.multipliers, rtol=0, atol=1e-9 * np.abs(here.multipliers).max()
+    )
+    np.testing.assert_allclose(found.acceleration[1], here.acceleration, rtol=0, atol=1e-9 * 80)
+    for z, values in zip(found.z, found.multipliers, strict=True):
+        assert found.amplitude(values) == pytest.approx(z, abs=1e-9 * 30)
+
+
+def test_assumed_preload():
+    """Self-stress reaches the largest frictionless joint load, moments as forces at the length of the guide."""
+    system = rx.mechanisms.carriage(offset=0.1, mu=0.05, guide_length=0.05)
+    state = system.state(0.0, rate=1.0)
+    smooth = rx.mechanisms.carriage(offset=0.1, guide_length=0.05)
+    arms = np.where(system.rows.angular, 0.05, 1.0)
+    load, states = np.asarray(rx.solve(smooth, state).multipliers) / arms, rx.analyze(system, state).self_stress / arms
+    load -= np.linalg.lstsq(states.T, load)[0] @ states
+    found = rx.solution_family(system, state, samples=9)
+    assert f"{np.abs(load).max():.4g}, where" in found.assumption
+    for axis, stress in zip(found.axes, states, strict=True):
+        assert axis[-1] * np.abs(stress).max() == pytest.approx(np.abs(load).max(), rel=1e-9)
+        assert axis[0] == -axis[-1]
+
+
 def test_open_newton_ends_on_the_family_and_does_not_cover_it():
     """Newton (38) ends at solutions near the self-stress of x0: starts without any end in a corner of the family."""
     system, state = paper(0.02)

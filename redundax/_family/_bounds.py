@@ -169,7 +169,7 @@ class ComplianceBox(AbstractBounds):
         places = jnp.asarray(rows)
         compliance = compliance.at[places, places].set(0.0)
         least = compliance.at[places, places].set(lower)
-        _check_definite(np.asarray(solutions.stress.T @ least @ solutions.stress))
+        check_definite(np.asarray(solutions.stress.T @ least @ solutions.stress))
         free, unit = solutions.free.multipliers, solutions.unit.multipliers
         return Fractional(
             tuple(self.box),
@@ -197,7 +197,7 @@ def _closed(
     """Multipliers without friction, by misfit and by friction under a closure; the misfits of `rows` left out."""
     compliance, misfit = closed_by(closure, system, state)
     stress, free, unit = solutions.stress, solutions.free.multipliers, solutions.unit.multipliers
-    _check_definite(np.asarray(stress.T @ compliance @ stress))
+    check_definite(np.asarray(stress.T @ compliance @ stress))
     response = stress @ jnp.linalg.solve(stress.T @ compliance @ stress, stress.T)
     kept = jnp.broadcast_to(misfit, compliance.shape[:1]).at[jnp.asarray(rows)].set(0.0)
     return free + response @ (kept - compliance @ free), response, unit - response @ (compliance @ unit)
@@ -291,7 +291,8 @@ def _independent(matrix: np.ndarray) -> list[int]:
     return chosen
 
 
-def _check_definite(matrix: np.ndarray) -> None:
+def check_definite(matrix: np.ndarray) -> None:
+    """Refuse a closure that does not determine the self-stress, given N^T W N."""
     if not matrix.size:
         return
     scale = np.sqrt(np.abs(np.diag(matrix)))

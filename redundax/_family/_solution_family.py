@@ -1,17 +1,19 @@
 """Every frictional solution at a state, as a function of the self-stress.
 
-    lam = lam_MP(tau) + z_1 s_1 + ... + z_k s_k,   tau = law(lam)                                  (9), (25)
+    lam = lam_0(tau) + z_1 s_1 + ... + z_k s_k,   tau = law(lam)                                   (9), (25)
 
 The states s_i are the echelon rows of `analyze(...).self_stress`, each with the entry 1 at a multiplier of its own, so
-that z_i is an amount of that multiplier. Where Gamma has a spectral radius below 1 each z has one solution (proved) and
-is solved for. Elsewhere there can be several or none: every z is searched from many starts, and from each solution
-found the curve through it is followed both ways to the neighbouring z (`_walk`), which finds the solutions that the
-search has missed, shows where curves fold, and joins solutions to branches.
+that z_i is an amount of that multiplier; lam_0 is the pick of a closure, minimum norm unless said. Where Gamma has a
+spectral radius below 1 each z has one solution (proved) and is solved for. Elsewhere there can be several or none:
+every z is searched from many starts, and from each solution found the curve through it is followed both ways to the
+neighbouring z (`_walk`), which finds the solutions that the search has missed, shows where curves fold, and joins
+solutions to branches.
 """
 
 import dataclasses
 import math
 from collections.abc import Callable, Iterable, Sequence
+from textwrap import wrap
 from typing import Any
 
 import jax
@@ -21,16 +23,21 @@ from jax.typing import ArrayLike
 
 from .._analysis._analyze import Report, analyze
 from .._analysis._outputs import plain, sizes, unknowns
+from .._closures._closure import AbstractClosure, MinimumNorm, closed_by
 from .._culprits import culprits
 from .._enumerate import SEARCH_STARTS, start_factors
+from .._factorisation import factorize
 from .._friction import slip_kinds
-from .._module import Numbers, as_float, replace
+from .._module import Numbers, as_float, no_classes, replace
 from .._results import RESULTS
 from .._state import State
 from .._system import AbstractSystem
+from ._bounds import check_definite
 from ._branches import Branches, trace
+from ._preload import in_words, preload
 from ._solution_set import SolutionSet, solution_set
 
+_MINIMUM_NORM = MinimumNorm()
 _STARTS = 32  # of the search at each z, at least
 
 
@@ -40,7 +47,10 @@ class SolutionFamily:
 
     - `along`: for each state the multiplier that has the entry 1, which `z` is an amount of.
     - `stress`: the states, shape (k, m).
+    - `weights`, `offset`: z of multipliers lam is weights lam - offset, shapes (k, m) and (k,).
+    - `about`: whose solution has no self-stress added: the closure in words.
     - `axes`: for each state the amplitudes looked at, in units of its multiplier.
+    - `assumption`: what these amplitudes assume, in words; empty where they were given.
     - `count`: number of solutions found at each point of these axes.
     - `proved`: whether that number is proved, by a spectral radius of Gamma below 1, or the best of a search.
     - `z`: amplitudes of the solutions, shape (solutions, k).
@@ -66,7 +76,11 @@ class SolutionFamily:
 
     along: tuple[str, ...]
     stress: np.ndarray
+    weights: np.ndarray
+    offset: np.ndarray
+    about: str
     axes: tuple[np.ndarray, ...]
+    assumption: str
     count: np.ndarray
     proved: bool
     z: np.ndarray
@@ -107,13 +121,8 @@ class SolutionFamily:
         return sum(kind in ("linear", "angular") for kind in self.kinds)
 
     def amplitude(self, multipliers: Numbers) -> np.ndarray:
-        """z of solutions from elsewhere, shape (..., k), given their multipliers (..., m): where they lie here.
-
-        It holds for minimum norm in the units of the system, whose solutions are orthogonal to the self-stress.
-        """
-        return np.linalg.lstsq(self.stress.T, np.asarray(multipliers).reshape(-1, self.stress.shape[1]).T)[0].T.reshape(
-            *np.shape(multipliers)[:-1], len(self.stress)
-        )
+        """z of solutions from elsewhere, shape (..., k), given their multipliers (..., m): where they lie here."""
+        return np.asarray(multipliers) @ self.weights.T - self.offset
 
     def to_dict(self) -> dict[str, Any]:
         """Plain Python data."""
@@ -121,10 +130,13 @@ class SolutionFamily:
         return {key: plain(value) for key, value in out.items()}
 
     def __str__(self) -> str:
+        kinds = dict(zip(self.names, self.kinds, strict=True))
         where = " and ".join(
-            f"{name} from {axis[0]:.4g} to {axis[-1]:.4g}" for name, axis in zip(self.along, self.axes, strict=True)
+            f"{name}, a {kinds[name]}, from {axis[0]:.4g} to {axis[-1]:.4g}"
+            for name, axis in zip(self.along, self.axes, strict=True)
         )
-        lines = [f"Along the self-stress of {where} about the minimum norm:" if where else "No self-stress:"]
+        lines = wrap(f"Along the self-stress of {where} about {self.about}:" if where else "No self-stress:", 96)
+        lines += wrap(self.assumption, 96)
         lines.append(self._counted())
         if len(self.z):
             lines += self._table()
@@ -149,7 +161,7 @@ class SolutionFamily:
             same = largest[k] - least[k] <= 1e-9 * size
             figures = (self.values[middle, k], least[k], largest[k])
             row = "".join(f"{x if abs(x) > 1e-12 * size else 0.0:14.6g}" for x in figures)
-            lines.append(f"{name:{wide}}{row}  {'the same' if same else 'varies'}")
+            lines.append(f"{name:{wide}}{row}  {'the same' if same else 'varies':8}  {self.kinds[k]}")
         return lines
 
 
@@ -159,6 +171,7 @@ def solution_family(
     *,
     along: Sequence[str] | str | None = None,
     z: Numbers | Sequence[Numbers] | None = None,
+    closure: AbstractClosure = _MINIMUM_NORM,
     samples: int = 201,
     starts: int | None = None,
     seed: int = 0,
@@ -181,8 +194,10 @@ def solution_family(
     - `along`: one or two self-stress states by the multiplier that has the entry 1 in them, see
       `analyze(...).pivots`; all if not given, which must then be at most two.
     - `z`: increasing amplitudes, in units of these multipliers: an array for one state, a sequence of two arrays for
-      two; `samples` of them if not given, up to the largest multiplier at minimum norm over the largest entry of the
-      state.
+      two. If not given, `samples` of them up to an assumed preload, the same in all units: self-stress as large as the
+      largest joint load without friction, where a moment counts as a force at the length of its guide, or else at a
+      length of the mechanism. It is no bound.
+    - `closure`: whose solution has z = 0.
     - `samples`: number of amplitudes for one state; odd ones include 0. Two states share it: each has about its root.
     - `starts`: number of random initial loads for the search at each z, where the number of solutions is not proved;
       if not given 1000 in all, as in `frictional_solutions`, and at least 32, since walks from neighbours search too.
@@ -193,11 +208,17 @@ def solution_family(
     **Raises:** `RuntimeError` where the equations cannot be trusted at all, whatever the friction, or a joint is at
     rest, as `solve` does; `ValueError` for arguments that do not fit the system.
     """
-    report = analyze(system, state, sense=sense, rank=rank)
-    solutions = solutions_of(system, state, report, sense, rank)
+    no_classes(closure=closure)
+    report = analyze(system, state, closure=closure, sense=sense, rank=rank)
+    solutions = solutions_of(system, state, report, sense, rank, closure)
     chosen = _chosen(report, along)
     stress = report.self_stress[chosen]
-    axes = _axes(np.asarray(solutions.free.multipliers), stress, z, samples)
+    if z is None:
+        assumed = preload(system, factorize(system, state, rank), report.self_stress)
+        axes, assumption = assumed.axes(stress, samples), str(assumed) if chosen else ""
+    else:
+        axes, assumption = _axes(stress, z), ""
+    weights, offset = _measure(closure, system, state, stress)
     solutions = replace(solutions, stress=jnp.asarray(stress.T))
     proved = report.spectral_radius is None or report.spectral_radius < 1
     if starts is None:
@@ -209,7 +230,11 @@ def solution_family(
     return SolutionFamily(
         along=tuple(report.pivots[state] for state in chosen),
         stress=stress,
+        weights=weights,
+        offset=offset,
+        about=in_words(closure),
         axes=axes,
+        assumption=assumption,
         count=branches.count,
         proved=proved,
         z=branches.z,
@@ -224,7 +249,12 @@ def solution_family(
 
 
 def solutions_of(
-    system: AbstractSystem, state: State, report: Report, sense: Numbers | None, rank: ArrayLike | None
+    system: AbstractSystem,
+    state: State,
+    report: Report,
+    sense: Numbers | None,
+    rank: ArrayLike | None,
+    closure: AbstractClosure = _MINIMUM_NORM,
 ) -> SolutionSet:
     """The set of solutions with all self-stress of a report; raises where there is a problem or a joint rests."""
     if report.problem:
@@ -234,7 +264,7 @@ def solutions_of(
         raise RuntimeError(RESULTS[result] + culprits(system, state, result))
     count = len(slip_kinds(system.friction))
     senses = None if sense is None else jnp.broadcast_to(as_float(sense), (count,))
-    return solution_set(system, state, jnp.asarray(report.self_stress), senses, rank)
+    return solution_set(system, state, jnp.asarray(report.self_stress), senses, rank, closure)
 
 
 def _chosen(report: Report, along: Sequence[str] | str | None) -> list[int]:
@@ -256,13 +286,18 @@ def _chosen(report: Report, along: Sequence[str] | str | None) -> list[int]:
     return [pivots.index(name) for name in along]
 
 
-def _axes(
-    multipliers: np.ndarray, stress: np.ndarray, z: Numbers | Sequence[Numbers] | None, samples: int
-) -> tuple[np.ndarray, ...]:
-    if z is None:
-        largest = float(np.abs(multipliers).max()) or 1.0
-        each = samples if len(stress) == 1 else max(2, 2 * round(samples**0.5 / 2) + 1)
-        return tuple(np.linspace(-1, 1, each) * largest / np.abs(row).max() for row in stress)
+def _measure(
+    closure: AbstractClosure, system: AbstractSystem, state: State, stress: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """N^T (W lam - d) = N^T W N z solved for z: its coefficients of lam and its offset."""
+    compliance, misfit = map(np.asarray, closed_by(closure, system, state))
+    energy = stress @ compliance @ stress.T
+    check_definite(energy)
+    given = stress @ np.broadcast_to(misfit, len(compliance))
+    return np.linalg.solve(energy, stress @ compliance), np.linalg.solve(energy, given)
+
+
+def _axes(stress: np.ndarray, z: Numbers | Sequence[Numbers]) -> tuple[np.ndarray, ...]:
     axes = (z,) if len(stress) == 1 else tuple(z)  # pyright: ignore[reportArgumentType]
     if len(axes) != len(stress):
         raise ValueError(

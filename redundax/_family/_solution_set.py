@@ -3,9 +3,9 @@
     lam = base + U tau,   tau = law(lam[rows]),   qdd = qdd_0 + A tau
 
 whatever has chosen base (m,) and U (m, p): every base + N z in place of base is as good, N being a basis of the
-self-stress. Along the minimum-norm point, z in R^k,
+self-stress. Along the pick lam_0, Lam of a closure, minimum norm unless said, z in R^k,
 
-    base = lam_MP + N z,   U = Lam_MP     so that     tau = law(rho0 + N_R z + K tau).
+    base = lam_0 + N z,   U = Lam     so that     tau = law(rho0 + N_R z + K tau).
 
 One factorisation at the state serves every z and every choice of base and U.
 """
@@ -15,18 +15,20 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int
 
-from .._closures._closure import MinimumNorm
+from .._closures._closure import AbstractClosure, MinimumNorm
 from .._factorisation import Factorisation, factorize
 from .._friction_problem import FrictionProblem, Law
 from .._reduced import Response, reduce
 from .._state import State
 from .._system import AbstractSystem
 
+_MINIMUM_NORM = MinimumNorm()
+
 
 class SolutionSet(eqx.Module):
     """Figures of all solutions at a state.
 
-    - `free`, `unit`: minimum-norm response to the load, (n,) and (m,), and to unit friction, (n, p) and (m, p).
+    - `free`, `unit`: response to the load, (n,) and (m,), and to unit friction, (n, p) and (m, p), under the closure.
     - `stress`: N, shape (m, k), in units of the multipliers.
     - `law`: the friction laws; None without friction.
     - `rows`: multipliers that they read, shape (l,).
@@ -42,7 +44,7 @@ class SolutionSet(eqx.Module):
     angular_slips: Array
 
     def along(self, z: Float[Array, " k"]) -> Float[Array, " m"]:
-        """lam_MP + N z."""
+        """lam_0 + N z."""
         return self.free.multipliers + self.stress @ z
 
     def problem(self, base: Float[Array, " m"], unit: Float[Array, "m p"]) -> FrictionProblem:
@@ -65,16 +67,22 @@ def solution_set(
     stress: Float[Array, "k m"],
     sense: Float[Array, " p"] | None,
     rank: ArrayLike | None,
+    closure: AbstractClosure = _MINIMUM_NORM,
 ) -> SolutionSet:
     """The set of solutions, given self-stress states."""
-    return _solution_set(system.anonymous(), state, factorize(system, state, rank), stress, sense)
+    return _solution_set(system.anonymous(), state, factorize(system, state, rank), stress, sense, closure)
 
 
 @eqx.filter_jit
 def _solution_set(
-    system: AbstractSystem, state: State, factor: Factorisation, stress: Array, sense: Array | None
+    system: AbstractSystem,
+    state: State,
+    factor: Factorisation,
+    stress: Array,
+    sense: Array | None,
+    closure: AbstractClosure,
 ) -> SolutionSet:
-    reduced = reduce(system, state, factor, MinimumNorm(), sense=sense)
+    reduced = reduce(system, state, factor, closure, sense=sense)
     n, m = reduced.free.acceleration.size, reduced.free.multipliers.size
     if reduced.problem is None or reduced.unit is None:
         none = Response(jnp.zeros((n, 0)), jnp.zeros((m, 0)))

@@ -8,7 +8,6 @@ from .._analysis._outputs import outputs, sizes, unknowns
 from .._analysis._report import Report
 from .._analysis._verdict import Judged, Verdict
 from .._family._solution_family import SolutionFamily
-from .._plot import UNITS
 from .._results import RESULTS
 from .._solution import Solution
 from .._state import State
@@ -22,9 +21,9 @@ _KINDS = {
     "multiplier": "Multipliers",
     "friction": "Friction",
 }
-_KIND_OF = {unit: kind for kind, unit in UNITS.items() if not kind.startswith("friction")}
+_UNITS = "Figures are in the units that the model is written in; pictures name them as if they were those of SI."
 _PICTURES = 4  # self-stress states drawn, and families along them, at most
-_SAME = 1e-9  # relative to the largest of a table and unit, below which values do not differ
+_SAME = 1e-9  # relative to the largest of a table and kind, below which values do not differ
 _LEAST = 1e-13  # the same of values that are known to differ
 
 
@@ -35,16 +34,18 @@ def contents(
     report: Report,
     solution: Solution,
     families: Sequence[SolutionFamily],
+    about: str,
     made: str,
 ) -> Page:
     """The report of a system at a state.
 
-    - `report`, `solution`, `families`: from `analyze`, from `solve` at minimum norm, and along each self-stress state.
+    - `report`, `solution`, `families`: from `analyze`, from `solve`, and along each self-stress state, all under the
+      closure that `about` tells in words.
     - `made`: how the report was made, for the last section.
     """
     sections = [
         Section("In short", _short(report)),
-        Section("The mechanism", (*drawing(system, state), *_state(system, state))),
+        Section("The mechanism", (*drawing(system, state), Text(_UNITS), *_state(system, state))),
         Section("What is redundant", _redundant(report)),
     ]
     if report.redundancy:
@@ -53,7 +54,7 @@ def contents(
         sections.append(Section("What is unique and what is not", _verdicts(report)))
     if report.releases:
         sections.append(Section("How to remove the redundancy", _releases(report)))
-    sections.append(Section("Motion and loads", _values(system, state, report, solution, families)))
+    sections.append(Section("Motion and loads", _values(system, state, report, solution, families, about)))
     sections.append(Section("How this report was made", (Code(made),)))
     return Page(title, tuple(sections))
 
@@ -111,18 +112,16 @@ def _redundant(report: Report) -> tuple[Block, ...]:
 
 
 def _self_stress(system: AbstractSystem, state: State, report: Report) -> tuple[Block, ...]:
-    units = {"force": "N", "moment": "N m"}
     loaded = np.flatnonzero(np.any(report.self_stress != 0, axis=0))
     rows = tuple(
-        (report.rows[k], *(_number(value) for value in report.self_stress[:, k]), units[system.rows.kinds[k]])
-        for k in loaded
+        (report.rows[k], *(_number(value) for value in report.self_stress[:, k]), system.rows.kinds[k]) for k in loaded
     )
     states = tuple(f"state {number}" for number in range(len(report.self_stress)))
     text = (
         "A self-stress state is a set of joint loads in balance without any applied load. Its amount is set by how the "
         "parts fit and give, which rigid bodies do not know: any multiple may be added to the loads below."
     )
-    table = Table("Multipliers of the self-stress states", ("multiplier", *states, "unit"), rows)
+    table = Table("Multipliers of the self-stress states", ("multiplier", *states, "kind"), rows)
     drawn = [drawing(system, state, self_stress=stress) for stress in report.self_stress[:_PICTURES]]
     return Text(text), *(picture for pictures in drawn for picture in pictures), table
 
@@ -186,7 +185,12 @@ def _direction(joint: str, shares: dict[str, float]) -> str:
 
 
 def _values(
-    system: AbstractSystem, state: State, report: Report, solution: Solution, families: Sequence[SolutionFamily]
+    system: AbstractSystem,
+    state: State,
+    report: Report,
+    solution: Solution,
+    families: Sequence[SolutionFamily],
+    about: str,
 ) -> tuple[Block, ...]:
     if solution.result != RESULTS.successful:
         return (Text(f"No values: {RESULTS[solution.result]}", warning=True),)
@@ -194,12 +198,15 @@ def _values(
     if report.redundancy:
         blocks.append(
             Text(
-                "Values are those of the Moore-Penrose inverse (minimum norm): a convention, not physics, for what is "
-                "not unique. Loads to rely on need the joints' compliance: rx.Compliance or rx.ElasticJoints."
+                f"Values are those of {about} (Moore-Penrose inverse): a convention, not physics, for what is not "
+                "unique. Loads to rely on need the joints' compliance: rx.Compliance or rx.ElasticJoints."
             )
         )
     if report.unit_dependent:
-        blocks.append(Text(f"They change with the unit of length for {', '.join(report.unit_dependent)}."))
+        names = ", ".join(report.unit_dependent)
+        blocks.append(
+            Text(f"The unit of length of the norm matters to {names}; this one is a length of the mechanism.")
+        )
     if families:
         blocks.append(Text(_looked_at(families)))
     blocks += drawing(system, state, multipliers=np.asarray(solution.multipliers))
@@ -209,9 +216,8 @@ def _values(
     for kind, title in _listed(report):
         names, matrix = given[kind]
         said = [judged.with_friction for judged in report.verdicts[kind]]
-        blocks.append(
-            _ranges(title, names, _units(kind, names, system), report.length, said, matrix @ x, found @ matrix.T)
-        )
+        kinds = _kinds(kind, names, system)
+        blocks.append(_ranges(title, names, kinds, report.length, said, matrix @ x, found @ matrix.T))
     if report.spectral_radius is not None:
         blocks += [family_picture(family) for family in families[:_PICTURES]]
     return tuple(blocks)
@@ -220,26 +226,26 @@ def _values(
 def _ranges(
     title: str,
     names: Sequence[str],
-    units: Sequence[str],
+    kinds: Sequence[str],
     length: float,
     said: Sequence[Verdict],
     value: np.ndarray,
     found: np.ndarray,
 ) -> Table:
     """Values of minimum norm, and where the solutions (number, outputs) differ the least and the largest."""
-    size = sizes(found.T, [_KIND_OF[unit] for unit in units], length).max(axis=1)
+    size = sizes(found.T, kinds, length).max(axis=1)
     rounding = size * np.array([_LEAST if one is Verdict.NOT_UNIQUE else _SAME for one in said])
     found, value = (np.where(np.abs(array) > rounding, array, 0.0) for array in (found, value))
     differs = np.ptp(found, axis=0) > rounding
     differs &= np.array([one not in (Verdict.UNIQUE, Verdict.ZERO) for one in said])
     ends = zip(found.min(axis=0), found.max(axis=0), strict=True)
     rows = [
-        (name, _number(value[k]), *(_apart(low, high) if differs[k] else ("", "")), units[k])
+        (name, _number(value[k]), *(_apart(low, high) if differs[k] else ("", "")), kinds[k])
         for k, (name, (low, high)) in enumerate(zip(names, ends, strict=True))
     ]
     if not differs.any():
-        return Table(title, ("component", "value", "unit"), tuple((row[0], row[1], row[4]) for row in rows))
-    return Table(title, ("component", "minimum norm", "least", "largest", "unit"), tuple(rows))
+        return Table(title, ("component", "value", "kind"), tuple((row[0], row[1], row[4]) for row in rows))
+    return Table(title, ("component", "minimum norm", "least", "largest", "kind"), tuple(rows))
 
 
 def _apart(low: float, high: float) -> tuple[str, str]:
@@ -248,19 +254,20 @@ def _apart(low: float, high: float) -> tuple[str, str]:
     return next((pair for pair in texts if pair[0] != pair[1]), texts[-1])
 
 
-def _units(kind: str, names: Sequence[str], system: AbstractSystem) -> list[str]:
+def _kinds(kind: str, names: Sequence[str], system: AbstractSystem) -> list[str]:
     if kind == "reaction":  # force x, force y and moment of each joint
-        return ["N", "N", "N m"] * (len(names) // 3)
+        return ["force", "force", "moment"] * (len(names) // 3)
     kinds = dict(zip(*unknowns(system), strict=True))
-    return [UNITS[kinds[name]] for name in names]
+    return [kinds[name] for name in names]
 
 
 def _looked_at(families: Sequence[SolutionFamily]) -> str:
     ends = [(family.along[0], *(_number(end) for end in family.axes[0][[0, -1]])) for family in families]
     ranges = ", ".join(f"{low} to {high} of {name}" for name, low, high in ends)
+    assumption = families[0].assumption or "These amplitudes were given."
     text = (
-        f"Least and largest are over self-stress added, one state at a time: {ranges}. That is an assumption to judge, "
-        "not a measurement; rx.band bounds what preload, misfit or compliance known to you leave open."
+        f"Least and largest are over self-stress added, one state at a time: {ranges}. {assumption} "
+        "rx.band bounds what preload, misfit or compliance known to you leave open."
     )
     count = np.concatenate([family.count for family in families])
     missing, several = np.sum(count == 0), np.sum(count > 1)
