@@ -39,7 +39,8 @@ def scaling(
 ) -> Scaling:
     """The scales of the Jacobian of a system; `turned` is that of `second_order` where it is there already."""
     turned = second_order(system, state)[2] if turned is None else turned
-    length = _length(*jax.lax.stop_gradient((jacobian, jnp.asarray(system.radian) * turned)), system)
+    mass = jnp.diagonal(system.mass(state.q, state.t))
+    length = _length(*jax.lax.stop_gradient((jacobian, jnp.asarray(system.radian) * turned, mass)), system)
     rows = system.rows.angular
     columns = jnp.where(system.coordinates.angular, 1 / length, 1.0).astype(jacobian.dtype)
     norms = jnp.linalg.norm(jax.lax.stop_gradient(jacobian) * columns, axis=1)
@@ -49,16 +50,19 @@ def scaling(
     return Scaling(columns, jnp.where(norms > floor, norms, largest), length, length * system.radian)
 
 
-def _length(jacobian: Array, turned: Array, system: AbstractSystem) -> Float[Array, ""]:
+def _length(jacobian: Array, turned: Array, mass: Array, system: AbstractSystem) -> Float[Array, ""]:
     """A length of the mechanism: how far angular coordinates move force-type rows.
 
     It is |(Phi_phi, Phi'')| / |Phi_r| over the force-type rows, Eq. (15), where Phi'' is their second derivative, times
     a radian, as all bodies turn: it sees the arms that point along the constraint, which Phi_phi does not. Where these
-    rows do not have both parts it is |Ups_phi| / |Ups_r| over the moment-type rows, and where nothing has both, 1.
+    rows do not have both parts it is |Ups_phi| / |Ups_r| over the moment-type rows, where nothing has both the radius
+    of gyration of all masses, and without that 1.
     """
     square = jacobian**2
     angular, moment = system.coordinates.angular, system.rows.angular
-    length = jnp.ones((), square.dtype)
+    inertia, heft = jnp.sum(mass[angular]), jnp.sum(mass[~angular])
+    some = (inertia > 0) & (heft > 0)
+    length = jnp.where(some, jnp.sqrt(inertia / jnp.where(some, heft, 1.0)), 1.0).astype(square.dtype)
     for mask, extra in ((moment, 0.0), (~moment, jnp.sum(turned[~moment] ** 2))):  # the last that has both parts wins
         linear_part = jnp.sum(square[mask][:, ~angular])
         angular_part = jnp.sum(square[mask][:, angular]) + extra
