@@ -22,30 +22,14 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
 from ._decision import Decision
-from ._kinematics import second_derivative, second_order
+from ._evidence import Motion, Violation, rate_noise, ratio, singularity_of, violation_of
+from ._kinematics import second_order
 from ._rank import Spectrum, Split, split
 from ._restricted import restricted_inverse
 from ._results import RESULTS, first_failure
 from ._scaling import Scaling, largest_violation, scaling
 from ._state import State
 from ._system import AbstractSystem
-
-_ROUNDING = 10  # roundings of a state, and of what the constraints make of it
-
-
-class Violation(eqx.Module):
-    """How far the state and the prescribed motion are from being consistent, free of units.
-
-    - `position`: largest |Phi|, relative to the size of the mechanism.
-    - `velocity`: largest |Phi_q qd + Phi_t|, relative to the velocity and to what accelerations reach.
-    - `acceleration`: largest self-stress component of gamma, |P gamma|, relative to the accelerations.
-    - `prescribed`: the same of its explicit part -Phi_tt, which driving constraints alone are answerable for.
-    """
-
-    position: Float[Array, ""]
-    velocity: Float[Array, ""]
-    acceleration: Float[Array, ""]
-    prescribed: Float[Array, ""]
 
 
 class Factorisation(eqx.Module):
@@ -269,86 +253,40 @@ def _factorize(system: AbstractSystem, state: State, rank: Int[Array, ""] | None
     force, gamma = coordinate_scale * load, motion.gamma / row_scale
     a, mu = _refined(scaled, scaled_mass, parts, response, force, gamma)
     residual = jnp.maximum(
-        _ratio(gamma - scaled @ a, gamma, a),
-        _ratio(force - scaled_mass @ a - scaled.T @ mu, force, scaled_mass @ a, mu),
+        ratio(gamma - scaled @ a, gamma, a),
+        ratio(force - scaled_mass @ a - scaled.T @ mu, force, scaled_mass @ a, mu),
     )
-    qd, rate = state.qd / coordinate_scale, motion.rate / row_scale
     inertia = jnp.sum(jnp.diagonal(scaled_mass)) / force.size
     free = jnp.where(inertia > 0, jnp.max(jnp.abs(force)) / jnp.where(inertia > 0, inertia, 1.0), 0.0)
     reached = jnp.sqrt(size * (jnp.max(jnp.abs(a)) + free))
+    known = Motion(state.qd / coordinate_scale, motion.rate / row_scale, gamma, explicit / row_scale, a, reached)
     scales = Scaling(coordinate_scale, row_scale, length, size)
-    violation, rate_noise, singularity, determinacy, residual = jax.lax.stop_gradient(
-        (
-            _violation(parts.stress, size, position, rate, gamma, explicit / row_scale, qd, a, reached),
-            _rate_noise(qd, rate, reached, spectrum.kept),
-            _singularity(system, state, scales, parts, position, gamma, reached),
-            determinacy,
-            residual,
-        )
-    )
+    evidence = {
+        "violation": violation_of(known, parts.stress, position, size),
+        "determinacy": determinacy,
+        "singularity": singularity_of(system, state, known, parts, position, scales),
+        "residual": residual,
+        "_rate_noise": rate_noise(known, spectrum.kept),
+    }
     return Factorisation(
         jacobian=matrix,
         gamma=motion.gamma,
         mass=mass,
         load=load,
         spectrum=spectrum,
-        violation=violation,
         finite=_finite(state.q, state.qd, state.t, *motion, matrix, mass, load),
-        determinacy=determinacy,
-        singularity=singularity,
         acceleration=coordinate_scale * a,
         multipliers=mu / row_scale,
-        residual=residual,
         length=length,
         _scaled=scaled,
         _scaled_mass=scaled_mass,
         split=parts,
         _response=response,
-        _rate_noise=rate_noise,
         _size=size,
         _coordinate_scale=coordinate_scale,
         row_scale=row_scale,
+        **jax.lax.stop_gradient(evidence),
     )
-
-
-def _rate_noise(qd: Array, rate: Array, reached: Array, kept: Array) -> Array:
-    """What rounding and violation can make of a slip rate that is zero; more than zero."""
-    rounding = 10 * jnp.finfo(qd.dtype).eps
-    magnified = jnp.maximum(10.0, 1 / jnp.minimum(kept, 1.0))
-    noise = magnified * (rounding * jnp.max(jnp.abs(qd)) + jnp.max(jnp.abs(rate))) + rounding * reached
-    return jnp.where(noise > 0, noise, 1.0)
-
-
-def _singularity(
-    system: AbstractSystem, state: State, scales: Scaling, parts: Split, position: Array, gamma: Array, reached: Array
-) -> Decision:
-    """Whether P Phi'' along the velocity with a motion w added is what it is without, -P gamma.
-
-    Of a quadratic form that is not zero a direction of no symmetry sees it, and where time enters that the rank changes
-    with it. Rounding moves Phi'' itself, the range of P by as much of K^+ Phi'', and a state off the manifold likewise.
-    """
-    qd = state.qd / scales.coordinates
-    speed = jnp.max(jnp.abs(qd)) + reached
-    speed = jnp.where(speed > 0, speed, scales.size)
-    rate = qd + speed * _uneven(parts.motion, qd)
-    bend = second_derivative(system, state, scales.coordinates * rate, jnp.ones_like(state.t)) / scales.rows
-    moved = jnp.max(jnp.abs(parts.stress @ (bend + gamma)))
-    large = sum(jnp.max(jnp.abs(part)) for part in (bend, gamma, parts.inverse @ bend)) + (2 * speed) ** 2 / scales.size
-    rounding = max(gamma.size, qd.size) * float(jnp.finfo(gamma.dtype).eps)
-    return Decision(moved / (_ROUNDING * (rounding + position) * large))
-
-
-def _uneven(projector: Array, along: Array) -> Array:
-    """A direction of no symmetry in the range of a projector, of largest entry 1; zero if it is.
-
-    The column of the largest pivot, added with the sign of what is there, keeps it from being rounding; turned so that
-    it does not point against a vector, with which it could cancel.
-    """
-    numbers, pivot = jnp.arange(1.0, len(projector) + 1, dtype=projector.dtype), jnp.argmax(jnp.diagonal(projector))
-    mixed = jnp.cos(numbers**2) @ projector
-    mixed = mixed + jnp.where(mixed[pivot] < 0, -2.0, 2.0) * projector[pivot]
-    largest = jnp.max(jnp.abs(mixed))
-    return jnp.where(mixed @ along < 0, -1.0, 1.0) * mixed / jnp.where(largest > 0, largest, 1.0)
 
 
 def _refined(
@@ -364,38 +302,6 @@ def _refined(
     a, mu = once(force, gamma)
     da, dmu = once(force - mass @ a - scaled.T @ mu, gamma - scaled @ a)
     return a + da, mu + dmu
-
-
-def _violation(
-    stress: Array,
-    size: Array,
-    position: Array,
-    rate: Array,
-    gamma: Array,
-    explicit: Array,
-    qd: Array,
-    a: Array,
-    reached: Array,
-) -> Violation:
-    """Consistency of the state; all but `size` and `position` in scaled variables.
-
-    Velocities compare with those `reached` over the size of the mechanism by the accelerations, or by those without
-    constraints, so that rest and reversals are no special case.
-    """
-    centripetal = jnp.max(jnp.abs(qd)) ** 2 / size
-    return Violation(
-        position,
-        _ratio(rate, qd, reached),
-        _ratio(stress @ gamma, gamma, a, centripetal),
-        _ratio(stress @ explicit, gamma, a, centripetal),
-    )
-
-
-def _ratio(part: Array, *sizes: Array) -> Array:
-    """Largest entry of `part` relative to the sum of the largest of `sizes`, at most 1; 0 if all are 0."""
-    largest = jnp.max(jnp.abs(part))
-    whole = sum(jnp.max(jnp.abs(size)) for size in sizes)
-    return jnp.where(largest > 0, largest / jnp.maximum(largest, whole), largest)
 
 
 def _finite(*arrays: Array) -> Array:

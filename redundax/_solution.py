@@ -5,7 +5,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ._factorisation import Violation
+from ._evidence import Violation
 from ._module import known
 from ._rank import Spectrum
 from ._results import RESULTS

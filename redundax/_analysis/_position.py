@@ -1,6 +1,6 @@
 """The nature of a position: which self-stress is there at this position only, and which loads are unique only here.
 
-With K the scaled Jacobian, P and Z the projectors onto self-stress and motions, and dK the change of K along a motion w,
+With K the scaled Jacobian, P and Z the projectors onto self-stress and motions, dK the change of K along a motion w,
 
     P dK(w) z   is zero for all motions w, z   where the rank is the same beside the position,
     dP = -P dK K^+ - (P dK K^+)^T              is the change of the self-stress.
