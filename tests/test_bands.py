@@ -245,6 +245,37 @@ def test_with_friction_against_a_dense_sweep(what):
     are_solutions(system, state, 11, [*found.lower_solution, *found.upper_solution])
 
 
+def test_compliance_over_decades_is_searched_evenly_by_its_logarithm():
+    """Friction with a peak at loads that a thousandth of the range of w gives.
+
+    y = x stands there twice, lam + 2 lam' = -(g + tau) / 2, and lam / lam' = w' / (2 w) shares it.
+    """
+    pull, height, place, width, other = 2.0, 0.002, 0.75, 0.002, 1e-8
+
+    def law(loads, rate, sense, memory, state, p):
+        return -height * jnp.exp(-(((loads[0] + place) / width) ** 2))[None]
+
+    system = rx.System(
+        lambda q, t, p: jnp.stack([q[1] - q[0], 2 * (q[1] - q[0])]),
+        jnp.ones(2),
+        lambda q, qd, t, p: jnp.stack([pull + 0.0 * t, 0.0 * t]),
+        friction=rx.Friction(lambda q, t, p: q[:1], law, np.arange(2), ("linear",)),
+    )
+    box = (other / 20, 20 * other)
+    bounds = rx.ComplianceBox(rx.Compliance(jnp.full(2, other)), {system.rows.labels[0]: box})
+    names = [*system.rows.labels[:1], system.coordinates.labels[0] + "''"]
+    found = rx.band(system, rx.State([0.0, 0.0], [5.0, 5.0]), names, bounds)
+    share = 1 / (1 + 4 * np.geomspace(*box, 200_001) / other)
+    tau = np.zeros(share.size)
+    for _ in range(200):
+        load = -share * (pull + tau) / 2
+        tau = tau / 2 - height / 2 * np.exp(-(((load + place) / width) ** 2))
+    holds(found, np.stack([load, pull + tau + (-(pull + tau) / 2)], axis=1), near=1e-3)
+    assert np.all((found.lower_case >= box[0]) & (found.upper_case <= box[1]))
+    np.testing.assert_allclose(found.box, [box], rtol=1e-15)
+    assert "no outer bound" in str(found)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("norm", [False, True])
 def test_preload_with_friction_against_a_dense_sweep(norm):

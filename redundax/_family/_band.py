@@ -3,13 +3,14 @@
     min and max of y = Y [qdd; lam; tau]   over all solutions of (25) whose self-stress is possible
 
 `_bounds` says what is possible and `_extremes` finds the extremes: exactly where friction does not depend on the
-self-stress, else by a search, whose result lies inside the true band.
+self-stress, else by a search, whose result lies inside the true band: no outer bound is known there.
 """
 
 import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
@@ -35,7 +36,7 @@ class Bands:
       "friction moment".
     - `lower`, `upper`: the bands, shape (outputs,); NaN where no solution within the bounds was found.
     - `exact`: which bands are proved, shape (outputs,); the others are inner estimates: all within them is attained,
-      and more may be.
+      more may be, and no outer bound is known. More `samples` and `starts` search better.
     - `bounds`: what was bounded: the name of the class.
     - `parameters`, `box`: names of the entries of a case, and their bounds, shape (q, 2).
     - `lower_case`, `upper_case`: the case that attains each extreme: amplitude, preload, misfit or compliance, shape
@@ -94,6 +95,8 @@ class Bands:
         for k, name in enumerate(self.names):
             what = "exact" if self.exact[k] else "inner estimate"
             lines.append(f"{name:{size}}{self.lower[k]:14.6g}{self.upper[k]:14.6g}  {what}")
+        if not self.exact.all():
+            lines.append("Inner estimates: all within is attained; more may be, and no outer bound is known.")
         return "\n".join(lines)
 
 
@@ -154,9 +157,9 @@ def band(
         exact=unique | exact_way,
         bounds=type(bounds).__name__,
         parameters=cases.names,
-        box=np.stack([cases.lower, cases.upper], axis=1),
-        lower_case=pairs[0][1],
-        upper_case=pairs[1][1],
+        box=np.stack([cases.figures(cases.lower), cases.figures(cases.upper)], axis=1),
+        lower_case=np.asarray(cases.figures(jnp.asarray(pairs[0][1]))),
+        upper_case=np.asarray(cases.figures(jnp.asarray(pairs[1][1]))),
         lower_solution=pairs[0][2],
         upper_solution=pairs[1][2],
         solved=search.solved,

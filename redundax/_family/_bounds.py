@@ -141,7 +141,7 @@ class MisfitBox(AbstractBounds):
 
 
 class ComplianceBox(AbstractBounds):
-    """Bounds on the compliance of rows.
+    """Bounds on the compliance of rows; ranges over decades are searched evenly by their logarithm.
 
     ??? example
 
@@ -173,8 +173,7 @@ class ComplianceBox(AbstractBounds):
         free, unit = solutions.free.multipliers, solutions.unit.multipliers
         return Fractional(
             tuple(self.box),
-            jnp.asarray(lower),
-            jnp.asarray(upper),
+            *map(jnp.asarray, (0.0 * lower, 1.0 * (upper > lower), lower, upper)),
             free,
             unit,
             solutions.stress,

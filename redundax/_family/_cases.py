@@ -5,11 +5,14 @@ A case is a vector theta in a box, and chooses one multiplier vector from the fa
     lam = base(theta) + U(theta) tau,   U tau being what friction tau adds.
 
 `Affine`: base = B_0 + B theta and a constant U, with limits on some multipliers or on a norm of them. `Fractional`:
-theta are diagonal entries of the compliance W,
+some diagonal entries of the compliance W lie between bounds,
 
     lam = lam_p + N (N^T W N)^-1 N^T (d - W lam_p),
 
-in each of which lam is a ratio of linear functions, so monotone, and extreme at the ends of its range.
+in each of which lam is a ratio of linear functions, so monotone, and extreme at the ends of its range. What an entry
+does depends on its ratio to the others, so theta, from 0 to 1, is the share of the range on a scale of logarithms:
+
+    w = w_1 + (w_2 - w_1) (r^theta - 1) / (r - 1),   r = w_2 / w_1, or 10^6 where it is larger,   so w_1 r^theta else.
 """
 
 import abc
@@ -18,6 +21,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
+
+_WIDEST = 1e6  # ratio of compliances up to which the scale is one of logarithms
 
 
 class AbstractCases(eqx.Module):
@@ -34,6 +39,10 @@ class AbstractCases(eqx.Module):
     @abc.abstractmethod
     def chosen(self, theta: Float[Array, " q"]) -> tuple[Float[Array, " m"], Float[Array, "m p"]]:
         """base and U of a case."""
+
+    @abc.abstractmethod
+    def figures(self, theta: Float[Array, "... q"]) -> Float[Array, "... q"]:
+        """What a case is, in the units of the bounds."""
 
     @abc.abstractmethod
     def excess(self, multipliers: Float[Array, " m"]) -> Float[Array, " c"]:
@@ -62,6 +71,9 @@ class Affine(AbstractCases):
     def chosen(self, theta: Array) -> tuple[Array, Array]:
         return self.start + self.slope @ theta, self.unit
 
+    def figures(self, theta: Array) -> Array:
+        return theta
+
     def excess(self, multipliers: Array) -> Array:
         own = multipliers[self.rows]
         if self.norm:
@@ -73,6 +85,7 @@ class Affine(AbstractCases):
 class Fractional(AbstractCases):
     """Cases of compliance.
 
+    - `least`, `most`: bounds w_1 and w_2 of the diagonal entries `rows`, shape (q,).
     - `start`, `unit`: any multipliers (m,) that solve the equations without friction, and any response (m, p) to it.
     - `stress`: N, shape (m, k).
     - `compliance`, `misfit`: W, shape (m, m), with 0 for the diagonal entries `rows`, shape (q,), and d, shape (m,).
@@ -81,6 +94,8 @@ class Fractional(AbstractCases):
     names: tuple[str, ...] = eqx.field(static=True)
     lower: Float[Array, " q"]
     upper: Float[Array, " q"]
+    least: Float[Array, " q"]
+    most: Float[Array, " q"]
     start: Float[Array, " m"]
     unit: Float[Array, "m p"]
     stress: Float[Array, "m k"]
@@ -94,13 +109,19 @@ class Fractional(AbstractCases):
         return jnp.any(self.stress[self.rows] != 0, axis=1)
 
     def chosen(self, theta: Array) -> tuple[Array, Array]:
-        compliance = self.compliance.at[self.rows, self.rows].add(theta)
+        compliance = self.compliance.at[self.rows, self.rows].add(self.figures(theta))
         given = jnp.concatenate([self.start[:, None], self.unit], axis=1)
         wanted = -compliance @ given
         wanted = wanted.at[:, 0].add(self.misfit)
         stress = self.stress
         moved = given + stress @ jnp.linalg.solve(stress.T @ compliance @ stress, stress.T @ wanted)
         return moved[:, 0], moved[:, 1:]
+
+    def figures(self, theta: Array) -> Array:
+        wide = self.most > self.least
+        least = jnp.maximum(self.least, self.most / _WIDEST)
+        power = jnp.log(jnp.where(wide, self.most / jnp.where(wide, least, 1.0), 2.0))
+        return self.least + (self.most - self.least) * jnp.expm1(theta * power) / jnp.expm1(power)
 
     def excess(self, multipliers: Array) -> Array:
         return jnp.zeros(0, multipliers.dtype)

@@ -49,9 +49,9 @@ def vertex_extremes(cases: Fractional, tau: np.ndarray, costs: np.ndarray) -> np
     """For each row of `costs` (b, m) the vertex with the least costs^T lam, shape (b, q)."""
     matters = np.asarray(cases.matters)
     few = eqx.tree_at(
-        lambda cases: (cases.lower, cases.upper, cases.rows),
+        lambda cases: (cases.lower, cases.upper, cases.least, cases.most, cases.rows),
         cases,
-        (cases.lower[matters], cases.upper[matters], cases.rows[matters]),
+        (cases.lower[matters], cases.upper[matters], cases.least[matters], cases.most[matters], cases.rows[matters]),
     )
     all_of = corners(few)
     values = np.asarray(multipliers_of(few, all_of, jnp.asarray(tau))) @ costs.T
