@@ -24,7 +24,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
 from ._kinematics import second_order
-from ._module import Numbers, as_float, known
+from ._module import Numbers, as_float, known, still
 from ._rank import split
 from ._scaling import Scaling, largest_violation, scaling
 from ._state import State
@@ -251,7 +251,7 @@ def _velocity(system: AbstractSystem, state: State, driven: Array, rates: Array)
 def _misfit(size: Array, relative: Array, settled: Array, weakest: Array, rounding: float) -> _Misfit:
     beyond = ~(relative <= rounding)
     near = jnp.all(relative <= max(rounding, largest_violation(relative.dtype)))
-    return _Misfit(size, relative, beyond, jnp.any(beyond) & ~(settled & near), weakest)
+    return still(_Misfit(size, relative, beyond, jnp.any(beyond) & ~(settled & near), weakest))
 
 
 def _held_scale(system: AbstractSystem, held: Array, scale: Scaling) -> Array:

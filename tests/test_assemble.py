@@ -3,6 +3,7 @@
 import re
 import warnings
 
+import jax
 import numpy as np
 import pytest
 
@@ -110,6 +111,23 @@ def test_misfit_is_told_by_size_and_joint():
     assert size == f"{misfit[mechanism.rows.labels.index(row)]:.2g}"
     solution = rx.solve(mechanism, state)
     np.testing.assert_allclose(solution.acceleration[-3:], crank_acceleration(1.0, 0.3, 3), rtol=1e-5)
+
+
+def test_derivatives_and_batches_on_points_of_few_digits():
+    """Each centre moves by half the crank's end, or all of it; the plate does not turn."""
+    mechanism, position = plate(8, *PLATES["three cranks, turned"])
+
+    def assembled(phi):
+        return rx.assemble(mechanism, position(1.0), positions={"c0.phi": phi}).q
+
+    step = 1e-5
+    truth = (position(1.0 + step) - position(1.0 - step)) / (2 * step)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for derivative in (jax.jacfwd, jax.jacrev):
+            np.testing.assert_allclose(derivative(assembled)(1.0), truth, rtol=0, atol=1e-6)
+    phis = np.array([0.9, 1.0, 1.1])
+    np.testing.assert_allclose(jax.jit(jax.vmap(assembled))(phis), [position(phi) for phi in phis], rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize("gap", [1e-4, 1e-2])
