@@ -170,12 +170,14 @@ class ComplianceBox(AbstractBounds):
         compliance = compliance.at[places, places].set(0.0)
         least = compliance.at[places, places].set(lower)
         check_definite(np.asarray(solutions.stress.T @ least @ solutions.stress))
-        free, unit = solutions.free.multipliers, solutions.unit.multipliers
         return Fractional(
             tuple(self.box),
-            *map(jnp.asarray, (0.0 * lower, 1.0 * (upper > lower), lower, upper)),
-            free,
-            unit,
+            jnp.zeros(len(rows)),
+            jnp.asarray(1.0 * (upper > lower)),
+            jnp.asarray(lower),
+            jnp.asarray(upper),
+            solutions.free.multipliers,
+            solutions.unit.multipliers,
             solutions.stress,
             compliance,
             jnp.broadcast_to(misfit, compliance.shape[:1]),
