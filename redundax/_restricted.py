@@ -27,7 +27,7 @@ from ._chunks import in_chunks
 from ._decision import CLEAR, Decision
 from ._module import of_any
 
-_STEPS = 5  # of refinement at most
+_STEPS = 2  # of refinement
 _SETTLED = 0.01  # of a direction that tr(G A) may miss
 
 
@@ -75,7 +75,7 @@ def _of_several_directions(
 ) -> tuple[Array, Array]:
     """The inverse on two directions or more, and the margin of the least energy."""
     one = jnp.eye(matrix.shape[0], dtype=matrix.dtype)
-    rounding = 4 * matrix.shape[0] * jnp.finfo(matrix.dtype).eps
+    rounding = matrix.shape[0] * jnp.finfo(matrix.dtype).eps
     restricted = projector @ matrix @ projector
     weight = jnp.trace(restricted) / jnp.maximum(dimension, 1)
     weight = jnp.where(weight > 0, weight, 1.0)
@@ -85,22 +85,13 @@ def _of_several_directions(
     half = jax.scipy.linalg.solve_triangular(factor, projector, lower=True)
     start = half.T @ half / weight
 
-    def refine(found: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        step, inverse, image = found
+    inverse, image = start, matrix @ start
+    for _ in range(_STEPS):
         inverse = inverse + inverse @ (one - image)
-        return step + 1, inverse, matrix @ inverse
-
-    def missing(image: Array) -> Array:
-        return jnp.abs(jnp.trace(image) - dimension)
-
-    def goes_on(found: tuple[Array, Array, Array]) -> Array:
-        step, _, image = found
-        return (step < 2) | ((step < _STEPS) & (missing(image) > rounding * dimension))
-
-    _, inverse, image = jax.lax.while_loop(goes_on, refine, (jnp.asarray(0), start, matrix @ start))
+        image = matrix @ inverse
     energy, noise = _energy(matrix, projector, _largest_column(start), kept)
     margin = jnp.where(jnp.all(jnp.isfinite(factor)), energy / noise, 0.0)  # no factor: an energy below zero
-    settled = missing(image) <= _SETTLED
+    settled = jnp.abs(jnp.trace(image) - dimension) <= _SETTLED
     return inverse, jnp.where(settled, margin, jnp.minimum(margin, 0.5 * CLEAR))
 
 

@@ -135,13 +135,14 @@ def test_over_the_parameters_of_a_users_system(name):
 
 
 def test_over_ranks():
-    """Flat and open parallelograms in one batch: the rank is a value."""
+    """Flat and open parallelograms in one batch: the rank is a value, and the flat one is refused alone."""
     systems, states = zip(*(registry.four_bar(phi, (1.0, 1.0)) for phi in (0.0, 0.3, 1.0)),
                           strict=True)  # fmt: skip
     states = jax.tree.map(lambda *x: jnp.stack(x), *states)
     solution = jax.vmap(lambda state: rx.solve(systems[0], state))(states)
     assert solution.stats.spectrum.rank.tolist() == [7, 8, 8]
-    for place in range(3):
+    assert (solution.result == rx.RESULTS.singular_position).tolist() == [True, False, False]
+    for place in (1, 2):
         one = rx.solve(systems[0], jax.tree.map(lambda x, k=place: x[k], states))
         assert np.allclose(solution.acceleration[place], one.acceleration, rtol=1e-12, atol=1e-12)
         assert np.allclose(solution.multipliers[place], one.multipliers, rtol=1e-12, atol=1e-11)

@@ -98,12 +98,14 @@ def test_verdicts(name, unit):
     here, there, units = both(name, unit)
     one, other = (rx.analyze(*at, closure=unit_free(*at)) for at in (here, there))
     figures = {"singular_values", "gap", "tolerance", "self_stress", "spectral_radius", "releases", "verdicts"}
+    figures |= {"length"}
     for field in {field.name for field in dataclasses.fields(one)} - figures:
         here_said, there_said = getattr(one, field), getattr(other, field)
         rounded = pytest.approx(there_said, rel=1e-6, abs=1e-9) if isinstance(there_said, float) else there_said
         assert here_said == rounded, field
     assert {**one.verdicts, "reaction": ()} == {**other.verdicts, "reaction": ()}  # which systems in other units lack
     assert one.pivots == other.pivots
+    assert other.length == pytest.approx(one.length * float(units.length / units.angle), rel=1e-9)  # of a turn by 1
     assert np.allclose(one.singular_values, other.singular_values, rtol=0, atol=1e-12)
     assert (one.spectral_radius is None) is (other.spectral_radius is None)
     assert (one.spectral_radius or 0.0) == pytest.approx(other.spectral_radius or 0.0, rel=1e-9)

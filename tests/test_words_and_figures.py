@@ -215,7 +215,7 @@ def test_words_and_figures_of_many_random_mechanisms_agree(recipe, number):
 def page_of(system, state):
     report = rx.analyze(system, state)
     families = [rx.solution_family(system, state, along=pivot, samples=5) for pivot in report.pivots]
-    page = contents("", system, state, report, rx.solve(system, state), families, "")
+    page = contents("", system, state, report, rx.solve(system, state), families, "minimum norm", "")
     return report, [block for section in page.sections for block in section.blocks]
 
 

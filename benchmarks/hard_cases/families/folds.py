@@ -44,13 +44,17 @@ def cases(quick: bool) -> list[Case]:
 
 
 def resting() -> list[Case]:
-    """At rest, with the sense of the impending slip."""
+    """At rest, with the sense of the impending slip; without it, and as slow as rounding, no answer exists."""
     options = {"sense": True}
     routes = ("decided", "fixed point", "from x0", "vmap")
-    return [
+    found = [
         paper(FAMILY, f"at rest, sense {sign}", routes, rate=exact.exact(f"{sign}1e-40"), options=options)
         for sign in "+-"
     ]
+    for rate in ("1e-40", "1e-18"):
+        slow = exact.exact(rate)
+        found.append(paper(FAMILY, f"at rate {rate}, no sense", routes[:2], rate=slow, options={"unsolvable": True}))
+    return found
 
 
 def without_load() -> list[Case]:

@@ -56,9 +56,11 @@ def free_and_massless() -> list[Case]:
         "gamma": ("1/2", "-1/3"),
     }
     system = {name: exact.exact(value) for name, value in given.items()}
+    two = {**system, "mass": tuple(map(exact.exact, (2, 0, 0, 1, 0, 0)))}
     return [
         Case(FAMILY, "massless carriage", carriage, closed(parameters, 6), SHORT, unsolvable=True),
         Case(FAMILY, "a coordinate without mass", linear, closed(system, 5), SHORT, unsolvable=True),
+        Case(FAMILY, "motions without mass beside others", linear, closed(two, 5), SHORT, unsolvable=True),
         *(
             Case(FAMILY, f"a coordinate with mass {mass}", linear, closed(_weighted(system, mass), 5), SHORT)
             for mass in ("1e-8", "1e-12")

@@ -2,7 +2,7 @@
 
 Near it one more singular value of the constraints goes to zero with the angle; in it the rank drops. Two cranks are
 given as a four-bar linkage of four lengths, which perturbations change one by one; three cranks stay parallel. In the
-flat position itself the answer is that of Eq. (7) at the lower rank.
+flat position itself (7) lacks the condition that keeps accelerations on a branch, so that only a flag is right.
 """
 
 from functools import partial
@@ -34,7 +34,8 @@ def three(angle: str, friction: bool = False, **changes) -> Case:
     parameters = closed(cranks_parameters(3, phi=angle, **changes), 12)
     name = f"three cranks at {angle}" + (", friction" if friction else "")
     routes = ("decided", "declared", "fixed point", "vmap") if friction else ROUTES
-    return Case(FAMILY, name, partial(cranks, flat=angle == "0"), parameters, routes, friction=friction)
+    flat = angle == "0"
+    return Case(FAMILY, name, partial(cranks, flat=flat), parameters, routes, friction=friction, unsolvable=flat)
 
 
 def two(angle: str) -> Case:
