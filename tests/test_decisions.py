@@ -14,7 +14,7 @@ import redundax as rx
 from redundax._results import result_codes
 
 NAMES = {code: name for name, code in result_codes().items()}
-CASES = pytest.mark.parametrize("cases", [300, pytest.param(4000, marks=pytest.mark.slow)])
+CASES = pytest.mark.parametrize("cases", [300, pytest.param(2000, marks=pytest.mark.slow)])
 EPS = float(np.finfo(float).eps)
 
 
