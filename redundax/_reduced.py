@@ -90,17 +90,22 @@ class Reduced(eqx.Module):
             size = size + _size(*self.unit) * _size(tau)
         return size if stress is None else size + _size(stress)
 
-    def senseless(self, tau: Float[Array, " p"], stress: Float[Array, " m"] | None) -> Bool[Array, " p"]:
-        """Which joints have no sense although their friction depends on it."""
+    def senseless(
+        self, tau: Float[Array, " p"], stress: Float[Array, " m"] | None
+    ) -> tuple[Bool[Array, ""], Bool[Array, ""]]:
+        """Whether a joint at rest, and whether any joint, has no sense although its friction depends on it."""
+        motion = cast(Decision, self.motion)
         problem = cast(FrictionProblem, self.problem)
         law = problem.law
 
-        def depends() -> Bool[Array, " p"]:
+        def depends() -> tuple[Bool[Array, ""], Bool[Array, ""]]:
             loads = problem.loads(tau) + (0.0 if stress is None else stress[self.rows])
             moving = eqx.tree_at(lambda law: law.sense, law, jnp.where(law.sense == 0, 1.0, law.sense))
-            return (law.sense == 0) & (moving(loads) != law(loads))
+            lacking = (law.sense == 0) & (moving(loads) != law(loads))
+            return jnp.any(lacking & motion.is_no), jnp.any(lacking)
 
-        return jax.lax.cond(jnp.any(law.sense == 0), depends, lambda: jnp.zeros(law.sense.shape, bool))
+        none = jnp.zeros((), bool)
+        return jax.lax.cond(jnp.any(law.sense == 0), depends, lambda: (none, none))
 
 
 def reduce(

@@ -20,7 +20,6 @@ from ._closures._elastic_joints import ElasticJoints
 from ._closures._unit_check import check_units
 from ._continuation import Continuation
 from ._culprits import culprits
-from ._decision import Decision
 from ._factorisation import Factorisation, factorize
 from ._friction import slip_kinds
 from ._friction_problem import FrictionProblem
@@ -146,24 +145,27 @@ def _end(
     reduced = reduce(system, state, factor, chosen, kept=kept, sense=sense)
     if reduced.problem is None:
         root, stress, contraction, friction_checks = _loadless(state.qd[:0]), None, 0.0 * state.t, ()
+        given = jnp.asarray(True)
     else:
         root, stress = _solve_friction(factor, reduced, reduced.problem, state, closure, solver, x0)
         contraction = reduced.problem.contraction(root.tau)
         friction_checks = _checks(reduced, stress, root, solver)
+        given = jnp.isfinite(reduced.end_size(reduced.problem.law(reduced.problem.rho0), None))
     finite = jnp.isfinite(reduced.end_size(root.tau, stress))
     checks = (
         *factor.checks,
         (jnp.isfinite(jnp.sum(reduced.pick.compliance)), RESULTS.not_finite),
         (~reduced.definiteness.is_no, RESULTS.indeterminate_closure),
         (reduced.definiteness.is_yes, RESULTS.ambiguous_closure),
-        *friction_checks,
-        (finite, RESULTS.not_finite),
     )
+    friction_checks = (*friction_checks, (finite, RESULTS.not_finite))
     # Of the flags alone: XLA would walk through the whole choice of a result again for every entry.
-    good = functools.reduce(operator.and_, (passed for passed, _ in checks))
+    good = functools.reduce(operator.and_, (passed for passed, _ in (*checks, *friction_checks)))
     found = reduced.end(root.tau, stress), root.tau
     end, tau = jax.tree.map(lambda x: _figure(good, x), found)
-    return end, eqx.tree_at(lambda root: root.tau, root, tau), contraction, first_failure(checks)
+    # What friction is given only names a failure, so a sweep of accelerations alone does not compute it.
+    result = first_failure((*checks, (good | given, RESULTS.not_finite), *friction_checks))
+    return end, eqx.tree_at(lambda root: root.tau, root, tau), contraction, result
 
 
 @jax.custom_jvp
@@ -198,9 +200,7 @@ def _solve_friction(
 
 def _checks(reduced: Reduced, stress: Array | None, root: Root, solver: AbstractSolver) -> tuple:
     """What must hold for the friction."""
-    ended, senseless = solver.result(root.progress), reduced.senseless(root.tau, stress)
-    rests, problem = cast(Decision, reduced.motion).is_no, cast(FrictionProblem, reduced.problem)
-    given = jnp.isfinite(reduced.end_size(problem.law(problem.rho0), None))
+    ended, (rests, unclear) = solver.result(root.progress), reduced.senseless(root.tau, stress)
     failures = (
         RESULTS.diverged,
         RESULTS.no_contraction,
@@ -208,9 +208,8 @@ def _checks(reduced: Reduced, stress: Array | None, root: Root, solver: Abstract
         RESULTS.no_solution_found,
     )
     return (
-        (given, RESULTS.not_finite),
-        (~jnp.any(senseless & rests), RESULTS.friction_at_rest),
-        (~jnp.any(senseless), RESULTS.ambiguous_rest),
+        (~rests, RESULTS.friction_at_rest),
+        (~unclear, RESULTS.ambiguous_rest),
         *((ended != failure, failure) for failure in failures),
     )
 
