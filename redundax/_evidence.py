@@ -38,7 +38,7 @@ class Violation(eqx.Module):
     prescribed: Float[Array, ""]
 
 
-class Motion(NamedTuple):
+class ScaledMotion(NamedTuple):
     """What is known of the motion at a state, in scaled variables.
 
     - `qd`, `rate`: the velocity, and Phi_q qd + Phi_t.
@@ -55,7 +55,7 @@ class Motion(NamedTuple):
     reached: Float[Array, ""]
 
 
-def violation_of(motion: Motion, stress: Float[Array, "m m"], position: Array, size: Array) -> Violation:
+def violation_of(motion: ScaledMotion, stress: Float[Array, "m m"], position: Array, size: Array) -> Violation:
     """Consistency of a state whose position violates the constraints by `position`."""
     sizes = motion.gamma, motion.acceleration, jnp.max(jnp.abs(motion.qd)) ** 2 / size
     return Violation(
@@ -66,7 +66,7 @@ def violation_of(motion: Motion, stress: Float[Array, "m m"], position: Array, s
     )
 
 
-def rate_noise(motion: Motion, kept: Float[Array, ""]) -> Float[Array, ""]:
+def rate_noise(motion: ScaledMotion, kept: Float[Array, ""]) -> Float[Array, ""]:
     """What rounding and violation can make of a slip rate that is zero; more than zero."""
     rounding = 10 * jnp.finfo(motion.qd.dtype).eps
     magnified = jnp.maximum(10.0, 1 / jnp.minimum(kept, 1.0))
@@ -76,7 +76,7 @@ def rate_noise(motion: Motion, kept: Float[Array, ""]) -> Float[Array, ""]:
 
 
 def singularity_of(
-    system: AbstractSystem, state: State, motion: Motion, parts: Split, position: Array, scales: Scaling
+    system: AbstractSystem, state: State, motion: ScaledMotion, parts: Split, position: Array, scales: Scaling
 ) -> Decision:
     """Whether P Phi'' along the velocity with a motion w added is other than without, -P gamma.
 

@@ -22,7 +22,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
 from ._decision import Decision
-from ._evidence import Motion, Violation, rate_noise, ratio, singularity_of, violation_of
+from ._evidence import ScaledMotion, Violation, rate_noise, ratio, singularity_of, violation_of
 from ._kinematics import second_order
 from ._rank import Spectrum, Split, split
 from ._restricted import restricted_inverse
@@ -259,7 +259,7 @@ def _factorize(system: AbstractSystem, state: State, rank: Int[Array, ""] | None
     inertia = jnp.sum(jnp.diagonal(scaled_mass)) / force.size
     free = jnp.where(inertia > 0, jnp.max(jnp.abs(force)) / jnp.where(inertia > 0, inertia, 1.0), 0.0)
     reached = jnp.sqrt(size * (jnp.max(jnp.abs(a)) + free))
-    known = Motion(state.qd / coordinate_scale, motion.rate / row_scale, gamma, explicit / row_scale, a, reached)
+    known = ScaledMotion(state.qd / coordinate_scale, motion.rate / row_scale, gamma, explicit / row_scale, a, reached)
     scales = Scaling(coordinate_scale, row_scale, length, size)
     evidence = {
         "violation": violation_of(known, parts.stress, position, size),
