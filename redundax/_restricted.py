@@ -80,8 +80,8 @@ def _of_several_directions(
     weight = jnp.trace(restricted) / jnp.maximum(dimension, 1)
     weight = jnp.where(weight > 0, weight, 1.0)
     regular = restricted / weight + (one - projector)
-    shift = rounding * jnp.max(jnp.diagonal(regular))  # without it no factor exists of a direction without energy
-    factor = jnp.linalg.cholesky(regular + shift * one + 0.0 * after)
+    shift = rounding * jnp.diag(jnp.diagonal(regular))  # without it a direction without energy often has no factor
+    factor = jnp.linalg.cholesky(regular + shift + 0.0 * after)
     half = jax.scipy.linalg.solve_triangular(factor, projector, lower=True)
     start = half.T @ half / weight
 
