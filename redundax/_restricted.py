@@ -103,10 +103,15 @@ def _largest_column(matrix: Array) -> Array:
 
 
 def _energy(matrix: Array, projector: Array, v: Array, kept: Array) -> tuple[Array, Array]:
-    """v^T A v, and what rounding can make of it where it is zero."""
+    """v^T A v, and what rounding can make of it where it is zero.
+
+    Entries of v are tilted by up to a rounding over `kept`, but not those that stand alone (a zero row of I - P).
+    """
     rounding = matrix.shape[0] * jnp.finfo(matrix.dtype).eps
-    sizes = jnp.where(jnp.any(projector != 0, axis=1), jnp.abs(jnp.diagonal(matrix)), 0.0)
-    tilt = (rounding / jnp.minimum(kept, 1.0)) ** 2
+    other = jnp.abs(jnp.eye(matrix.shape[0], dtype=matrix.dtype) - projector)
+    tilted = jnp.where(jnp.any(projector != 0, axis=1), jnp.minimum(100 * jnp.diagonal(other), 1.0), 0.0)
+    sizes = tilted * jnp.abs(jnp.diagonal(matrix))
+    tilt = (rounding / jnp.minimum(kept, 1.0)) ** 2 * jnp.minimum(100 * jnp.sum((other @ jnp.abs(v)) ** 2), 1.0)
     noise = 10 * (rounding * (jnp.abs(v) @ (jnp.abs(matrix) @ jnp.abs(v))) + tilt * jnp.sum(sizes))
     return v @ (matrix @ v), jnp.where(noise > 0, noise, 1.0)
 
