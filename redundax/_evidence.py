@@ -10,6 +10,7 @@ do. All of it is in the scaled variables of `_scaling`, and none of it has a der
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -80,31 +81,32 @@ def singularity_of(
 ) -> Decision:
     """Whether P Phi'' along the velocity with a motion w added is other than without, -P gamma.
 
-    Of a quadratic form that is not zero a direction of no symmetry sees it, and where time enters that the rank changes
-    with it. Rounding moves Phi'' itself, the range of P by as much of K^+ Phi'', and a state off the manifold likewise.
+    Two directions of no symmetry see a quadratic form that is not zero, and where time enters that the rank changes with
+    it. Rounding moves Phi'' itself, the range of P by as much of K^+ Phi'', and a state off the manifold likewise.
     """
     speed = jnp.max(jnp.abs(motion.qd)) + motion.reached
     speed = jnp.where(speed > 0, speed, scales.size)
-    rate = scales.coordinates * (motion.qd + speed * _uneven(parts.motion, motion.qd))
-    bend = second_derivative(system, state, rate, jnp.ones_like(state.t)) / scales.rows
-    changed = jnp.max(jnp.abs(parts.stress @ (bend + motion.gamma)))
-    terms = sum(jnp.max(jnp.abs(part)) for part in (bend, motion.gamma, parts.inverse @ bend))
+    rates = scales.coordinates * (motion.qd + speed * _uneven(parts.motion, motion.qd))
+    bends = jax.vmap(lambda rate: second_derivative(system, state, rate, jnp.ones_like(state.t)))(rates) / scales.rows
+    changed = jnp.max(jnp.abs((bends + motion.gamma) @ parts.stress))
+    terms = sum(jnp.max(jnp.abs(part)) for part in (bends, motion.gamma, bends @ parts.inverse.T))
     terms = terms + (2 * speed) ** 2 / scales.size
-    rounding = max(bend.size, rate.size) * float(jnp.finfo(bend.dtype).eps)
+    rounding = max(motion.gamma.size, motion.qd.size) * float(jnp.finfo(bends.dtype).eps)
     return Decision(changed / (_ROUNDING * (rounding + position) * terms))
 
 
 def _uneven(projector: Array, along: Array) -> Array:
-    """A direction of no symmetry in the range of a projector, of largest entry 1; zero if it is.
+    """Two directions of no symmetry in the range of a projector, of largest entry 1; zero if it is.
 
-    The column of the largest pivot, added with the sign of what is there, keeps it from being rounding; turned so that
-    it does not point against a vector, with which it could cancel.
+    The column of the largest pivot, added with the sign of what is there, keeps them from being rounding; turned so
+    that they do not point against a vector, with which they could cancel.
     """
     numbers, pivot = jnp.arange(1.0, len(projector) + 1, dtype=projector.dtype), jnp.argmax(jnp.diagonal(projector))
-    mixed = jnp.cos(numbers**2) @ projector
-    mixed = mixed + jnp.where(mixed[pivot] < 0, -2.0, 2.0) * projector[pivot]
-    largest = jnp.max(jnp.abs(mixed))
-    return jnp.where(mixed @ along < 0, -1.0, 1.0) * mixed / jnp.where(largest > 0, largest, 1.0)
+    mixed = jnp.stack([jnp.cos(numbers**2), jnp.sin(numbers**2)]) @ projector
+    mixed = mixed + jnp.where(mixed[:, pivot] < 0, -2.0, 2.0)[:, None] * projector[pivot]
+    largest = jnp.max(jnp.abs(mixed), axis=1, keepdims=True)
+    turned = jnp.where(mixed @ along < 0, -1.0, 1.0)[:, None]
+    return turned * mixed / jnp.where(largest > 0, largest, 1.0)
 
 
 def ratio(part: Array, *sizes: Array) -> Array:

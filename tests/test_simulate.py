@@ -226,7 +226,7 @@ def test_the_squeezer_ends_where_it_was_published_to():
 @slow
 def test_no_motion_begins_in_a_singular_position():
     mechanism = rx.mechanisms.parallelogram(3)
-    with pytest.raises(RuntimeError, match="singular position"):
+    with pytest.raises(RuntimeError, match="position is singular"):
         rx.simulate(mechanism, mechanism.state(0.0, rate=1.0), 1.0)
 
 
