@@ -81,8 +81,8 @@ def singularity_of(
 ) -> Decision:
     """Whether P Phi'' along the velocity with a motion w added is other than without, -P gamma.
 
-    Two directions of no symmetry see a quadratic form that is not zero, and where time enters that the rank changes with
-    it. Rounding moves Phi'' itself, the range of P by as much of K^+ Phi'', and a state off the manifold likewise.
+    Two directions of no symmetry see a quadratic form that is not zero, and where time enters that the rank changes
+    with it. Rounding moves Phi'' itself, the range of P by as much of K^+ Phi'', and a state off the manifold does too.
     """
     speed = jnp.max(jnp.abs(motion.qd)) + motion.reached
     speed = jnp.where(speed > 0, speed, scales.size)
