@@ -70,7 +70,7 @@ def test_a_pulled_block_stops_and_goes_as_the_scalar_equations_do(stiffness, dam
     np.testing.assert_allclose(run.q[:, 0], x, rtol=0, atol=2e-8)
     np.testing.assert_allclose(run.memory[0][:, 0], z, rtol=0, atol=2e-8 * 0.3 / stiffness * 100)
     np.testing.assert_allclose(run.friction[:, 0], tau, rtol=0, atol=1e-4)
-    assert run.stats.steps < 1500 and run.stats.energy_error < 1e-6
+    assert run.stats.steps < 2000 and run.stats.energy_error < 1e-6
     again = jax.tree.map(lambda x: x[4], run.states)  # from 1 s on
     rest = rx.simulate(block(rx.LuGre(**values))[0], again, 6.0, ts=times[4:], solver=solver)
     np.testing.assert_allclose(rest.q[:, 0], x[4:], rtol=0, atol=5e-8)
