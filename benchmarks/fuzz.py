@@ -4,7 +4,7 @@
 
 Each case is one mechanism of random structure, geometry, state, loads, friction and closure; it is solved plain, with
 bodies and joints in another order, and with a joint in two halves, every second time in other units. Laws are ratios of
-error to tolerance, at most 1 where they hold (`tests/fuzzing/laws.py`); a flag is false where the rank is clear
+error to tolerance, at most 1 where they hold (`tests/support/fuzzing/laws.py`); a flag is false where the rank is clear
 (sigma_r / sigma_1 > 1e-3) and friction contracts (spectral radius of Gamma below 0.9).
 """
 
@@ -20,7 +20,7 @@ os.environ.setdefault("XLA_FLAGS", "--xla_cpu_enable_concurrency_optimized_sched
 import jax
 import numpy as np
 
-sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "tests"))
+sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "tests" / "support"))
 
 from fuzzing import digits, fuzz
 from fuzzing.recipes import RECIPES

@@ -9,7 +9,7 @@ closure (W0, d0) at the same crank angle and rate by the quasi-static deflection
 
     python benchmarks/stiff_joints.py [--json]
 
-The elastic model is the paper's own formulas (tests/truth/paper.py) in NumPy with SciPy's Radau IIA, and its joints
+The elastic model is the paper's own formulas (tests/support/truth/paper.py) in NumPy with SciPy's Radau IIA; its joints
 are assembled here; only the closure is the library's.
 """
 
@@ -23,7 +23,7 @@ import jax
 import numpy as np
 from scipy.integrate import solve_ivp
 
-sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "tests"))
+sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "tests" / "support"))
 
 from truth import paper
 

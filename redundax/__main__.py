@@ -34,17 +34,17 @@ from . import _paper
 from ._analysis._analyze import analyze
 from ._analysis._report import Report
 from ._closures._closure import AbstractClosure, MinimumNorm
-from ._factorisation import factorize
-from ._family._preload import in_words, unit_free_norm
-from ._family._solution_family import SolutionFamily, solution_family
-from ._file import FileError, blaming, check_target, load, writing
-from ._page._contents import contents
-from ._page._formats import FORMATS, write
-from ._plot import plot_family
-from ._progress import progress
-from ._solve import solve
-from ._state import State
-from ._system import AbstractSystem
+from ._command._file import FileError, blaming, check_target, load, writing
+from ._equations._factorisation import factorize
+from ._pictures._page._contents import contents
+from ._pictures._page._formats import FORMATS, write
+from ._pictures._plots._plot import plot_family
+from ._solution_sets._family._preload import in_words, unit_free_norm
+from ._solution_sets._family._solution_family import SolutionFamily, solution_family
+from ._solve._solve import solve
+from ._system._state import State
+from ._system._system import AbstractSystem
+from ._tools._progress import progress
 from .mechanisms import wojtyra2020
 
 _KEYS = ("table2", "table3", "table4")

@@ -18,4 +18,4 @@ import pathlib
 import sys
 
 # The truth of the tests is the truth here too.
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tests"))
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tests" / "support"))

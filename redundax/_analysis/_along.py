@@ -16,12 +16,12 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int
 
 from .._closures._closure import AbstractClosure, MinimumNorm
-from .._factorisation import factorize
-from .._kinematics import between
-from .._module import Numbers
-from .._rank import Spectrum
-from .._state import State
-from .._system import AbstractSystem
+from .._equations._factorisation import factorize
+from .._equations._kinematics import between
+from .._equations._rank import Spectrum
+from .._system._state import State
+from .._system._system import AbstractSystem
+from .._tools._module import Numbers
 from ._analyze import analyze, orthonormal
 from ._outputs import plain
 from ._release import Release, determinant

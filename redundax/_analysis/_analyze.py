@@ -20,18 +20,18 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array
 
+from .._bodies._joints import AngleCoupling
+from .._bodies._mechanism import Mechanism
 from .._closures._closure import AbstractClosure, MinimumNorm
-from .._culprits import culprits
-from .._factorisation import Factorisation, factorize
-from .._friction import slip_kinds
-from .._joints import AngleCoupling
-from .._mechanism import Mechanism
-from .._module import Numbers, as_float, no_classes
-from .._rank import Spectrum, Split
-from .._results import RESULTS
-from .._solve import solve
-from .._state import State
-from .._system import AbstractSystem
+from .._equations._culprits import culprits
+from .._equations._factorisation import Factorisation, factorize
+from .._equations._rank import Spectrum, Split
+from .._solve._solve import solve
+from .._system._friction import slip_kinds
+from .._system._results import RESULTS
+from .._system._state import State
+from .._system._system import AbstractSystem
+from .._tools._module import Numbers, as_float, no_classes
 from ._others import other_solutions
 from ._outputs import outputs
 from ._position import position

@@ -15,14 +15,14 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._closures._closure import MinimumNorm
-from .._factorisation import Factorisation
-from .._friction_problem import FrictionProblem
-from .._reduced import reduce
-from .._results import RESULTS
-from .._solution import Solution
-from .._solver import Newton
-from .._state import State
-from .._system import AbstractSystem
+from .._equations._factorisation import Factorisation
+from .._solve._reduced import reduce
+from .._solve._solution import Solution
+from .._solvers._friction_problem import FrictionProblem
+from .._solvers._solver import Newton
+from .._system._results import RESULTS
+from .._system._state import State
+from .._system._system import AbstractSystem
 
 _AMPLITUDES = 0.5, -2.0, 10.0  # a small one, and some that turn the loads of joints around
 

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from .._friction import slip_kinds
-from .._mechanism import Mechanism
-from .._state import State
-from .._system import AbstractSystem
-from .._wrench import joint_outputs
+from .._bodies._mechanism import Mechanism
+from .._bodies._reactions import joint_outputs
+from .._system._friction import slip_kinds
+from .._system._state import State
+from .._system._system import AbstractSystem
 
 _SHARE = 1e-2
 

@@ -16,10 +16,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Int
 
-from .._factorisation import Factorisation
-from .._kinematics import change_of_jacobian
-from .._state import State
-from .._system import AbstractSystem
+from .._equations._factorisation import Factorisation
+from .._equations._kinematics import change_of_jacobian
+from .._system._state import State
+from .._system._system import AbstractSystem
 
 _CHANGES = 1e-4  # relative change of a projector that is more than the blur of a state beside the manifold
 

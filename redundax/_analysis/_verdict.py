@@ -34,11 +34,11 @@ import numpy as np
 from jaxtyping import Array
 
 from .._closures._closure import AbstractClosure, MinimumNorm
-from .._factorisation import Factorisation
-from .._reduced import reduce
-from .._solution import Solution
-from .._state import State
-from .._system import AbstractSystem
+from .._equations._factorisation import Factorisation
+from .._solve._reduced import reduce
+from .._solve._solution import Solution
+from .._system._state import State
+from .._system._system import AbstractSystem
 from ._outputs import sizes, unknowns
 
 _STRUCTURAL = 1e-10  # relative size of a coefficient that is rounding

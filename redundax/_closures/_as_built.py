@@ -13,11 +13,11 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from .._body import GROUND
-from .._mechanism import Mechanism
-from .._module import as_float, replace
-from .._state import State
-from .._system import AbstractSystem
+from .._bodies._body import GROUND
+from .._bodies._mechanism import Mechanism
+from .._system._state import State
+from .._system._system import AbstractSystem
+from .._tools._module import as_float, replace
 from ._closure import AbstractClosure
 
 

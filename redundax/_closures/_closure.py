@@ -15,10 +15,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._module import Numbers, as_float, known, optional_float
-from .._state import State
-from .._system import AbstractSystem
-from .._units import Units
+from .._system._state import State
+from .._system._system import AbstractSystem
+from .._system._units import Units
+from .._tools._module import Numbers, as_float, known, optional_float
 
 
 class AbstractClosure(eqx.Module):

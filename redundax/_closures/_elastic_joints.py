@@ -19,14 +19,14 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
-from .._body import GROUND, Pose, perpendicular, poses
-from .._joints import AbstractJoint
-from .._mechanism import Mechanism
-from .._module import Numbers, as_float, as_vector, known
-from .._stack import Stack, stacked
-from .._state import State
-from .._system import AbstractSystem
-from .._units import Units
+from .._bodies._body import GROUND, Pose, perpendicular, poses
+from .._bodies._joints import AbstractJoint
+from .._bodies._mechanism import Mechanism
+from .._bodies._stack import Stack, stacked
+from .._system._state import State
+from .._system._system import AbstractSystem
+from .._system._units import Units
+from .._tools._module import Numbers, as_float, as_vector, known
 from ._closure import AbstractClosure, check_compliance
 
 

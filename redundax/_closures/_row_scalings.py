@@ -11,9 +11,9 @@ the axes in which the constraints are written and with the points whose coordina
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .._scaling import scaling
-from .._state import State
-from .._system import AbstractSystem
+from .._equations._scaling import scaling
+from .._system._state import State
+from .._system._system import AbstractSystem
 from ._closure import AbstractClosure
 
 _ZERO = 1e-10  # entry of the scaled Jacobian that is rounding

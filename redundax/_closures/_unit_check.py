@@ -15,10 +15,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from .._axis import Axis
-from .._scaling import scaling
-from .._state import State
-from .._system import AbstractSystem
+from .._equations._scaling import scaling
+from .._system._axis import Axis
+from .._system._state import State
+from .._system._system import AbstractSystem
 from ._closure import AbstractClosure, closed_by
 
 _LEAST, _MOST = 1e-3, 1e6

@@ -29,11 +29,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from .._kinematics import AlongMotion, along_motion
-from .._rank import split
-from .._scaling import Scaling
-from .._state import State
-from .._system import AbstractSystem
+from .._equations._kinematics import AlongMotion, along_motion
+from .._equations._rank import split
+from .._equations._scaling import Scaling
+from .._system._state import State
+from .._system._system import AbstractSystem
 
 
 class Held(eqx.Module):

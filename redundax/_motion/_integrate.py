@@ -7,15 +7,15 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._closures._closure import AbstractClosure
-from .._continuation import Continuation
-from .._factorisation import Factorisation, factorize
-from .._friction import memories, slip_kinds
-from .._module import still
-from .._results import RESULTS, first_failure
-from .._solve import solve_factorised
-from .._solver import Newton
-from .._state import State
-from .._system import AbstractSystem
+from .._equations._factorisation import Factorisation, factorize
+from .._solve._solve import solve_factorised
+from .._solvers._continuation import Continuation
+from .._solvers._solver import Newton
+from .._system._friction import memories, slip_kinds
+from .._system._results import RESULTS, first_failure
+from .._system._state import State
+from .._system._system import AbstractSystem
+from .._tools._module import still
 from ._held_rank import Held, held_by, hold
 from ._moving import Equations, Moving, charted, projected
 from ._phases import Options, Run, run

@@ -17,14 +17,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
 from .._closures._closure import AbstractClosure, closed_by
-from .._friction import load_rows, memory_rates
-from .._friction_problem import FrictionProblem, Law
-from .._kinematics import chart_rate, constraint_rate, displacement, slip_gamma, slip_motion
-from .._results import RESULTS
-from .._scaling import Scaling
-from .._solver import AbstractSolver, closed_root
-from .._state import State
-from .._system import AbstractSystem
+from .._equations._kinematics import chart_rate, constraint_rate, displacement, slip_gamma, slip_motion
+from .._equations._scaling import Scaling
+from .._solvers._friction_problem import FrictionProblem, Law
+from .._solvers._solver import AbstractSolver, closed_root
+from .._system._friction import load_rows, memory_rates
+from .._system._results import RESULTS
+from .._system._state import State
+from .._system._system import AbstractSystem
 from ._held_rank import Held, Kinetics, held_inverse, kinetics, respond, stress_response
 from ._stabilisation import AbstractStabilisation
 

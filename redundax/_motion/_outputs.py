@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._axis import Axis
-from .._friction import slip_kinds
-from .._system import AbstractSystem
+from .._system._axis import Axis
+from .._system._friction import slip_kinds
+from .._system._system import AbstractSystem
 
 _MOST = 6  # positions that are drawn where no outputs are named
 _ROUNDING = 1e-9

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from .._module import of_any
+from .._tools._module import of_any
 from ._held_rank import Held
 from ._moving import Context, Equations, Moving
 from ._slip import bracketed, locate, released

@@ -13,11 +13,11 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from .._closures._closure import AbstractClosure, MinimumNorm
-from .._culprits import culprits
-from .._module import Numbers, as_float, known, no_classes, positive
-from .._results import RESULTS
-from .._state import State
-from .._system import AbstractSystem
+from .._equations._culprits import culprits
+from .._system._results import RESULTS
+from .._system._state import State
+from .._system._system import AbstractSystem
+from .._tools._module import Numbers, as_float, known, no_classes, positive
 from ._integrate import integrate
 from ._stabilisation import AbstractStabilisation, Projection
 from ._times import check_times

@@ -22,9 +22,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .._kinematics import between
-from .._module import still
-from .._state import State
+from .._equations._kinematics import between
+from .._system._state import State
+from .._tools._module import still
 from ._held_rank import Held
 from ._moving import Context, Equations, Linear, Moving, charted, projected
 from ._stick import NONE, Onward, counted, onward, settled

@@ -15,8 +15,8 @@ from typing import ClassVar
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from .._kinematics import AlongMotion
-from .._module import as_float
+from .._equations._kinematics import AlongMotion
+from .._tools._module import as_float
 
 
 class AbstractStabilisation(eqx.Module):

@@ -15,8 +15,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._kinematics import chart_inverse
-from .._module import still
+from .._equations._kinematics import chart_inverse
+from .._tools._module import still
 from ._held_rank import Kinetics, kinetics, renewed
 from ._moving import Context, Equations, Moving, charted, projected
 from ._slip import happened

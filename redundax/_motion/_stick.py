@@ -20,9 +20,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._friction import friction_force, load_rows
-from .._module import still
-from .._state import State
+from .._system._friction import friction_force, load_rows
+from .._system._state import State
+from .._tools._module import still
 from ._held_rank import Held
 from ._moving import Equations, Linear
 

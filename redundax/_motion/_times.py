@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .._module import known
+from .._tools._module import known
 
 _ROUNDINGS = 10
 

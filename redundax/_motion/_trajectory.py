@@ -3,8 +3,8 @@
 import equinox as eqx
 from jaxtyping import Array, Float, Int, PyTree
 
-from .._results import RESULTS
-from .._state import State
+from .._system._results import RESULTS
+from .._system._state import State
 
 
 class TrajectoryStats(eqx.Module):

@@ -13,13 +13,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._bodies._mechanism import Mechanism
 from .._closures._closure import AbstractClosure, Compliance, MinimumNorm
-from .._mechanism import Mechanism
-from .._results import RESULTS
-from .._solution import Solution
-from .._solve import solve
-from .._solver import AbstractSolver, FixedPoint, Newton
-from .._units import Units
+from .._solve._solution import Solution
+from .._solve._solve import solve
+from .._solvers._solver import AbstractSolver, FixedPoint, Newton
+from .._system._results import RESULTS
+from .._system._units import Units
 from ..mechanisms import wojtyra2020
 from ._printed import TABLES, PrintedTable
 

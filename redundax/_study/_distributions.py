@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from .._module import Numbers
+from .._tools._module import Numbers
 
 _BITS = 30  # of the Sobol points
 

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jax.sharding import Mesh
 
-from .._module import Numbers
 from .._motion._outputs import QUANTITIES, axes
 from .._motion._trajectory import Trajectory
-from .._results import result_codes
-from .._system import AbstractSystem
+from .._system._results import result_codes
+from .._system._system import AbstractSystem
+from .._tools._module import Numbers
 from ._distributions import AbstractDistribution, sobol
 from ._layout import SAMPLE
 from ._study import study

@@ -25,7 +25,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array
 
-from .._module import Numbers, as_float
+from .._tools._module import Numbers, as_float
 from ._distributions import AbstractDistribution, sobol
 from ._identification import Ends, Identification, Shapes, Space, identified, restored
 

@@ -12,10 +12,10 @@ from typing import Any
 import jax
 import numpy as np
 
-from .._axis import Axis
-from .._friction import slip_kinds
-from .._results import RESULTS, result_codes
-from .._system import AbstractSystem
+from .._system._axis import Axis
+from .._system._friction import slip_kinds
+from .._system._results import RESULTS, result_codes
+from .._system._system import AbstractSystem
 
 SAMPLE = "sample"
 _LABELLED = {

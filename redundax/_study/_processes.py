@@ -9,7 +9,7 @@ from jax.experimental import multihost_utils
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, PyTree
 
-from .._module import cores
+from .._tools._module import cores
 
 
 def spread(function: Callable[[PyTree], PyTree], mesh: Mesh | None) -> Callable[[PyTree], PyTree]:

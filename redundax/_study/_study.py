@@ -15,9 +15,9 @@ import jax
 import numpy as np
 from jax.sharding import Mesh
 
-from .._module import Numbers
-from .._progress import progress as told
-from .._system import AbstractSystem
+from .._system._system import AbstractSystem
+from .._tools._module import Numbers
+from .._tools._progress import progress as told
 from ._layout import Layout, layout, named, storable
 from ._processes import check_threads, fetched, meet, of_first, refuse, spread
 from ._store import File, Follower, Memory, Store, optional

@@ -20,9 +20,9 @@ from jax.flatten_util import ravel_pytree
 from jax.sharding import Mesh
 from jaxtyping import Array
 
-from .._results import RESULTS, result_codes
-from .._solution import Solution
-from .._system import AbstractSystem
+from .._solve._solution import Solution
+from .._system._results import RESULTS, result_codes
+from .._system._system import AbstractSystem
 from ._distributions import AbstractDistribution, entries, sobol
 from ._layout import SAMPLE, named
 from ._study import study

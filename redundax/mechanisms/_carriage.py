@@ -13,10 +13,10 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from .._body import Body
-from .._loads import AppliedForce
-from .._mechanism import Mechanism
-from .._module import as_float
+from .._bodies._body import Body
+from .._bodies._loads import AppliedForce
+from .._bodies._mechanism import Mechanism
+from .._tools._module import as_float
 from ._parts import Numbers, at_least, parallel_guides, point
 
 

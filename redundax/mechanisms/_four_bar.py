@@ -11,10 +11,10 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from .._body import GROUND, perpendicular
-from .._joints import Revolute
-from .._mechanism import Mechanism
-from .._module import as_float
+from .._bodies._body import GROUND, perpendicular
+from .._bodies._joints import Revolute
+from .._bodies._mechanism import Mechanism
+from .._tools._module import as_float
 from ._parts import Numbers, coulomb, each, point, uniform_rod
 
 

@@ -14,10 +14,10 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from .._body import GROUND
-from .._joints import AngleDriver, Polynomial, Revolute
-from .._mechanism import Mechanism
-from .._module import as_float
+from .._bodies._body import GROUND
+from .._bodies._joints import AngleDriver, Polynomial, Revolute
+from .._bodies._mechanism import Mechanism
+from .._tools._module import as_float
 from ._parts import Numbers, at_least, coulomb, crank_poses, each, pivoted_cranks, point, uniform_rod
 
 

@@ -11,10 +11,10 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from .._body import GROUND, Body
-from .._friction_model import Coulomb
-from .._joints import Revolute, Translational
-from .._module import Numbers, as_float
+from .._bodies._body import GROUND, Body
+from .._bodies._friction_model import Coulomb
+from .._bodies._joints import Revolute, Translational
+from .._tools._module import Numbers, as_float
 
 
 def at_least(name: str, value: int, least: int, fix: str) -> None:

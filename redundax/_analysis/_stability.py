@@ -1,0 +1,169 @@
+"""Whether joints that are stiff but elastic settle at a frictional solution.
+
+Beside a solution of (25) let the constraints give way by e = Phi_q dq, and the multipliers by dlam with e = W dlam. On
+the time scale of stiff joints, where all else stands still,
+
+    M dq'' = -(Phi_q^T - F_lam) dlam,   F_lam = E J R,   J = d law / d rho,   R the rows that friction reads,
+
+so that e'' = -s e with the eigenvalues s of Phi_q M^-1 (Phi_q^T - F_lam) W^-1, taken over what the constraints can do:
+its k zeros along the self-stress are no motion. Solved for dlam with the closure's pick (I - G W) and the responses of
+`_reduced`, Lam and K = R Lam to unit friction, and with the apparent mass M_c,
+
+    1/s = eigenvalues of W_e X,   W_e = W - W G W,   X = M_c + Lam (I - J K)^-1 J R (I - G W) M_c,
+
+which holds for rigid joints too (W singular) and for M that is singular but (14). With W_e = L L^T they are those of
+L^T X L. Positive s: vibration with the angular frequency sqrt(s); negative: the load runs away from the solution as
+exp(sqrt(-s) t); complex: flutter, a vibration that grows unless damping removes more. All s grow alike as joints get
+stiffer, so the verdict is one on the ratios of compliances.
+"""
+
+import dataclasses
+import enum
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+from jaxtyping import Array, Complex, Float
+
+from .._closures._closure import AbstractClosure
+from .._equations._factorisation import Factorisation, factorize
+from .._solve._reduced import reduce
+from .._solve._solution import Solution
+from .._system._results import RESULTS
+from .._system._state import State
+from .._system._system import AbstractSystem
+from .._tools._module import Numbers, as_float, no_classes
+
+_RIGID = 1e-13  # 1/s and compliance, relative to the largest, that are rounding
+_COMPLEX = 1e-7  # relative imaginary part of s that rounding at a double eigenvalue does not reach
+
+
+class Settling(enum.Enum):
+    """What stiff elastic joints do beside a solution.
+
+    ??? example
+
+        ```python
+        joints = rx.Compliance(W=jnp.full(12, 1e-8))
+        solution = rx.solve(mechanism, state, closure=joints)
+        rx.stability(mechanism, state, solution, joints).verdict is rx.Settling.STABLE
+        ```
+    """
+
+    STABLE = "stable: the joints vibrate about it"
+    FLUTTER = "flutter: a vibration of the joints grows unless damped"
+    UNATTAINABLE = "unattainable: the joints' loads run away from it"
+
+
+@dataclasses.dataclass(frozen=True)
+class Stability:
+    """Stability of a solution under the compliance of its joints; `str()` gives a sentence.
+
+    - `eigenvalues`: s, squares of angular frequencies of the joints' vibrations, rad^2/s^2, by increasing real part;
+      one for each direction in which joints give way against a mass, at most r.
+    - `growth`: the fastest growth among them, Im sqrt(s), 1/s; 0 where all vibrate. Damping adds to that.
+    - `verdict`: what follows.
+
+    ??? example
+
+        ```python
+        joints = rx.Compliance(W=jnp.full(12, 1e-8))
+        solution = rx.solve(mechanism, state, closure=joints)
+        found = rx.stability(mechanism, state, solution, joints)
+        found.eigenvalues, found.growth
+        ```
+    """
+
+    eigenvalues: Complex[np.ndarray, " modes"]
+    growth: float
+    verdict: Settling
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain Python data; an eigenvalue is a pair (real, imaginary)."""
+        pairs = [[float(np.real(s)), float(np.imag(s))] for s in self.eigenvalues]
+        return {"eigenvalues": pairs, "growth": self.growth, "verdict": self.verdict.value}
+
+    def __str__(self) -> str:
+        growth = f", growth {self.growth:.3g} 1/s" if self.growth else ""
+        return f"{self.verdict.value}{growth}"
+
+
+def stability(
+    system: AbstractSystem,
+    state: State,
+    solution: Solution,
+    closure: AbstractClosure,
+    *,
+    sense: Numbers | None = None,
+    rank: ArrayLike | None = None,
+) -> Stability:
+    """Stability of a frictional solution under the compliance of its joints.
+
+    ??? example
+
+        ```python
+        joints = rx.Compliance(W=jnp.full(12, 1e-8))
+        solution = rx.solve(mechanism, state, closure=joints)
+        print(rx.stability(mechanism, state, solution, joints))
+        ```
+
+    **Arguments:**
+
+    - `system`, `state`: concrete values; not inside `jit` or `vmap`.
+    - `solution`: a successful solution under the closure.
+    - `closure`: the compliance of the joints.
+    - `sense`, `rank`: as in `solve`.
+
+    **Raises:** `ValueError` where the solution has no numbers.
+    """
+    no_classes(closure=closure)
+    if solution.result != RESULTS.successful:
+        raise ValueError(
+            "Argument `solution` must be successful, but ended with another result. Solve with `throw=True` to see why."
+        )
+    senses = None if sense is None else jnp.broadcast_to(as_float(sense), solution.friction.shape)
+    factor = factorize(system, state, rank)
+    figures = _figures(system.anonymous(), state, factor, solution.multipliers, closure, senses)
+    compliance, response = (np.asarray(x, float) for x in figures)
+    size, axes = np.linalg.eigh(compliance)
+    soft = size > _RIGID * size[-1]
+    root = axes[:, soft] * np.sqrt(size[soft])
+    inverse = np.linalg.eigvals(root.T @ response @ root).astype(complex)
+    inverse = inverse[np.abs(inverse) > _RIGID * np.abs(inverse).max(initial=0.0)]
+    eigenvalues = 1 / inverse
+    complex_ = np.abs(np.imag(eigenvalues)) > _COMPLEX * np.abs(eigenvalues)
+    eigenvalues = np.sort_complex(np.where(complex_, eigenvalues, np.real(eigenvalues)))
+    growth = float(np.abs(np.imag(np.sqrt(eigenvalues))).max(initial=0.0))
+    return Stability(eigenvalues, growth, _verdict(eigenvalues))
+
+
+def _verdict(eigenvalues: np.ndarray) -> Settling:
+    turning = np.imag(eigenvalues) != 0
+    if np.any(~turning & (np.real(eigenvalues) < 0)):
+        return Settling.UNATTAINABLE
+    return Settling.FLUTTER if np.any(turning) else Settling.STABLE
+
+
+@eqx.filter_jit
+def _figures(
+    system: AbstractSystem,
+    state: State,
+    factor: Factorisation,
+    multipliers: Array,
+    closure: AbstractClosure,
+    sense: Array | None,
+) -> tuple[Float[Array, "m m"], Float[Array, "m m"]]:
+    """W_e and X in multipliers free of units."""
+    reduced = reduce(system, state, factor, closure, sense=sense)
+    W, G = reduced.pick.compliance, reduced.pick.response
+    given = W - W @ G @ W
+    mass = response = factor.apparent_mass()
+    if reduced.problem is not None and reduced.unit is not None:
+        slope = reduced.problem.law.slope(multipliers[reduced.rows])
+        loop = jnp.eye(slope.shape[0], dtype=slope.dtype) - slope @ reduced.problem.gain
+        friction = jnp.linalg.solve(loop, slope @ reduced.pick(mass)[reduced.rows])
+        response = mass + reduced.unit.multipliers @ friction
+    scale = factor.row_scale
+    return (given + given.T) / (2 * scale[:, None] * scale), scale[:, None] * response * scale

@@ -1,0 +1,290 @@
+"""Friction models of joints.
+
+    Coulomb                  tau = -coefficient (N + preload) sense                        (41)
+    regularised              tau = -coefficient (N + preload) tanh(rate / velocity)
+    Stribeck                 tau = -(kinetic + (static - kinetic) exp(-(rate / velocity)^2)) (N + preload) sense
+                                   - viscous rate
+    independent of load      tau = -force sense                                      (24)
+    Dahl, LuGre              tau = -(N + preload) (stiffness z + ...),   z' = rate - stiffness |rate| z / g(rate)
+
+N is the joint's normal load: the joint force of a revolute, |N1| + |N2| at the ends of a translational guide.
+tau acts on body i and -tau on body j; the sense is the sign of the slip rate of i relative to j. z is the deflection of
+bristles, an internal state that `simulate` integrates; it starts at zero.
+"""
+
+import abc
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PyTree
+
+from .._tools._module import as_float, not_negative, positive
+
+
+class AbstractFrictionModel(eqx.Module):
+    """Friction of a joint from its normal load, slip rate and sense."""
+
+    depends_on_load: eqx.AbstractClassVar[bool]
+    has_sense: eqx.AbstractClassVar[bool]
+
+    @abc.abstractmethod
+    def force(
+        self, normal_load: Float[Array, ""], rate: Float[Array, ""], sense: Float[Array, ""], memory: PyTree
+    ) -> Float[Array, ""]:
+        """Friction force (N) or moment (N m) tau on body i; `memory` is its internal state, if any."""
+
+    @abc.abstractmethod
+    def slope_bound(self, rate: Float[Array, ""], memory: PyTree) -> Float[Array, ""]:
+        """Largest |d tau / d N| at a slip rate and internal state; infinite where none is known."""
+
+    def memory_size(self) -> PyTree:
+        """Sizes of the internal state, which starts at zero; `None` without one."""
+        return None
+
+    def memory_rate(self, rate: Float[Array, ""], memory: PyTree) -> PyTree:
+        """Rate of change of the internal state; `None` without one."""
+        return None
+
+
+class Coulomb(AbstractFrictionModel):
+    """Coulomb friction (41), (42), proportional to the normal load.
+
+    ??? example
+
+        ```python
+        bearing = rx.Coulomb(0.3 * 0.01, preload=50.0)  # mu times pin radius, m; N
+        rx.Revolute("A", "lever", "ground", (0.0, 0.0), (0.0, 0.0), friction=bearing)
+        ```
+
+    **Arguments:**
+
+    - `coefficient`: mu for a translational joint; friction coefficient times pin radius, mu * rho in m, for a revolute.
+    - `preload`: normal load from bearing preload, N, added to that of the joint.
+    """
+
+    depends_on_load: ClassVar[bool] = True
+    has_sense: ClassVar[bool] = True
+    coefficient: Float[Array, ""] = eqx.field(converter=as_float)
+    preload: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+
+    def __check_init__(self) -> None:
+        not_negative("coefficient", self.coefficient)
+
+    def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
+        return -self.coefficient * (normal_load + self.preload) * sense
+
+    def slope_bound(self, rate: Array, memory: PyTree) -> Array:
+        return jnp.abs(self.coefficient)
+
+
+class RegularisedCoulomb(AbstractFrictionModel):
+    """Coulomb friction whose sense is smooth in the slip rate: it creeps where Coulomb friction sticks.
+
+        tau = -coefficient (N + preload) tanh(rate / velocity)
+
+    ??? example
+
+        ```python
+        bearing = rx.RegularisedCoulomb(0.003, velocity=1e-3)  # m; rad/s
+        rx.Revolute("A", "lever", "ground", (0.0, 0.0), (0.0, 0.0), friction=bearing)
+        ```
+
+    **Arguments:**
+
+    - `coefficient`, `preload`: as of `Coulomb`.
+    - `velocity`: slip rate at which 76 % of the friction acts, m/s or rad/s.
+    """
+
+    depends_on_load: ClassVar[bool] = True
+    has_sense: ClassVar[bool] = False
+    coefficient: Float[Array, ""] = eqx.field(converter=as_float)
+    velocity: Float[Array, ""] = eqx.field(converter=as_float)
+    preload: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+
+    def __check_init__(self) -> None:
+        not_negative("coefficient", self.coefficient)
+
+    def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
+        return -self.coefficient * (normal_load + self.preload) * jnp.tanh(rate / self.velocity)
+
+    def slope_bound(self, rate: Array, memory: PyTree) -> Array:
+        return jnp.abs(self.coefficient * jnp.tanh(rate / self.velocity))
+
+
+class Stribeck(AbstractFrictionModel):
+    """Coulomb friction that falls from its value at rest as slip sets in, with a viscous part.
+
+        tau = -(kinetic + (static - kinetic) exp(-(rate / velocity)^2)) (N + preload) sense - viscous rate
+
+    ??? example
+
+        ```python
+        bearing = rx.Stribeck(static=0.004, kinetic=0.002, velocity=0.1, viscous=1e-3)
+        rx.Revolute("A", "lever", "ground", (0.0, 0.0), (0.0, 0.0), friction=bearing)
+        ```
+
+    **Arguments:**
+
+    - `static`, `kinetic`: coefficients at rest and in fast slip, as of `Coulomb`.
+    - `velocity`: Stribeck velocity, m/s or rad/s.
+    - `viscous`: N s/m of a translational, N m s/rad of a revolute joint.
+    - `preload`: as of `Coulomb`.
+    """
+
+    depends_on_load: ClassVar[bool] = True
+    has_sense: ClassVar[bool] = True
+    static: Float[Array, ""] = eqx.field(converter=as_float)
+    kinetic: Float[Array, ""] = eqx.field(converter=as_float)
+    velocity: Float[Array, ""] = eqx.field(converter=as_float)
+    viscous: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    preload: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+
+    def __check_init__(self) -> None:
+        for name in ("static", "kinetic", "viscous"):
+            not_negative(name, getattr(self, name))
+
+    def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
+        coefficient = _falling(self.static, self.kinetic, rate / self.velocity)
+        return -coefficient * (normal_load + self.preload) * sense - self.viscous * rate
+
+    def slope_bound(self, rate: Array, memory: PyTree) -> Array:
+        return jnp.maximum(jnp.abs(self.static), jnp.abs(self.kinetic))
+
+
+class ConstantFriction(AbstractFrictionModel):
+    """Dry friction that does not depend on load, Eq. (24), as from seals.
+
+    ??? example
+
+        ```python
+        seal = rx.ConstantFriction(0.2)  # N m
+        rx.Revolute("A", "lever", "ground", (0.0, 0.0), (0.0, 0.0), friction=seal)
+        ```
+
+    **Arguments:**
+
+    - `size`: friction force (N) of a translational, moment (N m) of a revolute joint.
+    """
+
+    depends_on_load: ClassVar[bool] = False
+    has_sense: ClassVar[bool] = True
+    size: Float[Array, ""] = eqx.field(converter=as_float)
+
+    def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
+        return -self.size * sense
+
+    def slope_bound(self, rate: Array, memory: PyTree) -> Array:
+        return jnp.zeros_like(self.size)
+
+
+class Dahl(AbstractFrictionModel):
+    """Coulomb friction with bristles between the surfaces: before slip they deflect, with hysteresis.
+
+        tau = -(N + preload) stiffness z,   z' = rate - stiffness |rate| z / coefficient
+
+    From z = 0 a shift x > 0 gives z = (1 - exp(-stiffness x / coefficient)) coefficient / stiffness. There is no jump
+    at a reversal, so that joints come to rest on their bristles and never stick. Short bristles make it stiff, see
+    `LuGre`.
+
+    ??? example
+
+        ```python
+        bearing = rx.Dahl(0.003, stiffness=0.3)  # m; m/rad: bristles bend by 0.01 rad
+        rx.Revolute("A", "lever", "ground", (0.0, 0.0), (0.0, 0.0), friction=bearing)
+        ```
+
+    **Arguments:**
+
+    - `coefficient`, `preload`: as of `Coulomb`; the coefficient is positive.
+    - `stiffness`: of the bristles for a normal load of 1: the coefficient over the largest deflection, 1/m for a
+      translational, m/rad for a revolute joint.
+    """
+
+    depends_on_load: ClassVar[bool] = True
+    has_sense: ClassVar[bool] = False
+    coefficient: Float[Array, ""] = eqx.field(converter=as_float)
+    stiffness: Float[Array, ""] = eqx.field(converter=as_float)
+    preload: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+
+    def __check_init__(self) -> None:
+        positive("coefficient", self.coefficient)
+        positive("stiffness", self.stiffness)
+
+    def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
+        return -(normal_load + self.preload) * self.stiffness * memory
+
+    def slope_bound(self, rate: Array, memory: PyTree) -> Array:
+        return jnp.abs(self.stiffness * memory)
+
+    def memory_size(self) -> Array:
+        return self.coefficient / self.stiffness
+
+    def memory_rate(self, rate: Array, memory: PyTree) -> Array:
+        return rate - self.stiffness * jnp.abs(rate) * memory / self.coefficient
+
+
+class LuGre(AbstractFrictionModel):
+    """`Stribeck` friction with bristles between the surfaces, which deflect and damp before slip.
+
+        tau = -(N + preload) (stiffness z + damping z' + viscous rate),   z' = rate - stiffness |rate| z / g(rate)
+        g = kinetic + (static - kinetic) exp(-(rate / velocity)^2)
+
+    There is no jump at a reversal, so that joints come to rest on their bristles and never stick. Bristles relax at the
+    rate stiffness |rate| / g; where that is ten thousand times faster than the motion, an implicit solver suits, as in
+    `simulate(..., solver=diffrax.Kvaerno3(), rtol=1e-6)`. The damping times the largest slip rate should stay well
+    below `static`, or to begin to slip takes more friction than slip itself.
+
+    ??? example
+
+        ```python
+        bearing = rx.LuGre(static=0.004, kinetic=0.003, velocity=0.1, stiffness=0.3, damping=0.002)  # m; rad/s; m/rad
+        rx.Revolute("A", "lever", "ground", (0.0, 0.0), (0.0, 0.0), friction=bearing)
+        ```
+
+    **Arguments:**
+
+    - `static`, `kinetic`, `velocity`: as of `Stribeck`; the coefficients are positive.
+    - `stiffness`: of the bristles for a normal load of 1, 1/m for a translational, m/rad for a revolute joint.
+    - `damping`, `viscous`: of bristles and of slip for a normal load of 1, s/m for a translational, m s/rad for a
+      revolute joint.
+    - `preload`: as of `Coulomb`.
+    """
+
+    depends_on_load: ClassVar[bool] = True
+    has_sense: ClassVar[bool] = False
+    static: Float[Array, ""] = eqx.field(converter=as_float)
+    kinetic: Float[Array, ""] = eqx.field(converter=as_float)
+    velocity: Float[Array, ""] = eqx.field(converter=as_float)
+    stiffness: Float[Array, ""] = eqx.field(converter=as_float)
+    damping: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    viscous: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    preload: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+
+    def __check_init__(self) -> None:
+        for name in ("static", "kinetic", "stiffness"):
+            positive(name, getattr(self, name))
+        for name in ("damping", "viscous"):
+            not_negative(name, getattr(self, name))
+
+    def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
+        return -(normal_load + self.preload) * self._share(rate, memory)
+
+    def slope_bound(self, rate: Array, memory: PyTree) -> Array:
+        return jnp.abs(self._share(rate, memory))
+
+    def memory_size(self) -> Array:
+        return self.static / self.stiffness
+
+    def memory_rate(self, rate: Array, memory: PyTree) -> Array:
+        coefficient = _falling(self.static, self.kinetic, rate / self.velocity)
+        return rate - self.stiffness * jnp.abs(rate) * memory / coefficient
+
+    def _share(self, rate: Array, memory: Array) -> Array:
+        """-tau for a normal load of 1."""
+        return self.stiffness * memory + self.damping * self.memory_rate(rate, memory) + self.viscous * rate
+
+
+def _falling(static: Array, kinetic: Array, rate: Array) -> Array:
+    """Coefficient that falls from its value at rest as slip sets in; the rate relative to the Stribeck velocity."""
+    return kinetic + (static - kinetic) * jnp.exp(-(rate**2))

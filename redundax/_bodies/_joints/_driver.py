@@ -1,0 +1,95 @@
+"""Driving constraints and laws of motion
+
+    phi_i - phi_j - f(t) = 0,   |r_i + R_i s_i - r_j - R_j s_j| - f(t) = 0                    (2)
+
+The multiplier is minus the driving moment on body i, or the tension between the two points.
+"""
+
+from collections.abc import Callable
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..._tools._module import as_float, as_functions, as_vector, safe_norm
+from .._body import Pose
+from ._base import AbstractJoint, Row
+
+
+class AngleDriver(AbstractJoint):
+    """Driving constraint (2), phi_i - phi_j = f(t). Its multiplier is minus the driving moment on body i, N m.
+
+    ??? example
+
+        ```python
+        rx.AngleDriver("motor", "crank", "ground", rx.Polynomial([0.5, 2.0]))  # phi = 0.5 + 2 t
+        ```
+
+    **Arguments:**
+
+    - `name`: the row is called "name.angle".
+    - `i`, `j`: names of the bodies, or "ground".
+    - `angle`: function of time, rad; `Polynomial` for one with parameters that compile nothing new.
+    """
+
+    row_kinds: ClassVar[tuple[Row, ...]] = (("angle", "moment"),)
+    name: str = eqx.field(static=True)
+    i: str = eqx.field(static=True)
+    j: str = eqx.field(static=True)
+    angle: Callable[[Array], Array] = eqx.field(converter=as_functions)
+
+    def residual(self, i: Pose, j: Pose, t: Array) -> Array:
+        return jnp.stack([i.phi - j.phi - self.angle(t)])
+
+
+class DistanceDriver(AbstractJoint):
+    """Driving constraint (2) on the distance of two points; with a constant law a massless rod.
+
+    Its multiplier is the tension that holds the points together, N.
+
+    ??? example
+
+        ```python
+        rx.DistanceDriver("rod", "lever", "ground", (0.2, 0.0), (0.0, 1.0), rx.Polynomial([0.6]))
+        ```
+
+    **Arguments:**
+
+    - `name`: the row is called "name.distance".
+    - `i`, `j`: names of the bodies, or "ground".
+    - `point_i`, `point_j`: the points in the local frames, m; they must not coincide.
+    - `distance`: function of time, m; `Polynomial` for one with parameters that compile nothing new.
+    """
+
+    row_kinds: ClassVar[tuple[Row, ...]] = (("distance", "force"),)
+    name: str = eqx.field(static=True)
+    i: str = eqx.field(static=True)
+    j: str = eqx.field(static=True)
+    point_i: Float[Array, "2"] = eqx.field(converter=as_vector)
+    point_j: Float[Array, "2"] = eqx.field(converter=as_vector)
+    distance: Callable[[Array], Array] = eqx.field(converter=as_functions)
+
+    def residual(self, i: Pose, j: Pose, t: Array) -> Array:
+        return jnp.stack([safe_norm(i.point(self.point_i) - j.point(self.point_j)) - self.distance(t)])
+
+
+class Polynomial(eqx.Module):
+    """c0 + c1 t + c2 t^2 + ..., a law of motion whose coefficients are differentiable.
+
+    ??? example
+
+        ```python
+        law = rx.Polynomial([0.5, 2.0])
+        law(jnp.array(1.5))  # 0.5 + 2 * 1.5 = 3.5
+        ```
+
+    **Arguments:**
+
+    - `coefficients`: shape (degree + 1,), lowest power first.
+    """
+
+    coefficients: Float[Array, " terms"] = eqx.field(converter=as_float)
+
+    def __call__(self, t: Float[Array, ""]) -> Float[Array, ""]:
+        return jnp.polyval(self.coefficients[::-1], t)

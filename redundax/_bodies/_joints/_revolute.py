@@ -1,0 +1,52 @@
+"""Revolute joint
+
+    r_i + R_i s_i - r_j - R_j s_j = 0                                                       (53)
+
+with Jacobian (55), gamma (56) and friction moment (41) about its axis.
+"""
+
+from typing import ClassVar
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from ..._tools._module import as_vector, safe_norm
+from .._body import Pose
+from .._friction_model import AbstractFrictionModel
+from ._base import AbstractFrictionalJoint, Row
+
+
+class Revolute(AbstractFrictionalJoint):
+    """Revolute joint (53). Its multipliers are minus the force on body i, in global components, N.
+
+    ??? example
+
+        ```python
+        rx.Revolute("A", "lever", "ground", point_i=(-0.2, 0.0), point_j=(0.0, 1.0))
+        ```
+
+    **Arguments:**
+
+    - `name`: rows are called "name.x" and "name.y".
+    - `i`, `j`: names of the bodies, or "ground".
+    - `point_i`, `point_j`: the joint's centre in the local frames, m.
+    - `friction`: `Coulomb` with its coefficient the friction radius mu * rho in m, or another model.
+    """
+
+    row_kinds: ClassVar[tuple[Row, ...]] = (("x", "force"), ("y", "force"))
+    slip_kind: ClassVar[str] = "angular"
+    name: str = eqx.field(static=True)
+    i: str = eqx.field(static=True)
+    j: str = eqx.field(static=True)
+    point_i: Float[Array, "2"] = eqx.field(converter=as_vector)
+    point_j: Float[Array, "2"] = eqx.field(converter=as_vector)
+    friction: AbstractFrictionModel | None = None
+
+    def residual(self, i: Pose, j: Pose, t: Array) -> Array:
+        return i.point(self.point_i) - j.point(self.point_j)
+
+    def slip(self, i: Pose, j: Pose) -> Array:
+        return i.phi - j.phi
+
+    def normal_load(self, multipliers: Array) -> Array:
+        return safe_norm(multipliers)

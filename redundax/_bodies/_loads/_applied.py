@@ -1,0 +1,41 @@
+"""A force and a moment on one body, fixed in the global frame or following the body."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..._tools._module import as_float, as_vector
+from .._body import GROUND
+from ._base import AbstractLoad, Motion, Wrench
+
+
+class AppliedForce(AbstractLoad):
+    """A constant force at a point of a body, and a moment.
+
+    ??? example
+
+        ```python
+        rx.AppliedForce("lever", force=(0.0, -10.0), point=(0.2, 0.0))
+        rx.AppliedForce("crank", moment=2.0)
+        ```
+
+    **Arguments:**
+
+    - `i`: name of the body.
+    - `force`: N, in global components, or in those of the body where `follows` is set.
+    - `point`: point of action in the local frame, m.
+    - `moment`: N m.
+    - `follows`: whether the force turns with the body.
+    """
+
+    i: str = eqx.field(static=True)
+    force: Float[Array, "2"] = eqx.field(converter=as_vector, default=(0.0, 0.0))
+    point: Float[Array, "2"] = eqx.field(converter=as_vector, default=(0.0, 0.0))
+    moment: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    follows: bool = eqx.field(static=True, default=False)
+    j: str = eqx.field(static=True, default=GROUND)
+
+    def wrenches(self, i: Motion, j: Motion, t: Array) -> tuple[Wrench, Wrench]:
+        wrench = i.wrench(i.pose.rotate(self.force) if self.follows else self.force, self.point)
+        moment = wrench.moment + self.moment
+        return Wrench(wrench.force, moment), Wrench(jnp.zeros_like(wrench.force), jnp.zeros_like(moment))

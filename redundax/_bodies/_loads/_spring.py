@@ -1,0 +1,79 @@
+"""Springs with dampers between two bodies
+
+tension        c (l - l0) + d dl/dt   along the line of the two points
+moment on i    -c (alpha - alpha0) - d dalpha/dt,   alpha = phi_i - phi_j
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..._tools._module import as_float, as_vector, safe_norm
+from ._base import AbstractLoad, Motion, Wrench
+
+
+class SpringDamper(AbstractLoad):
+    """Linear spring with damper between a point of body i and a point of body j.
+
+    ??? example
+
+        ```python
+        rx.SpringDamper(
+            "lever", "ground", (0.2, 0.0), (0.2, 0.5), stiffness=500.0, free_length=0.4, damping=2.0
+        )
+        ```
+
+    **Arguments:**
+
+    - `i`, `j`: names of the bodies, or "ground".
+    - `point_i`, `point_j`: its ends in the local frames, m.
+    - `stiffness`: c, N/m.
+    - `free_length`: l0, m.
+    - `damping`: d, N s/m.
+    """
+
+    i: str = eqx.field(static=True)
+    j: str = eqx.field(static=True)
+    point_i: Float[Array, "2"] = eqx.field(converter=as_vector)
+    point_j: Float[Array, "2"] = eqx.field(converter=as_vector)
+    stiffness: Float[Array, ""] = eqx.field(converter=as_float)
+    free_length: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    damping: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+
+    def wrenches(self, i: Motion, j: Motion, t: Array) -> tuple[Wrench, Wrench]:
+        offset = i.pose.point(self.point_i) - j.pose.point(self.point_j)
+        length = safe_norm(offset)
+        line = offset / jnp.where(length > 0, length, 1.0)
+        speed = (i.point_velocity(self.point_i) - j.point_velocity(self.point_j)) @ line
+        tension = self.stiffness * (length - self.free_length) + self.damping * speed
+        return i.wrench(-tension * line, self.point_i), j.wrench(tension * line, self.point_j)
+
+
+class TorsionSpring(AbstractLoad):
+    """Torsion spring with damper between two bodies.
+
+    ??? example
+
+        ```python
+        rx.TorsionSpring("lever", "ground", stiffness=3.0, free_angle=0.1)
+        ```
+
+    **Arguments:**
+
+    - `i`, `j`: names of the bodies, or "ground".
+    - `stiffness`: c, N m/rad.
+    - `free_angle`: alpha0, rad.
+    - `damping`: d, N m s/rad.
+    """
+
+    i: str = eqx.field(static=True)
+    j: str = eqx.field(static=True)
+    stiffness: Float[Array, ""] = eqx.field(converter=as_float)
+    free_angle: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    damping: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+
+    def wrenches(self, i: Motion, j: Motion, t: Array) -> tuple[Wrench, Wrench]:
+        angle, rate = i.pose.phi - j.pose.phi, i.rate.phi - j.rate.phi
+        moment = -self.stiffness * (angle - self.free_angle) - self.damping * rate
+        none = jnp.zeros_like(i.pose.r)
+        return Wrench(none, moment), Wrench(none, -moment)

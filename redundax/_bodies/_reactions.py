@@ -1,0 +1,101 @@
+"""Force and moment of a joint on its body i, whatever the joint; and of an applied load
+
+    force = -(d Phi / d r_i)^T lam,   moment about the body's origin = -(d Phi / d phi_i)^T lam
+
+the part of -Phi_q^T lam that belongs to body i: -lam for a revolute joint, +lam along the normal and -lam about the
+point of contact for a translational one. The moment about another point p is that about r_i less (p - r_i) x force;
+on body j act the opposite force and the opposite moment about the same point.
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import Array
+
+from .._system._state import State
+from ._body import GROUND, Pose, poses
+from ._joints import AbstractJoint
+from ._loads import Motion, Wrench
+from ._mechanism import Mechanism
+from ._stack import Stack
+
+# Arm of a force about a point that it passes through, relative to its distance from the body's origin: rounding, and
+# how far a joint is from being closed. Share of a force along an axis that it is square to: how far a body is turned.
+_CLOSED = 1e-9
+
+
+def joint_wrenches(mechanism: Mechanism, state: State, multipliers: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """For each stack of joints the forces (size, 2), N, and moments about r_i (size,), N m, on the bodies i."""
+    wrenches = zip(_rows(mechanism), _wrenches(mechanism, state), strict=True)
+    found = [np.einsum("swr,sr->sw", by_row, multipliers[rows]) for rows, (by_row, *_) in wrenches]
+    return [(each[:, :2], each[:, 2]) for each in found]
+
+
+def joint_outputs(mechanism: Mechanism, state: State) -> tuple[list[str], np.ndarray]:
+    """Names and coefficients of the multipliers, shape (3 joints, m), of each joint's force (x, y) and moment.
+
+    They act on its body i, or on body j where i is the ground, in global components; the moment is about the joint's
+    point on that body, or about the body's origin where it has none.
+    """
+    names, out = [], []
+    bodies = (*mechanism.body_names, GROUND)
+    stacks = zip(mechanism.joints, mechanism.joint_names, _rows(mechanism), _wrenches(mechanism, state), strict=True)
+    for stack, joints, rows, (by_row, arms_i, arms_j) in stacks:
+        for k, joint in enumerate(joints):
+            i, j = bodies[int(stack.i[k])], bodies[int(stack.j[k])]
+            on, sign, arm = (j, -1.0, arms_j[k]) if i == GROUND else (i, 1.0, arms_i[k])
+            whole = np.linalg.norm(by_row[k, :2], axis=0)
+            force = np.where(np.abs(by_row[k, :2]) > _CLOSED * whole, by_row[k, :2], 0.0)
+            moment, reach = moved(by_row[k, 2], by_row[k, :2], arm), np.linalg.norm(arm) * whole
+            moment = np.where(np.abs(moment) > _CLOSED * (np.abs(by_row[k, 2]) + reach), moment, 0.0)
+            wrench = np.zeros((3, len(mechanism.rows)))
+            wrench[:, rows[k]] = sign * np.vstack([force, moment])
+            names += [f"{joint} {part} on {on}" for part in ("force x", "force y", "moment")]
+            out.append(wrench)
+    return names, np.concatenate(out)
+
+
+def load_wrenches(stack: Any, state: State) -> tuple[Wrench, Wrench]:
+    """Wrenches of stacked loads on their bodies i and j, moments about the bodies' origins."""
+    bodies = Motion(poses(state.q), poses(state.qd))
+    return stack.over(lambda load, i, j: load.wrenches(i, j, state.t), bodies)
+
+
+def moved(moment: np.ndarray | float, force: np.ndarray, arm: np.ndarray) -> np.ndarray | float:
+    """The moment of a wrench about a point at `arm` from where it is known."""
+    return moment - arm[0] * force[1] + arm[1] * force[0]
+
+
+def _wrenches(mechanism: Mechanism, state: State) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """For each stack force and moment about r_i on the bodies i by the multipliers of the joint's own rows, (size, 3,
+    rows), and where the joints' points on i and j, or the origins of these bodies, are from r_i, (size, 2) each.
+    """
+    out = []
+    for slope, *arms in jax.device_get(_slopes(mechanism.joints, state)):
+        out.append((-slope.swapaxes(1, 2).astype(float), *arms))
+    return out
+
+
+@eqx.filter_jit
+def _slopes(joints: tuple[Stack, ...], state: State) -> list[tuple[Array, Array, Array]]:
+    def of_joint(joint: AbstractJoint, i: Pose, j: Pose) -> tuple[Array, Array, Array]:
+        points = _point(joint, "point_i", i), _point(joint, "point_j", j)
+        return joint.jacobian(i, j, state.t)[:, :3], points[0] - i.r, points[1] - i.r
+
+    return [stack.over(of_joint, poses(state.q).with_axes()) for stack in joints]
+
+
+def _point(joint: AbstractJoint, name: str, pose: Pose) -> Array:
+    local = getattr(joint, name, None)
+    return pose.r if local is None else pose.point(local)
+
+
+def _rows(mechanism: Mechanism) -> list[np.ndarray]:
+    """Row indices of the joints of each stack, (size, rows)."""
+    place = {name: row for row, name in enumerate(mechanism.rows.labels)}
+    return [
+        np.array([[place[f"{name}.{row}"] for row, _ in stack.element.row_kinds] for name in names])
+        for stack, names in zip(mechanism.joints, mechanism.joint_names, strict=True)
+    ]

@@ -1,0 +1,89 @@
+"""Joints or loads of one kind as stacked arrays, with body indices as data.
+
+So compile time does not grow with their number, and one compiled program serves all mechanisms with the
+same counts of each kind.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, Generic, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Int
+
+from .._tools._module import as_functions, replace, taken
+from ._body import GROUND
+
+
+class AbstractBetweenBodies(eqx.Module):
+    """Something that acts between the bodies i and j, given by name."""
+
+    i: eqx.AbstractVar[str]
+    j: eqx.AbstractVar[str]
+
+
+E = TypeVar("E", bound=eqx.Module)
+B = TypeVar("B", bound=AbstractBetweenBodies)
+
+
+class Stack(eqx.Module, Generic[E]):
+    """Elements of one kind between pairs of bodies; the ground has the index after the last body.
+
+    - `element`: one element whose arrays have a leading axis over the stack.
+    - `i`, `j`: indices of the bodies, shape (size,).
+    """
+
+    element: E
+    i: Int[Array, " size"]
+    j: Int[Array, " size"]
+
+    def over(self, function: Callable[[E, Any, Any], Any], bodies: Any) -> Any:
+        """`function(element, i, j)` of every element and of what its bodies i and j have among all, the ground last."""
+        return eqx.filter_vmap(function)(self.element, taken(bodies, self.i), taken(bodies, self.j))
+
+    def take(self, members: Int[Array, " some"]) -> "Stack[E]":
+        """The stack of the given members."""
+        return taken(self, members)
+
+
+def kinds(elements: Sequence[E]) -> list[list[int]]:
+    """Positions of the elements that differ in their arrays alone, in order of first appearance."""
+    groups: dict[Any, list[int]] = {}
+    for position, element in enumerate(elements):
+        arrays, rest = eqx.partition(element, eqx.is_array)
+        shapes = tuple((x.shape, x.dtype) for x in jax.tree.leaves(arrays))
+        key = (jax.tree.structure(arrays), tuple(jax.tree.leaves(rest)), shapes)
+        groups.setdefault(key, []).append(position)
+    return list(groups.values())
+
+
+def stacked(elements: Sequence[E]) -> E:
+    """One element whose arrays have a leading axis over the given elements of one kind."""
+    return jax.tree.map(lambda *x: jnp.stack(x) if eqx.is_array(x[0]) else x[0], *elements)
+
+
+def stacks(
+    elements: Sequence[B], bodies: Sequence[str], **without: Any
+) -> tuple[tuple[Stack[B], ...], list[list[int]]]:
+    """Stack elements kind by kind, leaving names and the fields `without` behind; and the positions of the members.
+
+    `bodies` are the names of the moving bodies, in order.
+    """
+    index = {name: position for position, name in enumerate((*bodies, GROUND))}
+    bare = [as_functions(replace(element, i="", j="", **without)) for element in elements]
+    groups = kinds(bare)
+    return tuple(
+        Stack(
+            stacked([bare[k] for k in group]),
+            indices([index[elements[k].i] for k in group]),
+            indices([index[elements[k].j] for k in group]),
+        )
+        for group in groups
+    ), groups
+
+
+def indices(values: Any) -> Int[Array, "..."]:
+    """Indices as data."""
+    return jnp.asarray(np.array(values, dtype=np.int32))

@@ -1,0 +1,229 @@
+"""A system, its states and its solutions in other units, Eq. (16).
+
+With s the factors of coordinates, rows or slips, T that of time and e that of energy (see `_units`),
+
+    Phi' = s_row Phi,   qd' = s qd / T,   M' = e T^2 M / (s s^T),   Q' = e Q / s,   lam' = e lam / s_row,
+
+which changes the blocks of Phi_q as (16) does: u^-1 in moment-type rows of linear coordinates, u in force-type
+rows of angular ones. The chart q is left as it is; velocities and all else are in the new units.
+"""
+
+from typing import Self
+
+import equinox as eqx
+import jax
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float, Int, PyTree
+
+from .._closures._closure import AbstractClosure
+from .._solve._solution import Solution
+from .._system._axis import Axis
+from .._system._friction import AbstractFriction, slip_kinds
+from .._system._state import State
+from .._system._system import AbstractSystem
+from .._system._units import Units
+from .._tools._module import replace
+
+
+class Rescaled(AbstractSystem):
+    """The system `inner` in other units."""
+
+    inner: AbstractSystem
+    units: Units
+
+    def __init__(self, inner: AbstractSystem, units: Units):
+        self.inner, self.units = inner, units
+
+    @property
+    def coordinates(self) -> Axis:
+        """Those of the inner system."""
+        return self.inner.coordinates
+
+    @property
+    def rows(self) -> Axis:
+        """Those of the inner system."""
+        return self.inner.rows
+
+    @property
+    def friction(self) -> tuple[AbstractFriction, ...]:
+        """Friction of the inner system, group by group, in the new units."""
+        return tuple(_RescaledFriction(group, self.inner, self.units) for group in self.inner.friction)
+
+    @property
+    def radian(self) -> ArrayLike:
+        """One radian in the new unit."""
+        return self.units.angle * self.inner.radian
+
+    @property
+    def _scale(self) -> Float[Array, " n"]:
+        return self.units.of(self.coordinates)
+
+    @property
+    def constant_mass(self) -> bool:
+        return self.inner.constant_mass
+
+    @property
+    def diagonal_mass(self) -> bool:
+        return self.inner.diagonal_mass
+
+    def anonymous(self) -> Self:
+        return replace(self, inner=self.inner.anonymous())
+
+    def mass(self, q: Array, t: Array) -> Float[Array, "n n"]:
+        inner = self.inner.mass(q, t / self.units.time)
+        scale = self._scale / self.units.time
+        return self.units.energy * inner / (scale[:, None] * scale)
+
+    def constraint(self, q: Array, t: Array) -> Float[Array, " m"]:
+        return self.units.of(self.rows) * self.inner.constraint(q, t / self.units.time)
+
+    def jacobian(self, q: Array, t: Array) -> Float[Array, "m n"]:
+        inner = self.inner.jacobian(q, t / self.units.time)
+        return self.units.of(self.rows)[:, None] * inner / self._scale
+
+    def load(self, state: State) -> Float[Array, " n"]:
+        inner = self.inner.load(_restored_state(state, self.inner, self.units))
+        return self.units.of_force(self.coordinates) * inner
+
+    def retract(self, q: Array, d: Array) -> Array:
+        return self.inner.retract(q, d / self._scale)
+
+    @property
+    def adds(self) -> bool:
+        return False
+
+
+class _RescaledFriction(AbstractFriction):
+    inner: AbstractFriction
+    system: AbstractSystem
+    units: Units
+
+    def __init__(self, inner: AbstractFriction, system: AbstractSystem, units: Units):
+        self.inner, self.system, self.units = inner, system, units
+
+    @property
+    def rows(self) -> Int[Array, "..."]:
+        return self.inner.rows
+
+    @property
+    def slips(self) -> Axis:
+        return self.inner.slips
+
+    @property
+    def has_sense(self) -> bool:
+        return self.inner.has_sense
+
+    def anonymous(self) -> Self:
+        return replace(self, inner=self.inner.anonymous(), system=self.system.anonymous())
+
+    def slip(self, q: Array, t: Array) -> Array:
+        return self.units.of(self.slips) * self.inner.slip(q, t / self.units.time)
+
+    def force(self, loads: Array, rate: Array, sense: Array, memory: PyTree, state: State) -> Array:
+        tau = self.inner.force(
+            loads / self.units.of_force(self.system.rows)[self.rows],
+            self._inner_rate(rate),
+            sense,
+            memory,
+            _restored_state(state, self.system, self.units),
+        )
+        return self.units.of_force(self.slips) * tau
+
+    def largest_change(self, change: Array, rate: Array, memory: PyTree) -> Array:
+        change = change / self.units.of_force(self.system.rows)[self.rows]
+        return self.units.of_force(self.slips) * self.inner.largest_change(change, self._inner_rate(rate), memory)
+
+    def memory_size(self) -> PyTree:
+        """That of the inner group: internal states stay as they are."""
+        return self.inner.memory_size()
+
+    def memory_rate(self, rate: Array, memory: PyTree, state: State) -> PyTree:
+        inner = self.inner.memory_rate(self._inner_rate(rate), memory, _restored_state(state, self.system, self.units))
+        return jax.tree.map(lambda x: x / self.units.time, inner)
+
+    def _inner_rate(self, rate: Array) -> Array:
+        return rate * self.units.time / self.units.of(self.slips)
+
+
+def in_units(system: AbstractSystem, units: Units) -> AbstractSystem:
+    """The same system with all its numbers in other units, (16).
+
+    ??? example
+
+        ```python
+        millimetres = rx.Units(length=1000.0)
+        solution = rx.solve(rx.in_units(mechanism, millimetres), rx.state_in_units(state, mechanism, millimetres))
+        solution = rx.solution_from_units(solution, mechanism, millimetres)  # back in metres
+        ```
+    """
+    return Rescaled(system, units)
+
+
+def state_in_units(state: State, system: AbstractSystem, units: Units) -> State:
+    """A state of `system` as a state of `in_units(system, units)`.
+
+    ??? example
+
+        ```python
+        millimetres = rx.Units(length=1000.0)
+        rx.state_in_units(state, mechanism, millimetres).qd  # mm/s and rad/s
+        ```
+    """
+    return State(state.q, state.qd * units.of(system.coordinates) / units.time, state.t * units.time, state.memory)
+
+
+class _RescaledClosure(AbstractClosure):
+    inner: AbstractClosure
+
+    def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
+        if not isinstance(system, Rescaled):
+            raise ValueError(
+                "Argument `closure` comes from `closure_in_units` and must go with a system of `in_units`, but the "
+                "system is none. Give the closure that it was made from."
+            )
+        W, d = self.inner.compliance(system.inner, _restored_state(state, system.inner, system.units))
+        scale = system.units.of(system.rows)
+        return scale[:, None] * W * scale / system.units.energy, scale * d
+
+
+def closure_in_units(closure: AbstractClosure) -> AbstractClosure:
+    """The closure of a system as one of `in_units(system, units)`: the same choice among the same solutions.
+
+    ??? example
+
+        ```python
+        millimetres = rx.Units(length=1000.0)
+        there = rx.in_units(mechanism, millimetres), rx.state_in_units(state, mechanism, millimetres)
+        joints = rx.Compliance(W=jnp.full(12, 1e-8))  # m/N, rad/(N m)
+        rx.solve(*there, closure=rx.closure_in_units(joints))
+        ```
+    """
+    return _RescaledClosure(closure)
+
+
+def solution_from_units(solution: Solution, system: AbstractSystem, units: Units) -> Solution:
+    """A solution whose numbers are in `units`, mapped back to the units of `system`.
+
+    ??? example
+
+        ```python
+        millimetres = rx.Units(length=1000.0)
+        there = rx.in_units(mechanism, millimetres), rx.state_in_units(state, mechanism, millimetres)
+        rx.solution_from_units(rx.solve(*there), mechanism, millimetres).multipliers  # N and N m
+        ```
+    """
+    scale = units.of(system.coordinates) / units.time**2
+    return eqx.tree_at(
+        lambda s: (s.acceleration, s.multipliers, s.friction),
+        solution,
+        (
+            solution.acceleration / scale,
+            solution.multipliers / units.of_force(system.rows),
+            solution.friction / units.of_force(slip_kinds(system.friction)),
+        ),
+    )
+
+
+def _restored_state(state: State, system: AbstractSystem, units: Units) -> State:
+    scale = units.time / units.of(system.coordinates)
+    return State(state.q, state.qd * scale, state.t / units.time, state.memory)

@@ -1,0 +1,130 @@
+"""Which loads and accelerations of the minimum norm do not depend on the units, and why.
+
+    lam(S) = (I - G S^2) lam_p,   G = N (N^T S^2 N)^-1 N^T,   S = factors of the multipliers      (16)
+
+A change of the unit of length or angle scales S of force-type rows against that of moment-type rows. It leaves the pick
+alone, whatever the loads, exactly in the groups of dependent rows of one type: there S is a common factor. (For one
+dependent row: p' ~ p iff eta has no entry of the other type, Section 3.2.) With friction that must hold of every load
+that friction reads, or the output be unique over all solutions. Mass and time units scale all of S alike.
+"""
+
+import dataclasses
+from typing import Any
+
+from .._analysis._analyze import analyze
+from .._analysis._report import Report
+from .._analysis._verdict import Verdict
+from .._system._state import State
+from .._system._system import AbstractSystem
+
+
+@dataclasses.dataclass(frozen=True)
+class UnitVerdict:
+    """One output: its name, whether it is `invariant` under a change of units, and the reason.
+
+    ??? example
+
+        ```python
+        verdict = rx.unit_certificate(mechanism, state).multipliers[0]
+        verdict.name, verdict.invariant, verdict.reason
+        ```
+    """
+
+    name: str
+    invariant: bool
+    reason: str
+
+
+@dataclasses.dataclass(frozen=True)
+class UnitCertificate:
+    """What of the minimum-norm solution is the same in all units; `str()` gives a page, `to_dict()` data.
+
+    - `multipliers`, `accelerations`: a verdict on each. Not invariant means that there are loads and units for which
+      it changes.
+
+    ??? example
+
+        ```python
+        certificate = rx.unit_certificate(mechanism, state)
+        [verdict.name for verdict in certificate.multipliers if verdict.invariant]
+        ```
+    """
+
+    multipliers: tuple[UnitVerdict, ...]
+    accelerations: tuple[UnitVerdict, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain Python data."""
+        return dataclasses.asdict(self)
+
+    def __str__(self) -> str:
+        lines = ["Under minimum norm, in other units of length or angle:"]
+        for what in ("multipliers", "accelerations"):
+            for invariant in (True, False):
+                reasons: dict[str, list[str]] = {}
+                for verdict in getattr(self, what):
+                    if verdict.invariant is invariant:
+                        reasons.setdefault(verdict.reason, []).append(verdict.name)
+                word = "the same" if invariant else "may CHANGE"
+                lines += [f"  {what} {', '.join(names)}: {word}, {reason}" for reason, names in reasons.items()]
+        return "\n".join([*lines, "Under a compliance with units (Compliance, ElasticJoints) all are the same."])
+
+
+def unit_certificate(system: AbstractSystem, state: State) -> UnitCertificate:
+    """Which multipliers and accelerations of the minimum-norm solution at a state are the same in all units, and why.
+
+    ??? example
+
+        ```python
+        print(rx.unit_certificate(mechanism, state))
+        ```
+
+    **Raises:** `ValueError` where the equations at the state cannot be trusted.
+    """
+    report = analyze(system, state)
+    if report.problem:
+        raise ValueError(f"Argument `state` must be one that can be analysed, but: {report.problem}")
+    dependent = set(report.unit_dependent)
+    read = [name for name in report.friction_reads if name in dependent]
+    kinds = dict(zip(system.rows.labels, system.rows.kinds, strict=True))
+    rows = [_alone(report, name, kinds) for name in report.rows]
+    accelerations = [UnitVerdict(f"{name}''", True, "unique without friction") for name in report.coordinates]
+    if read:
+        why = f"friction depends on the multipliers {', '.join(read)}, which change"
+        rows = [_rubbed(verdict, judged.with_friction, why) for verdict, judged in _paired(rows, report, "multiplier")]
+        accelerations = [
+            _rubbed(verdict, judged.with_friction, why)
+            for verdict, judged in _paired(accelerations, report, "acceleration")
+        ]
+    return UnitCertificate(tuple(rows), tuple(accelerations))
+
+
+def _paired(verdicts: list[UnitVerdict], report: Report, kind: str) -> zip:
+    return zip(verdicts, report.verdicts[kind], strict=True)
+
+
+def _alone(report: Report, name: str, kinds: dict[str, str]) -> UnitVerdict:
+    """Without friction."""
+    if name in report.unique_multipliers:
+        return UnitVerdict(name, True, "unique without friction")
+    group = next(group for group in report.groups if name in group)
+    if len({kinds[row] for row in group}) == 1:
+        return UnitVerdict(name, True, f"its dependent group holds {kinds[name]}-type rows alone")
+    place = {row: k for k, row in enumerate(report.rows)}
+    mixed = [
+        str(k)
+        for k, state in enumerate(report.self_stress)
+        if len({kinds[row] for row in group if state[place[row]]}) == 2
+    ]
+    states = f"self-stress state {mixed[0]}" if len(mixed) == 1 else f"self-stress states {' and '.join(mixed)}"
+    forces, moments = ([row for row in group if kinds[row] == kind] for kind in ("force", "moment"))
+    return UnitVerdict(
+        name, False, f"{states} of its group: forces {', '.join(forces)} with moments {', '.join(moments)}"
+    )
+
+
+def _rubbed(alone: UnitVerdict, judged: Verdict, why: str) -> UnitVerdict:
+    """With friction that reads loads which change."""
+    if judged is Verdict.UNIQUE:
+        return UnitVerdict(alone.name, True, "unique over all solutions with friction")
+    return UnitVerdict(alone.name, False, why if alone.invariant else alone.reason)

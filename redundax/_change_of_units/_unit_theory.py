@@ -1,0 +1,113 @@
+"""What a change of units does to dependent constraints and to the minimum norm, Section 3.
+
+    Phi_q of the dependent rows = eta Phi_q of the independent rows                              (17)
+    eta' = s_dependent eta / s_independent                                                       (18)
+    lam(p) = [lam0 - eta^T p; p],   lam0: the multipliers of the independent rows alone          (19)
+    (I + eta eta^T) p = eta lam0   at minimum norm, for one row p = eta lam0 / (1 + eta eta^T)   (20), (21)
+    p' = the same of eta' and lam0' = (e / s_independent) lam0                                   (22), (23)
+
+with s the factors by which the residuals of rows grow (u for force-type rows and 1 for moment-type rows where
+lengths grow by u) and e that of energy. So eta' = [eta_Phi, u eta_Ups] of a force-type row, [eta_Phi / u, eta_Ups] of a
+moment-type row, and p' differs from (e / s_dependent) p, the same load in the new units, unless the row depends on
+rows of its own type alone. The paper has one dependent row; here there may be k.
+"""
+
+from collections.abc import Sequence
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._system._axis import Axis
+from .._system._units import Units
+from .._tools._module import Numbers, as_float
+
+
+def dependence_in_units(
+    eta: Numbers, dependent: Sequence[str], independent: Sequence[str], units: Units
+) -> Float[Array, "k r"]:
+    """eta' (18): how rows depend on others after a change of units.
+
+    ??? example
+
+        ```python
+        millimetres = rx.Units(length=1000.0)
+        rx.dependence_in_units([[0.5, 2.0]], ["force"], ["force", "moment"], millimetres)  # [[0.5, 2000.0]]
+        ```
+
+    **Arguments:**
+
+    - `eta`: coefficients (17), shape (k, r), a row for each dependent row.
+    - `dependent`, `independent`: kinds of the rows, "force" or "moment", k and r of them.
+    - `units`: factors of the change.
+    """
+    own, others = _axes(dependent, independent)
+    return units.of(own)[:, None] * _coefficients(eta, own, others) / units.of(others)
+
+
+def minimum_norm_parameters(eta: Numbers, basic: Numbers) -> Float[Array, " k"]:
+    """p (21): the multipliers of the dependent rows that give all multipliers the least norm.
+
+    ??? example
+
+        ```python
+        rx.minimum_norm_parameters([[1.0, 1.0]], [3.0, 0.0])  # 3 / (1 + 2) = [1.0]
+        ```
+
+    **Arguments:**
+
+    - `eta`: coefficients (17), shape (k, r).
+    - `basic`: lam0, multipliers of the independent rows with those of the dependent rows zero, shape (r,).
+    """
+    eta = as_float(eta)
+    return jnp.linalg.solve(jnp.eye(eta.shape[0], dtype=eta.dtype) + eta @ eta.T, eta @ as_float(basic))
+
+
+def minimum_norm_parameters_in_units(
+    eta: Numbers, basic: Numbers, dependent: Sequence[str], independent: Sequence[str], units: Units
+) -> Float[Array, " k"]:
+    """p' (22), (23): the same after a change of units, in the new units; `eta`, `basic` are in the old ones.
+
+    ??? example
+
+        ```python
+        millimetres = rx.Units(length=1000.0)
+        kinds = ["force"], ["force", "moment"]
+        rx.minimum_norm_parameters_in_units([[1.0, 1.0]], [3.0, 0.0], *kinds, millimetres)  # [0.003]
+        ```
+    """
+    _, others = _axes(dependent, independent)
+    there = dependence_in_units(eta, dependent, independent, units)
+    return minimum_norm_parameters(there, units.of_force(others) * as_float(basic))
+
+
+def parametrised_multipliers(
+    eta: Numbers, basic: Numbers, parameters: Numbers
+) -> tuple[Float[Array, " r"], Float[Array, " k"]]:
+    """lam(p) (19): multipliers of the independent and of the dependent rows, a solution for every p.
+
+    ??? example
+
+        ```python
+        rx.parametrised_multipliers([[1.0, 1.0]], [3.0, 0.0], [1.0])  # ([2.0, -1.0], [1.0])
+        ```
+    """
+    p = as_float(parameters)
+    return as_float(basic) - as_float(eta).T @ p, p
+
+
+def _axes(dependent: Sequence[str], independent: Sequence[str]) -> tuple[Axis, Axis]:
+    axes = Axis(None, tuple(dependent)), Axis(None, tuple(independent))
+    for name, axis in zip(("dependent", "independent"), axes, strict=True):
+        axis.check(name, ("force", "moment"))
+    return axes
+
+
+def _coefficients(eta: Numbers, dependent: Axis, independent: Axis) -> Array:
+    array = as_float(eta)
+    if array.shape != (len(dependent), len(independent)):
+        raise ValueError(
+            f"Argument `eta` must have a row for each of {len(dependent)} dependent rows and a column for each of "
+            f"{len(independent)} independent ones, but has shape {array.shape}. "
+            "`Report.dependencies` gives such coefficients."
+        )
+    return array

@@ -1,0 +1,262 @@
+"""Assembly: a guessed position and velocity projected onto the constraint manifold.
+
+    Phi(q [+] d, t) = 0 with small d,   Phi_q qd = -Phi_t with small change of qd            (2), (3)
+
+Levenberg-Marquardt finds the position in the scaled variables of `_scaling`, in which lengths and angles compare;
+Newton steps d = -K^+ Phi at the decided rank finish it to rounding. The last of them carries the derivative:
+geometry moves q by the smallest displacement that keeps the mechanism closed.
+
+Points of few digits leave a misfit where constraints are redundant. The steps then end at K^T Phi = 0, as near as the
+points allow: the rank is that of a tolerance above the misfit, so no step closes it along a direction that only the
+rounding of the points constrains.
+"""
+
+import warnings
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jax.typing import ArrayLike
+from jaxtyping import Array, Bool, Float, Int
+
+from .._system._state import State
+from .._system._system import AbstractSystem
+from .._tools._module import Numbers, as_float, known, still
+from ._kinematics import second_order
+from ._rank import split
+from ._scaling import Scaling, largest_violation, scaling
+
+_POLISHING_STEPS = 4
+
+
+def assemble(
+    system: AbstractSystem,
+    q: Numbers,
+    qd: Numbers = 0.0,
+    t: ArrayLike = 0.0,
+    *,
+    positions: Mapping[str, ArrayLike] | None = None,
+    rates: Mapping[str, ArrayLike] | None = None,
+    throw: bool | None = None,
+) -> State:
+    """The state on the constraint manifold (2), (3) nearest to a guess.
+
+    ??? example
+
+        ```python
+        guess = state.q + 0.01
+        closed = rx.assemble(mechanism, guess, positions={"1.phi": 0.8}, rates={"1.phi": 1.0})
+        ```
+
+    **Arguments:**
+
+    - `system`: a `Mechanism` or `System`.
+    - `q`, `qd`: guessed coordinates and velocities; a number for `qd` stands for all.
+    - `t`: time.
+    - `positions`, `rates`: values that named coordinates must take, such as `{"crank.phi": 0.5}`.
+    - `throw`: whether to raise an error where no state is found; by default outside of `jit` and `vmap`.
+
+    **Returns:** a `State`, NaN where none is found. Redundant constraints on points of few digits cannot be met
+    exactly: the state then meets them as nearly as they allow, by least squares and as far as `solve` takes it, and
+    outside of `jit` and `vmap` a warning tells the largest misfit, which is that of `solve`'s `stats.violation`.
+
+    **Raises:** `RuntimeError` that names the rows that cannot be met.
+    """
+    n = len(system.coordinates)
+    positions, rates = dict(positions or {}), dict(rates or {})
+    q, qd, t = as_float(q), jnp.broadcast_to(as_float(qd), (n,)), as_float(t)
+    dtype = jnp.result_type(q, qd)
+    held = [_index(system, "positions", name) for name in positions]
+    driven = [_index(system, "rates", name) for name in rates]
+    if held and q.shape != (n,):
+        raise ValueError(
+            f"Argument `positions` needs a chart with one coordinate for each of the {n} velocities, but `q` has "
+            f"shape {q.shape}. Leave them out and give `q` itself."
+        )
+    numbers = {"q": q, "qd": qd, "t": t}
+    for name, value in numbers.items():
+        if throw is not False and known(value) and not np.all(np.isfinite(value)):
+            raise ValueError(f"Argument `{name}` must be finite, but is {value}. Give a guess of every entry.")
+    finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(value)) for value in numbers.values()]))
+    state, off, slow = _assemble(
+        system.anonymous(),
+        State(jnp.where(finite, q, jnp.nan).astype(dtype), qd.astype(dtype), t.astype(dtype)),
+        jnp.asarray(np.array(held, int)),
+        jnp.stack([jnp.zeros(()), *(as_float(x) for x in positions.values())])[1:].astype(dtype),
+        jnp.asarray(np.array(driven, int)),
+        jnp.stack([jnp.zeros(()), *(as_float(x) for x in rates.values())])[1:].astype(dtype),
+    )
+    if known(off.refused) and known(slow.refused):
+        _tell("position", off, (*system.rows.labels, *(f"{name} as given" for name in positions)), throw)
+        if slow.refused or not off.beyond.any():  # what the position misses the velocity does too
+            _tell("velocity", slow, (*system.rows.labels, *(f"{name} as given" for name in rates)), throw)
+    return state
+
+
+def _index(system: AbstractSystem, argument: str, name: str) -> int:
+    if name not in system.coordinates.labels:
+        raise ValueError(
+            f"Argument `{argument}` must name coordinates of the system, but holds '{name}'. "
+            f"They are {', '.join(system.coordinates.labels)}."
+        )
+    return system.coordinates.labels.index(name)
+
+
+class _Misfit(NamedTuple):
+    """What a position or velocity leaves of rows and given values, shape (m + h,).
+
+    - `size`: of each, in its own unit.
+    - `relative`: the same relative to the mechanism.
+    - `beyond`: which are beyond rounding.
+    - `refused`: whether this is not the nearest that can be, or farther than `solve` takes.
+    - `weakest`: the least singular value that it relies on, relative to the largest.
+    """
+
+    size: Float[Array, " rows"]
+    relative: Float[Array, " rows"]
+    beyond: Bool[Array, " rows"]
+    refused: Bool[Array, ""]
+    weakest: Float[Array, ""]
+
+
+def _tell(what: str, misfit: _Misfit, labels: tuple[str, ...], throw: bool | None) -> None:
+    """Raise what cannot be met, or warn of what is met by rounding alone or not exactly."""
+    failing = sorted(np.flatnonzero(misfit.beyond), key=lambda k: not labels[k].endswith(" as given"))
+    if misfit.refused and throw is not False:
+        raise RuntimeError(
+            f"No {what} satisfies the constraints near the guess. What cannot be met together: "
+            f"{', '.join(labels[k] for k in failing)}. Give a better guess, or change given values or lengths."
+        )
+    worst, told = int(jnp.argmax(misfit.relative)), ""
+    if failing and not misfit.refused:
+        told = (
+            f"The constraints cannot be met exactly: the nearest {what} misses {labels[worst]} by "
+            f"{misfit.size[worst]:.2g} in its unit, {misfit.relative[worst]:.1g} relative to the mechanism. "
+            "Give redundant points and values with all digits, unless they are measured."
+        )
+    elif misfit.weakest < largest_violation(misfit.relative.dtype) and not misfit.refused:
+        told = (
+            f"The constraints fix the {what} along one direction so weakly, by a singular value of "
+            f"{misfit.weakest:.1g}, that it may be the rounding of points of few digits. Give redundant points with "
+            "all digits, or declare the `rank` to `solve`."
+        )
+    if told:
+        warnings.warn(told, stacklevel=3)
+
+
+@eqx.filter_jit
+def _assemble(
+    system: AbstractSystem,
+    guess: State,
+    held: Int[Array, " h"],
+    positions: Float[Array, " h"],
+    driven: Int[Array, " d"],
+    rates: Float[Array, " d"],
+) -> tuple[State, _Misfit, _Misfit]:
+    """State, and the misfits of its position and of its velocity."""
+    q, off = _position(system, guess, held, positions)
+    qd, slow = _velocity(system, State(q, guess.qd, guess.t), driven, rates)
+    failed = off.refused | slow.refused
+    return State(jnp.where(failed, jnp.nan, q), jnp.where(failed, jnp.nan, qd), guess.t), off, slow
+
+
+class _Closing(eqx.Module):
+    """The position problem: scaled residual r(d) of rows and held coordinates at q [+] S d."""
+
+    system: AbstractSystem
+    guess: State
+    held: Int[Array, " h"]
+    positions: Float[Array, " h"]
+    scale: Scaling
+    row_scale: Float[Array, " rows"]
+
+    def residual(self, d: Array) -> Array:
+        q = self.system.retract(self.guess.q, self.scale.coordinates * d)
+        given = q[self.held] - self.positions if self.held.size else self.positions
+        rows = jnp.concatenate([self.system.constraint(q, self.guess.t), given])
+        return rows / self.row_scale / self.scale.size
+
+    def inverse(self, d: Array) -> tuple[Array, Array]:
+        """K^+ of the residual at the decided rank, and the least singular value that it inverts."""
+        parts, spectrum = split(jax.jacfwd(self.residual)(d), jnp.max(jnp.abs(self.residual(d))), None)
+        return parts.inverse, spectrum.kept
+
+
+class _Closed(NamedTuple):
+    """A displacement, the size of the last step to it, and the least singular value that the steps inverted."""
+
+    d: Float[Array, " n"]
+    step: Float[Array, ""]
+    weakest: Float[Array, ""]
+
+
+@eqx.filter_custom_jvp
+def _closed(closing: _Closing) -> _Closed:
+    """A displacement d with K^+ r(d) = 0; its derivative is dd = -K^+ dr, the smallest that keeps it so."""
+    start = jnp.zeros_like(closing.guess.qd)
+    solver = optx.LevenbergMarquardt(rtol=1e-8, atol=1e-8)
+    d = optx.least_squares(lambda d, _: closing.residual(d), solver, start, max_steps=500, throw=False).value
+
+    def polished(_: Array, carry: _Closed) -> _Closed:
+        inverse, weakest = closing.inverse(carry.d)
+        step = -inverse @ closing.residual(carry.d)
+        return _Closed(carry.d + step, jnp.max(jnp.abs(step)), jnp.minimum(carry.weakest, weakest))
+
+    infinite = jnp.full((), jnp.inf, d.dtype)
+    return jax.lax.fori_loop(0, _POLISHING_STEPS, polished, _Closed(d, infinite, infinite))
+
+
+@_closed.def_jvp
+def _closed_jvp(primals: tuple, tangents: tuple) -> tuple:
+    closed = _closed(*primals)
+    _, change = eqx.filter_jvp(lambda closing: closing.residual(closed.d), primals, tangents)
+    moved = None if change is None else -primals[0].inverse(closed.d)[0] @ change  # None where nothing in r moves
+    none = jnp.zeros_like(closed.step)
+    return closed, eqx.tree_at(lambda closed: closed.d, _Closed(none, none, none), moved)
+
+
+def _position(system: AbstractSystem, guess: State, held: Array, positions: Array) -> tuple[Array, _Misfit]:
+    scale = scaling(system, guess, system.jacobian(guess.q, guess.t))
+    row_scale = jnp.concatenate([scale.rows, _held_scale(system, held, scale)])
+    closing = _Closing(system, guess, held, positions, scale, row_scale)
+    d, step, weakest = _closed(closing)
+    relative = jnp.abs(closing.residual(d))
+    settled = step <= jnp.maximum(jnp.max(relative), _tolerance(d))
+    misfit = _misfit(relative * row_scale * scale.size, relative, settled, weakest, _tolerance(d))
+    return system.retract(guess.q, scale.coordinates * d), misfit
+
+
+def _velocity(system: AbstractSystem, state: State, driven: Array, rates: Array) -> tuple[Array, _Misfit]:
+    matrix = system.jacobian(state.q, state.t)
+    motion, _, turned = second_order(system, state)
+    scale = scaling(system, state, matrix, turned)
+    row_scale = jnp.concatenate([scale.rows, _held_scale(system, driven, scale)])
+    rows = jnp.concatenate([matrix, jnp.eye(state.qd.size, dtype=matrix.dtype)[driven]])
+    misfit = jnp.concatenate([motion.rate, state.qd[driven] - rates]) / row_scale
+    rows = rows * scale.coordinates / row_scale[:, None]
+    drift = jnp.max(jnp.abs(motion.value) / scale.rows) / scale.size
+    parts, _ = split(rows, drift, None)
+    change = -parts.inverse @ misfit
+    qd = state.qd + scale.coordinates * change
+    speed = jnp.max(jnp.abs(qd / scale.coordinates)) + jnp.max(jnp.abs(misfit))
+    left = jnp.abs(misfit + rows @ change)
+    relative = left / jnp.where(speed > 0, speed, 1.0)
+    return qd, _misfit(left * row_scale, relative, jnp.asarray(True), jnp.asarray(jnp.inf), _tolerance(qd))
+
+
+def _misfit(size: Array, relative: Array, settled: Array, weakest: Array, rounding: float) -> _Misfit:
+    beyond = ~(relative <= rounding)
+    near = jnp.all(relative <= max(rounding, largest_violation(relative.dtype)))
+    return still(_Misfit(size, relative, beyond, jnp.any(beyond) & ~(settled & near), weakest))
+
+
+def _held_scale(system: AbstractSystem, held: Array, scale: Scaling) -> Array:
+    return jnp.where(jnp.asarray(system.coordinates.angular)[held], 1 / scale.length, 1.0)
+
+
+def _tolerance(d: Array) -> float:
+    return 1000 * d.size * float(jnp.finfo(d.dtype).eps)

@@ -1,0 +1,64 @@
+"""Which rows or joints a failed solve is about, by name; for error messages, on concrete values."""
+
+import numpy as np
+
+from .._system._friction import slip_kinds
+from .._system._results import RESULTS
+from .._system._state import State
+from .._system._system import AbstractSystem
+from ._factorisation import factorize
+from ._kinematics import along_motion, explicit_gamma, slip_motion
+
+
+def culprits(system: AbstractSystem, state: State, result: RESULTS) -> str:
+    """A sentence with the names, or nothing where names do not help."""
+    if result == RESULTS.violated_constraints:
+        return _rows(system, np.asarray(along_motion(system, state).value), "Violated rows")
+    if result == RESULTS.inadmissible_velocity:
+        rates = _rows(system, np.asarray(along_motion(system, state).rate), "Rows with the largest rates")
+        factor = factorize(system, state)
+        return rates or _rows(system, np.asarray(factor.self_stress @ factor.gamma), "N^T gamma in rows")
+    if result == RESULTS.inconsistent_constraints:
+        return _rows(system, np.asarray(explicit_gamma(system, state)), "Rows that prescribe an acceleration")
+    if result == RESULTS.indeterminate_acceleration:
+        return f" Free without mass: {', '.join(_massless(system, state))}."
+    if result == RESULTS.indeterminate_closure:
+        unique = factorize(system, state).unique_multipliers
+        return f" Rows in self-stress: {', '.join(np.array(system.rows.labels)[~np.asarray(unique)])}."
+    if result == RESULTS.ambiguous_rank:
+        spectrum = factorize(system, state).spectrum
+        near = [f"{value:.1e}" for value in np.asarray(spectrum.singular_values)[-3:]]
+        return f" Smallest singular values: {', '.join(near)}; tolerance {float(spectrum.tolerance):.1e}." + (
+            " In float32 singular values below about 1e-4 of the largest cannot be told from rounding: use float64, "
+            "jax.config.update('jax_enable_x64', True), before the mechanism is built."
+            if state.qd.dtype == np.float32
+            else ""
+        )
+    if result in (RESULTS.friction_at_rest, RESULTS.ambiguous_rest):
+        factor, slips = factorize(system, state), slip_kinds(system.friction)
+        rate = slip_motion(system, state)[0] * np.where(slips.angular, factor.length, 1.0)
+        resting, labels = np.asarray(~factor.motion_of(rate).is_yes), slips.labels
+        return f" At rest: {', '.join(label for label, rests in zip(labels, resting, strict=True) if rests)}."
+    return ""
+
+
+def _massless(system: AbstractSystem, state: State) -> list[str]:
+    """Coordinates of the motions that meet the constraints and have no mass."""
+    factor = factorize(system, state)
+    scale = np.where(system.coordinates.angular, 1 / float(factor.length), 1.0)
+    mass = np.asarray(factor.mass) * scale[:, None] * scale
+    rows = [np.asarray(factor.jacobian) * scale, mass / max(np.abs(mass).max(), np.finfo(mass.dtype).tiny)]
+    values, vectors = np.linalg.eigh(sum(part.T @ part for part in rows))
+    free = np.abs(vectors[:, values <= max(1e-12 * values[-1], values[0])]).max(axis=1)
+    return [name for name, size in zip(system.coordinates.labels, free, strict=True) if size > 0.1 * free.max()]
+
+
+def _rows(system: AbstractSystem, values: np.ndarray, what: str) -> str:
+    """Rows within a factor of 10 of the largest of their kind, where that is more than rounding."""
+    size, angular = np.abs(values), system.rows.angular
+    large = np.zeros(size.size, bool)
+    for kind in (angular, ~angular):
+        largest = size[kind].max(initial=0.0)
+        large |= kind & (size > max(0.1 * largest, 1e-9 * size.max(), 1e-12))
+    names = [f"{system.rows.labels[k]} ({values[k]:.2g})" for k in np.flatnonzero(large)]
+    return f" {what}: {', '.join(names)}." if names else ""

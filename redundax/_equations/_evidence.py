@@ -1,0 +1,116 @@
+"""Evidence that the equations at a state can be trusted: consistency, motion of joints, and the nature of the position.
+
+    |Phi|, |Phi_q qd + Phi_t|, |P gamma|   are zero at a consistent state,
+    P Phi'' along a velocity qd + w        is -P gamma for all motions w where the rank is the same beside the state,
+
+because P Phi_qq[w, w] is P times what the constraints bend along w: a row that depends on others for good bends as they
+do. All of it is in the scaled variables of `_scaling`, and none of it has a derivative.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._system._decision import Decision
+from .._system._state import State
+from .._system._system import AbstractSystem
+from ._kinematics import second_derivative
+from ._rank import Split
+from ._scaling import Scaling
+
+_ROUNDING = 10  # roundings of a state, and of what the constraints make of it
+
+
+class Violation(eqx.Module):
+    """How far the state and the prescribed motion are from being consistent, free of units.
+
+    - `position`: largest |Phi|, relative to the size of the mechanism.
+    - `velocity`: largest |Phi_q qd + Phi_t|, relative to the velocity and to what accelerations reach.
+    - `acceleration`: largest self-stress component of gamma, |P gamma|, relative to the accelerations.
+    - `prescribed`: the same of its explicit part -Phi_tt, which driving constraints alone are answerable for.
+    """
+
+    position: Float[Array, ""]
+    velocity: Float[Array, ""]
+    acceleration: Float[Array, ""]
+    prescribed: Float[Array, ""]
+
+
+class ScaledMotion(NamedTuple):
+    """What is known of the motion at a state, in scaled variables.
+
+    - `qd`, `rate`: the velocity, and Phi_q qd + Phi_t.
+    - `gamma`, `explicit`: Eq. (5), and its part -Phi_tt.
+    - `acceleration`: without friction; `reached`: the velocity that it, or one without constraints, reaches over the
+      size of the mechanism, so that rest and reversals are no special case.
+    """
+
+    qd: Float[Array, " n"]
+    rate: Float[Array, " m"]
+    gamma: Float[Array, " m"]
+    explicit: Float[Array, " m"]
+    acceleration: Float[Array, " n"]
+    reached: Float[Array, ""]
+
+
+def violation_of(motion: ScaledMotion, stress: Float[Array, "m m"], position: Array, size: Array) -> Violation:
+    """Consistency of a state whose position violates the constraints by `position`."""
+    sizes = motion.gamma, motion.acceleration, jnp.max(jnp.abs(motion.qd)) ** 2 / size
+    return Violation(
+        position,
+        ratio(motion.rate, motion.qd, motion.reached),
+        ratio(stress @ motion.gamma, *sizes),
+        ratio(stress @ motion.explicit, *sizes),
+    )
+
+
+def rate_noise(motion: ScaledMotion, kept: Float[Array, ""]) -> Float[Array, ""]:
+    """What rounding and violation can make of a slip rate that is zero; more than zero."""
+    rounding = 10 * jnp.finfo(motion.qd.dtype).eps
+    magnified = jnp.maximum(10.0, 1 / jnp.minimum(kept, 1.0))
+    own = rounding * jnp.max(jnp.abs(motion.qd)) + jnp.max(jnp.abs(motion.rate))
+    noise = magnified * own + rounding * motion.reached
+    return jnp.where(noise > 0, noise, 1.0)
+
+
+def singularity_of(
+    system: AbstractSystem, state: State, motion: ScaledMotion, parts: Split, position: Array, scales: Scaling
+) -> Decision:
+    """Whether P Phi'' along the velocity with a motion w added is other than without, -P gamma.
+
+    Two directions of no symmetry see a quadratic form that is not zero, and where time enters that the rank changes
+    with it. Rounding moves Phi'' itself, the range of P by as much of K^+ Phi'', and a state off the manifold does too.
+    """
+    speed = jnp.max(jnp.abs(motion.qd)) + motion.reached
+    speed = jnp.where(speed > 0, speed, scales.size)
+    rates = scales.coordinates * (motion.qd + speed * _uneven(parts.motion, motion.qd))
+    bends = jax.vmap(lambda rate: second_derivative(system, state, rate, jnp.ones_like(state.t)))(rates) / scales.rows
+    changed = jnp.max(jnp.abs((bends + motion.gamma) @ parts.stress))
+    terms = sum(jnp.max(jnp.abs(part)) for part in (bends, motion.gamma, bends @ parts.inverse.T))
+    terms = terms + (2 * speed) ** 2 / scales.size
+    rounding = max(motion.gamma.size, motion.qd.size) * float(jnp.finfo(bends.dtype).eps)
+    return Decision(changed / (_ROUNDING * (rounding + position) * terms))
+
+
+def _uneven(projector: Array, along: Array) -> Array:
+    """Two directions of no symmetry in the range of a projector, of largest entry 1; zero if it is.
+
+    The column of the largest pivot, added with the sign of what is there, keeps them from being rounding; turned so
+    that they do not point against a vector, with which they could cancel.
+    """
+    numbers, pivot = jnp.arange(1.0, len(projector) + 1, dtype=projector.dtype), jnp.argmax(jnp.diagonal(projector))
+    mixed = jnp.stack([jnp.cos(numbers**2), jnp.sin(numbers**2)]) @ projector
+    mixed = mixed + jnp.where(mixed[:, pivot] < 0, -2.0, 2.0)[:, None] * projector[pivot]
+    largest = jnp.max(jnp.abs(mixed), axis=1, keepdims=True)
+    turned = jnp.where(mixed @ along < 0, -1.0, 1.0)[:, None]
+    return turned * mixed / jnp.where(largest > 0, largest, 1.0)
+
+
+def ratio(part: Array, *sizes: Array) -> Array:
+    """Largest entry of `part` relative to the sum of the largest of `sizes`, at most 1; 0 if all are 0."""
+    largest = jnp.max(jnp.abs(part))
+    whole = sum(jnp.max(jnp.abs(size)) for size in sizes)
+    return jnp.where(largest > 0, largest / jnp.maximum(largest, whole), largest)

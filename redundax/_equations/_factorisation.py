@@ -1,0 +1,319 @@
+"""One factorisation of the index-1 equations (7) at a state, valid at any rank and with singular mass.
+
+    M a + Phi_q^T lam = f,   Phi_q a = g
+
+In the scaled variables of `_scaling` (a = S a_s, lam = D^-1 mu, K = D^-1 Phi_q S, M_s = S M S) motion and
+self-stress are dual to each other: mass acts on the null space of K as compliance acts on that of K^T,
+
+    Y = (Z M_s Z)^+       response of the motion to force,
+    G = (P W_s P)^+       response of the self-stress to misfit,
+
+    a_s = K^+ g_s + Y (f_s - M_s K^+ g_s),   mu = K^+T (f_s - M_s a_s).
+
+For regular M this is the block form (10) of A^+ up to the choice of the self-stress; Y exists exactly where
+condition (14), rank [M Phi_q^T] = n, holds. No matrix is multiplied with its transpose, so the condition
+number is that of K, not its square. One step of iterative refinement follows, which keeps mass ratios harmless.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.typing import ArrayLike
+from jaxtyping import Array, Bool, Float, Int
+
+from .._system._decision import Decision
+from .._system._results import RESULTS, first_failure
+from .._system._state import State
+from .._system._system import AbstractSystem
+from ._evidence import ScaledMotion, Violation, rate_noise, ratio, singularity_of, violation_of
+from ._kinematics import second_order
+from ._rank import Spectrum, Split, split
+from ._restricted_inverse import restricted_inverse
+from ._scaling import Scaling, largest_violation, scaling
+
+
+class Factorisation(eqx.Module):
+    """Everything about a system at a state that does not depend on closure, friction or solver.
+
+    - `jacobian`: Phi_q, shape (m, n).
+    - `gamma`: right-hand side of Phi_q qdd = gamma, Eq. (5), shape (m,).
+    - `mass`, `load`: M, shape (n, n), and Q, shape (n,).
+    - `spectrum`: rank decision with its evidence.
+    - `violation`: consistency of the state.
+    - `finite`: whether state and equations are free of NaN and infinity; asked of every entry, because a batched
+      maximum on CPU can lose a NaN.
+    - `determinacy`: the decision whether condition (14) holds, so that accelerations are unique.
+    - `singularity`: the decision whether the rank is higher beside this position, to second order.
+    - `acceleration`, `multipliers`: a solution without friction; the multipliers are one of many.
+    - `residual`: largest residual of (7) at it, relative, the larger of its two blocks.
+    - `length`: a length of the mechanism, which makes angles and lengths comparable.
+    - `row_scale`: D, shape (m,): D lam are multipliers free of units but for a common factor.
+    - `split`: K^+, P and Z of the scaled Jacobian.
+
+    ??? example
+
+        ```python
+        factor = rx.factorize(mechanism, state)
+        factor.jacobian.shape, factor.spectrum.rank, factor.determinate  # (12, 12), 11, True
+        ```
+    """
+
+    jacobian: Float[Array, "m n"]
+    gamma: Float[Array, " m"]
+    mass: Float[Array, "n n"]
+    load: Float[Array, " n"]
+    spectrum: Spectrum
+    violation: Violation
+    finite: Bool[Array, ""]
+    determinacy: Decision
+    singularity: Decision
+    acceleration: Float[Array, " n"]
+    multipliers: Float[Array, " m"]
+    residual: Float[Array, ""]
+    length: Float[Array, ""]
+    row_scale: Float[Array, " m"]
+    _scaled: Float[Array, "m n"]
+    _scaled_mass: Float[Array, "n n"]
+    split: Split
+    _response: Float[Array, "n n"]
+    _rate_noise: Float[Array, ""]
+    _size: Float[Array, ""]
+    _coordinate_scale: Float[Array, " n"]
+
+    def motion_of(self, rates: Float[Array, "..."]) -> Decision:
+        """Whether slip rates, m/s or L times an angular rate, are those of joints that move.
+
+        The noise is the rounding of the velocities and what violates the constraints of them, magnified by the
+        Jacobian as in a part that the others hold still.
+        """
+        return Decision(jnp.abs(rates) / self._rate_noise)
+
+    @property
+    def _least_kept(self) -> Float[Array, ""]:
+        """sigma_r / sigma_1, or a bound below it."""
+        return jnp.minimum(self.spectrum.kept, 1.0)
+
+    @property
+    def _noise(self) -> float:
+        """Rounding of a decomposition of K, relative to sigma_1."""
+        return max(self.jacobian.shape) * float(jnp.finfo(self.gamma.dtype).eps)
+
+    @property
+    def redundancy(self) -> Int[Array, ""]:
+        """k = m - r, number of redundant constraints."""
+        return self.jacobian.shape[0] - self.spectrum.rank
+
+    @property
+    def freedom(self) -> Int[Array, ""]:
+        """n - r, number of degrees of freedom."""
+        return self.jacobian.shape[1] - self.spectrum.rank
+
+    @property
+    def scaling(self) -> Scaling:
+        """The scales of coordinates and rows, the length, and the size of the mechanism."""
+        return Scaling(self._coordinate_scale, self.row_scale, self.length, self._size)
+
+    @property
+    def self_stress(self) -> Float[Array, "m m"]:
+        """Orthogonal projector P = N N^T onto the self-stress states null(Phi_q^T), in the units of the multipliers."""
+        return self.stress_response(jnp.eye(self.gamma.size, dtype=self.gamma.dtype))[0]
+
+    @property
+    def unique_multipliers(self) -> Bool[Array, " m"]:
+        """Which multipliers are unique without friction: those whose row of P, so of N, is zero, Eq. (13).
+
+        A state off the manifold blurs the zeros; then fewer multipliers are called unique, never more.
+        """
+        return jnp.linalg.norm(self.split.stress, axis=1) <= 100 * self._noise / self._least_kept
+
+    @property
+    def contradiction(self) -> Decision:
+        """Whether the accelerations that the constraints prescribe contradict each other: P gamma is not zero."""
+        return Decision(self.violation.acceleration / self._consistent)
+
+    @property
+    def _consistent(self) -> Float[Array, ""]:
+        """What the violation of the state and the rounding of P make of P gamma."""
+        blur = self._noise + self.violation.position
+        return jnp.minimum(5 / self._least_kept, 120) * blur + 10 * self.violation.velocity
+
+    @property
+    def determinate(self) -> Bool[Array, ""]:
+        """Whether condition (14) holds, so that accelerations are unique."""
+        return self.determinacy.is_yes
+
+    @property
+    def singular_position(self) -> Bool[Array, ""]:
+        """Whether the rank is lower at this position than beside it: P Phi_qq[w, w] is not zero for a motion w.
+
+        There more multipliers are not unique than elsewhere, branches of motion meet, and (7) does not contain the
+        condition of third order that keeps the accelerations on their branch.
+        """
+        return self.singularity.is_yes
+
+    @property
+    def lost_digits(self) -> Float[Array, ""]:
+        """Decimal digits that accelerations and multipliers lose to the smallest kept singular value."""
+        return -jnp.log10(self._least_kept)
+
+    @property
+    def checks(self) -> tuple[tuple[Bool[Array, ""], RESULTS], ...]:
+        """What must hold for the equations at this state to have a trustworthy solution, root causes first."""
+        violation = self.violation
+        off_manifold = largest_violation(self.gamma.dtype)
+        blur = self._noise + violation.position
+        prescribed = violation.prescribed > self._consistent
+        return (
+            (self.finite, RESULTS.not_finite),
+            (violation.position <= off_manifold, RESULTS.violated_constraints),
+            (~self.spectrum.ambiguous, RESULTS.ambiguous_rank),
+            (~self.determinacy.is_no, RESULTS.indeterminate_acceleration),
+            (self.determinacy.is_yes, RESULTS.ambiguous_mass),
+            (violation.velocity <= off_manifold, RESULTS.inadmissible_velocity),
+            (~(self.contradiction.is_yes & prescribed), RESULTS.inconsistent_constraints),
+            (~self.contradiction.is_yes, RESULTS.inadmissible_velocity),
+            (self.contradiction.is_no, RESULTS.ambiguous_constraints),
+            (~self.singularity.is_yes, RESULTS.singular_position),
+            (self.singularity.is_no, RESULTS.ambiguous_position),
+            (self.residual <= 120 * blur + 10 * violation.velocity, RESULTS.unsolved),
+        )
+
+    @property
+    def result(self) -> RESULTS:
+        """The first check that fails, or `RESULTS.successful`."""
+        return first_failure(self.checks)
+
+    def respond(self, force: Float[Array, "n p"]) -> tuple[Float[Array, "n p"], Float[Array, "m p"]]:
+        """Accelerations and multipliers that each column of forces causes: M a + Phi_q^T lam = force, Phi_q a = 0.
+
+        The multipliers are one solution of many: a closure adds the self-stress.
+        """
+        coordinate_scale, row_scale = self._coordinate_scale[:, None], self.row_scale[:, None]
+        none = jnp.zeros((self.gamma.size, force.shape[1]), force.dtype)
+        a, mu = _refined(self._scaled, self._scaled_mass, self.split, self._response, coordinate_scale * force, none)
+        return coordinate_scale * a, mu / row_scale
+
+    def in_balance(self, multipliers: Float[Array, " m"]) -> Float[Array, " m"]:
+        """A self-stress state without what rounding has left of other multipliers, D^-1 P D lam."""
+        return self.split.stress @ (self.row_scale * multipliers) / self.row_scale
+
+    def apparent_mass(self) -> Float[Array, "m m"]:
+        """M_c = C^+ for regular M: the multipliers -lam of accelerations g of the constraints.
+
+        M a + Phi_q^T lam = 0, Phi_q a = g; of g in the range of Phi_q, and one solution of many for lam.
+        """
+        none = jnp.zeros((self._coordinate_scale.size, self.gamma.size), self.gamma.dtype)
+        unit = jnp.diag(1 / self.row_scale)
+        _, mu = _refined(self._scaled, self._scaled_mass, self.split, self._response, none, unit)
+        return -mu / self.row_scale[:, None]
+
+    def stress_response(self, compliance: Float[Array, "m m"]) -> tuple[Float[Array, "m m"], Decision]:
+        """G = N (N^T W N)^-1 N^T: self-stress caused by a misfit under the compliance W; and whether N^T W N > 0."""
+        scale = 1 / self.row_scale
+        scaled = scale[:, None] * compliance * scale
+        after = self._response[0, 0]
+        kept = self.spectrum.kept
+        response, _, definiteness = restricted_inverse(scaled, self.split.stress, self.redundancy, kept, after)
+        return scale[:, None] * response * scale, definiteness
+
+
+def factorize(system: AbstractSystem, state: State, rank: ArrayLike | None = None) -> Factorisation:
+    """Factorise the equations (7) of a system at a state.
+
+    ??? example
+
+        ```python
+        rx.factorize(mechanism, state).redundancy  # 1
+        angles = jnp.linspace(0.2, 1.4, 5)
+        jax.vmap(lambda phi: rx.factorize(mechanism, mechanism.state(phi=phi)).spectrum.gap)(angles)
+        ```
+
+    **Arguments:**
+
+    - `system`, `state`: the system and the known (q, qd, t).
+    - `rank`: declared rank r of the constraint Jacobian; decided from its spectrum if not given.
+    """
+    return _factorize(system.anonymous(), state, None if rank is None else jnp.asarray(rank))
+
+
+@eqx.filter_jit
+def _factorize(system: AbstractSystem, state: State, rank: Int[Array, ""] | None) -> Factorisation:
+    matrix = system.jacobian(state.q, state.t)
+    motion, explicit, turned = second_order(system, state)
+    mass, load = system.mass(state.q, state.t), system.load(state)
+    _check_shapes(system, matrix, mass, load)
+    coordinate_scale, row_scale, length, size = scaling(system, state, matrix, turned)
+    scaled = matrix * coordinate_scale / row_scale[:, None]
+    position = jnp.max(jnp.abs(motion.value) / row_scale) / size
+    parts, spectrum = split(scaled, position, rank)
+    scaled_mass = coordinate_scale[:, None] * mass * coordinate_scale
+    freedom = matrix.shape[1] - spectrum.rank
+    zero = jnp.zeros((), matrix.dtype)
+    response, _, determinacy = restricted_inverse(scaled_mass, parts.motion, freedom, spectrum.kept, zero)
+    force, gamma = coordinate_scale * load, motion.gamma / row_scale
+    a, mu = _refined(scaled, scaled_mass, parts, response, force, gamma)
+    residual = jnp.maximum(
+        ratio(gamma - scaled @ a, gamma, a),
+        ratio(force - scaled_mass @ a - scaled.T @ mu, force, scaled_mass @ a, mu),
+    )
+    inertia = jnp.sum(jnp.diagonal(scaled_mass)) / force.size
+    free = jnp.where(inertia > 0, jnp.max(jnp.abs(force)) / jnp.where(inertia > 0, inertia, 1.0), 0.0)
+    reached = jnp.sqrt(size * (jnp.max(jnp.abs(a)) + free))
+    known = ScaledMotion(state.qd / coordinate_scale, motion.rate / row_scale, gamma, explicit / row_scale, a, reached)
+    scales = Scaling(coordinate_scale, row_scale, length, size)
+    evidence = {
+        "violation": violation_of(known, parts.stress, position, size),
+        "determinacy": determinacy,
+        "singularity": singularity_of(system, state, known, parts, position, scales),
+        "residual": residual,
+        "_rate_noise": rate_noise(known, spectrum.kept),
+    }
+    return Factorisation(
+        jacobian=matrix,
+        gamma=motion.gamma,
+        mass=mass,
+        load=load,
+        spectrum=spectrum,
+        finite=_finite(state.q, state.qd, state.t, *motion, matrix, mass, load),
+        acceleration=coordinate_scale * a,
+        multipliers=mu / row_scale,
+        length=length,
+        _scaled=scaled,
+        _scaled_mass=scaled_mass,
+        split=parts,
+        _response=response,
+        _size=size,
+        _coordinate_scale=coordinate_scale,
+        row_scale=row_scale,
+        **jax.lax.stop_gradient(evidence),
+    )
+
+
+def _refined(
+    scaled: Array, mass: Array, parts: Split, response: Array, force: Array, gamma: Array
+) -> tuple[Array, Array]:
+    """Scaled accelerations and multipliers, after one step of iterative refinement."""
+
+    def once(force: Array, gamma: Array) -> tuple[Array, Array]:
+        particular = parts.inverse @ gamma
+        a = particular + response @ (force - mass @ particular)
+        return a, parts.inverse.T @ (force - mass @ a)
+
+    a, mu = once(force, gamma)
+    da, dmu = once(force - mass @ a - scaled.T @ mu, gamma - scaled @ a)
+    return a + da, mu + dmu
+
+
+def _finite(*arrays: Array) -> Array:
+    return jnp.all(jnp.concatenate([jnp.isfinite(array).ravel() for array in arrays]))
+
+
+def _check_shapes(system: AbstractSystem, jacobian: Array, mass: Array, load: Array) -> None:
+    n, m = len(system.coordinates), len(system.rows)
+    wanted = (("constraint", jacobian[:, 0], (m,)), ("mass", mass, (n, n)), ("load", load, (n,)))
+    for name, value, shape in wanted:
+        if value.shape != shape:
+            raise ValueError(
+                f"Argument `{name}` of the system must give shape {shape}, as its coordinates and rows say, but gives "
+                f"{value.shape}. Change what it returns, or `coordinates` and `rows`."
+            )

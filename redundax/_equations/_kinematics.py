@@ -1,0 +1,164 @@
+"""Derivatives of the constraints along the motion, by forward mode alone.
+
+    Phi(s) = Phi(q [+] s qd, t + s):   Phi_q qd + Phi_t = Phi'(0),   gamma = -Phi''(0)      (3), (4), (5)
+
+so that Phi_q qdd = gamma, where the second derivative is that along the field q' = d/dr (q [+] r qd) at r = 0, which
+a retraction need meet to first order only; two nested directional derivatives, no second-derivative tensor. A friction
+slip s(q, t) gives in the same way its rate and its direction E = (ds/dq)^T.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._system._state import State
+from .._system._system import AbstractSystem
+
+_GAUSS_NEWTON = 6  # steps, whose error is squared each time from a turn of a radian on
+
+
+class AlongMotion(NamedTuple):
+    """Constraint residual (m,), its rate (m,) and gamma (m,), Eqs. (2) to (5)."""
+
+    value: Float[Array, " m"]
+    rate: Float[Array, " m"]
+    gamma: Float[Array, " m"]
+
+
+def along_motion(system: AbstractSystem, state: State) -> AlongMotion:
+    """Phi, Phi_q qd + Phi_t and gamma at a state."""
+    return _along(system, state, state.qd, jnp.ones_like(state.t))
+
+
+def constraint_rate(system: AbstractSystem, state: State) -> Float[Array, " m"]:
+    """Phi_q qd + Phi_t."""
+    zero, one = jnp.zeros_like(state.t), jnp.ones_like(state.t)
+
+    def value(s: Array) -> Array:
+        return system.constraint(system.retract(state.q, s * state.qd), state.t + s)
+
+    return jax.jvp(value, (zero,), (one,))[1]
+
+
+def explicit_gamma(system: AbstractSystem, state: State) -> Float[Array, " m"]:
+    """-Phi_tt, the part of gamma that prescribed motion alone is answerable for."""
+    return _along(system, state, jnp.zeros_like(state.qd), jnp.ones_like(state.t)).gamma
+
+
+def second_derivative(
+    system: AbstractSystem, state: State, rate: Float[Array, " n"], time: Array
+) -> Float[Array, " m"]:
+    """Phi'' along a constant rate, and t' = time."""
+    return -_along(system, state, rate, time).gamma
+
+
+def second_order(system: AbstractSystem, state: State) -> tuple[AlongMotion, Float[Array, " m"], Float[Array, " m"]]:
+    """`along_motion`; `explicit_gamma`; and the second derivative of Phi as all angular coordinates turn.
+
+    They turn each at another rate, so that no two cancel. All three are one derivative in three directions.
+    """
+    angular = system.coordinates.angular
+    turning = np.where(angular, 1.0 + 0.5 * np.sin(np.arange(angular.size)), 0.0)
+    rates = jnp.stack([state.qd, jnp.zeros_like(state.qd), jnp.asarray(turning, state.qd.dtype)])
+    found = jax.vmap(lambda rate, time: _along(system, state, rate, time))(rates, jnp.array([1, 1, 0], state.qd.dtype))
+    motion, explicit, turned = (jax.tree.map(lambda x, k=k: x[k], found) for k in range(3))
+    return motion, explicit.gamma, -turned.gamma
+
+
+def _along(system: AbstractSystem, state: State, rate: Array, time: Array) -> AlongMotion:
+    """Phi, Phi' and -Phi'' at constant rate and t' = time."""
+    return _second(system, system.constraint, state, rate, time)
+
+
+def _second(
+    system: AbstractSystem, value: Callable[[Array, Array], Array], state: State, rate: Array, time: Array
+) -> AlongMotion:
+    """A function of position and time, its first and minus its second derivative at constant rate and t' = time."""
+    zero, one = jnp.zeros_like(state.t), jnp.ones_like(state.t)
+
+    def first(s: Array) -> tuple[Array, Array]:
+        q, t = system.retract(state.q, s * rate), state.t + s * time
+        return jax.jvp(lambda r: value(system.retract(q, r * rate), t + r * time), (zero,), (one,))
+
+    (phi, slope), (_, bend) = jax.jvp(first, (zero,), (one,))
+    return AlongMotion(phi, slope, -bend)
+
+
+def change_of_jacobian(system: AbstractSystem, state: State, direction: Float[Array, " n"]) -> Float[Array, "m n"]:
+    """Derivative of Phi_q as the position moves along a direction, at constant t.
+
+    Up to combinations of its columns where coordinates do not add, which no self-stress sees.
+    """
+    moved = jnp.zeros_like(direction)
+    return jax.jvp(lambda d: system.jacobian(system.retract(state.q, d), state.t), (moved,), (direction,))[1]
+
+
+def chart_rate(system: AbstractSystem, state: State) -> Float[Array, "..."]:
+    """q', the rate of the coordinates: the derivative of q [+] s qd at s = 0."""
+    zero = jnp.zeros_like(state.t)
+    return jax.jvp(lambda s: system.retract(state.q, s * state.qd), (zero,), (jnp.ones_like(zero),))[1]
+
+
+def chart_inverse(system: AbstractSystem, base: Array, d: Array, change: Array) -> Float[Array, " n"]:
+    """The change of d that changes base [+] d by a given one, by least squares."""
+    slope = jax.jacfwd(lambda e: system.retract(base, e))(d).reshape(-1, d.size)
+    return jax.scipy.linalg.solve(slope.T @ slope, slope.T @ change.ravel(), assume_a="pos")
+
+
+def displacement(
+    system: AbstractSystem, base: Float[Array, "..."], q: Float[Array, "..."]
+) -> tuple[Float[Array, " n"], Float[Array, ""]]:
+    """d with base [+] d nearest to q, by Gauss-Newton, and its last relative change, as large turns need not settle."""
+    if system.adds:
+        return q - base, jnp.zeros((), q.dtype)
+
+    def step(_: Array, found: tuple[Array, Array]) -> tuple[Array, Array]:
+        change = chart_inverse(system, base, found[0], q - system.retract(base, found[0]))
+        return found[0] + change, change
+
+    none = jnp.zeros(len(system.coordinates), q.dtype)
+    d, change = jax.lax.fori_loop(0, _GAUSS_NEWTON, step, (none, none))
+    size = jnp.linalg.norm(jax.lax.stop_gradient(d))
+    return d, jnp.linalg.norm(jax.lax.stop_gradient(change)) / jnp.where(size > 0, size, 1.0)
+
+
+def between(system: AbstractSystem, first: State, second: State, s: Float[Array, ""]) -> State:
+    """The state at the fraction s of the way: displacement cubic in time, or linear between states of one time;
+    internal states linear."""
+    span = second.t - first.t
+    whole, _ = displacement(system, first.q, second.q)
+
+    def moved(s: Array) -> Array:
+        bent = s**2 * (3 - 2 * s) * whole + span * (s * (1 - s) ** 2 * first.qd - s**2 * (1 - s) * second.qd)
+        return jnp.where(span == 0, s * whole, bent)
+
+    def linear(a: Array, b: Array) -> Array:
+        return a + s * (b - a)
+
+    d, slope = jax.jvp(moved, (s,), (jnp.ones_like(s),))
+    qd = jnp.where(span == 0, linear(first.qd, second.qd), slope / jnp.where(span == 0, 1.0, span))
+    return State(system.retract(first.q, d), qd, first.t + s * span, jax.tree.map(linear, first.memory, second.memory))
+
+
+def slip_motion(system: AbstractSystem, state: State) -> tuple[Float[Array, " p"], Float[Array, "n p"]]:
+    """Slip rates and slip directions E of all friction groups: F = E tau, rate = E^T qd + s_t."""
+
+    def slip(d: Array, t: Array) -> Array:
+        return _slips(system, system.retract(state.q, d), t)
+
+    zero = jnp.zeros_like(state.qd)
+    _, rate = jax.jvp(slip, (zero, state.t), (state.qd, jnp.ones_like(state.t)))
+    return rate, jax.jacrev(slip)(zero, state.t).T
+
+
+def slip_gamma(system: AbstractSystem, state: State) -> Float[Array, " p"]:
+    """gamma of the slips: the slip rates change by E^T qdd - gamma."""
+    return _second(system, lambda q, t: _slips(system, q, t), state, state.qd, jnp.ones_like(state.t)).gamma
+
+
+def _slips(system: AbstractSystem, q: Array, t: Array) -> Float[Array, " p"]:
+    return jnp.concatenate([group.slip(q, t) for group in system.friction])

@@ -1,0 +1,237 @@
+"""Rank of the constraints and the two projectors that the rank decides.
+
+The rank is kinematic: it is decided on the scaled Jacobian
+
+    K = D^-1 Phi_q S
+
+of `_scaling`, which is free of units, so the spectrum does not move with the unit, and mass does not enter.
+With the singular value decomposition K = U diag(sigma) V^T cut at rank r,
+
+    K^+ = V sigma^-1 U^T,   P = I - U U^T  (self-stress, onto null K^T),   Z = I - V V^T  (motion, onto null K).
+
+Where the spectrum has a wide gap no decomposition is needed. With c = |K|_F^2 and a small delta, the iteration
+
+    X = K^T (K K^T + delta c I)^-1,   X <- X (2 I - K X)
+
+squares the relative error delta c / (sigma^2 + delta c) of each kept singular value and leaves what is rounding small:
+P = I - K X, K^+ = X (I - P), Z = I - K^+ K. That tr P = |P|_F^2 proves that it projects onto a whole number of
+directions, |P K|_F bounds the singular values that it drops from above, and 1 / |K^+| those that it keeps from below.
+Where these bounds do not decide, the decomposition does; a batch pays for it only if it holds such a sample.
+
+Traced code knows the self-stress space and the space of motions only through P and Z: they have a fixed
+shape, need no basis, and at constant rank have the derivatives (Golub and Pereyra)
+
+    dP = -P dK K^+ - (P dK K^+)^T,   dZ = -K^+ dK Z - (K^+ dK Z)^T,
+    dK^+ = -K^+ dK K^+ + K^+ K^+T dK^T P + Z dK^T K^+T K^+.
+
+They follow from P K = 0, K Z = 0 and the Penrose conditions; repeated singular values do them no harm.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from .._system._decision import CLEAR, Decision
+from .._tools._chunks import in_chunks
+
+_DELTA = 0.45  # power of the rounding: large enough that the Cholesky factor exists, else as small as can be
+_STEPS = 3
+
+
+class Spectrum(eqx.Module):
+    """The rank decision and the evidence for it, all free of units.
+
+    - `singular_values`: of the scaled Jacobian K, relative to the largest, descending.
+    - `rank`: r, number of independent constraints.
+    - `tolerance`: singular values above it count; it grows with the constraint violation.
+    - `gap`: smallest kept over largest dropped singular value; infinite if none is dropped.
+    - `decision`: whether the rank is clear: its margin is 10 where the smallest kept singular value is 10 times the
+      tolerance and the largest dropped one is what violation and rounding explain.
+    - `kept`: the smallest kept singular value, or a bound below it that is nearly as large.
+    """
+
+    singular_values: Float[Array, " s"]
+    rank: Int[Array, ""]
+    tolerance: Float[Array, ""]
+    gap: Float[Array, ""]
+    decision: Decision
+    kept: Float[Array, ""]
+
+    @property
+    def ambiguous(self) -> Bool[Array, ""]:
+        """Whether a singular value is too close to the tolerance to call, or the declared rank is impossible."""
+        return ~self.decision.is_yes
+
+
+class Split(NamedTuple):
+    """K^+ (n, m), self-stress projector P (m, m) and motion projector Z (n, n)."""
+
+    inverse: Float[Array, "n m"]
+    stress: Float[Array, "m m"]
+    motion: Float[Array, "n n"]
+
+
+class _Decided(NamedTuple):
+    """The split, its rank, the smallest kept singular value and whether the rank is clear."""
+
+    parts: Split
+    rank: Int[Array, ""]
+    kept: Float[Array, ""]
+    decision: Decision
+
+
+def split(
+    scaled: Float[Array, "m n"], violation: Float[Array, ""], rank: Int[Array, ""] | None
+) -> tuple[Split, Spectrum]:
+    """Decide the rank of the scaled Jacobian, or take it declared; K^+, P and Z are differentiable at that rank.
+
+    Off the manifold by a relative distance v, a permanently redundant row shows a singular value of the size of v, and
+    the decomposition one of a few roundings. Where points have few digits that value is the change of their misfit
+    along the motion, v the misfit itself, and now and then many times smaller. The tolerance is 30 times both; what
+    is kept must lie 10 times above it, and what is dropped below 30 v and rounding, or the rank is ambiguous.
+    """
+    still, violation = jax.lax.stop_gradient((scaled, violation))
+    rank = None if rank is None else jnp.asarray(rank, int)
+    tolerance = 30 * (_noise(still) + violation)
+    found = in_chunks(_decided, still, violation, tolerance, rank)
+    values = _relative(_singular_values(still))
+    dropped = _dropped(values, found.rank)
+    gap = jnp.where(dropped > 0, _kept(values, found.rank) / jnp.where(dropped > 0, dropped, 1.0), jnp.inf)
+    return _following(scaled, found.parts), Spectrum(values, found.rank, tolerance, gap, found.decision, found.kept)
+
+
+def _decided(scaled: Array, violation: Array, tolerance: Array, rank: Array | None) -> _Decided:
+    """By multiplication, or where its bounds prove nothing by decomposition."""
+
+    def decomposed(state: tuple[_Decided, Array]) -> tuple[_Decided, Array]:
+        unproved = jnp.where(state[1], 0.0, scaled)  # XLA would move what does not change out of the loop, and run it
+        return _decomposed(unproved, violation, tolerance, rank), jnp.asarray(True)
+
+    start = _multiplied(scaled, violation, tolerance, rank)
+    return jax.lax.while_loop(lambda state: ~state[1], decomposed, start)[0]
+
+
+@jax.custom_batching.sequential_vmap  # batched, it could run beside another LAPACK call, and both can hang
+def _singular_values(scaled: Array) -> Array:
+    return jnp.linalg.svd(scaled, compute_uv=False)
+
+
+def _relative(values: Array) -> Array:
+    return values / jnp.maximum(values[0], jnp.finfo(values.dtype).tiny)
+
+
+def _kept(values: Array, rank: Array) -> Array:
+    return jnp.where(rank > 0, values[jnp.clip(rank - 1, 0)], jnp.inf)
+
+
+def _dropped(values: Array, rank: Array) -> Array:
+    return jnp.append(values, jnp.zeros((), values.dtype))[jnp.clip(rank, 0, values.size)]
+
+
+def _noise(scaled: Array) -> float:
+    """Rounding of a decomposition, relative to sigma_1."""
+    return max(scaled.shape) * float(jnp.finfo(scaled.dtype).eps)
+
+
+def _rounding(scaled: Array) -> float:
+    """What a decomposition leaves of a singular value that is zero, relative to sigma_1."""
+    return 10 * float(jnp.finfo(scaled.dtype).eps)
+
+
+def _multiplied(
+    scaled: Array, violation: Array, tolerance: Array, rank: Array | None
+) -> tuple[_Decided, Bool[Array, ""]]:
+    """The decision by multiplication alone, and whether its bounds prove it."""
+    m, n = scaled.shape
+    one, eps = jnp.eye(m, dtype=scaled.dtype), float(jnp.finfo(scaled.dtype).eps)
+    size, gram = _gram(scaled)
+    factor = jnp.linalg.cholesky(gram + eps**_DELTA * one)
+    half = jax.lax.linalg.triangular_solve(factor, one, lower=True)
+    inverse = (scaled.T / size @ half.T) @ half
+    for _ in range(_STEPS):
+        inverse = 2 * inverse - inverse @ (scaled @ inverse)
+    image = scaled @ inverse
+    stress = _symmetric(one - image)  # its eigenvalues lie between 0 and 1
+    between = jnp.sum(jnp.diagonal(stress)) - jnp.sum(stress**2)
+    stress = stress - 2 * _symmetric(stress @ image)
+    inverse = inverse - inverse @ stress
+    motion = _symmetric(jnp.eye(n, dtype=scaled.dtype) - inverse @ scaled)
+    largest = _largest(size, gram)
+    kept = 1 / (largest * _largest(*_gram(inverse)))
+    found = m - jnp.round(jnp.sum(jnp.diagonal(stress))).astype(int)
+    parts = _cleaned(scaled, inverse, stress, motion, found, kept)
+    proved = (
+        (between <= _noise(scaled) / kept)
+        & (jnp.linalg.norm(parts.stress @ scaled) <= (_rounding(scaled) + violation) * largest)
+        & (kept >= 10 * tolerance)
+        & (True if rank is None else found == rank)
+    )
+    return _Decided(parts, found, kept, Decision(kept / tolerance)), proved
+
+
+def _gram(matrix: Array) -> tuple[Array, Array]:
+    """|A|_F^2, or 1 if it is zero, and A A^T over it."""
+    size = jnp.sum(matrix**2)
+    size = jnp.where(size > 0, size, 1.0)
+    return size, matrix @ (matrix.T / size)
+
+
+def _largest(size: Array, gram: Array) -> Array:
+    """A bound above the largest singular value, from A A^T; it is at most r^(1/16) too large."""
+    for _ in range(2):
+        gram = gram @ gram
+    return jnp.sqrt(size) * jnp.sum(gram**2) ** (1 / 16)
+
+
+def _symmetric(matrix: Array) -> Array:
+    return (matrix + matrix.T) / 2
+
+
+def _decomposed(scaled: Array, violation: Array, tolerance: Array, rank: Array | None) -> _Decided:
+    """The decision by singular value decomposition."""
+    u, sigma, vt = jnp.linalg.svd(scaled, full_matrices=False)
+    values = _relative(sigma)
+    found = jnp.sum(values > tolerance) if rank is None else rank
+    kept = _kept(values, found)
+    if rank is None:
+        dropped = _dropped(values, found)
+        explained = CLEAR * (_rounding(scaled) + 30 * violation) / jnp.where(dropped > 0, dropped, 1.0)
+        margin = jnp.minimum(kept / tolerance, jnp.where(dropped > 0, explained, jnp.inf))
+    else:
+        possible = (rank >= 0) & (rank <= values.size)
+        margin = jnp.where(possible, CLEAR * kept / (3 * _noise(scaled)), 0.0)
+    counted = jnp.arange(sigma.size) < found
+    inverse = vt.T @ (jnp.where(counted, 1 / jnp.where(counted, sigma, 1.0), 0.0)[:, None] * u.T)
+    stress, motion = (jnp.eye(side.shape[0], dtype=u.dtype) - (side * counted) @ side.T for side in (u, vt.T))
+    return _Decided(_cleaned(scaled, inverse, stress, motion, found, kept), found, kept, Decision(margin))
+
+
+def _cleaned(scaled: Array, inverse: Array, stress: Array, motion: Array, rank: Array, kept: Array) -> Split:
+    """The split; rows and columns of projectors that are rounding are zero, as a soft row would magnify them."""
+
+    def cleaned(projector: Array) -> Array:
+        true = (jnp.linalg.norm(projector, axis=1) > _noise(scaled) / kept) & (rank < projector.shape[0])
+        return jnp.where(true[:, None] & true, projector, 0.0)
+
+    return Split(inverse, cleaned(stress), cleaned(motion))
+
+
+@jax.custom_jvp
+def _following(scaled: Array, parts: Split) -> Split:
+    """The split with its derivative at constant rank."""
+    return parts
+
+
+@_following.defjvp
+def _following_jvp(primals: tuple, tangents: tuple) -> tuple[Split, Split]:
+    change = tangents[0]  # derivation: module docstring
+    inverse, stress, motion = out = _following(*primals)
+    stress_part = stress @ change @ inverse
+    motion_part = inverse @ change @ motion
+    inverse_dot = (
+        -inverse @ change @ inverse + inverse @ inverse.T @ change.T @ stress + motion @ change.T @ inverse.T @ inverse
+    )
+    return out, Split(inverse_dot, -stress_part - stress_part.T, -motion_part - motion_part.T)

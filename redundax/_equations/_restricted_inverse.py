@@ -1,0 +1,127 @@
+"""Inverse of a symmetric matrix restricted to a subspace that is known by its projector alone.
+
+    G = V (V^T A V)^-1 V^T = P (P A P + w (I - P))^-1 P,   P = V V^T,   A positive semidefinite
+
+Of one direction v, as most mechanisms have of motions and of self-stress, G = v v^T / (v^T A v) needs neither a product
+nor a factor of matrices. Of more, P A P loses the small entries of an A whose entries differ by orders of magnitude;
+steps G + G (I - A G) of refinement, which know A itself, bring them back.
+
+Whether V^T A V is positive definite is asked of A itself along the direction that G magnifies most, the largest column
+of G: one step of inverse iteration from the direction of least energy. P is tilted by rounding over the smallest kept
+singular value; a direction without energy has the square of that tilt, because A is semidefinite. Of more directions
+tr(G A) must be their number too, as it is not where rounding stands in for an energy.
+
+With G A G = G, P G = G and P A G = P on the subspace, its derivative is
+
+    dG = T + T^T - G dA G,   T = (I - G A) dP G.
+
+Where V^T A V is not positive definite G is zero, value and derivative, so that one bad sample leaves the gradient of
+a batch alone; the flag beside it says so.
+"""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from .._system._decision import CLEAR, Decision
+from .._tools._chunks import in_chunks
+from .._tools._module import of_any
+
+_STEPS = 2  # of refinement
+_SETTLED = 0.01  # of a direction that tr(G A) may miss
+
+
+@jax.custom_jvp
+def restricted_inverse(
+    matrix: Float[Array, "n n"],
+    projector: Float[Array, "n n"],
+    dimension: Int[Array, ""],
+    kept: Float[Array, ""],
+    after: Float[Array, ""],
+) -> tuple[Float[Array, "n n"], Bool[Array, ""], Decision]:
+    """G, whether the restriction is positive definite, and the decision about that with its margin.
+
+    `dimension` is the rank of the projector, `kept` the smallest kept singular value of the matrix that it belongs to,
+    relative to the largest: by its inverse rounding is magnified in P. `after` is a finite number that must be computed
+    first: two LAPACK calls that XLA runs at the same time can wait for each other for good on small CPUs.
+    """
+    return in_chunks(_inverse, matrix, projector, dimension, kept, after)
+
+
+def _inverse(
+    matrix: Array, projector: Array, dimension: Array, kept: Array, after: Array
+) -> tuple[Array, Bool[Array, ""], Decision]:
+    one = _of_one_direction(matrix, projector, kept)
+
+    def of_several() -> tuple[Array, Array]:
+        several = _of_several_directions(matrix, projector, dimension, kept, after)
+        return jax.tree.map(lambda a, b: jnp.where(dimension > 1, a, b), several, one)
+
+    inverse, margin = jax.lax.cond(of_any(dimension > 1), of_several, lambda: one)
+    none = dimension <= 0
+    decision = Decision(jnp.where(none, jnp.inf, margin))
+    return jnp.where(decision.is_yes & ~none, inverse, 0.0), decision.is_yes, decision
+
+
+def _of_one_direction(matrix: Array, projector: Array, kept: Array) -> tuple[Array, Array]:
+    """The inverse on the direction that the column of the largest pivot has, and the margin of its energy."""
+    v = _largest_column(projector)
+    energy, noise = _energy(matrix, projector, v, kept)
+    return jnp.outer(v, v) / jnp.where(energy > 0, energy, 1.0), energy / noise
+
+
+def _of_several_directions(
+    matrix: Array, projector: Array, dimension: Array, kept: Array, after: Array
+) -> tuple[Array, Array]:
+    """The inverse on two directions or more, and the margin of the least energy."""
+    one = jnp.eye(matrix.shape[0], dtype=matrix.dtype)
+    rounding = matrix.shape[0] * jnp.finfo(matrix.dtype).eps
+    restricted = projector @ matrix @ projector
+    weight = jnp.trace(restricted) / jnp.maximum(dimension, 1)
+    weight = jnp.where(weight > 0, weight, 1.0)
+    regular = restricted / weight + (one - projector)
+    shift = rounding * jnp.diag(jnp.diagonal(regular))  # without it a direction without energy often has no factor
+    factor = jnp.linalg.cholesky(regular + shift + 0.0 * after)
+    half = jax.scipy.linalg.solve_triangular(factor, projector, lower=True)
+    start = half.T @ half / weight
+
+    inverse, image = start, matrix @ start
+    for _ in range(_STEPS):
+        inverse = inverse + inverse @ (one - image)
+        image = matrix @ inverse
+    energy, noise = _energy(matrix, projector, _largest_column(start), kept)
+    margin = jnp.where(jnp.all(jnp.isfinite(factor)), energy / noise, 0.0)  # no factor: an energy below zero
+    settled = jnp.abs(jnp.trace(image) - dimension) <= _SETTLED
+    return inverse, jnp.where(settled, margin, jnp.minimum(margin, 0.5 * CLEAR))
+
+
+def _largest_column(matrix: Array) -> Array:
+    """The column of the largest diagonal entry of a symmetric matrix, as a unit vector; zero if it is."""
+    column = matrix[jnp.argmax(jnp.diagonal(matrix))]
+    size = jnp.linalg.norm(column)
+    return column / jnp.where(size > 0, size, 1.0)
+
+
+def _energy(matrix: Array, projector: Array, v: Array, kept: Array) -> tuple[Array, Array]:
+    """v^T A v, and what rounding can make of it where it is zero.
+
+    Entries of v are tilted by up to a rounding over `kept`, but not those that stand alone (a zero row of I - P).
+    """
+    rounding = matrix.shape[0] * jnp.finfo(matrix.dtype).eps
+    other = jnp.abs(jnp.eye(matrix.shape[0], dtype=matrix.dtype) - projector)
+    tilted = jnp.where(jnp.any(projector != 0, axis=1), jnp.minimum(100 * jnp.diagonal(other), 1.0), 0.0)
+    sizes = tilted * jnp.abs(jnp.diagonal(matrix))
+    tilt = (rounding / jnp.minimum(kept, 1.0)) ** 2 * jnp.minimum(100 * jnp.sum((other @ jnp.abs(v)) ** 2), 1.0)
+    noise = 10 * (rounding * (jnp.abs(v) @ (jnp.abs(matrix) @ jnp.abs(v))) + tilt * jnp.sum(sizes))
+    return v @ (matrix @ v), jnp.where(noise > 0, noise, 1.0)
+
+
+@restricted_inverse.defjvp
+def _restricted_inverse_jvp(primals: tuple, tangents: tuple) -> tuple:
+    d_matrix, d_projector = tangents[:2]
+    inverse, definite, decision = out = restricted_inverse(*primals)
+    matrix = jnp.where(definite, primals[0], 0.0)
+    part = d_projector @ inverse
+    part = part - inverse @ (matrix @ part)
+    change = part + part.T - inverse @ d_matrix @ inverse
+    return out, (change, jnp.zeros(definite.shape, jax.dtypes.float0), jax.tree.map(jnp.zeros_like, decision))

@@ -1,0 +1,71 @@
+"""Scaled variables, in which lengths and angles compare.
+
+    K = D^-1 Phi_q S,   S = diag(1 for linear, 1/L for angular coordinates),   D = row norms of Phi_q S,
+
+with L a length of the mechanism that carries the length unit. A row that is rounding beside the others of its kind
+counts as zero and is measured against them. Velocities, accelerations and displacements are S
+times the scaled ones, multipliers D^-1 times. Derivatives treat the scales as constants, because no result
+depends on them.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax.typing import DTypeLike
+from jaxtyping import Array, Float
+
+from .._system._state import State
+from .._system._system import AbstractSystem
+from ._kinematics import second_order
+
+
+class Scaling(NamedTuple):
+    """S, shape (n,), D, shape (m,), the length L, which turns angles to lengths, and the size: that of a radian."""
+
+    coordinates: Float[Array, " n"]
+    rows: Float[Array, " m"]
+    length: Float[Array, ""]
+    size: Float[Array, ""]
+
+
+def largest_violation(dtype: DTypeLike) -> float:
+    """How far off the manifold a state may be, relative to the size of the mechanism: 1e-6 in float64."""
+    return float(jnp.finfo(dtype).eps) ** 0.375
+
+
+def scaling(
+    system: AbstractSystem, state: State, jacobian: Float[Array, "m n"], turned: Float[Array, " m"] | None = None
+) -> Scaling:
+    """The scales of the Jacobian of a system; `turned` is that of `second_order` where it is there already."""
+    turned = second_order(system, state)[2] if turned is None else turned
+    mass = jnp.diagonal(system.mass(state.q, state.t))
+    length = _length(*jax.lax.stop_gradient((jacobian, jnp.asarray(system.radian) * turned, mass)), system)
+    rows = system.rows.angular
+    columns = jnp.where(system.coordinates.angular, 1 / length, 1.0).astype(jacobian.dtype)
+    norms = jnp.linalg.norm(jax.lax.stop_gradient(jacobian) * columns, axis=1)
+    largest = jnp.where(rows, *(jnp.max(norms * mask, initial=0.0) for mask in (rows, ~rows)))
+    largest = jnp.where(largest > 0, largest, 1.0)
+    floor = 100 * jnp.finfo(norms.dtype).eps * largest
+    return Scaling(columns, jnp.where(norms > floor, norms, largest), length, length * system.radian)
+
+
+def _length(jacobian: Array, turned: Array, mass: Array, system: AbstractSystem) -> Float[Array, ""]:
+    """A length of the mechanism: how far angular coordinates move force-type rows.
+
+    It is |(Phi_phi, Phi'')| / |Phi_r| over the force-type rows, Eq. (15), where Phi'' is their second derivative, times
+    a radian, as all bodies turn: it sees the arms that point along the constraint, which Phi_phi does not. Where these
+    rows do not have both parts it is |Ups_phi| / |Ups_r| over the moment-type rows, where nothing has both the radius
+    of gyration of all masses, and without that 1.
+    """
+    square = jacobian**2
+    angular, moment = system.coordinates.angular, system.rows.angular
+    inertia, heft = jnp.sum(mass[angular]), jnp.sum(mass[~angular])
+    some = (inertia > 0) & (heft > 0)
+    length = jnp.where(some, jnp.sqrt(inertia / jnp.where(some, heft, 1.0)), 1.0).astype(square.dtype)
+    for mask, extra in ((moment, 0.0), (~moment, jnp.sum(turned[~moment] ** 2))):  # the last that has both parts wins
+        linear_part = jnp.sum(square[mask][:, ~angular])
+        angular_part = jnp.sum(square[mask][:, angular]) + extra
+        both = (linear_part > 0) & (angular_part > 0)
+        length = jnp.where(both, jnp.sqrt(angular_part / jnp.where(both, linear_part, 1.0)), length)
+    return length

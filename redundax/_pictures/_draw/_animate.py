@@ -1,0 +1,165 @@
+"""The motion of a planar mechanism as a moving picture, with joint loads as arrows to one scale
+
+The limits of the axes and the scale of the arrows are those that all frames need.
+"""
+
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import jax
+import numpy as np
+
+from ..._bodies._mechanism import Mechanism
+from ..._bodies._reactions import joint_wrenches
+from ..._motion._trajectory import Trajectory
+from ._arrows import FORCES, LOADS, Arrow, Arrows, draw_arrows, on_bodies
+from ._bodies import draw_bodies
+from ._draw import applied_arrows, check, framed, joint_labels, new_axes, smaller
+from ._key import draw_key
+from ._labels import place
+from ._pen import Pen
+from ._scene import Scene, scene
+from ._style import FONT, LABEL_Z
+from ._symbols import draw_joints, draw_springs
+
+if TYPE_CHECKING:
+    from matplotlib.animation import FuncAnimation
+
+_STRIP = 18.0  # points above the mechanism for the time
+
+
+class _Frame(NamedTuple):
+    """A time, what there is to draw at it, and the loads of joints and from outside."""
+
+    t: float
+    stage: Scene
+    loads: list[Arrow]
+    applied: list[Arrow]
+
+
+def animate(
+    mechanism: Mechanism,
+    trajectory: Trajectory,
+    path: str | Path | None = None,
+    *,
+    fps: int = 25,
+    loads: bool = True,
+    names: bool = True,
+    scale: float | None = None,
+) -> "FuncAnimation":
+    """A moving picture of a planar mechanism, with joint loads as arrows. Needs matplotlib.
+
+    It looks as with `draw`, without values: a key above gives the scale of the arrows of forces, which is one for all
+    frames; those of moments only show the sense. Arrows are left out where multipliers are not known, as after the
+    mechanism came to rest by friction.
+
+    ??? example
+
+        ```python
+        crank = rx.mechanisms.parallelogram(3)
+        times = jnp.arange(0.0, 0.2, 1 / 25)  # one frame each: in real time at 25 frames a second
+        motion = rx.simulate(crank, crank.state(0.5, rate=1.0), 0.2, ts=times)
+        film = rx.animate(crank, motion, "crank.gif")
+        film = rx.animate(crank, motion)  # in a notebook: IPython.display.HTML(film.to_jshtml())
+        ```
+
+    **Arguments:**
+
+    - `mechanism`, `trajectory`: as given to and by `simulate`; each of its times is a frame, but for those that the
+      motion did not get to.
+    - `path`: a file ".gif", or ".html" that any browser plays; none is written if not given.
+    - `fps`: frames a second.
+    - `loads`: whether joint loads are drawn: what each joint does to its body i, as in `draw`.
+    - `names`: whether joints are named.
+    - `scale`: length of the arrows, metres on the drawing for each newton; by default that of the longest is fixed.
+
+    **Returns:** a `matplotlib.animation.FuncAnimation`, to show or save in other ways.
+
+    **Raises:** `ValueError` for arguments that do not fit, and where the trajectory has no frame.
+    """
+    from matplotlib.animation import FuncAnimation, PillowWriter
+    from matplotlib.figure import Figure
+
+    check(mechanism, scale)
+    target = _checked(mechanism, trajectory, path, fps)
+    frames = _frames(mechanism, trajectory, loads)
+    figure = Figure()  # without a window, whose idle drawing would do every frame twice
+    update = _painter(figure, frames, names, scale)
+    film = FuncAnimation(figure, update, len(frames), list, interval=1000.0 / fps, cache_frame_data=False)
+    if target is not None and target.suffix == ".gif":
+        film.save(target, PillowWriter(fps=fps))  # pyright: ignore[reportArgumentType]
+    elif target is not None:
+        target.write_text(film.to_jshtml(fps=fps), encoding="utf-8")
+    return film
+
+
+def _checked(mechanism: Mechanism, trajectory: Trajectory, path: str | Path | None, fps: int) -> Path | None:
+    n = len(mechanism.coordinates)
+    if trajectory.q.ndim != 2 or trajectory.q.shape[1] != n:
+        raise ValueError(
+            f"Argument `trajectory` must be one motion of the mechanism, with q of shape (times, {n}), but has "
+            f"{trajectory.q.shape}. Take one of a batch with `jax.tree.map(lambda x: x[0], batch)`."
+        )
+    if not np.any(np.all(np.isfinite(trajectory.q), axis=1)):
+        raise ValueError(
+            "Argument `trajectory` must have at least one position that is finite, but has none. "
+            "Look at the `result` of the motion."
+        )
+    if not fps > 0:
+        raise ValueError(f"Argument `fps` must be positive, but is {fps}. Give frames a second: 25, say.")
+    target = None if path is None else Path(path)
+    if target is not None and (target.suffix not in (".gif", ".html") or not target.resolve().parent.is_dir()):
+        raise ValueError(
+            f"Argument `path` must end in .gif or .html and lie in a folder that exists, but is {path}. "
+            "Leave it out to write no file."
+        )
+    return target
+
+
+def _frames(mechanism: Mechanism, trajectory: Trajectory, loads: bool) -> list[_Frame]:
+    out = []
+    for k in np.flatnonzero(np.all(np.isfinite(trajectory.q), axis=1)):
+        state = jax.tree.map(lambda x, k=k: x[k], trajectory.states)
+        stage, lam = scene(mechanism, state), np.asarray(trajectory.multipliers[k], float)
+        known = loads and bool(np.all(np.isfinite(lam)))
+        arrows = on_bodies(stage, joint_wrenches(mechanism, state, lam)) if known else []
+        out.append(_Frame(float(state.t), stage, arrows, applied_arrows(stage)))
+    return out
+
+
+def _painter(figure: Any, frames: list[_Frame], names: bool, scale: float | None) -> Any:
+    """Axes that fit all frames, and the function that draws one of them."""
+
+    def sized(figsize: tuple[float, float]) -> Any:
+        figure.set_size_inches(*figsize)
+        return figure
+
+    points = np.concatenate([frame.stage.points() for frame in frames])
+    loads = Arrows(dataclasses.replace(LOADS, text="joint load"), [arrow for frame in frames for arrow in frame.loads])
+    applied = Arrows(FORCES, [arrow for frame in frames for arrow in frame.applied])
+    groups = [loads] if loads.arrows else []
+    stage = frames[0].stage
+    axes = new_axes(sized, points, stage, groups, _STRIP)
+    point, head = framed(axes, points, stage, [*groups, applied], scale, _STRIP)
+    small = smaller(stage.spacing(), point)
+    draw_key(Pen(axes, point), groups, stage.gravity)
+    left, ceiling = axes.get_xlim()[0], axes.get_ylim()[1] - head * point
+    at = (left + 8.0 * point, ceiling + 0.5 * _STRIP * point)
+    clock = axes.text(*at, "", fontsize=FONT, va="center", zorder=LABEL_Z, gid="time")
+    fixed = set(axes.get_children())
+
+    def update(number: int) -> list[Any]:
+        for artist in set(axes.get_children()) - fixed:
+            artist.remove()
+        frame, pen = frames[number], Pen(axes, point * small, small)
+        clock.set_text(f"t = {frame.t:.3f} s")
+        draw_bodies(pen, frame.stage)
+        draw_joints(pen, frame.stage)
+        draw_springs(pen, frame.stage)
+        shown = [dataclasses.replace(loads, arrows=frame.loads), dataclasses.replace(applied, arrows=frame.applied)]
+        draw_arrows(pen, frame.stage, shown)
+        place(pen, joint_labels(pen, frame.stage) if names else [], ceiling)
+        return []
+
+    return update

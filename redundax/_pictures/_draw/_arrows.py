@@ -1,0 +1,158 @@
+"""Loads as arrows: forces to scale, moments as circular arrows with their values.
+
+Force and moment are those of the joint on its body i. An arrow starts at the joint and is |force| * scale long.
+"""
+
+import dataclasses
+
+import numpy as np
+
+from ..._bodies._reactions import moved
+from ._labels import LENIENT, STRICT, Label, around
+from ._pen import Pen, across
+from ._scene import Scene
+from ._style import APPLIED, ARROW_Z, LOAD, STRESS, TURN, dark, quantity
+
+LONGEST = 62.0  # points, of the longest arrow unless a scale is given
+_FIXED = 32.0  # points, of an arrow that is not to scale
+_SMALLEST = 1e-4  # of the largest load; what is below is rounding or cannot be seen
+
+
+@dataclasses.dataclass(frozen=True)
+class Look:
+    """How loads of one kind are drawn, and what the key calls them."""
+
+    gid: str
+    fill: str
+    edge: str
+    text: str
+
+
+LOADS = Look("load", LOAD, "white", "joint load on the named body")
+STRESSES = Look("self-stress", "white", STRESS, "self-stress on the named body")
+FORCES = Look("applied", APPLIED, "white", "")
+
+
+@dataclasses.dataclass(frozen=True)
+class Arrow:
+    """Force (2,), N, and moment, N m, on a body at the global point `at`; a pure moment may be shown at `spot`."""
+
+    name: str
+    body: str
+    at: np.ndarray
+    spot: np.ndarray
+    force: np.ndarray
+    moment: float
+
+    @property
+    def size(self) -> float:
+        """|force|, N."""
+        return float(np.hypot(*self.force))
+
+
+@dataclasses.dataclass
+class Arrows:
+    """Loads of one look; `scale` is the length of an arrow in data units for 1 N, None where not to scale."""
+
+    look: Look
+    arrows: list[Arrow]
+    scale: float | None = None
+
+    def largest(self) -> float:
+        """Largest force, N."""
+        return max((each.size for each in self.arrows), default=0.0)
+
+    def vector(self, each: Arrow, point: float) -> np.ndarray:
+        """The arrow of a force in data units."""
+        if self.scale is not None:
+            return each.force * self.scale
+        return each.force / max(each.size, 1e-300) * _FIXED * point
+
+
+def on_bodies(scene: Scene, wrenches: list[tuple[np.ndarray, np.ndarray]]) -> list[Arrow]:
+    """Loads of the joints on their bodies i, without rounding."""
+    out = []
+    for joint in scene.joints:
+        force, moment = (part[joint.member] for part in wrenches[joint.group])
+        body = scene.names[joint.i] if joint.i < scene.ground else "ground"
+        about = float(moved(moment, force, joint.on_i - scene.centres[joint.i]))
+        out.append(Arrow(joint.name, body, joint.on_i, joint.spot, force, about))
+    size = float(np.ptp(scene.points(), axis=0).max()) or 1.0
+    least = _SMALLEST * max((max(a.size, abs(a.moment) / size) for a in out), default=0.0)
+    kept = []
+    for each in out:
+        force = np.where(np.abs(each.force) > least, each.force, 0.0)
+        moment = each.moment if abs(each.moment) > least * size else 0.0
+        if np.any(force) or moment:
+            kept.append(dataclasses.replace(each, force=force, moment=moment))
+    return kept
+
+
+def draw_arrows(pen: Pen, scene: Scene, groups: list[Arrows]) -> list[Label]:
+    """Draw all loads and return the labels with their values."""
+    labels: list[Label] = []
+    drawn: list[tuple[np.ndarray, np.ndarray]] = []
+    turns: list[np.ndarray] = []
+    for group in groups:
+        look = group.look
+        style = {"fill": look.fill, "edge": look.edge, "linewidth": line_width(look)}
+        for number, each in enumerate(group.arrows):
+            name, text = each.name or str(number), _text(each, group)
+            if np.any(each.force):
+                vector = group.vector(each, pen.point)
+                tail = _beside(pen, each.at, vector, drawn)
+                pen.arrow(tail, tail + vector, z=ARROW_Z, gid=f"{look.gid} force {name}", **style)
+                labels.append(_at_tip(pen, tail, vector, each, look, text.format(quantity(each.size, "N"))))
+            if each.moment:
+                at = each.at if np.any(each.force) else each.spot
+                radius = TURN + 6.0 * sum(np.hypot(*(at - other)) < 4.0 * pen.point for other in turns)
+                radius += 6.0 * any(j.axis is not None and np.hypot(*(j.on_i - at)) < pen.point for j in scene.joints)
+                turns.append(at)
+                pen.turn(at, radius, each.moment > 0, z=ARROW_Z + 0.1, gid=f"{look.gid} moment {name}", **style)
+                labels.append(_at_turn(pen, at, radius, each, look, text.format(quantity(each.moment, "N m"))))
+    return labels
+
+
+def _text(each: Arrow, group: Arrows) -> str:
+    """What stands beside an arrow; the joint is named where several act on the same body."""
+    alike = [other for other in group.arrows if other.body == each.body and other.name]
+    return (f"{each.name}: " if len(alike) > 1 else "") + "{}" + (f" on {each.body}" if each.body else "")
+
+
+def line_width(look: Look) -> float:
+    """Width of an arrow's edge, points."""
+    return 1.2 if look.fill == "white" else 0.6
+
+
+def _colour(look: Look) -> str:
+    return dark(look.edge if look.fill == "white" else look.fill, 0.8)
+
+
+def _beside(pen: Pen, at: np.ndarray, vector: np.ndarray, drawn: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+    """The tail of an arrow: the joint, or beside it where the arrow would lie on other ones."""
+    length = np.hypot(*vector)
+    unit, covered = vector / length, 0
+    for place, other in drawn:
+        start, end = sorted([(place - at) @ unit, (place + other - at) @ unit])
+        aligned = abs(other @ unit) > 0.97 * np.hypot(*other) and abs((place - at) @ across(unit)) < 4.0 * pen.point
+        covered += aligned and end > 2.0 * pen.point and start < length - 2.0 * pen.point
+    drawn.append((at, vector))
+    return at + across(unit) * 6.0 * pen.point * covered
+
+
+def _at_tip(pen: Pen, tail: np.ndarray, vector: np.ndarray, each: Arrow, look: Look, text: str) -> Label:
+    """The value at the arrow's tip, or beside its shaft."""
+    beyond = around(pen, tail + vector, 2.0, vector)
+    side = across(vector) / np.hypot(*vector)
+    shaft = [tail + share * vector + sign * 3.0 * pen.point * side for share in (0.8, 0.5) for sign in (1, -1)]
+    normals, costs = np.array([side, -side, side, -side]), np.array([4.0, 4.0, 6.0, 6.0])
+    places = [np.concatenate(pair) for pair in zip(beyond, (np.array(shaft), normals, costs), strict=True)]
+    gid = f"{look.gid} force value {each.name}"
+    return Label(text, gid, *places, colour=_colour(look), rank=2, patience=STRICT, leader=False)
+
+
+def _at_turn(pen: Pen, at: np.ndarray, radius: float, each: Arrow, look: Look, text: str) -> Label:
+    gid = f"{look.gid} moment value {each.name}"
+    return Label(
+        text, gid, *around(pen, at, radius + 4.0), colour=_colour(look), rank=2, patience=LENIENT, leader=False
+    )

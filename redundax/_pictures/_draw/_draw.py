@@ -1,0 +1,296 @@
+"""A planar mechanism at a state as a picture, with self-stress and joint loads as arrows to scale
+
+load of a joint on its body i = -(d Phi / d pose_i)^T lam,   length of an arrow = scale * |force|
+"""
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jax.typing import ArrayLike
+
+from ..._analysis._analyze import analyze
+from ..._bodies._mechanism import Mechanism
+from ..._bodies._reactions import joint_wrenches
+from ..._system._state import State
+from ._arrows import FORCES, LOADS, LONGEST, STRESSES, Arrow, Arrows, draw_arrows, on_bodies
+from ._bodies import draw_bodies
+from ._key import draw_key, key_height
+from ._labels import Label, around, place
+from ._pen import Pen
+from ._scene import Scene, scene
+from ._style import BLOCK, PIN, body_colour, dark
+from ._symbols import applied_loads, draw_joints, draw_springs
+
+if TYPE_CHECKING:
+    import matplotlib.axes
+
+_PAD = np.array([34.0, 34.0])  # points between the mechanism and the edge of the axes
+_WIDER = np.array([26.0, 0.0])  # points more for values of loads
+_ROOM = np.array([330.0, 280.0])  # points, of the mechanism in a new figure unless it is dense
+_SPACING = 40.0  # points between joints, below which symbols are drawn smaller
+_COMPARABLE = 4.0  # applied forces over joint loads, above which they have no common scale
+_SIZES = (380.0, 200.0), (930.0, 620.0)  # points, least and largest width and height of a new figure
+
+
+def draw(
+    mechanism: Mechanism,
+    state: State,
+    *,
+    axes: "matplotlib.axes.Axes | None" = None,
+    self_stress: int | ArrayLike | Sequence[float] | None = None,
+    multipliers: ArrayLike | Sequence[float] | None = None,
+    names: bool = True,
+    scale: float | None = None,
+) -> "matplotlib.axes.Axes":
+    """Draw a planar mechanism at a state, and joint loads as arrows. Needs matplotlib.
+
+    Bodies are rounded bars or plates spanned by their joints and centre of mass. Circles are revolute joints, blocks
+    between rails translational ones, dark pins in white slots pin-in-slot joints, black squares fixed joints, M a
+    driven angle, a cylinder a driven distance, diamonds joints of other kinds; hatching is the ground. The arrow of a
+    joint starts at the joint and is what the joint does to its **body i**: -lam for a revolute joint, +lam along the
+    normal for a translational one, and in general -(d residual / d pose_i)^T lam, moments about the joint's point on
+    body i. Moments are circular arrows, counterclockwise where positive, with their values in N m. Loads below 1e-4
+    of the largest are left out, and so are values and, in very dense pictures, names that would cover other ones.
+    Applied forces are black, to the scale of `multipliers` where these are given and not four times smaller.
+    Couplings of angles look like gears, or belts where both bodies turn in the same sense; neither's force is there.
+
+    ??? example
+
+        ```python
+        axes = rx.draw(mechanism, state, multipliers=rx.solve(mechanism, state).multipliers)
+        axes.figure.savefig("loads.png")
+        ```
+
+    **Arguments:**
+
+    - `mechanism`, `state`: concrete values; lengths are labelled as metres.
+    - `axes`: matplotlib axes to draw on, whose limits are set; those of a new pyplot figure if not given.
+    - `self_stress`: a self-stress state as open arrows: its values (m,), or its index in
+      `analyze(mechanism, state).self_stress`.
+    - `multipliers`: lam, shape (m,), N and N m, as filled arrows: those of a solution, say.
+    - `names`: whether joints and bodies are named.
+    - `scale`: length of the arrows, metres on the drawing for each newton; by default the longest arrow of either
+      kind has a fixed length on paper. A key states it.
+
+    **Returns:** the axes. Artists have telling group ids: "body 2", "load force A", "self-stress moment K", ...
+    """
+    check(mechanism, scale)
+    _check_state(mechanism, state)
+    stage = scene(mechanism, state)
+    groups = []
+    if self_stress is not None:
+        lam = _stress(mechanism, state, self_stress)
+        groups.append(Arrows(STRESSES, on_bodies(stage, joint_wrenches(mechanism, state, lam))))
+    if multipliers is not None:
+        lam = _vector("multipliers", multipliers, mechanism)
+        groups.append(Arrows(LOADS, on_bodies(stage, joint_wrenches(mechanism, state, lam))))
+    applied = Arrows(FORCES, applied_arrows(stage))
+    if axes is None:
+        from matplotlib import pyplot
+
+        axes = new_axes(pyplot.figure, stage.points(), stage, groups)
+    point, head = framed(axes, stage.points(), stage, [*groups, applied], scale)
+    small = smaller(stage.spacing(), point)
+    pen = Pen(axes, point * small, small)
+    outlines = draw_bodies(pen, stage)
+    draw_joints(pen, stage)
+    draw_springs(pen, stage)
+    values = draw_arrows(pen, stage, [*groups, applied])
+    draw_key(Pen(axes, point), groups, stage.gravity)
+    named = [*joint_labels(pen, stage), *_body_labels(pen, stage, outlines)] if names else []
+    place(pen, [*named, *values], axes.get_ylim()[1] - head * point)
+    return axes
+
+
+def check(mechanism: Any, scale: float | None) -> None:
+    """Refuse what cannot be drawn."""
+    if not isinstance(mechanism, Mechanism):
+        raise ValueError(
+            f"Argument `mechanism` must be a planar `Mechanism`, but is a {type(mechanism).__name__}, "
+            "which has no bodies and joints to draw. Build it with `rx.Mechanism`."
+        )
+    if not mechanism.body_names:
+        raise ValueError("Argument `mechanism` must have its names, but is anonymous. Draw the one it was made from.")
+    if scale is not None and not scale > 0:
+        raise ValueError(
+            f"Argument `scale` must be positive, metres on the drawing for each newton, but is {scale}. "
+            "Leave it out for one that fits."
+        )
+
+
+def _check_state(mechanism: Mechanism, state: State) -> None:
+    n = len(mechanism.coordinates)
+    if state.q.shape != (n,):
+        raise ValueError(
+            f"Argument `state` must have q of shape ({n},), but has {state.q.shape}. Give one state, of this mechanism."
+        )
+    if not np.all(np.isfinite(state.q)):
+        raise ValueError(
+            "Argument `state` must have finite coordinates, but its q holds NaN or infinity. "
+            "Look at the `result` of what made it."
+        )
+
+
+def _vector(argument: str, values: Any, mechanism: Mechanism) -> np.ndarray:
+    vector, m = np.asarray(values, float), len(mechanism.rows)
+    if vector.shape != (m,):
+        has = f"has {vector.shape[0]}" if vector.ndim == 1 else f"has shape {vector.shape}"
+        raise ValueError(
+            f"Argument `{argument}` must have one entry for each of the {m} rows, but {has}. "
+            "Give 0 where there is no load."
+        )
+    if not np.all(np.isfinite(vector)):
+        row = mechanism.rows.labels[int(np.argmin(np.isfinite(vector)))]
+        raise ValueError(
+            f"Argument `{argument}` must be finite, but its entry '{row}' is {vector[~np.isfinite(vector)][0]}. "
+            "A solution's multipliers are NaN where its `result` is not successful."
+        )
+    return vector
+
+
+def _stress(mechanism: Mechanism, state: State, given: Any) -> np.ndarray:
+    if np.ndim(given) > 0:
+        return _vector("self_stress", given, mechanism)
+    states = analyze(mechanism, state).self_stress
+    if given != int(given) or not -len(states) <= given < len(states):
+        raise ValueError(
+            f"Argument `self_stress` must be an index below {len(states)}, the number of self-stress states here, "
+            f"or a vector, but is {given}. Count from 0."
+        )
+    return states[int(given)]
+
+
+def applied_arrows(stage: Scene) -> list[Arrow]:
+    """Applied forces and moments."""
+    return [Arrow("", "", load.on_i, load.on_i, load.force, load.moment) for load in applied_loads(stage)]
+
+
+def new_axes(
+    make: Callable[..., Any], points: np.ndarray, stage: Scene, groups: list[Arrows], strip: float = 0.0
+) -> "matplotlib.axes.Axes":
+    """Axes of a figure that is made in a size that suits the points, with a strip of some points of print for more."""
+    left, lower, right, upper = (54.0, 40.0, 14.0, 10.0)
+    spread = np.ptp(points, axis=0)
+    point = min(max(*(spread / _ROOM)), stage.spacing() / (1.4 * _SPACING)) or 1.0
+    reach = 1.2 * LONGEST if groups else 0.0
+    head = key_height(groups, stage.gravity, np.inf) + strip
+    wanted = spread / point + 2 * _pad(groups) + reach + [left + right, head + lower + upper]
+    width, height = np.clip(wanted, *_SIZES)
+    figure = make(figsize=(width / 72.0, height / 72.0))
+    return figure.add_axes((left / width, lower / height, 1 - (left + right) / width, 1 - (lower + upper) / height))
+
+
+def framed(
+    axes: Any, points: np.ndarray, stage: Scene, groups: list[Arrows], scale: float | None, strip: float = 0.0
+) -> tuple[float, float]:
+    """Axes set so that points and arrows fit: size of a point of print in data units, points of the key above."""
+    axes.set(xlabel="x (m)", ylabel="y (m)")
+    axes.spines[["top", "right"]].set_visible(False)
+    room = _room(axes)
+    head = key_height(groups[:-1], stage.gravity, float(room[0])) + strip
+    return _frame(axes, points, stage.spacing(), groups, room, head, scale), head
+
+
+def _pad(groups: list[Arrows]) -> np.ndarray:
+    return _PAD + (_WIDER if groups else 0.0)
+
+
+def smaller(spacing: float, point: float) -> float:
+    """Factor for all symbols where joints, at their usual spacing, are near to each other on paper."""
+    return float(np.clip(spacing / (_SPACING * point), 0.4, 1.0))
+
+
+def _room(axes: Any) -> np.ndarray:
+    """Width and height of the axes in points."""
+    if axes.figure.get_layout_engine() is not None:
+        axes.figure.draw_without_rendering()
+    window = axes.get_window_extent()
+    return np.array([window.width, window.height]) * 72.0 / axes.figure.dpi
+
+
+def _frame(
+    axes: Any,
+    points: np.ndarray,
+    spacing: float,
+    groups: list[Arrows],
+    room: np.ndarray,
+    head: float,
+    scale: float | None,
+) -> float:
+    """Set the limits so that all fits, and the arrows' scales; the size of a point of print in data units."""
+    inner = np.maximum(room - 2 * np.minimum(_pad(groups[:-1]), 0.15 * room) - [0.0, head], 0.1 * room)
+    point = 0.0
+    size = float(np.ptp(points, axis=0).max())
+    low, high = points.min(axis=0), points.max(axis=0)
+    for _ in range(12):  # arrows have lengths on paper, so the frame depends on itself
+        point = max(*((high - low) / inner), 0.1 * size / inner.max()) or 1.0 / inner.max()
+        _set_scales(groups, min(LONGEST, 0.25 * room.min()) * smaller(spacing, point) * point, scale)
+        tips = [a.at + g.vector(a, point) for g in groups for a in g.arrows if np.any(a.force)]
+        every = np.array([*points, *tips])
+        low, high = every.min(axis=0), every.max(axis=0)
+    middle = (low + high) / 2 + [0.0, head / 2 * point]
+    axes.set_xlim(middle[0] - room[0] / 2 * point, middle[0] + room[0] / 2 * point)
+    axes.set_ylim(middle[1] - room[1] / 2 * point, middle[1] + room[1] / 2 * point)
+    axes.set_aspect("equal", adjustable="box")
+    return float(point)
+
+
+def _set_scales(groups: list[Arrows], longest: float, scale: float | None) -> None:
+    """Scales of all groups; applied forces, the last group, share that of joint loads of their size or have none."""
+    *loads, applied = groups
+    for group in loads:
+        shared = group.look.gid == LOADS.gid and applied.largest() <= _COMPARABLE * group.largest()
+        largest = max(group.largest(), applied.largest() * shared)
+        if scale is not None:
+            group.scale = scale
+        elif largest > 0:
+            group.scale = longest / largest
+        if shared:
+            applied.scale = group.scale
+
+
+def joint_labels(pen: Pen, stage: Scene) -> list[Label]:
+    """One label for all joints at a place."""
+    places: list[tuple[np.ndarray, list[str], float]] = []
+    for joint in stage.joints:
+        clearance = PIN + 2.5 if joint.axis is None else BLOCK[1] / 2 + 4.0
+        for k, (spot, found, wide) in enumerate(places):
+            if np.hypot(*(spot - joint.spot)) < 2.0 * pen.point:
+                found.append(joint.name)
+                places[k] = (spot, found, max(wide, clearance))
+                break
+        else:
+            places.append((joint.spot, [joint.name], clearance))
+    return [
+        Label(", ".join(filter(None, found)), f"joint name {found[0]}", *around(pen, spot, wide), weight="bold")
+        for spot, found, wide in places
+        if any(found)
+    ]
+
+
+def _body_labels(pen: Pen, stage: Scene, outlines: list[np.ndarray]) -> list[Label]:
+    labels = []
+    for body, (name, outline) in enumerate(zip(stage.names, outlines, strict=True)):
+        middle = (outline.min(axis=0) + outline.max(axis=0)) / 2
+        edges = np.roll(outline, -1, axis=0) - outline
+        lengths = np.hypot(*edges.T)
+        parts = [outline[:, None] + share * edges[:, None] for share in (0.5, 0.3, 0.7, 0.15, 0.85)]
+        anchors = np.concatenate(parts, axis=1).reshape(-1, 2)
+        normals = np.repeat(np.stack([edges[:, 1], -edges[:, 0]], axis=1) / lengths[:, None], len(parts), axis=0)
+        away = np.hypot(*(anchors - middle).T) / pen.point
+        order = np.argsort(away, kind="stable")[:80]
+        labels.append(
+            Label(
+                name,
+                f"body name {name}",
+                anchors[order],
+                normals[order],
+                0.35 * away[order],
+                inside=stage.joint_points(body).mean(axis=0, keepdims=True),
+                colour=dark(body_colour(body, stage.ground), 0.5),
+                style="italic",
+                rank=1,
+            )
+        )
+    return labels

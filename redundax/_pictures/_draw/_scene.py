@@ -1,0 +1,234 @@
+"""What there is to draw: a mechanism at a state as points in the global frame, in NumPy.
+
+    p = r + R(phi) s                                                                       (54)
+
+for every joint point s of a body; a guide runs along R_j v_j turned by -90 degrees, Eq. (57). The ground has the
+index after the last body. Joints without points of their own (drivers, couplings) are shown at the pin of their bodies.
+"""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from ..._bodies._body import poses
+from ..._bodies._joints import AngleCoupling, AngleDriver, Revolute
+from ..._bodies._loads import AppliedForce, SpringDamper, TorsionSpring
+from ..._bodies._mechanism import Mechanism
+from ..._bodies._reactions import load_wrenches, moved
+from ..._system._state import State
+
+_SIDES = np.array([[0.0, -1.0], [0.0, 1.0], [-1.0, 0.0], [1.0, 0.0]])
+
+
+@dataclasses.dataclass(frozen=True)
+class Joint:
+    """A joint: `on_i` and `on_j` are its points on the two bodies, `spot` is where its symbol and name belong.
+
+    `axis` is the unit vector along its guide, `length` the guide's length and `ratio` that of a coupling of angles,
+    where the joint has such a thing; `pointed` is whether it has a point. `group` and `member` say where in the
+    mechanism's stacks it lies.
+    """
+
+    name: str
+    kind: type
+    group: int
+    member: int
+    i: int
+    j: int
+    on_i: np.ndarray
+    on_j: np.ndarray
+    spot: np.ndarray
+    axis: np.ndarray | None
+    length: float | None
+    ratio: float | None
+    pointed: bool
+
+
+@dataclasses.dataclass(frozen=True)
+class Load:
+    """A spring between two points, or (`kind` is AppliedForce) a force and a moment on a body at `on_i`."""
+
+    kind: type
+    i: int
+    on_i: np.ndarray
+    on_j: np.ndarray
+    to_ground: bool
+    stiff: bool = True
+    force: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(2))
+    moment: float = 0.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Scene:
+    """Bodies (`names`, and `centres` with the ground's origin last), joints, loads and gravity."""
+
+    names: tuple[str, ...]
+    centres: np.ndarray
+    joints: tuple[Joint, ...]
+    loads: tuple[Load, ...]
+    gravity: np.ndarray
+
+    @property
+    def ground(self) -> int:
+        """Index of the ground."""
+        return len(self.names)
+
+    def joint_points(self, body: int) -> np.ndarray:
+        """Points of a moving body by which it is connected, and its centre of mass, shape (points, 2)."""
+        points = [self.centres[body]]
+        for joint in self.joints:
+            points += [joint.on_i] * (joint.i == body)
+            if joint.j == body:
+                points.append(joint.on_j if joint.axis is None else joint.on_i)
+        for load in self.loads:
+            points += [load.on_i] * (load.i == body)
+        return np.array(points)
+
+    def points(self) -> np.ndarray:
+        """All points that must be in the picture, shape (points, 2)."""
+        ends = [joint.on_j for joint in self.joints if joint.axis is None]
+        ends += [joint.on_i for joint in self.joints] + [joint.spot for joint in self.joints]
+        for joint in self.joints:
+            ends += [end + side * radius for end, radius in pitch_circles(joint) for side in _SIDES]
+        ends += [end for load in self.loads for end in (load.on_i, load.on_j)]
+        return np.array([*self.centres[: self.ground], *ends])
+
+    def spacing(self) -> float:
+        """Median distance of a joint's place from the next one; infinite where there is one place only."""
+        spots = np.array([joint.spot for joint in self.joints])
+        gaps = np.hypot(*(spots[:, None] - spots[None]).transpose(2, 0, 1))
+        gaps = np.where(gaps > 1e-6 * gaps.max(), gaps, np.inf).min(axis=1)
+        return float(np.median(gaps))
+
+
+def scene(mechanism: Mechanism, state: State) -> Scene:
+    """The scene of a mechanism at a state."""
+    body = poses(state.q)
+    r, phi = np.asarray(body.r, float), np.asarray(body.phi, float)
+    joints = [joint for group in range(len(mechanism.joints)) for joint in _joints(mechanism, group, r, phi)]
+    return Scene(
+        names=mechanism.body_names,
+        centres=r,
+        joints=tuple(_at_pin(joint, joints, r) for joint in joints),
+        loads=tuple(load for stack in mechanism.loads for load in _loads(stack, state, r, phi, joints)),
+        gravity=np.asarray(mechanism.gravity, float),
+    )
+
+
+def _joints(mechanism: Mechanism, group: int, r: np.ndarray, phi: np.ndarray) -> list[Joint]:
+    stack = mechanism.joints[group]
+    element, i, j = stack.element, np.asarray(stack.i), np.asarray(stack.j)
+    ground = len(r) - 1
+    on_i, on_j = _points(element, "point_i", i, r, phi), _points(element, "point_j", j, r, phi)
+    pointed = on_i is not None or on_j is not None
+    # The ground has no centre to show a joint at; a point of the other body does.
+    on_i = on_j if on_i is None and on_j is not None else on_i
+    on_i = np.where((i == ground)[:, None], r[j], r[i]) if on_i is None else on_i
+    on_j = np.where((j == ground)[:, None], on_i, r[j]) if on_j is None else on_j
+    normal = _field(element, "normal", (2,))
+    axis = None if normal is None else _turned(np.stack([normal[:, 1], -normal[:, 0]], 1), phi[j])
+    length, ratio = _field(element, "guide_length", ()), _field(element, "ratio", ())
+    names = mechanism.joint_names[group]
+    return [
+        Joint(
+            name=names[k],
+            kind=type(element),
+            group=group,
+            member=k,
+            i=int(i[k]),
+            j=int(j[k]),
+            on_i=on_i[k],
+            on_j=on_j[k],
+            spot=on_i[k],
+            axis=None if axis is None else axis[k],
+            length=None if length is None else float(length[k]),
+            ratio=None if ratio is None else float(ratio[k]),
+            pointed=pointed,
+        )
+        for k in range(len(i))
+    ]
+
+
+def _at_pin(joint: Joint, joints: list[Joint], r: np.ndarray) -> Joint:
+    """Joints without points at the pins of their bodies, joints between two distant points halfway."""
+    if joint.axis is not None:
+        return joint
+    if joint.pointed:
+        return dataclasses.replace(joint, spot=(joint.on_i + joint.on_j) / 2)
+    if joint.kind is AngleCoupling:
+        ends = [pin(body, len(r) - 1, joints) for body in (joint.i, joint.j)]
+        on_i, on_j = (r[body] if end is None else end for body, end in zip((joint.i, joint.j), ends, strict=True))
+        return dataclasses.replace(joint, on_i=on_i, on_j=on_j, spot=(on_i + on_j) / 2)
+    spot = pin(joint.i, joint.j, joints)
+    if spot is None or (joint.kind is not AngleDriver and joint.j != len(r) - 1):
+        spot = (joint.on_i + joint.on_j) / 2
+    return dataclasses.replace(joint, spot=spot)
+
+
+def pin(i: int, j: int, joints: list[Joint]) -> np.ndarray | None:
+    """Where the bodies i and j are pinned together, else where i is pinned to anything."""
+    pins = [joint for joint in joints if joint.kind is Revolute and i in (joint.i, joint.j)]
+    pins.sort(key=lambda joint: j not in (joint.i, joint.j))
+    return pins[0].on_i if pins else None
+
+
+def pitch_circles(joint: Joint) -> list[tuple[np.ndarray, float]]:
+    """Centre and radius of the wheels of a coupling, which touch if they turn in opposite senses; else none."""
+    distance, ratio = float(np.hypot(*(joint.on_j - joint.on_i))), joint.ratio or 1.0
+    if joint.kind is not AngleCoupling or distance == 0:
+        return []
+    whole = distance if ratio > 0 else 0.5 * distance
+    return [(joint.on_i, whole / (1 + abs(ratio))), (joint.on_j, whole * abs(ratio) / (1 + abs(ratio)))]
+
+
+def _loads(stack: Any, state: State, r: np.ndarray, phi: np.ndarray, joints: list[Joint]) -> list[Load]:
+    kind, ground = type(stack.element), len(r) - 1
+    bodies_i, bodies_j = np.asarray(stack.i), np.asarray(stack.j)
+    on_i = _points(stack.element, "point_i", bodies_i, r, phi)
+    on_j = _points(stack.element, "point_j", bodies_j, r, phi)
+    if kind is SpringDamper and on_i is not None and on_j is not None:
+        stiff = np.asarray(stack.element.stiffness) != 0
+        return [
+            Load(kind, int(bodies_i[k]), on_i[k], on_j[k], ground in (bodies_i[k], bodies_j[k]), bool(stiff[k]))
+            for k in range(len(bodies_i))
+        ]
+    if kind is TorsionSpring:
+        spots = [pin(int(i), int(j), joints) for i, j in zip(bodies_i, bodies_j, strict=True)]
+        spots = [r[i] if spot is None else spot for i, spot in zip(bodies_i, spots, strict=True)]
+        return [Load(kind, int(i), spot, spot, False) for i, spot in zip(bodies_i, spots, strict=True)]
+    return _applied(stack, state, r, phi)
+
+
+def _applied(stack: Any, state: State, r: np.ndarray, phi: np.ndarray) -> list[Load]:
+    """Forces and moments of a load at this state, at its point if it has one, else at the body's centre."""
+    ground, out = len(r) - 1, []
+    for bodies, wrench in zip((stack.i, stack.j), load_wrenches(stack, state), strict=True):
+        bodies, force, moment = np.asarray(bodies), np.asarray(wrench.force), np.asarray(wrench.moment)
+        points = _points(stack.element, "point", bodies, r, phi)
+        for k, body in enumerate(bodies):
+            if body == ground or not (np.any(force[k]) or moment[k]):
+                continue
+            at = r[body] if points is None else points[k]
+            about = float(moved(moment[k], force[k], at - r[body]))
+            about = about if abs(about) > 1e-6 * np.hypot(*force[k]) * np.hypot(*(at - r[body])) else 0.0
+            out.append(Load(AppliedForce, int(body), at, at, False, force=force[k], moment=about))
+    return out
+
+
+def _field(element: Any, name: str, shape: tuple[int, ...]) -> np.ndarray | None:
+    """A field of stacked elements as an array with a leading axis over them, if it is there in that shape."""
+    value = getattr(element, name, None)
+    if value is None or not hasattr(value, "shape") or tuple(value.shape[1:]) != shape or value.ndim == 0:
+        return None
+    return np.asarray(value, float)
+
+
+def _points(element: Any, name: str, bodies: np.ndarray, r: np.ndarray, phi: np.ndarray) -> np.ndarray | None:
+    local = _field(element, name, (2,))
+    return None if local is None else r[bodies] + _turned(local, phi[bodies])
+
+
+def _turned(v: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.stack([c * v[:, 0] - s * v[:, 1], s * v[:, 0] + c * v[:, 1]], axis=1)

@@ -1,0 +1,1 @@
+"""Plots of figures over a parameter or time."""

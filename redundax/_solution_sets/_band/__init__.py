@@ -1,0 +1,1 @@
+"""How far an output reaches over a family."""

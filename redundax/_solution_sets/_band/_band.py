@@ -1,0 +1,186 @@
+"""Bands: the smallest and the largest value of outputs under what is known of preload, misfit or compliance.
+
+    min and max of y = Y [qdd; lam; tau]   over all solutions of (25) whose self-stress is possible
+
+`_bounds` says what is possible and `_extremes` finds the extremes: exactly where friction does not depend on the
+self-stress, else by a search, whose result lies inside the true band: no outer bound is known there.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+
+from ..._analysis._analyze import Report, analyze
+from ..._analysis._outputs import outputs as named_outputs
+from ..._analysis._outputs import plain, unknowns
+from ..._analysis._verdict import Verdict
+from ..._solve._all_solutions import start_factors
+from ..._system._state import State
+from ..._system._system import AbstractSystem
+from ..._tools._module import Numbers, no_classes
+from .._bounds import AbstractBounds
+from .._cases import Affine
+from .._family._solution_family import solutions_of
+from .._search import Search, best, few, proved_single
+
+
+@dataclasses.dataclass(frozen=True)
+class Bands:
+    """Smallest and largest values of outputs under bounds. `str()` gives a table, `to_dict()` data.
+
+    - `names`, `kinds`: of the outputs; kinds are "linear", "angular", "force", "moment", "friction force" and
+      "friction moment".
+    - `lower`, `upper`: the bands, shape (outputs,); NaN where no solution within the bounds was found.
+    - `exact`: which bands are proved, shape (outputs,); the others are inner estimates: all within them is attained,
+      more may be, and no outer bound is known. More `samples` and `starts` search better.
+    - `bounds`: what was bounded: the name of the class.
+    - `parameters`, `box`: names of the entries of a case, and their bounds, shape (q, 2).
+    - `lower_case`, `upper_case`: the case that attains each extreme: amplitude, preload, misfit or compliance, shape
+      (outputs, q).
+    - `lower_solution`, `upper_solution`: [qdd; lam; tau] there, shape (outputs, n + m + p).
+    - `solved`: share of the cases looked at that have a solution; below 1 some of what the bounds allow is impossible
+      at this state, as past a fold of friction.
+
+    ??? example
+
+        ```python
+        bands = rx.band(mechanism, state, "A.x", rx.AmplitudeBox({"A.x": (-40.0, 40.0)}))
+        bands.lower, bands.upper, bands.exact  # shape (1,)
+        ```
+    """
+
+    names: tuple[str, ...]
+    kinds: tuple[str, ...]
+    lower: np.ndarray
+    upper: np.ndarray
+    exact: np.ndarray
+    bounds: str
+    parameters: tuple[str, ...]
+    box: np.ndarray
+    lower_case: np.ndarray
+    upper_case: np.ndarray
+    lower_solution: np.ndarray
+    upper_solution: np.ndarray
+    solved: float
+
+    @property
+    def title(self) -> str:
+        """What was bounded, in words."""
+        parts = [f"{name} {low:.4g} to {high:.4g}" for name, (low, high) in zip(self.parameters, self.box, strict=True)]
+        return f"{self.bounds}: {', '.join(parts)}"
+
+    @property
+    def empty(self) -> bool:
+        """Whether no solution within the bounds was found."""
+        return bool(np.isnan(self.lower).any())
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain Python data; figures that were not found become None."""
+        out = {field.name: plain(getattr(self, field.name)) for field in dataclasses.fields(self)}
+        return {**out, "empty": self.empty}
+
+    def __str__(self) -> str:
+        size = max(len(name) for name in self.names) + 2
+        lines = [self.title]
+        if self.empty:
+            lines.append("NO SOLUTION within the bounds was found.")
+            return "\n".join(lines)
+        if self.solved < 1:
+            lines.append(f"NO SOLUTION for {1 - self.solved:.0%} of the cases looked at.")
+        lines.append(f"{'':{size}}{'least':>14}{'largest':>14}")
+        for k, name in enumerate(self.names):
+            what = "exact" if self.exact[k] else "inner estimate"
+            lines.append(f"{name:{size}}{self.lower[k]:14.6g}{self.upper[k]:14.6g}  {what}")
+        if not self.exact.all():
+            lines.append("Inner estimates: all within is attained; more may be, and no outer bound is known.")
+        return "\n".join(lines)
+
+
+def band(
+    system: AbstractSystem,
+    state: State,
+    outputs: Sequence[str] | str | None,
+    bounds: AbstractBounds,
+    *,
+    samples: int = 256,
+    starts: int = 8,
+    seed: int = 0,
+    sense: Numbers | None = None,
+    rank: ArrayLike | None = None,
+) -> Bands:
+    """Smallest and largest values of outputs under what is known of preload, misfit or compliance.
+
+    ??? example
+
+        ```python
+        bands = rx.band(mechanism, state, ["1.phi''", "A.x"], rx.AmplitudeBox({"A.x": (-40.0, 40.0)}))
+        print(bands)
+        ```
+
+    **Arguments:**
+
+    - `system`, `state`: concrete values; not inside `jit` or `vmap`.
+    - `outputs`: names: "coordinate''" of accelerations, rows of multipliers, "tau slip" of friction and, for a
+      `Mechanism`, those of `analyze(...).verdicts["reaction"]`; all accelerations if not given.
+    - `bounds`: `AmplitudeBox`, `PreloadBox`, `PreloadNorm`, `MisfitBox` or `ComplianceBox`.
+    - `samples`: random cases that are looked at where the band is not exact, beside vertices.
+    - `starts`, `seed`: random initial loads for each of them, where the number of solutions is not proved.
+    - `sense`, `rank`: as in `solve`.
+
+    **Raises:** as `solution_family`; `ValueError` where bounds or outputs do not fit the system.
+    """
+    no_classes(bounds=bounds)
+    report = analyze(system, state, sense=sense, rank=rank)
+    solutions = solutions_of(system, state, report, sense, rank)
+    if not report.pivots:
+        raise ValueError("Argument `system` must be overconstrained, but has no self-stress: its loads are unique.")
+    names, kinds, matrix, unique = _wanted(system, state, outputs, report)
+    cases = bounds.cases(system, state, report, solutions)
+    proved = proved_single(solutions, cases, report)
+    exact_way = proved and not report.friction_reads and (isinstance(cases, Affine) or few(cases))
+    search = Search(solutions, cases, start_factors(solutions.rows.size, 0 if proved else starts, seed))
+    if exact_way:
+        pairs = search.exactly(matrix, unique)
+    else:
+        found = search.found(matrix, unique, samples, seed)
+        pairs = best(found, matrix, unique, 1.0), best(found, matrix, unique, -1.0)
+    lower, upper = (values for values, _, _ in pairs)
+    return Bands(
+        names=names,
+        kinds=kinds,
+        lower=lower,
+        upper=upper,
+        exact=unique | exact_way,
+        bounds=type(bounds).__name__,
+        parameters=cases.names,
+        box=np.stack([cases.figures(cases.lower), cases.figures(cases.upper)], axis=1),
+        lower_case=np.asarray(cases.figures(jnp.asarray(pairs[0][1]))),
+        upper_case=np.asarray(cases.figures(jnp.asarray(pairs[1][1]))),
+        lower_solution=pairs[0][2],
+        upper_solution=pairs[1][2],
+        solved=search.solved,
+    )
+
+
+def _wanted(
+    system: AbstractSystem, state: State, outputs: Sequence[str] | str | None, report: Report
+) -> tuple[tuple[str, ...], tuple[str, ...], np.ndarray, np.ndarray]:
+    """Names, kinds, coefficients and proved uniqueness of the outputs."""
+    known = named_outputs(system, state)
+    rows = {name: row for names, matrix in known.values() for name, row in zip(names, matrix, strict=True)}
+    kinds = dict(zip(*unknowns(system), strict=True))
+    kinds |= {name: "moment" if " moment on " in name else "force" for name in rows if name not in kinds}
+    names = tuple(known["acceleration"][0] if outputs is None else [outputs] if isinstance(outputs, str) else outputs)
+    unknown = [name for name in names if name not in rows]
+    if unknown or not names:
+        raise ValueError(
+            f"Argument `outputs` must hold names of outputs, but holds {', '.join(unknown) or 'none'}. Accelerations "
+            f"are like {next(iter(rows))!r}, multipliers {system.rows.labels[0]!r}; `analyze(...).verdicts` has all."
+        )
+    judged = {one.name: one.with_friction for group in report.verdicts.values() for one in group}
+    unique = np.array([judged[name] in (Verdict.UNIQUE, Verdict.ZERO) for name in names])
+    return names, tuple(kinds[name] for name in names), np.array([rows[name] for name in names]), unique

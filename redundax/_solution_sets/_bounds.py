@@ -1,0 +1,302 @@
+"""What is known of preload, misfit or compliance, as bounds that `band` takes.
+
+    amplitude    lam = lam_MP + N z,                          z in a box
+    preload      lam in a box, or in an ellipsoid sum (lam_i / a_i)^2 <= 1
+    misfit       N^T W lam = N^T d,                           d in a box, W given
+    compliance   N^T W lam = N^T d,                           diagonal entries of W in a box, d given
+
+Bounds are given by name: {"A.x": (lower, upper)}.
+"""
+
+import abc
+from collections.abc import Mapping
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from .._analysis._report import Report
+from .._closures._closure import AbstractClosure, closed_by
+from .._system._results import RESULTS
+from .._system._state import State
+from .._system._system import AbstractSystem
+from ._cases import AbstractCases, Affine, Fractional
+from ._solution_set import SolutionSet
+
+Box = Mapping[str, tuple[float, float]]
+
+
+def _pairs(box: Box) -> Box:
+    return {name: (float(lower), float(upper)) for name, (lower, upper) in box.items()}
+
+
+def _numbers(sizes: Mapping[str, float]) -> Mapping[str, float]:
+    return {name: float(size) for name, size in sizes.items()}
+
+
+class AbstractBounds(eqx.Module):
+    """What is known of the loads that the equations leave open."""
+
+    @abc.abstractmethod
+    def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> AbstractCases:
+        """All cases within the bounds."""
+
+
+class AmplitudeBox(AbstractBounds):
+    """Bounds on the self-stress, as an amount beside the minimum norm.
+
+    ??? example
+
+        ```python
+        bounds = rx.AmplitudeBox({"A.x": (-40.0, 40.0)})  # N
+        rx.band(mechanism, state, "B.x", bounds)
+        ```
+
+    **Arguments:**
+
+    - `box`: for self-stress states, by the multiplier that has the entry 1 in them (`analyze(...).pivots`), least and
+      largest amplitude in units of that multiplier; states without an entry have amplitude 0.
+    """
+
+    box: Box = eqx.field(static=True, converter=_pairs)
+
+    def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Affine:
+        places, lower, upper = _box("box", self.box, report.pivots)
+        return _affine(
+            tuple(self.box), lower, upper, solutions, solutions.free.multipliers, solutions.stress[:, places]
+        )
+
+
+class PreloadBox(AbstractBounds):
+    """Bounds on multipliers, as from preload, measurement or what a joint can carry.
+
+    ??? example
+
+        ```python
+        bounds = rx.PreloadBox({"A.x": (-60.0, 0.0)})  # N
+        rx.band(mechanism, state, "B.x", bounds)
+        ```
+
+    **Arguments:**
+
+    - `box`: for rows, least and largest multiplier, in its units; the others have no bounds. Together they must bound
+      every self-stress state.
+    """
+
+    box: Box = eqx.field(static=True, converter=_pairs)
+
+    def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Affine:
+        rows, lower, upper = _box("box", self.box, report.rows)
+        return _by_pivots(report, solutions, rows, lower, upper, norm=False)
+
+
+class PreloadNorm(AbstractBounds):
+    """A bound on a norm of multipliers, sum (lam_i / size_i)^2 <= 1.
+
+    ??? example
+
+        ```python
+        bounds = rx.PreloadNorm({"K.angle": 20.0, "L.angle": 20.0})  # N m
+        rx.band(mechanism, state, "A.x", bounds, samples=32)
+        ```
+
+    **Arguments:**
+
+    - `sizes`: for rows, the size of the multiplier, in its units, so that forces and moments can be compared. Together
+      they must bound every self-stress state.
+    """
+
+    sizes: Mapping[str, float] = eqx.field(static=True, converter=_numbers)
+
+    def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Affine:
+        box = {name: (-size, size) for name, size in self.sizes.items()}
+        rows, lower, upper = _box("sizes", box, report.rows)
+        return _by_pivots(report, solutions, rows, lower, upper, norm=True)
+
+
+class MisfitBox(AbstractBounds):
+    """Bounds on the misfit of joints of given compliance.
+
+    ??? example
+
+        ```python
+        bounds = rx.MisfitBox(rx.Compliance(W=jnp.full(12, 1e-8)), {"A.x": (-1e-6, 1e-6)})  # m
+        rx.band(mechanism, state, "A.x", bounds, samples=32)
+        ```
+
+    **Arguments:**
+
+    - `closure`: the compliance, and the misfit of rows without an entry in `box`.
+    - `box`: for rows, least and largest misfit, m for force-type and rad for moment-type rows.
+    """
+
+    closure: AbstractClosure
+    box: Box = eqx.field(static=True, converter=_pairs)
+
+    def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Affine:
+        rows, lower, upper = _box("box", self.box, report.rows)
+        start, response, unit = _closed(self.closure, system, state, solutions, rows)
+        return _affine(tuple(self.box), lower, upper, solutions, start, response[:, rows], unit)
+
+
+class ComplianceBox(AbstractBounds):
+    """Bounds on the compliance of rows; ranges over decades are searched evenly by their logarithm.
+
+    ??? example
+
+        ```python
+        bounds = rx.ComplianceBox(rx.Compliance(W=jnp.full(12, 1e-8)), {"A.x": (1e-9, 1e-7)})  # m/N
+        rx.band(mechanism, state, "A.x", bounds, samples=32)
+        ```
+
+    **Arguments:**
+
+    - `closure`: the misfit, and the compliance of rows without an entry in `box`.
+    - `box`: for rows, least and largest diagonal entry of W, m/N for force-type and rad/(N m) for moment-type rows.
+    """
+
+    closure: AbstractClosure
+    box: Box = eqx.field(static=True, converter=_pairs)
+
+    def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Fractional:
+        rows, lower, upper = _box("box", self.box, report.rows)
+        if lower.min(initial=0.0) < 0:
+            raise ValueError(
+                f"Argument `box` must not hold negative compliances, but holds {lower.min():.4g}. Give at least 0."
+            )
+        compliance, misfit = closed_by(self.closure, system, state)
+        places = jnp.asarray(rows)
+        compliance = compliance.at[places, places].set(0.0)
+        least = compliance.at[places, places].set(lower)
+        check_definite(np.asarray(solutions.stress.T @ least @ solutions.stress))
+        return Fractional(
+            tuple(self.box),
+            jnp.zeros(len(rows)),
+            jnp.asarray(1.0 * (upper > lower)),
+            jnp.asarray(lower),
+            jnp.asarray(upper),
+            solutions.free.multipliers,
+            solutions.unit.multipliers,
+            solutions.stress,
+            compliance,
+            jnp.broadcast_to(misfit, compliance.shape[:1]),
+            places,
+        )
+
+
+def one_case(closure: AbstractClosure, system: AbstractSystem, state: State, solutions: SolutionSet) -> Affine:
+    """The one case that a closure picks."""
+    nothing = np.zeros(0)
+    start, response, unit = _closed(closure, system, state, solutions, nothing.astype(int))
+    return _affine((), nothing, nothing, solutions, start, response[:, :0], unit)
+
+
+def _closed(
+    closure: AbstractClosure, system: AbstractSystem, state: State, solutions: SolutionSet, rows: np.ndarray
+) -> tuple[Array, Array, Array]:
+    """Multipliers without friction, by misfit and by friction under a closure; the misfits of `rows` left out."""
+    compliance, misfit = closed_by(closure, system, state)
+    stress, free, unit = solutions.stress, solutions.free.multipliers, solutions.unit.multipliers
+    check_definite(np.asarray(stress.T @ compliance @ stress))
+    response = stress @ jnp.linalg.solve(stress.T @ compliance @ stress, stress.T)
+    kept = jnp.broadcast_to(misfit, compliance.shape[:1]).at[jnp.asarray(rows)].set(0.0)
+    return free + response @ (kept - compliance @ free), response, unit - response @ (compliance @ unit)
+
+
+def _box(argument: str, box: Box, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Indices among the names, lower and upper bounds."""
+    unknown = [name for name in box if name not in names]
+    if unknown or not box:
+        keys, wrong = ", ".join(names) or "none", ", ".join(unknown) or "none"
+        raise ValueError(
+            f"Argument `{argument}` must have keys among {keys}, but has {wrong}. Correct or remove these."
+        )
+    values = np.array(list(box.values()))
+    right = (values[:, 0] <= values[:, 1]) & np.isfinite(values).all(axis=1)
+    if not right.all():
+        wrong = ", ".join(name for name, good in zip(box, right, strict=True) if not good)
+        raise ValueError(
+            f"Argument `{argument}` must hold finite bounds (lower, upper) that increase, but those of {wrong} do not. "
+            "Put the smaller one first."
+        )
+    return np.array([names.index(name) for name in box]), values[:, 0], values[:, 1]
+
+
+def _affine(
+    names: tuple[str, ...],
+    lower: np.ndarray,
+    upper: np.ndarray,
+    solutions: SolutionSet,
+    start: Array,
+    slope: Array,
+    unit: Array | None = None,
+    limits: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None,
+    norm: bool = False,
+) -> Affine:
+    nothing = np.zeros(0)
+    rows, least, most = limits if limits is not None else (nothing.astype(int), nothing, nothing)
+    unit = solutions.unit.multipliers if unit is None else unit
+    arrays = map(jnp.asarray, (lower, upper, start, slope, unit, rows, least, most))
+    return Affine(names, *arrays, norm=norm)
+
+
+def _by_pivots(
+    report: Report, solutions: SolutionSet, rows: np.ndarray, lower: np.ndarray, upper: np.ndarray, *, norm: bool
+) -> Affine:
+    """Cases by the multipliers of k rows that the self-stress reaches independently, those with the narrowest bounds.
+
+    lam = lam_p + T (theta - lam_p[rows]),   T = N N[rows]^-1.
+    """
+    stress, free, unit = (
+        np.asarray(x) for x in (solutions.stress, solutions.free.multipliers, solutions.unit.multipliers)
+    )
+    width = np.where(upper > lower, upper - lower, 1.0)
+    chosen = _independent(stress[rows] / width[:, None])
+    if len(chosen) < stress.shape[1]:
+        raise ValueError(
+            f"Argument `bounds` must bound every self-stress state, but the rows given leave "
+            f"{stress.shape[1] - len(chosen)} of {stress.shape[1]} without bounds. Add rows of other states."
+        )
+    pivots, others = rows[chosen], np.setdiff1d(np.arange(len(rows)), [] if norm else chosen)
+    move = stress @ np.linalg.inv(stress[pivots]) if len(pivots) else stress
+    names = tuple(report.rows[row] for row in pivots)
+    limits = rows[others], lower[others], upper[others]
+    start, unit = free - move @ free[pivots], unit - move @ unit[pivots]
+    return _affine(
+        names,
+        lower[chosen],
+        upper[chosen],
+        solutions,
+        jnp.asarray(start),
+        jnp.asarray(move),
+        jnp.asarray(unit),
+        limits,
+        norm,
+    )
+
+
+def _independent(matrix: np.ndarray) -> list[int]:
+    """Rows that span the row space, the largest first (pivoted Gram-Schmidt)."""
+    rest, chosen = matrix.copy(), []
+    whole = np.linalg.norm(matrix, axis=1).max(initial=0.0)
+    for _ in range(matrix.shape[1]):
+        sizes = np.linalg.norm(rest, axis=1)
+        row = int(np.argmax(sizes))
+        if not sizes[row] > 1e-10 * whole:
+            break
+        direction = rest[row] / sizes[row]
+        rest = rest - np.outer(rest @ direction, direction)
+        rest[row] = 0.0
+        chosen.append(row)
+    return chosen
+
+
+def check_definite(matrix: np.ndarray) -> None:
+    """Refuse a closure that does not determine the self-stress, given N^T W N."""
+    if not matrix.size:
+        return
+    scale = np.sqrt(np.abs(np.diag(matrix)))
+    scaled = matrix / np.where(scale > 0, scale, 1.0)[:, None] / np.where(scale > 0, scale, 1.0)
+    if not np.linalg.eigvalsh(scaled)[0] > 1e-12:
+        raise RuntimeError(RESULTS[RESULTS.indeterminate_closure])

@@ -1,0 +1,318 @@
+"""Every frictional solution at a state, as a function of the self-stress.
+
+    lam = lam_0(tau) + z_1 s_1 + ... + z_k s_k,   tau = law(lam)                                   (9), (25)
+
+The states s_i are the echelon rows of `analyze(...).self_stress`, each with the entry 1 at a multiplier of its own, so
+that z_i is an amount of that multiplier; lam_0 is the pick of a closure, minimum norm unless said. Where Gamma has a
+spectral radius below 1 each z has one solution (proved) and is solved for. Elsewhere there can be several or none:
+every z is searched from many starts, and from each solution found the curve through it is followed both ways to the
+neighbouring z (`_walk`), which finds the solutions that the search has missed, shows where curves fold, and joins
+solutions to branches.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterable, Sequence
+from textwrap import wrap
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+
+from ..._analysis._analyze import Report, analyze
+from ..._analysis._outputs import plain, sizes, unknowns
+from ..._closures._closure import AbstractClosure, MinimumNorm, closed_by
+from ..._equations._culprits import culprits
+from ..._equations._factorisation import factorize
+from ..._solve._all_solutions import SEARCH_STARTS, start_factors
+from ..._system._friction import slip_kinds
+from ..._system._results import RESULTS
+from ..._system._state import State
+from ..._system._system import AbstractSystem
+from ..._tools._module import Numbers, as_float, no_classes, replace
+from .._bounds import check_definite
+from .._solution_set import SolutionSet, solution_set
+from ._branches import Branches, trace
+from ._preload import in_words, preload
+
+_MINIMUM_NORM = MinimumNorm()
+_STARTS = 32  # of the search at each z, at least
+
+
+@dataclasses.dataclass(frozen=True)
+class SolutionFamily:
+    """Frictional solutions along one or two self-stress states. `str()` gives a page, `to_dict()` data.
+
+    - `along`: for each state the multiplier that has the entry 1, which `z` is an amount of.
+    - `stress`: the states, shape (k, m).
+    - `weights`, `offset`: z of multipliers lam is weights lam - offset, shapes (k, m) and (k,).
+    - `about`: whose solution has no self-stress added: the closure in words.
+    - `axes`: for each state the amplitudes looked at, in units of its multiplier.
+    - `assumption`: what these amplitudes assume, in words; empty where they were given.
+    - `count`: number of solutions found at each point of these axes.
+    - `proved`: whether that number is proved, by a spectral radius of Gamma below 1, or the best of a search.
+    - `z`: amplitudes of the solutions, shape (solutions, k).
+    - `branch`: which connected piece each solution lies on, from 0; along one state the solutions of a piece stand in
+      the order in which the curve passes through them.
+    - `fold`: which solutions are those where the curve turns back; they lie between the amplitudes of `axes`, and are
+      not counted.
+    - `lost`: number of places where a curve could not be followed on, because it runs to infinity or has a corner.
+    - `names`, `kinds`: of accelerations, multipliers and friction; kinds are "linear", "angular", "force", "moment",
+      "friction force" and "friction moment".
+    - `values`: shape (solutions, n + m + p).
+    - `sizes`: what rounding of each is measured against, shape (n + m + p,): the largest value of its kind, friction
+      among the loads, or a hundredth of the other kind's, times or over a length of the mechanism.
+
+    ??? example
+
+        ```python
+        family = rx.solution_family(mechanism, state, along="A.x", samples=21)
+        family["1.phi''"].min(), family["1.phi''"].max()  # rad/s^2
+        family.count  # 1 at each of the 21 amplitudes
+        ```
+    """
+
+    along: tuple[str, ...]
+    stress: np.ndarray
+    weights: np.ndarray
+    offset: np.ndarray
+    about: str
+    axes: tuple[np.ndarray, ...]
+    assumption: str
+    count: np.ndarray
+    proved: bool
+    z: np.ndarray
+    branch: np.ndarray
+    fold: np.ndarray
+    lost: int
+    names: tuple[str, ...]
+    kinds: tuple[str, ...]
+    values: np.ndarray
+    sizes: np.ndarray
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """Values of one acceleration, multiplier or friction, shape (solutions,)."""
+        if name not in self.names:
+            raise ValueError(
+                f"Argument `name` must be one of {', '.join(self.names)}, but is {name!r}. "
+                "Accelerations end in two primes, friction begins with tau."
+            )
+        return self.values[:, self.names.index(name)]
+
+    @property
+    def acceleration(self) -> np.ndarray:
+        """qdd, shape (solutions, n)."""
+        return self.values[:, : self._n]
+
+    @property
+    def multipliers(self) -> np.ndarray:
+        """lam, shape (solutions, m)."""
+        return self.values[:, self._n : self._n + self.stress.shape[1]]
+
+    @property
+    def friction(self) -> np.ndarray:
+        """tau, shape (solutions, p)."""
+        return self.values[:, self._n + self.stress.shape[1] :]
+
+    @property
+    def _n(self) -> int:
+        return sum(kind in ("linear", "angular") for kind in self.kinds)
+
+    def amplitude(self, multipliers: Numbers) -> np.ndarray:
+        """z of solutions from elsewhere, shape (..., k), given their multipliers (..., m): where they lie here."""
+        return np.asarray(multipliers) @ self.weights.T - self.offset
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain Python data."""
+        out = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        return {key: plain(value) for key, value in out.items()}
+
+    def __str__(self) -> str:
+        kinds = dict(zip(self.names, self.kinds, strict=True))
+        where = " and ".join(
+            f"{name}, a {kinds[name]}, from {axis[0]:.4g} to {axis[-1]:.4g}"
+            for name, axis in zip(self.along, self.axes, strict=True)
+        )
+        lines = wrap(f"Along the self-stress of {where} about {self.about}:" if where else "No self-stress:", 96)
+        lines += wrap(self.assumption, 96)
+        lines.append(self._counted())
+        if len(self.z):
+            lines += self._table()
+        return "\n".join(lines)
+
+    def _counted(self) -> str:
+        numbers, places = np.unique(self.count, return_counts=True)
+        parts = [f"{number} at {place}" for number, place in zip(numbers, places, strict=True)]
+        pieces = len(set(self.branch.tolist()))
+        text = f"solutions {'(proved)' if self.proved else 'found'}: {', '.join(parts)} of {self.count.size} amplitudes"
+        folds = ", ".join("/".join(f"{x:.6g}" for x in z) for z in self.z[self.fold])
+        text += f"; {pieces} connected {'piece' if pieces == 1 else 'pieces'}" if pieces else ""
+        text += f"; folds at {folds}" if folds else ""
+        return text + (f"; lost at {self.lost} places" if self.lost else "")
+
+    def _table(self) -> list[str]:
+        wide = max(len(name) for name in self.names) + 2
+        middle = int(np.argmin(np.linalg.norm(self.z, axis=1)))
+        lines = [f"{'':{wide}}{'nearest 0':>14}{'least':>14}{'largest':>14}"]
+        least, largest = self.values.min(axis=0), self.values.max(axis=0)
+        for k, (name, size) in enumerate(zip(self.names, self.sizes, strict=True)):
+            same = largest[k] - least[k] <= 1e-9 * size
+            figures = (self.values[middle, k], least[k], largest[k])
+            row = "".join(f"{x if abs(x) > 1e-12 * size else 0.0:14.6g}" for x in figures)
+            lines.append(f"{name:{wide}}{row}  {'the same' if same else 'varies':8}  {self.kinds[k]}")
+        return lines
+
+
+def solution_family(
+    system: AbstractSystem,
+    state: State,
+    *,
+    along: Sequence[str] | str | None = None,
+    z: Numbers | Sequence[Numbers] | None = None,
+    closure: AbstractClosure = _MINIMUM_NORM,
+    samples: int = 201,
+    starts: int | None = None,
+    seed: int = 0,
+    sense: Numbers | None = None,
+    rank: ArrayLike | None = None,
+    watch: Callable[[Sequence[Any]], Iterable[Any]] = iter,
+) -> SolutionFamily:
+    """Every frictional solution that is found along one or two self-stress states, and how many there are.
+
+    ??? example
+
+        ```python
+        family = rx.solution_family(mechanism, state, along="A.x", samples=21)
+        print(family)
+        ```
+
+    **Arguments:**
+
+    - `system`, `state`: concrete values; not inside `jit` or `vmap`.
+    - `along`: one or two self-stress states by the multiplier that has the entry 1 in them, see
+      `analyze(...).pivots`; all if not given, which must then be at most two.
+    - `z`: increasing amplitudes, in units of these multipliers: an array for one state, a sequence of two arrays for
+      two. If not given, `samples` of them up to an assumed preload, the same in all units: self-stress as large as the
+      largest joint load without friction, where a moment counts as a force at the length of its guide, or else at a
+      length of the mechanism. It is no bound.
+    - `closure`: whose solution has z = 0.
+    - `samples`: number of amplitudes for one state; odd ones include 0. Two states share it: each has about its root.
+    - `starts`: number of random initial loads for the search at each z, where the number of solutions is not proved;
+      if not given 1000 in all, as in `frictional_solutions`, and at least 32, since walks from neighbours search too.
+    - `seed`: of their random numbers.
+    - `sense`, `rank`: as in `solve`.
+    - `watch`: passes the steps of the work on, one by one, and may tell how far it is.
+
+    **Raises:** `RuntimeError` where the equations cannot be trusted at all, whatever the friction, or a joint is at
+    rest, as `solve` does; `ValueError` for arguments that do not fit the system.
+    """
+    no_classes(closure=closure)
+    report = analyze(system, state, closure=closure, sense=sense, rank=rank)
+    solutions = solutions_of(system, state, report, sense, rank, closure)
+    chosen = _chosen(report, along)
+    stress = report.self_stress[chosen]
+    if z is None:
+        assumed = preload(system, factorize(system, state, rank), report.self_stress)
+        axes, assumption = assumed.axes(stress, samples), str(assumed) if chosen else ""
+    else:
+        axes, assumption = _axes(stress, z), ""
+    weights, offset = _measure(closure, system, state, stress)
+    solutions = replace(solutions, stress=jnp.asarray(stress.T))
+    proved = report.spectral_radius is None or report.spectral_radius < 1
+    if starts is None:
+        starts = max(_STARTS, -(-SEARCH_STARTS // math.prod(axis.size for axis in axes)))
+    factors = start_factors(solutions.rows.size, 0 if proved else starts, seed)
+    branches = trace(solutions, axes, factors, proved, watch)
+    names, kinds = unknowns(system)
+    values = _values(solutions, branches)
+    return SolutionFamily(
+        along=tuple(report.pivots[state] for state in chosen),
+        stress=stress,
+        weights=weights,
+        offset=offset,
+        about=in_words(closure),
+        axes=axes,
+        assumption=assumption,
+        count=branches.count,
+        proved=proved,
+        z=branches.z,
+        branch=branches.branch,
+        fold=branches.fold,
+        lost=branches.lost,
+        names=names,
+        kinds=kinds,
+        values=values,
+        sizes=sizes(values.T, kinds, report.length).max(axis=1, initial=0.0),
+    )
+
+
+def solutions_of(
+    system: AbstractSystem,
+    state: State,
+    report: Report,
+    sense: Numbers | None,
+    rank: ArrayLike | None,
+    closure: AbstractClosure = _MINIMUM_NORM,
+) -> SolutionSet:
+    """The set of solutions with all self-stress of a report; raises where there is a problem or a joint rests."""
+    if report.problem:
+        raise RuntimeError(report.problem)
+    if report.at_rest:
+        result = RESULTS.friction_at_rest
+        raise RuntimeError(RESULTS[result] + culprits(system, state, result))
+    count = len(slip_kinds(system.friction))
+    senses = None if sense is None else jnp.broadcast_to(as_float(sense), (count,))
+    return solution_set(system, state, jnp.asarray(report.self_stress), senses, rank, closure)
+
+
+def _chosen(report: Report, along: Sequence[str] | str | None) -> list[int]:
+    pivots = report.pivots
+    if along is None:
+        if len(pivots) > 2:
+            raise ValueError(
+                f"Argument `along` must name one or two of the {len(pivots)} self-stress states, but is not given. "
+                f"They are those of {', '.join(pivots)}."
+            )
+        return list(range(len(pivots)))
+    along = [along] if isinstance(along, str) else list(along)
+    wrong = [name for name in along if name not in pivots]
+    if wrong or not 1 <= len(set(along)) == len(along) <= 2:
+        raise ValueError(
+            f"Argument `along` must name one or two different self-stress states, of {', '.join(pivots) or 'none'}, "
+            f"but is {along}. Take them from `analyze(...).pivots`."
+        )
+    return [pivots.index(name) for name in along]
+
+
+def _measure(
+    closure: AbstractClosure, system: AbstractSystem, state: State, stress: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """N^T (W lam - d) = N^T W N z solved for z: its coefficients of lam and its offset."""
+    compliance, misfit = map(np.asarray, closed_by(closure, system, state))
+    energy = stress @ compliance @ stress.T
+    check_definite(energy)
+    given = stress @ np.broadcast_to(misfit, len(compliance))
+    return np.linalg.solve(energy, stress @ compliance), np.linalg.solve(energy, given)
+
+
+def _axes(stress: np.ndarray, z: Numbers | Sequence[Numbers]) -> tuple[np.ndarray, ...]:
+    axes = (z,) if len(stress) == 1 else tuple(z)  # pyright: ignore[reportArgumentType]
+    if len(axes) != len(stress):
+        raise ValueError(
+            f"Argument `z` must hold one array for each of {len(stress)} states, but holds {len(axes)}. "
+            "Give as many arrays, or name fewer states in `along`."
+        )
+    out = tuple(np.asarray(as_float(axis), float) for axis in axes)  # pyright: ignore[reportArgumentType]
+    if any(axis.ndim != 1 or not axis.size or np.any(np.diff(axis) <= 0) for axis in out):
+        raise ValueError(
+            "Argument `z` must hold increasing amplitudes, but some do not increase. "
+            "Sort them, and drop those that occur twice."
+        )
+    return out
+
+
+def _values(solutions: SolutionSet, branches: Branches) -> np.ndarray:
+    outputs = jax.vmap(lambda z, tau: solutions.outputs(solutions.along(z), solutions.unit.multipliers, tau))
+    return np.asarray(outputs(jnp.asarray(branches.z), jnp.asarray(branches.tau)))

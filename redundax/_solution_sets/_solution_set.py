@@ -1,0 +1,92 @@
+"""The set of all solutions of (25) at a state, reduced to the friction forces and the self-stress.
+
+    lam = base + U tau,   tau = law(lam[rows]),   qdd = qdd_0 + A tau
+
+whatever has chosen base (m,) and U (m, p): every base + N z in place of base is as good, N being a basis of the
+self-stress. Along the pick lam_0, Lam of a closure, minimum norm unless said, z in R^k,
+
+    base = lam_0 + N z,   U = Lam     so that     tau = law(rho0 + N_R z + K tau).
+
+One factorisation at the state serves every z and every choice of base and U.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float, Int
+
+from .._closures._closure import AbstractClosure, MinimumNorm
+from .._equations._factorisation import Factorisation, factorize
+from .._solve._reduced import Response, reduce
+from .._solvers._friction_problem import FrictionProblem, Law
+from .._system._state import State
+from .._system._system import AbstractSystem
+
+_MINIMUM_NORM = MinimumNorm()
+
+
+class SolutionSet(eqx.Module):
+    """Figures of all solutions at a state.
+
+    - `free`, `unit`: response to the load, (n,) and (m,), and to unit friction, (n, p) and (m, p), under the closure.
+    - `stress`: N, shape (m, k), in units of the multipliers.
+    - `law`: the friction laws; None without friction.
+    - `rows`: multipliers that they read, shape (l,).
+    - `angular_loads`, `angular_slips`: which loads and frictions are moments.
+    """
+
+    free: Response
+    unit: Response
+    stress: Float[Array, "m k"]
+    law: Law | None
+    rows: Int[Array, " l"]
+    angular_loads: Array
+    angular_slips: Array
+
+    def along(self, z: Float[Array, " k"]) -> Float[Array, " m"]:
+        """lam_0 + N z."""
+        return self.free.multipliers + self.stress @ z
+
+    def problem(self, base: Float[Array, " m"], unit: Float[Array, "m p"]) -> FrictionProblem:
+        """tau = law(base[rows] + unit[rows] tau)."""
+        if self.law is None:
+            raise ValueError(
+                "Argument `system` must have friction here, but it has none. "
+                "Without friction `solve` is all that is needed."
+            )
+        return FrictionProblem.make(base[self.rows], unit[self.rows], self.law, self.angular_loads)
+
+    def outputs(self, base: Float[Array, " m"], unit: Float[Array, "m p"], tau: Float[Array, " p"]) -> Array:
+        """[qdd; lam; tau], shape (n + m + p,)."""
+        return jnp.concatenate([self.free.acceleration + self.unit.acceleration @ tau, base + unit @ tau, tau])
+
+
+def solution_set(
+    system: AbstractSystem,
+    state: State,
+    stress: Float[Array, "k m"],
+    sense: Float[Array, " p"] | None,
+    rank: ArrayLike | None,
+    closure: AbstractClosure = _MINIMUM_NORM,
+) -> SolutionSet:
+    """The set of solutions, given self-stress states."""
+    return _solution_set(system.anonymous(), state, factorize(system, state, rank), stress, sense, closure)
+
+
+@eqx.filter_jit
+def _solution_set(
+    system: AbstractSystem,
+    state: State,
+    factor: Factorisation,
+    stress: Array,
+    sense: Array | None,
+    closure: AbstractClosure,
+) -> SolutionSet:
+    reduced = reduce(system, state, factor, closure, sense=sense)
+    n, m = reduced.free.acceleration.size, reduced.free.multipliers.size
+    if reduced.problem is None or reduced.unit is None:
+        none = Response(jnp.zeros((n, 0)), jnp.zeros((m, 0)))
+        return SolutionSet(reduced.free, none, stress.T, None, reduced.rows, jnp.zeros(0, bool), jnp.zeros(0, bool))
+    problem = reduced.problem
+    kinds = problem.angular_loads, problem.angular_slips
+    return SolutionSet(reduced.free, reduced.unit, stress.T, problem.law, reduced.rows, *kinds)

@@ -1,0 +1,1 @@
+"""Whether joints at rest stay at rest."""

@@ -1,0 +1,123 @@
+"""A mechanism at rest: what drives it, in which ways it can move, and states that are possible from there.
+
+With V (n, d) a basis of the velocities that the constraints leave, V^T M V = I, and S = E^T V,
+
+    a = V (g + S^T tau),   g = V^T M a_0,   alpha = S (g + S^T tau)
+
+are the acceleration, a_0 being that without friction, and the rates of the slip rates. Neither g nor S depends on the
+case: preload, misfit and compliance enter through the limits of friction alone.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple, TypeVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+
+from ..._equations._factorisation import Factorisation, factorize
+from ..._equations._kinematics import slip_motion
+from ..._system._friction import slip_kinds
+from ..._system._state import State
+from ..._system._system import AbstractSystem
+
+T = TypeVar("T")
+
+NONE = 1e-10  # relative size of a drive or of a slip that is rounding
+LIMIT = 1e-9  # margin that is rounding
+
+
+class Drive(NamedTuple):
+    """The start without friction.
+
+    - `sense`: of slip, shape (p,).
+    - `output`: a as an output of [qdd; lam; tau], relative to the start and along it: a^T M a_0 / a_0^T M a_0.
+    - `effect`: e, that output of unit friction, shape (p,).
+    - `load`, `slips`: g, shape (d,), and S, shape (p, d).
+    - `rounding`: relative size of what is none.
+    """
+
+    sense: np.ndarray
+    output: np.ndarray
+    effect: np.ndarray
+    load: np.ndarray
+    slips: np.ndarray
+    rounding: float
+
+    @property
+    def none(self) -> bool:
+        """Whether nothing drives the mechanism."""
+        return not self.output.any()
+
+
+class Ends(NamedTuple):
+    """States that are possible from rest, held or as slip begins, as arrays; and the share of cases decided.
+
+    `sense` is that in which each slip starts, 0 where it sticks.
+    """
+
+    margin: np.ndarray
+    theta: np.ndarray
+    acceleration: np.ndarray
+    multipliers: np.ndarray
+    tau: np.ndarray
+    share: np.ndarray
+    sense: np.ndarray
+    solved: float
+
+
+def drive(system: AbstractSystem, state: State, rank: ArrayLike | None) -> Drive:
+    """What drives a system at rest; `ValueError` where it does not rest."""
+    factor = factorize(system, state, rank)
+    length, angular = np.asarray(factor.length), np.asarray(system.coordinates.angular)
+    rates = np.abs(np.asarray(state.qd)) * np.where(angular, length, 1.0)
+    if bool(factor.motion_of(jnp.asarray(rates.max())).is_yes):
+        raise ValueError(
+            f"Argument `state` must be at rest, but has velocities up to {rates.max():.3g}. "
+            "Take `qd = 0`, or `simulate` to where it comes to rest."
+        )
+    none = max(NONE, 100 * float(np.finfo(factor.load.dtype).eps))
+    a, mass, load = (np.asarray(x, float) for x in (factor.acceleration, factor.mass, factor.load))
+    if np.abs(factor.gamma).max(initial=0.0) > none * np.abs(factor.jacobian @ a).max(initial=0.0):
+        raise ValueError(
+            "Argument `state` must be free to stay at rest, but a driver accelerates the mechanism. "
+            "Lock the driver, or choose another time `t`."
+        )
+    force, lever = mass @ a, np.where(angular, 1 / length, 1.0)
+    slips, p = slip_kinds(system.friction), len(slip_kinds(system.friction))
+    size = state.qd.size + len(system.rows)
+    ways, turns = _ways(system, factor), np.where(slips.angular, length, 1.0)
+    directions = np.asarray(slip_motion(system, state)[1]) if p else np.zeros((a.size, 0))
+    moved = directions.T @ ways
+    reach = np.linalg.norm(moved, axis=1) * turns
+    moved = np.where((reach > none * reach.max(initial=0.0))[:, None], moved, 0.0)
+    if not np.abs(lever * force).max() > none * np.abs(lever * load).max():
+        return Drive(np.zeros(p), np.zeros(size + p), np.zeros(p), np.zeros(ways.shape[1]), moved, none)
+    output = np.concatenate([force / (a @ force), np.zeros(len(system.rows) + p)])
+    slip = directions.T @ a
+    shift = np.abs(slip) * turns
+    slip = np.where(shift > none * shift.max(initial=0.0), slip, 0.0)
+    return Drive(np.sign(slip), output, slip / (a @ force), ways.T @ force, moved, none)
+
+
+def _ways(system: AbstractSystem, factor: Factorisation) -> np.ndarray:
+    """V; without columns where no basis is orthonormal, which `analyze` complains of."""
+    if not bool(factor.determinate & factor.finite):
+        return np.zeros((factor.load.size, 0))
+    scale = np.where(system.coordinates.angular, 1 / np.asarray(factor.length), 1.0)
+    rows = np.asarray(factor.jacobian) * scale / np.asarray(factor.row_scale)[:, None]
+    free = scale[:, None] * np.linalg.svd(rows)[2][int(factor.spectrum.rank) :].T
+    inverse = np.linalg.inv(np.linalg.cholesky(free.T @ np.asarray(factor.mass) @ free))
+    return free @ inverse.T
+
+
+def in_batches(function: Callable[..., T], size: int, *arrays: ArrayLike) -> T:
+    """A compiled function of rows, called with batches of one size, so that nothing is compiled anew."""
+    arrays = tuple(np.asarray(array) for array in arrays)
+    rows, parts = arrays[0].shape[0], []
+    for first in range(0, rows, size):
+        places = np.minimum(np.arange(first, first + size), rows - 1)
+        out = jax.device_get(function(*(jnp.asarray(array[places]) for array in arrays)))
+        parts.append(jax.tree.map(lambda x, first=first: x[: rows - first], out))
+    return jax.tree.map(lambda *parts: np.concatenate(parts), *parts)

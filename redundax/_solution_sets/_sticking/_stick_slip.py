@@ -1,0 +1,175 @@
+"""Which joints of a mechanism at rest stick and which start to slip, case by case.
+
+    alpha = S (g + S^T tau),   lo(rho) <= tau <= hi(rho),   alpha_j > 0 only at tau_j = lo_j,   alpha_j < 0 only at hi_j
+
+with rho = rho_0 + K tau, as of `_stick` at an instant of a motion. For given limits these are the conditions of
+optimality of min |g + S^T tau|^2, so that the acceleration is unique, and with lo' and hi' those of another case
+
+    |change of g + S^T tau| <= sum_j |S_j| |change of the limits of j|.
+
+Where the limits depend on tau, through Gamma of `_one_freedom`, each case has one solution tau (proved) if the spectral
+radius of C is below 1, C_jj = Gamma_jj, C_jk = max(|S_j . S_k| / |S_j|^2, Gamma_jk): a sweep of Jacobi's,
+tau_j <- clip(tau_j - alpha_j / |S_j|^2, lo_j, hi_j), then contracts in a weighted maximum norm. Sweeps of Gauss and
+Seidel find it, least squares within bounds where masses are too unlike for them.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..._analysis._verdict import spectral_radius
+from .._cases import AbstractCases
+from .._solution_set import SolutionSet
+from ._at_rest import NONE, Drive
+
+_SWEEPS = 2000
+_SETTLED = 1e-13  # change of friction, relative to the largest, after which sweeps have settled it
+_FOUND = 1e-6  # error of the acceleration, relative to the parts that cancel, of what is taken for a solution
+_HELD = 1e-8  # accelerations that are none, relative to the parts that cancel
+
+
+class Limits(NamedTuple):
+    """Limits of friction at cases, shape (s, p)."""
+
+    low: np.ndarray
+    high: np.ndarray
+
+
+class Looked(NamedTuple):
+    """Limits of friction at cases, shape (s, p), multipliers, (s, m), and their largest excess over bounds, (s,)."""
+
+    low: Array | np.ndarray
+    high: Array | np.ndarray
+    multipliers: Array | np.ndarray
+    excess: Array | np.ndarray
+
+
+@eqx.filter_jit
+def looked(
+    solutions: SolutionSet, cases: AbstractCases, theta: Float[Array, "s q"], tau: Float[Array, "s p"]
+) -> Looked:
+    """Limits and multipliers at many cases, each with its friction."""
+
+    def one(theta: Array, tau: Array) -> Looked:
+        base, unit = cases.chosen(theta)
+        multipliers = base + unit @ tau
+        return Looked(
+            *_limits(solutions, multipliers), multipliers, jnp.max(cases.excess(multipliers), initial=-jnp.inf)
+        )
+
+    return jax.vmap(one)(theta, tau)
+
+
+def _limits(solutions: SolutionSet, multipliers: Array) -> tuple[Array, Array]:
+    """lo and hi of friction."""
+    law = solutions.law
+    if law is None:
+        return multipliers[:0], multipliers[:0]
+    one, two = (
+        eqx.tree_at(lambda law: law.sense, law, jnp.full_like(law.rate, sense))(multipliers[solutions.rows])
+        for sense in (1.0, -1.0)
+    )
+    return jnp.minimum(one, two), jnp.maximum(one, two)
+
+
+@eqx.filter_jit
+def settled(
+    solutions: SolutionSet,
+    cases: AbstractCases,
+    load: Float[Array, " d"],
+    slips: Float[Array, "p d"],
+    loads: Float[Array, ""],
+    theta: Float[Array, "s q"],
+) -> Float[Array, "s p"]:
+    """Friction of the conditions above, as far as sweeps settle it; `loads` is 1, or 0 for K = 0."""
+    free, matrix = slips @ load, slips @ slips.T
+    own = jnp.where(jnp.diagonal(matrix) > 0, jnp.diagonal(matrix), jnp.inf)
+
+    def one(theta: Array) -> Array:
+        base, unit = cases.chosen(theta)
+        if not free.size:
+            return free
+
+        def sweep(carry: tuple) -> tuple:
+            tau, _, _, count = carry
+            low, high = _limits(solutions, base + loads * (unit @ tau))
+
+            def joint(j: Array, new: Array) -> Array:
+                return new.at[j].set(jnp.clip(new[j] - (free[j] + matrix[j] @ new) / own[j], low[j], high[j]))
+
+            new = jax.lax.fori_loop(0, tau.size, joint, tau)
+            weight = jnp.sqrt(jnp.diagonal(matrix))
+            size = jnp.max(weight * jnp.maximum(jnp.abs(low), jnp.abs(high)), initial=0.0)
+            return new, jnp.max(weight * jnp.abs(new - tau), initial=0.0), size, count + 1
+
+        def going(carry: tuple) -> Array:
+            _, change, size, count = carry
+            return (change > _SETTLED * size) & (count < _SWEEPS)
+
+        zero = jnp.zeros((), base.dtype)
+        first = (jnp.zeros_like(free), zero + jnp.inf, zero, jnp.zeros((), int))
+        return jax.lax.while_loop(going, sweep, first)[0]
+
+    return jax.vmap(one)(theta)
+
+
+class Started(NamedTuple):
+    """How slip begins, case by case.
+
+    - `sense`: in which each slip starts, 0 where it sticks; shape (s, p).
+    - `moves`, `sure`: whether anything moves, and whether that is sure; shape (s,).
+    - `error`: a bound of that of a = g + S^T tau; shape (s,).
+    """
+
+    sense: np.ndarray
+    moves: np.ndarray
+    sure: np.ndarray
+    error: np.ndarray
+
+
+def started(drive: Drive, tau: np.ndarray, limits: Limits | Looked) -> Started:
+    """How slip begins under friction.
+
+    What is left of the conditions bounds the error of a: |error|^2 <= 2 sum_j (tau_j alpha_j + limit_j |alpha_j|).
+    """
+    matrix, sizes = drive.slips @ drive.slips.T, np.linalg.norm(drive.slips, axis=1)
+    left = drive.load + tau @ drive.slips
+    alpha = left @ drive.slips.T
+    gap = (tau * alpha - np.minimum(np.asarray(limits.low) * alpha, np.asarray(limits.high) * alpha)).sum(axis=1)
+    error = np.sqrt(2 * np.maximum(gap, 0.0))
+    own = np.abs(drive.slips @ drive.load) + np.abs(tau) @ np.abs(matrix)
+    whole = np.linalg.norm(drive.load) + np.abs(tau) @ sizes
+    held, found = max(_HELD, drive.rounding), _FOUND * np.sqrt(drive.rounding / NONE)
+    none = np.maximum(held * own + drive.rounding / 100 * sizes * whole[:, None], sizes * error[:, None])
+    moves = np.linalg.norm(left, axis=1) > np.maximum(held * whole, error)
+    return Started(np.where(np.abs(alpha) > none, np.sign(alpha), 0.0), moves, error <= found * whole, error)
+
+
+def least_accelerated(drive: Drive, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Friction (s, p) of least |g + S^T tau| within limits."""
+    from scipy.optimize import lsq_linear  # here, because its import takes a second
+
+    tau = np.array(low, float)
+    for own, most in zip(tau, high, strict=True):
+        some = own < most
+        if some.any():
+            given = drive.load + own[~some] @ drive.slips[~some]
+            own[some] = lsq_linear(drive.slips[some].T, -given, (own[some], most[some]), method="bvls", tol=1e-15).x
+    return tau
+
+
+def one_start(drive: Drive, gamma: np.ndarray) -> bool:
+    """Whether each case is proved to have one acceleration, with Gamma of all cases."""
+    matrix = drive.slips @ drive.slips.T
+    own, free = np.diag(matrix), np.diag(matrix) == 0
+    if not np.any(gamma):
+        return True
+    if np.any(gamma[:, free]) or not np.all(np.isfinite(gamma)):
+        return False
+    kept = ~free
+    sweep = np.abs(matrix[np.ix_(kept, kept)]) / own[kept][:, None] * (1 - np.eye(kept.sum()))
+    return spectral_radius(np.maximum(sweep, gamma[np.ix_(kept, kept)])) < 1

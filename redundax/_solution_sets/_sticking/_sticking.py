@@ -1,0 +1,154 @@
+"""Whether a mechanism at rest sticks, and which of its joints, under what is known of its preload.
+
+At rest dry friction is a set. A case, that is a self-stress z, has as states that are possible from rest all tau with
+
+    alpha = alpha_0 + A tau,   |tau_j| <= limit_j(rho),   rho = rho_0(z) + K tau,
+    alpha_j = 0, or tau_j = -limit_j sgn alpha_j,
+
+where alpha are the rates of the slip rates, alpha_0 without friction. Two questions are kept apart. Does the whole stay
+at rest: is there a tau within its limits that leaves no acceleration at all? And does a joint stick: is alpha_j = 0,
+while others may slip? With one degree of freedom they are one, for all joints that slip do so together.
+
+    margin = (the largest part of the load's drive that friction can hold, at the loads that it has then) - 1:
+
+0 and more where it sticks, -1 where no friction acts against some part of the drive. Where joints slip one by one,
+margin < 0 says that the acceleration cannot vanish: the drive would have to fall by the share -margin for rest.
+
+`_one_freedom` finds and proves it for one degree of freedom, where it is the load that friction in full slip takes up,
+`_many_freedoms` for any number, by linear programmes; `_stick_slip` asks for the joints, `_joint_verdicts` says what is
+known of them over the bounds.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+from jaxtyping import Array
+
+from ..._analysis._analyze import analyze
+from ..._closures._closure import AbstractClosure, MinimumNorm
+from ..._solve._all_solutions import start_factors
+from ..._system._friction import slip_kinds
+from ..._system._state import State
+from ..._system._system import AbstractSystem
+from ..._tools._module import no_classes
+from .._bounds import AbstractBounds, one_case
+from .._search import Search, proved_single
+from .._solution_set import solution_set
+from ._at_rest import LIMIT, Drive, Ends, drive
+from ._joint_verdicts import Joints, joint_verdicts
+from ._many_freedoms import ManyFreedoms
+from ._one_freedom import covered, ends_of_one, most_holds
+from ._stick_slip import one_start
+from ._sticking_report import Sticking
+
+_MINIMUM_NORM = MinimumNorm()
+
+
+def sticking(
+    system: AbstractSystem,
+    state: State,
+    bounds: AbstractBounds | AbstractClosure = _MINIMUM_NORM,
+    *,
+    samples: int = 256,
+    starts: int = 8,
+    seed: int = 0,
+    rank: ArrayLike | None = None,
+) -> Sticking:
+    """Whether a mechanism at rest, and each of its joints, must stick, may stick or must slip.
+
+    ??? example
+
+        ```python
+        rest = mechanism.state(phi=0.8, rate=0.0)
+        found = rx.sticking(mechanism, rest, rx.AmplitudeBox({"A.x": (-400.0, 400.0)}))  # N
+        print(found)
+        found.verdict, found.proved
+        dict(zip(found.names, found.slip_verdicts))  # joint by joint
+        ```
+
+    **Arguments:**
+
+    - `system`, `state`: concrete values, at rest; not inside `jit` or `vmap`.
+    - `bounds`: what is known of preload, misfit or compliance, as of `band`; or a closure, for the loads that it picks.
+    - `samples`: random cases that are looked at, beside vertices.
+    - `starts`, `seed`: random initial loads for each of them, where the number of solutions is not proved.
+    - `rank`: as in `solve`.
+
+    **Raises:** `ValueError` where the state moves, drivers set it in motion, the system has no degree of freedom, or
+    bounds do not fit it; `RuntimeError` where the equations cannot be trusted, as `solve` does.
+    """
+    no_classes(bounds=bounds)
+    state = State(state.q, state.qd, state.t)  # bristles that bend let it move, so they do not count
+    start = drive(system, state, rank)
+    senses = jnp.asarray(start.sense)
+    report = analyze(system, state, sense=senses, rank=rank)
+    if report.problem:
+        raise RuntimeError(report.problem)
+    if report.freedom < 1:
+        raise ValueError(
+            "Argument `system` must have a degree of freedom to stick or slip, but has none. Release a lock."
+        )
+    solutions = solution_set(system, state, jnp.asarray(report.self_stress), senses, rank)
+    closure = isinstance(bounds, AbstractClosure)
+    cases = one_case(bounds, system, state, solutions) if closure else bounds.cases(system, state, report, solutions)
+    single = proved_single(solutions, cases, report)
+    search = Search(solutions, cases, start_factors(solutions.rows.size, 0 if single else starts, seed))
+    samples = samples if cases.lower.size else 0
+    theta = search.sample(samples, seed)
+    fixed = closure or not report.friction_reads
+    if report.freedom == 1:
+        ends = ends_of_one(search, start, theta, samples, seed)
+        verdict = _verdict(ends)
+        proved = start.none or (single and _proved_of_one(verdict, search, start, theta, fixed=fixed))
+        proved = verdict != "undecided" and proved
+        joints = joint_verdicts(ends, np.equal(start.sense, 0), lambda *_: proved)
+    else:
+        ends, verdict, proved, joints = _of_many(search, start, theta, seed, fixed=fixed)
+    order = [np.argmin(ends.margin), np.argmax(ends.margin)] if len(ends.margin) else []
+    return Sticking(
+        verdict=verdict,
+        proved=proved,
+        margin=ends.margin[order],
+        case=np.asarray(cases.figures(jnp.asarray(ends.theta[order]))),
+        acceleration=ends.acceleration[order],
+        multipliers=ends.multipliers[order],
+        friction=ends.tau[order],
+        share=ends.share[order],
+        bounds=type(bounds).__name__,
+        parameters=cases.names,
+        box=np.stack([cases.figures(cases.lower), cases.figures(cases.upper)], axis=1),
+        names=tuple(slip_kinds(system.friction).labels),
+        senses=start.sense,
+        slip_verdicts=joints.verdicts,
+        slip_proved=joints.proved,
+        slip_senses=joints.senses,
+        can_hold=any(group.has_sense for group in system.friction),
+        solved=ends.solved,
+    )
+
+
+def _verdict(ends: Ends) -> str:
+    """The verdict that states found support."""
+    slips, sticks = ends.margin < -LIMIT, ends.margin >= -LIMIT
+    if not len(ends.margin):
+        return "undecided"
+    return "may stick" if slips.any() and sticks.any() else "must slip" if slips.any() else "must stick"
+
+
+def _proved_of_one(verdict: str, search: Search, start: Drive, theta: Array, *, fixed: bool) -> bool:
+    """Whether a verdict is proved where each case has one solution; `fixed` says that friction is the same in all."""
+    if verdict == "must stick":
+        return fixed or covered(search, start, theta, 1.0)
+    settled = verdict != "undecided" and most_holds(search.solutions, search.cases, start)
+    return settled and (verdict == "may stick" or fixed or covered(search, start, theta, -1.0))
+
+
+def _of_many(search: Search, start: Drive, theta: Array, seed: int, *, fixed: bool) -> tuple[Ends, str, bool, Joints]:
+    """States found of any number of freedoms, and the verdicts that they support."""
+    many = ManyFreedoms(search, start, len(theta), reads=not fixed)
+    ends = many.ends(np.asarray(theta), seed)
+    verdict = _verdict(ends)
+    known = fixed and ends.solved == 1 and one_start(start, many.gamma)  # the one state that was found is all
+    blocked = np.logical_not(start.slips.any(axis=1))
+    joints = joint_verdicts(ends, blocked, lambda verdict, joint: known or many.proves(verdict, joint))
+    return ends, verdict, known or many.proves(verdict), joints

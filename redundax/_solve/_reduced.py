@@ -1,0 +1,156 @@
+"""The reduced formulation: (25) under a closure, written on the friction forces tau alone.
+
+With F = E tau the equations (25) are linear in x = [qdd; lam] for given tau. One factorisation at the state gives
+the response to the load and to each unit friction, and the closure (W, d) picks one multiplier vector from each
+family, lam -> (I - G W) lam, with G d added once:
+
+    qdd = qdd_0 + A tau,   lam = lam_0 + Lam tau,                                  G = N (N^T W N)^-1 N^T.
+
+Friction reads a few multipliers rho = lam[rows] only, so that what is left to solve is
+
+    tau = law(rho0 + K tau),   rho0 = lam_0[rows],   K = Lam[rows].
+
+The paper's iterations (27) and (38) depend on x through F(lam) alone and are the same iterations on tau. All else is
+recovered after convergence; nothing that is constant in a sweep over closures' misfits, h, x0 or friction
+coefficients depends on the batch.
+"""
+
+from typing import NamedTuple, cast
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from .._closures._closure import AbstractClosure, closed_by
+from .._equations._factorisation import Factorisation
+from .._equations._kinematics import slip_motion
+from .._solvers._friction_problem import FrictionProblem, Law
+from .._system._decision import Decision
+from .._system._friction import load_rows, slip_kinds
+from .._system._state import State
+from .._system._system import AbstractSystem
+from .._tools._by_number import combined
+
+
+class Pick(NamedTuple):
+    """(I - G W) lam: the multipliers that a closure without misfit picks, from any that solve the equations."""
+
+    response: Float[Array, "m m"]
+    compliance: Float[Array, "m m"]
+
+    def __call__(self, multipliers: Array) -> Array:
+        for _ in range(2):  # the second pass is refinement
+            multipliers = multipliers - self.response @ (self.compliance @ multipliers)
+        return multipliers
+
+
+class Response(NamedTuple):
+    """Accelerations and multipliers, (n,) and (m,) to load or (n, p) and (m, p) to unit friction."""
+
+    acceleration: Array
+    multipliers: Array
+
+    def plus(self, unit: "Response", tau: Array) -> "Response":
+        """The response to load and friction."""
+        return Response(self.acceleration + unit.acceleration @ tau, self.multipliers + unit.multipliers @ tau)
+
+
+class Reduced(eqx.Module):
+    """The equations (25) of a system at a state under a closure, reduced to the friction forces.
+
+    - `pick`, `definiteness`: the closure, and the decision whether it determines the multipliers.
+    - `free`: response to the load.
+    - `unit`, `rows`, `problem`: response to unit friction, the multipliers that friction reads, and the equations for
+      tau; without friction none, no rows, none.
+    - `motion`: the decision for each slip whether it moves, shape (p,); none without friction.
+    - `free_size`: bound of the sum of |free|.
+    """
+
+    pick: Pick
+    definiteness: Decision
+    free: Response
+    unit: Response | None
+    rows: Int[Array, " l"]
+    problem: FrictionProblem | None
+    motion: Decision | None
+    free_size: Float[Array, ""]
+
+    def end(self, tau: Float[Array, " p"], stress: Float[Array, " m"] | None) -> Response:
+        """Accelerations and multipliers at the friction tau, with a self-stress added."""
+        if self.unit is None:
+            return self.free
+        acceleration, multipliers = self.free.plus(self.unit, tau)
+        return Response(acceleration, multipliers if stress is None else multipliers + stress)
+
+    def end_size(self, tau: Float[Array, " p"], stress: Float[Array, " m"] | None) -> Float[Array, ""]:
+        """Bound of the sum of |end|: if it is finite all of them are; else one is not, or the bound overflows."""
+        size = self.free_size
+        if self.unit is not None:
+            size = size + _size(*self.unit) * _size(tau)
+        return size if stress is None else size + _size(stress)
+
+    def senseless(
+        self, tau: Float[Array, " p"], stress: Float[Array, " m"] | None
+    ) -> tuple[Bool[Array, ""], Bool[Array, ""]]:
+        """Whether a joint at rest, and whether any joint, has no sense although its friction depends on it."""
+        motion = cast(Decision, self.motion)
+        problem = cast(FrictionProblem, self.problem)
+        law = problem.law
+
+        def depends() -> tuple[Bool[Array, ""], Bool[Array, ""]]:
+            loads = problem.loads(tau) + (0.0 if stress is None else stress[self.rows])
+            moving = eqx.tree_at(lambda law: law.sense, law, jnp.where(law.sense == 0, 1.0, law.sense))
+            lacking = (law.sense == 0) & (moving(loads) != law(loads))
+            return jnp.any(lacking & motion.is_no), jnp.any(lacking)
+
+        none = jnp.zeros((), bool)
+        return jax.lax.cond(jnp.any(law.sense == 0), depends, lambda: (none, none))
+
+
+def reduce(
+    system: AbstractSystem,
+    state: State,
+    factor: Factorisation,
+    closure: AbstractClosure,
+    *,
+    kept: Float[Array, " m"] | Float[Array, ""] | None = None,
+    sense: Float[Array, " p"] | None = None,
+) -> Reduced:
+    """Close and reduce; the self-stress of `kept`, for a closure of minimum norm, is added to `free`."""
+    compliance, misfit = closed_by(closure, system, state)
+    response, definiteness = factor.stress_response(compliance)
+    pick = Pick(response, compliance)
+    given = misfit if kept is None else misfit + kept
+    picked = pick(factor.multipliers)
+    free = Response(factor.acceleration, picked + times(response, given))
+    free_size = _size(factor.acceleration, picked) + _size(response) * _size(given)
+    if not system.friction:
+        return Reduced(pick, definiteness, free, None, jnp.zeros(0, int), None, None, free_size)
+    rate, directions = slip_motion(system, state)
+    acceleration, multipliers = factor.respond(directions)
+    unit = Response(acceleration, pick(multipliers))
+    angular_slips = jnp.asarray(slip_kinds(system.friction).angular)
+    motion = factor.motion_of(rate * jnp.where(angular_slips, factor.length, 1.0))
+    law = Law(system.friction, rate, _sense(rate, motion, sense), state)
+    rows = load_rows(system.friction)
+    angular_loads = jnp.asarray(system.rows.angular)[rows]
+    rho0 = picked[rows] + times(response[rows], given)
+    problem = FrictionProblem.make(rho0, unit.multipliers[rows], law, angular_loads)
+    return Reduced(pick, definiteness, free, unit, rows, problem, motion, free_size)
+
+
+def times(matrix: Float[Array, "d m"], vector: Float[Array, " m"] | Float[Array, ""]) -> Float[Array, " d"]:
+    """matrix @ vector; a number stands for m equal ones, so that a batch of numbers stays one."""
+    return matrix @ vector if vector.ndim else jnp.sum(matrix, axis=1) * vector
+
+
+def _size(*arrays: Array) -> Array:
+    """Sum of the sizes of all entries, which a NaN does not pass by."""
+    return jnp.asarray(sum(combined(jnp.add, jnp.sum, jnp.abs(array).ravel()) for array in arrays))
+
+
+def _sense(rate: Array, motion: Decision, sense: Array | None) -> Array:
+    """Sign of the slip rates of joints that move, or of the given sense."""
+    given = 0.0 if sense is None else jnp.sign(sense.astype(rate.dtype))
+    return jnp.where(motion.is_yes, jnp.sign(rate), given)

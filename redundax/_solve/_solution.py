@@ -1,0 +1,100 @@
+"""What a solve returns."""
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from .._equations._evidence import Violation
+from .._equations._rank import Spectrum
+from .._system._results import RESULTS
+from .._tools._module import known
+
+
+class Stats(eqx.Module):
+    """The evidence beside the numbers; it is there whatever the result.
+
+    - `redundancy`, `freedom`: k = m - r redundant constraints and n - r degrees of freedom.
+    - `spectrum`: the rank decision with singular values, tolerance and gap.
+    - `violation`: consistency of the state.
+    - `singular_position`: whether the rank is lower at this position than beside it, so that branches of motion meet;
+      (7) does not keep accelerations on their branch there, and none are given.
+    - `lost_digits`: decimal digits that accelerations and multipliers lose to the smallest kept singular value, as
+      beside a singular position; of about 16 in float64, 7 in float32.
+    - `steps`: friction iterations done; 0 without friction.
+    - `tolerance`: what `residual` and `step` had to reach.
+    - `residual`: last relative change of friction (fixed point) or relative residual of (34) (Newton).
+    - `step`: last relative change of the loads.
+    - `contraction`: upper bound of the spectral radius of one sweep of friction at the solution, 0 without friction
+      that depends on load; below 1 the fixed-point iteration contracts there.
+    - `fold`: fraction of the friction up to which the branch of solutions from zero friction exists; infinite if it
+      reaches the whole friction, or was not followed because Newton's solution contracts.
+
+    ??? example
+
+        ```python
+        stats = rx.solve(mechanism, state).stats
+        stats.rank, stats.redundancy, stats.spectrum.gap, stats.contraction
+        ```
+    """
+
+    redundancy: Int[Array, ""]
+    freedom: Int[Array, ""]
+    spectrum: Spectrum
+    violation: Violation
+    singular_position: Bool[Array, ""]
+    lost_digits: Float[Array, ""]
+    steps: Int[Array, ""]
+    tolerance: Float[Array, ""]
+    residual: Float[Array, ""]
+    step: Float[Array, ""]
+    contraction: Float[Array, ""]
+    fold: Float[Array, ""]
+
+    @property
+    def rank(self) -> Int[Array, "*batch"]:
+        """r, rank of the constraint Jacobian."""
+        return self.spectrum.rank
+
+
+class Solution(eqx.Module):
+    """Accelerations, multipliers and friction at a state.
+
+    - `acceleration`: qdd, shape (n,).
+    - `multipliers`: lam, shape (m,); the constraint force on the system is -Phi_q^T lam.
+    - `friction`: friction forces and moments tau, one for each slip, shape (p,); on a joint's body i, and
+      the opposite on body j.
+    - `result`: how the solve ended. The three arrays are NaN unless it is `RESULTS.successful`.
+    - `stats`: the evidence.
+
+    ??? example
+
+        ```python
+        solution = rx.solve(mechanism, state)
+        solution.acceleration, solution.multipliers, solution.friction  # shapes (12,), (12,), (4,)
+        ```
+    """
+
+    acceleration: Float[Array, " n"]
+    multipliers: Float[Array, " m"]
+    friction: Float[Array, " p"]
+    result: RESULTS
+    stats: Stats
+
+    def __str__(self) -> str:
+        """The numbers of one solution, or what failed; of a batch, and inside of transformations, the shapes."""
+        leaves = (self.acceleration, self.multipliers, self.friction, *jax.tree.leaves(self.result))
+        if not all(isinstance(x, jax.Array) and known(x) for x in leaves) or self.acceleration.ndim != 1:
+            return repr(self)
+        stats = self.stats
+        counts = f"redundancy {stats.redundancy}, freedom {stats.freedom}, {stats.steps} steps of friction"
+        if self.result != RESULTS.successful:
+            return f"{RESULTS[self.result]}\n{counts}"
+        numbers = {"acceleration": self.acceleration, "multipliers": self.multipliers, "friction": self.friction}
+        return "\n".join([counts, *(f"{name} {_shown(np.asarray(value))}" for name, value in numbers.items())])
+
+
+def _shown(values: np.ndarray) -> str:
+    """Numbers as text; what is rounding beside the largest is 0."""
+    rounding = 100 * np.finfo(values.dtype).eps * np.abs(values).max(initial=0.0)
+    return np.array2string(np.where(np.abs(values) > rounding, values, 0.0), 100, 6)

@@ -1,0 +1,309 @@
+"""Solving the index-1 equations (7), (25) for accelerations, multipliers and friction at a state.
+
+The equations are reduced to the friction forces (`_reduced`), solved for them, and all else is recovered. Without
+friction nothing iterates.
+"""
+
+import functools
+import operator
+from typing import Any, cast
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.typing import ArrayLike
+from jaxtyping import Array, Bool
+
+from .._closures._closure import AbstractClosure, Compliance, MinimumNorm
+from .._closures._elastic_joints import ElasticJoints
+from .._closures._unit_check import check_units
+from .._equations._culprits import culprits
+from .._equations._factorisation import Factorisation, factorize
+from .._solvers._continuation import Continuation
+from .._solvers._friction_problem import FrictionProblem
+from .._solvers._iterate import Progress
+from .._solvers._open_newton import open_root
+from .._solvers._open_problem import OpenProblem
+from .._solvers._solver import AbstractSolver, Newton, Root, closed_root
+from .._system._friction import slip_kinds
+from .._system._results import RESULTS, first_failure
+from .._system._state import State
+from .._system._system import AbstractSystem
+from .._tools._chunks import in_chunks
+from .._tools._module import Numbers, as_float, known, no_classes
+from ._reduced import Reduced, Response, reduce, times
+from ._solution import Solution, Stats
+
+_MINIMUM_NORM = MinimumNorm()
+
+
+def solve(
+    system: AbstractSystem,
+    state: State,
+    *,
+    closure: AbstractClosure | None = _MINIMUM_NORM,
+    solver: AbstractSolver | None = None,
+    x0: Numbers | None = None,
+    sense: Numbers | None = None,
+    rank: ArrayLike | None = None,
+    throw: bool | None = None,
+) -> Solution:
+    """Accelerations, multipliers and friction of a system at a state: (7), with friction (24) or (25).
+
+    ??? example
+
+        ```python
+        solution = rx.solve(mechanism, state)
+        solution.acceleration[8]  # of the crank, rad/s^2
+        hs = jnp.linspace(-100.0, 100.0, 5)
+        jax.vmap(lambda h: rx.solve(mechanism, state, closure=rx.MinimumNorm(h)).acceleration)(hs)
+        ```
+
+    **Arguments:**
+
+    - `system`: a `Mechanism` or `System`.
+    - `state`: position, velocity and time, on the constraint manifold.
+    - `closure`: which of the multipliers to take where they are not unique. `None` leaves the choice to
+      Newton's open iteration (38) from `x0`, whose end point depends on `x0`.
+    - `solver`: used where friction depends on load: `Continuation()` if not given, `Newton()` or `FixedPoint()`;
+      without a closure `Newton()`.
+    - `x0`: initial guess [qdd; lam], shape (n + m,), a number stands for that many equal entries; the
+      solution without friction if not given.
+    - `sense`: senses of the impending slip of frictional joints at rest, shape (p,), of which the sign counts; joints
+      that move have the sign of their slip rate. 0 leaves a sense open: where the friction of a joint at rest depends
+      on it, as Coulomb's does, the result is `RESULTS.friction_at_rest`. Give 1 or -1 there, or ask `sticking` whether
+      the mechanism stays at rest.
+    - `rank`: declared rank of the constraint Jacobian; decided from its spectrum if not given.
+    - `throw`: whether to raise an error unless the result is successful. By default it does outside of
+      transformations such as `jit` and `vmap`, and does not inside, so that one bad sample does not end a sweep.
+
+    **Returns:** a `Solution`; its arrays are NaN unless `result` is `RESULTS.successful`, and so are their derivatives
+    in forward mode; to a gradient in reverse mode such a sample of a batch adds nothing.
+
+    **Raises:** `ValueError` for arguments that do not fit the system; `RuntimeError` with the message of
+    the result where `throw` says so.
+    """
+    no_classes(closure=closure, solver=solver)
+    _check_state(system, state)
+    n, m = len(system.coordinates), len(system.rows)
+    if solver is None:
+        solver = Newton() if closure is None else Continuation()
+    if closure is None and not (isinstance(solver, Newton) and x0 is not None):
+        raise ValueError(
+            "Argument `closure` may be None only with `solver=Newton()` and an initial guess `x0`: without a "
+            "closure the end point of (38) is chosen by `x0`. Give both, or a closure such as `MinimumNorm()`."
+        )
+    if x0 is not None:
+        x0 = _vector("x0", x0, n + m, "[qdd; lam]").astype(state.qd.dtype)
+    if sense is not None:
+        sense = _vector("sense", sense, len(slip_kinds(system.friction)), "slips")
+    factor = factorize(system, state, rank)
+    solution = solve_factorised(system.anonymous(), state, factor, closure, solver, x0, sense)
+    if isinstance(closure, Compliance | ElasticJoints) and all(map(known, jax.tree.leaves((factor, closure)))):
+        check_units(system, state, closure, stacklevel=2)
+    return _thrown(system, state, solution, throw)
+
+
+@eqx.filter_jit
+def solve_factorised(
+    system: AbstractSystem,
+    state: State,
+    factor: Factorisation,
+    closure: AbstractClosure | None,
+    solver: AbstractSolver,
+    x0: Array | None,
+    sense: Array | None,
+) -> Solution:
+    """`solve`, given the factorisation at the state."""
+    end, root, contraction, result = _ended(factor, system, state, closure, solver, x0, sense)
+    return _solution(factor, end, root, contraction, solver.tolerance(state.qd.dtype), result)
+
+
+@eqx.filter_custom_jvp
+def _ended(*arguments: Any) -> tuple[Response, Root, Array, RESULTS]:
+    """`_end` in chunks; its derivative is that of `_end`, which has a rule where it iterates."""
+    return in_chunks(_end, *arguments)
+
+
+@_ended.def_jvp
+def _ended_jvp(primals: tuple, tangents: tuple) -> tuple:
+    return eqx.filter_jvp(_end, primals, tangents)
+
+
+def _end(
+    factor: Factorisation,
+    system: AbstractSystem,
+    state: State,
+    closure: AbstractClosure | None,
+    solver: AbstractSolver,
+    x0: Array | None,
+    sense: Array | None,
+) -> tuple[Response, Root, Array, RESULTS]:
+    """Accelerations and multipliers, friction, its contraction and the result."""
+    chosen = _MINIMUM_NORM if closure is None else closure
+    kept = _kept(x0, state) if closure is None else None  # Newton (38) keeps the self-stress of x0
+    reduced = reduce(system, state, factor, chosen, kept=kept, sense=sense)
+    if reduced.problem is None:
+        root, stress, contraction, friction_checks = _loadless(state.qd[:0]), None, 0.0 * state.t, ()
+        given = jnp.asarray(True)
+    else:
+        root, stress = _solve_friction(factor, reduced, reduced.problem, state, closure, solver, x0)
+        contraction = reduced.problem.contraction(root.tau)
+        friction_checks = _checks(reduced, stress, root, solver)
+        given = jnp.isfinite(reduced.end_size(reduced.problem.law(reduced.problem.rho0), None))
+    finite = jnp.isfinite(reduced.end_size(root.tau, stress))
+    checks = (
+        *factor.checks,
+        (jnp.isfinite(jnp.sum(reduced.pick.compliance)), RESULTS.not_finite),
+        (~reduced.definiteness.is_no, RESULTS.indeterminate_closure),
+        (reduced.definiteness.is_yes, RESULTS.ambiguous_closure),
+    )
+    friction_checks = (*friction_checks, (finite, RESULTS.not_finite))
+    # Of the flags alone: XLA would walk through the whole choice of a result again for every entry.
+    good = functools.reduce(operator.and_, (passed for passed, _ in (*checks, *friction_checks)))
+    found = reduced.end(root.tau, stress), root.tau
+    end, tau = jax.tree.map(lambda x: _figure(good, x), found)
+    # What friction is given only names a failure, so a sweep of accelerations alone does not compute it.
+    result = first_failure((*checks, (good | given, RESULTS.not_finite), *friction_checks))
+    return end, eqx.tree_at(lambda root: root.tau, root, tau), contraction, result
+
+
+@jax.custom_jvp
+def _figure(good: Bool[Array, ""], x: Array) -> Array:
+    """x, or NaN where it is not to be given."""
+    return jnp.where(good, x, jnp.nan)
+
+
+@_figure.defjvp
+def _figure_jvp(primals: tuple[Array, Array], tangents: tuple[Any, Array]) -> tuple[Array, Array]:
+    # NaN in forward mode; what is transposed passes nothing on, so that a bad sample leaves its batch's gradient alone.
+    return _figure(*primals), _figure(primals[0], tangents[1])
+
+
+def _solve_friction(
+    factor: Factorisation,
+    reduced: Reduced,
+    problem: FrictionProblem,
+    state: State,
+    closure: AbstractClosure | None,
+    solver: AbstractSolver,
+    x0: Array | None,
+) -> tuple[Root, Array | None]:
+    """Friction, and the self-stress added to that of `reduced.free`."""
+    if reduced.rows.size == 0:  # friction independent of load, (24)
+        return _loadless(problem.law(problem.rho0)), None
+    if closure is None and x0 is not None:
+        return _open_newton(factor, reduced, problem, x0, solver)
+    guess = problem.rho0 if x0 is None else _loads(x0, factor, reduced.rows)
+    return closed_root(problem, problem.law(guess), solver), None
+
+
+def _checks(reduced: Reduced, stress: Array | None, root: Root, solver: AbstractSolver) -> tuple:
+    """What must hold for the friction."""
+    ended, (rests, unclear) = solver.result(root.progress), reduced.senseless(root.tau, stress)
+    failures = (
+        RESULTS.diverged,
+        RESULTS.no_contraction,
+        RESULTS.max_steps_reached,
+        RESULTS.no_solution_found,
+    )
+    return (
+        (~rests, RESULTS.friction_at_rest),
+        (~unclear, RESULTS.ambiguous_rest),
+        *((ended != failure, failure) for failure in failures),
+    )
+
+
+def _loadless(tau: Array) -> Root:
+    """Friction that needs no iteration."""
+    return Root(tau, Progress.done(tau.dtype), jnp.full((), jnp.inf, tau.dtype))
+
+
+def _open_newton(
+    factor: Factorisation, reduced: Reduced, problem: FrictionProblem, x0: Array, solver: AbstractSolver
+) -> tuple[Root, Array]:
+    """Newton (38) from x0; `reduced` is at minimum norm, with the self-stress of x0 added."""
+    pick, rows = reduced.pick, reduced.rows
+    particular = jnp.concatenate([factor.acceleration, pick(factor.multipliers)])
+    basis = jnp.concatenate(cast(Response, reduced.unit))
+    axes = jnp.linalg.svd(jax.lax.stop_gradient(basis), full_matrices=False)[2].T
+    basis = basis @ axes
+    open_problem = OpenProblem(
+        problem,
+        rows,
+        projector=pick.response[:, rows],
+        balance=jax.vmap(factor.in_balance, out_axes=1)(jnp.eye(*pick.response.shape, dtype=basis.dtype)),
+        axes=axes,
+        gram=basis.T @ basis,
+        pull=times(basis.T, x0) - basis.T @ particular,
+        first=_loads(x0, factor, rows),
+    )
+    end = open_root(open_problem, solver.tolerance(basis.dtype), solver.max_steps)
+    return Root(end.tau, end.progress, jnp.full((), jnp.inf, basis.dtype)), end.stress
+
+
+def _kept(x0: Array | None, state: State) -> Array:
+    """The multipliers in x0 = [qdd; lam], a number if they are equal."""
+    if x0 is None:
+        raise ValueError(
+            "Argument `x0` must be given with `closure=None`, but it is None. Give an initial guess [qdd; lam]."
+        )
+    return x0[state.qd.size :] if x0.ndim else x0
+
+
+def _loads(x0: Array, factor: Factorisation, rows: Array) -> Array:
+    """The loads in x0."""
+    return x0[factor.acceleration.size + rows] if x0.ndim else jnp.broadcast_to(x0, rows.shape)
+
+
+def _solution(
+    factor: Factorisation, end: Response, root: Root, contraction: Array, tolerance: Array, result: RESULTS
+) -> Solution:
+    stats = Stats(
+        redundancy=factor.redundancy,
+        freedom=factor.freedom,
+        spectrum=factor.spectrum,
+        violation=factor.violation,
+        singular_position=factor.singular_position,
+        lost_digits=factor.lost_digits,
+        steps=root.progress.steps,
+        tolerance=tolerance,
+        residual=root.progress.residual,
+        step=root.progress.step,
+        contraction=contraction,
+        fold=root.fold,
+    )
+    return Solution(end.acceleration, end.multipliers, root.tau, result, stats)
+
+
+def _check_state(system: AbstractSystem, state: State) -> None:
+    n = len(system.coordinates)
+    if state.qd.shape != (n,):
+        raise ValueError(
+            f"Argument `state` must have a velocity `qd` of shape ({n},), but it has {state.qd.shape}. "
+            "Use jax.vmap to solve at many states."
+        )
+
+
+def _vector(name: str, value: Numbers, size: int, what: str) -> Array:
+    """`value`, checked: a number stands for that many equal entries, and stays one until they are needed."""
+    array = as_float(value)
+    if array.shape not in ((), (size,)):
+        raise ValueError(
+            f"Argument `{name}` must be a number or have shape ({size},) for {what}, but has {array.shape}. "
+            "Give one number for all, or that many."
+        )
+    return array
+
+
+def _thrown(system: AbstractSystem, state: State, solution: Solution, throw: bool | None) -> Solution:
+    """Raise the message of an unsuccessful result, or leave it as a value."""
+    failed = solution.result != RESULTS.successful
+    traced = not known(failed)
+    if throw is False or (throw is None and traced):
+        return solution
+    if traced:
+        return solution.result.error_if(solution, failed)
+    if failed:
+        raise RuntimeError(RESULTS[solution.result] + culprits(system, state, solution.result))
+    return solution

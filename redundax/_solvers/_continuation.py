@@ -1,0 +1,99 @@
+"""The default solver of the frictional equations under a closure: sweeps, Newton, then continuation in the friction.
+
+    H(y, s) = y - s l(y) = 0,   tau = T y,   l(y) = T^-1 law(rho0 + K T y),   T = diag(friction_size)
+
+At s = 0 the only solution is y = 0, without friction, and s = 1 is the problem. The branch through it is followed by
+pseudo-arclength steps (`_arclength`). With Coulomb friction s is a factor of all friction coefficients. Where the
+branch folds back or runs to infinity before s = 1 it ends at the `fold`; past a fold it is followed on, because it may
+come back.
+
+Where friction is proved to contract strongly at all loads there is one solution, and sweeps find it (`_quick_sweeps`);
+nothing else runs then, in a batch neither. Otherwise Newton's end point is kept where friction contracts at it.
+Elsewhere it may lie on a branch of its own, so the solution on the branch from zero friction is preferred. Where Newton
+converges and friction contracts, the loop of the continuation does not run.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from .._system._results import RESULTS
+from .._tools._module import optional_float
+from ._arclength import Path, follow
+from ._friction_problem import FrictionProblem
+from ._iterate import Progress, iterate, unless
+from ._quick_sweeps import quick_sweeps
+from ._solver import AbstractSolver, Newton, Root
+
+
+class Continuation(AbstractSolver):
+    """Sweeps or Newton's method, and where they do not settle the matter the branch from zero friction; the default.
+
+    It ends with `RESULTS.no_solution_found` where neither finds a solution; `stats.fold` is then the fraction of the
+    friction up to which there is one.
+
+    ??? example
+
+        ```python
+        solution = rx.solve(mechanism, state, solver=rx.Continuation(max_path=800))
+        solution.stats.fold  # infinite: there is a solution with all of the friction
+        ```
+
+    **Arguments:**
+
+    - `rtol`: relative tolerance on the residual, then on the step, each kind against its own size; 100
+      times the rounding of the dtype if not given, and at least 10 times.
+    - `max_steps`: Newton iterations at most.
+    - `max_path`: steps along the branch at most.
+    """
+
+    rtol: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
+    max_steps: int = eqx.field(default=50, static=True)
+    max_path: int = eqx.field(default=400, static=True)
+
+    def run(self, problem: FrictionProblem, start: Array) -> Root:
+        rtol = self.tolerance(start.dtype)
+
+        def search(rho0: Array, start: Array) -> Root:
+            return self._searched(problem.at(rho0), start)
+
+        root = quick_sweeps(problem, start, rtol)
+        return unless(root.progress.converged(rtol), root, search, problem.rho0, start)
+
+    def _searched(self, problem: FrictionProblem, start: Array) -> Root:
+        newton, rtol = Newton(self.rtol, self.max_steps), self.tolerance(start.dtype)
+        root = newton.run(problem, start)
+        settled = root.progress.converged(rtol) & (problem.contraction(root.tau) < 1)
+        path = _follow(problem, ~settled, self.max_path)
+        tau = jnp.where(path.arrived, path.here[:-1] * problem.friction_size, root.tau)
+        problem = problem.sized_at(tau)
+        begin = Progress.begin(start.dtype)
+        begin = jax.tree.map(lambda new, old: jnp.where(path.arrived, new, old), begin, root.progress)
+        tau, progress = iterate(lambda tau: newton.update(problem, tau), tau, rtol, self.max_steps, begin=begin)
+        steps = jnp.where(path.arrived, root.progress.steps, 0) + path.steps + progress.steps
+        progress = eqx.tree_at(lambda progress: progress.steps, progress, steps)
+        reached = settled | (path.arrived & progress.converged(rtol))
+        return Root(tau, progress, jnp.where(reached, jnp.inf, path.fold))
+
+    def result(self, progress: Progress) -> RESULTS:
+        converged = progress.converged(self.tolerance(progress.residual.dtype))
+        return RESULTS.where(converged, RESULTS.successful, RESULTS.no_solution_found)
+
+
+def _follow(problem: FrictionProblem, wanted: Bool[Array, ""], max_path: int) -> Path:
+    """The branch from zero friction, up to s = 1 or its end; nothing where it is not wanted."""
+    size = problem.friction_size
+
+    def residual(x: Array) -> Array:
+        return x[:-1] - x[-1] * problem.law(problem.loads(size * x[:-1])) / size
+
+    def slope(x: Array) -> Array:
+        rho = problem.loads(size * x[:-1])
+        by_y = problem.slope(rho) * size / size[:, None]
+        by_s = -problem.law(rho) / size
+        return jnp.concatenate([jnp.eye(size.size, dtype=x.dtype) - x[-1] * by_y, by_s[:, None]], axis=1)
+
+    first = jnp.append(problem.law(problem.rho0) / size, 1.0)
+    wanted = wanted & jnp.all(jnp.isfinite(problem.gain))
+    return follow(residual, slope, jnp.zeros_like(first), first, wanted, max_path)

@@ -1,0 +1,190 @@
+"""The frictional equations on few unknowns.
+
+Given tau, the equations (25) are linear, and so are the loads that the friction laws read:
+
+    rho = rho0 + K tau,   tau = law(rho)                                          (25) reduced to tau
+
+rho0 are the loads without friction and K those caused by unit friction, both under one closure. The loops
+see only (rho0, K, law). A sweep tau -> law(rho0 + K tau) is the paper's fixed-point iteration (27) written
+on tau, because x_{i+1} depends on x_i through F(lam_i) alone.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, PyTree
+
+from .._system._friction import AbstractFriction, friction_force, largest_changes, memories, slip_kinds
+from .._system._state import State
+from .._tools._by_number import combined
+from .._tools._module import replace, still
+
+# Powers of a matrix that the bound of its spectral radius takes.
+_POWERS = 6
+
+
+class Law(eqx.Module):
+    """The friction laws of all groups at a state, as a function of the loads alone."""
+
+    groups: tuple[AbstractFriction, ...]
+    rate: Float[Array, " p"]
+    sense: Float[Array, " p"]
+    state: State
+    memory: tuple[PyTree, ...] | None = None  # that of `state` if not given
+
+    def __call__(self, loads: Float[Array, " l"]) -> Float[Array, " p"]:
+        return friction_force(self.groups, loads, self.rate, self.sense, self.state, self.memory)
+
+    def apart(self) -> "Law":
+        """The same law, joint by joint."""
+        whole = zip(self.groups, memories(self.groups, self.state), strict=True)
+        groups, parts = zip(*(part for group, memory in whole for part in group.apart(memory)), strict=True)
+        return replace(self, groups=groups, memory=parts)
+
+    def largest_changes(self, loads: Float[Array, "l columns"]) -> Float[Array, "p columns"]:
+        """Bounds of |change of friction| that each column of changes of the loads can cause at any loads."""
+        return largest_changes(self.groups, loads, self.rate, self.state)
+
+    def slope(self, loads: Float[Array, " l"]) -> Float[Array, "p l"]:
+        """Derivative of the friction forces with respect to the loads, F_lam of Eq. (35) reduced."""
+        return jax.jacfwd(self)(loads)
+
+
+class Sizes(NamedTuple):
+    """A size of the forces and one of the moments."""
+
+    linear: Float[Array, ""]
+    angular: Float[Array, ""]
+
+    @classmethod
+    def of(cls, entries: Float[Array, " d"], angular: Bool[Array, " d"]) -> "Sizes":
+        """The largest entry of each kind, 1 if there is none but zeros."""
+        largest = (_largest(jnp.where(kind, entries, 0.0)) for kind in (~angular, angular))
+        return cls(*(jnp.where(size > 0, size, 1.0) for size in largest))
+
+    def at(self, angular: Bool[Array, " d"]) -> Float[Array, " d"]:
+        """The size of each entry's kind."""
+        return jnp.where(angular, self.angular, self.linear)
+
+    def larger(self, other: "Sizes") -> "Sizes":
+        """The larger of both, kind by kind."""
+        return Sizes(*map(jnp.maximum, self, other))
+
+
+class FrictionProblem(eqx.Module):
+    """tau = law(rho0 + K tau), with the sizes that make residuals comparable.
+
+    - `rho0`, `gain`: loads without friction, shape (l,), and K, shape (l, p).
+    - `law`: the friction laws.
+    - `angular_loads`, `angular_slips`: which loads and frictions are moments.
+    - `friction_sizes`: the largest friction of each kind, at the first sweep from rho0.
+    - `unsized`: whether a kind has no friction at the first sweep, so that its size says nothing.
+    - `load_sizes`: the largest load of each kind, rho0 or what friction of its size can cause, so that a relative
+      change of friction is no larger change of the loads.
+    """
+
+    rho0: Float[Array, " l"]
+    gain: Float[Array, "l p"]
+    law: Law
+    angular_loads: Bool[Array, " l"]
+    angular_slips: Bool[Array, " p"]
+    load_sizes: Sizes
+    friction_sizes: Sizes
+    unsized: Bool[Array, ""]
+
+    @classmethod
+    def make(
+        cls,
+        rho0: Float[Array, " l"],
+        gain: Float[Array, "l p"],
+        law: Law,
+        angular_loads: Bool[Array, " l"],
+    ) -> "FrictionProblem":
+        """The problem, given which loads are moments."""
+        angular_slips = jnp.asarray(slip_kinds(law.groups).angular)
+        given, effect, friction = still((rho0, gain, law))
+        first = jnp.abs(friction(given))
+        friction_sizes = Sizes.of(first, angular_slips)
+        unsized = _nothing(first, angular_slips) | _nothing(first, ~angular_slips)
+        loads = jnp.maximum(jnp.abs(given), _caused(effect, angular_slips, friction_sizes))
+        load_sizes = Sizes.of(loads, angular_loads)
+        return cls(rho0, gain, law, angular_loads, angular_slips, load_sizes, friction_sizes, unsized)
+
+    @property
+    def friction_size(self) -> Float[Array, " p"]:
+        """Size of each friction: that of its kind."""
+        return self.friction_sizes.at(self.angular_slips)
+
+    @property
+    def load_size(self) -> Float[Array, " l"]:
+        """Size of each load: that of its kind."""
+        return self.load_sizes.at(self.angular_loads)
+
+    def at(self, rho0: Float[Array, " l"]) -> "FrictionProblem":
+        """The same problem with other loads without friction."""
+        return FrictionProblem.make(rho0, self.gain, self.law, self.angular_loads)
+
+    def sized_at(self, tau: Float[Array, " p"]) -> "FrictionProblem":
+        """The same problem, its sizes at least those of the friction tau; sizes have no derivatives."""
+        tau, gain = still((tau, self.gain))
+        friction = self.friction_sizes.larger(Sizes.of(jnp.abs(tau), self.angular_slips))
+        caused = _caused(gain, self.angular_slips, friction)
+        loads = self.load_sizes.larger(Sizes.of(caused, self.angular_loads))
+        return replace(self, load_sizes=loads, friction_sizes=friction)
+
+    def loads(self, tau: Float[Array, " p"]) -> Float[Array, " l"]:
+        """rho = rho0 + K tau."""
+        return self.rho0 + self.gain @ tau
+
+    def slope(self, rho: Float[Array, " l"]) -> Float[Array, "p p"]:
+        """law'(rho) K, the derivative of one sweep."""
+        return jax.vmap(lambda column: jax.jvp(self.law, (rho,), (column,))[1], in_axes=1, out_axes=1)(self.gain)
+
+    def contraction(self, tau: Float[Array, " p"]) -> Float[Array, ""]:
+        """Upper bound of the spectral radius of one sweep's derivative at tau: below 1 sweeps contract there."""
+        matrix = jnp.abs(self.slope(self.loads(tau)))
+        return _radius_bound(matrix * self.friction_size / self.friction_size[:, None])
+
+    def contraction_anywhere(self) -> Float[Array, ""]:
+        """Upper bound of `contraction` at all friction: below 1 there is one solution, and sweeps find it."""
+        law, gain = still((self.law, self.gain))
+        bound = _radius_bound(law.largest_changes(gain))
+        return jnp.where(jnp.isnan(bound), jnp.inf, bound)
+
+    def change_of_friction(self, change: Float[Array, " p"]) -> Float[Array, ""]:
+        """Largest change of tau, relative to the size of its kind."""
+        return jnp.max(jnp.abs(change) / self.friction_size)
+
+    def change_of_load(self, change: Float[Array, " l"]) -> Float[Array, ""]:
+        """Largest change of rho, relative to the size of its kind."""
+        return jnp.max(jnp.abs(change) / self.load_size)
+
+
+def _radius_bound(matrix: Float[Array, "p p"]) -> Float[Array, ""]:
+    """Upper bound of the spectral radius of a matrix A >= 0.
+
+    Collatz and Wielandt: max_i (A v)_i / v_i over positive v; powers of A bring it down to the spectral radius.
+    """
+    vector = jnp.ones_like(matrix[0])
+    for _ in range(_POWERS):
+        image = matrix @ vector
+        size = jnp.max(image)
+        vector = jnp.where(size > 0, image / jnp.where(size > 0, size, 1.0), vector) + 1e-3
+    return jnp.max(matrix @ vector / vector)
+
+
+def _caused(gain: Array, angular: Array, friction: Sizes) -> Array:
+    """Bound of the loads that friction of these sizes causes: |K| times the sizes."""
+    linear, angles = (jnp.sum(jnp.where(kind, jnp.abs(gain), 0.0), axis=1) for kind in (~angular, angular))
+    return linear * friction.linear + angles * friction.angular
+
+
+def _nothing(size: Array, kind: Array) -> Array:
+    """Whether there are sizes of this kind, and all are 0."""
+    return jnp.any(kind) & (_largest(jnp.where(kind, size, 0.0)) == 0)
+
+
+def _largest(size: Array) -> Array:
+    return combined(jnp.maximum, lambda size: jnp.max(size, initial=0.0), size)

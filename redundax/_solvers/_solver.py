@@ -1,0 +1,177 @@
+"""Solvers of the frictional equations under a closure: fixed point (27) and Newton.
+
+    fixed point:  tau <- law(rho0 + K tau)
+    Newton:       tau <- tau - (I - law'(rho) K)^-1 (tau - law(rho))
+
+Both end at a root of tau - law(rho0 + K tau); its derivative is implicit, whatever the iteration did:
+
+    d tau = (I - law' K)^-1 (d law + law' (d rho0 + dK tau)).
+"""
+
+import abc
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._system._results import RESULTS
+from .._tools._by_number import solve_few
+from .._tools._chunks import in_chunks
+from .._tools._module import optional_float
+from ._friction_problem import FrictionProblem
+from ._iterate import Progress, iterate
+
+
+class Root(eqx.Module):
+    """Where a solver ended.
+
+    - `tau`: friction forces, shape (p,).
+    - `progress`: how the iteration went.
+    - `fold`: largest fraction of the friction at which the branch from zero friction still exists; infinite if it
+      reaches the whole friction, or was not followed.
+    """
+
+    tau: Float[Array, " p"]
+    progress: Progress
+    fold: Float[Array, ""]
+
+
+class AbstractSolver(eqx.Module):
+    """A way to solve tau = law(rho0 + K tau), with its tolerance."""
+
+    rtol: eqx.AbstractVar[Float[Array, ""] | None]
+    max_steps: eqx.AbstractVar[int]
+
+    @abc.abstractmethod
+    def run(self, problem: FrictionProblem, start: Float[Array, " p"]) -> Root:
+        """Solve from a start."""
+
+    @abc.abstractmethod
+    def result(self, progress: Progress) -> RESULTS:
+        """The outcome as a value."""
+
+    def tolerance(self, dtype: jnp.dtype) -> Float[Array, ""]:
+        """`rtol`, at least 10 times the rounding of the dtype; 100 times if not given."""
+        eps = jnp.finfo(dtype).eps
+        return jnp.asarray(100 * eps if self.rtol is None else jnp.maximum(self.rtol, 10 * eps), dtype)
+
+
+# Fixed-point sweeps for one test of convergence; the test costs about as much as a sweep.
+_SWEEPS = 3
+
+
+class FixedPoint(AbstractSolver):
+    """Fixed-point iteration (27), written on the friction forces.
+
+    It converges where friction contracts; that it does not says nothing about solutions.
+
+    ??? example
+
+        ```python
+        rx.solve(mechanism, state, solver=rx.FixedPoint()).stats.steps
+        ```
+
+    **Arguments:**
+
+    - `rtol`: relative tolerance on the change of friction, then of loads, each kind against its own size;
+      100 times the rounding of the dtype if not given, and at least 10 times.
+    - `max_steps`: iterations at most; convergence is tested after every third.
+    """
+
+    rtol: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
+    max_steps: int = eqx.field(default=1200, static=True)
+
+    def run(self, problem: FrictionProblem, start: Array) -> Root:
+        rtol, updates = self.tolerance(start.dtype), -(-self.max_steps // _SWEEPS)
+        tau, progress = iterate(lambda tau: self.update(problem, tau), start, rtol, updates)
+        progress = eqx.tree_at(lambda progress: progress.steps, progress, _SWEEPS * progress.steps)
+        tau = jnp.where(progress.converged(rtol), self._finished(problem, tau), tau)
+        return Root(tau, progress, jnp.full((), jnp.inf, start.dtype))
+
+    def _finished(self, problem: FrictionProblem, tau: Array) -> Array:
+        """One Newton step: slow sweeps stop at a small change while the error is many times larger."""
+        return Newton().update(problem, tau)[0]
+
+    def result(self, progress: Progress) -> RESULTS:
+        return progress.result(self.tolerance(progress.residual.dtype))
+
+    def update(self, problem: FrictionProblem, tau: Array) -> tuple[Array, Array, Array]:
+        """Next tau, relative change of friction and relative change of loads."""
+        rho = problem.loads(tau)
+        for _ in range(_SWEEPS - 1):
+            tau = problem.law(rho)
+            rho = problem.loads(tau)
+        last_tau, last_rho = tau, rho
+        tau = problem.law(rho)
+        rho = problem.loads(tau)
+        return (
+            tau,
+            problem.change_of_friction(tau - last_tau),
+            problem.change_of_load(rho - last_rho),
+        )
+
+
+class Newton(AbstractSolver):
+    """Newton's method on the friction forces.
+
+    Under a closure the equations are square and regular away from folds; there is no safeguard. With `closure=None`
+    and an initial guess `x0`, `solve` runs the paper's open iteration (38) instead.
+
+    ??? example
+
+        ```python
+        rx.solve(mechanism, state, solver=rx.Newton())
+        rx.solve(mechanism, state, closure=None, solver=rx.Newton(), x0=100.0)  # (38)
+        ```
+
+    **Arguments:**
+
+    - `rtol`: relative tolerance on the residual, then on the step, each kind against its own size; 100
+      times the rounding of the dtype if not given, and at least 10 times.
+    - `max_steps`: iterations at most.
+    """
+
+    rtol: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
+    max_steps: int = eqx.field(default=50, static=True)
+
+    def run(self, problem: FrictionProblem, start: Array) -> Root:
+        rtol = self.tolerance(start.dtype)
+        tau, progress = iterate(lambda tau: self.update(problem, tau), start, rtol, self.max_steps)
+        return Root(tau, progress, jnp.full((), jnp.inf, start.dtype))
+
+    def result(self, progress: Progress) -> RESULTS:
+        return progress.result(self.tolerance(progress.residual.dtype))
+
+    def update(self, problem: FrictionProblem, tau: Array) -> tuple[Array, Array, Array]:
+        """Next tau, relative residual and relative change of loads."""
+        rho = problem.loads(tau)
+        residual = tau - problem.law(rho)
+        change = -jnp.linalg.solve(_root_slope(problem, rho), residual)
+        return (
+            tau + change,
+            problem.change_of_friction(residual),
+            problem.change_of_load(problem.gain @ change),
+        )
+
+
+def _root_slope(problem: FrictionProblem, rho: Array) -> Float[Array, "p p"]:
+    slope = problem.slope(rho)
+    return jnp.eye(slope.shape[0], dtype=slope.dtype) - slope
+
+
+@eqx.filter_custom_jvp
+def closed_root(problem: FrictionProblem, start: Float[Array, " p"], solver: AbstractSolver) -> Root:
+    """Friction forces under a closure; their derivative is implicit."""
+    return in_chunks(lambda problem, start, solver: solver.run(problem, start), problem, start, solver)
+
+
+@closed_root.def_jvp
+def _closed_root_jvp(primals: tuple, tangents: tuple) -> tuple:
+    problem, start, solver = primals
+    root = closed_root(problem, start, solver)
+    _, explicit = eqx.filter_jvp(lambda p: p.law(p.loads(root.tau)), (problem,), (tangents[0],))
+    explicit = jnp.zeros_like(root.tau) if explicit is None else explicit  # of a law that reads none of what changes
+    tau_dot = solve_few(_root_slope(problem, problem.loads(root.tau)), explicit)
+    still = jax.tree.map(lambda x: jnp.zeros_like(x) if eqx.is_inexact_array(x) else None, root)
+    return root, eqx.tree_at(lambda root: root.tau, still, tau_dot)

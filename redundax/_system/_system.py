@@ -1,0 +1,218 @@
+"""The system layer: all that the solvers know of a mechanism.
+
+    M(q, t) qdd + Phi_q^T lam = Q(q, qd, t) + F(lam, q, qd),   Phi(q, t) = 0          (2), (25)
+
+The constraint force on the system is -Phi_q^T lam. Jacobians are taken through the retraction
+q [+] d, addition unless said: Phi_q is the derivative of Phi(q [+] d, t) at d = 0. So velocities have n
+entries while the chart q may have more.
+"""
+
+import abc
+from collections.abc import Callable, Sequence
+from typing import Any, Self
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float, PyTree
+
+from .._tools._module import Numbers, as_float, as_functions, as_parameters, moved, replace
+from ._axis import Axis, axis
+from ._friction import AbstractFriction
+from ._state import State
+
+
+class AbstractSystem(eqx.Module):
+    """Mass, constraints, load and friction of a constrained system, with the names and kinds of its axes."""
+
+    coordinates: eqx.AbstractVar[Axis]
+    rows: eqx.AbstractVar[Axis]
+    friction: eqx.AbstractVar[tuple[AbstractFriction, ...]]
+
+    @property
+    @abc.abstractmethod
+    def radian(self) -> ArrayLike:
+        """One radian in the unit of the angular coordinates."""
+
+    @property
+    @abc.abstractmethod
+    def constant_mass(self) -> bool:
+        """Whether `mass` depends on neither position nor time."""
+
+    @property
+    def diagonal_mass(self) -> bool:
+        """Whether `mass` is known to be diagonal."""
+        return False
+
+    @abc.abstractmethod
+    def mass(self, q: Float[Array, "..."], t: Float[Array, ""]) -> Float[Array, "n n"]:
+        """Mass matrix, symmetric positive semidefinite."""
+
+    @abc.abstractmethod
+    def constraint(self, q: Float[Array, "..."], t: Float[Array, ""]) -> Float[Array, " m"]:
+        """Constraint residual Phi(q, t), Eq. (2)."""
+
+    def jacobian(self, q: Float[Array, "..."], t: Float[Array, ""]) -> Float[Array, "m n"]:
+        """Constraint Jacobian Phi_q through the retraction; whoever overrides it says the same as `constraint`."""
+        zero = jnp.zeros(len(self.coordinates), q.dtype)
+        return jax.jacfwd(lambda d: self.constraint(self.retract(q, d), t))(zero)
+
+    @abc.abstractmethod
+    def load(self, state: State) -> Float[Array, " n"]:
+        """Generalised force Q: applied forces and velocity-dependent inertia terms."""
+
+    @abc.abstractmethod
+    def retract(self, q: Float[Array, "..."], d: Float[Array, " n"]) -> Float[Array, "..."]:
+        """q [+] d: the position reached from q by the displacement d."""
+
+    @property
+    @abc.abstractmethod
+    def adds(self) -> bool:
+        """Whether q [+] d is q + d."""
+
+    @abc.abstractmethod
+    def anonymous(self) -> Self:
+        """The same system without names: what compiled programs are keyed on."""
+
+
+class System(AbstractSystem):
+    """A system from functions that the user writes in jnp.
+
+    Every function takes the parameters as its last argument, so that other values of them compile nothing new.
+
+    ??? example
+
+        ```python
+        def pendulum(q, t, p):
+            return jnp.array([jnp.hypot(q[0], q[1]) - p["length"]])
+
+        system = rx.System(
+            pendulum, mass=jnp.ones(2), load=lambda q, qd, t, p: jnp.array([0.0, -9.81]),
+            parameters={"length": 1.0}, rows="force",
+        )
+        ```
+
+    **Arguments:**
+
+    - `constraint`: `(q, t, parameters) -> (m,)`, the residual Phi(q, t).
+    - `mass`: masses (n,), a mass matrix (n, n), or a function `(q, t, parameters) -> (n, n)`.
+    - `load`: generalised force `(q, qd, t, parameters) -> (n,)`; zero if not given.
+    - `parameters`: any pytree; its numbers become arrays.
+    - `coordinates`, `rows`: kinds, one word for all or one for each entry: "linear" or "angular" for
+      coordinates, "force" or "moment" for rows, see `Axis`. An `Axis` gives names too.
+    - `friction`: one `Friction` or several.
+    - `retraction`: `(q, d) -> q`, addition if not given.
+    - `n`, `m`: numbers of velocities and rows; needed only where `mass` is a function or kinds are one word
+      and cannot be counted (`n` defaults to the size of `mass`, `m` to a trial evaluation at q = 0).
+    """
+
+    coordinates: Axis = eqx.field(static=True)
+    rows: Axis = eqx.field(static=True)
+    friction: tuple[AbstractFriction, ...]
+    parameters: PyTree
+    _mass: Float[Array, " n"] | Float[Array, "n n"] | Callable[..., Array]
+    _constraint: Callable[..., Array]
+    _load: Callable[..., Array] | None
+    _retraction: Callable[..., Array] | None
+
+    def __init__(
+        self,
+        constraint: Callable[..., Array],
+        mass: Numbers | Callable[..., Array],
+        load: Callable[..., Array] | None = None,
+        parameters: PyTree = None,
+        *,
+        coordinates: Axis | Sequence[str] | str = "linear",
+        rows: Axis | Sequence[str] | str = "force",
+        friction: AbstractFriction | Sequence[AbstractFriction] = (),
+        retraction: Callable[..., Array] | None = None,
+        n: int | None = None,
+        m: int | None = None,
+    ):
+        self.parameters = as_parameters(parameters)
+        self._constraint, self._load, self._retraction = map(as_functions, (constraint, load, retraction))
+        self._mass = as_functions(mass) if callable(mass) else as_float(mass)
+        if n is None:
+            n = _count(coordinates) if callable(self._mass) else self._mass.shape[0]
+        if n is None:
+            raise ValueError(
+                "Argument `n` must be given where `mass` is a function and `coordinates` one word. "
+                "Give the number of velocities."
+            )
+        if not callable(self._mass) and self._mass.shape not in ((n,), (n, n)):
+            raise ValueError(
+                f"Argument `mass` must have shape ({n},) or ({n}, {n}), but has {self._mass.shape}. "
+                "Give one mass for each coordinate, or a matrix."
+            )
+        if m is None:
+            m = _count(rows)
+        if m is None:
+            m = self._trial_rows(n)
+        self.coordinates = coordinates if isinstance(coordinates, Axis) else axis(None, coordinates, n)
+        self.rows = rows if isinstance(rows, Axis) else axis(None, rows, m)
+        self.coordinates.check("coordinates", ("linear", "angular"))
+        self.rows.check("rows", ("force", "moment"))
+        if not len(self.rows):
+            raise ValueError(
+                "Argument `constraint` must give at least one residual, but gives none. "
+                "Return an array with one entry for each constraint."
+            )
+        self.friction = (friction,) if isinstance(friction, AbstractFriction) else tuple(friction)
+
+    def _trial_rows(self, n: int) -> int:
+        if self._retraction is not None:
+            raise ValueError(
+                "Argument `m` must be given where a `retraction` is given and `rows` is one word. "
+                "Give the number of constraints."
+            )
+        value = jax.eval_shape(lambda q, t: self._constraint(q, t, self.parameters), jnp.zeros(n), jnp.zeros(()))
+        if value.ndim != 1:
+            raise ValueError(
+                f"Argument `constraint` must return a vector of residuals, but returns shape {value.shape}. "
+                "Return `jnp.array([...])` or `jnp.stack([...])`."
+            )
+        return value.shape[0]
+
+    @property
+    def radian(self) -> float:
+        return 1.0
+
+    @property
+    def constant_mass(self) -> bool:
+        return not callable(self._mass)
+
+    @property
+    def diagonal_mass(self) -> bool:
+        return not callable(self._mass) and self._mass.ndim == 1
+
+    def anonymous(self) -> Self:
+        return replace(
+            self,
+            coordinates=self.coordinates.anonymous(),
+            rows=self.rows.anonymous(),
+            friction=tuple(group.anonymous() for group in self.friction),
+        )
+
+    def mass(self, q: Array, t: Array) -> Float[Array, "n n"]:
+        value = self._mass(q, t, self.parameters) if callable(self._mass) else self._mass
+        return jnp.diag(value) if value.ndim == 1 else value
+
+    def constraint(self, q: Array, t: Array) -> Float[Array, " m"]:
+        return self._constraint(q, t, self.parameters)
+
+    def load(self, state: State) -> Float[Array, " n"]:
+        if self._load is None:
+            return jnp.zeros_like(state.qd)
+        return self._load(state.q, state.qd, state.t, self.parameters)
+
+    def retract(self, q: Array, d: Array) -> Array:
+        return moved(q, d) if self._retraction is None else self._retraction(q, d)
+
+    @property
+    def adds(self) -> bool:
+        return self._retraction is None
+
+
+def _count(kinds: Any) -> int | None:
+    return None if isinstance(kinds, str) else len(kinds)

@@ -1,0 +1,267 @@
+"""The commands `analyze` and `study` on a user's file, with a joint that the library lacks."""
+
+import contextlib
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from redundax.__main__ import main
+from redundax._solution_sets._family import _branches
+from redundax._tools._progress import progress
+
+FILE = """
+import jax.numpy as jnp
+import redundax as rx
+
+
+def pins(q, t, p):  # two pins of a body in an elliptic slot, the first one given twice
+    s = p["s"] * jnp.array([1.0, -1.0, 1.0])
+    x, y = q[0] + s * jnp.cos(q[2]), q[1] + s * jnp.sin(q[2])
+    return jnp.sqrt((x / p["a"]) ** 2 + (y / p["b"]) ** 2) - 1.0
+
+
+link = rx.System(
+    pins, mass=[2.0, 2.0, 0.1], load=lambda q, qd, t, p: jnp.array([0.0, -19.62, 0.0]),
+    parameters={"a": 1.0, "b": 0.5, "s": 0.3},
+    coordinates=rx.Axis(("x", "y", "phi"), ("linear", "linear", "angular")),
+    rows=rx.Axis(("first", "second", "again"), ("force",) * 3),
+)
+state = rx.assemble(link, [0.1, -0.4, 0.05], rates={"x": 1.0})
+
+
+def paper():
+    mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02)
+    return mechanism, mechanism.state(0.8, rate=1.0)
+
+
+def resting():
+    mechanism, _ = paper()
+    return mechanism, mechanism.state(0.8)
+
+
+number = 3
+"""
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(FILE)
+    return path
+
+
+def run(*arguments):
+    out, error = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(error):
+        status = main([str(argument) for argument in arguments])
+    return status, out.getvalue(), error.getvalue()
+
+
+def test_analyze_a_joint_of_ones_own(file):
+    status, out, _ = run("analyze", f"{file}:link", "--json")
+    report = json.loads(out)
+    assert status == 0
+    assert (report["rank"], report["redundancy"], report["freedom"]) == (2, 1, 1)
+    assert report["unique_multipliers"] == ["second"]
+    assert report["self_stress"][0]["first"] == pytest.approx(-report["self_stress"][0]["again"], abs=1e-14)
+
+
+def test_study_shares_the_doubled_pin(file):
+    status, out, _ = run("study", f"{file}:link", "--json", "--samples", 5)
+    family = json.loads(out)["families"][0]
+    values = np.array(family["values"])
+    column = {name: values[:, k] for k, name in enumerate(family["names"])}
+    assert status == 0
+    assert np.ptp(column["x''"]) < 1e-12
+    assert np.ptp(column["first"] + column["again"]) < 1e-12
+    assert column["first"][2] == pytest.approx(column["again"][2], rel=1e-12)  # minimum norm: equal shares
+
+
+@pytest.mark.slow
+def test_study_draws(file, tmp_path):
+    picture = tmp_path / "family.png"
+    status, out, error = run("study", f"{file}:paper", "--png", picture, "--samples", 21)
+    assert status == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert str(picture) in error
+    assert "1.phi''" in out
+
+
+@pytest.mark.slow
+def test_study_works_in_chunks_and_tells(file, monkeypatch):
+    arguments = ("study", f"{file}:link", "--samples", 10)
+    status, whole, error = run(*arguments)
+    assert (status, error) == (0, "")  # not on a terminal
+    monkeypatch.setattr(_branches, "_CHUNK", 4)
+    assert run(*arguments, "--progress")[:2] == (0, whole)
+    told = run(*arguments, "--progress")[2]  # a bar where tqdm is installed, else a line for each chunk
+    assert "3/3" in told or "3 of 3" in told
+    monkeypatch.setitem(sys.modules, "tqdm", None)
+    assert run(*arguments, "--progress")[2].splitlines() == [f"solving: {k} of 3" for k in (1, 2, 3)]
+
+
+def test_progress_waits_for_long_work(monkeypatch):
+    monkeypatch.setitem(sys.modules, "tqdm", None)
+    error = io.StringIO()
+    monkeypatch.setattr(error, "isatty", lambda: True)
+    monkeypatch.setattr("redundax._tools._progress.time.monotonic", iter((0.0, 1.0, 2.5)).__next__)
+    with contextlib.redirect_stderr(error):
+        assert list(progress("ab", "solving", wanted=False)) == ["a", "b"]
+    assert error.getvalue() == "solving: 2 of 2\n"
+
+
+def test_a_file_that_fails_is_told_by_its_line(file):
+    file.write_text("import redundax as rx\n\nbody = rx.Body('a', -1.0, 1.0)\n")
+    status, out, error = run("analyze", f"{file}:body")
+    assert (status, out) == (2, "")
+    assert f"'{file}', line 3, fails with ValueError: Argument `mass`" in error
+    file.write_text("import redundax as\n")
+    assert "line 1, fails with SyntaxError" in run("analyze", f"{file}:body")[2]
+
+
+BROKEN = """
+import time
+import jax.numpy as jnp
+import redundax as rx
+
+
+def broken():
+    return 1 / 0
+
+
+def branching(q, t, p):
+    if q[0] > 0:
+        return q
+    return -q
+
+
+def slow():
+    print("begun", flush=True)
+    time.sleep(1000)
+
+
+axes = {"coordinates": rx.Axis(("x", "y"), ("linear",) * 2), "rows": rx.Axis(("a", "b"), ("force",) * 2)}
+branched = rx.System(branching, mass=[1.0, 1.0], **axes)
+unequal = rx.System(lambda q, t, p: q, mass=[1.0, 1.0, 1.0], **axes)
+state = rx.State([0.0, 0.0], [0.0, 0.0])
+"""
+
+
+@pytest.fixture
+def broken(tmp_path):
+    (tmp_path / "broken.py").write_text(BROKEN)
+    return tmp_path
+
+
+def begin(folder, *arguments):
+    """The command in a process of its own, stopped by SIGINT even where the tests are not."""
+    code = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    code += "from redundax.__main__ import process; sys.exit(process())"
+    command = [sys.executable, "-c", code, *arguments]
+    return subprocess.Popen(command, cwd=folder, stdin=-3, stdout=-1, stderr=-1, text=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("broken", "'broken.py', line 8, fails with ZeroDivisionError: division by zero"),
+        ("branched", "'broken.py', line 12, fails with TracerBoolConversionError: Attempted boolean conversion"),
+        ("unequal", r"'broken.py' fails with ValueError: Argument `mass` of the system must give shape (2, 2)"),
+    ],
+)
+def test_what_fails_in_a_file_is_told_in_a_line(broken, monkeypatch, name, told):
+    monkeypatch.chdir(broken)
+    status, out, error = run("analyze", f"broken.py:{name}")
+    assert (status, out) == (2, "")
+    (line,) = error.splitlines()
+    assert line.startswith(f"redundax: {told}")
+
+
+def test_no_traceback_reaches_the_terminal(broken):
+    process = begin(broken, "report", "broken.py:broken")
+    out, error = process.communicate(timeout=500)
+    assert (process.returncode, out, len(error.splitlines())) == (2, "", 1)
+    assert not (broken / "report.html").exists()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends the signal of Ctrl-C")
+@pytest.mark.parametrize("arguments", [("analyze", "broken.py:slow"), ("tables",)])
+def test_stopped_from_the_keyboard(broken, arguments):
+    process = begin(broken, *arguments)
+    assert process.stdout.readline()
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=500)
+    assert (process.returncode, error) == (130, "redundax: stopped\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "place"),
+    [
+        (("report", "broken.py:broken", "-o"), "folder.html"),
+        (("report", "broken.py:broken", "-o"), "/proc/page.md"),
+        (("study", "broken.py:broken", "--png"), "folder.png"),
+        (("--png",), "folder.png"),
+    ],
+)
+def test_where_nothing_can_be_written_is_told_first(broken, monkeypatch, words, place):
+    monkeypatch.chdir(broken)
+    if "folder" in place:
+        (broken / place).mkdir()
+    elif not os.path.isdir("/proc"):
+        pytest.skip("has no /proc")
+    status, out, error = run(*words, place)
+    assert (status, out) == (2, "")
+    (line,) = error.splitlines()
+    assert line.startswith(f"redundax: '{place}' cannot be written: ") and line.endswith(". Choose another place.")
+
+
+def test_a_page_that_is_there_stays_until_the_new_one_is_made(broken, monkeypatch):
+    monkeypatch.chdir(broken)
+    (broken / "report.html").write_text("old")
+    assert run("report", "broken.py:broken")[0] == 2
+    assert (broken / "report.html").read_text() == "old"
+
+
+def test_study_tells_why_nothing_can_be_solved(file):
+    status, out, error = run("study", f"{file}:resting", "--samples", 5)
+    assert (status, error) == (1, "")
+    assert "PROBLEM: A joint with friction is at rest" in out and "At rest: A, B, C, D." in out
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "words"),
+    [
+        ("--samples", "2", "at least 3"),
+        ("--amplitude", "-5", "positive"),
+        ("--samples", "many", "whole number"),
+        ("--png", "picture.foo", ".png, .pdf or .svg"),
+        ("--png", "nowhere/picture.png", "no nowhere"),
+    ],
+)
+def test_wrong_options(file, capsys, option, value, words):
+    with pytest.raises(SystemExit) as end:
+        main(["study", f"{file}:link", option, value])
+    assert end.value.code == 2
+    assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("argument", "words"),
+    [
+        ("mine.py", "FILE.py:NAME"),
+        ("absent.py:link", "no file"),
+        ("mine.py:absent", "It has link, paper"),
+        ("mine.py:number", "must be a system"),
+    ],
+)
+def test_a_wrong_file_is_told(file, monkeypatch, argument, words):
+    monkeypatch.chdir(file.parent)
+    status, out, error = run("analyze", argument)
+    assert (status, out) == (2, "")
+    assert words in error

@@ -1,0 +1,111 @@
+"""The notebooks run from top to bottom, in a fresh kernel of the interpreter that runs the tests."""
+
+import pathlib
+import re
+
+import nbformat
+import numpy as np
+import pytest
+from jupyter_client import AsyncKernelManager
+from jupyter_client.kernelspec import KernelSpecManager
+from nbclient import NotebookClient
+
+FOLDER = pathlib.Path(__file__).parents[2] / "notebooks"
+NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
+CELL_TIMEOUT = 1000  # seconds; on a machine that has nothing else to do a whole notebook takes less than 60
+
+
+def read(path):
+    return nbformat.read(path, as_version=4)
+
+
+def code(notebook):
+    return [cell for cell in notebook.cells if cell.cell_type == "code"]
+
+
+def test_notebooks_are_there():
+    names = "own_mechanism paper_step_by_step solution_family physical_closures sensitivities motion own_constraint"
+    assert {path.stem for path in NOTEBOOKS} >= {*names.split(), "speed_against_error", "spatial_linkage"}
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_stored_as_run(path):
+    """From top to bottom, once, with its pictures."""
+    notebook = read(path)
+    nbformat.validate(notebook)
+    assert (notebook.nbformat, notebook.nbformat_minor) == (4, 5)
+    assert [cell.execution_count for cell in code(notebook)] == list(range(1, len(code(notebook)) + 1))
+    assert not any(output.output_type == "error" for cell in code(notebook) for output in cell.outputs)
+    assert path.stat().st_size < 600_000
+    assert 'jax.config.update("jax_enable_x64", True)' in code(notebook)[0].source
+
+
+# Speed and error of the README and of what a notebook has stored ------------------------------------------
+
+README = (FOLDER.parent / "README.md").read_text(encoding="utf8")
+NUMBER = r"([\d.,]+(?:e[+-]?\d+)?)"
+
+
+def numbers(pattern, text):
+    """The numbers in each place where a pattern with N for a number occurs."""
+    found = [match.groups() for match in re.finditer(re.sub(r"\bN\b", lambda _: NUMBER, pattern), text)]
+    assert found, pattern
+    return np.array([[float(one.replace(",", "")) for one in row] for row in found])
+
+
+@pytest.fixture(scope="module")
+def stored():
+    """What the notebook printed when it was stored."""
+    outputs = [output for cell in code(read(FOLDER / "speed_against_error.ipynb")) for output in cell.outputs]
+    return "".join(output.get("text", "") for output in outputs)
+
+
+def test_speeds_of_readme_and_notebook_agree(stored):
+    """A time per solve moves with machine and load, by some times; which is faster does not."""
+    by_numpy = numbers(r"\| NumPy, one array program[^|]*\| N us[^|]*\|[^|]*\| N \|", README)[0]
+    by_redundax = numbers(r"\| redundax, `vmap`[^|]*\| N us[^|]*\|[^|]*\| N \|", README)[0]
+    programs = ("vectorised", "redundax, vmap")
+    rows = [numbers(rf"N .*{program} +N µs per solve, error N", stored) for program in programs]
+    (size, *numpy), (same, *redundax) = (max(row.tolist()) for row in rows)
+    assert size == same >= 100_000
+    claim, found = by_numpy[0] / by_redundax[0], numpy[0] / redundax[0]
+    assert claim > 1 and claim / 5 < found < 5 * claim
+    for claim, found in ((by_numpy[1], numpy[1]), (by_redundax[1], redundax[1])):
+        assert claim / 10 < found < 10 * claim
+    assert np.all(numbers("at its best size is N times as fast", stored) > 1)
+
+
+def test_motions_of_readme_and_notebook_agree(stored):
+    """What the README tells of a tolerance lies between what the notebook got for those beside it."""
+    ((steps, rtol, seconds, error),) = numbers(r"redundax, N steps at `rtol=N`[^|]*\| N s \|[^|]*\| N rad", README)
+    rows = numbers(r"rtol N: N s, N steps, error N rad", stored)
+    coarse, fine = rows[rows[:, 0] > rtol][-1], rows[rows[:, 0] < rtol][0]
+    assert coarse[2] < steps < fine[2]
+    assert fine[3] < error < coarse[3]
+    assert coarse[1] / 5 < seconds < 5 * fine[1]
+
+
+def test_pictures_of_readme_and_notebook_agree(stored):
+    """Regularised solves lose digits that redundax keeps; every hard case is counted."""
+    rows = dict(re.findall(r"the paper's mechanism +(\S.*?)  +([\d.e+-]+)", stored))
+    assert float(rows["Cholesky, reg., refined"]) > 1e3 * float(rows["redundax, solve"])
+    ((lines, right, flagged),) = numbers(r"N lines each. float64: N right[^.]*?\s+does, N flagged", README)
+    ((right_32, flagged_32, needless),) = numbers(r"float32: N, N, and N flagged without need. None wrong", README)
+    assert right + flagged == right_32 + flagged_32 + needless == lines
+    text = "".join(cell.source for cell in read(FOLDER / "speed_against_error.ipynb").cells)
+    assert f"each of {lines:.0f} lines" in text.replace("\n", " ").replace("for ", "")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_runs(path, monkeypatch):
+    monkeypatch.setenv("MPLBACKEND", "module://matplotlib_inline.backend_inline")
+    notebook = read(path)
+    # Without folders to look in, "python3" is ipykernel's own specification, whose interpreter is this one.
+    kernel = AsyncKernelManager(kernel_name="python3", kernel_spec_manager=KernelSpecManager(kernel_dirs=[]))
+    client = NotebookClient(notebook, km=kernel, timeout=CELL_TIMEOUT, resources={"metadata": {"path": FOLDER}})
+    client.execute()  # raises CellExecutionError, which shows the cell and the traceback
+    outputs = [output for cell in code(notebook) for output in cell.outputs]
+    printed = "".join(output.get("text", "") for output in outputs)
+    assert any("image/png" in output.get("data", {}) for output in outputs)
+    assert printed and not re.search(r"\bnan\b", printed, re.IGNORECASE)
