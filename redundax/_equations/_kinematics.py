@@ -45,8 +45,13 @@ def constraint_rate(system: AbstractSystem, state: State) -> Float[Array, " m"]:
 
 
 def explicit_gamma(system: AbstractSystem, state: State) -> Float[Array, " m"]:
-    """-Phi_tt, the part of gamma that prescribed motion alone is answerable for."""
-    return _along(system, state, jnp.zeros_like(state.qd), jnp.ones_like(state.t)).gamma
+    """-Phi_tt, the part of gamma that prescribed motion alone is answerable for; where there is none it is free."""
+    one = jnp.ones_like(state.t)
+
+    def rate(t: Array) -> Array:
+        return jax.jvp(lambda t: system.constraint(state.q, t), (t,), (one,))[1]
+
+    return -jax.jvp(rate, (state.t,), (one,))[1]
 
 
 def second_derivative(
@@ -59,14 +64,14 @@ def second_derivative(
 def second_order(system: AbstractSystem, state: State) -> tuple[AlongMotion, Float[Array, " m"], Float[Array, " m"]]:
     """`along_motion`; `explicit_gamma`; and the second derivative of Phi as all angular coordinates turn.
 
-    They turn each at another rate, so that no two cancel. All three are one derivative in three directions.
+    They turn each at another rate, so that no two cancel; both directions go through one derivative.
     """
     angular = system.coordinates.angular
     turning = np.where(angular, 1.0 + 0.5 * np.sin(np.arange(angular.size)), 0.0)
-    rates = jnp.stack([state.qd, jnp.zeros_like(state.qd), jnp.asarray(turning, state.qd.dtype)])
-    found = jax.vmap(lambda rate, time: _along(system, state, rate, time))(rates, jnp.array([1, 1, 0], state.qd.dtype))
-    motion, explicit, turned = (jax.tree.map(lambda x, k=k: x[k], found) for k in range(3))
-    return motion, explicit.gamma, -turned.gamma
+    rates = jnp.stack([state.qd, jnp.asarray(turning, state.qd.dtype)])
+    found = jax.vmap(lambda rate, time: _along(system, state, rate, time))(rates, jnp.array([1, 0], state.qd.dtype))
+    motion, turned = (jax.tree.map(lambda x, k=k: x[k], found) for k in range(2))
+    return motion, explicit_gamma(system, state), -turned.gamma
 
 
 def _along(system: AbstractSystem, state: State, rate: Array, time: Array) -> AlongMotion:

@@ -9,7 +9,7 @@ With the singular value decomposition K = U diag(sigma) V^T cut at rank r,
 
     K^+ = V sigma^-1 U^T,   P = I - U U^T  (self-stress, onto null K^T),   Z = I - V V^T  (motion, onto null K).
 
-Where the spectrum has a wide gap no decomposition is needed. With c = |K|_F^2 and a small delta, the iteration
+A batch needs no decomposition where the spectrum has a wide gap. With c = |K|_F^2 and a small delta, the iteration
 
     X = K^T (K K^T + delta c I)^-1,   X <- X (2 I - K X)
 
@@ -96,7 +96,7 @@ def split(
     still, violation = jax.lax.stop_gradient((scaled, violation))
     rank = None if rank is None else jnp.asarray(rank, int)
     tolerance = 30 * (_noise(still) + violation)
-    found = in_chunks(_decided, still, violation, tolerance, rank)
+    found = in_chunks(_decided, still, violation, tolerance, rank, alone=_decomposed)
     values = _relative(_singular_values(still))
     dropped = _dropped(values, found.rank)
     gap = jnp.where(dropped > 0, _kept(values, found.rank) / jnp.where(dropped > 0, dropped, 1.0), jnp.inf)
@@ -114,9 +114,15 @@ def _decided(scaled: Array, violation: Array, tolerance: Array, rank: Array | No
     return jax.lax.while_loop(lambda state: ~state[1], decomposed, start)[0]
 
 
-@jax.custom_batching.sequential_vmap  # batched, it could run beside another LAPACK call, and both can hang
+@jax.custom_batching.custom_vmap
 def _singular_values(scaled: Array) -> Array:
-    return jnp.linalg.svd(scaled, compute_uv=False)
+    return jnp.linalg.svd(scaled, full_matrices=False)[1]  # the decomposition that decides, once more
+
+
+@_singular_values.def_vmap
+def _of_each(_size: int, _batched: list[bool], scaled: Array) -> tuple[Array, bool]:
+    # One after the other: batched, it could run beside another LAPACK call, and both can hang.
+    return jax.lax.map(lambda one: jnp.linalg.svd(one, compute_uv=False), scaled), True
 
 
 def _relative(values: Array) -> Array:

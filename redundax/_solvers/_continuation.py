@@ -13,6 +13,8 @@ Elsewhere it may lie on a branch of its own, so the solution on the branch from 
 converges and friction contracts, the loop of the continuation does not run.
 """
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -52,33 +54,46 @@ class Continuation(AbstractSolver):
     max_steps: int = eqx.field(default=50, static=True)
     max_path: int = eqx.field(default=400, static=True)
 
-    def run(self, problem: FrictionProblem, start: Array) -> Root:
+    def run(self, problem: FrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
         rtol = self.tolerance(start.dtype)
 
         def search(rho0: Array, start: Array) -> Root:
             return self._searched(problem.at(rho0), start)
 
-        root = quick_sweeps(problem, start, rtol)
+        root = quick_sweeps(problem, start, rtol, in_batch=in_batch)
         return unless(root.progress.converged(rtol), root, search, problem.rho0, start)
 
     def _searched(self, problem: FrictionProblem, start: Array) -> Root:
+        """Newton's method from the start and, where the branch from zero friction arrives, from its end."""
         newton, rtol = Newton(self.rtol, self.max_steps), self.tolerance(start.dtype)
-        root = newton.run(problem, start)
-        settled = root.progress.converged(rtol) & (problem.contraction(root.tau) < 1)
-        path = _follow(problem, ~settled, self.max_path)
-        tau = jnp.where(path.arrived, path.here[:-1] * problem.friction_size, root.tau)
-        problem = problem.sized_at(tau)
-        begin = Progress.begin(start.dtype)
-        begin = jax.tree.map(lambda new, old: jnp.where(path.arrived, new, old), begin, root.progress)
-        tau, progress = iterate(lambda tau: newton.update(problem, tau), tau, rtol, self.max_steps, begin=begin)
-        steps = jnp.where(path.arrived, root.progress.steps, 0) + path.steps + progress.steps
-        progress = eqx.tree_at(lambda progress: progress.steps, progress, steps)
-        reached = settled | (path.arrived & progress.converged(rtol))
-        return Root(tau, progress, jnp.where(reached, jnp.inf, path.fold))
+
+        def attempt(search: _Search) -> _Search:
+            here = problem.sized_at(jnp.where(search.arrived, search.root.tau, problem.friction_size))
+            tau, progress = iterate(lambda tau: newton.update(here, tau), search.root.tau, rtol, self.max_steps)
+            settled = search.arrived | (problem.contraction(tau) < 1)
+            settled = progress.converged(rtol) & settled
+            path = _follow(problem, ~settled & ~search.arrived, self.max_path)
+            tau = jnp.where(path.arrived, path.here[:-1] * problem.friction_size, tau)
+            steps = search.root.progress.steps + path.steps + progress.steps
+            progress = eqx.tree_at(lambda progress: progress.steps, progress, steps)
+            fold = jnp.where(settled, jnp.inf, jnp.where(search.arrived, search.root.fold, path.fold))
+            return _Search(Root(tau, progress, fold), path.arrived, ~path.arrived)
+
+        no = jnp.zeros((), bool)
+        begin = _Search(Root(start, Progress.begin(start.dtype), jnp.full((), jnp.inf, start.dtype)), no, no)
+        return jax.lax.while_loop(lambda search: ~search.ended, attempt, begin).root
 
     def result(self, progress: Progress) -> RESULTS:
         converged = progress.converged(self.tolerance(progress.residual.dtype))
         return RESULTS.where(converged, RESULTS.successful, RESULTS.no_solution_found)
+
+
+class _Search(NamedTuple):
+    """Where a search stands, whether the branch from zero friction arrived there, and whether it has ended."""
+
+    root: Root
+    arrived: Bool[Array, ""]
+    ended: Bool[Array, ""]
 
 
 def _follow(problem: FrictionProblem, wanted: Bool[Array, ""], max_path: int) -> Path:

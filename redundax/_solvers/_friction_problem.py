@@ -167,11 +167,13 @@ def _radius_bound(matrix: Float[Array, "p p"]) -> Float[Array, ""]:
 
     Collatz and Wielandt: max_i (A v)_i / v_i over positive v; powers of A bring it down to the spectral radius.
     """
-    vector = jnp.ones_like(matrix[0])
-    for _ in range(_POWERS):
+
+    def powered(_: Array, vector: Array) -> Array:
         image = matrix @ vector
         size = jnp.max(image)
-        vector = jnp.where(size > 0, image / jnp.where(size > 0, size, 1.0), vector) + 1e-3
+        return jnp.where(size > 0, image / jnp.where(size > 0, size, 1.0), vector) + 1e-3
+
+    vector = jax.lax.fori_loop(0, _POWERS, powered, jnp.ones_like(matrix[0]))
     return jnp.max(matrix @ vector / vector)
 
 

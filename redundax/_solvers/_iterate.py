@@ -89,15 +89,14 @@ def iterate(
     rtol: Float[Array, ""],
     max_steps: int,
     *,
-    begin: Progress | None = None,
     bounded: bool = False,
 ) -> tuple[Y, Progress]:
     """Repeat `update: y -> (y, residual, step)` until converged, not finite, stalled, or out of steps.
 
-    `begin` goes on from earlier progress, and does nothing where that has converged. `bounded` runs a scan of
+    `bounded` runs a scan of
     `max_steps` masked iterations instead of a while loop, which reverse mode can pass through.
     """
-    first = (start, Progress.begin(rtol.dtype) if begin is None else begin)
+    first = (start, Progress.begin(rtol.dtype))
 
     def unfinished(carry: tuple[Y, Progress]) -> Array:
         return carry[1].unfinished(rtol, max_steps)

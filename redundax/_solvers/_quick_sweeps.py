@@ -24,17 +24,20 @@ _SWEEPS, _TOGETHER = 60, 3  # 0.5^60 is below the rounding of float64; a test of
 _LOADS = 12  # as numbers, at most
 
 
-def quick_sweeps(problem: FrictionProblem, start: Float[Array, " p"], rtol: Float[Array, ""]) -> Root:
+def quick_sweeps(
+    problem: FrictionProblem, start: Float[Array, " p"], rtol: Float[Array, ""], *, in_batch: bool
+) -> Root:
     """The solution, or progress that has not converged where friction does not contract strongly.
 
-    A change of friction bounds that of the loads, by their sizes: it stands for the step too.
+    Written out number by number for a batch alone, as that takes long to compile. A change of friction bounds that of
+    the loads, by their sizes: it stands for the step too.
     """
     infinite, none = jnp.full((), jnp.inf, start.dtype), jnp.zeros((), int)
     bound = problem.contraction_anywhere()
     strong = bound <= STRONG
     enough = jnp.log(rtol) / jnp.log(bound)
     untested = jnp.where(strong, enough / 2 - _TOGETHER, 0.0)
-    begin, per_size, swept = _numbers(problem, start) if few(problem) else _vectors(problem, start)
+    begin, per_size, swept = _numbers(problem, start) if in_batch and few(problem) else _vectors(problem, start)
 
     def tested(carry: tuple) -> tuple:
         steps, tau, _ = carry

@@ -9,6 +9,7 @@ Both end at a root of tau - law(rho0 + K tau); its derivative is implicit, whate
 """
 
 import abc
+import functools
 
 import equinox as eqx
 import jax
@@ -44,8 +45,8 @@ class AbstractSolver(eqx.Module):
     max_steps: eqx.AbstractVar[int]
 
     @abc.abstractmethod
-    def run(self, problem: FrictionProblem, start: Float[Array, " p"]) -> Root:
-        """Solve from a start."""
+    def run(self, problem: FrictionProblem, start: Float[Array, " p"], *, in_batch: bool = False) -> Root:
+        """Solve from a start; `in_batch` says whether it is written out for a batch, or for a single sample."""
 
     @abc.abstractmethod
     def result(self, progress: Progress) -> RESULTS:
@@ -82,7 +83,7 @@ class FixedPoint(AbstractSolver):
     rtol: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
     max_steps: int = eqx.field(default=1200, static=True)
 
-    def run(self, problem: FrictionProblem, start: Array) -> Root:
+    def run(self, problem: FrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
         rtol, updates = self.tolerance(start.dtype), -(-self.max_steps // _SWEEPS)
         tau, progress = iterate(lambda tau: self.update(problem, tau), start, rtol, updates)
         progress = eqx.tree_at(lambda progress: progress.steps, progress, _SWEEPS * progress.steps)
@@ -135,7 +136,7 @@ class Newton(AbstractSolver):
     rtol: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
     max_steps: int = eqx.field(default=50, static=True)
 
-    def run(self, problem: FrictionProblem, start: Array) -> Root:
+    def run(self, problem: FrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
         rtol = self.tolerance(start.dtype)
         tau, progress = iterate(lambda tau: self.update(problem, tau), start, rtol, self.max_steps)
         return Root(tau, progress, jnp.full((), jnp.inf, start.dtype))
@@ -163,7 +164,11 @@ def _root_slope(problem: FrictionProblem, rho: Array) -> Float[Array, "p p"]:
 @eqx.filter_custom_jvp
 def closed_root(problem: FrictionProblem, start: Float[Array, " p"], solver: AbstractSolver) -> Root:
     """Friction forces under a closure; their derivative is implicit."""
-    return in_chunks(lambda problem, start, solver: solver.run(problem, start), problem, start, solver)
+
+    def run(problem: FrictionProblem, start: Array, solver: AbstractSolver, *, in_batch: bool = False) -> Root:
+        return solver.run(problem, start, in_batch=in_batch)
+
+    return in_chunks(functools.partial(run, in_batch=True), problem, start, solver, alone=run)
 
 
 @closed_root.def_jvp

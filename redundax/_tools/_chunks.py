@@ -28,20 +28,24 @@ def limits() -> tuple[int, int]:
     return (_CHUNK if jax.local_device_count() >= cores() else 4 * _CHUNK), _NUMBERS
 
 
-def in_chunks(function: Callable[..., T], *arguments: PyTree) -> T:
+def in_chunks(function: Callable[..., T], *arguments: PyTree, alone: Callable[..., T] | None = None) -> T:
     """`function(*arguments)`, arrays to arrays, whose batch under `vmap` runs chunk after chunk.
 
-    It has no derivative: that is for a rule around it.
+    `alone`, another way to the same, takes its place where there is no batch: what is written out for the sake of a
+    batch need not be compiled for a single sample. It has no derivative: that is for a rule around it.
     """
-    # Functions of the user may hold traced numbers. Equinox looks for them in closures only, hence the lambda.
-    closed = eqx.filter_closure_convert(lambda *given: function(*given), *arguments)
+    closed = [_closed(way, *arguments) for way in (function, alone) if way]
     arrays, rest = eqx.partition((closed, arguments), eqx.is_array)
 
     def plain(arrays: PyTree) -> T:
-        function, arguments = eqx.combine(arrays, rest)
+        (function, *_), arguments = eqx.combine(arrays, rest)
         return function(*arguments)
 
-    run = jax.custom_batching.custom_vmap(plain)
+    def single(arrays: PyTree) -> T:
+        (*_, alone), arguments = eqx.combine(arrays, rest)
+        return alone(*arguments)
+
+    run = jax.custom_batching.custom_vmap(single)
 
     @run.def_vmap
     def _(size: int, batched: list, arrays: PyTree) -> tuple[T, PyTree]:
@@ -55,6 +59,12 @@ def in_chunks(function: Callable[..., T], *arguments: PyTree) -> T:
         return out, jax.tree.map(lambda _: True, out)
 
     return run(arrays)
+
+
+def _closed(function: Callable[..., T], *arguments: PyTree) -> Callable[..., T]:
+    """The function as a pytree of all numbers that it holds."""
+    # Functions of the user may hold traced numbers. Equinox looks for them in closures only, hence the lambda.
+    return eqx.filter_closure_convert(lambda *given: function(*given), *arguments)
 
 
 def _looped(many: Callable[[PyTree], T], arrays: PyTree, batched: PyTree, size: int, chunk: int) -> T:

@@ -121,7 +121,7 @@ def test_moments_that_forces_of_friction_alone_cause(joints, share, force):
     law = Law((pins,), nothing, nothing, rx.State(q=nothing, qd=nothing))
     problem = FrictionProblem.make(nothing, -jnp.ones((2 * joints, 2 * joints)), law, nothing != 0)
     rtol = jnp.asarray(2e-14)
-    root = quick_sweeps(problem, law(nothing), rtol)
+    root = quick_sweeps(problem, law(nothing), rtol, in_batch=True)
     assert root.progress.converged(rtol)
     wanted = -mu * (np.sum(mu * preload) / (1 - np.sum(mu)) + preload)
     np.testing.assert_allclose(root.tau, wanted, rtol=1e-13)
