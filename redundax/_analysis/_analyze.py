@@ -22,9 +22,9 @@ from jaxtyping import Array
 
 from .._bodies._joints import AngleCoupling
 from .._bodies._mechanism import Mechanism
-from .._closures._closure import AbstractClosure, MinimumNorm
+from .._closures._closure import AbstractClosure, MinimumNorm, elasticity
 from .._equations._culprits import culprits
-from .._equations._factorisation import Factorisation, factorize
+from .._equations._factorisation import Factorisation, factorisation_at
 from .._equations._rank import Spectrum, Split
 from .._solve._solve import solve
 from .._system._friction import slip_kinds
@@ -49,6 +49,7 @@ def analyze(
     closure: AbstractClosure = _MINIMUM_NORM,
     sense: Numbers | None = None,
     rank: ArrayLike | None = None,
+    factor: Factorisation | None = None,
 ) -> Report:
     """Rank, self-stress and uniqueness of a system at a state: (13), (14), with friction (33).
 
@@ -65,9 +66,10 @@ def analyze(
     - `closure`, `sense`: as in `solve`; verdicts with friction start from its solution, and `spectral_radius` is that
       of the closure.
     - `rank`: declared rank of the constraint Jacobian; decided from its spectrum if not given.
+    - `factor`: what `factorize` gave at this state, where it is there already.
     """
     no_classes(closure=closure)
-    factor = factorize(system, state, rank)
+    factor = factorisation_at(system, state, rank, factor)
     found, here = jax.device_get((_evidence(factor), position(system.anonymous(), state, factor)))
     singular = bool(found.singular_position)
     rows, unique = np.array(system.rows.labels), found.unique_multipliers & (not singular)
@@ -77,7 +79,7 @@ def analyze(
     groups, kinds = _groups(stress), system.rows.kinds
     figures, result = None, found.result
     if result == RESULTS.successful:
-        figures, result = _family(system, state, factor, closure, stress, sense, rank)
+        figures, result = _family(system, state, factor, closure, stress, sense)
     figures = None if result == RESULTS.not_finite else figures
     return Report(
         coordinates=system.coordinates.labels,
@@ -135,14 +137,14 @@ def _family(
     closure: AbstractClosure,
     stress: np.ndarray,
     sense: Numbers | None,
-    rank: ArrayLike | None,
 ) -> tuple[Family, RESULTS]:
     """The family through the closure's solution, and how its search ended."""
-    solution = solve(system, state, closure=closure, sense=sense, rank=rank, throw=False)
+    solution = solve(system, state, closure=closure, sense=sense, factor=factor, throw=False)
     count = len(slip_kinds(system.friction))
     senses = None if sense is None else jnp.broadcast_to(as_float(sense), (count,))
     others = partial(other_solutions, system, state, factor, solution, stress, senses)
-    return family(system, state, factor, closure, stress.T, solution, cache(others), senses), solution.result
+    chosen = elasticity(closure, system, state)
+    return family(system, state, factor, chosen, stress.T, solution, cache(others), senses), solution.result
 
 
 def _verdicts(system: AbstractSystem, state: State, figures: Family, result: RESULTS) -> dict[str, tuple[Judged, ...]]:

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._closures._closure import MinimumNorm
+from .._closures._closure import minimum_norm
 from .._equations._factorisation import Factorisation
 from .._solve._reduced import reduce
 from .._solve._solution import Solution
@@ -52,7 +52,7 @@ def _solved(
     system: AbstractSystem, state: State, factor: Factorisation, solution: Solution, added: Array, sense: Array | None
 ) -> Array:
     """Solutions from a given one with self-stress added, (k, looks, m), by Newton's method."""
-    reduced = reduce(system, state, factor, MinimumNorm(), sense=sense)
+    reduced = reduce(system, state, factor, minimum_norm(added.shape[-1], added.dtype), sense=sense)
     problem, newton = cast(FrictionProblem, reduced.problem), Newton()
     present = solution.multipliers - reduced.end(solution.friction, None).multipliers
 

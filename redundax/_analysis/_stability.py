@@ -27,8 +27,8 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Complex, Float
 
-from .._closures._closure import AbstractClosure
-from .._equations._factorisation import Factorisation, factorize
+from .._closures._closure import AbstractClosure, Elasticity, elasticity
+from .._equations._factorisation import Factorisation, factorisation_at
 from .._solve._reduced import reduce
 from .._solve._solution import Solution
 from .._system._results import RESULTS
@@ -98,6 +98,7 @@ def stability(
     *,
     sense: Numbers | None = None,
     rank: ArrayLike | None = None,
+    factor: Factorisation | None = None,
 ) -> Stability:
     """Stability of a frictional solution under the compliance of its joints.
 
@@ -114,7 +115,7 @@ def stability(
     - `system`, `state`: concrete values; not inside `jit` or `vmap`.
     - `solution`: a successful solution under the closure.
     - `closure`: the compliance of the joints.
-    - `sense`, `rank`: as in `solve`.
+    - `sense`, `rank`, `factor`: as in `solve`.
 
     **Raises:** `ValueError` where the solution has no numbers.
     """
@@ -124,8 +125,9 @@ def stability(
             "Argument `solution` must be successful, but ended with another result. Solve with `throw=True` to see why."
         )
     senses = None if sense is None else jnp.broadcast_to(as_float(sense), solution.friction.shape)
-    factor = factorize(system, state, rank)
-    figures = _figures(system.anonymous(), state, factor, solution.multipliers, closure, senses)
+    factor = factorisation_at(system, state, rank, factor)
+    given = elasticity(closure, system, state)
+    figures = _figures(system.anonymous(), state, factor, solution.multipliers, given, senses)
     compliance, response = (np.asarray(x, float) for x in figures)
     size, axes = np.linalg.eigh(compliance)
     soft = size > _RIGID * size[-1]
@@ -152,11 +154,11 @@ def _figures(
     state: State,
     factor: Factorisation,
     multipliers: Array,
-    closure: AbstractClosure,
+    chosen: Elasticity,
     sense: Array | None,
 ) -> tuple[Float[Array, "m m"], Float[Array, "m m"]]:
     """W_e and X in multipliers free of units."""
-    reduced = reduce(system, state, factor, closure, sense=sense)
+    reduced = reduce(system, state, factor, chosen, sense=sense)
     W, G = reduced.pick.compliance, reduced.pick.response
     given = W - W @ G @ W
     mass = response = factor.apparent_mass()

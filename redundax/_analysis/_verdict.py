@@ -33,7 +33,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from .._closures._closure import AbstractClosure, MinimumNorm
+from .._closures._closure import Elasticity, minimum_norm
 from .._equations._factorisation import Factorisation
 from .._solve._reduced import reduce
 from .._solve._solution import Solution
@@ -137,7 +137,7 @@ def family(
     system: AbstractSystem,
     state: State,
     factor: Factorisation,
-    closure: AbstractClosure,
+    chosen: Elasticity,
     stress: np.ndarray,
     solution: Solution,
     others: Callable[[], np.ndarray],
@@ -145,7 +145,7 @@ def family(
 ) -> Family:
     """The figures of the family, given N, a solution, NaN where there is none, and how to find others."""
     given = jnp.asarray(stress), solution.friction
-    figures = jax.device_get(_figures(system.anonymous(), state, factor, closure, *given, sense))
+    figures = jax.device_get(_figures(system.anonymous(), state, factor, chosen, *given, sense))
     mass, jacobian, length, determinate = jax.device_get(
         (factor.mass, factor.jacobian, factor.length, factor.determinate)
     )
@@ -164,13 +164,13 @@ def _figures(
     system: AbstractSystem,
     state: State,
     factor: Factorisation,
-    closure: AbstractClosure,
+    chosen: Elasticity,
     stress: Array,
     friction: Array,
     sense: Array | None,
 ) -> dict:
-    reduced = reduce(system, state, factor, MinimumNorm(), sense=sense)
-    closed = reduce(system, state, factor, closure, sense=sense)
+    reduced = reduce(system, state, factor, minimum_norm(stress.shape[0], state.qd.dtype), sense=sense)
+    closed = reduce(system, state, factor, chosen, sense=sense)
     rows = stress[reduced.rows]
     out = {"stress": stress, "stress_rows": rows}
     if reduced.problem is None or reduced.unit is None or closed.problem is None:

@@ -9,10 +9,13 @@ for any particular lam_p. W = I, d = h is the paper's (9), (12) with h, and d = 
 """
 
 import abc
+from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from .._system._state import State
@@ -31,8 +34,24 @@ class AbstractClosure(eqx.Module):
         """Compliance W, symmetric positive semidefinite, and misfit d at a state; a number stands for m equal ones."""
 
 
-def closed_by(closure: AbstractClosure, system: AbstractSystem, state: State) -> tuple[Array, Array]:
-    """Compliance and misfit as arrays of the dtype of the state, checked."""
+class Elasticity(NamedTuple):
+    """All that the equations know of a closure: W, (m, m), and d, (m,) or a number for m equal entries."""
+
+    compliance: Float[Array, "m m"]
+    misfit: Float[Array, " m"] | Float[Array, ""]
+
+
+def elasticity(closure: AbstractClosure, system: AbstractSystem, state: State) -> Elasticity:
+    """Compliance and misfit at a state, checked.
+
+    Outside of transformations they have the same shapes for every closure, so that no program is compiled for one.
+    """
+    given = jax.tree.leaves((closure, state, eqx.filter(system, eqx.is_array)))
+    return _elasticity(closure, system.anonymous(), state, whole=all(map(known, given)))
+
+
+@eqx.filter_jit
+def _elasticity(closure: AbstractClosure, system: AbstractSystem, state: State, *, whole: bool) -> Elasticity:
     m = len(system.rows)
     compliance, misfit = (jnp.asarray(x, state.qd.dtype) for x in closure.compliance(system, state))
     if compliance.shape != (m, m) or misfit.shape not in ((), (m,)):
@@ -40,7 +59,12 @@ def closed_by(closure: AbstractClosure, system: AbstractSystem, state: State) ->
             f"Argument `closure` must give a compliance of shape (m, m) = ({m}, {m}) and a misfit that is a number or "
             f"has shape ({m},), but gives {compliance.shape} and {misfit.shape}. Change what its `compliance` returns."
         )
-    return compliance, misfit
+    return Elasticity(compliance, jnp.broadcast_to(misfit, (m,)) if whole else misfit)
+
+
+def minimum_norm(m: int, dtype: DTypeLike) -> Elasticity:
+    """That of the Moore-Penrose pick for m rows."""
+    return Elasticity(jnp.eye(m, dtype=dtype), jnp.zeros((), dtype))
 
 
 class MinimumNorm(AbstractClosure):

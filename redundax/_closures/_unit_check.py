@@ -11,7 +11,6 @@ import warnings
 from weakref import WeakValueDictionary
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
@@ -19,7 +18,7 @@ from .._equations._scaling import scaling
 from .._system._axis import Axis
 from .._system._state import State
 from .._system._system import AbstractSystem
-from ._closure import AbstractClosure, closed_by
+from ._closure import AbstractClosure, elasticity
 
 _LEAST, _MOST = 1e-3, 1e6
 _checked: WeakValueDictionary[int, AbstractClosure] = WeakValueDictionary()
@@ -30,7 +29,9 @@ def check_units(system: AbstractSystem, state: State, closure: AbstractClosure, 
     if _checked.get(id(closure)) is closure:
         return
     _checked[id(closure)] = closure
-    compliance, misfit, length = (np.asarray(x) for x in _figures(system.anonymous(), state, closure))
+    given = elasticity(closure, system, state)
+    compliance, misfit = np.diag(given.compliance), np.asarray(given.misfit)
+    length = np.asarray(_length(system.anonymous(), state))
     if length == 1.0:  # stands for a mechanism without a length of its own
         return
     for problem in (_of_compliance(system.rows, compliance, length), _of_misfit(system.rows, misfit, length)):
@@ -39,10 +40,9 @@ def check_units(system: AbstractSystem, state: State, closure: AbstractClosure, 
 
 
 @eqx.filter_jit
-def _figures(system: AbstractSystem, state: State, closure: AbstractClosure) -> tuple[Array, Array, Array]:
-    """Diagonal of W, misfit and L."""
-    compliance, misfit = closed_by(closure, system, state)
-    return jnp.diag(compliance), misfit, scaling(system, state, system.jacobian(state.q, state.t)).length
+def _length(system: AbstractSystem, state: State) -> Array:
+    """L."""
+    return scaling(system, state, system.jacobian(state.q, state.t)).length
 
 
 def _of_compliance(rows: Axis, compliance: np.ndarray, length: np.ndarray) -> str:

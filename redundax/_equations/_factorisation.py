@@ -236,6 +236,22 @@ def factorize(system: AbstractSystem, state: State, rank: ArrayLike | None = Non
     return _factorize(system.anonymous(), state, None if rank is None else jnp.asarray(rank))
 
 
+def factorisation_at(
+    system: AbstractSystem, state: State, rank: ArrayLike | None, factor: Factorisation | None
+) -> Factorisation:
+    """The factorisation that is there already, or a new one."""
+    if factor is None:
+        return factorize(system, state, rank)
+    shape = len(system.rows), len(system.coordinates)
+    if factor.jacobian.shape != shape or rank is not None:
+        raise ValueError(
+            "Argument `factor` must be what `factorize` gives for this system at this state, with a Jacobian of shape "
+            f"{shape}, and takes no `rank` beside it, but has {factor.jacobian.shape} and `rank` is {rank}. "
+            "Give `rank` to `factorize`, and no `factor` of another state."
+        )
+    return factor
+
+
 @eqx.filter_jit
 def _factorize(system: AbstractSystem, state: State, rank: Int[Array, ""] | None) -> Factorisation:
     matrix = system.jacobian(state.q, state.t)

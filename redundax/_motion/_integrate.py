@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._closures._closure import AbstractClosure
+from .._closures._closure import AbstractClosure, elasticity
 from .._equations._factorisation import Factorisation, factorize
 from .._solve._solve import solve_factorised
 from .._solvers._continuation import Continuation
@@ -127,7 +127,7 @@ def _start(equations: Equations, state: State, factor: Factorisation, held: Held
         return _Start(factor.result, start)
     if equations.has_sense:
         start = onward(equations, state, held, ~none)
-    fixed = still((system, state, factor, equations.closure))
+    fixed = still((system, state, factor, elasticity(equations.closure, system, state)))
     solution = solve_factorised(*fixed, Continuation(), None, start.sense)
     sticks = jnp.any(equations.with_sense(start.sense).sticking)
     result = RESULTS.where(sticks, factor.result, solution.result)

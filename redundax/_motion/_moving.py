@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
-from .._closures._closure import AbstractClosure, closed_by
+from .._closures._closure import AbstractClosure, elasticity
 from .._equations._kinematics import chart_rate, constraint_rate, displacement, slip_gamma, slip_motion
 from .._equations._scaling import Scaling
 from .._solvers._friction_problem import FrictionProblem, Law
@@ -161,7 +161,7 @@ class Equations(eqx.Module):
         columns = jnp.concatenate([force[:, None], directions], axis=1)
         a, mu = respond(parts, held, columns, jnp.pad(gamma[:, None], ((0, 0), (0, rate.size))), once=once)
         if closed:
-            mu = _picked(parts, held, *closed_by(self.closure, system, state), mu)
+            mu = _picked(parts, held, *elasticity(self.closure, system, state), mu)
         slip = directions.T @ a
         if self.has_sense:
             slip = slip.at[:, 0].add(-slip_gamma(system, state))

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array
 
 from .._analysis._report import Report
-from .._closures._closure import AbstractClosure, closed_by
+from .._closures._closure import AbstractClosure, elasticity
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
@@ -165,7 +165,7 @@ class ComplianceBox(AbstractBounds):
             raise ValueError(
                 f"Argument `box` must not hold negative compliances, but holds {lower.min():.4g}. Give at least 0."
             )
-        compliance, misfit = closed_by(self.closure, system, state)
+        compliance, misfit = elasticity(self.closure, system, state)
         places = jnp.asarray(rows)
         compliance = compliance.at[places, places].set(0.0)
         least = compliance.at[places, places].set(lower)
@@ -196,7 +196,7 @@ def _closed(
     closure: AbstractClosure, system: AbstractSystem, state: State, solutions: SolutionSet, rows: np.ndarray
 ) -> tuple[Array, Array, Array]:
     """Multipliers without friction, by misfit and by friction under a closure; the misfits of `rows` left out."""
-    compliance, misfit = closed_by(closure, system, state)
+    compliance, misfit = elasticity(closure, system, state)
     stress, free, unit = solutions.stress, solutions.free.multipliers, solutions.unit.multipliers
     check_definite(np.asarray(stress.T @ compliance @ stress))
     response = stress @ jnp.linalg.solve(stress.T @ compliance @ stress, stress.T)

@@ -12,11 +12,10 @@ One factorisation at the state serves every z and every choice of base and U.
 
 import equinox as eqx
 import jax.numpy as jnp
-from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int
 
-from .._closures._closure import AbstractClosure, MinimumNorm
-from .._equations._factorisation import Factorisation, factorize
+from .._closures._closure import AbstractClosure, Elasticity, MinimumNorm, elasticity
+from .._equations._factorisation import Factorisation
 from .._solve._reduced import Response, reduce
 from .._solvers._friction_problem import FrictionProblem, Law
 from .._system._state import State
@@ -64,13 +63,13 @@ class SolutionSet(eqx.Module):
 def solution_set(
     system: AbstractSystem,
     state: State,
+    factor: Factorisation,
     stress: Float[Array, "k m"],
     sense: Float[Array, " p"] | None,
-    rank: ArrayLike | None,
     closure: AbstractClosure = _MINIMUM_NORM,
 ) -> SolutionSet:
     """The set of solutions, given self-stress states."""
-    return _solution_set(system.anonymous(), state, factorize(system, state, rank), stress, sense, closure)
+    return _solution_set(system.anonymous(), state, factor, stress, sense, elasticity(closure, system, state))
 
 
 @eqx.filter_jit
@@ -80,9 +79,9 @@ def _solution_set(
     factor: Factorisation,
     stress: Array,
     sense: Array | None,
-    closure: AbstractClosure,
+    chosen: Elasticity,
 ) -> SolutionSet:
-    reduced = reduce(system, state, factor, closure, sense=sense)
+    reduced = reduce(system, state, factor, chosen, sense=sense)
     n, m = reduced.free.acceleration.size, reduced.free.multipliers.size
     if reduced.problem is None or reduced.unit is None:
         none = Response(jnp.zeros((n, 0)), jnp.zeros((m, 0)))

@@ -14,8 +14,8 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 
-from .._closures._closure import AbstractClosure, MinimumNorm
-from .._equations._factorisation import Factorisation, factorize
+from .._closures._closure import AbstractClosure, Elasticity, MinimumNorm, elasticity
+from .._equations._factorisation import Factorisation, factorisation_at
 from .._solvers._continuation import Continuation
 from .._solvers._friction_problem import FrictionProblem
 from .._solvers._solver import Newton, Root
@@ -39,6 +39,7 @@ def frictional_solutions(
     closure: AbstractClosure = _MINIMUM_NORM,
     sense: Numbers | None = None,
     rank: ArrayLike | None = None,
+    factor: Factorisation | None = None,
     starts: int = SEARCH_STARTS,
     seed: int = 0,
 ) -> list[Solution]:
@@ -54,7 +55,7 @@ def frictional_solutions(
     **Arguments:**
 
     - `system`, `state`: concrete values; not inside `jit` or `vmap`.
-    - `closure`, `sense`, `rank`: as in `solve`.
+    - `closure`, `sense`, `rank`, `factor`: as in `solve`.
     - `starts`: number of random initial loads.
     - `seed`: of their random numbers.
 
@@ -62,7 +63,8 @@ def frictional_solutions(
 
     **Raises:** `RuntimeError` where the equations cannot be trusted at all, whatever the friction, as `solve` does.
     """
-    options = {"closure": closure, "sense": sense, "rank": rank}
+    factor = factorisation_at(system, state, rank, factor)
+    options = {"closure": closure, "sense": sense, "factor": factor}
     first = solve(system, state, **options, throw=False)
     if first.result not in (RESULTS.successful, RESULTS.no_solution_found):
         solve(system, state, **options, throw=True)
@@ -71,7 +73,8 @@ def frictional_solutions(
     factors = start_factors(sum(group.rows.size for group in system.friction), starts, seed)
     slips = len(slip_kinds(system.friction))
     senses = None if sense is None else jnp.broadcast_to(as_float(sense), (slips,))
-    guesses, found, size = _guesses(system.anonymous(), state, factorize(system, state, rank), closure, senses, factors)
+    chosen = elasticity(closure, system, state)
+    guesses, found, size = _guesses(system.anonymous(), state, factor, chosen, senses, factors)
     order, rtol = np.argsort(np.asarray(size)), 100 * jnp.finfo(size.dtype).eps * jnp.maximum(size, 1.0)
     batch = [
         solve(system, state, x0=guesses[k], **options, solver=Newton(rtol[k]), throw=False) for k in order if found[k]
@@ -84,12 +87,12 @@ def _guesses(
     system: AbstractSystem,
     state: State,
     factor: Factorisation,
-    closure: AbstractClosure,
+    chosen: Elasticity,
     sense: Array | None,
     factors: Array,
 ) -> tuple[Array, Array, Array]:
     """[qdd; lam] of what the search ends with, which of them are solutions that differ, and their largest friction."""
-    reduced = reduce(system, state, factor, closure, sense=sense)
+    reduced = reduce(system, state, factor, chosen, sense=sense)
     problem, unit = cast(FrictionProblem, reduced.problem), cast(Response, reduced.unit)
     tau, found = search(problem, factors)
     ends = jax.vmap(lambda tau: jnp.concatenate(reduced.free.plus(unit, tau)))(tau)

@@ -22,7 +22,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from .._closures._closure import AbstractClosure, closed_by
+from .._closures._closure import Elasticity
 from .._equations._factorisation import Factorisation
 from .._equations._kinematics import slip_motion
 from .._solvers._friction_problem import FrictionProblem, Law
@@ -112,13 +112,13 @@ def reduce(
     system: AbstractSystem,
     state: State,
     factor: Factorisation,
-    closure: AbstractClosure,
+    elasticity: Elasticity,
     *,
     kept: Float[Array, " m"] | Float[Array, ""] | None = None,
     sense: Float[Array, " p"] | None = None,
 ) -> Reduced:
     """Close and reduce; the self-stress of `kept`, for a closure of minimum norm, is added to `free`."""
-    compliance, misfit = closed_by(closure, system, state)
+    compliance, misfit = elasticity
     response, definiteness = factor.stress_response(compliance)
     pick = Pick(response, compliance)
     given = misfit if kept is None else misfit + kept

@@ -14,11 +14,11 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool
 
-from .._closures._closure import AbstractClosure, Compliance, MinimumNorm
+from .._closures._closure import AbstractClosure, Compliance, Elasticity, MinimumNorm, elasticity, minimum_norm
 from .._closures._elastic_joints import ElasticJoints
 from .._closures._unit_check import check_units
 from .._equations._culprits import culprits
-from .._equations._factorisation import Factorisation, factorize
+from .._equations._factorisation import Factorisation, factorisation_at
 from .._solvers._continuation import Continuation
 from .._solvers._friction_problem import FrictionProblem
 from .._solvers._iterate import Progress
@@ -46,6 +46,7 @@ def solve(
     x0: Numbers | None = None,
     sense: Numbers | None = None,
     rank: ArrayLike | None = None,
+    factor: Factorisation | None = None,
     throw: bool | None = None,
 ) -> Solution:
     """Accelerations, multipliers and friction of a system at a state: (7), with friction (24) or (25).
@@ -74,6 +75,7 @@ def solve(
       on it, as Coulomb's does, the result is `RESULTS.friction_at_rest`. Give 1 or -1 there, or ask `sticking` whether
       the mechanism stays at rest.
     - `rank`: declared rank of the constraint Jacobian; decided from its spectrum if not given.
+    - `factor`: what `factorize` gave at this state, where it is there already.
     - `throw`: whether to raise an error unless the result is successful. By default it does outside of
       transformations such as `jit` and `vmap`, and does not inside, so that one bad sample does not end a sweep.
 
@@ -97,8 +99,9 @@ def solve(
         x0 = _vector("x0", x0, n + m, "[qdd; lam]").astype(state.qd.dtype)
     if sense is not None:
         sense = _vector("sense", sense, len(slip_kinds(system.friction)), "slips")
-    factor = factorize(system, state, rank)
-    solution = solve_factorised(system.anonymous(), state, factor, closure, solver, x0, sense)
+    factor = factorisation_at(system, state, rank, factor)
+    chosen = None if closure is None else elasticity(closure, system, state)
+    solution = solve_factorised(system.anonymous(), state, factor, chosen, solver, x0, sense)
     if isinstance(closure, Compliance | ElasticJoints) and all(map(known, jax.tree.leaves((factor, closure)))):
         check_units(system, state, closure, stacklevel=2)
     return _thrown(system, state, solution, throw)
@@ -109,13 +112,13 @@ def solve_factorised(
     system: AbstractSystem,
     state: State,
     factor: Factorisation,
-    closure: AbstractClosure | None,
+    chosen: Elasticity | None,
     solver: AbstractSolver,
     x0: Array | None,
     sense: Array | None,
 ) -> Solution:
-    """`solve`, given the factorisation at the state."""
-    end, root, contraction, result = _ended(factor, system, state, closure, solver, x0, sense)
+    """`solve`, given the factorisation at the state, and the compliance and misfit of the closure if there is one."""
+    end, root, contraction, result = _ended(factor, system, state, chosen, solver, x0, sense)
     return _solution(factor, end, root, contraction, solver.tolerance(state.qd.dtype), result)
 
 
@@ -134,20 +137,20 @@ def _end(
     factor: Factorisation,
     system: AbstractSystem,
     state: State,
-    closure: AbstractClosure | None,
+    chosen: Elasticity | None,
     solver: AbstractSolver,
     x0: Array | None,
     sense: Array | None,
 ) -> tuple[Response, Root, Array, RESULTS]:
     """Accelerations and multipliers, friction, its contraction and the result."""
-    chosen = _MINIMUM_NORM if closure is None else closure
-    kept = _kept(x0, state) if closure is None else None  # Newton (38) keeps the self-stress of x0
-    reduced = reduce(system, state, factor, chosen, kept=kept, sense=sense)
+    kept = _kept(x0, state) if chosen is None else None  # Newton (38) keeps the self-stress of x0
+    closing = minimum_norm(factor.gamma.size, state.qd.dtype) if chosen is None else chosen
+    reduced = reduce(system, state, factor, closing, kept=kept, sense=sense)
     if reduced.problem is None:
         root, stress, contraction, friction_checks = _loadless(state.qd[:0]), None, 0.0 * state.t, ()
         given = jnp.asarray(True)
     else:
-        root, stress = _solve_friction(factor, reduced, reduced.problem, state, closure, solver, x0)
+        root, stress = _solve_friction(factor, reduced, reduced.problem, solver, x0, is_open=chosen is None)
         contraction = reduced.problem.contraction(root.tau)
         friction_checks = _checks(reduced, stress, root, solver)
         given = jnp.isfinite(reduced.end_size(reduced.problem.law(reduced.problem.rho0), None))
@@ -184,15 +187,15 @@ def _solve_friction(
     factor: Factorisation,
     reduced: Reduced,
     problem: FrictionProblem,
-    state: State,
-    closure: AbstractClosure | None,
     solver: AbstractSolver,
     x0: Array | None,
+    *,
+    is_open: bool,
 ) -> tuple[Root, Array | None]:
     """Friction, and the self-stress added to that of `reduced.free`."""
     if reduced.rows.size == 0:  # friction independent of load, (24)
         return _loadless(problem.law(problem.rho0)), None
-    if closure is None and x0 is not None:
+    if is_open and x0 is not None:
         return _open_newton(factor, reduced, problem, x0, solver)
     guess = problem.rho0 if x0 is None else _loads(x0, factor, reduced.rows)
     return closed_root(problem, problem.law(guess), solver), None

@@ -18,6 +18,7 @@ from ..._analysis._analyze import Report, analyze
 from ..._analysis._outputs import outputs as named_outputs
 from ..._analysis._outputs import plain, unknowns
 from ..._analysis._verdict import Verdict
+from ..._equations._factorisation import Factorisation, factorisation_at
 from ..._solve._all_solutions import start_factors
 from ..._system._state import State
 from ..._system._system import AbstractSystem
@@ -111,6 +112,7 @@ def band(
     seed: int = 0,
     sense: Numbers | None = None,
     rank: ArrayLike | None = None,
+    factor: Factorisation | None = None,
 ) -> Bands:
     """Smallest and largest values of outputs under what is known of preload, misfit or compliance.
 
@@ -129,13 +131,14 @@ def band(
     - `bounds`: `AmplitudeBox`, `PreloadBox`, `PreloadNorm`, `MisfitBox` or `ComplianceBox`.
     - `samples`: random cases that are looked at where the band is not exact, beside vertices.
     - `starts`, `seed`: random initial loads for each of them, where the number of solutions is not proved.
-    - `sense`, `rank`: as in `solve`.
+    - `sense`, `rank`, `factor`: as in `solve`.
 
     **Raises:** as `solution_family`; `ValueError` where bounds or outputs do not fit the system.
     """
     no_classes(bounds=bounds)
-    report = analyze(system, state, sense=sense, rank=rank)
-    solutions = solutions_of(system, state, report, sense, rank)
+    factor = factorisation_at(system, state, rank, factor)
+    report = analyze(system, state, sense=sense, factor=factor)
+    solutions = solutions_of(system, state, factor, report, sense)
     if not report.pivots:
         raise ValueError("Argument `system` must be overconstrained, but has no self-stress: its loads are unique.")
     names, kinds, matrix, unique = _wanted(system, state, outputs, report)

@@ -23,9 +23,9 @@ from jax.typing import ArrayLike
 
 from ..._analysis._analyze import Report, analyze
 from ..._analysis._outputs import plain, sizes, unknowns
-from ..._closures._closure import AbstractClosure, MinimumNorm, closed_by
+from ..._closures._closure import AbstractClosure, MinimumNorm, elasticity
 from ..._equations._culprits import culprits
-from ..._equations._factorisation import factorize
+from ..._equations._factorisation import Factorisation, factorisation_at
 from ..._solve._all_solutions import SEARCH_STARTS, start_factors
 from ..._system._friction import slip_kinds
 from ..._system._results import RESULTS
@@ -177,6 +177,7 @@ def solution_family(
     seed: int = 0,
     sense: Numbers | None = None,
     rank: ArrayLike | None = None,
+    factor: Factorisation | None = None,
     watch: Callable[[Sequence[Any]], Iterable[Any]] = iter,
 ) -> SolutionFamily:
     """Every frictional solution that is found along one or two self-stress states, and how many there are.
@@ -202,19 +203,20 @@ def solution_family(
     - `starts`: number of random initial loads for the search at each z, where the number of solutions is not proved;
       if not given 1000 in all, as in `frictional_solutions`, and at least 32, since walks from neighbours search too.
     - `seed`: of their random numbers.
-    - `sense`, `rank`: as in `solve`.
+    - `sense`, `rank`, `factor`: as in `solve`.
     - `watch`: passes the steps of the work on, one by one, and may tell how far it is.
 
     **Raises:** `RuntimeError` where the equations cannot be trusted at all, whatever the friction, or a joint is at
     rest, as `solve` does; `ValueError` for arguments that do not fit the system.
     """
     no_classes(closure=closure)
-    report = analyze(system, state, closure=closure, sense=sense, rank=rank)
-    solutions = solutions_of(system, state, report, sense, rank, closure)
+    factor = factorisation_at(system, state, rank, factor)
+    report = analyze(system, state, closure=closure, sense=sense, factor=factor)
+    solutions = solutions_of(system, state, factor, report, sense, closure)
     chosen = _chosen(report, along)
     stress = report.self_stress[chosen]
     if z is None:
-        assumed = preload(system, factorize(system, state, rank), report.self_stress)
+        assumed = preload(system, factor, report.self_stress)
         axes, assumption = assumed.axes(stress, samples), str(assumed) if chosen else ""
     else:
         axes, assumption = _axes(stress, z), ""
@@ -251,9 +253,9 @@ def solution_family(
 def solutions_of(
     system: AbstractSystem,
     state: State,
+    factor: Factorisation,
     report: Report,
     sense: Numbers | None,
-    rank: ArrayLike | None,
     closure: AbstractClosure = _MINIMUM_NORM,
 ) -> SolutionSet:
     """The set of solutions with all self-stress of a report; raises where there is a problem or a joint rests."""
@@ -264,7 +266,7 @@ def solutions_of(
         raise RuntimeError(RESULTS[result] + culprits(system, state, result))
     count = len(slip_kinds(system.friction))
     senses = None if sense is None else jnp.broadcast_to(as_float(sense), (count,))
-    return solution_set(system, state, jnp.asarray(report.self_stress), senses, rank, closure)
+    return solution_set(system, state, factor, jnp.asarray(report.self_stress), senses, closure)
 
 
 def _chosen(report: Report, along: Sequence[str] | str | None) -> list[int]:
@@ -290,7 +292,7 @@ def _measure(
     closure: AbstractClosure, system: AbstractSystem, state: State, stress: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """N^T (W lam - d) = N^T W N z solved for z: its coefficients of lam and its offset."""
-    compliance, misfit = map(np.asarray, closed_by(closure, system, state))
+    compliance, misfit = map(np.asarray, elasticity(closure, system, state))
     energy = stress @ compliance @ stress.T
     check_definite(energy)
     given = stress @ np.broadcast_to(misfit, len(compliance))

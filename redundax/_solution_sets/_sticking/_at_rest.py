@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from ..._equations._factorisation import Factorisation, factorize
+from ..._equations._factorisation import Factorisation
 from ..._equations._kinematics import slip_motion
 from ..._system._friction import slip_kinds
 from ..._system._state import State
@@ -67,9 +67,8 @@ class Ends(NamedTuple):
     solved: float
 
 
-def drive(system: AbstractSystem, state: State, rank: ArrayLike | None) -> Drive:
+def drive(system: AbstractSystem, state: State, factor: Factorisation) -> Drive:
     """What drives a system at rest; `ValueError` where it does not rest."""
-    factor = factorize(system, state, rank)
     length, angular = np.asarray(factor.length), np.asarray(system.coordinates.angular)
     rates = np.abs(np.asarray(state.qd)) * np.where(angular, length, 1.0)
     if bool(factor.motion_of(jnp.asarray(rates.max())).is_yes):

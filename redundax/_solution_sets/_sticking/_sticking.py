@@ -26,6 +26,7 @@ from jaxtyping import Array
 
 from ..._analysis._analyze import analyze
 from ..._closures._closure import AbstractClosure, MinimumNorm
+from ..._equations._factorisation import Factorisation, factorisation_at
 from ..._solve._all_solutions import start_factors
 from ..._system._friction import slip_kinds
 from ..._system._state import State
@@ -53,6 +54,7 @@ def sticking(
     starts: int = 8,
     seed: int = 0,
     rank: ArrayLike | None = None,
+    factor: Factorisation | None = None,
 ) -> Sticking:
     """Whether a mechanism at rest, and each of its joints, must stick, may stick or must slip.
 
@@ -72,23 +74,24 @@ def sticking(
     - `bounds`: what is known of preload, misfit or compliance, as of `band`; or a closure, for the loads that it picks.
     - `samples`: random cases that are looked at, beside vertices.
     - `starts`, `seed`: random initial loads for each of them, where the number of solutions is not proved.
-    - `rank`: as in `solve`.
+    - `rank`, `factor`: as in `solve`.
 
     **Raises:** `ValueError` where the state moves, drivers set it in motion, the system has no degree of freedom, or
     bounds do not fit it; `RuntimeError` where the equations cannot be trusted, as `solve` does.
     """
     no_classes(bounds=bounds)
     state = State(state.q, state.qd, state.t)  # bristles that bend let it move, so they do not count
-    start = drive(system, state, rank)
+    factor = factorisation_at(system, state, rank, factor)
+    start = drive(system, state, factor)
     senses = jnp.asarray(start.sense)
-    report = analyze(system, state, sense=senses, rank=rank)
+    report = analyze(system, state, sense=senses, factor=factor)
     if report.problem:
         raise RuntimeError(report.problem)
     if report.freedom < 1:
         raise ValueError(
             "Argument `system` must have a degree of freedom to stick or slip, but has none. Release a lock."
         )
-    solutions = solution_set(system, state, jnp.asarray(report.self_stress), senses, rank)
+    solutions = solution_set(system, state, factor, jnp.asarray(report.self_stress), senses)
     closure = isinstance(bounds, AbstractClosure)
     cases = one_case(bounds, system, state, solutions) if closure else bounds.cases(system, state, report, solutions)
     single = proved_single(solutions, cases, report)
