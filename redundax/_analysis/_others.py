@@ -54,13 +54,13 @@ def _solved(
     """Solutions from a given one with self-stress added, (k, looks, m), by Newton's method."""
     reduced = reduce(system, state, factor, minimum_norm(added.shape[-1], added.dtype), sense=sense)
     problem, newton = cast(FrictionProblem, reduced.problem), Newton()
-    present = solution.multipliers - reduced.end(solution.friction, None).multipliers
+    present = solution.multipliers - reduced.response.at(solution.friction).multipliers
 
     def one(added: Array) -> Array:
         stress = present + added
         moved = problem.at(problem.rho0 + stress[reduced.rows])
         root = newton.run(moved, solution.friction)
-        found = jnp.concatenate([*reduced.end(root.tau, stress), root.tau])
+        found = jnp.concatenate([*reduced.response.at(root.tau, stress), root.tau])
         return jnp.where(newton.result(root.progress) == RESULTS.successful, found, jnp.nan)
 
     return jax.vmap(jax.vmap(one))(added)

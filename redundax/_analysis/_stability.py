@@ -162,10 +162,10 @@ def _figures(
     W, G = reduced.pick.compliance, reduced.pick.response
     given = W - W @ G @ W
     mass = response = factor.apparent_mass()
-    if reduced.problem is not None and reduced.unit is not None:
+    if reduced.problem is not None:
         slope = reduced.problem.law.slope(multipliers[reduced.rows])
         loop = jnp.eye(slope.shape[0], dtype=slope.dtype) - slope @ reduced.problem.gain
         friction = jnp.linalg.solve(loop, slope @ reduced.pick(mass)[reduced.rows])
-        response = mass + reduced.unit.multipliers @ friction
+        response = mass + reduced.response.unit.multipliers @ friction
     scale = factor.row_scale
     return (given + given.T) / (2 * scale[:, None] * scale), scale[:, None] * response * scale

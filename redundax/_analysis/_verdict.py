@@ -173,7 +173,7 @@ def _figures(
     closed = reduce(system, state, factor, chosen, sense=sense)
     rows = stress[reduced.rows]
     out = {"stress": stress, "stress_rows": rows}
-    if reduced.problem is None or reduced.unit is None or closed.problem is None:
+    if reduced.problem is None or closed.problem is None:
         nothing = jnp.zeros((0, 0))
         none = {"slope": jnp.zeros((0, stress.shape[1])), "reads": nothing}
         size = stress.shape[0] + state.qd.size
@@ -183,7 +183,7 @@ def _figures(
     identity = jnp.eye(friction.size, dtype=slope.dtype)
     return {
         **out,
-        "response": jnp.concatenate(reduced.unit),
+        "response": jnp.concatenate(reduced.response.unit),
         "slope": jnp.linalg.solve(identity - slope @ reduced.problem.gain, slope @ rows),
         "gamma": law.largest_changes(reduced.problem.gain),
         "closed_gamma": law.largest_changes(closed.problem.gain),

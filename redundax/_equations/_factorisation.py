@@ -28,11 +28,12 @@ from .._system._system import AbstractSystem
 from ._evidence import ScaledMotion, Violation, rate_noise, ratio, singularity_of, violation_of
 from ._kinematics import second_order
 from ._rank import Spectrum, Split, split
+from ._response import AbstractFactorisation, Pick, Response
 from ._restricted_inverse import restricted_inverse
 from ._scaling import Scaling, largest_violation, scaling
 
 
-class Factorisation(eqx.Module):
+class Factorisation(AbstractFactorisation[Decision]):
     """Everything about a system at a state that does not depend on closure, friction or solver.
 
     - `jacobian`: Phi_q, shape (m, n).
@@ -183,15 +184,15 @@ class Factorisation(eqx.Module):
         """The first check that fails, or `RESULTS.successful`."""
         return first_failure(self.checks)
 
-    def respond(self, force: Float[Array, "n p"]) -> tuple[Float[Array, "n p"], Float[Array, "m p"]]:
-        """Accelerations and multipliers that each column of forces causes: M a + Phi_q^T lam = force, Phi_q a = 0.
-
-        The multipliers are one solution of many: a closure adds the self-stress.
-        """
+    def respond(self, forces: Float[Array, "n p"], gamma: Float[Array, "m p"] | None = None) -> Response:
         coordinate_scale, row_scale = self._coordinate_scale[:, None], self.row_scale[:, None]
-        none = jnp.zeros((self.gamma.size, force.shape[1]), force.dtype)
-        a, mu = _refined(self._scaled, self._scaled_mass, self.split, self._response, coordinate_scale * force, none)
-        return coordinate_scale * a, mu / row_scale
+        gamma = jnp.zeros((self.gamma.size, forces.shape[1]), forces.dtype) if gamma is None else gamma / row_scale
+        a, mu = _refined(self._scaled, self._scaled_mass, self.split, self._response, coordinate_scale * forces, gamma)
+        return Response(coordinate_scale * a, mu / row_scale)
+
+    def close(self, compliance: Float[Array, "m m"]) -> tuple[Pick, Decision]:
+        response, definiteness = self.stress_response(compliance)
+        return Pick(response, compliance), definiteness
 
     def in_balance(self, multipliers: Float[Array, " m"]) -> Float[Array, " m"]:
         """A self-stress state without what rounding has left of other multipliers, D^-1 P D lam."""
@@ -203,9 +204,7 @@ class Factorisation(eqx.Module):
         M a + Phi_q^T lam = 0, Phi_q a = g; of g in the range of Phi_q, and one solution of many for lam.
         """
         none = jnp.zeros((self._coordinate_scale.size, self.gamma.size), self.gamma.dtype)
-        unit = jnp.diag(1 / self.row_scale)
-        _, mu = _refined(self._scaled, self._scaled_mass, self.split, self._response, none, unit)
-        return -mu / self.row_scale[:, None]
+        return -self.respond(none, jnp.eye(self.gamma.size, dtype=none.dtype)).multipliers
 
     def stress_response(self, compliance: Float[Array, "m m"]) -> tuple[Float[Array, "m m"], Decision]:
         """G = N (N^T W N)^-1 N^T: self-stress caused by a misfit under the compliance W; and whether N^T W N > 0."""

@@ -22,8 +22,6 @@ and keeps its rank without a decision.
 Where M is singular, M + B^T B and f + B^T g stand for M and f: the same solutions, positive definite iff (14).
 """
 
-from typing import NamedTuple
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -31,6 +29,7 @@ from jaxtyping import Array, Float, Int
 
 from .._equations._kinematics import AlongMotion, along_motion
 from .._equations._rank import split
+from .._equations._response import AbstractFactorisation, Pick, Response
 from .._equations._scaling import Scaling
 from .._system._state import State
 from .._system._system import AbstractSystem
@@ -51,9 +50,10 @@ class Held(eqx.Module):
     singular: bool = eqx.field(static=True)
 
 
-class Kinetics(NamedTuple):
-    """The matrices at a state, factorised; rows scaled.
+class HeldFactorisation(AbstractFactorisation[Array]):
+    """The equations at a state, factorised with the rank held; rows scaled.
 
+    - `held`: what is held.
     - `rows`: B, shape (m, n).
     - `motion`: Phi, its rate and gamma, not scaled.
     - `inverse_mass`, `response`: M^-1, shape (n, n) or its diagonal, and M^-1 B^T, shape (n, m).
@@ -61,6 +61,7 @@ class Kinetics(NamedTuple):
     - `factor`, `whitening`: the lower Cholesky factor L of R, and L^-1 for more than one solve; shape (m, m).
     """
 
+    held: Held
     rows: Float[Array, "m n"]
     motion: AlongMotion
     inverse_mass: Float[Array, "n n"] | Float[Array, " n"]
@@ -74,9 +75,48 @@ class Kinetics(NamedTuple):
         """Diagonal of L."""
         return jnp.diagonal(self.factor)
 
+    def respond(
+        self, forces: Float[Array, "n p"], gamma: Float[Array, "m p"] | None = None, *, once: bool = False
+    ) -> Response:
+        """As of any factorisation, with U (B a - D^-1 gamma) = 0; `once` says that nothing else is asked of it."""
+        scale = self.held.row_scale[:, None]
+        gamma = jnp.zeros((len(self.rows), forces.shape[1]), forces.dtype) if gamma is None else gamma / scale
+        if self.held.singular:
+            forces = forces + self.rows.T @ gamma
+        free = _times(self.inverse_mass, forces)
+        mu = self.held_inverse(self.rows @ free - gamma, once=once)
+        return Response(free - self.response @ mu, mu / scale)
+
+    def held_inverse(self, residual: Float[Array, "m ..."], *, once: bool = False) -> Float[Array, "m ..."]:
+        """U R^-1 U of a scaled residual; M^-1 B^T times it is the least change that meets the held rows."""
+        projector = self.held.projector
+        inside = residual - projector @ residual
+        if once:
+            mu = jax.scipy.linalg.cho_solve((self.factor, True), inside)
+        else:
+            mu = self.whitening.T @ (self.whitening @ inside)
+        return mu - projector @ mu
+
+    def close(self, compliance: Float[Array, "m m"]) -> tuple[Pick, Array]:
+        """As of any factorisation; the evidence is |B^T X|."""
+        scale = self.held.row_scale
+        response, excess = self.stress_response(compliance / scale[:, None] / scale)
+        return Pick(response / scale[:, None] / scale, compliance, passes=1), excess
+
+    def stress_response(self, compliance: Float[Array, "m m"] | None) -> tuple[Float[Array, "m m"], Float[Array, ""]]:
+        """G of scaled rows under a scaled compliance, I if None; and |B^T X|."""
+        projector = self.held.projector
+        spanned = projector - self.held_inverse(self.gram @ projector)
+        return _spanned_response(spanned, projector, compliance), jnp.max(jnp.abs(self.rows.T @ spanned))
+
+    def renewed(self, held: Held) -> tuple[Held, Float[Array, ""]]:
+        """The same rank held by the self-stress found here, and how much the rows that it leaves out contribute."""
+        projector, excess = jax.lax.stop_gradient(self.stress_response(None))
+        return eqx.tree_at(lambda held: held.projector, held, projector), excess
+
 
 @eqx.filter_jit  # traced once, for the many places that it stands in
-def kinetics(system: AbstractSystem, state: State, held: Held) -> Kinetics:
+def factorize_held(system: AbstractSystem, state: State, held: Held) -> HeldFactorisation:
     """Assemble and factorise at a state."""
     rows = system.jacobian(state.q, state.t) / held.row_scale[:, None]
     inverse_mass = held.inverse_mass
@@ -87,7 +127,7 @@ def kinetics(system: AbstractSystem, state: State, held: Held) -> Kinetics:
     gram = rows @ response
     out = jnp.eye(gram.shape[0], dtype=gram.dtype) - held.projector
     factor, whitening = _whitened(out @ gram @ out + held.projector)
-    return Kinetics(rows, along_motion(system, state), inverse_mass, response, gram, factor, whitening)
+    return HeldFactorisation(held, rows, along_motion(system, state), inverse_mass, response, gram, factor, whitening)
 
 
 def _whitened(matrix: Array) -> tuple[Array, Array]:
@@ -105,43 +145,6 @@ def _times(inverse_mass: Array, force: Float[Array, "n p"]) -> Float[Array, "n p
 def _inverse(matrix: Array) -> Array:
     _, whitening = _whitened((matrix + matrix.T) / 2)
     return whitening.T @ whitening
-
-
-def respond(
-    parts: Kinetics, held: Held, force: Float[Array, "n p"], gamma: Float[Array, "m p"], *, once: bool = False
-) -> tuple[Float[Array, "n p"], Float[Array, "m p"]]:
-    """Accelerations a and scaled multipliers mu of M a + B^T mu = force, U (B a - gamma) = 0, for each column.
-
-    `once` says that nothing else is asked of the matrices.
-    """
-    if held.singular:
-        force = force + parts.rows.T @ gamma
-    free = _times(parts.inverse_mass, force)
-    mu = held_inverse(parts, held, parts.rows @ free - gamma, once=once)
-    return free - parts.response @ mu, mu
-
-
-def held_inverse(
-    parts: Kinetics, held: Held, residual: Float[Array, "m ..."], *, once: bool = False
-) -> Float[Array, "m ..."]:
-    """U R^-1 U of a scaled residual; M^-1 B^T times it is the least change that meets the held rows.
-
-    `once` as in `respond`.
-    """
-    inside = residual - held.projector @ residual
-    if once:
-        mu = jax.scipy.linalg.cho_solve((parts.factor, True), inside)
-    else:
-        mu = parts.whitening.T @ (parts.whitening @ inside)
-    return mu - held.projector @ mu
-
-
-def stress_response(
-    parts: Kinetics, held: Held, compliance: Float[Array, "m m"] | None
-) -> tuple[Float[Array, "m m"], Float[Array, ""]]:
-    """G: scaled self-stress that a scaled misfit causes under a scaled compliance, I if None; and |B^T X|."""
-    spanned = held.projector - held_inverse(parts, held, parts.gram @ held.projector)
-    return _spanned_response(spanned, held.projector, compliance), jnp.max(jnp.abs(parts.rows.T @ spanned))
 
 
 def _spanned_response(spanned: Array, projector: Array, compliance: Array | None) -> Float[Array, "m m"]:
@@ -184,9 +187,3 @@ def held_by(
     held = jax.lax.stop_gradient((projector, row_scale))
     constant = system.constant_mass and not singular
     return Held(*held, inverse_mass if constant else None, singular)
-
-
-def renewed(held: Held, parts: Kinetics) -> tuple[Held, Float[Array, ""]]:
-    """The same rank held by the self-stress found here, and how much the rows that it leaves out contribute."""
-    projector, excess = jax.lax.stop_gradient(stress_response(parts, held, None))
-    return Held(projector, held.row_scale, held.inverse_mass, held.singular), excess

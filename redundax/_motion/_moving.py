@@ -18,6 +18,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from .._closures._closure import AbstractClosure, elasticity
 from .._equations._kinematics import chart_rate, constraint_rate, displacement, slip_gamma, slip_motion
+from .._equations._response import LinearResponse, Response
 from .._equations._scaling import Scaling
 from .._solvers._friction_problem import FrictionProblem, Law
 from .._solvers._solver import AbstractSolver, closed_root
@@ -25,7 +26,7 @@ from .._system._friction import load_rows, memory_rates
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
-from ._held_rank import Held, Kinetics, held_inverse, kinetics, respond, stress_response
+from ._held_rank import Held, HeldFactorisation, factorize_held
 from ._stabilisation import AbstractStabilisation
 
 
@@ -61,17 +62,19 @@ class Context(NamedTuple):
 
 
 class Linear(NamedTuple):
-    """The equations at a state, linear in the friction forces: column 0 the response to load, the others to friction.
+    """The equations at a state, linear in the friction forces.
 
-    - `force`, `acceleration`, shape (n, 1 + p); `multipliers`, shape (m, 1 + p).
-    - `rate`, shape (p,), and `slip`, its rate of change, shape (p, 1 + p).
+    - `response`: accelerations and multipliers.
+    - `load`, `directions`: Q and E, shape (n,) and (n, p).
+    - `rate`: slip rates, shape (p,); their rates of change are `slip` + `yields` tau, shape (p,) and (p, p).
     """
 
-    force: Float[Array, "n columns"]
-    acceleration: Float[Array, "n columns"]
-    multipliers: Float[Array, "m columns"]
+    response: LinearResponse
+    load: Float[Array, " n"]
+    directions: Float[Array, "n p"]
     rate: Float[Array, " p"]
-    slip: Float[Array, "p columns"]
+    slip: Float[Array, " p"]
+    yields: Float[Array, "p p"]
 
 
 class Solved(NamedTuple):
@@ -146,26 +149,30 @@ class Equations(eqx.Module):
         return any(group.rows.size for group in self.system.friction)
 
     @eqx.filter_jit  # traced once, for the many places that it stands in
-    def linear(self, state: State, held: Held, parts: Kinetics | None = None, *, closed: bool = True) -> Linear:
-        """What load and unit friction cause, given the matrices at the state if they are known.
+    def linear(
+        self, state: State, held: Held, factor: HeldFactorisation | None = None, *, closed: bool = True
+    ) -> Linear:
+        """What load and unit friction cause, given the factorisation at the state if it is known.
 
         `closed` says whether the multipliers are the closure's, or some.
         """
-        system, scale = self.system, held.row_scale
-        once = parts is None and not closed
-        parts = kinetics(system, state, held) if parts is None else parts
-        force, rate, directions = system.load(state), state.qd[:0], jnp.zeros((state.qd.size, 0), state.qd.dtype)
+        system, once = self.system, factor is None and not closed
+        factor = factorize_held(system, state, held) if factor is None else factor
+        load, rate, directions = system.load(state), state.qd[:0], jnp.zeros((state.qd.size, 0), state.qd.dtype)
         if system.friction:
             rate, directions = slip_motion(system, state)
-        gamma = self.stabilisation.gamma(parts.motion) / scale
-        columns = jnp.concatenate([force[:, None], directions], axis=1)
-        a, mu = respond(parts, held, columns, jnp.pad(gamma[:, None], ((0, 0), (0, rate.size))), once=once)
+        gamma = self.stabilisation.gamma(factor.motion)
+        columns = jnp.concatenate([load[:, None], directions], axis=1)
+        a, lam = factor.respond(columns, jnp.pad(gamma[:, None], ((0, 0), (0, rate.size))), once=once)
         if closed:
-            mu = _picked(parts, held, *elasticity(self.closure, system, state), mu)
+            compliance, misfit = elasticity(self.closure, system, state)
+            pick, _ = factor.close(compliance)
+            lam = pick(lam).at[:, 0].add(pick.caused(misfit))
         slip = directions.T @ a
         if self.has_sense:
             slip = slip.at[:, 0].add(-slip_gamma(system, state))
-        return Linear(columns, a, mu / scale[:, None], rate, slip)
+        response = LinearResponse(Response(a[:, 0], lam[:, 0]), Response(a[:, 1:], lam[:, 1:]))
+        return Linear(response, load, directions, rate, slip[:, 0], slip[:, 1:])
 
     @eqx.filter_jit
     def solved(self, state: State, linear: Linear, start: Float[Array, " p"] | None) -> Solved:
@@ -174,11 +181,9 @@ class Equations(eqx.Module):
         if self.system.friction:
             law = Law(self.system.friction, linear.rate, self.sense, state)
             tau, contraction, size = self._friction(law, linear, start)
-        strengths = jnp.concatenate([jnp.ones_like(state.t)[None], tau])
-        multipliers = linear.multipliers @ strengths
-        power = self._power(state, linear.force @ strengths, multipliers)
-        slip = linear.slip @ strengths
-        return Solved(linear.acceleration @ strengths, multipliers, tau, slip, power, contraction, size)
+        acceleration, multipliers = linear.response.at(tau)
+        power = self._power(state, linear.load + linear.directions @ tau, multipliers)
+        return Solved(acceleration, multipliers, tau, linear.slip + linear.yields @ tau, power, contraction, size)
 
     def _friction(
         self, law: Law, linear: Linear, start: Array | None
@@ -192,8 +197,8 @@ class Equations(eqx.Module):
         if rows.size == 0:
             tau = law(law.rate[:0])
         else:
-            loads = linear.multipliers[rows]
-            rho0, gain = loads[:, 0] + loads[:, 1:] @ holding, loads[:, 1:]
+            gain = linear.response.unit.multipliers[rows]
+            rho0 = linear.response.free.multipliers[rows] + gain @ holding
             gain = gain if passed is None else gain @ passed
             begin = law(rho0) if start is None else start
             problem = FrictionProblem.make(rho0, gain, law, jnp.asarray(self.system.rows.angular)[rows])
@@ -205,7 +210,7 @@ class Equations(eqx.Module):
 
     def yielding(self, linear: Linear) -> Float[Array, " p"]:
         """Slip acceleration of each joint by its own unit friction; infinite where constraints leave it no slip."""
-        own = jnp.diagonal(linear.slip[:, 1:])
+        own = jnp.diagonal(linear.yields)
         size = own * self.slip_size**2
         blocked = size <= 10 * jnp.finfo(own.dtype).eps * jnp.max(size)
         return jnp.where(blocked, jnp.inf, jnp.where(blocked, 1.0, own))
@@ -219,14 +224,14 @@ class Equations(eqx.Module):
         """
         stick = self.sticking
         both = stick[:, None] & stick
-        matrix = jnp.where(both, linear.slip[:, 1:], 0.0)
+        matrix = jnp.where(both, linear.yields, 0.0)
         size = jnp.sqrt(self.yielding(linear))
         rtol = max(_DEPENDENT, 100 * float(jnp.finfo(matrix.dtype).eps))
         inverse = jnp.linalg.pinv(matrix / size[:, None] / size, rtol=rtol, hermitian=True)
         inverse = jnp.where(both, inverse / size[:, None] / size, 0.0)
         slides = jnp.diag(1.0 - stick)
-        offset = linear.slip[:, 0] + self.speed / self.scaling.size * linear.rate
-        return -inverse @ offset, slides - inverse @ linear.slip[:, 1:] @ slides
+        offset = linear.slip + self.speed / self.scaling.size * linear.rate
+        return -inverse @ offset, slides - inverse @ linear.yields @ slides
 
     def _power(self, state: State, force: Array, multipliers: Array) -> Float[Array, ""]:
         one, system = jnp.ones_like(state.t), self.system
@@ -242,14 +247,6 @@ class Equations(eqx.Module):
 def _none(linear: Linear) -> tuple[Float[Array, " p"], Float[Array, "p p"]]:
     """Nothing sticks."""
     return jnp.zeros_like(linear.rate), jnp.eye(linear.rate.size, dtype=linear.rate.dtype)
-
-
-def _picked(parts: Kinetics, held: Held, compliance: Array, misfit: Array, mu: Array) -> Float[Array, "m columns"]:
-    """The scaled multipliers that the closure picks, to load and misfit, and to unit friction."""
-    scale = held.row_scale
-    compliance = compliance / scale[:, None] / scale
-    response, _ = stress_response(parts, held, compliance)
-    return mu + response @ ((compliance @ -mu).at[:, 0].add(misfit / scale))
 
 
 def charted(system: AbstractSystem, y: Moving) -> tuple[Moving, Bool[Array, ""]]:
@@ -278,16 +275,16 @@ def _closed(
     system: AbstractSystem, held: Held, q: Float[Array, "..."], qd: Float[Array, " n"], t: Array
 ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
     """The least displacement from q that meets the held rows, and the velocity nearest to qd that does so there."""
-    parts = kinetics(system, State(q, qd, t), held)
+    factor = factorize_held(system, State(q, qd, t), held)
 
     def position(_: Array, d: Array) -> Array:
-        return d - _nearest(parts, held, _residual(system, q, d, t))
+        return d - _nearest(factor, _residual(system, q, d, t))
 
     d = jax.lax.fori_loop(0, _CHORDS, position, jnp.zeros_like(qd))
     there = system.retract(q, d)
 
     def velocity(_: Array, qd: Array) -> Array:
-        return qd - _nearest(parts, held, constraint_rate(system, State(there, qd, t)))
+        return qd - _nearest(factor, constraint_rate(system, State(there, qd, t)))
 
     return d, jax.lax.fori_loop(0, _CHORDS, velocity, qd)
 
@@ -298,20 +295,20 @@ def _closed_jvp(primals: tuple, tangents: tuple) -> tuple[tuple[Array, Array], t
     system, held, q, qd, t = primals
     system_dot, _, q_dot, qd_dot, t_dot = tangents
     d, qd = _closed(*primals)
-    parts = kinetics(system, State(system.retract(q, d), qd, t), held)
+    factor = factorize_held(system, State(system.retract(q, d), qd, t), held)
     _, off = eqx.filter_jvp(lambda system, q, t: _residual(system, q, d, t), (system, q, t), (system_dot, q_dot, t_dot))
-    d_dot = -_nearest(parts, held, off)
+    d_dot = -_nearest(factor, off)
     _, (own, off) = eqx.filter_jvp(
         lambda system, q, d, qd, t: (qd, constraint_rate(system, State(system.retract(q, d), qd, t))),
         (system, q, d, qd, t),
         (system_dot, q_dot, d_dot, qd_dot, t_dot),
     )
-    return (d, qd), (d_dot, own - _nearest(parts, held, off))
+    return (d, qd), (d_dot, own - _nearest(factor, off))
 
 
-def _nearest(parts: Kinetics, held: Held, off: Float[Array, " m"]) -> Float[Array, " n"]:
+def _nearest(factor: HeldFactorisation, off: Float[Array, " m"]) -> Float[Array, " n"]:
     """The least change by which the held rows change as much."""
-    return parts.response @ held_inverse(parts, held, off / held.row_scale)
+    return factor.response @ factor.held_inverse(off / factor.held.row_scale)
 
 
 def _residual(system: AbstractSystem, q: Array, d: Array, t: Array) -> Float[Array, " m"]:

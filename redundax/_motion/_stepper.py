@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._equations._kinematics import chart_inverse
 from .._tools._module import still
-from ._held_rank import Kinetics, kinetics, renewed
+from ._held_rank import HeldFactorisation, factorize_held
 from ._moving import Context, Equations, Moving, charted, projected
 from ._slip import happened
 from ._stick import counted
@@ -132,14 +132,14 @@ class Stepper(diffrax.AbstractWrappedSolver):
             y = projected(system, t1, y, context.held)
         # What is watched and what the next step starts from have no derivatives.
         fixed, there, t, before = still((equations, y, t1, context.held))
-        parts = kinetics(fixed.system, there.at(t), before)
-        held, excess = renewed(context.held, parts)
-        watch, off = _watched(solver_state.watch, fixed, t, there, parts)
-        pivot = jnp.min(parts.pivots)
+        factor = factorize_held(fixed.system, there.at(t), before)
+        held, excess = factor.renewed(context.held)
+        watch, off = _watched(solver_state.watch, fixed, t, there, factor)
+        pivot = jnp.min(factor.pivots)
         tau, state = context.tau, there.at(t)
         jump = jnp.zeros_like(off)
         if system.friction:
-            linear = fixed.linear(state, before, parts, closed=fixed.loaded)
+            linear = fixed.linear(state, before, factor, closed=fixed.loaded)
             solved = fixed.solved(state, linear, tau)
             change = jnp.where(fixed.sticking, 0.0, jnp.abs(solved.tau - tau) / solved.size)
             jump = jnp.where(solved.contraction < 1, 0.0, jnp.max(change))
@@ -208,18 +208,18 @@ def _relative(error: Moving, dt: Array, equations: Equations, before: Carried, a
 
 
 def _watched(
-    watch: Watch, equations: Equations, t: Array, y: Moving, parts: Kinetics
+    watch: Watch, equations: Equations, t: Array, y: Moving, factor: HeldFactorisation
 ) -> tuple[Watch, Float[Array, ""]]:
     """The watch after a step, and the violation of the position by this step."""
     sizes = equations.scaling
-    position = jnp.max(jnp.abs(parts.motion.value) / sizes.rows) / sizes.size
+    position = jnp.max(jnp.abs(factor.motion.value) / sizes.rows) / sizes.size
     kinetic = equations.kinetic_energy(t, y)
     watch = watch._replace(
         position=jnp.maximum(watch.position, position),
-        velocity=jnp.maximum(watch.velocity, jnp.max(jnp.abs(parts.motion.rate) / sizes.rows)),
+        velocity=jnp.maximum(watch.velocity, jnp.max(jnp.abs(factor.motion.rate) / sizes.rows)),
         speed=jnp.maximum(watch.speed, jnp.max(jnp.abs(y.qd) / sizes.coordinates)),
         kinetic=jnp.maximum(watch.kinetic, kinetic),
         energy=jnp.maximum(watch.energy, jnp.abs(kinetic - y.work - watch.start)),
-        nearest=jnp.minimum(watch.nearest, jnp.min(parts.pivots)),
+        nearest=jnp.minimum(watch.nearest, jnp.min(factor.pivots)),
     )
     return watch, position

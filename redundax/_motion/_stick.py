@@ -16,10 +16,10 @@ Joints that slip have the friction of their sense, lo = hi.
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from .._solvers._gauss_seidel import Swept, gauss_seidel
 from .._system._friction import friction_force, load_rows
 from .._system._state import State
 from .._tools._module import still
@@ -30,7 +30,6 @@ from ._moving import Equations, Linear
 # relative to the sum of the parts that cancel; and changes of friction after which sweeps have settled it. Each with
 # the roundings that it is at least.
 NONE, _STILL, _HELD, _SETTLED = (1e-9, 10), (1e-6, 1e3), (1e-7, 1e3), (1e-10, 1e3)
-_SWEEPS = 2000
 
 
 def counted(tolerance: tuple[float, float], like: Array) -> float:
@@ -59,14 +58,15 @@ def settled(equations: Equations, state: State, linear: Linear, wanted: Bool[Arr
     slow, held = counted(_STILL, linear.rate) * equations.speed, counted(_HELD, linear.rate)
     still = sensed & ((jnp.abs(linear.rate) <= slow / equations.slip_size) | equations.sticking)
     tau, decided = _settled(equations, state, linear, still, wanted)
-    acceleration = linear.slip[:, 0] + linear.slip[:, 1:] @ tau
-    parts = jnp.abs(linear.slip[:, 0]) + jnp.abs(linear.slip[:, 1:]) @ jnp.abs(tau)
+    acceleration = linear.slip + linear.yields @ tau
+    parts = jnp.abs(linear.slip) + jnp.abs(linear.yields) @ jnp.abs(tau)
     size = jnp.max(jnp.where(still, parts * equations.slip_size, 0.0))
     sticks = still & (jnp.abs(acceleration) * equations.slip_size <= held * size)
     sense = jnp.where(still, jnp.where(sticks, 0.0, jnp.sign(acceleration)), jnp.sign(linear.rate))
     scale = equations.scaling.coordinates
-    moved = jnp.abs(linear.acceleration[:, 0] + linear.acceleration[:, 1:] @ tau)
-    whole = jnp.abs(linear.acceleration[:, 0]) + jnp.abs(linear.acceleration[:, 1:]) @ jnp.abs(tau)
+    free, unit = linear.response.free.acceleration, linear.response.unit.acceleration
+    moved = jnp.abs(free + unit @ tau)
+    whole = jnp.abs(free) + jnp.abs(unit) @ jnp.abs(tau)
     rests = jnp.max(jnp.abs(state.qd) / scale) <= slow
     stays = jnp.max(moved / scale) <= held * jnp.max(whole / scale)
     decided = decided | ~jnp.any(still)
@@ -75,39 +75,20 @@ def settled(equations: Equations, state: State, linear: Linear, wanted: Bool[Arr
 
 def _settled(
     equations: Equations, state: State, linear: Linear, still: Bool[Array, " p"], wanted: Bool[Array, ""]
-) -> tuple[Float[Array, " p"], Bool[Array, ""]]:
+) -> Swept:
     """tau of the conditions above, and whether it was found."""
     friction, rows = equations.system.friction, load_rows(equations.system.friction)
-    loads, yielding = linear.multipliers[rows], equations.yielding(linear)
-    pull = jnp.abs(linear.slip[:, 0]) * equations.slip_size
+    yielding = equations.yielding(linear)
+    rho0, gain = (part.multipliers[rows] for part in (linear.response.free, linear.response.unit))
+    pull = jnp.abs(linear.slip) * equations.slip_size
     reverses = jnp.isinf(yielding) & (pull > counted(_HELD, pull) * jnp.max(pull))  # whatever its friction
     yielding = jnp.where(reverses, jnp.finfo(pull.dtype).tiny, yielding)
     senses = [jnp.where(still, sense, jnp.sign(linear.rate)) for sense in (1.0, -1.0)]
 
     def bounds(tau: Array) -> tuple[Array, Array]:
-        rho = loads[:, 0] + loads[:, 1:] @ tau
+        rho = rho0 + gain @ tau
         one, two = (friction_force(friction, rho, linear.rate, sense, state) for sense in senses)
         return jnp.minimum(one, two), jnp.maximum(one, two)
 
-    def sweep(carry: tuple) -> tuple:
-        tau, _, _, count = carry
-        low, high = bounds(tau)
-
-        def one(j: Array, new: Array) -> Array:
-            alpha = linear.slip[j, 0] + linear.slip[j, 1:] @ new
-            return new.at[j].set(jnp.clip(new[j] - alpha / yielding[j], low[j], high[j]))
-
-        new = jax.lax.fori_loop(0, tau.size, one, tau)
-        size = jnp.max(jnp.maximum(jnp.abs(low), jnp.abs(high)) / equations.slip_size)
-        return new, jnp.max(jnp.abs(new - tau) / equations.slip_size), size, count + 1
-
-    enough = counted(_SETTLED, linear.rate)
-
-    def going(carry: tuple) -> Array:
-        _, change, size, count = carry
-        return wanted & (change > enough * size) & (count < _SWEEPS)
-
-    zero = jnp.zeros_like(linear.rate)
-    first = (zero, jnp.full_like(state.t, jnp.inf), jnp.zeros_like(state.t), jnp.zeros((), int))
-    tau, change, size, _ = jax.lax.while_loop(going, sweep, first)
-    return tau, change <= enough * size
+    enough, weight = counted(_SETTLED, linear.rate), 1 / equations.slip_size
+    return gauss_seidel(bounds, linear.slip, linear.yields, yielding, weight, enough, wanted)

@@ -64,7 +64,7 @@ class AmplitudeBox(AbstractBounds):
     def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Affine:
         places, lower, upper = _box("box", self.box, report.pivots)
         return _affine(
-            tuple(self.box), lower, upper, solutions, solutions.free.multipliers, solutions.stress[:, places]
+            tuple(self.box), lower, upper, solutions, solutions.response.free.multipliers, solutions.stress[:, places]
         )
 
 
@@ -176,8 +176,8 @@ class ComplianceBox(AbstractBounds):
             jnp.asarray(1.0 * (upper > lower)),
             jnp.asarray(lower),
             jnp.asarray(upper),
-            solutions.free.multipliers,
-            solutions.unit.multipliers,
+            solutions.response.free.multipliers,
+            solutions.response.unit.multipliers,
             solutions.stress,
             compliance,
             jnp.broadcast_to(misfit, compliance.shape[:1]),
@@ -197,7 +197,7 @@ def _closed(
 ) -> tuple[Array, Array, Array]:
     """Multipliers without friction, by misfit and by friction under a closure; the misfits of `rows` left out."""
     compliance, misfit = elasticity(closure, system, state)
-    stress, free, unit = solutions.stress, solutions.free.multipliers, solutions.unit.multipliers
+    stress, free, unit = solutions.stress, solutions.response.free.multipliers, solutions.response.unit.multipliers
     check_definite(np.asarray(stress.T @ compliance @ stress))
     response = stress @ jnp.linalg.solve(stress.T @ compliance @ stress, stress.T)
     kept = jnp.broadcast_to(misfit, compliance.shape[:1]).at[jnp.asarray(rows)].set(0.0)
@@ -236,7 +236,7 @@ def _affine(
 ) -> Affine:
     nothing = np.zeros(0)
     rows, least, most = limits if limits is not None else (nothing.astype(int), nothing, nothing)
-    unit = solutions.unit.multipliers if unit is None else unit
+    unit = solutions.response.unit.multipliers if unit is None else unit
     arrays = map(jnp.asarray, (lower, upper, start, slope, unit, rows, least, most))
     return Affine(names, *arrays, norm=norm)
 
@@ -249,7 +249,8 @@ def _by_pivots(
     lam = lam_p + T (theta - lam_p[rows]),   T = N N[rows]^-1.
     """
     stress, free, unit = (
-        np.asarray(x) for x in (solutions.stress, solutions.free.multipliers, solutions.unit.multipliers)
+        np.asarray(x)
+        for x in (solutions.stress, solutions.response.free.multipliers, solutions.response.unit.multipliers)
     )
     width = np.where(upper > lower, upper - lower, 1.0)
     chosen = _independent(stress[rows] / width[:, None])

@@ -143,7 +143,7 @@ def _descended(
     tau: Array,
 ) -> Array:
     """theta by BFGS and the augmented Lagrangian."""
-    n, m = solutions.free.acceleration.size, solutions.stress.shape[0]
+    n, m = solutions.response.free.acceleration.size, solutions.stress.shape[0]
     span = cases.upper - cases.lower
     share = jnp.where(span > 0, (theta - cases.lower) / jnp.where(span > 0, span, 1.0), 0.5)
     start = jnp.arcsin(jnp.sqrt(jnp.clip(share, _MARGIN, 1 - _MARGIN)))
@@ -164,5 +164,5 @@ def _descended(
         u = optx.minimise(lagrangian, optx.BFGS(1e-12, 1e-12), u, multipliers, max_steps=_STEPS, throw=False).value
         return (u, jnp.maximum(0.0, multipliers + _WEIGHT * over(at(case(u), tau)))), None
 
-    none = jnp.zeros_like(cases.excess(solutions.free.multipliers))
+    none = jnp.zeros_like(cases.excess(solutions.response.free.multipliers))
     return case(jax.lax.scan(round_, (start, none), None, length=_ROUNDS if none.size else 1)[0][0])

@@ -54,7 +54,7 @@ class Search:
         """Where friction does not depend on the case; of unique outputs any case serves."""
         cases = self.cases
         tau = np.asarray(self._sampled(cases.lower[None]).tau[0])
-        n, m = self.solutions.free.acceleration.size, self.solutions.stress.shape[0]
+        n, m = self.solutions.response.free.acceleration.size, self.solutions.stress.shape[0]
         out = []
         for sign in (1.0, -1.0):
             costs = sign * matrix[:, n : n + m]

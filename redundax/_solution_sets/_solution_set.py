@@ -16,7 +16,8 @@ from jaxtyping import Array, Float, Int
 
 from .._closures._closure import AbstractClosure, Elasticity, MinimumNorm, elasticity
 from .._equations._factorisation import Factorisation
-from .._solve._reduced import Response, reduce
+from .._equations._response import LinearResponse
+from .._solve._reduced import reduce
 from .._solvers._friction_problem import FrictionProblem, Law
 from .._system._state import State
 from .._system._system import AbstractSystem
@@ -27,15 +28,14 @@ _MINIMUM_NORM = MinimumNorm()
 class SolutionSet(eqx.Module):
     """Figures of all solutions at a state.
 
-    - `free`, `unit`: response to the load, (n,) and (m,), and to unit friction, (n, p) and (m, p), under the closure.
+    - `response`: that to load and to unit friction, under the closure.
     - `stress`: N, shape (m, k), in units of the multipliers.
     - `law`: the friction laws; None without friction.
     - `rows`: multipliers that they read, shape (l,).
     - `angular_loads`, `angular_slips`: which loads and frictions are moments.
     """
 
-    free: Response
-    unit: Response
+    response: LinearResponse
     stress: Float[Array, "m k"]
     law: Law | None
     rows: Int[Array, " l"]
@@ -44,7 +44,7 @@ class SolutionSet(eqx.Module):
 
     def along(self, z: Float[Array, " k"]) -> Float[Array, " m"]:
         """lam_0 + N z."""
-        return self.free.multipliers + self.stress @ z
+        return self.response.free.multipliers + self.stress @ z
 
     def problem(self, base: Float[Array, " m"], unit: Float[Array, "m p"]) -> FrictionProblem:
         """tau = law(base[rows] + unit[rows] tau)."""
@@ -57,7 +57,8 @@ class SolutionSet(eqx.Module):
 
     def outputs(self, base: Float[Array, " m"], unit: Float[Array, "m p"], tau: Float[Array, " p"]) -> Array:
         """[qdd; lam; tau], shape (n + m + p,)."""
-        return jnp.concatenate([self.free.acceleration + self.unit.acceleration @ tau, base + unit @ tau, tau])
+        acceleration = self.response.free.acceleration + self.response.unit.acceleration @ tau
+        return jnp.concatenate([acceleration, base + unit @ tau, tau])
 
 
 def solution_set(
@@ -82,10 +83,8 @@ def _solution_set(
     chosen: Elasticity,
 ) -> SolutionSet:
     reduced = reduce(system, state, factor, chosen, sense=sense)
-    n, m = reduced.free.acceleration.size, reduced.free.multipliers.size
-    if reduced.problem is None or reduced.unit is None:
-        none = Response(jnp.zeros((n, 0)), jnp.zeros((m, 0)))
-        return SolutionSet(reduced.free, none, stress.T, None, reduced.rows, jnp.zeros(0, bool), jnp.zeros(0, bool))
-    problem = reduced.problem
+    problem, none = reduced.problem, jnp.zeros(0, bool)
+    if problem is None:
+        return SolutionSet(reduced.response, stress.T, None, reduced.rows, none, none)
     kinds = problem.angular_loads, problem.angular_slips
-    return SolutionSet(reduced.free, reduced.unit, stress.T, problem.law, reduced.rows, *kinds)
+    return SolutionSet(reduced.response, stress.T, problem.law, reduced.rows, *kinds)

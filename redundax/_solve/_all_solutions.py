@@ -24,7 +24,7 @@ from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import Numbers, as_float
-from ._reduced import Response, reduce
+from ._reduced import reduce
 from ._solution import Solution
 from ._solve import solve
 
@@ -93,9 +93,9 @@ def _guesses(
 ) -> tuple[Array, Array, Array]:
     """[qdd; lam] of what the search ends with, which of them are solutions that differ, and their largest friction."""
     reduced = reduce(system, state, factor, chosen, sense=sense)
-    problem, unit = cast(FrictionProblem, reduced.problem), cast(Response, reduced.unit)
+    problem = cast(FrictionProblem, reduced.problem)
     tau, found = search(problem, factors)
-    ends = jax.vmap(lambda tau: jnp.concatenate(reduced.free.plus(unit, tau)))(tau)
+    ends = jax.vmap(lambda tau: jnp.concatenate(reduced.response.at(tau)))(tau)
     return ends, found, jnp.max(jnp.abs(tau / problem.friction_size), axis=1)
 
 

@@ -15,7 +15,7 @@ recovered after convergence; nothing that is constant in a sweep over closures' 
 coefficients depends on the batch.
 """
 
-from typing import NamedTuple, cast
+from typing import cast
 
 import equinox as eqx
 import jax
@@ -25,6 +25,7 @@ from jaxtyping import Array, Bool, Float, Int
 from .._closures._closure import Elasticity
 from .._equations._factorisation import Factorisation
 from .._equations._kinematics import slip_motion
+from .._equations._response import LinearResponse, Pick, Response
 from .._solvers._friction_problem import FrictionProblem, Law
 from .._system._decision import Decision
 from .._system._friction import load_rows, slip_kinds
@@ -33,61 +34,29 @@ from .._system._system import AbstractSystem
 from .._tools._by_number import combined
 
 
-class Pick(NamedTuple):
-    """(I - G W) lam: the multipliers that a closure without misfit picks, from any that solve the equations."""
-
-    response: Float[Array, "m m"]
-    compliance: Float[Array, "m m"]
-
-    def __call__(self, multipliers: Array) -> Array:
-        for _ in range(2):  # the second pass is refinement
-            multipliers = multipliers - self.response @ (self.compliance @ multipliers)
-        return multipliers
-
-
-class Response(NamedTuple):
-    """Accelerations and multipliers, (n,) and (m,) to load or (n, p) and (m, p) to unit friction."""
-
-    acceleration: Array
-    multipliers: Array
-
-    def plus(self, unit: "Response", tau: Array) -> "Response":
-        """The response to load and friction."""
-        return Response(self.acceleration + unit.acceleration @ tau, self.multipliers + unit.multipliers @ tau)
-
-
 class Reduced(eqx.Module):
     """The equations (25) of a system at a state under a closure, reduced to the friction forces.
 
     - `pick`, `definiteness`: the closure, and the decision whether it determines the multipliers.
-    - `free`: response to the load.
-    - `unit`, `rows`, `problem`: response to unit friction, the multipliers that friction reads, and the equations for
-      tau; without friction none, no rows, none.
+    - `response`: x_0 and X.
+    - `rows`, `problem`: the multipliers that friction reads, and the equations for tau; without friction none.
     - `motion`: the decision for each slip whether it moves, shape (p,); none without friction.
     - `free_size`: bound of the sum of |free|.
     """
 
     pick: Pick
     definiteness: Decision
-    free: Response
-    unit: Response | None
+    response: LinearResponse
     rows: Int[Array, " l"]
     problem: FrictionProblem | None
     motion: Decision | None
     free_size: Float[Array, ""]
 
-    def end(self, tau: Float[Array, " p"], stress: Float[Array, " m"] | None) -> Response:
-        """Accelerations and multipliers at the friction tau, with a self-stress added."""
-        if self.unit is None:
-            return self.free
-        acceleration, multipliers = self.free.plus(self.unit, tau)
-        return Response(acceleration, multipliers if stress is None else multipliers + stress)
-
     def end_size(self, tau: Float[Array, " p"], stress: Float[Array, " m"] | None) -> Float[Array, ""]:
-        """Bound of the sum of |end|: if it is finite all of them are; else one is not, or the bound overflows."""
+        """Bound of the sum of |x|: if it is finite all of them are; else one is not, or the bound overflows."""
         size = self.free_size
-        if self.unit is not None:
-            size = size + _size(*self.unit) * _size(tau)
+        if self.problem is not None:
+            size = size + _size(*self.response.unit) * _size(tau)
         return size if stress is None else size + _size(stress)
 
     def senseless(
@@ -119,14 +88,14 @@ def reduce(
 ) -> Reduced:
     """Close and reduce; the self-stress of `kept`, for a closure of minimum norm, is added to `free`."""
     compliance, misfit = elasticity
-    response, definiteness = factor.stress_response(compliance)
-    pick = Pick(response, compliance)
+    pick, definiteness = factor.close(compliance)
     given = misfit if kept is None else misfit + kept
     picked = pick(factor.multipliers)
-    free = Response(factor.acceleration, picked + times(response, given))
-    free_size = _size(factor.acceleration, picked) + _size(response) * _size(given)
+    free = Response(factor.acceleration, picked + pick.caused(given))
+    free_size = _size(factor.acceleration, picked) + _size(pick.response) * _size(given)
     if not system.friction:
-        return Reduced(pick, definiteness, free, None, jnp.zeros(0, int), None, None, free_size)
+        none = Response(jnp.zeros((state.qd.size, 0), picked.dtype), jnp.zeros((picked.size, 0), picked.dtype))
+        return Reduced(pick, definiteness, LinearResponse(free, none), jnp.zeros(0, int), None, None, free_size)
     rate, directions = slip_motion(system, state)
     acceleration, multipliers = factor.respond(directions)
     unit = Response(acceleration, pick(multipliers))
@@ -135,14 +104,9 @@ def reduce(
     law = Law(system.friction, rate, _sense(rate, motion, sense), state)
     rows = load_rows(system.friction)
     angular_loads = jnp.asarray(system.rows.angular)[rows]
-    rho0 = picked[rows] + times(response[rows], given)
+    rho0 = picked[rows] + pick.caused(given, rows)
     problem = FrictionProblem.make(rho0, unit.multipliers[rows], law, angular_loads)
-    return Reduced(pick, definiteness, free, unit, rows, problem, motion, free_size)
-
-
-def times(matrix: Float[Array, "d m"], vector: Float[Array, " m"] | Float[Array, ""]) -> Float[Array, " d"]:
-    """matrix @ vector; a number stands for m equal ones, so that a batch of numbers stays one."""
-    return matrix @ vector if vector.ndim else jnp.sum(matrix, axis=1) * vector
+    return Reduced(pick, definiteness, LinearResponse(free, unit), rows, problem, motion, free_size)
 
 
 def _size(*arrays: Array) -> Array:

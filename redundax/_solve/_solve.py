@@ -6,7 +6,7 @@ friction nothing iterates.
 
 import functools
 import operator
-from typing import Any, cast
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -19,6 +19,7 @@ from .._closures._elastic_joints import ElasticJoints
 from .._closures._unit_check import check_units
 from .._equations._culprits import culprits
 from .._equations._factorisation import Factorisation, factorisation_at
+from .._equations._response import Response, times
 from .._solvers._continuation import Continuation
 from .._solvers._friction_problem import FrictionProblem
 from .._solvers._iterate import Progress
@@ -31,7 +32,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._chunks import in_chunks
 from .._tools._module import Numbers, as_float, known, no_classes
-from ._reduced import Reduced, Response, reduce, times
+from ._reduced import Reduced, reduce
 from ._solution import Solution, Stats
 
 _MINIMUM_NORM = MinimumNorm()
@@ -164,7 +165,7 @@ def _end(
     friction_checks = (*friction_checks, (finite, RESULTS.not_finite))
     # Of the flags alone: XLA would walk through the whole choice of a result again for every entry.
     good = functools.reduce(operator.and_, (passed for passed, _ in (*checks, *friction_checks)))
-    found = reduced.end(root.tau, stress), root.tau
+    found = reduced.response.at(root.tau, stress), root.tau
     end, tau = jax.tree.map(lambda x: _figure(good, x), found)
     # What friction is given only names a failure, so a sweep of accelerations alone does not compute it.
     result = first_failure((*checks, (good | given, RESULTS.not_finite), *friction_checks))
@@ -192,7 +193,7 @@ def _solve_friction(
     *,
     is_open: bool,
 ) -> tuple[Root, Array | None]:
-    """Friction, and the self-stress added to that of `reduced.free`."""
+    """Friction, and the self-stress added to that of the response."""
     if reduced.rows.size == 0:  # friction independent of load, (24)
         return _loadless(problem.law(problem.rho0)), None
     if is_open and x0 is not None:
@@ -228,7 +229,7 @@ def _open_newton(
     """Newton (38) from x0; `reduced` is at minimum norm, with the self-stress of x0 added."""
     pick, rows = reduced.pick, reduced.rows
     particular = jnp.concatenate([factor.acceleration, pick(factor.multipliers)])
-    basis = jnp.concatenate(cast(Response, reduced.unit))
+    basis = jnp.concatenate(reduced.response.unit)
     axes = jnp.linalg.svd(jax.lax.stop_gradient(basis), full_matrices=False)[2].T
     basis = basis @ axes
     open_problem = OpenProblem(

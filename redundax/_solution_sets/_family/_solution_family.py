@@ -316,5 +316,5 @@ def _axes(stress: np.ndarray, z: Numbers | Sequence[Numbers]) -> tuple[np.ndarra
 
 
 def _values(solutions: SolutionSet, branches: Branches) -> np.ndarray:
-    outputs = jax.vmap(lambda z, tau: solutions.outputs(solutions.along(z), solutions.unit.multipliers, tau))
+    outputs = jax.vmap(lambda z, tau: solutions.outputs(solutions.along(z), solutions.response.unit.multipliers, tau))
     return np.asarray(outputs(jnp.asarray(branches.z), jnp.asarray(branches.tau)))

@@ -66,7 +66,7 @@ def walk(
 
 
 def _at(solutions: SolutionSet, z: Array) -> FrictionProblem:
-    return solutions.problem(solutions.along(z), solutions.unit.multipliers)
+    return solutions.problem(solutions.along(z), solutions.response.unit.multipliers)
 
 
 def _walk(solutions: SolutionSet, tau: Array, z: Array, dz: Array) -> Walk:

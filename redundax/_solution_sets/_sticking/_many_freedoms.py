@@ -119,7 +119,7 @@ class ManyFreedoms:
         slips = moves & within(sure, then.excess)
         left = np.ones(s) if drive.none else 1 + (tau @ drive.slips) @ drive.load / (drive.load @ drive.load)
         falls = np.where(~held.stays & (margin < -self.limit), margin, -left)
-        free, unit = self.search.solutions.free.acceleration, self.search.solutions.unit.acceleration
+        free, unit = self.search.solutions.response.free.acceleration, self.search.solutions.response.unit.acceleration
         moved = np.asarray(free) + tau @ np.asarray(unit).T
         rows = [
             (falls[slips], margin[sticks]),

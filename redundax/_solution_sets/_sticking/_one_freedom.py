@@ -32,7 +32,7 @@ CELLS = 4096  # cells of the bounds at most, in a proof
 def ends_of_one(search: Search, drive: Drive, theta: jax.Array, samples: int, seed: int) -> Ends:
     """Solutions in which it slips, and states that friction holds, in all cases of a search."""
     solutions, cases = search.solutions, search.cases
-    n, m = solutions.free.acceleration.size, solutions.stress.shape[0]
+    n, m = solutions.response.free.acceleration.size, solutions.stress.shape[0]
     found = search.found(drive.output[None], np.zeros(1, bool), samples if cases.lower.size else 0, seed)
     margin = -(found.values @ drive.output)
     if drive.none:

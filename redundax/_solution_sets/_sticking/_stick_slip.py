@@ -22,11 +22,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..._analysis._verdict import spectral_radius
+from ..._solvers._gauss_seidel import gauss_seidel
 from .._cases import AbstractCases
 from .._solution_set import SolutionSet
 from ._at_rest import NONE, Drive
 
-_SWEEPS = 2000
 _SETTLED = 1e-13  # change of friction, relative to the largest, after which sweeps have settled it
 _FOUND = 1e-6  # error of the acceleration, relative to the parts that cancel, of what is taken for a solution
 _HELD = 1e-8  # accelerations that are none, relative to the parts that cancel
@@ -94,25 +94,10 @@ def settled(
         if not free.size:
             return free
 
-        def sweep(carry: tuple) -> tuple:
-            tau, _, _, count = carry
-            low, high = _limits(solutions, base + loads * (unit @ tau))
+        def limits(tau: Array) -> tuple[Array, Array]:
+            return _limits(solutions, base + loads * (unit @ tau))
 
-            def joint(j: Array, new: Array) -> Array:
-                return new.at[j].set(jnp.clip(new[j] - (free[j] + matrix[j] @ new) / own[j], low[j], high[j]))
-
-            new = jax.lax.fori_loop(0, tau.size, joint, tau)
-            weight = jnp.sqrt(jnp.diagonal(matrix))
-            size = jnp.max(weight * jnp.maximum(jnp.abs(low), jnp.abs(high)), initial=0.0)
-            return new, jnp.max(weight * jnp.abs(new - tau), initial=0.0), size, count + 1
-
-        def going(carry: tuple) -> Array:
-            _, change, size, count = carry
-            return (change > _SETTLED * size) & (count < _SWEEPS)
-
-        zero = jnp.zeros((), base.dtype)
-        first = (jnp.zeros_like(free), zero + jnp.inf, zero, jnp.zeros((), int))
-        return jax.lax.while_loop(going, sweep, first)[0]
+        return gauss_seidel(limits, free, matrix, own, jnp.sqrt(jnp.diagonal(matrix)), _SETTLED).tau
 
     return jax.vmap(one)(theta)
 

@@ -1,0 +1,94 @@
+"""What load, friction and misfit cause at a state: the one form of the equations that all else builds on.
+
+    x(tau, d) = x_0 + X tau + [0; G d],   x = [a; lam],   G = N (N^T W N)^-1 N^T
+
+under the compliance W of a closure. A factorisation makes it in two steps: `respond` gives a solution of
+
+    M a + Phi_q^T lam = f,   Phi_q a = g
+
+for each column of forces, its multipliers being one of many, and `close` the choice among them,
+
+    lam -> (I - G W) lam + G d.
+
+Who solves, judges or bounds takes these operators, and knows nothing of how they were made.
+"""
+
+import abc
+from typing import Generic, NamedTuple, TypeVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+Evidence = TypeVar("Evidence")
+
+
+class Response(NamedTuple):
+    """Accelerations and multipliers, (n,) and (m,) to load or (n, p) and (m, p) to unit friction."""
+
+    acceleration: Array
+    multipliers: Array
+
+
+class AbstractPick(eqx.Module):
+    """The multipliers that a closure picks from any that solve the equations."""
+
+    @abc.abstractmethod
+    def __call__(self, multipliers: Float[Array, "m ..."]) -> Float[Array, "m ..."]:
+        """(I - G W) lam, as without misfit."""
+
+    @abc.abstractmethod
+    def caused(
+        self, misfit: Float[Array, " m"] | Float[Array, ""], rows: Int[Array, " l"] | None = None
+    ) -> Float[Array, " l"]:
+        """G d, the self-stress that a misfit causes, in some rows; a number stands for m equal misfits."""
+
+
+class Pick(AbstractPick):
+    """The pick by matrices.
+
+    - `response`, `compliance`: G and W, shape (m, m).
+    - `passes`: how often it is taken; the second is refinement.
+    """
+
+    response: Float[Array, "m m"]
+    compliance: Float[Array, "m m"]
+    passes: int = eqx.field(static=True, default=2)
+
+    def __call__(self, multipliers: Array) -> Array:
+        for _ in range(self.passes):
+            multipliers = multipliers - self.response @ (self.compliance @ multipliers)
+        return multipliers
+
+    def caused(self, misfit: Array, rows: Array | None = None) -> Array:
+        return times(self.response if rows is None else self.response[rows], misfit)
+
+
+class AbstractFactorisation(eqx.Module, Generic[Evidence]):
+    """The equations at a state, factorised."""
+
+    @abc.abstractmethod
+    def respond(self, forces: Float[Array, "n p"], gamma: Float[Array, "m p"] | None = None) -> Response:
+        """What each column of forces, and of gamma, causes; the multipliers are one solution of many."""
+
+    @abc.abstractmethod
+    def close(self, compliance: Float[Array, "m m"]) -> tuple[AbstractPick, Evidence]:
+        """The pick under a compliance, and the evidence that it determines the multipliers."""
+
+
+class LinearResponse(eqx.Module):
+    """x_0 and X: `free`, the response to load and misfit, and `unit`, that to unit friction, p columns."""
+
+    free: Response
+    unit: Response
+
+    def at(self, tau: Float[Array, " p"], stress: Float[Array, " m"] | None = None) -> Response:
+        """Accelerations and multipliers at the friction tau, with a self-stress added."""
+        acceleration = self.free.acceleration + self.unit.acceleration @ tau
+        multipliers = self.free.multipliers + self.unit.multipliers @ tau
+        return Response(acceleration, multipliers if stress is None else multipliers + stress)
+
+
+def times(matrix: Float[Array, "d m"], vector: Float[Array, " m"] | Float[Array, ""]) -> Float[Array, " d"]:
+    """matrix @ vector; a number stands for m equal ones, so that a batch of numbers stays one."""
+    return matrix @ vector if vector.ndim else jnp.sum(matrix, axis=1) * vector
