@@ -4,7 +4,10 @@
     P Phi'' along a velocity qd + w        is -P gamma for all motions w where the rank is the same beside the state,
 
 because P Phi_qq[w, w] is P times what the constraints bend along w: a row that depends on others for good bends as they
-do. All of it is in the scaled variables of `_scaling`, and none of it has a derivative.
+do. The same is asked of the weakest constraint u^T Phi, of a small singular value u^T Phi_q v, as if it depended on the
+others and v were a motion: beside a singular position it bends along v; if it does not either, it is what points of few
+digits make of a row that depends on others. All of it is in the scaled variables of `_scaling`, and none of it has a
+derivative.
 """
 
 from typing import NamedTuple
@@ -14,14 +17,17 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._system._decision import Decision
+from .._system._decision import CLEAR, Decision
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._module import of_any
 from ._kinematics import second_derivative
 from ._rank import Split
 from ._scaling import Scaling
 
 _ROUNDING = 10  # roundings of a state, and of what the constraints make of it
+_POINTS = 1e-6  # of the size of a mechanism: what points of few digits make of a constraint that depends on others
+_BENDS = 100  # times as much they make of its second derivative
 
 
 class Violation(eqx.Module):
@@ -81,18 +87,62 @@ def singularity_of(
 ) -> Decision:
     """Whether P Phi'' along the velocity with a motion w added is other than without, -P gamma.
 
+    Rounding moves Phi'' itself, the range of P by as much of K^+ Phi'', and a state off the manifold does too.
+    """
+    rounding = max(motion.gamma.size, motion.qd.size) * float(jnp.finfo(motion.qd.dtype).eps)
+    changed, _ = _bends(system, state, motion, parts, scales)
+    return Decision(changed / (_ROUNDING * (rounding + position)))
+
+
+def independence_of(
+    system: AbstractSystem, state: State, motion: ScaledMotion, parts: Split, kept: Array, scales: Scaling
+) -> Decision:
+    """Whether the weakest constraint, of the smallest kept singular value, is more than points of few digits make.
+
+    Where no constraint bends along its direction it is as weak everywhere, and not by the rounding of points.
+    """
+    holds = kept / _POINTS
+
+    def beside() -> Array:
+        changed, bend = _bends(system, state, motion, _without_weakest(parts), scales)
+        found = jnp.where(bend < CLEAR * _POINTS, jnp.inf, changed / (_BENDS * _POINTS))
+        return jnp.where(holds < CLEAR, jnp.maximum(holds, found), holds)
+
+    return Decision(jax.lax.cond(of_any(holds < CLEAR), beside, lambda: holds))
+
+
+def _without_weakest(parts: Split) -> Split:
+    """K^+ without its largest singular value, whose vectors alone are the self-stress, and a motion among the others.
+
+    Two steps of the power method find them, from the largest column.
+    """
+    inverse = parts.inverse
+    v = inverse[:, jnp.argmax(jnp.linalg.norm(inverse, axis=0))]
+    for _ in range(2):
+        u = v @ inverse
+        u = u / jnp.linalg.norm(u)
+        v = inverse @ u
+    size = jnp.linalg.norm(v)
+    return Split(inverse - jnp.outer(v, u), jnp.outer(u, u), parts.motion + jnp.outer(v / size, v / size))
+
+
+def _bends(
+    system: AbstractSystem, state: State, motion: ScaledMotion, parts: Split, scales: Scaling
+) -> tuple[Array, Array]:
+    """What a motion w added to the velocity changes of P Phi'', relative to its terms, and of Phi'', to the size.
+
     Two directions of no symmetry see a quadratic form that is not zero, and where time enters that the rank changes
-    with it. Rounding moves Phi'' itself, the range of P by as much of K^+ Phi'', and a state off the manifold does too.
+    with it.
     """
     speed = jnp.max(jnp.abs(motion.qd)) + motion.reached
     speed = jnp.where(speed > 0, speed, scales.size)
     rates = scales.coordinates * (motion.qd + speed * _uneven(parts.motion, motion.qd))
     bends = jax.vmap(lambda rate: second_derivative(system, state, rate, jnp.ones_like(state.t)))(rates) / scales.rows
-    changed = jnp.max(jnp.abs((bends + motion.gamma) @ parts.stress))
+    added = bends + motion.gamma
+    changed = jnp.max(jnp.abs(added @ parts.stress))
     terms = sum(jnp.max(jnp.abs(part)) for part in (bends, motion.gamma, bends @ parts.inverse.T))
-    terms = terms + (2 * speed) ** 2 / scales.size
-    rounding = max(motion.gamma.size, motion.qd.size) * float(jnp.finfo(bends.dtype).eps)
-    return Decision(changed / (_ROUNDING * (rounding + position) * terms))
+    whole = (2 * speed) ** 2 / scales.size
+    return changed / (terms + whole), jnp.max(jnp.abs(added)) / whole
 
 
 def _uneven(projector: Array, along: Array) -> Array:

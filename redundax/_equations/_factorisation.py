@@ -25,7 +25,7 @@ from .._system._decision import Decision
 from .._system._results import RESULTS, first_failure
 from .._system._state import State
 from .._system._system import AbstractSystem
-from ._evidence import ScaledMotion, Violation, rate_noise, ratio, singularity_of, violation_of
+from ._evidence import ScaledMotion, Violation, independence_of, rate_noise, ratio, singularity_of, violation_of
 from ._kinematics import second_order
 from ._rank import Spectrum, Split, split
 from ._response import AbstractFactorisation, Pick, Response
@@ -45,6 +45,8 @@ class Factorisation(AbstractFactorisation[Decision]):
       maximum on CPU can lose a NaN.
     - `determinacy`: the decision whether condition (14) holds, so that accelerations are unique.
     - `singularity`: the decision whether the rank is higher beside this position, to second order.
+    - `independence`: the decision whether the weakest constraint that counts is more than what points of few digits
+      make of one that depends on others; a declared rank says so.
     - `acceleration`, `multipliers`: a solution without friction; the multipliers are one of many.
     - `residual`: largest residual of (7) at it, relative, the larger of its two blocks.
     - `length`: a length of the mechanism, which makes angles and lengths comparable.
@@ -68,6 +70,7 @@ class Factorisation(AbstractFactorisation[Decision]):
     finite: Bool[Array, ""]
     determinacy: Decision
     singularity: Decision
+    independence: Decision
     acceleration: Float[Array, " n"]
     multipliers: Float[Array, " m"]
     residual: Float[Array, ""]
@@ -168,6 +171,7 @@ class Factorisation(AbstractFactorisation[Decision]):
             (self.finite, RESULTS.not_finite),
             (violation.position <= off_manifold, RESULTS.violated_constraints),
             (~self.spectrum.ambiguous, RESULTS.ambiguous_rank),
+            (self.independence.is_yes | ~self.singularity.is_no, RESULTS.ambiguous_rank),
             (~self.determinacy.is_no, RESULTS.indeterminate_acceleration),
             (self.determinacy.is_yes, RESULTS.ambiguous_mass),
             (violation.velocity <= off_manifold, RESULTS.inadmissible_velocity),
@@ -276,10 +280,12 @@ def _factorize(system: AbstractSystem, state: State, rank: Int[Array, ""] | None
     reached = jnp.sqrt(size * (jnp.max(jnp.abs(a)) + free))
     known = ScaledMotion(state.qd / coordinate_scale, motion.rate / row_scale, gamma, explicit / row_scale, a, reached)
     scales = Scaling(coordinate_scale, row_scale, length, size)
+    kept = spectrum.kept if rank is None else jnp.full_like(spectrum.kept, jnp.inf)
     evidence = {
         "violation": violation_of(known, parts.stress, position, size),
         "determinacy": determinacy,
         "singularity": singularity_of(system, state, known, parts, position, scales),
+        "independence": independence_of(system, state, known, parts, kept, scales),
         "residual": residual,
         "_rate_noise": rate_noise(known, spectrum.kept),
     }

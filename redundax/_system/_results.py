@@ -45,8 +45,8 @@ class RESULTS(eqx.Enumeration):
     )
     ambiguous_rank = (
         "The rank of the constraint Jacobian cannot be decided: a singular value lies too close to the "
-        "tolerance, or a declared rank keeps one that is rounding. Look at `stats.spectrum` and declare the rank with "
-        "`rank=`, or bring the state closer to the constraint manifold."
+        "tolerance, or to what points of few digits make of it, or a declared rank keeps one that is rounding. Look at "
+        "`stats.spectrum` and declare the rank with `rank=`, or bring the state closer to the constraint manifold."
     )
     singular_position = (
         "The position is singular: the rank of the constraints is lower here than beside it, branches of motion meet, "

@@ -77,6 +77,45 @@ def test_points_of_few_digits_keep_rank_and_accelerations(case, digits):
         assert "cannot be met exactly" in str(told[0].message)
 
 
+@pytest.mark.parametrize("cases", [200, pytest.param(1600, marks=pytest.mark.slow)])
+def test_no_rank_is_one_too_high_where_rounded_points_close_at_an_isolated_position(cases):
+    """The rounding of the points is all that the last of twelve constraints says there, and their misfit is zero."""
+    rng, successful, closed = np.random.default_rng(0), 0, 0
+    for case in range(cases):
+        digits, along = int(rng.integers(5, 11)), np.sort(rng.uniform(0, 2, 3))
+        turns, crank, phi = rng.uniform(-3, 3, 2), rng.uniform(0.1, 0.6), rng.uniform(-3, 3)
+        mechanism, position = plate(digits, *turns, crank, tuple(along))
+        guess = position(phi) + 0.02 * rng.standard_normal(12)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            held = {"c0.phi": phi} if case % 2 else None
+            state = rx.assemble(mechanism, guess, rng.standard_normal(12), positions=held, throw=False)
+        solution = rx.solve(mechanism, state, throw=False)
+        rank, good = int(solution.stats.spectrum.rank), solution.result == rx.RESULTS.successful
+        assert rank == 11 or not good
+        successful += bool(good)
+        closed += rank == 12 and float(solution.stats.violation.position) < 1e-12
+    assert successful > 0.8 * cases
+    assert closed > 0.002 * cases
+
+
+@pytest.mark.parametrize("apart", [1e-3, 1e-6])
+def test_pins_that_all_but_meet_are_told_from_points_of_few_digits_by_a_declared_rank(apart):
+    """A short link between two pins `apart`, beside a long one: what holds it still could be rounding."""
+    joints = [
+        rx.Revolute(f"{body}{k}", body, "ground", (x, 0.0), (x, 0.0))
+        for body, length in (("long", 1.0), ("short", apart))
+        for k, x in enumerate((0.5, 0.5 + length))
+    ]
+    mechanism = rx.Mechanism([rx.Body("long", 1.0, 1.0), rx.Body("short", 1.0, 1.0)], joints)
+    state = rx.State(np.zeros(6), np.zeros(6))
+    found = rx.solve(mechanism, state, throw=False)
+    assert int(found.stats.spectrum.rank) == 6
+    assert found.result == (rx.RESULTS.successful if apart > 1e-4 else rx.RESULTS.ambiguous_rank)
+    declared = rx.solve(mechanism, state, rank=6)
+    np.testing.assert_allclose(declared.acceleration, 0.0, atol=1e-12)
+
+
 @pytest.mark.parametrize("digits", DIGITS)
 def test_guides_of_few_digits(digits):
     """A carriage on two parallel guides slides by -g sin(slope); two of four rows are redundant, a moment too."""
