@@ -46,7 +46,7 @@ def elasticity(closure: AbstractClosure, system: AbstractSystem, state: State) -
 
     Outside of transformations they have the same shapes for every closure, so that no program is compiled for one.
     """
-    given = jax.tree.leaves((closure, state, eqx.filter(system, eqx.is_array)))
+    given = jax.tree.leaves(eqx.filter((closure, state, system), eqx.is_array))
     return _elasticity(closure, system.anonymous(), state, whole=all(map(known, given)))
 
 

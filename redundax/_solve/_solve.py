@@ -30,7 +30,7 @@ from .._system._friction import slip_kinds
 from .._system._results import RESULTS, first_failure
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._chunks import in_chunks
+from .._tools._chunks import batched_with, in_chunks
 from .._tools._module import Numbers, as_float, known, no_classes
 from ._reduced import Reduced, reduce
 from ._solution import Solution, Stats
@@ -131,7 +131,8 @@ def _ended(*arguments: Any) -> tuple[Response, Root, Array, RESULTS]:
 
 @_ended.def_jvp
 def _ended_jvp(primals: tuple, tangents: tuple) -> tuple:
-    return eqx.filter_jvp(_end, primals, tangents)
+    out, change = eqx.filter_jvp(_end, primals, tangents)
+    return batched_with(out, eqx.filter(primals, eqx.is_array)), change
 
 
 def _end(

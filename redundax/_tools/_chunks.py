@@ -67,6 +67,31 @@ def _closed(function: Callable[..., T], *arguments: PyTree) -> Callable[..., T]:
     return eqx.filter_closure_convert(lambda *given: function(*given), *arguments)
 
 
+@jax.custom_jvp
+def batched_with(out: T, given: PyTree) -> T:
+    """`out`, batched in every entry where any of `given` is, as `in_chunks` returns it: arrays to arrays.
+
+    JAX takes the entries of a function and of its rule for a derivative to be batched alike.
+    """
+    return _batched_with(out, given)
+
+
+@batched_with.defjvp
+def _batched_with_jvp(primals: tuple, tangents: tuple) -> tuple:
+    return batched_with(*primals), tangents[0]
+
+
+@jax.custom_batching.custom_vmap
+def _batched_with(out: T, given: PyTree) -> T:
+    return out
+
+
+@_batched_with.def_vmap
+def _(size: int, batched: list, out: T, given: PyTree) -> tuple[T, PyTree]:
+    whole = jax.tree.map(lambda x, is_one: x if is_one else jnp.broadcast_to(x, (size, *x.shape)), out, batched[0])
+    return whole, jax.tree.map(lambda _: True, out)
+
+
 def _looped(many: Callable[[PyTree], T], arrays: PyTree, batched: PyTree, size: int, chunk: int) -> T:
     """`many`, chunk after chunk; the last one reaches back, so that all are of one size."""
 

@@ -83,6 +83,23 @@ def test_forward_reverse_and_differences_agree(closure, solver):
     assert_consistent(both, np.ones(SIZES.size), np.eye(SIZES.size), WEIGHTS)
 
 
+@pytest.mark.parametrize("mu_rho", [0.0, 0.02])
+@pytest.mark.parametrize("solver", [rx.Continuation(), slow(rx.Newton()), slow(rx.FixedPoint())])
+def test_the_gradient_of_a_batch_is_the_batch_of_slopes(mu_rho, solver):
+    """Without `jit` around them, where JAX batches and differentiates the compiled solution itself."""
+    mechanism = rx.mechanisms.wojtyra2020(mu_rho=mu_rho)
+    state, hs = mechanism.state(phi=0.7, rate=1.3), jnp.array([-20.0, 5.0, 60.0])
+
+    def value(h):
+        solution = rx.solve(mechanism, state, closure=rx.MinimumNorm(h), solver=solver)
+        return WEIGHTS[:24] @ jnp.concatenate([solution.acceleration, solution.multipliers])
+
+    gradient = jax.grad(lambda hs: jnp.sum(jax.vmap(value)(hs)))(hs)
+    slopes = [difference(value, h, 1.0, step=1.0) for h in hs]
+    np.testing.assert_allclose(gradient, slopes, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(jax.vmap(jax.grad(value))(hs), gradient, rtol=1e-9, atol=1e-12)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("closure", ["h", "compliance", "open"])
 def test_forward_over_reverse_is_the_difference_of_the_gradient(closure):
