@@ -239,10 +239,15 @@ def _velocity(system: AbstractSystem, state: State, driven: Array, rates: Array)
     misfit = jnp.concatenate([motion.rate, state.qd[driven] - rates]) / row_scale
     rows = rows * scale.coordinates / row_scale[:, None]
     drift = jnp.max(jnp.abs(motion.value) / scale.rows) / scale.size
-    parts, _ = split(rows, drift, None)
+    parts, spectrum = split(rows, drift, None)
     change = -parts.inverse @ misfit
-    qd = state.qd + scale.coordinates * change
-    speed = jnp.max(jnp.abs(qd / scale.coordinates)) + jnp.max(jnp.abs(misfit))
+    guess = state.qd / scale.coordinates
+    velocity = guess + change
+    given = (jnp.max(jnp.abs(guess)) + jnp.max(jnp.abs(misfit))) / jnp.minimum(spectrum.kept, 1.0)
+    rests = jnp.max(jnp.abs(velocity)) <= 10 * velocity.size * jnp.finfo(velocity.dtype).eps * given
+    velocity = velocity - jnp.where(rests, still(velocity), 0.0)  # the rounding of none, which has no direction
+    qd = scale.coordinates * velocity
+    speed = jnp.max(jnp.abs(velocity)) + jnp.max(jnp.abs(misfit))
     left = jnp.abs(misfit + rows @ change)
     relative = left / jnp.where(speed > 0, speed, 1.0)
     return qd, _misfit(left * row_scale, relative, jnp.asarray(True), jnp.asarray(jnp.inf), _tolerance(qd))

@@ -48,7 +48,8 @@ class Factorisation(AbstractFactorisation[Decision]):
     - `independence`: the decision whether the weakest constraint that counts is more than what points of few digits
       make of one that depends on others; a declared rank says so.
     - `acceleration`, `multipliers`: a solution without friction; the multipliers are one of many.
-    - `residual`: largest residual of (7) at it, relative, the larger of its two blocks.
+    - `residual`: largest residual of (7) at it, the larger of its two blocks, relative to their terms and to what the
+      velocity bends.
     - `length`: a length of the mechanism, which makes angles and lengths comparable.
     - `row_scale`: D, shape (m,): D lam are multipliers free of units but for a common factor.
     - `split`: K^+, P and Z of the scaled Jacobian.
@@ -271,14 +272,16 @@ def _factorize(system: AbstractSystem, state: State, rank: Int[Array, ""] | None
     response, _, determinacy = restricted_inverse(scaled_mass, parts.motion, freedom, spectrum.kept, zero)
     force, gamma = coordinate_scale * load, motion.gamma / row_scale
     a, mu = _refined(scaled, scaled_mass, parts, response, force, gamma)
+    qd = state.qd / coordinate_scale
+    centripetal = jnp.max(jnp.abs(qd)) ** 2 / size
     residual = jnp.maximum(
-        ratio(gamma - scaled @ a, gamma, a),
-        ratio(force - scaled_mass @ a - scaled.T @ mu, force, scaled_mass @ a, mu),
+        ratio(gamma - scaled @ a, gamma, a, centripetal),
+        ratio(force - scaled_mass @ a - scaled.T @ mu, force, scaled_mass @ a, mu, scaled_mass * centripetal),
     )
     inertia = jnp.sum(jnp.diagonal(scaled_mass)) / force.size
     free = jnp.where(inertia > 0, jnp.max(jnp.abs(force)) / jnp.where(inertia > 0, inertia, 1.0), 0.0)
     reached = jnp.sqrt(size * (jnp.max(jnp.abs(a)) + free))
-    known = ScaledMotion(state.qd / coordinate_scale, motion.rate / row_scale, gamma, explicit / row_scale, a, reached)
+    known = ScaledMotion(qd, motion.rate / row_scale, gamma, explicit / row_scale, a, reached)
     scales = Scaling(coordinate_scale, row_scale, length, size)
     kept = spectrum.kept if rank is None else jnp.full_like(spectrum.kept, jnp.inf)
     evidence = {

@@ -139,6 +139,27 @@ def test_guides_of_few_digits(digits):
     np.testing.assert_allclose(solution.acceleration, sliding, rtol=0, atol=10.0 ** (2 - digits) + 1e-12)
 
 
+@pytest.mark.parametrize("skew", [False, True])
+def test_bodies_without_load_in_two_guides_slide_or_stand(skew):
+    """Nothing accelerates them, and of the guessed velocity skew guides leave nothing, not even its rounding."""
+    rng = np.random.default_rng(skew)
+    for _ in range(50):
+        place, angle, ends = rng.normal(size=2), rng.normal(), rng.normal(size=(2, 2))
+        first = rng.normal(size=2)
+        normals = first, turned(rng.uniform(0.1, 3.0), first) if skew else first
+        guides = [
+            rx.Translational(name, "a", "ground", end, place + turned(angle, end), tuple(normal), angle)
+            for name, end, normal in zip("KL", ends, normals, strict=True)
+        ]
+        mechanism = rx.Mechanism([rx.Body("a", 2.0, 0.3)], guides)
+        state = rx.assemble(mechanism, [*place, angle], rng.normal(size=3))
+        solution = rx.solve(mechanism, state)
+        bent = float(np.max(np.abs(state.qd))) ** 2 * 1e-13
+        assert np.abs(solution.acceleration).max() <= bent
+        assert np.abs(solution.multipliers).max() <= 100 * bent
+        assert np.any(state.qd) != skew
+
+
 def test_misfit_is_told_by_size_and_joint():
     gap = 1e-7  # m
     mechanism, position = plate(16, *PLATES["three cranks"], shift=gap)
