@@ -1,10 +1,10 @@
-"""Force and moment of a joint on its body i, whatever the joint; and of an applied load
+"""Force and moment of a joint on its bodies, whatever the joint; and of an applied load
 
     force = -(d Phi / d r_i)^T lam,   moment about the body's origin = -(d Phi / d phi_i)^T lam
 
 the part of -Phi_q^T lam that belongs to body i: -lam for a revolute joint, +lam along the normal and -lam about the
-point of contact for a translational one. The moment about another point p is that about r_i less (p - r_i) x force;
-on body j act the opposite force and the opposite moment about the same point.
+point of contact for a translational one; with j for i that on body j, which is opposite unless the ground takes a part,
+as from a coupling of angles. The moment about another point p is that about r_i less (p - r_i) x force.
 """
 
 from typing import Any
@@ -42,16 +42,16 @@ def joint_outputs(mechanism: Mechanism, state: State) -> tuple[list[str], np.nda
     names, out = [], []
     bodies = (*mechanism.body_names, GROUND)
     stacks = zip(mechanism.joints, mechanism.joint_names, _rows(mechanism), _wrenches(mechanism, state), strict=True)
-    for stack, joints, rows, (by_row, arms_i, arms_j) in stacks:
+    for stack, joints, rows, (on_i, on_j, arms_i, arms_j) in stacks:
         for k, joint in enumerate(joints):
             i, j = bodies[int(stack.i[k])], bodies[int(stack.j[k])]
-            on, sign, arm = (j, -1.0, arms_j[k]) if i == GROUND else (i, 1.0, arms_i[k])
-            whole = np.linalg.norm(by_row[k, :2], axis=0)
-            force = np.where(np.abs(by_row[k, :2]) > _CLOSED * whole, by_row[k, :2], 0.0)
-            moment, reach = moved(by_row[k, 2], by_row[k, :2], arm), np.linalg.norm(arm) * whole
-            moment = np.where(np.abs(moment) > _CLOSED * (np.abs(by_row[k, 2]) + reach), moment, 0.0)
+            on, by_row, arm = (j, on_j[k], arms_j[k]) if i == GROUND else (i, on_i[k], arms_i[k])
+            whole = np.linalg.norm(by_row[:2], axis=0)
+            force = np.where(np.abs(by_row[:2]) > _CLOSED * whole, by_row[:2], 0.0)
+            moment, reach = moved(by_row[2], by_row[:2], arm), np.linalg.norm(arm) * whole
+            moment = np.where(np.abs(moment) > _CLOSED * (np.abs(by_row[2]) + reach), moment, 0.0)
             wrench = np.zeros((3, len(mechanism.rows)))
-            wrench[:, rows[k]] = sign * np.vstack([force, moment])
+            wrench[:, rows[k]] = np.vstack([force, moment])
             names += [f"{joint} {part} on {on}" for part in ("force x", "force y", "moment")]
             out.append(wrench)
     return names, np.concatenate(out)
@@ -68,21 +68,21 @@ def moved(moment: np.ndarray | float, force: np.ndarray, arm: np.ndarray) -> np.
     return moment - arm[0] * force[1] + arm[1] * force[0]
 
 
-def _wrenches(mechanism: Mechanism, state: State) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """For each stack force and moment about r_i on the bodies i by the multipliers of the joint's own rows, (size, 3,
-    rows), and where the joints' points on i and j, or the origins of these bodies, are from r_i, (size, 2) each.
+def _wrenches(mechanism: Mechanism, state: State) -> list[tuple[np.ndarray, ...]]:
+    """For each stack force and moment about their origins on the bodies i, and j, by the multipliers of the joint's own
+    rows, (size, 3, rows) each, and where the joints' points on them, if any, are from these origins, (size, 2) each.
     """
     out = []
     for slope, *arms in jax.device_get(_slopes(mechanism.joints, state)):
-        out.append((-slope.swapaxes(1, 2).astype(float), *arms))
+        wrench = -slope.swapaxes(1, 2).astype(float)
+        out.append((wrench[:, :3], wrench[:, 3:], *arms))
     return out
 
 
 @eqx.filter_jit
 def _slopes(joints: tuple[Stack, ...], state: State) -> list[tuple[Array, Array, Array]]:
     def of_joint(joint: AbstractJoint, i: Pose, j: Pose) -> tuple[Array, Array, Array]:
-        points = _point(joint, "point_i", i), _point(joint, "point_j", j)
-        return joint.jacobian(i, j, state.t)[:, :3], points[0] - i.r, points[1] - i.r
+        return joint.jacobian(i, j, state.t), _point(joint, "point_i", i) - i.r, _point(joint, "point_j", j) - j.r
 
     return [stack.over(of_joint, poses(state.q).with_axes()) for stack in joints]
 

@@ -12,6 +12,7 @@ import pytest
 from mechanisms import CASES
 
 import redundax as rx
+from redundax._wrench import joint_outputs
 
 UNIQUE, ZERO, NO_CHANGE, NOT_UNIQUE, UNDECIDED = rx.Verdict
 QUICK = ("wojtyra2020",)
@@ -88,6 +89,38 @@ def test_the_paper_s_mechanism():
     state = mechanism.state(phi=np.pi / 4, rate=1.0)
     found = rx.analyze(mechanism, rx.State(state.q.at[9].set(4e-33), state.qd))  # rounding turns the coupler
     assert all(j.with_friction is ZERO for j in found.verdicts["reaction"] if j.name == "B moment on 2")
+
+
+@pytest.mark.parametrize("ground_first", [False, True])
+def test_a_coupling_with_the_ground_gives_its_moment_to_either_body(ground_first):
+    """A wheel that a coupling holds against a moment of 3 N m bears -3 N m from it, whatever the ratio of the rates."""
+    ends = ("ground", "wheel") if ground_first else ("wheel", "ground")
+    joints = [rx.Revolute("pin", "wheel", "ground", (0, 0), (0, 0)), rx.AngleCoupling("mesh", *ends, ratio=2.5)]
+    mechanism = rx.Mechanism([rx.Body("wheel", 2.0, 0.5)], joints, loads=[rx.AppliedForce("wheel", moment=3.0)])
+    state = rx.State(np.zeros(3), np.zeros(3))
+    names, wrenches = joint_outputs(mechanism, state)
+    borne = wrenches[names.index("mesh moment on wheel")] @ rx.solve(mechanism, state).multipliers
+    assert borne == pytest.approx(-3.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("kind", [rx.Revolute, rx.Translational, rx.PinInSlot, rx.Fixed])
+def test_a_body_bears_the_virtual_work_of_its_joint_on_either_side(kind):
+    """Force and moment of a joint to the ground do the work of -lam . Phi for any displacement of the body."""
+    rng = np.random.default_rng(7)
+    place, point, line = rng.normal(size=3), rng.normal(size=2), {"normal": (0.6, 0.8)}
+    for ends in (("ground", "a"), ("a", "ground")):
+        own = {"point_i": rng.normal(size=2), "point_j": rng.normal(size=2)}
+        own["point_i" if ends[0] == "a" else "point_j"] = point
+        joint = kind("J", *ends, **own, **(line if kind in (rx.Translational, rx.PinInSlot) else {}))
+        mechanism = rx.Mechanism([rx.Body("a", 1.0, 1.0)], [joint])
+        lam, step, zero = rng.normal(size=len(mechanism.rows)), 1e-6 * jnp.eye(3), jnp.zeros(())
+        work = [lam @ (mechanism.constraint(place - d, zero) - mechanism.constraint(place + d, zero)) for d in step]
+        _, wrenches = joint_outputs(mechanism, rx.State(place, np.zeros(3)))
+        *force, moment = wrenches @ lam
+        c, s = np.cos(place[2]), np.sin(place[2])
+        arm = np.array([[c, -s], [s, c]]) @ point
+        about_centre = moment + arm[0] * force[1] - arm[1] * force[0]
+        np.testing.assert_allclose([*force, about_centre], np.array(work) / 2e-6, rtol=0, atol=1e-8)
 
 
 def test_an_extremum_is_not_unique():
