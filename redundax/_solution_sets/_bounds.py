@@ -197,6 +197,8 @@ def _closed(
 ) -> tuple[Array, Array, Array]:
     """Multipliers without friction, by misfit and by friction under a closure; the misfits of `rows` left out."""
     compliance, misfit = elasticity(closure, system, state)
+    if not (np.all(np.isfinite(compliance)) and np.all(np.isfinite(misfit))):
+        raise RuntimeError(RESULTS[RESULTS.not_finite])
     stress, free, unit = solutions.stress, solutions.response.free.multipliers, solutions.response.unit.multipliers
     check_definite(np.asarray(stress.T @ compliance @ stress))
     response = stress @ jnp.linalg.solve(stress.T @ compliance @ stress, stress.T)

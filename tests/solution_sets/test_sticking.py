@@ -212,3 +212,6 @@ def test_errors():
     driven = rx.System(lambda q, t, p: q[:1] - t**2, jnp.ones(2), lambda q, qd, t, p: jnp.ones(2))
     with pytest.raises(ValueError, match="a driver accelerates"):
         rx.sticking(driven, rx.State(jnp.zeros(2), jnp.zeros(2)))
+    for closure in (rx.Compliance(jnp.ones(2), misfit=jnp.array([0.0, jnp.nan])), rx.MinimumNorm(jnp.inf)):
+        with pytest.raises(RuntimeError, match="not finite"):
+            rx.sticking(system, state, closure)
