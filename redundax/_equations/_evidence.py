@@ -114,14 +114,14 @@ def independence_of(
 def _without_weakest(parts: Split) -> Split:
     """K^+ without its largest singular value, whose vectors alone are the self-stress, and a motion among the others.
 
-    Two steps of the power method find them, from the largest column.
+    Steps of the power method find them, from the largest column.
     """
     inverse = parts.inverse
     v = inverse[:, jnp.argmax(jnp.linalg.norm(inverse, axis=0))]
-    for _ in range(2):
-        u = v @ inverse
-        u = u / jnp.linalg.norm(u)
-        v = inverse @ u
+    v = inverse @ (v @ inverse)
+    u = v @ inverse
+    u = u / jnp.linalg.norm(u)
+    v = inverse @ u
     size = jnp.linalg.norm(v)
     return Split(inverse - jnp.outer(v, u), jnp.outer(u, u), parts.motion + jnp.outer(v / size, v / size))
 

@@ -64,10 +64,11 @@ def second_derivative(
 def second_order(system: AbstractSystem, state: State) -> tuple[AlongMotion, Float[Array, " m"], Float[Array, " m"]]:
     """`along_motion`; `explicit_gamma`; and the second derivative of Phi as all angular coordinates turn.
 
-    They turn each at another rate, so that no two cancel; both directions go through one derivative.
+    They turn each at another rate, so that no two cancel; where there are none, all coordinates move, each at another
+    rate. Both directions go through one derivative.
     """
-    angular = system.coordinates.angular
-    turning = np.where(angular, 1.0 + 0.5 * np.sin(np.arange(angular.size)), 0.0)
+    angular, number = system.coordinates.angular, np.arange(len(system.coordinates))
+    turning = np.where(angular, 1.0 + 0.5 * np.sin(number), 0.0) if angular.any() else np.cos(number**2)
     rates = jnp.stack([state.qd, jnp.asarray(turning, state.qd.dtype)])
     found = jax.vmap(lambda rate, time: _along(system, state, rate, time))(rates, jnp.array([1, 0], state.qd.dtype))
     motion, turned = (jax.tree.map(lambda x, k=k: x[k], found) for k in range(2))

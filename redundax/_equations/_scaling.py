@@ -40,7 +40,7 @@ def scaling(
     """The scales of the Jacobian of a system; `turned` is that of `second_order` where it is there already."""
     turned = second_order(system, state)[2] if turned is None else turned
     mass = jnp.diagonal(system.mass(state.q, state.t))
-    length = _length(*jax.lax.stop_gradient((jacobian, jnp.asarray(system.radian) * turned, mass)), system)
+    length = _length(*jax.lax.stop_gradient((jacobian, turned, mass)), system)
     rows = system.rows.angular
     columns = jnp.where(system.coordinates.angular, 1 / length, 1.0).astype(jacobian.dtype)
     norms = jnp.linalg.norm(jax.lax.stop_gradient(jacobian) * columns, axis=1)
@@ -56,16 +56,28 @@ def _length(jacobian: Array, turned: Array, mass: Array, system: AbstractSystem)
     It is |(Phi_phi, Phi'')| / |Phi_r| over the force-type rows, Eq. (15), where Phi'' is their second derivative, times
     a radian, as all bodies turn: it sees the arms that point along the constraint, which Phi_phi does not. Where these
     rows do not have both parts it is |Ups_phi| / |Ups_r| over the moment-type rows, where nothing has both the radius
-    of gyration of all masses, and without that 1.
+    of gyration of all masses, and without that 1. Without angular coordinates it is the radius of the paths.
     """
     square = jacobian**2
     angular, moment = system.coordinates.angular, system.rows.angular
+    if not angular.any():
+        return _radius(jnp.sum(square, axis=1), turned) / jnp.asarray(system.radian, square.dtype)
     inertia, heft = jnp.sum(mass[angular]), jnp.sum(mass[~angular])
     some = (inertia > 0) & (heft > 0)
     length = jnp.where(some, jnp.sqrt(inertia / jnp.where(some, heft, 1.0)), 1.0).astype(square.dtype)
-    for mask, extra in ((moment, 0.0), (~moment, jnp.sum(turned[~moment] ** 2))):  # the last that has both parts wins
+    bends = jnp.sum((jnp.asarray(system.radian) * turned[~moment]) ** 2)
+    for mask, extra in ((moment, 0.0), (~moment, bends)):  # the last that has both parts wins
         linear_part = jnp.sum(square[mask][:, ~angular])
         angular_part = jnp.sum(square[mask][:, angular]) + extra
         both = (linear_part > 0) & (angular_part > 0)
         length = jnp.where(both, jnp.sqrt(angular_part / jnp.where(both, linear_part, 1.0)), length)
     return length
+
+
+def _radius(square: Array, bends: Array) -> Float[Array, ""]:
+    """Radius of curvature of the rows, |Phi_r| / |Phi''|: how far off them the Jacobian turns by a radian.
+
+    Straight rows alone have none; their Jacobian is the same wherever a state is, and it is 1.
+    """
+    curvature = jnp.sqrt(jnp.mean(jnp.where(square > 0, bends**2 / jnp.where(square > 0, square, 1.0), 0.0)))
+    return jnp.where(curvature > 0, 1 / jnp.where(curvature > 0, curvature, 1.0), 1.0)

@@ -10,6 +10,7 @@ import functools
 import io
 import re
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import registry
@@ -79,6 +80,19 @@ def unit_free(system, state):
     return unit_free_norm(rx.factorize(system, state))
 
 
+def two_on_rods(place, off):
+    """Two point masses on rods of a metre from a given place, and a state whose rods are longer by a share."""
+
+    def rods(q, t, p):
+        first, second = q[:2] - p, q[2:] - q[:2]
+        return jnp.stack([first @ first - 1.0, second @ second - 1.0])
+
+    gravity = jnp.array([0.0, -9.81, 0.0, -9.81])
+    system = rx.System(rods, jnp.ones(4), lambda q, qd, t, p: gravity, jnp.asarray(place), m=2)
+    ends = place + (1 + off) * np.cumsum([[0.8, -0.6], [0.28, -0.96]], axis=0)
+    return system, rx.State(ends.ravel(), [0.6, 0.8, 0.6, 0.8])
+
+
 # Figures ------------------------------------------------------------------------------------
 
 
@@ -105,8 +119,7 @@ def test_verdicts(name, unit):
         assert here_said == rounded, field
     assert {**one.verdicts, "reaction": ()} == {**other.verdicts, "reaction": ()}  # which systems in other units lack
     assert one.pivots == other.pivots
-    if any(kind == "angular" for kind in here[0].coordinates.kinds):  # else it compares nothing, and is 1
-        assert other.length == pytest.approx(one.length * float(units.length / units.angle), rel=1e-9)
+    assert other.length == pytest.approx(one.length * float(units.length / units.angle), rel=1e-9)
     assert np.allclose(one.singular_values, other.singular_values, rtol=0, atol=1e-12)
     assert (one.spectral_radius is None) is (other.spectral_radius is None)
     assert (one.spectral_radius or 0.0) == pytest.approx(other.spectral_radius or 0.0, rel=1e-9)
@@ -134,6 +147,22 @@ def test_default_ranges(name, unit):
         kind = one.kinds[one.names.index(pivot)]
         assert np.allclose(other.axes[0], factor(kind, units) * one.axes[0], rtol=1e-9, atol=0)
         assert_same(one.values, other.values, one.kinds, units, float(rx.factorize(*here).length))
+
+
+@pytest.mark.parametrize(("off", "accepted"), [(1e-5, False), (1e-7, True)])
+@every_unit
+def test_point_masses_are_measured_by_their_paths(unit, off, accepted):
+    """They have no angle, but the radius of the rods: a state is as far off wherever it lies, in every unit."""
+    units, found = UNITS[unit], []
+    for place in (np.zeros(2), np.array([3.0, -7.0])):
+        here = two_on_rods(place, off)
+        there = rx.in_units(here[0], units), rx.state_in_units(here[1], here[0], units)
+        found += [rx.solve(*at, throw=False) for at in (here, there)]
+    results = {True: rx.RESULTS.successful, False: rx.RESULTS.violated_constraints}
+    violations = [float(one.stats.violation.position) for one in found]
+    assert all(one.result == results[accepted] for one in found)
+    assert violations == pytest.approx([violations[0]] * 4, rel=1e-6)
+    assert off / 2 < violations[0] < 10 * off
 
 
 @pytest.mark.slow
