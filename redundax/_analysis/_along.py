@@ -8,7 +8,6 @@ curve is to the constraints says how small a singular value can be told from zer
 import dataclasses
 from typing import Any, cast
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -21,6 +20,7 @@ from .._equations._kinematics import between
 from .._equations._rank import Spectrum
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._compilation import compiled
 from .._tools._module import Numbers
 from ._analyze import analyze, orthonormal
 from ._outputs import plain
@@ -270,7 +270,7 @@ def _narrow(system: AbstractSystem, states: list[State], smallest: np.ndarray, r
     return tuple(out)
 
 
-@eqx.filter_jit
+@compiled
 def _between(
     system: AbstractSystem, first: State, second: State, s: Float[Array, ""], rank: Int[Array, ""]
 ) -> tuple[State, Spectrum]:

@@ -13,7 +13,6 @@ state has the entry 1 in a row where all others have 0.
 from functools import cache, partial
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -31,6 +30,7 @@ from .._system._friction import slip_kinds
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._compilation import compiled
 from .._tools._module import Numbers, as_float, no_classes
 from ._others import other_solutions
 from ._outputs import outputs
@@ -125,7 +125,7 @@ class _Evidence(NamedTuple):
     row_scale: Array
 
 
-@eqx.filter_jit
+@compiled
 def _evidence(factor: Factorisation) -> _Evidence:
     return _Evidence(*(getattr(factor, name) for name in _Evidence._fields))
 

@@ -8,7 +8,6 @@ little of these solutions: at a joint that stands there twice, or one without lo
 
 from typing import cast
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -23,6 +22,7 @@ from .._solvers._solver import Newton
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._compilation import compiled
 
 _AMPLITUDES = 0.5, -2.0, 10.0  # a small one, and some that turn the loads of joints around
 
@@ -47,7 +47,7 @@ def other_solutions(
     return np.asarray(_solved(system.anonymous(), state, factor, solution, added, sense))
 
 
-@eqx.filter_jit
+@compiled
 def _solved(
     system: AbstractSystem, state: State, factor: Factorisation, solution: Solution, added: Array, sense: Array | None
 ) -> Array:

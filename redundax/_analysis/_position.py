@@ -11,7 +11,6 @@ found is there at least.
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Int
@@ -20,6 +19,7 @@ from .._equations._factorisation import Factorisation
 from .._equations._kinematics import change_of_jacobian
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._compilation import compiled
 
 _CHANGES = 1e-4  # relative change of a projector that is more than the blur of a state beside the manifold
 
@@ -31,7 +31,7 @@ class Position(NamedTuple):
     unique_only_here: Bool[Array, " m"]
 
 
-@eqx.filter_jit
+@compiled
 def position(system: AbstractSystem, state: State, factor: Factorisation) -> Position:
     """The nature of the position of a state."""
     inverse, stress, motion = factor.split

@@ -21,7 +21,6 @@ import dataclasses
 import enum
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
@@ -34,6 +33,7 @@ from .._solve._solution import Solution
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._compilation import compiled
 from .._tools._module import Numbers, as_float, no_classes
 
 _RIGID = 1e-13  # 1/s and compliance, relative to the largest, that are rounding
@@ -148,7 +148,7 @@ def _verdict(eigenvalues: np.ndarray) -> Settling:
     return Settling.FLUTTER if np.any(turning) else Settling.STABLE
 
 
-@eqx.filter_jit
+@compiled
 def _figures(
     system: AbstractSystem,
     state: State,

@@ -27,7 +27,6 @@ import enum
 from collections.abc import Callable
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -39,6 +38,7 @@ from .._solve._reduced import reduce
 from .._solve._solution import Solution
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._compilation import compiled
 from ._outputs import sizes, unknowns
 
 _STRUCTURAL = 1e-10  # relative size of a coefficient that is rounding
@@ -159,7 +159,7 @@ def family(
     )
 
 
-@eqx.filter_jit
+@compiled
 def _figures(
     system: AbstractSystem,
     state: State,

@@ -9,12 +9,12 @@ as from a coupling of angles. The moment about another point p is that about r_i
 
 from typing import Any
 
-import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Array
 
 from .._system._state import State
+from .._tools._compilation import compiled
 from ._body import GROUND, Pose, poses
 from ._joints import AbstractJoint
 from ._loads import Motion, Wrench
@@ -79,7 +79,7 @@ def _wrenches(mechanism: Mechanism, state: State) -> list[tuple[np.ndarray, ...]
     return out
 
 
-@eqx.filter_jit
+@compiled
 def _slopes(joints: tuple[Stack, ...], state: State) -> list[tuple[Array, Array, Array]]:
     def of_joint(joint: AbstractJoint, i: Pose, j: Pose) -> tuple[Array, Array, Array]:
         return joint.jacobian(i, j, state.t), _point(joint, "point_i", i) - i.r, _point(joint, "point_j", j) - j.r

@@ -21,6 +21,7 @@ from jaxtyping import Array, Float
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._system._units import Units
+from .._tools._compilation import compiled
 from .._tools._module import Numbers, as_float, known, optional_float
 
 
@@ -50,7 +51,7 @@ def elasticity(closure: AbstractClosure, system: AbstractSystem, state: State) -
     return _elasticity(closure, system.anonymous(), state, whole=all(map(known, given)))
 
 
-@eqx.filter_jit
+@compiled
 def _elasticity(closure: AbstractClosure, system: AbstractSystem, state: State, *, whole: bool) -> Elasticity:
     m = len(system.rows)
     compliance, misfit = (jnp.asarray(x, state.qd.dtype) for x in closure.compliance(system, state))

@@ -10,7 +10,6 @@ is 1e-3 for b = 30 L and 1e6 for b = L / 1000, and no part misses its place by L
 import warnings
 from weakref import WeakValueDictionary
 
-import equinox as eqx
 import numpy as np
 from jaxtyping import Array
 
@@ -18,6 +17,7 @@ from .._equations._scaling import scaling
 from .._system._axis import Axis
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._compilation import compiled
 from ._closure import AbstractClosure, elasticity
 
 _LEAST, _MOST = 1e-3, 1e6
@@ -39,7 +39,7 @@ def check_units(system: AbstractSystem, state: State, closure: AbstractClosure, 
             warnings.warn(f"{problem}; if the figures are meant, ignore this warning.", stacklevel=stacklevel + 1)
 
 
-@eqx.filter_jit
+@compiled
 def _length(system: AbstractSystem, state: State) -> Array:
     """L."""
     return scaling(system, state, system.jacobian(state.q, state.t)).length

@@ -25,6 +25,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._compilation import compiled
 from .._tools._module import Numbers, as_float, known, still
 from ._kinematics import second_order
 from ._rank import split
@@ -131,7 +132,7 @@ def _tell(what: str, misfit: _Misfit, labels: tuple[str, ...], throw: bool | Non
             f"No {what} satisfies the constraints near the guess. What cannot be met together: "
             f"{', '.join(labels[k] for k in failing)}. Give a better guess, or change given values or lengths."
         )
-    worst, told = int(jnp.argmax(misfit.relative)), ""
+    worst, told = int(np.argmax(misfit.relative)), ""
     if failing and not misfit.refused:
         told = (
             f"The constraints cannot be met exactly: the nearest {what} misses {labels[worst]} by "
@@ -148,7 +149,7 @@ def _tell(what: str, misfit: _Misfit, labels: tuple[str, ...], throw: bool | Non
         warnings.warn(told, stacklevel=3)
 
 
-@eqx.filter_jit
+@compiled
 def _assemble(
     system: AbstractSystem,
     guess: State,

@@ -15,7 +15,6 @@ condition (14), rank [M Phi_q^T] = n, holds. No matrix is multiplied with its tr
 number is that of K, not its square. One step of iterative refinement follows, which keeps mass ratios harmless.
 """
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
@@ -25,6 +24,7 @@ from .._system._decision import Decision
 from .._system._results import RESULTS, first_failure
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._compilation import compiled
 from ._evidence import ScaledMotion, Violation, independence_of, rate_noise, ratio, singularity_of, violation_of
 from ._kinematics import second_order
 from ._rank import Spectrum, Split, split
@@ -256,7 +256,7 @@ def factorisation_at(
     return factor
 
 
-@eqx.filter_jit
+@compiled
 def _factorize(system: AbstractSystem, state: State, rank: Int[Array, ""] | None) -> Factorisation:
     matrix = system.jacobian(state.q, state.t)
     motion, explicit, turned = second_order(system, state)

@@ -22,6 +22,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from .._tools._compilation import compiled
+
 _WIDEST = 1e6  # ratio of compliances up to which the scale is one of logarithms
 
 
@@ -134,7 +136,7 @@ def corners(cases: AbstractCases) -> Float[Array, "vertices q"]:
     return jnp.where(high == 1, cases.upper, cases.lower)
 
 
-@eqx.filter_jit
+@compiled
 def multipliers_of(cases: AbstractCases, theta: Float[Array, "s q"], tau: Float[Array, " p"]) -> Float[Array, "s m"]:
     """Multipliers of many cases under one friction."""
 

@@ -13,7 +13,6 @@ Every value is attained by a solution within the limits, so that what is found l
 from collections.abc import Callable
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -22,6 +21,7 @@ from jaxtyping import Array, Float
 
 from .._solve._all_solutions import search
 from .._solvers._solver import Newton, Root, closed_root
+from .._tools._compilation import compiled
 from ._cases import AbstractCases
 from ._solution_set import SolutionSet
 
@@ -60,7 +60,7 @@ def within(good: Array | np.ndarray, excess: Array | np.ndarray) -> np.ndarray:
     return np.asarray(good) & (np.asarray(excess) <= WITHIN)
 
 
-@eqx.filter_jit
+@compiled
 def sampled(
     solutions: SolutionSet, cases: AbstractCases, theta: Float[Array, "s q"], factors: Float[Array, "starts l"]
 ) -> Found:
@@ -84,7 +84,7 @@ def _found(solutions: SolutionSet, cases: AbstractCases, theta: Array, tau: Arra
     return Found(theta, tau, values, excess, good & jnp.all(jnp.isfinite(values)))
 
 
-@eqx.filter_jit
+@compiled
 def improved(
     solutions: SolutionSet,
     cases: AbstractCases,

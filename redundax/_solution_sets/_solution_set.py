@@ -21,6 +21,7 @@ from .._solve._reduced import reduce
 from .._solvers._friction_problem import FrictionProblem, Law
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._compilation import compiled
 
 _MINIMUM_NORM = MinimumNorm()
 
@@ -73,7 +74,7 @@ def solution_set(
     return _solution_set(system.anonymous(), state, factor, stress, sense, elasticity(closure, system, state))
 
 
-@eqx.filter_jit
+@compiled
 def _solution_set(
     system: AbstractSystem,
     state: State,

@@ -7,7 +7,6 @@ friction, all in one batch, and keeps what differs. Finding no more is no proof 
 
 from typing import cast
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -23,6 +22,7 @@ from .._system._friction import slip_kinds
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._compilation import compiled
 from .._tools._module import Numbers, as_float
 from ._reduced import reduce
 from ._solution import Solution
@@ -82,7 +82,7 @@ def frictional_solutions(
     return [solution for solution in batch if solution.result == RESULTS.successful]
 
 
-@eqx.filter_jit
+@compiled
 def _guesses(
     system: AbstractSystem,
     state: State,

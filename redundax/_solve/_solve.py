@@ -31,6 +31,7 @@ from .._system._results import RESULTS, first_failure
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._chunks import batched_with, in_chunks
+from .._tools._compilation import compiled
 from .._tools._module import Numbers, as_float, known, no_classes
 from ._reduced import Reduced, reduce
 from ._solution import Solution, Stats
@@ -108,7 +109,7 @@ def solve(
     return _thrown(system, state, solution, throw)
 
 
-@eqx.filter_jit
+@compiled
 def solve_factorised(
     system: AbstractSystem,
     state: State,

@@ -11,7 +11,6 @@ another solution; so one solution found anywhere brings the others of its curve.
 from collections.abc import Callable
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -20,6 +19,7 @@ from ..._solve._all_solutions import search
 from ..._solvers._arclength import bordered, follow
 from ..._solvers._friction_problem import FrictionProblem
 from ..._solvers._solver import Newton
+from ..._tools._compilation import compiled
 from .._solution_set import SolutionSet
 
 _MAX_PATH = 400
@@ -43,7 +43,7 @@ class Walk(NamedTuple):
     fold: Float[Array, ""]
 
 
-@eqx.filter_jit
+@compiled
 def search_along(
     solutions: SolutionSet, z: Float[Array, "samples k"], factors: Float[Array, "starts l"]
 ) -> tuple[Float[Array, "samples starts+1 p"], Bool[Array, "samples starts+1"]]:
@@ -54,7 +54,7 @@ def search_along(
     return jax.vmap(lambda z: search(_at(solutions, z), factors))(z)
 
 
-@eqx.filter_jit
+@compiled
 def walk(
     solutions: SolutionSet,
     tau: Float[Array, "walks p"],

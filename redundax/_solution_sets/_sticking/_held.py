@@ -10,12 +10,12 @@ Newton's method on (tau, t); what it ends with is checked, so that a state calle
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..._tools._compilation import compiled
 from .._cases import AbstractCases
 from .._descent import within
 from .._solution_set import SolutionSet
@@ -45,7 +45,7 @@ class Held(NamedTuple):
         return within(self.good, self.excess)
 
 
-@eqx.filter_jit
+@compiled
 def held(
     solutions: SolutionSet,
     cases: AbstractCases,

@@ -23,6 +23,7 @@ from jaxtyping import Array, Float
 
 from ..._analysis._verdict import spectral_radius
 from ..._solvers._gauss_seidel import gauss_seidel
+from ..._tools._compilation import compiled
 from .._cases import AbstractCases
 from .._solution_set import SolutionSet
 from ._at_rest import NONE, Drive
@@ -48,7 +49,7 @@ class Looked(NamedTuple):
     excess: Array | np.ndarray
 
 
-@eqx.filter_jit
+@compiled
 def looked(
     solutions: SolutionSet, cases: AbstractCases, theta: Float[Array, "s q"], tau: Float[Array, "s p"]
 ) -> Looked:
@@ -76,7 +77,7 @@ def _limits(solutions: SolutionSet, multipliers: Array) -> tuple[Array, Array]:
     return jnp.minimum(one, two), jnp.maximum(one, two)
 
 
-@eqx.filter_jit
+@compiled
 def settled(
     solutions: SolutionSet,
     cases: AbstractCases,

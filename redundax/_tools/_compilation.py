@@ -1,0 +1,63 @@
+"""How programs are compiled: in little time outside transformations, with all optimisation inside them.
+
+A call whose numbers are all there runs few times, and compiling it takes thousands of times as long as running it. It
+is compiled without optimisation, and at once, even where a `vmap` or `jit` around it traces something else: what does
+not depend on traced numbers is not traced again for them.
+"""
+
+import functools
+from collections.abc import Callable
+from typing import ParamSpec, TypeVar
+
+import equinox as eqx
+import jax
+import jax.core
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+_QUICK = {
+    "xla_cpu_use_fusion_emitters": False,  # the older code generator
+    "xla_backend_optimization_level": 0,
+    "xla_llvm_disable_expensive_passes": True,
+    "xla_cpu_enable_concurrency_optimized_scheduler": False,  # LAPACK calls side by side can wait for good on few cores
+}
+
+
+def compiled(function: Callable[P, T]) -> Callable[P, T]:
+    """`eqx.filter_jit`, compiled in little time and run at once where no argument is traced."""
+    inside = eqx.filter_jit(function)
+
+    @functools.cache
+    def outside() -> Callable[P, T]:
+        return eqx.filter_jit(function, compiler_options=quick_options())  # pyright: ignore[reportCallIssue]
+
+    @functools.wraps(function)
+    def run(*arguments: P.args, **named: P.kwargs) -> T:
+        if any(isinstance(x, jax.core.Tracer) for x in jax.tree.leaves((arguments, named))):
+            return inside(*arguments, **named)
+        try:
+            with jax.core.eval_context():
+                return outside()(*arguments, **named)
+        except jax.errors.UnexpectedTracerError:  # a function of the user holds a traced number
+            return inside(*arguments, **named)
+
+    return run
+
+
+@functools.cache
+def quick_options() -> dict[str, bool | int]:
+    """Options of `jax.jit` for a program that runs a few times, as far as this XLA knows them; none but for CPUs."""
+    if jax.default_backend() != "cpu":
+        return {}
+    if _are_known(_QUICK):
+        return _QUICK
+    return {name: value for name, value in _QUICK.items() if _are_known({name: value})}
+
+
+def _are_known(options: dict[str, bool | int]) -> bool:
+    try:
+        jax.jit(lambda: 0, compiler_options=options).lower().compile()
+    except jax.errors.JaxRuntimeError:
+        return False
+    return True

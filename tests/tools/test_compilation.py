@@ -1,0 +1,108 @@
+"""Programs outside transformations: compiled in little time, run at once, with the numbers of optimised ones."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import redundax as rx
+from redundax._tools import _compilation
+from redundax._tools._compilation import compiled, quick_options
+
+MECHANISMS = {
+    "wojtyra2020": lambda: rx.mechanisms.wojtyra2020(mu_rho=0.02),
+    "slider_crank": lambda: rx.mechanisms.slider_crank(),
+}
+
+
+@compiled
+def square(x, scale=1.0):
+    return scale * x**2
+
+
+@compiled
+def applied(function, x):
+    return function(x)
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_a_call_by_itself_agrees_with_an_optimised_program(name):
+    mechanism = MECHANISMS[name]()
+    state = mechanism.state(phi=0.7, rate=1.3)
+    optimised = {"xla_backend_optimization_level": 3, "xla_cpu_use_fusion_emitters": True}
+    options = {option: value for option, value in optimised.items() if option in quick_options()}
+    inside = jax.jit(lambda *given: _figures(rx.solve(*given)), compiler_options=options)(mechanism, state)
+    for own, other in zip(_figures(rx.solve(mechanism, state)), inside, strict=True):
+        np.testing.assert_allclose(own, other, rtol=1e-12, atol=1e-12 * np.max(np.abs(other), initial=0.0))
+
+
+def _figures(solution):
+    return solution.acceleration, solution.multipliers, solution.friction
+
+
+def test_what_is_known_is_known_inside_transformations():
+    seen = []
+
+    def one(x):
+        seen.append(square(jnp.asarray(known)))
+        return x + seen[-1]
+
+    known = jnp.asarray(3.0)
+    assert jax.jit(one)(1.0) == 10
+    assert jax.grad(one)(1.0) == 1
+    np.testing.assert_array_equal(jax.vmap(one)(jnp.arange(2.0)), [9, 10])
+    assert not any(isinstance(value, jax.core.Tracer) for value in seen[1:])
+    assert isinstance(compiled(lambda: jnp.ones(()))(), jax.Array)
+
+
+def test_what_does_not_depend_on_the_sample_is_traced_once():
+    """The factorisation under a `vmap` over closures."""
+    traced = []
+
+    def constraint(q, t, _):
+        traced.append(q)
+        return jnp.stack([q[0] + q[1], 2 * q[0] + 2 * q[1]])
+
+    system = rx.System(mass=jnp.eye(2), constraint=constraint)
+    state = rx.State(jnp.zeros(2), jnp.zeros(2))
+    rx.factorize(system, state)
+    before = len(traced)
+    assert before > 0
+    jax.vmap(lambda x: x * rx.factorize(system, state).gamma[0])(jnp.arange(3.0))
+    jax.jit(lambda x: x * rx.factorize(system, state).gamma[0])(1.0)
+    assert len(traced) == before
+
+
+def test_functions_that_hold_traced_numbers():
+    x, ones = jnp.arange(3.0), jnp.ones(())
+
+    def outer(x):
+        return applied(lambda y: y + x, ones)
+
+    np.testing.assert_array_equal(jax.vmap(outer)(x), x + 1)
+    assert jax.jit(outer)(2.0) == 3
+    assert jax.grad(outer)(2.0) == 1
+    assert outer(2.0) == 3
+
+
+def test_derivatives_and_batches_go_through():
+    assert jax.grad(square)(3.0) == 6
+    assert jax.jvp(lambda x: square(x, scale=2.0), (3.0,), (1.0,))[1] == 12
+    np.testing.assert_array_equal(jax.vmap(square)(jnp.arange(3.0)), [0, 1, 4])
+
+
+def test_settings_of_jax_hold():
+    with jax.disable_jit():
+        assert square(jnp.asarray(2.0)) == 4
+    with jax.debug_nans(True), pytest.raises(FloatingPointError):
+        square(jnp.asarray(jnp.inf)) - compiled(jnp.log)(jnp.asarray(-1.0))
+
+
+def test_options_that_xla_does_not_know_are_left_out(monkeypatch):
+    monkeypatch.setattr(_compilation, "_QUICK", {"xla_of_another_year": True, "xla_backend_optimization_level": 0})
+    quick_options.cache_clear()
+    assert quick_options() == {"xla_backend_optimization_level": 0}
+    monkeypatch.undo()
+    quick_options.cache_clear()
+    if jax.default_backend() == "cpu":
+        assert "xla_backend_optimization_level" in quick_options()
