@@ -3,6 +3,7 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
 from .._tools._module import as_float, known
@@ -37,7 +38,7 @@ class Body(eqx.Module):
                     f"Argument `{name}` of body '{self.name}' must be a number, but has shape {value.shape}. "
                     "Make one `Body` for each."
                 )
-            if known(value) and not value >= 0:
+            if known(value) and not np.asarray(value) >= 0:
                 raise ValueError(
                     f"Argument `{name}` of '{self.name}' must not be negative, but is {float(value)}. Zero is allowed "
                     "where the constraints leave the coordinate no freedom of its own, condition (14)."
@@ -96,7 +97,7 @@ def _axes_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[tuple[Arra
     return (along, across), (rate * across, -rate * along)
 
 
-def perpendicular(v: Float[Array, "2"]) -> Float[Array, "2"]:
+def perpendicular(v: Float[np.ndarray | Array, "2"]) -> Float[Array, "2"]:
     """v turned by +90 degrees."""
     return jnp.stack([-v[1], v[0]])
 

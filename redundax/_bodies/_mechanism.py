@@ -17,7 +17,8 @@ from jaxtyping import Array, Float, Int, Shaped
 from .._system._axis import Axis
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._module import Numbers, as_float, as_functions, as_vector, check_position, moved, replace, taken
+from .._tools._compilation import compiled
+from .._tools._module import Numbers, as_functions, as_vector, check_position, floats, moved, on_device, replace, taken
 from ._body import Body, poses
 from ._joint_friction import FrictionMembers, JointFriction, friction_members
 from ._joints import AbstractJoint
@@ -135,24 +136,16 @@ class Mechanism(AbstractSystem):
                 "Argument `pose` of the mechanism must be given to use `state`, but it is None. "
                 "Use `rx.assemble`, which closes the mechanism from a guess."
             )
-        names, given = tuple(named), tuple(as_float(x) for x in (*coordinates, *named.values()))
+        names, given = tuple(named), tuple(floats(x) for x in (*coordinates, *named.values()))
         rates = tuple(rate) if isinstance(rate, tuple | list) else (rate,)
         if len(rates) != len(given):
             raise ValueError(
                 f"Argument `rate` must hold a rate for each of the {len(given)} independent coordinates, "
                 f"but holds {len(rates)}. Give a tuple with as many."
             )
-        positional = len(coordinates)
-
-        chart = self.pose
-
-        def pose(*values: Array) -> Array:
-            return chart(*values[:positional], **dict(zip(names, values[positional:], strict=True)))
-
         dtype = jnp.result_type(*given)
-        tangents = tuple(jnp.asarray(r, dtype) for r in rates)
-        q, qd = jax.jvp(pose, tuple(x.astype(dtype) for x in given), tangents)
-        return State(q, qd, t)
+        values, tangents = (tuple(on_device(floats(x).astype(dtype)) for x in numbers) for numbers in (given, rates))
+        return State(*_along(self.pose, values, tangents, names), t)
 
     def mass(self, q: Array, t: Array) -> Float[Array, "n n"]:
         return jnp.diag(jnp.concatenate([jnp.repeat(self.body.mass, 2), self.body.inertia]))
@@ -205,6 +198,19 @@ class Mechanism(AbstractSystem):
         friction = ", ".join(label for members in self._friction for label in members.slips.labels)
         parts = (f"bodies {', '.join(self.body_names)}", *kinds, f"friction in {friction or 'none'}")
         return f"Mechanism with {sizes}: {'; '.join(parts)}"
+
+
+@compiled
+def _along(
+    pose: Callable[..., Array], values: tuple[Array, ...], rates: tuple[Array, ...], names: tuple[str, ...]
+) -> tuple[Array, Array]:
+    """The position at values of the independent coordinates, the last of them given by name, and the velocity."""
+    positional = len(values) - len(names)
+
+    def position(*values: Array) -> Array:
+        return pose(*values[:positional], **dict(zip(names, values[positional:], strict=True)))
+
+    return jax.jvp(position, values, rates)
 
 
 def _rows(

@@ -9,11 +9,10 @@ from typing import Any, Generic, TypeVar
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int
 
-from .._tools._module import as_functions, replace, taken
+from .._tools._module import as_functions, numpy_of, on_device, replace, taken
 from ._body import GROUND
 
 
@@ -61,7 +60,7 @@ def kinds(elements: Sequence[E]) -> list[list[int]]:
 
 def stacked(elements: Sequence[E]) -> E:
     """One element whose arrays have a leading axis over the given elements of one kind."""
-    return jax.tree.map(lambda *x: jnp.stack(x) if eqx.is_array(x[0]) else x[0], *elements)
+    return jax.tree.map(lambda *x: on_device(numpy_of(x).stack(x)) if eqx.is_array(x[0]) else x[0], *elements)
 
 
 def stacks(
@@ -86,4 +85,4 @@ def stacks(
 
 def indices(values: Any) -> Int[Array, "..."]:
     """Indices as data."""
-    return jnp.asarray(np.array(values, dtype=np.int32))
+    return on_device(np.array(values, dtype=np.int32))

@@ -23,8 +23,28 @@ Numbers = ArrayLike | Sequence[Any]
 
 def as_float(value: Numbers) -> Array:
     """`value` as a floating-point array; the dtype follows the input, integers take the default."""
-    array = jnp.asarray(value)
+    if isinstance(value, jax.Array) and known(value) and value.dtype == jnp.result_type(value, float):
+        return value
+    return on_device(floats(value))
+
+
+def floats(value: Numbers) -> np.ndarray | Array:
+    """`value` as floating-point numbers: in NumPy, which compiles nothing, where they are known, else traced."""
+    array = numpy_of(value).asarray(value)
     return array.astype(jnp.result_type(array, float))
+
+
+def numpy_of(*values: Any) -> Any:
+    """NumPy where all values are known, and else `jax.numpy`: of the same names."""
+    return np if all(map(known, jax.tree.leaves(values))) else jnp
+
+
+def on_device(array: np.ndarray | Array) -> Array:
+    """`array` for JAX, at once, even where something else is traced: nothing is compiled for it."""
+    if isinstance(array, jax.core.Tracer):
+        return array
+    with jax.core.eval_context():
+        return jax.device_put(array)
 
 
 def optional_float(value: Numbers | None) -> Array | None:
@@ -57,7 +77,7 @@ def cores() -> int:
     return len(allowed(0)) if allowed else os.cpu_count() or 1
 
 
-def known(value: Array) -> bool:
+def known(value: Any) -> bool:
     """Whether the value is there to be checked, not traced."""
     return not isinstance(value, jax.core.Tracer)
 
@@ -132,11 +152,11 @@ def positive(name: str, value: Array) -> None:
 
 def unit(v: Numbers) -> Array:
     """v / |v| as a floating-point array."""
-    v = as_vector(v)
-    size = jnp.linalg.norm(v)
+    v = floats(as_vector(v))
+    size = numpy_of(v).linalg.norm(v)
     if known(size) and not size > 0:
         raise ValueError("Argument `normal` must not be zero: it gives the direction of a line, but is (0, 0).")
-    return v / size
+    return on_device(v / size)
 
 
 @jax.custom_jvp

@@ -16,14 +16,14 @@ from jaxtyping import Array, Float
 from .._bodies._body import Body
 from .._bodies._loads import AppliedForce
 from .._bodies._mechanism import Mechanism
-from .._tools._module import as_float
+from .._tools._module import as_float, floats
 from ._parts import Numbers, at_least, parallel_guides, point
 
 
 class _Pose(eqx.Module):
     """Coordinates at the travel s."""
 
-    angle: Float[Array, ""]
+    angle: Float[Array, ""] = eqx.field(converter=as_float)
 
     def __call__(self, s: Float[Array, ""]) -> Float[Array, "3"]:
         return jnp.stack([s * jnp.cos(self.angle), s * jnp.sin(self.angle), self.angle])
@@ -69,7 +69,7 @@ def carriage(
     `state(s, rate=...)` gives the state at travel s (m) along the guides and its speed (m/s).
     """
     at_least("guides", guides, 1, "Without a guide the carriage is a free body.")
-    gravity, angle = as_float(gravity), as_float(angle)
+    gravity, angle = floats(gravity), floats(angle)
     return Mechanism(
         [Body("carriage", mass, inertia)],
         parallel_guides("carriage", guides, gauge, offset, angle, mu, guide_length),

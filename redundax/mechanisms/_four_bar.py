@@ -14,17 +14,17 @@ from jaxtyping import Array, Float
 from .._bodies._body import GROUND, perpendicular
 from .._bodies._joints import Revolute
 from .._bodies._mechanism import Mechanism
-from .._tools._module import as_float
+from .._tools._module import as_float, floats
 from ._parts import Numbers, coulomb, each, point, uniform_rod
 
 
 class _Pose(eqx.Module):
     """Coordinates at crank angle phi, NaN where the loop cannot be closed."""
 
-    crank: Float[Array, ""]
-    coupler: Float[Array, ""]
-    rocker: Float[Array, ""]
-    ground: Float[Array, ""]
+    crank: Float[Array, ""] = eqx.field(converter=as_float)
+    coupler: Float[Array, ""] = eqx.field(converter=as_float)
+    rocker: Float[Array, ""] = eqx.field(converter=as_float)
+    ground: Float[Array, ""] = eqx.field(converter=as_float)
     side: float = eqx.field(static=True)
 
     def __call__(self, phi: Float[Array, ""]) -> Float[Array, " 12"]:
@@ -77,7 +77,7 @@ def doubled_four_bar(
 
     `state(phi, rate=...)` gives the state at crank angle phi (rad) and crank rate (rad/s).
     """
-    a, b, c, d, gravity = (as_float(x) for x in (crank, coupler, rocker, ground, gravity))
+    a, b, c, d, gravity = (floats(x) for x in (crank, coupler, rocker, ground, gravity))
     masses = each("coupler_mass", coupler_mass, 2, "coupler")
     friction = coulomb("mu_rho", mu_rho, 6)
     bodies = [

@@ -15,15 +15,15 @@ from jaxtyping import Array, Float
 
 from .._bodies._joints import Revolute
 from .._bodies._mechanism import Mechanism
-from .._tools._module import as_float
-from ._parts import Numbers, at_least, coulomb, crank_poses, each, pivoted_cranks, point, uniform_rod
+from .._tools._module import as_float, floats
+from ._parts import Numbers, at_least, coulomb, crank_poses, each, in_a_row, pivoted_cranks, point, uniform_rod
 
 
 class _Pose(eqx.Module):
     """Coordinates at crank angle phi."""
 
-    pivots: Float[Array, " cranks"]
-    length: Float[Array, ""]
+    pivots: Float[Array, " cranks"] = eqx.field(converter=as_float)
+    length: Float[Array, ""] = eqx.field(converter=as_float)
 
     def __call__(self, phi: Float[Array, ""]) -> Float[Array, " n"]:
         centres, tips = crank_poses(self.pivots, self.length, phi)
@@ -67,9 +67,9 @@ def n_four_bar(
     `state(phi, rate=...)` gives the state at crank angle phi (rad), from the line of pivots, and crank rate (rad/s).
     """
     at_least("loops", loops, 1, "One loop is a four-bar linkage of two cranks and a coupler.")
-    length, gravity = as_float(crank), as_float(gravity)
+    length, gravity = floats(crank), floats(gravity)
     gaps = each("spacing", spacing, loops, "gap")
-    pivots = jnp.concatenate([jnp.zeros_like(gaps[:1]), jnp.cumsum(gaps)])
+    pivots = in_a_row(gaps)
     friction = coulomb("mu_rho", mu_rho, 3 * loops + 1)
     masses = each("crank_mass", crank_mass, loops + 1, "crank")
     bodies, joints = pivoted_cranks(pivots, length, masses, friction[: loops + 1])

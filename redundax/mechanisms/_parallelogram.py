@@ -17,15 +17,15 @@ from jaxtyping import Array, Float
 from .._bodies._body import GROUND
 from .._bodies._joints import AngleDriver, Polynomial, Revolute
 from .._bodies._mechanism import Mechanism
-from .._tools._module import as_float
-from ._parts import Numbers, at_least, coulomb, crank_poses, each, pivoted_cranks, point, uniform_rod
+from .._tools._module import as_float, floats
+from ._parts import Numbers, at_least, coulomb, crank_poses, each, in_a_row, pivoted_cranks, point, uniform_rod
 
 
 class _Pose(eqx.Module):
     """Coordinates at crank angle phi; the coupler's centre is in its middle."""
 
-    pivots: Float[Array, " cranks"]
-    length: Float[Array, ""]
+    pivots: Float[Array, " cranks"] = eqx.field(converter=as_float)
+    length: Float[Array, ""] = eqx.field(converter=as_float)
 
     def __call__(self, phi: Float[Array, ""]) -> Float[Array, " n"]:
         centres, tips = crank_poses(self.pivots, self.length, phi)
@@ -156,9 +156,9 @@ def _linkage(
     law: Callable[[Array], Array] | None,
 ) -> Mechanism:
     at_least("cranks", count, 2, "A coupler on one crank is a double pendulum: give it a second crank.")
-    length, gravity = as_float(crank), as_float(gravity)
+    length, gravity = floats(crank), floats(gravity)
     gaps = each("spacing", spacing, count - 1, "gap")
-    pivots = jnp.concatenate([jnp.zeros_like(gaps[:1]), jnp.cumsum(gaps)])
+    pivots = in_a_row(gaps)
     friction = coulomb("mu_rho", mu_rho, 2 * count)
     bodies, ground = pivoted_cranks(pivots, length, each("crank_mass", crank_mass, count, "crank"), friction[:count])
     upper = [

@@ -8,13 +8,14 @@ guide    body point (x_k, y_k) on the line y = y_k of the guides' frame
 from collections.abc import Sequence
 
 import jax.numpy as jnp
+import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from .._bodies._body import GROUND, Body
 from .._bodies._friction_model import Coulomb
 from .._bodies._joints import Revolute, Translational
-from .._tools._module import Numbers, as_float
+from .._tools._module import Numbers, floats, numpy_of
 
 
 def at_least(name: str, value: int, least: int, fix: str) -> None:
@@ -23,15 +24,15 @@ def at_least(name: str, value: int, least: int, fix: str) -> None:
         raise ValueError(f"Argument `{name}` must be at least {least}, but is {value}. {fix}")
 
 
-def each(name: str, value: Numbers, count: int, what: str) -> Float[Array, " count"]:
+def each(name: str, value: Numbers, count: int, what: str) -> Float[np.ndarray | Array, " count"]:
     """One number for each of `count` parts; a single number stands for all."""
-    array = as_float(value)
+    array = floats(value)
     if array.shape not in ((), (count,)):
         raise ValueError(
             f"Argument `{name}` must be a number or have {count} entries, one for each {what}, but has shape "
             f"{array.shape}. Give one number for all, or that many."
         )
-    return jnp.broadcast_to(array, (count,))
+    return numpy_of(array).broadcast_to(array, (count,))
 
 
 def coulomb(name: str, coefficient: Numbers | None, count: int) -> list[Coulomb | None]:
@@ -41,24 +42,30 @@ def coulomb(name: str, coefficient: Numbers | None, count: int) -> list[Coulomb 
     return [Coulomb(value) for value in each(name, coefficient, count, "joint")]
 
 
-def point(x: ArrayLike, y: ArrayLike = 0.0) -> Float[Array, "2"]:
+def point(x: ArrayLike, y: ArrayLike = 0.0) -> Float[np.ndarray | Array, "2"]:
     """The point (x, y)."""
-    return jnp.stack([as_float(x), as_float(y)])
+    return numpy_of(x, y).stack([floats(x), floats(y)])
+
+
+def in_a_row(gaps: Float[np.ndarray | Array, " gaps"]) -> Float[np.ndarray | Array, " gaps+1"]:
+    """Places on a line with these distances, the first at 0."""
+    return numpy_of(gaps).cumsum(numpy_of(gaps).append(0 * gaps[:1], gaps))
 
 
 def uniform_rod(name: str, mass: ArrayLike, length: ArrayLike) -> Body:
     """A uniform slender rod; without mass it has no inertia either."""
-    mass, length = as_float(mass), as_float(length)
+    mass, length = floats(mass), floats(length)
     return Body(name, mass, mass * length**2 / 12)
 
 
 def pivoted_cranks(
-    pivots: Float[Array, " cranks"],
-    length: Float[Array, ""],
-    mass: Float[Array, " cranks"],
+    pivots: Float[np.ndarray | Array, " cranks"],
+    length: ArrayLike,
+    mass: Float[np.ndarray | Array, " cranks"],
     friction: Sequence[Coulomb | None],
 ) -> tuple[list[Body], list[Revolute]]:
     """Equal rods "crank 1", "crank 2", ... on ground revolutes A1, A2, ... at the points (X_c, 0)."""
+    length = floats(length)
     bodies = [uniform_rod(f"crank {c}", mass[c - 1], length) for c in range(1, len(friction) + 1)]
     joints = [
         Revolute(f"A{c}", body.name, GROUND, point_i=point(-length / 2), point_j=point(pivots[c - 1]), friction=own)
@@ -86,10 +93,11 @@ def parallel_guides(
     guide_length: ArrayLike | None,
 ) -> list[Translational]:
     """Parallel ground guides K1, K2, ... of one body, spread over `gauge` across and `offset` along them."""
-    angle = as_float(angle)
-    normal = jnp.stack([-jnp.sin(angle), jnp.cos(angle)])
-    spread = jnp.linspace(-0.5, 0.5, count) if count > 1 else jnp.zeros(1)
-    x, y = as_float(offset) * spread, as_float(gauge) * spread
+    angle = floats(angle)
+    numpy = numpy_of(angle)
+    normal = numpy.stack([-numpy.sin(angle), numpy.cos(angle)])
+    spread = np.linspace(-0.5, 0.5, count) if count > 1 else np.zeros(1)
+    x, y = floats(offset) * spread, floats(gauge) * spread
     return [
         Translational(
             f"K{k + 1}",

@@ -15,15 +15,15 @@ from .._bodies._body import GROUND, Body
 from .._bodies._joints import Revolute
 from .._bodies._loads import AppliedForce
 from .._bodies._mechanism import Mechanism
-from .._tools._module import as_float
+from .._tools._module import as_float, floats
 from ._parts import Numbers, at_least, coulomb, parallel_guides, point, uniform_rod
 
 
 class _Pose(eqx.Module):
     """Coordinates at crank angle phi, NaN where the rod cannot reach."""
 
-    crank: Float[Array, ""]
-    rod: Float[Array, ""]
+    crank: Float[Array, ""] = eqx.field(converter=as_float)
+    rod: Float[Array, ""] = eqx.field(converter=as_float)
 
     def __call__(self, phi: Float[Array, ""]) -> Float[Array, " 9"]:
         pin = self.crank * jnp.stack([jnp.cos(phi), jnp.sin(phi)])
@@ -77,7 +77,7 @@ def slider_crank(
     `state(phi, rate=...)` gives the state at crank angle phi (rad), 0 in the outer dead centre, and crank rate (rad/s).
     """
     at_least("guides", guides, 1, "Without a guide the slider is a third link of a pendulum.")
-    a, b, gravity = as_float(crank), as_float(rod), as_float(gravity)
+    a, b, gravity = floats(crank), floats(rod), floats(gravity)
     friction = coulomb("mu_rho", mu_rho, 3)
     bodies = [
         uniform_rod("crank", crank_mass, a),

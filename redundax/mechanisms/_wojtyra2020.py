@@ -5,6 +5,8 @@ and along the coupler (joint L). n = m = 12, rank 11, one degree of freedom. Dat
 half the crank h = l sqrt(2), which alone closes the loops of Table 1.
 """
 
+import math
+
 import equinox as eqx
 import jax.numpy as jnp
 from jax.typing import ArrayLike
@@ -13,17 +15,17 @@ from jaxtyping import Array, Float
 from .._bodies._body import GROUND, Body
 from .._bodies._joints import Revolute, Translational
 from .._bodies._mechanism import Mechanism
-from .._tools._module import as_float
+from .._tools._module import as_float, floats
 from ._parts import coulomb
 
 
 class _Pose(eqx.Module):
     """Coordinates at crank angle phi."""
 
-    length: Float[Array, ""]
+    length: Float[Array, ""] = eqx.field(converter=as_float)
 
     def __call__(self, phi: Float[Array, ""]) -> Float[Array, " 12"]:
-        length, half = self.length, self.length * jnp.sqrt(2.0)
+        length, half = self.length, self.length * math.sqrt(2.0)
         x, y = half * jnp.cos(phi), half * jnp.sin(phi)
         zero = jnp.zeros_like(x)
         centres = [x, y, 2 * x + 4 * length, 2 * y, x + 8 * length, y, 4 * length + zero, 2 * y]
@@ -56,15 +58,14 @@ def wojtyra2020(
 
     `state(phi, rate=...)` gives the state at crank angle phi (rad) and crank rate (rad/s).
     """
-    u = as_float(u)
-    mass = as_float(mass)
-    length, gravity = u * as_float(length), u * as_float(gravity)
-    half, zero = length * jnp.sqrt(2.0), 0.0 * length
+    u, mass = floats(u), floats(mass)
+    length, gravity = u * floats(length), u * floats(gravity)
+    half, zero = length * math.sqrt(2.0), 0.0 * length
     light, heavy = 3 * mass, 9 * mass
-    friction = coulomb("mu_rho", None if mu_rho is None else u * as_float(mu_rho), 4)
+    friction = coulomb("mu_rho", None if mu_rho is None else u * floats(mu_rho), 4)
 
-    def point(x: Array) -> Array:
-        return jnp.stack([x, zero])
+    def point(x: ArrayLike) -> tuple[ArrayLike, ArrayLike]:
+        return x, zero
 
     bodies = [
         Body("1", light, 2 * light * length**2 / 3),
@@ -80,4 +81,4 @@ def wojtyra2020(
         Translational("K", "4", GROUND, point_i=point(zero), point_j=point(4 * length), normal=(1.0, 0.0)),
         Translational("L", "4", "2", point_i=point(zero), point_j=point(zero), normal=(0.0, 1.0)),
     ]
-    return Mechanism(bodies, joints, gravity=jnp.stack([zero, -gravity]), pose=_Pose(length))
+    return Mechanism(bodies, joints, gravity=(zero, -gravity), pose=_Pose(length))

@@ -106,3 +106,39 @@ def test_options_that_xla_does_not_know_are_left_out(monkeypatch):
     quick_options.cache_clear()
     if jax.default_backend() == "cpu":
         assert "xla_backend_optimization_level" in quick_options()
+
+
+@pytest.fixture
+def programs():
+    """Names of the programs that are compiled from here on."""
+    names = []
+
+    def listen(event, _, **about):
+        if event.endswith("backend_compile_duration"):
+            names.append(about.get("fun_name"))
+
+    jax.clear_caches()
+    jax.monitoring.register_event_duration_secs_listener(listen)
+    yield names
+    jax.monitoring.unregister_event_duration_listener(listen)
+
+
+@pytest.mark.parametrize("name", ["wojtyra2020", "carriage", "slider_crank", "parallelogram", "doubled_four_bar"])
+def test_building_a_mechanism_compiles_nothing(name, programs):
+    friction = {"mu": 0.1, "guide_length": 0.1} if name == "carriage" else {"mu_rho": 0.01}
+    mechanism = getattr(rx.mechanisms, name)(**friction)
+    rx.Mechanism([rx.Body("a", 1, 2)], [rx.PinInSlot("S", "a", "ground", (0, 1), [0.0, 1.0], (3.0, 4.0))])
+    rx.State(np.arange(3), [0.0, 1.0, 2.0])
+    assert not programs
+    mechanism.state(0.7, rate=1.0)
+    assert len(programs) == 1
+
+
+def test_a_mechanism_built_of_known_numbers_is_known_under_a_trace():
+    def masses(x):
+        known, traced = rx.mechanisms.wojtyra2020(mass=2.0), rx.mechanisms.wojtyra2020(mass=x)
+        assert not any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(known))
+        return known.body.mass + traced.body.mass
+
+    np.testing.assert_allclose(jax.jit(masses)(3.0), [15, 45, 15, 45], rtol=1e-15)
+    np.testing.assert_allclose(jax.jacfwd(masses)(3.0), [3, 9, 3, 9], rtol=1e-15)
