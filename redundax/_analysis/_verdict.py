@@ -30,7 +30,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from .._closures._closure import Elasticity, minimum_norm
 from .._equations._factorisation import Factorisation
@@ -184,11 +184,17 @@ def _figures(
     return {
         **out,
         "response": jnp.concatenate(reduced.response.unit),
-        "slope": jnp.linalg.solve(identity - slope @ reduced.problem.gain, slope @ rows),
+        "slope": jnp.linalg.solve(identity - slope @ reduced.problem.gain, _moved(slope, rows)),
         "gamma": law.largest_changes(reduced.problem.gain),
         "closed_gamma": law.largest_changes(closed.problem.gain),
         "reads": law.largest_changes(jnp.eye(reduced.rows.size)) > 0,
     }
+
+
+def _moved(slope: Array, rows: Array) -> Float[Array, "p k"]:
+    """J N_R; where changes of the loads cancel, as those of |rho_1 + 2 rho_2| along (2, -1), rounding moves nothing."""
+    moved = slope @ rows
+    return jnp.where(jnp.abs(moved) > _STATIONARY * (jnp.abs(slope) @ jnp.abs(rows)), moved, 0.0)
 
 
 def _loose(mass: np.ndarray, jacobian: np.ndarray, determinate: bool) -> np.ndarray:

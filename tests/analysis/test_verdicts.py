@@ -10,9 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from mechanisms import CASES
-from redundax._wrench import joint_outputs
 
 import redundax as rx
+from redundax._bodies._reactions import joint_outputs
 
 UNIQUE, ZERO, NO_CHANGE, NOT_UNIQUE, UNDECIDED = rx.Verdict
 QUICK = ("wojtyra2020",)
