@@ -7,7 +7,6 @@ the coordinate, and an interval of it is sought in which all figures of a row ho
 
 import dataclasses
 
-import jax.numpy as jnp
 import numpy as np
 
 from ._printed import ROUNDINGS, SWAPPED
@@ -105,25 +104,23 @@ def _placement(table: Table, words: list[list[str]]) -> tuple[Placement, tuple[s
     """Place the printed rows and the end points of Table 4 on the set of solutions."""
     rows, guide = table.printed.rows, table.entries.index("K.angle")
     cases = [table.printed.case(row) for row in range(len(rows))]
-    u = jnp.array([float(row.u) for row in rows])
+    u = [float(row.u) for row in rows]
     printed = np.array([[float(word) for word in row] for row in words])
     moment = printed[:, guide]
-    values, slope, first = with_guide_moment(u, jnp.asarray(moment))
+    values, slope, first = with_guide_moment(u, moment)
     half = np.array([[0.5 * 10.0 ** -digits(word) for word in row] for row in words])
     for key, row, entry in ROUNDINGS:
         if key == table.printed.key:
             half[row, table.entries.index(entry)] = np.inf
-    low, high = _interval(printed - np.asarray(values), np.asarray(slope), half)
-    middle = jnp.asarray(moment + (low + high) / 2)
-    values, _, second = with_guide_moment(u, middle)
-    values = np.asarray(values)
-    own, _, third = with_guide_moment(u, jnp.asarray(table.values[:, guide]))
+    low, high = _interval(printed - values, slope, half)
+    values, _, second = with_guide_moment(u, moment + (low + high) / 2)
+    own, _, third = with_guide_moment(u, table.values[:, guide])
     placement = Placement(
         moment + low,
         moment + high,
         values,
         differences(words, values),
-        _distance(table, np.asarray(own)),
+        _distance(table, own),
     )
     return placement, (
         *failures(cases, first),

@@ -1,4 +1,4 @@
-"""Tables 2, 3 and 4 computed, each by one compiled call over all its rows.
+"""Tables 2, 3 and 4 computed, row by row: one compiled program serves all rows of a table.
 
 The mechanism is built in the row's own length unit, so every row has the paper's numbers: accelerations
 grow with u, forces with u, moments with u^2, and h and x0 are numbers in that unit.
@@ -6,18 +6,18 @@ grow with u, forces with u, moments with u^2, and h and x0 are numbers in that u
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from .._bodies._mechanism import Mechanism
-from .._closures._closure import AbstractClosure, Compliance, MinimumNorm
+from .._closures._closure import Compliance, MinimumNorm
 from .._solve._solution import Solution
 from .._solve._solve import solve
-from .._solvers._solver import AbstractSolver, FixedPoint, Newton
+from .._solvers._solver import FixedPoint, Newton
 from .._system._results import RESULTS
 from .._system._units import Units
 from ..mechanisms import wojtyra2020
@@ -73,10 +73,8 @@ def tables() -> dict[str, list[dict[str, float | list[float]]]]:
 def table(key: str) -> Table:
     """Compute "table2", "table3" or "table4"."""
     printed = TABLES[key]
-    u = jnp.array([float(row.u) for row in printed.rows])
-    start = jnp.array([float(row.start) for row in printed.rows])
-    solutions = _SOLVED[key](u, start)
-    values = np.concatenate([solutions.acceleration, solutions.multipliers, solutions.friction], axis=1)
+    solutions = [_solve(key, float(row.u), float(row.start)) for row in printed.rows]
+    values = np.stack([np.concatenate(_figures(solution)) for solution in solutions])
     mechanism = wojtyra2020(mu_rho=None if key == "table2" else MU_RHO)
     return Table(
         printed,
@@ -84,73 +82,56 @@ def table(key: str) -> Table:
         _groups(mechanism),
         values,
         values / np.stack([_unit_factors(mechanism, row.u) for row in printed.rows]),
-        np.asarray(solutions.stats.steps),
+        np.stack([solution.stats.steps for solution in solutions]),
         failures([printed.case(row) for row in range(len(printed.rows))], solutions),
     )
 
 
-@eqx.filter_jit
 def with_guide_moment(
-    u: Float[Array, " rows"], moment: Float[Array, " rows"]
-) -> tuple[Float[Array, "rows entries"], Float[Array, "rows entries"], Solution]:
+    u: Sequence[float], moment: Float[np.ndarray, " rows"]
+) -> tuple[Float[np.ndarray, "rows entries"], Float[np.ndarray, "rows entries"], list[Solution]]:
     """The frictional solutions whose moment in guide K has the given value, and their derivative by it.
 
     Compliance and misfit in the row of that moment alone say: W lam = d, that is lam_K = moment. So the
     moment is a coordinate on the one-parameter set of solutions.
     """
 
-    def one(u: Array, moment: Array) -> tuple[Array, Array, Solution]:
-        def figures(moment: Array) -> tuple[Array, Solution]:
-            mechanism = wojtyra2020(u=u, mu_rho=MU_RHO)
-            row = jnp.array([name == "K.angle" for name in mechanism.rows.labels], u.dtype)
+    def one(u: float, moment: float) -> tuple[np.ndarray, np.ndarray, Solution]:
+        mechanism = wojtyra2020(u=u, mu_rho=MU_RHO)
+        state = mechanism.state(phi=PHI, rate=RATE)
+        row = np.array([name == "K.angle" for name in mechanism.rows.labels], float)
+
+        def figures(moment: Array) -> tuple[tuple[Array, Array, Array], Solution]:
             closure = Compliance(row, misfit=moment * row)
-            solution = _solution(mechanism, closure, Newton())
-            return jnp.concatenate([solution.acceleration, solution.multipliers, solution.friction]), solution
+            solution = solve(mechanism, state, closure=closure, solver=Newton(), throw=False)
+            return _figures(solution), solution
 
-        return jax.jvp(figures, (moment,), (jnp.ones_like(moment),), has_aux=True)
+        at, along = jnp.asarray(moment), jnp.ones(())
+        values, slope, solution = jax.jvp(figures, (at,), (along,), has_aux=True)
+        return np.concatenate(values), np.concatenate(slope), solution
 
-    return jax.vmap(one)(u, moment)
-
-
-def failures(cases: list[str], solutions: Solution) -> tuple[str, ...]:
-    """A message for each row of a batch of solutions that failed."""
-    failed = np.flatnonzero(np.asarray(solutions.result != RESULTS.successful)).tolist()
-    results = [jax.tree.map(lambda x, row=row: x[row], solutions.result) for row in failed]
-    return tuple(f"{cases[row]}: {RESULTS[result]}" for row, result in zip(failed, results, strict=True))
+    values, slope, solutions = zip(*map(one, u, moment), strict=True)
+    return np.stack(values), np.stack(slope), list(solutions)
 
 
-def _solution(
-    mechanism: Mechanism,
-    closure: AbstractClosure | None,
-    solver: AbstractSolver,
-    x0: Array | None = None,
-) -> Solution:
+def failures(cases: Sequence[str], solutions: Sequence[Solution]) -> tuple[str, ...]:
+    """A message for each solution that failed."""
+    ended = zip(cases, (solution.result for solution in solutions), strict=True)
+    return tuple(f"{case}: {RESULTS[result]}" for case, result in ended if result != RESULTS.successful)
+
+
+def _solve(key: str, u: float, start: float) -> Solution:
+    """Of a row, from its h or x0."""
+    mechanism = wojtyra2020(u=u, mu_rho=None if key == "table2" else MU_RHO)
     state = mechanism.state(phi=PHI, rate=RATE)
-    return solve(mechanism, state, closure=closure, solver=solver, x0=x0)
+    if key == "table4":
+        return solve(mechanism, state, closure=None, solver=Newton(), x0=start, throw=False)
+    solver = Newton() if key == "table2" else FixedPoint()
+    return solve(mechanism, state, closure=MinimumNorm(start), solver=solver, throw=False)
 
 
-@eqx.filter_jit
-def _table2(u: Float[Array, " rows"], h: Float[Array, " rows"]) -> Solution:
-    return jax.vmap(lambda u, h: _solution(wojtyra2020(u=u), MinimumNorm(h), Newton()))(u, h)
-
-
-@eqx.filter_jit
-def _table3(u: Float[Array, " rows"], h: Float[Array, " rows"]) -> Solution:
-    def row(u: Array, h: Array) -> Solution:
-        return _solution(wojtyra2020(u=u, mu_rho=MU_RHO), MinimumNorm(h), FixedPoint())
-
-    return jax.vmap(row)(u, h)
-
-
-@eqx.filter_jit
-def _table4(u: Float[Array, " rows"], x0: Float[Array, " rows"]) -> Solution:
-    def row(u: Array, x0: Array) -> Solution:
-        return _solution(wojtyra2020(u=u, mu_rho=MU_RHO), None, Newton(), x0)
-
-    return jax.vmap(row)(u, x0)
-
-
-_SOLVED = {"table2": _table2, "table3": _table3, "table4": _table4}
+def _figures(solution: Solution) -> tuple[Array, Array, Array]:
+    return solution.acceleration, solution.multipliers, solution.friction
 
 
 def _entries(mechanism: Mechanism) -> tuple[str, ...]:
