@@ -13,36 +13,27 @@ from weakref import WeakValueDictionary
 import numpy as np
 from jaxtyping import Array
 
-from .._equations._scaling import scaling
 from .._system._axis import Axis
-from .._system._state import State
-from .._system._system import AbstractSystem
-from .._tools._compilation import compiled
-from ._closure import AbstractClosure, elasticity
+from ._closure import AbstractClosure, Elasticity
 
 _LEAST, _MOST = 1e-3, 1e6
 _checked: WeakValueDictionary[int, AbstractClosure] = WeakValueDictionary()
 
 
-def check_units(system: AbstractSystem, state: State, closure: AbstractClosure, stacklevel: int) -> None:
-    """Warn, once for each closure, where its concrete values look as if they were in other units."""
+def check_units(rows: Axis, length: Array, closure: AbstractClosure, given: Elasticity, stacklevel: int) -> None:
+    """Warn, once for each closure, where its concrete values look as if they were in other units.
+
+    `length` is that of the factorised mechanism, and `given` what the closure gave at its state.
+    """
     if _checked.get(id(closure)) is closure:
         return
     _checked[id(closure)] = closure
-    given = elasticity(closure, system, state)
-    compliance, misfit = np.diag(given.compliance), np.asarray(given.misfit)
-    length = np.asarray(_length(system.anonymous(), state))
     if length == 1.0:  # stands for a mechanism without a length of its own
         return
-    for problem in (_of_compliance(system.rows, compliance, length), _of_misfit(system.rows, misfit, length)):
+    compliance, misfit, scale = np.diag(given.compliance), np.asarray(given.misfit), np.asarray(length)
+    for problem in (_of_compliance(rows, compliance, scale), _of_misfit(rows, misfit, scale)):
         if problem:
             warnings.warn(f"{problem}; if the figures are meant, ignore this warning.", stacklevel=stacklevel + 1)
-
-
-@compiled
-def _length(system: AbstractSystem, state: State) -> Array:
-    """L."""
-    return scaling(system, state, system.jacobian(state.q, state.t)).length
 
 
 def _of_compliance(rows: Axis, compliance: np.ndarray, length: np.ndarray) -> str:

@@ -104,8 +104,9 @@ def solve(
     factor = factorisation_at(system, state, rank, factor)
     chosen = None if closure is None else elasticity(closure, system, state)
     solution = solve_factorised(system.anonymous(), state, factor, chosen, solver, x0, sense)
-    if isinstance(closure, Compliance | ElasticJoints) and all(map(known, jax.tree.leaves((factor, closure)))):
-        check_units(system, state, closure, stacklevel=2)
+    concrete = all(map(known, jax.tree.leaves((factor, chosen))))
+    if chosen is not None and isinstance(closure, Compliance | ElasticJoints) and concrete:
+        check_units(system.rows, factor.length, closure, chosen, stacklevel=2)
     return _thrown(system, state, solution, throw)
 
 
