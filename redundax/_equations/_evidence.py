@@ -15,6 +15,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .._system._decision import CLEAR, Decision
@@ -131,31 +132,31 @@ def _bends(
 ) -> tuple[Array, Array]:
     """What a motion w added to the velocity changes of P Phi'', relative to its terms, and of Phi'', to the size.
 
-    Two directions of no symmetry see a quadratic form that is not zero, and where time enters that the rank changes
-    with it.
+    A direction of no symmetry sees a quadratic form that is not zero, and where time enters that the rank changes with
+    it.
     """
     speed = jnp.max(jnp.abs(motion.qd)) + motion.reached
     speed = jnp.where(speed > 0, speed, scales.size)
-    rates = scales.coordinates * (motion.qd + speed * _uneven(parts.motion, motion.qd))
-    bends = jax.vmap(lambda rate: second_derivative(system, state, rate, jnp.ones_like(state.t)))(rates) / scales.rows
-    added = bends + motion.gamma
-    changed = jnp.max(jnp.abs(added @ parts.stress))
-    terms = sum(jnp.max(jnp.abs(part)) for part in (bends, motion.gamma, bends @ parts.inverse.T))
+    rate = scales.coordinates * (motion.qd + speed * _uneven(parts.motion, motion.qd))
+    bend = second_derivative(system, state, rate, jnp.ones_like(state.t)) / scales.rows
+    added = bend + motion.gamma
+    changed = jnp.max(jnp.abs(parts.stress @ added))
+    terms = sum(jnp.max(jnp.abs(part)) for part in (bend, motion.gamma, parts.inverse @ bend))
     whole = (2 * speed) ** 2 / scales.size
     return changed / (terms + whole), jnp.max(jnp.abs(added)) / whole
 
 
 def _uneven(projector: Array, along: Array) -> Array:
-    """Two directions of no symmetry in the range of a projector, of largest entry 1; zero if it is.
+    """A direction of no symmetry in the range of a projector, of largest entry 1; zero if it is.
 
-    The column of the largest pivot, added with the sign of what is there, keeps them from being rounding; turned so
-    that they do not point against a vector, with which they could cancel.
+    The column of the largest pivot, added with the sign of what is there, keeps it from being rounding; turned so that
+    it does not point against a vector, with which it could cancel.
     """
-    numbers, pivot = jnp.arange(1.0, len(projector) + 1, dtype=projector.dtype), jnp.argmax(jnp.diagonal(projector))
-    mixed = jnp.stack([jnp.cos(numbers**2), jnp.sin(numbers**2)]) @ projector
-    mixed = mixed + jnp.where(mixed[:, pivot] < 0, -2.0, 2.0)[:, None] * projector[pivot]
-    largest = jnp.max(jnp.abs(mixed), axis=1, keepdims=True)
-    turned = jnp.where(mixed @ along < 0, -1.0, 1.0)[:, None]
+    numbers, pivot = np.arange(1.0, len(projector) + 1), jnp.argmax(jnp.diagonal(projector))
+    mixed = projector @ jnp.asarray(np.cos(numbers**2), projector.dtype)
+    mixed = mixed + jnp.where(mixed[pivot] < 0, -2.0, 2.0) * projector[pivot]
+    largest = jnp.max(jnp.abs(mixed))
+    turned = jnp.where(mixed @ along < 0, -1.0, 1.0)
     return turned * mixed / jnp.where(largest > 0, largest, 1.0)
 
 

@@ -84,13 +84,13 @@ def _second(
     system: AbstractSystem, value: Callable[[Array, Array], Array], state: State, rate: Array, time: Array
 ) -> AlongMotion:
     """A function of position and time, its first and minus its second derivative at constant rate and t' = time."""
-    zero, one = jnp.zeros_like(state.t), jnp.ones_like(state.t)
+    still, along = (jnp.zeros_like(rate), state.t), (rate, time)
 
-    def first(s: Array) -> tuple[Array, Array]:
-        q, t = system.retract(state.q, s * rate), state.t + s * time
-        return jax.jvp(lambda r: value(system.retract(q, r * rate), t + r * time), (zero,), (one,))
+    def first(d: Array, t: Array) -> tuple[Array, Array]:
+        q = system.retract(state.q, d)
+        return jax.jvp(lambda e, u: value(system.retract(q, e), u), (jnp.zeros_like(rate), t), along)
 
-    (phi, slope), (_, bend) = jax.jvp(first, (zero,), (one,))
+    (phi, slope), (_, bend) = jax.jvp(first, still, along)
     return AlongMotion(phi, slope, -bend)
 
 
