@@ -18,10 +18,10 @@ from .._closures._closure import AbstractClosure, MinimumNorm
 from .._equations._factorisation import factorize
 from .._equations._kinematics import between
 from .._equations._rank import Spectrum
+from .._system._names import ByName
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
-from .._tools._module import Numbers
 from ._analyze import analyze, orthonormal
 from ._outputs import plain
 from ._release import Release, determinant
@@ -172,7 +172,7 @@ def analyze_along(
     states: State,
     *,
     closure: AbstractClosure = _MINIMUM_NORM,
-    sense: Numbers | None = None,
+    sense: ByName | None = None,
     rank: ArrayLike | None = None,
 ) -> MotionReport:
     """Rank, self-stress and uniqueness of a system along a motion.

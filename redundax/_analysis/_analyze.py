@@ -14,7 +14,6 @@ from functools import cache, partial
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array
@@ -26,12 +25,12 @@ from .._equations._culprits import culprits
 from .._equations._factorisation import Factorisation, factorisation_at
 from .._equations._rank import Spectrum, Split
 from .._solve._solve import solve
-from .._system._friction import slip_kinds
+from .._system._names import ByName, senses
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
-from .._tools._module import Numbers, as_float, no_classes
+from .._tools._module import no_classes
 from ._others import other_solutions
 from ._outputs import outputs
 from ._position import position
@@ -47,7 +46,7 @@ def analyze(
     state: State,
     *,
     closure: AbstractClosure = _MINIMUM_NORM,
-    sense: Numbers | None = None,
+    sense: ByName | None = None,
     rank: ArrayLike | None = None,
     factor: Factorisation | None = None,
 ) -> Report:
@@ -136,15 +135,14 @@ def _family(
     factor: Factorisation,
     closure: AbstractClosure,
     stress: np.ndarray,
-    sense: Numbers | None,
+    sense: ByName | None,
 ) -> tuple[Family, RESULTS]:
     """The family through the closure's solution, and how its search ended."""
     solution = solve(system, state, closure=closure, sense=sense, factor=factor, throw=False)
-    count = len(slip_kinds(system.friction))
-    senses = None if sense is None else jnp.broadcast_to(as_float(sense), (count,))
-    others = partial(other_solutions, system, state, factor, solution, stress, senses)
+    slips = senses(system.slips, sense)
+    others = partial(other_solutions, system, state, factor, solution, stress, slips)
     chosen = elasticity(closure, system, state)
-    return family(system, state, factor, chosen, stress.T, solution, cache(others), senses), solution.result
+    return family(system, state, factor, chosen, stress.T, solution, cache(others), slips), solution.result
 
 
 def _verdicts(system: AbstractSystem, state: State, figures: Family, result: RESULTS) -> dict[str, tuple[Judged, ...]]:
@@ -159,7 +157,7 @@ def _rests(result: RESULTS) -> bool:
 def _couplings(system: AbstractSystem) -> tuple[str, ...]:
     if not isinstance(system, Mechanism):
         return ()
-    stacks = zip(system.joints, system.joint_names, strict=True)
+    stacks = zip(system.joints, system.names.joints, strict=True)
     return tuple(name for stack, names in stacks if isinstance(stack.element, AngleCoupling) for name in names)
 
 

@@ -9,33 +9,24 @@ Accelerations are called "coordinate''", multipliers as their rows, friction "ta
 from collections.abc import Sequence
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from .._bodies._mechanism import Mechanism
 from .._bodies._reactions import joint_outputs
-from .._system._friction import slip_kinds
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._compilation import compiled
 
 _SHARE = 1e-2
-
-
-def unknowns(system: AbstractSystem) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names and kinds of accelerations, multipliers and friction."""
-    slips = slip_kinds(system.friction)
-    names = (
-        *(f"{name}''" for name in system.coordinates.labels),
-        *system.rows.labels,
-        *(f"tau {name}" for name in slips.labels),
-    )
-    friction = ("friction moment" if kind == "angular" else "friction force" for kind in slips.kinds)
-    return names, (*system.coordinates.kinds, *system.rows.kinds, *friction)
 
 
 def outputs(system: AbstractSystem, state: State) -> dict[str, tuple[list[str], np.ndarray]]:
     """Names and coefficients (outputs, n + m + p) of each "acceleration", "multiplier", "friction" and "reaction"."""
     n, m = len(system.coordinates), len(system.rows)
-    names, _ = unknowns(system)
+    names = system.names.unknowns.labels
     identity = np.eye(len(names))
     parts = {"acceleration": slice(0, n), "multiplier": slice(n, n + m), "friction": slice(n + m, None)}
     out = {kind: (list(names[part]), identity[part]) for kind, part in parts.items()}
@@ -43,6 +34,21 @@ def outputs(system: AbstractSystem, state: State) -> dict[str, tuple[list[str], 
         joints, wrenches = joint_outputs(system, state)
         out["reaction"] = joints, np.pad(wrenches, ((0, 0), (n, len(names) - n - m)))
     return out
+
+
+def joint_accelerations(system: AbstractSystem, state: State) -> tuple[np.ndarray, np.ndarray]:
+    """Accelerations of the joint coordinates: coefficients of [qdd; lam; tau], (c, n + m + p), and their rest (c,)."""
+    slopes, rest = (np.asarray(part, float) for part in _joint_accelerations(system.anonymous(), state))
+    return np.pad(slopes, ((0, 0), (0, len(system.rows) + len(system.slips)))), rest
+
+
+@compiled
+def _joint_accelerations(system: AbstractSystem, state: State) -> tuple[Array, Array]:
+    def found(acceleration: Array) -> Array:
+        return system.joint_coordinates.motion(state, acceleration).acceleration
+
+    none = jnp.zeros_like(state.qd)
+    return jax.jacfwd(found)(none), found(none)
 
 
 def sizes(matrix: np.ndarray, kinds: Sequence[str], length: float | np.ndarray) -> np.ndarray:

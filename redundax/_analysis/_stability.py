@@ -30,11 +30,12 @@ from .._closures._closure import AbstractClosure, Elasticity, elasticity
 from .._equations._factorisation import Factorisation, factorisation_at
 from .._solve._reduced import reduce
 from .._solve._solution import Solution
+from .._system._names import ByName, senses
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
-from .._tools._module import Numbers, as_float, no_classes
+from .._tools._module import no_classes
 
 _RIGID = 1e-13  # 1/s and compliance, relative to the largest, that are rounding
 _COMPLEX = 1e-7  # relative imaginary part of s that rounding at a double eigenvalue does not reach
@@ -96,7 +97,7 @@ def stability(
     solution: Solution,
     closure: AbstractClosure,
     *,
-    sense: Numbers | None = None,
+    sense: ByName | None = None,
     rank: ArrayLike | None = None,
     factor: Factorisation | None = None,
 ) -> Stability:
@@ -124,10 +125,9 @@ def stability(
         raise ValueError(
             "Argument `solution` must be successful, but ended with another result. Solve with `throw=True` to see why."
         )
-    senses = None if sense is None else jnp.broadcast_to(as_float(sense), solution.friction.shape)
-    factor = factorisation_at(system, state, rank, factor)
+    factor, slips = factorisation_at(system, state, rank, factor), senses(system.slips, sense)
     given = elasticity(closure, system, state)
-    figures = _figures(system.anonymous(), state, factor, solution.multipliers, given, senses)
+    figures = _figures(system.anonymous(), state, factor, solution.multipliers, given, slips)
     compliance, response = (np.asarray(x, float) for x in figures)
     size, axes = np.linalg.eigh(compliance)
     soft = size > _RIGID * size[-1]

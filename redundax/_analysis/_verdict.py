@@ -39,7 +39,7 @@ from .._solve._solution import Solution
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
-from ._outputs import sizes, unknowns
+from ._outputs import sizes
 
 _STRUCTURAL = 1e-10  # relative size of a coefficient that is rounding
 _STATIONARY = 1e-11
@@ -150,7 +150,7 @@ def family(
         (factor.mass, factor.jacobian, factor.length, factor.determinate)
     )
     return Family(
-        unknowns(system)[1],
+        system.names.unknowns.kinds,
         **figures,
         length=length,
         loose=_loose(mass, jacobian, bool(determinate)),

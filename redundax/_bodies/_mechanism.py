@@ -14,14 +14,16 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int, Shaped
 
-from .._system._axis import Axis
+from .._system._axis import Axis, joined
+from .._system._names import Names
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
 from .._tools._module import Numbers, as_functions, as_vector, check_position, floats, moved, on_device, replace, taken
 from ._body import Body, poses
+from ._joint_coordinates import JointCoordinates
 from ._joint_friction import FrictionMembers, JointFriction, friction_members
-from ._joints import AbstractJoint
+from ._joints import AbstractFrictionalJoint, AbstractJoint
 from ._loads import AbstractLoad, Motion
 from ._names import check_names
 from ._stack import Stack, indices, stacked, stacks
@@ -48,10 +50,7 @@ class Mechanism(AbstractSystem):
       `state`; make it an eqx.Module with its lengths as arrays, so that gradients move q with the lengths.
     """
 
-    coordinates: Axis = eqx.field(static=True)
-    rows: Axis = eqx.field(static=True)
-    body_names: tuple[str, ...] = eqx.field(static=True)
-    joint_names: tuple[tuple[str, ...], ...] = eqx.field(static=True)
+    names: Names = eqx.field(static=True)
     body: Body
     joints: tuple[Stack[AbstractJoint], ...]
     loads: tuple[Stack[AbstractLoad], ...]
@@ -75,23 +74,22 @@ class Mechanism(AbstractSystem):
         self.body = stacked([replace(body, name="") for body in bodies])
         self.loads, _ = stacks(loads, names)
         self.gravity, self.pose = as_vector(gravity), as_functions(pose)
-        self.coordinates = Axis(
-            (
-                *(f"{name}.{axis}" for name in names for axis in "xy"),
-                *(f"{name}.phi" for name in names),
-            ),
-            ("linear",) * (2 * len(names)) + ("angular",) * len(names),
-        )
         self.joints, groups = stacks(joints, names, name="", friction=None)
-        self.body_names = tuple(names)
-        self.joint_names = tuple(tuple(joints[k].name for k in group) for group in groups)
-        self.rows, source, places = _rows(joints, groups)
+        rows, source, places = _rows(joints, groups)
         self._source = indices(source)
         self._entries = indices(_entries(joints, groups, source, names))
         self._friction = tuple(
             members
             for kind, group in enumerate(groups)
             for members in friction_members(kind, [joints[k] for k in group], places[kind])
+        )
+        self.names = Names(
+            _coordinates(names),
+            rows,
+            joined([members.slips for members in self._friction]),
+            _joint_coordinates([joints[k] for group in groups for k in group]),
+            tuple(names),
+            tuple(tuple(joints[k].name for k in group) for group in groups),
         )
 
     @property
@@ -114,10 +112,7 @@ class Mechanism(AbstractSystem):
     def anonymous(self) -> Self:
         return replace(
             self,
-            coordinates=self.coordinates.anonymous(),
-            rows=self.rows.anonymous(),
-            body_names=(),
-            joint_names=(),
+            names=self.names.anonymous(),
             pose=None,
             _friction=tuple(replace(f, slips=f.slips.anonymous()) for f in self._friction),
         )
@@ -162,6 +157,13 @@ class Mechanism(AbstractSystem):
         flat = jnp.concatenate([jnp.zeros(1, q.dtype), *(slope.ravel() for slope in slopes)])
         return taken(flat, self._entries)
 
+    @property
+    def joint_coordinates(self) -> JointCoordinates:
+        """Angles of revolutes, travels of sliders and of pins in slots, of body i relative to body j."""
+        return JointCoordinates(
+            tuple(each for each in self.joints if isinstance(each.element, AbstractFrictionalJoint))
+        )
+
     def of_rows(self, values: Sequence[Array]) -> Shaped[Array, " m ..."]:
         """What the rows of the joints have, kind by kind of shape (joints, rows, ...), in the order of the rows."""
         flat = jnp.concatenate([value.reshape(-1, *value.shape[2:]) for value in values])
@@ -188,15 +190,15 @@ class Mechanism(AbstractSystem):
 
     def __str__(self) -> str:
         """Its parts by name; of one without names, the shapes."""
-        if not self.body_names:
+        if not self.names.bodies:
             return repr(self)
         kinds = [
             f"{type(joints.element).__name__} {', '.join(names)}"
-            for joints, names in zip(self.joints, self.joint_names, strict=True)
+            for joints, names in zip(self.joints, self.names.joints, strict=True)
         ]
         sizes = f"{len(self.coordinates)} coordinates, {len(self.rows)} rows"
-        friction = ", ".join(label for members in self._friction for label in members.slips.labels)
-        parts = (f"bodies {', '.join(self.body_names)}", *kinds, f"friction in {friction or 'none'}")
+        friction = ", ".join(self.slips.labels) or "none"
+        parts = (f"bodies {', '.join(self.names.bodies)}", *kinds, f"friction in {friction}")
         return f"Mechanism with {sizes}: {'; '.join(parts)}"
 
 
@@ -211,6 +213,20 @@ def _along(
         return pose(*values[:positional], **dict(zip(names, values[positional:], strict=True)))
 
     return jax.jvp(position, values, rates)
+
+
+def _coordinates(bodies: Sequence[str]) -> Axis:
+    """x and y of every body, then all angles."""
+    names = (*(f"{name}.{axis}" for name in bodies for axis in "xy"), *(f"{name}.phi" for name in bodies))
+    return Axis(names, ("linear",) * (2 * len(bodies)) + ("angular",) * len(bodies))
+
+
+def _joint_coordinates(joints: Sequence[AbstractJoint]) -> Axis:
+    """One for each joint that can have friction, which opposes its rate."""
+    moving = [joint for joint in joints if isinstance(joint, AbstractFrictionalJoint)]
+    return Axis(
+        tuple(f"{joint.name}.{joint.coordinate}" for joint in moving), tuple(joint.slip_kind for joint in moving)
+    )
 
 
 def _rows(

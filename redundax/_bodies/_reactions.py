@@ -40,8 +40,8 @@ def joint_outputs(mechanism: Mechanism, state: State) -> tuple[list[str], np.nda
     point on that body, or about the body's origin where it has none.
     """
     names, out = [], []
-    bodies = (*mechanism.body_names, GROUND)
-    stacks = zip(mechanism.joints, mechanism.joint_names, _rows(mechanism), _wrenches(mechanism, state), strict=True)
+    bodies = (*mechanism.names.bodies, GROUND)
+    stacks = zip(mechanism.joints, mechanism.names.joints, _rows(mechanism), _wrenches(mechanism, state), strict=True)
     for stack, joints, rows, (on_i, on_j, arms_i, arms_j) in stacks:
         for k, joint in enumerate(joints):
             i, j = bodies[int(stack.i[k])], bodies[int(stack.j[k])]
@@ -97,5 +97,5 @@ def _rows(mechanism: Mechanism) -> list[np.ndarray]:
     place = {name: row for row, name in enumerate(mechanism.rows.labels)}
     return [
         np.array([[place[f"{name}.{row}"] for row, _ in stack.element.row_kinds] for name in names])
-        for stack, names in zip(mechanism.joints, mechanism.joint_names, strict=True)
+        for stack, names in zip(mechanism.joints, mechanism.names.joints, strict=True)
     ]

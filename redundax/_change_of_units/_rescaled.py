@@ -10,15 +10,17 @@ rows of angular ones. The chart q is left as it is; velocities and all else are 
 
 from typing import Self
 
-import equinox as eqx
 import jax
+import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int, PyTree
 
 from .._closures._closure import AbstractClosure
 from .._solve._solution import Solution
 from .._system._axis import Axis
-from .._system._friction import AbstractFriction, slip_kinds
+from .._system._friction import AbstractFriction
+from .._system._joint_coordinates import AbstractJointCoordinates, JointMotion
+from .._system._names import Names
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._system._units import Units
@@ -35,14 +37,9 @@ class Rescaled(AbstractSystem):
         self.inner, self.units = inner, units
 
     @property
-    def coordinates(self) -> Axis:
+    def names(self) -> Names:
         """Those of the inner system."""
-        return self.inner.coordinates
-
-    @property
-    def rows(self) -> Axis:
-        """Those of the inner system."""
-        return self.inner.rows
+        return self.inner.names
 
     @property
     def friction(self) -> tuple[AbstractFriction, ...]:
@@ -85,12 +82,29 @@ class Rescaled(AbstractSystem):
         inner = self.inner.load(_restored_state(state, self.inner, self.units))
         return self.units.of_force(self.coordinates) * inner
 
+    @property
+    def joint_coordinates(self) -> AbstractJointCoordinates:
+        """Those of the inner system, in the new units."""
+        return _RescaledJoints(self.inner.joint_coordinates, self.inner.anonymous(), self.units)
+
     def retract(self, q: Array, d: Array) -> Array:
         return self.inner.retract(q, d / self._scale)
 
     @property
     def adds(self) -> bool:
         return False
+
+
+class _RescaledJoints(AbstractJointCoordinates):
+    inner: AbstractJointCoordinates
+    system: AbstractSystem
+    units: Units
+
+    def motion(self, state: State, acceleration: Array) -> JointMotion:
+        shift, time = self.units.of(self.system.names.joint_coordinates), self.units.time
+        scale = time**2 / self.units.of(self.system.coordinates)
+        inner = self.inner.motion(_restored_state(state, self.system, self.units), scale * acceleration)
+        return JointMotion(shift * inner.position, shift / time * inner.rate, shift / time**2 * inner.acceleration)
 
 
 class _RescaledFriction(AbstractFriction):
@@ -175,6 +189,9 @@ def state_in_units(state: State, system: AbstractSystem, units: Units) -> State:
 class _RescaledClosure(AbstractClosure):
     inner: AbstractClosure
 
+    def by_place(self, system: AbstractSystem) -> "_RescaledClosure":
+        return replace(self, inner=self.inner.by_place(system))
+
     def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
         if not isinstance(system, Rescaled):
             raise ValueError(
@@ -212,15 +229,14 @@ def solution_from_units(solution: Solution, system: AbstractSystem, units: Units
         rx.solution_from_units(rx.solve(*there), mechanism, millimetres).multipliers  # N and N m
         ```
     """
-    scale = units.of(system.coordinates) / units.time**2
-    return eqx.tree_at(
-        lambda s: (s.acceleration, s.multipliers, s.friction),
+    scale, batch = units.of(system.coordinates) / units.time**2, solution.acceleration.shape[:-1]
+    return replace(
         solution,
-        (
-            solution.acceleration / scale,
-            solution.multipliers / units.of_force(system.rows),
-            solution.friction / units.of_force(slip_kinds(system.friction)),
-        ),
+        acceleration=solution.acceleration / scale,
+        multipliers=solution.multipliers / units.of_force(system.rows),
+        friction=solution.friction / units.of_force(system.slips),
+        joint_coordinates=jax.tree.map(lambda x: jnp.broadcast_to(x, batch + x.shape), system.joint_coordinates),
+        state=None if solution.state is None else _restored_state(solution.state, system, units),
     )
 
 

@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 
 from .._bodies._body import GROUND
 from .._bodies._mechanism import Mechanism
+from .._system._names import place
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import as_float, replace
@@ -69,6 +70,9 @@ class AsBuilt(AbstractClosure):
     def __init__(self, closure: AbstractClosure, actual: AbstractSystem):
         self.closure, self.actual = closure, actual.anonymous()
 
+    def by_place(self, system: AbstractSystem) -> "AsBuilt":
+        return replace(self, closure=self.closure.by_place(system))
+
     def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
         W, d = self.closure.compliance(system, state)
         return W, d + misfit(system, self.actual, state)
@@ -92,10 +96,9 @@ def heated(mechanism: Mechanism, warmer: Mapping[str, ArrayLike], expansion: Arr
     - `warmer`: temperature differences, K, by name of body, or "ground".
     - `expansion`: coefficient of linear thermal expansion, 1/K.
     """
-    bodies = (*mechanism.body_names, GROUND)
-    unknown = sorted(set(warmer) - set(bodies))
-    if unknown:
-        raise ValueError(f"Argument `warmer` must name bodies of the mechanism, but names {unknown}: it has {bodies}.")
+    bodies = (*mechanism.names.bodies, GROUND)
+    for body in warmer:
+        place("warmer", body, bodies, " of bodies")
     factor = 1 + as_float(expansion) * jnp.stack([as_float(warmer.get(body, 0.0)) for body in bodies])
     stacks = []
     for stack in mechanism.joints:

@@ -9,7 +9,8 @@ for any particular lam_p. W = I, d = h is the paper's (9), (12) with h, and d = 
 """
 
 import abc
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -18,11 +19,12 @@ import numpy as np
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
+from .._system._names import ByName, vector
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._system._units import Units
 from .._tools._compilation import compiled
-from .._tools._module import Numbers, as_float, known, optional_float
+from .._tools._module import as_float, known, optional_float, positive
 
 
 class AbstractClosure(eqx.Module):
@@ -33,6 +35,10 @@ class AbstractClosure(eqx.Module):
         self, system: AbstractSystem, state: State
     ) -> tuple[Float[Array, "m m"], Float[Array, " m"] | Float[Array, ""]]:
         """Compliance W, symmetric positive semidefinite, and misfit d at a state; a number stands for m equal ones."""
+
+    def by_place(self, system: AbstractSystem) -> "AbstractClosure":
+        """The same with places of rows for their names, which compiled programs do not know."""
+        return self
 
 
 class Elasticity(NamedTuple):
@@ -48,7 +54,7 @@ def elasticity(closure: AbstractClosure, system: AbstractSystem, state: State) -
     Outside of transformations they have the same shapes for every closure, so that no program is compiled for one.
     """
     given = jax.tree.leaves(eqx.filter((closure, state, system), eqx.is_array))
-    return _elasticity(closure, system.anonymous(), state, whole=all(map(known, given)))
+    return _elasticity(closure.by_place(system), system.anonymous(), state, whole=all(map(known, given)))
 
 
 @compiled
@@ -114,32 +120,37 @@ class Compliance(AbstractClosure):
         ```python
         joints = rx.Compliance(W=jnp.array([1e-8] * 10 + [1e-6] * 2))  # m/N, then rad/(N m)
         rx.solve(mechanism, state, closure=joints).multipliers
+        soft = rx.Compliance({"A.x": 1e-8, "D.x": 2e-8}, misfit={"A.x": 1e-5})  # all else is rigid and fits
         ```
 
     **Arguments:**
 
-    - `W`: compliance of the constraint rows, shape (m, m) or (m,) for uncoupled rows; m/N for force-type
-      rows and rad/(N m) for moment-type rows, in the frame in which the rows are written.
-    - `misfit`: d, residual Phi of the unloaded parts as they are, shape (m,); m for force-type rows and rad
-      for moment-type rows. Zero if not given.
+    - `W`: compliance of the constraint rows, shape (m, m), (m,) for uncoupled rows, or by name of row, where those
+      not named are rigid; m/N for force-type rows and rad/(N m) for moment-type rows, in the frame in which the rows
+      are written.
+    - `misfit`: d, residual Phi of the unloaded parts as they are, shape (m,) or by name of row; m for force-type rows
+      and rad for moment-type rows. Zero if not given.
     - `units`: units of `W` and `misfit`, as factors from the units of the system, in which a solve warns where
       they look wrong: `Units(length=1000.0, mass=0.001)` for mm/N, rad/(N mm) and mm where the system is in SI units.
     """
 
-    W: Float[Array, " m"] | Float[Array, "m m"]
-    misfit: Float[Array, " m"]
+    W: Float[Array, " m"] | Float[Array, "m m"] | dict[str, Array]
+    misfit: Float[Array, " m"] | dict[str, Array]
     units: Units | None
 
-    def __init__(self, W: Numbers, misfit: Numbers | None = None, units: Units | None = None):
-        self.W, self.units = as_float(W), units
+    def __init__(self, W: ByName, misfit: ByName | None = None, units: Units | None = None):
+        self.W, self.units = _figures(W), units
+        if isinstance(self.W, dict):
+            self.misfit = _figures({} if misfit is None else misfit)
+            return
         if self.W.ndim not in (1, 2) or self.W.shape[0] != self.W.shape[-1]:
             raise ValueError(
                 f"Argument `W` must have shape (m,) or (m, m), but has {self.W.shape}. "
                 "Give one compliance for each row, or a matrix."
             )
         size = self.W.shape[-1]
-        self.misfit = jnp.zeros(size, self.W.dtype) if misfit is None else as_float(misfit)
-        if self.misfit.shape != (size,):
+        self.misfit = jnp.zeros(size, self.W.dtype) if misfit is None else _figures(misfit)
+        if not isinstance(self.misfit, dict) and self.misfit.shape != (size,):
             raise ValueError(
                 f"Argument `misfit` must have one entry for each of the {size} rows of `W`, but has shape "
                 f"{self.misfit.shape}. Give 0 for rows that fit."
@@ -147,8 +158,36 @@ class Compliance(AbstractClosure):
         if known(self.W):
             check_compliance(np.asarray(self.W))
 
+    @classmethod
+    def from_stiffness(
+        cls, stiffness: ByName, misfit: ByName | None = None, units: Units | None = None
+    ) -> "Compliance":
+        """The closure of joints of given stiffness, the inverse of `W`, as a matrix, by row or by name of row.
+
+        Stiffness is positive, N/m for force-type and N m/rad for moment-type rows; rows that are not named, and those
+        of infinite stiffness, are rigid.
+
+        ??? example
+
+            ```python
+            joints = rx.Compliance.from_stiffness({"A.x": 1e8, "D.x": 5e7}, misfit={"A.x": 1e-5})
+            rx.solve(mechanism, state, closure=joints)["A.x"]
+            ```
+        """
+        given = _figures(stiffness)
+        W = {name: inverse(value) for name, value in given.items()} if isinstance(given, dict) else inverse(given)
+        return cls(W, misfit, units)
+
+    def by_place(self, system: AbstractSystem) -> "Compliance":
+        if not isinstance(self.W, dict) and not isinstance(self.misfit, dict):
+            return self
+        W = vector("W", self.W, system.rows, " of rows") if isinstance(self.W, dict) else self.W
+        return Compliance(W, vector("misfit", self.misfit, system.rows, " of rows"), self.units)
+
     def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
         m = len(system.rows)
+        if isinstance(self.W, dict) or isinstance(self.misfit, dict):
+            return self.by_place(system).compliance(system, state)
         if self.W.shape[-1] != m:
             raise ValueError(
                 f"Argument `W` must have one entry for each of the {m} constraint rows, but has {self.W.shape[-1]}. "
@@ -159,6 +198,17 @@ class Compliance(AbstractClosure):
             return W, self.misfit
         scale = self.units.of(system.rows)
         return self.units.energy * W / (scale[:, None] * scale), self.misfit / scale
+
+
+def _figures(given: ByName) -> Any:
+    """Numbers as an array, or each by its name."""
+    return {name: as_float(value) for name, value in given.items()} if isinstance(given, Mapping) else as_float(given)
+
+
+def inverse(stiffness: Array) -> Array:
+    """Compliance of a stiffness, entry by entry or of a matrix."""
+    positive("stiffness", jnp.diagonal(stiffness) if stiffness.ndim == 2 else stiffness)
+    return jnp.linalg.inv(stiffness) if stiffness.ndim == 2 else 1 / stiffness
 
 
 def check_compliance(W: np.ndarray, argument: str = "Argument `W`") -> None:

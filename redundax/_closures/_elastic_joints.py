@@ -10,7 +10,8 @@ parts as they are, and the reference point about which it turns are constant in 
 connects, the one on which the seat sits, and turn with it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -23,11 +24,12 @@ from .._bodies._body import GROUND, Pose, perpendicular, poses
 from .._bodies._joints import AbstractJoint
 from .._bodies._mechanism import Mechanism
 from .._bodies._stack import Stack, stacked
+from .._system._names import place
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._system._units import Units
 from .._tools._module import Numbers, as_float, as_vector, known
-from ._closure import AbstractClosure, check_compliance
+from ._closure import AbstractClosure, check_compliance, inverse
 
 
 class JointCompliance(eqx.Module):
@@ -91,6 +93,22 @@ class JointCompliance(eqx.Module):
         if known(self.compliance):
             check_compliance(np.asarray(self.compliance), f"The compliance of joint '{joint}' in (x, y, angle)")
 
+    @classmethod
+    def from_stiffness(
+        cls, joint: str, translation: Numbers = jnp.inf, rotation: ArrayLike = jnp.inf, **options: Any
+    ) -> "JointCompliance":
+        """The same from stiffness: `translation`, N/m, a number or a (2, 2) matrix, and `rotation`, N m/rad.
+
+        Both are positive, infinite where the joint is rigid; `options` are the other arguments.
+
+        ??? example
+
+            ```python
+            rx.JointCompliance.from_stiffness("K", 5e7, 1e6, frame="ground")
+            ```
+        """
+        return cls(joint, inverse(as_float(translation)), inverse(as_float(rotation)), **options)
+
 
 class _Seat(eqx.Module):
     """C, v0 and reference point of a joint in the frame of body i if `on_i`, else of body j."""
@@ -125,35 +143,41 @@ class ElasticJoints(AbstractClosure):
     ??? example
 
         ```python
-        joints = [rx.JointCompliance(name, 1e-8) for name in "ABCD"]  # m/N
-        guides = [rx.JointCompliance(name, 2e-8, 1e-6) for name in "KL"]  # m/N, rad/(N m)
-        rx.solve(mechanism, state, closure=rx.ElasticJoints(mechanism, [*joints, *guides]))
+        guides = {name: (2e-8, 1e-6) for name in "KL"}  # m/N, rad/(N m)
+        joints = rx.ElasticJoints(mechanism, {name: 1e-8 for name in "ABCD"} | guides)
+        rx.solve(mechanism, state, closure=joints)["A.x"]
         ```
 
     **Arguments:**
 
     - `mechanism`: the mechanism, for the names of its joints and bodies.
-    - `joints`: a `JointCompliance` for each joint that is elastic or does not fit.
+    - `joints`: a `JointCompliance` for each joint that is elastic or does not fit; or by name of joint its
+      compliance, `translation` in m/N or a pair with `rotation` in rad/(N m).
     - `units`: units of their figures, as factors from the units of the mechanism.
     """
 
     seats: tuple[_Seat, ...]
 
-    def __init__(self, mechanism: Mechanism, joints: Sequence[JointCompliance], units: Units | None = None):
-        names = [name for kind in mechanism.joint_names for name in kind]
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        joints: Sequence[JointCompliance] | Mapping[str, ArrayLike | tuple[ArrayLike, ArrayLike]],
+        units: Units | None = None,
+    ):
+        if isinstance(joints, Mapping):
+            joints = [JointCompliance(name, *_pair(figures)) for name, figures in joints.items()]
+        names = [name for kind in mechanism.names.joints for name in kind]
         given = {joint.joint: joint for joint in joints}
-        unknown = sorted(set(given) - set(names))
-        if unknown or len(given) < len(joints):
-            raise ValueError(
-                f"Argument `joints` must name joints of the mechanism, each once, but names {unknown or 'some twice'}. "
-                f"The joints are {names}."
-            )
+        if len(given) < len(joints):
+            raise ValueError("Argument `joints` must name each joint once, but names some twice. Leave one out.")
+        for name in given:
+            place("joints", name, names, " of joints")
         units, number, kinds = Units() if units is None else units, 0, []
-        for stack, members in zip(mechanism.joints, mechanism.joint_names, strict=True):
+        for stack, members in zip(mechanism.joints, mechanism.names.joints, strict=True):
             seats = []
             for k, name in enumerate(members):
                 seat = given.get(name, JointCompliance(name))
-                seats.append(_seat(seat, stack, k, _on_i(seat, stack, k, mechanism.body_names), units, number))
+                seats.append(_seat(seat, stack, k, _on_i(seat, stack, k, mechanism.names.bodies), units, number))
                 number += 1
             kinds.append(stacked(seats))
         self.seats = tuple(kinds)
@@ -174,6 +198,10 @@ class ElasticJoints(AbstractClosure):
         ]
         a, bent, misfit, joint = (system.of_rows(values) for values in zip(*rows, strict=True))
         return jnp.where(joint[:, None] == joint, bent @ a.T, 0.0), misfit
+
+
+def _pair(figures: ArrayLike | tuple[ArrayLike, ArrayLike]) -> tuple[ArrayLike, ...]:
+    return figures if isinstance(figures, tuple) else (figures,)
 
 
 def _on_i(given: JointCompliance, stack: Stack, k: int, bodies: tuple[str, ...]) -> Bool[Array, ""]:

@@ -23,10 +23,12 @@ import optimistix as optx
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
+from .._system._axis import Axis, joined
+from .._system._names import ByName, Names, place, vector
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
-from .._tools._module import Numbers, as_float, known, still
+from .._tools._module import as_float, known, still
 from ._kinematics import second_order
 from ._rank import split
 from ._scaling import Scaling, largest_violation, scaling
@@ -36,8 +38,8 @@ _POLISHING_STEPS = 4
 
 def assemble(
     system: AbstractSystem,
-    q: Numbers,
-    qd: Numbers = 0.0,
+    q: ByName,
+    qd: ByName = 0.0,
     t: ArrayLike = 0.0,
     *,
     positions: Mapping[str, ArrayLike] | None = None,
@@ -50,15 +52,19 @@ def assemble(
 
         ```python
         guess = state.q + 0.01
-        closed = rx.assemble(mechanism, guess, positions={"1.phi": 0.8}, rates={"1.phi": 1.0})
+        closed = rx.assemble(mechanism, guess, positions={"1.phi": 0.8}, rates={"A.angle": 1.0})
+        pin = rx.Revolute("O", "rod", "ground", (-0.5, 0.0), (0.0, 0.0))
+        rx.assemble(rx.Mechanism([rx.Body("rod", 1.0, 0.1)], [pin]), {"rod.x": 0.5})  # all else is guessed as 0
         ```
 
     **Arguments:**
 
     - `system`: a `Mechanism` or `System`.
-    - `q`, `qd`: guessed coordinates and velocities; a number for `qd` stands for all.
+    - `q`, `qd`: guessed coordinates and velocities, as vectors or by name, as in `{"crank.phi": 0.5}`, 0 for those not
+      named; a number for `qd` stands for all.
     - `t`: time.
-    - `positions`, `rates`: values that named coordinates must take, such as `{"crank.phi": 0.5}`.
+    - `positions`, `rates`: values that named coordinates must take, such as `{"crank.phi": 0.5}`, those of joints too,
+      such as `{"K.travel": 0.02}`.
     - `throw`: whether to raise an error where no state is found; by default outside of `jit` and `vmap`.
 
     **Returns:** a `State`, NaN where none is found. Redundant constraints on points of few digits cannot be met
@@ -69,10 +75,11 @@ def assemble(
     """
     n = len(system.coordinates)
     positions, rates = dict(positions or {}), dict(rates or {})
-    q, qd, t = as_float(q), jnp.broadcast_to(as_float(qd), (n,)), as_float(t)
-    dtype = jnp.result_type(q, qd)
-    held = [_index(system, "positions", name) for name in positions]
-    driven = [_index(system, "rates", name) for name in rates]
+    q = vector("q", q, system.coordinates, " of coordinates") if isinstance(q, Mapping) else as_float(q)
+    qd, t = jnp.broadcast_to(vector("qd", qd, system.coordinates, " of coordinates"), (n,)), as_float(t)
+    dtype, labels = jnp.result_type(q, qd), _axis(system.names).labels
+    held = [place("positions", name, labels, " of coordinates") for name in positions]
+    driven = [place("rates", name, labels, " of coordinates") for name in rates]
     if held and q.shape != (n,):
         raise ValueError(
             f"Argument `positions` needs a chart with one coordinate for each of the {n} velocities, but `q` has "
@@ -98,13 +105,17 @@ def assemble(
     return state
 
 
-def _index(system: AbstractSystem, argument: str, name: str) -> int:
-    if name not in system.coordinates.labels:
-        raise ValueError(
-            f"Argument `{argument}` must name coordinates of the system, but holds '{name}'. "
-            f"They are {', '.join(system.coordinates.labels)}."
-        )
-    return system.coordinates.labels.index(name)
+def _axis(names: Names) -> Axis:
+    """What can be given: coordinates, and those of joints."""
+    return joined([names.coordinates, names.joint_coordinates])
+
+
+def _given(system: AbstractSystem, q: Array, t: Array, held: Array) -> Array:
+    """Values of the coordinates that are held, of those of `_axis`."""
+    if not held.size:
+        return jnp.zeros(0, q.dtype)
+    none = jnp.zeros(len(system.coordinates), q.dtype)
+    return jnp.concatenate([q, system.joint_coordinates.motion(State(q, none, t), none).position])[held]
 
 
 class _Misfit(NamedTuple):
@@ -177,7 +188,7 @@ class _Closing(eqx.Module):
 
     def residual(self, d: Array) -> Array:
         q = self.system.retract(self.guess.q, self.scale.coordinates * d)
-        given = q[self.held] - self.positions if self.held.size else self.positions
+        given = _given(self.system, q, self.guess.t, self.held) - self.positions
         rows = jnp.concatenate([self.system.constraint(q, self.guess.t), given])
         return rows / self.row_scale / self.scale.size
 
@@ -236,8 +247,9 @@ def _velocity(system: AbstractSystem, state: State, driven: Array, rates: Array)
     motion, _, turned = second_order(system, state)
     scale = scaling(system, state, matrix, turned)
     row_scale = jnp.concatenate([scale.rows, _held_scale(system, driven, scale)])
-    rows = jnp.concatenate([matrix, jnp.eye(state.qd.size, dtype=matrix.dtype)[driven]])
-    misfit = jnp.concatenate([motion.rate, state.qd[driven] - rates]) / row_scale
+    slopes = jax.jacfwd(lambda d: _given(system, system.retract(state.q, d), state.t, driven))(jnp.zeros_like(state.qd))
+    rows = jnp.concatenate([matrix, slopes])
+    misfit = jnp.concatenate([motion.rate, slopes @ state.qd - rates]) / row_scale
     rows = rows * scale.coordinates / row_scale[:, None]
     drift = jnp.max(jnp.abs(motion.value) / scale.rows) / scale.size
     parts, spectrum = split(rows, drift, None)
@@ -261,7 +273,7 @@ def _misfit(size: Array, relative: Array, settled: Array, weakest: Array, roundi
 
 
 def _held_scale(system: AbstractSystem, held: Array, scale: Scaling) -> Array:
-    return jnp.where(jnp.asarray(system.coordinates.angular)[held], 1 / scale.length, 1.0)
+    return jnp.where(jnp.asarray(_axis(system.names).angular)[held], 1 / scale.length, 1.0)
 
 
 def _tolerance(d: Array) -> float:

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from .._system._friction import slip_kinds
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
@@ -35,7 +34,7 @@ def culprits(system: AbstractSystem, state: State, result: RESULTS) -> str:
             else ""
         )
     if result in (RESULTS.friction_at_rest, RESULTS.ambiguous_rest):
-        factor, slips = factorize(system, state), slip_kinds(system.friction)
+        factor, slips = factorize(system, state), system.slips
         rate = slip_motion(system, state)[0] * np.where(slips.angular, factor.length, 1.0)
         resting, labels = np.asarray(~factor.motion_of(rate).is_yes), slips.labels
         return f" At rest: {', '.join(label for label, rests in zip(labels, resting, strict=True) if rests)}."

@@ -11,7 +11,7 @@ from .._equations._factorisation import Factorisation, factorize
 from .._solve._solve import solve_factorised
 from .._solvers._continuation import Continuation
 from .._solvers._solver import Newton
-from .._system._friction import memories, slip_kinds
+from .._system._friction import memories
 from .._system._results import RESULTS, first_failure
 from .._system._state import State
 from .._system._system import AbstractSystem
@@ -98,7 +98,7 @@ def _equations(
     speed = jnp.max(jnp.abs(state.qd) / scale.coordinates) + jnp.sqrt(reach * scale.size)
     slow = scale.size / jnp.where(t1 > state.t, t1 - state.t, 1.0)
     speed = jax.lax.stop_gradient(jnp.where(speed > 0, speed, slow))
-    angular = jnp.asarray(slip_kinds(system.friction).angular)
+    angular = jnp.asarray(system.slips.angular)
     return Equations(
         system,
         closure,

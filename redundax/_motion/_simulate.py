@@ -17,7 +17,7 @@ from .._equations._culprits import culprits
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._module import Numbers, as_float, known, no_classes, positive
+from .._tools._module import Numbers, as_float, known, no_classes, positive, replace
 from ._integrate import integrate
 from ._stabilisation import AbstractStabilisation, Projection
 from ._times import check_times
@@ -94,6 +94,7 @@ def simulate(
     says so.
     """
     no_classes(closure=closure, solver=solver, stabilisation=stabilisation, adjoint=adjoint)
+    closure = closure.by_place(system)
     _check(system, state, solver, rtol, dt0, max_steps)
     t1 = as_float(t1).astype(state.qd.dtype)
     given = state.t + (t1 - state.t) * jnp.linspace(0, 1, 101, dtype=t1.dtype) if ts is None else as_float(ts)
@@ -117,6 +118,7 @@ def simulate(
         diffrax.TextProgressMeter() if progress else diffrax.NoProgressMeter(),
         singular=known(mass) and _singular(np.asarray(mass)),
     )
+    trajectory = replace(trajectory, names=system.names, joint_coordinates=system.joint_coordinates)
     return _thrown(system, state, trajectory, throw)
 
 

@@ -3,6 +3,8 @@
 import equinox as eqx
 from jaxtyping import Array, Float, Int, PyTree
 
+from .._system._joint_coordinates import JointMotion, NoJointCoordinates, joint_motion
+from .._system._names import Named
 from .._system._results import RESULTS
 from .._system._state import State
 
@@ -47,8 +49,12 @@ class TrajectoryStats(eqx.Module):
     jump: Float[Array, ""]
 
 
-class Trajectory(eqx.Module):
-    """A motion at the times asked for.
+class Trajectory(Named):
+    """A motion at the times asked for, also by name.
+
+    `motion["ram.y"]`, `motion["ram.y'"]` and `motion["ram.y''"]` are a position, its velocity and its acceleration,
+    `motion["A.x"]` a multiplier with the sign of the paper, `motion["tau A"]` friction, `motion["K.travel"]` a joint
+    coordinate, each of shape (times,). Where the chart has no entry for each velocity its positions have no names.
 
     Where the motion did not get to, all is NaN; accelerations, multipliers and friction are NaN too at times where
     `solve` has no successful result, as exactly in a singular position.
@@ -61,13 +67,15 @@ class Trajectory(eqx.Module):
     - `memory`: internal states of friction laws that have some, one entry for each friction group.
     - `result`: how the motion ended.
     - `stats`: the evidence.
+    - `names`: what is called how.
+    - `joint_coordinates`: what joint coordinates are computed from when they are asked for by name, or by `joints`.
 
     ??? example
 
         ```python
         smooth = rx.mechanisms.wojtyra2020()
         motion = rx.simulate(smooth, smooth.state(phi=0.8, rate=1.0), 0.1)
-        motion.t, motion.acceleration[:, 8]  # s, rad/s^2 of body 1
+        motion.t, motion["1.phi''"], motion["K.travel"]  # s, rad/s^2 of body 1, m of slider K
         ```
     """
 
@@ -81,6 +89,12 @@ class Trajectory(eqx.Module):
     memory: tuple[PyTree, ...]
     result: RESULTS
     stats: TrajectoryStats
+
+    @property
+    def joints(self) -> JointMotion:
+        """How joint coordinates move: `position`, `rate` and `acceleration`, shape (times, c) each."""
+        joints = NoJointCoordinates() if self.joint_coordinates is None else self.joint_coordinates
+        return joint_motion(joints, self.states, self.acceleration, times=True)
 
     @property
     def states(self) -> State:

@@ -18,12 +18,11 @@ from .._equations._factorisation import Factorisation, factorisation_at
 from .._solvers._continuation import Continuation
 from .._solvers._friction_problem import FrictionProblem
 from .._solvers._solver import Newton, Root
-from .._system._friction import slip_kinds
+from .._system._names import ByName, senses
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
-from .._tools._module import Numbers, as_float
 from ._reduced import reduce
 from ._solution import Solution
 from ._solve import solve
@@ -37,7 +36,7 @@ def frictional_solutions(
     state: State,
     *,
     closure: AbstractClosure = _MINIMUM_NORM,
-    sense: Numbers | None = None,
+    sense: ByName | None = None,
     rank: ArrayLike | None = None,
     factor: Factorisation | None = None,
     starts: int = SEARCH_STARTS,
@@ -71,10 +70,8 @@ def frictional_solutions(
     if not system.friction:
         return [first]
     factors = start_factors(sum(group.rows.size for group in system.friction), starts, seed)
-    slips = len(slip_kinds(system.friction))
-    senses = None if sense is None else jnp.broadcast_to(as_float(sense), (slips,))
-    chosen = elasticity(closure, system, state)
-    guesses, found, size = _guesses(system.anonymous(), state, factor, chosen, senses, factors)
+    slips, chosen = senses(system.slips, sense), elasticity(closure, system, state)
+    guesses, found, size = _guesses(system.anonymous(), state, factor, chosen, slips, factors)
     order, rtol = np.argsort(np.asarray(size)), 100 * jnp.finfo(size.dtype).eps * jnp.maximum(size, 1.0)
     batch = [
         solve(system, state, x0=guesses[k], **options, solver=Newton(rtol[k]), throw=False) for k in order if found[k]

@@ -7,7 +7,10 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._equations._evidence import Violation
 from .._equations._rank import Spectrum
+from .._system._joint_coordinates import JointMotion, NoJointCoordinates, joint_motion
+from .._system._names import Named
 from .._system._results import RESULTS
+from .._system._state import State
 from .._tools._module import known
 
 
@@ -57,8 +60,13 @@ class Stats(eqx.Module):
         return self.spectrum.rank
 
 
-class Solution(eqx.Module):
-    """Accelerations, multipliers and friction at a state.
+class Solution(Named):
+    """Accelerations, multipliers and friction at a state, also by name.
+
+    `solution["crank.phi''"]` is an acceleration, `solution["A.x"]` the multiplier of that row, whose sign is the
+    paper's and not that of a force on a body, `solution["tau A"]` friction and `solution["K.travel''"]` the
+    acceleration of a joint coordinate; without primes it is the coordinate at the state, with one its rate. Of a batch
+    they are arrays with its axes. Other names raise a `ValueError`.
 
     - `acceleration`: qdd, shape (n,).
     - `multipliers`: lam, shape (m,); the constraint force on the system is -Phi_q^T lam.
@@ -66,12 +74,17 @@ class Solution(eqx.Module):
       the opposite on body j.
     - `result`: how the solve ended. The three arrays are NaN unless it is `RESULTS.successful`.
     - `stats`: the evidence.
+    - `state`: the state, where `solve` gives the solution.
+    - `names`: what is called how.
+    - `joint_coordinates`: what the angles of revolutes and the travels of sliders, of body i relative to body j, are
+      computed from when they are asked for by name, or by `joints`.
 
     ??? example
 
         ```python
         solution = rx.solve(mechanism, state)
         solution.acceleration, solution.multipliers, solution.friction  # shapes (12,), (12,), (4,)
+        solution["1.phi''"], solution["A.x"], solution["tau A"], solution["K.travel'"]  # rad/s^2, N, N m, m/s
         ```
     """
 
@@ -80,6 +93,29 @@ class Solution(eqx.Module):
     friction: Float[Array, " p"]
     result: RESULTS
     stats: Stats
+    state: State | None = eqx.field(default=None, repr=False, kw_only=True)
+
+    @property
+    def q(self) -> Float[Array, "..."]:
+        """The position at which it was solved."""
+        return self._at.q
+
+    @property
+    def qd(self) -> Float[Array, "..."]:
+        """The velocity there."""
+        return self._at.qd
+
+    @property
+    def joints(self) -> JointMotion:
+        """How joint coordinates move: `position`, `rate` and `acceleration`, shape (c,) each."""
+        joints = NoJointCoordinates() if self.joint_coordinates is None else self.joint_coordinates
+        return joint_motion(joints, self._at, self.acceleration)
+
+    @property
+    def _at(self) -> State:
+        if self.state is None:
+            raise ValueError("This solution does not know its state: it does not come from `solve`. Index its arrays.")
+        return self.state
 
     def __str__(self) -> str:
         """The numbers of one solution, or what failed; of a batch, and inside of transformations, the shapes."""

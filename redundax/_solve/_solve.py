@@ -26,13 +26,13 @@ from .._solvers._iterate import Progress
 from .._solvers._open_newton import open_root
 from .._solvers._open_problem import OpenProblem
 from .._solvers._solver import AbstractSolver, Newton, Root, closed_root
-from .._system._friction import slip_kinds
+from .._system._names import ByName, vector
 from .._system._results import RESULTS, first_failure
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._chunks import batched_with, in_chunks
 from .._tools._compilation import compiled
-from .._tools._module import Numbers, as_float, known, no_classes
+from .._tools._module import Numbers, as_float, known, no_classes, replace
 from ._reduced import Reduced, reduce
 from ._solution import Solution, Stats
 
@@ -46,7 +46,7 @@ def solve(
     closure: AbstractClosure | None = _MINIMUM_NORM,
     solver: AbstractSolver | None = None,
     x0: Numbers | None = None,
-    sense: Numbers | None = None,
+    sense: ByName | None = None,
     rank: ArrayLike | None = None,
     factor: Factorisation | None = None,
     throw: bool | None = None,
@@ -100,13 +100,14 @@ def solve(
     if x0 is not None:
         x0 = _vector("x0", x0, n + m, "[qdd; lam]").astype(state.qd.dtype)
     if sense is not None:
-        sense = _vector("sense", sense, len(slip_kinds(system.friction)), "slips")
+        sense = vector("sense", sense, system.slips, " of slips")
     factor = factorisation_at(system, state, rank, factor)
     chosen = None if closure is None else elasticity(closure, system, state)
     solution = solve_factorised(system.anonymous(), state, factor, chosen, solver, x0, sense)
     concrete = all(map(known, jax.tree.leaves((factor, chosen))))
     if chosen is not None and isinstance(closure, Compliance | ElasticJoints) and concrete:
         check_units(system.rows, factor.length, closure, chosen, stacklevel=2)
+    solution = replace(solution, names=system.names, state=state, joint_coordinates=system.joint_coordinates)
     return _thrown(system, state, solution, throw)
 
 

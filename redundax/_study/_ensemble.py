@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jax.sharding import Mesh
 
-from .._motion._outputs import QUANTITIES, axes
 from .._motion._trajectory import Trajectory
+from .._system._names import QUANTITIES
 from .._system._results import result_codes
 from .._system._system import AbstractSystem
 from .._tools._module import Numbers
@@ -26,6 +26,7 @@ from ._study import study
 if TYPE_CHECKING:
     import xarray
 
+_ARRAYS = {name: quantity for name, quantity in QUANTITIES.items() if "." not in name}
 _GOOD = ("successful", "stuck")  # of motions that did what they should
 
 
@@ -84,7 +85,7 @@ def ensemble(
     data = study(run, values, system=system, chunk=chunk, path=path, mesh=mesh, progress=progress)
     motions = _named(data, system)
     bands = {}
-    for array in QUANTITIES:
+    for array in _ARRAYS:
         if array in motions:
             band, count = banded(motions[array].values, percentiles)
             _, *dims = motions[array].dims
@@ -122,7 +123,7 @@ def _drawn(
 
 def _named(data: "xarray.Dataset", system: AbstractSystem) -> "xarray.Dataset":
     """The motions with one time, and names and units along the other dimensions."""
-    missing = [name for name in ("t", *QUANTITIES, "sense", "result") if name not in data]
+    missing = [name for name in ("t", *_ARRAYS, "sense", "result") if name not in data]
     if missing:
         raise ValueError(
             f"Argument `run` must give a `Trajectory`, but its result has no {', '.join(missing)}. "
@@ -133,8 +134,8 @@ def _named(data: "xarray.Dataset", system: AbstractSystem) -> "xarray.Dataset":
         raise ValueError("Argument `run` must give all motions at the same times. Give `ts` to `simulate`.")
     motions = data.drop_vars("t").assign_coords(time=("time", times[0], {"units": "s"}))
     motions = motions.assign(sense=data["sense"].rename({data["sense"].dims[1]: "time"}))
-    for name, quantity in QUANTITIES.items():
-        size, chart = len(axes(system)[quantity.axis]), name == "q" and not system.adds
+    for name, quantity in _ARRAYS.items():
+        size, chart = len(system.names.axes[quantity.axis]), name == "q" and not system.adds
         if data[name].shape[2] != size and not chart:
             raise ValueError(
                 f"Argument `system` must be the one whose motions `run` gives, but has {size} {quantity.axis}s where "

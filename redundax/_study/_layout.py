@@ -13,19 +13,13 @@ import jax
 import numpy as np
 
 from .._system._axis import Axis
-from .._system._friction import slip_kinds
+from .._system._names import QUANTITIES, Named, Names
 from .._system._results import RESULTS, result_codes
 from .._system._system import AbstractSystem
+from .._tools._module import replace
 
 SAMPLE = "sample"
-_LABELLED = {
-    "q": "coordinate",
-    "qd": "coordinate",
-    "acceleration": "coordinate",
-    "multipliers": "row",
-    "friction": "slip",
-    "sense": "slip",
-}
+_LABELLED = {array: quantity.axis for array, quantity in QUANTITIES.items() if "." not in array} | {"sense": "slip"}
 _HASHED = 2**22  # bytes of samples that are hashed at once
 
 
@@ -68,7 +62,8 @@ def named(tree: Any) -> dict[str, Any]:
 def layout(samples: Mapping[str, np.ndarray], outputs: Any, system: AbstractSystem | None) -> Layout:
     """The layout for samples and for what one sample gives, a pytree of shapes as of `jax.eval_shape`."""
     given = {name: Variable(v.shape[1:], v.dtype, _dims(name, v.shape[1:]), {}) for name, v in samples.items()}
-    axes = {} if system is None else _axes(system)
+    names = _names(outputs) if system is None else system.names
+    axes = {} if names is None else {name: axis for name, axis in names.axes.items() if len(axis)}
     found = {name: _variable(name, leaf, axes) for name, leaf in _leaves(outputs).items()}
     if not found:
         raise ValueError(
@@ -99,13 +94,20 @@ def storable(dtype: np.dtype) -> bool:
 
 
 def _leaves(tree: Any) -> dict[str, Any]:
+    tree = jax.tree.map(_figures, tree, is_leaf=lambda x: isinstance(x, Named))
     leaves = jax.tree_util.tree_flatten_with_path(tree, is_leaf=lambda x: isinstance(x, RESULTS))[0]
     return {jax.tree_util.keystr(path, simple=True, separator="."): leaf for path, leaf in leaves}
 
 
-def _axes(system: AbstractSystem) -> dict[str, Axis]:
-    axes = {"coordinate": system.coordinates, "row": system.rows, "slip": slip_kinds(system.friction)}
-    return {name: axis for name, axis in axes.items() if len(axis)}
+def _figures(result: Any) -> Any:
+    """A result without what says where its figures are."""
+    return replace(result, state=None, joint_coordinates=None) if isinstance(result, Named) else result
+
+
+def _names(outputs: Any) -> Names | None:
+    """Those of the first result that has some."""
+    found = jax.tree.leaves(outputs, is_leaf=lambda x: isinstance(x, Named))
+    return next((one.names for one in found if isinstance(one, Named) and one.names), None)
 
 
 def _variable(name: str, leaf: Any, axes: Mapping[str, Axis]) -> Variable:

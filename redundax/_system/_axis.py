@@ -78,3 +78,10 @@ def axis(names: Sequence[str] | None, kinds: Sequence[str] | str, size: int) -> 
             f"Argument `kinds` must have {size} entries, but has {len(kinds)}. Give one for each, or one word for all."
         )
     return Axis(None if names is None else tuple(names), kinds)
+
+
+def joined(axes: Sequence[Axis]) -> Axis:
+    """One axis after the other; without names unless all have some."""
+    kinds = tuple(kind for axis in axes for kind in axis.kinds)
+    known = all(axis.names is not None for axis in axes)
+    return Axis(tuple(name for axis in axes for name in axis.names or ()) if known else None, kinds)

@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
 from .._tools._module import Numbers, as_float, as_functions, as_parameters, replace
-from ._axis import Axis
+from ._axis import Axis, joined
 from ._state import State
 
 
@@ -168,10 +168,7 @@ def load_rows(groups: Sequence[AbstractFriction]) -> Int[Array, " l"]:
 
 def slip_kinds(groups: Sequence[AbstractFriction]) -> Axis:
     """Names and kinds of all slips, group after group."""
-    names = [group.slips.names for group in groups]
-    kinds = tuple(kind for group in groups for kind in group.slips.kinds)
-    known = all(part is not None for part in names)
-    return Axis(tuple(name for part in names for name in part or ()) if known else None, kinds)
+    return joined([group.slips for group in groups])
 
 
 def memories(groups: Sequence[AbstractFriction], state: State) -> tuple[PyTree, ...]:

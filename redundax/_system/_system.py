@@ -19,16 +19,32 @@ from jaxtyping import Array, Float, PyTree
 
 from .._tools._module import Numbers, as_float, as_functions, as_parameters, moved, replace
 from ._axis import Axis, axis
-from ._friction import AbstractFriction
+from ._friction import AbstractFriction, slip_kinds
+from ._joint_coordinates import AbstractJointCoordinates, NoJointCoordinates
+from ._names import Names
 from ._state import State
 
 
 class AbstractSystem(eqx.Module):
     """Mass, constraints, load and friction of a constrained system, with the names and kinds of its axes."""
 
-    coordinates: eqx.AbstractVar[Axis]
-    rows: eqx.AbstractVar[Axis]
+    names: eqx.AbstractVar[Names]
     friction: eqx.AbstractVar[tuple[AbstractFriction, ...]]
+
+    @property
+    def coordinates(self) -> Axis:
+        """Names and kinds of coordinates and velocities."""
+        return self.names.coordinates
+
+    @property
+    def rows(self) -> Axis:
+        """Names and kinds of constraint rows and multipliers."""
+        return self.names.rows
+
+    @property
+    def slips(self) -> Axis:
+        """Names and kinds of the slips of all friction groups."""
+        return self.names.slips
 
     @property
     @abc.abstractmethod
@@ -71,6 +87,11 @@ class AbstractSystem(eqx.Module):
     def adds(self) -> bool:
         """Whether q [+] d is q + d."""
 
+    @property
+    def joint_coordinates(self) -> AbstractJointCoordinates:
+        """Coordinates that joints have; none unless a system says so."""
+        return NoJointCoordinates()
+
     @abc.abstractmethod
     def anonymous(self) -> Self:
         """The same system without names: what compiled programs are keyed on."""
@@ -107,8 +128,7 @@ class System(AbstractSystem):
       and cannot be counted (`n` defaults to the size of `mass`, `m` to a trial evaluation at q = 0).
     """
 
-    coordinates: Axis = eqx.field(static=True)
-    rows: Axis = eqx.field(static=True)
+    names: Names = eqx.field(static=True)
     friction: tuple[AbstractFriction, ...]
     parameters: PyTree
     _mass: Float[Array, " n"] | Float[Array, "n n"] | Callable[..., Array]
@@ -149,16 +169,17 @@ class System(AbstractSystem):
             m = _count(rows)
         if m is None:
             m = self._trial_rows(n)
-        self.coordinates = coordinates if isinstance(coordinates, Axis) else axis(None, coordinates, n)
-        self.rows = rows if isinstance(rows, Axis) else axis(None, rows, m)
-        self.coordinates.check("coordinates", ("linear", "angular"))
-        self.rows.check("rows", ("force", "moment"))
+        self.friction = (friction,) if isinstance(friction, AbstractFriction) else tuple(friction)
+        coordinates = coordinates if isinstance(coordinates, Axis) else axis(None, coordinates, n)
+        rows = rows if isinstance(rows, Axis) else axis(None, rows, m)
+        coordinates.check("coordinates", ("linear", "angular"))
+        rows.check("rows", ("force", "moment"))
+        self.names = Names(coordinates, rows, slip_kinds(self.friction))
         if not len(self.rows):
             raise ValueError(
                 "Argument `constraint` must give at least one residual, but gives none. "
                 "Return an array with one entry for each constraint."
             )
-        self.friction = (friction,) if isinstance(friction, AbstractFriction) else tuple(friction)
 
     def _trial_rows(self, n: int) -> int:
         if self._retraction is not None:
@@ -189,8 +210,7 @@ class System(AbstractSystem):
     def anonymous(self) -> Self:
         return replace(
             self,
-            coordinates=self.coordinates.anonymous(),
-            rows=self.rows.anonymous(),
+            names=self.names.anonymous(),
             friction=tuple(group.anonymous() for group in self.friction),
         )
 

@@ -148,7 +148,7 @@ def test_an_eccentric_hole_is_a_misfit_in_the_frame_of_its_body(paper):
     """A hole drilled beside its place in crank 1, as geometry and as a figure."""
     mechanism, state = paper
     hole = np.array([2e-5, -3e-5])
-    k = mechanism.joint_names[0].index("B")
+    k = mechanism.names.joints[0].index("B")
     point = mechanism.joints[0].element.point_j.at[k].add(hole)
     actual = eqx.tree_at(lambda m: m.joints[0].element.point_j, mechanism, point)
     compliant = [rx.JointCompliance(name, 1e-8, 1e-6) for name in "ACDKL"]

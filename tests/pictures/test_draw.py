@@ -73,7 +73,7 @@ def test_registry_draws(name):
         assert draw(case.smooth, case.state, axes=axes, **loads) is axes
         assert overlapping(axes) == []
         shown = {part for text in axes.texts for part in text.get_text().split(", ")}
-        assert shown >= {*case.smooth.body_names, *itertools.chain(*case.smooth.joint_names)}
+        assert shown >= {*case.smooth.names.bodies, *itertools.chain(*case.smooth.names.joints)}
         window = axes.get_window_extent()
         for box in texts(axes).values():
             assert box.x0 >= window.x0 - 1 and box.x1 <= window.x1 + 1
@@ -325,7 +325,7 @@ def test_every_kind_draws(axes):
     lam = np.linspace(-3.0, 5.0, len(mechanism.rows))
     draw(mechanism, state, axes=axes, multipliers=lam)
     assert overlapping(axes) == []
-    assert set(artists(axes, "body ")) >= set(mechanism.body_names)
+    assert set(artists(axes, "body ")) >= set(mechanism.names.bodies)
     assert {text.get_text() for text in axes.texts} >= {"3 N m", "g = 9.49 m/s²"}
     lower, upper = np.array([axes.get_xlim(), axes.get_ylim()]).T
     for patch in axes.patches:

@@ -21,7 +21,7 @@ from mechanisms import CASES
 from registry import EVERYTHING, case
 
 import redundax as rx
-from redundax._analysis._outputs import outputs, unknowns
+from redundax._analysis._outputs import outputs
 from redundax._pictures._page._blocks import Items, Table, Text
 from redundax._pictures._page._contents import contents
 
@@ -53,7 +53,8 @@ def families(system, state, report, length):
 
 def spreads(system, state, values, length) -> dict:
     """How far each output differs between solutions (solutions, n + m + p), relative to the size of its kind."""
-    kinds = {name: kind.removeprefix("friction ") for name, kind in zip(*unknowns(system), strict=True)}
+    known = system.names.unknowns
+    kinds = {name: kind.removeprefix("friction ") for name, kind in zip(known.labels, known.kinds, strict=True)}
     each = np.array([*kinds.values()])
     own = {kind: np.abs(values[:, each == kind]).max(initial=0.0) for kind in OTHER}
     lever = {"linear": length, "angular": 1 / length, "force": 1 / length, "moment": length}
@@ -91,7 +92,7 @@ def agrees(system, state, length=1.0) -> set:
 
 
 def only_zero_what_cannot_be_carried(mechanism, judged):
-    stacks = zip(mechanism.joints, mechanism.joint_names, strict=True)
+    stacks = zip(mechanism.joints, mechanism.names.joints, strict=True)
     for joint, kind in ((name, type(stack.element)) for stack, names in stacks for name in names):
         for part in (*FORCES, "moment"):
             one = next(one for name, one in judged.items() if name.startswith(f"{joint} {part} on "))

@@ -84,7 +84,7 @@ def test_pictures_have_units_and_say_what_is_missing(blocks):
     assert figure.get_suptitle() == "7 motions: 6 successful, 1 violated constraints"
     assert all(any(part.get_hatch() for part in axes.collections) for axes in figure.axes)
     assert len(rx.plot_ensemble(blocks).axes) == 1  # the other position does not vary
-    with pytest.raises(ValueError, match=r"Argument `outputs` must hold names .* but holds \['z'\]"):
+    with pytest.raises(ValueError, match=r"Argument `outputs` must hold names .* but holds 'z'"):
         rx.plot_ensemble(blocks, ["z"])
 
 

@@ -13,7 +13,7 @@ def rotation(angle):
 
 def turned(mechanism, state, angle):
     """A mechanism whose joints have the ground as body j, if at all, with its state and gravity, turned as a whole."""
-    R, ground = rotation(angle), len(mechanism.body_names)
+    R, ground = rotation(angle), len(mechanism.names.bodies)
     for k, stack in enumerate(mechanism.joints):
         on_ground = np.asarray(stack.j) == ground
         names = ("point_j", "normal") if isinstance(stack.element, rx.Translational) else ("point_j",)

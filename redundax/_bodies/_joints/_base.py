@@ -83,9 +83,14 @@ class AbstractFrictionalJoint(AbstractJoint):
                 "Give `rx.Coulomb` with this coefficient, say."
             )
 
+    @property
+    def coordinate(self) -> str:
+        """What its coordinate is called: "angle" or "travel", as in "name.angle"."""
+        return "angle" if self.slip_kind == "angular" else "travel"
+
     @abc.abstractmethod
     def slip(self, i: Pose, j: Pose) -> Float[Array, ""]:
-        """Displacement of body i relative to body j that friction opposes; "linear" or "angular" by `slip_kind`."""
+        """The joint's coordinate: displacement of body i relative to body j; "linear" or "angular" by `slip_kind`."""
 
     @abc.abstractmethod
     def normal_load(self, multipliers: Float[Array, " rows"]) -> Float[Array, ""]:

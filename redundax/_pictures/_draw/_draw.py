@@ -110,7 +110,7 @@ def check(mechanism: Any, scale: float | None) -> None:
             f"Argument `mechanism` must be a planar `Mechanism`, but is a {type(mechanism).__name__}, "
             "which has no bodies and joints to draw. Build it with `rx.Mechanism`."
         )
-    if not mechanism.body_names:
+    if not mechanism.names.bodies:
         raise ValueError("Argument `mechanism` must have its names, but is anonymous. Draw the one it was made from.")
     if scale is not None and not scale > 0:
         raise ValueError(

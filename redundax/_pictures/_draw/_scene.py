@@ -108,7 +108,7 @@ def scene(mechanism: Mechanism, state: State) -> Scene:
     r, phi = np.asarray(body.r, float), np.asarray(body.phi, float)
     joints = [joint for group in range(len(mechanism.joints)) for joint in _joints(mechanism, group, r, phi)]
     return Scene(
-        names=mechanism.body_names,
+        names=mechanism.names.bodies,
         centres=r,
         joints=tuple(_at_pin(joint, joints, r) for joint in joints),
         loads=tuple(load for stack in mechanism.loads for load in _loads(stack, state, r, phi, joints)),
@@ -129,7 +129,7 @@ def _joints(mechanism: Mechanism, group: int, r: np.ndarray, phi: np.ndarray) ->
     normal = _field(element, "normal", (2,))
     axis = None if normal is None else _turned(np.stack([normal[:, 1], -normal[:, 0]], 1), phi[j])
     length, ratio = _field(element, "guide_length", ()), _field(element, "ratio", ())
-    names = mechanism.joint_names[group]
+    names = mechanism.names.joints[group]
     return [
         Joint(
             name=names[k],

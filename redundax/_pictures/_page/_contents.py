@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..._analysis._outputs import outputs, sizes, unknowns
+from ..._analysis._outputs import outputs, sizes
 from ..._analysis._report import Report
 from ..._analysis._verdict import Judged, Verdict
 from ..._solution_sets._family._solution_family import SolutionFamily
@@ -257,8 +257,8 @@ def _apart(low: float, high: float) -> tuple[str, str]:
 def _kinds(kind: str, names: Sequence[str], system: AbstractSystem) -> list[str]:
     if kind == "reaction":  # force x, force y and moment of each joint
         return ["force", "force", "moment"] * (len(names) // 3)
-    kinds = dict(zip(*unknowns(system), strict=True))
-    return [kinds[name] for name in names]
+    known = system.names.unknowns
+    return [known.kinds[known.labels.index(name)] for name in names]
 
 
 def _looked_at(families: Sequence[SolutionFamily]) -> str:

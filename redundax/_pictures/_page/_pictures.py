@@ -30,8 +30,8 @@ def drawing(
     figure: Any = draw(system, state, self_stress=self_stress, multipliers=multipliers).figure
     png = _png(figure)
     pyplot.close(figure)
-    joints = ", ".join(name for names in system.joint_names for name in names)
-    alt = f"Drawing of the bodies {', '.join(system.body_names)} and the joints {joints}"
+    joints = ", ".join(name for names in system.names.joints for name in names)
+    alt = f"Drawing of the bodies {', '.join(system.names.bodies)} and the joints {joints}"
     if self_stress is not None:
         return [Picture(png, "Self-stress as open arrows", f"{alt}, with a self-stress state as open arrows.")]
     if multipliers is not None:

@@ -7,8 +7,9 @@ import numpy as np
 
 from ..._analysis._along import MotionReport
 from ..._analysis._verdict import Verdict
-from ..._motion._outputs import QUANTITIES, Output, all_outputs, chosen
 from ..._system._axis import Axis
+from ..._system._names import QUANTITIES, Entry, entries
+from ._outputs import chosen
 from ._plot import COLOURS, DASHES, finish, new_figure
 
 if TYPE_CHECKING:
@@ -50,7 +51,8 @@ def plot_ensemble(
     **Raises:** `ValueError` for names that are not there.
     """
     percentiles = np.sort(ensemble.percentile.values)
-    known = all_outputs(_axes(ensemble), positions=ensemble.q_band.dims == ensemble.qd_band.dims)
+    unnamed = () if ensemble.q_band.dims == ensemble.qd_band.dims else ("q",)
+    known = entries(_axes(ensemble), [array for array in QUANTITIES if array not in unnamed])
     drawn = chosen(known, outputs, lambda output: _values(ensemble, output).T)
     columns = min(2, max(1, len(drawn)))
     rows = max(1, -(-len(drawn) // columns))
@@ -81,14 +83,14 @@ def _axes(ensemble: "xarray.Dataset") -> dict[str, Axis]:
     }
 
 
-def _values(ensemble: "xarray.Dataset", output: Output) -> np.ndarray:
+def _values(ensemble: "xarray.Dataset", output: Entry) -> np.ndarray:
     """The band of an output, shape (percentiles, times), lowest first."""
-    return ensemble[f"{output.array}_band"].values[np.argsort(ensemble.percentile.values), :, output.entry]
+    return ensemble[f"{output.array}_band"].values[np.argsort(ensemble.percentile.values), :, output.index]
 
 
-def _band(panel: "Axes", ensemble: "xarray.Dataset", output: Output, percentiles: np.ndarray) -> None:
+def _band(panel: "Axes", ensemble: "xarray.Dataset", output: Entry, percentiles: np.ndarray) -> None:
     t, band = ensemble.time.values, _values(ensemble, output)
-    missing = ensemble[f"{output.array}_count"].values[:, output.entry] < ensemble.sizes["sample"]
+    missing = ensemble[f"{output.array}_count"].values[:, output.index] < ensemble.sizes["sample"]
     low, *between, high = [f"{value:g}" for value in percentiles]
     label = f"{low} to {high} % of the motions"
     panel.fill_between(t, band[0], band[-1], facecolor=_FILL, alpha=0.6, edgecolor=_EDGE, linewidth=0.8, label=label)
@@ -101,7 +103,7 @@ def _band(panel: "Axes", ensemble: "xarray.Dataset", output: Output, percentiles
     panel.set_xlim(t[0], t[-1])
 
 
-def _verdicts(panel: "Axes", along: MotionReport, output: Output) -> None:
+def _verdicts(panel: "Axes", along: MotionReport, output: Entry) -> None:
     """Bars along the foot of a panel where an output is not unique, or where that is not known."""
     name = f"{output.name.rstrip(chr(39))}''" if output.array in ("q", "qd") else output.name
     kind = {"multipliers": "multiplier", "friction": "friction"}.get(output.array, "acceleration")

@@ -5,9 +5,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..._motion._outputs import all_outputs, axes, chosen
 from ..._motion._trajectory import Trajectory
+from ..._system._names import Entry
 from ..._system._system import AbstractSystem
+from ..._tools._module import replace
+from ._outputs import chosen
 from ._plot import COLOURS, DASHES, finish, new_figure
 
 if TYPE_CHECKING:
@@ -39,11 +41,12 @@ def plot_trajectory(system: AbstractSystem, trajectory: Trajectory, outputs: Seq
     **Raises:** `ValueError` for names that are not there.
     """
 
-    def values(array: str, index: int) -> np.ndarray:
-        return np.asarray(getattr(trajectory, array))[:, index]
+    named = replace(trajectory, names=system.names)
 
-    known = all_outputs(axes(system), positions=trajectory.q.shape == trajectory.qd.shape)
-    wanted = chosen(known, outputs, lambda one: values(one.array, one.entry))
+    def values(entry: Entry) -> np.ndarray:
+        return np.asarray(named.entry(entry))
+
+    wanted = chosen(named.entries, outputs, values)
     units = list(dict.fromkeys(output.unit for output in wanted))
     figure = new_figure(6.6, 2.0 * max(len(units), 1) + 0.5)
     if not units:
@@ -53,7 +56,7 @@ def plot_trajectory(system: AbstractSystem, trajectory: Trajectory, outputs: Seq
     for panel, unit in zip(panels, units, strict=True):
         for k, output in enumerate(output for output in wanted if output.unit == unit):
             style = {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % 4], "linewidth": 1.4}
-            panel.plot(np.asarray(trajectory.t), values(output.array, output.entry), label=output.name, **style)
+            panel.plot(np.asarray(trajectory.t), values(output), label=output.name, **style)
         finish(panel, "", "")
         panel.set_ylabel(unit, fontsize=9)
         panel.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)

@@ -7,22 +7,24 @@ self-stress, else by a search, whose result lies inside the true band: no outer 
 """
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
 from ..._analysis._analyze import Report, analyze
+from ..._analysis._outputs import joint_accelerations, plain
 from ..._analysis._outputs import outputs as named_outputs
-from ..._analysis._outputs import plain, unknowns
 from ..._analysis._verdict import Verdict
 from ..._equations._factorisation import Factorisation, factorisation_at
 from ..._solve._all_solutions import start_factors
+from ..._system._names import ByName, place
 from ..._system._state import State
 from ..._system._system import AbstractSystem
-from ..._tools._module import Numbers, no_classes
+from ..._tools._module import no_classes
 from .._bounds import AbstractBounds
 from .._cases import Affine
 from .._family._solution_family import solutions_of
@@ -110,7 +112,7 @@ def band(
     samples: int = 256,
     starts: int = 8,
     seed: int = 0,
-    sense: Numbers | None = None,
+    sense: ByName | None = None,
     rank: ArrayLike | None = None,
     factor: Factorisation | None = None,
 ) -> Bands:
@@ -127,7 +129,8 @@ def band(
 
     - `system`, `state`: concrete values; not inside `jit` or `vmap`.
     - `outputs`: names: "coordinate''" of accelerations, rows of multipliers, "tau slip" of friction and, for a
-      `Mechanism`, those of `analyze(...).verdicts["reaction"]`; all accelerations if not given.
+      `Mechanism`, "K.travel''" of joint coordinates and those of `analyze(...).verdicts["reaction"]`; all accelerations
+      of coordinates if not given.
     - `bounds`: `AmplitudeBox`, `PreloadBox`, `PreloadNorm`, `MisfitBox` or `ComplianceBox`.
     - `samples`: random cases that are looked at where the band is not exact, beside vertices.
     - `starts`, `seed`: random initial loads for each of them, where the number of solutions is not proved.
@@ -141,7 +144,7 @@ def band(
     solutions = solutions_of(system, state, factor, report, sense)
     if not report.pivots:
         raise ValueError("Argument `system` must be overconstrained, but has no self-stress: its loads are unique.")
-    names, kinds, matrix, unique = _wanted(system, state, outputs, report)
+    names, kinds, matrix, offset, unique = _wanted(system, state, outputs, report)
     cases = bounds.cases(system, state, report, solutions)
     proved = proved_single(solutions, cases, report)
     exact_way = proved and not report.friction_reads and (isinstance(cases, Affine) or few(cases))
@@ -155,8 +158,8 @@ def band(
     return Bands(
         names=names,
         kinds=kinds,
-        lower=lower,
-        upper=upper,
+        lower=lower + offset,
+        upper=upper + offset,
         exact=unique | exact_way,
         bounds=type(bounds).__name__,
         parameters=cases.names,
@@ -169,21 +172,40 @@ def band(
     )
 
 
-def _wanted(
-    system: AbstractSystem, state: State, outputs: Sequence[str] | str | None, report: Report
-) -> tuple[tuple[str, ...], tuple[str, ...], np.ndarray, np.ndarray]:
-    """Names, kinds, coefficients and proved uniqueness of the outputs."""
-    known = named_outputs(system, state)
-    rows = {name: row for names, matrix in known.values() for name, row in zip(names, matrix, strict=True)}
-    kinds = dict(zip(*unknowns(system), strict=True))
-    kinds |= {name: "moment" if " moment on " in name else "force" for name in rows if name not in kinds}
-    names = tuple(known["acceleration"][0] if outputs is None else [outputs] if isinstance(outputs, str) else outputs)
-    unknown = [name for name in names if name not in rows]
-    if unknown or not names:
-        raise ValueError(
-            f"Argument `outputs` must hold names of outputs, but holds {', '.join(unknown) or 'none'}. Accelerations "
-            f"are like {next(iter(rows))!r}, multipliers {system.rows.labels[0]!r}; `analyze(...).verdicts` has all."
-        )
-    judged = {one.name: one.with_friction for group in report.verdicts.values() for one in group}
-    unique = np.array([judged[name] in (Verdict.UNIQUE, Verdict.ZERO) for name in names])
-    return names, tuple(kinds[name] for name in names), np.array([rows[name] for name in names]), unique
+class _Wanted(NamedTuple):
+    """Names and kinds of outputs y = matrix [qdd; lam; tau] + offset, and which are proved unique."""
+
+    names: tuple[str, ...]
+    kinds: tuple[str, ...]
+    matrix: np.ndarray
+    offset: np.ndarray
+    unique: np.ndarray
+
+
+def _wanted(system: AbstractSystem, state: State, outputs: Sequence[str] | str | None, report: Report) -> _Wanted:
+    known, unknowns, joints = named_outputs(system, state), system.names.unknowns, system.names.joint_coordinates
+    names = known["acceleration"][0] if outputs is None else [outputs] if isinstance(outputs, str) else [*outputs]
+    if not names:
+        raise ValueError("Argument `outputs` must hold names of outputs, but holds none. Leave it out for all.")
+    kinds = dict(zip(unknowns.labels, unknowns.kinds, strict=True))
+    moving = {f"{label}''": kind for label, kind in zip(joints.labels, joints.kinds, strict=True)}
+    labels = [*(name for group, _ in known.values() for name in group), *moving]
+    kinds |= moving | {name: "moment" if " moment on " in name else "force" for name in known.get("reaction", [[]])[0]}
+    places = [place("outputs", name, labels, " of outputs") for name in names]
+    judged = [
+        one.with_friction in (Verdict.UNIQUE, Verdict.ZERO) for group in report.verdicts.values() for one in group
+    ]
+    matrix, offset = np.concatenate([matrix for _, matrix in known.values()]), np.zeros(len(labels))
+    if any(name in moving for name in names):
+        slopes, bends = joint_accelerations(system, state)
+        offset[len(matrix) :] = bends
+        matrix = np.concatenate([matrix, slopes])
+        n = len(system.coordinates)
+        judged += [all(itertools.compress(judged[:n], slope[:n])) for slope in slopes]
+    return _Wanted(
+        tuple(names),
+        tuple(kinds[name] for name in names),
+        matrix[places],
+        offset[places],
+        np.array(judged)[places],
+    )

@@ -22,12 +22,12 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from ..._analysis._analyze import Report, analyze
-from ..._analysis._outputs import plain, sizes, unknowns
+from ..._analysis._outputs import plain, sizes
 from ..._closures._closure import AbstractClosure, MinimumNorm, elasticity
 from ..._equations._culprits import culprits
 from ..._equations._factorisation import Factorisation, factorisation_at
 from ..._solve._all_solutions import SEARCH_STARTS, start_factors
-from ..._system._friction import slip_kinds
+from ..._system._names import ByName, place, senses
 from ..._system._results import RESULTS
 from ..._system._state import State
 from ..._system._system import AbstractSystem
@@ -94,12 +94,7 @@ class SolutionFamily:
 
     def __getitem__(self, name: str) -> np.ndarray:
         """Values of one acceleration, multiplier or friction, shape (solutions,)."""
-        if name not in self.names:
-            raise ValueError(
-                f"Argument `name` must be one of {', '.join(self.names)}, but is {name!r}. "
-                "Accelerations end in two primes, friction begins with tau."
-            )
-        return self.values[:, self.names.index(name)]
+        return self.values[:, place("name", name, self.names)]
 
     @property
     def acceleration(self) -> np.ndarray:
@@ -175,7 +170,7 @@ def solution_family(
     samples: int = 201,
     starts: int | None = None,
     seed: int = 0,
-    sense: Numbers | None = None,
+    sense: ByName | None = None,
     rank: ArrayLike | None = None,
     factor: Factorisation | None = None,
     watch: Callable[[Sequence[Any]], Iterable[Any]] = iter,
@@ -227,7 +222,7 @@ def solution_family(
         starts = max(_STARTS, -(-SEARCH_STARTS // math.prod(axis.size for axis in axes)))
     factors = start_factors(solutions.rows.size, 0 if proved else starts, seed)
     branches = trace(solutions, axes, factors, proved, watch)
-    names, kinds = unknowns(system)
+    names, kinds = system.names.unknowns.labels, system.names.unknowns.kinds
     values = _values(solutions, branches)
     return SolutionFamily(
         along=tuple(report.pivots[state] for state in chosen),
@@ -255,7 +250,7 @@ def solutions_of(
     state: State,
     factor: Factorisation,
     report: Report,
-    sense: Numbers | None,
+    sense: ByName | None,
     closure: AbstractClosure = _MINIMUM_NORM,
 ) -> SolutionSet:
     """The set of solutions with all self-stress of a report; raises where there is a problem or a joint rests."""
@@ -264,9 +259,7 @@ def solutions_of(
     if report.at_rest:
         result = RESULTS.friction_at_rest
         raise RuntimeError(RESULTS[result] + culprits(system, state, result))
-    count = len(slip_kinds(system.friction))
-    senses = None if sense is None else jnp.broadcast_to(as_float(sense), (count,))
-    return solution_set(system, state, factor, jnp.asarray(report.self_stress), senses, closure)
+    return solution_set(system, state, factor, jnp.asarray(report.self_stress), senses(system.slips, sense), closure)
 
 
 def _chosen(report: Report, along: Sequence[str] | str | None) -> list[int]:
@@ -279,13 +272,13 @@ def _chosen(report: Report, along: Sequence[str] | str | None) -> list[int]:
             )
         return list(range(len(pivots)))
     along = [along] if isinstance(along, str) else list(along)
-    wrong = [name for name in along if name not in pivots]
-    if wrong or not 1 <= len(set(along)) == len(along) <= 2:
+    places = [place("along", name, pivots, " of self-stress states, `analyze(...).pivots`") for name in along]
+    if not 1 <= len(set(places)) == len(places) <= 2:
         raise ValueError(
             f"Argument `along` must name one or two different self-stress states, of {', '.join(pivots) or 'none'}, "
             f"but is {along}. Take them from `analyze(...).pivots`."
         )
-    return [pivots.index(name) for name in along]
+    return places
 
 
 def _measure(

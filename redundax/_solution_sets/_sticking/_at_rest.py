@@ -18,7 +18,6 @@ from jax.typing import ArrayLike
 
 from ..._equations._factorisation import Factorisation
 from ..._equations._kinematics import slip_motion
-from ..._system._friction import slip_kinds
 from ..._system._state import State
 from ..._system._system import AbstractSystem
 
@@ -84,7 +83,7 @@ def drive(system: AbstractSystem, state: State, factor: Factorisation) -> Drive:
             "Lock the driver, or choose another time `t`."
         )
     force, lever = mass @ a, np.where(angular, 1 / length, 1.0)
-    slips, p = slip_kinds(system.friction), len(slip_kinds(system.friction))
+    slips, p = system.slips, len(system.slips)
     size = state.qd.size + len(system.rows)
     ways, turns = _ways(system, factor), np.where(slips.angular, length, 1.0)
     directions = np.asarray(slip_motion(system, state)[1]) if p else np.zeros((a.size, 0))

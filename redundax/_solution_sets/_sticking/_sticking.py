@@ -28,7 +28,6 @@ from ..._analysis._analyze import analyze
 from ..._closures._closure import AbstractClosure, MinimumNorm
 from ..._equations._factorisation import Factorisation, factorisation_at
 from ..._solve._all_solutions import start_factors
-from ..._system._friction import slip_kinds
 from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._tools._module import no_classes
@@ -120,7 +119,7 @@ def sticking(
         bounds=type(bounds).__name__,
         parameters=cases.names,
         box=np.stack([cases.figures(cases.lower), cases.figures(cases.upper)], axis=1),
-        names=tuple(slip_kinds(system.friction).labels),
+        names=tuple(system.slips.labels),
         senses=start.sense,
         slip_verdicts=joints.verdicts,
         slip_proved=joints.proved,

@@ -1,0 +1,182 @@
+"""Names: the one map from what a thing is called to where it stands, in systems and in results.
+
+    crank.phi      a position         A.x                 the multiplier of a row, with the sign of the paper
+    crank.phi'     a velocity         tau A               friction of a slip, on the joint's body i
+    crank.phi''    an acceleration    A.angle, K.travel   a joint coordinate, with ' its rate, with '' its acceleration
+
+Names never reach compiled programs: systems go there anonymous, and results get their names when they come back.
+"""
+
+import dataclasses
+import difflib
+from collections.abc import Collection, Mapping, Sequence
+from operator import attrgetter
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float
+
+from .._tools._module import Numbers, as_float
+from ._axis import Axis
+from ._joint_coordinates import AbstractJointCoordinates
+
+ByName = Numbers | Mapping[str, ArrayLike]  # a vector or a number for equal entries; or numbers by name
+_LISTED = 40  # names that an error lists
+_NONE = Axis((), ())
+
+
+class Quantity(NamedTuple):
+    """An array of a result: axis and names of its entries, units of the linear and the angular ones."""
+
+    axis: str
+    pattern: str
+    linear: str
+    angular: str
+
+
+QUANTITIES = {
+    "q": Quantity("coordinate", "{}", "m", "rad"),
+    "qd": Quantity("coordinate", "{}'", "m/s", "rad/s"),
+    "acceleration": Quantity("coordinate", "{}''", "m/s²", "rad/s²"),
+    "multipliers": Quantity("row", "{}", "N", "N m"),
+    "friction": Quantity("slip", "tau {}", "N", "N m"),
+    "joints.position": Quantity("joint_coordinate", "{}", "m", "rad"),
+    "joints.rate": Quantity("joint_coordinate", "{}'", "m/s", "rad/s"),
+    "joints.acceleration": Quantity("joint_coordinate", "{}''", "m/s²", "rad/s²"),
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Names:
+    """Names and kinds of all that a system has.
+
+    - `coordinates`, `rows`, `slips`, `joint_coordinates`: the axes of its arrays.
+    - `bodies`: those that move, in order.
+    - `joints`: of each stack of joints of one kind.
+    """
+
+    coordinates: Axis
+    rows: Axis
+    slips: Axis = _NONE
+    joint_coordinates: Axis = _NONE
+    bodies: tuple[str, ...] = ()
+    joints: tuple[tuple[str, ...], ...] = ()
+
+    @property
+    def axes(self) -> dict[str, Axis]:
+        """The axes of arrays, by what one entry is called."""
+        return {
+            "coordinate": self.coordinates,
+            "row": self.rows,
+            "slip": self.slips,
+            "joint_coordinate": self.joint_coordinates,
+        }
+
+    @property
+    def unknowns(self) -> Axis:
+        """[qdd; lam; tau], of kinds "linear", "angular", "force", "moment", "friction force" and "friction moment"."""
+        parts = entries(self.axes, ("acceleration", "multipliers", "friction"))
+        friction = ("friction moment" if angular else "friction force" for angular in self.slips.angular)
+        return Axis(tuple(each.name for each in parts), (*self.coordinates.kinds, *self.rows.kinds, *friction))
+
+    def anonymous(self) -> "Names":
+        """The same kinds without names."""
+        axes = {
+            field: getattr(self, field).anonymous() for field in ("coordinates", "rows", "slips", "joint_coordinates")
+        }
+        return Names(**axes)
+
+
+@dataclasses.dataclass(frozen=True)
+class Entry:
+    """One entry of a result: its name, the array and the index there, and its unit."""
+
+    name: str
+    array: str
+    index: int
+    unit: str
+
+
+def entries(axes: Mapping[str, Axis], arrays: Collection[str] = tuple(QUANTITIES)) -> list[Entry]:
+    """All entries of these arrays of a result whose arrays have these axes."""
+    return [
+        Entry(quantity.pattern.format(label), array, k, quantity.angular if angular else quantity.linear)
+        for array, quantity in QUANTITIES.items()
+        if array in arrays and quantity.axis in axes
+        for k, (label, angular) in enumerate(zip(axes[quantity.axis].labels, axes[quantity.axis].angular, strict=True))
+    ]
+
+
+class Named(eqx.Module):
+    """A result whose entries have names.
+
+    - `names`: what is called how; None inside of the library.
+    - `joint_coordinates`: what the motion of joints is computed from.
+    """
+
+    names: Names | None = eqx.field(static=True, default=None, repr=False, kw_only=True)
+    joint_coordinates: AbstractJointCoordinates | None = eqx.field(default=None, repr=False, kw_only=True)
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """All entries that have names; positions have some where there is one for each velocity."""
+        if self.names is None:
+            raise ValueError("This result has no names: it does not come from `solve` or `simulate`. Index its arrays.")
+        chart = "" if attrgetter("q")(self).shape == attrgetter("qd")(self).shape else "q"
+        return tuple(entries(self.names.axes, [array for array in QUANTITIES if array != chart]))
+
+    def __getitem__(self, name: str) -> Float[Array, "..."]:
+        """One entry by name, with the axes of batches and times."""
+        known = self.entries
+        return self.entry(known[place("name", name, [each.name for each in known])])
+
+    def entry(self, entry: Entry) -> Float[Array, "..."]:
+        """The same, given one of `entries`."""
+        return attrgetter(entry.array)(self)[..., entry.index]
+
+
+def place(argument: str, name: str, known: Sequence[str], what: str = "") -> int:
+    """Index of a name among those known; `ValueError` where there are none or several."""
+    found = places(argument, name, known, what)
+    if len(found) > 1:
+        raise ValueError(
+            f"Argument `{argument}` must name one entry, but {name!r} names {len(found)}. Rename one, or index arrays."
+        )
+    return found[0]
+
+
+def places(argument: str, name: str, known: Sequence[str], what: str = "") -> list[int]:
+    """Indices of all that have a name; `ValueError` with near names where nothing has."""
+    found = [k for k, each in enumerate(known) if each == name]
+    if found:
+        return found
+    near = difflib.get_close_matches(str(name), known, 3, 0.5)
+    hint = f"Did you mean {' or '.join(map(repr, near))}? " if near else ""
+    more = f", and {len(known) - _LISTED} more" if len(known) > _LISTED else ""
+    raise ValueError(
+        f"Argument `{argument}` must hold names{what}, but holds {name!r}. {hint}"
+        f"There are {', '.join(known[:_LISTED]) or 'none'}{more}."
+    )
+
+
+def vector(argument: str, value: ByName, axis: Axis, what: str) -> Array:
+    """Numbers along an axis: given by name, 0 for those not named; else as given, a number for equal entries."""
+    if isinstance(value, Mapping):
+        found: list[Any] = [0.0] * len(axis)
+        for name, number in value.items():
+            found[place(argument, name, axis.labels, what)] = number
+        return as_float(found)
+    array = as_float(value)
+    if array.shape not in ((), (len(axis),)):
+        raise ValueError(
+            f"Argument `{argument}` must be a number, have shape ({len(axis)},){what}, or give numbers by name, but "
+            f"has shape {array.shape}. Give one number for all, or that many."
+        )
+    return array
+
+
+def senses(slips: Axis, sense: ByName | None) -> Float[Array, " p"] | None:
+    """Senses of the impending slip of all slips; 0 for those that are not named leaves a sense open."""
+    return None if sense is None else jnp.broadcast_to(vector("sense", sense, slips, " of slips"), (len(slips),))
