@@ -169,6 +169,13 @@ class Mechanism(AbstractSystem):
         flat = jnp.concatenate([value.reshape(-1, *value.shape[2:]) for value in values])
         return taken(flat, self._source)
 
+    @property
+    def rows_of_joints(self) -> list[np.ndarray]:
+        """Row indices of the joints of each stack, (joints, rows); concrete values."""
+        sizes = [(len(joints.i), len(joints.element.row_kinds)) for joints in self.joints]
+        flat = np.split(np.argsort(self._source), np.cumsum([size * rows for size, rows in sizes])[:-1])
+        return [part.reshape(size) for part, size in zip(flat, sizes, strict=True)]
+
     def load(self, state: State) -> Float[Array, " n"]:
         body, rate = poses(state.q), poses(state.qd)
         count = self.body.mass.shape[0]

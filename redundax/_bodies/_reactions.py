@@ -28,7 +28,7 @@ _CLOSED = 1e-9
 
 def joint_wrenches(mechanism: Mechanism, state: State, multipliers: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     """For each stack of joints the forces (size, 2), N, and moments about r_i (size,), N m, on the bodies i."""
-    wrenches = zip(_rows(mechanism), _wrenches(mechanism, state), strict=True)
+    wrenches = zip(mechanism.rows_of_joints, _wrenches(mechanism, state), strict=True)
     found = [np.einsum("swr,sr->sw", by_row, multipliers[rows]) for rows, (by_row, *_) in wrenches]
     return [(each[:, :2], each[:, 2]) for each in found]
 
@@ -41,7 +41,9 @@ def joint_outputs(mechanism: Mechanism, state: State) -> tuple[list[str], np.nda
     """
     names, out = [], []
     bodies = (*mechanism.names.bodies, GROUND)
-    stacks = zip(mechanism.joints, mechanism.names.joints, _rows(mechanism), _wrenches(mechanism, state), strict=True)
+    stacks = zip(
+        mechanism.joints, mechanism.names.joints, mechanism.rows_of_joints, _wrenches(mechanism, state), strict=True
+    )
     for stack, joints, rows, (on_i, on_j, arms_i, arms_j) in stacks:
         for k, joint in enumerate(joints):
             i, j = bodies[int(stack.i[k])], bodies[int(stack.j[k])]
@@ -90,12 +92,3 @@ def _slopes(joints: tuple[Stack, ...], state: State) -> list[tuple[Array, Array,
 def _point(joint: AbstractJoint, name: str, pose: Pose) -> Array:
     local = getattr(joint, name, None)
     return pose.r if local is None else pose.point(local)
-
-
-def _rows(mechanism: Mechanism) -> list[np.ndarray]:
-    """Row indices of the joints of each stack, (size, rows)."""
-    place = {name: row for row, name in enumerate(mechanism.rows.labels)}
-    return [
-        np.array([[place[f"{name}.{row}"] for row, _ in stack.element.row_kinds] for name in names])
-        for stack, names in zip(mechanism.joints, mechanism.names.joints, strict=True)
-    ]

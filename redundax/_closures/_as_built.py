@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 from .._bodies._body import GROUND
 from .._bodies._mechanism import Mechanism
-from .._system._names import place
+from .._system._names import index_of
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import as_float, replace
@@ -98,7 +98,7 @@ def heated(mechanism: Mechanism, warmer: Mapping[str, ArrayLike], expansion: Arr
     """
     bodies = (*mechanism.names.bodies, GROUND)
     for body in warmer:
-        place("warmer", body, bodies, " of bodies")
+        index_of("warmer", body, bodies, " of bodies")
     factor = 1 + as_float(expansion) * jnp.stack([as_float(warmer.get(body, 0.0)) for body in bodies])
     stacks = []
     for stack in mechanism.joints:

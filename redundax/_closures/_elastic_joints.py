@@ -24,7 +24,7 @@ from .._bodies._body import GROUND, Pose, perpendicular, poses
 from .._bodies._joints import AbstractJoint
 from .._bodies._mechanism import Mechanism
 from .._bodies._stack import Stack, stacked
-from .._system._names import place
+from .._system._names import index_of
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._system._units import Units
@@ -171,7 +171,7 @@ class ElasticJoints(AbstractClosure):
         if len(given) < len(joints):
             raise ValueError("Argument `joints` must name each joint once, but names some twice. Leave one out.")
         for name in given:
-            place("joints", name, names, " of joints")
+            index_of("joints", name, names, " of joints")
         units, number, kinds = Units() if units is None else units, 0, []
         for stack, members in zip(mechanism.joints, mechanism.names.joints, strict=True):
             seats = []

@@ -24,7 +24,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
 from .._system._axis import Axis, joined
-from .._system._names import ByName, Names, place, vector
+from .._system._names import ByName, Names, index_of, vector
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
@@ -78,8 +78,8 @@ def assemble(
     q = vector("q", q, system.coordinates, " of coordinates") if isinstance(q, Mapping) else as_float(q)
     qd, t = jnp.broadcast_to(vector("qd", qd, system.coordinates, " of coordinates"), (n,)), as_float(t)
     dtype, labels = jnp.result_type(q, qd), _axis(system.names).labels
-    held = [place("positions", name, labels, " of coordinates") for name in positions]
-    driven = [place("rates", name, labels, " of coordinates") for name in rates]
+    held = [index_of("positions", name, labels, " of coordinates") for name in positions]
+    driven = [index_of("rates", name, labels, " of coordinates") for name in rates]
     if held and q.shape != (n,):
         raise ValueError(
             f"Argument `positions` needs a chart with one coordinate for each of the {n} velocities, but `q` has "

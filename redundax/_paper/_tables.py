@@ -78,7 +78,7 @@ def table(key: str) -> Table:
     mechanism = wojtyra2020(mu_rho=None if key == "table2" else MU_RHO)
     return Table(
         printed,
-        _entries(mechanism),
+        mechanism.names.unknowns.labels,
         _groups(mechanism),
         values,
         values / np.stack([_unit_factors(mechanism, row.u) for row in printed.rows]),
@@ -132,12 +132,6 @@ def _solve(key: str, u: float, start: float) -> Solution:
 
 def _figures(solution: Solution) -> tuple[Array, Array, Array]:
     return solution.acceleration, solution.multipliers, solution.friction
-
-
-def _entries(mechanism: Mechanism) -> tuple[str, ...]:
-    accelerations = (f"{name}''" for name in mechanism.coordinates.labels)
-    slips = (f"tau {name}" for group in mechanism.friction for name in group.slips.labels)
-    return (*accelerations, *mechanism.rows.labels, *slips)
 
 
 def _groups(mechanism: Mechanism) -> dict[str, slice]:

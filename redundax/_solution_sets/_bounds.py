@@ -18,6 +18,7 @@ from jaxtyping import Array
 
 from .._analysis._report import Report
 from .._closures._closure import AbstractClosure, elasticity
+from .._system._names import index_of
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
@@ -208,12 +209,11 @@ def _closed(
 
 def _box(argument: str, box: Box, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Indices among the names, lower and upper bounds."""
-    unknown = [name for name in box if name not in names]
-    if unknown or not box:
-        keys, wrong = ", ".join(names) or "none", ", ".join(unknown) or "none"
+    if not box:
         raise ValueError(
-            f"Argument `{argument}` must have keys among {keys}, but has {wrong}. Correct or remove these."
+            f"Argument `{argument}` must have keys among {', '.join(names) or 'none'}, but has none. Add one."
         )
+    found = [index_of(argument, name, names) for name in box]
     values = np.array(list(box.values()))
     right = (values[:, 0] <= values[:, 1]) & np.isfinite(values).all(axis=1)
     if not right.all():
@@ -222,7 +222,7 @@ def _box(argument: str, box: Box, names: tuple[str, ...]) -> tuple[np.ndarray, n
             f"Argument `{argument}` must hold finite bounds (lower, upper) that increase, but those of {wrong} do not. "
             "Put the smaller one first."
         )
-    return np.array([names.index(name) for name in box]), values[:, 0], values[:, 1]
+    return np.array(found), values[:, 0], values[:, 1]
 
 
 def _affine(

@@ -55,7 +55,8 @@ def study(
       dict of arrays or any pytree of them.
     - `samples`: for each argument the values, shape (N, ...). NumPy arrays stay off the devices until their chunk's
       turn; `np.memmap` serves for those that do not fit memory.
-    - `system`: names the entries of outputs that are called q, qd, acceleration, multipliers and friction.
+    - `system`: names the entries of outputs that are called q, qd, acceleration, multipliers and friction; not needed
+      where `run` returns a `Solution` or a `Trajectory`, which know their names.
     - `chunk`: number of samples that are on the devices at once; rounded up to a multiple of their number.
     - `path`: a netCDF file, ".nc", to which every chunk is written, so that memory does not grow with N. A study that
       was stopped goes on where it stopped if it is called again in the same way. So that `run` cannot have changed

@@ -21,6 +21,7 @@ from jax.sharding import Mesh
 from jaxtyping import Array
 
 from .._solve._solution import Solution
+from .._system._names import QUANTITIES, Named
 from .._system._results import RESULTS, result_codes
 from .._system._system import AbstractSystem
 from ._distributions import AbstractDistribution, entries, sobol
@@ -30,7 +31,7 @@ from ._study import study
 if TYPE_CHECKING:
     import xarray
 
-_LABELS = {"coordinate": "{}''", "row": "{}", "slip": "tau {}"}
+_LABELS = {QUANTITIES[name].axis: QUANTITIES[name].pattern for name in ("acceleration", "multipliers", "friction")}
 _STATISTICS = {
     "mean": "output",
     "std": "output",
@@ -41,7 +42,7 @@ _TAKEN = {*_STATISTICS, "solved", "nominal", "gradient", "output", "output_kind"
 _ROUNDING = 1e3  # units in the last place of an output's largest value, below which its spread is rounding
 
 
-class _Outputs(NamedTuple):
+class _Outputs(Named):
     """What is looked at of a `Solution`."""
 
     acceleration: Array
@@ -90,7 +91,7 @@ def tolerance_study(
     - `samples`: their number, a power of two: Sobol points fill the space of the parameters evenly then.
     - `percentiles`: between 0 and 100.
     - `seed`: of the scrambling of the Sobol points.
-    - `system`: gives the outputs their names, as in `study`: those of `band`.
+    - `system`: gives the outputs their names, those of `band`; not needed where `build` returns a `Solution`.
     - `chunk`, `path`, `mesh`, `progress`: as in `study`; the file holds the samples, not the statistics.
 
     **Returns:** an `xarray.Dataset`: that of `study`, and over the dimension "output", all entries of all outputs,
@@ -108,7 +109,7 @@ def tolerance_study(
     def run(**values: Array) -> Any:
         found = build(**values)
         if isinstance(found, Solution):
-            return _Outputs(found.acceleration, found.multipliers, found.friction, found.result)
+            return _Outputs(found.acceleration, found.multipliers, found.friction, found.result, names=found.names)
         return found
 
     linear = _linear(run, parameters)

@@ -130,16 +130,16 @@ class Named(eqx.Module):
     def __getitem__(self, name: str) -> Float[Array, "..."]:
         """One entry by name, with the axes of batches and times."""
         known = self.entries
-        return self.entry(known[place("name", name, [each.name for each in known])])
+        return self.entry(known[index_of("name", name, [each.name for each in known])])
 
     def entry(self, entry: Entry) -> Float[Array, "..."]:
         """The same, given one of `entries`."""
         return attrgetter(entry.array)(self)[..., entry.index]
 
 
-def place(argument: str, name: str, known: Sequence[str], what: str = "") -> int:
+def index_of(argument: str, name: str, known: Sequence[str], what: str = "") -> int:
     """Index of a name among those known; `ValueError` where there are none or several."""
-    found = places(argument, name, known, what)
+    found = indices_of(argument, name, known, what)
     if len(found) > 1:
         raise ValueError(
             f"Argument `{argument}` must name one entry, but {name!r} names {len(found)}. Rename one, or index arrays."
@@ -147,7 +147,7 @@ def place(argument: str, name: str, known: Sequence[str], what: str = "") -> int
     return found[0]
 
 
-def places(argument: str, name: str, known: Sequence[str], what: str = "") -> list[int]:
+def indices_of(argument: str, name: str, known: Sequence[str], what: str = "") -> list[int]:
     """Indices of all that have a name; `ValueError` with near names where nothing has."""
     found = [k for k, each in enumerate(known) if each == name]
     if found:
@@ -166,7 +166,7 @@ def vector(argument: str, value: ByName, axis: Axis, what: str) -> Array:
     if isinstance(value, Mapping):
         found: list[Any] = [0.0] * len(axis)
         for name, number in value.items():
-            found[place(argument, name, axis.labels, what)] = number
+            found[index_of(argument, name, axis.labels, what)] = number
         return as_float(found)
     array = as_float(value)
     if array.shape not in ((), (len(axis),)):

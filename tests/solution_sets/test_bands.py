@@ -341,7 +341,7 @@ def nothing_redundant():
     ("pair", "outputs", "bounds", "words"),
     [
         (paper, "A.z", rx.AmplitudeBox({"A.x": (0.0, 1.0)}), "`outputs` must"),
-        (paper, None, rx.AmplitudeBox({"A.y": (0.0, 1.0)}), "`box` must have keys among A.x"),
+        (paper, None, rx.AmplitudeBox({"A.y": (0.0, 1.0)}), "There are A.x"),
         (paper, None, rx.AmplitudeBox({"A.x": (1.0, 0.0)}), "those of A.x do not"),
         (paper, None, rx.PreloadBox({"K.perpendicular": (0.0, 1.0)}), "leave 1 of 1 without bounds"),
         (

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from ..._system._names import Entry, places
+from ..._system._names import Entry, indices_of
 
 _MOST = 6  # positions that are drawn where no outputs are named
 _ROUNDING = 1e-9
@@ -14,7 +14,7 @@ def chosen(known: Sequence[Entry], names: Sequence[str] | None, values: Callable
     """The entries of these names; if not given, the first six of the first array whose values vary, angles first."""
     if names is not None:
         labels = [entry.name for entry in known]
-        return [known[k] for name in names for k in places("outputs", name, labels, " of entries of the motion")]
+        return [known[k] for name in names for k in indices_of("outputs", name, labels, " of entries of the motion")]
     first = [entry for entry in known if entry.array == known[0].array]
     positions = sorted(first, key=lambda entry: not entry.unit.startswith("rad"))
     found = {entry: values(entry) for entry in positions}

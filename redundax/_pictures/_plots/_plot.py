@@ -9,6 +9,7 @@ import numpy as np
 from ..._analysis._report import Report
 from ..._solution_sets._band._band import Bands
 from ..._solution_sets._family._solution_family import SolutionFamily
+from ..._system._names import index_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -102,12 +103,8 @@ def plot_family(family: SolutionFamily, outputs: Sequence[str] | None = None) ->
 
     **Raises:** `ValueError` for names that the family does not have.
     """
-    unknown = [name for name in outputs or () if name not in family.names]
-    if unknown:
-        raise ValueError(
-            f"Argument `outputs` must hold names of the family, but holds {', '.join(unknown)}. "
-            "They are in `family.names`."
-        )
+    for name in outputs or ():
+        index_of("outputs", name, family.names, " of the family")
     groups = [(title, _together(family, kind, outputs)) for kind, title in _PANELS]
     groups = [(title, groups) for title, groups in groups if groups]
     if not groups or len(family.along) not in (1, 2):

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..._system._names import index_of
 from ._plot import COLOURS, UNITS, finish, new_figure
 
 if TYPE_CHECKING:
@@ -41,13 +42,8 @@ def plot_tolerance(study: "xarray.Dataset", outputs: Sequence[str] | None = None
     **Raises:** `ValueError` for names that the study does not have.
     """
     known = [str(name) for name in study.output.values]
-    unknown = [name for name in outputs or () if name not in known]
-    if unknown:
-        raise ValueError(
-            f"Argument `outputs` must hold outputs of the study, but holds {', '.join(unknown)}. "
-            "They are in `study.output`."
-        )
-    wanted = range(len(known)) if outputs is None else [known.index(name) for name in outputs]
+    chosen = known if outputs is None else outputs
+    wanted = [index_of("outputs", name, known, " of outputs of the study") for name in chosen]
     varies = (study["share"].sum("parameter") > 0).values
     units = [UNITS.get(str(kind), "") for kind in study.output_kind.values]
     groups = [(unit, [k for k in wanted if varies[k] and units[k] == unit]) for unit in _ORDER]

@@ -21,7 +21,7 @@ from ..._analysis._outputs import outputs as named_outputs
 from ..._analysis._verdict import Verdict
 from ..._equations._factorisation import Factorisation, factorisation_at
 from ..._solve._all_solutions import start_factors
-from ..._system._names import ByName, place
+from ..._system._names import ByName, index_of
 from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._tools._module import no_classes
@@ -191,7 +191,7 @@ def _wanted(system: AbstractSystem, state: State, outputs: Sequence[str] | str |
     moving = {f"{label}''": kind for label, kind in zip(joints.labels, joints.kinds, strict=True)}
     labels = [*(name for group, _ in known.values() for name in group), *moving]
     kinds |= moving | {name: "moment" if " moment on " in name else "force" for name in known.get("reaction", [[]])[0]}
-    places = [place("outputs", name, labels, " of outputs") for name in names]
+    places = [index_of("outputs", name, labels, " of outputs") for name in names]
     judged = [
         one.with_friction in (Verdict.UNIQUE, Verdict.ZERO) for group in report.verdicts.values() for one in group
     ]

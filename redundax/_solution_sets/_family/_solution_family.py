@@ -27,7 +27,7 @@ from ..._closures._closure import AbstractClosure, MinimumNorm, elasticity
 from ..._equations._culprits import culprits
 from ..._equations._factorisation import Factorisation, factorisation_at
 from ..._solve._all_solutions import SEARCH_STARTS, start_factors
-from ..._system._names import ByName, place, senses
+from ..._system._names import ByName, index_of, senses
 from ..._system._results import RESULTS
 from ..._system._state import State
 from ..._system._system import AbstractSystem
@@ -94,7 +94,7 @@ class SolutionFamily:
 
     def __getitem__(self, name: str) -> np.ndarray:
         """Values of one acceleration, multiplier or friction, shape (solutions,)."""
-        return self.values[:, place("name", name, self.names)]
+        return self.values[:, index_of("name", name, self.names)]
 
     @property
     def acceleration(self) -> np.ndarray:
@@ -272,7 +272,7 @@ def _chosen(report: Report, along: Sequence[str] | str | None) -> list[int]:
             )
         return list(range(len(pivots)))
     along = [along] if isinstance(along, str) else list(along)
-    places = [place("along", name, pivots, " of self-stress states, `analyze(...).pivots`") for name in along]
+    places = [index_of("along", name, pivots, " of self-stress states, `analyze(...).pivots`") for name in along]
     if not 1 <= len(set(places)) == len(places) <= 2:
         raise ValueError(
             f"Argument `along` must name one or two different self-stress states, of {', '.join(pivots) or 'none'}, "
