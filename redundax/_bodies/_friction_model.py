@@ -1,7 +1,7 @@
 """Friction models of joints.
 
-    Coulomb                  tau = -coefficient (N + preload) sense                        (41)
-    regularised              tau = -coefficient (N + preload) tanh(rate / velocity)
+    Coulomb                  tau = -mu (N + preload) sense                                 (41)
+    regularised              tau = -mu (N + preload) tanh(rate / velocity)
     Stribeck                 tau = -(kinetic + (static - kinetic) exp(-(rate / velocity)^2)) (N + preload) sense
                                    - viscous rate
     independent of load      tau = -force sense                                      (24)
@@ -10,6 +10,9 @@
 N is the joint's normal load: the joint force of a revolute, |N1| + |N2| at the ends of a translational guide.
 tau acts on body i and -tau on body j; the sense is the sign of the slip rate of i relative to j. z is the deflection of
 bristles, an internal state that `simulate` integrates; it starts at zero.
+
+Models are those of sliding surfaces. In a revolute these are at the radius of its pin: tau is the radius times their
+force, and their rate the radius times that of the angle.
 """
 
 import abc
@@ -46,6 +49,40 @@ class AbstractFrictionModel(eqx.Module):
         """Rate of change of the internal state; `None` without one."""
         return None
 
+    def about(self, radius: Float[Array, ""]) -> "AbstractFrictionModel":
+        """The model of the moment of surfaces at a radius, from the rate of the angle."""
+        return _AtRadius(self, radius)
+
+
+class _AtRadius(AbstractFrictionModel):
+    model: AbstractFrictionModel
+    radius: Float[Array, ""]
+
+    def __init__(self, model: AbstractFrictionModel, radius: Float[Array, ""]):
+        self.model, self.radius = model, radius
+
+    @property
+    def depends_on_load(self) -> bool:
+        """As the model of the surfaces."""
+        return self.model.depends_on_load
+
+    @property
+    def has_sense(self) -> bool:
+        """As the model of the surfaces."""
+        return self.model.has_sense
+
+    def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
+        return self.radius * self.model.force(normal_load, self.radius * rate, sense, memory)
+
+    def slope_bound(self, rate: Array, memory: PyTree) -> Array:
+        return self.radius * self.model.slope_bound(self.radius * rate, memory)
+
+    def memory_size(self) -> PyTree:
+        return self.model.memory_size()
+
+    def memory_rate(self, rate: Array, memory: PyTree) -> PyTree:
+        return self.model.memory_rate(self.radius * rate, memory)
+
 
 class Coulomb(AbstractFrictionModel):
     """Coulomb friction (41), (42), proportional to the normal load.
@@ -53,63 +90,66 @@ class Coulomb(AbstractFrictionModel):
     ??? example
 
         ```python
-        bearing = rx.Coulomb(0.3 * 0.01, preload=50.0)  # mu times pin radius, m; N
-        rx.Revolute("A", "lever", "ground", (0.0, 0.0), (0.0, 0.0), friction=bearing)
+        bearing = rx.Coulomb(0.3, preload=50.0)  # N
+        rx.Revolute("A", "lever", "ground", (0.0, 0.0), (0.0, 0.0), pin_radius=0.01, friction=bearing)
         ```
 
     **Arguments:**
 
-    - `coefficient`: mu for a translational joint; friction coefficient times pin radius, mu * rho in m, for a revolute.
+    - `mu`: friction coefficient of the surfaces.
     - `preload`: normal load from bearing preload, N, added to that of the joint.
     """
 
     depends_on_load: ClassVar[bool] = True
     has_sense: ClassVar[bool] = True
-    coefficient: Float[Array, ""] = eqx.field(converter=as_float)
+    mu: Float[Array, ""] = eqx.field(converter=as_float)
     preload: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
 
     def __check_init__(self) -> None:
-        not_negative("coefficient", self.coefficient)
+        not_negative("mu", self.mu)
 
     def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
-        return -self.coefficient * (normal_load + self.preload) * sense
+        return -self.mu * (normal_load + self.preload) * sense
 
     def slope_bound(self, rate: Array, memory: PyTree) -> Array:
-        return jnp.abs(self.coefficient)
+        return jnp.abs(self.mu)
+
+    def about(self, radius: Array) -> "Coulomb":
+        return Coulomb(radius * self.mu, self.preload)
 
 
 class RegularisedCoulomb(AbstractFrictionModel):
     """Coulomb friction whose sense is smooth in the slip rate: it creeps where Coulomb friction sticks.
 
-        tau = -coefficient (N + preload) tanh(rate / velocity)
+        tau = -mu (N + preload) tanh(rate / velocity)
 
     ??? example
 
         ```python
-        bearing = rx.RegularisedCoulomb(0.003, velocity=1e-3)  # m; rad/s
-        rx.Revolute("A", "lever", "ground", (0.0, 0.0), (0.0, 0.0), friction=bearing)
+        bearing = rx.RegularisedCoulomb(0.3, velocity=1e-5)  # m/s
+        rx.Revolute("A", "lever", "ground", (0.0, 0.0), (0.0, 0.0), pin_radius=0.01, friction=bearing)
         ```
 
     **Arguments:**
 
-    - `coefficient`, `preload`: as of `Coulomb`.
-    - `velocity`: slip rate at which 76 % of the friction acts, m/s or rad/s.
+    - `mu`, `preload`: as of `Coulomb`.
+    - `velocity`: of slip at which 76 % of the friction acts, m/s.
     """
 
     depends_on_load: ClassVar[bool] = True
     has_sense: ClassVar[bool] = False
-    coefficient: Float[Array, ""] = eqx.field(converter=as_float)
+    mu: Float[Array, ""] = eqx.field(converter=as_float)
     velocity: Float[Array, ""] = eqx.field(converter=as_float)
     preload: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
 
     def __check_init__(self) -> None:
-        not_negative("coefficient", self.coefficient)
+        not_negative("mu", self.mu)
 
     def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
-        return -self.coefficient * (normal_load + self.preload) * jnp.tanh(rate / self.velocity)
+        return -self.mu * (normal_load + self.preload) * jnp.tanh(rate / self.velocity)
 
     def slope_bound(self, rate: Array, memory: PyTree) -> Array:
-        return jnp.abs(self.coefficient * jnp.tanh(rate / self.velocity))
+        return jnp.abs(self.mu * jnp.tanh(rate / self.velocity))
 
 
 class Stribeck(AbstractFrictionModel):
@@ -120,15 +160,15 @@ class Stribeck(AbstractFrictionModel):
     ??? example
 
         ```python
-        bearing = rx.Stribeck(static=0.004, kinetic=0.002, velocity=0.1, viscous=1e-3)
-        rx.Revolute("A", "lever", "ground", (0.0, 0.0), (0.0, 0.0), friction=bearing)
+        bearing = rx.Stribeck(static=0.4, kinetic=0.2, velocity=1e-3, viscous=10.0)
+        rx.Revolute("A", "lever", "ground", (0.0, 0.0), (0.0, 0.0), pin_radius=0.01, friction=bearing)
         ```
 
     **Arguments:**
 
     - `static`, `kinetic`: coefficients at rest and in fast slip, as of `Coulomb`.
-    - `velocity`: Stribeck velocity, m/s or rad/s.
-    - `viscous`: N s/m of a translational, N m s/rad of a revolute joint.
+    - `velocity`: Stribeck velocity, m/s.
+    - `viscous`: N s/m.
     - `preload`: as of `Coulomb`.
     """
 
@@ -158,13 +198,13 @@ class ConstantFriction(AbstractFrictionModel):
     ??? example
 
         ```python
-        seal = rx.ConstantFriction(0.2)  # N m
-        rx.Revolute("A", "lever", "ground", (0.0, 0.0), (0.0, 0.0), friction=seal)
+        seal = rx.ConstantFriction(20.0)  # N
+        rx.Revolute("A", "lever", "ground", (0.0, 0.0), (0.0, 0.0), pin_radius=0.01, friction=seal)
         ```
 
     **Arguments:**
 
-    - `size`: friction force (N) of a translational, moment (N m) of a revolute joint.
+    - `size`: friction force of the surfaces, N.
     """
 
     depends_on_load: ClassVar[bool] = False
@@ -181,34 +221,33 @@ class ConstantFriction(AbstractFrictionModel):
 class Dahl(AbstractFrictionModel):
     """Coulomb friction with bristles between the surfaces: before slip they deflect, with hysteresis.
 
-        tau = -(N + preload) stiffness z,   z' = rate - stiffness |rate| z / coefficient
+        tau = -(N + preload) stiffness z,   z' = rate - stiffness |rate| z / mu
 
-    From z = 0 a shift x > 0 gives z = (1 - exp(-stiffness x / coefficient)) coefficient / stiffness. There is no jump
+    From z = 0 a shift x > 0 gives z = (1 - exp(-stiffness x / mu)) mu / stiffness. There is no jump
     at a reversal, so that joints come to rest on their bristles and never stick. Short bristles make it stiff, see
     `LuGre`.
 
     ??? example
 
         ```python
-        bearing = rx.Dahl(0.003, stiffness=0.3)  # m; m/rad: bristles bend by 0.01 rad
-        rx.Revolute("A", "lever", "ground", (0.0, 0.0), (0.0, 0.0), friction=bearing)
+        bearing = rx.Dahl(0.3, stiffness=3000.0)  # 1/m: bristles bend by 1e-4 m, 0.01 rad of the pin
+        rx.Revolute("A", "lever", "ground", (0.0, 0.0), (0.0, 0.0), pin_radius=0.01, friction=bearing)
         ```
 
     **Arguments:**
 
-    - `coefficient`, `preload`: as of `Coulomb`; the coefficient is positive.
-    - `stiffness`: of the bristles for a normal load of 1: the coefficient over the largest deflection, 1/m for a
-      translational, m/rad for a revolute joint.
+    - `mu`, `preload`: as of `Coulomb`; `mu` is positive.
+    - `stiffness`: of the bristles for a normal load of 1: `mu` over the largest deflection, 1/m.
     """
 
     depends_on_load: ClassVar[bool] = True
     has_sense: ClassVar[bool] = False
-    coefficient: Float[Array, ""] = eqx.field(converter=as_float)
+    mu: Float[Array, ""] = eqx.field(converter=as_float)
     stiffness: Float[Array, ""] = eqx.field(converter=as_float)
     preload: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
 
     def __check_init__(self) -> None:
-        positive("coefficient", self.coefficient)
+        positive("mu", self.mu)
         positive("stiffness", self.stiffness)
 
     def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
@@ -218,10 +257,10 @@ class Dahl(AbstractFrictionModel):
         return jnp.abs(self.stiffness * memory)
 
     def memory_size(self) -> Array:
-        return self.coefficient / self.stiffness
+        return self.mu / self.stiffness
 
     def memory_rate(self, rate: Array, memory: PyTree) -> Array:
-        return rate - self.stiffness * jnp.abs(rate) * memory / self.coefficient
+        return rate - self.stiffness * jnp.abs(rate) * memory / self.mu
 
 
 class LuGre(AbstractFrictionModel):
@@ -238,16 +277,15 @@ class LuGre(AbstractFrictionModel):
     ??? example
 
         ```python
-        bearing = rx.LuGre(static=0.004, kinetic=0.003, velocity=0.1, stiffness=0.3, damping=0.002)  # m; rad/s; m/rad
-        rx.Revolute("A", "lever", "ground", (0.0, 0.0), (0.0, 0.0), friction=bearing)
+        bearing = rx.LuGre(static=0.4, kinetic=0.3, velocity=1e-3, stiffness=3000.0, damping=20.0)  # m/s; 1/m; s/m
+        rx.Revolute("A", "lever", "ground", (0.0, 0.0), (0.0, 0.0), pin_radius=0.01, friction=bearing)
         ```
 
     **Arguments:**
 
     - `static`, `kinetic`, `velocity`: as of `Stribeck`; the coefficients are positive.
-    - `stiffness`: of the bristles for a normal load of 1, 1/m for a translational, m/rad for a revolute joint.
-    - `damping`, `viscous`: of bristles and of slip for a normal load of 1, s/m for a translational, m s/rad for a
-      revolute joint.
+    - `stiffness`: of the bristles for a normal load of 1, 1/m.
+    - `damping`, `viscous`: of bristles and of slip for a normal load of 1, s/m.
     - `preload`: as of `Coulomb`.
     """
 

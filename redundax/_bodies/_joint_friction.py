@@ -89,7 +89,7 @@ class FrictionMembers(eqx.Module):
 def friction_members(kind: int, joints: Sequence[AbstractJoint], places: np.ndarray) -> list[FrictionMembers]:
     """Members of one kind of joint that have friction, model by model; `places` are their rows, (members, rows)."""
     frictional = {
-        k: (joint, as_functions(joint.friction))
+        k: (joint, as_functions(joint.law))
         for k, joint in enumerate(joints)
         if isinstance(joint, AbstractFrictionalJoint) and joint.friction is not None
     }

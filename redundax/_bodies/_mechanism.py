@@ -74,7 +74,7 @@ class Mechanism(AbstractSystem):
         self.body = stacked([replace(body, name="") for body in bodies])
         self.loads, _ = stacks(loads, names)
         self.gravity, self.pose = as_vector(gravity), as_functions(pose)
-        self.joints, groups = stacks(joints, names, name="", friction=None)
+        self.joints, groups = stacks(joints, names, name="", friction=None, pin_radius=None)
         rows, source, places = _rows(joints, groups)
         self._source = indices(source)
         self._entries = indices(_entries(joints, groups, source, names))

@@ -4,7 +4,7 @@ import equinox as eqx
 from jaxtyping import Array, Float, Int, PyTree
 
 from .._system._joint_coordinates import JointMotion, NoJointCoordinates, joint_motion
-from .._system._names import Named
+from .._system._names import AbstractNamed
 from .._system._results import RESULTS
 from .._system._state import State
 
@@ -49,7 +49,7 @@ class TrajectoryStats(eqx.Module):
     jump: Float[Array, ""]
 
 
-class Trajectory(Named):
+class Trajectory(AbstractNamed):
     """A motion at the times asked for, also by name.
 
     `motion["ram.y"]`, `motion["ram.y'"]` and `motion["ram.y''"]` are a position, its velocity and its acceleration,

@@ -8,7 +8,7 @@ from jaxtyping import Array, Bool, Float, Int
 from .._equations._evidence import Violation
 from .._equations._rank import Spectrum
 from .._system._joint_coordinates import JointMotion, NoJointCoordinates, joint_motion
-from .._system._names import Named
+from .._system._names import AbstractNamed
 from .._system._results import RESULTS
 from .._system._state import State
 from .._tools._module import known
@@ -60,7 +60,7 @@ class Stats(eqx.Module):
         return self.spectrum.rank
 
 
-class Solution(Named):
+class Solution(AbstractNamed):
     """Accelerations, multipliers and friction at a state, also by name.
 
     `solution["crank.phi''"]` is an acceleration, `solution["A.x"]` the multiplier of that row, whose sign is the

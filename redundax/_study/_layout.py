@@ -13,7 +13,7 @@ import jax
 import numpy as np
 
 from .._system._axis import Axis
-from .._system._names import QUANTITIES, Named, Names
+from .._system._names import QUANTITIES, AbstractNamed, Names
 from .._system._results import RESULTS, result_codes
 from .._system._system import AbstractSystem
 from .._tools._module import replace
@@ -94,20 +94,20 @@ def storable(dtype: np.dtype) -> bool:
 
 
 def _leaves(tree: Any) -> dict[str, Any]:
-    tree = jax.tree.map(_figures, tree, is_leaf=lambda x: isinstance(x, Named))
+    tree = jax.tree.map(_figures, tree, is_leaf=lambda x: isinstance(x, AbstractNamed))
     leaves = jax.tree_util.tree_flatten_with_path(tree, is_leaf=lambda x: isinstance(x, RESULTS))[0]
     return {jax.tree_util.keystr(path, simple=True, separator="."): leaf for path, leaf in leaves}
 
 
 def _figures(result: Any) -> Any:
     """A result without what says where its figures are."""
-    return replace(result, state=None, joint_coordinates=None) if isinstance(result, Named) else result
+    return replace(result, state=None, joint_coordinates=None) if isinstance(result, AbstractNamed) else result
 
 
 def _names(outputs: Any) -> Names | None:
     """Those of the first result that has some."""
-    found = jax.tree.leaves(outputs, is_leaf=lambda x: isinstance(x, Named))
-    return next((one.names for one in found if isinstance(one, Named) and one.names), None)
+    found = jax.tree.leaves(outputs, is_leaf=lambda x: isinstance(x, AbstractNamed))
+    return next((one.names for one in found if isinstance(one, AbstractNamed) and one.names), None)
 
 
 def _variable(name: str, leaf: Any, axes: Mapping[str, Axis]) -> Variable:

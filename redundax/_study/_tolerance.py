@@ -21,7 +21,7 @@ from jax.sharding import Mesh
 from jaxtyping import Array
 
 from .._solve._solution import Solution
-from .._system._names import QUANTITIES, Named
+from .._system._names import QUANTITIES, AbstractNamed
 from .._system._results import RESULTS, result_codes
 from .._system._system import AbstractSystem
 from ._distributions import AbstractDistribution, entries, sobol
@@ -42,7 +42,7 @@ _TAKEN = {*_STATISTICS, "solved", "nominal", "gradient", "output", "output_kind"
 _ROUNDING = 1e3  # units in the last place of an output's largest value, below which its spread is rounding
 
 
-class _Outputs(Named):
+class _Outputs(AbstractNamed):
     """What is looked at of a `Solution`."""
 
     acceleration: Array

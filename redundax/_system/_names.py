@@ -109,7 +109,7 @@ def entries(axes: Mapping[str, Axis], arrays: Collection[str] = tuple(QUANTITIES
     ]
 
 
-class Named(eqx.Module):
+class AbstractNamed(eqx.Module):
     """A result whose entries have names.
 
     - `names`: what is called how; None inside of the library.

@@ -15,7 +15,7 @@ from .._bodies._body import GROUND, perpendicular
 from .._bodies._joints import Revolute
 from .._bodies._mechanism import Mechanism
 from .._tools._module import as_float, floats
-from ._parts import Numbers, coulomb, each, point, uniform_rod
+from ._parts import Numbers, each, point, rubbing, uniform_rod
 
 
 class _Pose(eqx.Module):
@@ -79,7 +79,7 @@ def doubled_four_bar(
     """
     a, b, c, d, gravity = (floats(x) for x in (crank, coupler, rocker, ground, gravity))
     masses = each("coupler_mass", coupler_mass, 2, "coupler")
-    friction = coulomb("mu_rho", mu_rho, 6)
+    friction = rubbing("mu_rho", mu_rho, 6)
     bodies = [
         uniform_rod("crank", crank_mass, a),
         uniform_rod("rocker", rocker_mass, c),
@@ -87,12 +87,12 @@ def doubled_four_bar(
         uniform_rod("coupler 2", masses[1], b),
     ]
     joints = [
-        Revolute("A", "crank", GROUND, point_i=point(-a / 2), point_j=point(0.0), friction=friction[0]),
-        Revolute("D", "rocker", GROUND, point_i=point(-c / 2), point_j=point(d), friction=friction[1]),
-        Revolute("B1", "coupler 1", "crank", point_i=point(-b / 2), point_j=point(a / 2), friction=friction[2]),
-        Revolute("C1", "coupler 1", "rocker", point_i=point(b / 2), point_j=point(c / 2), friction=friction[3]),
-        Revolute("B2", "coupler 2", "crank", point_i=point(-b / 2), point_j=point(a / 2), friction=friction[4]),
-        Revolute("C2", "coupler 2", "rocker", point_i=point(b / 2), point_j=point(c / 2), friction=friction[5]),
+        Revolute("A", "crank", GROUND, point_i=point(-a / 2), point_j=point(0.0), **friction[0]),
+        Revolute("D", "rocker", GROUND, point_i=point(-c / 2), point_j=point(d), **friction[1]),
+        Revolute("B1", "coupler 1", "crank", point_i=point(-b / 2), point_j=point(a / 2), **friction[2]),
+        Revolute("C1", "coupler 1", "rocker", point_i=point(b / 2), point_j=point(c / 2), **friction[3]),
+        Revolute("B2", "coupler 2", "crank", point_i=point(-b / 2), point_j=point(a / 2), **friction[4]),
+        Revolute("C2", "coupler 2", "rocker", point_i=point(b / 2), point_j=point(c / 2), **friction[5]),
     ]
     pose = _Pose(a, b, c, d, -1.0 if crossed else 1.0)
     return Mechanism(bodies, joints, gravity=point(0.0, -gravity), pose=pose)

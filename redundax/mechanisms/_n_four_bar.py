@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 from .._bodies._joints import Revolute
 from .._bodies._mechanism import Mechanism
 from .._tools._module import as_float, floats
-from ._parts import Numbers, at_least, coulomb, crank_poses, each, in_a_row, pivoted_cranks, point, uniform_rod
+from ._parts import Numbers, at_least, crank_poses, each, in_a_row, pivoted_cranks, point, rubbing, uniform_rod
 
 
 class _Pose(eqx.Module):
@@ -70,7 +70,7 @@ def n_four_bar(
     length, gravity = floats(crank), floats(gravity)
     gaps = each("spacing", spacing, loops, "gap")
     pivots = in_a_row(gaps)
-    friction = coulomb("mu_rho", mu_rho, 3 * loops + 1)
+    friction = rubbing("mu_rho", mu_rho, 3 * loops + 1)
     masses = each("crank_mass", crank_mass, loops + 1, "crank")
     bodies, joints = pivoted_cranks(pivots, length, masses, friction[: loops + 1])
     tip, couplers, upper = point(length / 2), [], []
@@ -79,9 +79,7 @@ def n_four_bar(
         couplers.append(coupler)
         first, second = friction[loops + 1 + 2 * c : loops + 3 + 2 * c]
         upper += [
-            Revolute(f"B{c + 1}", coupler.name, bodies[c].name, point_i=point(-gap / 2), point_j=tip, friction=first),
-            Revolute(
-                f"C{c + 1}", coupler.name, bodies[c + 1].name, point_i=point(gap / 2), point_j=tip, friction=second
-            ),
+            Revolute(f"B{c + 1}", coupler.name, bodies[c].name, point_i=point(-gap / 2), point_j=tip, **first),
+            Revolute(f"C{c + 1}", coupler.name, bodies[c + 1].name, point_i=point(gap / 2), point_j=tip, **second),
         ]
     return Mechanism([*bodies, *couplers], [*joints, *upper], gravity=point(0.0, -gravity), pose=_Pose(pivots, length))

@@ -18,7 +18,7 @@ from .._bodies._body import GROUND
 from .._bodies._joints import AngleDriver, Polynomial, Revolute
 from .._bodies._mechanism import Mechanism
 from .._tools._module import as_float, floats
-from ._parts import Numbers, at_least, coulomb, crank_poses, each, in_a_row, pivoted_cranks, point, uniform_rod
+from ._parts import Numbers, at_least, crank_poses, each, in_a_row, pivoted_cranks, point, rubbing, uniform_rod
 
 
 class _Pose(eqx.Module):
@@ -159,7 +159,7 @@ def _linkage(
     length, gravity = floats(crank), floats(gravity)
     gaps = each("spacing", spacing, count - 1, "gap")
     pivots = in_a_row(gaps)
-    friction = coulomb("mu_rho", mu_rho, 2 * count)
+    friction = rubbing("mu_rho", mu_rho, 2 * count)
     bodies, ground = pivoted_cranks(pivots, length, each("crank_mass", crank_mass, count, "crank"), friction[:count])
     upper = [
         Revolute(
@@ -168,7 +168,7 @@ def _linkage(
             bodies[c].name,
             point_i=point(x - pivots[-1] / 2),
             point_j=point(length / 2),
-            friction=own,
+            **own,
         )
         for c, (x, own) in enumerate(zip(pivots, friction[count:], strict=True))
     ]

@@ -5,7 +5,8 @@ crank    rod from the ground point (X_c, 0), joint A_c, to its tip, at the angle
 guide    body point (x_k, y_k) on the line y = y_k of the guides' frame
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -42,6 +43,11 @@ def coulomb(name: str, coefficient: Numbers | None, count: int) -> list[Coulomb 
     return [Coulomb(value) for value in each(name, coefficient, count, "joint")]
 
 
+def rubbing(name: str, mu_rho: Numbers | None, count: int) -> list[dict[str, Any]]:
+    """The same for revolutes, where only coefficient times pin radius is known: a radius of 1 m."""
+    return [{"pin_radius": None if own is None else 1.0, "friction": own} for own in coulomb(name, mu_rho, count)]
+
+
 def point(x: ArrayLike, y: ArrayLike = 0.0) -> Float[np.ndarray | Array, "2"]:
     """The point (x, y)."""
     return numpy_of(x, y).stack([floats(x), floats(y)])
@@ -62,13 +68,13 @@ def pivoted_cranks(
     pivots: Float[np.ndarray | Array, " cranks"],
     length: ArrayLike,
     mass: Float[np.ndarray | Array, " cranks"],
-    friction: Sequence[Coulomb | None],
+    friction: Sequence[Mapping[str, Any]],
 ) -> tuple[list[Body], list[Revolute]]:
     """Equal rods "crank 1", "crank 2", ... on ground revolutes A1, A2, ... at the points (X_c, 0)."""
     length = floats(length)
     bodies = [uniform_rod(f"crank {c}", mass[c - 1], length) for c in range(1, len(friction) + 1)]
     joints = [
-        Revolute(f"A{c}", body.name, GROUND, point_i=point(-length / 2), point_j=point(pivots[c - 1]), friction=own)
+        Revolute(f"A{c}", body.name, GROUND, point_i=point(-length / 2), point_j=point(pivots[c - 1]), **own)
         for c, (body, own) in enumerate(zip(bodies, friction, strict=True), 1)
     ]
     return bodies, joints

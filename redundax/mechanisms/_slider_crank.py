@@ -16,7 +16,7 @@ from .._bodies._joints import Revolute
 from .._bodies._loads import AppliedForce
 from .._bodies._mechanism import Mechanism
 from .._tools._module import as_float, floats
-from ._parts import Numbers, at_least, coulomb, parallel_guides, point, uniform_rod
+from ._parts import Numbers, at_least, parallel_guides, point, rubbing, uniform_rod
 
 
 class _Pose(eqx.Module):
@@ -78,16 +78,16 @@ def slider_crank(
     """
     at_least("guides", guides, 1, "Without a guide the slider is a third link of a pendulum.")
     a, b, gravity = floats(crank), floats(rod), floats(gravity)
-    friction = coulomb("mu_rho", mu_rho, 3)
+    friction = rubbing("mu_rho", mu_rho, 3)
     bodies = [
         uniform_rod("crank", crank_mass, a),
         uniform_rod("rod", rod_mass, b),
         Body("slider", slider_mass, slider_inertia),
     ]
     joints = [
-        Revolute("A", "crank", GROUND, point_i=point(-a / 2), point_j=point(0.0), friction=friction[0]),
-        Revolute("B", "rod", "crank", point_i=point(-b / 2), point_j=point(a / 2), friction=friction[1]),
-        Revolute("C", "slider", "rod", point_i=point(0.0), point_j=point(b / 2), friction=friction[2]),
+        Revolute("A", "crank", GROUND, point_i=point(-a / 2), point_j=point(0.0), **friction[0]),
+        Revolute("B", "rod", "crank", point_i=point(-b / 2), point_j=point(a / 2), **friction[1]),
+        Revolute("C", "slider", "rod", point_i=point(0.0), point_j=point(b / 2), **friction[2]),
         *parallel_guides("slider", guides, gauge, 0.0, 0.0, mu, guide_length),
     ]
     return Mechanism(

@@ -16,7 +16,7 @@ from .._bodies._body import GROUND, Body
 from .._bodies._joints import Revolute, Translational
 from .._bodies._mechanism import Mechanism
 from .._tools._module import as_float, floats
-from ._parts import coulomb
+from ._parts import rubbing
 
 
 class _Pose(eqx.Module):
@@ -62,7 +62,7 @@ def wojtyra2020(
     length, gravity = u * floats(length), u * floats(gravity)
     half, zero = length * math.sqrt(2.0), 0.0 * length
     light, heavy = 3 * mass, 9 * mass
-    friction = coulomb("mu_rho", None if mu_rho is None else u * floats(mu_rho), 4)
+    friction = rubbing("mu_rho", None if mu_rho is None else u * floats(mu_rho), 4)
 
     def point(x: ArrayLike) -> tuple[ArrayLike, ArrayLike]:
         return x, zero
@@ -74,10 +74,10 @@ def wojtyra2020(
         Body("4", heavy, 16 * heavy * length**2 / 3),
     ]
     joints = [
-        Revolute("A", "1", GROUND, point_i=point(-half), point_j=point(zero), friction=friction[0]),
-        Revolute("B", "2", "1", point_i=point(-4 * length), point_j=point(half), friction=friction[1]),
-        Revolute("C", "3", "2", point_i=point(half), point_j=point(4 * length), friction=friction[2]),
-        Revolute("D", "3", GROUND, point_i=point(-half), point_j=point(8 * length), friction=friction[3]),
+        Revolute("A", "1", GROUND, point_i=point(-half), point_j=point(zero), **friction[0]),
+        Revolute("B", "2", "1", point_i=point(-4 * length), point_j=point(half), **friction[1]),
+        Revolute("C", "3", "2", point_i=point(half), point_j=point(4 * length), **friction[2]),
+        Revolute("D", "3", GROUND, point_i=point(-half), point_j=point(8 * length), **friction[3]),
         Translational("K", "4", GROUND, point_i=point(zero), point_j=point(4 * length), normal=(1.0, 0.0)),
         Translational("L", "4", "2", point_i=point(zero), point_j=point(zero), normal=(0.0, 1.0)),
     ]

@@ -166,7 +166,7 @@ STATE = rx.State([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
 BAD = {
     "negative mass": (lambda: rx.Body("a", -1.0, 1.0), ["`mass`", "'a'", "negative"]),
     "mass not a number": (lambda: rx.Body("a", np.nan, 1.0), ["`mass`", "'a'"]),
-    "negative friction": (lambda: rx.Coulomb(-0.1), ["`coefficient`", "negative"]),
+    "negative friction": (lambda: rx.Coulomb(-0.1), ["`mu`", "negative"]),
     "negative inertia": (lambda: rx.Body("a", 1.0, -1.0), ["`inertia`", "negative"]),
     "mass of wrong shape": (lambda: rx.Body("a", [1.0, 2.0], 1.0), ["`mass`", "number"]),
     "point of wrong shape": (lambda: pin(point_i=(0, 0, 0)), ["`point_i`", "two components"]),
@@ -265,7 +265,7 @@ BAD = {
         ["`misfit`", "P.y (3)", "units=Units(length=1000.0, mass=0.001)"],
     ),
     "friction at rest": (
-        lambda: rx.solve(one_body(pin(friction=rx.Coulomb(0.1))), STATE),
+        lambda: rx.solve(one_body(pin(pin_radius=1.0, friction=rx.Coulomb(0.1))), STATE),
         ["at rest", "At rest: A", "`sense=`"],
     ),
     "iteration that does not end": (

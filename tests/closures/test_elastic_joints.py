@@ -199,10 +199,10 @@ def test_joints_that_store_no_energy_or_do_not_exist_are_refused(paper):
         (lambda: rx.JointCompliance("A", -1e-8), "must not be negative"),
         (lambda: rx.JointCompliance("A", [[1.0, 2.0], [2.0, 1.0]]), "positive semidefinite"),
         (lambda: rx.JointCompliance("A", [1.0, 2.0]), "`translation` of joint 'A'"),
-        (lambda: rx.ElasticJoints(mechanism, [rx.JointCompliance("Z", 1e-8)]), r"\['Z'\]"),
+        (lambda: rx.ElasticJoints(mechanism, [rx.JointCompliance("Z", 1e-8)]), "'Z'"),
         (lambda: rx.ElasticJoints(mechanism, [rx.JointCompliance("A", 1e-8)] * 2), "twice"),
         (lambda: rx.ElasticJoints(mechanism, [rx.JointCompliance("A", 1e-8, frame="2")]), "`frame` of joint 'A'"),
-        (lambda: rx.heated(mechanism, {"5": 1.0}, STEEL), r"\['5'\]"),
+        (lambda: rx.heated(mechanism, {"5": 1.0}, STEEL), "'5'"),
         (lambda: rx.misfit(mechanism, rx.mechanisms.carriage(), state), "`actual`"),
     ):
         with pytest.raises(ValueError, match=words):

@@ -42,7 +42,8 @@ class Case:
         return rx.State(*(np.concatenate([x[:, :2].ravel(), x[:, 2]]) for x in (places, rates)))
 
     def mechanism(self, friction=None):
-        joints = [make(friction=friction) if make.func is rx.Revolute else make() for make in self.joints]
+        pins = {"pin_radius": 1.0, "friction": friction}
+        joints = [make(**pins) if make.func is rx.Revolute else make() for make in self.joints]
         return rx.Mechanism([rx.Body(n, *mj) for n, mj in self.bodies.items()], joints, gravity=(0.0, -GRAVITY))
 
     def acceleration(self, phi, rate):

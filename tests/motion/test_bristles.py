@@ -146,10 +146,10 @@ def bristled(model):
     l, h = 0.1, 0.1 * np.sqrt(2)  # noqa: E741 (the paper's letter)
     bodies = [rx.Body(str(k + 1), m, m * l**2 * c) for k, (m, c) in enumerate([(3, 2 / 3), (9, 16 / 3)] * 2)]
     joints = [
-        rx.Revolute("A", "1", "ground", (-h, 0.0), (0.0, 0.0), friction=model),
-        rx.Revolute("B", "2", "1", (-4 * l, 0.0), (h, 0.0), friction=model),
-        rx.Revolute("C", "3", "2", (h, 0.0), (4 * l, 0.0), friction=model),
-        rx.Revolute("D", "3", "ground", (-h, 0.0), (8 * l, 0.0), friction=model),
+        rx.Revolute("A", "1", "ground", (-h, 0.0), (0.0, 0.0), pin_radius=1.0, friction=model),
+        rx.Revolute("B", "2", "1", (-4 * l, 0.0), (h, 0.0), pin_radius=1.0, friction=model),
+        rx.Revolute("C", "3", "2", (h, 0.0), (4 * l, 0.0), pin_radius=1.0, friction=model),
+        rx.Revolute("D", "3", "ground", (-h, 0.0), (8 * l, 0.0), pin_radius=1.0, friction=model),
         rx.Translational("K", "4", "ground", (0.0, 0.0), (4 * l, 0.0), (1.0, 0.0)),
         rx.Translational("L", "4", "2", (0.0, 0.0), (0.0, 0.0), (0.0, 1.0)),
     ]

@@ -105,7 +105,7 @@ def four_bar(friction: rx.AbstractFrictionModel | None) -> rx.Mechanism:
         ("C", "rocker", "coupler", (c / 2, 0.0), (b / 2, 0.0)),
         ("D", "rocker", ground, (-c / 2, 0.0), (d, 0.0)),
     ]
-    return rx.Mechanism(rods, [rx.Revolute(*pin, friction=friction) for pin in pins], gravity=(0.0, -9.81))
+    return rx.Mechanism(rods, [rx.Revolute(*pin, 1.0, friction) for pin in pins], gravity=(0.0, -9.81))
 
 
 @slow

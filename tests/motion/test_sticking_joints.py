@@ -146,7 +146,7 @@ def test_a_pendulum_with_a_seized_elbow_swings_as_one_body():
         [rx.Body("upper", 1.0, 1 / 12), rx.Body("lower", 1.0, 1 / 12)],
         [
             rx.Revolute("O", "upper", "ground", (-0.5, 0.0), (0.0, 0.0)),
-            rx.Revolute("E", "lower", "upper", (-0.5, 0.0), (0.5, 0.0), friction=elbow),
+            rx.Revolute("E", "lower", "upper", (-0.5, 0.0), (0.5, 0.0), pin_radius=1.0, friction=elbow),
         ],
         gravity=(0.0, -9.81),
     )

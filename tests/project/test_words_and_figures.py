@@ -139,7 +139,7 @@ def lift(angle=-5.8e-32):
 def pendulum_on_two_pins():
     """A pin that is listed twice: at minimum norm both carry half, and friction is least."""
     body = rx.Body("rod", 2.0, 0.5)
-    pins = [rx.Revolute(name, "rod", rx.GROUND, (-0.5, 0), (0, 0), rx.Coulomb(0.05)) for name in "AB"]
+    pins = [rx.Revolute(name, "rod", rx.GROUND, (-0.5, 0), (0, 0), 1.0, rx.Coulomb(0.05)) for name in "AB"]
     c, s = np.cos(-0.4), np.sin(-0.4)
     return rx.Mechanism([body], pins, gravity=(0.0, -9.81)), rx.State([c / 2, s / 2, -0.4], [-s / 2, c / 2, 1.0])
 

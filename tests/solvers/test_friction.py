@@ -194,10 +194,54 @@ class Proportional(rx.AbstractFrictionModel):
         return jnp.asarray(self.radius)
 
 
+def falling(v):
+    return 0.3 + 0.1 * np.exp(-((v / 0.02) ** 2))
+
+
+# Models, and force and bristle rate of their surfaces from normal load, slip rate and deflection.
+SURFACES = {
+    "Coulomb": (rx.Coulomb(0.3, 5.0), lambda n, v, z: -0.3 * (n + 5.0) * np.sign(v)),
+    "regularised": (rx.RegularisedCoulomb(0.3, 0.02), lambda n, v, z: -0.3 * n * np.tanh(v / 0.02)),
+    "Stribeck": (
+        rx.Stribeck(0.4, 0.3, velocity=0.02, viscous=7.0),
+        lambda n, v, z: -falling(v) * n * np.sign(v) - 7.0 * v,
+    ),
+    "constant": (rx.ConstantFriction(6.0), lambda n, v, z: -6.0 * np.sign(v)),
+    "Dahl": (rx.Dahl(0.3, 3000.0), lambda n, v, z: -3000.0 * n * z, lambda v, z: v - 3000.0 * abs(v) * z / 0.3),
+    "LuGre": (
+        rx.LuGre(0.4, 0.3, velocity=0.02, stiffness=3000.0, damping=2.0, viscous=0.5),
+        lambda n, v, z: -n * (3000.0 * z + 2.0 * (v - 3000.0 * abs(v) * z / falling(v)) + 0.5 * v),
+        lambda v, z: v - 3000.0 * abs(v) * z / falling(v),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_friction_of_a_pin_is_that_of_surfaces_at_its_radius(name):
+    """A rod of 1 m and 1 kg swings through the bottom on a pin of 15 mm: phi'' / 3 = tau = r F(N, r w)."""
+    model, force, *bend = SURFACES[name]
+    r, w, z = 0.015, 2.0, 4e-5
+    pin = rx.Revolute("A", "rod", "ground", (-0.5, 0.0), (0.0, 0.0), pin_radius=r, friction=model)
+    rod = rx.Mechanism([rx.Body("rod", 1.0, 1 / 12)], [pin], gravity=(0.0, -10.0))
+    state = rx.State([0.0, -0.5, -np.pi / 2], [w / 2, 0.0, w], memory=(jnp.array([z]),) if bend else ())
+    solution = rx.solve(rod, state)
+    normal = np.hypot(solution["rod.phi''"] / 2, 10.0 + w**2 / 2)
+    np.testing.assert_allclose(solution["tau A"], r * force(normal, r * w, z), rtol=1e-12)
+    np.testing.assert_allclose(solution["rod.phi''"] / 3, solution["tau A"], rtol=1e-12)
+    for rate in bend:
+        found = rod.friction[0].memory_rate(jnp.array([w]), jnp.array([z]), state)
+        np.testing.assert_allclose(found, [rate(r * w, z)], rtol=1e-12)
+
+
+def test_a_pin_with_friction_needs_its_radius():
+    with pytest.raises(ValueError, match="`pin_radius` of the revolute joint 'A'"):
+        rx.Revolute("A", "rod", "ground", (-0.5, 0.0), (0.0, 0.0), friction=rx.Coulomb(0.3))
+
+
 @pytest.mark.parametrize("way", [{}, {"closure": None, "x0": 5.0}, "motion"], ids=["closed", "open", "motion"])
 def test_a_model_of_the_user_may_hold_plain_numbers(way):
     """A rod of 1 m and 1 kg swings through the bottom: phi'' / 3 = -0.01 |R|, R = (phi'' / 2, g + w^2 / 2)."""
-    pin = rx.Revolute("A", "rod", "ground", (-0.5, 0.0), (0.0, 0.0), friction=Proportional(0.01))
+    pin = rx.Revolute("A", "rod", "ground", (-0.5, 0.0), (0.0, 0.0), pin_radius=1.0, friction=Proportional(0.01))
     rod = rx.Mechanism([rx.Body("rod", 1.0, 1 / 12)], [pin], gravity=(0.0, -10.0))
     state = rx.State([0.0, -0.5, -np.pi / 2], [1.0, 0.0, 2.0])
     if way == "motion":

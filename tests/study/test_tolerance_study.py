@@ -188,5 +188,5 @@ def test_picture(smooth):
     np.testing.assert_allclose([bar.get_x(), bar.get_x() + bar.get_width()], [low, high])
     assert {text.get_text() for text in bands[1].texts} >= {f"{low:.4g}", f"{high:.4g}"}
     assert len(rx.plot_tolerance(smooth, ["A.x"]).axes) == 2
-    with pytest.raises(ValueError, match=r"but holds A\.z"):
+    with pytest.raises(ValueError, match=r"but holds 'A\.z'"):
         rx.plot_tolerance(smooth, ["A.z"])

@@ -49,7 +49,7 @@ def build(
         return exact.floats(joint.s_i), exact.floats(joint.s_j)
 
     law = friction or (lambda joint: None)
-    revolutes = [rx.Revolute(*ends(j), *points(j), law(j)) for j in mechanism.revolutes]
+    revolutes = [rx.Revolute(*ends(j), *points(j), 1.0, law(j)) for j in mechanism.revolutes]
     guides = [
         rx.Translational(*ends(j), *points(j), exact.floats(j.v_j), float(j.psi)) for j in mechanism.translationals
     ]

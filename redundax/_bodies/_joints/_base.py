@@ -84,6 +84,11 @@ class AbstractFrictionalJoint(AbstractJoint):
             )
 
     @property
+    def law(self) -> AbstractFrictionModel | None:
+        """Friction as force or moment that does work on the joint's coordinate."""
+        return self.friction
+
+    @property
     def coordinate(self) -> str:
         """What its coordinate is called: "angle" or "travel", as in "name.angle"."""
         return "angle" if self.slip_kind == "angular" else "travel"

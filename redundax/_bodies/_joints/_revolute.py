@@ -5,12 +5,12 @@
 with Jacobian (55), gamma (56) and friction moment (41) about its axis.
 """
 
-from typing import ClassVar
+from typing import ClassVar, cast
 
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ..._tools._module import as_vector, safe_norm
+from ..._tools._module import as_vector, optional_float, safe_norm
 from .._body import Pose
 from .._friction_model import AbstractFrictionModel
 from ._base import AbstractFrictionalJoint, Row
@@ -23,6 +23,8 @@ class Revolute(AbstractFrictionalJoint):
 
         ```python
         rx.Revolute("A", "lever", "ground", point_i=(-0.2, 0.0), point_j=(0.0, 1.0))
+        friction = {"pin_radius": 0.01, "friction": rx.Coulomb(0.3)}
+        rx.Revolute("A", "lever", "ground", point_i=(-0.2, 0.0), point_j=(0.0, 1.0), **friction)
         ```
 
     **Arguments:**
@@ -30,7 +32,8 @@ class Revolute(AbstractFrictionalJoint):
     - `name`: rows are called "name.x" and "name.y".
     - `i`, `j`: names of the bodies, or "ground".
     - `point_i`, `point_j`: the joint's centre in the local frames, m.
-    - `friction`: `Coulomb` with its coefficient the friction radius mu * rho in m, or another model.
+    - `pin_radius`: rho, radius at which pin and hole slide, m; needed for friction.
+    - `friction`: `Coulomb` with its coefficient mu, or another model.
     """
 
     row_kinds: ClassVar[tuple[Row, ...]] = (("x", "force"), ("y", "force"))
@@ -40,7 +43,20 @@ class Revolute(AbstractFrictionalJoint):
     j: str = eqx.field(static=True)
     point_i: Float[Array, "2"] = eqx.field(converter=as_vector)
     point_j: Float[Array, "2"] = eqx.field(converter=as_vector)
+    pin_radius: Float[Array, ""] | None = eqx.field(converter=optional_float, default=None)
     friction: AbstractFrictionModel | None = None
+
+    def __check_init__(self) -> None:
+        if self.friction is not None and self.pin_radius is None:
+            raise ValueError(
+                f"Argument `pin_radius` of the revolute joint '{self.name}' must be given where the joint has "
+                "friction, but it is None: friction acts at that radius. Give 1.0 where mu stands for mu times radius."
+            )
+
+    @property
+    def law(self) -> AbstractFrictionModel | None:
+        """The moment about the pin."""
+        return None if self.friction is None else self.friction.about(cast(Array, self.pin_radius))
 
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:
         return i.point(self.point_i) - j.point(self.point_j)

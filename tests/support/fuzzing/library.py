@@ -97,7 +97,7 @@ def _joint(name: str, joint: Joint, own: dict) -> Any:
     points = own["point_i"], own["point_j"]
     law = rx.Polynomial(own["coefficients"])
     if joint.kind == "revolute":
-        return rx.Revolute(*ends, *points, _friction(joint, own))
+        return rx.Revolute(*ends, *points, 1.0, _friction(joint, own))
     if joint.kind == "translational":
         guide = own["normal"], own["angle"], own["guide_length"]
         return rx.Translational(*ends, *points, *guide, _friction(joint, own))
