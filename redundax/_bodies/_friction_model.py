@@ -22,7 +22,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from .._tools._module import as_float, not_negative, positive
+from .._tools._module import as_float, floats, not_negative, positive
 
 
 class AbstractFrictionModel(eqx.Module):
@@ -115,7 +115,7 @@ class Coulomb(AbstractFrictionModel):
         return jnp.abs(self.mu)
 
     def about(self, radius: Array) -> "Coulomb":
-        return Coulomb(radius * self.mu, self.preload)
+        return Coulomb(floats(radius) * floats(self.mu), self.preload)
 
 
 class RegularisedCoulomb(AbstractFrictionModel):
