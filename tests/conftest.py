@@ -22,6 +22,7 @@ _names = {flag.split("=")[0] for flag in _given}
 os.environ["XLA_FLAGS"] = " ".join([*_given, *(flag for flag in _FLAGS if flag.split("=")[0] not in _names)])
 # The tests run in a process for each core; threads of OpenBLAS beside them wait by spinning, 50 times slower.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ["REDUNDAX_CACHE"] = "off"  # tests leave the user's folder alone
 
 import beartype.typing  # noqa: F401 (the expression below needs it loaded)
 import hypothesis

@@ -1,1 +1,1 @@
-"""The command line."""
+"""The command line: its arguments, what it computes and shows, and the programs that it keeps."""

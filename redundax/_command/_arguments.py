@@ -1,0 +1,128 @@
+"""The arguments of the command, as they are written and checked."""
+
+import argparse
+import math
+import pathlib
+from collections.abc import Sequence
+from importlib import metadata
+from typing import Any
+
+from .._pictures._page._formats import FORMATS
+from ._cache import LIMIT
+
+
+def argument_parser() -> argparse.ArgumentParser:
+    """What the command takes."""
+    parser = argparse.ArgumentParser(
+        prog="python -m redundax",
+        description="Tables 2, 3 and 4 of Wojtyra, Pekal, Fraczek (Mech. Mach. Theory 153 (2020) 103999): printed "
+        "and computed figures side by side, every difference marked and explained, and what of the mechanism's "
+        "motion and joint loads is unique.",
+        epilog="Exit status: 0 if all went well, 1 if a solve failed or a difference from the printed figures is "
+        "unexplained, 2 if the arguments are wrong, your file fails or nothing can be written, 130 if you stop it. "
+        f"Compiled programs are kept, {LIMIT // 10**6} MB at most, so that later runs start sooner: in the folder "
+        "redundax of the user's caches (XDG_CACHE_HOME or ~/.cache; ~/Library/Caches on macOS; LOCALAPPDATA on "
+        "Windows). The variable REDUNDAX_CACHE names another folder, or is off; JAX_COMPILATION_CACHE_DIR goes first.",
+    )
+    parser.add_argument("--png", metavar="FILE", type=_picture, help="also draw the mechanism's family of solutions")
+    parser.add_argument("--version", action="version", version=f"redundax {version()}")
+    commands = parser.add_subparsers(dest="command", metavar="command", title="commands")
+    tables = commands.add_parser(
+        "tables",
+        help="the tables alone",
+        description="Tables 2, 3 and 4 alone: as text beside the printed figures, or computed figures as JSON.",
+    )
+    tables.add_argument(
+        "--json",
+        action="store_true",
+        help="computed figures at full float64 precision: {table2, table3, table4}, lists of rows with u, h or "
+        "x0, linear, angular, forces, moments and, with friction, tau, in the units of the row",
+    )
+    _own_mechanism(commands)
+    return parser
+
+
+def _own_mechanism(commands: Any) -> None:
+    """Add the commands on a user's file."""
+    analysis = commands.add_parser(
+        "analyze",
+        help="what is unique in a mechanism of yours",
+        description="Rank, self-stress, and which multipliers and accelerations are unique, at a state.",
+    )
+    study = commands.add_parser(
+        "study",
+        help="how far a mechanism of yours varies along its self-stress",
+        description="Solutions along every self-stress state: table of extremes, and a picture with --png.",
+    )
+    page = commands.add_parser(
+        "report",
+        help="both as a page with pictures",
+        description="A page to read, print and pass on: the mechanism drawn, what is redundant, what is unique and "
+        "why, what to release, motion and loads with their ranges, and how the page was made.",
+    )
+    for command in (analysis, study, page):
+        command.add_argument(
+            "system",
+            metavar="FILE.py:NAME",
+            help="a pair (system, state), a function that returns one, or a system beside a State named 'state'",
+        )
+    for command in (analysis, study):
+        command.add_argument("--json", action="store_true", help="print JSON")
+    page.add_argument(
+        "-o",
+        "--output",
+        metavar="FILE",
+        type=_page_file,
+        default="report.html",
+        help=".html: one file with its pictures; .md: Markdown with its pictures beside it (default report.html)",
+    )
+    study.add_argument(
+        "--png", metavar="FILE", type=_picture, help="draw the solutions; further states have their number in the name"
+    )
+    for command in (study, page):
+        command.add_argument(
+            "--amplitude",
+            type=_size,
+            help="largest self-stress added, in units of the multiplier that names it; by default as large as the "
+            "largest joint load without friction, where a moment counts as a force at a length of the mechanism",
+        )
+        command.add_argument("--samples", type=_count, default=201, help="amplitudes looked at (default 201)")
+        command.add_argument("--progress", action="store_true", help="tell how far the work is, even if it is short")
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 3:
+        raise argparse.ArgumentTypeError(f"must be a whole number and at least 3, but is {text}")
+    return int(text)
+
+
+def _size(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"must be a positive number, but is {text}")
+    return value
+
+
+def _picture(text: str) -> pathlib.Path:
+    return _target(text, (".png", ".pdf", ".svg"))
+
+
+def _page_file(text: str) -> pathlib.Path:
+    return _target(text, FORMATS)
+
+
+def _target(text: str, endings: Sequence[str]) -> pathlib.Path:
+    file = pathlib.Path(text)
+    if file.suffix not in endings:
+        raise argparse.ArgumentTypeError(f"must end in {', '.join(endings[:-1])} or {endings[-1]}, but is {text}")
+    if not file.parent.is_dir():
+        raise argparse.ArgumentTypeError(f"must lie in a folder that exists, but there is no {file.parent}")
+    return file
+
+
+def version() -> str:
+    """Of the package."""
+    return metadata.version("redundax")

@@ -1,0 +1,52 @@
+"""Solutions along every self-stress state, as commands show and draw them."""
+
+import dataclasses
+import pathlib
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from .._analysis._analyze import analyze
+from .._analysis._report import Report
+from .._closures._closure import AbstractClosure
+from .._pictures._plots._plot import plot_family
+from .._solution_sets._family._solution_family import SolutionFamily, solution_family
+from .._system._state import State
+from .._system._system import AbstractSystem
+from ._file import writing
+
+
+def report_with_families(
+    system: AbstractSystem,
+    state: State,
+    closure: AbstractClosure,
+    amplitude: float | None,
+    samples: int,
+    watch: Callable[[Sequence[Any]], Iterable[Any]] = iter,
+) -> tuple[Report, list[SolutionFamily]]:
+    """The report, and the solutions along every self-stress state; none where there is a problem."""
+    report = analyze(system, state, closure=closure)
+    if report.problem:
+        return report, []
+    z = None if amplitude is None else np.linspace(-amplitude, amplitude, samples)
+    options = {"z": z, "closure": closure, "samples": samples, "watch": watch}
+    try:
+        return report, [solution_family(system, state, along=name, **options) for name in report.pivots]
+    except RuntimeError as error:
+        return dataclasses.replace(report, problem=str(error)), []
+
+
+def draw_families(families: Sequence[SolutionFamily], file: pathlib.Path) -> None:
+    """A picture of each family, the further ones with their number in the name."""
+    for number, family in enumerate(families):
+        target = file if number == 0 else file.with_stem(f"{file.stem}_{number}")
+        with writing(target):
+            plot_family(family).savefig(target)
+        print(f"drawn: {target}", file=sys.stderr)
+
+
+def show(text: str) -> None:
+    """Print, so that a reader has it at once."""
+    print(text, flush=True)

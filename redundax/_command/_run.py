@@ -1,0 +1,63 @@
+"""From the arguments of the command to its exit status, in a process of its own or within another."""
+
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from typing import NoReturn
+
+import jax
+
+from ._arguments import argument_parser
+from ._cache import keep_programs
+from ._file import FileError, blaming, check_target, load
+from ._own import COMMANDS
+from ._tables import paper_study, tables_as_json, tables_as_text
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit status.
+
+    **Arguments:**
+
+    - `argv`: arguments without the name of the command; those of the process if not given.
+    """
+    arguments = argument_parser().parse_args(argv)
+    jax.config.update("jax_enable_x64", True)
+    try:
+        if arguments.command == "tables":
+            return tables_as_json() if arguments.json else tables_as_text()
+        for target in filter(None, (getattr(arguments, name, None) for name in ("png", "output"))):
+            check_target(target)
+        if arguments.command is None:
+            return paper_study(arguments.png)
+        with blaming(arguments.system):
+            return COMMANDS[arguments.command](*load(arguments.system), arguments)
+    except FileError as error:
+        print(f"redundax: {error}", file=sys.stderr)
+        return 2
+    except BrokenPipeError:  # the reader, `head` say, has gone
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+
+
+def process() -> int:
+    """Run the command in a process of its own.
+
+    It runs most of its programs once, so it compiles them without optimisation, in less than half the time, unless
+    `JAX_DISABLE_MOST_OPTIMIZATIONS` or `XLA_FLAGS` say otherwise, and keeps them for later runs. Stopped from the
+    keyboard it ends at once: a KeyboardInterrupt that comes while a library cleans up would be printed and lost.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not where it is ignored, as under nohup
+        signal.signal(signal.SIGINT, _stop)
+    if "JAX_DISABLE_MOST_OPTIMIZATIONS" not in os.environ:
+        jax.config.update("jax_disable_most_optimizations", True)
+    if jax.__version_info__ < (0, 11):  # XLA aborts at flags that it has dropped
+        os.environ.setdefault("XLA_FLAGS", "--xla_cpu_use_fusion_emitters=false")  # its older code generator
+    keep_programs()
+    return main()
+
+
+def _stop(*_: object) -> NoReturn:
+    os.write(sys.stderr.fileno(), b"redundax: stopped\n")  # a stream may be in the middle of a line
+    os._exit(130)
