@@ -111,7 +111,6 @@ def solve(
     return _thrown(system, state, solution, throw)
 
 
-@compiled
 def solve_factorised(
     system: AbstractSystem,
     state: State,
@@ -121,7 +120,29 @@ def solve_factorised(
     x0: Array | None,
     sense: Array | None,
 ) -> Solution:
-    """`solve`, given the factorisation at the state, and the compliance and misfit of the closure if there is one."""
+    """`solve`, given the factorisation at the state, and the compliance and misfit of the closure if there is one.
+
+    Outside transformations the branch from zero friction is a program of its own, for where Newton's method alone does
+    not settle the matter.
+    """
+    given = system, state, factor, chosen, x0, sense
+    if isinstance(solver, Continuation) and all(map(known, jax.tree.leaves((given, solver)))):
+        solution = _solved(solver.first, *given)
+        if known(solution.stats.fold) and float(solution.stats.fold) > 0:
+            return solution
+    return _solved(solver, *given)
+
+
+@compiled
+def _solved(
+    solver: AbstractSolver,
+    system: AbstractSystem,
+    state: State,
+    factor: Factorisation,
+    chosen: Elasticity | None,
+    x0: Array | None,
+    sense: Array | None,
+) -> Solution:
     end, root, contraction, result = _ended(factor, system, state, chosen, solver, x0, sense)
     return _solution(factor, end, root, contraction, solver.tolerance(state.qd.dtype), result)
 

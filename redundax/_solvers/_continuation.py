@@ -63,6 +63,11 @@ class Continuation(AbstractSolver):
         root = quick_sweeps(problem, start, rtol, in_batch=in_batch)
         return unless(root.progress.converged(rtol), root, search, problem.rho0, start)
 
+    @property
+    def first(self) -> "FirstAttempt":
+        """What the search begins with, alone."""
+        return FirstAttempt(self.rtol, self.max_steps)
+
     def _searched(self, problem: FrictionProblem, start: Array) -> Root:
         """Newton's method from the start and, where the branch from zero friction arrives, from its end."""
         newton, rtol = Newton(self.rtol, self.max_steps), self.tolerance(start.dtype)
@@ -86,6 +91,25 @@ class Continuation(AbstractSolver):
     def result(self, progress: Progress) -> RESULTS:
         converged = progress.converged(self.tolerance(progress.residual.dtype))
         return RESULTS.where(converged, RESULTS.successful, RESULTS.no_solution_found)
+
+
+class FirstAttempt(AbstractSolver):
+    """Newton's method from the start, as the search of `Continuation` begins.
+
+    The `fold` is infinite where its end point is kept, because friction contracts there, and 0 where the branch from
+    zero friction must be followed.
+    """
+
+    rtol: Float[Array, ""] | None
+    max_steps: int = eqx.field(static=True)
+
+    def run(self, problem: FrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
+        root = Newton(self.rtol, self.max_steps).run(problem, start)
+        kept = root.progress.converged(self.tolerance(start.dtype)) & (problem.contraction(root.tau) < 1)
+        return Root(root.tau, root.progress, jnp.where(kept, jnp.inf, 0.0))
+
+    def result(self, progress: Progress) -> RESULTS:
+        return Continuation(self.rtol).result(progress)
 
 
 class _Search(NamedTuple):

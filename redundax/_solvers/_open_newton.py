@@ -22,7 +22,8 @@ r and the second part of e differ from 0 in the first step only, where x0 need n
 iterates are the paper's to rounding. The end point depends on x0, and its derivative is that of the
 iterations, not an implicit one: the end point moves along the null vector of G_x too.
 
-Where friction is proved to contract strongly `_quick_newton` takes the same steps, and these only where it fails.
+Where friction is proved to contract strongly `_quick_newton` takes the same steps, in programs for batches, and these
+only where it fails.
 """
 
 from typing import NamedTuple
@@ -31,6 +32,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._tools._compilation import is_single
 from ._iterate import iterate, unless
 from ._open_problem import OpenEnd, OpenProblem
 from ._quick_newton import quick_newton
@@ -87,6 +89,8 @@ def open_root(open_problem: OpenProblem, rtol: Float[Array, ""], max_steps: int)
         given = eqx.tree_at(lambda given: (given.problem, given.first), open_problem, changed)
         return _run(given, rtol, max_steps, bounded=False)
 
+    if is_single():
+        return _run(open_problem, rtol, max_steps, bounded=False)
     end = quick_newton(open_problem, rtol, max_steps)
     return unless(end.progress.converged(rtol), end, run, open_problem.problem.rho0, open_problem.first)
 

@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
+from ._compilation import is_single
 from ._module import cores
 
 T = TypeVar("T", bound=PyTree)
@@ -34,6 +35,8 @@ def in_chunks(function: Callable[..., T], *arguments: PyTree, alone: Callable[..
     `alone`, another way to the same, takes its place where there is no batch: what is written out for the sake of a
     batch need not be compiled for a single sample. It has no derivative: that is for a rule around it.
     """
+    if is_single():
+        return (alone or function)(*arguments)
     closed = [_closed(way, *arguments) for way in (function, alone) if way]
     arrays, rest = eqx.partition((closed, arguments), eqx.is_array)
 

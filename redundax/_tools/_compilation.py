@@ -2,7 +2,8 @@
 
 A call whose numbers are all there runs few times, and compiling it takes thousands of times as long as running it. It
 is compiled without optimisation, and at once, even where a `vmap` or `jit` around it traces something else: what does
-not depend on traced numbers is not traced again for them.
+not depend on traced numbers is not traced again for them. Such a program of a single sample has one way to go; what
+stands ready for batches and derivatives is left out of it.
 """
 
 import functools
@@ -23,6 +24,13 @@ _QUICK = {
     "xla_cpu_enable_concurrency_optimized_scheduler": False,  # LAPACK calls side by side can wait for good on few cores
 }
 
+_single = jax.make_user_context(False)  # a part of what JAX knows programs by
+
+
+def is_single() -> bool:
+    """Whether what is traced is the program of a call outside transformations, with no batch around it."""
+    return _single.value
+
 
 def compiled(function: Callable[P, T]) -> Callable[P, T]:
     """`eqx.filter_jit`, compiled in little time and run at once where no argument is traced."""
@@ -37,7 +45,7 @@ def compiled(function: Callable[P, T]) -> Callable[P, T]:
         if any(isinstance(x, jax.core.Tracer) for x in jax.tree.leaves((arguments, named))):
             return inside(*arguments, **named)
         try:
-            with jax.core.eval_context():
+            with jax.core.eval_context(), _single(True):
                 return outside()(*arguments, **named)
         except jax.errors.UnexpectedTracerError:  # a function of the user holds a traced number
             return inside(*arguments, **named)
