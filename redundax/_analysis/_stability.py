@@ -159,8 +159,7 @@ def _figures(
 ) -> tuple[Float[Array, "m m"], Float[Array, "m m"]]:
     """W_e and X in multipliers free of units."""
     reduced = reduce(system, state, factor, chosen, sense=sense)
-    W, G = reduced.pick.compliance, reduced.pick.response
-    given = W - W @ G @ W
+    given = chosen.compliance @ reduced.pick(jnp.eye(multipliers.size, dtype=multipliers.dtype))
     mass = response = factor.apparent_mass()
     if reduced.problem is not None:
         slope = reduced.problem.law.slope(multipliers[reduced.rows])

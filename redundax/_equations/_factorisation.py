@@ -28,12 +28,12 @@ from .._tools._compilation import compiled
 from ._evidence import ScaledMotion, Violation, independence_of, rate_noise, ratio, singularity_of, violation_of
 from ._kinematics import second_order
 from ._rank import Spectrum, Split, split
-from ._response import AbstractFactorisation, Pick, Response
+from ._response import AbstractSolvedFactorisation, Pick, Response
 from ._restricted_inverse import restricted_inverse
 from ._scaling import Scaling, largest_violation, scaling
 
 
-class Factorisation(AbstractFactorisation[Decision]):
+class Factorisation(AbstractSolvedFactorisation):
     """Everything about a system at a state that does not depend on closure, friction or solver.
 
     - `jacobian`: Phi_q, shape (m, n).

@@ -20,6 +20,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from .._system._decision import Decision
+from .._tools._by_number import combined
+
 Evidence = TypeVar("Evidence")
 
 
@@ -43,6 +46,10 @@ class AbstractPick(eqx.Module):
     ) -> Float[Array, " l"]:
         """G d, the self-stress that a misfit causes, in some rows; a number stands for m equal misfits."""
 
+    @abc.abstractmethod
+    def bound(self, misfit: Float[Array, " m"] | Float[Array, ""]) -> Float[Array, ""]:
+        """A bound of the sum of |G d|, not finite where an entry is not."""
+
 
 class Pick(AbstractPick):
     """The pick by matrices.
@@ -63,6 +70,9 @@ class Pick(AbstractPick):
     def caused(self, misfit: Array, rows: Array | None = None) -> Array:
         return times(self.response if rows is None else self.response[rows], misfit)
 
+    def bound(self, misfit: Array) -> Array:
+        return total(self.response) * total(misfit)
+
 
 class AbstractFactorisation(eqx.Module, Generic[Evidence]):
     """The equations at a state, factorised."""
@@ -74,6 +84,22 @@ class AbstractFactorisation(eqx.Module, Generic[Evidence]):
     @abc.abstractmethod
     def close(self, compliance: Float[Array, "m m"]) -> tuple[AbstractPick, Evidence]:
         """The pick under a compliance, and the evidence that it determines the multipliers."""
+
+
+class AbstractSolvedFactorisation(AbstractFactorisation[Decision]):
+    """The equations at a state, factorised and solved for the load.
+
+    - `acceleration`, `multipliers`: a solution without friction; the multipliers are one of many.
+    - `length`: a length of the mechanism, which makes angles and lengths comparable.
+    """
+
+    acceleration: eqx.AbstractVar[Float[Array, " n"]]
+    multipliers: eqx.AbstractVar[Float[Array, " m"]]
+    length: eqx.AbstractVar[Float[Array, ""]]
+
+    @abc.abstractmethod
+    def motion_of(self, rates: Float[Array, "..."]) -> Decision:
+        """Whether slip rates, m/s or L times an angular rate, are those of joints that move."""
 
 
 class LinearResponse(eqx.Module):
@@ -92,3 +118,8 @@ class LinearResponse(eqx.Module):
 def times(matrix: Float[Array, "d m"], vector: Float[Array, " m"] | Float[Array, ""]) -> Float[Array, " d"]:
     """matrix @ vector; a number stands for m equal ones, so that a batch of numbers stays one."""
     return matrix @ vector if vector.ndim else jnp.sum(matrix, axis=1) * vector
+
+
+def total(*arrays: Array) -> Float[Array, ""]:
+    """Sum of the sizes of all entries, which a NaN does not pass by."""
+    return jnp.asarray(sum(combined(jnp.add, jnp.sum, jnp.abs(array).ravel()) for array in arrays))

@@ -23,15 +23,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from .._closures._closure import Elasticity
-from .._equations._factorisation import Factorisation
 from .._equations._kinematics import slip_motion
-from .._equations._response import LinearResponse, Pick, Response
+from .._equations._response import AbstractPick, AbstractSolvedFactorisation, LinearResponse, Response, total
 from .._solvers._friction_problem import FrictionProblem, Law
 from .._system._decision import Decision
 from .._system._friction import load_rows, slip_kinds
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._by_number import combined
 
 
 class Reduced(eqx.Module):
@@ -44,7 +42,7 @@ class Reduced(eqx.Module):
     - `free_size`: bound of the sum of |free|.
     """
 
-    pick: Pick
+    pick: AbstractPick
     definiteness: Decision
     response: LinearResponse
     rows: Int[Array, " l"]
@@ -56,8 +54,8 @@ class Reduced(eqx.Module):
         """Bound of the sum of |x|: if it is finite all of them are; else one is not, or the bound overflows."""
         size = self.free_size
         if self.problem is not None:
-            size = size + _size(*self.response.unit) * _size(tau)
-        return size if stress is None else size + _size(stress)
+            size = size + total(*self.response.unit) * total(tau)
+        return size if stress is None else size + total(stress)
 
     def senseless(
         self, tau: Float[Array, " p"], stress: Float[Array, " m"] | None
@@ -80,7 +78,7 @@ class Reduced(eqx.Module):
 def reduce(
     system: AbstractSystem,
     state: State,
-    factor: Factorisation,
+    factor: AbstractSolvedFactorisation,
     elasticity: Elasticity,
     *,
     kept: Float[Array, " m"] | Float[Array, ""] | None = None,
@@ -92,7 +90,7 @@ def reduce(
     given = misfit if kept is None else misfit + kept
     picked = pick(factor.multipliers)
     free = Response(factor.acceleration, picked + pick.caused(given))
-    free_size = _size(factor.acceleration, picked) + _size(pick.response) * _size(given)
+    free_size = total(factor.acceleration, picked) + pick.bound(given)
     if not system.friction:
         none = Response(jnp.zeros((state.qd.size, 0), picked.dtype), jnp.zeros((picked.size, 0), picked.dtype))
         return Reduced(pick, definiteness, LinearResponse(free, none), jnp.zeros(0, int), None, None, free_size)
@@ -107,11 +105,6 @@ def reduce(
     rho0 = picked[rows] + pick.caused(given, rows)
     problem = FrictionProblem.make(rho0, unit.multipliers[rows], law, angular_loads)
     return Reduced(pick, definiteness, LinearResponse(free, unit), rows, problem, motion, free_size)
-
-
-def _size(*arrays: Array) -> Array:
-    """Sum of the sizes of all entries, which a NaN does not pass by."""
-    return jnp.asarray(sum(combined(jnp.add, jnp.sum, jnp.abs(array).ravel()) for array in arrays))
 
 
 def _sense(rate: Array, motion: Decision, sense: Array | None) -> Array:

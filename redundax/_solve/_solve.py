@@ -183,7 +183,7 @@ def _end(
     finite = jnp.isfinite(reduced.end_size(root.tau, stress))
     checks = (
         *factor.checks,
-        (jnp.isfinite(jnp.sum(reduced.pick.compliance)), RESULTS.not_finite),
+        (jnp.isfinite(jnp.sum(closing.compliance)), RESULTS.not_finite),
         (~reduced.definiteness.is_no, RESULTS.indeterminate_closure),
         (reduced.definiteness.is_yes, RESULTS.ambiguous_closure),
     )
@@ -257,11 +257,12 @@ def _open_newton(
     basis = jnp.concatenate(reduced.response.unit)
     axes = jnp.linalg.svd(jax.lax.stop_gradient(basis), full_matrices=False)[2].T
     basis = basis @ axes
+    unit = jnp.eye(factor.multipliers.size, dtype=basis.dtype)
     open_problem = OpenProblem(
         problem,
         rows,
-        projector=pick.response[:, rows],
-        balance=jax.vmap(factor.in_balance, out_axes=1)(jnp.eye(*pick.response.shape, dtype=basis.dtype)),
+        projector=jax.vmap(pick.caused, out_axes=1)(unit[rows]),
+        balance=jax.vmap(factor.in_balance, out_axes=1)(unit),
         axes=axes,
         gram=basis.T @ basis,
         pull=times(basis.T, x0) - basis.T @ particular,
