@@ -40,6 +40,7 @@ from redundax._solve._reduced import reduce
 from redundax._solvers._solver import closed_root
 from redundax._system._decision import Decision
 from redundax._system._system import AbstractSystem
+from redundax._tools._module import known
 
 SHIFT = 1e-8  # eps: what is left of a small singular value grows with it, rounding of the self-stress with 1 / eps
 PASSES = 3
@@ -65,6 +66,7 @@ class Scene:
         self.mass, self.length = mass / self.heft, float(scales.length)
         weight = np.asarray(compliance) / self.row_scale / self.row_scale[:, None]
         self.left, self.right = np.nonzero(weight)
+        self.compliance = np.asarray(compliance)
         self.weight = weight[self.left, self.right] / np.abs(weight).max()
         n = len(mass)
         self.i = np.concatenate([np.arange(n), n + self.rows, self.columns, n + self.left]).astype(np.int32)
@@ -115,7 +117,8 @@ class SparseFactorisation(AbstractSolvedFactorisation):
         return Response(self.scene.coordinates[:, None] * a, mu / scale)
 
     def close(self, compliance: Float[Array, "m m"]) -> tuple[AbstractPick, Decision]:
-        return SparsePick(self, compliance), Decision(jnp.asarray(jnp.inf))
+        own = known(compliance) and np.array_equal(compliance, self.scene.compliance)
+        return SparsePick(self, compliance, own), Decision(jnp.asarray(jnp.inf))
 
     def motion_of(self, rates: Array) -> Decision:
         return Decision(jnp.abs(rates) / self.rate_noise)
@@ -128,18 +131,26 @@ class SparseFactorisation(AbstractSolvedFactorisation):
 
 
 class SparsePick(AbstractPick):
-    """lam + G (d - W lam), G by conjugate gradients on the self-stress; none are needed where W is the scene's."""
+    """lam + G (d - W lam), G by conjugate gradients on the self-stress.
+
+    Where W is the scene's `own`, G W is the projection itself; no misfit causes nothing.
+    """
 
     factor: SparseFactorisation
     compliance: Float[Array, "m m"]
+    own: bool = eqx.field(static=True)
 
     def __call__(self, multipliers: Array) -> Array:
-        columns = multipliers.reshape(len(multipliers), -1)
-        return (columns - self._caused(self.compliance @ columns)).reshape(multipliers.shape)
+        scale, columns = self.factor.scene.row_scale[:, None], multipliers.reshape(len(multipliers), -1)
+        own = self.factor.in_balance(scale * columns) / scale if self.own else self._caused(self.compliance @ columns)
+        return (columns - own).reshape(multipliers.shape)
 
     def caused(self, misfit: Array, rows: Array | None = None) -> Array:
-        misfit = jnp.broadcast_to(misfit, self.factor.scene.row_scale.shape)
-        found = self._caused(misfit[:, None])[:, 0]
+        none, misfit = (
+            known(misfit) and not np.asarray(misfit).any(),
+            jnp.broadcast_to(misfit, self.factor.scene.row_scale.shape),
+        )
+        found = jnp.zeros_like(misfit) if none else self._caused(misfit[:, None])[:, 0]
         return found if rows is None else found[rows]
 
     def bound(self, misfit: Array) -> Array:
@@ -152,7 +163,7 @@ class SparsePick(AbstractPick):
             return _transposed(project, self.compliance @ (project(mu) / scale) / scale)
 
         right = _transposed(project, misfit / scale)
-        least = 1e-14 * jnp.linalg.norm(misfit / scale)
+        least = 2.0**-52 / SHIFT * jnp.linalg.norm(misfit / scale)  # rounding of the projection
         found, _ = jax.scipy.sparse.linalg.cg(inside, right, tol=1e-14, atol=least, maxiter=GRADIENTS)
         return project(found) / scale
 
