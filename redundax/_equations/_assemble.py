@@ -19,7 +19,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
@@ -209,6 +208,8 @@ class _Closed(NamedTuple):
 @eqx.filter_custom_jvp
 def _closed(closing: _Closing) -> _Closed:
     """A displacement d with K^+ r(d) = 0; its derivative is dd = -K^+ dr, the smallest that keeps it so."""
+    import optimistix as optx  # here, as its import takes time that few need
+
     start = jnp.zeros_like(closing.guess.qd)
     solver = optx.LevenbergMarquardt(rtol=1e-8, atol=1e-8)
     d = optx.least_squares(lambda d, _: closing.residual(d), solver, start, max_steps=500, throw=False).value

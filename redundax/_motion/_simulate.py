@@ -6,7 +6,8 @@ The rank is found once and held (`_held_rank`); each step is projected (`_steppe
 friction at the times asked for are those of `solve`.
 """
 
-import diffrax
+from typing import TYPE_CHECKING
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -18,12 +19,14 @@ from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import Numbers, as_float, known, no_classes, positive, replace
-from ._integrate import integrate
 from ._stabilisation import AbstractStabilisation, Projection
 from ._times import check_times
 from ._trajectory import Trajectory
 
-_MINIMUM_NORM, _PROJECTION, _DOPRI8 = MinimumNorm(), Projection(), diffrax.Dopri8()
+if TYPE_CHECKING:
+    import diffrax
+
+_MINIMUM_NORM, _PROJECTION = MinimumNorm(), Projection()
 
 
 def simulate(
@@ -32,7 +35,7 @@ def simulate(
     t1: ArrayLike,
     *,
     closure: AbstractClosure = _MINIMUM_NORM,
-    solver: diffrax.AbstractSolver = _DOPRI8,
+    solver: "diffrax.AbstractSolver | None" = None,
     stabilisation: AbstractStabilisation = _PROJECTION,
     ts: Numbers | None = None,
     rtol: ArrayLike | None = 1e-8,
@@ -40,7 +43,7 @@ def simulate(
     max_steps: int = 100_000,
     max_phases: int = 32,
     rank: ArrayLike | None = None,
-    adjoint: diffrax.AbstractAdjoint | None = None,
+    adjoint: "diffrax.AbstractAdjoint | None" = None,
     throw: bool | None = None,
     progress: bool = False,
 ) -> Trajectory:
@@ -61,8 +64,8 @@ def simulate(
     - `t1`: time at the end, not before that of `state`: motions run forward.
     - `closure`: which of the multipliers to take where they are not unique; it matters to the motion where friction
       depends on load.
-    - `solver`: any diffrax solver of ordinary differential equations; explicit ones suit stiff constraints, not stiff
-      loads.
+    - `solver`: any diffrax solver of ordinary differential equations, `diffrax.Dopri8()` if not given; explicit ones
+      suit stiff constraints, not stiff loads.
     - `stabilisation`: `Projection()`, `Baumgarte(alpha, beta)` or `NoStabilisation()`.
     - `ts`: times to give the motion at, one or more, ascending from start to end; 101 if not given. Between steps it
       is interpolated, some ten times less accurately than steps are, and projected.
@@ -93,9 +96,19 @@ def simulate(
     **Raises:** `ValueError` for arguments that do not fit; `RuntimeError` with the message of the result where `throw`
     says so.
     """
+    import diffrax  # here, as its import takes time that only motions need
+
+    from ._integrate import integrate
+
     no_classes(closure=closure, solver=solver, stabilisation=stabilisation, adjoint=adjoint)
     closure = closure.by_place(system)
-    _check(system, state, solver, rtol, dt0, max_steps)
+    solver = diffrax.Dopri8() if solver is None else solver
+    _check(system, state, rtol, dt0, max_steps)
+    if rtol is not None and not isinstance(solver, diffrax.AbstractAdaptiveSolver):
+        raise ValueError(
+            f"Argument `rtol` must be None with {type(solver).__name__}, which does not estimate its error, but it is "
+            "given. Give `rtol=None` and a constant step `dt0`, or another solver."
+        )
     t1 = as_float(t1).astype(state.qd.dtype)
     given = state.t + (t1 - state.t) * jnp.linspace(0, 1, 101, dtype=t1.dtype) if ts is None else as_float(ts)
     given = given.astype(t1.dtype)
@@ -125,7 +138,6 @@ def simulate(
 def _check(
     system: AbstractSystem,
     state: State,
-    solver: diffrax.AbstractSolver,
     rtol: ArrayLike | None,
     dt0: ArrayLike | None,
     max_steps: int,
@@ -144,11 +156,6 @@ def _check(
             positive(name, jnp.asarray(value))
     if rtol is None and dt0 is None:
         raise ValueError("Argument `dt0` must be given where `rtol` is None, but it is None: it is the constant step.")
-    if rtol is not None and not isinstance(solver, diffrax.AbstractAdaptiveSolver):
-        raise ValueError(
-            f"Argument `rtol` must be None with {type(solver).__name__}, which does not estimate its error, but it is "
-            "given. Give `rtol=None` and a constant step `dt0`, or another solver."
-        )
 
 
 def _check_chart(system: AbstractSystem, state: State) -> None:

@@ -16,7 +16,6 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jaxtyping import Array, Float
 
 from .._solve._all_solutions import search
@@ -143,6 +142,8 @@ def _descended(
     tau: Array,
 ) -> Array:
     """theta by BFGS and the augmented Lagrangian."""
+    import optimistix as optx  # here, as its import takes time that few need
+
     n, m = solutions.response.free.acceleration.size, solutions.stress.shape[0]
     span = cases.upper - cases.lower
     share = jnp.where(span > 0, (theta - cases.lower) / jnp.where(span > 0, span, 1.0), 0.5)

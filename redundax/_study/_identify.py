@@ -22,7 +22,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jaxtyping import Array
 
 from .._tools._module import Numbers, as_float
@@ -166,6 +165,8 @@ def _searches(
         here = jax.lax.stop_gradient(u)
         slopes, value = jax.jacfwd(residual, has_aux=True)(here)
         return value + slopes @ (u - here)
+
+    import optimistix as optx  # here, as its import takes time that few need
 
     def search(u: Array) -> tuple[Array, ...]:
         solver = optx.LevenbergMarquardt(rtol=rtol, atol=rtol)
