@@ -26,7 +26,7 @@ from .._equations._factorisation import Factorisation, factorisation_at
 from .._equations._rank import Spectrum, Split
 from .._solve._solve import solve
 from .._system._names import ByName, senses
-from .._system._results import RESULTS
+from .._system._results import RESULTS, is_one_of
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
@@ -77,9 +77,9 @@ def analyze(
     stress = _echelon(found.split.stress, found.row_scale, redundancy, found.unique_multipliers)
     groups, kinds = _groups(stress), system.rows.kinds
     figures, result = None, found.result
-    if result == RESULTS.successful:
+    if is_one_of(result, RESULTS.successful):
         figures, result = _family(system, state, factor, closure, stress, sense)
-    figures = None if result == RESULTS.not_finite else figures
+    figures = None if is_one_of(result, RESULTS.not_finite) else figures
     return Report(
         coordinates=system.coordinates.labels,
         rows=system.rows.labels,
@@ -146,12 +146,12 @@ def _family(
 
 
 def _verdicts(system: AbstractSystem, state: State, figures: Family, result: RESULTS) -> dict[str, tuple[Judged, ...]]:
-    how = {"solved": bool(result == RESULTS.successful), "at_rest": _rests(result)}
+    how = {"solved": is_one_of(result, RESULTS.successful), "at_rest": _rests(result)}
     return {kind: tuple(judge(figures, *output, **how)) for kind, output in outputs(system, state).items()}
 
 
 def _rests(result: RESULTS) -> bool:
-    return bool((result == RESULTS.friction_at_rest) | (result == RESULTS.ambiguous_rest))
+    return is_one_of(result, RESULTS.friction_at_rest, RESULTS.ambiguous_rest)
 
 
 def _couplings(system: AbstractSystem) -> tuple[str, ...]:

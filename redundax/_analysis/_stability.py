@@ -31,7 +31,7 @@ from .._equations._factorisation import Factorisation, factorisation_at
 from .._solve._reduced import reduce
 from .._solve._solution import Solution
 from .._system._names import ByName, senses
-from .._system._results import RESULTS
+from .._system._results import RESULTS, is_one_of
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
@@ -121,7 +121,7 @@ def stability(
     **Raises:** `ValueError` where the solution has no numbers.
     """
     no_classes(closure=closure)
-    if solution.result != RESULTS.successful:
+    if not is_one_of(solution.result, RESULTS.successful):
         raise ValueError(
             "Argument `solution` must be successful, but ended with another result. Solve with `throw=True` to see why."
         )

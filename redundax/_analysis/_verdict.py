@@ -39,6 +39,7 @@ from .._solve._solution import Solution
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
+from .._tools._module import on_device
 from ._outputs import sizes
 
 _STRUCTURAL = 1e-10  # relative size of a coefficient that is rounding
@@ -144,7 +145,7 @@ def family(
     sense: Array | None,
 ) -> Family:
     """The figures of the family, given N, a solution, NaN where there is none, and how to find others."""
-    given = jnp.asarray(stress), solution.friction
+    given = on_device(stress), solution.friction
     figures = jax.device_get(_figures(system.anonymous(), state, factor, chosen, *given, sense))
     mass, jacobian, length, determinate = jax.device_get(
         (factor.mass, factor.jacobian, factor.length, factor.determinate)

@@ -117,6 +117,9 @@ class Mechanism(AbstractSystem):
             _friction=tuple(replace(f, slips=f.slips.anonymous()) for f in self._friction),
         )
 
+    def without_friction(self) -> Self:
+        return replace(self, _friction=())
+
     def state(self, *coordinates: ArrayLike, rate: ArrayLike = 0.0, t: ArrayLike = 0.0, **named: ArrayLike) -> State:
         """The state on the constraint manifold at given independent coordinates and their rate.
 

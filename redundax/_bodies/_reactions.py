@@ -45,8 +45,9 @@ def joint_outputs(mechanism: Mechanism, state: State) -> tuple[list[str], np.nda
         mechanism.joints, mechanism.names.joints, mechanism.rows_of_joints, _wrenches(mechanism, state), strict=True
     )
     for stack, joints, rows, (on_i, on_j, arms_i, arms_j) in stacks:
+        of_i, of_j = np.asarray(stack.i), np.asarray(stack.j)
         for k, joint in enumerate(joints):
-            i, j = bodies[int(stack.i[k])], bodies[int(stack.j[k])]
+            i, j = bodies[of_i[k]], bodies[of_j[k]]
             on, by_row, arm = (j, on_j[k], arms_j[k]) if i == GROUND else (i, on_i[k], arms_i[k])
             whole = np.linalg.norm(by_row[:2], axis=0)
             force = np.where(np.abs(by_row[:2]) > _CLOSED * whole, by_row[:2], 0.0)

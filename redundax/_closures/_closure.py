@@ -24,7 +24,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._system._units import Units
 from .._tools._compilation import compiled
-from .._tools._module import as_float, known, optional_float, positive
+from .._tools._module import as_float, known, on_device, optional_float, positive
 
 
 class AbstractClosure(eqx.Module):
@@ -149,7 +149,7 @@ class Compliance(AbstractClosure):
                 "Give one compliance for each row, or a matrix."
             )
         size = self.W.shape[-1]
-        self.misfit = jnp.zeros(size, self.W.dtype) if misfit is None else _figures(misfit)
+        self.misfit = on_device(np.zeros(size, self.W.dtype)) if misfit is None else _figures(misfit)
         if not isinstance(self.misfit, dict) and self.misfit.shape != (size,):
             raise ValueError(
                 f"Argument `misfit` must have one entry for each of the {size} rows of `W`, but has shape "

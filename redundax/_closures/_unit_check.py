@@ -28,7 +28,7 @@ def check_units(rows: Axis, length: Array, closure: AbstractClosure, given: Elas
     if _checked.get(id(closure)) is closure:
         return
     _checked[id(closure)] = closure
-    if length == 1.0:  # stands for a mechanism without a length of its own
+    if float(length) == 1.0:  # stands for a mechanism without a length of its own
         return
     compliance, misfit, scale = np.diag(given.compliance), np.asarray(given.misfit), np.asarray(length)
     for problem in (_of_compliance(rows, compliance, scale), _of_misfit(rows, misfit, scale)):

@@ -237,7 +237,7 @@ def factorize(system: AbstractSystem, state: State, rank: ArrayLike | None = Non
     - `system`, `state`: the system and the known (q, qd, t).
     - `rank`: declared rank r of the constraint Jacobian; decided from its spectrum if not given.
     """
-    return _factorize(system.anonymous(), state, None if rank is None else jnp.asarray(rank))
+    return _factorize(system.anonymous().without_friction(), state, None if rank is None else jnp.asarray(rank))
 
 
 def factorisation_at(

@@ -8,17 +8,17 @@ import dataclasses
 import math
 from collections.abc import Sequence
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._analysis._verdict import family
 from .._bodies._mechanism import Mechanism
-from .._closures._closure import Compliance, MinimumNorm
+from .._closures._closure import Compliance, MinimumNorm, elasticity
+from .._equations._factorisation import factorize
 from .._solve._solution import Solution
 from .._solve._solve import solve
 from .._solvers._solver import FixedPoint, Newton
-from .._system._results import RESULTS
+from .._system._results import RESULTS, is_one_of
 from .._system._units import Units
 from ..mechanisms import wojtyra2020
 from ._printed import TABLES, PrintedTable
@@ -93,22 +93,23 @@ def with_guide_moment(
     """The frictional solutions whose moment in guide K has the given value, and their derivative by it.
 
     Compliance and misfit in the row of that moment alone say: W lam = d, that is lam_K = moment. So the
-    moment is a coordinate on the one-parameter set of solutions.
+    moment is a coordinate on the one-parameter set of solutions. The derivative is that along the self-stress, by
+    which friction changes, relative to its change of the moment.
     """
 
     def one(u: float, moment: float) -> tuple[np.ndarray, np.ndarray, Solution]:
         mechanism = wojtyra2020(u=u, mu_rho=MU_RHO)
         state = mechanism.state(phi=PHI, rate=RATE)
-        row = np.array([name == "K.angle" for name in mechanism.rows.labels], float)
-
-        def figures(moment: Array) -> tuple[tuple[Array, Array, Array], Solution]:
-            closure = Compliance(row, misfit=moment * row)
-            solution = solve(mechanism, state, closure=closure, solver=Newton(), throw=False)
-            return _figures(solution), solution
-
-        at, along = jnp.asarray(moment), jnp.ones(())
-        values, slope, solution = jax.jvp(figures, (at,), (along,), has_aux=True)
-        return np.concatenate(values), np.concatenate(slope), solution
+        n, guide = len(mechanism.coordinates), mechanism.rows.labels.index("K.angle")
+        row = 1e-6 * np.eye(len(mechanism.rows))[guide]  # rad/(N m): of any size
+        factor, closure = factorize(mechanism, state), Compliance(row, misfit=moment * row)
+        solution = solve(mechanism, state, closure=closure, factor=factor, throw=False)
+        stress = np.asarray(factor.split.stress)[:, [guide]] / np.asarray(factor.row_scale)[:, None]
+        chosen = elasticity(closure, mechanism, state)
+        own = family(mechanism, state, factor, chosen, stress, solution, lambda: np.zeros(0), None)
+        along = np.concatenate([own.response @ own.slope, own.slope])
+        along[n : n + len(row)] += stress
+        return np.concatenate(_figures(solution)), along[:, 0] / along[n + guide], solution
 
     values, slope, solutions = zip(*map(one, u, moment), strict=True)
     return np.stack(values), np.stack(slope), list(solutions)
@@ -117,7 +118,7 @@ def with_guide_moment(
 def failures(cases: Sequence[str], solutions: Sequence[Solution]) -> tuple[str, ...]:
     """A message for each solution that failed."""
     ended = zip(cases, (solution.result for solution in solutions), strict=True)
-    return tuple(f"{case}: {RESULTS[result]}" for case, result in ended if result != RESULTS.successful)
+    return tuple(f"{case}: {RESULTS[result]}" for case, result in ended if not is_one_of(result, RESULTS.successful))
 
 
 def _solve(key: str, u: float, start: float) -> Solution:

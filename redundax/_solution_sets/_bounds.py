@@ -22,6 +22,7 @@ from .._system._names import index_of
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._module import on_device
 from ._cases import AbstractCases, Affine, Fractional
 from ._solution_set import SolutionSet
 
@@ -64,9 +65,8 @@ class AmplitudeBox(AbstractBounds):
 
     def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Affine:
         places, lower, upper = _box("box", self.box, report.pivots)
-        return _affine(
-            tuple(self.box), lower, upper, solutions, solutions.response.free.multipliers, solutions.stress[:, places]
-        )
+        slope = np.asarray(solutions.stress)[:, places]
+        return _affine(tuple(self.box), lower, upper, solutions, solutions.response.free.multipliers, slope)
 
 
 class PreloadBox(AbstractBounds):
@@ -231,7 +231,7 @@ def _affine(
     upper: np.ndarray,
     solutions: SolutionSet,
     start: Array,
-    slope: Array,
+    slope: Array | np.ndarray,
     unit: Array | None = None,
     limits: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None,
     norm: bool = False,
@@ -239,7 +239,7 @@ def _affine(
     nothing = np.zeros(0)
     rows, least, most = limits if limits is not None else (nothing.astype(int), nothing, nothing)
     unit = solutions.response.unit.multipliers if unit is None else unit
-    arrays = map(jnp.asarray, (lower, upper, start, slope, unit, rows, least, most))
+    arrays = map(on_device, (lower, upper, start, slope, unit, rows, least, most))
     return Affine(names, *arrays, norm=norm)
 
 

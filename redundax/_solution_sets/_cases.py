@@ -20,6 +20,7 @@ import abc
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._tools._compilation import compiled
@@ -129,11 +130,11 @@ class Fractional(AbstractCases):
         return jnp.zeros(0, multipliers.dtype)
 
 
-def corners(cases: AbstractCases) -> Float[Array, "vertices q"]:
+def corners(cases: AbstractCases) -> Float[np.ndarray, "vertices q"]:
     """All vertices of the box."""
     q = cases.lower.size
-    high = (jnp.arange(2**q)[:, None] >> jnp.arange(q)) & 1
-    return jnp.where(high == 1, cases.upper, cases.lower)
+    high = (np.arange(2**q)[:, None] >> np.arange(q)) & 1
+    return np.where(high == 1, np.asarray(cases.upper), np.asarray(cases.lower))
 
 
 @compiled

@@ -10,6 +10,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
+from .._tools._module import on_device
 from ._cases import Affine, Fractional, corners, multipliers_of
 
 
@@ -54,7 +55,7 @@ def vertex_extremes(cases: Fractional, tau: np.ndarray, costs: np.ndarray) -> np
         (cases.lower[matters], cases.upper[matters], cases.least[matters], cases.most[matters], cases.rows[matters]),
     )
     all_of = corners(few)
-    values = np.asarray(multipliers_of(few, all_of, jnp.asarray(tau))) @ costs.T
+    values = np.asarray(multipliers_of(few, *map(on_device, (all_of, tau)))) @ costs.T
     out = np.tile(np.asarray(cases.lower), (len(costs), 1))
-    out[:, matters] = np.asarray(all_of)[np.argmin(values, axis=0)]
+    out[:, matters] = all_of[np.argmin(values, axis=0)]
     return out

@@ -1,5 +1,7 @@
 """The search for extremes of outputs over a set of cases: samples and vertices, then descents from the best of them."""
 
+from typing import cast
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,6 +9,9 @@ from jaxtyping import Array
 
 from .._analysis._analyze import Report
 from .._analysis._verdict import spectral_radius
+from .._solvers._friction_problem import Law
+from .._tools._compilation import compiled
+from .._tools._module import on_device
 from ._cases import AbstractCases, Affine, Fractional, corners
 from ._descent import Found, improved, sampled
 from ._extremes import linear_extreme, vertex_extremes
@@ -32,8 +37,12 @@ def largest_gamma(solutions: SolutionSet, cases: AbstractCases) -> np.ndarray:
     """Gamma_ij = max |d law_i / d rho| |K_ij|, shape (p, p); infinite where a law has no known bound."""
     if solutions.law is None:
         return np.zeros((0, 0))
-    gain = cases.chosen(cases.lower)[1][solutions.rows]
-    return np.asarray(solutions.law.largest_changes(gain))
+    return np.asarray(_largest_changes(solutions, cases))
+
+
+@compiled
+def _largest_changes(solutions: SolutionSet, cases: AbstractCases) -> Array:
+    return cast(Law, solutions.law).largest_changes(cases.chosen(cases.lower)[1][solutions.rows])
 
 
 def few(cases: AbstractCases) -> bool:
@@ -98,15 +107,15 @@ class Search:
 
     def sample(self, samples: int, seed: int) -> Array:
         """Middle and vertices of the box, and random cases."""
-        lower, upper = self.cases.lower, self.cases.upper
+        lower, upper = np.asarray(self.cases.lower), np.asarray(self.cases.upper)
         random, q = np.random.default_rng(seed), lower.size
         share = np.linspace(0.0, 1.0, samples)[:, None] if q == 1 else random.random((samples, q))
-        ends = corners(self.cases) if q <= _CORNERS else jnp.where(random.random((2**_CORNERS, q)) < 0.5, lower, upper)
-        return jnp.concatenate([((lower + upper) / 2)[None], ends, lower + jnp.asarray(share) * (upper - lower)])
+        ends = corners(self.cases) if q <= _CORNERS else np.where(random.random((2**_CORNERS, q)) < 0.5, lower, upper)
+        return on_device(np.concatenate([((lower + upper) / 2)[None], ends, lower + share * (upper - lower)]))
 
     def _starts(self, found: Found, cost: np.ndarray) -> list[int]:
         """Solutions of little cost that lie apart, those within the limits first."""
-        span = np.asarray(self.cases.upper - self.cases.lower)
+        span = np.asarray(self.cases.upper) - np.asarray(self.cases.lower)
         largest = np.abs(found.tau).max(axis=0, initial=0.0)
         place = np.concatenate(
             [found.theta / np.where(span > 0, span, 1.0), found.tau / np.where(largest > 0, largest, 1.0)], axis=1
@@ -124,9 +133,9 @@ class Search:
         for first in range(0, len(starts), _BATCH):
             own = starts[first : first + _BATCH]
             padded = [*own, *(own[-1:] * (_BATCH - len(own)))]
-            costs = jnp.asarray(np.array([cost for cost, _ in padded]))
+            costs = on_device(np.array([cost for cost, _ in padded]))
             at = np.array([start for _, start in padded])
-            theta, tau = jnp.asarray(found.theta[at]), jnp.asarray(found.tau[at])
+            theta, tau = on_device(found.theta[at]), on_device(found.tau[at])
             better = jax.device_get(improved(self.solutions, self.cases, costs, theta, tau))
             parts.append(Found(*(part[: len(own)] for part in better)))
         return Found(*(np.concatenate(part) for part in zip(*parts, strict=True)))

@@ -19,10 +19,11 @@ from .._solvers._continuation import Continuation
 from .._solvers._friction_problem import FrictionProblem
 from .._solvers._solver import Newton, Root
 from .._system._names import ByName, senses
-from .._system._results import RESULTS
+from .._system._results import RESULTS, is_one_of
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
+from .._tools._module import floats, on_device
 from ._reduced import reduce
 from ._solution import Solution
 from ._solve import solve
@@ -65,7 +66,7 @@ def frictional_solutions(
     factor = factorisation_at(system, state, rank, factor)
     options = {"closure": closure, "sense": sense, "factor": factor}
     first = solve(system, state, **options, throw=False)
-    if first.result not in (RESULTS.successful, RESULTS.no_solution_found):
+    if not is_one_of(first.result, RESULTS.successful, RESULTS.no_solution_found):
         solve(system, state, **options, throw=True)
     if not system.friction:
         return [first]
@@ -76,7 +77,7 @@ def frictional_solutions(
     batch = [
         solve(system, state, x0=guesses[k], **options, solver=Newton(rtol[k]), throw=False) for k in order if found[k]
     ]
-    return [solution for solution in batch if solution.result == RESULTS.successful]
+    return [solution for solution in batch if is_one_of(solution.result, RESULTS.successful)]
 
 
 @compiled
@@ -100,7 +101,7 @@ def start_factors(loads: int, starts: int, seed: int) -> Float[Array, "starts l"
     """Random loads relative to the largest of their kind."""
     random = np.random.default_rng(seed)
     scale = 10 ** random.uniform(-1, 3, (starts, 1))
-    return jnp.asarray(scale * random.standard_normal((starts, loads)))
+    return on_device(floats(scale * random.standard_normal((starts, loads))))
 
 
 def search(

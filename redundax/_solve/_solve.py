@@ -27,7 +27,7 @@ from .._solvers._open_newton import open_root
 from .._solvers._open_problem import OpenProblem
 from .._solvers._solver import AbstractSolver, Newton, Root, closed_root
 from .._system._names import ByName, vector
-from .._system._results import RESULTS, first_failure
+from .._system._results import RESULTS, first_failure, is_one_of
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._chunks import batched_with, in_chunks
@@ -328,12 +328,11 @@ def _vector(name: str, value: Numbers, size: int, what: str) -> Array:
 
 def _thrown(system: AbstractSystem, state: State, solution: Solution, throw: bool | None) -> Solution:
     """Raise the message of an unsuccessful result, or leave it as a value."""
-    failed = solution.result != RESULTS.successful
-    traced = not known(failed)
+    traced = not all(map(known, jax.tree.leaves(solution.result)))
     if throw is False or (throw is None and traced):
         return solution
     if traced:
-        return solution.result.error_if(solution, failed)
-    if failed:
+        return solution.result.error_if(solution, solution.result != RESULTS.successful)
+    if not is_one_of(solution.result, RESULTS.successful):
         raise RuntimeError(RESULTS[solution.result] + culprits(system, state, solution.result))
     return solution

@@ -22,7 +22,7 @@ from jaxtyping import Array
 
 from .._solve._solution import Solution
 from .._system._names import QUANTITIES, AbstractNamed
-from .._system._results import RESULTS, result_codes
+from .._system._results import RESULTS, is_one_of, result_codes
 from .._system._system import AbstractSystem
 from ._distributions import AbstractDistribution, entries, sobol
 from ._layout import SAMPLE, named
@@ -180,7 +180,7 @@ def _linear(run: Callable[..., Any], parameters: Mapping[str, AbstractDistributi
 
     gradient, (nominal, results) = jax.jit(jax.jacfwd(outputs, has_aux=True))(flat)
     for result in results:
-        if result != RESULTS.successful:
+        if not is_one_of(result, RESULTS.successful):
             raise RuntimeError(f"At the means of the parameters there is no solution. {RESULTS[result]}")
     lost = sorted(set(names) & _TAKEN)
     if lost:

@@ -96,6 +96,10 @@ class AbstractSystem(eqx.Module):
     def anonymous(self) -> Self:
         """The same system without names: what compiled programs are keyed on."""
 
+    def without_friction(self) -> Self:
+        """The same without friction, which a factorisation does not read, where it can be left out."""
+        return self
+
 
 class System(AbstractSystem):
     """A system from functions that the user writes in jnp.
@@ -213,6 +217,9 @@ class System(AbstractSystem):
             names=self.names.anonymous(),
             friction=tuple(group.anonymous() for group in self.friction),
         )
+
+    def without_friction(self) -> Self:
+        return replace(self, friction=())
 
     def mass(self, q: Array, t: Array) -> Float[Array, "n n"]:
         value = self._mass(q, t, self.parameters) if callable(self._mass) else self._mass

@@ -11,10 +11,9 @@ the factors of the multipliers. So a sweep over units needs one factorisation on
 """
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._tools._module import as_float
+from .._tools._module import as_float, numpy_of
 from ._axis import Axis
 
 
@@ -39,12 +38,14 @@ class Units(eqx.Module):
     @property
     def energy(self) -> Float[Array, ""]:
         """Factor of energies."""
-        return self.mass * (self.length / self.time) ** 2
+        mass, length, time = map(numpy_of(self).asarray, (self.mass, self.length, self.time))
+        return as_float(mass * (length / time) ** 2)
 
     def of(self, axis: Axis) -> Float[Array, " axis"]:
         """Factors of coordinates, constraint rows or slips: length for linear and force-type, else angle."""
-        return jnp.where(axis.angular, self.angle, self.length)
+        return as_float(numpy_of(self).where(axis.angular, self.angle, self.length))
 
     def of_force(self, axis: Axis) -> Float[Array, " axis"]:
         """Factors of the forces and moments that do work on an axis: multipliers, friction, generalised forces."""
-        return self.energy / self.of(axis)
+        energy, own = map(numpy_of(self).asarray, (self.energy, self.of(axis)))
+        return as_float(energy / own)

@@ -9,7 +9,7 @@ from ..._analysis._report import Report
 from ..._analysis._verdict import Judged, Verdict
 from ..._solution_sets._family._solution_family import SolutionFamily
 from ..._solve._solution import Solution
-from ..._system._results import RESULTS
+from ..._system._results import RESULTS, is_one_of
 from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ._blocks import Block, Code, Items, Page, Section, Table, Text
@@ -192,7 +192,7 @@ def _values(
     families: Sequence[SolutionFamily],
     about: str,
 ) -> tuple[Block, ...]:
-    if solution.result != RESULTS.successful:
+    if not is_one_of(solution.result, RESULTS.successful):
         return (Text(f"No values: {RESULTS[solution.result]}", warning=True),)
     blocks: list[Block] = []
     if report.redundancy:

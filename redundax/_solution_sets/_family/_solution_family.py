@@ -31,7 +31,7 @@ from ..._system._names import ByName, index_of, senses
 from ..._system._results import RESULTS
 from ..._system._state import State
 from ..._system._system import AbstractSystem
-from ..._tools._module import Numbers, as_float, no_classes, replace
+from ..._tools._module import Numbers, as_float, no_classes, on_device, replace
 from .._bounds import check_definite
 from .._solution_set import SolutionSet, solution_set
 from ._branches import Branches, trace
@@ -259,7 +259,7 @@ def solutions_of(
     if report.at_rest:
         result = RESULTS.friction_at_rest
         raise RuntimeError(RESULTS[result] + culprits(system, state, result))
-    return solution_set(system, state, factor, jnp.asarray(report.self_stress), senses(system.slips, sense), closure)
+    return solution_set(system, state, factor, on_device(report.self_stress), senses(system.slips, sense), closure)
 
 
 def _chosen(report: Report, along: Sequence[str] | str | None) -> list[int]:
