@@ -19,22 +19,28 @@ import numpy as np  # noqa: E402
 from . import _exudyn, _figure, _mujoco, _works  # noqa: E402
 
 _WORKS = {"one": _works.one_motion, "batch": _works.batch, "long": _works.long_run}
+_COMPILATION = "compilation"
 
 
 def main() -> None:
     """Run the works and print the table, or JSON."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.motions", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="fewer mechanisms, precisions, motions and steps")
-    parser.add_argument("--only", action="append", choices=_WORKS, help="a work; may be given several times")
+    works = [*_WORKS, _COMPILATION]
+    parser.add_argument("--only", action="append", choices=works, help="a work; may be given several times")
     parser.add_argument("--json", type=pathlib.Path, metavar="FILE", help="write every line")
     parser.add_argument("--png", type=pathlib.Path, metavar="FILE", help="write the diagram of time against error")
     arguments = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     jax.config.update("jax_enable_compilation_cache", False)
+    works = arguments.only or works
+    if _COMPILATION in works:
+        works = [name for name in works if name != _COMPILATION]
+        print("\n".join(f"{work:28}{made}" for work, made in _works.compilation().items()), end="\n\n", flush=True)
     names = ("compile s", "run ms", "steps", "us/step", "error", "drift", "energy")
     print(f"{'motion, 10 s':24}{'program':22}{'setting':22}" + "".join(f"{name:>10}" for name in names))
     rows = []
-    for name in arguments.only or _WORKS:
+    for name in works:
         for row in _WORKS[name](arguments.quick):
             rows.append(row)
             print(_line(row), flush=True)

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing import get_context
 
 import diffrax
@@ -14,6 +15,7 @@ import numpy as np
 import redundax as rx
 
 from .._devices import batched
+from .._programs import Programs, of_function
 from . import _exudyn, _mujoco
 from ._problems import T1, Problem, andrews, crank, crank_angle, n_four_bar, papers, stiffness, three_cranks
 
@@ -94,6 +96,22 @@ def _peers(problem: Problem, counts: Sequence[int]) -> Iterator[Row]:
             error = abs(found[0][1] - angle)
             setting = f"{steps} steps" + (", stopped" if np.isnan(error) else "")
             yield Row(problem.name, name, setting, 0.0, seconds, steps, error)
+
+
+def compilation() -> dict[str, Programs]:
+    """Programs of the paper's motion and of its derivatives by the rate at the start, compiled without a cache."""
+    problem, rate = papers(), jnp.ones(())
+
+    def angle(adjoint: diffrax.AbstractAdjoint, rate: jax.Array) -> jax.Array:
+        start = rx.State(problem.state.q, rate * problem.state.qd)
+        return rx.simulate(problem.mechanism, start, T1, ts=[T1], rtol=1e-7, adjoint=adjoint, throw=False).q[0, 8]
+
+    onward, back = partial(angle, diffrax.ForwardMode()), partial(angle, diffrax.RecursiveCheckpointAdjoint())
+    return {
+        "motion": of_function(back, rate),
+        "motion, derivative forward": of_function(jax.jacfwd(onward), rate),
+        "motion, derivative reverse": of_function(jax.grad(back), rate),
+    }
 
 
 def batch(quick: bool) -> Iterator[Row]:

@@ -7,6 +7,7 @@ import os
 import sys
 
 from .._devices import prepare
+from .._programs import Programs
 
 # NumPy asks for huge pages for its arrays, XLA leaves that to malloc. The C library reads this when a program starts.
 _PAGES = "glibc.malloc.hugetlb=1"
@@ -42,9 +43,9 @@ _WORKS = {
     "derivatives": lambda size: _costs.derivatives(size // 10),
     "float32": lambda size: _costs.single_precision(size // 10),
     "sizes": _costs.sizes,
-    "compilation": lambda size: _costs.compilation(),
     "start": lambda size: _costs.cold_start(),
 }
+_COMPILATION = "compilation"
 
 
 def main() -> None:
@@ -56,13 +57,21 @@ def main() -> None:
     parser.add_argument(
         "--quick", action="store_true", help="20,000 values of h instead of 1,000,000, a tenth elsewhere"
     )
-    parser.add_argument("--only", action="append", choices=_WORKS, help="a work; may be given several times")
+    parser.add_argument(
+        "--only", action="append", choices=[*_WORKS, _COMPILATION], help="a work; may be given several times"
+    )
     arguments = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     jax.config.update("jax_enable_compilation_cache", False)
     rows: list[Row] = []
-    for name in arguments.only or _WORKS:
+    programs: dict[str, Programs] = {}
+    for name in arguments.only or works:
         print(f"{name} ...", file=sys.stderr, flush=True)
+        if name == _COMPILATION:
+            programs = _costs.compilation()
+            if not arguments.json:
+                print("\n".join(f"{work:28}{made}" for work, made in programs.items()), end="\n\n", flush=True)
+            continue
         found = _WORKS[name](20_000 if arguments.quick else 1_000_000)
         rows += found
         if not arguments.json:
@@ -71,7 +80,8 @@ def main() -> None:
     notes = [f"no C++ peer: {_eigen.missing()}"] if _eigen.missing() else []
     if arguments.json:
         lines = [dataclasses.asdict(row) for row in rows]
-        print(json.dumps({"rows": lines, "goals": goals(rows), "notes": notes}, indent=2))
+        made = {name: dataclasses.asdict(program) for name, program in programs.items()}
+        print(json.dumps({"rows": lines, "programs": made, "goals": goals(rows), "notes": notes}, indent=2))
     else:
         print("\n".join([*goals(rows), *notes]))
 

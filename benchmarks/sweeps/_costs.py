@@ -16,6 +16,7 @@ from truth import paper
 import redundax as rx
 
 from .._devices import batched, placed
+from .._programs import Programs, of_call, of_function
 from . import _truth
 from ._measure import MU_RHO, PHI, RATE, Program, Row, compare, whole
 from ._works import FULL, lines, redundax_over_h
@@ -128,33 +129,31 @@ def _derivative(name: str, function: Callable, values: np.ndarray) -> list[Row]:
     return compare(f"derivatives, {name}, {len(values):,}", programs, repeats=3)
 
 
-def compilation() -> list[Row]:
-    """Seconds to trace and compile, without a cache."""
-    mechanism = rx.mechanisms.wojtyra2020(mu_rho=MU_RHO)
-    state = mechanism.state(PHI, rate=RATE)
+def compilation() -> dict[str, Programs]:
+    """Programs of calls outside transformations, of one call inside, and of batches, compiled without a cache."""
+    mechanism, rigid = rx.mechanisms.wojtyra2020(mu_rho=MU_RHO), rx.mechanisms.wojtyra2020()
+    state, without = mechanism.state(PHI, rate=RATE), rigid.state(PHI, rate=RATE)
+    factor = rx.factorize(mechanism, state)
 
     def one(h: jax.Array) -> rx.Solution:
         return rx.solve(mechanism, state, closure=rx.MinimumNorm(h))
 
-    rigid = rx.mechanisms.wojtyra2020()
-    without = rigid.state(PHI, rate=RATE)
-    wanted = {
-        "one call": (jax.jit(lambda state: rx.solve(rigid, state)), without),
-        "one call, friction": (jax.jit(one), jnp.zeros(())),
-        "h, 100,000": (jax.jit(jax.vmap(one)), jnp.zeros(100_000)),
-        "x0, 100,000": (
-            jax.jit(jax.vmap(lambda x0: rx.solve(mechanism, state, closure=None, x0=x0))),
-            jnp.zeros(100_000),
-        ),
-        "lengths, 100,000": (jax.jit(jax.vmap(_with_length)), jnp.zeros(100_000)),
+    def open_end(x0: jax.Array) -> rx.Solution:
+        return rx.solve(mechanism, state, closure=None, x0=x0)
+
+    many = jnp.zeros(100_000)
+    return {
+        "factorize": of_call(lambda: rx.factorize(mechanism, state)),
+        "solve": of_call(lambda: rx.solve(rigid, without)),
+        "solve, friction": of_call(lambda: rx.solve(mechanism, state)),
+        "the same, factorised": of_call(lambda: rx.solve(mechanism, state, factor=factor)),
+        "analyze, friction": of_call(lambda: rx.analyze(mechanism, state).rank),
+        "in jit: solve": of_function(lambda state: rx.solve(rigid, state), without),
+        "in jit: solve, friction": of_function(lambda state: rx.solve(mechanism, state), state),
+        "batch: h, 100,000": of_function(jax.vmap(one), many),
+        "batch: x0, 100,000": of_function(jax.vmap(open_end), many),
+        "batch: lengths, 100,000": of_function(jax.vmap(_with_length), many),
     }
-    out = []
-    for name, (function, argument) in wanted.items():
-        jax.clear_caches()
-        start = time.perf_counter()
-        function.lower(argument).compile()
-        out.append(Row("compilation", name, 1, time.perf_counter() - start, np.nan))
-    return out
 
 
 _FIRST_ANSWER = """
