@@ -40,6 +40,42 @@ def _figures(solution):
     return solution.acceleration, solution.multipliers, solution.friction
 
 
+def frictional(mu_rho):
+    """The paper's mechanism: Newton's end contracts at 0.02 m, not at 0.144 m; the branch folds before 0.4 m."""
+    mechanism = rx.mechanisms.wojtyra2020(mu_rho=mu_rho)
+    return mechanism, mechanism.state(phi=0.47, rate=1.0)
+
+
+def test_a_call_by_itself_ends_on_the_branch_of_an_optimised_program():
+    """Whether Newton's method alone settles it or the branch is followed, from any start; the fold too."""
+    closure, found = rx.MinimumNorm(-17.0), []
+    inside = jax.jit(lambda x0, *given: rx.solve(*given, closure=closure, x0=x0))
+    for mu_rho in (0.02, 0.13, 0.144, 0.15, 0.4):
+        given = frictional(mu_rho)
+        for x0 in (0.0, 1e4, -1e4):
+            own, other = rx.solve(*given, closure=closure, x0=x0, throw=False), inside(x0, *given)
+            assert own.result == other.result
+            np.testing.assert_allclose(own.stats.fold, other.stats.fold, rtol=1e-12)
+            for a, b in zip(_figures(own), _figures(other), strict=True):
+                np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12 * np.nanmax(np.abs(b), initial=0.0))
+            found.append((bool(own.stats.contraction < 1), bool(own.result == rx.RESULTS.successful)))
+    assert set(found) >= {(True, True), (False, True)}
+    assert {successful for _, successful in found} == {True, False}
+
+
+@pytest.mark.parametrize(("mu_rho", "count"), [(0.02, 1), (0.144, 2), (0.4, 2)])
+def test_the_branch_is_compiled_where_it_is_needed(mu_rho, count, programs):
+    mechanism, state = frictional(mu_rho)
+    rx.solve(mechanism, state, closure=rx.MinimumNorm(-17.0), throw=False)
+    assert programs.count("jit(_solved)") == count
+
+
+def test_frictions_share_a_factorisation_with_none(programs):
+    for mechanism in (rx.mechanisms.wojtyra2020(), rx.mechanisms.wojtyra2020(mu_rho=0.1)):
+        rx.factorize(mechanism, mechanism.state(phi=0.7, rate=1.3))
+    assert programs.count("jit(_factorize)") == 1
+
+
 def test_what_is_known_is_known_inside_transformations():
     seen = []
 
