@@ -107,6 +107,7 @@ def analyze(
         friction_reads=tuple(str(rows[row]) for row in reads if not unique[row]),
         couplings=_couplings(system),
         length=float(factor.length),
+        units=str(system.names.units),
         problem="" if figures is not None else RESULTS[result] + culprits(system, state, result),
     )
 

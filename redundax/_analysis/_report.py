@@ -41,6 +41,7 @@ class Report:
     - `friction_reads`: names of the multipliers that are not unique and that friction depends on.
     - `couplings`: names of the joints that are an `AngleCoupling`: what is said of bearings leaves out the forces of
       their teeth or belts.
+    - `units`: those that the model states, as in "m, rad, kg, s, N"; empty where it states none.
     - `length`: a length of the mechanism, by which moments are compared with forces, and turns with shifts.
     - `problem`: why the equations at this state cannot be trusted; empty if they can.
 
@@ -78,6 +79,7 @@ class Report:
     friction_reads: tuple[str, ...]
     couplings: tuple[str, ...]
     length: float
+    units: str
     problem: str
 
     @property
@@ -137,6 +139,8 @@ class Report:
             f"Smallest kept singular value {self.singular_values[max(self.rank - 1, 0)]:.2g} of the largest, "
             + (f"{self.gap:.1e} times the largest dropped one" if np.isfinite(self.gap) else "none dropped"),
         ]
+        if self.units:
+            lines.append(f"Units: {self.units}")
         if self.problem:
             lines.append(f"PROBLEM: {self.problem}")
         if self.singular_position:

@@ -18,6 +18,7 @@ from .._system._axis import Axis, joined
 from .._system._names import Names
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._system._units import Units, of_model
 from .._tools._compilation import compiled
 from .._tools._module import Numbers, as_functions, as_vector, check_position, floats, moved, on_device, replace, taken
 from ._body import Body, poses
@@ -48,6 +49,9 @@ class Mechanism(AbstractSystem):
     - `gravity`: acceleration of gravity (2,), m/s^2, global components.
     - `pose`: the coordinates q on the constraint manifold as a function of some independent coordinates, for
       `state`; make it an eqx.Module with its lengths as arrays, so that gradients move q with the lengths.
+    - `units`: those of all its figures, as factors from SI: `Units()` where they are m, kg, s and N as here,
+      `Units(length=1000.0, mass=0.001)` where they are mm, t, s and N. Results, tables and pictures show them, or none
+      where none are given; compliance and misfit are read in them. Angles are in radians.
     """
 
     names: Names = eqx.field(static=True)
@@ -68,6 +72,7 @@ class Mechanism(AbstractSystem):
         loads: Sequence[AbstractLoad] = (),
         gravity: Numbers = (0.0, 0.0),
         pose: Callable[..., Array] | None = None,
+        units: Units | None = None,
     ):
         names = [body.name for body in bodies]
         check_names(names, joints, loads)
@@ -90,6 +95,7 @@ class Mechanism(AbstractSystem):
             _joint_coordinates([joints[k] for group in groups for k in group]),
             tuple(names),
             tuple(tuple(joints[k].name for k in group) for group in groups),
+            of_model(units),
         )
 
     @property
@@ -209,7 +215,8 @@ class Mechanism(AbstractSystem):
         sizes = f"{len(self.coordinates)} coordinates, {len(self.rows)} rows"
         friction = ", ".join(self.slips.labels) or "none"
         parts = (f"bodies {', '.join(self.names.bodies)}", *kinds, f"friction in {friction}")
-        return f"Mechanism with {sizes}: {'; '.join(parts)}"
+        units = [f"units {self.names.units}"] if str(self.names.units) else []
+        return f"Mechanism with {sizes}: {'; '.join([*parts, *units])}"
 
 
 @compiled

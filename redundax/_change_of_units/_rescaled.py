@@ -8,6 +8,7 @@ which changes the blocks of Phi_q as (16) does: u^-1 in moment-type rows of line
 rows of angular ones. The chart q is left as it is; velocities and all else are in the new units.
 """
 
+import dataclasses
 from typing import Self
 
 import jax
@@ -38,8 +39,9 @@ class Rescaled(AbstractSystem):
 
     @property
     def names(self) -> Names:
-        """Those of the inner system."""
-        return self.inner.names
+        """Those of the inner system, with the new units; the chart stays, so that positions have none."""
+        names = self.inner.names
+        return dataclasses.replace(names, units=names.units.in_units(self.units), adds=False)
 
     @property
     def friction(self) -> tuple[AbstractFriction, ...]:
@@ -232,6 +234,7 @@ def solution_from_units(solution: Solution, system: AbstractSystem, units: Units
     scale, batch = units.of(system.coordinates) / units.time**2, solution.acceleration.shape[:-1]
     return replace(
         solution,
+        names=system.names,
         acceleration=solution.acceleration / scale,
         multipliers=solution.multipliers / units.of_force(system.rows),
         friction=solution.friction / units.of_force(system.slips),

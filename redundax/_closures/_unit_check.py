@@ -14,13 +14,14 @@ import numpy as np
 from jaxtyping import Array
 
 from .._system._axis import Axis
+from .._system._names import Names
 from ._closure import AbstractClosure, Elasticity
 
 _LEAST, _MOST = 1e-3, 1e6
 _checked: WeakValueDictionary[int, AbstractClosure] = WeakValueDictionary()
 
 
-def check_units(rows: Axis, length: Array, closure: AbstractClosure, given: Elasticity, stacklevel: int) -> None:
+def check_units(names: Names, length: Array, closure: AbstractClosure, given: Elasticity, stacklevel: int) -> None:
     """Warn, once for each closure, where its concrete values look as if they were in other units.
 
     `length` is that of the factorised mechanism, and `given` what the closure gave at its state.
@@ -31,12 +32,13 @@ def check_units(rows: Axis, length: Array, closure: AbstractClosure, given: Elas
     if float(length) == 1.0:  # stands for a mechanism without a length of its own
         return
     compliance, misfit, scale = np.diag(given.compliance), np.asarray(given.misfit), np.asarray(length)
-    for problem in (_of_compliance(rows, compliance, scale), _of_misfit(rows, misfit, scale)):
+    for problem in (_of_compliance(names, compliance, scale), _of_misfit(names, misfit, scale)):
         if problem:
             warnings.warn(f"{problem}; if the figures are meant, ignore this warning.", stacklevel=stacklevel + 1)
 
 
-def _of_compliance(rows: Axis, compliance: np.ndarray, length: np.ndarray) -> str:
+def _of_compliance(names: Names, compliance: np.ndarray, length: np.ndarray) -> str:
+    rows, of = names.rows, names.units.of
     kinds = [kind & (compliance > 0) for kind in (~rows.angular, rows.angular)]
     if not all(kind.any() for kind in kinds):
         return ""
@@ -47,23 +49,32 @@ def _of_compliance(rows: Axis, compliance: np.ndarray, length: np.ndarray) -> st
     fix = (
         "(length=1000.0, mass=0.001)` for data in mm and N" if ratio < 1 else "(length=0.001, mass=1000.0)` for m and N"
     )
+    units = f"{of('linear')}/{of('force')}", f"{of('angular')}/({of('moment')})"
+    per_force, per_moment = (f" {unit}" if str(names.units) else "" for unit in units)
     return (
-        f"Argument `W` looks as if it were in other units than the system: force-type rows have {force:.2g} m/N in the "
-        f"median, most {_largest(rows, compliance, kinds[0])}, and moment-type rows {moment:.2g} rad/(N m), most "
-        f"{_largest(rows, compliance, kinds[1])}. With the length L = {length:.2g} m of the mechanism c_moment L^2 / "
-        f"c_force is {ratio:.1g}, but lies between {_LEAST:g} and {_MOST:g} for joints. Give `units=Units{fix}"
+        f"Argument `W` looks as if it were in other units than the system: force-type rows have {force:.2g}{per_force} "
+        f"in the median, most {_largest(rows, compliance, kinds[0])}, and moment-type rows {moment:.2g}{per_moment}, "
+        f"most {_largest(rows, compliance, kinds[1])}. With the length L = {_of_length(names, length)} of the "
+        f"mechanism c_moment L^2 / c_force is {ratio:.1g}, but lies between {_LEAST:g} and {_MOST:g} for joints. "
+        f"Give `units=Units{fix}"
     )
 
 
-def _of_misfit(rows: Axis, misfit: np.ndarray, length: np.ndarray) -> str:
+def _of_misfit(names: Names, misfit: np.ndarray, length: np.ndarray) -> str:
+    rows = names.rows
     large = np.abs(misfit) > np.where(rows.angular, 2 * np.pi, length)
     if not large.any():
         return ""
     return (
         "Argument `misfit` looks as if it were in other units than the system: it has "
-        f"{_largest(rows, misfit, large)}, more than the length {length:.2g} m of the mechanism or a full turn. Give "
-        "`units=Units(length=1000.0, mass=0.001)` for data in mm and N, `units=Units(angle=57.2958)` for degrees"
+        f"{_largest(rows, misfit, large)}, more than the length {_of_length(names, length)} of the mechanism or a full "
+        "turn. Give `units=Units(length=1000.0, mass=0.001)` for data in mm and N, `units=Units(angle=57.2958)` for "
+        "degrees"
     )
+
+
+def _of_length(names: Names, length: np.ndarray) -> str:
+    return f"{length:.2g} {names.units.of('linear')}".rstrip()
 
 
 def _largest(rows: Axis, values: np.ndarray, among: np.ndarray) -> str:

@@ -54,7 +54,8 @@ class Trajectory(AbstractNamed):
 
     `motion["ram.y"]`, `motion["ram.y'"]` and `motion["ram.y''"]` are a position, its velocity and its acceleration,
     `motion["A.x"]` a multiplier with the sign of the paper, `motion["tau A"]` friction, `motion["K.travel"]` a joint
-    coordinate, each of shape (times,). Where the chart has no entry for each velocity its positions have no names.
+    coordinate, each of shape (times,). Where velocities are not rates of positions, as in a chart, positions have no
+    names.
 
     Where the motion did not get to, all is NaN; accelerations, multipliers and friction are NaN too at times where
     `solve` has no successful result, as exactly in a singular position.

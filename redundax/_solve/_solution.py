@@ -126,8 +126,9 @@ class Solution(AbstractNamed):
         counts = f"redundancy {stats.redundancy}, freedom {stats.freedom}, {stats.steps} steps of friction"
         if self.result != RESULTS.successful:
             return f"{RESULTS[self.result]}\n{counts}"
+        units = [f"units {self.names.units}"] if self.names is not None and str(self.names.units) else []
         numbers = {"acceleration": self.acceleration, "multipliers": self.multipliers, "friction": self.friction}
-        return "\n".join([counts, *(f"{name} {_shown(np.asarray(value))}" for name, value in numbers.items())])
+        return "\n".join([counts, *units, *(f"{name} {_shown(np.asarray(value))}" for name, value in numbers.items())])
 
 
 def _shown(values: np.ndarray) -> str:

@@ -106,7 +106,7 @@ def solve(
     solution = solve_factorised(system.anonymous(), state, factor, chosen, solver, x0, sense)
     concrete = all(map(known, jax.tree.leaves((factor, chosen))))
     if chosen is not None and isinstance(closure, Compliance | ElasticJoints) and concrete:
-        check_units(system.rows, factor.length, closure, chosen, stacklevel=2)
+        check_units(system.names, factor.length, closure, chosen, stacklevel=2)
     solution = replace(solution, names=system.names, state=state, joint_coordinates=system.joint_coordinates)
     return _thrown(system, state, solution, throw)
 

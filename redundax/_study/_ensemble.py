@@ -15,7 +15,7 @@ import numpy as np
 from jax.sharding import Mesh
 
 from .._motion._trajectory import Trajectory
-from .._system._names import QUANTITIES
+from .._system._names import KEPT
 from .._system._results import result_codes
 from .._system._system import AbstractSystem
 from .._tools._module import Numbers
@@ -26,7 +26,6 @@ from ._study import study
 if TYPE_CHECKING:
     import xarray
 
-_ARRAYS = {name: quantity for name, quantity in QUANTITIES.items() if "." not in name}
 _GOOD = ("successful", "stuck")  # of motions that did what they should
 
 
@@ -72,10 +71,10 @@ def ensemble(
 
     **Returns:** an `xarray.Dataset` of the motions: `q`, `qd`, `acceleration`, `multipliers`, `friction` and `sense`
     along "sample", "time" and "coordinate", "row" or "slip" (`q` in a chart of its own along "q_1", ...), with `result`
-    and `stats` of each sample; the attribute `units` gives the SI units of linear and angular entries, which
-    `coordinate_kind` and its like tell apart. `q_band` and its like have "percentile" in place of "sample", and
-    `q_count` says on how many motions they rest. `solved` is whether a motion got to the end or to rest for good, and
-    `outcomes` how many motions ended in which way, along "outcome". Draw it with `plot_ensemble`.
+    and `stats` of each sample; where the system states units, the attributes `linear_unit` and `angular_unit` give
+    those of entries that `coordinate_kind` and its like tell apart. `q_band` and its like have "percentile" in place of
+    "sample", and `q_count` says on how many motions they rest. `solved` is whether a motion got to the end or to rest
+    for good, and `outcomes` how many motions ended in which way, along "outcome". Draw it with `plot_ensemble`.
 
     **Raises:** `ValueError` where arguments do not fit, as in `study`; warns where motions did not get to the end.
     """
@@ -85,7 +84,7 @@ def ensemble(
     data = study(run, values, system=system, chunk=chunk, path=path, mesh=mesh, progress=progress)
     motions = _named(data, system)
     bands = {}
-    for array in _ARRAYS:
+    for array in KEPT:
         if array in motions:
             band, count = banded(motions[array].values, percentiles)
             _, *dims = motions[array].dims
@@ -123,7 +122,7 @@ def _drawn(
 
 def _named(data: "xarray.Dataset", system: AbstractSystem) -> "xarray.Dataset":
     """The motions with one time, and names and units along the other dimensions."""
-    missing = [name for name in ("t", *_ARRAYS, "sense", "result") if name not in data]
+    missing = [name for name in ("t", *KEPT, "sense", "result") if name not in data]
     if missing:
         raise ValueError(
             f"Argument `run` must give a `Trajectory`, but its result has no {', '.join(missing)}. "
@@ -132,9 +131,11 @@ def _named(data: "xarray.Dataset", system: AbstractSystem) -> "xarray.Dataset":
     times = data["t"].values
     if times.ndim != 2 or not np.array_equal(times, np.broadcast_to(times[0], times.shape), equal_nan=True):
         raise ValueError("Argument `run` must give all motions at the same times. Give `ts` to `simulate`.")
-    motions = data.drop_vars("t").assign_coords(time=("time", times[0], {"units": "s"}))
+    unit = system.names.units.of("time")
+    clock = {"units": unit} if unit else {}
+    motions = data.drop_vars("t").assign_coords(time=("time", times[0], clock))
     motions = motions.assign(sense=data["sense"].rename({data["sense"].dims[1]: "time"}))
-    for name, quantity in _ARRAYS.items():
+    for name, quantity in KEPT.items():
         size, chart = len(system.names.axes[quantity.axis]), name == "q" and not system.adds
         if data[name].shape[2] != size and not chart:
             raise ValueError(
@@ -142,8 +143,8 @@ def _named(data: "xarray.Dataset", system: AbstractSystem) -> "xarray.Dataset":
                 f"they have {data[name].shape[2]}. Give the one that `run` simulates."
             )
         renamed = data[name].rename({data[name].dims[1]: "time"})
-        units = {} if chart else {"units": f"{quantity.linear} (linear), {quantity.angular} (angular)"}
-        motions = motions.drop_vars(name) if size == 0 else motions.assign({name: renamed.assign_attrs(units)})
+        renamed = renamed.drop_attrs() if chart else renamed
+        motions = motions.drop_vars(name) if size == 0 else motions.assign({name: renamed})
     return motions
 
 

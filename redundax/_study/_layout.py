@@ -13,13 +13,14 @@ import jax
 import numpy as np
 
 from .._system._axis import Axis
-from .._system._names import QUANTITIES, AbstractNamed, Names
+from .._system._names import KEPT, AbstractNamed, Names
 from .._system._results import RESULTS, result_codes
 from .._system._system import AbstractSystem
+from .._system._units import UNSTATED, StatedUnits
 from .._tools._module import replace
 
 SAMPLE = "sample"
-_LABELLED = {array: quantity.axis for array, quantity in QUANTITIES.items() if "." not in array} | {"sense": "slip"}
+_LABELLED = {array: quantity.axis for array, quantity in KEPT.items()} | {"sense": "slip"}
 _HASHED = 2**22  # bytes of samples that are hashed at once
 
 
@@ -64,7 +65,8 @@ def layout(samples: Mapping[str, np.ndarray], outputs: Any, system: AbstractSyst
     given = {name: Variable(v.shape[1:], v.dtype, _dims(name, v.shape[1:]), {}) for name, v in samples.items()}
     names = _names(outputs) if system is None else system.names
     axes = {} if names is None else {name: axis for name, axis in names.axes.items() if len(axis)}
-    found = {name: _variable(name, leaf, axes) for name, leaf in _leaves(outputs).items()}
+    units = UNSTATED if names is None else names.units
+    found = {name: _variable(name, leaf, axes, units) for name, leaf in _leaves(outputs).items()}
     if not found:
         raise ValueError(
             "Argument `run` must return arrays, but returns none. Return the quantities that you want to know."
@@ -110,7 +112,7 @@ def _names(outputs: Any) -> Names | None:
     return next((one.names for one in found if isinstance(one, AbstractNamed) and one.names), None)
 
 
-def _variable(name: str, leaf: Any, axes: Mapping[str, Axis]) -> Variable:
+def _variable(name: str, leaf: Any, axes: Mapping[str, Axis], units: StatedUnits) -> Variable:
     attrs: dict[str, Any] = {}
     if isinstance(leaf, RESULTS):
         codes = result_codes()
@@ -123,9 +125,12 @@ def _variable(name: str, leaf: Any, axes: Mapping[str, Axis]) -> Variable:
             "Convert it, say with `astype(float)`."
         )
     dims = _dims(name, shape)
-    label = _LABELLED.get(name.rpartition(".")[2], "")
+    last = name.rpartition(".")[2]
+    label = _LABELLED.get(last, "")
     if label in axes and shape and shape[-1] == len(axes[label]):
         dims = (*dims[:-1], label)
+        if last in KEPT and str(units):
+            attrs |= {"linear_unit": KEPT[last].unit(False, units), "angular_unit": KEPT[last].unit(True, units)}
     return Variable(shape, dtype, dims, attrs)
 
 

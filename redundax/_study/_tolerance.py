@@ -38,7 +38,8 @@ _STATISTICS = {
     "percentiles": ("output", "percentile"),
     "share": ("output", "parameter"),
 }
-_TAKEN = {*_STATISTICS, "solved", "nominal", "gradient", "output", "output_kind", "parameter", "percentile"}
+_COORDINATES = ("output", "output_kind", "output_unit", "parameter", "percentile")
+_TAKEN = {*_STATISTICS, *_COORDINATES, "solved", "nominal", "gradient"}
 _ROUNDING = 1e3  # units in the last place of an output's largest value, below which its spread is rounding
 
 
@@ -99,7 +100,8 @@ def tolerance_study(
     `gradient`, the derivative at the means, and `share`, the part of the variance that a linear law of one
     parameter explains (both also over "parameter"). Samples without a solution, or with values that are not finite, are
     left out of all statistics with a warning: `solved` tells which, the attribute `failed` how many. `output_kind` is
-    "linear", "angular", "force", "moment", "friction force" or "friction moment", "" where that is not known.
+    "linear", "angular", "force", "moment", "friction force" or "friction moment", "" where that is not known, and
+    `output_unit` the unit where the system states some.
 
     **Raises:** as `study`; `RuntimeError` where the nominal mechanism, or more samples than leave something to fit
     the shares to, have no solution.
@@ -224,9 +226,9 @@ def _why(data: "xarray.Dataset") -> str:
     return f" ({', '.join(f'{name}: {count}' for name, count in counts.items())})" if counts else ""
 
 
-def _output_labels(data: "xarray.Dataset", names: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Names and kinds of all entries of all outputs."""
-    labels, kinds = [], []
+def _output_labels(data: "xarray.Dataset", names: Sequence[str]) -> tuple[list[str], list[str], list[str]]:
+    """Names, kinds and units of all entries of all outputs."""
+    labels, kinds, units = [], [], []
     for name in names:
         dims, shape = data[name].dims[1:], data[name].shape[1:]
         dim = str(dims[-1]) if dims else ""
@@ -234,12 +236,16 @@ def _output_labels(data: "xarray.Dataset", names: Sequence[str]) -> tuple[list[s
             before = f"{name.rpartition('.')[0]} ".lstrip()
             labels += [before + _LABELS[dim].format(label) for label in data[dim].values]
             friction = {"linear": "friction force", "angular": "friction moment"} if dim == "slip" else {}
-            kinds += [friction.get(kind, str(kind)) for kind in data[f"{dim}_kind"].values]
+            own = [str(kind) for kind in data[f"{dim}_kind"].values]
+            kinds += [friction.get(kind, kind) for kind in own]
+            which = ("angular_unit" if kind in ("angular", "moment") else "linear_unit" for kind in own)
+            units += [data[name].attrs.get(each, "") for each in which]
         else:
             found = entries(name, shape)
             labels += found
             kinds += [""] * len(found)
-    return labels, kinds
+            units += [""] * len(found)
+    return labels, kinds, units
 
 
 def _standard(given: Mapping[str, np.ndarray], parameters: Mapping[str, AbstractDistribution]) -> np.ndarray:
@@ -280,7 +286,7 @@ def _together(
     coords: dict[str, Any],
 ) -> "xarray.Dataset":
     """The dataset of the study with all that was found."""
-    outputs, kinds = _output_labels(data, linear.names)
+    outputs, kinds, units = _output_labels(data, linear.names)
     found = data.assign(
         {
             **statistics,
@@ -289,7 +295,8 @@ def _together(
             "gradient": (("output", "parameter"), linear.gradient),
         }
     )
-    found = found.assign_coords(coords | {"output": outputs, "output_kind": ("output", kinds)})
+    about = {"output_kind": ("output", kinds), "output_unit": ("output", units)}
+    found = found.assign_coords(coords | {"output": outputs} | about)
     found = found.assign_attrs(failed=int(np.sum(~solved)))
     found.set_close(data.close)
     return found

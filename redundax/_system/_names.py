@@ -21,6 +21,7 @@ from jaxtyping import Array, Float
 from .._tools._module import Numbers, as_float
 from ._axis import Axis
 from ._joint_coordinates import AbstractJointCoordinates
+from ._units import UNSTATED, StatedUnits
 
 ByName = Numbers | Mapping[str, ArrayLike]  # a vector or a number for equal entries; or numbers by name
 _LISTED = 40  # names that an error lists
@@ -28,24 +29,35 @@ _NONE = Axis((), ())
 
 
 class Quantity(NamedTuple):
-    """An array of a result: axis and names of its entries, units of the linear and the angular ones."""
+    """An array of a result: axis and names of its entries, how often they are differentiated by time, whether they are
+    forces and moments, and whether the result keeps them or computes them when they are asked for."""
 
     axis: str
     pattern: str
-    linear: str
-    angular: str
+    rates: int = 0
+    is_force: bool = False
+    is_kept: bool = True
+
+    def kind(self, angular: bool) -> str:
+        """Kind of an entry, angular or not: "linear", "angular", "force" or "moment"."""
+        return ("force", "moment")[angular] if self.is_force else ("linear", "angular")[angular]
+
+    def unit(self, angular: bool, units: StatedUnits) -> str:
+        """Unit of an entry, angular or not."""
+        return units.of(self.kind(angular), self.rates)
 
 
 QUANTITIES = {
-    "q": Quantity("coordinate", "{}", "m", "rad"),
-    "qd": Quantity("coordinate", "{}'", "m/s", "rad/s"),
-    "acceleration": Quantity("coordinate", "{}''", "m/s²", "rad/s²"),
-    "multipliers": Quantity("row", "{}", "N", "N m"),
-    "friction": Quantity("slip", "tau {}", "N", "N m"),
-    "joints.position": Quantity("joint_coordinate", "{}", "m", "rad"),
-    "joints.rate": Quantity("joint_coordinate", "{}'", "m/s", "rad/s"),
-    "joints.acceleration": Quantity("joint_coordinate", "{}''", "m/s²", "rad/s²"),
+    "q": Quantity("coordinate", "{}"),
+    "qd": Quantity("coordinate", "{}'", 1),
+    "acceleration": Quantity("coordinate", "{}''", 2),
+    "multipliers": Quantity("row", "{}", is_force=True),
+    "friction": Quantity("slip", "tau {}", is_force=True),
+    "joints.position": Quantity("joint_coordinate", "{}", is_kept=False),
+    "joints.rate": Quantity("joint_coordinate", "{}'", 1, is_kept=False),
+    "joints.acceleration": Quantity("joint_coordinate", "{}''", 2, is_kept=False),
 }
+KEPT = {array: quantity for array, quantity in QUANTITIES.items() if quantity.is_kept}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,6 +67,8 @@ class Names:
     - `coordinates`, `rows`, `slips`, `joint_coordinates`: the axes of its arrays.
     - `bodies`: those that move, in order.
     - `joints`: of each stack of joints of one kind.
+    - `units`: those that the model states.
+    - `adds`: whether velocities are rates of positions, which then have the names of coordinates.
     """
 
     coordinates: Axis
@@ -63,6 +77,8 @@ class Names:
     joint_coordinates: Axis = _NONE
     bodies: tuple[str, ...] = ()
     joints: tuple[tuple[str, ...], ...] = ()
+    units: StatedUnits = UNSTATED
+    adds: bool = True
 
     @property
     def axes(self) -> dict[str, Axis]:
@@ -86,27 +102,44 @@ class Names:
         axes = {
             field: getattr(self, field).anonymous() for field in ("coordinates", "rows", "slips", "joint_coordinates")
         }
-        return Names(**axes)
+        return Names(**axes, adds=self.adds)
 
 
 @dataclasses.dataclass(frozen=True)
 class Entry:
-    """One entry of a result: its name, the array and the index there, and its unit."""
+    """One entry of a result: its name, the array and the index there, its kind as of a `Quantity`, and its unit.
+
+    The unit is "" where the model states none.
+    """
 
     name: str
     array: str
     index: int
+    kind: str
     unit: str
 
+    @property
+    def dimension(self) -> tuple[str, int]:
+        """Kind, and how often it is differentiated by time: entries with the same have the same unit."""
+        return self.kind, QUANTITIES[self.array].rates
 
-def entries(axes: Mapping[str, Axis], arrays: Collection[str] = tuple(QUANTITIES)) -> list[Entry]:
+
+def entries(
+    axes: Mapping[str, Axis], arrays: Collection[str] = tuple(QUANTITIES), units: StatedUnits = UNSTATED
+) -> list[Entry]:
     """All entries of these arrays of a result whose arrays have these axes."""
     return [
-        Entry(quantity.pattern.format(label), array, k, quantity.angular if angular else quantity.linear)
+        Entry(quantity.pattern.format(label), array, k, quantity.kind(angular), quantity.unit(angular, units))
         for array, quantity in QUANTITIES.items()
         if array in arrays and quantity.axis in axes
-        for k, (label, angular) in enumerate(zip(axes[quantity.axis].labels, axes[quantity.axis].angular, strict=True))
+        for axis in [axes[quantity.axis]]
+        for k, (label, angular) in enumerate(zip(axis.labels, axis.angular.tolist(), strict=True))
     ]
+
+
+def unit_of(kind: str, units: StatedUnits) -> str:
+    """Unit of an acceleration, multiplier, friction or joint load of a kind, as of `Names.unknowns`."""
+    return units.of(kind, 2 if kind in ("linear", "angular") else 0)
 
 
 class AbstractNamed(eqx.Module):
@@ -121,11 +154,11 @@ class AbstractNamed(eqx.Module):
 
     @property
     def entries(self) -> tuple[Entry, ...]:
-        """All entries that have names; positions have some where there is one for each velocity."""
+        """All entries that have names; positions have some where velocities are their rates."""
         if self.names is None:
             raise ValueError("This result has no names: it does not come from `solve` or `simulate`. Index its arrays.")
-        chart = "" if attrgetter("q")(self).shape == attrgetter("qd")(self).shape else "q"
-        return tuple(entries(self.names.axes, [array for array in QUANTITIES if array != chart]))
+        chart = "" if self.names.adds else "q"
+        return tuple(entries(self.names.axes, [array for array in QUANTITIES if array != chart], self.names.units))
 
     def __getitem__(self, name: str) -> Float[Array, "..."]:
         """One entry by name, with the axes of batches and times."""

@@ -23,6 +23,7 @@ from ._friction import AbstractFriction, slip_kinds
 from ._joint_coordinates import AbstractJointCoordinates, NoJointCoordinates
 from ._names import Names
 from ._state import State
+from ._units import Units, of_model
 
 
 class AbstractSystem(eqx.Module):
@@ -130,6 +131,7 @@ class System(AbstractSystem):
     - `retraction`: `(q, d) -> q`, addition if not given.
     - `n`, `m`: numbers of velocities and rows; needed only where `mass` is a function or kinds are one word
       and cannot be counted (`n` defaults to the size of `mass`, `m` to a trial evaluation at q = 0).
+    - `units`: those of all figures, as factors from SI, as for a `Mechanism`; shown nowhere if not given.
     """
 
     names: Names = eqx.field(static=True)
@@ -153,6 +155,7 @@ class System(AbstractSystem):
         retraction: Callable[..., Array] | None = None,
         n: int | None = None,
         m: int | None = None,
+        units: Units | None = None,
     ):
         self.parameters = as_parameters(parameters)
         self._constraint, self._load, self._retraction = map(as_functions, (constraint, load, retraction))
@@ -178,7 +181,8 @@ class System(AbstractSystem):
         rows = rows if isinstance(rows, Axis) else axis(None, rows, m)
         coordinates.check("coordinates", ("linear", "angular"))
         rows.check("rows", ("force", "moment"))
-        self.names = Names(coordinates, rows, slip_kinds(self.friction))
+        slips, adds = slip_kinds(self.friction), retraction is None
+        self.names = Names(coordinates, rows, slips, units=of_model(units), adds=adds)
         if not len(self.rows):
             raise ValueError(
                 "Argument `constraint` must give at least one residual, but gives none. "

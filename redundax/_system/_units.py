@@ -10,11 +10,23 @@ pick made in other units is the pick made in these units with compliance S^2 and
 the factors of the multipliers. So a sweep over units needs one factorisation only.
 """
 
+import dataclasses
+import math
+from collections.abc import Mapping
+
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from .._tools._module import as_float, numpy_of
+from .._tools._module import as_float, known, numpy_of
 from ._axis import Axis
+
+_INCH, _POUND, _GRAVITY = 0.0254, 0.45359237, 9.80665
+_LENGTHS = {"m": 1.0, "mm": 1e3, "cm": 1e2, "µm": 1e6, "km": 1e-3, "in": 1 / _INCH, "ft": 1 / (12 * _INCH)}
+_ANGLES = {"rad": 1.0, "mrad": 1e3, "°": 180 / math.pi}
+_MASSES = {"kg": 1.0, "g": 1e3, "t": 1e-3, "mg": 1e6, "lb": 1 / _POUND}
+_TIMES = {"s": 1.0, "ms": 1e3, "min": 1 / 60, "h": 1 / 3600}
+_FORCES = {"N": 1.0, "mN": 1e3, "µN": 1e6, "kN": 1e-3, "MN": 1e-6, "lbf": 1 / (_POUND * _GRAVITY)}
+_POWERS = ("", "", "²")
 
 
 class Units(eqx.Module):
@@ -49,3 +61,72 @@ class Units(eqx.Module):
         """Factors of the forces and moments that do work on an axis: multipliers, friction, generalised forces."""
         energy, own = map(numpy_of(self).asarray, (self.energy, self.of(axis)))
         return as_float(energy / own)
+
+
+@dataclasses.dataclass(frozen=True)
+class StatedUnits:
+    """The units that a model states, as plain factors from SI, which can stand beside names; None where it states none.
+
+    Angles are in radians unless a system `in_units` has others.
+    """
+
+    length: float | None = None
+    angle: float = 1.0
+    mass: float = 1.0
+    time: float = 1.0
+
+    def of(self, kind: str, rates: int = 0) -> str:
+        """The symbol of a unit, as in "mm/s²"; "" where none is stated.
+
+        `kind` is "linear", "angular", "mass", "time", "force", "moment", or one of the latter after "friction ", and
+        `rates` how often it is differentiated by time.
+        """
+        if self.length is None:
+            return ""
+        length, time = _symbol(self.length, _LENGTHS), _symbol(self.time, _TIMES)
+        angle, mass = _symbol(self.angle, _ANGLES), _symbol(self.mass, _MASSES)
+        force = _name(self.mass * self.length / self.time**2, _FORCES)
+        moment = f"{force} {length}" if force else f"{mass} {length}²/{time}²"
+        moment += "" if angle == "rad" else f"/{angle}"
+        force = force or f"{mass} {length}/{time}²"
+        symbols = {"linear": length, "angular": angle, "mass": mass, "time": time, "force": force, "moment": moment}
+        return symbols[kind.removeprefix("friction ")] + (f"/{time}{_POWERS[rates]}" if rates else "")
+
+    def in_units(self, units: Units) -> "StatedUnits":
+        """Those of the same model `in_units`; none where a factor is traced."""
+        factors = [getattr(units, field.name) for field in dataclasses.fields(self)]
+        if self.length is None or not all(map(known, factors)):
+            return StatedUnits()
+        return StatedUnits(*(own * float(x) for own, x in zip(dataclasses.astuple(self), factors, strict=True)))
+
+    def __str__(self) -> str:
+        return ", ".join(filter(None, map(self.of, ("linear", "angular", "mass", "time", "force"))))
+
+
+UNSTATED = StatedUnits()
+
+
+def of_model(units: Units | None) -> StatedUnits:
+    """Those of a model whose figures are in `units`, as factors from SI; none where a factor is traced."""
+    stated = StatedUnits() if units is None else StatedUnits(1.0).in_units(units)
+    if not math.isclose(stated.angle, 1.0, rel_tol=1e-6):
+        raise ValueError(
+            f"Argument `units` must leave angles in radians, but has {stated.angle:.4g} in one. "
+            "Leave `angle` out: positions are computed from radians."
+        )
+    return stated
+
+
+def with_unit(text: str, unit: str) -> str:
+    """A text and the unit of what it names, if that is known."""
+    return f"{text}, {unit}" if unit else text
+
+
+def _name(factor: float, names: Mapping[str, float]) -> str:
+    """The unit with this factor, if it has a name."""
+    return next((name for name, value in names.items() if math.isclose(value, factor, rel_tol=1e-6)), "")
+
+
+def _symbol(factor: float, names: Mapping[str, float]) -> str:
+    """The same, else how many of the first unit it is."""
+    return _name(factor, names) or f"({1 / factor:.4g} {next(iter(names))})"

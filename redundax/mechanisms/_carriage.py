@@ -16,6 +16,7 @@ from jaxtyping import Array, Float
 from .._bodies._body import Body
 from .._bodies._loads import AppliedForce
 from .._bodies._mechanism import Mechanism
+from .._system._units import Units
 from .._tools._module import as_float, floats
 from ._parts import Numbers, at_least, parallel_guides, point
 
@@ -76,4 +77,5 @@ def carriage(
         loads=[AppliedForce("carriage", force=force, point=at)],
         gravity=point(0.0, -gravity),
         pose=_Pose(angle),
+        units=Units(),
     )

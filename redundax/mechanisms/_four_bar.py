@@ -14,6 +14,7 @@ from jaxtyping import Array, Float
 from .._bodies._body import GROUND, perpendicular
 from .._bodies._joints import Revolute
 from .._bodies._mechanism import Mechanism
+from .._system._units import Units
 from .._tools._module import as_float, floats
 from ._parts import Numbers, each, point, rubbing, uniform_rod
 
@@ -95,4 +96,4 @@ def doubled_four_bar(
         Revolute("C2", "coupler 2", "rocker", point_i=point(b / 2), point_j=point(c / 2), **friction[5]),
     ]
     pose = _Pose(a, b, c, d, -1.0 if crossed else 1.0)
-    return Mechanism(bodies, joints, gravity=point(0.0, -gravity), pose=pose)
+    return Mechanism(bodies, joints, gravity=point(0.0, -gravity), pose=pose, units=Units())

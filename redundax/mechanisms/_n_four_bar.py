@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 
 from .._bodies._joints import Revolute
 from .._bodies._mechanism import Mechanism
+from .._system._units import Units
 from .._tools._module import as_float, floats
 from ._parts import Numbers, at_least, crank_poses, each, in_a_row, pivoted_cranks, point, rubbing, uniform_rod
 
@@ -82,4 +83,5 @@ def n_four_bar(
             Revolute(f"B{c + 1}", coupler.name, bodies[c].name, point_i=point(-gap / 2), point_j=tip, **first),
             Revolute(f"C{c + 1}", coupler.name, bodies[c + 1].name, point_i=point(gap / 2), point_j=tip, **second),
         ]
-    return Mechanism([*bodies, *couplers], [*joints, *upper], gravity=point(0.0, -gravity), pose=_Pose(pivots, length))
+    bodies, joints, pose = [*bodies, *couplers], [*joints, *upper], _Pose(pivots, length)
+    return Mechanism(bodies, joints, gravity=point(0.0, -gravity), pose=pose, units=Units())

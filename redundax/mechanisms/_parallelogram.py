@@ -17,6 +17,7 @@ from jaxtyping import Array, Float
 from .._bodies._body import GROUND
 from .._bodies._joints import AngleDriver, Polynomial, Revolute
 from .._bodies._mechanism import Mechanism
+from .._system._units import Units
 from .._tools._module import as_float, floats
 from ._parts import Numbers, at_least, crank_poses, each, in_a_row, pivoted_cranks, point, rubbing, uniform_rod
 
@@ -178,4 +179,5 @@ def _linkage(
         [*ground, *upper, *drivers],
         gravity=point(0.0, -gravity),
         pose=_Pose(pivots, length),
+        units=Units(),
     )

@@ -15,6 +15,7 @@ from .._bodies._body import GROUND, Body
 from .._bodies._joints import Revolute
 from .._bodies._loads import AppliedForce
 from .._bodies._mechanism import Mechanism
+from .._system._units import Units
 from .._tools._module import as_float, floats
 from ._parts import Numbers, at_least, parallel_guides, point, rubbing, uniform_rod
 
@@ -96,4 +97,5 @@ def slider_crank(
         loads=[AppliedForce("slider", force=point(force))],
         gravity=point(0.0, -gravity),
         pose=_Pose(a, b),
+        units=Units(),
     )

@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 from .._bodies._body import GROUND, Body
 from .._bodies._joints import Revolute, Translational
 from .._bodies._mechanism import Mechanism
+from .._system._units import Units
 from .._tools._module import as_float, floats
 from ._parts import rubbing
 
@@ -81,4 +82,4 @@ def wojtyra2020(
         Translational("K", "4", GROUND, point_i=point(zero), point_j=point(4 * length), normal=(1.0, 0.0)),
         Translational("L", "4", "2", point_i=point(zero), point_j=point(zero), normal=(0.0, 1.0)),
     ]
-    return Mechanism(bodies, joints, gravity=(zero, -gravity), pose=_Pose(length))
+    return Mechanism(bodies, joints, gravity=(zero, -gravity), pose=_Pose(length), units=Units(length=u))

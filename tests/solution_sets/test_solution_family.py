@@ -234,7 +234,7 @@ def test_data_text_and_picture(tmp_path):
     figure = rx.plot_family(found, outputs=["1.phi''", "tau A"])
     assert [axes.get_title() for axes in figure.axes] == [
         "angular accelerations, rad/s²",
-        "friction forces, N, and moments, N m",
+        "friction, N m",
         "number of solutions found",
     ]
     figure.savefig(tmp_path / "family.png")
@@ -243,7 +243,7 @@ def test_data_text_and_picture(tmp_path):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"along": "K.angle"}, "`along` must name"),
+        ({"along": "K.angle"}, "`along` must hold"),
         ({"z": (np.array([0.0, 1.0]), np.array([0.0, 1.0]))}, "`z`"),
         ({"z": np.array([1.0, 0.0])}, "increasing"),
     ],

@@ -72,7 +72,7 @@ def animate(
     - `fps`: frames a second.
     - `loads`: whether joint loads are drawn: what each joint does to its body i, as in `draw`.
     - `names`: whether joints are named.
-    - `scale`: length of the arrows, metres on the drawing for each newton; by default that of the longest is fixed.
+    - `scale`: length of the arrows on the drawing for a force of 1; by default that of the longest is fixed.
 
     **Returns:** a `matplotlib.animation.FuncAnimation`, to show or save in other ways.
 
@@ -143,7 +143,7 @@ def _painter(figure: Any, frames: list[_Frame], names: bool, scale: float | None
     axes = new_axes(sized, points, stage, groups, _STRIP)
     point, head = framed(axes, points, stage, [*groups, applied], scale, _STRIP)
     small = smaller(stage.spacing(), point)
-    draw_key(Pen(axes, point), groups, stage.gravity)
+    draw_key(Pen(axes, point), groups, stage)
     left, ceiling = axes.get_xlim()[0], axes.get_ylim()[1] - head * point
     at = (left + 8.0 * point, ceiling + 0.5 * _STRIP * point)
     clock = axes.text(*at, "", fontsize=FONT, va="center", zorder=LABEL_Z, gid="time")
@@ -153,7 +153,7 @@ def _painter(figure: Any, frames: list[_Frame], names: bool, scale: float | None
         for artist in set(axes.get_children()) - fixed:
             artist.remove()
         frame, pen = frames[number], Pen(axes, point * small, small)
-        clock.set_text(f"t = {frame.t:.3f} s")
+        clock.set_text(f"t = {frame.t:.3f} {stage.units.of('time')}".rstrip())
         draw_bodies(pen, frame.stage)
         draw_joints(pen, frame.stage)
         draw_springs(pen, frame.stage)

@@ -35,7 +35,7 @@ FORCES = Look("applied", APPLIED, "white", "")
 
 @dataclasses.dataclass(frozen=True)
 class Arrow:
-    """Force (2,), N, and moment, N m, on a body at the global point `at`; a pure moment may be shown at `spot`."""
+    """Force (2,) and moment on a body at the global point `at`; a pure moment may be shown at `spot`."""
 
     name: str
     body: str
@@ -46,20 +46,20 @@ class Arrow:
 
     @property
     def size(self) -> float:
-        """|force|, N."""
+        """|force|."""
         return float(np.hypot(*self.force))
 
 
 @dataclasses.dataclass
 class Arrows:
-    """Loads of one look; `scale` is the length of an arrow in data units for 1 N, None where not to scale."""
+    """Loads of one look; `scale` is the length of an arrow in data units for a force of 1, None where not to scale."""
 
     look: Look
     arrows: list[Arrow]
     scale: float | None = None
 
     def largest(self) -> float:
-        """Largest force, N."""
+        """Largest force."""
         return max((each.size for each in self.arrows), default=0.0)
 
     def vector(self, each: Arrow, point: float) -> np.ndarray:
@@ -93,6 +93,7 @@ def draw_arrows(pen: Pen, scene: Scene, groups: list[Arrows]) -> list[Label]:
     labels: list[Label] = []
     drawn: list[tuple[np.ndarray, np.ndarray]] = []
     turns: list[np.ndarray] = []
+    force, moment = scene.units.of("force"), scene.units.of("moment")
     for group in groups:
         look = group.look
         style = {"fill": look.fill, "edge": look.edge, "linewidth": line_width(look)}
@@ -102,14 +103,14 @@ def draw_arrows(pen: Pen, scene: Scene, groups: list[Arrows]) -> list[Label]:
                 vector = group.vector(each, pen.point)
                 tail = _beside(pen, each.at, vector, drawn)
                 pen.arrow(tail, tail + vector, z=ARROW_Z, gid=f"{look.gid} force {name}", **style)
-                labels.append(_at_tip(pen, tail, vector, each, look, text.format(quantity(each.size, "N"))))
+                labels.append(_at_tip(pen, tail, vector, each, look, text.format(quantity(each.size, force))))
             if each.moment:
                 at = each.at if np.any(each.force) else each.spot
                 radius = TURN + 6.0 * sum(np.hypot(*(at - other)) < 4.0 * pen.point for other in turns)
                 radius += 6.0 * any(j.axis is not None and np.hypot(*(j.on_i - at)) < pen.point for j in scene.joints)
                 turns.append(at)
                 pen.turn(at, radius, each.moment > 0, z=ARROW_Z + 0.1, gid=f"{look.gid} moment {name}", **style)
-                labels.append(_at_turn(pen, at, radius, each, look, text.format(quantity(each.moment, "N m"))))
+                labels.append(_at_turn(pen, at, radius, each, look, text.format(quantity(each.moment, moment))))
     return labels
 
 

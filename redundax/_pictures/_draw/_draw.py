@@ -50,7 +50,7 @@ def draw(
     driven angle, a cylinder a driven distance, diamonds joints of other kinds; hatching is the ground. The arrow of a
     joint starts at the joint and is what the joint does to its **body i**: -lam for a revolute joint, +lam along the
     normal for a translational one, and in general -(d residual / d pose_i)^T lam, moments about the joint's point on
-    body i. Moments are circular arrows, counterclockwise where positive, with their values in N m. Loads below 1e-4
+    body i. Moments are circular arrows, counterclockwise where positive, with their values. Loads below 1e-4
     of the largest are left out, and so are values and, in very dense pictures, names that would cover other ones.
     Applied forces are black, to the scale of `multipliers` where these are given and not four times smaller.
     Couplings of angles look like gears, or belts where both bodies turn in the same sense; neither's force is there.
@@ -64,13 +64,13 @@ def draw(
 
     **Arguments:**
 
-    - `mechanism`, `state`: concrete values; lengths are labelled as metres.
+    - `mechanism`, `state`: concrete values; labels have the units that the mechanism states.
     - `axes`: matplotlib axes to draw on, whose limits are set; those of a new pyplot figure if not given.
     - `self_stress`: a self-stress state as open arrows: its values (m,), or its index in
       `analyze(mechanism, state).self_stress`.
-    - `multipliers`: lam, shape (m,), N and N m, as filled arrows: those of a solution, say.
+    - `multipliers`: lam, shape (m,), as filled arrows: those of a solution, say.
     - `names`: whether joints and bodies are named.
-    - `scale`: length of the arrows, metres on the drawing for each newton; by default the longest arrow of either
+    - `scale`: length of the arrows on the drawing for a force of 1; by default the longest arrow of either
       kind has a fixed length on paper. A key states it.
 
     **Returns:** the axes. Artists have telling group ids: "body 2", "load force A", "self-stress moment K", ...
@@ -97,7 +97,7 @@ def draw(
     draw_joints(pen, stage)
     draw_springs(pen, stage)
     values = draw_arrows(pen, stage, [*groups, applied])
-    draw_key(Pen(axes, point), groups, stage.gravity)
+    draw_key(Pen(axes, point), groups, stage)
     named = [*joint_labels(pen, stage), *_body_labels(pen, stage, outlines)] if names else []
     place(pen, [*named, *values], axes.get_ylim()[1] - head * point)
     return axes
@@ -114,7 +114,7 @@ def check(mechanism: Any, scale: float | None) -> None:
         raise ValueError("Argument `mechanism` must have its names, but is anonymous. Draw the one it was made from.")
     if scale is not None and not scale > 0:
         raise ValueError(
-            f"Argument `scale` must be positive, metres on the drawing for each newton, but is {scale}. "
+            f"Argument `scale` must be positive, the length on the drawing of a force of 1, but is {scale}. "
             "Leave it out for one that fits."
         )
 
@@ -174,7 +174,7 @@ def new_axes(
     spread = np.ptp(points, axis=0)
     point = min(max(*(spread / _ROOM)), stage.spacing() / (1.4 * _SPACING)) or 1.0
     reach = 1.2 * LONGEST if groups else 0.0
-    head = key_height(groups, stage.gravity, np.inf) + strip
+    head = key_height(groups, stage, np.inf) + strip
     wanted = spread / point + 2 * _pad(groups) + reach + [left + right, head + lower + upper]
     width, height = np.clip(wanted, *_SIZES)
     figure = make(figsize=(width / 72.0, height / 72.0))
@@ -185,10 +185,11 @@ def framed(
     axes: Any, points: np.ndarray, stage: Scene, groups: list[Arrows], scale: float | None, strip: float = 0.0
 ) -> tuple[float, float]:
     """Axes set so that points and arrows fit: size of a point of print in data units, points of the key above."""
-    axes.set(xlabel="x (m)", ylabel="y (m)")
+    unit = stage.units.of("linear")
+    axes.set(**{f"{x}label": f"{x} ({unit})" if unit else x for x in "xy"})
     axes.spines[["top", "right"]].set_visible(False)
     room = _room(axes)
-    head = key_height(groups[:-1], stage.gravity, float(room[0])) + strip
+    head = key_height(groups[:-1], stage, float(room[0])) + strip
     return _frame(axes, points, stage.spacing(), groups, room, head, scale), head
 
 

@@ -17,6 +17,7 @@ from ..._bodies._loads import AppliedForce, SpringDamper, TorsionSpring
 from ..._bodies._mechanism import Mechanism
 from ..._bodies._reactions import load_wrenches, moved
 from ..._system._state import State
+from ..._system._units import StatedUnits
 
 _SIDES = np.array([[0.0, -1.0], [0.0, 1.0], [-1.0, 0.0], [1.0, 0.0]])
 
@@ -61,13 +62,14 @@ class Load:
 
 @dataclasses.dataclass(frozen=True)
 class Scene:
-    """Bodies (`names`, and `centres` with the ground's origin last), joints, loads and gravity."""
+    """Bodies (`names`, and `centres` with the ground's origin last), joints, loads, gravity, and the model's units."""
 
     names: tuple[str, ...]
     centres: np.ndarray
     joints: tuple[Joint, ...]
     loads: tuple[Load, ...]
     gravity: np.ndarray
+    units: StatedUnits
 
     @property
     def ground(self) -> int:
@@ -113,6 +115,7 @@ def scene(mechanism: Mechanism, state: State) -> Scene:
         joints=tuple(_at_pin(joint, joints, r) for joint in joints),
         loads=tuple(load for stack in mechanism.loads for load in _loads(stack, state, r, phi, joints)),
         gravity=np.asarray(mechanism.gravity, float),
+        units=mechanism.names.units,
     )
 
 

@@ -29,9 +29,9 @@ def dark(colour: str, factor: float = 0.55) -> str:
 
 
 def quantity(value: float, unit: str) -> str:
-    """A size with three digits and its unit."""
+    """A size with three digits and its unit, if that is known."""
     size = abs(value)
     if size and not 1e-3 <= size < 1e5:
-        return f"{size:.2e} {unit}"
+        return f"{size:.2e} {unit}".rstrip()
     whole = f"{size:.3g}"
-    return f"{whole if 'e' not in whole else f'{size:.0f}'} {unit}"
+    return f"{whole if 'e' not in whole else f'{size:.0f}'} {unit}".rstrip()

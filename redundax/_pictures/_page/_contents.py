@@ -9,9 +9,11 @@ from ..._analysis._report import Report
 from ..._analysis._verdict import Judged, Verdict
 from ..._solution_sets._family._solution_family import SolutionFamily
 from ..._solve._solution import Solution
+from ..._system._names import unit_of
 from ..._system._results import RESULTS, is_one_of
 from ..._system._state import State
 from ..._system._system import AbstractSystem
+from ..._system._units import StatedUnits, with_unit
 from ._blocks import Block, Code, Items, Page, Section, Table, Text
 from ._pictures import drawing, family_picture, spectrum_picture
 
@@ -21,7 +23,6 @@ _KINDS = {
     "multiplier": "Multipliers",
     "friction": "Friction",
 }
-_UNITS = "Figures are in the units that the model is written in; pictures name them as if they were those of SI."
 _PICTURES = 4  # self-stress states drawn, and families along them, at most
 _SAME = 1e-9  # relative to the largest of a table and kind, below which values do not differ
 _LEAST = 1e-13  # the same of values that are known to differ
@@ -45,7 +46,7 @@ def contents(
     """
     sections = [
         Section("In short", _short(report)),
-        Section("The mechanism", (*drawing(system, state), Text(_UNITS), *_state(system, state))),
+        Section("The mechanism", (*drawing(system, state), Text(_units(report)), *_state(system, state))),
         Section("What is redundant", _redundant(report)),
     ]
     if report.redundancy:
@@ -57,6 +58,12 @@ def contents(
     sections.append(Section("Motion and loads", _values(system, state, report, solution, families, about)))
     sections.append(Section("How this report was made", (Code(made),)))
     return Page(title, tuple(sections))
+
+
+def _units(report: Report) -> str:
+    if report.units:
+        return f"Figures are in the units of the model: {report.units}."
+    return "Figures are in the units that the model is written in, which it does not state."
 
 
 def _short(report: Report) -> tuple[Block, ...]:
@@ -217,7 +224,9 @@ def _values(
         names, matrix = given[kind]
         said = [judged.with_friction for judged in report.verdicts[kind]]
         kinds = _kinds(kind, names, system)
-        blocks.append(_ranges(title, names, kinds, report.length, said, matrix @ x, found @ matrix.T))
+        blocks.append(
+            _ranges(title, names, kinds, system.names.units, report.length, said, matrix @ x, found @ matrix.T)
+        )
     if report.spectral_radius is not None:
         blocks += [family_picture(family) for family in families[:_PICTURES]]
     return tuple(blocks)
@@ -227,6 +236,7 @@ def _ranges(
     title: str,
     names: Sequence[str],
     kinds: Sequence[str],
+    units: StatedUnits,
     length: float,
     said: Sequence[Verdict],
     value: np.ndarray,
@@ -236,11 +246,11 @@ def _ranges(
     size = sizes(found.T, kinds, length).max(axis=1)
     rounding = size * np.array([_LEAST if one is Verdict.NOT_UNIQUE else _SAME for one in said])
     found, value = (np.where(np.abs(array) > rounding, array, 0.0) for array in (found, value))
-    differs = np.ptp(found, axis=0) > rounding
+    differs, told = np.ptp(found, axis=0) > rounding, [with_unit(kind, unit_of(kind, units)) for kind in kinds]
     differs &= np.array([one not in (Verdict.UNIQUE, Verdict.ZERO) for one in said])
     ends = zip(found.min(axis=0), found.max(axis=0), strict=True)
     rows = [
-        (name, _number(value[k]), *(_apart(low, high) if differs[k] else ("", "")), kinds[k])
+        (name, _number(value[k]), *(_apart(low, high) if differs[k] else ("", "")), told[k])
         for k, (name, (low, high)) in enumerate(zip(names, ends, strict=True))
     ]
     if not differs.any():

@@ -8,7 +8,8 @@ import numpy as np
 from ..._analysis._along import MotionReport
 from ..._analysis._verdict import Verdict
 from ..._system._axis import Axis
-from ..._system._names import QUANTITIES, Entry, entries
+from ..._system._names import KEPT, Entry, entries
+from ..._system._units import with_unit
 from ._outputs import chosen
 from ._plot import COLOURS, DASHES, finish, new_figure
 
@@ -41,8 +42,8 @@ def plot_ensemble(
     **Arguments:**
 
     - `ensemble`: from `ensemble`.
-    - `outputs`: names of what to draw, as in "1.phi", "1.phi'", "1.phi''" (m, rad and their rates), "A.x", "tau A" (N,
-      N m); the first six positions that vary between the motions, angles first, if not given.
+    - `outputs`: names of what to draw, as in "1.phi", "1.phi'", "1.phi''", "A.x", "tau A"; the first six positions that
+      vary between the motions, angles first, if not given. Units are those that the mechanism states.
     - `along`: from `analyze_along` on one of the motions. A black bar below the band is where the output (of positions
       and velocities the acceleration) is not unique in that motion, a grey one where this is undecided.
 
@@ -52,7 +53,7 @@ def plot_ensemble(
     """
     percentiles = np.sort(ensemble.percentile.values)
     unnamed = () if ensemble.q_band.dims == ensemble.qd_band.dims else ("q",)
-    known = entries(_axes(ensemble), [array for array in QUANTITIES if array not in unnamed])
+    known = entries(_axes(ensemble), [array for array in KEPT if array not in unnamed])
     drawn = chosen(known, outputs, lambda output: _values(ensemble, output).T)
     columns = min(2, max(1, len(drawn)))
     rows = max(1, -(-len(drawn) // columns))
@@ -65,8 +66,9 @@ def plot_ensemble(
         _band(panel, ensemble, output, percentiles)
         if along is not None:
             _verdicts(panel, along, output)
-        finish(panel, "", "time, s" if number > len(drawn) - columns else "")
-        panel.set_ylabel(f"{output.name}, {output.unit}", fontsize=9)
+        clock = with_unit("time", ensemble.time.attrs.get("units", ""))
+        finish(panel, "", clock if number > len(drawn) - columns else "")
+        panel.set_ylabel(with_unit(output.name, _unit(ensemble, output)), fontsize=9)
     handles = {}
     for panel in figure.axes:
         handles |= dict(zip(*panel.get_legend_handles_labels()[::-1], strict=True))
@@ -76,11 +78,16 @@ def plot_ensemble(
 
 
 def _axes(ensemble: "xarray.Dataset") -> dict[str, Axis]:
-    names = {quantity.axis for quantity in QUANTITIES.values()} & set(ensemble.dims)
+    names = {quantity.axis for quantity in KEPT.values()} & set(ensemble.dims)
     return {
         str(name): Axis(tuple(map(str, ensemble[name].values)), tuple(map(str, ensemble[f"{name}_kind"].values)))
         for name in names
     }
+
+
+def _unit(ensemble: "xarray.Dataset", output: Entry) -> str:
+    which = "angular" if output.kind in ("angular", "moment") else "linear"
+    return ensemble[output.array].attrs.get(f"{which}_unit", "")
 
 
 def _values(ensemble: "xarray.Dataset", output: Entry) -> np.ndarray:

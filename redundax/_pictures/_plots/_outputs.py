@@ -16,14 +16,14 @@ def chosen(known: Sequence[Entry], names: Sequence[str] | None, values: Callable
         labels = [entry.name for entry in known]
         return [known[k] for name in names for k in indices_of("outputs", name, labels, " of entries of the motion")]
     first = [entry for entry in known if entry.array == known[0].array]
-    positions = sorted(first, key=lambda entry: not entry.unit.startswith("rad"))
+    positions = sorted(first, key=lambda entry: entry.kind != "angular")
     found = {entry: values(entry) for entry in positions}
     return [entry for entry in positions if _varies(entry, found)][:_MOST]
 
 
 def _varies(entry: Entry, found: Mapping[Entry, np.ndarray]) -> bool:
-    """Whether values differ along the last axis by more than rounding of the largest position in the same unit."""
-    largest = max(np.nanmax(np.abs(values), initial=0.0) for one, values in found.items() if one.unit == entry.unit)
+    """Whether values differ along the last axis by more than rounding of the largest position of the same kind."""
+    largest = max(np.nanmax(np.abs(values), initial=0.0) for one, values in found.items() if one.kind == entry.kind)
     own = found[entry]
     change = np.nanmax(own, axis=-1, initial=-np.inf) - np.nanmin(own, axis=-1, initial=np.inf)
     return bool(np.any(change > _ROUNDING * largest))

@@ -10,27 +10,20 @@ from ..._analysis._report import Report
 from ..._solution_sets._band._band import Bands
 from ..._solution_sets._family._solution_family import SolutionFamily
 from ..._system._names import index_of
+from ..._system._units import with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _PANELS = (
-    ("angular", "angular accelerations, rad/s²"),
-    ("linear", "linear accelerations, m/s²"),
-    ("force", "force-type multipliers, N"),
-    ("moment", "moment-type multipliers, N m"),
-    ("friction", "friction forces, N, and moments, N m"),
+    ("angular", "angular accelerations"),
+    ("linear", "linear accelerations"),
+    ("force", "force-type multipliers"),
+    ("moment", "moment-type multipliers"),
+    ("friction", "friction"),
 )
-UNITS = {
-    "linear": "m/s²",
-    "angular": "rad/s²",
-    "force": "N",
-    "moment": "N m",
-    "friction force": "N",
-    "friction moment": "N m",
-}
-_BAR_UNITS = ("rad/s²", "m/s²", "N", "N m")
+KINDS = ("angular", "linear", "force", "moment")  # in the order of panels
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 DASHES = ("-", "--", "-.", ":")
 _MAPS = 6  # outputs drawn over two amplitudes at most
@@ -105,7 +98,7 @@ def plot_family(family: SolutionFamily, outputs: Sequence[str] | None = None) ->
     """
     for name in outputs or ():
         index_of("outputs", name, family.names, " of the family")
-    groups = [(title, _together(family, kind, outputs)) for kind, title in _PANELS]
+    groups = [(_title(family, kind, title), _together(family, kind, outputs)) for kind, title in _PANELS]
     groups = [(title, groups) for title, groups in groups if groups]
     if not groups or len(family.along) not in (1, 2):
         figure = new_figure(4.0, 1.0)
@@ -115,7 +108,7 @@ def plot_family(family: SolutionFamily, outputs: Sequence[str] | None = None) ->
 
 
 def plot_band(bands: Bands) -> "Figure":
-    """Bands as bars, one panel for each unit: full bars are exact, hatched ones inner estimates, diamonds one value.
+    """Bands as bars, one panel for each kind: full bars are exact, hatched ones inner estimates, diamonds one value.
 
     ??? example
 
@@ -130,15 +123,16 @@ def plot_band(bands: Bands) -> "Figure":
 
     **Returns:** a matplotlib figure.
     """
-    groups = [(unit, [k for k, kind in enumerate(bands.kinds) if UNITS[kind] == unit]) for unit in _BAR_UNITS]
-    groups = [(unit, members) for unit, members in groups if members]
-    heights = [0.3 * len(members) + 0.7 for _, members in groups]
+    kinds = [kind.removeprefix("friction ") for kind in bands.kinds]
+    groups = [[k for k, kind in enumerate(kinds) if kind == wanted] for wanted in KINDS]
+    groups = [members for members in groups if members]
+    heights = [0.3 * len(members) + 0.7 for members in groups]
     figure = new_figure(8.0, sum(heights) + 0.5)
     if bands.empty:
         figure.text(0.5, 0.5, "No solution within the bounds was found.", ha="center")
         return figure
     rows = figure.subplots(len(groups), 1, squeeze=False, height_ratios=heights)[:, 0]
-    for axes, (unit, members) in zip(rows, groups, strict=True):
+    for axes, members in zip(rows, groups, strict=True):
         largest = max(np.abs([bands.lower[k], bands.upper[k]]).max() for k in members)
         for place, k in enumerate(members):
             _bar(axes, place, bands.lower[k], bands.upper[k], bool(bands.exact[k]), 1e-9 * largest)
@@ -146,7 +140,7 @@ def plot_band(bands: Bands) -> "Figure":
         axes.set_ylim(len(members) - 0.5, -0.5)
         axes.use_sticky_edges = False
         axes.margins(x=0.18)
-        finish(axes, "", unit)
+        finish(axes, "", bands.units[members[0]])
     about = "" if bands.solved == 1 else f"; {1 - bands.solved:.0%} of the cases have no solution"
     figure.supxlabel("full: exact; hatched: inner estimate; diamond: one value", fontsize=8)
     figure.suptitle(bands.title + about, fontsize=10, wrap=True)
@@ -231,7 +225,7 @@ def _maps(family: SolutionFamily, groups: list[tuple[str, list[tuple[str, np.nda
         for k in order[~family.fold[order]]:
             grid[np.searchsorted(first, family.z[k, 0]), np.searchsorted(second, family.z[k, 1])] = values[k]
         drawn = axes.pcolormesh(first, second, grid.T, cmap="cividis", shading="nearest")
-        figure.colorbar(drawn, ax=axes, label=UNITS[family.kinds[family.names.index(name.partition(", ")[0])]])
+        figure.colorbar(drawn, ax=axes, label=family.units[family.names.index(name.partition(", ")[0])])
         finish(axes, name, _label(family, 0))
         axes.set_ylabel(_label(family, 1), fontsize=9)
         axes.grid(visible=False)
@@ -240,7 +234,12 @@ def _maps(family: SolutionFamily, groups: list[tuple[str, list[tuple[str, np.nda
 
 def _label(family: SolutionFamily, state: int) -> str:
     name = family.along[state]
-    return f"self-stress added to {name}, {UNITS[family.kinds[family.names.index(name)]]}"
+    return with_unit(f"self-stress added to {name}", family.units[family.names.index(name)])
+
+
+def _title(family: SolutionFamily, kind: str, title: str) -> str:
+    units = [unit for unit, k in zip(family.units, family.kinds, strict=True) if k.startswith(kind)]
+    return with_unit(title, " and ".join(dict.fromkeys(units)))
 
 
 def finish(axes: "Axes", title: str, label: str) -> None:

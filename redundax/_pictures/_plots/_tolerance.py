@@ -6,21 +6,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..._system._names import index_of
-from ._plot import COLOURS, UNITS, finish, new_figure
+from ._plot import COLOURS, KINDS, finish, new_figure
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_ORDER = ("rad/s²", "m/s²", "N", "N m", "")
 _HATCHES = ("", "////", "....", "xxxx")
 
 
 def plot_tolerance(study: "xarray.Dataset", outputs: Sequence[str] | None = None) -> "Figure":
     """What varies with the tolerances, and which of them it is due to; outputs that do not vary are left out.
 
-    On the left, one panel for each unit: bars from the lowest to the highest percentile of the study, a line at each
+    On the left, one panel for each kind: bars from the lowest to the highest percentile of the study, a line at each
     percentile between, a diamond at the nominal value. On the right the parameters' shares of the variance; what is
     left white is not linear in any of them.
 
@@ -45,16 +44,16 @@ def plot_tolerance(study: "xarray.Dataset", outputs: Sequence[str] | None = None
     chosen = known if outputs is None else outputs
     wanted = [index_of("outputs", name, known, " of outputs of the study") for name in chosen]
     varies = (study["share"].sum("parameter") > 0).values
-    units = [UNITS.get(str(kind), "") for kind in study.output_kind.values]
-    groups = [(unit, [k for k in wanted if varies[k] and units[k] == unit]) for unit in _ORDER]
-    groups = [(unit, members) for unit, members in groups if members]
-    heights = [0.3 * len(members) + 0.7 for _, members in groups]
+    kinds = [str(kind).removeprefix("friction ") for kind in study.output_kind.values]
+    groups = [[k for k in wanted if varies[k] and kinds[k] == kind] for kind in (*KINDS, "")]
+    groups = [members for members in groups if members]
+    heights = [0.3 * len(members) + 0.7 for members in groups]
     figure = new_figure(10.0, sum(heights) + 1.2)
     if not groups:
         figure.text(0.5, 0.5, "Nothing varies with the parameters.", ha="center")
         return figure
     panels = figure.subplots(len(groups), 2, squeeze=False, height_ratios=heights, width_ratios=(3, 2))
-    for (left, right), (unit, members) in zip(panels, groups, strict=True):
+    for (left, right), members in zip(panels, groups, strict=True):
         for place, k in enumerate(members):
             _band(left, place, study["percentiles"].values[k], float(study["nominal"][k]))
             _shares(right, place, study["share"].values[k])
@@ -65,7 +64,7 @@ def plot_tolerance(study: "xarray.Dataset", outputs: Sequence[str] | None = None
         left.set_yticks(range(len(members)), [known[k] for k in members])
         right.set_yticks([])
         right.set_xlim(0, 1)
-        finish(left, "", unit)
+        finish(left, "", str(study.output_unit.values[members[0]]))
         finish(right, "", "")
     panels[-1, 1].set_xlabel("share of the variance; white: not linear", fontsize=9)
     _legend(figure, panels[0, 1], [str(name) for name in study.parameter.values])

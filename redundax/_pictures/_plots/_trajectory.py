@@ -8,6 +8,7 @@ import numpy as np
 from ..._motion._trajectory import Trajectory
 from ..._system._names import Entry
 from ..._system._system import AbstractSystem
+from ..._system._units import with_unit
 from ..._tools._module import replace
 from ._outputs import chosen
 from ._plot import COLOURS, DASHES, finish, new_figure
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def plot_trajectory(system: AbstractSystem, trajectory: Trajectory, outputs: Sequence[str] | None = None) -> "Figure":
-    """A motion over time, one panel for each unit.
+    """A motion over time, one panel for each kind of quantity.
 
     ??? example
 
@@ -31,12 +32,11 @@ def plot_trajectory(system: AbstractSystem, trajectory: Trajectory, outputs: Seq
     **Arguments:**
 
     - `system`, `trajectory`: as given to and by `simulate`.
-    - `outputs`: names of what to draw, as in "1.phi", "1.phi'", "1.phi''" (m, rad and their rates), "A.x", "tau A" (N,
-      N m); the first six positions that vary, angles first, if not given. Positions have names where there is one for
-      each velocity; where not, velocities take their place.
+    - `outputs`: names of what to draw, as in "1.phi", "1.phi'", "1.phi''", "A.x", "tau A"; the first six positions that
+      vary, angles first, if not given. Positions have names where velocities are their rates; where not,
+      velocities take their place.
 
-    **Returns:** a matplotlib figure, which names SI units, also of a system `in_units`. Curves end where the motion
-    did.
+    **Returns:** a matplotlib figure, with the units that the system states. Curves end where the motion did.
 
     **Raises:** `ValueError` for names that are not there.
     """
@@ -47,18 +47,18 @@ def plot_trajectory(system: AbstractSystem, trajectory: Trajectory, outputs: Seq
         return np.asarray(named.entry(entry))
 
     wanted = chosen(named.entries, outputs, values)
-    units = list(dict.fromkeys(output.unit for output in wanted))
-    figure = new_figure(6.6, 2.0 * max(len(units), 1) + 0.5)
-    if not units:
+    groups = [[one for one in wanted if one.dimension == each] for each in dict.fromkeys(x.dimension for x in wanted)]
+    figure = new_figure(6.6, 2.0 * max(len(groups), 1) + 0.5)
+    if not groups:
         figure.text(0.5, 0.5, "Nothing moves.", ha="center")
         return figure
-    panels = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
-    for panel, unit in zip(panels, units, strict=True):
-        for k, output in enumerate(output for output in wanted if output.unit == unit):
+    panels = figure.subplots(len(groups), 1, sharex=True, squeeze=False)[:, 0]
+    for panel, group in zip(panels, groups, strict=True):
+        for k, output in enumerate(group):
             style = {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % 4], "linewidth": 1.4}
             panel.plot(np.asarray(trajectory.t), values(output), label=output.name, **style)
         finish(panel, "", "")
-        panel.set_ylabel(unit, fontsize=9)
+        panel.set_ylabel(group[0].unit, fontsize=9)
         panel.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    panels[-1].set_xlabel("time, s", fontsize=9)
+    panels[-1].set_xlabel(with_unit("time", system.names.units.of("time")), fontsize=9)
     return figure

@@ -21,9 +21,10 @@ from ..._analysis._outputs import outputs as named_outputs
 from ..._analysis._verdict import Verdict
 from ..._equations._factorisation import Factorisation, factorisation_at
 from ..._solve._all_solutions import start_factors
-from ..._system._names import ByName, index_of
+from ..._system._names import ByName, index_of, unit_of
 from ..._system._state import State
 from ..._system._system import AbstractSystem
+from ..._system._units import with_unit
 from ..._tools._module import no_classes
 from .._bounds import AbstractBounds
 from .._cases import Affine
@@ -37,6 +38,7 @@ class Bands:
 
     - `names`, `kinds`: of the outputs; kinds are "linear", "angular", "force", "moment", "friction force" and
       "friction moment".
+    - `units`: of the outputs, as in "m/s²"; "" where the system states none.
     - `lower`, `upper`: the bands, shape (outputs,); NaN where no solution within the bounds was found.
     - `exact`: which bands are proved, shape (outputs,); the others are inner estimates: all within them is attained,
       more may be, and no outer bound is known. More `samples` and `starts` search better.
@@ -58,6 +60,7 @@ class Bands:
 
     names: tuple[str, ...]
     kinds: tuple[str, ...]
+    units: tuple[str, ...]
     lower: np.ndarray
     upper: np.ndarray
     exact: np.ndarray
@@ -87,7 +90,8 @@ class Bands:
         return {**out, "empty": self.empty}
 
     def __str__(self) -> str:
-        size = max(len(name) for name in self.names) + 2
+        labels = [with_unit(name, unit) for name, unit in zip(self.names, self.units, strict=True)]
+        size = max(map(len, labels)) + 2
         lines = [self.title]
         if self.empty:
             lines.append("NO SOLUTION within the bounds was found.")
@@ -95,7 +99,7 @@ class Bands:
         if self.solved < 1:
             lines.append(f"NO SOLUTION for {1 - self.solved:.0%} of the cases looked at.")
         lines.append(f"{'':{size}}{'least':>14}{'largest':>14}")
-        for k, name in enumerate(self.names):
+        for k, name in enumerate(labels):
             what = "exact" if self.exact[k] else "inner estimate"
             lines.append(f"{name:{size}}{self.lower[k]:14.6g}{self.upper[k]:14.6g}  {what}")
         if not self.exact.all():
@@ -158,6 +162,7 @@ def band(
     return Bands(
         names=names,
         kinds=kinds,
+        units=tuple(unit_of(kind, system.names.units) for kind in kinds),
         lower=lower + offset,
         upper=upper + offset,
         exact=unique | exact_way,

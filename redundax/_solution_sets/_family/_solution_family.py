@@ -27,10 +27,11 @@ from ..._closures._closure import AbstractClosure, MinimumNorm, elasticity
 from ..._equations._culprits import culprits
 from ..._equations._factorisation import Factorisation, factorisation_at
 from ..._solve._all_solutions import SEARCH_STARTS, start_factors
-from ..._system._names import ByName, index_of, senses
+from ..._system._names import ByName, index_of, senses, unit_of
 from ..._system._results import RESULTS
 from ..._system._state import State
 from ..._system._system import AbstractSystem
+from ..._system._units import with_unit
 from ..._tools._module import Numbers, as_float, no_classes, on_device, replace
 from .._bounds import check_definite
 from .._solution_set import SolutionSet, solution_set
@@ -61,6 +62,7 @@ class SolutionFamily:
     - `lost`: number of places where a curve could not be followed on, because it runs to infinity or has a corner.
     - `names`, `kinds`: of accelerations, multipliers and friction; kinds are "linear", "angular", "force", "moment",
       "friction force" and "friction moment".
+    - `units`: of the same, as in "m/s²"; "" where the system states none.
     - `values`: shape (solutions, n + m + p).
     - `sizes`: what rounding of each is measured against, shape (n + m + p,): the largest value of its kind, friction
       among the loads, or a hundredth of the other kind's, times or over a length of the mechanism.
@@ -89,6 +91,7 @@ class SolutionFamily:
     lost: int
     names: tuple[str, ...]
     kinds: tuple[str, ...]
+    units: tuple[str, ...]
     values: np.ndarray
     sizes: np.ndarray
 
@@ -156,7 +159,9 @@ class SolutionFamily:
             same = largest[k] - least[k] <= 1e-9 * size
             figures = (self.values[middle, k], least[k], largest[k])
             row = "".join(f"{x if abs(x) > 1e-12 * size else 0.0:14.6g}" for x in figures)
-            lines.append(f"{name:{wide}}{row}  {'the same' if same else 'varies':8}  {self.kinds[k]}")
+            lines.append(
+                f"{name:{wide}}{row}  {'the same' if same else 'varies':8}  {with_unit(self.kinds[k], self.units[k])}"
+            )
         return lines
 
 
@@ -240,6 +245,7 @@ def solution_family(
         lost=branches.lost,
         names=names,
         kinds=kinds,
+        units=tuple(unit_of(kind, system.names.units) for kind in kinds),
         values=values,
         sizes=sizes(values.T, kinds, report.length).max(axis=1, initial=0.0),
     )
