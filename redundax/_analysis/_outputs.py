@@ -2,8 +2,8 @@
 
     y = Y [qdd; lam; tau]
 
-Accelerations are called "coordinate''", multipliers as their rows, friction "tau slip"; a `Mechanism` has the force
-(global components) and the moment of every joint too, "joint force x on body".
+Accelerations are called "coordinate''", multipliers, with the sign of the paper, as their rows, friction "tau slip"; a
+`Mechanism` has the force (global components) and the moment of every joint on a body too, "joint force x on body".
 """
 
 from collections.abc import Sequence

@@ -34,7 +34,8 @@ class Report:
     - `unique_accelerations`: whether accelerations are unique without friction.
     - `at_rest`: whether a joint with friction rests, where its friction is set-valued and what it moves undecided.
     - `verdicts`: what is proved, over all solutions, of each "acceleration", "multiplier", "friction" and, for a
-      `Mechanism`, "reaction": the components of every joint's force, global, and its moment about the joint's point.
+      `Mechanism`, "reaction": the components of every joint's force, global, and its moment about the joint's point,
+      on the body that is named. Multipliers have the sign of the paper.
     - `spectral_radius`: of Gamma_ij = |d tau_i / d rho| |d rho_i / d tau_j| under the closure: below 1 the frictional
       equations are proved to have one solution for each misfit of it; None without friction.
     - `releases`: directions within joints whose release removes all redundancy and adds no degree of freedom.

@@ -1,30 +1,72 @@
-"""Coordinates of the joints of a mechanism: those that friction opposes, of all joints that can have some."""
+"""Coordinates and reactions of the joints of a mechanism.
+
+Coordinates are those that friction opposes, of all joints that can have some. The reaction of a joint is
+
+    force = -(d Phi / d r_i)^T lam,   moment = -(d Phi / d phi_i)^T lam - (p - r_i) x force
+
+on body i, about the joint's point p on it, or about the body's origin where it has none; with j for i where the ground
+is body i. Friction, which acts along the joint's coordinate, is apart.
+"""
 
 from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
+from jaxtyping import Array, Int
 
 from .._system._joint_coordinates import AbstractJointCoordinates, JointMotion, NoJointCoordinates
 from .._system._state import State
 from ._body import Pose, poses
+from ._joints import AbstractFrictionalJoint, AbstractJoint
 from ._stack import Stack
 
 
 class JointCoordinates(AbstractJointCoordinates):
-    """Those of stacks of joints."""
+    """Those of stacks of joints; `source` is where the rows of the mechanism are among theirs, stack after stack."""
 
     joints: tuple[Stack[Any], ...]
+    source: Int[Array, " m"]
 
     def motion(self, state: State, acceleration: Array) -> JointMotion:
         finite = jnp.all(jnp.isfinite(acceleration))
-        moving = state.q, state.qd, jnp.where(finite, acceleration, 0.0)
-        body = jax.tree.map(lambda *x: jnp.stack(x, axis=1), *map(poses, moving))
-        parts = [joints.over(_moved, body) for joints in self.joints]
+        rates = state.q, state.qd, jnp.where(finite, acceleration, 0.0)
+        body = jax.tree.map(lambda *x: jnp.stack(x, axis=1), *map(poses, rates))
+        moving = [joints for joints in self.joints if isinstance(joints.element, AbstractFrictionalJoint)]
+        parts = [joints.over(_moved, body) for joints in moving]
         found = jax.tree.map(lambda *x: jnp.concatenate(x), NoJointCoordinates().motion(state, acceleration), *parts)
         # What is not there is NaN, and NaN its derivatives, but a gradient passes nothing on to what is.
         return JointMotion(found.position, found.rate, jnp.where(finite, found.acceleration, jnp.sum(acceleration)))
+
+    def reactions(self, state: State, multipliers: Array) -> Array:
+        finite, body, out = jnp.all(jnp.isfinite(multipliers)), poses(state.q).with_axes(), []
+        flat = jnp.zeros_like(multipliers).at[self.source].set(jnp.where(finite, multipliers, 0.0))
+        is_ground = jnp.arange(body.phi.size) == body.phi.size - 1
+        for joints in self.joints:
+            by_row, arm = joints.over(lambda joint, i, j: _of_one(joint, i, j, state.t), (body, is_ground))
+            size, _, rows = by_row.shape
+            own, flat = flat[: size * rows].reshape(size, rows), flat[size * rows :]
+            load = jnp.einsum("swr,sr->sw", by_row, own)
+            out.append(load.at[:, 2].add(arm[:, 1] * load[:, 0] - arm[:, 0] * load[:, 1]).ravel())
+        return jnp.where(finite, jnp.concatenate(out), jnp.sum(multipliers))
+
+
+def _of_one(joint: AbstractJoint, i: tuple[Pose, Array], j: tuple[Pose, Array], t: Array) -> tuple[Array, Array]:
+    """`loads_by_row` of the body that reactions are on, given poses and whether they are those of the ground."""
+    on_i, on_j = loads_by_row(joint, i[0], j[0], t)
+    return jax.tree.map(lambda own, other: jnp.where(i[1], other, own), on_i, on_j)
+
+
+def loads_by_row(joint: AbstractJoint, i: Pose, j: Pose, t: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """For body i, then for body j: force and moment about its origin by the multipliers of the joint's own rows,
+    (3, rows), and where the joint's point on it, if any, is from there, (2,)."""
+    by_row = -joint.jacobian(i, j, t).T
+    arms = (_arm(joint, "point_i", i), _arm(joint, "point_j", j))
+    return (by_row[:3], arms[0]), (by_row[3:], arms[1])
+
+
+def _arm(joint: AbstractJoint, name: str, pose: Pose) -> Array:
+    local = getattr(joint, name, None)
+    return jnp.zeros_like(pose.r) if local is None else pose.point(local) - pose.r
 
 
 def _moved(joint: Any, i: Pose, j: Pose) -> JointMotion:

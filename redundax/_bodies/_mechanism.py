@@ -21,7 +21,7 @@ from .._system._system import AbstractSystem
 from .._system._units import Units, of_model
 from .._tools._compilation import compiled
 from .._tools._module import Numbers, as_functions, as_vector, check_position, floats, moved, on_device, replace, taken
-from ._body import Body, poses
+from ._body import GROUND, Body, poses
 from ._joint_coordinates import JointCoordinates
 from ._joint_friction import FrictionMembers, JointFriction, friction_members
 from ._joints import AbstractFrictionalJoint, AbstractJoint
@@ -93,6 +93,7 @@ class Mechanism(AbstractSystem):
             rows,
             joined([members.slips for members in self._friction]),
             _joint_coordinates([joints[k] for group in groups for k in group]),
+            _reactions([joints[k] for group in groups for k in group]),
             tuple(names),
             tuple(tuple(joints[k].name for k in group) for group in groups),
             of_model(units),
@@ -168,10 +169,8 @@ class Mechanism(AbstractSystem):
 
     @property
     def joint_coordinates(self) -> JointCoordinates:
-        """Angles of revolutes, travels of sliders and of pins in slots, of body i relative to body j."""
-        return JointCoordinates(
-            tuple(each for each in self.joints if isinstance(each.element, AbstractFrictionalJoint))
-        )
+        """Angles of revolutes, travels of sliders and of pins in slots, of body i relative to body j; all reactions."""
+        return JointCoordinates(self.joints, self._source)
 
     def of_rows(self, values: Sequence[Array]) -> Shaped[Array, " m ..."]:
         """What the rows of the joints have, kind by kind of shape (joints, rows, ...), in the order of the rows."""
@@ -244,6 +243,13 @@ def _joint_coordinates(joints: Sequence[AbstractJoint]) -> Axis:
     return Axis(
         tuple(f"{joint.name}.{joint.coordinate}" for joint in moving), tuple(joint.slip_kind for joint in moving)
     )
+
+
+def _reactions(joints: Sequence[AbstractJoint]) -> Axis:
+    """Force and moment of each joint on its body i, or on body j where i is the ground."""
+    on = [(joint.name, joint.j if joint.i == GROUND else joint.i) for joint in joints]
+    names = (f"{name} {part} on {body}" for name, body in on for part in ("force x", "force y", "moment"))
+    return Axis(tuple(names), ("force", "force", "moment") * len(joints))
 
 
 def _rows(

@@ -11,12 +11,11 @@ from typing import Any
 
 import jax
 import numpy as np
-from jaxtyping import Array
 
 from .._system._state import State
 from .._tools._compilation import compiled
-from ._body import GROUND, Pose, poses
-from ._joints import AbstractJoint
+from ._body import poses
+from ._joint_coordinates import loads_by_row
 from ._loads import Motion, Wrench
 from ._mechanism import Mechanism
 from ._stack import Stack
@@ -29,7 +28,7 @@ _CLOSED = 1e-9
 def joint_wrenches(mechanism: Mechanism, state: State, multipliers: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     """For each stack of joints the forces (size, 2), N, and moments about r_i (size,), N m, on the bodies i."""
     wrenches = zip(mechanism.rows_of_joints, _wrenches(mechanism, state), strict=True)
-    found = [np.einsum("swr,sr->sw", by_row, multipliers[rows]) for rows, (by_row, *_) in wrenches]
+    found = [np.einsum("swr,sr->sw", by_row, multipliers[rows]) for rows, ((by_row, _), _) in wrenches]
     return [(each[:, :2], each[:, 2]) for each in found]
 
 
@@ -39,25 +38,20 @@ def joint_outputs(mechanism: Mechanism, state: State) -> tuple[list[str], np.nda
     They act on its body i, or on body j where i is the ground, in global components; the moment is about the joint's
     point on that body, or about the body's origin where it has none.
     """
-    names, out = [], []
-    bodies = (*mechanism.names.bodies, GROUND)
-    stacks = zip(
-        mechanism.joints, mechanism.names.joints, mechanism.rows_of_joints, _wrenches(mechanism, state), strict=True
-    )
-    for stack, joints, rows, (on_i, on_j, arms_i, arms_j) in stacks:
-        of_i, of_j = np.asarray(stack.i), np.asarray(stack.j)
-        for k, joint in enumerate(joints):
-            i, j = bodies[of_i[k]], bodies[of_j[k]]
-            on, by_row, arm = (j, on_j[k], arms_j[k]) if i == GROUND else (i, on_i[k], arms_i[k])
+    out, ground = [], len(mechanism.names.bodies)
+    stacks = zip(mechanism.joints, mechanism.rows_of_joints, _wrenches(mechanism, state), strict=True)
+    for stack, rows, (on_i, on_j) in stacks:
+        on_ground = np.asarray(stack.i) == ground
+        for k in range(len(rows)):
+            by_row, arm = (part[k] for part in (on_j if on_ground[k] else on_i))
             whole = np.linalg.norm(by_row[:2], axis=0)
             force = np.where(np.abs(by_row[:2]) > _CLOSED * whole, by_row[:2], 0.0)
             moment, reach = moved(by_row[2], by_row[:2], arm), np.linalg.norm(arm) * whole
             moment = np.where(np.abs(moment) > _CLOSED * (np.abs(by_row[2]) + reach), moment, 0.0)
             wrench = np.zeros((3, len(mechanism.rows)))
             wrench[:, rows[k]] = np.vstack([force, moment])
-            names += [f"{joint} {part} on {on}" for part in ("force x", "force y", "moment")]
             out.append(wrench)
-    return names, np.concatenate(out)
+    return list(mechanism.names.reactions.labels), np.concatenate(out)
 
 
 def load_wrenches(stack: Any, state: State) -> tuple[Wrench, Wrench]:
@@ -71,25 +65,12 @@ def moved(moment: np.ndarray | float, force: np.ndarray, arm: np.ndarray) -> np.
     return moment - arm[0] * force[1] + arm[1] * force[0]
 
 
-def _wrenches(mechanism: Mechanism, state: State) -> list[tuple[np.ndarray, ...]]:
-    """For each stack force and moment about their origins on the bodies i, and j, by the multipliers of the joint's own
-    rows, (size, 3, rows) each, and where the joints' points on them, if any, are from these origins, (size, 2) each.
-    """
-    out = []
-    for slope, *arms in jax.device_get(_slopes(mechanism.joints, state)):
-        wrench = -slope.swapaxes(1, 2).astype(float)
-        out.append((wrench[:, :3], wrench[:, 3:], *arms))
-    return out
+def _wrenches(mechanism: Mechanism, state: State) -> list[tuple[tuple[np.ndarray, np.ndarray], ...]]:
+    """For each stack `loads_by_row` of its joints: (size, 3, rows) and (size, 2) for the bodies i, and for the j."""
+    return jax.tree.map(lambda x: x.astype(float), jax.device_get(_by_row(mechanism.joints, state)))
 
 
 @compiled
-def _slopes(joints: tuple[Stack, ...], state: State) -> list[tuple[Array, Array, Array]]:
-    def of_joint(joint: AbstractJoint, i: Pose, j: Pose) -> tuple[Array, Array, Array]:
-        return joint.jacobian(i, j, state.t), _point(joint, "point_i", i) - i.r, _point(joint, "point_j", j) - j.r
-
-    return [stack.over(of_joint, poses(state.q).with_axes()) for stack in joints]
-
-
-def _point(joint: AbstractJoint, name: str, pose: Pose) -> Array:
-    local = getattr(joint, name, None)
-    return pose.r if local is None else pose.point(local)
+def _by_row(joints: tuple[Stack, ...], state: State) -> list[Any]:
+    body = poses(state.q).with_axes()
+    return [stack.over(lambda joint, i, j: loads_by_row(joint, i, j, state.t), body) for stack in joints]

@@ -108,6 +108,11 @@ class _RescaledJoints(AbstractJointCoordinates):
         inner = self.inner.motion(_restored_state(state, self.system, self.units), scale * acceleration)
         return JointMotion(shift * inner.position, shift / time * inner.rate, shift / time**2 * inner.acceleration)
 
+    def reactions(self, state: State, multipliers: Array) -> Array:
+        names, of_force = self.system.names, self.units.of_force
+        state = _restored_state(state, self.system, self.units)
+        return of_force(names.reactions) * self.inner.reactions(state, multipliers / of_force(names.rows))
+
 
 class _RescaledFriction(AbstractFriction):
     inner: AbstractFriction

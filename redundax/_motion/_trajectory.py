@@ -3,7 +3,7 @@
 import equinox as eqx
 from jaxtyping import Array, Float, Int, PyTree
 
-from .._system._joint_coordinates import JointMotion, NoJointCoordinates, joint_motion
+from .._system._joint_coordinates import JointMotion, joint_motion, joint_reactions
 from .._system._names import AbstractNamed
 from .._system._results import RESULTS
 from .._system._state import State
@@ -53,9 +53,9 @@ class Trajectory(AbstractNamed):
     """A motion at the times asked for, also by name.
 
     `motion["ram.y"]`, `motion["ram.y'"]` and `motion["ram.y''"]` are a position, its velocity and its acceleration,
-    `motion["A.x"]` a multiplier with the sign of the paper, `motion["tau A"]` friction, `motion["K.travel"]` a joint
-    coordinate, each of shape (times,). Where velocities are not rates of positions, as in a chart, positions have no
-    names.
+    `motion["A force x on ram"]` is the force of a joint on that body, `motion["A.x"]` a multiplier with the sign of the
+    paper, `motion["tau A"]` friction, `motion["K.travel"]` a joint coordinate, each of shape (times,). Where velocities
+    are not rates of positions, as in a chart, positions have no names.
 
     Where the motion did not get to, all is NaN; accelerations, multipliers and friction are NaN too at times where
     `solve` has no successful result, as exactly in a singular position.
@@ -94,8 +94,12 @@ class Trajectory(AbstractNamed):
     @property
     def joints(self) -> JointMotion:
         """How joint coordinates move: `position`, `rate` and `acceleration`, shape (times, c) each."""
-        joints = NoJointCoordinates() if self.joint_coordinates is None else self.joint_coordinates
-        return joint_motion(joints, self.states, self.acceleration, times=True)
+        return joint_motion(self.joint_coordinates, self.states, self.acceleration, times=True)
+
+    @property
+    def reactions(self) -> Float[Array, "..."]:
+        """What each joint does to its body, as of a `Solution`, shape (times, 3 joints)."""
+        return joint_reactions(self.joint_coordinates, self.states, self.multipliers, times=True)
 
     @property
     def states(self) -> State:

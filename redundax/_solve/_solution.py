@@ -7,7 +7,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._equations._evidence import Violation
 from .._equations._rank import Spectrum
-from .._system._joint_coordinates import JointMotion, NoJointCoordinates, joint_motion
+from .._system._joint_coordinates import JointMotion, joint_motion, joint_reactions
 from .._system._names import AbstractNamed
 from .._system._results import RESULTS
 from .._system._state import State
@@ -63,10 +63,11 @@ class Stats(eqx.Module):
 class Solution(AbstractNamed):
     """Accelerations, multipliers and friction at a state, also by name.
 
-    `solution["crank.phi''"]` is an acceleration, `solution["A.x"]` the multiplier of that row, whose sign is the
-    paper's and not that of a force on a body, `solution["tau A"]` friction and `solution["K.travel''"]` the
-    acceleration of a joint coordinate; without primes it is the coordinate at the state, with one its rate. Of a batch
-    they are arrays with its axes. Other names raise a `ValueError`.
+    `solution["crank.phi''"]` is an acceleration, `solution["A force x on crank"]` the force of a joint on that body in
+    global components, `solution["tau A"]` friction and `solution["K.travel''"]` the acceleration of a joint coordinate;
+    without primes it is the coordinate at the state, with one its rate. `solution["A.x"]` is the multiplier of that
+    row, with the sign of the paper: of a revolute joint it is minus the force on body i. Of a batch they are arrays
+    with its axes. Other names raise a `ValueError` that is a `KeyError` too.
 
     - `acceleration`: qdd, shape (n,).
     - `multipliers`: lam, shape (m,); the constraint force on the system is -Phi_q^T lam.
@@ -84,7 +85,8 @@ class Solution(AbstractNamed):
         ```python
         solution = rx.solve(mechanism, state)
         solution.acceleration, solution.multipliers, solution.friction  # shapes (12,), (12,), (4,)
-        solution["1.phi''"], solution["A.x"], solution["tau A"], solution["K.travel'"]  # rad/s^2, N, N m, m/s
+        solution["1.phi''"], solution["K.travel'"]  # rad/s^2, m/s
+        solution["A force x on 1"], solution["A.x"], solution["tau A"]  # N, minus that, N m
         ```
     """
 
@@ -108,8 +110,16 @@ class Solution(AbstractNamed):
     @property
     def joints(self) -> JointMotion:
         """How joint coordinates move: `position`, `rate` and `acceleration`, shape (c,) each."""
-        joints = NoJointCoordinates() if self.joint_coordinates is None else self.joint_coordinates
-        return joint_motion(joints, self._at, self.acceleration)
+        return joint_motion(self.joint_coordinates, self._at, self.acceleration)
+
+    @property
+    def reactions(self) -> Float[Array, "*batch r"]:
+        """What each joint does to its body i, or to body j where i is the ground: force x and y in global components,
+        and the moment about its point on that body, joint by joint, without friction, which is `friction`.
+
+        Their names are "A force x on crank", "A force y on crank" and "A moment on crank".
+        """
+        return joint_reactions(self.joint_coordinates, self._at, self.multipliers)
 
     @property
     def _at(self) -> State:

@@ -4,6 +4,8 @@
     crank.phi'     a velocity         tau A               friction of a slip, on the joint's body i
     crank.phi''    an acceleration    A.angle, K.travel   a joint coordinate, with ' its rate, with '' its acceleration
 
+    A force x on crank, A force y on crank, A moment on crank       what the joint does to the body that is named
+
 Names never reach compiled programs: systems go there anonymous, and results get their names when they come back.
 """
 
@@ -53,6 +55,7 @@ QUANTITIES = {
     "acceleration": Quantity("coordinate", "{}''", 2),
     "multipliers": Quantity("row", "{}", is_force=True),
     "friction": Quantity("slip", "tau {}", is_force=True),
+    "reactions": Quantity("reaction", "{}", is_force=True, is_kept=False),
     "joints.position": Quantity("joint_coordinate", "{}", is_kept=False),
     "joints.rate": Quantity("joint_coordinate", "{}'", 1, is_kept=False),
     "joints.acceleration": Quantity("joint_coordinate", "{}''", 2, is_kept=False),
@@ -64,7 +67,7 @@ KEPT = {array: quantity for array, quantity in QUANTITIES.items() if quantity.is
 class Names:
     """Names and kinds of all that a system has.
 
-    - `coordinates`, `rows`, `slips`, `joint_coordinates`: the axes of its arrays.
+    - `coordinates`, `rows`, `slips`, `joint_coordinates`, `reactions`: the axes of its arrays.
     - `bodies`: those that move, in order.
     - `joints`: of each stack of joints of one kind.
     - `units`: those that the model states.
@@ -75,6 +78,7 @@ class Names:
     rows: Axis
     slips: Axis = _NONE
     joint_coordinates: Axis = _NONE
+    reactions: Axis = _NONE
     bodies: tuple[str, ...] = ()
     joints: tuple[tuple[str, ...], ...] = ()
     units: StatedUnits = UNSTATED
@@ -88,6 +92,7 @@ class Names:
             "row": self.rows,
             "slip": self.slips,
             "joint_coordinate": self.joint_coordinates,
+            "reaction": self.reactions,
         }
 
     @property
@@ -99,10 +104,8 @@ class Names:
 
     def anonymous(self) -> "Names":
         """The same kinds without names."""
-        axes = {
-            field: getattr(self, field).anonymous() for field in ("coordinates", "rows", "slips", "joint_coordinates")
-        }
-        return Names(**axes, adds=self.adds)
+        coordinates, rows, slips, joints, reactions = (axis.anonymous() for axis in self.axes.values())
+        return Names(coordinates, rows, slips, joints, reactions, adds=self.adds)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -170,6 +173,13 @@ class AbstractNamed(eqx.Module):
         return attrgetter(entry.array)(self)[..., entry.index]
 
 
+class UnknownName(ValueError, KeyError):
+    """A name that nothing has; the message gives near ones."""
+
+    def __str__(self) -> str:  # of a KeyError it is quoted
+        return ValueError.__str__(self)
+
+
 def index_of(argument: str, name: str, known: Sequence[str], what: str = "") -> int:
     """Index of a name among those known; `ValueError` where there are none or several."""
     found = indices_of(argument, name, known, what)
@@ -188,7 +198,7 @@ def indices_of(argument: str, name: str, known: Sequence[str], what: str = "") -
     near = difflib.get_close_matches(str(name), known, 3, 0.5)
     hint = f"Did you mean {' or '.join(map(repr, near))}? " if near else ""
     more = f", and {len(known) - _LISTED} more" if len(known) > _LISTED else ""
-    raise ValueError(
+    raise UnknownName(
         f"Argument `{argument}` must hold names{what}, but holds {name!r}. {hint}"
         f"There are {', '.join(known[:_LISTED]) or 'none'}{more}."
     )

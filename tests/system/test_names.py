@@ -12,6 +12,9 @@ import numpy as np
 import pytest
 
 import redundax as rx
+from redundax._bodies._reactions import joint_wrenches
+from redundax._pictures._draw._arrows import on_bodies
+from redundax._pictures._draw._scene import scene
 
 G, R, RATE, PHI, W = 9.81, 0.7, -0.4, 0.6, 3.0
 
@@ -50,6 +53,66 @@ def test_joint_coordinates_of_a_solution_are_those_in_closed_form():
     # the guide holds the bead against its weight and Coriolis' force; its row has the sign of the force on the bead
     force = 0.5 * (2 * RATE * W + G * np.cos(PHI))
     np.testing.assert_allclose(solution["guide0.perpendicular"], force, rtol=1e-12)
+
+
+def hanging(i="rod", j=rx.GROUND):
+    """A rod of 3 kg that hangs by its end at rest; either of rod and ground may be body i."""
+    points = {"rod": (-0.5, 0.0), rx.GROUND: (0.2, 0.1)}
+    rod = rx.Mechanism([rx.Body("rod", 3.0, 0.25)], [rx.Revolute("A", i, j, points[i], points[j])], gravity=(0.0, -G))
+    return rod, rx.State([0.2, -0.4, -np.pi / 2], [0.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("ends", [("rod", rx.GROUND), (rx.GROUND, "rod")])
+def test_the_pin_holds_a_hanging_rod_up(ends):
+    """The force on the rod is its weight, up; the multiplier is minus the force on body i, whichever that is."""
+    mechanism, state = hanging(*ends)
+    solution = rx.solve(mechanism, state)
+    np.testing.assert_allclose(solution["A force y on rod"], 3.0 * G, rtol=1e-14)
+    np.testing.assert_allclose(solution["A.y"], -3.0 * G if ends[0] == "rod" else 3.0 * G, rtol=1e-14)
+    np.testing.assert_allclose([solution["A force x on rod"], solution["A moment on rod"]], 0.0, atol=1e-12)
+    (arrow,) = on_bodies(scene(mechanism, state), joint_wrenches(mechanism, state, np.asarray(solution.multipliers)))
+    upward = 1.0 if arrow.body == "rod" else -1.0  # arrows are on body i, which they name
+    np.testing.assert_allclose(arrow.force, [0.0, upward * 3.0 * G], rtol=1e-14)
+
+
+def test_the_wall_holds_a_beam():
+    """A beam of 2 kg, its centre 0.4 m to the right of where it is built in, turned by 30 degrees against its frame."""
+    wall = rx.Fixed("W", "beam", rx.GROUND, (-0.4 * np.cos(0.5), 0.4 * np.sin(0.5)), (0.0, 0.0), 0.5)
+    beam = rx.Mechanism([rx.Body("beam", 2.0, 0.1)], [wall], gravity=(0.0, -G))
+    solution = rx.solve(beam, rx.State([0.4, 0.0, 0.5], [0.0, 0.0, 0.0]))
+    np.testing.assert_allclose(solution.reactions, [0.0, 2.0 * G, 2.0 * G * 0.4], atol=1e-12)
+    assert float(solution["W moment on beam"]) == solution.reactions[2]
+
+
+def test_the_guide_holds_the_bead_against_weight_and_coriolis_force():
+    r, rates = jnp.array([0.5, 0.7, 0.9]), jnp.array([-1.0, 2.0])
+    solve = jax.jit(jax.vmap(jax.vmap(lambda r, rate: rx.solve(bead(), bead_state(r, rate)), (None, 0)), (0, None)))
+    force = np.broadcast_to(0.5 * (2 * rates * W + G * np.cos(PHI)), (3, 2))
+    found = solve(r, rates)
+    np.testing.assert_allclose(found["guide0 force x on bead"], -np.sin(PHI) * force, rtol=1e-11)
+    np.testing.assert_allclose(found["guide0 force y on bead"], np.cos(PHI) * force, rtol=1e-11)
+    np.testing.assert_allclose(found["guide0 moment on bead"], 0.0, atol=1e-11)
+    # the motor turns the rod, against the bead's force on it, at the hub
+    np.testing.assert_allclose(found["motor moment on rod"], force * r[:, None], rtol=1e-11)
+    units = rx.Units(length=1000.0, mass=0.002, time=3.0)
+    system, state = bead(), bead_state()
+    there = rx.solve(rx.in_units(system, units), rx.state_in_units(state, system, units))
+    moment = 0.5 * (2 * RATE * W + G * np.cos(PHI)) * R
+    np.testing.assert_allclose(there["motor moment on rod"], 0.002 * 1e6 / 9 * moment, rtol=1e-11)
+
+
+def test_forces_of_a_batch_with_a_sample_without_solution_leave_gradients_alone():
+    mechanism, _ = paper()
+
+    def total(rates):
+        solved = jax.vmap(lambda rate: rx.solve(mechanism, mechanism.state(phi=0.8, rate=rate)))(rates)
+        forces = solved["A force x on 1"]
+        return jnp.sum(jnp.where(jnp.isfinite(forces), forces, 0.0)), forces
+
+    (_, forces), slope = jax.value_and_grad(total, has_aux=True)(jnp.array([1.0, 0.0]))  # at rest there is none
+    assert np.isnan(forces[1])
+    assert np.isfinite(slope).all()
+    assert slope[0] != 0
 
 
 def test_names_are_those_of_the_entries_in_order():
@@ -108,6 +171,8 @@ def test_names_of_a_motion_are_those_in_closed_form():
     np.testing.assert_allclose(motion["hub.angle"], PHI + W * t, rtol=1e-9)
     np.testing.assert_allclose(motion["bead.x"], r * np.cos(PHI + W * t), rtol=1e-6)
     assert np.array_equal(motion["guide0.perpendicular"], motion.multipliers[:, 2])
+    along = np.stack([motion["guide0 force x on bead"], motion["guide0 force y on bead"] - 0.5 * G])
+    np.testing.assert_allclose(along, 0.5 * np.stack([motion["bead.x''"], motion["bead.y''"]]), rtol=1e-10, atol=1e-10)
 
 
 def test_names_of_a_motion_in_a_batch():
@@ -235,6 +300,7 @@ MECHANISM, STATE = paper()
     [
         (lambda: rx.solve(MECHANISM, STATE)["A.z"], "`name`", "'A.x'"),
         (lambda: rx.solve(MECHANISM, STATE)["K.traval''"], "`name`", "\"K.travel''\""),
+        (lambda: rx.solve(MECHANISM, STATE)["A force on 1"], "`name`", "'A force x on 1'"),
         (lambda: rx.solve(MECHANISM, STATE, sense={"a": 1}), "`sense`", "There are A, B, C, D"),
         (lambda: rx.solve(MECHANISM, STATE, closure=rx.Compliance({"A.xx": 1.0})), "`W`", "'A.x'"),
         (lambda: rx.solve(MECHANISM, STATE, closure=rx.Compliance(W_OF, {"K.angel": 1.0})), "`misfit`", "'K.angle'"),
@@ -249,6 +315,7 @@ MECHANISM, STATE = paper()
 def test_wrong_names_are_refused_with_near_ones(call, argument, near):
     with pytest.raises(ValueError) as caught:
         call()
+    assert isinstance(caught.value, KeyError)
     assert argument in str(caught.value)
     assert near in str(caught.value)
 

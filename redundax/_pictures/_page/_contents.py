@@ -265,9 +265,7 @@ def _apart(low: float, high: float) -> tuple[str, str]:
 
 
 def _kinds(kind: str, names: Sequence[str], system: AbstractSystem) -> list[str]:
-    if kind == "reaction":  # force x, force y and moment of each joint
-        return ["force", "force", "moment"] * (len(names) // 3)
-    known = system.names.unknowns
+    known = system.names.reactions if kind == "reaction" else system.names.unknowns
     return [known.kinds[known.labels.index(name)] for name in names]
 
 

@@ -195,7 +195,7 @@ def _wanted(system: AbstractSystem, state: State, outputs: Sequence[str] | str |
     kinds = dict(zip(unknowns.labels, unknowns.kinds, strict=True))
     moving = {f"{label}''": kind for label, kind in zip(joints.labels, joints.kinds, strict=True)}
     labels = [*(name for group, _ in known.values() for name in group), *moving]
-    kinds |= moving | {name: "moment" if " moment on " in name else "force" for name in known.get("reaction", [[]])[0]}
+    kinds |= moving | dict(zip(system.names.reactions.labels, system.names.reactions.kinds, strict=True))
     places = [index_of("outputs", name, labels, " of outputs") for name in names]
     judged = [
         one.with_friction in (Verdict.UNIQUE, Verdict.ZERO) for group in report.verdicts.values() for one in group
