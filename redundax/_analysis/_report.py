@@ -156,7 +156,7 @@ class Report:
         if self.left_out:
             lines.append(f"LEFT OUT: {self.left_out}")
         for number, state in enumerate(self.self_stress):
-            lines.append(f"Self-stress state {number}:")
+            lines.append(f"Self-stress state {number}, multipliers:")
             lines += columns([f"{name} {value:+.6g}" for name, value in zip(self.rows, state, strict=True) if value])
         if len(self.groups) > 1:
             lines.append("Dependent groups of rows:")

@@ -19,7 +19,7 @@ from ._pictures import drawing, family_picture, spectrum_picture
 
 _KINDS = {
     "acceleration": "Accelerations",
-    "reaction": "Joint loads without friction",
+    "reaction": "Joint loads on the named bodies, without friction",
     "multiplier": "Multipliers",
     "friction": "Friction",
 }
