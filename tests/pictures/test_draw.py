@@ -134,7 +134,7 @@ def crossed() -> tuple[rx.Mechanism, rx.State]:
         rx.Fixed("F", "weld", "arm", (0.1, 0.0), (0.1, 0.1)),
     ]
     q = [0.4, 0.1, 0.9, 0.5, 1.2, 0.2, 1.5, 0.6, carrier, block, arm, weld]
-    return rx.Mechanism(bodies, joints), rx.State(q, np.zeros(12))
+    return rx.Mechanism(bodies, joints, units=rx.Units()), rx.State(q, np.zeros(12))
 
 
 def test_loads_by_hand():
@@ -316,7 +316,7 @@ def everything() -> tuple[rx.Mechanism, rx.State]:
     ]
     q = [0, 0, 0.6, 0, 1.4 + 0.4 * np.cos(0.4), 0.4 * np.sin(0.4), 1.9, 0.3, 0.7, 0.8, 0.3, 0.8, 1.0, 1.0]
     bodies = [rx.Body(name, 1.0, 0.1) for name in names]
-    mechanism = rx.Mechanism(bodies, joints, loads=loads, gravity=(-3.0, -9.0))
+    mechanism = rx.Mechanism(bodies, joints, loads=loads, gravity=(-3.0, -9.0), units=rx.Units())
     return mechanism, rx.State([*q, 0.2, 0.1, 0.4, 0.0, 0.0, 0.0, 0.0], np.zeros(21))
 
 
