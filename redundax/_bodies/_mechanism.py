@@ -21,7 +21,7 @@ from .._system._system import AbstractSystem
 from .._system._units import Units, of_model
 from .._tools._compilation import compiled
 from .._tools._module import Numbers, as_functions, as_vector, check_position, floats, moved, on_device, replace, taken
-from ._body import GROUND, Body, poses
+from ._body import GROUND, Body, Pose, poses
 from ._joint_coordinates import JointCoordinates
 from ._joint_friction import FrictionMembers, JointFriction, friction_members
 from ._joints import AbstractFrictionalJoint, AbstractJoint
@@ -157,13 +157,13 @@ class Mechanism(AbstractSystem):
 
     def constraint(self, q: Array, t: Array) -> Float[Array, " m"]:
         body = poses(q).with_axes()
-        return self.of_rows([joints.over(lambda joint, i, j: joint.residual(i, j, t), body) for joints in self.joints])
+        return self.of_rows(_residuals(self.joints, body, t))
 
     def jacobian(self, q: Array, t: Array) -> Float[Array, "m n"]:
         """Joint by joint: each reads the coordinates of two bodies."""
         check_position(q, len(self.coordinates))
         body = poses(q).with_axes()
-        slopes = [joints.over(lambda joint, i, j: joint.jacobian(i, j, t), body) for joints in self.joints]
+        slopes = _slopes(self.joints, body, t)
         flat = jnp.concatenate([jnp.zeros(1, q.dtype), *(slope.ravel() for slope in slopes)])
         return taken(flat, self._entries)
 
@@ -216,6 +216,16 @@ class Mechanism(AbstractSystem):
         parts = (f"bodies {', '.join(self.names.bodies)}", *kinds, f"friction in {friction}")
         units = [f"units {self.names.units}"] if str(self.names.units) else []
         return f"Mechanism with {sizes}: {'; '.join([*parts, *units])}"
+
+
+@eqx.filter_jit  # traced once for all derivatives in all programs
+def _residuals(joints: tuple[Stack, ...], bodies: Pose, t: Array) -> list[Array]:
+    return [stack.over(lambda joint, i, j: joint.residual(i, j, t), bodies) for stack in joints]
+
+
+@eqx.filter_jit
+def _slopes(joints: tuple[Stack, ...], bodies: Pose, t: Array) -> list[Array]:
+    return [stack.over(lambda joint, i, j: joint.jacobian(i, j, t), bodies) for stack in joints]
 
 
 @compiled
