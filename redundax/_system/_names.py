@@ -132,10 +132,11 @@ def entries(
 ) -> list[Entry]:
     """All entries of these arrays of a result whose arrays have these axes."""
     return [
-        Entry(quantity.pattern.format(label), array, k, quantity.kind(angular), quantity.unit(angular, units))
+        Entry(quantity.pattern.format(label), array, k, *known[angular])
         for array, quantity in QUANTITIES.items()
         if array in arrays and quantity.axis in axes
         for axis in [axes[quantity.axis]]
+        for known in [[(quantity.kind(angular), quantity.unit(angular, units)) for angular in (False, True)]]
         for k, (label, angular) in enumerate(zip(axis.labels, axis.angular.tolist(), strict=True))
     ]
 
