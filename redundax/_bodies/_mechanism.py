@@ -125,7 +125,7 @@ class Mechanism(AbstractSystem):
         )
 
     def without_friction(self) -> Self:
-        return replace(self, _friction=())
+        return replace(self, names=self.names.without_slips(), _friction=())
 
     def state(self, *coordinates: ArrayLike, rate: ArrayLike = 0.0, t: ArrayLike = 0.0, **named: ArrayLike) -> State:
         """The state on the constraint manifold at given independent coordinates and their rate.

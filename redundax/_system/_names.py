@@ -107,6 +107,10 @@ class Names:
         coordinates, rows, slips, joints, reactions = (axis.anonymous() for axis in self.axes.values())
         return Names(coordinates, rows, slips, joints, reactions, adds=self.adds)
 
+    def without_slips(self) -> "Names":
+        """Those of the same system without friction."""
+        return dataclasses.replace(self, slips=_NONE)
+
 
 @dataclasses.dataclass(frozen=True)
 class Entry:

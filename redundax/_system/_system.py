@@ -223,7 +223,7 @@ class System(AbstractSystem):
         )
 
     def without_friction(self) -> Self:
-        return replace(self, friction=())
+        return replace(self, names=self.names.without_slips(), friction=())
 
     def mass(self, q: Array, t: Array) -> Float[Array, "n n"]:
         value = self._mass(q, t, self.parameters) if callable(self._mass) else self._mass
