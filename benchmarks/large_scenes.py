@@ -123,6 +123,9 @@ class SparseFactorisation(AbstractSolvedFactorisation):
     def motion_of(self, rates: Array) -> Decision:
         return Decision(jnp.abs(rates) / self.rate_noise)
 
+    def undetermined(self, compliance: Float[Array, "m m"]) -> None:
+        return None  # singular positions are not looked for
+
     def in_balance(self, multipliers: Float[Array, "m p"]) -> Float[Array, "m p"]:
         """The self-stress in scaled multipliers, along W_s."""
         still = jnp.zeros((len(self.scene.mass), multipliers.shape[1]))

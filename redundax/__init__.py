@@ -77,7 +77,7 @@ from ._closures._row_scalings import RowNormalised as RowNormalised
 from ._closures._row_scalings import UnitConsistent as UnitConsistent
 from ._equations._assemble import assemble as assemble
 from ._equations._factorisation import Factorisation as Factorisation
-from ._equations._factorisation import factorize as factorize
+from ._equations._factorize import factorize as factorize
 from ._motion._simulate import simulate as simulate
 from ._motion._stabilisation import AbstractStabilisation as AbstractStabilisation
 from ._motion._stabilisation import Baumgarte as Baumgarte

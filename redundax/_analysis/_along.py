@@ -15,7 +15,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int
 
 from .._closures._closure import AbstractClosure, MinimumNorm
-from .._equations._factorisation import factorize
+from .._equations._factorize import factorize
 from .._equations._kinematics import between
 from .._equations._rank import Spectrum
 from .._system._names import ByName

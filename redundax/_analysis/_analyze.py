@@ -22,7 +22,8 @@ from .._bodies._joints import AngleCoupling
 from .._bodies._mechanism import Mechanism
 from .._closures._closure import AbstractClosure, MinimumNorm, elasticity
 from .._equations._culprits import culprits
-from .._equations._factorisation import Factorisation, factorisation_at
+from .._equations._factorisation import Factorisation
+from .._equations._factorize import factorisation_at
 from .._equations._rank import Spectrum, Split
 from .._solve._solve import solve
 from .._system._names import ByName, senses

@@ -27,7 +27,8 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Complex, Float
 
 from .._closures._closure import AbstractClosure, Elasticity, elasticity
-from .._equations._factorisation import Factorisation, factorisation_at
+from .._equations._factorisation import Factorisation
+from .._equations._factorize import factorisation_at
 from .._solve._reduced import reduce
 from .._solve._solution import Solution
 from .._system._names import ByName, senses

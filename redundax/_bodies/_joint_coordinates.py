@@ -20,6 +20,8 @@ from ._body import Pose, poses
 from ._joints import AbstractFrictionalJoint, AbstractJoint
 from ._stack import Stack
 
+_READ = 1e-9  # share of a coefficient's terms that is more than rounding
+
 
 class JointCoordinates(AbstractJointCoordinates):
     """Those of stacks of joints; `source` is where the rows of the mechanism are among theirs, stack after stack."""
@@ -38,16 +40,22 @@ class JointCoordinates(AbstractJointCoordinates):
         return JointMotion(found.position, found.rate, jnp.where(finite, found.acceleration, jnp.sum(acceleration)))
 
     def reactions(self, state: State, multipliers: Array) -> Array:
-        finite, body, out = jnp.all(jnp.isfinite(multipliers)), poses(state.q).with_axes(), []
-        flat = jnp.zeros_like(multipliers).at[self.source].set(jnp.where(finite, multipliers, 0.0))
+        given, body, out = jnp.isfinite(multipliers), poses(state.q).with_axes(), []
+        sorted_rows = jnp.zeros_like(multipliers).at[self.source]
+        flat, lost = sorted_rows.set(jnp.where(given, multipliers, 0.0)), sorted_rows.set(jnp.where(given, 0.0, 1.0))
         is_ground = jnp.arange(body.phi.size) == body.phi.size - 1
         for joints in self.joints:
             by_row, arm = joints.over(lambda joint, i, j: _of_one(joint, i, j, state.t), (body, is_ground))
             size, _, rows = by_row.shape
-            own, flat = flat[: size * rows].reshape(size, rows), flat[size * rows :]
-            load = jnp.einsum("swr,sr->sw", by_row, own)
-            out.append(load.at[:, 2].add(arm[:, 1] * load[:, 0] - arm[:, 0] * load[:, 1]).ravel())
-        return jnp.where(finite, jnp.concatenate(out), jnp.sum(multipliers))
+            (own, flat), (gone, lost) = ((x[: size * rows].reshape(size, rows), x[size * rows :]) for x in (flat, lost))
+            turned = jnp.stack([by_row[:, 2], arm[:, 1:] * by_row[:, 0], -arm[:, :1] * by_row[:, 1]])
+            by_row = by_row.at[:, 2].set(jnp.sum(turned, axis=0))
+            terms = jnp.abs(by_row).at[:, 2].set(jnp.sum(jnp.abs(turned), axis=0))
+            terms = terms.at[:, :2].set(jnp.linalg.norm(by_row[:, :2], axis=1, keepdims=True))
+            reads = jnp.abs(by_row) > _READ * terms
+            out.append((jnp.einsum("swr,sr->sw", by_row, own), jnp.einsum("swr,sr->sw", reads, gone) > 0))
+        found, lost = (jnp.concatenate([part.ravel() for part in parts]) for parts in zip(*out, strict=True))
+        return jnp.where(lost | ~jnp.any(given), jnp.sum(multipliers), found)
 
 
 def _of_one(joint: AbstractJoint, i: tuple[Pose, Array], j: tuple[Pose, Array], t: Array) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from importlib import metadata
 import numpy as np
 
 from .._analysis._analyze import analyze
-from .._equations._factorisation import factorize
+from .._equations._factorize import factorize
 from .._pictures._page._contents import contents
 from .._pictures._page._formats import write
 from .._solution_sets._family._preload import in_words, unit_free_norm

@@ -5,7 +5,7 @@ import numpy as np
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
-from ._factorisation import factorize
+from ._factorize import factorize
 from ._kinematics import along_motion, explicit_gamma, slip_motion
 
 

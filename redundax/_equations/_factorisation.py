@@ -17,7 +17,6 @@ number is that of K, not its square. One step of iterative refinement follows, w
 
 import jax
 import jax.numpy as jnp
-from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
 from .._system._decision import Decision
@@ -25,11 +24,13 @@ from .._system._results import RESULTS, first_failure
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
-from ._evidence import ScaledMotion, Violation, independence_of, rate_noise, ratio, singularity_of, violation_of
+from ._branch import Branch
+from ._evidence import ScaledMotion, Violation, independence_of, rate_noise, singularity_of, violation_of
 from ._kinematics import second_order
 from ._rank import Spectrum, Split, split
 from ._response import AbstractSolvedFactorisation, Pick, Response
 from ._restricted_inverse import restricted_inverse
+from ._scaled_equations import reached_by, refined, residual_of
 from ._scaling import Scaling, largest_violation, scaling
 
 
@@ -52,7 +53,11 @@ class Factorisation(AbstractSolvedFactorisation):
       velocity bends.
     - `length`: a length of the mechanism, which makes angles and lengths comparable.
     - `row_scale`: D, shape (m,): D lam are multipliers free of units but for a common factor.
+    - `scaled`, `scaled_mass`: K and M_s.
     - `split`: K^+, P and Z of the scaled Jacobian.
+    - `response`: Y, shape (n, n).
+    - `rate_noise`: what rounding and violation make of a slip rate that is zero.
+    - `branch`: at a singular position outside transformations what the velocity decides (`_branch`); else none.
 
     ??? example
 
@@ -77,13 +82,14 @@ class Factorisation(AbstractSolvedFactorisation):
     residual: Float[Array, ""]
     length: Float[Array, ""]
     row_scale: Float[Array, " m"]
-    _scaled: Float[Array, "m n"]
-    _scaled_mass: Float[Array, "n n"]
+    scaled: Float[Array, "m n"]
+    scaled_mass: Float[Array, "n n"]
     split: Split
-    _response: Float[Array, "n n"]
-    _rate_noise: Float[Array, ""]
+    response: Float[Array, "n n"]
+    rate_noise: Float[Array, ""]
     _size: Float[Array, ""]
     _coordinate_scale: Float[Array, " n"]
+    branch: Branch | None = None
 
     def motion_of(self, rates: Float[Array, "..."]) -> Decision:
         """Whether slip rates, m/s or L times an angular rate, are those of joints that move.
@@ -91,15 +97,15 @@ class Factorisation(AbstractSolvedFactorisation):
         The noise is the rounding of the velocities and what violates the constraints of them, magnified by the
         Jacobian as in a part that the others hold still.
         """
-        return Decision(jnp.abs(rates) / self._rate_noise)
+        return Decision(jnp.abs(rates) / self.rate_noise)
 
     @property
-    def _least_kept(self) -> Float[Array, ""]:
+    def least_kept(self) -> Float[Array, ""]:
         """sigma_r / sigma_1, or a bound below it."""
         return jnp.minimum(self.spectrum.kept, 1.0)
 
     @property
-    def _noise(self) -> float:
+    def noise(self) -> float:
         """Rounding of a decomposition of K, relative to sigma_1."""
         return max(self.jacobian.shape) * float(jnp.finfo(self.gamma.dtype).eps)
 
@@ -112,6 +118,11 @@ class Factorisation(AbstractSolvedFactorisation):
     def freedom(self) -> Int[Array, ""]:
         """n - r, number of degrees of freedom."""
         return self.jacobian.shape[1] - self.spectrum.rank
+
+    @property
+    def local(self) -> Int[Array, ""] | int:
+        """Number of self-stress states that `branch` leaves out, as they are there at this position only."""
+        return 0 if self.branch is None else self.branch.count
 
     @property
     def scaling(self) -> Scaling:
@@ -129,7 +140,12 @@ class Factorisation(AbstractSolvedFactorisation):
 
         A state off the manifold blurs the zeros; then fewer multipliers are called unique, never more.
         """
-        return jnp.linalg.norm(self.split.stress, axis=1) <= 100 * self._noise / self._least_kept
+        return ~self.in_self_stress if self.branch is None else ~(self.in_self_stress | self.branch.lost)
+
+    @property
+    def in_self_stress(self) -> Bool[Array, " m"]:
+        """Which rows of P are not zero."""
+        return jnp.linalg.norm(self.split.stress, axis=1) > 100 * self.noise / self.least_kept
 
     @property
     def contradiction(self) -> Decision:
@@ -139,8 +155,13 @@ class Factorisation(AbstractSolvedFactorisation):
     @property
     def _consistent(self) -> Float[Array, ""]:
         """What the violation of the state and the rounding of P make of P gamma."""
-        blur = self._noise + self.violation.position
-        return jnp.minimum(5 / self._least_kept, 120) * blur + 10 * self.violation.velocity
+        blur = self.noise + self.violation.position
+        return jnp.minimum(5 / self.least_kept, 120) * blur + 10 * (self.violation.velocity + self._beside)
+
+    @property
+    def _beside(self) -> Float[Array, ""] | float:
+        """How far a singular position is off, of which these are the equations, as a relative singular value."""
+        return 0.0 if self.branch is None else self.branch.beside
 
     @property
     def determinate(self) -> Bool[Array, ""]:
@@ -152,22 +173,26 @@ class Factorisation(AbstractSolvedFactorisation):
         """Whether the rank is lower at this position than beside it: P Phi_qq[w, w] is not zero for a motion w.
 
         There more multipliers are not unique than elsewhere, branches of motion meet, and (7) does not contain the
-        condition of third order that keeps the accelerations on their branch.
+        condition of third order that keeps the accelerations on their branch: `branch` does, where there is one.
         """
         return self.singularity.is_yes
 
     @property
     def lost_digits(self) -> Float[Array, ""]:
         """Decimal digits that accelerations and multipliers lose to the smallest kept singular value."""
-        return -jnp.log10(self._least_kept)
+        return -jnp.log10(self.least_kept)
 
     @property
     def checks(self) -> tuple[tuple[Bool[Array, ""], RESULTS], ...]:
         """What must hold for the equations at this state to have a trustworthy solution, root causes first."""
         violation = self.violation
         off_manifold = largest_violation(self.gamma.dtype)
-        blur = self._noise + violation.position
+        blur = self.noise + violation.position
         prescribed = violation.prescribed > self._consistent
+        position = (
+            (~self.singularity.is_yes, RESULTS.singular_position),
+            (self.singularity.is_no, RESULTS.ambiguous_position),
+        )
         return (
             (self.finite, RESULTS.not_finite),
             (violation.position <= off_manifold, RESULTS.violated_constraints),
@@ -179,9 +204,8 @@ class Factorisation(AbstractSolvedFactorisation):
             (~(self.contradiction.is_yes & prescribed), RESULTS.inconsistent_constraints),
             (~self.contradiction.is_yes, RESULTS.inadmissible_velocity),
             (self.contradiction.is_no, RESULTS.ambiguous_constraints),
-            (~self.singularity.is_yes, RESULTS.singular_position),
-            (self.singularity.is_no, RESULTS.ambiguous_position),
-            (self.residual <= 120 * blur + 10 * violation.velocity, RESULTS.unsolved),
+            *(position if self.branch is None else self.branch.checks),
+            (self.residual <= 120 * blur + 10 * (violation.velocity + self._beside), RESULTS.unsolved),
         )
 
     @property
@@ -192,7 +216,9 @@ class Factorisation(AbstractSolvedFactorisation):
     def respond(self, forces: Float[Array, "n p"], gamma: Float[Array, "m p"] | None = None) -> Response:
         coordinate_scale, row_scale = self._coordinate_scale[:, None], self.row_scale[:, None]
         gamma = jnp.zeros((self.gamma.size, forces.shape[1]), forces.dtype) if gamma is None else gamma / row_scale
-        a, mu = _refined(self._scaled, self._scaled_mass, self.split, self._response, coordinate_scale * forces, gamma)
+        a, mu = refined(
+            self.scaled, self.scaled_mass, self.split.inverse, self.response, (coordinate_scale * forces, gamma)
+        )
         return Response(coordinate_scale * a, mu / row_scale)
 
     def close(self, compliance: Float[Array, "m m"]) -> tuple[Pick, Decision]:
@@ -202,6 +228,18 @@ class Factorisation(AbstractSolvedFactorisation):
     def in_balance(self, multipliers: Float[Array, " m"]) -> Float[Array, " m"]:
         """A self-stress state without what rounding has left of other multipliers, D^-1 P D lam."""
         return self.split.stress @ (self.row_scale * multipliers) / self.row_scale
+
+    def undetermined(self, compliance: Float[Array, "m m"]) -> Bool[Array, " m"] | None:
+        """Which multipliers a closure of this compliance does not determine; none where the position is regular.
+
+        Those of the rows that the local self-stress touches, and of all in self-stress if the closure couples these
+        with them, or if it lasts with them only.
+        """
+        if self.branch is None:
+            return None
+        lost, lasting = self.branch.lost, self.in_self_stress & ~self.branch.lost
+        coupled = jnp.any((compliance != 0) & lost & lasting[:, None])
+        return lost | (lasting & (coupled | ~self.branch.alone))
 
     def apparent_mass(self) -> Float[Array, "m m"]:
         """M_c = C^+ for regular M: the multipliers -lam of accelerations g of the constraints.
@@ -215,49 +253,15 @@ class Factorisation(AbstractSolvedFactorisation):
         """G = N (N^T W N)^-1 N^T: self-stress caused by a misfit under the compliance W; and whether N^T W N > 0."""
         scale = 1 / self.row_scale
         scaled = scale[:, None] * compliance * scale
-        after = self._response[0, 0]
-        kept = self.spectrum.kept
-        response, _, definiteness = restricted_inverse(scaled, self.split.stress, self.redundancy, kept, after)
+        after = self.response[0, 0]
+        kept, states = self.spectrum.kept, self.redundancy - self.local
+        response, _, definiteness = restricted_inverse(scaled, self.split.stress, states, kept, after)
         return scale[:, None] * response * scale, definiteness
 
 
-def factorize(system: AbstractSystem, state: State, rank: ArrayLike | None = None) -> Factorisation:
-    """Factorise the equations (7) of a system at a state.
-
-    ??? example
-
-        ```python
-        rx.factorize(mechanism, state).redundancy  # 1
-        angles = jnp.linspace(0.2, 1.4, 5)
-        jax.vmap(lambda phi: rx.factorize(mechanism, mechanism.state(phi=phi)).spectrum.gap)(angles)
-        ```
-
-    **Arguments:**
-
-    - `system`, `state`: the system and the known (q, qd, t).
-    - `rank`: declared rank r of the constraint Jacobian; decided from its spectrum if not given.
-    """
-    return _factorize(system.anonymous().without_friction(), state, None if rank is None else jnp.asarray(rank))
-
-
-def factorisation_at(
-    system: AbstractSystem, state: State, rank: ArrayLike | None, factor: Factorisation | None
-) -> Factorisation:
-    """The factorisation that is there already, or a new one."""
-    if factor is None:
-        return factorize(system, state, rank)
-    shape = len(system.rows), len(system.coordinates)
-    if factor.jacobian.shape != shape or rank is not None:
-        raise ValueError(
-            "Argument `factor` must be what `factorize` gives for this system at this state, with a Jacobian of shape "
-            f"{shape}, and takes no `rank` beside it, but has {factor.jacobian.shape} and `rank` is {rank}. "
-            "Give `rank` to `factorize`, and no `factor` of another state."
-        )
-    return factor
-
-
 @compiled
-def _factorize(system: AbstractSystem, state: State, rank: Int[Array, ""] | None) -> Factorisation:
+def factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | None) -> Factorisation:
+    """The equations at a state, decided by singular values."""
     matrix = system.jacobian(state.q, state.t)
     motion, explicit, turned = second_order(system, state)
     mass, load = system.mass(state.q, state.t), system.load(state)
@@ -271,26 +275,20 @@ def _factorize(system: AbstractSystem, state: State, rank: Int[Array, ""] | None
     zero = jnp.zeros((), matrix.dtype)
     response, _, determinacy = restricted_inverse(scaled_mass, parts.motion, freedom, spectrum.kept, zero)
     force, gamma = coordinate_scale * load, motion.gamma / row_scale
-    a, mu = _refined(scaled, scaled_mass, parts, response, force, gamma)
+    a, mu = refined(scaled, scaled_mass, parts.inverse, response, (force, gamma))
     qd = state.qd / coordinate_scale
     centripetal = jnp.max(jnp.abs(qd)) ** 2 / size
-    residual = jnp.maximum(
-        ratio(gamma - scaled @ a, gamma, a, centripetal),
-        ratio(force - scaled_mass @ a - scaled.T @ mu, force, scaled_mass @ a, mu, scaled_mass * centripetal),
-    )
-    inertia = jnp.sum(jnp.diagonal(scaled_mass)) / force.size
-    free = jnp.where(inertia > 0, jnp.max(jnp.abs(force)) / jnp.where(inertia > 0, inertia, 1.0), 0.0)
-    reached = jnp.sqrt(size * (jnp.max(jnp.abs(a)) + free))
-    known = ScaledMotion(qd, motion.rate / row_scale, gamma, explicit / row_scale, a, reached)
+    reached = reached_by(scaled_mass, force, a, size)
+    found = ScaledMotion(qd, motion.rate / row_scale, gamma, explicit / row_scale, a, reached)
     scales = Scaling(coordinate_scale, row_scale, length, size)
     kept = spectrum.kept if rank is None else jnp.full_like(spectrum.kept, jnp.inf)
     evidence = {
-        "violation": violation_of(known, parts.stress, position, size),
+        "violation": violation_of(found, parts.stress, position, size),
         "determinacy": determinacy,
-        "singularity": singularity_of(system, state, known, parts, position, scales),
-        "independence": independence_of(system, state, known, parts, kept, scales),
-        "residual": residual,
-        "_rate_noise": rate_noise(known, spectrum.kept),
+        "singularity": singularity_of(system, state, found, parts, position, scales),
+        "independence": independence_of(system, state, found, parts, kept, scales),
+        "residual": residual_of(scaled, scaled_mass, (force, gamma), (a, mu), centripetal),
+        "rate_noise": rate_noise(found, spectrum.kept),
     }
     return Factorisation(
         jacobian=matrix,
@@ -302,30 +300,15 @@ def _factorize(system: AbstractSystem, state: State, rank: Int[Array, ""] | None
         acceleration=coordinate_scale * a,
         multipliers=mu / row_scale,
         length=length,
-        _scaled=scaled,
-        _scaled_mass=scaled_mass,
+        scaled=scaled,
+        scaled_mass=scaled_mass,
         split=parts,
-        _response=response,
+        response=response,
         _size=size,
         _coordinate_scale=coordinate_scale,
         row_scale=row_scale,
         **jax.lax.stop_gradient(evidence),
     )
-
-
-def _refined(
-    scaled: Array, mass: Array, parts: Split, response: Array, force: Array, gamma: Array
-) -> tuple[Array, Array]:
-    """Scaled accelerations and multipliers, after one step of iterative refinement."""
-
-    def once(force: Array, gamma: Array) -> tuple[Array, Array]:
-        particular = parts.inverse @ gamma
-        a = particular + response @ (force - mass @ particular)
-        return a, parts.inverse.T @ (force - mass @ a)
-
-    a, mu = once(force, gamma)
-    da, dmu = once(force - mass @ a - scaled.T @ mu, gamma - scaled @ a)
-    return a + da, mu + dmu
 
 
 def _finite(*arrays: Array) -> Array:

@@ -103,6 +103,24 @@ def change_of_jacobian(system: AbstractSystem, state: State, direction: Float[Ar
     return jax.jvp(lambda d: system.jacobian(system.retract(state.q, d), state.t), (moved,), (direction,))[1]
 
 
+def third_order(system: AbstractSystem, state: State) -> tuple[Float[Array, "m n"], Float[Array, " m"]]:
+    """The rate of Phi_q along the motion, and Phi''' along its constant rate, t' = 1.
+
+    Both up to combinations of the columns of Phi_q where coordinates do not add, which no self-stress sees.
+    """
+    zero, one = jnp.zeros_like(state.t), jnp.ones_like(state.t)
+
+    def later(s: Array) -> State:
+        return State(system.retract(state.q, s * state.qd), state.qd, state.t + s, state.memory)
+
+    def jacobian(s: Array) -> Array:
+        there = later(s)
+        return system.jacobian(there.q, there.t)
+
+    rate = jax.jvp(jacobian, (zero,), (one,))[1]
+    return rate, jax.jvp(lambda s: second_derivative(system, later(s), state.qd, one), (zero,), (one,))[1]
+
+
 def chart_rate(system: AbstractSystem, state: State) -> Float[Array, "..."]:
     """q', the rate of the coordinates: the derivative of q [+] s qd at s = 0."""
     zero = jnp.zeros_like(state.t)

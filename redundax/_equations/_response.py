@@ -18,7 +18,7 @@ from typing import Generic, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from .._system._decision import Decision
 from .._tools._by_number import combined
@@ -100,6 +100,10 @@ class AbstractSolvedFactorisation(AbstractFactorisation[Decision]):
     @abc.abstractmethod
     def motion_of(self, rates: Float[Array, "..."]) -> Decision:
         """Whether slip rates, m/s or L times an angular rate, are those of joints that move."""
+
+    @abc.abstractmethod
+    def undetermined(self, compliance: Float[Array, "m m"]) -> Bool[Array, " m"] | None:
+        """Multipliers that have no value, whatever `close` picks; None where the position is regular."""
 
 
 class LinearResponse(eqx.Module):

@@ -7,7 +7,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._closures._closure import AbstractClosure, elasticity
-from .._equations._factorisation import Factorisation, factorize
+from .._equations._factorisation import Factorisation
+from .._equations._factorize import factorize
 from .._solve._solve import solve_factorised
 from .._solvers._continuation import Continuation
 from .._solvers._solver import Newton

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from .._analysis._verdict import family
 from .._bodies._mechanism import Mechanism
 from .._closures._closure import Compliance, MinimumNorm, elasticity
-from .._equations._factorisation import factorize
+from .._equations._factorize import factorize
 from .._solve._solution import Solution
 from .._solve._solve import solve
 from .._solvers._solver import FixedPoint, Newton

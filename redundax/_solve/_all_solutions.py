@@ -14,7 +14,8 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 
 from .._closures._closure import AbstractClosure, Elasticity, MinimumNorm, elasticity
-from .._equations._factorisation import Factorisation, factorisation_at
+from .._equations._factorisation import Factorisation
+from .._equations._factorize import factorisation_at
 from .._solvers._continuation import Continuation
 from .._solvers._friction_problem import FrictionProblem
 from .._solvers._solver import Newton, Root

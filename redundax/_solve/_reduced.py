@@ -40,6 +40,7 @@ class Reduced(eqx.Module):
     - `rows`, `problem`: the multipliers that friction reads, and the equations for tau; without friction none.
     - `motion`: the decision for each slip whether it moves, shape (p,); none without friction.
     - `free_size`: bound of the sum of |free|.
+    - `undetermined`: multipliers that are none at a singular position, shape (m,); None where it is regular.
     """
 
     pick: AbstractPick
@@ -49,6 +50,15 @@ class Reduced(eqx.Module):
     problem: FrictionProblem | None
     motion: Decision | None
     free_size: Float[Array, ""]
+    undetermined: Bool[Array, " m"] | None
+
+    @property
+    def depends_on_undetermined(self) -> Bool[Array, ""]:
+        """Whether friction depends on multipliers that are none here."""
+        if self.undetermined is None or self.problem is None:
+            return jnp.zeros((), bool)
+        reads = self.problem.law.largest_changes(jnp.eye(self.rows.size, dtype=self.free_size.dtype)) > 0
+        return jnp.any(reads & self.undetermined[self.rows])
 
     def end_size(self, tau: Float[Array, " p"], stress: Float[Array, " m"] | None) -> Float[Array, ""]:
         """Bound of the sum of |x|: if it is finite all of them are; else one is not, or the bound overflows."""
@@ -91,9 +101,10 @@ def reduce(
     picked = pick(factor.multipliers)
     free = Response(factor.acceleration, picked + pick.caused(given))
     free_size = total(factor.acceleration, picked) + pick.bound(given)
+    ends = free_size, factor.undetermined(compliance)
     if not system.friction:
         none = Response(jnp.zeros((state.qd.size, 0), picked.dtype), jnp.zeros((picked.size, 0), picked.dtype))
-        return Reduced(pick, definiteness, LinearResponse(free, none), jnp.zeros(0, int), None, None, free_size)
+        return Reduced(pick, definiteness, LinearResponse(free, none), jnp.zeros(0, int), None, None, *ends)
     rate, directions = slip_motion(system, state)
     acceleration, multipliers = factor.respond(directions)
     unit = Response(acceleration, pick(multipliers))
@@ -104,7 +115,7 @@ def reduce(
     angular_loads = jnp.asarray(system.rows.angular)[rows]
     rho0 = picked[rows] + pick.caused(given, rows)
     problem = FrictionProblem.make(rho0, unit.multipliers[rows], law, angular_loads)
-    return Reduced(pick, definiteness, LinearResponse(free, unit), rows, problem, motion, free_size)
+    return Reduced(pick, definiteness, LinearResponse(free, unit), rows, problem, motion, *ends)
 
 
 def _sense(rate: Array, motion: Decision, sense: Array | None) -> Array:

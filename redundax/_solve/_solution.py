@@ -20,8 +20,9 @@ class Stats(eqx.Module):
     - `redundancy`, `freedom`: k = m - r redundant constraints and n - r degrees of freedom.
     - `spectrum`: the rank decision with singular values, tolerance and gap.
     - `violation`: consistency of the state.
-    - `singular_position`: whether the rank is lower at this position than beside it, so that branches of motion meet;
-      (7) does not keep accelerations on their branch there, and none are given.
+    - `singular_position`: whether the rank is lower at this position than beside it, so that branches of motion meet.
+      (7) does not keep accelerations on their branch there: its third-order condition does where the velocity decides
+      the branch, outside of `jit` and `vmap`, and else none are given.
     - `lost_digits`: decimal digits that accelerations and multipliers lose to the smallest kept singular value, as
       beside a singular position; of about 16 in float64, 7 in float32.
     - `steps`: friction iterations done; 0 without friction.
@@ -73,7 +74,9 @@ class Solution(AbstractNamed):
     - `multipliers`: lam, shape (m,); the constraint force on the system is -Phi_q^T lam.
     - `friction`: friction forces and moments tau, one for each slip, shape (p,); on a joint's body i, and
       the opposite on body j.
-    - `result`: how the solve ended. The three arrays are NaN unless it is `RESULTS.successful`.
+    - `result`: how the solve ended. The three arrays are NaN unless it is `RESULTS.successful`; at a singular position
+      those multipliers are too that have no value there: those of the rows that the self-stress of this position alone
+      touches, which are unbounded beside it or whose limit is not known.
     - `stats`: the evidence.
     - `state`: the state, where `solve` gives the solution.
     - `names`: what is called how.
@@ -143,5 +146,5 @@ class Solution(AbstractNamed):
 
 def _shown(values: np.ndarray) -> str:
     """Numbers as text; what is rounding beside the largest is 0."""
-    rounding = 100 * np.finfo(values.dtype).eps * np.abs(values).max(initial=0.0)
-    return np.array2string(np.where(np.abs(values) > rounding, values, 0.0), 100, 6)
+    rounding = 100 * np.finfo(values.dtype).eps * np.abs(np.nan_to_num(values)).max(initial=0.0)
+    return np.array2string(np.where(np.abs(values) <= rounding, 0.0, values), 100, 6)

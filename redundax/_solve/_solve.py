@@ -18,7 +18,8 @@ from .._closures._closure import AbstractClosure, Compliance, Elasticity, Minimu
 from .._closures._elastic_joints import ElasticJoints
 from .._closures._unit_check import check_units
 from .._equations._culprits import culprits
-from .._equations._factorisation import Factorisation, factorisation_at
+from .._equations._factorisation import Factorisation
+from .._equations._factorize import factorisation_at
 from .._equations._response import Response, times
 from .._solvers._continuation import Continuation
 from .._solvers._friction_problem import FrictionProblem
@@ -80,6 +81,12 @@ def solve(
     - `factor`: what `factorize` gave at this state, where it is there already.
     - `throw`: whether to raise an error unless the result is successful. By default it does outside of
       transformations such as `jit` and `vmap`, and does not inside, so that one bad sample does not end a sweep.
+
+    At a singular position, where the rank of the constraints is lower than beside it, branches of motion meet. Where
+    the velocity decides the branch the accelerations are those of the motion along it; multipliers of the rows that the
+    self-stress of this position alone touches have no value and are NaN. Nothing decides at rest and where branches
+    touch, and where friction depends on such a multiplier there is no limit: refused. So is every singular position
+    where a transformation such as `jit`, `vmap` or `grad` traces something of the equations.
 
     **Returns:** a `Solution`; its arrays are NaN unless `result` is `RESULTS.successful`, and so are their derivatives
     in forward mode; to a gradient in reverse mode such a sample of a batch adds nothing.
@@ -186,19 +193,22 @@ def _end(
         (jnp.isfinite(jnp.sum(closing.compliance)), RESULTS.not_finite),
         (~reduced.definiteness.is_no, RESULTS.indeterminate_closure),
         (reduced.definiteness.is_yes, RESULTS.ambiguous_closure),
+        *(() if reduced.undetermined is None else ((~reduced.depends_on_undetermined, RESULTS.unbounded_friction),)),
     )
     friction_checks = (*friction_checks, (finite, RESULTS.not_finite))
     # Of the flags alone: XLA would walk through the whole choice of a result again for every entry.
     good = functools.reduce(operator.and_, (passed for passed, _ in (*checks, *friction_checks)))
     found = reduced.response.at(root.tau, stress), root.tau
     end, tau = jax.tree.map(lambda x: _figure(good, x), found)
+    if reduced.undetermined is not None:
+        end = end._replace(multipliers=_figure(~reduced.undetermined, end.multipliers))
     # What friction is given only names a failure, so a sweep of accelerations alone does not compute it.
     result = first_failure((*checks, (good | given, RESULTS.not_finite), *friction_checks))
     return end, eqx.tree_at(lambda root: root.tau, root, tau), contraction, result
 
 
 @jax.custom_jvp
-def _figure(good: Bool[Array, ""], x: Array) -> Array:
+def _figure(good: Bool[Array, ""] | Bool[Array, " d"], x: Array) -> Array:
     """x, or NaN where it is not to be given."""
     return jnp.where(good, x, jnp.nan)
 

@@ -50,12 +50,18 @@ class RESULTS(eqx.Enumeration):
     )
     singular_position = (
         "The position is singular: the rank of the constraints is lower here than beside it, branches of motion meet, "
-        "and (7) does not contain the condition that keeps the accelerations on one of them. Move the state beside it, "
-        "or let `simulate` pass it from a state before it."
+        "and nothing decides on which of them the accelerations are. The velocity does not at rest and where branches "
+        "touch, and inside `jit` and `vmap` and in motions it is not asked. Give a velocity along one branch to a "
+        "`solve` outside of them, move the state beside the position, or let `simulate` pass it from a state before it."
     )
     ambiguous_position = (
-        "Whether the position is singular cannot be decided: the rank changes beside it by hardly more than rounding. "
-        "Bring the state closer to the constraint manifold, or move it."
+        "Whether the position is singular, or on which branch of motion the velocity is, cannot be decided: what tells "
+        "is hardly more than rounding. Bring the state closer to the constraint manifold, or move it."
+    )
+    unbounded_friction = (
+        "The position is singular, and friction depends on the load of a joint that its local self-stress touches: "
+        "beside the position that load and its friction grow as 1 over the distance, so that the mechanism jams, or "
+        "have a limit that these equations do not know. Move the state beside the position, or leave out this friction."
     )
     indeterminate_acceleration = (
         "The accelerations are not unique: rank [M Phi_q^T] < n, condition (14). Give mass or inertia to "

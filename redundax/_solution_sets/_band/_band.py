@@ -19,7 +19,8 @@ from ..._analysis._analyze import Report, analyze
 from ..._analysis._outputs import joint_accelerations, plain
 from ..._analysis._outputs import outputs as named_outputs
 from ..._analysis._verdict import Verdict
-from ..._equations._factorisation import Factorisation, factorisation_at
+from ..._equations._factorisation import Factorisation
+from ..._equations._factorize import factorisation_at
 from ..._solve._all_solutions import start_factors
 from ..._system._names import ByName, index_of, unit_of
 from ..._system._state import State

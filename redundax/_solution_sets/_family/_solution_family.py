@@ -25,7 +25,8 @@ from ..._analysis._analyze import Report, analyze
 from ..._analysis._outputs import plain, sizes
 from ..._closures._closure import AbstractClosure, MinimumNorm, elasticity
 from ..._equations._culprits import culprits
-from ..._equations._factorisation import Factorisation, factorisation_at
+from ..._equations._factorisation import Factorisation
+from ..._equations._factorize import factorisation_at
 from ..._solve._all_solutions import SEARCH_STARTS, start_factors
 from ..._system._names import ByName, index_of, senses, unit_of
 from ..._system._results import RESULTS

@@ -26,7 +26,8 @@ from jaxtyping import Array
 
 from ..._analysis._analyze import analyze
 from ..._closures._closure import AbstractClosure, MinimumNorm
-from ..._equations._factorisation import Factorisation, factorisation_at
+from ..._equations._factorisation import Factorisation
+from ..._equations._factorize import factorisation_at
 from ..._solve._all_solutions import start_factors
 from ..._system._state import State
 from ..._system._system import AbstractSystem

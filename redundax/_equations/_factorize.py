@@ -1,0 +1,142 @@
+"""The factorisation at a state: by singular values, and at a singular position with the rows that it lacks.
+
+Near a singular position, at a distance s in relative singular values, the equations as they stand lose a digit of their
+accelerations to each decade of s, and those of the position itself are off by s: below a small distance they are taken,
+where all checks pass. That is decided on numbers, so outside transformations only; in them a singular position is
+refused, and beside it the digits go that `lost_digits` tells.
+"""
+
+import functools
+import operator
+
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+from jaxtyping import Array, Bool
+
+from .._system._decision import CLEAR
+from .._system._results import RESULTS
+from .._system._state import State
+from .._system._system import AbstractSystem
+from .._tools._compilation import compiled
+from .._tools._module import known, on_device, replace, still
+from ._branch import Branch, lacking, lost_rows
+from ._evidence import ScaledMotion, singularity_of
+from ._factorisation import Factorisation, factorised
+from ._rank import split
+from ._restricted_inverse import restricted_inverse
+from ._scaled_equations import reached_by, refined, residual_of
+
+_NEAR = 0.575  # power of the rounding, 1e-9 in float64: relative singular values that are none where it is singular
+
+
+def factorize(system: AbstractSystem, state: State, rank: ArrayLike | None = None) -> Factorisation:
+    """Factorise the equations (7) of a system at a state, at a singular position with the rows that they lack there.
+
+    ??? example
+
+        ```python
+        rx.factorize(mechanism, state).redundancy  # 1
+        angles = jnp.linspace(0.2, 1.4, 5)
+        jax.vmap(lambda phi: rx.factorize(mechanism, mechanism.state(phi=phi)).spectrum.gap)(angles)
+        ```
+
+    **Arguments:**
+
+    - `system`, `state`: the system and the known (q, qd, t).
+    - `rank`: declared rank r of the constraint Jacobian; decided from its spectrum if not given.
+    """
+    system = system.anonymous().without_friction()
+    factor = factorised(system, state, None if rank is None else jnp.asarray(rank))
+    return _continued(system, state, factor, rank) if known(factor.residual) else factor
+
+
+def _continued(system: AbstractSystem, state: State, factor: Factorisation, rank: ArrayLike | None) -> Factorisation:
+    """The same where the position is regular; at a singular one, or too near to it, with the rows that lack there."""
+    spectrum, near = factor.spectrum, factor
+    values = np.asarray(spectrum.singular_values)
+    least = float(np.finfo(values.dtype).eps) ** _NEAR
+    if rank is None and (spectrum.kept.item() < least or spectrum.decision.margin.item() < CLEAR):
+        near = factorised(system, state, on_device(np.asarray(np.sum(values > least))))
+    if near.singularity.margin.item() < CLEAR:
+        return factor
+    found, branch, is_trusted = _on_branch(system, state, near)
+    if near is not factor and not is_trusted.item():
+        return factor
+    if not branch.count.item():
+        return replace(factor, branch=branch)
+    if not branch.alone.item():
+        branch = replace(branch, alone=_last_alone(system, state, near, branch.lost))
+    return replace(found, branch=branch)
+
+
+def factorisation_at(
+    system: AbstractSystem, state: State, rank: ArrayLike | None, factor: Factorisation | None
+) -> Factorisation:
+    """The factorisation that is there already, or a new one."""
+    if factor is None:
+        return factorize(system, state, rank)
+    shape = len(system.rows), len(system.coordinates)
+    if factor.jacobian.shape != shape or rank is not None:
+        raise ValueError(
+            "Argument `factor` must be what `factorize` gives for this system at this state, with a Jacobian of shape "
+            f"{shape}, and takes no `rank` beside it, but has {factor.jacobian.shape} and `rank` is {rank}. "
+            "Give `rank` to `factorize`, and no `factor` of another state."
+        )
+    return factor
+
+
+@compiled
+def _on_branch(
+    system: AbstractSystem, state: State, factor: Factorisation
+) -> tuple[Factorisation, Branch, Bool[Array, ""]]:
+    """The same at a singular position with the rows that the constraints lack there, and whether all checks pass."""
+    n, m, scales, values = *factor.jacobian.shape[::-1], factor.scaling, factor.spectrum.singular_values
+    force, gamma = scales.coordinates * factor.load, factor.gamma / scales.rows
+    beside = jnp.max(jnp.where(jnp.arange(values.size) < factor.spectrum.rank, 0.0, values))
+    position = factor.violation.position + beside
+    noise = factor.noise + position, factor.rate_noise
+    more = lacking(system, state, (factor.scaled, gamma), factor.split, scales, factor.least_kept, noise)
+    mass, zero = factor.scaled_mass, jnp.zeros((), force.dtype)
+    freedom = n - factor.spectrum.rank - more.states
+    response, _, determinacy = restricted_inverse(mass, more.parts.motion, freedom, more.kept, zero)
+    a, mu = refined(more.matrix, mass, more.inverse, response, (force, more.wanted))
+    qd = state.qd / scales.coordinates
+    found = ScaledMotion(qd, 0.0 * gamma, gamma, 0.0 * gamma, a, reached_by(mass, force, a, scales.size))
+    evidence = {
+        "decision": more.decision,
+        "touching": singularity_of(system, state, found, more.parts, position, scales),
+        "contradiction": more.contradiction(a),
+    }
+    lasting = jnp.linalg.norm(more.parts.stress, axis=1) > noise[0] / more.kept
+    lost = lost_rows(more, factor.split.stress, noise[0] / factor.least_kept)
+    growth = mu[m:] / more.size / scales.rows
+    branch = Branch(beside, more.states, growth=growth, lost=lost, alone=~jnp.any(lasting & ~lost), **still(evidence))
+    decides = functools.reduce(operator.and_, (passed for passed, _ in branch.checks))
+    branch = replace(branch, count=jnp.where(decides, branch.count, 0))
+    centripetal = jnp.max(jnp.abs(qd)) ** 2 / scales.size
+    found = replace(
+        factor,
+        spectrum=replace(factor.spectrum, kept=still(more.kept)),
+        determinacy=still(determinacy),
+        acceleration=scales.coordinates * a,
+        multipliers=mu[:m] / scales.rows,
+        residual=still(residual_of(more.matrix, mass, (force, more.wanted), (a, mu), centripetal)),
+        split=more.parts,
+        response=response,
+        branch=branch,
+    )
+    return found, branch, found.result == RESULTS.successful
+
+
+@compiled
+def _last_alone(system: AbstractSystem, state: State, factor: Factorisation, lost: Array) -> Array:
+    """Whether the self-stress of the rows that are not lost lasts without these."""
+    scales, position, gamma = factor.scaling, factor.violation.position, factor.gamma / factor.row_scale
+    parts, spectrum = split(jnp.where(lost[:, None], 0.0, factor.scaled), position, None)
+    stress = jnp.where(lost | lost[:, None], 0.0, parts.stress)
+    a, qd = factor.acceleration / scales.coordinates, state.qd / scales.coordinates
+    reached = reached_by(factor.scaled_mass, scales.coordinates * factor.load, a, scales.size)
+    found = ScaledMotion(qd, 0.0 * gamma, gamma, 0.0 * gamma, a, reached)
+    changes = singularity_of(system, state, found, parts._replace(stress=stress), position, scales)
+    return spectrum.decision.is_yes & changes.is_no

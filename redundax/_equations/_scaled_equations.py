@@ -1,0 +1,50 @@
+"""The solution of (7) in scaled variables, and what it leaves and reaches."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ._evidence import ratio
+
+
+def residual_of(
+    matrix: Float[Array, "r n"],
+    mass: Float[Array, "n n"],
+    wanted: tuple[Float[Array, " n"], Float[Array, " r"]],
+    found: tuple[Float[Array, " n"], Float[Array, " r"]],
+    centripetal: Float[Array, ""],
+) -> Float[Array, ""]:
+    """Largest residual of both blocks of (7), relative to their terms."""
+    (force, gamma), (a, mu) = wanted, found
+    return jnp.maximum(
+        ratio(gamma - matrix @ a, gamma, a, centripetal),
+        ratio(force - mass @ a - matrix.T @ mu, force, mass @ a, mu, mass * centripetal),
+    )
+
+
+def reached_by(
+    mass: Float[Array, "n n"], force: Float[Array, " n"], a: Float[Array, " n"], size: Float[Array, ""]
+) -> Float[Array, ""]:
+    """The velocity that accelerations, or those without constraints, reach over the size of the mechanism."""
+    inertia = jnp.sum(jnp.diagonal(mass)) / force.size
+    free = jnp.where(inertia > 0, jnp.max(jnp.abs(force)) / jnp.where(inertia > 0, inertia, 1.0), 0.0)
+    return jnp.sqrt(size * (jnp.max(jnp.abs(a)) + free))
+
+
+def refined(
+    matrix: Float[Array, "r n"],
+    mass: Float[Array, "n n"],
+    inverse: Float[Array, "n r"],
+    response: Float[Array, "n n"],
+    wanted: tuple[Float[Array, "n ..."], Float[Array, "r ..."]],
+) -> tuple[Float[Array, "n ..."], Float[Array, "r ..."]]:
+    """Accelerations and multipliers of forces and gamma, after one step of iterative refinement."""
+
+    def once(force: Array, gamma: Array) -> tuple[Array, Array]:
+        particular = inverse @ gamma
+        a = particular + response @ (force - mass @ particular)
+        return a, inverse.T @ (force - mass @ a)
+
+    force, gamma = wanted
+    a, mu = once(force, gamma)
+    da, dmu = once(force - mass @ a - matrix.T @ mu, gamma - matrix @ a)
+    return a + da, mu + dmu
