@@ -71,16 +71,17 @@ def analyze(
     no_classes(closure=closure)
     factor = factorisation_at(system, state, rank, factor)
     found, here = jax.device_get((_evidence(factor), position(system.anonymous(), state, factor)))
-    singular = bool(found.singular_position)
-    rows, unique = np.array(system.rows.labels), found.unique_multipliers & (not singular)
+    lost = _undetermined(system, state, factor, closure)
+    singular, decided = bool(found.singular_position), bool(found.local)
+    rows, unique = np.array(system.rows.labels), found.unique_multipliers & (decided or not singular)
     reads = np.unique(np.concatenate([np.zeros(0, int), *(np.ravel(group.rows) for group in system.friction)]))
     redundancy = rows.size - int(found.spectrum.rank)
-    stress = _echelon(found.split.stress, found.row_scale, redundancy, found.unique_multipliers)
+    stress = _echelon(found.split.stress, found.row_scale, redundancy - int(found.local), ~found.in_self_stress)
     groups, kinds = _groups(stress), system.rows.kinds
     figures, result = None, found.result
     if is_one_of(result, RESULTS.successful):
         figures, result = _family(system, state, factor, closure, stress, sense)
-    figures = None if is_one_of(result, RESULTS.not_finite) else figures
+    figures = None if is_one_of(result, RESULTS.not_finite, RESULTS.unbounded_friction) else figures
     return Report(
         coordinates=system.coordinates.labels,
         rows=system.rows.labels,
@@ -98,7 +99,8 @@ def analyze(
         singular_position=singular,
         local_self_stress=int(here.local),
         lost_digits=float(found.lost_digits),
-        unique_accelerations=bool(found.determinate) and not singular,
+        undetermined=tuple(str(name) for name in rows[lost]),
+        unique_accelerations=bool(found.determinate) and (decided or not singular),
         at_rest=_rests(result),
         verdicts={} if figures is None else _verdicts(system, state, figures, result),
         spectral_radius=figures.radius if system.friction and figures is not None else None,
@@ -119,7 +121,9 @@ class _Evidence(NamedTuple):
     spectrum: Spectrum
     result: RESULTS
     determinate: Array
+    local: Array | int
     split: Split
+    in_self_stress: Array
     unique_multipliers: Array
     singular_position: Array
     lost_digits: Array
@@ -129,6 +133,12 @@ class _Evidence(NamedTuple):
 @compiled
 def _evidence(factor: Factorisation) -> _Evidence:
     return _Evidence(*(getattr(factor, name) for name in _Evidence._fields))
+
+
+def _undetermined(system: AbstractSystem, state: State, factor: Factorisation, closure: AbstractClosure) -> np.ndarray:
+    """Which multipliers have no value at a singular position, (m,); where nothing decides, none is told apart."""
+    found = factor.undetermined(elasticity(closure, system, state).compliance) if factor.branch else None
+    return np.zeros(len(system.rows), bool) if found is None or not factor.local else np.asarray(found)
 
 
 def _family(

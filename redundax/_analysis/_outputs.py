@@ -51,6 +51,13 @@ def _joint_accelerations(system: AbstractSystem, state: State) -> tuple[Array, A
     return jax.jacfwd(found)(none), found(none)
 
 
+def evaluated(matrix: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Y x of values x, shape (..., n + m + p): NaN only for outputs that read an x that is."""
+    lost = np.isnan(values)
+    found = np.where(lost, 0.0, values) @ matrix.T
+    return np.where(lost.astype(int) @ (matrix != 0).T > 0, np.nan, found)
+
+
 def sizes(matrix: np.ndarray, kinds: Sequence[str], length: float | np.ndarray) -> np.ndarray:
     """What rounding of each entry is measured against: the largest of its column and kind, friction among the loads.
 

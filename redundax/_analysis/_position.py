@@ -46,6 +46,8 @@ def position(system: AbstractSystem, state: State, factor: Factorisation) -> Pos
     seen = jnp.einsum("ab,wbc,cd->awd", stress, changes, motion).reshape(stress.shape[0], -1)
     values = jnp.linalg.svd(seen, compute_uv=False)
     local = jnp.where(factor.singular_position, jnp.sum(values > _CHANGES * jnp.max(values, initial=0.0)), 0)
+    if factor.branch is not None:  # told apart, where `factor.split` has the others only
+        local = jnp.where(factor.branch.count > 0, factor.branch.count, local)
     turned = jnp.einsum("ab,wbc,cd->wad", stress, changes, inverse)
     alters = jnp.max(jnp.linalg.norm(turned, axis=1), axis=0) > _CHANGES * largest
     return Position(local, factor.unique_multipliers & alters)

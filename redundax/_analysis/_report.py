@@ -21,15 +21,18 @@ class Report:
     - `singular_values`, `gap`: spectrum of the scaled Jacobian, free of units, and the ratio across the rank.
     - `tolerance`: singular values above it count, relative to the largest.
     - `self_stress`: k self-stress states, shape (k, m), in units of the multipliers: loads that the joints can
-      carry without any external load. `draw` takes their index, from 0.
+      carry without any external load. `draw` takes their index, from 0. At a singular position where the velocity
+      decides the branch those that vanish beside it are left out.
     - `groups`: dependent groups: rows that are coupled by self-stress. None of a group is "the redundant one".
     - `unit_dependent`: rows whose minimum-norm multiplier changes with the unit of length or angle: those of groups
       that hold force-type and moment-type rows (Section 3). Under `Compliance` none does.
     - `unique_multipliers`: names of the multipliers that are unique without friction.
     - `unique_only_here`: those of them that are unique at this position only.
-    - `singular_position`: whether the rank is lower here than at positions beside it: then nothing is called unique,
-      and what is said of self-stress holds only here.
+    - `singular_position`: whether the rank is lower here than at positions beside it: then nothing is called unique
+      and what is said of self-stress holds only here, unless the velocity decides the branch of motion.
     - `local_self_stress`: how many of the self-stress states, at least, vanish beside a singular position.
+    - `undetermined`: names of the multipliers that have no value at a singular position under the closure, because
+      they are unbounded beside it or their limit is not known.
     - `lost_digits`: decimal digits that accelerations and loads lose to the smallest kept singular value.
     - `unique_accelerations`: whether accelerations are unique without friction.
     - `at_rest`: whether a joint with friction rests, where its friction is set-valued and what it moves undecided.
@@ -71,6 +74,7 @@ class Report:
     unique_only_here: tuple[str, ...]
     singular_position: bool
     local_self_stress: int
+    undetermined: tuple[str, ...]
     lost_digits: float
     unique_accelerations: bool
     at_rest: bool
@@ -147,7 +151,12 @@ class Report:
         if self.singular_position:
             lines.append(
                 f"SINGULAR POSITION: the rank is higher beside it, where at least {self.local_self_stress} of the "
-                f"{_count(self.redundancy, 'self-stress state')} vanish. No acceleration and no load is called unique."
+                f"{_count(self.redundancy, 'self-stress state')} vanish. "
+                + (
+                    "The velocity decides the branch of motion, and with it the accelerations."
+                    if self.undetermined
+                    else "No acceleration and no load is called unique."
+                )
             )
         elif self.lost_digits >= _FEW:
             lines.append(
@@ -163,11 +172,13 @@ class Report:
             lines += [line for group in self.groups for line in columns(list(group))]
         lines.append("Without friction:")
         lines.append(f"  accelerations: {'unique' if self.unique_accelerations else 'NOT unique, (14) fails'}")
-        free = [name for name in self.rows if name not in self.unique_multipliers]
+        free = [name for name in self.rows if name not in (*self.unique_multipliers, *self.undetermined)]
         lines += _listed("  unique multipliers:", self.unique_multipliers)
         if self.unique_only_here:
             lines += _listed("  of these unique only at this position:", self.unique_only_here)
         lines += _listed("  not unique:", free)
+        if self.undetermined:
+            lines += _listed("  without a value here, unbounded beside it or of unknown limit:", self.undetermined)
         if self.unit_dependent:
             lines += _listed("  of these the minimum norm depends on the unit of length:", self.unit_dependent)
         if any("." in row for row in self.rows):

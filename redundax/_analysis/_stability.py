@@ -119,7 +119,7 @@ def stability(
     - `closure`: the compliance of the joints.
     - `sense`, `rank`, `factor`: as in `solve`.
 
-    **Raises:** `ValueError` where the solution has no numbers.
+    **Raises:** `ValueError` where the solution has no numbers; `RuntimeError` at a singular position.
     """
     no_classes(closure=closure)
     if not is_one_of(solution.result, RESULTS.successful):
@@ -127,6 +127,8 @@ def stability(
             "Argument `solution` must be successful, but ended with another result. Solve with `throw=True` to see why."
         )
     factor, slips = factorisation_at(system, state, rank, factor), senses(system.slips, sense)
+    if factor.branch is not None:  # what is stiff here is soft beside it
+        raise RuntimeError(RESULTS[RESULTS.singular_position])
     given = elasticity(closure, system, state)
     figures = _figures(system.anonymous(), state, factor, solution.multipliers, given, slips)
     compliance, response = (np.asarray(x, float) for x in figures)

@@ -16,7 +16,8 @@ Then
       dtau/dz = (I - J K)^-1 J N_R,   J = d law / d rho,
   or another solution along a column of N (`_others`) has another y;
 - where touched friction moves y but neither shows a change, no change was found, which proves nothing;
-- all else is undecided, such as at rest, where Coulomb friction is set-valued.
+- all else is undecided, such as at rest, where Coulomb friction is set-valued, and what reads a multiplier that has no
+  value at a singular position.
 
 Each misfit of a compliance, or h, has one solution (proved) where the spectral radius of the whole Gamma, with the K
 of that closure, is below 1: the sweep then contracts in a weighted maximum norm.
@@ -111,6 +112,7 @@ class Family:
     - `reads`: which slip's law reads which load, shape (p, l).
     - `length`: L of the mechanism, which makes turns and shifts, moments and forces comparable.
     - `loose`: accelerations that (7) leaves free, shape (n, d), none where (14) holds.
+    - `undetermined`: which multipliers have no value at a singular position, shape (m,).
     - `solution`, `others`: [qdd; lam; tau] of the solution, and a function that gives other ones, some for each column
       of N, shape (k, looks, n + m + p); NaN where there is none.
     """
@@ -125,6 +127,7 @@ class Family:
     reads: np.ndarray
     length: np.ndarray
     loose: np.ndarray
+    undetermined: np.ndarray
     solution: np.ndarray
     others: Callable[[], np.ndarray]
 
@@ -150,10 +153,12 @@ def family(
     mass, jacobian, length, determinate = jax.device_get(
         (factor.mass, factor.jacobian, factor.length, factor.determinate)
     )
+    undetermined = factor.undetermined(chosen.compliance)
     return Family(
         system.names.unknowns.kinds,
         **figures,
         length=length,
+        undetermined=np.zeros(len(system.rows), bool) if undetermined is None else np.asarray(undetermined),
         loose=_loose(mass, jacobian, bool(determinate)),
         solution=np.concatenate([solution.acceleration, solution.multipliers, solution.friction]),
         others=others,
@@ -233,11 +238,14 @@ def judge(family: Family, names: list[str], outputs: np.ndarray, *, solved: bool
         if np.any(depends & ~moving):
             moving |= depends & _differ(family, outputs)
     known = ~np.any(np.abs(outputs[:, :n] @ family.loose) > 0, axis=1)
+    lost = np.any(by_multipliers[:, family.undetermined] != 0, axis=1)
     settled = not at_rest and spectral_radius(family.gamma[np.ix_(untouched, untouched)]) < 1
     out = []
     for k, name in enumerate(names):
         alone = with_friction = _simple(bool(outputs[k].any()), bool(known[k]), bool(direct[k].any()))
-        if family.slope.shape[0] and known[k] and alone is not Verdict.ZERO:
+        if lost[k]:
+            alone = with_friction = Verdict.UNDECIDED
+        elif family.slope.shape[0] and known[k] and alone is not Verdict.ZERO:
             sure = settled or not driven[k].any()
             with_friction = _with_friction(bool(depends[k].any()), bool(sure), solved, bool(moving[k].any()))
         out.append(Judged(name, alone, with_friction, tuple(int(s) for s in np.flatnonzero(moving[k]))))

@@ -167,6 +167,7 @@ class ComplianceBox(AbstractBounds):
                 f"Argument `box` must not hold negative compliances, but holds {lower.min():.4g}. Give at least 0."
             )
         compliance, misfit = elasticity(self.closure, system, state)
+        _check_apart(compliance, solutions)
         places = jnp.asarray(rows)
         compliance = compliance.at[places, places].set(0.0)
         least = compliance.at[places, places].set(lower)
@@ -198,6 +199,7 @@ def _closed(
 ) -> tuple[Array, Array, Array]:
     """Multipliers without friction, by misfit and by friction under a closure; the misfits of `rows` left out."""
     compliance, misfit = elasticity(closure, system, state)
+    _check_apart(compliance, solutions)
     if not (np.all(np.isfinite(compliance)) and np.all(np.isfinite(misfit))):
         raise RuntimeError(RESULTS[RESULTS.not_finite])
     stress, free, unit = solutions.stress, solutions.response.free.multipliers, solutions.response.unit.multipliers
@@ -250,6 +252,7 @@ def _by_pivots(
 
     lam = lam_p + T (theta - lam_p[rows]),   T = N N[rows]^-1.
     """
+    _check_given(report, rows, solutions)
     stress, free, unit = (
         np.asarray(x)
         for x in (solutions.stress, solutions.response.free.multipliers, solutions.response.unit.multipliers)
@@ -277,6 +280,29 @@ def _by_pivots(
         limits,
         norm,
     )
+
+
+def _check_given(report: Report, rows: np.ndarray, solutions: SolutionSet) -> None:
+    """Refuse bounds on multipliers that have no value at a singular position."""
+    none = [report.rows[row] for row in rows if solutions.undetermined is not None and solutions.undetermined[row]]
+    if none:
+        raise ValueError(
+            f"Argument `bounds` must bound multipliers that have a value, but at this singular position {none} have "
+            "none. Leave them out, or move the state."
+        )
+
+
+def _check_apart(compliance: Array, solutions: SolutionSet) -> None:
+    """Refuse a compliance that couples self-stress with multipliers that have no value at a singular position."""
+    if solutions.undetermined is None:
+        return
+    lost = np.asarray(solutions.undetermined)
+    lasting = np.any(np.asarray(solutions.stress) != 0, axis=1) & ~lost
+    if np.any(np.asarray(compliance)[np.ix_(lasting, lost)]):
+        raise ValueError(
+            "Argument `bounds` must have a compliance that leaves loads without a value alone, but at this singular "
+            "position it couples self-stress with them. Move the state beside the position."
+        )
 
 
 def _independent(matrix: np.ndarray) -> list[int]:

@@ -12,7 +12,8 @@ One factorisation at the state serves every z and every choice of base and U.
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
 
 from .._closures._closure import AbstractClosure, Elasticity, MinimumNorm, elasticity
 from .._equations._factorisation import Factorisation
@@ -34,6 +35,7 @@ class SolutionSet(eqx.Module):
     - `law`: the friction laws; None without friction.
     - `rows`: multipliers that they read, shape (l,).
     - `angular_loads`, `angular_slips`: which loads and frictions are moments.
+    - `undetermined`: multipliers that have no value at a singular position under the closure, (m,); None elsewhere.
     """
 
     response: LinearResponse
@@ -42,6 +44,7 @@ class SolutionSet(eqx.Module):
     rows: Int[Array, " l"]
     angular_loads: Array
     angular_slips: Array
+    undetermined: Bool[Array, " m"] | None = None
 
     def along(self, z: Float[Array, " k"]) -> Float[Array, " m"]:
         """lam_0 + N z."""
@@ -55,6 +58,14 @@ class SolutionSet(eqx.Module):
                 "Without friction `solve` is all that is needed."
             )
         return FrictionProblem.make(base[self.rows], unit[self.rows], self.law, self.angular_loads)
+
+    def shown(self, values: np.ndarray) -> np.ndarray:
+        """[qdd; lam; tau], shape (..., n + m + p), with NaN for multipliers that have no value."""
+        if self.undetermined is None:
+            return values
+        n, m = self.response.free.acceleration.size, self.undetermined.size
+        lost = np.pad(np.asarray(self.undetermined), (n, values.shape[-1] - n - m))
+        return np.where(lost, np.nan, values)
 
     def outputs(self, base: Float[Array, " m"], unit: Float[Array, "m p"], tau: Float[Array, " p"]) -> Array:
         """[qdd; lam; tau], shape (n + m + p,)."""
@@ -86,6 +97,6 @@ def _solution_set(
     reduced = reduce(system, state, factor, chosen, sense=sense)
     problem, none = reduced.problem, jnp.zeros(0, bool)
     if problem is None:
-        return SolutionSet(reduced.response, stress.T, None, reduced.rows, none, none)
+        return SolutionSet(reduced.response, stress.T, None, reduced.rows, none, none, reduced.undetermined)
     kinds = problem.angular_loads, problem.angular_slips
-    return SolutionSet(reduced.response, stress.T, problem.law, reduced.rows, *kinds)
+    return SolutionSet(reduced.response, stress.T, problem.law, reduced.rows, *kinds, reduced.undetermined)

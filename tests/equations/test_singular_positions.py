@@ -253,6 +253,24 @@ def test_rest_is_refused(name):
         rx.solve(*CASES[name].build(0, rate="0"))
 
 
+@pytest.mark.parametrize("name", ["flat parallelogram", "with a rider on two pins"])
+def test_nothing_is_said_at_rest(name):
+    system, state = CASES[name].build(0, rate="0")
+    report = rx.analyze(system, state)
+    assert report.singular_position and report.local_self_stress >= 1
+    assert "SINGULAR POSITION" in str(report)
+    assert not report.unique_accelerations
+    assert report.unique_multipliers == report.undetermined == ()
+    assert report.verdicts == {}
+    for call in (
+        lambda: rx.band(system, state, None, rx.AmplitudeBox({report.pivots[0]: (-1.0, 1.0)})),
+        lambda: rx.solution_family(system, state),
+        lambda: rx.sticking(system, state, rx.MinimumNorm()),
+    ):
+        with pytest.raises(RuntimeError, match="position is singular"):
+            call()
+
+
 def test_slow_motions_are_right_or_refused():
     case, ended = CASES["antiparallelogram"], {}
     for k in range(0, 20, 2):
@@ -317,8 +335,9 @@ def test_friction_of_loads_that_grow_without_bound_is_refused():
     with pytest.raises(RuntimeError, match="jams"):
         rx.solve(*case.build(0, mu_rho=mu_rho))
     assert rx.solve(*case.build(1e-9, mu_rho=mu_rho), throw=False).result == R.unbounded_friction
-    with pytest.raises(RuntimeError, match="position is singular"):
-        rx.frictional_solutions(*case.build(0, mu_rho=mu_rho))
+    for call in (rx.solution_family, rx.frictional_solutions):
+        with pytest.raises(RuntimeError, match="position is singular"):
+            call(*case.build(0, mu_rho=mu_rho))
     without = rx.solve(*case.build(0))
     none = rx.solve(*case.build(0, mu_rho={"A0": "0"}))
     np.testing.assert_allclose(none.acceleration, without.acceleration, rtol=1e-14)
@@ -333,6 +352,7 @@ def test_friction_of_other_loads_is_right():
     given = ~np.isnan(np.asarray(found.multipliers))
     assert set(np.array(system.rows.labels)[~given]) == set(case.lost)
     np.testing.assert_allclose(found.multipliers[given], multipliers[given], rtol=1e-9)
+    assert rx.analyze(system, state).unique_accelerations
 
 
 # Self-stress that lasts ----------------------------------------------------------------------
@@ -352,6 +372,40 @@ def test_closures_pick_the_loads_that_lasting_self_stress_leaves_open():
     coupled[np.ix_(labels == "A0.x", labels == "E.x")] = coupled[np.ix_(labels == "E.x", labels == "A0.x")] = 0.5
     lost = np.isnan(rx.solve(system, state, closure=rx.Compliance(coupled)).multipliers)
     assert set(labels[lost]) == {*case.lost, "E.x", "F.x"}
+
+
+def test_reports_bands_and_families_leave_out_what_has_no_value():
+    case = CASES["with a rider on two pins"]
+    system, state = case.build(0)
+    report, solution = rx.analyze(system, state), rx.solve(system, state)
+    assert (report.redundancy, report.local_self_stress, len(report.self_stress)) == (2, 1, 1)
+    assert set(report.undetermined) == set(case.lost)
+    assert set(np.array(report.rows)[np.any(report.self_stress != 0, axis=0)]) == {"E.x", "F.x"}
+    assert report.unique_accelerations and "velocity decides" in str(report)
+    told = {one.name: one.with_friction for group in report.verdicts.values() for one in group}
+    assert {told[name] for name in report.undetermined} == {rx.Verdict.UNDECIDED}
+    assert told["E.x"] is rx.Verdict.NOT_UNIQUE and told["A0.y"] is told["body 1.phi''"] is rx.Verdict.UNIQUE
+    (pivot,) = report.pivots
+    box, value = rx.AmplitudeBox({pivot: (-5.0, 5.0)}), float(solution.multipliers[report.rows.index(pivot)])
+    bands = rx.band(system, state, [pivot, "A0.y", "body 1.phi''"], box)
+    np.testing.assert_allclose([bands.lower[0], bands.upper[0]], [value - 5, value + 5], rtol=1e-12)
+    np.testing.assert_allclose(bands.lower[1:], bands.upper[1:], rtol=1e-12)
+    np.testing.assert_allclose(bands.lower[2], solution.acceleration[8], rtol=1e-12)
+    with pytest.raises(ValueError, match=r"A0\.x"):
+        rx.band(system, state, "A0.x", box)
+    with pytest.raises(ValueError, match=r"A0\.x"):
+        rx.band(system, state, pivot, rx.PreloadBox({"A0.x": (-5.0, 5.0)}))
+    family = rx.solution_family(system, state, samples=3)
+    lost = np.isin(report.rows, case.lost)
+    assert np.all(np.isnan(family.multipliers) == lost)
+    np.testing.assert_allclose(np.ptp(family.acceleration, axis=0), 0.0, atol=1e-12)
+
+
+def test_without_lasting_self_stress_there_is_no_band():
+    system, state = CASES["flat parallelogram"].build(0)
+    with pytest.raises(ValueError, match="all vanishes"):
+        rx.band(system, state, None, rx.AmplitudeBox({"A0.x": (-1.0, 1.0)}))
+    assert rx.analyze(system, state).verdicts["acceleration"][0].with_friction is rx.Verdict.UNIQUE
 
 
 # Transformations -----------------------------------------------------------------------------

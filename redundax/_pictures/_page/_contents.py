@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..._analysis._outputs import outputs, sizes
+from ..._analysis._outputs import evaluated, outputs, sizes
 from ..._analysis._report import Report
 from ..._analysis._verdict import Judged, Verdict
 from ..._solution_sets._family._solution_family import SolutionFamily
@@ -49,7 +49,7 @@ def contents(
         Section("The mechanism", (*drawing(system, state), Text(_units(report)), *_state(system, state))),
         Section("What is redundant", _redundant(report)),
     ]
-    if report.redundancy:
+    if report.pivots:
         sections.append(Section("Self-stress", _self_stress(system, state, report)))
     if report.verdicts:
         sections.append(Section("What is unique and what is not", _verdicts(report)))
@@ -80,6 +80,12 @@ def _short(report: Report) -> tuple[Block, ...]:
         blocks.append(Text(report.left_out, warning=True))
     if report.singular_position:
         singular = "Singular position: the rank is higher beside it, and what follows holds only here."
+        if report.undetermined:
+            names = ", ".join(report.undetermined)
+            singular = (
+                "Singular position: the velocity decides the branch of motion. Without a value are multipliers that "
+                f"are unbounded beside it or have no limit known: {names}."
+            )
         return *blocks, Text(singular, warning=True)
     return tuple(blocks)
 
@@ -216,7 +222,8 @@ def _values(
         )
     if families:
         blocks.append(Text(_looked_at(families)))
-    blocks += drawing(system, state, multipliers=np.asarray(solution.multipliers))
+    if not report.undetermined:
+        blocks += drawing(system, state, multipliers=np.asarray(solution.multipliers))
     x = np.concatenate([solution.acceleration, solution.multipliers, solution.friction])
     found = np.concatenate([x[None], *(family.values for family in families)])
     given = outputs(system, state)
@@ -224,9 +231,8 @@ def _values(
         names, matrix = given[kind]
         said = [judged.with_friction for judged in report.verdicts[kind]]
         kinds = _kinds(kind, names, system)
-        blocks.append(
-            _ranges(title, names, kinds, system.names.units, report.length, said, matrix @ x, found @ matrix.T)
-        )
+        value, others = evaluated(matrix, x), evaluated(matrix, found)
+        blocks.append(_ranges(title, names, kinds, system.names.units, report.length, said, value, others))
     if report.spectral_radius is not None:
         blocks += [family_picture(family) for family in families[:_PICTURES]]
     return tuple(blocks)
@@ -243,9 +249,9 @@ def _ranges(
     found: np.ndarray,
 ) -> Table:
     """Values of minimum norm, and where the solutions (number, outputs) differ the least and the largest."""
-    size = sizes(found.T, kinds, length).max(axis=1)
+    size = sizes(np.nan_to_num(found).T, kinds, length).max(axis=1)
     rounding = size * np.array([_LEAST if one is Verdict.NOT_UNIQUE else _SAME for one in said])
-    found, value = (np.where(np.abs(array) > rounding, array, 0.0) for array in (found, value))
+    found, value = (np.where(np.abs(array) <= rounding, 0.0, array) for array in (found, value))
     differs, told = np.ptp(found, axis=0) > rounding, [with_unit(kind, unit_of(kind, units)) for kind in kinds]
     differs &= np.array([one not in (Verdict.UNIQUE, Verdict.ZERO) for one in said])
     ends = zip(found.min(axis=0), found.max(axis=0), strict=True)
@@ -294,4 +300,4 @@ def _count(number: int, word: str) -> str:
 
 
 def _number(value: float) -> str:
-    return f"{value + 0.0:.5g}"
+    return "no value" if np.isnan(value) else f"{value + 0.0:.5g}"

@@ -16,7 +16,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from ..._analysis._analyze import Report, analyze
-from ..._analysis._outputs import joint_accelerations, plain
+from ..._analysis._outputs import evaluated, joint_accelerations, plain
 from ..._analysis._outputs import outputs as named_outputs
 from ..._analysis._verdict import Verdict
 from ..._equations._factorisation import Factorisation
@@ -31,6 +31,7 @@ from .._bounds import AbstractBounds
 from .._cases import Affine
 from .._family._solution_family import solutions_of
 from .._search import Search, best, few, proved_single
+from .._solution_set import SolutionSet
 
 
 @dataclasses.dataclass(frozen=True)
@@ -147,9 +148,15 @@ def band(
     factor = factorisation_at(system, state, rank, factor)
     report = analyze(system, state, sense=sense, factor=factor)
     solutions = solutions_of(system, state, factor, report, sense)
-    if not report.pivots:
+    if not report.pivots and not report.undetermined:
         raise ValueError("Argument `system` must be overconstrained, but has no self-stress: its loads are unique.")
     names, kinds, matrix, offset, unique = _wanted(system, state, outputs, report)
+    _check_values(names, matrix, solutions)
+    if not report.pivots:
+        raise ValueError(
+            "Argument `state` must be one with a self-stress that lasts beside it, but is at a singular position where "
+            "all vanishes: its accelerations are unique, and the loads that it touches have no value. Use `solve`."
+        )
     cases = bounds.cases(system, state, report, solutions)
     proved = proved_single(solutions, cases, report)
     exact_way = proved and not report.friction_reads and (isinstance(cases, Affine) or few(cases))
@@ -172,8 +179,8 @@ def band(
         box=np.stack([cases.figures(cases.lower), cases.figures(cases.upper)], axis=1),
         lower_case=np.asarray(cases.figures(jnp.asarray(pairs[0][1]))),
         upper_case=np.asarray(cases.figures(jnp.asarray(pairs[1][1]))),
-        lower_solution=pairs[0][2],
-        upper_solution=pairs[1][2],
+        lower_solution=solutions.shown(pairs[0][2]),
+        upper_solution=solutions.shown(pairs[1][2]),
         solved=search.solved,
     )
 
@@ -215,3 +222,14 @@ def _wanted(system: AbstractSystem, state: State, outputs: Sequence[str] | str |
         offset[places],
         np.array(judged)[places],
     )
+
+
+def _check_values(names: tuple[str, ...], matrix: np.ndarray, solutions: SolutionSet) -> None:
+    """Refuse outputs that have no value at a singular position."""
+    lost = np.isnan(evaluated(matrix, solutions.shown(np.zeros(matrix.shape[1]))))
+    if lost.any():
+        none = ", ".join(name for name, gone in zip(names, lost, strict=True) if gone)
+        raise ValueError(
+            f"Argument `outputs` must have values at this state, but it is at a singular position where {none} have "
+            "none: they are unbounded beside it, or their limit is not known. Leave them out, or move the state."
+        )

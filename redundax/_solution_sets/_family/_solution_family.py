@@ -64,7 +64,7 @@ class SolutionFamily:
     - `names`, `kinds`: of accelerations, multipliers and friction; kinds are "linear", "angular", "force", "moment",
       "friction force" and "friction moment".
     - `units`: of the same, as in "m/s²"; "" where the system states none.
-    - `values`: shape (solutions, n + m + p).
+    - `values`: shape (solutions, n + m + p); NaN for multipliers that have no value at a singular position.
     - `sizes`: what rounding of each is measured against, shape (n + m + p,): the largest value of its kind, friction
       among the loads, or a hundredth of the other kind's, times or over a length of the mechanism.
 
@@ -158,11 +158,10 @@ class SolutionFamily:
         least, largest = self.values.min(axis=0), self.values.max(axis=0)
         for k, (name, size) in enumerate(zip(self.names, self.sizes, strict=True)):
             same = largest[k] - least[k] <= 1e-9 * size
+            word = "no value" if np.isnan(least[k]) else "the same" if same else "varies"
             figures = (self.values[middle, k], least[k], largest[k])
-            row = "".join(f"{x if abs(x) > 1e-12 * size else 0.0:14.6g}" for x in figures)
-            lines.append(
-                f"{name:{wide}}{row}  {'the same' if same else 'varies':8}  {with_unit(self.kinds[k], self.units[k])}"
-            )
+            row = "".join(f"{0.0 if abs(x) <= 1e-12 * size else x:14.6g}" for x in figures)
+            lines.append(f"{name:{wide}}{row}  {word:8}  {with_unit(self.kinds[k], self.units[k])}")
         return lines
 
 
@@ -248,7 +247,7 @@ def solution_family(
         kinds=kinds,
         units=tuple(unit_of(kind, system.names.units) for kind in kinds),
         values=values,
-        sizes=sizes(values.T, kinds, report.length).max(axis=1, initial=0.0),
+        sizes=sizes(np.nan_to_num(values).T, kinds, report.length).max(axis=1, initial=0.0),
     )
 
 
@@ -317,4 +316,4 @@ def _axes(stress: np.ndarray, z: Numbers | Sequence[Numbers]) -> tuple[np.ndarra
 
 def _values(solutions: SolutionSet, branches: Branches) -> np.ndarray:
     outputs = jax.vmap(lambda z, tau: solutions.outputs(solutions.along(z), solutions.response.unit.multipliers, tau))
-    return np.asarray(outputs(jnp.asarray(branches.z), jnp.asarray(branches.tau)))
+    return solutions.shown(np.asarray(outputs(jnp.asarray(branches.z), jnp.asarray(branches.tau))))
