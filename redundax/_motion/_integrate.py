@@ -8,7 +8,6 @@ from jaxtyping import Array, Float
 
 from .._closures._closure import AbstractClosure, elasticity
 from .._equations._factorisation import Factorisation
-from .._equations._factorize import factorize
 from .._solve._solve import solve_factorised
 from .._solvers._continuation import Continuation
 from .._solvers._solver import Newton
@@ -31,6 +30,7 @@ from ._trajectory import Trajectory, TrajectoryStats
 def integrate(
     system: AbstractSystem,
     state: State,
+    factor: Factorisation,
     t1: Array,
     ts: Float[Array, " times"],
     closure: AbstractClosure,
@@ -40,30 +40,28 @@ def integrate(
     dt0: Array | None,
     max_steps: int,
     max_phases: int,
-    rank: Array | None,
     adjoint: diffrax.AbstractAdjoint,
     meter: diffrax.AbstractProgressMeter,
     *,
     singular: bool,
 ) -> Trajectory:
-    """The motion; `singular` says whether M may be."""
+    """The motion, given the factorisation at the start; `singular` says whether M may be."""
     ordered, given = in_order(state.t, t1, ts), ts
     t1, ts = (jnp.where(ordered, t, state.t) for t in (t1, within(state.t, t1, ts)))
     state = eqx.tree_at(lambda state: state.q, state, jnp.where(ordered, state.q, jnp.nan))
-    fixed = still((system, state))  # what only decides how to compute has no derivative
-    factor = factorize(*fixed, rank)
     rank = factor.spectrum.rank
     held = held_by(system, state, factor.scaling, factor.split.stress, singular=singular)
     equations = _equations(system, state, factor, closure, stabilisation, t1)
     first = 0.01 * factor.scaling.size / equations.speed if dt0 is None else dt0
     options = Options(solver, rtol is None, _controller(rtol, first), adjoint, meter, max_steps, first, t1, ts)
     begin = _start(equations, state, factor, held)
+    result = RESULTS.where(ordered, begin.result, RESULTS.times_out_of_order)
+    begin = eqx.tree_at(lambda begin: begin.result, begin, result)
     before = _before(begin, _moving(equations, state), state.t, held, ts)
     done = run(before, equations, options, max_phases)
     solved, found = _solved(equations, done, ts, rank, singular)
     ended = _ended(done, found == rank)
     ended = RESULTS.where(begin.result == RESULTS.successful, ended, begin.result)
-    ended = RESULTS.where(ordered, ended, RESULTS.times_out_of_order)
     q, qd, acceleration, multipliers, friction, memory = solved
     return Trajectory(
         jnp.where(ordered, ts, given),

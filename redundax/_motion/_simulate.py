@@ -9,16 +9,17 @@ friction at the times asked for are those of `solve`.
 from typing import TYPE_CHECKING
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
+from jaxtyping import Array, Float
 
 from .._closures._closure import AbstractClosure, MinimumNorm
 from .._equations._culprits import culprits
-from .._system._results import RESULTS
+from .._equations._factorisation import factorised
+from .._system._results import RESULTS, is_one_of
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._module import Numbers, as_float, known, no_classes, positive, replace
+from .._tools._module import Numbers, as_float, known, no_classes, numpy_of, positive, replace, still
 from ._stabilisation import AbstractStabilisation, Projection
 from ._times import check_times
 from ._trajectory import Trajectory
@@ -110,13 +111,16 @@ def simulate(
             "given. Give `rtol=None` and a constant step `dt0`, or another solver."
         )
     t1 = as_float(t1).astype(state.qd.dtype)
-    given = state.t + (t1 - state.t) * jnp.linspace(0, 1, 101, dtype=t1.dtype) if ts is None else as_float(ts)
-    given = given.astype(t1.dtype)
+    given = (_evenly(state.t, t1) if ts is None else as_float(ts)).astype(t1.dtype)
     check_times(state.t, t1, given)
-    mass = system.mass(state.q, state.t)
+    anonymous = system.anonymous()
+    declared = None if rank is None else jnp.asarray(rank)
+    factor = factorised(*still((anonymous.without_friction(), state)), declared)  # it only decides how to compute
+    mass = factor.mass if known(factor.mass) else system.mass(state.q, state.t)
     trajectory = integrate(
-        system.anonymous(),
+        anonymous,
         state,
+        factor,
         t1,
         given,
         closure,
@@ -126,13 +130,18 @@ def simulate(
         None if dt0 is None else as_float(dt0),
         max_steps,
         max_phases,
-        None if rank is None else jnp.asarray(rank),
         diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint,
         diffrax.TextProgressMeter() if progress else diffrax.NoProgressMeter(),
         singular=known(mass) and _singular(np.asarray(mass)),
     )
     trajectory = replace(trajectory, names=system.names, joint_coordinates=system.joint_coordinates)
     return _thrown(system, state, trajectory, throw)
+
+
+def _evenly(start: Array, end: Array) -> Float[Array, "101"]:
+    """Times from start to end."""
+    first, last = map(numpy_of(start, end).asarray, (start, end))
+    return as_float(first + (last - first) * np.linspace(0.0, 1.0, 101, dtype=end.dtype))
 
 
 def _check(
@@ -153,7 +162,7 @@ def _check(
         _check_chart(system, state)
     for name, value in (("rtol", rtol), ("dt0", dt0), ("max_steps", max_steps)):
         if value is not None:
-            positive(name, jnp.asarray(value))
+            positive(name, as_float(value))
     if rtol is None and dt0 is None:
         raise ValueError("Argument `dt0` must be given where `rtol` is None, but it is None: it is the constant step.")
 
@@ -177,12 +186,13 @@ def _chart_message(state: State, what: str) -> str:
 
 def _thrown(system: AbstractSystem, state: State, trajectory: Trajectory, throw: bool | None) -> Trajectory:
     """Raise the message of a motion that did not get to the end or to rest, or leave it as a value."""
-    failed = (trajectory.result != RESULTS.successful) & (trajectory.result != RESULTS.stuck)
-    if throw is False or (throw is None and not known(failed)):
+    traced = not all(map(known, jax.tree.leaves(trajectory.result)))
+    if throw is False or (throw is None and traced):
         return trajectory
-    if not known(failed):
+    if traced:
+        failed = (trajectory.result != RESULTS.successful) & (trajectory.result != RESULTS.stuck)
         return trajectory.result.error_if(trajectory, failed)
-    if failed:
+    if not is_one_of(trajectory.result, RESULTS.successful, RESULTS.stuck):
         raise RuntimeError(RESULTS[trajectory.result] + culprits(system, state, trajectory.result))
     return trajectory
 

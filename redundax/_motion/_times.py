@@ -9,11 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from .._tools._compilation import compiled
 from .._tools._module import known
 
 _ROUNDINGS = 10
 
 
+@compiled
 def in_order(start: Array, end: Array, ts: Float[Array, " times"]) -> Bool[Array, ""]:
     """Whether all are finite and follow each other."""
     early, late = start - _slack(start, end), end + _slack(start, end)
