@@ -96,6 +96,7 @@ def improved(
 
 
 def _improved(solutions: SolutionSet, cases: AbstractCases, cost: Array, theta: Array, tau: Array) -> Found:
+    @jax.jit  # traced once
     def at(theta: Array, tau: Array) -> Found:
         root = _root(solutions, cases, theta, tau)
         good = jnp.array(True) if root is None else root.progress.converged(Newton().tolerance(tau.dtype))
