@@ -9,6 +9,7 @@ friction at the times asked for are those of `solve`.
 from typing import TYPE_CHECKING
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
