@@ -73,7 +73,7 @@ def test_the_branch_is_compiled_where_it_is_needed(mu_rho, count, programs):
 def test_frictions_share_a_factorisation_with_none(programs):
     for mechanism in (rx.mechanisms.wojtyra2020(), rx.mechanisms.wojtyra2020(mu_rho=0.1)):
         rx.factorize(mechanism, mechanism.state(phi=0.7, rate=1.3))
-    assert programs.count("jit(_factorize)") == 1
+    assert programs.count("jit(factorised)") == 1
 
 
 def test_what_is_known_is_known_inside_transformations():
