@@ -209,6 +209,7 @@ def largest_changes(
     return jax.vmap(of_one, in_axes=1, out_axes=1)(loads)
 
 
+@eqx.filter_jit  # traced once for all iterations and derivatives in all programs
 def friction_force(
     groups: Sequence[AbstractFriction],
     loads: Float[Array, " l"],
