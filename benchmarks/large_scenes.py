@@ -40,7 +40,7 @@ from redundax._solve._reduced import reduce
 from redundax._solvers._solver import closed_root
 from redundax._system._decision import Decision
 from redundax._system._system import AbstractSystem
-from redundax._tools._module import known
+from redundax._tools._module import is_concrete
 
 SHIFT = 1e-8  # eps: what is left of a small singular value grows with it, rounding of the self-stress with 1 / eps
 PASSES = 3
@@ -117,7 +117,7 @@ class SparseFactorisation(AbstractSolvedFactorisation):
         return Response(self.scene.coordinates[:, None] * a, mu / scale)
 
     def close(self, compliance: Float[Array, "m m"]) -> tuple[AbstractPick, Decision]:
-        own = known(compliance) and np.array_equal(compliance, self.scene.compliance)
+        own = is_concrete(compliance) and np.array_equal(compliance, self.scene.compliance)
         return SparsePick(self, compliance, own), Decision(jnp.asarray(jnp.inf))
 
     def motion_of(self, rates: Array) -> Decision:
@@ -150,7 +150,7 @@ class SparsePick(AbstractPick):
 
     def caused(self, misfit: Array, rows: Array | None = None) -> Array:
         none, misfit = (
-            known(misfit) and not np.asarray(misfit).any(),
+            is_concrete(misfit) and not np.asarray(misfit).any(),
             jnp.broadcast_to(misfit, self.factor.scene.row_scale.shape),
         )
         found = jnp.zeros_like(misfit) if none else self._caused(misfit[:, None])[:, 0]

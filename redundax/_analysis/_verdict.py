@@ -190,14 +190,14 @@ def _figures(
     return {
         **out,
         "response": jnp.concatenate(reduced.response.unit),
-        "slope": jnp.linalg.solve(identity - slope @ reduced.problem.gain, _moved(slope, rows)),
+        "slope": jnp.linalg.solve(identity - slope @ reduced.problem.gain, _change_of_loads(slope, rows)),
         "gamma": law.largest_changes(reduced.problem.gain),
         "closed_gamma": law.largest_changes(closed.problem.gain),
         "reads": law.largest_changes(jnp.eye(reduced.rows.size)) > 0,
     }
 
 
-def _moved(slope: Array, rows: Array) -> Float[Array, "p k"]:
+def _change_of_loads(slope: Array, rows: Array) -> Float[Array, "p k"]:
     """J N_R; where changes of the loads cancel, as those of |rho_1 + 2 rho_2| along (2, -1), rounding moves nothing."""
     moved = slope @ rows
     return jnp.where(jnp.abs(moved) > _STATIONARY * (jnp.abs(slope) @ jnp.abs(rows)), moved, 0.0)
@@ -228,7 +228,7 @@ def judge(family: Family, names: list[str], outputs: np.ndarray, *, solved: bool
     driven_size = np.abs(by_unknowns) @ response_size + np.abs(by_friction)
     direct = _clean(by_multipliers @ family.stress, direct_size)
     driven = _clean(by_unknowns @ family.response + by_friction, driven_size)
-    touched = _touched(family)
+    touched = _slips_touched(family)
     untouched = ~touched.any(axis=1)
     depends = (direct != 0) | ((driven != 0) @ touched.astype(int) > 0)
     moving = direct != 0
@@ -266,7 +266,7 @@ def _with_friction(depends: bool, sure: bool, solved: bool, moving: bool) -> Ver
     return Verdict.NOT_UNIQUE if moving else Verdict.NO_CHANGE
 
 
-def _touched(family: Family) -> np.ndarray:
+def _slips_touched(family: Family) -> np.ndarray:
     """Which slips' friction can depend on which self-stress state, shape (p, k)."""
     touched = family.reads.astype(int) @ (family.stress_rows != 0) > 0
     moves = family.gamma > _STRUCTURAL * family.gamma.max(initial=0.0)

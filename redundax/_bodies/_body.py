@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from .._tools._module import as_float, known
+from .._tools._module import as_float, is_concrete
 
 GROUND = "ground"
 
@@ -38,7 +38,7 @@ class Body(eqx.Module):
                     f"Argument `{name}` of body '{self.name}' must be a number, but has shape {value.shape}. "
                     "Make one `Body` for each."
                 )
-            if known(value) and not np.asarray(value) >= 0:
+            if is_concrete(value) and not np.asarray(value) >= 0:
                 raise ValueError(
                     f"Argument `{name}` of '{self.name}' must not be negative, but is {float(value)}. Zero is allowed "
                     "where the constraints leave the coordinate no freedom of its own, condition (14)."

@@ -34,7 +34,7 @@ class JointCoordinates(AbstractJointCoordinates):
         rates = state.q, state.qd, jnp.where(finite, acceleration, 0.0)
         body = jax.tree.map(lambda *x: jnp.stack(x, axis=1), *map(poses, rates))
         moving = [joints for joints in self.joints if isinstance(joints.element, AbstractFrictionalJoint)]
-        parts = [joints.over(_moved, body) for joints in moving]
+        parts = [joints.over(_joint_motion, body) for joints in moving]
         found = jax.tree.map(lambda *x: jnp.concatenate(x), NoJointCoordinates().motion(state, acceleration), *parts)
         # What is not there is NaN, and NaN its derivatives, but a gradient passes nothing on to what is.
         return JointMotion(found.position, found.rate, jnp.where(finite, found.acceleration, jnp.sum(acceleration)))
@@ -77,7 +77,7 @@ def _arm(joint: AbstractJoint, name: str, pose: Pose) -> Array:
     return jnp.zeros_like(pose.r) if local is None else pose.point(local) - pose.r
 
 
-def _moved(joint: Any, i: Pose, j: Pose) -> JointMotion:
+def _joint_motion(joint: Any, i: Pose, j: Pose) -> JointMotion:
     """The coordinate of a joint, given poses of its bodies, their rates and the rates of these, stacked."""
 
     def along(*at_and_rate: Pose) -> tuple[Array, Array]:

@@ -15,7 +15,7 @@ from jaxtyping import Array, Int, PyTree
 from .._system._axis import Axis
 from .._system._friction import AbstractFriction
 from .._system._state import State
-from .._tools._module import as_functions, replace
+from .._tools._module import as_functions, replace_fields
 from ._body import poses
 from ._friction_model import AbstractFrictionModel
 from ._joints import AbstractFrictionalJoint, AbstractJoint
@@ -36,12 +36,12 @@ class JointFriction(AbstractFriction):
         return self.model.has_sense
 
     def anonymous(self) -> Self:
-        return replace(self, slips=self.slips.anonymous())
+        return replace_fields(self, slips=self.slips.anonymous())
 
     def apart(self, memory: PyTree) -> tuple[tuple[AbstractFriction, PyTree], ...]:
         def joint(k: int) -> tuple[AbstractFriction, PyTree]:
             group, own = jax.tree.map(lambda x: x[k : k + 1] if eqx.is_array(x) else x, (self, memory))
-            return replace(group, slips=Axis(None, self.slips.kinds[k : k + 1])), own
+            return replace_fields(group, slips=Axis(None, self.slips.kinds[k : k + 1])), own
 
         return tuple(joint(k) for k in range(len(self.slips)))
 

@@ -14,13 +14,23 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int, Shaped
 
-from .._system._axis import Axis, joined
+from .._system._axis import Axis, join
 from .._system._names import Names
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._system._units import Units, of_model
 from .._tools._compilation import compiled
-from .._tools._module import Numbers, as_functions, as_vector, check_position, floats, moved, on_device, replace, taken
+from .._tools._module import (
+    Numbers,
+    as_functions,
+    as_vector,
+    check_position,
+    floats,
+    moved,
+    on_device,
+    replace_fields,
+    tree_take,
+)
 from ._body import GROUND, Body, Pose, poses
 from ._joint_coordinates import JointCoordinates
 from ._joint_friction import FrictionMembers, JointFriction, friction_members
@@ -76,7 +86,7 @@ class Mechanism(AbstractSystem):
     ):
         names = [body.name for body in bodies]
         check_names(names, joints, loads)
-        self.body = stacked([replace(body, name="") for body in bodies])
+        self.body = stacked([replace_fields(body, name="") for body in bodies])
         self.loads, _ = stacks(loads, names)
         self.gravity, self.pose = as_vector(gravity), as_functions(pose)
         self.joints, groups = stacks(joints, names, name="", friction=None, pin_radius=None)
@@ -91,7 +101,7 @@ class Mechanism(AbstractSystem):
         self.names = Names(
             _coordinates(names),
             rows,
-            joined([members.slips for members in self._friction]),
+            join([members.slips for members in self._friction]),
             _joint_coordinates([joints[k] for group in groups for k in group]),
             _reactions([joints[k] for group in groups for k in group]),
             tuple(names),
@@ -117,15 +127,15 @@ class Mechanism(AbstractSystem):
         return True
 
     def anonymous(self) -> Self:
-        return replace(
+        return replace_fields(
             self,
             names=self.names.anonymous(),
             pose=None,
-            _friction=tuple(replace(f, slips=f.slips.anonymous()) for f in self._friction),
+            _friction=tuple(replace_fields(f, slips=f.slips.anonymous()) for f in self._friction),
         )
 
     def without_friction(self) -> Self:
-        return replace(self, names=self.names.without_slips(), _friction=())
+        return replace_fields(self, names=self.names.without_slips(), _friction=())
 
     def state(self, *coordinates: ArrayLike, rate: ArrayLike = 0.0, t: ArrayLike = 0.0, **named: ArrayLike) -> State:
         """The state on the constraint manifold at given independent coordinates and their rate.
@@ -165,7 +175,7 @@ class Mechanism(AbstractSystem):
         body = poses(q).with_axes()
         slopes = _slopes(self.joints, body, t)
         flat = jnp.concatenate([jnp.zeros(1, q.dtype), *(slope.ravel() for slope in slopes)])
-        return taken(flat, self._entries)
+        return tree_take(flat, self._entries)
 
     @property
     def joint_coordinates(self) -> JointCoordinates:
@@ -175,7 +185,7 @@ class Mechanism(AbstractSystem):
     def of_rows(self, values: Sequence[Array]) -> Shaped[Array, " m ..."]:
         """What the rows of the joints have, kind by kind of shape (joints, rows, ...), in the order of the rows."""
         flat = jnp.concatenate([value.reshape(-1, *value.shape[2:]) for value in values])
-        return taken(flat, self._source)
+        return tree_take(flat, self._source)
 
     @property
     def rows_of_joints(self) -> list[np.ndarray]:

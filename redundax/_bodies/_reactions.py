@@ -46,7 +46,7 @@ def joint_outputs(mechanism: Mechanism, state: State) -> tuple[list[str], np.nda
             by_row, arm = (part[k] for part in (on_j if on_ground[k] else on_i))
             whole = np.linalg.norm(by_row[:2], axis=0)
             force = np.where(np.abs(by_row[:2]) > _CLOSED * whole, by_row[:2], 0.0)
-            moment, reach = moved(by_row[2], by_row[:2], arm), np.linalg.norm(arm) * whole
+            moment, reach = moment_about(by_row[2], by_row[:2], arm), np.linalg.norm(arm) * whole
             moment = np.where(np.abs(moment) > _CLOSED * (np.abs(by_row[2]) + reach), moment, 0.0)
             wrench = np.zeros((3, len(mechanism.rows)))
             wrench[:, rows[k]] = np.vstack([force, moment])
@@ -60,7 +60,7 @@ def load_wrenches(stack: Any, state: State) -> tuple[Wrench, Wrench]:
     return stack.over(lambda load, i, j: load.wrenches(i, j, state.t), bodies)
 
 
-def moved(moment: np.ndarray | float, force: np.ndarray, arm: np.ndarray) -> np.ndarray | float:
+def moment_about(moment: np.ndarray | float, force: np.ndarray, arm: np.ndarray) -> np.ndarray | float:
     """The moment of a wrench about a point at `arm` from where it is known."""
     return moment - arm[0] * force[1] + arm[1] * force[0]
 

@@ -12,7 +12,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Int
 
-from .._tools._module import as_functions, numpy_of, on_device, replace, taken
+from .._tools._module import as_functions, numpy_of, on_device, replace_fields, tree_take
 from ._body import GROUND
 
 
@@ -40,11 +40,11 @@ class Stack(eqx.Module, Generic[E]):
 
     def over(self, function: Callable[[E, Any, Any], Any], bodies: Any) -> Any:
         """`function(element, i, j)` of every element and of what its bodies i and j have among all, the ground last."""
-        return eqx.filter_vmap(function)(self.element, taken(bodies, self.i), taken(bodies, self.j))
+        return eqx.filter_vmap(function)(self.element, tree_take(bodies, self.i), tree_take(bodies, self.j))
 
     def take(self, members: Int[Array, " some"]) -> "Stack[E]":
         """The stack of the given members."""
-        return taken(self, members)
+        return tree_take(self, members)
 
 
 def kinds(elements: Sequence[E]) -> list[list[int]]:
@@ -71,7 +71,7 @@ def stacks(
     `bodies` are the names of the moving bodies, in order.
     """
     index = {name: position for position, name in enumerate((*bodies, GROUND))}
-    bare = [as_functions(replace(element, i="", j="", **without)) for element in elements]
+    bare = [as_functions(replace_fields(element, i="", j="", **without)) for element in elements]
     groups = kinds(bare)
     return tuple(
         Stack(

@@ -25,7 +25,7 @@ from .._system._names import Names
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._system._units import Units
-from .._tools._module import replace
+from .._tools._module import replace_fields
 
 
 class Rescaled(AbstractSystem):
@@ -66,7 +66,7 @@ class Rescaled(AbstractSystem):
         return self.inner.diagonal_mass
 
     def anonymous(self) -> Self:
-        return replace(self, inner=self.inner.anonymous())
+        return replace_fields(self, inner=self.inner.anonymous())
 
     def mass(self, q: Array, t: Array) -> Float[Array, "n n"]:
         inner = self.inner.mass(q, t / self.units.time)
@@ -135,7 +135,7 @@ class _RescaledFriction(AbstractFriction):
         return self.inner.has_sense
 
     def anonymous(self) -> Self:
-        return replace(self, inner=self.inner.anonymous(), system=self.system.anonymous())
+        return replace_fields(self, inner=self.inner.anonymous(), system=self.system.anonymous())
 
     def slip(self, q: Array, t: Array) -> Array:
         return self.units.of(self.slips) * self.inner.slip(q, t / self.units.time)
@@ -197,7 +197,7 @@ class _RescaledClosure(AbstractClosure):
     inner: AbstractClosure
 
     def by_place(self, system: AbstractSystem) -> "_RescaledClosure":
-        return replace(self, inner=self.inner.by_place(system))
+        return replace_fields(self, inner=self.inner.by_place(system))
 
     def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
         if not isinstance(system, Rescaled):
@@ -237,7 +237,7 @@ def solution_from_units(solution: Solution, system: AbstractSystem, units: Units
         ```
     """
     scale, batch = units.of(system.coordinates) / units.time**2, solution.acceleration.shape[:-1]
-    return replace(
+    return replace_fields(
         solution,
         names=system.names,
         acceleration=solution.acceleration / scale,

@@ -91,15 +91,17 @@ def unit_certificate(system: AbstractSystem, state: State) -> UnitCertificate:
     accelerations = [UnitVerdict(f"{name}''", True, "unique without friction") for name in report.coordinates]
     if read:
         why = f"friction depends on the multipliers {', '.join(read)}, which change"
-        rows = [_rubbed(verdict, judged.with_friction, why) for verdict, judged in _paired(rows, report, "multiplier")]
+        rows = [
+            _with_friction(verdict, judged.with_friction, why) for verdict, judged in _pairs(rows, report, "multiplier")
+        ]
         accelerations = [
-            _rubbed(verdict, judged.with_friction, why)
-            for verdict, judged in _paired(accelerations, report, "acceleration")
+            _with_friction(verdict, judged.with_friction, why)
+            for verdict, judged in _pairs(accelerations, report, "acceleration")
         ]
     return UnitCertificate(tuple(rows), tuple(accelerations))
 
 
-def _paired(verdicts: list[UnitVerdict], report: Report, kind: str) -> zip:
+def _pairs(verdicts: list[UnitVerdict], report: Report, kind: str) -> zip:
     return zip(verdicts, report.verdicts[kind], strict=True)
 
 
@@ -123,7 +125,7 @@ def _alone(report: Report, name: str, kinds: dict[str, str]) -> UnitVerdict:
     )
 
 
-def _rubbed(alone: UnitVerdict, judged: Verdict, why: str) -> UnitVerdict:
+def _with_friction(alone: UnitVerdict, judged: Verdict, why: str) -> UnitVerdict:
     """With friction that reads loads which change."""
     if judged is Verdict.UNIQUE:
         return UnitVerdict(alone.name, True, "unique over all solutions with friction")

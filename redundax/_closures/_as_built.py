@@ -18,7 +18,7 @@ from .._bodies._mechanism import Mechanism
 from .._system._names import index_of
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._module import as_float, replace
+from .._tools._module import as_float, replace_fields
 from ._closure import AbstractClosure
 
 
@@ -71,7 +71,7 @@ class AsBuilt(AbstractClosure):
         self.closure, self.actual = closure, actual.anonymous()
 
     def by_place(self, system: AbstractSystem) -> "AsBuilt":
-        return replace(self, closure=self.closure.by_place(system))
+        return replace_fields(self, closure=self.closure.by_place(system))
 
     def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
         W, d = self.closure.compliance(system, state)
@@ -107,5 +107,5 @@ def heated(mechanism: Mechanism, warmer: Mapping[str, ArrayLike], expansion: Arr
             for name, end in (("point_i", stack.i), ("point_j", stack.j))
             if hasattr(stack.element, name)
         }
-        stacks.append(replace(stack, element=replace(stack.element, **points)))
-    return replace(mechanism, joints=tuple(stacks))
+        stacks.append(replace_fields(stack, element=replace_fields(stack.element, **points)))
+    return replace_fields(mechanism, joints=tuple(stacks))

@@ -24,7 +24,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._system._units import Units
 from .._tools._compilation import compiled
-from .._tools._module import as_float, known, on_device, optional_float, positive
+from .._tools._module import as_float, is_concrete, on_device, optional_float, positive
 
 
 class AbstractClosure(eqx.Module):
@@ -54,7 +54,7 @@ def elasticity(closure: AbstractClosure, system: AbstractSystem, state: State) -
     Outside of transformations they have the same shapes for every closure, so that no program is compiled for one.
     """
     given = jax.tree.leaves(eqx.filter((closure, state, system), eqx.is_array))
-    return _elasticity(closure.by_place(system), system.anonymous(), state, whole=all(map(known, given)))
+    return _elasticity(closure.by_place(system), system.anonymous(), state, whole=all(map(is_concrete, given)))
 
 
 @compiled
@@ -156,7 +156,7 @@ class Compliance(AbstractClosure):
                 f"Argument `misfit` must have one entry for each of the {size} rows of `W`, but has shape "
                 f"{self.misfit.shape}. Give 0 for rows that fit."
             )
-        if known(self.W):
+        if is_concrete(self.W):
             check_compliance(np.asarray(self.W))
 
     @classmethod

@@ -28,7 +28,7 @@ from .._system._names import index_of
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._system._units import Units
-from .._tools._module import Numbers, as_float, as_vector, known
+from .._tools._module import Numbers, as_float, as_vector, is_concrete
 from ._closure import AbstractClosure, check_compliance, inverse
 
 
@@ -90,7 +90,7 @@ class JointCompliance(eqx.Module):
                 )
         shift = shift if shift.ndim else shift * jnp.eye(2)
         self.compliance = jnp.block([[shift, cross[:, None]], [cross[None], as_float(rotation)[None, None]]])
-        if known(self.compliance):
+        if is_concrete(self.compliance):
             check_compliance(np.asarray(self.compliance), f"The compliance of joint '{joint}' in (x, y, angle)")
 
     @classmethod
@@ -210,7 +210,7 @@ def _on_i(given: JointCompliance, stack: Stack, k: int, bodies: tuple[str, ...])
         return jnp.asarray(True)
     index = {name: position for position, name in enumerate((*bodies, GROUND))}
     body = index.get(given.frame, -1)
-    if known(stack.i) and known(stack.j):
+    if is_concrete(stack.i) and is_concrete(stack.j):
         ends = int(np.asarray(stack.i)[k]), int(np.asarray(stack.j)[k])
         if body not in ends:
             raise ValueError(

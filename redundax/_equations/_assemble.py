@@ -22,12 +22,12 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
-from .._system._axis import Axis, joined
+from .._system._axis import Axis, join
 from .._system._names import ByName, Names, index_of, vector
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
-from .._tools._module import as_float, known, still
+from .._tools._module import as_float, is_concrete, stop_gradient
 from ._kinematics import second_order
 from ._rank import split
 from ._scaling import Scaling, largest_violation, scaling
@@ -86,7 +86,7 @@ def assemble(
         )
     numbers = {"q": q, "qd": qd, "t": t}
     for name, value in numbers.items():
-        if throw is not False and known(value) and not np.all(np.isfinite(value)):
+        if throw is not False and is_concrete(value) and not np.all(np.isfinite(value)):
             raise ValueError(f"Argument `{name}` must be finite, but is {value}. Give a guess of every entry.")
     finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(value)) for value in numbers.values()]))
     state, off, slow = _assemble(
@@ -97,7 +97,7 @@ def assemble(
         jnp.asarray(np.array(driven, int)),
         jnp.stack([jnp.zeros(()), *(as_float(x) for x in rates.values())])[1:].astype(dtype),
     )
-    if known(off.refused) and known(slow.refused):
+    if is_concrete(off.refused) and is_concrete(slow.refused):
         _tell("position", off, (*system.rows.labels, *(f"{name} as given" for name in positions)), throw)
         if slow.refused or not off.beyond.any():  # what the position misses the velocity does too
             _tell("velocity", slow, (*system.rows.labels, *(f"{name} as given" for name in rates)), throw)
@@ -106,7 +106,7 @@ def assemble(
 
 def _axis(names: Names) -> Axis:
     """What can be given: coordinates, and those of joints."""
-    return joined([names.coordinates, names.joint_coordinates])
+    return join([names.coordinates, names.joint_coordinates])
 
 
 def _given(system: AbstractSystem, q: Array, t: Array, held: Array) -> Array:
@@ -259,7 +259,7 @@ def _velocity(system: AbstractSystem, state: State, driven: Array, rates: Array)
     velocity = guess + change
     given = (jnp.max(jnp.abs(guess)) + jnp.max(jnp.abs(misfit))) / jnp.minimum(spectrum.kept, 1.0)
     rests = jnp.max(jnp.abs(velocity)) <= 10 * velocity.size * jnp.finfo(velocity.dtype).eps * given
-    velocity = velocity - jnp.where(rests, still(velocity), 0.0)  # the rounding of none, which has no direction
+    velocity = velocity - jnp.where(rests, stop_gradient(velocity), 0.0)  # the rounding of none, which has no direction
     qd = scale.coordinates * velocity
     speed = jnp.max(jnp.abs(velocity)) + jnp.max(jnp.abs(misfit))
     left = jnp.abs(misfit + rows @ change)
@@ -270,7 +270,7 @@ def _velocity(system: AbstractSystem, state: State, driven: Array, rates: Array)
 def _misfit(size: Array, relative: Array, settled: Array, weakest: Array, rounding: float) -> _Misfit:
     beyond = ~(relative <= rounding)
     near = jnp.all(relative <= max(rounding, largest_violation(relative.dtype)))
-    return still(_Misfit(size, relative, beyond, jnp.any(beyond) & ~(settled & near), weakest))
+    return stop_gradient(_Misfit(size, relative, beyond, jnp.any(beyond) & ~(settled & near), weakest))
 
 
 def _held_scale(system: AbstractSystem, held: Array, scale: Scaling) -> Array:

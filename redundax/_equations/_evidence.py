@@ -21,7 +21,7 @@ from jaxtyping import Array, Float
 from .._system._decision import CLEAR, Decision
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._module import of_any
+from .._tools._module import batch_any
 from ._kinematics import second_derivative
 from ._rank import Split
 from ._scaling import Scaling
@@ -109,7 +109,7 @@ def independence_of(
         found = jnp.where(bend < CLEAR * _POINTS, jnp.inf, changed / (_BENDS * _POINTS))
         return jnp.where(holds < CLEAR, jnp.maximum(holds, found), holds)
 
-    return Decision(jax.lax.cond(of_any(holds < CLEAR), beside, lambda: holds))
+    return Decision(jax.lax.cond(batch_any(holds < CLEAR), beside, lambda: holds))
 
 
 def _without_weakest(parts: Split) -> Split:

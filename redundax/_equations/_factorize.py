@@ -19,7 +19,7 @@ from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
-from .._tools._module import known, on_device, replace, still
+from .._tools._module import is_concrete, on_device, replace_fields, stop_gradient
 from ._branch import Branch, lacking, lost_rows
 from ._evidence import ScaledMotion, singularity_of
 from ._factorisation import Factorisation, factorised
@@ -48,7 +48,7 @@ def factorize(system: AbstractSystem, state: State, rank: ArrayLike | None = Non
     """
     system = system.anonymous().without_friction()
     factor = factorised(system, state, None if rank is None else jnp.asarray(rank))
-    return _continued(system, state, factor, rank) if known(factor.residual) else factor
+    return _continued(system, state, factor, rank) if is_concrete(factor.residual) else factor
 
 
 def _continued(system: AbstractSystem, state: State, factor: Factorisation, rank: ArrayLike | None) -> Factorisation:
@@ -64,10 +64,10 @@ def _continued(system: AbstractSystem, state: State, factor: Factorisation, rank
     if near is not factor and not is_trusted.item():
         return factor
     if not branch.count.item():
-        return replace(factor, branch=branch)
+        return replace_fields(factor, branch=branch)
     if not branch.alone.item():
-        branch = replace(branch, alone=_last_alone(system, state, near, branch.lost))
-    return replace(found, branch=branch)
+        branch = replace_fields(branch, alone=_last_alone(system, state, near, branch.lost))
+    return replace_fields(found, branch=branch)
 
 
 def factorisation_at(
@@ -111,17 +111,19 @@ def _on_branch(
     lasting = jnp.linalg.norm(more.parts.stress, axis=1) > noise[0] / more.kept
     lost = lost_rows(more, factor.split.stress, noise[0] / factor.least_kept)
     growth = mu[m:] / more.size / scales.rows
-    branch = Branch(beside, more.states, growth=growth, lost=lost, alone=~jnp.any(lasting & ~lost), **still(evidence))
+    branch = Branch(
+        beside, more.states, growth=growth, lost=lost, alone=~jnp.any(lasting & ~lost), **stop_gradient(evidence)
+    )
     decides = functools.reduce(operator.and_, (passed for passed, _ in branch.checks))
-    branch = replace(branch, count=jnp.where(decides, branch.count, 0))
+    branch = replace_fields(branch, count=jnp.where(decides, branch.count, 0))
     centripetal = jnp.max(jnp.abs(qd)) ** 2 / scales.size
-    found = replace(
+    found = replace_fields(
         factor,
-        spectrum=replace(factor.spectrum, kept=still(more.kept)),
-        determinacy=still(determinacy),
+        spectrum=replace_fields(factor.spectrum, kept=stop_gradient(more.kept)),
+        determinacy=stop_gradient(determinacy),
         acceleration=scales.coordinates * a,
         multipliers=mu[:m] / scales.rows,
-        residual=still(residual_of(more.matrix, mass, (force, more.wanted), (a, mu), centripetal)),
+        residual=stop_gradient(residual_of(more.matrix, mass, (force, more.wanted), (a, mu), centripetal)),
         split=more.parts,
         response=response,
         branch=branch,

@@ -96,21 +96,21 @@ def split(
     still, violation = jax.lax.stop_gradient((scaled, violation))
     rank = None if rank is None else jnp.asarray(rank, int)
     tolerance = 30 * (_noise(still) + violation)
-    found = in_chunks(_decided, still, violation, tolerance, rank, alone=_decomposed)
+    found = in_chunks(_decide, still, violation, tolerance, rank, alone=_decide_by_svd)
     values = _relative(_singular_values(still))
-    dropped = _dropped(values, found.rank)
-    gap = jnp.where(dropped > 0, _kept(values, found.rank) / jnp.where(dropped > 0, dropped, 1.0), jnp.inf)
+    dropped = _largest_dropped(values, found.rank)
+    gap = jnp.where(dropped > 0, _smallest_kept(values, found.rank) / jnp.where(dropped > 0, dropped, 1.0), jnp.inf)
     return _following(scaled, found.parts), Spectrum(values, found.rank, tolerance, gap, found.decision, found.kept)
 
 
-def _decided(scaled: Array, violation: Array, tolerance: Array, rank: Array | None) -> _Decided:
+def _decide(scaled: Array, violation: Array, tolerance: Array, rank: Array | None) -> _Decided:
     """By multiplication, or where its bounds prove nothing by decomposition."""
 
     def decomposed(state: tuple[_Decided, Array]) -> tuple[_Decided, Array]:
         unproved = jnp.where(state[1], 0.0, scaled)  # XLA would move what does not change out of the loop, and run it
-        return _decomposed(unproved, violation, tolerance, rank), jnp.asarray(True)
+        return _decide_by_svd(unproved, violation, tolerance, rank), jnp.asarray(True)
 
-    start = _multiplied(scaled, violation, tolerance, rank)
+    start = _decide_by_products(scaled, violation, tolerance, rank)
     return jax.lax.while_loop(lambda state: ~state[1], decomposed, start)[0]
 
 
@@ -129,11 +129,11 @@ def _relative(values: Array) -> Array:
     return values / jnp.maximum(values[0], jnp.finfo(values.dtype).tiny)
 
 
-def _kept(values: Array, rank: Array) -> Array:
+def _smallest_kept(values: Array, rank: Array) -> Array:
     return jnp.where(rank > 0, values[jnp.clip(rank - 1, 0)], jnp.inf)
 
 
-def _dropped(values: Array, rank: Array) -> Array:
+def _largest_dropped(values: Array, rank: Array) -> Array:
     return jnp.append(values, jnp.zeros((), values.dtype))[jnp.clip(rank, 0, values.size)]
 
 
@@ -147,7 +147,7 @@ def _rounding(scaled: Array) -> float:
     return 10 * float(jnp.finfo(scaled.dtype).eps)
 
 
-def _multiplied(
+def _decide_by_products(
     scaled: Array, violation: Array, tolerance: Array, rank: Array | None
 ) -> tuple[_Decided, Bool[Array, ""]]:
     """The decision by multiplication alone, and whether its bounds prove it."""
@@ -168,7 +168,7 @@ def _multiplied(
     largest = _largest(size, gram)
     kept = 1 / (largest * _largest(*_gram(inverse)))
     found = m - jnp.round(jnp.sum(jnp.diagonal(stress))).astype(int)
-    parts = _cleaned(scaled, inverse, stress, motion, found, kept)
+    parts = _without_rounding(scaled, inverse, stress, motion, found, kept)
     proved = (
         (between <= _noise(scaled) / kept)
         & (jnp.linalg.norm(parts.stress @ scaled) <= (_rounding(scaled) + violation) * largest)
@@ -196,14 +196,14 @@ def _symmetric(matrix: Array) -> Array:
     return (matrix + matrix.T) / 2
 
 
-def _decomposed(scaled: Array, violation: Array, tolerance: Array, rank: Array | None) -> _Decided:
+def _decide_by_svd(scaled: Array, violation: Array, tolerance: Array, rank: Array | None) -> _Decided:
     """The decision by singular value decomposition."""
     u, sigma, vt = jnp.linalg.svd(scaled, full_matrices=False)
     values = _relative(sigma)
     found = jnp.sum(values > tolerance) if rank is None else rank
-    kept = _kept(values, found)
+    kept = _smallest_kept(values, found)
     if rank is None:
-        dropped = _dropped(values, found)
+        dropped = _largest_dropped(values, found)
         explained = CLEAR * (_rounding(scaled) + 30 * violation) / jnp.where(dropped > 0, dropped, 1.0)
         margin = jnp.minimum(kept / tolerance, jnp.where(dropped > 0, explained, jnp.inf))
     else:
@@ -212,10 +212,10 @@ def _decomposed(scaled: Array, violation: Array, tolerance: Array, rank: Array |
     counted = jnp.arange(sigma.size) < found
     inverse = vt.T @ (jnp.where(counted, 1 / jnp.where(counted, sigma, 1.0), 0.0)[:, None] * u.T)
     stress, motion = (jnp.eye(side.shape[0], dtype=u.dtype) - (side * counted) @ side.T for side in (u, vt.T))
-    return _Decided(_cleaned(scaled, inverse, stress, motion, found, kept), found, kept, Decision(margin))
+    return _Decided(_without_rounding(scaled, inverse, stress, motion, found, kept), found, kept, Decision(margin))
 
 
-def _cleaned(scaled: Array, inverse: Array, stress: Array, motion: Array, rank: Array, kept: Array) -> Split:
+def _without_rounding(scaled: Array, inverse: Array, stress: Array, motion: Array, rank: Array, kept: Array) -> Split:
     """The split; rows and columns of projectors that are rounding are zero, as a soft row would magnify them."""
 
     def cleaned(projector: Array) -> Array:

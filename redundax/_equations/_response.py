@@ -21,7 +21,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from .._system._decision import Decision
-from .._tools._by_number import combined
+from .._tools._by_number import combine
 
 Evidence = TypeVar("Evidence")
 
@@ -126,4 +126,4 @@ def times(matrix: Float[Array, "d m"], vector: Float[Array, " m"] | Float[Array,
 
 def total(*arrays: Array) -> Float[Array, ""]:
     """Sum of the sizes of all entries, which a NaN does not pass by."""
-    return jnp.asarray(sum(combined(jnp.add, jnp.sum, jnp.abs(array).ravel()) for array in arrays))
+    return jnp.asarray(sum(combine(jnp.add, jnp.sum, jnp.abs(array).ravel()) for array in arrays))

@@ -25,7 +25,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._system._decision import CLEAR, Decision
 from .._tools._chunks import in_chunks
-from .._tools._module import of_any
+from .._tools._module import batch_any
 
 _STEPS = 2  # of refinement
 _SETTLED = 0.01  # of a direction that tr(G A) may miss
@@ -57,7 +57,7 @@ def _inverse(
         several = _of_several_directions(matrix, projector, dimension, kept, after)
         return jax.tree.map(lambda a, b: jnp.where(dimension > 1, a, b), several, one)
 
-    inverse, margin = jax.lax.cond(of_any(dimension > 1), of_several, lambda: one)
+    inverse, margin = jax.lax.cond(batch_any(dimension > 1), of_several, lambda: one)
     none = dimension <= 0
     decision = Decision(jnp.where(none, jnp.inf, margin))
     return jnp.where(decision.is_yes & ~none, inverse, 0.0), decision.is_yes, decision

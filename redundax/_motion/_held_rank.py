@@ -126,11 +126,11 @@ def factorize_held(system: AbstractSystem, state: State, held: Held) -> HeldFact
     response = _times(inverse_mass, rows.T)
     gram = rows @ response
     out = jnp.eye(gram.shape[0], dtype=gram.dtype) - held.projector
-    factor, whitening = _whitened(out @ gram @ out + held.projector)
+    factor, whitening = _whitening(out @ gram @ out + held.projector)
     return HeldFactorisation(held, rows, along_motion(system, state), inverse_mass, response, gram, factor, whitening)
 
 
-def _whitened(matrix: Array) -> tuple[Array, Array]:
+def _whitening(matrix: Array) -> tuple[Array, Array]:
     """The Cholesky factor L, and L^-1: two LAPACK calls, which a batch pays for one by one."""
     factor = jnp.linalg.cholesky(matrix, symmetrize_input=False)
     one = jnp.eye(matrix.shape[0], dtype=matrix.dtype)
@@ -143,7 +143,7 @@ def _times(inverse_mass: Array, force: Float[Array, "n p"]) -> Float[Array, "n p
 
 
 def _inverse(matrix: Array) -> Array:
-    _, whitening = _whitened((matrix + matrix.T) / 2)
+    _, whitening = _whitening((matrix + matrix.T) / 2)
     return whitening.T @ whitening
 
 
@@ -153,7 +153,7 @@ def _spanned_response(spanned: Array, projector: Array, compliance: Array | None
     size = jnp.trace(inside) / (2 * jnp.maximum(jnp.trace(projector), 1.0))
     size = jnp.where(size > 0, size, 1.0)
     kept = jnp.eye(inside.shape[0], dtype=inside.dtype) - projector
-    half = _whitened(inside / size + kept)[1] @ spanned.T
+    half = _whitening(inside / size + kept)[1] @ spanned.T
     return half.T @ half / size
 
 

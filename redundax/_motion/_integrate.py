@@ -15,13 +15,13 @@ from .._system._friction import memories
 from .._system._results import RESULTS, first_failure
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._module import still
+from .._tools._module import stop_gradient
 from ._held_rank import Held, held_by, hold
-from ._moving import Equations, Moving, charted, projected
-from ._phases import Options, Run, run
+from ._moving import Equations, Moving, project, rechart
+from ._phases import Options, PhaseState, run
 from ._stabilisation import AbstractStabilisation
 from ._stepper import at_start
-from ._stick import Onward, onward
+from ._stick import Mode, next_mode
 from ._times import in_order, within
 from ._trajectory import Trajectory, TrajectoryStats
 
@@ -81,7 +81,7 @@ class _Start(eqx.Module):
     """How the motion starts."""
 
     result: RESULTS
-    onward: Onward
+    onward: Mode
 
 
 def _equations(
@@ -121,12 +121,12 @@ def _controller(rtol: Array | None, first: Array) -> diffrax.AbstractStepSizeCon
 
 def _start(equations: Equations, state: State, factor: Factorisation, held: Held) -> _Start:
     system, none = equations.system, jnp.zeros((), bool)
-    start = Onward(equations.sense, equations.sense, none, ~none)
+    start = Mode(equations.sense, equations.sense, none, ~none)
     if not system.friction:
         return _Start(factor.result, start)
     if equations.has_sense:
-        start = onward(equations, state, held, ~none)
-    fixed = still((system, state, factor, elasticity(equations.closure, system, state)))
+        start = next_mode(equations, state, held, ~none)
+    fixed = stop_gradient((system, state, factor, elasticity(equations.closure, system, state)))
     solution = solve_factorised(*fixed, Continuation(), None, start.sense)
     sticks = jnp.any(equations.with_sense(start.sense).sticking)
     result = RESULTS.where(sticks, factor.result, solution.result)
@@ -140,13 +140,13 @@ def _moving(equations: Equations, state: State) -> Moving:
     return Moving(state.q, base, state.qd, none, none if equations.has_sense else None, memory)
 
 
-def _before(begin: _Start, y: Moving, t: Array, held: Held, ts: Array) -> Run:
+def _before(begin: _Start, y: Moving, t: Array, held: Held, ts: Array) -> PhaseState:
     """The run before its first phase."""
     start = begin.onward
     y = y._replace(qd=jnp.where(start.resting, 0.0, y.qd))
     path = jax.tree.map(lambda x: jnp.full((ts.size, *x.shape), jnp.nan, x.dtype), y)
     none = jnp.zeros((), int)
-    return Run(
+    return PhaseState(
         t=t,
         y=y,
         sense=start.sense,
@@ -167,7 +167,7 @@ def _before(begin: _Start, y: Moving, t: Array, held: Held, ts: Array) -> Run:
     )
 
 
-def _solved(equations: Equations, done: Run, ts: Array, rank: Array, singular: bool) -> tuple[tuple, Array]:
+def _solved(equations: Equations, done: PhaseState, ts: Array, rank: Array, singular: bool) -> tuple[tuple, Array]:
     """Position, velocity, acceleration, multipliers and friction at times; and the rank found at the end."""
     system = equations.system
 
@@ -175,9 +175,9 @@ def _solved(equations: Equations, done: Run, ts: Array, rank: Array, singular: b
         t, y, sense, resting = point
         there = equations.with_sense(sense)
         held, found = hold(system, y.at(t), equations.scaling, rank, singular=singular)
-        y, _ = charted(system, y)
+        y, _ = rechart(system, y)
         if equations.stabilisation.projects:
-            y = jax.tree.map(lambda a, b: jnp.where(resting, a, b), y, projected(system, t, y, held))
+            y = jax.tree.map(lambda a, b: jnp.where(resting, a, b), y, project(system, t, y, held))
         state = y.at(t)
         solved = there.solved(state, there.linear(state, held), None)
         acceleration = jnp.where(resting, 0.0, solved.acceleration)
@@ -190,7 +190,7 @@ def _solved(equations: Equations, done: Run, ts: Array, rank: Array, singular: b
     return jax.tree.map(lambda x: x[:-1], solved), found[-1]
 
 
-def _ended(done: Run, same: Array) -> RESULTS:
+def _ended(done: PhaseState, same: Array) -> RESULTS:
     """The result of a motion; `same` says whether the rank is what it was."""
     events = done.ended == diffrax.RESULTS.event_occurred
     stopped = done.ended == diffrax.RESULTS.successful
@@ -207,7 +207,7 @@ def _ended(done: Run, same: Array) -> RESULTS:
     )
 
 
-def _stats(done: Run) -> TrajectoryStats:
+def _stats(done: PhaseState) -> TrajectoryStats:
     watch = done.watch
     return TrajectoryStats(
         steps=done.steps,

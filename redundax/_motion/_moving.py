@@ -249,7 +249,7 @@ def _none(linear: Linear) -> tuple[Float[Array, " p"], Float[Array, "p p"]]:
     return jnp.zeros_like(linear.rate), jnp.eye(linear.rate.size, dtype=linear.rate.dtype)
 
 
-def charted(system: AbstractSystem, y: Moving) -> tuple[Moving, Bool[Array, ""]]:
+def rechart(system: AbstractSystem, y: Moving) -> tuple[Moving, Bool[Array, ""]]:
     """y with its position put back on the chart, and whether that settled."""
     if y.base is None:
         return y, jnp.asarray(True)
@@ -258,9 +258,9 @@ def charted(system: AbstractSystem, y: Moving) -> tuple[Moving, Bool[Array, ""]]
     return y._replace(q=q, base=q), change <= float(jnp.finfo(change.dtype).eps) ** 0.375
 
 
-def projected(system: AbstractSystem, t: Array, y: Moving, held: Held) -> Moving:
+def project(system: AbstractSystem, t: Array, y: Moving, held: Held) -> Moving:
     """y moved onto the manifold, positions then velocities, by least change in the norm of M."""
-    d, qd = _closed(system, held, y.q, y.qd, t)
+    d, qd = _least_change(system, held, y.q, y.qd, t)
     q = system.retract(y.q, d)
     moved = system.load(State(system.retract(y.q, d / 2), y.qd, t)) @ d
     return y._replace(q=q, base=None if y.base is None else q, qd=qd, work=y.work + moved)
@@ -271,7 +271,7 @@ _CHORDS = 4
 
 
 @eqx.filter_custom_jvp
-def _closed(
+def _least_change(
     system: AbstractSystem, held: Held, q: Float[Array, "..."], qd: Float[Array, " n"], t: Array
 ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
     """The least displacement from q that meets the held rows, and the velocity nearest to qd that does so there."""
@@ -289,12 +289,12 @@ def _closed(
     return d, jax.lax.fori_loop(0, _CHORDS, velocity, qd)
 
 
-@_closed.def_jvp
+@_least_change.def_jvp
 def _closed_jvp(primals: tuple, tangents: tuple) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """By the constraints at the new position: what the step is off by is small beside what moves."""
     system, held, q, qd, t = primals
     system_dot, _, q_dot, qd_dot, t_dot = tangents
-    d, qd = _closed(*primals)
+    d, qd = _least_change(*primals)
     factor = factorize_held(system, State(system.retract(q, d), qd, t), held)
     _, off = eqx.filter_jvp(lambda system, q, t: _residual(system, q, d, t), (system, q, t), (system_dot, q_dot, t_dot))
     d_dot = -_nearest(factor, off)

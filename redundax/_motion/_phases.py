@@ -11,12 +11,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from .._tools._module import of_any
+from .._tools._module import batch_any
 from ._held_rank import Held
 from ._moving import Context, Equations, Moving
-from ._slip import bracketed, locate, released
-from ._stepper import Carried, Stepper, Watch
-from ._stick import Onward
+from ._slip import bracket_event, is_released, locate
+from ._stepper import Carried, Diagnostics, Stepper
+from ._stick import Mode
 from ._times import within
 
 
@@ -34,7 +34,7 @@ class Options(NamedTuple):
     ts: Float[Array, " times"]
 
 
-class Run(NamedTuple):
+class PhaseState(NamedTuple):
     """A motion so far.
 
     - `t`, `y`, `sense`, `tau`, `held`: where it is, and what is held from there on.
@@ -58,27 +58,27 @@ class Run(NamedTuple):
     going: Bool[Array, ""]
     decided: Bool[Array, ""]
     ended: diffrax.RESULTS
-    watch: Watch
+    watch: Diagnostics
     steps: Int[Array, ""]
     rejected: Int[Array, ""]
     phases: Int[Array, ""]
 
 
-def run(start: Run, equations: Equations, options: Options, max_phases: int) -> Run:
+def run(start: PhaseState, equations: Equations, options: Options, max_phases: int) -> PhaseState:
     """The motion up to the end."""
 
-    def phase(_: Array, now: Run) -> Run:
-        def after() -> Run:
+    def phase(_: Array, now: PhaseState) -> PhaseState:
+        def after() -> PhaseState:
             return jax.tree.map(lambda a, b: jnp.where(now.going, a, b), _phase(now, equations, options), now)
 
-        return jax.lax.cond(of_any(now.going), after, lambda: now)
+        return jax.lax.cond(batch_any(now.going), after, lambda: now)
 
     if not equations.has_sense:
         return _phase(start, equations, options)
     return jax.lax.fori_loop(0, max_phases, phase, start)
 
 
-def _phase(now: Run, equations: Equations, options: Options) -> Run:
+def _phase(now: PhaseState, equations: Equations, options: Options) -> PhaseState:
     equations = equations.with_sense(jax.lax.stop_gradient(now.sense))
     end = jnp.where(now.going & ~now.resting, options.end, now.t)
     solution = diffrax.diffeqsolve(
@@ -103,12 +103,12 @@ def _phase(now: Run, equations: Equations, options: Options) -> Run:
     (path, last), (_, stop) = cast(tuple[Moving, Moving], solution.ys), cast(list, solution.ts)
     t, y = stop[0], jax.tree.map(lambda x: x[0], last)
     carried = cast(Carried, solution.solver_state)
-    stopped, onward = jnp.zeros((), bool), Onward(now.sense, carried.context.tau, now.resting, now.decided)
+    stopped, onward = jnp.zeros((), bool), Mode(now.sense, carried.context.tau, now.resting, now.decided)
     if equations.has_sense:
         happened = solution.result == diffrax.RESULTS.event_occurred
         t, y, onward, stopped = _stopped(now, equations, options.end, happened, t, y, carried, onward)
     here = (options.ts >= now.t) & (options.ts <= t)
-    return Run(
+    return PhaseState(
         t=t,
         y=y._replace(qd=jnp.where(onward.resting, 0.0, y.qd)),
         sense=onward.sense,
@@ -122,7 +122,7 @@ def _phase(now: Run, equations: Equations, options: Options) -> Run:
         going=stopped & onward.decided & (t < options.end),
         decided=onward.decided,
         ended=solution.result,
-        watch=_joined(now.watch, carried.watch),
+        watch=_join(now.watch, carried.watch),
         steps=now.steps + solution.stats["num_accepted_steps"],
         rejected=now.rejected + solution.stats["num_rejected_steps"],
         phases=now.phases + ~now.resting,
@@ -130,22 +130,22 @@ def _phase(now: Run, equations: Equations, options: Options) -> Run:
 
 
 def _stopped(
-    now: Run,
+    now: PhaseState,
     equations: Equations,
     end: Array,
     happened: Bool[Array, ""],
     t: Array,
     y: Moving,
     carried: Carried,
-    onward: Onward,
-) -> tuple[Array, Moving, Onward, Bool[Array, ""]]:
+    onward: Mode,
+) -> tuple[Array, Moving, Mode, Bool[Array, ""]]:
     """Where an event of the last step ends a phase, or loads end a rest, how it goes on there, and whether they do."""
     rests = now.resting & now.going
     (first, start), last = carried.start, y.at(jnp.where(now.resting, end, t))
     before = jax.tree.map(lambda a, b: jnp.where(now.resting, a, b), y.at(t), start.at(first))
-    bracket = bracketed(equations, before, last, carried.context.held, rests, happened)
+    bracket = bracket_event(equations, before, last, carried.context.held, rests, happened)
     there = bracket.there
-    moves = now.resting & ~there.resting & ~jnp.any(released(equations, there))  # what no friction held
+    moves = now.resting & ~there.resting & ~jnp.any(is_released(equations, there))  # what no friction held
     t = jnp.where(now.resting, jnp.where(moves, bracket.low, bracket.high), t)
     stopped = jnp.where(now.resting, ~there.resting, happened)
     event = stopped & ~moves
@@ -162,7 +162,7 @@ def _like(mask: Array, x: Array) -> Array:
     return mask.reshape(mask.shape + (1,) * (x.ndim - 1))
 
 
-def _joined(one: Watch, two: Watch) -> Watch:
+def _join(one: Diagnostics, two: Diagnostics) -> Diagnostics:
     """The watch over two phases."""
     joined = jax.tree.map(jnp.maximum, one, two)
     return joined._replace(nearest=jnp.minimum(one.nearest, two.nearest), start=one.start)

@@ -20,7 +20,16 @@ from .._equations._factorisation import factorised
 from .._system._results import RESULTS, is_one_of
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._module import Numbers, as_float, known, no_classes, numpy_of, positive, replace, still
+from .._tools._module import (
+    Numbers,
+    as_float,
+    is_concrete,
+    no_classes,
+    numpy_of,
+    positive,
+    replace_fields,
+    stop_gradient,
+)
 from ._stabilisation import AbstractStabilisation, Projection
 from ._times import check_times
 from ._trajectory import Trajectory
@@ -116,8 +125,10 @@ def simulate(
     check_times(state.t, t1, given)
     anonymous = system.anonymous()
     declared = None if rank is None else jnp.asarray(rank)
-    factor = factorised(*still((anonymous.without_friction(), state)), declared)  # it only decides how to compute
-    mass = factor.mass if known(factor.mass) else system.mass(state.q, state.t)
+    factor = factorised(
+        *stop_gradient((anonymous.without_friction(), state)), declared
+    )  # it only decides how to compute
+    mass = factor.mass if is_concrete(factor.mass) else system.mass(state.q, state.t)
     trajectory = integrate(
         anonymous,
         state,
@@ -133,9 +144,9 @@ def simulate(
         max_phases,
         diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint,
         diffrax.TextProgressMeter() if progress else diffrax.NoProgressMeter(),
-        singular=known(mass) and _singular(np.asarray(mass)),
+        singular=is_concrete(mass) and _singular(np.asarray(mass)),
     )
-    trajectory = replace(trajectory, names=system.names, joint_coordinates=system.joint_coordinates)
+    trajectory = replace_fields(trajectory, names=system.names, joint_coordinates=system.joint_coordinates)
     return _thrown(system, state, trajectory, throw)
 
 
@@ -187,7 +198,7 @@ def _chart_message(state: State, what: str) -> str:
 
 def _thrown(system: AbstractSystem, state: State, trajectory: Trajectory, throw: bool | None) -> Trajectory:
     """Raise the message of a motion that did not get to the end or to rest, or leave it as a value."""
-    traced = not all(map(known, jax.tree.leaves(trajectory.result)))
+    traced = not all(map(is_concrete, jax.tree.leaves(trajectory.result)))
     if throw is False or (throw is None and traced):
         return trajectory
     if traced:

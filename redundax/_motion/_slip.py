@@ -1,6 +1,6 @@
 """Events: a joint that slips comes to a stop, or joints that stick are let go.
 
-A step goes on with the senses held, smoothly through the event; at its end it is seen (`happened`), and taken back:
+A step goes on with the senses held, smoothly through the event; at its end it is seen (`has_event`), and taken back:
 bisection of the interpolated step brackets the event, and Newton's method on the time finds it,
 
     dt = -h / h',   y <- y(t + dt) by one step of order 8,
@@ -24,10 +24,10 @@ from jaxtyping import Array, Bool, Float
 
 from .._equations._kinematics import between
 from .._system._state import State
-from .._tools._module import still
+from .._tools._module import stop_gradient
 from ._held_rank import Held
-from ._moving import Context, Equations, Linear, Moving, charted, projected
-from ._stick import NONE, Onward, counted, onward, settled
+from ._moving import Context, Equations, Linear, Moving, project, rechart
+from ._stick import NONE, Mode, mode_of, next_mode, tolerance_of
 
 # Halvings of the step, steps that locate an event, into the bracket and then Newton's, and looks at rest.
 _HALVINGS, _NEWTON, _LOOKS = 8, 5, 100
@@ -43,18 +43,18 @@ class Bracket(NamedTuple):
 
     low: Array
     high: Array
-    there: Onward
+    there: Mode
     against: Float[Array, " p"]
 
 
-def happened(equations: Equations, state: State, linear: Linear) -> Bool[Array, ""]:
+def has_event(equations: Equations, state: State, linear: Linear) -> Bool[Array, ""]:
     """Whether a joint slips against its sense, or joints that stick do not any longer."""
-    there = settled(equations, state, linear, jnp.any(equations.sticking))
-    small = counted(NONE, linear.rate) * equations.speed / equations.slip_size
-    return jnp.any(released(equations, there)) | jnp.any(_against(equations, linear.rate) > small)
+    there = mode_of(equations, state, linear, jnp.any(equations.sticking))
+    small = tolerance_of(NONE, linear.rate) * equations.speed / equations.slip_size
+    return jnp.any(is_released(equations, there)) | jnp.any(_against(equations, linear.rate) > small)
 
 
-def released(equations: Equations, there: Onward) -> Bool[Array, " p"]:
+def is_released(equations: Equations, there: Mode) -> Bool[Array, " p"]:
     """Which joints that stick are let go."""
     return equations.sticking & (there.sense != 0)
 
@@ -64,17 +64,17 @@ def _against(equations: Equations, rate: Float[Array, " p"]) -> Float[Array, " p
     return jnp.where(jnp.asarray(equations.sensed), -rate * equations.sense, 0.0)
 
 
-def bracketed(
+def bracket_event(
     equations: Equations, first: State, last: State, held: Held, resting: Bool[Array, ""], happened: Bool[Array, ""]
 ) -> Bracket:
     """The first event between two states, if one has happened; or where the loads let a mechanism at rest go."""
-    equations, first, last, held = still((equations, first, last, held))
+    equations, first, last, held = stop_gradient((equations, first, last, held))
     span = jnp.where(last.t > first.t, last.t - first.t, 1.0)
 
-    def here(t: Array, wanted: Array) -> tuple[Onward, Float[Array, " p"]]:
+    def here(t: Array, wanted: Array) -> tuple[Mode, Float[Array, " p"]]:
         state = between(equations.system, first, last, (t - first.t) / span)
         linear = equations.linear(state, held, closed=equations.loaded)
-        there = settled(equations, state, linear, jnp.any(equations.sticking) & wanted)
+        there = mode_of(equations, state, linear, jnp.any(equations.sticking) & wanted)
         return there, _against(equations, linear.rate) * equations.slip_size
 
     def look(carry: _Looking) -> _Looking:
@@ -83,7 +83,7 @@ def bracketed(
         t = jnp.where(carry.halves, jnp.where(count == 0, high, (low + high) / 2), next_look)
         there, against = here(t, ~carry.ends)
         over = jnp.where(carry.halves & (count == 0), against > 0, carry.over)
-        late, free = jnp.where(over, against, 0.0), released(equations, there)
+        late, free = jnp.where(over, against, 0.0), is_released(equations, there)
         before = (carry.halves & (count > 0) & ~jnp.any(free) & jnp.all(late <= 0)) | (~carry.halves & there.resting)
         old, new = carry.found._replace(low=t), Bracket(low, t, there, late)
         found = jax.tree.map(lambda a, b: jnp.where(before, a, b), old, new)
@@ -92,7 +92,7 @@ def bracketed(
         return _Looking(jnp.where(starts, 1, count + 1), found, over, carry.halves | starts, ends)
 
     zero, none = jnp.zeros_like(equations.sense), jnp.zeros((), bool)
-    whole = Bracket(first.t, last.t, Onward(equations.sense, zero, ~none, none), zero)
+    whole = Bracket(first.t, last.t, Mode(equations.sense, zero, ~none, none), zero)
     begin = _Looking(jnp.zeros((), int), whole, zero > 0, ~resting, ~(resting | happened))
     return jax.lax.while_loop(lambda carry: ~carry.ends, look, begin).found
 
@@ -110,13 +110,13 @@ class _Looking(NamedTuple):
 
 def locate(
     equations: Equations, bracket: Bracket, t: Array, y: Moving, context: Context, event: Bool[Array, ""]
-) -> tuple[Array, Moving, Onward]:
+) -> tuple[Array, Moving, Mode]:
     """The event of the bracket, from (t, y) after it, and how it goes on from there.
 
     `event` says whether there is one: a batch looks where there is none.
     """
-    fixed = still(equations)
-    reverses, go = jnp.any(bracket.against > 0), released(fixed, bracket.there)
+    fixed = stop_gradient(equations)
+    reverses, go = jnp.any(bracket.against > 0), is_released(fixed, bracket.there)
     joint = jnp.where(reverses, jnp.argmax(bracket.against), jnp.argmax(go))
     free = ~reverses & jnp.any(go)
     starts = equations.with_sense(jnp.where(free & go, bracket.there.sense, equations.sense))
@@ -134,12 +134,12 @@ def locate(
             return _Ahead(jnp.where(event, dt, 0.0), h, slope)
 
         y, (dt, h, slope) = _stepped(equations, starts, t, y, context, ahead)
-        y = projected(equations.system, t + dt, charted(equations.system, y)[0], context.held)
+        y = project(equations.system, t + dt, rechart(equations.system, y)[0], context.held)
         return _Newton(t + dt, y, h, slope), None
 
     zero = jnp.zeros_like(t)
     (t, y, *_), _ = jax.lax.scan(newton, _Newton(t, y, zero, zero), jnp.arange(_NEWTON))
-    stopped = onward(fixed, y.at(t), context.held, event)
+    stopped = next_mode(fixed, y.at(t), context.held, event)
     going = bracket.there._replace(sense=starts.sense, resting=jnp.zeros((), bool))
     return t, y, jax.tree.map(lambda a, b: jnp.where(free, a, b), going, stopped)
 

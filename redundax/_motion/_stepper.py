@@ -16,11 +16,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._equations._kinematics import chart_inverse
-from .._tools._module import still
+from .._tools._module import stop_gradient
 from ._held_rank import HeldFactorisation, factorize_held
-from ._moving import Context, Equations, Moving, charted, projected
-from ._slip import happened
-from ._stick import counted
+from ._moving import Context, Equations, Moving, project, rechart
+from ._slip import has_event
+from ._stick import tolerance_of
 
 # Relative constraint residual after a projection beyond which it has failed, at least so many roundings.
 _CLOSED = 2e-10, 1e3
@@ -32,7 +32,7 @@ _SAME = 1e2
 _LEFT, _BESIDE = 0.1, (1e-3, 10.0)
 
 
-class Watch(NamedTuple):
+class Diagnostics(NamedTuple):
     """What is watched over the accepted steps.
 
     - `position`: largest violation, relative to the size of the mechanism.
@@ -55,10 +55,10 @@ class Watch(NamedTuple):
     jump: Float[Array, ""]
 
 
-def at_start(like: Float[Array, ""]) -> Watch:
+def at_start(like: Float[Array, ""]) -> Diagnostics:
     """Nothing seen yet."""
     zero = jnp.zeros_like(like)
-    return Watch(zero, zero, zero, zero, zero, zero, jnp.full_like(zero, jnp.inf), zero, zero)
+    return Diagnostics(zero, zero, zero, zero, zero, zero, jnp.full_like(zero, jnp.inf), zero, zero)
 
 
 class Carried(NamedTuple):
@@ -66,7 +66,7 @@ class Carried(NamedTuple):
 
     inner: Any
     context: Context
-    watch: Watch
+    watch: Diagnostics
     pivot: Float[Array, ""]
     largest: Float[Array, ""]
     start: tuple[Array, Moving]
@@ -127,14 +127,14 @@ class Stepper(diffrax.AbstractWrappedSolver):
             terms, t0, t1, y0, (equations, context), solver_state.inner, made_jump or projects or not system.adds
         )
         raw = y
-        y, settled = charted(system, y)
+        y, settled = rechart(system, y)
         if projects:
-            y = projected(system, t1, y, context.held)
+            y = project(system, t1, y, context.held)
         # What is watched and what the next step starts from have no derivatives.
-        fixed, there, t, before = still((equations, y, t1, context.held))
+        fixed, there, t, before = stop_gradient((equations, y, t1, context.held))
         factor = factorize_held(fixed.system, there.at(t), before)
         held, excess = factor.renewed(context.held)
-        watch, off = _watched(solver_state.watch, fixed, t, there, factor)
+        watch, off = _diagnostics_after(solver_state.watch, fixed, t, there, factor)
         pivot = jnp.min(factor.pivots)
         tau, state = context.tau, there.at(t)
         jump = jnp.zeros_like(off)
@@ -148,7 +148,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
             )
             tau = solved.tau
             if fixed.has_sense:
-                y = y._replace(event=happened(fixed, state, linear).astype(t.dtype))
+                y = y._replace(event=has_event(fixed, state, linear).astype(t.dtype))
         largest = jnp.maximum(solver_state.largest, pivot)
         carried = Carried(inner, Context(held, tau), watch, pivot, largest, jax.lax.stop_gradient((t0, y0)))
         good = _may_end(off, excess, solver_state, pivot) if projects else jnp.isfinite(off)
@@ -172,7 +172,7 @@ def _may_end(off: Array, excess: Array, before: Carried, end: Array) -> Bool[Arr
     eps = float(jnp.finfo(off.dtype).eps)
     beside = max(_BESIDE[0], _BESIDE[1] * eps ** (1 / 3)) * before.largest
     clear = (end >= _LEFT * before.pivot) & (end >= beside)
-    return (off <= counted(_CLOSED, off)) & (excess <= _SAME * eps**0.5) & (clear | (before.pivot < beside))
+    return (off <= tolerance_of(_CLOSED, off)) & (excess <= _SAME * eps**0.5) & (clear | (before.pivot < beside))
 
 
 def _relative(error: Moving, dt: Array, equations: Equations, before: Carried, after: Carried) -> Moving:
@@ -207,9 +207,9 @@ def _relative(error: Moving, dt: Array, equations: Equations, before: Carried, a
     )
 
 
-def _watched(
-    watch: Watch, equations: Equations, t: Array, y: Moving, factor: HeldFactorisation
-) -> tuple[Watch, Float[Array, ""]]:
+def _diagnostics_after(
+    watch: Diagnostics, equations: Equations, t: Array, y: Moving, factor: HeldFactorisation
+) -> tuple[Diagnostics, Float[Array, ""]]:
     """The watch after a step, and the violation of the position by this step."""
     sizes = equations.scaling
     position = jnp.max(jnp.abs(factor.motion.value) / sizes.rows) / sizes.size

@@ -22,7 +22,7 @@ from jaxtyping import Array, Bool, Float
 from .._solvers._gauss_seidel import Swept, gauss_seidel
 from .._system._friction import friction_force, load_rows
 from .._system._state import State
-from .._tools._module import still
+from .._tools._module import stop_gradient
 from ._held_rank import Held
 from ._moving import Equations, Linear
 
@@ -32,12 +32,12 @@ from ._moving import Equations, Linear
 NONE, _STILL, _HELD, _SETTLED = (1e-9, 10), (1e-6, 1e3), (1e-7, 1e3), (1e-10, 1e3)
 
 
-def counted(tolerance: tuple[float, float], like: Array) -> float:
+def tolerance_of(tolerance: tuple[float, float], like: Array) -> float:
     """A tolerance, at least so many roundings."""
     return max(tolerance[0], tolerance[1] * float(jnp.finfo(like.dtype).eps))
 
 
-class Onward(NamedTuple):
+class Mode(NamedTuple):
     """How it goes on: senses, 0 of joints that stick; friction; whether all rests; whether sticking was decided."""
 
     sense: Float[Array, " p"]
@@ -46,18 +46,18 @@ class Onward(NamedTuple):
     decided: Bool[Array, ""]
 
 
-def onward(equations: Equations, state: State, held: Held, wanted: Bool[Array, ""]) -> Onward:
+def next_mode(equations: Equations, state: State, held: Held, wanted: Bool[Array, ""]) -> Mode:
     """How the motion goes on from an instant at which a slip rate is zero, if wanted; it has no derivative."""
-    equations, state, held = still((equations, state, held))
-    return settled(equations, state, equations.linear(state, held, closed=equations.loaded), wanted)
+    equations, state, held = stop_gradient((equations, state, held))
+    return mode_of(equations, state, equations.linear(state, held, closed=equations.loaded), wanted)
 
 
-def settled(equations: Equations, state: State, linear: Linear, wanted: Bool[Array, ""]) -> Onward:
-    """`onward`, given the equations at the state."""
+def mode_of(equations: Equations, state: State, linear: Linear, wanted: Bool[Array, ""]) -> Mode:
+    """`next_mode`, given the equations at the state."""
     sensed = jnp.asarray(equations.sensed)
-    slow, held = counted(_STILL, linear.rate) * equations.speed, counted(_HELD, linear.rate)
+    slow, held = tolerance_of(_STILL, linear.rate) * equations.speed, tolerance_of(_HELD, linear.rate)
     still = sensed & ((jnp.abs(linear.rate) <= slow / equations.slip_size) | equations.sticking)
-    tau, decided = _settled(equations, state, linear, still, wanted)
+    tau, decided = _sticking_friction(equations, state, linear, still, wanted)
     acceleration = linear.slip + linear.yields @ tau
     parts = jnp.abs(linear.slip) + jnp.abs(linear.yields) @ jnp.abs(tau)
     size = jnp.max(jnp.where(still, parts * equations.slip_size, 0.0))
@@ -70,10 +70,10 @@ def settled(equations: Equations, state: State, linear: Linear, wanted: Bool[Arr
     rests = jnp.max(jnp.abs(state.qd) / scale) <= slow
     stays = jnp.max(moved / scale) <= held * jnp.max(whole / scale)
     decided = decided | ~jnp.any(still)
-    return Onward(jnp.where(sensed, sense, 1.0), tau, rests & stays & jnp.any(sticks), decided)
+    return Mode(jnp.where(sensed, sense, 1.0), tau, rests & stays & jnp.any(sticks), decided)
 
 
-def _settled(
+def _sticking_friction(
     equations: Equations, state: State, linear: Linear, still: Bool[Array, " p"], wanted: Bool[Array, ""]
 ) -> Swept:
     """tau of the conditions above, and whether it was found."""
@@ -81,7 +81,7 @@ def _settled(
     yielding = equations.yielding(linear)
     rho0, gain = (part.multipliers[rows] for part in (linear.response.free, linear.response.unit))
     pull = jnp.abs(linear.slip) * equations.slip_size
-    reverses = jnp.isinf(yielding) & (pull > counted(_HELD, pull) * jnp.max(pull))  # whatever its friction
+    reverses = jnp.isinf(yielding) & (pull > tolerance_of(_HELD, pull) * jnp.max(pull))  # whatever its friction
     yielding = jnp.where(reverses, jnp.finfo(pull.dtype).tiny, yielding)
     senses = [jnp.where(still, sense, jnp.sign(linear.rate)) for sense in (1.0, -1.0)]
 
@@ -90,5 +90,5 @@ def _settled(
         one, two = (friction_force(friction, rho, linear.rate, sense, state) for sense in senses)
         return jnp.minimum(one, two), jnp.maximum(one, two)
 
-    enough, weight = counted(_SETTLED, linear.rate), 1 / equations.slip_size
+    enough, weight = tolerance_of(_SETTLED, linear.rate), 1 / equations.slip_size
     return gauss_seidel(bounds, linear.slip, linear.yields, yielding, weight, enough, wanted)

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._tools._compilation import compiled
-from .._tools._module import known
+from .._tools._module import is_concrete
 
 _ROUNDINGS = 10
 
@@ -37,7 +37,7 @@ def check_times(start: Array, end: Array, ts: Array) -> None:
             "Give `ts=[t1]` for the end of the motion alone."
         )
     ordered = in_order(start, end, ts)
-    if not known(ordered) or ordered:
+    if not is_concrete(ordered) or ordered:
         return
     if not (start <= end and np.isfinite(start) and np.isfinite(end)):
         raise ValueError(

@@ -1,6 +1,6 @@
 """A search for extremes of outputs over sets of cases, where friction depends on the case.
 
-1. All solutions that a search finds at many cases (`sampled`); the best are starts.
+1. All solutions that a search finds at many cases (`sample`); the best are starts.
 2. BFGS on theta = lower + (upper - lower) sin^2 u, whose derivative vanishes at the ends of the box, with tau(theta) by
    Newton's method from the tau of the start. Limits on multipliers enter by an augmented Lagrangian (Powell, Hestenes,
    Rockafellar), and what is left beyond them is taken back on the line to the start.
@@ -60,7 +60,7 @@ def within(good: Array | np.ndarray, excess: Array | np.ndarray) -> np.ndarray:
 
 
 @compiled
-def sampled(
+def sample(
     solutions: SolutionSet, cases: AbstractCases, theta: Float[Array, "s q"], factors: Float[Array, "starts l"]
 ) -> Found:
     """Solutions found at many cases; arrays (s, starts + 1, ...)."""
@@ -84,7 +84,7 @@ def _found(solutions: SolutionSet, cases: AbstractCases, theta: Array, tau: Arra
 
 
 @compiled
-def improved(
+def improve(
     solutions: SolutionSet,
     cases: AbstractCases,
     costs: Float[Array, "b x"],
@@ -92,10 +92,10 @@ def improved(
     tau: Float[Array, "b p"],
 ) -> Found:
     """From each start (theta, tau) a case with less costs^T [qdd; lam; tau], costs of size 1 over the box."""
-    return jax.vmap(lambda *start: _improved(solutions, cases, *start))(costs, theta, tau)
+    return jax.vmap(lambda *start: _improve(solutions, cases, *start))(costs, theta, tau)
 
 
-def _improved(solutions: SolutionSet, cases: AbstractCases, cost: Array, theta: Array, tau: Array) -> Found:
+def _improve(solutions: SolutionSet, cases: AbstractCases, cost: Array, theta: Array, tau: Array) -> Found:
     @jax.jit  # traced once
     def at(theta: Array, tau: Array) -> Found:
         root = _root(solutions, cases, theta, tau)
@@ -109,7 +109,7 @@ def _improved(solutions: SolutionSet, cases: AbstractCases, cost: Array, theta: 
     def best(found: Found) -> Found:
         return jax.tree.map(lambda x: x[jnp.argmin(jax.vmap(merit)(found))], found)
 
-    end = _descended(solutions, cases, at, cost, theta, tau)
+    end = _descend(solutions, cases, at, cost, theta, tau)
     way = jnp.append(1 - 0.5 ** jnp.arange(_BACK, dtype=theta.dtype), 1.0)  # from the start to the end
     found = best(jax.vmap(lambda share: at(theta + share * (end - theta), tau))(way))
 
@@ -134,7 +134,7 @@ def _root(solutions: SolutionSet, cases: AbstractCases, theta: Array, tau: Array
     return closed_root(problem, tau, Newton())
 
 
-def _descended(
+def _descend(
     solutions: SolutionSet,
     cases: AbstractCases,
     at: Callable[[Array, Array], Found],

@@ -13,7 +13,7 @@ from .._solvers._friction_problem import Law
 from .._tools._compilation import compiled
 from .._tools._module import on_device
 from ._cases import AbstractCases, Affine, Fractional, corners
-from ._descent import Found, improved, sampled
+from ._descent import Found, improve, sample
 from ._extremes import linear_extreme, vertex_extremes
 from ._solution_set import SolutionSet
 
@@ -85,12 +85,12 @@ class Search:
 
     def _sampled(self, theta: Array) -> Found:
         """The first solution of each case, as NumPy arrays."""
-        found = jax.device_get(sampled(self.solutions, self.cases, theta, self.factors[:0]))
+        found = jax.device_get(sample(self.solutions, self.cases, theta, self.factors[:0]))
         return Found(*(part[:, 0] for part in found))
 
     def found(self, matrix: np.ndarray, unique: np.ndarray, samples: int, seed: int) -> Found:
         """All solutions of a search for the extremes of outputs; sets `solved`."""
-        found = jax.device_get(sampled(self.solutions, self.cases, self.sample(samples, seed), self.factors))
+        found = jax.device_get(sample(self.solutions, self.cases, self.sample(samples, seed), self.factors))
         self.solved = float(np.mean(found.good.any(axis=1)))
         found = Found(*(part.reshape(found.good.size, *part.shape[2:])[found.good.ravel()] for part in found))
         values = found.values @ matrix.T
@@ -136,7 +136,7 @@ class Search:
             costs = on_device(np.array([cost for cost, _ in padded]))
             at = np.array([start for _, start in padded])
             theta, tau = on_device(found.theta[at]), on_device(found.tau[at])
-            better = jax.device_get(improved(self.solutions, self.cases, costs, theta, tau))
+            better = jax.device_get(improve(self.solutions, self.cases, costs, theta, tau))
             parts.append(Found(*(part[: len(own)] for part in better)))
         return Found(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 

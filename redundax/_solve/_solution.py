@@ -11,7 +11,7 @@ from .._system._joint_coordinates import JointMotion, joint_motion, joint_reacti
 from .._system._names import AbstractNamed
 from .._system._results import RESULTS
 from .._system._state import State
-from .._tools._module import known
+from .._tools._module import is_concrete
 
 
 class Stats(eqx.Module):
@@ -133,7 +133,7 @@ class Solution(AbstractNamed):
     def __str__(self) -> str:
         """The numbers of one solution, or what failed; of a batch, and inside of transformations, the shapes."""
         leaves = (self.acceleration, self.multipliers, self.friction, *jax.tree.leaves(self.result))
-        if not all(isinstance(x, jax.Array) and known(x) for x in leaves) or self.acceleration.ndim != 1:
+        if not all(isinstance(x, jax.Array) and is_concrete(x) for x in leaves) or self.acceleration.ndim != 1:
             return repr(self)
         stats = self.stats
         counts = f"redundancy {stats.redundancy}, freedom {stats.freedom}, {stats.steps} steps of friction"

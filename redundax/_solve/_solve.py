@@ -33,7 +33,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._chunks import batched_with, in_chunks
 from .._tools._compilation import compiled
-from .._tools._module import Numbers, as_float, known, no_classes, replace
+from .._tools._module import Numbers, as_float, is_concrete, no_classes, replace_fields
 from ._reduced import Reduced, reduce
 from ._solution import Solution, Stats
 
@@ -111,10 +111,10 @@ def solve(
     factor = factorisation_at(system, state, rank, factor)
     chosen = None if closure is None else elasticity(closure, system, state)
     solution = solve_factorised(system.anonymous(), state, factor, chosen, solver, x0, sense)
-    concrete = all(map(known, jax.tree.leaves((factor, chosen))))
+    concrete = all(map(is_concrete, jax.tree.leaves((factor, chosen))))
     if chosen is not None and isinstance(closure, Compliance | ElasticJoints) and concrete:
         check_units(system.names, factor.length, closure, chosen, stacklevel=2)
-    solution = replace(solution, names=system.names, state=state, joint_coordinates=system.joint_coordinates)
+    solution = replace_fields(solution, names=system.names, state=state, joint_coordinates=system.joint_coordinates)
     return _thrown(system, state, solution, throw)
 
 
@@ -133,9 +133,9 @@ def solve_factorised(
     not settle the matter.
     """
     given = system, state, factor, chosen, x0, sense
-    if isinstance(solver, Continuation) and all(map(known, jax.tree.leaves((given, solver)))):
+    if isinstance(solver, Continuation) and all(map(is_concrete, jax.tree.leaves((given, solver)))):
         solution = _solved(solver.first, *given)
-        if known(solution.stats.fold) and float(solution.stats.fold) > 0:
+        if is_concrete(solution.stats.fold) and float(solution.stats.fold) > 0:
             return solution
     return _solved(solver, *given)
 
@@ -150,17 +150,17 @@ def _solved(
     x0: Array | None,
     sense: Array | None,
 ) -> Solution:
-    end, root, contraction, result = _ended(factor, system, state, chosen, solver, x0, sense)
+    end, root, contraction, result = _end_in_chunks(factor, system, state, chosen, solver, x0, sense)
     return _solution(factor, end, root, contraction, solver.tolerance(state.qd.dtype), result)
 
 
 @eqx.filter_custom_jvp
-def _ended(*arguments: Any) -> tuple[Response, Root, Array, RESULTS]:
+def _end_in_chunks(*arguments: Any) -> tuple[Response, Root, Array, RESULTS]:
     """`_end` in chunks; its derivative is that of `_end`, which has a rule where it iterates."""
     return in_chunks(_end, *arguments)
 
 
-@_ended.def_jvp
+@_end_in_chunks.def_jvp
 def _ended_jvp(primals: tuple, tangents: tuple) -> tuple:
     out, change = eqx.filter_jvp(_end, primals, tangents)
     return batched_with(out, eqx.filter(primals, eqx.is_array)), change
@@ -338,7 +338,7 @@ def _vector(name: str, value: Numbers, size: int, what: str) -> Array:
 
 def _thrown(system: AbstractSystem, state: State, solution: Solution, throw: bool | None) -> Solution:
     """Raise the message of an unsuccessful result, or leave it as a value."""
-    traced = not all(map(known, jax.tree.leaves(solution.result)))
+    traced = not all(map(is_concrete, jax.tree.leaves(solution.result)))
     if throw is False or (throw is None and traced):
         return solution
     if traced:

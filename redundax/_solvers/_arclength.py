@@ -44,7 +44,7 @@ class Path(NamedTuple):
     ended: Bool[Array, ""]
 
 
-def bordered(slope: Float[Array, "e d"], row: Float[Array, " d"]) -> Float[Array, "d d"]:
+def bordered_matrix(slope: Float[Array, "e d"], row: Float[Array, " d"]) -> Float[Array, "d d"]:
     """[H_x; row]."""
     return jnp.concatenate([slope, row[None]])
 
@@ -68,12 +68,12 @@ def follow(
         def correct(_: Array, carry: tuple[Array, Array]) -> tuple[Array, Array]:
             x, _ = carry
             off = jnp.append(residual(x), path.tangent @ (x - guess))
-            change = jnp.linalg.solve(bordered(slope(x), path.tangent), off)
+            change = jnp.linalg.solve(bordered_matrix(slope(x), path.tangent), off)
             return x - change, change
 
         x, change = jax.lax.fori_loop(0, _CORRECTIONS, correct, (guess, guess))
         last = jnp.zeros_like(x).at[-1].set(1.0)
-        tangent = jnp.linalg.solve(bordered(slope(x), path.tangent), last)
+        tangent = jnp.linalg.solve(bordered_matrix(slope(x), path.tangent), last)
         tangent = tangent / jnp.linalg.norm(tangent)
         reach = 1 + jnp.linalg.norm(x)
         close = jnp.linalg.norm(change) <= jnp.minimum(1e-6 * reach, 0.1 * path.step)

@@ -24,7 +24,7 @@ from .._system._results import RESULTS
 from .._tools._module import optional_float
 from ._arclength import Path, follow
 from ._friction_problem import FrictionProblem
-from ._iterate import Progress, iterate, unless
+from ._iterate import Progress, iterate, run_unless
 from ._quick_sweeps import quick_sweeps
 from ._solver import AbstractSolver, Newton, Root
 
@@ -61,7 +61,7 @@ class Continuation(AbstractSolver):
             return self._searched(problem.at(rho0), start)
 
         root = quick_sweeps(problem, start, rtol, in_batch=in_batch)
-        return unless(root.progress.converged(rtol), root, search, problem.rho0, start)
+        return run_unless(root.progress.converged(rtol), root, search, problem.rho0, start)
 
     @property
     def first(self) -> "FirstAttempt":

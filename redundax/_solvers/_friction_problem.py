@@ -18,8 +18,8 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from .._system._friction import AbstractFriction, friction_force, largest_changes, memories, slip_kinds
 from .._system._state import State
-from .._tools._by_number import combined
-from .._tools._module import replace, still
+from .._tools._by_number import combine
+from .._tools._module import replace_fields, stop_gradient
 
 # Powers of a matrix that the bound of its spectral radius takes.
 _POWERS = 6
@@ -41,7 +41,7 @@ class Law(eqx.Module):
         """The same law, joint by joint."""
         whole = zip(self.groups, memories(self.groups, self.state), strict=True)
         groups, parts = zip(*(part for group, memory in whole for part in group.apart(memory)), strict=True)
-        return replace(self, groups=groups, memory=parts)
+        return replace_fields(self, groups=groups, memory=parts)
 
     def largest_changes(self, loads: Float[Array, "l columns"]) -> Float[Array, "p columns"]:
         """Bounds of |change of friction| that each column of changes of the loads can cause at any loads."""
@@ -104,7 +104,7 @@ class FrictionProblem(eqx.Module):
     ) -> "FrictionProblem":
         """The problem, given which loads are moments."""
         angular_slips = jnp.asarray(slip_kinds(law.groups).angular)
-        given, effect, friction = still((rho0, gain, law))
+        given, effect, friction = stop_gradient((rho0, gain, law))
         first = jnp.abs(friction(given))
         friction_sizes = Sizes.of(first, angular_slips)
         unsized = _nothing(first, angular_slips) | _nothing(first, ~angular_slips)
@@ -128,11 +128,11 @@ class FrictionProblem(eqx.Module):
 
     def sized_at(self, tau: Float[Array, " p"]) -> "FrictionProblem":
         """The same problem, its sizes at least those of the friction tau; sizes have no derivatives."""
-        tau, gain = still((tau, self.gain))
+        tau, gain = stop_gradient((tau, self.gain))
         friction = self.friction_sizes.larger(Sizes.of(jnp.abs(tau), self.angular_slips))
         caused = _caused(gain, self.angular_slips, friction)
         loads = self.load_sizes.larger(Sizes.of(caused, self.angular_loads))
-        return replace(self, load_sizes=loads, friction_sizes=friction)
+        return replace_fields(self, load_sizes=loads, friction_sizes=friction)
 
     def loads(self, tau: Float[Array, " p"]) -> Float[Array, " l"]:
         """rho = rho0 + K tau."""
@@ -149,7 +149,7 @@ class FrictionProblem(eqx.Module):
 
     def contraction_anywhere(self) -> Float[Array, ""]:
         """Upper bound of `contraction` at all friction: below 1 there is one solution, and sweeps find it."""
-        law, gain = still((self.law, self.gain))
+        law, gain = stop_gradient((self.law, self.gain))
         bound = _radius_bound(law.largest_changes(gain))
         return jnp.where(jnp.isnan(bound), jnp.inf, bound)
 
@@ -189,4 +189,4 @@ def _nothing(size: Array, kind: Array) -> Array:
 
 
 def _largest(size: Array) -> Array:
-    return combined(jnp.maximum, lambda size: jnp.max(size, initial=0.0), size)
+    return combine(jnp.maximum, lambda size: jnp.max(size, initial=0.0), size)

@@ -116,7 +116,7 @@ def iterate(
     return jax.lax.scan(masked, first, None, length=max_steps)[0]
 
 
-def unless(done: Bool[Array, ""], end: Y, search: Callable[..., Y], *operands: Float[Array, "..."]) -> Y:
+def run_unless(done: Bool[Array, ""], end: Y, search: Callable[..., Y], *operands: Float[Array, "..."]) -> Y:
     """`end` where done, else `search(*operands)`, which runs where a sample of a batch asks for it and not otherwise.
 
     What the search needs goes through the carry, or XLA takes it out of the loop; where done it is NaN, so that the

@@ -33,7 +33,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._tools._compilation import is_single
-from ._iterate import iterate, unless
+from ._iterate import iterate, run_unless
 from ._open_problem import OpenEnd, OpenProblem
 from ._quick_newton import quick_newton
 from ._solver import Newton
@@ -92,7 +92,7 @@ def open_root(open_problem: OpenProblem, rtol: Float[Array, ""], max_steps: int)
     if is_single():
         return _run(open_problem, rtol, max_steps, bounded=False)
     end = quick_newton(open_problem, rtol, max_steps)
-    return unless(end.progress.converged(rtol), end, run, open_problem.problem.rho0, open_problem.first)
+    return run_unless(end.progress.converged(rtol), end, run, open_problem.problem.rho0, open_problem.first)
 
 
 @open_root.def_jvp

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .._tools._by_number import dot, eliminated, rows
+from .._tools._by_number import dot, eliminate, rows
 from ._friction_problem import Law
 from ._iterate import Progress
 from ._open_problem import OpenEnd, OpenProblem
@@ -55,7 +55,7 @@ def quick_newton(open_problem: OpenProblem, rtol: Float[Array, ""], max_steps: i
     def step(residual: list, slope: list[Slope], pull: list | None = None) -> Iterate:
         by_tau = [[_read(row, column) for column in columns] for row in slope]
         lower = [[(i == j) - entry for j, entry in enumerate(row)] for i, row in enumerate(by_tau)]
-        c, d = eliminated(lower, residual, [_read(row, n) for row in slope], pivots=False)
+        c, d = eliminate(lower, residual, [_read(row, n) for row in slope], pivots=False)
         of_d = [dot(row, d) for row in norm]
         against = dot([dot(row, c) for row in norm], of_d)
         dz = (-against if pull is None else dot(pull, d) - against) / (1 + dot(of_d, of_d))

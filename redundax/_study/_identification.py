@@ -112,7 +112,7 @@ class Identification:
 Shapes = tuple[tuple[str, tuple[int, ...]], ...]
 
 
-def restored(shapes: Shapes, vector: Any) -> dict[str, Any]:
+def restore(shapes: Shapes, vector: Any) -> dict[str, Any]:
     """The parameters from a vector of all their entries."""
     out, first = {}, 0
     for name, shape in shapes:
@@ -136,7 +136,7 @@ class Space(NamedTuple):
 
     def values(self, u: np.ndarray) -> dict[str, np.ndarray]:
         """The parameters at a place in standard deviations."""
-        return restored(self.shapes, self.middle + self.scale * u)
+        return restore(self.shapes, self.middle + self.scale * u)
 
 
 class Ends(NamedTuple):
@@ -189,7 +189,7 @@ def identified(ends: Ends, space: Space, sensitivities: Sensitivities) -> Identi
         converged=True,
         problem="",
         estimate=minima[0].values,
-        uncertainty=restored(space.shapes, np.sqrt(np.diag(covariance))),
+        uncertainty=restore(space.shapes, np.sqrt(np.diag(covariance))),
         names=space.names,
         covariance=covariance,
         chi_square=best.chi_square,

@@ -26,7 +26,7 @@ from jaxtyping import Array
 
 from .._tools._module import Numbers, as_float
 from ._distributions import AbstractDistribution, sobol
-from ._identification import Ends, Identification, Shapes, Space, identified, restored
+from ._identification import Ends, Identification, Shapes, Space, identified, restore
 
 _POINTS = 8  # of the ranges, at which the sensitivities must agree on a sum, difference, product or quotient
 
@@ -151,7 +151,7 @@ def _searches(
     """All searches: where they ended, residuals and sensitivities there."""
 
     def residual(u: Array) -> tuple[Array, Array]:
-        given = jnp.asarray(predict(**restored(shapes, middle + scale * u)))
+        given = jnp.asarray(predict(**restore(shapes, middle + scale * u)))
         if given.shape != data.shape:
             raise ValueError(
                 f"Argument `measured` must have the shape that `predict` gives, {given.shape}, but has {data.shape}. "
@@ -182,4 +182,4 @@ def _sensitivities(
     predict: Callable[..., Array], shapes: Shapes, points: Array, sigma: Array, middle: Array, scale: Array
 ) -> Array:
     """Those of the residual at each point."""
-    return jax.vmap(jax.jacfwd(lambda u: (predict(**restored(shapes, middle + scale * u)) / sigma).ravel()))(points)
+    return jax.vmap(jax.jacfwd(lambda u: (predict(**restore(shapes, middle + scale * u)) / sigma).ravel()))(points)

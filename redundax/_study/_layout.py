@@ -17,7 +17,7 @@ from .._system._names import KEPT, AbstractNamed, Names
 from .._system._results import RESULTS, result_codes
 from .._system._system import AbstractSystem
 from .._system._units import UNSTATED, StatedUnits
-from .._tools._module import replace
+from .._tools._module import replace_fields
 
 SAMPLE = "sample"
 _LABELLED = {array: quantity.axis for array, quantity in KEPT.items()} | {"sense": "slip"}
@@ -103,7 +103,7 @@ def _leaves(tree: Any) -> dict[str, Any]:
 
 def _figures(result: Any) -> Any:
     """A result without what says where its figures are."""
-    return replace(result, state=None, joint_coordinates=None) if isinstance(result, AbstractNamed) else result
+    return replace_fields(result, state=None, joint_coordinates=None) if isinstance(result, AbstractNamed) else result
 
 
 def _names(outputs: Any) -> Names | None:

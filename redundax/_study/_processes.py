@@ -43,7 +43,7 @@ def check_threads(mesh: Mesh | None) -> None:
         )
 
 
-def fetched(values: Array) -> np.ndarray:
+def fetch(values: Array) -> np.ndarray:
     """All of an array, in every process."""
     if values.is_fully_addressable:
         return np.asarray(values)

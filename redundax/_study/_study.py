@@ -19,7 +19,7 @@ from .._system._system import AbstractSystem
 from .._tools._module import Numbers
 from .._tools._progress import progress as told
 from ._layout import Layout, layout, named, storable
-from ._processes import check_threads, fetched, meet, of_first, refuse, spread
+from ._processes import check_threads, fetch, meet, of_first, refuse, spread
 from ._store import File, Follower, Memory, Store, optional
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def study(
         own = {name: values[first : first + chunk] for name, values in given.items()}
         found = program({name: _padded(values, chunk) for name, values in own.items()})
         count = min(chunk, plan.size - first)
-        return own | {name: fetched(values)[:count] for name, values in found.items()}
+        return own | {name: fetch(values)[:count] for name, values in found.items()}
 
     store = _opened(None if path is None else Path(path).resolve(), plan, given)
     try:

@@ -80,7 +80,7 @@ def axis(names: Sequence[str] | None, kinds: Sequence[str] | str, size: int) -> 
     return Axis(None if names is None else tuple(names), kinds)
 
 
-def joined(axes: Sequence[Axis]) -> Axis:
+def join(axes: Sequence[Axis]) -> Axis:
     """One axis after the other; without names unless all have some."""
     kinds = tuple(kind for axis in axes for kind in axis.kinds)
     known = all(axis.names is not None for axis in axes)

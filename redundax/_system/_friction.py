@@ -19,8 +19,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
-from .._tools._module import Numbers, as_float, as_functions, as_parameters, replace
-from ._axis import Axis, joined
+from .._tools._module import Numbers, as_float, as_functions, as_parameters, replace_fields
+from ._axis import Axis, join
 from ._state import State
 
 
@@ -143,7 +143,7 @@ class Friction(AbstractFriction):
         return True
 
     def anonymous(self) -> Self:
-        return replace(self, slips=self.slips.anonymous())
+        return replace_fields(self, slips=self.slips.anonymous())
 
     def slip(self, q: Array, t: Array) -> Array:
         return self._slip(q, t, self.parameters)
@@ -168,7 +168,7 @@ def load_rows(groups: Sequence[AbstractFriction]) -> Int[Array, " l"]:
 
 def slip_kinds(groups: Sequence[AbstractFriction]) -> Axis:
     """Names and kinds of all slips, group after group."""
-    return joined([group.slips for group in groups])
+    return join([group.slips for group in groups])
 
 
 def memories(groups: Sequence[AbstractFriction], state: State) -> tuple[PyTree, ...]:

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PyTree
 
-from .._tools._module import Numbers, as_float, as_functions, as_parameters, moved, replace
+from .._tools._module import Numbers, as_float, as_functions, as_parameters, moved, replace_fields
 from ._axis import Axis, axis
 from ._friction import AbstractFriction, slip_kinds
 from ._joint_coordinates import AbstractJointCoordinates, NoJointCoordinates
@@ -216,14 +216,14 @@ class System(AbstractSystem):
         return not callable(self._mass) and self._mass.ndim == 1
 
     def anonymous(self) -> Self:
-        return replace(
+        return replace_fields(
             self,
             names=self.names.anonymous(),
             friction=tuple(group.anonymous() for group in self.friction),
         )
 
     def without_friction(self) -> Self:
-        return replace(self, names=self.names.without_slips(), friction=())
+        return replace_fields(self, names=self.names.without_slips(), friction=())
 
     def mass(self, q: Array, t: Array) -> Float[Array, "n n"]:
         value = self._mass(q, t, self.parameters) if callable(self._mass) else self._mass

@@ -17,7 +17,7 @@ from collections.abc import Mapping
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from .._tools._module import as_float, known, numpy_of
+from .._tools._module import as_float, is_concrete, numpy_of
 from ._axis import Axis
 
 _INCH, _POUND, _GRAVITY = 0.0254, 0.45359237, 9.80665
@@ -95,7 +95,7 @@ class StatedUnits:
     def in_units(self, units: Units) -> "StatedUnits":
         """Those of the same model `in_units`; none where a factor is traced."""
         factors = [getattr(units, field.name) for field in dataclasses.fields(self)]
-        if self.length is None or not all(map(known, factors)):
+        if self.length is None or not all(map(is_concrete, factors)):
             return StatedUnits()
         return StatedUnits(*(own * float(x) for own, x in zip(dataclasses.astuple(self), factors, strict=True)))
 

@@ -24,7 +24,7 @@ def dot(a: list, b: list) -> Any:
     return sum(x * y for x, y in zip(a, b, strict=True))
 
 
-def combined(pair: Callable[[Array, Array], Array], whole: Callable[[Array], Array], vector: Array) -> Array:
+def combine(pair: Callable[[Array, Array], Array], whole: Callable[[Array], Array], vector: Array) -> Array:
     """The entries combined pair by pair, of many by `whole`."""
     return functools.reduce(pair, vector) if 0 < vector.size <= _ENTRIES else whole(vector)
 
@@ -33,10 +33,10 @@ def solve_few(matrix: Float[Array, "p p"], right: Float[Array, " p"]) -> Float[A
     """The solution of matrix x = right, by elimination with partial pivoting; of many unknowns by LAPACK."""
     if not 0 < right.size <= FEW:
         return jnp.linalg.solve(matrix, right)
-    return jnp.stack(eliminated(rows(matrix), list(right), pivots=True)[0])
+    return jnp.stack(eliminate(rows(matrix), list(right), pivots=True)[0])
 
 
-def eliminated(matrix: list[list[Array]], *rights: list[Array], pivots: bool) -> list[list[Array]]:
+def eliminate(matrix: list[list[Array]], *rights: list[Array], pivots: bool) -> list[list[Array]]:
     """Solutions of matrix x = right, each a list of numbers; without pivots for a matrix of dominant diagonal."""
     p = len(matrix)
     table = [[*row, *entries] for row, *entries in zip(matrix, *rights, strict=True)]

@@ -23,7 +23,7 @@ Numbers = ArrayLike | Sequence[Any]
 
 def as_float(value: Numbers) -> Array:
     """`value` as a floating-point array; the dtype follows the input, integers take the default."""
-    if isinstance(value, jax.Array) and known(value) and value.dtype == jnp.result_type(value, float):
+    if isinstance(value, jax.Array) and is_concrete(value) and value.dtype == jnp.result_type(value, float):
         return value
     return on_device(floats(value))
 
@@ -36,7 +36,7 @@ def floats(value: Numbers) -> np.ndarray | Array:
 
 def numpy_of(*values: Any) -> Any:
     """NumPy where all values are known, and else `jax.numpy`: of the same names."""
-    return np if all(map(known, jax.tree.leaves(values))) else jnp
+    return np if all(map(is_concrete, jax.tree.leaves(values))) else jnp
 
 
 def on_device(array: np.ndarray | Array) -> Array:
@@ -77,7 +77,7 @@ def cores() -> int:
     return len(allowed(0)) if allowed else os.cpu_count() or 1
 
 
-def known(value: Any) -> bool:
+def is_concrete(value: Any) -> bool:
     """Whether the value is there to be checked, not traced."""
     return not isinstance(value, jax.core.Tracer)
 
@@ -107,7 +107,7 @@ def check_position(q: Array, n: int) -> None:
         )
 
 
-def replace(module: T, **fields: Any) -> T:
+def replace_fields(module: T, **fields: Any) -> T:
     """A copy of the frozen `module` with the given fields replaced, without running its `__init__`."""
     copy = object.__new__(type(module))
     for field in dataclasses.fields(module):  # pyright: ignore[reportArgumentType]
@@ -115,12 +115,12 @@ def replace(module: T, **fields: Any) -> T:
     return copy
 
 
-def still(tree: T) -> T:
+def stop_gradient(tree: T) -> T:
     """The same without derivatives; numbers that a user's own function or model holds stay numbers."""
     return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if eqx.is_array(x) else x, tree)
 
 
-def taken(stacked: T, members: Int[Array, "..."]) -> T:
+def tree_take(stacked: T, members: Int[Array, "..."]) -> T:
     """Some members of what is stacked; the indices, ours, are in bounds, and nothing is traced that checks them."""
     return jax.tree.map(
         lambda x: jnp.asarray(x).at[members].get(mode="promise_in_bounds", wrap_negative_indices=False), stacked
@@ -140,13 +140,13 @@ def as_vector(value: Numbers) -> Float[Array, "2"]:
 
 def not_negative(name: str, value: Array) -> None:
     """Refuse a negative number; one that is NaN gives results that say so."""
-    if known(value) and np.any(np.asarray(value) < 0):
+    if is_concrete(value) and np.any(np.asarray(value) < 0):
         raise ValueError(f"Argument `{name}` must not be negative, but is {value}. Give a number from 0 on.")
 
 
 def positive(name: str, value: Array) -> None:
     """Refuse a number that is not positive; one that is NaN gives results that say so."""
-    if known(value) and np.any(np.asarray(value) <= 0):
+    if is_concrete(value) and np.any(np.asarray(value) <= 0):
         raise ValueError(f"Argument `{name}` must be positive, but is {value}. Give a number above 0.")
 
 
@@ -154,7 +154,7 @@ def unit(v: Numbers) -> Array:
     """v / |v| as a floating-point array."""
     v = floats(as_vector(v))
     size = numpy_of(v).linalg.norm(v)
-    if known(size) and not size > 0:
+    if is_concrete(size) and not size > 0:
         raise ValueError("Argument `normal` must not be zero: it gives the direction of a line, but is (0, 0).")
     return on_device(v / size)
 
@@ -173,11 +173,11 @@ def _safe_norm_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array
 
 
 @jax.custom_batching.custom_vmap
-def of_any(flag: Bool[Array, ""]) -> Bool[Array, ""]:
+def batch_any(flag: Bool[Array, ""]) -> Bool[Array, ""]:
     """Whether it is so for any sample of a batch; a condition that does not depend on the sample is not a selection."""
     return flag
 
 
-@of_any.def_vmap
+@batch_any.def_vmap
 def _of_any_in_batch(size: int, batched: list[bool], flag: Bool[Array, " size"]) -> tuple[Bool[Array, ""], bool]:
-    return of_any(jnp.any(flag, axis=0)), False
+    return batch_any(jnp.any(flag, axis=0)), False

@@ -15,7 +15,7 @@ from ..._bodies._body import poses
 from ..._bodies._joints import AngleCoupling, AngleDriver, Revolute
 from ..._bodies._loads import AppliedForce, SpringDamper, TorsionSpring
 from ..._bodies._mechanism import Mechanism
-from ..._bodies._reactions import load_wrenches, moved
+from ..._bodies._reactions import load_wrenches, moment_about
 from ..._system._state import State
 from ..._system._units import StatedUnits
 
@@ -213,7 +213,7 @@ def _applied(stack: Any, state: State, r: np.ndarray, phi: np.ndarray) -> list[L
             if body == ground or not (np.any(force[k]) or moment[k]):
                 continue
             at = r[body] if points is None else points[k]
-            about = float(moved(moment[k], force[k], at - r[body]))
+            about = float(moment_about(moment[k], force[k], at - r[body]))
             about = about if abs(about) > 1e-6 * np.hypot(*force[k]) * np.hypot(*(at - r[body])) else 0.0
             out.append(Load(AppliedForce, int(body), at, at, False, force=force[k], moment=about))
     return out

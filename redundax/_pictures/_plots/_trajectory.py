@@ -9,7 +9,7 @@ from ..._motion._trajectory import Trajectory
 from ..._system._names import Entry
 from ..._system._system import AbstractSystem
 from ..._system._units import with_unit
-from ..._tools._module import replace
+from ..._tools._module import replace_fields
 from ._outputs import chosen
 from ._plot import COLOURS, DASHES, finish, new_figure
 
@@ -41,7 +41,7 @@ def plot_trajectory(system: AbstractSystem, trajectory: Trajectory, outputs: Seq
     **Raises:** `ValueError` for names that are not there.
     """
 
-    named = replace(trajectory, names=system.names)
+    named = replace_fields(trajectory, names=system.names)
 
     def values(entry: Entry) -> np.ndarray:
         return np.asarray(named.entry(entry))

@@ -50,7 +50,7 @@ def trace(
     """All solutions that are found over the grid; they are taken for one piece where one each is proved."""
     shape = tuple(axis.size for axis in axes)
     points = np.array(list(itertools.product(*axes)), float).reshape(math.prod(shape), len(axes))
-    place, tau = _searched(solutions, points, factors, watch)
+    place, tau = _search(solutions, points, factors, watch)
     order, lost = [[(points[k], t, False) for k, t in zip(place, tau, strict=True)]], 0
     if not proved:
         graph = _Graph(solutions, points, shape, place.tolist(), list(tau))
@@ -67,7 +67,7 @@ def trace(
     )
 
 
-def _searched(
+def _search(
     solutions: SolutionSet, points: np.ndarray, factors: Array, watch: Callable[[Sequence[Any]], Iterable[Any]]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Indices of points and friction there, for every solution that differs."""

@@ -33,7 +33,7 @@ from ..._system._results import RESULTS
 from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._system._units import with_unit
-from ..._tools._module import Numbers, as_float, no_classes, on_device, replace
+from ..._tools._module import Numbers, as_float, no_classes, on_device, replace_fields
 from .._bounds import check_definite
 from .._solution_set import SolutionSet, solution_set
 from ._branches import Branches, trace
@@ -221,7 +221,7 @@ def solution_family(
     else:
         axes, assumption = _axes(stress, z), ""
     weights, offset = _measure(closure, system, state, stress)
-    solutions = replace(solutions, stress=jnp.asarray(stress.T))
+    solutions = replace_fields(solutions, stress=jnp.asarray(stress.T))
     proved = report.spectral_radius is None or report.spectral_radius < 1
     if starts is None:
         starts = max(_STARTS, -(-SEARCH_STARTS // math.prod(axis.size for axis in axes)))

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..._solve._all_solutions import search
-from ..._solvers._arclength import bordered, follow
+from ..._solvers._arclength import bordered_matrix, follow
 from ..._solvers._friction_problem import FrictionProblem
 from ..._solvers._solver import Newton
 from ..._tools._compilation import compiled
@@ -86,7 +86,9 @@ def _walk(solutions: SolutionSet, tau: Array, z: Array, dz: Array) -> Walk:
 
     start = jnp.append(tau / size, 0.0)
     up = jnp.zeros_like(start).at[-1].set(1.0)
-    path = follow(residual, slope, start, jnp.linalg.solve(bordered(slope(start), up), up), jnp.array(True), _MAX_PATH)
+    path = follow(
+        residual, slope, start, jnp.linalg.solve(bordered_matrix(slope(start), up), up), jnp.array(True), _MAX_PATH
+    )
     end = path.here[:-1] * size
     there = _at(solutions, z + jnp.where(path.arrived, 1.0, 0.0) * dz).sized_at(end)
     newton = Newton()

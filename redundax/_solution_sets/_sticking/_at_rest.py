@@ -27,7 +27,7 @@ NONE = 1e-10  # relative size of a drive or of a slip that is rounding
 LIMIT = 1e-9  # margin that is rounding
 
 
-class Drive(NamedTuple):
+class ReducedForce(NamedTuple):
     """The start without friction.
 
     - `sense`: of slip, shape (p,).
@@ -66,7 +66,7 @@ class Ends(NamedTuple):
     solved: float
 
 
-def drive(system: AbstractSystem, state: State, factor: Factorisation) -> Drive:
+def drive(system: AbstractSystem, state: State, factor: Factorisation) -> ReducedForce:
     """What drives a system at rest; `ValueError` where it does not rest."""
     length, angular = np.asarray(factor.length), np.asarray(system.coordinates.angular)
     rates = np.abs(np.asarray(state.qd)) * np.where(angular, length, 1.0)
@@ -85,21 +85,21 @@ def drive(system: AbstractSystem, state: State, factor: Factorisation) -> Drive:
     force, lever = mass @ a, np.where(angular, 1 / length, 1.0)
     slips, p = system.slips, len(system.slips)
     size = state.qd.size + len(system.rows)
-    ways, turns = _ways(system, factor), np.where(slips.angular, length, 1.0)
+    ways, turns = _velocity_basis(system, factor), np.where(slips.angular, length, 1.0)
     directions = np.asarray(slip_motion(system, state)[1]) if p else np.zeros((a.size, 0))
     moved = directions.T @ ways
     reach = np.linalg.norm(moved, axis=1) * turns
     moved = np.where((reach > none * reach.max(initial=0.0))[:, None], moved, 0.0)
     if not np.abs(lever * force).max() > none * np.abs(lever * load).max():
-        return Drive(np.zeros(p), np.zeros(size + p), np.zeros(p), np.zeros(ways.shape[1]), moved, none)
+        return ReducedForce(np.zeros(p), np.zeros(size + p), np.zeros(p), np.zeros(ways.shape[1]), moved, none)
     output = np.concatenate([force / (a @ force), np.zeros(len(system.rows) + p)])
     slip = directions.T @ a
     shift = np.abs(slip) * turns
     slip = np.where(shift > none * shift.max(initial=0.0), slip, 0.0)
-    return Drive(np.sign(slip), output, slip / (a @ force), ways.T @ force, moved, none)
+    return ReducedForce(np.sign(slip), output, slip / (a @ force), ways.T @ force, moved, none)
 
 
-def _ways(system: AbstractSystem, factor: Factorisation) -> np.ndarray:
+def _velocity_basis(system: AbstractSystem, factor: Factorisation) -> np.ndarray:
     """V; without columns where no basis is orthonormal, which `analyze` complains of."""
     if not bool(factor.determinate & factor.finite):
         return np.zeros((factor.load.size, 0))

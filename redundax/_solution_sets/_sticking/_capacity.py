@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._at_rest import NONE, Drive
+from ._at_rest import NONE, ReducedForce
 
 _BLOCKS = 64  # cases in one programme
 _TOLERANCE = 1e-10
@@ -42,7 +42,7 @@ class Capacity(NamedTuple):
     bound: np.ndarray
 
 
-def parts_of(drive: Drive) -> list[Part]:
+def parts_of(drive: ReducedForce) -> list[Part]:
     """The parts that are driven, and one without joints where something drives a motion that slips nowhere."""
     from scipy.sparse.csgraph import connected_components  # here, because its import takes a second
 
@@ -78,12 +78,14 @@ def _of_part(part: Part, low: np.ndarray, high: np.ndarray) -> Capacity:
         tau = np.where(effect > 0, low, high)
         most = bound = -tau @ effect
     else:
-        blocks = [_programmed(part, low[k : k + _BLOCKS], high[k : k + _BLOCKS]) for k in range(0, len(low), _BLOCKS)]
+        blocks = [
+            _solve_programme(part, low[k : k + _BLOCKS], high[k : k + _BLOCKS]) for k in range(0, len(low), _BLOCKS)
+        ]
         most, tau, bound = (np.concatenate(block) for block in zip(*blocks, strict=True))
     return Capacity(most, tau / np.where(most > 0, most, 1.0)[:, None], bound)
 
 
-def _programmed(part: Part, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _solve_programme(part: Part, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """lambda, its friction and its bound."""
     from scipy.optimize import linprog
     from scipy.sparse import block_diag
@@ -103,7 +105,7 @@ def _programmed(part: Part, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarr
         options={"primal_feasibility_tolerance": _TOLERANCE, "dual_feasibility_tolerance": _TOLERANCE},
     )
     if found.status != 0 and s > 1:  # one case may have spoilt the others
-        rows = [_programmed(part, low[k : k + 1], high[k : k + 1]) for k in range(s)]
+        rows = [_solve_programme(part, low[k : k + 1], high[k : k + 1]) for k in range(s)]
         most, tau, bound = (np.concatenate(row) for row in zip(*rows, strict=True))
         return most, tau, bound
     if found.status != 0:
@@ -113,11 +115,11 @@ def _programmed(part: Part, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarr
     against = -np.einsum("sd,sdp->sp", motion / np.where(along != 0, along, 1.0), columns)
     bound = np.maximum(against * ends[..., 0], against * ends[..., 1]).sum(axis=1)
     bound = np.where(along[:, 0] != 0, bound, np.inf)
-    tau = _evened(part.slips, low, high, at[:, 1:] * size)
+    tau = _even_out(part.slips, low, high, at[:, 1:] * size)
     return at[:, 0] * reach / whole, tau, bound * reach / whole
 
 
-def _evened(slips: np.ndarray, low: np.ndarray, high: np.ndarray, tau: np.ndarray) -> np.ndarray:
+def _even_out(slips: np.ndarray, low: np.ndarray, high: np.ndarray, tau: np.ndarray) -> np.ndarray:
     """Friction that does the same, of which joints that slip in proportion take the same share of their limits."""
     tau, left = tau.copy(), np.linalg.norm(slips, axis=1) > 0
     while left.any():

@@ -33,10 +33,10 @@ from ..._analysis._verdict import spectral_radius
 from .._cases import Affine
 from .._descent import within
 from .._search import Search, largest_gamma
-from ._at_rest import LIMIT, NONE, Drive, Ends, in_batches
+from ._at_rest import LIMIT, NONE, Ends, ReducedForce, in_batches
 from ._capacity import Capacity, Part, capacity, parts_of
-from ._one_freedom import CELLS, halved
-from ._stick_slip import Limits, Looked, least_accelerated, looked, settled, started
+from ._one_freedom import CELLS, halve
+from ._stick_slip import Limits, LimitSamples, least_accelerated, sample_limits, slipping_friction, started
 
 _TURNS = 100  # programmes in a row
 _SQUARES = 3  # least squares in a row
@@ -67,7 +67,7 @@ class ManyFreedoms:
     - `gamma`, `change`: Gamma (p, p) and Lambda (p, q); infinite where no bound is known.
     """
 
-    def __init__(self, search: Search, drive: Drive, size: int, *, reads: bool):
+    def __init__(self, search: Search, drive: ReducedForce, size: int, *, reads: bool):
         """`reads` says whether any load on friction depends on the case."""
         solutions, cases = search.solutions, search.cases
         self.search, self.drive, self.size, self.parts = search, drive, size, parts_of(drive)
@@ -191,9 +191,9 @@ class ManyFreedoms:
             np.linalg.norm(drive.load + tau @ drive.slips, axis=1) <= self.limit * np.linalg.norm(drive.load)
         )
 
-    def _looked(self, theta: np.ndarray, tau: np.ndarray) -> Looked:
+    def _looked(self, theta: np.ndarray, tau: np.ndarray) -> LimitSamples:
         search = self.search
-        return in_batches(lambda *own: looked(search.solutions, search.cases, *own), self.size, theta, tau)
+        return in_batches(lambda *own: sample_limits(search.solutions, search.cases, *own), self.size, theta, tau)
 
     def _started(self, theta: np.ndarray) -> np.ndarray:
         """Friction as slip begins."""
@@ -212,7 +212,7 @@ class ManyFreedoms:
         load, slips, loads = (jnp.asarray(x) for x in (self.drive.load, self.drive.slips, float(own_loads)))
 
         def batch(own: Array) -> Array:
-            return settled(solutions, cases, load, slips, loads, own)
+            return slipping_friction(solutions, cases, load, slips, loads, own)
 
         return np.asarray(in_batches(batch, self.size, theta))
 
@@ -269,5 +269,5 @@ class ManyFreedoms:
             caused = np.maximum(-low, high) @ (self.gamma @ back).T
             if not (half * weight).any(axis=1).all() or not proves(middle, low, high, caused).all():
                 return False  # no smaller cells help
-            middle, half = halved(middle, half, weight)
+            middle, half = halve(middle, half, weight)
         return False

@@ -20,16 +20,16 @@ import numpy as np
 
 from ..._analysis._verdict import spectral_radius
 from .._cases import AbstractCases, Affine
-from .._descent import sampled
+from .._descent import sample
 from .._search import Search, largest_gamma
 from .._solution_set import SolutionSet
-from ._at_rest import LIMIT, Drive, Ends, in_batches
+from ._at_rest import LIMIT, Ends, ReducedForce, in_batches
 from ._held import held
 
 CELLS = 4096  # cells of the bounds at most, in a proof
 
 
-def ends_of_one(search: Search, drive: Drive, theta: jax.Array, samples: int, seed: int) -> Ends:
+def ends_of_one(search: Search, drive: ReducedForce, theta: jax.Array, samples: int, seed: int) -> Ends:
     """Solutions in which it slips, and states that friction holds, in all cases of a search."""
     solutions, cases = search.solutions, search.cases
     n, m = solutions.response.free.acceleration.size, solutions.stress.shape[0]
@@ -69,14 +69,14 @@ def ends_of_one(search: Search, drive: Drive, theta: jax.Array, samples: int, se
     return Ends(margins, *others, solved=float(solved))
 
 
-def most_holds(solutions: SolutionSet, cases: AbstractCases, drive: Drive) -> bool:
+def most_holds(solutions: SolutionSet, cases: AbstractCases, drive: ReducedForce) -> bool:
     """Whether, of all friction, the whole friction against the start is proved to hold most."""
     gamma, effect = largest_gamma(solutions, cases), np.abs(drive.effect)
     back = effect @ np.linalg.solve(np.eye(len(gamma)) - gamma, gamma) if gamma.size else effect
     return bool(spectral_radius(gamma) < 1 and np.all(back <= effect))
 
 
-def covered(search: Search, drive: Drive, theta: jax.Array, sign: float) -> bool:
+def is_covered(search: Search, drive: ReducedForce, theta: jax.Array, sign: float) -> bool:
     """Whether cells prove that sign * margin >= 0 over the whole box, where each case has one solution."""
     solutions, cases = search.solutions, search.cases
     if not isinstance(cases, Affine) or solutions.law is None:
@@ -90,17 +90,17 @@ def covered(search: Search, drive: Drive, theta: jax.Array, sign: float) -> bool
     looked = 0
     while len(middle) and looked < CELLS:
         looked += len(middle)
-        found = in_batches(lambda own: sampled(solutions, cases, own, search.factors), len(theta), middle)
+        found = in_batches(lambda own: sample(solutions, cases, own, search.factors), len(theta), middle)
         margin = sign * np.where(found.good[:, 0], -(found.values[:, 0] @ drive.output), np.nan)
         if not np.all(margin >= 0):
             return False
         left = margin < half @ slope
         middle, half = middle[left], half[left]
-        middle, half = halved(middle, half, slope)
+        middle, half = halve(middle, half, slope)
     return not len(middle)
 
 
-def halved(middle: np.ndarray, half: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def halve(middle: np.ndarray, half: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Cells (s, q), each cut in two across the side that is widest times its weight (q,)."""
     widest = (half * weight).argmax(axis=1)[:, None] == np.arange(len(weight))
     half = np.where(widest, half / 2, half)

@@ -26,7 +26,7 @@ from ..._solvers._gauss_seidel import gauss_seidel
 from ..._tools._compilation import compiled
 from .._cases import AbstractCases
 from .._solution_set import SolutionSet
-from ._at_rest import NONE, Drive
+from ._at_rest import NONE, ReducedForce
 
 _SETTLED = 1e-13  # change of friction, relative to the largest, after which sweeps have settled it
 _FOUND = 1e-6  # error of the acceleration, relative to the parts that cancel, of what is taken for a solution
@@ -40,7 +40,7 @@ class Limits(NamedTuple):
     high: np.ndarray
 
 
-class Looked(NamedTuple):
+class LimitSamples(NamedTuple):
     """Limits of friction at cases, shape (s, p), multipliers, (s, m), and their largest excess over bounds, (s,)."""
 
     low: Array | np.ndarray
@@ -50,15 +50,15 @@ class Looked(NamedTuple):
 
 
 @compiled
-def looked(
+def sample_limits(
     solutions: SolutionSet, cases: AbstractCases, theta: Float[Array, "s q"], tau: Float[Array, "s p"]
-) -> Looked:
+) -> LimitSamples:
     """Limits and multipliers at many cases, each with its friction."""
 
-    def one(theta: Array, tau: Array) -> Looked:
+    def one(theta: Array, tau: Array) -> LimitSamples:
         base, unit = cases.chosen(theta)
         multipliers = base + unit @ tau
-        return Looked(
+        return LimitSamples(
             *_limits(solutions, multipliers), multipliers, jnp.max(cases.excess(multipliers), initial=-jnp.inf)
         )
 
@@ -78,7 +78,7 @@ def _limits(solutions: SolutionSet, multipliers: Array) -> tuple[Array, Array]:
 
 
 @compiled
-def settled(
+def slipping_friction(
     solutions: SolutionSet,
     cases: AbstractCases,
     load: Float[Array, " d"],
@@ -117,7 +117,7 @@ class Started(NamedTuple):
     error: np.ndarray
 
 
-def started(drive: Drive, tau: np.ndarray, limits: Limits | Looked) -> Started:
+def started(drive: ReducedForce, tau: np.ndarray, limits: Limits | LimitSamples) -> Started:
     """How slip begins under friction.
 
     What is left of the conditions bounds the error of a: |error|^2 <= 2 sum_j (tau_j alpha_j + limit_j |alpha_j|).
@@ -135,7 +135,7 @@ def started(drive: Drive, tau: np.ndarray, limits: Limits | Looked) -> Started:
     return Started(np.where(np.abs(alpha) > none, np.sign(alpha), 0.0), moves, error <= found * whole, error)
 
 
-def least_accelerated(drive: Drive, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def least_accelerated(drive: ReducedForce, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Friction (s, p) of least |g + S^T tau| within limits."""
     from scipy.optimize import lsq_linear  # here, because its import takes a second
 
@@ -148,7 +148,7 @@ def least_accelerated(drive: Drive, low: np.ndarray, high: np.ndarray) -> np.nda
     return tau
 
 
-def one_start(drive: Drive, gamma: np.ndarray) -> bool:
+def one_start(drive: ReducedForce, gamma: np.ndarray) -> bool:
     """Whether each case is proved to have one acceleration, with Gamma of all cases."""
     matrix = drive.slips @ drive.slips.T
     own, free = np.diag(matrix), np.diag(matrix) == 0

@@ -35,10 +35,10 @@ from ..._tools._module import no_classes
 from .._bounds import AbstractBounds, one_case
 from .._search import Search, proved_single
 from .._solution_set import solution_set
-from ._at_rest import LIMIT, Drive, Ends, drive
+from ._at_rest import LIMIT, Ends, ReducedForce, drive
 from ._joint_verdicts import Joints, joint_verdicts
 from ._many_freedoms import ManyFreedoms
-from ._one_freedom import covered, ends_of_one, most_holds
+from ._one_freedom import ends_of_one, is_covered, most_holds
 from ._stick_slip import one_start
 from ._sticking_report import Sticking
 
@@ -138,15 +138,17 @@ def _verdict(ends: Ends) -> str:
     return "may stick" if slips.any() and sticks.any() else "must slip" if slips.any() else "must stick"
 
 
-def _proved_of_one(verdict: str, search: Search, start: Drive, theta: Array, *, fixed: bool) -> bool:
+def _proved_of_one(verdict: str, search: Search, start: ReducedForce, theta: Array, *, fixed: bool) -> bool:
     """Whether a verdict is proved where each case has one solution; `fixed` says that friction is the same in all."""
     if verdict == "must stick":
-        return fixed or covered(search, start, theta, 1.0)
+        return fixed or is_covered(search, start, theta, 1.0)
     settled = verdict != "undecided" and most_holds(search.solutions, search.cases, start)
-    return settled and (verdict == "may stick" or fixed or covered(search, start, theta, -1.0))
+    return settled and (verdict == "may stick" or fixed or is_covered(search, start, theta, -1.0))
 
 
-def _of_many(search: Search, start: Drive, theta: Array, seed: int, *, fixed: bool) -> tuple[Ends, str, bool, Joints]:
+def _of_many(
+    search: Search, start: ReducedForce, theta: Array, seed: int, *, fixed: bool
+) -> tuple[Ends, str, bool, Joints]:
     """States found of any number of freedoms, and the verdicts that they support."""
     many = ManyFreedoms(search, start, len(theta), reads=not fixed)
     ends = many.ends(np.asarray(theta), seed)
