@@ -207,7 +207,7 @@ def test_data_in_wrong_units_are_told_once():
     rx.solve(system, state, closure=closure)
     assert len(told) == 2
     for warning, words in zip(
-        told, (("`W`", "1e-05 m/N", "1e-09 rad", "K.angle"), ("`misfit`", "A.x (1)")), strict=True
+        told, (("`W`", " 1e-05 in", " 1e-09, most K.angle"), ("`misfit`", "A.x (1)")), strict=True
     ):
         assert all(word in str(warning.message) for word in (*words, "Units(length=1000.0, mass=0.001)"))
     with pytest.warns(UserWarning, match=r"`misfit` .* K.angle \(11\), .*angle=57.2958"):
@@ -215,6 +215,13 @@ def test_data_in_wrong_units_are_told_once():
     with pytest.warns(UserWarning, match=r"`W` .*length=0.001, mass=1000.0"):
         there = rx.state_in_units(state, system, MILLIMETRES)
         rx.solve(rx.in_units(system, MILLIMETRES), there, closure=rx.Compliance(STIFF))
+
+
+def test_units_of_a_model_are_told_where_they_are_stated():
+    system = rx.mechanisms.wojtyra2020()
+    W, _ = in_other(MILLIMETRES, system)
+    with pytest.warns(UserWarning, match=r"`W` .* 1e-05 m/N .* 1e-09 rad/\(N m\)"):
+        rx.solve(system, system.state(phi=0.7, rate=1.0), closure=rx.Compliance(W))
 
 
 def test_traced_data_are_not_checked():
