@@ -76,6 +76,14 @@ def test_frictions_share_a_factorisation_with_none(programs):
     assert programs.count("jit(factorised)") == 1
 
 
+def test_a_motion_shares_the_factorisation_of_a_solve(programs):
+    mechanism = rx.mechanisms.wojtyra2020()
+    state = mechanism.state(phi=0.7, rate=1.3)
+    rx.solve(mechanism, state)
+    rx.simulate(mechanism, state, 0.01)
+    assert programs.count("jit(factorised)") == 1
+
+
 def test_what_is_known_is_known_inside_transformations():
     seen = []
 
