@@ -77,7 +77,11 @@ def _own_mechanism(commands: Any) -> None:
         help=".html: one file with its pictures; .md: Markdown with its pictures beside it (default report.html)",
     )
     study.add_argument(
-        "--png", metavar="FILE", type=_picture, help="draw the solutions; further states have their number in the name"
+        "--png",
+        metavar="FILE",
+        type=_picture,
+        default=argparse.SUPPRESS,  # or it would undo one given before the command
+        help="draw the solutions; further states have their number in the name",
     )
     for command in (study, page):
         command.add_argument(

@@ -46,9 +46,17 @@ def _default_folder() -> pathlib.Path:
 
 def _drop_oldest(folder: pathlib.Path) -> None:
     """Bring the folder down to its limit; of what is not ours nothing is touched."""
-    programs = [(file.stat(), file) for file in folder.glob("jit_*-cache")]
+    programs = [(about, file) for file in folder.glob("jit_*-cache") if (about := _about(file))]
     size = 0
     for about, file in sorted(programs, key=lambda program: program[0].st_mtime, reverse=True):
         size += about.st_size
         if size > LIMIT:
             file.unlink(missing_ok=True)
+
+
+def _about(file: pathlib.Path) -> os.stat_result | None:
+    """Size and time of a file; None where another run has dropped it."""
+    try:
+        return file.stat()
+    except FileNotFoundError:
+        return None

@@ -45,8 +45,9 @@ def process() -> int:
     """Run the command in a process of its own.
 
     It runs most of its programs once, so it compiles them without optimisation, in less than half the time, unless
-    `JAX_DISABLE_MOST_OPTIMIZATIONS` or `XLA_FLAGS` say otherwise, and keeps them for later runs. Stopped from the
-    keyboard it ends at once: a KeyboardInterrupt that comes while a library cleans up would be printed and lost.
+    `JAX_DISABLE_MOST_OPTIMIZATIONS` says otherwise, and keeps them for later runs. `XLA_FLAGS` are left as they are.
+    Stopped from the keyboard it ends at once: a KeyboardInterrupt that comes while a library cleans up would be printed
+    and lost.
     """
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not where it is ignored, as under nohup
         signal.signal(signal.SIGINT, _stop)

@@ -83,8 +83,11 @@ class Lacking(NamedTuple):
     - `parts`: the first m columns of the inverse, the lasting self-stress and the motions along the branch.
     - `local`: the projector C C^+ onto the local self-stress, and `states` its rank.
     - `decision`: whether C has a rank.
-    - `kept`: by its inverse rounding is magnified.
-    - `blur`: what rounding and violation make of B and b, relative to `turn` a and `bend`, which P is taken of.
+    - `size`: of B and b, which stand over it.
+    - `kept`: smallest kept singular value of the whole, relative: by its inverse rounding is magnified.
+    - `turn`, `bend`: the rates of the scaled Jacobian, (m, n), and Phi''' / 3, (m,), over `size`: B = P `turn`,
+      b = -P `bend`.
+    - `blur`: what rounding and violation make of B and b, relative to `turn` a and `bend`.
     """
 
     matrix: Float[Array, "2m n"]

@@ -5,6 +5,7 @@ import numpy as np
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
+from ._factorisation import factorised
 from ._factorize import factorize
 from ._kinematics import along_motion, explicit_gamma, slip_motion
 
@@ -15,7 +16,7 @@ def culprits(system: AbstractSystem, state: State, result: RESULTS) -> str:
         return _rows(system, np.asarray(along_motion(system, state).value), "Violated rows")
     if result == RESULTS.inadmissible_velocity:
         rates = _rows(system, np.asarray(along_motion(system, state).rate), "Rows with the largest rates")
-        factor = factorize(system, state)
+        factor = factorised(system.anonymous().without_friction(), state, None)  # with the self-stress of here alone
         return rates or _rows(system, np.asarray(factor.self_stress @ factor.gamma), "N^T gamma in rows")
     if result == RESULTS.inconsistent_constraints:
         return _rows(system, np.asarray(explicit_gamma(system, state)), "Rows that prescribe an acceleration")

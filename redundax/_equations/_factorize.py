@@ -52,13 +52,13 @@ def factorize(system: AbstractSystem, state: State, rank: ArrayLike | None = Non
 
 
 def _continued(system: AbstractSystem, state: State, factor: Factorisation, rank: ArrayLike | None) -> Factorisation:
-    """The same where the position is regular; at a singular one, or too near to it, with the rows that lack there."""
+    """A factorisation as it is at a regular position; at a singular one, or too near to it, with the rows that lack."""
     spectrum, near = factor.spectrum, factor
     values = np.asarray(spectrum.singular_values)
     least = float(np.finfo(values.dtype).eps) ** _NEAR
     if rank is None and (spectrum.kept.item() < least or spectrum.decision.margin.item() < CLEAR):
         near = factorised(system, state, on_device(np.asarray(np.sum(values > least))))
-    if near.singularity.margin.item() < CLEAR:
+    if not near.singularity.margin.item() >= CLEAR:  # nor where it is NaN
         return factor
     found, branch, is_trusted = _on_branch(system, state, near)
     if near is not factor and not is_trusted.item():
@@ -90,7 +90,7 @@ def factorisation_at(
 def _on_branch(
     system: AbstractSystem, state: State, factor: Factorisation
 ) -> tuple[Factorisation, Branch, Bool[Array, ""]]:
-    """The same at a singular position with the rows that the constraints lack there, and whether all checks pass."""
+    """A factorisation at a singular position with the rows that lack there; its branch; whether all checks pass."""
     n, m, scales, values = *factor.jacobian.shape[::-1], factor.scaling, factor.spectrum.singular_values
     force, gamma = scales.coordinates * factor.load, factor.gamma / scales.rows
     beside = jnp.max(jnp.where(jnp.arange(values.size) < factor.spectrum.rank, 0.0, values))

@@ -3,7 +3,7 @@
     q' = qd,   qd' = qdd(q, qd, t)
 
 The rank is found once and held (`_held_rank`); each step is projected (`_stepper`). Accelerations, multipliers and
-friction at the times asked for are those of `solve`.
+friction at the times asked for are computed with the held rank; at regular positions they are those of `solve`.
 """
 
 from typing import TYPE_CHECKING
@@ -75,8 +75,8 @@ def simulate(
     - `t1`: time at the end, not before that of `state`: motions run forward.
     - `closure`: which of the multipliers to take where they are not unique; it matters to the motion where friction
       depends on load.
-    - `solver`: any diffrax solver of ordinary differential equations, `diffrax.Dopri8()` if not given; explicit ones
-      suit stiff constraints, not stiff loads.
+    - `solver`: of time, not of friction as in `solve`: any diffrax solver of ordinary differential equations,
+      `diffrax.Dopri8()` if not given; explicit ones suit stiff constraints, not stiff loads.
     - `stabilisation`: `Projection()`, `Baumgarte(alpha, beta)` or `NoStabilisation()`.
     - `ts`: times to give the motion at, one or more, ascending from start to end; 101 if not given. Between steps it
       is interpolated, some ten times less accurately than steps are, and projected.
@@ -112,6 +112,7 @@ def simulate(
     from ._integrate import integrate
 
     no_classes(closure=closure, solver=solver, stabilisation=stabilisation, adjoint=adjoint)
+    positive("max_phases", as_float(max_phases))
     closure = closure.by_place(system)
     solver = diffrax.Dopri8() if solver is None else solver
     _check(system, state, rtol, dt0, max_steps)

@@ -57,8 +57,8 @@ class Trajectory(AbstractNamed):
     paper, `motion["tau A"]` friction, `motion["K.travel"]` a joint coordinate, each of shape (times,). Where velocities
     are not rates of positions, as in a chart, positions have no names.
 
-    Where the motion did not get to, all is NaN; accelerations, multipliers and friction are NaN too at times where
-    `solve` has no successful result, as exactly in a singular position.
+    Where the motion did not get to, all is NaN; accelerations, multipliers and friction are NaN too where the held rank
+    gives none, as exactly in a singular position.
 
     - `t`: times, shape (times,).
     - `q`, `qd`: coordinates and velocities, on the constraint manifold with `Projection`; `q` as the chart has it.

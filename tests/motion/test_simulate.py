@@ -238,7 +238,7 @@ def test_arguments_that_do_not_fit_are_refused():
         rx.simulate(system, state, T1, solver=diffrax.Euler())
     with pytest.raises(ValueError, match=r"jax\.vmap"):
         rx.simulate(system, jax.tree.map(lambda x: jnp.stack([x, x]), state), T1)
-    for option in ("rtol", "dt0", "max_steps"):
+    for option in ("rtol", "dt0", "max_steps", "max_phases"):
         with pytest.raises(ValueError, match=f"`{option}` must be positive"):
             rx.simulate(system, state, T1, **{option: 0})
 

@@ -289,13 +289,13 @@ if processes > 1:
 import redundax as rx
 from redundax._study import _study
 
-mechanism, real, devices = rx.mechanisms.wojtyra2020(), _study.fetched, set()
+mechanism, real, devices = rx.mechanisms.wojtyra2020(), _study.fetch, set()
 
 def fetched(values):
     devices.add(len(values.sharding.device_set))
     return real(values)
 
-_study.fetched = fetched
+_study.fetch = fetched
 
 def run(phi):
     return {"acceleration": rx.solve(mechanism, mechanism.state(phi=phi, rate=0.0)).acceleration}

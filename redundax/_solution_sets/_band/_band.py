@@ -135,8 +135,8 @@ def band(
 
     - `system`, `state`: concrete values; not inside `jit` or `vmap`.
     - `outputs`: names: "coordinate''" of accelerations, rows of multipliers, "tau slip" of friction and, for a
-      `Mechanism`, "K.travel''" of joint coordinates and those of `analyze(...).verdicts["reaction"]`; all accelerations
-      of coordinates if not given.
+      `Mechanism`, "K.travel''" of joint coordinates and those of `analyze(...).verdicts["reaction"]`; None for all
+      accelerations of coordinates.
     - `bounds`: `AmplitudeBox`, `PreloadBox`, `PreloadNorm`, `MisfitBox` or `ComplianceBox`.
     - `samples`: random cases that are looked at where the band is not exact, beside vertices.
     - `starts`, `seed`: random initial loads for each of them, where the number of solutions is not proved.
@@ -173,7 +173,7 @@ def band(
         units=tuple(unit_of(kind, system.names.units) for kind in kinds),
         lower=lower + offset,
         upper=upper + offset,
-        exact=unique | exact_way,
+        exact=(unique | exact_way) & ~np.isnan(lower),
         bounds=type(bounds).__name__,
         parameters=cases.names,
         box=np.stack([cases.figures(cases.lower), cases.figures(cases.upper)], axis=1),
@@ -199,7 +199,9 @@ def _wanted(system: AbstractSystem, state: State, outputs: Sequence[str] | str |
     known, unknowns, joints = named_outputs(system, state), system.names.unknowns, system.names.joint_coordinates
     names = known["acceleration"][0] if outputs is None else [outputs] if isinstance(outputs, str) else [*outputs]
     if not names:
-        raise ValueError("Argument `outputs` must hold names of outputs, but holds none. Leave it out for all.")
+        raise ValueError(
+            "Argument `outputs` must hold names of outputs, but holds none. Give None for all accelerations."
+        )
     kinds = dict(zip(unknowns.labels, unknowns.kinds, strict=True))
     moving = {f"{label}''": kind for label, kind in zip(joints.labels, joints.kinds, strict=True)}
     labels = [*(name for group, _ in known.values() for name in group), *moving]

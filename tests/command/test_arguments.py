@@ -1,0 +1,11 @@
+"""What the command makes of its arguments."""
+
+import pytest
+
+from redundax._command._arguments import argument_parser
+
+
+@pytest.mark.parametrize("arguments", [["--png", "a.png", "study", "f.py:p"], ["study", "f.py:p", "--png", "a.png"]])
+def test_a_picture_is_asked_for_before_or_after_the_command(arguments):
+    assert argument_parser().parse_args(arguments).png.name == "a.png"
+    assert argument_parser().parse_args(["study", "f.py:p"]).png is None
