@@ -6,6 +6,7 @@
 
     A force x on crank, A force y on crank, A moment on crank       what the joint does to the body that is named
 
+A row keeps its name where a joint coordinate would have the same: K.angle of a guide that holds the turn is its moment.
 Names never reach compiled programs: systems go there anonymous, and results get their names when they come back.
 """
 
@@ -135,14 +136,15 @@ def entries(
     axes: Mapping[str, Axis], arrays: Collection[str] = tuple(QUANTITIES), units: StatedUnits = UNSTATED
 ) -> list[Entry]:
     """All entries of these arrays of a result whose arrays have these axes."""
-    return [
-        Entry(quantity.pattern.format(label), array, k, *known[angular])
-        for array, quantity in QUANTITIES.items()
-        if array in arrays and quantity.axis in axes
-        for axis in [axes[quantity.axis]]
-        for known in [[(quantity.kind(angular), quantity.unit(angular, units)) for angular in (False, True)]]
-        for k, (label, angular) in enumerate(zip(axis.labels, axis.angular.tolist(), strict=True))
-    ]
+    found = []
+    for array, quantity in QUANTITIES.items():
+        if array not in arrays or quantity.axis not in axes:
+            continue
+        axis = axes[quantity.axis]
+        kinds = [(quantity.kind(angular), quantity.unit(angular, units)) for angular in (False, True)]
+        for k, (label, angular) in enumerate(zip(axis.labels, axis.angular.tolist(), strict=True)):
+            found.append(Entry(quantity.pattern.format(label), array, k, *kinds[angular]))
+    return found
 
 
 def unit_of(kind: str, units: StatedUnits) -> str:
