@@ -21,8 +21,10 @@ from ._kinematics import second_order
 
 
 class Scaling(NamedTuple):
-    """S, shape (n,), and D, shape (m,); the length L, which turns angles to lengths; and the size of the mechanism: how far
-    a radian, in the units of angles, moves a point at L."""
+    """S, shape (n,), and D, shape (m,); the length L, which turns angles to lengths; and the size of the mechanism.
+
+    The size is how far a radian, in the units of angles, moves a point at L.
+    """
 
     coordinates: Float[Array, " n"]
     rows: Float[Array, " m"]
