@@ -6,7 +6,7 @@
 
     A force x on crank, A force y on crank, A moment on crank       what the joint does to the body that is named
 
-A.angle of a pin, which leaves the turn free, is a joint coordinate; K.angle of a guide, which holds it, a row: a moment.
+A.angle of a pin, which leaves the turn free, is a joint coordinate; K.angle of a guide, which holds it, a moment.
 
 Names never reach compiled programs: systems go there anonymous, and results get their names when they come back.
 """
