@@ -147,10 +147,26 @@ def _measured(case: Case, route: Route, dtype: str, found: Outcome, draws: int) 
     choices = []
     for number, answer in enumerate(_truths(case, route.truth)):
         scale, *limits = _bounds(case, route.truth, number, DTYPES[dtype], draws)
-        errors = per_kind(difference(answer, found.values), scale, route.truth.kinds(case))
+        errors = per_kind(difference(answer, _as_given(found, answer)), scale, route.truth.kinds(case))
         limit = {kind: max(limit[kind] for limit in limits) for kind in errors}
         choices.append((_ratio(errors, limit), _ratio(errors, limits[0]), errors, limit))
     return min(choices, key=lambda choice: choice[0], default=(np.inf, np.inf, {}, {}))
+
+
+def _leaves_out(found: Outcome) -> bool:
+    """Whether loads have no value beside accelerations that do, as at singular positions."""
+    lost = {part: np.isnan(np.asarray(values, float)) for part, values in found.values.items()}
+    return lost["multipliers"].any() and not lost["acceleration"].any()
+
+
+def _as_given(found: Outcome, answer: dict) -> dict:
+    """What was found, with the true values of loads that are left out."""
+    if not _leaves_out(found):
+        return found.values
+    loads = [
+        true if np.isnan(x) else x for x, true in zip(found.values["multipliers"], answer["multipliers"], strict=True)
+    ]
+    return {**found.values, "multipliers": loads}
 
 
 def _ratio(errors: dict[str, float], limit: dict[str, float]) -> float:
@@ -161,9 +177,10 @@ def _ratio(errors: dict[str, float], limit: dict[str, float]) -> float:
 def verdict(case: Case, found: Outcome, ratio: float, posed: bool, solvable: bool, eps: float) -> str:
     """`ok`, `flagged`, `false flag` or `SILENT WRONG`, see the package.
 
-    Where sigma_r / sigma_1 is below 10 eps, the rank is not in the data.
+    Where sigma_r / sigma_1 is below 10 eps, the rank is not in the data. Loads that are left out are flags, if what is
+    given is right.
     """
-    if found.result:
+    if found.result or (_leaves_out(found) and solvable and ratio <= ALLOWED):
         return "false flag" if posed and solvable else "flagged"
     decidable = case.sharpness > ALLOWED * eps
     right = solvable and ratio <= ALLOWED and (found.rank == case.exact.rank or not decidable)
