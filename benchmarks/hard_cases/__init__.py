@@ -17,7 +17,7 @@ state is off the manifold by more than eps, that size takes the place of eps. Th
 by the second alone. Every line ends with a verdict:
 
     ok            successful, and right
-    flagged       not successful, and the result names the reason; or loads that have no value are left out, the rest right
+    flagged       not successful, and the result names the reason; or loads without a value are left out, the rest right
     false flag    not successful though sigma_r / sigma_1 > 1e-3, friction contracts with a spectral radius below 0.9,
                   the state is as consistent as the documentation asks, and the bound is below 0.1 for every kind
     SILENT WRONG  successful, but wrong, or of another rank than the true one where sigma_r / sigma_1 exceeds 10 eps
