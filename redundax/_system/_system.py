@@ -45,7 +45,7 @@ class AbstractSystem(eqx.Module):
     @property
     def slips(self) -> Axis:
         """Names and kinds of the slips of all friction groups."""
-        return self.names.slips
+        return slip_kinds(self.friction)
 
     @property
     @abc.abstractmethod
