@@ -94,13 +94,15 @@ def _second(
     return AlongMotion(phi, slope, -bend)
 
 
-def change_of_jacobian(system: AbstractSystem, state: State, direction: Float[Array, " n"]) -> Float[Array, "m n"]:
-    """Derivative of Phi_q as the position moves along a direction, at constant t.
+def change_of_jacobian(
+    system: AbstractSystem, state: State, direction: Float[Array, " n"], time: float = 0.0
+) -> Float[Array, "m n"]:
+    """Derivative of Phi_q as the position moves along a direction, and t at the rate `time`.
 
     Up to combinations of its columns where coordinates do not add, which no self-stress sees.
     """
-    moved = jnp.zeros_like(direction)
-    return jax.jvp(lambda d: system.jacobian(system.retract(state.q, d), state.t), (moved,), (direction,))[1]
+    still, along = (jnp.zeros_like(direction), state.t), (direction, jnp.full_like(state.t, time))
+    return jax.jvp(lambda d, t: system.jacobian(system.retract(state.q, d), t), still, along)[1]
 
 
 def third_order(system: AbstractSystem, state: State) -> tuple[Float[Array, "m n"], Float[Array, " m"]]:
@@ -110,15 +112,11 @@ def third_order(system: AbstractSystem, state: State) -> tuple[Float[Array, "m n
     """
     zero, one = jnp.zeros_like(state.t), jnp.ones_like(state.t)
 
-    def later(s: Array) -> State:
-        return State(system.retract(state.q, s * state.qd), state.qd, state.t + s, state.memory)
+    def second(s: Array) -> Array:
+        later = State(system.retract(state.q, s * state.qd), state.qd, state.t + s, state.memory)
+        return second_derivative(system, later, state.qd, one)
 
-    def jacobian(s: Array) -> Array:
-        there = later(s)
-        return system.jacobian(there.q, there.t)
-
-    rate = jax.jvp(jacobian, (zero,), (one,))[1]
-    return rate, jax.jvp(lambda s: second_derivative(system, later(s), state.qd, one), (zero,), (one,))[1]
+    return change_of_jacobian(system, state, state.qd, time=1.0), jax.jvp(second, (zero,), (one,))[1]
 
 
 def chart_rate(system: AbstractSystem, state: State) -> Float[Array, "..."]:

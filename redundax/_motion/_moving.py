@@ -290,7 +290,7 @@ def _least_change(
 
 
 @_least_change.def_jvp
-def _closed_jvp(primals: tuple, tangents: tuple) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+def _least_change_jvp(primals: tuple, tangents: tuple) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """By the constraints at the new position: what the step is off by is small beside what moves."""
     system, held, q, qd, t = primals
     system_dot, _, q_dot, qd_dot, t_dot = tangents

@@ -27,7 +27,7 @@ from .._equations._kinematics import slip_motion
 from .._equations._response import AbstractPick, AbstractSolvedFactorisation, LinearResponse, Response, total
 from .._solvers._friction_problem import FrictionProblem, Law
 from .._system._decision import Decision
-from .._system._friction import load_rows, slip_kinds
+from .._system._friction import load_rows
 from .._system._state import State
 from .._system._system import AbstractSystem
 
@@ -108,7 +108,7 @@ def reduce(
     rate, directions = slip_motion(system, state)
     acceleration, multipliers = factor.respond(directions)
     unit = Response(acceleration, pick(multipliers))
-    angular_slips = jnp.asarray(slip_kinds(system.friction).angular)
+    angular_slips = jnp.asarray(system.slips.angular)
     motion = factor.motion_of(rate * jnp.where(angular_slips, factor.length, 1.0))
     law = Law(system.friction, rate, _sense(rate, motion, sense), state)
     rows = load_rows(system.friction)

@@ -161,7 +161,7 @@ def _end_in_chunks(*arguments: Any) -> tuple[Response, Root, Array, RESULTS]:
 
 
 @_end_in_chunks.def_jvp
-def _ended_jvp(primals: tuple, tangents: tuple) -> tuple:
+def _end_in_chunks_jvp(primals: tuple, tangents: tuple) -> tuple:
     out, change = eqx.filter_jvp(_end, primals, tangents)
     return batched_with(out, eqx.filter(primals, eqx.is_array)), change
 

@@ -179,5 +179,5 @@ def batch_any(flag: Bool[Array, ""]) -> Bool[Array, ""]:
 
 
 @batch_any.def_vmap
-def _of_any_in_batch(size: int, batched: list[bool], flag: Bool[Array, " size"]) -> tuple[Bool[Array, ""], bool]:
+def _any_in_batch(size: int, batched: list[bool], flag: Bool[Array, " size"]) -> tuple[Bool[Array, ""], bool]:
     return batch_any(jnp.any(flag, axis=0)), False
