@@ -11,6 +11,8 @@ import numpy as np
 from .._analysis._analyze import analyze
 from .._analysis._report import Report
 from .._closures._closure import AbstractClosure
+from .._equations._factorisation import Factorisation
+from .._equations._factorize import factorisation_at
 from .._pictures._plots._plot import plot_family
 from .._solution_sets._family._solution_family import SolutionFamily, solution_family
 from .._system._state import State
@@ -25,13 +27,15 @@ def report_with_families(
     amplitude: float | None,
     samples: int,
     watch: Callable[[Sequence[Any]], Iterable[Any]] = iter,
+    factor: Factorisation | None = None,
 ) -> tuple[Report, list[SolutionFamily]]:
     """The report, and the solutions along every self-stress state; none where there is a problem."""
-    report = analyze(system, state, closure=closure)
+    factor = factorisation_at(system, state, None, factor)
+    report = analyze(system, state, closure=closure, factor=factor)
     if report.problem:
         return report, []
     z = None if amplitude is None else np.linspace(-amplitude, amplitude, samples)
-    options = {"z": z, "closure": closure, "samples": samples, "watch": watch}
+    options = {"z": z, "closure": closure, "samples": samples, "watch": watch, "factor": factor}
     try:
         return report, [solution_family(system, state, along=name, **options) for name in report.pivots]
     except RuntimeError as error:

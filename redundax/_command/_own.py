@@ -34,8 +34,9 @@ def _analyze(system: AbstractSystem, state: State, arguments: argparse.Namespace
 
 def _study(system: AbstractSystem, state: State, arguments: argparse.Namespace) -> int:
     watch = functools.partial(progress, what="solving", wanted=arguments.progress)
-    closure = unit_free_norm(factorize(system, state))
-    report, families = report_with_families(system, state, closure, arguments.amplitude, arguments.samples, watch)
+    factor = factorize(system, state)
+    closure, wish = unit_free_norm(factor), (arguments.amplitude, arguments.samples)
+    report, families = report_with_families(system, state, closure, *wish, watch, factor)
     if arguments.json:
         show(json.dumps({"report": report.to_dict(), "families": [family.to_dict() for family in families]}))
     else:
@@ -47,9 +48,10 @@ def _study(system: AbstractSystem, state: State, arguments: argparse.Namespace) 
 
 def _report(system: AbstractSystem, state: State, arguments: argparse.Namespace) -> int:
     watch = functools.partial(progress, what="solving", wanted=arguments.progress)
-    closure = unit_free_norm(factorize(system, state))
-    report, families = report_with_families(system, state, closure, arguments.amplitude, arguments.samples, watch)
-    solution = solve(system, state, closure=closure, throw=False)
+    factor = factorize(system, state)
+    closure, wish = unit_free_norm(factor), (arguments.amplitude, arguments.samples)
+    report, families = report_with_families(system, state, closure, *wish, watch, factor)
+    solution = solve(system, state, closure=closure, factor=factor, throw=False)
     path, _, name = arguments.system.rpartition(":")
     title = f"{name} in {pathlib.Path(path).name}: what can be trusted"
     made = contents(title, system, state, report, solution, families, in_words(closure), _provenance(arguments))
