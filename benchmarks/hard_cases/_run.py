@@ -177,11 +177,13 @@ def _ratio(errors: dict[str, float], limit: dict[str, float]) -> float:
 def verdict(case: Case, found: Outcome, ratio: float, posed: bool, solvable: bool, eps: float) -> str:
     """`ok`, `flagged`, `false flag` or `SILENT WRONG`, see the package.
 
-    Where sigma_r / sigma_1 is below 10 eps, the rank is not in the data. Loads that are left out are flags, if what is
-    given is right.
+    Where sigma_r / sigma_1 is below 10 eps, the rank is not in the data. Loads that are left out are a flag where the
+    case is not well posed and what is given is right.
     """
-    if found.result or (_leaves_out(found) and solvable and ratio <= ALLOWED):
+    right = solvable and ratio <= ALLOWED
+    if found.result:
         return "false flag" if posed and solvable else "flagged"
+    if _leaves_out(found):
+        return "flagged" if right and not posed else "SILENT WRONG"
     decidable = case.sharpness > ALLOWED * eps
-    right = solvable and ratio <= ALLOWED and (found.rank == case.exact.rank or not decidable)
-    return "ok" if right else "SILENT WRONG"
+    return "ok" if right and (found.rank == case.exact.rank or not decidable) else "SILENT WRONG"
