@@ -26,10 +26,15 @@ from .._tools._module import as_float, floats, not_negative, positive
 
 
 class AbstractFrictionModel(eqx.Module):
-    """Friction of a joint from its normal load, slip rate and sense."""
+    """Friction of a joint from its normal load, slip rate and sense.
+
+    `is_proportional` says whether the force is a constant and a multiple of the normal load, at any slip rate: proofs
+    rest on it.
+    """
 
     depends_on_load: eqx.AbstractClassVar[bool]
     has_sense: eqx.AbstractClassVar[bool]
+    is_proportional: ClassVar[bool] = False
 
     @abc.abstractmethod
     def force(
@@ -71,6 +76,11 @@ class _AtRadius(AbstractFrictionModel):
         """As the model of the surfaces."""
         return self.model.has_sense
 
+    @property
+    def is_proportional(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """As the model of the surfaces."""
+        return self.model.is_proportional
+
     def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
         return self.radius * self.model.force(normal_load, self.radius * rate, sense, memory)
 
@@ -102,6 +112,7 @@ class Coulomb(AbstractFrictionModel):
 
     depends_on_load: ClassVar[bool] = True
     has_sense: ClassVar[bool] = True
+    is_proportional: ClassVar[bool] = True
     mu: Float[Array, ""] = eqx.field(converter=as_float)
     preload: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
 
@@ -138,6 +149,7 @@ class RegularisedCoulomb(AbstractFrictionModel):
 
     depends_on_load: ClassVar[bool] = True
     has_sense: ClassVar[bool] = False
+    is_proportional: ClassVar[bool] = True
     mu: Float[Array, ""] = eqx.field(converter=as_float)
     velocity: Float[Array, ""] = eqx.field(converter=as_float)
     preload: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
@@ -174,6 +186,7 @@ class Stribeck(AbstractFrictionModel):
 
     depends_on_load: ClassVar[bool] = True
     has_sense: ClassVar[bool] = True
+    is_proportional: ClassVar[bool] = True
     static: Float[Array, ""] = eqx.field(converter=as_float)
     kinetic: Float[Array, ""] = eqx.field(converter=as_float)
     velocity: Float[Array, ""] = eqx.field(converter=as_float)
@@ -209,6 +222,7 @@ class ConstantFriction(AbstractFrictionModel):
 
     depends_on_load: ClassVar[bool] = False
     has_sense: ClassVar[bool] = True
+    is_proportional: ClassVar[bool] = True
     size: Float[Array, ""] = eqx.field(converter=as_float)
 
     def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
@@ -242,6 +256,7 @@ class Dahl(AbstractFrictionModel):
 
     depends_on_load: ClassVar[bool] = True
     has_sense: ClassVar[bool] = False
+    is_proportional: ClassVar[bool] = True
     mu: Float[Array, ""] = eqx.field(converter=as_float)
     stiffness: Float[Array, ""] = eqx.field(converter=as_float)
     preload: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
@@ -291,6 +306,7 @@ class LuGre(AbstractFrictionModel):
 
     depends_on_load: ClassVar[bool] = True
     has_sense: ClassVar[bool] = False
+    is_proportional: ClassVar[bool] = True
     static: Float[Array, ""] = eqx.field(converter=as_float)
     kinetic: Float[Array, ""] = eqx.field(converter=as_float)
     velocity: Float[Array, ""] = eqx.field(converter=as_float)

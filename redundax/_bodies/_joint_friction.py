@@ -35,6 +35,11 @@ class JointFriction(AbstractFriction):
         """As the model has."""
         return self.model.has_sense
 
+    @property
+    def has_convex_limits(self) -> bool:
+        """As normal loads are seminorms, where the model is proportional to them."""
+        return self.model.is_proportional
+
     def anonymous(self) -> Self:
         return replace_fields(self, slips=self.slips.anonymous())
 

@@ -134,6 +134,11 @@ class _RescaledFriction(AbstractFriction):
     def has_sense(self) -> bool:
         return self.inner.has_sense
 
+    @property
+    def has_convex_limits(self) -> bool:
+        """As the friction of the inner system."""
+        return self.inner.has_convex_limits
+
     def anonymous(self) -> Self:
         return replace_fields(self, inner=self.inner.anonymous(), system=self.system.anonymous())
 

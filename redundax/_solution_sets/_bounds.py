@@ -187,6 +187,19 @@ class ComplianceBox(AbstractBounds):
         )
 
 
+def cases_of(
+    bounds: AbstractBounds | AbstractClosure,
+    system: AbstractSystem,
+    state: State,
+    report: Report,
+    solutions: SolutionSet,
+) -> AbstractCases:
+    """All cases within bounds, or the one that a closure picks."""
+    if isinstance(bounds, AbstractClosure):
+        return one_case(bounds, system, state, solutions)
+    return bounds.cases(system, state, report, solutions)
+
+
 def one_case(closure: AbstractClosure, system: AbstractSystem, state: State, solutions: SolutionSet) -> Affine:
     """The one case that a closure picks."""
     nothing = np.zeros(0)

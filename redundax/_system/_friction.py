@@ -35,6 +35,11 @@ class AbstractFriction(eqx.Module):
     def has_sense(self) -> bool:
         """Whether the force depends on the sense of slip, so that it jumps where the slip reverses."""
 
+    @property
+    def has_convex_limits(self) -> bool:
+        """Whether the size of each friction is a constant and a seminorm of its loads: outer bounds rest on it."""
+        return False
+
     @abc.abstractmethod
     def slip(self, q: Float[Array, "..."], t: Float[Array, ""]) -> Float[Array, " p"]:
         """Slip coordinates: the relative displacement that each friction force opposes."""

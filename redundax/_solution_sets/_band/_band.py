@@ -3,7 +3,8 @@
     min and max of y = Y [qdd; lam; tau]   over all solutions of (25) whose self-stress is possible
 
 `_bounds` says what is possible and `_extremes` finds the extremes: exactly where friction does not depend on the
-self-stress, else by a search, whose result lies inside the true band: no outer bound is known there.
+self-stress, else by a search, whose result lies inside the true band: no outer bound is known there. Where joints rest,
+their friction is any within its limits, and `_loads_at_rest` finds inner and outer bounds.
 """
 
 import dataclasses
@@ -19,19 +20,21 @@ from ..._analysis._analyze import Report, analyze
 from ..._analysis._outputs import evaluated, joint_accelerations, plain
 from ..._analysis._outputs import outputs as named_outputs
 from ..._analysis._verdict import Verdict
+from ..._closures._closure import AbstractClosure
 from ..._equations._factorisation import Factorisation
 from ..._equations._factorize import factorisation_at
 from ..._solve._all_solutions import start_factors
-from ..._system._names import ByName, index_of, unit_of
+from ..._system._names import ByName, index_of, senses, unit_of
 from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._system._units import with_unit
 from ..._tools._module import no_classes
-from .._bounds import AbstractBounds
-from .._cases import Affine
+from .._bounds import AbstractBounds, cases_of
+from .._cases import AbstractCases, Affine
 from .._family._solution_family import solutions_of
+from .._loads_at_rest._band_at_rest import bands_at_rest
 from .._search import Search, best, few, proved_single
-from .._solution_set import SolutionSet
+from .._solution_set import SolutionSet, solution_set
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,8 +45,10 @@ class Bands:
       "friction moment".
     - `units`: of the outputs, as in "m/s²"; "" where the system states none.
     - `lower`, `upper`: the bands, shape (outputs,); NaN where no solution within the bounds was found.
-    - `exact`: which bands are proved, shape (outputs,); the others are inner estimates: all within them is attained,
-      more may be, and no outer bound is known. More `samples` and `starts` search better.
+    - `exact`: which bands are proved, shape (outputs,); the others are inner bounds: their ends are attained, more may
+      be. More `samples` and `starts`, or `nodes` at rest, search better.
+    - `outer_lower`, `outer_upper`: outer bounds, proved not to be exceeded, shape (outputs,); infinite where none is
+      known.
     - `bounds`: what was bounded: the name of the class.
     - `parameters`, `box`: names of the entries of a case, and their bounds, shape (q, 2).
     - `lower_case`, `upper_case`: the case that attains each extreme: amplitude, preload, misfit or compliance, shape
@@ -51,6 +56,8 @@ class Bands:
     - `lower_solution`, `upper_solution`: [qdd; lam; tau] there, shape (outputs, n + m + p).
     - `solved`: share of the cases looked at that have a solution; below 1 some of what the bounds allow is impossible
       at this state, as past a fold of friction.
+    - `stands`: where joints with friction rest, whether they may stay at rest: "yes", "no" (proved) or "undecided";
+      None where all slip.
 
     ??? example
 
@@ -74,6 +81,9 @@ class Bands:
     lower_solution: np.ndarray
     upper_solution: np.ndarray
     solved: float
+    outer_lower: np.ndarray
+    outer_upper: np.ndarray
+    stands: str | None = None
 
     @property
     def title(self) -> str:
@@ -95,40 +105,63 @@ class Bands:
         labels = [with_unit(name, unit) for name, unit in zip(self.names, self.units, strict=True)]
         size = max(map(len, labels)) + 2
         lines = [self.title]
+        if self.stands is not None:
+            lines.append(_STANDS[self.stands])
         if self.empty:
-            lines.append("NO SOLUTION within the bounds was found.")
-            return "\n".join(lines)
+            return "\n".join(lines if self.stands is not None else [*lines, _EMPTY])
         if self.solved < 1:
             lines.append(f"NO SOLUTION for {1 - self.solved:.0%} of the cases looked at.")
         lines.append(f"{'':{size}}{'least':>14}{'largest':>14}")
         for k, name in enumerate(labels):
-            what = "exact" if self.exact[k] else "inner estimate"
-            lines.append(f"{name:{size}}{self.lower[k]:14.6g}{self.upper[k]:14.6g}  {what}")
-        if not self.exact.all():
+            lines.append(f"{name:{size}}{self.lower[k]:14.6g}{self.upper[k]:14.6g}  {self._kind(k)}")
+        if np.any(np.isinf(self.outer_lower) | np.isinf(self.outer_upper)):
             lines.append("Inner estimates: all within is attained; more may be, and no outer bound is known.")
         return "\n".join(lines)
+
+    def _kind(self, k: int) -> str:
+        if self.exact[k]:
+            return "exact"
+        if np.isinf(self.outer_lower[k]) or np.isinf(self.outer_upper[k]):
+            return "inner estimate"
+        return f"inner; outer {self.outer_lower[k]:.6g} to {self.outer_upper[k]:.6g} (proved)"
+
+
+_EMPTY = "NO SOLUTION within the bounds was found."
+_STANDS = {
+    "yes": "At rest: it can stand so, held by friction within its limits.",
+    "no": "CANNOT STAND (proved): no friction within its limits holds it.",
+    "undecided": "UNDECIDED whether it can stand: no friction that holds it was found.",
+}
+_MEET = 1e-6  # distance of inner and outer bounds that is none, relative to the largest value
 
 
 def band(
     system: AbstractSystem,
     state: State,
     outputs: Sequence[str] | str | None,
-    bounds: AbstractBounds,
+    bounds: AbstractBounds | AbstractClosure,
     *,
     samples: int = 256,
     starts: int = 8,
     seed: int = 0,
+    nodes: int = 400,
     sense: ByName | None = None,
     rank: ArrayLike | None = None,
     factor: Factorisation | None = None,
 ) -> Bands:
     """Smallest and largest values of outputs under what is known of preload, misfit or compliance.
 
+    Where joints with friction rest, the bands are over all friction within its limits that lets them rest: what the
+    joints may carry while the mechanism stands. They come as inner bounds, which are attained, and outer ones, which
+    are proved, for friction proportional to loads as that of the models here; see `Bands`.
+
     ??? example
 
         ```python
         bands = rx.band(mechanism, state, ["1.phi''", "A.x"], rx.AmplitudeBox({"A.x": (-40.0, 40.0)}))
         print(bands)
+        rest = mechanism.state(phi=0.8, rate=0.0)
+        print(rx.band(mechanism, rest, ["A.x", "tau A"], rx.AmplitudeBox({"A.x": (-40.0, 40.0)})))
         ```
 
     **Arguments:**
@@ -137,27 +170,32 @@ def band(
     - `outputs`: names: "coordinate''" of accelerations, rows of multipliers, "tau slip" of friction and, for a
       `Mechanism`, "K.travel''" of joint coordinates and those of `analyze(...).verdicts["reaction"]`; None for all
       accelerations of coordinates.
-    - `bounds`: `AmplitudeBox`, `PreloadBox`, `PreloadNorm`, `MisfitBox` or `ComplianceBox`.
+    - `bounds`: `AmplitudeBox`, `PreloadBox`, `PreloadNorm`, `MisfitBox` or `ComplianceBox`; or a closure, for the
+      loads that it picks.
     - `samples`: random cases that are looked at where the band is not exact, beside vertices.
     - `starts`, `seed`: random initial loads for each of them, where the number of solutions is not proved.
-    - `sense`, `rank`, `factor`: as in `solve`.
+    - `nodes`: linear programmes at most for each extreme at rest.
+    - `sense`, `rank`, `factor`: as in `solve`; joints at rest that are given a sense begin to slip.
 
     **Raises:** as `solution_family`; `ValueError` where bounds or outputs do not fit the system.
     """
     no_classes(bounds=bounds)
     factor = factorisation_at(system, state, rank, factor)
     report = analyze(system, state, sense=sense, factor=factor)
+    if report.at_rest:
+        return _at_rest(system, state, outputs, bounds, report, factor, sense, nodes)
     solutions = solutions_of(system, state, factor, report, sense)
     if not report.pivots and not report.undetermined:
         raise ValueError("Argument `system` must be overconstrained, but has no self-stress: its loads are unique.")
-    names, kinds, matrix, offset, unique = _wanted(system, state, outputs, report)
-    _check_values(names, matrix, solutions)
+    wanted = _wanted(system, state, outputs, report)
+    matrix, unique = wanted.matrix, wanted.unique
+    _check_values(wanted.names, matrix, solutions)
     if not report.pivots:
         raise ValueError(
             "Argument `state` must be one with a self-stress that lasts beside it, but is at a singular position where "
             "all vanishes: its accelerations are unique, and the loads that it touches have no value. Use `solve`."
         )
-    cases = bounds.cases(system, state, report, solutions)
+    cases = cases_of(bounds, system, state, report, solutions)
     proved = proved_single(solutions, cases, report)
     exact_way = proved and not report.friction_reads and (isinstance(cases, Affine) or few(cases))
     search = Search(solutions, cases, start_factors(solutions.rows.size, 0 if proved else starts, seed))
@@ -166,23 +204,72 @@ def band(
     else:
         found = search.found(matrix, unique, samples, seed)
         pairs = best(found, matrix, unique, 1.0), best(found, matrix, unique, -1.0)
-    lower, upper = (values for values, _, _ in pairs)
+    lower, upper = (values + wanted.offset for values, _, _ in pairs)
+    exact = (unique | exact_way) & ~np.isnan(lower)
     return Bands(
-        names=names,
-        kinds=kinds,
-        units=tuple(unit_of(kind, system.names.units) for kind in kinds),
-        lower=lower + offset,
-        upper=upper + offset,
-        exact=(unique | exact_way) & ~np.isnan(lower),
-        bounds=type(bounds).__name__,
-        parameters=cases.names,
-        box=np.stack([cases.figures(cases.lower), cases.figures(cases.upper)], axis=1),
+        **_described(system, wanted, bounds, cases),
+        lower=lower,
+        upper=upper,
+        exact=exact,
         lower_case=np.asarray(cases.figures(jnp.asarray(pairs[0][1]))),
         upper_case=np.asarray(cases.figures(jnp.asarray(pairs[1][1]))),
         lower_solution=solutions.shown(pairs[0][2]),
         upper_solution=solutions.shown(pairs[1][2]),
         solved=search.solved,
+        outer_lower=np.where(exact, lower, -np.inf),
+        outer_upper=np.where(exact, upper, np.inf),
     )
+
+
+def _at_rest(
+    system: AbstractSystem,
+    state: State,
+    outputs: Sequence[str] | str | None,
+    bounds: AbstractBounds | AbstractClosure,
+    report: Report,
+    factor: Factorisation,
+    sense: ByName | None,
+    nodes: int,
+) -> Bands:
+    """The bands of a mechanism whose joints rest, or some of them."""
+    if report.problem:
+        raise RuntimeError(report.problem)
+    state = State(state.q, state.qd, state.t)  # bristles that bend let it move, so they do not count
+    solutions = solution_set(system, state, factor, jnp.asarray(report.self_stress), senses(system.slips, sense))
+    wanted = _wanted(system, state, outputs, report)
+    cases = cases_of(bounds, system, state, report, solutions)
+    lower, upper, stands = bands_at_rest(system, state, factor, solutions, cases, wanted.matrix, nodes)
+    outer_lower, outer_upper = lower.bound + wanted.offset, upper.bound + wanted.offset
+    size = np.maximum(np.abs(lower.value), np.abs(upper.value))
+    met = np.maximum(upper.bound - upper.value, lower.value - lower.bound) <= _MEET * np.where(size > 0, size, 1.0)
+    return Bands(
+        **_described(system, wanted, bounds, cases),
+        lower=lower.value + wanted.offset,
+        upper=upper.value + wanted.offset,
+        exact=met,
+        lower_case=lower.case,
+        upper_case=upper.case,
+        lower_solution=lower.solution,
+        upper_solution=upper.solution,
+        solved=1.0,
+        outer_lower=outer_lower,
+        outer_upper=outer_upper,
+        stands=stands,
+    )
+
+
+def _described(
+    system: AbstractSystem, wanted: "_Wanted", bounds: AbstractBounds | AbstractClosure, cases: AbstractCases
+) -> dict[str, Any]:
+    """What bands are of, and what was bounded."""
+    return {
+        "names": wanted.names,
+        "kinds": wanted.kinds,
+        "units": tuple(unit_of(kind, system.names.units) for kind in wanted.kinds),
+        "bounds": type(bounds).__name__,
+        "parameters": cases.names,
+        "box": np.stack([cases.figures(cases.lower), cases.figures(cases.upper)], axis=1),
+    }
 
 
 class _Wanted(NamedTuple):

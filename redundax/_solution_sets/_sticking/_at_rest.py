@@ -20,6 +20,7 @@ from ..._equations._factorisation import Factorisation
 from ..._equations._kinematics import slip_motion
 from ..._system._state import State
 from ..._system._system import AbstractSystem
+from ..._tools._compilation import compiled
 
 T = TypeVar("T")
 
@@ -86,7 +87,7 @@ def drive(system: AbstractSystem, state: State, factor: Factorisation) -> Reduce
     slips, p = system.slips, len(system.slips)
     size = state.qd.size + len(system.rows)
     ways, turns = _velocity_basis(system, factor), np.where(slips.angular, length, 1.0)
-    directions = np.asarray(slip_motion(system, state)[1]) if p else np.zeros((a.size, 0))
+    directions = np.asarray(_slip_motion(system.anonymous(), state)[1]) if p else np.zeros((a.size, 0))
     moved = directions.T @ ways
     reach = np.linalg.norm(moved, axis=1) * turns
     moved = np.where((reach > none * reach.max(initial=0.0))[:, None], moved, 0.0)
@@ -97,6 +98,9 @@ def drive(system: AbstractSystem, state: State, factor: Factorisation) -> Reduce
     shift = np.abs(slip) * turns
     slip = np.where(shift > none * shift.max(initial=0.0), slip, 0.0)
     return ReducedForce(np.sign(slip), output, slip / (a @ force), ways.T @ force, moved, none)
+
+
+_slip_motion = compiled(slip_motion)
 
 
 def _velocity_basis(system: AbstractSystem, factor: Factorisation) -> np.ndarray:

@@ -32,7 +32,7 @@ from ..._solve._all_solutions import start_factors
 from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._tools._module import no_classes
-from .._bounds import AbstractBounds, one_case
+from .._bounds import AbstractBounds, cases_of
 from .._search import Search, proved_single
 from .._solution_set import solution_set
 from ._at_rest import LIMIT, Ends, ReducedForce, drive
@@ -93,7 +93,7 @@ def sticking(
         )
     solutions = solution_set(system, state, factor, jnp.asarray(report.self_stress), senses)
     closure = isinstance(bounds, AbstractClosure)
-    cases = one_case(bounds, system, state, solutions) if closure else bounds.cases(system, state, report, solutions)
+    cases = cases_of(bounds, system, state, report, solutions)
     single = proved_single(solutions, cases, report)
     search = Search(solutions, cases, start_factors(solutions.rows.size, 0 if single else starts, seed))
     samples = samples if cases.lower.size else 0

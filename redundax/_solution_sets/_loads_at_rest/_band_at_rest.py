@@ -1,0 +1,69 @@
+"""Extremes of outputs at rest."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..._equations._factorisation import Factorisation
+from ..._system._state import State
+from ..._system._system import AbstractSystem
+from .._cases import AbstractCases
+from .._solution_set import SolutionSet
+from ._programme import LoadsAtRest
+from ._standing import Standing, standing
+
+_ROUNDING = 1e-12  # of an output that does not vary
+
+
+class Ends(NamedTuple):
+    """Largest values of outputs that were attained, and where; and bounds that none exceeds. Shapes (b,), (b, q), (b, x)."""
+
+    value: np.ndarray
+    bound: np.ndarray
+    case: np.ndarray
+    solution: np.ndarray
+
+
+class BandsAtRest(NamedTuple):
+    """Both ends, the lower ones negative, and whether the mechanism may stand: "yes", "no" or "undecided"."""
+
+    lower: Ends
+    upper: Ends
+    stands: str
+
+
+def bands_at_rest(
+    system: AbstractSystem,
+    state: State,
+    factor: Factorisation,
+    solutions: SolutionSet,
+    cases: AbstractCases,
+    matrix: np.ndarray,
+    most: int,
+) -> BandsAtRest:
+    """The extremes of matrix [qdd; lam; tau] over all that is possible, with at most `most` programmes for each."""
+    found = standing(system, state, factor, solutions, cases)
+    loads = LoadsAtRest(found.programme, most=most)
+    some = loads.extreme(np.zeros(len(found.unknowns.box)), first=True)
+    stands = "yes" if some.x is not None else "no" if some.bound == -np.inf and found.proved else "undecided"
+    ends = [_ends(found, loads, sign * matrix, stands) for sign in (-1.0, 1.0)]
+    lower = ends[0]._replace(value=-ends[0].value, bound=-ends[0].bound)
+    return BandsAtRest(lower, ends[1], stands)
+
+
+def _ends(found: Standing, loads: LoadsAtRest, matrix: np.ndarray, stands: str) -> Ends:
+    parts = [found.unknowns.acceleration, found.unknowns.multipliers, found.unknowns.friction]
+    b, q, size = len(matrix), found.cases.lower.size, matrix.shape[1]
+    out = Ends(np.full(b, np.nan), np.full(b, np.nan), np.full((b, q), np.nan), np.full((b, size), np.nan))
+    if stands == "no":
+        return out
+    slope = np.concatenate([part.matrix for part in parts])
+    offset = np.concatenate([part.offset for part in parts])
+    for k, row in enumerate(matrix):
+        cost = row @ slope
+        extreme = loads.extreme(np.where(np.abs(cost) > _ROUNDING * (np.abs(row) @ np.abs(slope)), cost, 0.0))
+        out.bound[k] = row @ offset + extreme.bound if found.proved else np.inf
+        if extreme.x is not None:
+            out.value[k] = row @ offset + extreme.value
+            out.case[k], out.solution[k] = found.figures(extreme.x), slope @ extreme.x + offset
+    return out
