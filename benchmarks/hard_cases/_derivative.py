@@ -88,7 +88,7 @@ def _program(library: Callable, transform: Callable, shapes: tuple) -> Callable:
     return jax.jit(transform(solve, has_aux=True))
 
 
-def library_derivative(path: Path, transform: Callable) -> tuple[dict, rx.Solution]:
+def library_derivative(path: Path, transform: Callable) -> tuple[dict, rx.types.Solution]:
     """The same by `jax.jacfwd` or `jax.jacrev`."""
     numbers = jnp.asarray([float(x) for x in flat(path.parameters)])
     shapes = tuple((name, np.shape(exact.floats(value))) for name, value in path.parameters.items())

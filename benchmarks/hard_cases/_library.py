@@ -67,7 +67,7 @@ def result_name(result) -> str:
     return re.split(r"[.:]", rx.RESULTS[jax.tree.map(jnp.asarray, result)])[0]
 
 
-def values_of(solution: rx.Solution) -> dict[str, np.ndarray]:
+def values_of(solution: rx.types.Solution) -> dict[str, np.ndarray]:
     """The parts of a solution as float64."""
     parts = (solution.acceleration, solution.multipliers, solution.friction)
     return dict(
@@ -75,7 +75,7 @@ def values_of(solution: rx.Solution) -> dict[str, np.ndarray]:
     )
 
 
-def outcome(solution: rx.Solution, seconds: float) -> Outcome:
+def outcome(solution: rx.types.Solution, seconds: float) -> Outcome:
     """The outcome that a solution is."""
     name, gap = result_name(solution.result), float(solution.stats.spectrum.gap)
     return Outcome(values_of(solution), int(solution.stats.spectrum.rank), name, seconds, gap)

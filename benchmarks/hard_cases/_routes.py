@@ -115,7 +115,7 @@ def start(case: Case) -> dict:
 
 def other_units(case: Case) -> dict:
     """The norm in other units."""
-    return {"closure": rx.MinimumNorm(units=rx.Units(**case.units))}
+    return {"closure": rx.MinimumNorm(units=rx.units.Units(**case.units))}
 
 
 @eqx.filter_jit
@@ -136,8 +136,8 @@ def factorised(case: Case, system: rx.AbstractSystem, state: rx.State) -> Outcom
 
 def in_units(case: Case, system: rx.AbstractSystem, state: rx.State) -> Outcome:
     """Solved in other units and turned back here."""
-    units = rx.Units(**case.units)
-    there, then = rx.in_units(system, units), rx.state_in_units(state, system, units)
+    units = rx.units.Units(**case.units)
+    there, then = rx.units.in_units(system, units), rx.units.state_in_units(state, system, units)
     found = solving(lambda case: {})(case, there, then)
     factor, kinds = factors(case.units), case.kinds
     values = {

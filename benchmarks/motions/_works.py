@@ -53,7 +53,7 @@ def one_motion(quick: bool) -> Iterator[Row]:
 def _ours(problem: Problem, rtol: float) -> Row:
     mechanism, state, t1 = problem.mechanism, problem.state, problem.t1
 
-    def run() -> rx.Trajectory:
+    def run() -> rx.types.Trajectory:
         return rx.simulate(mechanism, state, t1, ts=[t1], rtol=rtol, throw=False)
 
     first, seconds, found = _timed(run)

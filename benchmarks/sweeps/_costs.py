@@ -135,10 +135,10 @@ def compilation() -> dict[str, Programs]:
     state, without = mechanism.state(PHI, rate=RATE), rigid.state(PHI, rate=RATE)
     factor = rx.factorize(mechanism, state)
 
-    def one(h: jax.Array) -> rx.Solution:
+    def one(h: jax.Array) -> rx.types.Solution:
         return rx.solve(mechanism, state, closure=rx.MinimumNorm(h))
 
-    def open_end(x0: jax.Array) -> rx.Solution:
+    def open_end(x0: jax.Array) -> rx.types.Solution:
         return rx.solve(mechanism, state, closure=None, x0=x0)
 
     many = jnp.zeros(100_000)

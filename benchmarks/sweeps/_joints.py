@@ -26,7 +26,7 @@ def over_h(cranks: int, size: int) -> list[Row]:
     exactly = exact.parallel_cranks(cranks, _MU_RHO)
     truth = _truth.over_h(exactly)
 
-    def solve(h: jax.Array) -> rx.Solution:
+    def solve(h: jax.Array) -> rx.types.Solution:
         return rx.solve(mechanism, state, closure=rx.MinimumNorm(h))
 
     def rows(found: Sequence, samples: np.ndarray) -> np.ndarray:

@@ -96,7 +96,7 @@ def over_u(size: int) -> list[Row]:
     """The length unit, no friction: all numbers of the mechanism change."""
     u = np.geomspace(0.1, 10.0, size)
 
-    def solve(u: jax.Array) -> rx.Solution:
+    def solve(u: jax.Array) -> rx.types.Solution:
         mechanism = rx.mechanisms.wojtyra2020(u=u)
         return rx.solve(mechanism, mechanism.state(PHI, rate=RATE))
 
@@ -110,7 +110,7 @@ def over_length(size: int, frictional: bool) -> list[Row]:
     """The length l, and the state with it."""
     lengths = np.linspace(0.05, 0.2, size)
 
-    def solve(length: jax.Array) -> rx.Solution:
+    def solve(length: jax.Array) -> rx.types.Solution:
         mechanism = rx.mechanisms.wojtyra2020(length=length, mu_rho=MU_RHO if frictional else None)
         return rx.solve(mechanism, mechanism.state(PHI, rate=RATE))
 

@@ -21,8 +21,8 @@ class Report:
     - `singular_values`, `gap`: spectrum of the scaled Jacobian, free of units, and the ratio across the rank.
     - `tolerance`: singular values above it count, relative to the largest.
     - `self_stress`: k self-stress states, shape (k, m), in units of the multipliers: loads that the joints can
-      carry without any external load. `draw` takes their index, from 0. At a singular position where the velocity
-      decides the branch those that vanish beside it are left out.
+      carry without any external load. `rx.plot.draw` takes their index, from 0. At a singular position where the
+      velocity decides the branch those that vanish beside it are left out.
     - `groups`: dependent groups: rows that are coupled by self-stress. None of a group is "the redundant one".
     - `unit_dependent`: rows whose minimum-norm multiplier changes with the unit of length or angle: those of groups
       that hold force-type and moment-type rows (Section 3). Under `Compliance` none does.

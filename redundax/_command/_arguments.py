@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from importlib import metadata
 from typing import Any
 
-from .._pictures._page._formats import FORMATS
+from ..plot._page._formats import FORMATS
 from ._cache import LIMIT
 
 

@@ -13,10 +13,10 @@ from .._analysis._report import Report
 from .._closures._closure import AbstractClosure
 from .._equations._factorisation import Factorisation
 from .._equations._factorize import factorisation_at
-from .._pictures._plots._plot import plot_family
 from .._solution_sets._family._solution_family import SolutionFamily, solution_family
 from .._system._state import State
 from .._system._system import AbstractSystem
+from ..plot import _solution_sets as plots
 from ._file import writing
 
 
@@ -47,7 +47,7 @@ def draw_families(families: Sequence[SolutionFamily], file: pathlib.Path) -> Non
     for number, family in enumerate(families):
         target = file if number == 0 else file.with_stem(f"{file.stem}_{number}")
         with writing(target):
-            plot_family(family).savefig(target)
+            plots.family(family).savefig(target)
         print(f"drawn: {target}", file=sys.stderr)
 
 

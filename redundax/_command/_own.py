@@ -14,13 +14,13 @@ import numpy as np
 
 from .._analysis._analyze import analyze
 from .._equations._factorize import factorize
-from .._pictures._page._contents import contents
-from .._pictures._page._formats import write
 from .._solution_sets._family._preload import in_words, unit_free_norm
 from .._solve._solve import solve
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._progress import progress
+from ..plot._page._contents import contents
+from ..plot._page._formats import write
 from ._families import draw_families, report_with_families, show
 from ._file import writing
 

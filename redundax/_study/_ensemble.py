@@ -74,7 +74,7 @@ def ensemble(
     and `stats` of each sample; where the system states units, the attributes `linear_unit` and `angular_unit` give
     those of entries that `coordinate_kind` and its like tell apart. `q_band` and its like have "percentile" in place of
     "sample", and `q_count` says on how many motions they rest. `solved` is whether a motion got to the end or to rest
-    for good, and `outcomes` how many motions ended in which way, along "outcome". Draw it with `plot_ensemble`.
+    for good, and `outcomes` how many motions ended in which way, along "outcome". Draw it with `rx.plot.ensemble`.
 
     **Raises:** `ValueError` where arguments do not fit, as in `study`; warns where motions did not get to the end.
     """

@@ -80,7 +80,7 @@ def tolerance_study(
         parameters = {"misfit": rx.Normal(0.0, 1e-5), "mu_rho": rx.Uniform(0.01, 0.03)}
         found = rx.tolerance_study(build, parameters, system=rx.mechanisms.wojtyra2020(mu_rho=0.02))
         found["std"].sel(output="A.x"), found["share"].sel(output="A.x", parameter="misfit")
-        rx.plot_tolerance(found)
+        rx.plot.tolerance(found)
         ```
 
     **Arguments:**

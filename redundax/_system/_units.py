@@ -37,8 +37,8 @@ class Units(eqx.Module):
     ??? example
 
         ```python
-        rx.Units(length=1000.0)  # from metres to millimetres
-        rx.Units(length=1000.0, mass=0.001)  # and from kilograms to tonnes: forces stay in newtons
+        rx.units.Units(length=1000.0)  # from metres to millimetres
+        rx.units.Units(length=1000.0, mass=0.001)  # and from kilograms to tonnes: forces stay in newtons
         ```
     """
 

@@ -19,7 +19,7 @@ QUICK = ("wojtyra2020",)
 
 
 @functools.cache
-def report(name, friction) -> rx.Report:
+def report(name, friction) -> rx.types.Report:
     case = CASES[name]
     return rx.analyze(case.rubbing if friction else case.smooth, case.state)
 
@@ -249,8 +249,8 @@ def test_what_depends_on_the_unit_of_length(name):
     """Minimum norm in metres and in millimetres: the rows that change are those that the report names."""
     case, found = CASES[name], report(name, name == "wojtyra2020")
     values = [
-        np.asarray(rx.solve(case.smooth, case.state, closure=rx.MinimumNorm(units=rx.Units(length=u))).multipliers)
-        for u in (1.0, 1e3)
+        np.asarray(rx.solve(case.smooth, case.state, closure=rx.MinimumNorm(units=unit)).multipliers)
+        for unit in (rx.units.Units(), rx.units.Units(length=1e3))
     ]
     changed = np.abs(values[0] - values[1]) > 1e-9 * np.max(np.abs(values[0]))
     assert {row for row, changes in zip(found.rows, changed, strict=True) if changes} <= set(found.unit_dependent)

@@ -164,8 +164,8 @@ def test_a_joint_listed_twice_may_change_motion_under_minimum_norm():
 
 
 STIFF, SKEW = np.repeat([1e-8, 1e-6], (10, 2)), np.repeat([1e-4, 2e-2], (10, 2))  # SI units
-MILLIMETRES = rx.Units(length=1000.0, mass=0.001)
-DEGREES = rx.Units(angle=np.degrees(1.0))
+MILLIMETRES = rx.units.Units(length=1000.0, mass=0.001)
+DEGREES = rx.units.Units(angle=np.degrees(1.0))
 
 
 def in_other(units, system):
@@ -213,8 +213,8 @@ def test_data_in_wrong_units_are_told_once():
     with pytest.warns(UserWarning, match=r"`misfit` .* K.angle \(11\), .*angle=57.2958"):
         rx.solve(system, state, closure=rx.Compliance(STIFF, 10 * in_other(DEGREES, system)[1]))
     with pytest.warns(UserWarning, match=r"`W` .*length=0.001, mass=1000.0"):
-        there = rx.state_in_units(state, system, MILLIMETRES)
-        rx.solve(rx.in_units(system, MILLIMETRES), there, closure=rx.Compliance(STIFF))
+        there = rx.units.state_in_units(state, system, MILLIMETRES)
+        rx.solve(rx.units.in_units(system, MILLIMETRES), there, closure=rx.Compliance(STIFF))
 
 
 def test_units_of_a_model_are_told_where_they_are_stated():

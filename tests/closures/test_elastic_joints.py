@@ -162,7 +162,7 @@ def test_an_eccentric_hole_is_a_misfit_in_the_frame_of_its_body(paper):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("units", [rx.Units(length=1000.0, mass=0.001), rx.Units(angle=57.29577951308232)])
+@pytest.mark.parametrize("units", [rx.units.Units(length=1000.0, mass=0.001), rx.units.Units(angle=57.29577951308232)])
 def test_figures_in_other_units(paper, units):
     mechanism, state = paper
     own = np.array([float(units.length)] * 2 + [float(units.angle)])
@@ -183,12 +183,12 @@ def test_figures_in_other_units(paper, units):
     for one, two in zip(*(c.compliance(mechanism, state) for c in (closure, other)), strict=True):
         np.testing.assert_allclose(two, one, rtol=1e-12, atol=1e-16 * np.max(np.abs(one)))
     there = rx.solve(
-        rx.in_units(mechanism, units),
-        rx.state_in_units(state, mechanism, units),
-        closure=rx.closure_in_units(closure),
+        rx.units.in_units(mechanism, units),
+        rx.units.state_in_units(state, mechanism, units),
+        closure=rx.units.closure_in_units(closure),
         solver=NEWTON,
     )
-    back, here = rx.solution_from_units(there, mechanism, units), solve(mechanism, state, seats())
+    back, here = rx.units.solution_from_units(there, mechanism, units), solve(mechanism, state, seats())
     np.testing.assert_allclose(back.multipliers, here.multipliers, rtol=1e-11, atol=1e-12)
     np.testing.assert_allclose(back.acceleration, here.acceleration, rtol=1e-11, atol=1e-12)
 
@@ -211,7 +211,7 @@ def test_joints_that_store_no_energy_or_do_not_exist_are_refused(paper):
     with pytest.raises(ValueError, match="`closure` must be made with the mechanism"):
         rx.solve(mechanism, state, closure=closure)
     with pytest.raises(ValueError, match="`closure` comes from"):
-        rx.solve(mechanism, state, closure=rx.closure_in_units(rx.MinimumNorm()))
+        rx.solve(mechanism, state, closure=rx.units.closure_in_units(rx.MinimumNorm()))
     rigid = solve(mechanism, state, [], throw=False)
     assert rigid.result == rx.RESULTS.indeterminate_closure
 

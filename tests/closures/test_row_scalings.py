@@ -44,10 +44,12 @@ def differ(one, other):
 
 
 def in_decimetres(mechanism, state, closure):
-    units = rx.Units(length=10.0)
-    closure = rx.closure_in_units(closure) if isinstance(closure, rx.ElasticJoints) else closure
-    there = rx.solve(rx.in_units(mechanism, units), rx.state_in_units(state, mechanism, units), closure=closure)
-    return np.asarray(rx.solution_from_units(there, mechanism, units).multipliers)
+    units = rx.units.Units(length=10.0)
+    closure = rx.units.closure_in_units(closure) if isinstance(closure, rx.ElasticJoints) else closure
+    there = rx.solve(
+        rx.units.in_units(mechanism, units), rx.units.state_in_units(state, mechanism, units), closure=closure
+    )
+    return np.asarray(rx.units.solution_from_units(there, mechanism, units).multipliers)
 
 
 def in_turned_axes(mechanism, state, closure):

@@ -59,14 +59,14 @@ def test_gamma_is_minus_the_bend_along_the_motion(name):
 
 
 @every_case
-@pytest.mark.parametrize("units", [None, rx.Units(length=1e3, mass=1e-3, time=10.0)], ids=["SI", "mm"])
+@pytest.mark.parametrize("units", [None, rx.units.Units(length=1e3, mass=1e-3, time=10.0)], ids=["SI", "mm"])
 def test_jacobian_is_the_slope_of_the_constraints(name, units):
     """By central differences along displacements of the chart; off the manifold too."""
     case = registry.case(name)
     system, q, t, rng = case.system, case.state.q, case.state.t, np.random.default_rng(3)
     if units is not None:
-        there = rx.state_in_units(case.state, system, units)
-        system, q, t = rx.in_units(system, units), there.q, there.t
+        there = rx.units.state_in_units(case.state, system, units)
+        system, q, t = rx.units.in_units(system, units), there.q, there.t
     size = np.where(system.coordinates.angular, 1.0, 1.0 if units is None else units.length)
     q = system.retract(q, jnp.asarray(0.1 * size * rng.normal(size=len(size))))
     matrix = np.asarray(system.jacobian(q, t)) * size

@@ -46,7 +46,7 @@ def truth(mu_rho, rate="1"):
     return sorted(float(solution.acceleration[8]) for solution in found)
 
 
-def followed(mu_rho, rate=1.0) -> rx.Solution:
+def followed(mu_rho, rate=1.0) -> rx.types.Solution:
     """The solution on the branch from zero friction: Newton in small steps of the friction, each from the last."""
     x0, step = None, 0.0005
     for mu in [*np.arange(0.1, mu_rho - step / 2, step), mu_rho]:

@@ -55,7 +55,7 @@ def test_a_door_swings_as_a_pendulum(chart):
     np.testing.assert_allclose(np.linalg.norm(motion.q[:, 3:], axis=1), size, rtol=1e-14)
     assert max(motion.stats.position_violation, motion.stats.velocity_violation) <= 1e-13
     assert motion.stats.energy_error <= 1e-9
-    figure = rx.plot_trajectory(case.system, motion)
+    figure = rx.plot.trajectory(case.system, motion)
     assert all(text.get_text().endswith("'") for text in figure.axes[0].get_legend().get_texts())
 
 
@@ -105,7 +105,7 @@ def test_ensembles_in_charts():
     ends = np.stack([rates.min(axis=0), rates.max(axis=0)])
     np.testing.assert_allclose(found.qd_band.values[:, :, 5], ends, rtol=0, atol=1e-6)
     assert found.q_band.shape == (2, TIMES.size, 7)
-    assert "5'" in {panel.get_ylabel().split(",")[0] for panel in rx.plot_ensemble(found).axes}
+    assert "5'" in {panel.get_ylabel().split(",")[0] for panel in rx.plot.ensemble(found).axes}
 
 
 TOP_MASS, TOP_CENTRE, SPIN = 2.0, np.array([0.4, 0.1, -0.3]), np.array([1.0, 2.0, -1.5])

@@ -17,7 +17,7 @@ TIMES = np.linspace(0.0, T1, 9)
 slow = pytest.mark.slow
 
 
-def coordinate(case: mechanisms.Case, trajectory: rx.Trajectory) -> np.ndarray:
+def coordinate(case: mechanisms.Case, trajectory: rx.types.Trajectory) -> np.ndarray:
     system = case.smooth
     if case.coordinate == "travel":
         return np.asarray(trajectory.q[:, :2]) @ np.array([0.6, 0.8])

@@ -14,11 +14,12 @@ def blocks(thing):
 
 
 (START,) = blocks(rx)
-PUBLIC = {name: thing for face in (rx, rx.mechanisms) for name, thing in vars(face).items() if name[0] != "_"}
+FACES = {"": rx, **{f"{face}.": getattr(rx, face) for face in ("mechanisms", "plot", "types", "units")}}
 EXAMPLES = [
-    pytest.param(block, id=name)
-    for name, thing in PUBLIC.items()
-    if inspect.isclass(thing) or inspect.isfunction(thing)
+    pytest.param(block, id=f"{place}{name}")
+    for place, face in FACES.items()
+    for name, thing in vars(face).items()
+    if name[0] != "_" and (inspect.isclass(thing) or inspect.isfunction(thing))
     for block in blocks(thing)
 ]
 

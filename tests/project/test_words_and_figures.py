@@ -22,8 +22,8 @@ from registry import EVERYTHING, case
 
 import redundax as rx
 from redundax._analysis._outputs import outputs
-from redundax._pictures._page._blocks import Items, Table, Text
-from redundax._pictures._page._contents import contents
+from redundax.plot._page._blocks import Items, Table, Text
+from redundax.plot._page._contents import contents
 
 pytestmark = pytest.mark.filterwarnings("ignore:Argument `(misfit|W)` looks:UserWarning")
 UNIQUE, ZERO, NO_CHANGE, NOT_UNIQUE, UNDECIDED = rx.Verdict

@@ -69,7 +69,7 @@ def are_solutions(system, state, rank, values):
 
 
 @cache
-def paper_band() -> rx.Bands:
+def paper_band() -> rx.types.Bands:
     return rx.band(*paper(0.02), None, rx.AmplitudeBox({"A.x": (-400.0, 400.0)}))
 
 
@@ -315,7 +315,7 @@ def test_bands_tell_where_there_is_no_solution():
     none = rx.band(*paper(0.15), ["1.phi''", "tau C"], box)
     assert none.empty and none.solved == 0.0 and np.isnan(none.upper).all()
     assert "NO SOLUTION within the bounds" in str(none)
-    rx.plot_band(none)
+    rx.plot.band(none)
     impossible = rx.band(*paper(), "A.x", rx.PreloadBox({"A.x": (0.0, 1.0), "A.y": (500.0, 501.0)}))
     assert impossible.empty and not impossible.exact.any()
 
@@ -327,7 +327,7 @@ def test_text_data_and_picture(tmp_path):
     assert "inner estimate" in text and "exact" in text
     data = json.loads(json.dumps(found.to_dict()))
     assert data["lower"][8] == found.lower[8] and data["empty"] is False
-    figure = rx.plot_band(found)
+    figure = rx.plot.band(found)
     assert [axes.get_xlabel() for axes in figure.axes] == ["rad/s²", "m/s²"]
     figure.savefig(tmp_path / "bands.png")
 

@@ -28,7 +28,7 @@ def paper(mu_rho):
 
 
 @cache
-def family(mu_rho, least, largest, samples=21) -> rx.SolutionFamily:
+def family(mu_rho, least, largest, samples=21) -> rx.types.SolutionFamily:
     return rx.solution_family(*paper(mu_rho), z=np.linspace(least, largest, samples))
 
 
@@ -231,7 +231,7 @@ def test_data_text_and_picture(tmp_path):
     assert data["along"] == ["A.x"] and np.array(data["values"]).shape == found.values.shape
     text = str(found)
     assert "found: 0 at 5" in text and "1 connected piece" in text and "folds at" in text
-    figure = rx.plot_family(found, outputs=["1.phi''", "tau A"])
+    figure = rx.plot.family(found, outputs=["1.phi''", "tau A"])
     assert [axes.get_title() for axes in figure.axes] == [
         "angular accelerations, rad/s²",
         "friction, N m",

@@ -92,7 +92,7 @@ def test_over_units():
     mechanism, state = data(OPTIONS["newton"])
 
     def function(u):
-        units = rx.Units(length=u)
+        units = rx.units.Units(length=u)
         return whole(rx.solve(mechanism, state, closure=rx.MinimumNorm(50.0, units=units)))
 
     assert_batch_is_loop(function, np.array([0.1, 0.5, 1.0, 10.0]))

@@ -194,14 +194,14 @@ def test_derivatives_of_assembled_states_and_units():
         mechanism = rx.mechanisms.wojtyra2020(0.1 * length, mass, 0.02)
         guess = rx.mechanisms.wojtyra2020().state(phi=0.7, rate=1.3)
         state = rx.assemble(mechanism, guess.q, guess.qd, positions={"1.phi": 0.7}, rates={"1.phi": 1.3}, throw=False)
-        units = rx.Units(length=3 * scale, mass=0.5)
+        units = rx.units.Units(length=3 * scale, mass=0.5)
         weights = jnp.asarray(half @ half.T) + stiff * jnp.eye(12)
         found = rx.solve(
-            rx.in_units(mechanism, units),
-            rx.state_in_units(state, mechanism, units),
+            rx.units.in_units(mechanism, units),
+            rx.units.state_in_units(state, mechanism, units),
             closure=rx.Compliance(weights, 100 * off * jnp.arange(12.0)),
         )
-        solution = rx.solution_from_units(found, mechanism, units)
+        solution = rx.units.solution_from_units(found, mechanism, units)
         return jnp.concatenate([solution.acceleration, solution.multipliers])
 
     both = derivatives(unknowns)

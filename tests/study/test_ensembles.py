@@ -78,14 +78,14 @@ def test_percentiles_of_what_is_there():
 
 
 def test_pictures_say_what_is_missing(blocks):
-    figure = rx.plot_ensemble(blocks, ["0", "0'", "tau 0"])
+    figure = rx.plot.ensemble(blocks, ["0", "0'", "tau 0"])
     assert [axes.get_ylabel() for axes in figure.axes][1:] == ["0", "0'", "tau 0"]
     assert figure.axes[-1].get_xlabel() == "time"
     assert figure.get_suptitle() == "7 motions: 6 successful, 1 violated constraints"
     assert all(any(part.get_hatch() for part in axes.collections) for axes in figure.axes)
-    assert len(rx.plot_ensemble(blocks).axes) == 1  # the other position does not vary
+    assert len(rx.plot.ensemble(blocks).axes) == 1  # the other position does not vary
     with pytest.raises(ValueError, match=r"Argument `outputs` must hold names .* but holds 'z'"):
-        rx.plot_ensemble(blocks, ["z"])
+        rx.plot.ensemble(blocks, ["z"])
 
 
 @pytest.mark.slow
@@ -93,12 +93,12 @@ def test_picture_of_a_motion():
     mechanism = rx.mechanisms.parallelogram(3)
     motion = rx.simulate(mechanism, mechanism.state(0.5, rate=1.0), 0.2, ts=np.linspace(0, 0.2, 5))
     names = ["crank 1.phi", "crank 1.phi'", "A1.x", "A2.x"]
-    figure = rx.plot_trajectory(mechanism, motion, names)
+    figure = rx.plot.trajectory(mechanism, motion, names)
     assert [axes.get_ylabel() for axes in figure.axes] == ["rad", "rad/s", "N"]
     line = figure.axes[2].lines[1]
     np.testing.assert_array_equal(line.get_ydata(), motion.multipliers[:, mechanism.rows.names.index("A2.x")])
     assert line.get_label() == "A2.x" and figure.axes[2].get_xlabel() == "time, s"
-    angles, _ = rx.plot_trajectory(mechanism, motion).axes  # the coupler does not turn, but for rounding
+    angles, _ = rx.plot.trajectory(mechanism, motion).axes  # the coupler does not turn, but for rounding
     assert [line.get_label() for line in angles.lines] == ["crank 1.phi", "crank 2.phi", "crank 3.phi"]
     report = rx.analyze_along(mechanism, jax.tree.map(lambda x: x[::2], motion.states))
     run = rx.ensemble(
@@ -106,7 +106,7 @@ def test_picture_of_a_motion():
         {"rate": [0.9, 1.1]},
         system=mechanism,
     )
-    bands = rx.plot_ensemble(run, names, along=report)
+    bands = rx.plot.ensemble(run, names, along=report)
     named = [axes.get_ylabel() for axes in bands.axes]
     assert named == ["crank 1.phi, rad", "crank 1.phi', rad/s", "A1.x, N", "A2.x, N"]
     assert bands.axes[-1].get_xlabel() == "time, s"

@@ -66,7 +66,7 @@ def test_failed_samples_are_left_out_and_counted():
     assert found.failed == np.sum(~good) > 0.3 * SAMPLES
     np.testing.assert_allclose(found["mean"].sel(output="whole"), found.a[good].mean(), rtol=1e-14)
     np.testing.assert_allclose(found["std"].sel(output="root"), np.sqrt(2.3 - found.a[good]).std(), rtol=1e-12)
-    text = rx.plot_tolerance(found).get_suptitle()
+    text = rx.plot.tolerance(found).get_suptitle()
     assert f"{found.failed} have no solution" in text
 
 
@@ -177,7 +177,7 @@ def test_gradients_with_friction():
 
 def test_picture(smooth):
     """Forces and moments vary with the misfit, motion and the load of the guides do not."""
-    figure = rx.plot_tolerance(smooth)
+    figure = rx.plot.tolerance(smooth)
     bands, shares = figure.axes[::2], figure.axes[1::2]
     assert [axes.get_xlabel() for axes in bands] == ["N", "N m"]
     labels = [[label.get_text() for label in axes.get_yticklabels()] for axes in bands]
@@ -187,6 +187,6 @@ def test_picture(smooth):
     bar = bands[1].patches[0]
     np.testing.assert_allclose([bar.get_x(), bar.get_x() + bar.get_width()], [low, high])
     assert {text.get_text() for text in bands[1].texts} >= {f"{low:.4g}", f"{high:.4g}"}
-    assert len(rx.plot_tolerance(smooth, ["A.x"]).axes) == 2
+    assert len(rx.plot.tolerance(smooth, ["A.x"]).axes) == 2
     with pytest.raises(ValueError, match=r"but holds 'A\.z'"):
-        rx.plot_tolerance(smooth, ["A.z"])
+        rx.plot.tolerance(smooth, ["A.z"])

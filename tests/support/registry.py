@@ -325,7 +325,7 @@ def case(name: str) -> Case:
     return EVERYTHING[name]()
 
 
-def solve(system: rx.AbstractSystem, state: rx.State, h=0.0, **options) -> rx.Solution:
+def solve(system: rx.AbstractSystem, state: rx.State, h=0.0, **options) -> rx.types.Solution:
     """`rx.solve` with the whole h of (9), unless there is another closure.
 
     As h is always a vector, all tests share one program of a system.
@@ -361,7 +361,7 @@ def relative_errors(value, truth, kinds) -> dict[str, float]:
     return errors
 
 
-def errors_of(solution: rx.Solution, truth: tuple, system: rx.AbstractSystem) -> dict[str, float]:
+def errors_of(solution: rx.types.Solution, truth: tuple, system: rx.AbstractSystem) -> dict[str, float]:
     """Relative errors per kind of accelerations, multipliers and, with friction, tau."""
     slips = [kind for group in system.friction for kind in group.slips.kinds]
     axes = (kinds_of(system.coordinates), kinds_of(system.rows), [f"tau {kind}" for kind in slips])

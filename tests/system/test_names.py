@@ -13,8 +13,8 @@ import pytest
 
 import redundax as rx
 from redundax._bodies._reactions import joint_wrenches
-from redundax._pictures._draw._arrows import on_bodies
-from redundax._pictures._draw._scene import scene
+from redundax.plot._draw._arrows import on_bodies
+from redundax.plot._draw._scene import scene
 
 G, R, RATE, PHI, W = 9.81, 0.7, -0.4, 0.6, 3.0
 
@@ -94,9 +94,9 @@ def test_the_guide_holds_the_bead_against_weight_and_coriolis_force():
     np.testing.assert_allclose(found["guide0 moment on bead"], 0.0, atol=1e-11)
     # the motor turns the rod, against the bead's force on it, at the hub
     np.testing.assert_allclose(found["motor moment on rod"], force * r[:, None], rtol=1e-11)
-    units = rx.Units(length=1000.0, mass=0.002, time=3.0)
+    units = rx.units.Units(length=1000.0, mass=0.002, time=3.0)
     system, state = bead(), bead_state()
-    there = rx.solve(rx.in_units(system, units), rx.state_in_units(state, system, units))
+    there = rx.solve(rx.units.in_units(system, units), rx.units.state_in_units(state, system, units))
     moment = 0.5 * (2 * RATE * W + G * np.cos(PHI)) * R
     np.testing.assert_allclose(there["motor moment on rod"], 0.002 * 1e6 / 9 * moment, rtol=1e-11)
 
@@ -183,11 +183,11 @@ def test_names_of_a_motion_in_a_batch():
 
 
 def test_other_units_change_joint_coordinates_alike():
-    system, state, units = bead(), bead_state(), rx.Units(length=1000.0, time=2.0)
-    there = rx.solve(rx.in_units(system, units), rx.state_in_units(state, system, units))
+    system, state, units = bead(), bead_state(), rx.units.Units(length=1000.0, time=2.0)
+    there = rx.solve(rx.units.in_units(system, units), rx.units.state_in_units(state, system, units))
     np.testing.assert_allclose(there["guide0.travel'"], 1000 * RATE / 2, rtol=1e-12)
     np.testing.assert_allclose(there["guide0.travel''"], 1000 / 4 * (R * W**2 - G * np.sin(PHI)), rtol=1e-12)
-    back = rx.solution_from_units(there, system, units)
+    back = rx.units.solution_from_units(there, system, units)
     np.testing.assert_allclose(back["guide0.travel''"], R * W**2 - G * np.sin(PHI), rtol=1e-12)
     np.testing.assert_allclose(back["bead.x'"], state.qd[2], rtol=1e-12)
 

@@ -24,10 +24,10 @@ SI = {
 }
 SI |= {"N": 1.0, "mN": 1e-3, "kN": 1e3, "MN": 1e6}
 MODELS = {
-    "mm, t": rx.Units(length=1e3, mass=1e-3),
-    "mm, kg": rx.Units(length=1e3),
-    "mm, kg, ms": rx.Units(length=1e3, time=1e3),
-    "inch, lb": rx.Units(length=1 / 0.0254, mass=1 / 0.45359237),
+    "mm, t": rx.units.Units(length=1e3, mass=1e-3),
+    "mm, kg": rx.units.Units(length=1e3),
+    "mm, kg, ms": rx.units.Units(length=1e3, time=1e3),
+    "inch, lb": rx.units.Units(length=1 / 0.0254, mass=1 / 0.45359237),
 }
 NAMED = {"mm, t": "N", "mm, kg": "mN", "mm, kg, ms": "kN", "inch, lb": "lb in/s²"}  # forces
 
@@ -41,7 +41,7 @@ def meaning(symbol):
 
 def pendulum(units=None, stated=True):
     """A pendulum whose figures are in `units`, at phi = 0.3, turning."""
-    u = rx.Units() if units is None else units
+    u = rx.units.Units() if units is None else units
     inertia, gravity = u.mass * u.length**2, u.length / u.time**2
     joint = rx.Revolute("A", "rod", rx.GROUND, (-0.5 * u.length, 0.0), (0.0, 0.0))
     guard = rx.AngleDriver("motor", "rod", rx.GROUND, rx.Polynomial([0.3, 2.0 / u.time]))
@@ -61,22 +61,22 @@ def test_figures_times_their_units_are_the_same_in_every_unit(name):
     here = figures(rx.solve(mechanism, state))
     np.testing.assert_allclose(here["motor.angle"], -9.81 * 2.0 * 0.5 * np.cos(0.3), rtol=1e-12)
     there = rx.solve(*pendulum(MODELS[name]))
-    rescaled = rx.in_units(mechanism, MODELS[name])
-    moved = rx.solve(rescaled, rx.state_in_units(state, mechanism, MODELS[name]))
+    rescaled = rx.units.in_units(mechanism, MODELS[name])
+    moved = rx.solve(rescaled, rx.units.state_in_units(state, mechanism, MODELS[name]))
     assert [entry.unit for entry in moved.entries] == [entry.unit for entry in there.entries if entry.array != "q"]
     assert {entry.unit for entry in there.entries if entry.name == "A.x" and entry.kind == "force"} == {NAMED[name]}
     for solution in (there, moved):
         for label, value in figures(solution).items():
             np.testing.assert_allclose(value, here[label], rtol=1e-11, atol=1e-11, err_msg=label)
-    assert rx.solution_from_units(moved, mechanism, MODELS[name]).entries == rx.solve(mechanism, state).entries
+    assert rx.units.solution_from_units(moved, mechanism, MODELS[name]).entries == rx.solve(mechanism, state).entries
 
 
 @pytest.mark.parametrize(
     ("units", "kind", "symbol"),
     [
-        (rx.Units(length=0.5), "linear", "(2 m)"),
-        (rx.Units(length=1e6), "linear", "µm"),
-        (rx.Units(mass=2.0, time=3.0), "force", "(0.5 kg) m/(0.3333 s)²"),
+        (rx.units.Units(length=0.5), "linear", "(2 m)"),
+        (rx.units.Units(length=1e6), "linear", "µm"),
+        (rx.units.Units(mass=2.0, time=3.0), "force", "(0.5 kg) m/(0.3333 s)²"),
     ],
 )
 def test_units_without_a_name_say_what_they_are(units, kind, symbol):
@@ -85,11 +85,11 @@ def test_units_without_a_name_say_what_they_are(units, kind, symbol):
 
 def test_angles_in_degrees_have_moments_by_degree():
     mechanism, _ = pendulum()
-    stated = rx.in_units(mechanism, rx.Units(angle=180 / np.pi)).names.units
+    stated = rx.units.in_units(mechanism, rx.units.Units(angle=180 / np.pi)).names.units
     assert (stated.of("angular", 1), stated.of("moment")) == ("°/s", "N m/°")
     with pytest.raises(ValueError, match="`units` must leave angles in radians"):
         joint = rx.Fixed("A", "rod", rx.GROUND, (0.0, 0.0), (0.0, 0.0))
-        rx.Mechanism([rx.Body("rod", 1.0, 1.0)], [joint], units=rx.Units(angle=180 / np.pi))
+        rx.Mechanism([rx.Body("rod", 1.0, 1.0)], [joint], units=rx.units.Units(angle=180 / np.pi))
 
 
 def test_units_reach_texts_and_data():
@@ -108,14 +108,14 @@ def test_units_reach_bands_families_and_pictures():
     bands = rx.band(mechanism, state, ["2.y''", "1.phi''", "A.x"], rx.AmplitudeBox({"A.x": (-40.0, 40.0)}))
     assert bands.units == ("mm/s²", "rad/s²", "mN")
     assert "A.x, mN" in str(bands)
-    assert [axes.get_xlabel() for axes in rx.plot_band(bands).axes] == ["rad/s²", "mm/s²", "mN"]
+    assert [axes.get_xlabel() for axes in rx.plot.band(bands).axes] == ["rad/s²", "mm/s²", "mN"]
     family = rx.solution_family(mechanism, state, z=np.array([-1.0, 1.0]))
     assert family.units[0] == "mm/s²"
     assert "varies    force, mN" in str(family)
-    panels = rx.plot_family(family).axes
+    panels = rx.plot.family(family).axes
     assert {axes.get_xlabel() for axes in panels} == {"self-stress added to A.x, mN"}
     assert "force-type multipliers, mN" in {axes.get_title() for axes in panels}
-    axes = rx.draw(mechanism, state, multipliers=rx.solve(mechanism, state).multipliers)
+    axes = rx.plot.draw(mechanism, state, multipliers=rx.solve(mechanism, state).multipliers)
     texts = [text.get_text() for text in axes.texts]
     assert axes.get_xlabel() == "x (mm)"
     assert any(re.fullmatch(r"g = \S+ mm/s²", text) for text in texts)
@@ -127,10 +127,10 @@ def test_no_unit_is_shown_where_none_is_stated():
     solution = rx.solve(mechanism, state)
     assert {entry.unit for entry in solution.entries} == {""}
     assert "nits" not in f"{mechanism}{solution}{rx.analyze(mechanism, state)}"
-    axes = rx.draw(mechanism, state, multipliers=solution.multipliers)
+    axes = rx.plot.draw(mechanism, state, multipliers=solution.multipliers)
     assert axes.get_xlabel() == "x"
     assert not [text.get_text() for text in axes.texts if re.search(r"\d (N|m)", text.get_text())]
-    rescaled = rx.in_units(mechanism, MODELS["mm, t"])
+    rescaled = rx.units.in_units(mechanism, MODELS["mm, t"])
     assert str(rescaled.names.units) == ""
 
 

@@ -13,11 +13,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..._bodies._mechanism import Mechanism
-from ..._change_of_units._rescaled import Rescaled
 from ..._closures._closure import AbstractClosure, MinimumNorm
 from ..._equations._factorisation import Factorisation
 from ..._system._system import AbstractSystem
 from ..._system._units import Units
+from ...units._rescaled import Rescaled
 
 _ROUNDING = 1e-9  # of the applied loads, below which joint loads are none
 

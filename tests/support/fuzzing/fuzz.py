@@ -126,10 +126,10 @@ def batch(recipe: str, number: int, seed: int, size: int, scales: Scales, report
     report.law("units and duplicate", np.where(changed, ratios, 0.0), place)
 
 
-def _units(size: int, rng: np.random.Generator) -> rx.Units:
+def _units(size: int, rng: np.random.Generator) -> rx.units.Units:
     """Random units for every second sample."""
     on = np.arange(size) % 2
-    return rx.Units(*(jnp.asarray(10.0 ** (on * rng.uniform(-spread, spread, size))) for spread in (3, 2, 3, 2)))
+    return rx.units.Units(*(jnp.asarray(10.0 ** (on * rng.uniform(-spread, spread, size))) for spread in (3, 2, 3, 2)))
 
 
 def _joined(structure: Structure, twice: Structure, joint: int, multipliers: np.ndarray) -> np.ndarray:

@@ -67,7 +67,7 @@ class Answers:
         return self.result == 0
 
     @classmethod
-    def of(cls, solution: rx.Solution, tau_order: Sequence[int]) -> "Answers":
+    def of(cls, solution: rx.types.Solution, tau_order: Sequence[int]) -> "Answers":
         """Answers from a batched solution and the places of its slips."""
         result = np.argmax([np.asarray(solution.result == getattr(rx.RESULTS, name)) for name in NAMES], axis=0)
         stats = solution.stats
@@ -144,24 +144,24 @@ def mechanisms(structure: Structure, parameters: Parameters) -> rx.Mechanism:
 
 
 @eqx.filter_jit
-def _solve(mechanism: rx.Mechanism, state: rx.State, W: Any, d: Any, units: rx.Units | None) -> rx.Solution:
+def _solve(mechanism: rx.Mechanism, state: rx.State, W: Any, d: Any, units: rx.units.Units | None) -> rx.types.Solution:
     numbers, rest = eqx.partition(mechanism, eqx.is_inexact_array)
 
-    def one(numbers: Any, state: rx.State, W: Any, d: Any, units: rx.Units | None) -> rx.Solution:
+    def one(numbers: Any, state: rx.State, W: Any, d: Any, units: rx.units.Units | None) -> rx.types.Solution:
         system = eqx.combine(numbers, rest)
         if units is None:
             return rx.solve(system, state, closure=rx.Compliance(W, d), throw=False)
         scale = units.of(system.rows)
         closure = rx.Compliance(scale**2 * W / units.energy, scale * d)
-        other = rx.state_in_units(state, system, units)
-        return rx.solution_from_units(
-            rx.solve(rx.in_units(system, units), other, closure=closure, throw=False), system, units
+        other = rx.units.state_in_units(state, system, units)
+        return rx.units.solution_from_units(
+            rx.solve(rx.units.in_units(system, units), other, closure=closure, throw=False), system, units
         )
 
     return jax.vmap(one)(numbers, state, W, d, units)
 
 
-def solve(problem: Problem, units: rx.Units | None = None) -> Answers:
+def solve(problem: Problem, units: rx.units.Units | None = None) -> Answers:
     """The answers of redundax, computed in other units if some are given (batched)."""
     mechanism = mechanisms(problem.structure, problem.parameters)
     slips = [name for group in mechanism.friction for name in group.slips.names or ()]

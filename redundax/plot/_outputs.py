@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from ..._system._names import Entry, indices_of
+from .._system._names import Entry, indices_of
 
 _MOST = 6  # positions that are drawn where no outputs are named
 _ROUNDING = 1e-9

@@ -60,8 +60,8 @@ def animate(
         crank = rx.mechanisms.parallelogram(3)
         times = jnp.arange(0.0, 0.2, 1 / 25)  # one frame each: in real time at 25 frames a second
         motion = rx.simulate(crank, crank.state(0.5, rate=1.0), 0.2, ts=times)
-        film = rx.animate(crank, motion, "crank.gif")
-        film = rx.animate(crank, motion)  # in a notebook: IPython.display.HTML(film.to_jshtml())
+        film = rx.plot.animate(crank, motion, "crank.gif")
+        film = rx.plot.animate(crank, motion)  # in a notebook: IPython.display.HTML(film.to_jshtml())
         ```
 
     **Arguments:**

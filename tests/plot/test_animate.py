@@ -36,7 +36,7 @@ def texts(axes):
 
 
 def test_a_gif_has_all_frames_at_their_rate(motion, tmp_path):
-    film = rx.animate(*motion, tmp_path / "crank.gif", fps=10)
+    film = rx.plot.animate(*motion, tmp_path / "crank.gif", fps=10)
     with Image.open(tmp_path / "crank.gif") as picture:
         assert picture.n_frames == TIMES.size
         assert picture.info["duration"] == 100  # ms
@@ -46,7 +46,7 @@ def test_a_gif_has_all_frames_at_their_rate(motion, tmp_path):
 
 def test_frames_have_one_scale_and_no_text_on_another(motion):
     mechanism, trajectory = motion
-    film = rx.animate(mechanism, trajectory)
+    film = rx.plot.animate(mechanism, trajectory)
     limits, ratios = set(), []
     for number, t in enumerate(TIMES):
         axes, arrows = shown(film, number)
@@ -73,12 +73,12 @@ def test_html_and_a_motion_without_loads(motion, tmp_path):
     multipliers = trajectory.multipliers.at[2:].set(np.nan)  # as at rest
     q = trajectory.q.at[4:].set(np.nan)  # as after a failure
     part = eqx.tree_at(lambda motion: (motion.q, motion.multipliers), trajectory, (q, multipliers))
-    film = rx.animate(mechanism, part, tmp_path / "crank.html")
+    film = rx.plot.animate(mechanism, part, tmp_path / "crank.html")
     page = (tmp_path / "crank.html").read_text()
     assert page.count("data:image/png") == 4
     assert "<script" in page
     assert shown(film, 0)[1] and not shown(film, 2)[1]
-    bare = rx.animate(mechanism, part, loads=False, names=False)
+    bare = rx.plot.animate(mechanism, part, loads=False, names=False)
     axes, arrows = shown(bare, 0)
     assert not arrows and not {"A1", "B1"} & set(texts(axes))
 
@@ -106,4 +106,4 @@ def test_errors_name_argument_and_fix(motion, change, given, message):
     if change is not None:
         trajectory = change(trajectory)
     with pytest.raises(ValueError, match=message):
-        rx.animate(mechanism, trajectory, **given)
+        rx.plot.animate(mechanism, trajectory, **given)

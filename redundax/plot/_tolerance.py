@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..._system._names import index_of
-from ._plot import COLOURS, KINDS, finish, new_figure
+from .._system._names import index_of
+from ._solution_sets import COLOURS, KINDS, finish, new_figure
 
 if TYPE_CHECKING:
     import xarray
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 _HATCHES = ("", "////", "....", "xxxx")
 
 
-def plot_tolerance(study: "xarray.Dataset", outputs: Sequence[str] | None = None) -> "Figure":
+def tolerance(study: "xarray.Dataset", outputs: Sequence[str] | None = None) -> "Figure":
     """What varies with the tolerances, and which of them it is due to; outputs that do not vary are left out.
 
     On the left, one panel for each kind: bars from the lowest to the highest percentile of the study, a line at each
@@ -28,7 +28,7 @@ def plot_tolerance(study: "xarray.Dataset", outputs: Sequence[str] | None = None
         ```python
         sizes = {"width": rx.Normal(0.10, 1e-4), "height": rx.Uniform(0.19, 0.21)}
         found = rx.tolerance_study(lambda width, height: {"area": width * height}, sizes, samples=64)
-        rx.plot_tolerance(found).savefig("tolerances.png")
+        rx.plot.tolerance(found).savefig("tolerances.png")
         ```
 
     **Arguments:**

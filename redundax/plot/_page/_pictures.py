@@ -10,8 +10,8 @@ from ..._bodies._mechanism import Mechanism
 from ..._solution_sets._family._solution_family import SolutionFamily
 from ..._system._state import State
 from ..._system._system import AbstractSystem
+from .. import _solution_sets as plots
 from .._draw import draw
-from .._plots._plot import plot_family, plot_spectrum
 from ._blocks import Picture
 
 
@@ -48,14 +48,14 @@ def spectrum_picture(report: Report) -> Picture:
     else:
         tells = "those dropped are zero"
     caption = f"Singular values of the constraints: {report.rank} count; {tells}."
-    return Picture(_png(plot_spectrum(report)), caption, f"Dots on a logarithmic scale. {caption}")
+    return Picture(_png(plots.spectrum(report)), caption, f"Dots on a logarithmic scale. {caption}")
 
 
 def family_picture(family: SolutionFamily) -> Picture:
     """Frictional solutions over the amplitude of a self-stress state."""
     caption = f"What varies with the self-stress of {family.along[0]}"
     alt = f"Curves of accelerations, multipliers and friction over the self-stress of {family.along[0]}."
-    return Picture(_png(plot_family(family)), caption, alt)
+    return Picture(_png(plots.family(family)), caption, alt)
 
 
 def _png(figure: Any) -> bytes:

@@ -47,7 +47,7 @@ def assert_same(solution, parts, mechanism, tolerance=1e-11):
 @pytest.mark.parametrize("h", [0.0, 100.0])
 def test_minimum_norm_in_other_units_needs_no_other_mechanism(u, mu_rho, h):
     """The pick in units u is a compliance and misfit in base units: one factorisation for a sweep."""
-    units = rx.Units(length=u)
+    units = rx.units.Units(length=u)
     base, state = data(mu_rho)
     there = registry.solve(*data(mu_rho, u), h=h)
     here = registry.solve(base, state, closure=rx.MinimumNorm(np.full(24, h), units=units))
@@ -60,7 +60,7 @@ def test_minimum_norm_in_other_units_against_exact_geometry(u, mu_rho):
     mechanism = exact.wojtyra2020(u=exact.exact(str(u)))
     truth = mechanism.solve(misfit=[50] * 12, friction=mu_rho is not None)
     base, state = data(mu_rho)
-    solution = registry.solve(base, state, closure=rx.MinimumNorm(np.full(24, 50.0), units=rx.Units(length=u)))
+    solution = registry.solve(base, state, closure=rx.MinimumNorm(np.full(24, 50.0), units=rx.units.Units(length=u)))
     tau = exact.floats(truth.friction) / u**2 if mu_rho else np.zeros(0)
     parts = (
         exact.floats(truth.acceleration) / np.array([u] * 8 + [1.0] * 4),
@@ -73,7 +73,7 @@ def test_minimum_norm_in_other_units_against_exact_geometry(u, mu_rho):
 @pytest.mark.parametrize("row", paper.TABLE3, ids=lambda row: f"u={row.u} h={row.start}")
 def test_table_3_on_the_base_mechanism(row):
     base, state = data(0.02)
-    units = rx.Units(length=row.u)
+    units = rx.units.Units(length=row.u)
     p = paper.Parameters(u=row.u)
     x = paper.fixed_point(p, *paper.configuration(p, np.pi / 4, 1.0), row.start)[-1]
     solution = registry.solve(base, state, closure=rx.MinimumNorm(np.full(24, row.start), units=units))
@@ -90,7 +90,7 @@ def test_table_3_on_the_base_mechanism(row):
 def test_under_a_physical_closure_units_change_nothing(u, mu_rho):
     """W' = D W D / energy and d' = D d, with D the factors of the rows' own units."""
     base, state = data(mu_rho)
-    rng, units = np.random.default_rng(9), rx.Units(length=u)
+    rng, units = np.random.default_rng(9), rx.units.Units(length=u)
     root, misfit = rng.normal(size=(12, 12)), 1e-3 * rng.normal(size=12)
     compliance = 1e-3 * (root @ root.T + np.eye(12))
     own = np.array(units.of(base.rows))
@@ -110,7 +110,7 @@ def test_rank_and_spectrum_do_not_move_with_the_unit(u):
 
 @pytest.mark.parametrize("unit", ["length", "angle", "mass", "time"])
 def test_units_of_force_are_energy_over_the_unit(unit):
-    units, rows = rx.Units(**{unit: 10.0}), BASE().rows
+    units, rows = rx.units.Units(**{unit: 10.0}), BASE().rows
     energy = {"length": 100.0, "angle": 1.0, "mass": 10.0, "time": 0.01}[unit]
     own = {"length": (10.0, 1.0), "angle": (1.0, 10.0)}.get(unit, (1.0, 1.0))
     expected = [energy / own[0]] * 10 + [energy / own[1]] * 2
@@ -120,7 +120,7 @@ def test_units_of_force_are_energy_over_the_unit(unit):
 def test_mass_and_time_units_change_no_pick_without_h():
     base, state = data(0.02)
     reference = registry.solve(base, state)
-    for units in (rx.Units(mass=1e3), rx.Units(time=1e-3)):
+    for units in (rx.units.Units(mass=1e3), rx.units.Units(time=1e-3)):
         solution = registry.solve(base, state, closure=rx.MinimumNorm(np.zeros(24), units=units))
         parts = reference.acceleration, reference.multipliers, reference.friction
         assert_same(solution, parts, base, 1e-13)

@@ -18,14 +18,14 @@ import registry
 import redundax as rx
 from redundax.__main__ import main
 from redundax._command._file import load
-from redundax._pictures._draw import draw
 from redundax._solution_sets._family._preload import unit_free_norm
+from redundax.plot._draw import draw
 
 UNITS = {
-    "mm, t": rx.Units(length=1e3, mass=1e-3),
-    "inch": rx.Units(length=1 / 0.0254),
-    "mrad": rx.Units(angle=1e3),
-    "km, g, h": rx.Units(length=1e-3, mass=1e3, time=1 / 3600),
+    "mm, t": rx.units.Units(length=1e3, mass=1e-3),
+    "inch": rx.units.Units(length=1 / 0.0254),
+    "mrad": rx.units.Units(angle=1e3),
+    "km, g, h": rx.units.Units(length=1e-3, mass=1e3, time=1 / 3600),
 }
 FAST = ("wojtyra2020 with friction",)
 SLOW = ("armless", "bead", "pendulum", "door", "carriage", "massless", "parallelogram", "slider_crank with friction")
@@ -67,7 +67,7 @@ def both(name, unit):
     """A system and its state in its own units and in others."""
     case, units = None if name == "armless" else registry.case(name), UNITS[unit]
     system, state = (case.system, case.state) if case else armless()
-    return (system, state), (rx.in_units(system, units), rx.state_in_units(state, system, units)), units
+    return (system, state), (rx.units.in_units(system, units), rx.units.state_in_units(state, system, units)), units
 
 
 def kinds_of(system):
@@ -160,7 +160,7 @@ def test_point_masses_are_measured_by_their_paths(unit, off, accepted):
     units, found = UNITS[unit], []
     for place in (np.zeros(2), np.array([3.0, -7.0])):
         here = two_on_rods(place, off)
-        there = rx.in_units(here[0], units), rx.state_in_units(here[1], here[0], units)
+        there = rx.units.in_units(here[0], units), rx.units.state_in_units(here[1], here[0], units)
         found += [rx.solve(*at, throw=False) for at in (here, there)]
     results = {True: rx.RESULTS.successful, False: rx.RESULTS.violated_constraints}
     violations = [float(one.stats.violation.position) for one in found]
@@ -221,7 +221,11 @@ press = rx.Mechanism(
 guess = [0.0, 0.1 * k, 0.1 * k, -0.1 * k, 0.0, -0.5 * k, 0.8, -1.2, 0.0]
 state = rx.assemble(press, guess, positions={{"crank.phi": 0.6}}, rates={{"crank.phi": -1.0}})
 """
-PRESSES = {"m, kg": rx.Units(), "mm, t": UNITS["mm, t"], "inch, lb": rx.Units(length=1 / 0.0254, mass=1 / 0.45359237)}
+PRESSES = {
+    "m, kg": rx.units.Units(),
+    "mm, t": UNITS["mm, t"],
+    "inch, lb": rx.units.Units(length=1 / 0.0254, mass=1 / 0.45359237),
+}
 other_press = pytest.mark.parametrize("unit", ["mm, t", pytest.param("inch, lb", marks=pytest.mark.slow)])
 
 

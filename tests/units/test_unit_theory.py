@@ -13,7 +13,7 @@ import redundax as rx
 FORCE, MOMENT = "force", "moment"
 INDEPENDENT = (FORCE, FORCE, FORCE, MOMENT, MOMENT)
 COORDINATES = ("linear",) * 4 + ("angular",) * 3
-DECIMETRES, GRADIANS = rx.Units(length=10.0), rx.Units(angle=200 / np.pi)
+DECIMETRES, GRADIANS = rx.units.Units(length=10.0), rx.units.Units(angle=200 / np.pi)
 
 
 def factors(kinds, units):
@@ -47,18 +47,18 @@ def floats(matrix):
     return np.array(matrix.tolist(), dtype=float)
 
 
-@pytest.mark.parametrize("units", [rx.Units(), DECIMETRES, GRADIANS, rx.Units(length=1e-3)])
+@pytest.mark.parametrize("units", [rx.units.Units(), DECIMETRES, GRADIANS, rx.units.Units(length=1e-3)])
 @pytest.mark.parametrize("dependent", [(FORCE,), (MOMENT,), (FORCE, MOMENT)])
 def test_against_the_scaled_jacobian(units, dependent):
     rng = np.random.default_rng(5)
     eta, basic = rng.normal(size=(len(dependent), 5)), rng.normal(size=5)
     eta_there, basic_there, least, p = direct(eta, basic, dependent, units)
-    found = rx.dependence_in_units(eta, dependent, INDEPENDENT, units)
+    found = rx.units.dependence_in_units(eta, dependent, INDEPENDENT, units)
     np.testing.assert_allclose(found, floats(eta_there), rtol=1e-13)
-    here = rx.minimum_norm_parameters_in_units(eta, basic, dependent, INDEPENDENT, units)
+    here = rx.units.minimum_norm_parameters_in_units(eta, basic, dependent, INDEPENDENT, units)
     size = np.max(np.abs(floats(p)))
     np.testing.assert_allclose(here, floats(p)[:, 0], rtol=1e-12, atol=1e-14 * size)
-    lam, parameters = rx.parametrised_multipliers(found, floats(basic_there)[:, 0], here)
+    lam, parameters = rx.units.parametrised_multipliers(found, floats(basic_there)[:, 0], here)
     np.testing.assert_allclose(lam, floats(least)[:, 0], rtol=1e-11, atol=1e-13 * np.max(np.abs(lam)))
     assert parameters is here
 
@@ -70,8 +70,8 @@ def test_rows_that_depend_on_their_own_type_alone(kind, other, power):
     eta, basic = rng.normal(size=(1, 5)), rng.normal(size=5)
     for mixes in (True, False):
         eta[:, other] *= mixes
-        p = rx.minimum_norm_parameters(eta, basic)
-        there = rx.minimum_norm_parameters_in_units(eta, basic, (kind,), INDEPENDENT, DECIMETRES)
+        p = rx.units.minimum_norm_parameters(eta, basic)
+        there = rx.units.minimum_norm_parameters_in_units(eta, basic, (kind,), INDEPENDENT, DECIMETRES)
         assert np.allclose(there, 10**power * p, rtol=1e-13) != mixes
 
 
@@ -83,15 +83,15 @@ def test_formulas_22_and_23_as_printed():
     if_moment = u**2 * (u**-2 * basic[a] @ eta[a] + basic[b] @ eta[b])
     if_moment /= 1 + u**-2 * eta[a] @ eta[a] + eta[b] @ eta[b]
     for kind, expected in ((FORCE, force), (MOMENT, if_moment)):
-        found = rx.minimum_norm_parameters_in_units(eta[None], basic, (kind,), INDEPENDENT, DECIMETRES)
+        found = rx.units.minimum_norm_parameters_in_units(eta[None], basic, (kind,), INDEPENDENT, DECIMETRES)
         np.testing.assert_allclose(found, [expected], rtol=1e-13)
 
 
 def test_shapes_and_kinds_that_do_not_fit_are_refused():
     with pytest.raises(ValueError, match="`eta` must have a row for each of 1"):
-        rx.dependence_in_units(np.ones((2, 5)), (FORCE,), INDEPENDENT, DECIMETRES)
+        rx.units.dependence_in_units(np.ones((2, 5)), (FORCE,), INDEPENDENT, DECIMETRES)
     with pytest.raises(ValueError, match="`dependent` must hold"):
-        rx.dependence_in_units(np.ones((1, 5)), ("linear",), INDEPENDENT, DECIMETRES)
+        rx.units.dependence_in_units(np.ones((1, 5)), ("linear",), INDEPENDENT, DECIMETRES)
 
 
 # The certificate ----------------------------------------------------------------------------
@@ -110,14 +110,14 @@ def loaded(which):
 
 def picks(mechanism, state):
     """Multipliers of the minimum norm in metres, and in units 1/1000 and 1000 times as long, in SI."""
-    closures = [rx.MinimumNorm(units=rx.Units(length=u)) for u in (1.0, 1e3, 1e-3)]
+    closures = [rx.MinimumNorm(units=rx.units.Units(length=u)) for u in (1.0, 1e3, 1e-3)]
     return np.stack([rx.solve(mechanism, state, closure=closure).multipliers for closure in closures])
 
 
 @pytest.mark.parametrize("which", [pytest.param("paper", marks=pytest.mark.slow), "guides", "offset guides"])
 def test_what_the_certificate_says_is_so(which):
     mechanism, state = loaded(which)
-    certificate = rx.unit_certificate(mechanism, state)
+    certificate = rx.units.unit_certificate(mechanism, state)
     values = picks(mechanism, state)
     changes = np.ptp(values, axis=0) / np.max(np.abs(values))
     for verdict, change in zip(certificate.multipliers, changes, strict=True):
@@ -132,9 +132,10 @@ def test_what_the_certificate_says_is_so(which):
 def test_with_friction_the_motion_depends_on_the_unit():
     mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02)
     state = mechanism.state(phi=0.6, rate=2.0)
-    certificate = rx.unit_certificate(mechanism, state)
+    certificate = rx.units.unit_certificate(mechanism, state)
     values = np.stack([
-        rx.solve(mechanism, state, closure=rx.MinimumNorm(units=rx.Units(length=u))).acceleration for u in (1.0, 1e3)
+        rx.solve(mechanism, state, closure=rx.MinimumNorm(units=unit)).acceleration
+        for unit in (rx.units.Units(), rx.units.Units(length=1e3))
     ])  # fmt: skip
     changes = np.ptp(values, axis=0) / np.max(np.abs(values))
     assert {v.name for v in certificate.accelerations if v.invariant} == {"4.x''", "2.phi''", "4.phi''"}
@@ -151,9 +152,9 @@ def test_under_a_physical_closure_motion_and_loads_are_the_same_in_all_units():
 
     def solution(u):
         mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02, u=u)
-        closure = rx.ElasticJoints(mechanism, joints, rx.Units(length=1 / u))
+        closure = rx.ElasticJoints(mechanism, joints, rx.units.Units(length=1 / u))
         found = rx.solve(mechanism, mechanism.state(phi=jnp.pi / 4, rate=1.0), closure=closure, solver=rx.Newton())
-        units = rx.Units(length=u)
+        units = rx.units.Units(length=u)
         acceleration = found.acceleration / units.of(mechanism.coordinates)
         return acceleration, found.multipliers / units.of_force(mechanism.rows)
 

@@ -177,9 +177,10 @@ def in_units(system: AbstractSystem, units: Units) -> AbstractSystem:
     ??? example
 
         ```python
-        millimetres = rx.Units(length=1000.0)
-        solution = rx.solve(rx.in_units(mechanism, millimetres), rx.state_in_units(state, mechanism, millimetres))
-        solution = rx.solution_from_units(solution, mechanism, millimetres)  # back in metres
+        millimetres = rx.units.Units(length=1000.0)
+        system = rx.units.in_units(mechanism, millimetres)
+        solution = rx.solve(system, rx.units.state_in_units(state, mechanism, millimetres))
+        solution = rx.units.solution_from_units(solution, mechanism, millimetres)  # back in metres
         ```
     """
     return Rescaled(system, units)
@@ -191,8 +192,8 @@ def state_in_units(state: State, system: AbstractSystem, units: Units) -> State:
     ??? example
 
         ```python
-        millimetres = rx.Units(length=1000.0)
-        rx.state_in_units(state, mechanism, millimetres).qd  # mm/s and rad/s
+        millimetres = rx.units.Units(length=1000.0)
+        rx.units.state_in_units(state, mechanism, millimetres).qd  # mm/s and rad/s
         ```
     """
     return State(state.q, state.qd * units.of(system.coordinates) / units.time, state.t * units.time, state.memory)
@@ -221,10 +222,10 @@ def closure_in_units(closure: AbstractClosure) -> AbstractClosure:
     ??? example
 
         ```python
-        millimetres = rx.Units(length=1000.0)
-        there = rx.in_units(mechanism, millimetres), rx.state_in_units(state, mechanism, millimetres)
+        millimetres = rx.units.Units(length=1000.0)
+        there = rx.units.in_units(mechanism, millimetres), rx.units.state_in_units(state, mechanism, millimetres)
         joints = rx.Compliance(W=jnp.full(12, 1e-8))  # m/N, rad/(N m)
-        rx.solve(*there, closure=rx.closure_in_units(joints))
+        rx.solve(*there, closure=rx.units.closure_in_units(joints))
         ```
     """
     return _RescaledClosure(closure)
@@ -236,9 +237,9 @@ def solution_from_units(solution: Solution, system: AbstractSystem, units: Units
     ??? example
 
         ```python
-        millimetres = rx.Units(length=1000.0)
-        there = rx.in_units(mechanism, millimetres), rx.state_in_units(state, mechanism, millimetres)
-        rx.solution_from_units(rx.solve(*there), mechanism, millimetres).multipliers  # N and N m
+        millimetres = rx.units.Units(length=1000.0)
+        there = rx.units.in_units(mechanism, millimetres), rx.units.state_in_units(state, mechanism, millimetres)
+        rx.units.solution_from_units(rx.solve(*there), mechanism, millimetres).multipliers  # N and N m
         ```
     """
     scale, batch = units.of(system.coordinates) / units.time**2, solution.acceleration.shape[:-1]

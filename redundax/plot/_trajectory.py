@@ -5,19 +5,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..._motion._trajectory import Trajectory
-from ..._system._names import Entry
-from ..._system._system import AbstractSystem
-from ..._system._units import with_unit
-from ..._tools._module import replace_fields
+from .._motion._trajectory import Trajectory
+from .._system._names import Entry
+from .._system._system import AbstractSystem
+from .._system._units import with_unit
+from .._tools._module import replace_fields
 from ._outputs import chosen
-from ._plot import COLOURS, DASHES, finish, new_figure
+from ._solution_sets import COLOURS, DASHES, finish, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def plot_trajectory(system: AbstractSystem, trajectory: Trajectory, outputs: Sequence[str] | None = None) -> "Figure":
+def trajectory(system: AbstractSystem, trajectory: Trajectory, outputs: Sequence[str] | None = None) -> "Figure":
     """A motion over time, one panel for each kind of quantity.
 
     ??? example
@@ -25,7 +25,7 @@ def plot_trajectory(system: AbstractSystem, trajectory: Trajectory, outputs: Seq
         ```python
         crank = rx.mechanisms.parallelogram(3)
         motion = rx.simulate(crank, crank.state(0.5, rate=1.0), 0.2)
-        figure = rx.plot_trajectory(crank, motion, ["crank 1.phi", "crank 1.phi'", "A1.x"])
+        figure = rx.plot.trajectory(crank, motion, ["crank 1.phi", "crank 1.phi'", "A1.x"])
         figure.savefig("motion.png")
         ```
 

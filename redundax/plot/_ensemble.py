@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..._analysis._along import MotionReport
-from ..._analysis._verdict import Verdict
-from ..._system._axis import Axis
-from ..._system._names import KEPT, Entry, entries
-from ..._system._units import with_unit
+from .._analysis._along import MotionReport
+from .._analysis._verdict import Verdict
+from .._system._axis import Axis
+from .._system._names import KEPT, Entry, entries
+from .._system._units import with_unit
 from ._outputs import chosen
-from ._plot import COLOURS, DASHES, finish, new_figure
+from ._solution_sets import COLOURS, DASHES, finish, new_figure
 
 if TYPE_CHECKING:
     import xarray
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _FILL, _EDGE = COLOURS[5], COLOURS[0]
 
 
-def plot_ensemble(
+def ensemble(
     ensemble: "xarray.Dataset", outputs: Sequence[str] | None = None, *, along: MotionReport | None = None
 ) -> "Figure":
     """The bands of an ensemble over time, one panel for each output.
@@ -36,7 +36,7 @@ def plot_ensemble(
         def run(rate):
             return rx.simulate(crank, crank.state(0.5, rate=rate), 0.2, ts=jnp.linspace(0.0, 0.2, 5))
         found = rx.ensemble(run, {"rate": rx.Normal(1.0, 0.1)}, system=crank, size=8)
-        rx.plot_ensemble(found, ["crank 1.phi", "A1.x"]).savefig("bands.png")
+        rx.plot.ensemble(found, ["crank 1.phi", "A1.x"]).savefig("bands.png")
         ```
 
     **Arguments:**

@@ -30,8 +30,8 @@ def dependence_in_units(
     ??? example
 
         ```python
-        millimetres = rx.Units(length=1000.0)
-        rx.dependence_in_units([[0.5, 2.0]], ["force"], ["force", "moment"], millimetres)  # [[0.5, 2000.0]]
+        millimetres = rx.units.Units(length=1000.0)
+        rx.units.dependence_in_units([[0.5, 2.0]], ["force"], ["force", "moment"], millimetres)  # [[0.5, 2000.0]]
         ```
 
     **Arguments:**
@@ -50,7 +50,7 @@ def minimum_norm_parameters(eta: Numbers, basic: Numbers) -> Float[Array, " k"]:
     ??? example
 
         ```python
-        rx.minimum_norm_parameters([[1.0, 1.0]], [3.0, 0.0])  # 3 / (1 + 2) = [1.0]
+        rx.units.minimum_norm_parameters([[1.0, 1.0]], [3.0, 0.0])  # 3 / (1 + 2) = [1.0]
         ```
 
     **Arguments:**
@@ -70,9 +70,9 @@ def minimum_norm_parameters_in_units(
     ??? example
 
         ```python
-        millimetres = rx.Units(length=1000.0)
+        millimetres = rx.units.Units(length=1000.0)
         kinds = ["force"], ["force", "moment"]
-        rx.minimum_norm_parameters_in_units([[1.0, 1.0]], [3.0, 0.0], *kinds, millimetres)  # [0.003]
+        rx.units.minimum_norm_parameters_in_units([[1.0, 1.0]], [3.0, 0.0], *kinds, millimetres)  # [0.003]
         ```
     """
     _, others = _axes(dependent, independent)
@@ -88,7 +88,7 @@ def parametrised_multipliers(
     ??? example
 
         ```python
-        rx.parametrised_multipliers([[1.0, 1.0]], [3.0, 0.0], [1.0])  # ([2.0, -1.0], [1.0])
+        rx.units.parametrised_multipliers([[1.0, 1.0]], [3.0, 0.0], [1.0])  # ([2.0, -1.0], [1.0])
         ```
     """
     p = as_float(parameters)

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..._analysis._report import Report
-from ..._solution_sets._band._band import Bands
-from ..._solution_sets._family._solution_family import SolutionFamily
-from ..._system._names import index_of
-from ..._system._units import with_unit
+from .._analysis._report import Report
+from .._solution_sets._band._band import Bands
+from .._solution_sets._family._solution_family import SolutionFamily
+from .._system._names import index_of
+from .._system._units import with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,7 +30,7 @@ _MAPS = 6  # outputs drawn over two amplitudes at most
 _ZERO = 1e-17  # where a singular value of zero is drawn
 
 
-def plot_spectrum(report: Report) -> "Figure":
+def spectrum(report: Report) -> "Figure":
     """Singular values of the constraints, and the gap in them that decides the rank.
 
     Full dots are counted, hollow ones dropped; the dotted line is the tolerance between them. A wide shaded gap means
@@ -41,7 +41,7 @@ def plot_spectrum(report: Report) -> "Figure":
 
         ```python
         report = rx.analyze(mechanism, state)
-        rx.plot_spectrum(report).savefig("spectrum.png")
+        rx.plot.spectrum(report).savefig("spectrum.png")
         ```
 
     **Arguments:**
@@ -73,7 +73,7 @@ def plot_spectrum(report: Report) -> "Figure":
     return figure
 
 
-def plot_family(family: SolutionFamily, outputs: Sequence[str] | None = None) -> "Figure":
+def family(family: SolutionFamily, outputs: Sequence[str] | None = None) -> "Figure":
     """Accelerations, multipliers and friction over the amplitude of the self-stress; constant ones are left out.
 
     Along one state: one panel for each kind of quantity; quantities that run together share a line and a name; dots are
@@ -84,7 +84,7 @@ def plot_family(family: SolutionFamily, outputs: Sequence[str] | None = None) ->
 
         ```python
         family = rx.solution_family(mechanism, state, along="A.x", samples=21)
-        rx.plot_family(family, outputs=["1.phi''", "tau A"]).savefig("family.png")
+        rx.plot.family(family, outputs=["1.phi''", "tau A"]).savefig("family.png")
         ```
 
     **Arguments:**
@@ -107,14 +107,14 @@ def plot_family(family: SolutionFamily, outputs: Sequence[str] | None = None) ->
     return _curves(family, groups) if len(family.along) == 1 else _maps(family, groups)
 
 
-def plot_band(bands: Bands) -> "Figure":
+def band(bands: Bands) -> "Figure":
     """Bands as bars, one panel for each kind: full bars are exact, hatched ones inner estimates, diamonds one value.
 
     ??? example
 
         ```python
         bands = rx.band(mechanism, state, ["A.x", "B.x"], rx.AmplitudeBox({"A.x": (-40.0, 40.0)}))
-        rx.plot_band(bands).savefig("bands.png")
+        rx.plot.band(bands).savefig("bands.png")
         ```
 
     **Arguments:**

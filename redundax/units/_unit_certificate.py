@@ -25,7 +25,7 @@ class UnitVerdict:
     ??? example
 
         ```python
-        verdict = rx.unit_certificate(mechanism, state).multipliers[0]
+        verdict = rx.units.unit_certificate(mechanism, state).multipliers[0]
         verdict.name, verdict.invariant, verdict.reason
         ```
     """
@@ -45,7 +45,7 @@ class UnitCertificate:
     ??? example
 
         ```python
-        certificate = rx.unit_certificate(mechanism, state)
+        certificate = rx.units.unit_certificate(mechanism, state)
         [verdict.name for verdict in certificate.multipliers if verdict.invariant]
         ```
     """
@@ -76,7 +76,7 @@ def unit_certificate(system: AbstractSystem, state: State) -> UnitCertificate:
     ??? example
 
         ```python
-        print(rx.unit_certificate(mechanism, state))
+        print(rx.units.unit_certificate(mechanism, state))
         ```
 
     **Raises:** `ValueError` where the equations at the state cannot be trusted.

@@ -58,7 +58,7 @@ def draw(
     ??? example
 
         ```python
-        axes = rx.draw(mechanism, state, multipliers=rx.solve(mechanism, state).multipliers)
+        axes = rx.plot.draw(mechanism, state, multipliers=rx.solve(mechanism, state).multipliers)
         axes.figure.savefig("loads.png")
         ```
 

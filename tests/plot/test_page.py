@@ -13,8 +13,8 @@ import pytest
 import redundax as rx
 from redundax.__main__ import main
 from redundax._command._file import load
-from redundax._pictures._page._blocks import Code, Items, Page, Picture, Section, Table, Text
-from redundax._pictures._page._formats import as_html, as_markdown
+from redundax.plot._page._blocks import Code, Items, Page, Picture, Section, Table, Text
+from redundax.plot._page._formats import as_html, as_markdown
 
 NASTY = '<b>&"it\'s"|*'  # a name that must come out as it is
 FILE = f"""
@@ -232,7 +232,7 @@ def test_every_block_in_both_formats():
 def test_spectrum(folder):
     system, state = load(f"{folder}/mine.py:sledge")
     report = rx.analyze(system, state)
-    figure = rx.plot_spectrum(report)
+    figure = rx.plot.spectrum(report)
     lines = {line.get_label(): line.get_ydata() for line in figure.axes[0].lines}
     assert np.allclose(lines["counted"], report.singular_values[:2])
     assert np.all(lines["dropped"] < report.tolerance) and np.all(lines["counted"] > report.tolerance)

@@ -14,9 +14,9 @@ from mechanisms import CASES
 
 import redundax as rx
 from redundax._bodies._reactions import joint_wrenches
-from redundax._pictures._draw import draw
-from redundax._pictures._draw._arrows import Arrow, on_bodies
-from redundax._pictures._draw._scene import scene
+from redundax.plot._draw import draw
+from redundax.plot._draw._arrows import Arrow, on_bodies
+from redundax.plot._draw._scene import scene
 
 matplotlib.use("Agg")
 X, Y = np.array([1.0, 0.0]), np.array([0.0, 1.0])
@@ -134,7 +134,7 @@ def crossed() -> tuple[rx.Mechanism, rx.State]:
         rx.Fixed("F", "weld", "arm", (0.1, 0.0), (0.1, 0.1)),
     ]
     q = [0.4, 0.1, 0.9, 0.5, 1.2, 0.2, 1.5, 0.6, carrier, block, arm, weld]
-    return rx.Mechanism(bodies, joints, units=rx.Units()), rx.State(q, np.zeros(12))
+    return rx.Mechanism(bodies, joints, units=rx.units.Units()), rx.State(q, np.zeros(12))
 
 
 def test_loads_by_hand():
@@ -316,7 +316,7 @@ def everything() -> tuple[rx.Mechanism, rx.State]:
     ]
     q = [0, 0, 0.6, 0, 1.4 + 0.4 * np.cos(0.4), 0.4 * np.sin(0.4), 1.9, 0.3, 0.7, 0.8, 0.3, 0.8, 1.0, 1.0]
     bodies = [rx.Body(name, 1.0, 0.1) for name in names]
-    mechanism = rx.Mechanism(bodies, joints, loads=loads, gravity=(-3.0, -9.0), units=rx.Units())
+    mechanism = rx.Mechanism(bodies, joints, loads=loads, gravity=(-3.0, -9.0), units=rx.units.Units())
     return mechanism, rx.State([*q, 0.2, 0.1, 0.4, 0.0, 0.0, 0.0, 0.0], np.zeros(21))
 
 

@@ -1,1 +1,0 @@
-"""Plots of figures over a parameter or time."""
