@@ -36,6 +36,11 @@ class AbstractClosure(eqx.Module):
     ) -> tuple[Float[Array, "m m"], Float[Array, " m"] | Float[Array, ""]]:
         """Compliance W, symmetric positive semidefinite, and misfit d at a state; a number stands for m equal ones."""
 
+    @property
+    def is_constant(self) -> bool:
+        """Whether both are the same in every state."""
+        return False
+
     def by_place(self, system: AbstractSystem) -> "AbstractClosure":
         """The same with places of rows for their names, which compiled programs do not know."""
         return self
@@ -69,6 +74,18 @@ def _elasticity(closure: AbstractClosure, system: AbstractSystem, state: State, 
     return Elasticity(compliance, jnp.broadcast_to(misfit, (m,)) if whole else misfit)
 
 
+class _Constant(AbstractClosure):
+    given: Elasticity
+
+    def compliance(self, system: AbstractSystem, state: State) -> Elasticity:
+        return self.given
+
+
+def for_motion(closure: AbstractClosure, system: AbstractSystem, state: State) -> AbstractClosure:
+    """The same closure for the states of a motion; all that do not depend on the state are one class to programs."""
+    return _Constant(elasticity(closure, system, state)) if closure.is_constant else closure.by_place(system)
+
+
 def minimum_norm(m: int, dtype: DTypeLike) -> Elasticity:
     """That of the Moore-Penrose pick for m rows."""
     return Elasticity(jnp.eye(m, dtype=dtype), jnp.zeros((), dtype))
@@ -96,6 +113,10 @@ class MinimumNorm(AbstractClosure):
 
     h: Float[Array, ""] | Float[Array, " n+m"] | None = eqx.field(converter=optional_float, default=None)
     units: Units | None = None
+
+    @property
+    def is_constant(self) -> bool:
+        return True
 
     def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
         n, m = len(system.coordinates), len(system.rows)
@@ -178,6 +199,10 @@ class Compliance(AbstractClosure):
         given = _figures(stiffness)
         W = {name: inverse(value) for name, value in given.items()} if isinstance(given, dict) else inverse(given)
         return cls(W, misfit, units)
+
+    @property
+    def is_constant(self) -> bool:
+        return True
 
     def by_place(self, system: AbstractSystem) -> "Compliance":
         if not isinstance(self.W, dict) and not isinstance(self.misfit, dict):

@@ -14,7 +14,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from .._closures._closure import AbstractClosure, MinimumNorm
+from .._closures._closure import AbstractClosure, MinimumNorm, for_motion
 from .._equations._culprits import culprits
 from .._equations._factorisation import factorised
 from .._system._results import RESULTS, is_one_of
@@ -113,7 +113,6 @@ def simulate(
 
     no_classes(closure=closure, solver=solver, stabilisation=stabilisation, adjoint=adjoint)
     positive("max_phases", as_float(max_phases))
-    closure = closure.by_place(system)
     solver = diffrax.Dopri8() if solver is None else solver
     _check(system, state, rtol, dt0, max_steps)
     if rtol is not None and not isinstance(solver, diffrax.AbstractAdaptiveSolver):
@@ -136,7 +135,7 @@ def simulate(
         factor,
         t1,
         given,
-        closure,
+        for_motion(closure, system, state),
         solver,
         stabilisation,
         None if rtol is None else as_float(rtol),

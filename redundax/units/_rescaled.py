@@ -202,6 +202,10 @@ def state_in_units(state: State, system: AbstractSystem, units: Units) -> State:
 class _RescaledClosure(AbstractClosure):
     inner: AbstractClosure
 
+    @property
+    def is_constant(self) -> bool:
+        return self.inner.is_constant
+
     def by_place(self, system: AbstractSystem) -> "_RescaledClosure":
         return replace_fields(self, inner=self.inner.by_place(system))
 

@@ -84,6 +84,25 @@ def test_a_motion_shares_the_factorisation_of_a_solve(programs):
     assert programs.count("jit(factorised)") == 1
 
 
+def test_a_motion_is_compiled_once_for_closures_that_do_not_depend_on_the_state(programs):
+    mechanism = rx.mechanisms.wojtyra2020()
+    state = mechanism.state(phi=0.7, rate=1.3)
+    matrix = jnp.diag(jnp.linspace(1e-8, 2e-8, 12)).at[0, 1].set(4e-9).at[1, 0].set(4e-9)
+    for closure in (
+        rx.MinimumNorm(),
+        rx.MinimumNorm(20.0),
+        rx.MinimumNorm(units=rx.units.Units(length=10.0)),
+        rx.Compliance(jnp.linspace(1e-8, 2e-8, 12)),
+        rx.Compliance(matrix),
+        rx.Compliance({"A.x": 1e-8, "C.x": 2e-8, "K.angle": 1e-6, "L.angle": 1e-6, "A.y": 1e-8, "B.y": 1e-8}),
+    ):
+        motion = rx.simulate(mechanism, state, 0.01, ts=jnp.array([0.01]), closure=closure)
+        end = rx.State(motion.q[-1], motion.qd[-1], motion.t[-1])
+        loads = rx.solve(mechanism, end, closure=closure).multipliers
+        np.testing.assert_allclose(motion.multipliers[-1], loads, rtol=1e-9, atol=1e-9 * np.abs(loads).max())
+    assert programs.count("jit(integrate)") == 1
+
+
 def test_what_is_known_is_known_inside_transformations():
     seen = []
 
