@@ -111,7 +111,7 @@ def analyze(
         couplings=_couplings(system),
         length=float(factor.length),
         units=str(system.names.units),
-        problem="" if figures is not None else RESULTS[result] + culprits(system, state, result),
+        problem="" if figures is not None else RESULTS[result] + culprits(system, state, factor, result),
     )
 
 

@@ -69,11 +69,12 @@ def load(argument: str) -> tuple[AbstractSystem, State]:
     file = pathlib.Path(path)
     if not file.is_file():
         raise FileError(f"There is no file '{path}'. Check the path and the folder that you are in.")
-    spec = importlib.util.spec_from_file_location(file.stem, file)
+    own = file.stem if file.stem not in sys.modules else f"{file.stem} of {file.resolve()}"  # no other is replaced
+    spec = importlib.util.spec_from_file_location(own, file)
     if spec is None or spec.loader is None:
         raise FileError(f"'{path}' must be a Python file with the ending .py. Rename it.")
     module = importlib.util.module_from_spec(spec)
-    sys.modules[file.stem] = module
+    sys.modules[own] = module
     sys.path.insert(0, str(file.parent.resolve()))  # so that it can import its neighbours
     spec.loader.exec_module(module)
     if not hasattr(module, name):
@@ -100,9 +101,11 @@ def load(argument: str) -> tuple[AbstractSystem, State]:
 
 def _line(error: Exception, file: pathlib.Path) -> int | None:
     """Where in the file an error arose, if there."""
-    frames = traceback.extract_tb(error.__traceback__)
-    lines = [frame.lineno for frame in frames if pathlib.Path(frame.filename).resolve() == file.resolve()]
-    return error.lineno if isinstance(error, SyntaxError) else lines[-1] if lines else None
+    places = [(frame.filename, frame.lineno) for frame in traceback.extract_tb(error.__traceback__)]
+    if isinstance(error, SyntaxError):
+        places.append((error.filename or "", error.lineno))
+    lines = [line for name, line in places if pathlib.Path(name).resolve() == file.resolve()]
+    return lines[-1] if lines else None
 
 
 def _is_ours(error: Exception) -> bool:

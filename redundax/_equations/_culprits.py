@@ -1,32 +1,53 @@
-"""Which rows or joints a failed solve is about, by name; for error messages, on concrete values."""
+"""Errors of unsuccessful results, with the names of the rows or joints that they are about."""
 
+from typing import Any, TypeVar
+
+import jax
+import jax.numpy as jnp
 import numpy as np
 
-from .._system._results import RESULTS
+from .._system._results import RESULTS, is_one_of
 from .._system._state import State
 from .._system._system import AbstractSystem
-from ._factorisation import factorised
-from ._factorize import factorize
+from .._tools._module import is_concrete
+from ._factorisation import Factorisation, factorised
 from ._kinematics import along_motion, explicit_gamma, slip_motion
 
+Out = TypeVar("Out", bound=Any)
 
-def culprits(system: AbstractSystem, state: State, result: RESULTS) -> str:
-    """A sentence with the names, or nothing where names do not help."""
+
+def thrown(
+    out: Out, throw: bool | None, system: AbstractSystem, state: State, factor: Factorisation, *good: RESULTS
+) -> Out:
+    """What has a `result`, which is an error unless it is among the good ones; `throw` is that of `solve`."""
+    traced = not all(map(is_concrete, jax.tree.leaves(out.result)))
+    if throw is False or (throw is None and traced):
+        return out
+    if traced:
+        return out.result.error_if(out, jnp.all(jnp.stack([out.result != one for one in good])))
+    if not is_one_of(out.result, *good):
+        raise RuntimeError(RESULTS[out.result] + culprits(system, state, factor, out.result))
+    return out
+
+
+def culprits(system: AbstractSystem, state: State, factor: Factorisation, result: RESULTS) -> str:
+    """A sentence with the names, on concrete values, or nothing where names do not help."""
     if result == RESULTS.violated_constraints:
         return _rows(system, np.asarray(along_motion(system, state).value), "Violated rows")
     if result == RESULTS.inadmissible_velocity:
         rates = _rows(system, np.asarray(along_motion(system, state).rate), "Rows with the largest rates")
-        factor = factorised(system.anonymous().without_friction(), state, None)  # with the self-stress of here alone
+        if factor.local:  # which leaves out the self-stress of here alone
+            factor = factorised(system, state, factor.spectrum.rank)
         return rates or _rows(system, np.asarray(factor.self_stress @ factor.gamma), "N^T gamma in rows")
     if result == RESULTS.inconsistent_constraints:
         return _rows(system, np.asarray(explicit_gamma(system, state)), "Rows that prescribe an acceleration")
     if result == RESULTS.indeterminate_acceleration:
-        return f" Free without mass: {', '.join(_massless(system, state))}."
+        return f" Free without mass: {', '.join(_massless(system, factor))}."
     if result == RESULTS.indeterminate_closure:
-        unique = factorize(system, state).unique_multipliers
+        unique = factor.unique_multipliers
         return f" Rows in self-stress: {', '.join(np.array(system.rows.labels)[~np.asarray(unique)])}."
     if result == RESULTS.ambiguous_rank:
-        spectrum = factorize(system, state).spectrum
+        spectrum = factor.spectrum
         near = [f"{value:.1e}" for value in np.asarray(spectrum.singular_values)[-3:]]
         return f" Smallest singular values: {', '.join(near)}; tolerance {float(spectrum.tolerance):.1e}." + (
             " In float32 singular values below about 1e-4 of the largest cannot be told from rounding: use float64, "
@@ -35,16 +56,15 @@ def culprits(system: AbstractSystem, state: State, result: RESULTS) -> str:
             else ""
         )
     if result in (RESULTS.friction_at_rest, RESULTS.ambiguous_rest):
-        factor, slips = factorize(system, state), system.slips
+        slips = system.slips
         rate = slip_motion(system, state)[0] * np.where(slips.angular, factor.length, 1.0)
         resting, labels = np.asarray(~factor.motion_of(rate).is_yes), slips.labels
         return f" At rest: {', '.join(label for label, rests in zip(labels, resting, strict=True) if rests)}."
     return ""
 
 
-def _massless(system: AbstractSystem, state: State) -> list[str]:
+def _massless(system: AbstractSystem, factor: Factorisation) -> list[str]:
     """Coordinates of the motions that meet the constraints and have no mass."""
-    factor = factorize(system, state)
     scale = np.where(system.coordinates.angular, 1 / float(factor.length), 1.0)
     mass = np.asarray(factor.mass) * scale[:, None] * scale
     rows = [np.asarray(factor.jacobian) * scale, mass / max(np.abs(mass).max(), np.finfo(mass.dtype).tiny)]

@@ -17,6 +17,7 @@ number is that of K, not its square. One step of iterative refinement follows, w
 
 import jax
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
 from .._system._decision import Decision
@@ -37,6 +38,7 @@ from ._scaling import Scaling, largest_violation, scaling
 class Factorisation(AbstractSolvedFactorisation):
     """Everything about a system at a state that does not depend on closure, friction or solver.
 
+    - `state`: position, velocity and time.
     - `jacobian`: Phi_q, shape (m, n).
     - `gamma`: right-hand side of Phi_q qdd = gamma, Eq. (5), shape (m,).
     - `mass`, `load`: M, shape (n, n), and Q, shape (n,).
@@ -67,6 +69,7 @@ class Factorisation(AbstractSolvedFactorisation):
         ```
     """
 
+    state: State
     jacobian: Float[Array, "m n"]
     gamma: Float[Array, " m"]
     mass: Float[Array, "n n"]
@@ -255,13 +258,17 @@ class Factorisation(AbstractSolvedFactorisation):
         scaled = scale[:, None] * compliance * scale
         after = self.response[0, 0]
         kept, states = self.spectrum.kept, self.redundancy - self.local
-        response, _, definiteness = restricted_inverse(scaled, self.split.stress, states, kept, after)
+        response, definiteness = restricted_inverse(scaled, self.split.stress, states, kept, after)
         return scale[:, None] * response * scale, definiteness
 
 
-@compiled
-def factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | None) -> Factorisation:
+def factorised(system: AbstractSystem, state: State, rank: ArrayLike | None) -> Factorisation:
     """The equations at a state, decided by singular values."""
+    return _factorised(system.anonymous().without_friction(), state, None if rank is None else jnp.asarray(rank))
+
+
+@compiled
+def _factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | None) -> Factorisation:
     matrix = system.jacobian(state.q, state.t)
     motion, explicit, turned = second_order(system, state)
     mass, load = system.mass(state.q, state.t), system.load(state)
@@ -273,7 +280,7 @@ def factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | None
     scaled_mass = coordinate_scale[:, None] * mass * coordinate_scale
     freedom = matrix.shape[1] - spectrum.rank
     zero = jnp.zeros((), matrix.dtype)
-    response, _, determinacy = restricted_inverse(scaled_mass, parts.motion, freedom, spectrum.kept, zero)
+    response, determinacy = restricted_inverse(scaled_mass, parts.motion, freedom, spectrum.kept, zero)
     force, gamma = coordinate_scale * load, motion.gamma / row_scale
     a, mu = refined(scaled, scaled_mass, parts.inverse, response, (force, gamma))
     qd = state.qd / coordinate_scale
@@ -291,6 +298,7 @@ def factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | None
         "rate_noise": rate_noise(found, spectrum.kept),
     }
     return Factorisation(
+        state=State(state.q, state.qd, state.t),
         jacobian=matrix,
         gamma=motion.gamma,
         mass=mass,

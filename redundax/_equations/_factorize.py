@@ -47,7 +47,7 @@ def factorize(system: AbstractSystem, state: State, rank: ArrayLike | None = Non
     - `rank`: declared rank r of the constraint Jacobian; decided from its spectrum if not given.
     """
     system = system.anonymous().without_friction()
-    factor = factorised(system, state, None if rank is None else jnp.asarray(rank))
+    factor = factorised(system, state, rank)
     return _continued(system, state, factor, rank) if is_concrete(factor.residual) else factor
 
 
@@ -81,7 +81,13 @@ def factorisation_at(
         raise ValueError(
             "Argument `factor` must be what `factorize` gives for this system at this state, with a Jacobian of shape "
             f"{shape}, and takes no `rank` beside it, but has {factor.jacobian.shape} and `rank` is {rank}. "
-            "Give `rank` to `factorize`, and no `factor` of another state."
+            "Give `rank` to `factorize`, and no `factor` of another system."
+        )
+    pairs = (state.q, factor.state.q), (state.qd, factor.state.qd), (state.t, factor.state.t)
+    if not all(np.array_equal(*pair, equal_nan=True) for pair in pairs if all(map(is_concrete, pair))):
+        raise ValueError(
+            "Argument `factor` must be what `factorize` gives at this state, but comes from another. "
+            "Factorise at this state, or leave it out."
         )
     return factor
 
@@ -99,7 +105,7 @@ def _on_branch(
     more = lacking(system, state, (factor.scaled, gamma), factor.split, scales, factor.least_kept, noise)
     mass, zero = factor.scaled_mass, jnp.zeros((), force.dtype)
     freedom = n - factor.spectrum.rank - more.states
-    response, _, determinacy = restricted_inverse(mass, more.parts.motion, freedom, more.kept, zero)
+    response, determinacy = restricted_inverse(mass, more.parts.motion, freedom, more.kept, zero)
     a, mu = refined(more.matrix, mass, more.inverse, response, (force, more.wanted))
     qd = state.qd / scales.coordinates
     found = ScaledMotion(qd, 0.0 * gamma, gamma, 0.0 * gamma, a, reached_by(mass, force, a, scales.size))

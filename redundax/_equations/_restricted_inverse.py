@@ -16,12 +16,12 @@ With G A G = G, P G = G and P A G = P on the subspace, its derivative is
     dG = T + T^T - G dA G,   T = (I - G A) dP G.
 
 Where V^T A V is not positive definite G is zero, value and derivative, so that one bad sample leaves the gradient of
-a batch alone; the flag beside it says so.
+a batch alone; the decision beside it says so.
 """
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from .._system._decision import CLEAR, Decision
 from .._tools._chunks import in_chunks
@@ -38,8 +38,8 @@ def restricted_inverse(
     dimension: Int[Array, ""],
     kept: Float[Array, ""],
     after: Float[Array, ""],
-) -> tuple[Float[Array, "n n"], Bool[Array, ""], Decision]:
-    """G, whether the restriction is positive definite, and the decision about that with its margin.
+) -> tuple[Float[Array, "n n"], Decision]:
+    """G, and the decision whether the restriction is positive definite.
 
     `dimension` is the rank of the projector, `kept` the smallest kept singular value of the matrix that it belongs to,
     relative to the largest: by its inverse rounding is magnified in P. `after` is a finite number that must be computed
@@ -48,9 +48,7 @@ def restricted_inverse(
     return in_chunks(_inverse, matrix, projector, dimension, kept, after)
 
 
-def _inverse(
-    matrix: Array, projector: Array, dimension: Array, kept: Array, after: Array
-) -> tuple[Array, Bool[Array, ""], Decision]:
+def _inverse(matrix: Array, projector: Array, dimension: Array, kept: Array, after: Array) -> tuple[Array, Decision]:
     one = _of_one_direction(matrix, projector, kept)
 
     def of_several() -> tuple[Array, Array]:
@@ -60,7 +58,7 @@ def _inverse(
     inverse, margin = jax.lax.cond(batch_any(dimension > 1), of_several, lambda: one)
     none = dimension <= 0
     decision = Decision(jnp.where(none, jnp.inf, margin))
-    return jnp.where(decision.is_yes & ~none, inverse, 0.0), decision.is_yes, decision
+    return jnp.where(decision.is_yes & ~none, inverse, 0.0), decision
 
 
 def _of_one_direction(matrix: Array, projector: Array, kept: Array) -> tuple[Array, Array]:
@@ -119,9 +117,9 @@ def _energy(matrix: Array, projector: Array, v: Array, kept: Array) -> tuple[Arr
 @restricted_inverse.defjvp
 def _restricted_inverse_jvp(primals: tuple, tangents: tuple) -> tuple:
     d_matrix, d_projector = tangents[:2]
-    inverse, definite, decision = out = restricted_inverse(*primals)
-    matrix = jnp.where(definite, primals[0], 0.0)
+    inverse, decision = out = restricted_inverse(*primals)
+    matrix = jnp.where(decision.is_yes, primals[0], 0.0)
     part = d_projector @ inverse
     part = part - inverse @ (matrix @ part)
     change = part + part.T - inverse @ d_matrix @ inverse
-    return out, (change, jnp.zeros(definite.shape, jax.dtypes.float0), jax.tree.map(jnp.zeros_like, decision))
+    return out, (change, jax.tree.map(jnp.zeros_like, decision))

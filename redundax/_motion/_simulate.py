@@ -9,15 +9,14 @@ friction at the times asked for are computed with the held rank; at regular posi
 from typing import TYPE_CHECKING
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from .._closures._closure import AbstractClosure, MinimumNorm, for_motion
-from .._equations._culprits import culprits
+from .._equations._culprits import thrown
 from .._equations._factorisation import factorised
-from .._system._results import RESULTS, is_one_of
+from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import (
@@ -124,10 +123,7 @@ def simulate(
     given = (_evenly(state.t, t1) if ts is None else as_float(ts)).astype(t1.dtype)
     check_times(state.t, t1, given)
     anonymous = system.anonymous()
-    declared = None if rank is None else jnp.asarray(rank)
-    factor = factorised(
-        *stop_gradient((anonymous.without_friction(), state)), declared
-    )  # it only decides how to compute
+    factor = factorised(*stop_gradient((system, state)), rank)  # it only decides how to compute
     mass = factor.mass if is_concrete(factor.mass) else system.mass(state.q, state.t)
     trajectory = integrate(
         anonymous,
@@ -147,7 +143,7 @@ def simulate(
         singular=is_concrete(mass) and _singular(np.asarray(mass)),
     )
     trajectory = replace_fields(trajectory, names=system.names, joint_coordinates=system.joint_coordinates)
-    return _thrown(system, state, trajectory, throw)
+    return thrown(trajectory, throw, system, state, factor, RESULTS.successful, RESULTS.stuck)
 
 
 def _evenly(start: Array, end: Array) -> Float[Array, "101"]:
@@ -194,19 +190,6 @@ def _chart_message(state: State, what: str) -> str:
         f"Argument `state` must have a `q` that the system's retraction takes and gives back, but for `q` of shape "
         f"{state.q.shape} it {what}. Give the position as the constraints take it; use jax.vmap for many motions."
     )
-
-
-def _thrown(system: AbstractSystem, state: State, trajectory: Trajectory, throw: bool | None) -> Trajectory:
-    """Raise the message of a motion that did not get to the end or to rest, or leave it as a value."""
-    traced = not all(map(is_concrete, jax.tree.leaves(trajectory.result)))
-    if throw is False or (throw is None and traced):
-        return trajectory
-    if traced:
-        failed = (trajectory.result != RESULTS.successful) & (trajectory.result != RESULTS.stuck)
-        return trajectory.result.error_if(trajectory, failed)
-    if not is_one_of(trajectory.result, RESULTS.successful, RESULTS.stuck):
-        raise RuntimeError(RESULTS[trajectory.result] + culprits(system, state, trajectory.result))
-    return trajectory
 
 
 def _singular(mass: np.ndarray) -> bool:

@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool
 from .._closures._closure import AbstractClosure, Compliance, Elasticity, MinimumNorm, elasticity, minimum_norm
 from .._closures._elastic_joints import ElasticJoints
 from .._closures._unit_check import check_units
-from .._equations._culprits import culprits
+from .._equations._culprits import thrown
 from .._equations._factorisation import Factorisation
 from .._equations._factorize import factorisation_at
 from .._equations._response import Response, times
@@ -38,6 +38,14 @@ from ._reduced import Reduced, reduce
 from ._solution import Solution, Stats
 
 _MINIMUM_NORM = MinimumNorm()
+# Failures that a solver is to blame for; those of the state and the closure come before them.
+_OF_ITERATION = (
+    RESULTS.diverged,
+    RESULTS.no_contraction,
+    RESULTS.max_steps_reached,
+    RESULTS.no_solution_found,
+)
+_OF_FRICTION = (RESULTS.friction_at_rest, RESULTS.ambiguous_rest, *_OF_ITERATION)
 
 
 def solve(
@@ -115,7 +123,7 @@ def solve(
     if chosen is not None and isinstance(closure, Compliance | ElasticJoints) and concrete:
         check_units(system.names, factor.length, closure, chosen, stacklevel=2)
     solution = replace_fields(solution, names=system.names, state=state, joint_coordinates=system.joint_coordinates)
-    return _thrown(system, state, solution, throw)
+    return thrown(solution, throw, system, state, factor, RESULTS.successful)
 
 
 def solve_factorised(
@@ -135,9 +143,14 @@ def solve_factorised(
     given = system, state, factor, chosen, x0, sense
     if isinstance(solver, Continuation) and all(map(is_concrete, jax.tree.leaves((given, solver)))):
         solution = _solved(solver.first, *given)
-        if is_concrete(solution.stats.fold) and float(solution.stats.fold) > 0:
+        if is_concrete(solution.stats.fold) and _is_settled(solution):
             return solution
     return _solved(solver, *given)
+
+
+def _is_settled(solution: Solution) -> bool:
+    """Whether the branch from zero friction has nothing to say of what Newton's method has found, on known numbers."""
+    return float(solution.stats.fold) > 0 or not is_one_of(solution.result, RESULTS.successful, *_OF_FRICTION)
 
 
 @compiled
@@ -240,16 +253,10 @@ def _solve_friction(
 def _checks(reduced: Reduced, stress: Array | None, root: Root, solver: AbstractSolver) -> tuple:
     """What must hold for the friction."""
     ended, (rests, unclear) = solver.result(root.progress), reduced.senseless(root.tau, stress)
-    failures = (
-        RESULTS.diverged,
-        RESULTS.no_contraction,
-        RESULTS.max_steps_reached,
-        RESULTS.no_solution_found,
-    )
     return (
         (~rests, RESULTS.friction_at_rest),
         (~unclear, RESULTS.ambiguous_rest),
-        *((ended != failure, failure) for failure in failures),
+        *((ended != failure, failure) for failure in _OF_ITERATION),
     )
 
 
@@ -334,15 +341,3 @@ def _vector(name: str, value: Numbers, size: int, what: str) -> Array:
             "Give one number for all, or that many."
         )
     return array
-
-
-def _thrown(system: AbstractSystem, state: State, solution: Solution, throw: bool | None) -> Solution:
-    """Raise the message of an unsuccessful result, or leave it as a value."""
-    traced = not all(map(is_concrete, jax.tree.leaves(solution.result)))
-    if throw is False or (throw is None and traced):
-        return solution
-    if traced:
-        return solution.result.error_if(solution, solution.result != RESULTS.successful)
-    if not is_one_of(solution.result, RESULTS.successful):
-        raise RuntimeError(RESULTS[solution.result] + culprits(system, state, solution.result))
-    return solution

@@ -125,6 +125,25 @@ def test_a_file_that_fails_is_told_by_its_line(file):
     assert "line 1, fails with SyntaxError" in run("analyze", f"{file}:body")[2]
 
 
+def test_a_neighbour_that_fails_is_told_by_the_line_that_imports_it(file):
+    (file.parent / "neighbour_of_mine.py").write_text("\n\n\n\na b\n")
+    file.write_text("import math\nimport neighbour_of_mine\n")
+    error = run("analyze", f"{file}:body")[2]
+    assert "line 2, fails with SyntaxError" in error and "(neighbour_of_mine.py, line 5)" in error
+
+
+def test_a_file_called_like_a_module_does_not_replace_it(file):
+    for name in ("json", "redundax"):  # the second time the file has been loaded before
+        own, module = file.with_name(f"{name}.py"), sys.modules[name]
+        own.write_text(FILE)
+        try:
+            for _ in range(2):
+                assert run("analyze", f"{own}:link")[0] == 0
+        finally:
+            sys.path.remove(str(file.parent))
+        assert sys.modules[name] is module
+
+
 BROKEN = """
 import time
 import jax.numpy as jnp

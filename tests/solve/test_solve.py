@@ -193,3 +193,30 @@ def test_results_have_readable_names():
     assert mechanism.rows.names[-4:] == ("K.perpendicular", "L.perpendicular", "K.angle", "L.angle")
     assert mechanism.rows.kinds == registry.MECHANISMS["wojtyra2020"]().kinds
     assert [group.slips.names for group in mechanism.friction] == [("A", "B", "C", "D")]
+
+
+def test_a_factor_of_another_state_is_refused():
+    mechanism = rx.mechanisms.wojtyra2020()
+    state = mechanism.state(phi=0.7, rate=1.3)
+    factor = rx.factorize(mechanism, state)
+    same = rx.State(np.array(state.q), np.array(state.qd), memory=(1.0,))
+    expected = rx.solve(mechanism, state).multipliers
+    np.testing.assert_array_equal(rx.solve(mechanism, same, factor=factor).multipliers, expected)
+    others = [mechanism.state(phi=0.7, rate=1.4), mechanism.state(phi=0.8, rate=1.3), rx.State(state.q, state.qd, 1.0)]
+    for other in others:
+        for call in (rx.solve, rx.analyze, rx.solution_family):
+            with pytest.raises(ValueError, match=r"Argument `factor` must be .* comes from another"):
+                call(mechanism, other, factor=factor)
+
+
+def test_an_error_names_the_rows_of_the_declared_rank():
+    """Rows that nearly agree are independent by their spectrum; a declared rank makes them redundant."""
+    system = rx.System(
+        lambda q, t, p: jnp.stack([q[0] - q[1], q[0] - q[1] + 1e-4 * q[2]]),
+        np.ones(3),
+        rows=rx.Axis(("a", "b"), ("force",) * 2),
+    )
+    state = rx.State(np.zeros(3), np.zeros(3))
+    assert rx.factorize(system, state).redundancy == 0
+    with pytest.raises(RuntimeError, match=r"Rows in self-stress: a, b\."):
+        rx.solve(system, state, closure=rx.Compliance(np.zeros(2)), rank=1)

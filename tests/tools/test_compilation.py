@@ -70,10 +70,18 @@ def test_the_branch_is_compiled_where_it_is_needed(mu_rho, count, programs):
     assert programs.count("jit(_solved)") == count
 
 
+def test_no_branch_is_compiled_where_the_state_fails(programs):
+    mechanism, state = frictional(0.144)
+    for q, qd in ((state.q + 0.1, state.qd), (state.q, jnp.nan * state.qd)):
+        solution = rx.solve(mechanism, rx.State(q, qd), closure=rx.MinimumNorm(-17.0), throw=False)
+        assert solution.result != rx.RESULTS.successful
+    assert programs.count("jit(_solved)") == 1
+
+
 def test_frictions_share_a_factorisation_with_none(programs):
     for mechanism in (rx.mechanisms.wojtyra2020(), rx.mechanisms.wojtyra2020(mu_rho=0.1)):
         rx.factorize(mechanism, mechanism.state(phi=0.7, rate=1.3))
-    assert programs.count("jit(factorised)") == 1
+    assert programs.count("jit(_factorised)") == 1
 
 
 def test_a_motion_shares_the_factorisation_of_a_solve(programs):
@@ -81,7 +89,7 @@ def test_a_motion_shares_the_factorisation_of_a_solve(programs):
     state = mechanism.state(phi=0.7, rate=1.3)
     rx.solve(mechanism, state)
     rx.simulate(mechanism, state, 0.01)
-    assert programs.count("jit(factorised)") == 1
+    assert programs.count("jit(_factorised)") == 1
 
 
 def test_a_motion_is_compiled_once_for_closures_that_do_not_depend_on_the_state(programs):

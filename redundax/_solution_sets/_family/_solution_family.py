@@ -264,7 +264,7 @@ def solutions_of(
         raise RuntimeError(report.problem)
     if report.at_rest:
         result = RESULTS.friction_at_rest
-        raise RuntimeError(RESULTS[result] + culprits(system, state, result))
+        raise RuntimeError(RESULTS[result] + culprits(system, state, factor, result))
     return solution_set(system, state, factor, on_device(report.self_stress), senses(system.slips, sense), closure)
 
 
