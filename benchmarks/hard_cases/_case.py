@@ -11,10 +11,12 @@ import numpy as np
 from mpmath import mp
 from truth import exact, friction
 from truth.exact import exactly
+from truth.scenes import Parameters
 
-from ._mechanisms import Builder, Linear, Parameters
+from ._linear import Linear
 
 Exact = exact.Mechanism | Linear
+Builder = Callable[[Parameters], Exact | None]
 Answer = Mapping[str, np.ndarray]  # part ("acceleration", "multipliers", "friction") -> entries
 PARTS = ("acceleration", "multipliers", "friction")
 

@@ -13,11 +13,11 @@ import numpy as np
 from mpmath import mp
 from truth import exact
 from truth.exact import exactly
+from truth.scenes import Parameters
 
 import redundax as rx
 
 from ._library import Outcome, result_name
-from ._mechanisms import Parameters
 
 STEP = mp.mpf(10) ** -17
 

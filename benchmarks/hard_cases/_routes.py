@@ -26,13 +26,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from truth import exact, friction
+from truth.scenes import Parameters
 
 import redundax as rx
 
 from ._case import Case, Exact, parts_of
 from ._derivative import differentiated, exact_derivative
 from ._library import Outcome, outcome, result_name, senses
-from ._mechanisms import Parameters
 from ._truth import answer_near, answers, factors
 
 Run = Callable[[Case, rx.AbstractSystem, rx.State], Outcome | list[Outcome]]

@@ -9,9 +9,9 @@ import numpy as np
 from mpmath import mp
 from truth import exact, friction
 from truth.exact import exactly
+from truth.scenes import Parameters
 
 from ._case import Case, Exact, difference, parts_of
-from ._mechanisms import Parameters
 
 CLOSURES = ("minimum norm", "compliance", "units")
 

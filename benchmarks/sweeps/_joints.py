@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 
 import jax
 import numpy as np
-from truth import exact
+from truth import exact, scenes
 
 import redundax as rx
 
@@ -23,7 +23,7 @@ def over_h(cranks: int, size: int) -> list[Row]:
     h = np.linspace(-100.0, 100.0, size)
     mechanism = rx.mechanisms.parallelogram(cranks, mu_rho=_MU_RHO)
     state = mechanism.state(np.arctan2(4.0, 3.0), rate=1.0)
-    exactly = exact.parallel_cranks(cranks, _MU_RHO)
+    exactly = scenes.parallel_cranks(cranks, _MU_RHO)
     truth = _truth.over_h(exactly)
 
     def solve(h: jax.Array) -> rx.types.Solution:

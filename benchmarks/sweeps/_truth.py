@@ -1,11 +1,10 @@
 """The exact answers, [qdd; lam; tau] at 50 digits, and their derivatives."""
 
-import dataclasses
 import functools
 from collections.abc import Callable
 
 import numpy as np
-from truth import exact, friction
+from truth import exact, friction, scenes
 
 
 def _numbers(solution: exact.Solution) -> list:
@@ -13,11 +12,7 @@ def _numbers(solution: exact.Solution) -> list:
 
 
 def _mechanism(length: float = 0.1, mu_rho: float = 0.02) -> exact.Mechanism:
-    """`u` scales everything; gravity and friction radius are put back."""
-    radius = exact.exact(mu_rho)
-    scaled = exact.wojtyra2020(u=exact.exact(length) * 10)
-    revolutes = tuple(dataclasses.replace(joint, mu_rho=radius) for joint in scaled.revolutes)
-    return dataclasses.replace(scaled, gravity=exact.exact((0, -10)), revolutes=revolutes)
+    return scenes.wojtyra(scenes.wojtyra_parameters(length, mu_rho=(mu_rho,) * 4))
 
 
 @exact.exactly
@@ -47,12 +42,12 @@ def _of_length_without_friction(length: float) -> list:
 
 @exact.exactly
 def _of_u(u: float) -> list:
-    return _numbers(exact.wojtyra2020(u=u).solve(friction=False))
+    return _numbers(scenes.wojtyra2020(u=u).solve(friction=False))
 
 
 @exact.exactly
 def _of_x0(x0: float) -> list:
-    return _numbers(friction.open_newton(exact.wojtyra2020(), [x0] * 24))
+    return _numbers(friction.open_newton(scenes.wojtyra2020(), [x0] * 24))
 
 
 def _as_floats(function: Callable) -> Callable[[float], np.ndarray]:

@@ -11,7 +11,7 @@ import jax
 import numpy as np
 import pytest
 from mpmath import mp
-from truth import exact, friction
+from truth import exact, friction, scenes
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
@@ -104,7 +104,7 @@ def test_all_roots_of_separate_quadratics(seed):
 ])  # fmt: skip
 def test_number_of_solutions(phi, rate, level, count):
     """The count does not depend on the random numbers, and every one solves the equations to 40 digits."""
-    mechanism = exact.wojtyra2020(phi=phi, rate=rate)
+    mechanism = scenes.wojtyra2020(phi=phi, rate=rate)
     level = exact.exact(level)
     joints = tuple(dataclasses.replace(joint, mu_rho=level) for joint in mechanism.revolutes)
     mechanism = dataclasses.replace(mechanism, revolutes=joints)
@@ -116,7 +116,7 @@ def test_number_of_solutions(phi, rate, level, count):
 
 
 def test_open_newton_ends_at_a_solution():
-    mechanism = exact.wojtyra2020()
+    mechanism = scenes.wojtyra2020()
     solution = friction.open_newton(mechanism, [1] * 24)
     assert max(exact.residuals(mechanism, solution)) < 1e-38
     assert abs(solution.acceleration[8] + mp.mpf("36.75")) < 0.01  # printed in Table 4
@@ -124,7 +124,7 @@ def test_open_newton_ends_at_a_solution():
 
 def test_contraction_of_one_joint():
     """Gamma of a single frictional joint is mu_rho |dR/dtau|."""
-    mechanism = exact.wojtyra2020()
+    mechanism = scenes.wojtyra2020()
     joints = tuple(
         dataclasses.replace(joint, mu_rho=mp.mpf(0) if joint.name != "B" else joint.mu_rho)
         for joint in mechanism.revolutes

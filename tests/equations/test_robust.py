@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import registry
-from truth import exact, friction
+from truth import exact, friction, scenes
 
 import redundax as rx
 
@@ -40,7 +40,7 @@ def failed(solution) -> bool:
 @cache
 def truth(mu_rho, rate="1"):
     """Crank accelerations of all solutions, ascending."""
-    mechanism = exact.wojtyra2020(rate=rate)
+    mechanism = scenes.wojtyra2020(rate=rate)
     joints = tuple(replace(joint, mu_rho=exact.exact(mu_rho)) for joint in mechanism.revolutes)
     found = friction.solutions(replace(mechanism, revolutes=joints))
     return sorted(float(solution.acceleration[8]) for solution in found)

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import registry
 from mpmath import mp
-from truth import exact
+from truth import exact, scenes
 from truth.exact import Driver, Revolute, Translational
 
 import redundax as rx
@@ -50,11 +50,6 @@ class Case:
     @exact.exactly
     def truth(self, s, rate=RATE, mu_rho=MappingProxyType({})) -> exact.Mechanism:
         s, rate = mp.mpf(s), exact.exact(rate)
-        places = self.pose(s)
-        rates = [
-            [mp.diff(lambda u, k=k, c=c: self.pose(u)[k][c], s) * rate for c in range(3)] for k in range(len(places))
-        ]
-        q, qd = ([x for place in x for x in place[:2]] + [place[2] for place in x] for x in (places, rates))
         bodies = (exact.Body(*exact.exact((mass, inertia)), exact.exact(load)) for mass, inertia, load in self.bodies)
         revolutes = (
             Revolute(j.name, j.i, j.j, *exact.exact((j.s_i, j.s_j, mu_rho.get(j.name, 0)))) for j in self.revolutes
@@ -63,7 +58,8 @@ class Case:
             Translational(j.name, j.i, j.j, *exact.exact((j.s_i, j.s_j, j.v_j)), mp.mpf(0)) for j in self.translationals
         )
         parts = (tuple(part) for part in (bodies, revolutes, guides, self.drivers(s)))
-        return exact.Mechanism("", *parts, exact.exact(GRAVITY), tuple(q), tuple(qd), self.rank)
+        state = scenes.on_curve(self.pose, s, rate)
+        return exact.Mechanism(*parts, gravity=exact.exact(GRAVITY), rank=self.rank, **state)
 
     @exact.exactly
     def solution(self, s, rate=RATE, mu_rho=MappingProxyType({}), **options) -> tuple[np.ndarray, np.ndarray]:

@@ -12,7 +12,7 @@ import jax
 import numpy as np
 import pytest
 import registry
-from truth import exact
+from truth import exact, scenes
 
 import redundax as rx
 
@@ -79,11 +79,11 @@ def light(mechanism: exact.Mechanism, factor) -> exact.Mechanism:
 
 VARIANTS = {
     **registry.MECHANISMS,
-    "wojtyra2020 at 2.2": cache(lambda: exact.wojtyra2020(phi="11/5", rate="-3/2")),
-    "wojtyra2020 in mm": cache(lambda: exact.wojtyra2020(u=1000)),
-    "wojtyra2020, light": cache(lambda: light(exact.wojtyra2020(), exact.exact("1/100000000"))),
-    "wojtyra2020, massless": cache(lambda: light(exact.wojtyra2020(), 0)),
-    "slider_crank, massless": cache(lambda: light(exact.slider_crank(), 0)),
+    "wojtyra2020 at 2.2": cache(lambda: scenes.wojtyra2020(phi="11/5", rate="-3/2")),
+    "wojtyra2020 in mm": cache(lambda: scenes.wojtyra2020(u=1000)),
+    "wojtyra2020, light": cache(lambda: light(scenes.wojtyra2020(), exact.exact("1/100000000"))),
+    "wojtyra2020, massless": cache(lambda: light(scenes.wojtyra2020(), 0)),
+    "slider_crank, massless": cache(lambda: light(scenes.driven_slider_crank(), 0)),
 }
 
 

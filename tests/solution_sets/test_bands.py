@@ -13,7 +13,7 @@ import literal
 import numpy as np
 import pytest
 from truth import bands as truth
-from truth import exact
+from truth import exact, scenes
 
 import redundax as rx
 
@@ -74,7 +74,7 @@ def paper_band() -> rx.types.Bands:
 
 
 def test_acceleration_band_of_the_paper_against_50_digits():
-    found, mechanism = paper_band(), exact.wojtyra2020()
+    found, mechanism = paper_band(), scenes.wojtyra2020()
     crank = found.names.index("1.phi''")
     (z_low, low), (z_high, high) = truth.extremes(mechanism, STRESS, -400.0, 400.0, crank)
     assert found.lower[crank] == pytest.approx(low, rel=1e-10)
@@ -111,7 +111,7 @@ def test_two_states_with_translational_friction():
 @cache
 def exact_vertices() -> np.ndarray:
     """Multipliers at 50 digits for all vertices of a misfit box."""
-    mechanism, rows = exact.wojtyra2020(), list(MISFITS)
+    mechanism, rows = scenes.wojtyra2020(), list(MISFITS)
     names = paper()[0].rows.labels
     out = []
     for signs in itertools.product((0, 1), repeat=len(rows)):
@@ -213,7 +213,7 @@ def test_compliances_without_friction_against_dense_samples_and_50_digits():
             chosen = list(COMPLIANCE)
             for name, entry in zip(found.parameters, case, strict=True):
                 chosen[names.index(name)] = float(entry)
-            solution = exact.solve(exact.wojtyra2020(), tuple(chosen), tuple(map(float, misfit)), friction=False)
+            solution = exact.solve(scenes.wojtyra2020(), tuple(chosen), tuple(map(float, misfit)), friction=False)
             assert float(solution.multipliers[row]) == pytest.approx(value, rel=1e-9)
 
 

@@ -14,7 +14,7 @@ import literal
 import numpy as np
 import pytest
 import registry
-from truth import exact, friction
+from truth import exact, friction, scenes
 
 import redundax as rx
 
@@ -35,7 +35,7 @@ def family(mu_rho, least, largest, samples=21) -> rx.types.SolutionFamily:
 @cache
 def truth(mu_rho, z) -> list[exact.Solution]:
     """All solutions at the amplitude z, by the moment of the first joint."""
-    mechanism = exact.wojtyra2020()
+    mechanism = scenes.wojtyra2020()
     joints = tuple(replace(joint, mu_rho=exact.exact(mu_rho)) for joint in mechanism.revolutes)
     with exact.exactly:
         misfit = tuple(exact.exact(str(z)) * entry for entry in exact.exact(STRESS))
@@ -118,7 +118,7 @@ def test_one_amplitude_is_searched_as_well_as_many(rate):
     counts = []
     for z in (0, 30):
         stress = tuple(z * entry for entry in exact.exact(STRESS))
-        pins = registry.pins(exact.wojtyra2020(rate=rate), stress)
+        pins = registry.pins(scenes.wojtyra2020(rate=rate), stress)
         for mu_rho in (0.139, 0.141, 0.144, 0.1475, 0.15):
             mechanism = rx.mechanisms.wojtyra2020(mu_rho=mu_rho)
             state = mechanism.state(phi=np.pi / 4, rate=float(rate))

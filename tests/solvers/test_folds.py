@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import registry
-from truth import exact
+from truth import scenes
 
 import redundax as rx
 
@@ -56,7 +56,7 @@ def fold(phi, mu_rho):
 def test_the_fold_does_not_depend_on_the_friction_asked_for():
     shares = np.array([0.9, 0.9999, 1.0001, 1.001, 1.01, 1.1, 1.3, 2.0, 5.0])
     phis = np.array([0.6, 1.2])
-    truth = np.array([first_fold(*registry.pins(exact.wojtyra2020(phi))) for phi in phis])
+    truth = np.array([first_fold(*registry.pins(scenes.wojtyra2020(phi))) for phi in phis])
     found = fold(np.repeat(phis, shares.size), np.outer(truth, shares).ravel()).reshape(2, -1)
     np.testing.assert_allclose(found, np.where(shares < 1, np.inf, truth[:, None]), rtol=1e-9)
 

@@ -11,7 +11,7 @@ import literal
 import numpy as np
 import pytest
 import registry
-from truth import exact, friction, paper
+from truth import exact, friction, paper, scenes
 
 import redundax as rx
 from redundax._solve import _solve
@@ -256,7 +256,7 @@ def test_open_newton_in_extreme_units(u, start):
     """Against 50 digits."""
     mechanism, state, *_ = paper_state(u)
     solution = registry.solve(mechanism, state, closure=None, x0=float(start))
-    true = friction.open_newton(exact.wojtyra2020(u=exact.exact(u)), [start] * 24)
+    true = friction.open_newton(scenes.wojtyra2020(u=exact.exact(u)), [start] * 24)
     end = exact.floats((*true.acceleration, *true.multipliers))
     assert agree(whole(solution), end, mechanism, 1e-10)
 
@@ -425,7 +425,7 @@ def test_the_sign_of_a_given_sense_is_taken_where_a_joint_rests(rate):
     mechanism, slow, _, (_, qd) = paper_state(1.0, rate=rate)
     at_rest = rx.State(slow.q, 0 * slow.qd)
     given = registry.solve(mechanism, at_rest, sense=0.3 * paper.senses(qd))
-    truth = exact.wojtyra2020(rate=rate).solve()
+    truth = scenes.wojtyra2020(rate=rate).solve()
     assert agree(whole(given), whole(registry.solve(mechanism, slow)), mechanism, 1e-13)
     parts = (truth.acceleration, truth.multipliers, truth.friction)
     errors = registry.errors_of(given, tuple(exact.floats(part) for part in parts), mechanism)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import stats
-from truth import exact
+from truth import exact, scenes
 
 import redundax as rx
 
@@ -124,7 +124,7 @@ def build(misfit, mu_rho=None, length=0.1):
 @exact.exactly
 def truth(misfit, mu_rho=None, length=Fraction(1, 10)):
     """[qdd; lam; tau] with 50 digits."""
-    mechanism = exact.wojtyra2020(phi=Fraction(PHI), u=10 * length)
+    mechanism = scenes.wojtyra2020(phi=Fraction(PHI), u=10 * length)
     revolutes = [dataclasses.replace(joint, mu_rho=exact.exact(mu_rho or 0)) for joint in mechanism.revolutes]
     mechanism = dataclasses.replace(mechanism, gravity=exact.exact((0, -10)), revolutes=tuple(revolutes))
     compliance = exact.mp.diag([*exact.exact((SHIFT,) * 10), *exact.exact((TURN,) * 2)])

@@ -12,7 +12,7 @@ from functools import cached_property
 from itertools import accumulate
 
 from mpmath import mp
-from truth import exact
+from truth import exact, scenes
 from truth.exact import exactly
 
 import redundax as rx
@@ -120,17 +120,12 @@ def released(start, frequency_squared) -> Callable:
     return lambda t: 2 * mp.asin(k * mp.ellipfun("cd", mp.sqrt(frequency_squared) * t, m=k**2)) - mp.pi / 2
 
 
-def _turn(direction, vector) -> tuple:
-    (c, s), (x, y) = direction, vector
-    return (c * x - s * y, s * x + c * y)
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1]
 
 
 def _angle(direction):
     return mp.atan2(direction[1], direction[0])
-
-
-def _rod(mass, length) -> exact.Body:
-    return exact.Body(mass, mass * length**2 / 12)
 
 
 def numbers(value, count: int) -> tuple:
@@ -138,55 +133,13 @@ def numbers(value, count: int) -> tuple:
     return value if isinstance(value, tuple) else (value,) * count
 
 
-def _joined(poses, rates) -> dict:
-    """q and qd from (x, y, angle) of every body and the rates of these."""
-    return {
-        name: tuple(x for body in bodies for x in body[:2]) + tuple(body[2] for body in bodies)
-        for name, bodies in (("q", poses), ("qd", rates))
-    }
-
-
 # Rows of parallel cranks --------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Row:
-    """Cranks of length l along `direction`, from pivots on the x axis, all at one rate."""
-
-    pivots: tuple
-    length: object
-    direction: tuple
-    rate: object
-
-    @property
-    def arm(self) -> tuple:
-        return tuple(self.length * x for x in self.direction)
-
-    def poses(self, centres) -> dict:
-        """q and qd of the cranks and of couplers, whose centres lie at (x, 0) plus an arm."""
-        (x, y), phi, w = self.arm, _angle(self.direction), self.rate
-        cranks = [(p + x / 2, y / 2, phi) for p in self.pivots]
-        couplers = [(c + x, y, ZERO) for c in centres]
-        return _joined(
-            [*cranks, *couplers],
-            [(-w * y / 2, w * x / 2, w)] * len(cranks) + [(-w * y, w * x, ZERO)] * len(couplers),
-        )
-
-    def ground(self, mu_rho) -> list:
-        half = self.length / 2
-        return [
-            exact.Revolute(f"A{c}", c, 0, (-half, ZERO), (x, ZERO), own)
-            for c, (x, own) in enumerate(zip(self.pivots, mu_rho, strict=True), 1)
-        ]
-
-    def pin(self, name, coupler, crank, x, mu_rho) -> exact.Revolute:
-        return exact.Revolute(name, coupler, crank, (x, ZERO), (self.length / 2, ZERO), mu_rho)
-
-
-def _axial(forces: Mapping, row: _Row) -> dict:
+def _axial(forces: Mapping, direction: tuple) -> dict:
     """Self-stress of cranks that push with the given forces."""
     return {
-        f"{joint}{crank}.{axis}": force * row.direction[axis == "y"]
+        f"{joint}{crank}.{axis}": force * direction[axis == "y"]
         for crank, force in forces.items()
         for joint in "AB"
         for axis in "xy"
@@ -201,62 +154,47 @@ def _linkage(
     given = (crank, spacing, crank_mass, coupler_mass, gravity)
     parameters = {name: value for name, value in zip(names, given, strict=True) if name}
     length, gravity, rate = exact.exact(crank), exact.exact(gravity), exact.exact(rate)
-    gaps = exact.exact(spacing)
+    gaps, direction = exact.exact(spacing), exact.exact(direction)
     pivots = tuple(accumulate((ZERO, *gaps)))
-    count = len(pivots)
+    count, at = len(pivots), _angle(direction)
     parameters["rods" if make is rx.mechanisms.swing else "cranks"] = count
-    row = _Row(pivots, length, exact.exact(direction), rate)
     masses, top = numbers(crank_mass, count), exact.exact(coupler_mass)
-    t, drivers = (exact.exact("3/10"), exact.exact(law)) if law else (ZERO, ())
+    t, drivers, driven = ZERO, (), {}
     if law:
-        speed, acceleration = drivers
-        row = _Row(pivots, length, row.direction, speed + acceleration * t)
-        drivers = (_angle(row.direction) - speed * t - acceleration * t**2 / 2, speed, acceleration)
+        t, (speed, acceleration) = exact.exact("3/10"), exact.exact(law)
+        rate = speed + acceleration * t
+        drivers = (at - speed * t - acceleration * t**2 / 2, speed, acceleration)
+        driven = {"law": acceleration, "t": t}
 
-    @exactly
     def truth(mu_rho):
-        friction = numbers(mu_rho, 2 * count)
-        upper = [
-            row.pin(f"B{c + 1}", count + 1, c + 1, pivots[c] - pivots[-1] / 2, friction[count + c])
-            for c in range(count)
-        ]
-        return exact.Mechanism(
-            name=make.__name__,
-            bodies=(*(_rod(mass, length) for mass in masses), _rod(top, pivots[-1])),
-            revolutes=(*row.ground(friction[:count]), *upper),
-            translationals=(),
-            drivers=tuple(exact.Driver(f"M{c + 1}", c + 1, 0, *drivers) for c in range(count)) if law else (),
-            gravity=(ZERO, -gravity),
-            rank=3 * count + (3 if law else 2),
-            t=t,
-            **row.poses([pivots[-1] / 2]),
-        )
+        given = {"length": length, "gaps": gaps, "phi": at, "rate": rate, "gravity": gravity, **driven}
+        given |= scenes.rods((*masses, top), (*(length for _ in masses), pivots[-1]))
+        return scenes.cranks({**given, "mu_rho": numbers(mu_rho, 2 * count)}, drivers=count if law else 0)
 
     states = []
     for c in range(2, count):
         first = (pivots[c] - pivots[1]) / (pivots[1] - pivots[0])
-        states.append(_axial({1: first, 2: -1 - first, c + 1: mp.mpf(1)}, row))
+        states.append(_axial({1: first, 2: -1 - first, c + 1: mp.mpf(1)}, direction))
     if law:
-        moment = length * row.direction[1]
+        moment = length * direction[1]
         for c in range(2, count + 1):
             push = {f"{joint}{crank}.x": sign for joint in "AB" for crank, sign in ((1, 1), (c, -1))}
             states.append({**push, "M1.angle": -moment, f"M{c}.angle": moment})
     inertia = sum(mass * length**2 / 3 for mass in masses) + top * length**2
     stiffness = gravity * length * (sum(masses) / 2 + top) / inertia
-    at = _angle(row.direction)
     return Case(
         make=make,
         parameters=parameters,
         friction={"mu_rho": mu_rho},
         coordinate="crank 1.phi",
         at=at,
-        rate=row.rate,
+        rate=rate,
         n=3 * count + 3,
         m=(5 if law else 4) * count,
         rank=3 * count + (3 if law else 2),
         truth=truth,
         self_stress=tuple(states),
-        acceleration=drivers[2] if law else -stiffness * row.direction[0],
+        acceleration=drivers[2] if law else -stiffness * direction[0],
         motion=(lambda t: drivers[0] + drivers[1] * t + drivers[2] * t**2 / 2) if law else released(at, stiffness),
         law=drivers,
         t=t,
@@ -321,31 +259,14 @@ def n_four_bar(loops: int) -> Case:
     masses = exact.exact(tuple(f"{2 + c % 4}/2" for c in range(loops + 1)))
     couplers = exact.exact(tuple(f"{3 + c % 2}/3" for c in range(loops)))
     length, gravity, rate = exact.exact(("4/5", "981/100", "-3/2"))
-    row = _Row(tuple(accumulate((ZERO, *gaps))), length, exact.exact(("8/17", "15/17")), rate)
+    direction = exact.exact(("8/17", "15/17"))
     inertia = sum(masses) * length**2 / 3 + sum(couplers) * length**2
     stiffness = gravity * length * (sum(masses) / 2 + sum(couplers)) / inertia
-    at, counts = _angle(row.direction), {"n": 6 * loops + 3, "m": 6 * loops + 2, "rank": 6 * loops + 2}
+    at, counts = _angle(direction), {"n": 6 * loops + 3, "m": 6 * loops + 2, "rank": 6 * loops + 2}
 
-    @exactly
     def truth(mu_rho):
-        upper = []
-        for c, gap in enumerate(gaps):
-            body = loops + 2 + c
-            upper += [
-                row.pin(f"B{c + 1}", body, c + 1, -gap / 2, mu_rho),
-                row.pin(f"C{c + 1}", body, c + 2, gap / 2, mu_rho),
-            ]
-        rods = zip((*masses, *couplers), (*(length for _ in masses), *gaps), strict=True)
-        return exact.Mechanism(
-            name="n_four_bar",
-            bodies=tuple(_rod(mass, size) for mass, size in rods),
-            revolutes=(*row.ground((mu_rho,) * (loops + 1)), *upper),
-            translationals=(),
-            drivers=(),
-            gravity=(ZERO, -gravity),
-            rank=6 * loops + 2,
-            **row.poses([pivot + gap / 2 for pivot, gap in zip(row.pivots, gaps, strict=False)]),
-        )
+        given = {"length": length, "gaps": gaps, "phi": at, "rate": rate, "gravity": gravity, "mu_rho": mu_rho}
+        return scenes.n_four_bar(given | scenes.rods((*masses, *couplers), (*(length for _ in masses), *gaps)))
 
     return Case(
         make=rx.mechanisms.n_four_bar,
@@ -364,7 +285,7 @@ def n_four_bar(loops: int) -> Case:
         **counts,
         truth=truth,
         self_stress=(),
-        acceleration=-stiffness * row.direction[0],
+        acceleration=-stiffness * direction[0],
         motion=released(at, stiffness),
     )
 
@@ -376,69 +297,23 @@ def n_four_bar(loops: int) -> Case:
 def four_bar(crossed: bool = False, coupler_mass=("1/2", "3/4")) -> Case:
     """Crank, coupler and rocker along 3-4-5, 5-12-13 and 8-15-17 directions."""
     if crossed:
-        lengths = a, b, c, d = exact.exact(("1/4", "1/2", "17/75", "167/300"))
-        directions = exact.exact((("3/5", "4/5"), ("3/5", "-4/5"), ("-8/17", "-15/17")))
+        lengths, phi, e = ("1/4", "1/2", "17/75", "167/300"), ("3/5", "4/5"), ("3/5", "-4/5")
     else:
-        lengths = a, b, c, d = exact.exact(("1/4", "13/25", "34/75", "5/12"))
-        directions = exact.exact((("3/5", "4/5"), ("12/13", "5/13"), ("8/17", "15/17")))
+        lengths, phi, e = ("1/4", "13/25", "34/75", "5/12"), ("3/5", "4/5"), ("12/13", "5/13")
+    lengths, at, e = exact.exact(lengths), _angle(exact.exact(phi)), exact.exact(e)
+    a, b, c, _ = lengths
     masses = exact.exact(("3/2", "2", *coupler_mass))  # crank, rocker, couplers
     gravity, rate = exact.exact(("10", "3"))
-    first, second, third = (tuple(length * x for x in e) for length, e in zip(lengths, directions, strict=False))
-    pin = (first[0] + second[0], first[1] + second[1])
-    # a w1 t1 + b w2 t2 = c w3 t3 with t the normal of e, multiplied with e3 and with e2
-    across = [_turn((ZERO, mp.mpf(1)), e) for e in directions]
-    w2 = -rate * a * _dot(across[0], directions[2]) / (b * _dot(across[1], directions[2]))
-    w3 = rate * a * _dot(across[0], directions[1]) / (c * _dot(across[2], directions[1]))
-    rates = rate, w2, w3
-    velocity = [tuple(w * size * x for x in t) for w, size, t in zip(rates, lengths, across, strict=False)]
-    middle = [first[k] + second[k] / 2 for k in range(2)], [velocity[0][k] + velocity[1][k] / 2 for k in range(2)]
-    poses = _joined(
-        [
-            (first[0] / 2, first[1] / 2, _angle(first)),
-            (pin[0] - third[0] / 2, pin[1] - third[1] / 2, _angle(third)),
-            *[(*middle[0], _angle(second))] * 2,
-        ],
-        [
-            (velocity[0][0] / 2, velocity[0][1] / 2, rate),
-            (velocity[2][0] / 2, velocity[2][1] / 2, w3),
-            *[(*middle[1], w2)] * 2,
-        ],
-    )
+    rods = scenes.rods(masses, (a, c, b, b))
 
-    @exactly
     def truth(mu_rho):
-        half = [(length / 2, ZERO) for length in (a, b, c)]
-        back = [(-length / 2, ZERO) for length in (a, b, c)]
-        return exact.Mechanism(
-            name="doubled_four_bar",
-            bodies=(_rod(masses[0], a), _rod(masses[1], c), _rod(masses[2], b), _rod(masses[3], b)),
-            revolutes=(
-                exact.Revolute("A", 1, 0, back[0], ORIGIN, mu_rho),
-                exact.Revolute("D", 2, 0, back[2], (d, ZERO), mu_rho),
-                exact.Revolute("B1", 3, 1, back[1], half[0], mu_rho),
-                exact.Revolute("C1", 3, 2, half[1], half[2], mu_rho),
-                exact.Revolute("B2", 4, 1, back[1], half[0], mu_rho),
-                exact.Revolute("C2", 4, 2, half[1], half[2], mu_rho),
-            ),
-            translationals=(),
-            drivers=(),
-            gravity=(ZERO, -gravity),
-            rank=11,
-            **poses,
-        )
+        given = {"lengths": lengths, "phi": at, "rate": rate, "gravity": gravity, "mu_rho": mu_rho}
+        return scenes.doubled_four_bar(given | rods, crossed)
 
     def path(phi):
-        """Law of cosines: b^2 + f^2 - c^2 = 2 b f cos of the angle at B between coupler and diagonal f."""
-        x, y = a * mp.cos(phi), a * mp.sin(phi)
-        f = mp.hypot(d - x, y)
-        opening = mp.acos((b**2 + f**2 - c**2) / (2 * b * f))
-        tilt = mp.atan2(-y, d - x) + (-opening if crossed else opening)
-        u, v = b * mp.cos(tilt), b * mp.sin(tilt)
-        rods = [(x / 2, y / 2, phi), ((x + u + d) / 2, (y + v) / 2, mp.atan2(y + v, x + u - d))]
-        rods += [(x + u / 2, y + v / 2, tilt)] * 2
-        return [(mass, mass * size**2 / 12, *rod) for mass, size, rod in zip(masses, (a, c, b, b), rods, strict=True)]
+        crank, coupler, rocker = scenes.four_bar_poses(lengths, phi, crossed)
+        return [(*both, *pose) for *both, pose in zip(*rods.values(), (crank, rocker, coupler, coupler), strict=True)]
 
-    at, e = _angle(first), directions[1]
     push = {f"{joint}{number}.{axis}" for joint in "BC" for number in "12" for axis in "xy"}
     signs = {"B1": 1, "C1": -1, "B2": -1, "C2": 1}
     return Case(
@@ -464,28 +339,12 @@ def four_bar(crossed: bool = False, coupler_mass=("1/2", "3/4")) -> Case:
     )
 
 
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1]
-
-
 # Guides -------------------------------------------------------------------------------------
 
 
-def _guides(body: int, count: int, gauge, offset, direction) -> tuple:
-    normal = (-direction[1], direction[0])
+def _places(count: int, gauge, offset) -> tuple:
     spread = [mp.mpf(k) / (count - 1) - mp.mpf(1) / 2 for k in range(count)] if count > 1 else [ZERO]
-    return tuple(
-        exact.Translational(
-            f"K{k + 1}",
-            body,
-            0,
-            (offset * x, gauge * x),
-            tuple(gauge * x * part for part in normal),
-            normal,
-            _angle(direction),
-        )
-        for k, x in enumerate(spread)
-    )
+    return tuple((offset * x, gauge * x) for x in spread)
 
 
 def _guide_stress(count: int, offset) -> tuple:
@@ -506,49 +365,17 @@ def slider_crank(guides: int) -> Case:
     a, b, gauge, gravity, rate, force = exact.exact(("1/4", "13/25", "3/25", "981/100", "-4", "-7"))
     masses = exact.exact(("1", "4/5", "6/5"))
     inertia = exact.exact("1/100")
-    crank, rod = (a * 3 / 5, a * 4 / 5), (b * 12 / 13, -b * 5 / 13)
-    w2 = -rate * crank[0] / rod[0]
-    pin_rate, rod_rate = (-rate * crank[1], rate * crank[0]), (-w2 * rod[1], w2 * rod[0])
-    poses = _joined(
-        [
-            (crank[0] / 2, crank[1] / 2, _angle(crank)),
-            (crank[0] + rod[0] / 2, crank[1] / 2, _angle(rod)),
-            (crank[0] + rod[0], ZERO, ZERO),
-        ],
-        [
-            (pin_rate[0] / 2, pin_rate[1] / 2, rate),
-            (pin_rate[0] + rod_rate[0] / 2, pin_rate[1] / 2, w2),
-            (pin_rate[0] + rod_rate[0], ZERO, ZERO),
-        ],
-    )
+    at, rods = mp.atan2(4, 3), scenes.rods(masses, (a, b, ZERO))
+    rods["inertia"] = (*rods["inertia"][:2], inertia)
 
-    @exactly
     def truth(mu_rho):
-        return exact.Mechanism(
-            name="slider_crank",
-            bodies=(_rod(masses[0], a), _rod(masses[1], b), exact.Body(masses[2], inertia, (force, ZERO, ZERO))),
-            revolutes=(
-                exact.Revolute("A", 1, 0, (-a / 2, ZERO), ORIGIN, mu_rho),
-                exact.Revolute("B", 2, 1, (-b / 2, ZERO), (a / 2, ZERO), mu_rho),
-                exact.Revolute("C", 3, 2, ORIGIN, (b / 2, ZERO), mu_rho),
-            ),
-            translationals=_guides(3, guides, gauge, ZERO, (mp.mpf(1), ZERO)),
-            drivers=(),
-            gravity=(ZERO, -gravity),
-            rank=8,
-            **poses,
-        )
+        given = {"crank": a, "rod": b, "phi": at, "rate": rate, "gravity": gravity, "mu_rho": (mu_rho,) * 3}
+        given |= {"loads": ((ZERO,) * 3, (ZERO,) * 3, (force, ZERO, ZERO)), "places": _places(guides, gauge, ZERO)}
+        return scenes.slider_crank(given | rods)
 
     def path(phi):
-        x, y = a * mp.cos(phi), a * mp.sin(phi)
-        reach = mp.sqrt(b**2 - y**2)
-        return [
-            (masses[0], masses[0] * a**2 / 12, x / 2, y / 2, phi),
-            (masses[1], masses[1] * b**2 / 12, x + reach / 2, y / 2, -mp.asin(y / b)),
-            (masses[2], inertia, x + reach, ZERO, ZERO),
-        ]
+        return [(*both, *pose) for *both, pose in zip(*rods.values(), scenes.slider_poses(a, b, phi), strict=True)]
 
-    at = _angle(crank)
     return Case(
         make=rx.mechanisms.slider_crank,
         parameters={
@@ -582,22 +409,14 @@ def carriage(guides: int, offset) -> Case:
     offset, gauge, mass, inertia, gravity = exact.exact((offset, "2/5", "5/2", "1/8", "10"))
     force, point = exact.exact((("5", "-2"), ("1/20", "-3/20")))
     direction, (at, rate) = exact.exact((("3/5", "4/5"), ("1/2", "7/10")))
-    arm = _turn(direction, point)
+    angle = _angle(direction)
 
     @exactly
     def truth(_):
-        load = (*force, arm[0] * force[1] - arm[1] * force[0])
-        return exact.Mechanism(
-            name="carriage",
-            bodies=(exact.Body(mass, inertia, load),),
-            revolutes=(),
-            translationals=_guides(1, guides, gauge, offset, direction),
-            drivers=(),
-            gravity=(ZERO, -gravity),
-            q=(at * direction[0], at * direction[1], _angle(direction)),
-            qd=(rate * direction[0], rate * direction[1], ZERO),
-            rank=2,
-        )
+        (c, s), (x, y) = direction, point
+        moment = (c * x - s * y) * force[1] - (s * x + c * y) * force[0]
+        given = {"angle": angle, "travel": at, "rate": rate, "gravity": gravity, "mass": (mass,), "inertia": (inertia,)}
+        return scenes.carriage({**given, "loads": ((*force, moment),), "places": _places(guides, gauge, offset)})
 
     acceleration = (_dot(force, direction) - mass * gravity * direction[1]) / mass
     return Case(
@@ -606,7 +425,7 @@ def carriage(guides: int, offset) -> Case:
             "guides": guides,
             "gauge": gauge,
             "offset": offset,
-            "angle": _angle(direction),
+            "angle": angle,
             "mass": mass,
             "inertia": inertia,
             "force": force,
@@ -659,7 +478,7 @@ def wojtyra2020() -> Case:
         n=12,
         m=12,
         rank=11,
-        truth=lambda _: exact.wojtyra2020(),
+        truth=lambda _: scenes.wojtyra2020(),
         self_stress=({**forces, "K.angle": 8 * unit * mp.sin(at), "L.angle": -8 * unit * mp.sin(at)},),
         acceleration=lagrange(path, at, rate, mp.mpf(10)),
     )

@@ -1,6 +1,6 @@
 """The systems that the laws are tested on, and how errors are measured.
 
-`MECHANISMS` are the exact mechanisms of `truth.exact` as `rx.Mechanism`, built from the exact data
+`MECHANISMS` are the exact mechanisms of `truth.scenes` as `rx.Mechanism`, built from the exact data
 alone; `SYSTEMS` are user-written systems, each a few lines of jnp with its solution in closed form
 beside it. Every builder makes its arrays when called, in the precision that holds then.
 """
@@ -13,13 +13,13 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from truth import exact
+from truth import exact, scenes
 
 import redundax as rx
 
 # Mechanisms from exact data -----------------------------------------------------------------
 
-MECHANISMS = {make.__name__: cache(make) for make in exact.MECHANISMS}
+MECHANISMS = {name: cache(make) for name, make in scenes.MECHANISMS.items()}
 
 
 def coulomb(joint: exact.Revolute) -> rx.Coulomb:

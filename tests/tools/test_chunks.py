@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from mpmath import mp
-from truth import exact
+from truth import exact, scenes
 
 import redundax as rx
 from redundax._solvers._friction_problem import FrictionProblem, Law
@@ -143,7 +143,7 @@ def test_many_joints_of_weak_and_strong_friction_in_one_batch():
     found, steps = jax.jit(jax.vmap(one))(jnp.array(mus))
     assert steps[1] > steps[0] > 6 > steps[2]
     for place, mu_rho in enumerate(mus):
-        mechanism = exact.parallel_cranks(6, mu_rho)
+        mechanism = scenes.parallel_cranks(6, mu_rho)
         true = mechanism.solve(misfit=[30] * mechanism.m)
         for part, wanted in zip(found, (true.acceleration, true.multipliers, true.friction), strict=True):
             wanted = exact.floats(wanted).ravel()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import registry
-from truth import exact, paper
+from truth import exact, paper, scenes
 
 import redundax as rx
 
@@ -57,7 +57,7 @@ def test_minimum_norm_in_other_units_needs_no_other_mechanism(u, mu_rho, h):
 @pytest.mark.parametrize("u", [0.1, 10.0])
 @rubbing_or_not
 def test_minimum_norm_in_other_units_against_exact_geometry(u, mu_rho):
-    mechanism = exact.wojtyra2020(u=exact.exact(str(u)))
+    mechanism = scenes.wojtyra2020(u=exact.exact(str(u)))
     truth = mechanism.solve(misfit=[50] * 12, friction=mu_rho is not None)
     base, state = data(mu_rho)
     solution = registry.solve(base, state, closure=rx.MinimumNorm(np.full(24, 50.0), units=rx.units.Units(length=u)))

@@ -6,9 +6,9 @@ from typing import Any
 from mpmath import mp
 from truth import exact
 from truth.exact import exactly
+from truth.scenes import cranks, cranks_parameters, wojtyra, wojtyra_parameters
 
 from .._case import Case
-from .._mechanisms import cranks, cranks_parameters, wojtyra, wojtyra_parameters
 
 
 def irregular(count: int, scale: object = 1) -> tuple:

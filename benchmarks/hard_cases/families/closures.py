@@ -1,9 +1,9 @@
 """Compliances spread over ten decades, unique rows far softer or stiffer than the others, misfits of 1e3 and 1e-12."""
 
 from truth import exact
+from truth.scenes import carriage, carriage_parameters
 
 from .._case import Case
-from .._mechanisms import carriage, carriage_parameters
 from ._common import irregular, linkage, paper, spread
 
 FAMILY = "closures"

@@ -9,9 +9,9 @@ from functools import cache
 from mpmath import mp
 from truth import exact
 from truth.exact import exactly
+from truth.scenes import wojtyra, wojtyra_parameters
 
 from .._case import Case
-from .._mechanisms import wojtyra, wojtyra_parameters
 from ._common import paper
 
 FAMILY = "folds"

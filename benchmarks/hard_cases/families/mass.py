@@ -11,9 +11,10 @@ from functools import partial
 from mpmath import mp
 from truth import exact
 from truth.exact import exactly
+from truth.scenes import carriage, carriage_parameters, cranks, cranks_parameters
 
 from .._case import Case
-from .._mechanisms import carriage, carriage_parameters, cranks, cranks_parameters, linear
+from .._linear import linear
 from ._common import closed, linkage, paper
 
 FAMILY = "mass"

@@ -3,9 +3,10 @@
 from mpmath import mp
 from truth import exact
 from truth.exact import exactly
+from truth.scenes import carriage, carriage_parameters
 
 from .._case import Case
-from .._mechanisms import carriage, carriage_parameters, linear
+from .._linear import linear
 from ._common import closed, irregular, linkage
 
 FAMILY = "redundant"

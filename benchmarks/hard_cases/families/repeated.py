@@ -8,13 +8,14 @@ import jax.numpy as jnp
 from mpmath import mp
 from truth import exact
 from truth.exact import exactly
+from truth.scenes import ZERO, wojtyra, wojtyra_parameters
 
 import redundax as rx
 
 from .._case import Case
 from .._derivative import Path
 from .._library import linear_constraint, linear_load
-from .._mechanisms import ZERO, linear, wojtyra, wojtyra_parameters
+from .._linear import linear
 from ._common import closed, irregular
 
 FAMILY = "repeated"
@@ -80,17 +81,8 @@ def of_paper(friction: bool) -> Case:
 @exactly
 def paper_data(p: dict) -> dict:
     """The parameters of `wojtyra` from those of `rx.mechanisms.wojtyra2020`."""
-    length, mass = p["length"], p["mass"]
-    return wojtyra_parameters(
-        half=length * mp.sqrt(2),
-        arm=4 * length,
-        phi=p["phi"],
-        rate=p["rate"],
-        gravity=p["gravity"],
-        mass=tuple(c * mass for c in (3, 9, 3, 9)),
-        inertia=tuple(m * mass * c * length**2 / 3 for m, c in zip((3, 9, 3, 9), (2, 16) * 2, strict=True)),
-        mu_rho=(p.get("mu_rho", mp.mpf(0)),) * 4,
-    )
+    changes = {name: p[name] for name in ("phi", "rate", "gravity")}
+    return wojtyra_parameters(p["length"], p["mass"], mu_rho=(p.get("mu_rho", mp.mpf(0)),) * 4, **changes)
 
 
 def from_paper(p: dict) -> tuple[rx.Mechanism, rx.State]:

@@ -9,9 +9,9 @@ routes that do not add it; those that do are in `tests/equations/test_singular_p
 from functools import partial
 
 from truth import exact
+from truth.scenes import cranks, cranks_parameters, four_bar
 
 from .._case import Case
-from .._mechanisms import cranks, cranks_parameters, four_bar
 from ._common import closed
 
 FAMILY = "singular"

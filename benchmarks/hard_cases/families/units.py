@@ -4,9 +4,9 @@ The numbers themselves in other units, `in_units`, and the norm alone in other u
 """
 
 from truth import exact
+from truth.scenes import wojtyra_parameters
 
 from .._case import Case
-from .._mechanisms import wojtyra_parameters
 from ._common import linkage, paper
 
 FAMILY = "units"
@@ -26,14 +26,8 @@ def cases(quick: bool) -> list[Case]:
 
 def in_length(u: str, friction: bool) -> Case:
     """Every number in units of 1 / u metres."""
-    base, scale = wojtyra_parameters(), exact.exact(u)
-    changes = {
-        "half": base["half"] * scale,
-        "arm": base["arm"] * scale,
-        "gravity": base["gravity"] * scale,
-        "inertia": tuple(x * scale**2 for x in base["inertia"]),
-        "mu_rho": tuple(x * scale for x in base["mu_rho"]),
-    }
+    scale = exact.exact(u)
+    changes = {"length": scale / 10, "gravity": 10 * scale, "mu_rho": (scale / 50,) * 4}
     routes = EVERY if friction else ("decided", "declared", "factorize", "vmap")
     if friction and u in OPEN:
         routes = (*routes, "open newton")

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from mpmath import mp
 
-from . import exact, paper
+from . import exact, paper, scenes
 
 ANGLE = np.pi / 4
 every_mechanism = pytest.mark.parametrize(
-    "mechanism", [make() for make in exact.MECHANISMS], ids=lambda mechanism: mechanism.name
+    "mechanism", [make() for make in scenes.MECHANISMS.values()], ids=scenes.MECHANISMS
 )
 
 
@@ -115,14 +115,14 @@ def test_exact_solution_residuals_and_closure(mechanism, friction):
 @mp.workdps(exact.DIGITS)
 def test_exact_accelerations_in_closed_form():
     # Carriage: the axial force over the mass.
-    mechanism = exact.carriage()
+    mechanism = scenes.two_guides()
     body, axis = mechanism.bodies[0], exact.exact(("3/5", "4/5"))
     pull = sum(axis[c] * (body.load[c] + body.mass * mechanism.gravity[c]) for c in range(2))
     expected = mp.matrix([axis[0] * pull / body.mass, axis[1] * pull / body.mass, 0])
     assert mp.norm(mechanism.solve().acceleration - expected) < 1e-47
 
     # Parallelogram: one equation of motion, cranks about their pivots and a translated coupler.
-    mechanism = exact.parallelogram()
+    mechanism = scenes.parallelogram()
     cranks, coupler = mechanism.bodies[:3], mechanism.bodies[3]
     half, (c, s) = exact.exact("1/4"), exact.exact(("3/5", "4/5"))
     inertia = sum(b.inertia + b.mass * half**2 for b in cranks) + coupler.mass * 4 * half**2
@@ -133,7 +133,7 @@ def test_exact_accelerations_in_closed_form():
 
     # Slider-crank: the acceleration is kinematic; the slider by differentiating
     # x = a cos phi + sqrt(b^2 - a^2 sin^2 phi).
-    mechanism = exact.slider_crank()
+    mechanism = scenes.driven_slider_crank()
     driver, a, b = mechanism.drivers[0], exact.exact("1/4"), exact.exact("13/25")
 
     def slider(t):
@@ -150,7 +150,7 @@ def test_exact_accelerations_in_closed_form():
 @mp.workdps(exact.DIGITS)
 def test_exact_accelerations_of_the_paper_in_closed_form():
     # One degree of freedom: bodies 2 and 4 rise by 2 h sin phi, body 2 also moves along x.
-    mechanism = exact.wojtyra2020()
+    mechanism = scenes.wojtyra2020()
     m1, m2, m3, m4 = (body.mass for body in mechanism.bodies)
     j1, _, j3, _ = (body.inertia for body in mechanism.bodies)
     phi, rate = mechanism.q[8], mechanism.qd[8]
@@ -162,7 +162,7 @@ def test_exact_accelerations_of_the_paper_in_closed_form():
 
 
 def test_exact_uniqueness_of_multipliers():
-    unique = {make().name: make().unique for make in exact.MECHANISMS}
+    unique = {name: make().unique for name, make in scenes.MECHANISMS.items()}
     assert [row for row, flag in enumerate(unique["wojtyra2020"]) if flag] == [8, 9]
     assert not any(unique["parallelogram"]) and not any(unique["carriage"])
     assert [row for row, flag in enumerate(unique["slider_crank"]) if not flag] == [6, 7, 8, 9]
@@ -170,14 +170,14 @@ def test_exact_uniqueness_of_multipliers():
 
 @mp.workdps(exact.DIGITS)
 def test_exact_physical_closure_is_free_of_units():
-    base = exact.wojtyra2020()
+    base = scenes.wojtyra2020()
     forces = [kind == "force" for kind in base.kinds]
     compliance = [mp.mpf(row + 1) / (10 if force else 3) for row, force in enumerate(forces)]
     misfit = irregular(base.m)
     reference = base.solve(compliance, misfit)
     for u in exact.exact((10, "1/1000")):
         lengths = [u if force else 1 for force in forces]
-        solution = exact.wojtyra2020(u=u).solve(
+        solution = scenes.wojtyra2020(u=u).solve(
             [w if force else w / u**2 for w, force in zip(compliance, forces, strict=True)],
             [d * length for d, length in zip(misfit, lengths, strict=True)],
         )
@@ -207,7 +207,7 @@ def test_paper_configuration_is_table_1():
 
 
 def test_paper_formulas_hold_off_the_manifold():
-    mechanism = exact.wojtyra2020()
+    mechanism = scenes.wojtyra2020()
     q, qd = anywhere(mechanism)
     p, q_float, qd_float = paper.Parameters(), exact.floats(q), exact.floats(qd)
     values = paper.constraints(p, q_float)
@@ -227,7 +227,7 @@ def test_paper_formulas_hold_off_the_manifold():
 @pytest.mark.parametrize("u", [0.1, 1.0, 10.0])
 def test_paper_matrices_against_exact(u):
     p, q, qd = state(u)
-    mechanism = exact.wojtyra2020(u=exact.exact(str(u)))
+    mechanism = scenes.wojtyra2020(u=exact.exact(str(u)))
     assert close(q, exact.floats(mechanism.q), 1e-15)
     assert close(qd, exact.floats(mechanism.qd), 1e-15)
     assert close(paper.mass(p), exact.floats(mechanism.mass_matrix), 1e-15)
@@ -246,7 +246,7 @@ def test_paper_pseudoinverse(u):
         assert close(left, right, 1e-11)
     for product in (a @ inverse, inverse @ a):
         assert close(product, product.T, 1e-11)
-    corner = exact.floats(exact.wojtyra2020(u=exact.exact(str(u))).projector)
+    corner = exact.floats(scenes.wojtyra2020(u=exact.exact(str(u))).projector)
     assert close(
         np.eye(24) - inverse @ a,
         np.block([[np.zeros((12, 24))], [np.zeros((12, 12)), corner]]),
@@ -268,7 +268,7 @@ def test_paper_friction_jacobian():
 def test_paper_solutions_against_exact(phi, rate, u, h):
     p, q, qd = state(u, phi, rate)
     u_exact = exact.exact(str(u))
-    mechanism = exact.wojtyra2020(None if phi == ANGLE else phi, rate, u_exact)
+    mechanism = scenes.wojtyra2020(None if phi == ANGLE else phi, rate, u_exact)
     misfit = None if h == 0 else [h] * 12
     for x, friction in (
         (paper.solve(p, q, qd, h), False),
@@ -302,7 +302,7 @@ def test_paper_table_3(row):
 @pytest.mark.parametrize("row", paper.TABLE4, ids=lambda row: f"u={row.u} x0={row.start}")
 def test_paper_newton_and_table_4(row):
     p, q, qd = state(row.u)
-    mechanism = exact.wojtyra2020(u=exact.exact(str(row.u)))
+    mechanism = scenes.wojtyra2020(u=exact.exact(str(row.u)))
     x = paper.newton(p, q, qd, row.start)[-1]
     # A solution of (25) is the one whose misfit, under unit compliance, are its own multipliers.
     solution = mechanism.solve(None, [float(item) for item in x[12:]])
