@@ -101,7 +101,7 @@ def analyze(
         lost_digits=float(found.lost_digits),
         undetermined=tuple(str(name) for name in rows[lost]),
         unique_accelerations=bool(found.determinate) and (decided or not singular),
-        at_rest=_rests(result),
+        at_rest=_rests(result, figures),
         verdicts={} if figures is None else _verdicts(system, state, figures, result),
         spectral_radius=figures.radius if system.friction and figures is not None else None,
         releases=releases(orthonormal(found.row_scale, stress), system.rows.labels, system.rows.kinds)
@@ -158,12 +158,13 @@ def _family(
 
 
 def _verdicts(system: AbstractSystem, state: State, figures: Family, result: RESULTS) -> dict[str, tuple[Judged, ...]]:
-    how = {"solved": is_one_of(result, RESULTS.successful), "at_rest": _rests(result)}
+    how = {"solved": is_one_of(result, RESULTS.successful), "at_rest": _rests(result, figures)}
     return {kind: tuple(judge(figures, *output, **how)) for kind, output in outputs(system, state).items()}
 
 
-def _rests(result: RESULTS) -> bool:
-    return is_one_of(result, RESULTS.friction_at_rest, RESULTS.ambiguous_rest)
+def _rests(result: RESULTS, figures: Family | None) -> bool:
+    resting = is_one_of(result, RESULTS.friction_at_rest, RESULTS.ambiguous_rest)
+    return resting or (figures is not None and bool(figures.rests))
 
 
 def _couplings(system: AbstractSystem) -> tuple[str, ...]:

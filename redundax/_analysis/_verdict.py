@@ -37,6 +37,7 @@ from .._closures._closure import Elasticity, minimum_norm
 from .._equations._factorisation import Factorisation
 from .._solve._reduced import reduce
 from .._solve._solution import Solution
+from .._system._friction import have_sense
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
@@ -111,6 +112,7 @@ class Family:
     - `gamma`: Gamma, shape (p, p), of minimum norm, and `closed_gamma` of the closure.
     - `reads`: which slip's law reads which load, shape (p, l).
     - `length`: L of the mechanism, which makes turns and shifts, moments and forces comparable.
+    - `rests`: whether a joint rests whose friction some self-stress sets, even if that of the closure does not.
     - `loose`: accelerations that (7) leaves free, shape (n, d), none where (14) holds.
     - `undetermined`: which multipliers have no value at a singular position, shape (m,).
     - `solution`, `others`: [qdd; lam; tau] of the solution, and a function that gives other ones, some for each column
@@ -126,6 +128,7 @@ class Family:
     closed_gamma: np.ndarray
     reads: np.ndarray
     length: np.ndarray
+    rests: np.ndarray
     loose: np.ndarray
     undetermined: np.ndarray
     solution: np.ndarray
@@ -183,10 +186,12 @@ def _figures(
         nothing = jnp.zeros((0, 0))
         none = {"slope": jnp.zeros((0, stress.shape[1])), "reads": nothing}
         size = stress.shape[0] + state.qd.size
-        return {**out, **none, "response": jnp.zeros((size, 0)), "gamma": nothing, "closed_gamma": nothing}
+        none |= {"response": jnp.zeros((size, 0)), "gamma": nothing, "closed_gamma": nothing}
+        return {**out, **none, "rests": jnp.zeros((), bool)}
     law = reduced.problem.law
     slope = law.slope(closed.problem.loads(friction))
     identity = jnp.eye(friction.size, dtype=slope.dtype)
+    reached = jnp.any(law.largest_changes(rows) > 0, axis=1)
     return {
         **out,
         "response": jnp.concatenate(reduced.response.unit),
@@ -194,6 +199,7 @@ def _figures(
         "gamma": law.largest_changes(reduced.problem.gain),
         "closed_gamma": law.largest_changes(closed.problem.gain),
         "reads": law.largest_changes(jnp.eye(reduced.rows.size)) > 0,
+        "rests": jnp.any((law.sense == 0) & np.array(have_sense(system.friction)) & reached),
     }
 
 

@@ -11,7 +11,7 @@ from .._equations._factorisation import Factorisation
 from .._solve._solve import solve_factorised
 from .._solvers._continuation import Continuation
 from .._solvers._solver import Newton
-from .._system._friction import memories
+from .._system._friction import have_sense, memories
 from .._system._results import RESULTS, first_failure
 from .._system._state import State
 from .._system._system import AbstractSystem
@@ -107,7 +107,7 @@ def _equations(
         scale,
         speed,
         jnp.where(angular, scale.length, 1.0),
-        tuple(group.has_sense for group in system.friction for _ in group.slips.kinds),
+        have_sense(system.friction),
     )
 
 

@@ -214,6 +214,11 @@ def largest_changes(
     return jax.vmap(of_one, in_axes=1, out_axes=1)(loads)
 
 
+def have_sense(groups: Sequence[AbstractFriction]) -> tuple[bool, ...]:
+    """For each slip whether its friction depends on the sense."""
+    return tuple(group.has_sense for group in groups for _ in group.slips.kinds)
+
+
 @eqx.filter_jit  # traced once for all iterations and derivatives in all programs
 def friction_force(
     groups: Sequence[AbstractFriction],

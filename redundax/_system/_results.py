@@ -85,9 +85,9 @@ class RESULTS(eqx.Enumeration):
     )
     not_finite = "The result is not finite: look for NaN or infinity in the state, parameters, loads or `closure`."
     friction_at_rest = (
-        "A joint with friction is at rest, where Coulomb friction can take any value up to its bound. Ask "
-        "`rx.sticking` whether the mechanism stays at rest, or give the sense of the impending slip with `sense=`, "
-        "1 or -1."
+        "A joint with friction is at rest, where Coulomb friction can take any value up to its bound. Ask `rx.band` "
+        "what its joints may carry while it stands, `rx.sticking` whether it stays at rest and `rx.limit_load` what "
+        "moves it, or give the sense of the impending slip with `sense=`, 1 or -1."
     )
     ambiguous_rest = (
         "Whether a joint with friction moves cannot be decided: its slip rate is hardly more than rounding and the "

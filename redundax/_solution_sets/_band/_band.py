@@ -10,7 +10,7 @@ their friction is any within its limits, and `_loads_at_rest` finds inner and ou
 import dataclasses
 import itertools
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import jax.numpy as jnp
 import numpy as np
@@ -21,10 +21,13 @@ from ..._analysis._outputs import evaluated, joint_accelerations, plain
 from ..._analysis._outputs import outputs as named_outputs
 from ..._analysis._verdict import Verdict
 from ..._closures._closure import AbstractClosure
+from ..._equations._culprits import culprits
 from ..._equations._factorisation import Factorisation
 from ..._equations._factorize import factorisation_at
 from ..._solve._all_solutions import start_factors
+from ..._solvers._friction_problem import Law
 from ..._system._names import ByName, index_of, senses, unit_of
+from ..._system._results import RESULTS
 from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._system._units import with_unit
@@ -236,6 +239,9 @@ def _at_rest(
         raise RuntimeError(report.problem)
     state = State(state.q, state.qd, state.t)  # bristles that bend let it move, so they do not count
     solutions = solution_set(system, state, factor, jnp.asarray(report.self_stress), senses(system.slips, sense))
+    turns = np.where(system.slips.angular, np.asarray(factor.length), 1.0)
+    if np.any(factor.motion_of(cast(Law, solutions.law).rate * turns).is_undecided):
+        raise RuntimeError(RESULTS[RESULTS.ambiguous_rest] + culprits(system, state, factor, RESULTS.ambiguous_rest))
     wanted = _wanted(system, state, outputs, report)
     cases = cases_of(bounds, system, state, report, solutions)
     lower, upper, stands = bands_at_rest(system, state, factor, solutions, cases, wanted.matrix, nodes)

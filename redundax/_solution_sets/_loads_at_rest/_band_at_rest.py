@@ -16,7 +16,7 @@ _ROUNDING = 1e-12  # of an output that does not vary
 
 
 class Ends(NamedTuple):
-    """Largest values of outputs that were attained, and where; and bounds that none exceeds. Shapes (b,), (b, q), (b, x)."""
+    """Largest values of outputs that were attained, (b,), bounds that none exceeds, (b,), and where: (b, q), (b, x)."""
 
     value: np.ndarray
     bound: np.ndarray

@@ -161,7 +161,8 @@ class LoadsAtRest:
     def _inner(self, cost: np.ndarray, x: np.ndarray) -> tuple[_Optimum, int]:
         """A local extreme of what is possible, from loads beside it, and the number of programmes."""
         best, count = _NONE, 0
-        for count in range(1, _ROUNDS + 1):
+        while count < _ROUNDS:
+            count += 1
             tangents = self._tangents(x)
             self.cuts += [_Row(-row.left, -row.right) for row, full in tangents if full]
             found = self._convex(cost, [row for row, _ in tangents])
@@ -235,7 +236,7 @@ class LoadsAtRest:
         for sign, limit, slope in ((1.0, up, by_up), (-1.0, down, by_down)):
             left, right = sign * T - slope @ R, limit - slope @ (loads - r) - sign * t
             rows = zip(left, right, own.full, limit, strict=True)
-            out += [(_Row(a, b), full == sign) for a, b, full, most in rows if most < np.inf]
+            out += [(_Row(a, float(b)), bool(full == sign)) for a, b, full, most in rows if most < np.inf]
         return out
 
     def _excess(self, x: np.ndarray) -> np.ndarray:
@@ -275,7 +276,7 @@ class LoadsAtRest:
         return np.stack([none, *raised], axis=1)
 
     def _split(self, cones: list[Rays], x: np.ndarray | None, excess: np.ndarray) -> list[list[Rays]]:
-        """Cones that together hold those of a node, apart where the worst limit is; none if they are as small as can be."""
+        """Cones that together hold those of a node, apart where the worst limit is; none if none can be split."""
         reads, settled = self.programme.reads, self._settled
         for j in np.argsort(-excess):
             if settled[j] or excess[j] <= _KEPT or (x is None and cones[j] is not None):

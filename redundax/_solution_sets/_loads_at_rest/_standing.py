@@ -27,13 +27,12 @@ from ..._analysis._verdict import spectral_radius
 from ..._equations._factorisation import Factorisation
 from ..._equations._kinematics import slip_gamma, slip_motion
 from ..._solvers._friction_problem import Law
-from ..._system._friction import load_rows
 from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._tools._compilation import compiled
 from .._cases import AbstractCases, Affine, Fractional
 from .._solution_set import SolutionSet
-from .._sticking._at_rest import drive
+from .._sticking._at_rest import drive, velocity_basis
 from ._programme import Limits, Programme
 
 _WIDER = 1 + 1e-9  # of bounds of friction, beyond rounding
@@ -66,14 +65,23 @@ class Unknowns(NamedTuple):
 
     - `box`: least and largest x.
     - `case`: theta of `Affine` cases, z and y of `Fractional` ones.
+    - `forces`: tau and the amount of each added load.
     - `friction`, `multipliers`, `acceleration`: tau, lam and a.
     """
 
     box: np.ndarray
     case: Affinely
+    forces: Affinely
     friction: Affinely
     multipliers: Affinely
     acceleration: Affinely
+
+
+class AddedLoad(NamedTuple):
+    """A load of unknown amount: its forces (n,), and the largest amount. Its response is a last column of `unit`."""
+
+    force: np.ndarray
+    most: float
 
 
 class _Limited(NamedTuple):
@@ -109,10 +117,15 @@ class Standing(NamedTuple):
 
 
 def standing(
-    system: AbstractSystem, state: State, factor: Factorisation, solutions: SolutionSet, cases: AbstractCases
+    system: AbstractSystem,
+    state: State,
+    factor: Factorisation,
+    solutions: SolutionSet,
+    cases: AbstractCases,
+    added: AddedLoad | None = None,
 ) -> Standing:
     """All that is possible at rest within bounds; `ValueError` where drivers accelerate the mechanism."""
-    sizes = _sizes(solutions, cases)
+    sizes = sizes_of(solutions, cases, _NOTHING if added is None else np.array([added.most]))
     if isinstance(cases, Affine):
         unknowns, equal, within, norm = _of_cases(cases, solutions, sizes)
         limited = []
@@ -120,7 +133,7 @@ def standing(
         unknowns, equal, products = _of_compliances(cast(Fractional, cases), solutions, sizes)
         within, norm, limited = None, None, [products]
     limited = [*_friction(solutions, unknowns, sizes), *limited]
-    balance, unknowns = _balance(system, state, factor, solutions, unknowns)
+    balance, unknowns = _balance(system, state, factor, solutions, unknowns, added)
     none = Affinely(np.zeros((0, len(unknowns.box))), np.zeros(0))
     programme = Programme(
         equal=_right(balance if equal is None else _stacked([balance, equal])),
@@ -141,30 +154,38 @@ class _Sizes(NamedTuple):
     """Sizes of friction, whether these are bounds, (I - Gamma)^-1 (that without friction); and what each load allows.
 
     - `growth`: largest change of friction by a unit of each load, shape (p, l).
+    - `added`: largest amounts of added loads.
     """
 
     friction: np.ndarray
     bounded: bool
     growth: np.ndarray
+    added: np.ndarray
 
 
-def _sizes(solutions: SolutionSet, cases: AbstractCases) -> _Sizes:
+_NOTHING = np.zeros(0)
+
+
+def sizes_of(solutions: SolutionSet, cases: AbstractCases, added: np.ndarray = _NOTHING) -> _Sizes:
+    """Sizes of friction, with added loads up to given amounts."""
     law, rows = solutions.law, np.asarray(solutions.rows)
     if law is None:
-        return _Sizes(np.zeros(0), True, np.zeros((0, 0)))
+        return _Sizes(np.zeros(0), True, np.zeros((0, 0)), added)
     lower, upper = np.asarray(cases.lower), np.asarray(cases.upper)
     bases, unit = (np.asarray(x) for x in _chosen(cases, np.stack([lower, (lower + upper) / 2, upper])))
+    unit = unit[:, :, : len(law.rate) + len(added)]
     limits = [np.abs(np.stack(_limits_at(law, jnp.asarray(base[rows]))[:2])).max(axis=0) for base in bases]
     slope = np.asarray(cases.slope)[rows] if isinstance(cases, Affine) else np.zeros((len(rows), 0))
     changes = np.asarray(_changes(law, jnp.asarray(np.concatenate([np.eye(len(rows)), unit[1][rows], slope], axis=1))))
-    growth, gamma, change = np.split(changes, [len(rows), len(rows) + len(limits[0])], axis=1)
+    parts = np.cumsum([len(rows), len(limits[0]), len(added)])
+    growth, gamma, by_added, change = np.split(changes, parts, axis=1)
     if isinstance(cases, Affine) and np.all(np.isfinite(gamma)) and spectral_radius(gamma) < 1:
-        given = limits[1] + change @ np.abs(upper - lower) / 2
+        given = limits[1] + change @ np.abs(upper - lower) / 2 + by_added @ added
         friction = np.linalg.solve(np.eye(len(gamma)) - gamma, given) * _WIDER
-        return _Sizes(np.where(friction > 0, friction, 1.0), True, growth)
+        return _Sizes(np.where(friction > 0, friction, 1.0), True, growth, added)
     friction = np.max(limits, axis=0)
     largest = friction.max(initial=0.0) or 1.0
-    return _Sizes(np.where(friction > 1e-9 * largest, friction, largest), False, growth)
+    return _Sizes(np.where(friction > 1e-9 * largest, friction, largest), False, growth, added)
 
 
 @compiled
@@ -198,15 +219,13 @@ def _of_compliances(cases: Fractional, solutions: SolutionSet, sizes: _Sizes) ->
     """Unknowns z, y and tau, N^T (W lam - d) = 0 and the limits of y."""
     stress, start, unit, rows = (np.asarray(x) for x in (cases.stress, cases.start, cases.unit, cases.rows))
     least, most, wide = np.asarray(cases.least), np.asarray(cases.most), _wide(cases)
+    sized = np.concatenate([sizes.friction, sizes.added])
     ends = np.stack([cases.lower, (cases.lower + cases.upper) / 2, cases.upper])
     loads = np.max(
-        [
-            np.abs(base) + np.abs(way) @ sizes.friction
-            for base, way in zip(*map(np.asarray, _chosen(cases, ends)), strict=True)
-        ],
+        [np.abs(base) + np.abs(way) @ sized for base, way in zip(*map(np.asarray, _chosen(cases, ends)), strict=True)],
         axis=0,
     )
-    amplitude = np.abs(np.linalg.pinv(stress)) @ (loads + np.abs(start) + np.abs(unit) @ sizes.friction)
+    amplitude = np.abs(np.linalg.pinv(stress)) @ (loads + np.abs(start) + np.abs(unit) @ sized)
     amplitude = np.where(amplitude > 0, amplitude, 1.0)
     reach = np.where(loads > 1e-9 * loads.max(initial=0.0), loads, 1.0)[rows[wide]] * most[wide]
     case_size = np.concatenate([amplitude, reach])
@@ -244,30 +263,40 @@ def _unknowns(
     multipliers: tuple[np.ndarray, np.ndarray, np.ndarray],
 ) -> Unknowns:
     """x = [case; friction], each of size 1."""
-    q, p = len(half), len(sizes.friction)
+    sized = np.concatenate([sizes.friction, sizes.added])
+    q, p, f = len(half), len(sizes.friction), len(sized)
     start, slope, unit = multipliers
-    ends = np.concatenate([ends, np.full(p, 1.0 if sizes.bounded else np.inf)])
-    case = Affinely(np.pad(np.diag(half), ((0, 0), (0, p))), middle)
-    friction = Affinely(np.pad(np.diag(sizes.friction), ((0, 0), (q, 0))), np.zeros(p))
-    response = solutions.response
+    ends = np.concatenate([ends, np.full(p, 1.0 if sizes.bounded else np.inf), np.ones(f - p)])
+    case = Affinely(np.pad(np.diag(half), ((0, 0), (0, f))), middle)
+    forces = Affinely(np.pad(np.diag(sized), ((0, 0), (q, 0))), np.zeros(f))
+    free, caused = (np.asarray(x.acceleration) for x in (solutions.response.free, solutions.response.unit))
     return Unknowns(
         box=np.stack([-ends, ends], axis=1),
         case=case,
-        friction=friction,
-        multipliers=case.times(slope, start).plus(friction.times(unit)),
-        acceleration=friction.times(np.asarray(response.unit.acceleration), np.asarray(response.free.acceleration)),
+        forces=forces,
+        friction=forces.rows(np.arange(p)),
+        multipliers=case.times(slope, start).plus(forces.times(unit)),
+        acceleration=forces.times(caused, free),
     )
 
 
 def _balance(
-    system: AbstractSystem, state: State, factor: Factorisation, solutions: SolutionSet, unknowns: Unknowns
+    system: AbstractSystem,
+    state: State,
+    factor: Factorisation,
+    solutions: SolutionSet,
+    unknowns: Unknowns,
+    added: AddedLoad | None,
 ) -> tuple[Affinely, Unknowns]:
     """What vanishes: all accelerations at rest, those of the slips that rest where others move."""
     rates = np.abs(np.asarray(state.qd)) * np.where(system.coordinates.angular, np.asarray(factor.length), 1.0)
     if not bool(factor.motion_of(jnp.asarray(rates.max(initial=0.0))).is_yes):
         start = drive(system, state, factor)
         still = unknowns.acceleration.times(np.zeros((len(rates), len(rates))))
-        return unknowns.friction.times(start.slips.T, start.load), unknowns._replace(acceleration=still)
+        drives = start.slips.T
+        if added is not None:
+            drives = np.column_stack([drives, velocity_basis(system, factor).T @ added.force])
+        return unknowns.forces.times(drives, start.load), unknowns._replace(acceleration=still)
     resting = np.asarray(cast(Law, solutions.law).sense == 0)
     directions, gamma = (np.asarray(x) for x in _slips(system.anonymous(), state))
     return unknowns.acceleration.times(directions[:, resting].T, -gamma[resting]), unknowns

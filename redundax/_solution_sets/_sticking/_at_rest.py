@@ -86,7 +86,7 @@ def drive(system: AbstractSystem, state: State, factor: Factorisation) -> Reduce
     force, lever = mass @ a, np.where(angular, 1 / length, 1.0)
     slips, p = system.slips, len(system.slips)
     size = state.qd.size + len(system.rows)
-    ways, turns = _velocity_basis(system, factor), np.where(slips.angular, length, 1.0)
+    ways, turns = velocity_basis(system, factor), np.where(slips.angular, length, 1.0)
     directions = np.asarray(_slip_motion(system.anonymous(), state)[1]) if p else np.zeros((a.size, 0))
     moved = directions.T @ ways
     reach = np.linalg.norm(moved, axis=1) * turns
@@ -103,7 +103,7 @@ def drive(system: AbstractSystem, state: State, factor: Factorisation) -> Reduce
 _slip_motion = compiled(slip_motion)
 
 
-def _velocity_basis(system: AbstractSystem, factor: Factorisation) -> np.ndarray:
+def velocity_basis(system: AbstractSystem, factor: Factorisation) -> np.ndarray:
     """V; without columns where no basis is orthonormal, which `analyze` complains of."""
     if not bool(factor.determinate & factor.finite):
         return np.zeros((factor.load.size, 0))

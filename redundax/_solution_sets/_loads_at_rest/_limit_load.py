@@ -1,0 +1,267 @@
+"""How much load it takes to move a mechanism at rest, and which joints give way.
+
+    V^T (M a_0 + s b) + S^T tau = 0,   |tau_j| within limits that depend on the loads:   least and largest s
+
+over all cases within bounds. At an end the friction of some joints is at its limit; the mechanism starts to move in a
+way in which no other joint slips.
+"""
+
+import dataclasses
+import itertools
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float
+
+from ..._analysis._analyze import analyze
+from ..._analysis._outputs import plain
+from ..._closures._closure import AbstractClosure, Elasticity, MinimumNorm, elasticity
+from ..._equations._factorisation import Factorisation
+from ..._equations._factorize import factorisation_at
+from ..._equations._response import Response
+from ..._system._names import ByName, vector
+from ..._system._state import State
+from ..._system._system import AbstractSystem
+from ..._tools._compilation import compiled
+from ..._tools._module import no_classes
+from .._bounds import AbstractBounds, cases_of
+from .._cases import AbstractCases
+from .._solution_set import SolutionSet, solution_set
+from .._sticking._at_rest import NONE, ReducedForce, drive, velocity_basis
+from ._programme import LoadsAtRest
+from ._standing import AddedLoad, Standing, sizes_of, standing
+
+_MINIMUM_NORM = MinimumNorm()
+_FIRST, _MORE, _LAST = 4.0, 8.0, 1e6  # amounts that are looked at, relative to what friction without it holds
+_SLIPS = 1e-6  # rate of a slip that is none, relative to the largest
+_AT_LIMIT = 1e-7  # what is left of a limit that is none, relative to the friction
+
+
+@dataclasses.dataclass(frozen=True)
+class LimitLoad:
+    """How much of a load a mechanism at rest can bear, either way. `str()` gives a page, `to_dict()` data.
+
+    - `lower`, `upper`: least and largest amount of the load with which it can stand, as found: it is attained. NaN
+      where it cannot stand at any amount, infinite where no amount moves it, as of a mechanism that locks itself.
+    - `outer_lower`, `outer_upper`: outer bounds, proved: beyond them it moves, whatever the preload within the bounds;
+      infinite where none is known.
+    - `slips`: names of the joints that give way beyond each, a pair.
+    - `motion`: how it starts to move there: velocities, of power 1 with the load, shape (2, n); NaN where unknown.
+    - `case`: the case of each: amplitude, preload, misfit or compliance, shape (2, q).
+    - `multipliers`, `friction`: the loads of each, shapes (2, m) and (2, p).
+    - `bounds`, `parameters`, `box`: what was bounded, the names of the entries of a case, and their bounds, (q, 2).
+
+    ??? example
+
+        ```python
+        rest = mechanism.state(phi=0.8, rate=0.0)
+        found = rx.limit_load(mechanism, rest, {"1.phi": 1.0}, rx.AmplitudeBox({"A.x": (-400.0, 400.0)}))
+        found.lower, found.upper, found.slips  # N m on the crank
+        ```
+    """
+
+    load: dict[str, float]
+    lower: float
+    upper: float
+    outer_lower: float
+    outer_upper: float
+    slips: tuple[tuple[str, ...], tuple[str, ...]]
+    motion: np.ndarray
+    case: np.ndarray
+    multipliers: np.ndarray
+    friction: np.ndarray
+    bounds: str
+    parameters: tuple[str, ...]
+    box: np.ndarray
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain Python data; infinities and NaN become None."""
+        return {field.name: plain(getattr(self, field.name)) for field in dataclasses.fields(self)}
+
+    def __str__(self) -> str:
+        load = ", ".join(f"{name} {amount:.6g}" for name, amount in self.load.items())
+        box = ", ".join(f"{name} {a:.4g} to {b:.4g}" for name, (a, b) in zip(self.parameters, self.box, strict=True))
+        lines = [f"Load in multiples of {load}", f"{self.bounds}{': ' if box else ''}{box}"]
+        if np.isnan(self.lower):
+            return "\n".join([*lines, "Stands with no amount of it that was found."])
+        ends = (self.lower, self.outer_lower, "below"), (self.upper, self.outer_upper, "above")
+        lines.append(f"stands from {self.lower:.6g} to {self.upper:.6g}")
+        for (inner, outer, side), slips in zip(ends, self.slips, strict=True):
+            if np.isinf(inner):
+                lines.append(f"no amount {side} moves it: it locks itself")
+                continue
+            proof = f"must move beyond {outer:.6g}, proved" if np.isfinite(outer) else "no outer bound is known"
+            lines.append(f"{side}: {', '.join(slips) or 'what no friction holds'} give way ({proof})")
+        return "\n".join(lines)
+
+
+def limit_load(
+    system: AbstractSystem,
+    state: State,
+    load: ByName,
+    bounds: AbstractBounds | AbstractClosure = _MINIMUM_NORM,
+    *,
+    nodes: int = 400,
+    rank: ArrayLike | None = None,
+    factor: Factorisation | None = None,
+) -> LimitLoad:
+    """How much of a load a mechanism at rest can bear before it moves, beside the loads that it has.
+
+    ??? example
+
+        ```python
+        rest = mechanism.state(phi=0.8, rate=0.0)
+        print(rx.limit_load(mechanism, rest, {"1.phi": 1.0}))  # multiples of 1 N m on the crank
+        ```
+
+    **Arguments:**
+
+    - `system`, `state`: concrete values, at rest; not inside `jit` or `vmap`.
+    - `load`: generalised forces by name of coordinate, N or N m, or an array of shape (n,).
+    - `bounds`: what is known of preload, misfit or compliance, as of `band`; or a closure, for the loads that it picks.
+    - `nodes`: linear programmes at most for each end.
+    - `rank`, `factor`: as in `solve`.
+
+    **Returns:** a `types.LimitLoad`.
+
+    **Raises:** `ValueError` where the state moves or the load drives no motion; `RuntimeError` as `band`.
+    """
+    no_classes(bounds=bounds)
+    state = State(state.q, state.qd, state.t)
+    factor = factorisation_at(system, state, rank, factor)
+    report = analyze(system, state, factor=factor)
+    if report.problem:
+        raise RuntimeError(report.problem)
+    force = np.asarray(vector("load", load, system.coordinates, " of coordinates"), float)
+    start, ways = drive(system, state, factor), velocity_basis(system, factor)
+    own = force @ ways
+    if not np.linalg.norm(own) > NONE * np.linalg.norm(force):
+        raise ValueError(
+            "Argument `load` must drive a motion that the joints leave, but does none. "
+            "Name a coordinate that moves; what holds a locked mechanism is a multiplier, which `band` bounds."
+        )
+    solutions = _with_load(
+        solution_set(system, state, factor, jnp.asarray(report.self_stress), None),
+        *_response(factor, elasticity(_MINIMUM_NORM, system, state), jnp.asarray(force)),
+    )
+    cases = cases_of(bounds, system, state, report, solutions)
+    scale = _scale(solutions, cases, start, own)
+    ends = [_end(sign, system, state, factor, solutions, cases, force, scale, nodes) for sign in (-1.0, 1.0)]
+    return LimitLoad(
+        load={name: float(amount) for name, amount in zip(system.coordinates.labels, force, strict=True) if amount},
+        lower=ends[0].value,
+        upper=ends[1].value,
+        outer_lower=ends[0].bound,
+        outer_upper=ends[1].bound,
+        slips=(ends[0].slips, ends[1].slips),
+        motion=np.stack([end.motion for end in ends]),
+        case=np.stack([end.case for end in ends]),
+        multipliers=np.stack([end.multipliers for end in ends]),
+        friction=np.stack([end.friction for end in ends]),
+        bounds=type(bounds).__name__,
+        parameters=cases.names,
+        box=np.stack([cases.figures(cases.lower), cases.figures(cases.upper)], axis=1),
+    )
+
+
+class _End(NamedTuple):
+    """One end of the loads that are borne, as in `LimitLoad`."""
+
+    value: float
+    bound: float
+    slips: tuple[str, ...]
+    motion: np.ndarray
+    case: np.ndarray
+    multipliers: np.ndarray
+    friction: np.ndarray
+
+
+def _end(
+    sign: float,
+    system: AbstractSystem,
+    state: State,
+    factor: Factorisation,
+    solutions: SolutionSet,
+    cases: AbstractCases,
+    force: np.ndarray,
+    scale: float,
+    nodes: int,
+) -> _End:
+    """The largest amount in a direction; amounts are looked at up to bounds that grow until none is reached."""
+    most = _FIRST
+    while True:
+        found = standing(system, state, factor, solutions, cases, AddedLoad(force, most * scale))
+        cost = np.zeros(len(found.unknowns.box))
+        cost[-1] = sign
+        extreme = LoadsAtRest(found.programme, most=nodes).extreme(cost)
+        reached = extreme.value > 0.99
+        if not (reached or (extreme.x is None and extreme.bound > 0.99)) or most >= _LAST:
+            break
+        most *= _MORE
+    size, n, m = most * scale, len(force), len(system.rows)
+    proved = extreme.bound if found.proved and extreme.bound < 0.99 else np.inf
+    if extreme.x is None or reached:
+        value = sign * np.inf if reached else np.nan
+        lost = [np.full(length, np.nan) for length in (n, cases.lower.size, m, len(system.slips))]
+        return _End(value, sign * proved * size, (), *lost)
+    slips, motion = _way(system, state, factor, found, extreme.x, sign * force)
+    own = found.unknowns
+    return _End(
+        sign * extreme.value * size,
+        sign * proved * size,
+        slips,
+        motion,
+        found.figures(extreme.x),
+        own.multipliers(extreme.x),
+        own.friction(extreme.x),
+    )
+
+
+def _way(
+    system: AbstractSystem, state: State, factor: Factorisation, found: Standing, x: np.ndarray, force: np.ndarray
+) -> tuple[tuple[str, ...], np.ndarray]:
+    """Names of the joints that slip, and velocities of power 1, as far as joints below their limits let it move."""
+    ways, start = velocity_basis(system, factor), drive(system, state, factor)
+    p = len(start.slips)
+    loads = found.programme.read[0] @ x + found.programme.read[1]
+    down, up = found.programme.limits(loads)[:2]
+    bounded = found.programme.bounded[0] @ x + found.programme.bounded[1]
+    held = np.minimum(up - bounded, down + bounded)[:p] > _AT_LIMIT
+    _, sizes, basis = np.linalg.svd(start.slips[held]) if held.any() else (0, np.zeros(0), np.eye(ways.shape[1]))
+    free = basis[np.sum(sizes > NONE * np.abs(start.slips).max(initial=0.0)) :]
+    drives = free @ (ways.T @ force)
+    power = drives @ drives
+    if not power > NONE * (force @ ways @ ways.T @ force):
+        return (), np.full(len(force), np.nan)
+    motion = free.T @ drives / power
+    turns = np.where(system.slips.angular, np.asarray(factor.length), 1.0)
+    rates = np.abs(start.slips @ motion) * turns
+    names = itertools.compress(system.slips.labels, rates > _SLIPS * rates.max(initial=0.0))
+    return tuple(names), ways @ motion
+
+
+def _scale(solutions: SolutionSet, cases: AbstractCases, start: ReducedForce, own: np.ndarray) -> float:
+    """The amount that friction without it holds, about."""
+    friction = sizes_of(solutions, cases).friction
+    size = np.linalg.norm(own)
+    held = np.abs(start.load @ own) / size + np.abs(start.slips @ own) @ friction / size
+    return float(held / size) or 1.0
+
+
+def _with_load(solutions: SolutionSet, acceleration: Array, multipliers: Array) -> SolutionSet:
+    """The solutions with the response to a load as a last column of that to unit friction."""
+    unit = solutions.response.unit
+    parts = zip(unit, (acceleration, multipliers), strict=True)
+    more = Response(*(jnp.concatenate([part, column], axis=1) for part, column in parts))
+    return eqx.tree_at(lambda solutions: solutions.response.unit, solutions, more)
+
+
+@compiled
+def _response(factor: Factorisation, chosen: Elasticity, force: Float[Array, " n"]) -> Response:
+    """The response to a load, a column, under a closure."""
+    pick, _ = factor.close(chosen[0])
+    found = factor.respond(force[:, None])
+    return Response(found.acceleration, pick(found.multipliers))
