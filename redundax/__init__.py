@@ -38,8 +38,10 @@ from ._bodies._joints import AngleCoupling as AngleCoupling
 from ._bodies._joints import AngleDriver as AngleDriver
 from ._bodies._joints import DistanceDriver as DistanceDriver
 from ._bodies._joints import Fixed as Fixed
+from ._bodies._joints import GearPair as GearPair
 from ._bodies._joints import PinInSlot as PinInSlot
 from ._bodies._joints import Polynomial as Polynomial
+from ._bodies._joints import RackAndPinion as RackAndPinion
 from ._bodies._joints import Revolute as Revolute
 from ._bodies._joints import Translational as Translational
 from ._bodies._loads import AbstractLoad as AbstractLoad

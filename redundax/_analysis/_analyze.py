@@ -25,6 +25,7 @@ from .._equations._culprits import culprits
 from .._equations._factorisation import Factorisation
 from .._equations._factorize import factorisation_at
 from .._equations._rank import Spectrum, Split
+from .._solve._solution import Solution
 from .._solve._solve import solve
 from .._system._names import ByName, senses
 from .._system._results import RESULTS, is_one_of
@@ -78,9 +79,10 @@ def analyze(
     redundancy = rows.size - int(found.spectrum.rank)
     stress = _echelon(found.split.stress, found.row_scale, redundancy - int(found.local), ~found.in_self_stress)
     groups, kinds = _groups(stress), system.rows.kinds
-    figures, result = None, found.result
+    figures, result, pulling = None, found.result, ()
     if is_one_of(result, RESULTS.successful):
-        figures, result = _family(system, state, factor, closure, stress, sense)
+        figures, solution = _family(system, state, factor, closure, stress, sense)
+        result, pulling = solution.result, solution.pulling
     figures = None if is_one_of(result, RESULTS.not_finite, RESULTS.unbounded_friction) else figures
     return Report(
         coordinates=system.coordinates.labels,
@@ -109,6 +111,7 @@ def analyze(
         else (),
         friction_reads=tuple(str(rows[row]) for row in reads if not unique[row]),
         couplings=_couplings(system),
+        pulling=pulling,
         length=float(factor.length),
         units=str(system.names.units),
         problem="" if figures is not None else RESULTS[result] + culprits(system, state, factor, result),
@@ -148,13 +151,13 @@ def _family(
     closure: AbstractClosure,
     stress: np.ndarray,
     sense: ByName | None,
-) -> tuple[Family, RESULTS]:
-    """The family through the closure's solution, and how its search ended."""
+) -> tuple[Family, Solution]:
+    """The family through the closure's solution, and that solution."""
     solution = solve(system, state, closure=closure, sense=sense, factor=factor, throw=False)
     slips = senses(system.slips, sense)
     others = partial(other_solutions, system, state, factor, solution, stress, slips)
     chosen = elasticity(closure, system, state)
-    return family(system, state, factor, chosen, stress.T, solution, cache(others), slips), solution.result
+    return family(system, state, factor, chosen, stress.T, solution, cache(others), slips), solution
 
 
 def _verdicts(system: AbstractSystem, state: State, figures: Family, result: RESULTS) -> dict[str, tuple[Judged, ...]]:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from .._system._pushing import in_words
 from ._release import Release
 from ._verdict import Judged, Verdict
 
@@ -45,6 +46,7 @@ class Report:
     - `friction_reads`: names of the multipliers that are not unique and that friction depends on.
     - `couplings`: names of the joints that are an `AngleCoupling`: what is said of bearings leaves out the forces of
       their teeth or belts.
+    - `pulling`: names of the rows of teeth that pull in the solution of the closure: their other flanks are in contact.
     - `units`: those that the model states, as in "m, rad, kg, s, N"; empty where it states none.
     - `length`: a length of the mechanism, by which moments are compared with forces, and turns with shifts.
     - `problem`: why the equations at this state cannot be trusted; empty if they can.
@@ -83,6 +85,7 @@ class Report:
     releases: tuple[Release, ...]
     friction_reads: tuple[str, ...]
     couplings: tuple[str, ...]
+    pulling: tuple[str, ...]
     length: float
     units: str
     problem: str
@@ -107,7 +110,8 @@ class Report:
         if not self.couplings:
             return ""
         return (
-            f"Angles alone are coupled by {', '.join(self.couplings)}: no force of teeth or belts loads the bearings."
+            f"Angles alone are coupled by {', '.join(self.couplings)}: no force of teeth or belts loads the bearings. "
+            "A `GearPair` has that of teeth."
         )
 
     def dependencies(self) -> tuple[tuple[str, dict[str, float]], ...]:
@@ -164,6 +168,8 @@ class Report:
             )
         if self.left_out:
             lines.append(f"LEFT OUT: {self.left_out}")
+        if self.pulling:
+            lines.append(f"CHANGE OF FLANK: {in_words(self.pulling)}")
         for number, state in enumerate(self.self_stress):
             lines.append(f"Self-stress state {number}, multipliers:")
             lines += columns([f"{name} {value:+.6g}" for name, value in zip(self.rows, state, strict=True) if value])

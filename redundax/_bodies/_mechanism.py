@@ -89,7 +89,7 @@ class Mechanism(AbstractSystem):
         self.body = stacked([replace_fields(body, name="") for body in bodies])
         self.loads, _ = stacks(loads, names)
         self.gravity, self.pose = as_vector(gravity), as_functions(pose)
-        self.joints, groups = stacks(joints, names, name="", friction=None, pin_radius=None)
+        self.joints, groups = stacks(joints, names, name="", friction=None, pin_radius=None, sliding_arm=None)
         rows, source, places = _rows(joints, groups)
         self._source = indices(source)
         self._entries = indices(_entries(joints, groups, source, names))
@@ -106,6 +106,7 @@ class Mechanism(AbstractSystem):
             _reactions([joints[k] for group in groups for k in group]),
             tuple(names),
             tuple(tuple(joints[k].name for k in group) for group in groups),
+            _pushing(joints, rows),
             of_model(units),
         )
 
@@ -270,6 +271,11 @@ def _reactions(joints: Sequence[AbstractJoint]) -> Axis:
     on = [(joint.name, joint.j if joint.i == GROUND else joint.i) for joint in joints]
     names = (f"{name} {part} on {body}" for name, body in on for part in ("force x", "force y", "moment"))
     return Axis(tuple(names), ("force", "force", "moment") * len(joints))
+
+
+def _pushing(joints: Sequence[AbstractJoint], rows: Axis) -> tuple[int, ...]:
+    """Rows whose contacts push alone."""
+    return tuple(rows.labels.index(f"{joint.name}.{row}") for joint in joints for row in joint.pushing)
 
 
 def _rows(

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .._system._pushing import warn_of_pulling
 from .._system._results import RESULTS, is_one_of
 from .._system._state import State
 from .._system._system import AbstractSystem
@@ -19,7 +20,10 @@ Out = TypeVar("Out", bound=Any)
 def thrown(
     out: Out, throw: bool | None, system: AbstractSystem, state: State, factor: Factorisation, *good: RESULTS
 ) -> Out:
-    """What has a `result`, which is an error unless it is among the good ones; `throw` is that of `solve`."""
+    """What has a `result`, which is an error unless it is among the good ones; `throw` is that of `solve`.
+
+    Of teeth that pull in a good one a warning tells the caller's caller.
+    """
     traced = not all(map(is_concrete, jax.tree.leaves(out.result)))
     if throw is False or (throw is None and traced):
         return out
@@ -27,6 +31,7 @@ def thrown(
         return out.result.error_if(out, jnp.all(jnp.stack([out.result != one for one in good])))
     if not is_one_of(out.result, *good):
         raise RuntimeError(RESULTS[out.result] + culprits(system, state, factor, out.result))
+    warn_of_pulling(out.names, out.multipliers, stacklevel=3)
     return out
 
 

@@ -101,7 +101,8 @@ def simulate(
     Where the frictional equations may have several solutions the motion follows its branch, and stops where that ends.
 
     **Returns:** a `Trajectory`. The motion passes singular positions on the branch that its velocity lies on. Where
-    more joints stick than need to while others move, their friction is the least that holds; it is NaN at rest.
+    more joints stick than need to while others move, their friction is the least that holds; it is NaN at rest. Where
+    teeth pull at any of the times its `pulling` names them, and a warning does as in `solve`.
 
     **Raises:** `ValueError` for arguments that do not fit; `RuntimeError` with the message of the result where `throw`
     says so.

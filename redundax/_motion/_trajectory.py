@@ -5,6 +5,7 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from .._system._joint_coordinates import JointMotion, joint_motion, joint_reactions
 from .._system._names import AbstractNamed
+from .._system._pushing import pulling
 from .._system._results import RESULTS
 from .._system._state import State
 
@@ -100,6 +101,11 @@ class Trajectory(AbstractNamed):
     def reactions(self) -> Float[Array, "..."]:
         """What each joint does to its body, as of a `Solution`, shape (times, 3 joints)."""
         return joint_reactions(self.joint_coordinates, self.states, self.multipliers, times=True)
+
+    @property
+    def pulling(self) -> tuple[str, ...]:
+        """Names of the rows of teeth that pull at any time: there their other flanks are in contact."""
+        return pulling(self.names, self.multipliers)
 
     @property
     def states(self) -> State:

@@ -9,6 +9,7 @@ from .._equations._evidence import Violation
 from .._equations._rank import Spectrum
 from .._system._joint_coordinates import JointMotion, joint_motion, joint_reactions
 from .._system._names import AbstractNamed
+from .._system._pushing import in_words, pulling
 from .._system._results import RESULTS
 from .._system._state import State
 from .._tools._module import is_concrete
@@ -125,6 +126,11 @@ class Solution(AbstractNamed):
         return joint_reactions(self.joint_coordinates, self._at, self.multipliers)
 
     @property
+    def pulling(self) -> tuple[str, ...]:
+        """Names of the rows of teeth that pull, in any sample of a batch: their other flanks are in contact."""
+        return pulling(self.names, self.multipliers)
+
+    @property
     def _at(self) -> State:
         if self.state is None:
             raise ValueError("This solution does not know its state: it does not come from `solve`. Index its arrays.")
@@ -139,9 +145,10 @@ class Solution(AbstractNamed):
         counts = f"redundancy {stats.redundancy}, freedom {stats.freedom}, {stats.steps} steps of friction"
         if self.result != RESULTS.successful:
             return f"{RESULTS[self.result]}\n{counts}"
-        units = [f"units {self.names.units}"] if self.names is not None and str(self.names.units) else []
+        told = [f"units {self.names.units}"] if self.names is not None and str(self.names.units) else []
+        told += [in_words(self.pulling)] if self.pulling else []
         numbers = {"acceleration": self.acceleration, "multipliers": self.multipliers, "friction": self.friction}
-        return "\n".join([counts, *units, *(f"{name} {_shown(np.asarray(value))}" for name, value in numbers.items())])
+        return "\n".join([counts, *told, *(f"{name} {_shown(np.asarray(value))}" for name, value in numbers.items())])
 
 
 def _shown(values: np.ndarray) -> str:

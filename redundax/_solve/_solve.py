@@ -97,7 +97,8 @@ def solve(
     where a transformation such as `jit`, `vmap` or `grad` traces something of the equations.
 
     **Returns:** a `Solution`; its arrays are NaN unless `result` is `RESULTS.successful`, and so are their derivatives
-    in forward mode; to a gradient in reverse mode such a sample of a batch adds nothing.
+    in forward mode; to a gradient in reverse mode such a sample of a batch adds nothing. Where teeth pull, its
+    `pulling` names them, and unless `throw` is False a warning too, outside of transformations.
 
     **Raises:** `ValueError` for arguments that do not fit the system; `RuntimeError` with the message of
     the result where `throw` says so.

@@ -72,6 +72,7 @@ class Names:
     - `coordinates`, `rows`, `slips`, `joint_coordinates`, `reactions`: the axes of its arrays.
     - `bodies`: those that move, in order.
     - `joints`: of each stack of joints of one kind.
+    - `pushing`: indices of the rows whose multiplier is positive where contacts push, as teeth do.
     - `units`: those that the model states.
     - `adds`: whether velocities are rates of positions, which then have the names of coordinates.
     """
@@ -83,6 +84,7 @@ class Names:
     reactions: Axis = _NONE
     bodies: tuple[str, ...] = ()
     joints: tuple[tuple[str, ...], ...] = ()
+    pushing: tuple[int, ...] = ()
     units: StatedUnits = UNSTATED
     adds: bool = True
 

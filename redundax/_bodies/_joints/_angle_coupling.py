@@ -19,7 +19,8 @@ class AngleCoupling(AbstractJoint):
 
     It stands for what a gear, belt or chain does to the motion of bodies on fixed axes. It passes moments alone: no
     force of teeth or belt loads the bearings, so loads of the bearings lack that force. The moment on body j is
-    `ratio` times that on body i; the ground must carry both axes.
+    `ratio` times that on body i; the ground must carry both axes. `GearPair` and `RackAndPinion` have the forces of
+    teeth, on axes that may move.
 
     ??? example
 

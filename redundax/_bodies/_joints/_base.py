@@ -6,7 +6,7 @@ bodies is -Phi_q^T lam.
 """
 
 import abc
-from typing import cast
+from typing import ClassVar, cast
 
 import equinox as eqx
 import jax
@@ -24,7 +24,7 @@ class AbstractJoint(AbstractBetweenBodies):
     """A joint between the bodies i and j.
 
     A new kind of joint gives `row_kinds`, the name and kind ("force" or "moment") of each of its rows, force-type
-    first, and `residual`.
+    first, and `residual`; and in `pushing` the names of rows whose contacts can only push, with positive multipliers.
 
     ??? example
 
@@ -45,6 +45,7 @@ class AbstractJoint(AbstractBetweenBodies):
     """
 
     row_kinds: eqx.AbstractClassVar[tuple[Row, ...]]
+    pushing: ClassVar[tuple[str, ...]] = ()
     name: eqx.AbstractVar[str]
 
     @abc.abstractmethod

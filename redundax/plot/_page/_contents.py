@@ -10,6 +10,7 @@ from ..._analysis._verdict import Judged, Verdict
 from ..._solution_sets._family._solution_family import SolutionFamily
 from ..._solve._solution import Solution
 from ..._system._names import unit_of
+from ..._system._pushing import in_words
 from ..._system._results import RESULTS, is_one_of
 from ..._system._state import State
 from ..._system._system import AbstractSystem
@@ -78,6 +79,8 @@ def _short(report: Report) -> tuple[Block, ...]:
     blocks: list[Block] = [Items(tuple(items))]
     if report.left_out:
         blocks.append(Text(report.left_out, warning=True))
+    if report.pulling:
+        blocks.append(Text(in_words(report.pulling), warning=True))
     if report.singular_position:
         singular = "Singular position: the rank is higher beside it, and what follows holds only here."
         if report.undetermined:

@@ -1,0 +1,212 @@
+"""Gears with involute teeth: a mesh is a crossed belt between base circles
+
+    flank (b_i (phi_i - theta) + b_j (phi_j - theta)) + R (tan alpha - alpha) = const  modulo  2 pi b_i / z_i
+    R = b_i + b_j,   cos alpha = |R| / d,   b = m z cos(alpha_0) / 2
+
+with numbers of teeth z, module m, pressure angle alpha_0 of the teeth and alpha of the mesh; d and theta are length and
+direction of the line from the gear axis on body i to that on body j. The row is minus that: its gradient is the line of
+action, tangent to both base circles, and its multiplier the force along it that presses the teeth together. Teeth push:
+a negative one belongs to the other flanks. A ring has z_j < 0 and with it b_j < 0.
+
+Teeth slide on each other at |phi_i' - phi_j'| times the distance of their contact from the pitch point. Friction takes
+the mean of that distance over the path of contact, which lasts eps_i p before and eps_j p beyond the pitch point,
+
+    arm = p (1 - eps_i - eps_j + eps_i^2 + eps_j^2) / 2,   p = 2 pi b_i / z_i     (Ohlendorf's loss of a mesh)
+
+so that it is a moment on body i and its opposite on body j. The force of friction, across the line of action, changes
+its sign at the pitch point and has no mean: this ripple on the bearings is left out.
+"""
+
+import abc
+from typing import Any, ClassVar, cast
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ..._tools._module import (
+    Numbers,
+    as_float,
+    as_vector,
+    is_concrete,
+    numpy_of,
+    on_device,
+    optional_float,
+    positive,
+    safe_norm,
+)
+from .._body import Pose
+from .._friction_model import AbstractFrictionModel
+from ._base import AbstractFrictionalJoint, Row
+
+STANDARD_PRESSURE_ANGLE = np.pi / 9
+
+
+def whole(value: Numbers) -> Int[Array, "..."]:
+    """Whole numbers as an array."""
+    if isinstance(value, jax.Array) and not is_concrete(value):
+        return value
+    array = np.asarray(value)
+    if not np.issubdtype(array.dtype, np.integer):
+        raise ValueError(
+            f"Arguments such as `teeth` or `flank` must be whole numbers, but one is {value}. Give integers."
+        )
+    return on_device(array.astype(np.int32))
+
+
+class AbstractMesh(AbstractFrictionalJoint):
+    """Teeth in contact on one flank: one row whose multiplier is the force that presses them together, N."""
+
+    row_kinds: ClassVar[tuple[Row, ...]] = (("teeth", "force"),)
+    pushing: ClassVar[tuple[str, ...]] = ("teeth",)
+    slip_kind: ClassVar[str] = "angular"
+    point_i: eqx.AbstractVar[Float[Array, "2"]]
+    point_j: eqx.AbstractVar[Float[Array, "2"]]
+    teeth: eqx.AbstractVar[Int[Array, "..."]]
+    module: eqx.AbstractVar[Float[Array, ""]]
+    pressure_angle: eqx.AbstractVar[Float[Array, ""]]
+    flank: eqx.AbstractVar[Int[Array, ""]]
+    sliding_arm: eqx.AbstractVar[Float[Array, ""] | None]
+
+    @property
+    @abc.abstractmethod
+    def contact(self) -> tuple[Any, Any]:
+        """eps_i and eps_j: paths of contact on both sides of the pitch point, of standard teeth, in base pitches."""
+
+    @property
+    def base_radii(self) -> Any:
+        """Radii of the base circles, m, in the shape of `teeth`; negative for a ring."""
+        return self.module * numpy_of(self.pressure_angle).cos(self.pressure_angle) / 2 * self.teeth
+
+    @property
+    def base_pitch(self) -> Any:
+        """Distance of neighbouring teeth along the line of action, m."""
+        return np.pi * self.module * numpy_of(self.pressure_angle).cos(self.pressure_angle)
+
+    @property
+    def law(self) -> AbstractFrictionModel | None:
+        """The mean moment of sliding teeth."""
+        if self.friction is None:
+            return None
+        arm = self.sliding_arm
+        if arm is None:
+            before, beyond = self.contact
+            arm = self.base_pitch * (1 - before - beyond + before**2 + beyond**2) / 2
+        return self.friction.about(arm)
+
+    def slip(self, i: Pose, j: Pose) -> Array:
+        return i.phi - j.phi
+
+    def normal_load(self, multipliers: Array) -> Array:
+        return jnp.abs(multipliers[0])
+
+    def in_pitch(self, residual: Array) -> Array:
+        """The residual to the nearest tooth."""
+        return residual - self.base_pitch * jnp.round(residual / self.base_pitch)
+
+
+def check_mesh(mesh: AbstractMesh) -> None:
+    """Refuse numbers that no teeth have."""
+    for name in ("module", "pressure_angle"):
+        positive(name, getattr(mesh, name))
+    if is_concrete(mesh.pressure_angle) and np.asarray(mesh.pressure_angle) >= np.pi / 2:
+        raise ValueError(
+            f"Argument `pressure_angle` of '{mesh.name}' must be below pi / 2, but is {mesh.pressure_angle}. Give "
+            "radians, pi / 9 for 20 degrees."
+        )
+    if is_concrete(mesh.flank) and abs(int(mesh.flank)) != 1:
+        raise ValueError(
+            f"Argument `flank` of '{mesh.name}' must be 1 or -1, but is {mesh.flank}. Give 1 where the force on its "
+            "teeth turns body i counterclockwise."
+        )
+
+
+def tip_path(radius: Any, module: Any, pressure_angle: Any) -> Any:
+    """Path of contact from the pitch point to the tip of standard teeth, m; the radius of a ring is negative."""
+    xp = numpy_of(radius, module, pressure_angle)
+    base, tip = radius * xp.cos(pressure_angle), radius + module
+    return xp.abs(xp.sqrt(xp.maximum(tip**2 - base**2, 0.0)) - xp.abs(radius) * xp.sin(pressure_angle))
+
+
+class GearPair(AbstractMesh):
+    """Two gears in mesh, with the force of their teeth. Its multiplier is that force along the line of action, N.
+
+    It is positive where the teeth push. Where it is negative the other flanks are in contact: `Solution.pulling` names
+    the row, and `solve` warns; change the sign of `flank`. Bodies may move in any way, as planets on a carrier do.
+
+    Teeth are of the standard profile, half a pitch thick at the pitch circles: they mesh without backlash at the centre
+    distance m (z_i + z_j) / 2, and touch on the flank given at any other. Between the base circles, at a distance of at
+    most |b_i + b_j|, no teeth reach each other: the row is not met there.
+
+    `AngleCoupling` couples angles alone, for belts and chains and where no force of teeth is asked for.
+
+    ??? example
+
+        ```python
+        mesh = rx.GearPair("mesh", "pinion", "wheel", (0.0, 0.0), (0.0, 0.0), teeth=(20, 60), module=0.002)
+        rx.GearPair("ring", "planet", "ground", (0.0, 0.0), (0.0, 0.0), teeth=(18, -60), module=0.002, flank=-1)
+        ```
+
+    **Arguments:**
+
+    - `name`: the row is called "name.teeth". The force and the moment of the reaction act at the gear's axis: the
+      moment is the torque of the mesh.
+    - `i`, `j`: names of the bodies, or "ground"; in an internal mesh the ring is j.
+    - `point_i`, `point_j`: the gear axes in the local frames, m.
+    - `teeth`: whole numbers z_i and z_j; that of a ring, with internal teeth, is negative.
+    - `module`: m, pitch diameter over number of teeth, m.
+    - `pressure_angle`: alpha_0 of the teeth, rad; 20 degrees if not given.
+    - `flank`: 1 for right flanks, whose force turns body i counterclockwise, -1 for left ones.
+    - `angle_i`, `angle_j`: where the middle of a tooth is in the local frames, from the x axis, rad. Without them, one
+      tooth of each gear is on the x axis of its body: `assemble` turns bodies into mesh.
+    - `sliding_arm`: mean distance of the contact from the pitch point, m, for friction; that of teeth with an addendum
+      of one module if not given. The mean loss of an ideal pair is mu arm (1 / b_i + 1 / b_j) of its power.
+    - `friction`: `Coulomb` with its coefficient mu, or another model: the mean of a tooth's way through the mesh.
+    """
+
+    name: str = eqx.field(static=True)
+    i: str = eqx.field(static=True)
+    j: str = eqx.field(static=True)
+    point_i: Float[Array, "2"] = eqx.field(converter=as_vector)
+    point_j: Float[Array, "2"] = eqx.field(converter=as_vector)
+    teeth: Int[Array, "2"] = eqx.field(converter=whole)
+    module: Float[Array, ""] = eqx.field(converter=as_float)
+    pressure_angle: Float[Array, ""] = eqx.field(converter=as_float, default=STANDARD_PRESSURE_ANGLE)
+    flank: Int[Array, ""] = eqx.field(converter=whole, default=1)
+    angle_i: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    angle_j: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    sliding_arm: Float[Array, ""] | None = eqx.field(converter=optional_float, default=None)
+    friction: AbstractFrictionModel | None = None
+
+    def __check_init__(self) -> None:
+        check_mesh(self)
+        given = np.asarray(self.teeth)
+        if given.shape != (2,) or given[0] <= 0 or given[1] == 0 or (given[1] < 0 and given.sum() >= 0):
+            raise ValueError(
+                f"Argument `teeth` of '{self.name}' must be two numbers, the first positive, and of a ring, which is "
+                f"negative, larger than the other, but is {given}. Name the ring as `j`."
+            )
+
+    @property
+    def contact(self) -> tuple[Any, Any]:
+        radii = cast(Any, self.module / 2) * self.teeth
+        own, other = (tip_path(radius, self.module, self.pressure_angle) / self.base_pitch for radius in radii)
+        return own, other
+
+    def residual(self, i: Pose, j: Pose, t: Array) -> Array:
+        line = j.point(self.point_j) - i.point(self.point_i)
+        distance, own, other = safe_norm(line), *self.base_radii
+        apart = distance > 0
+        theta = jnp.arctan2(jnp.where(apart, line[1], 0.0), jnp.where(apart, line[0], 1.0))
+        rolled = own * (i.phi + self.angle_i - theta) + other * (j.phi + self.angle_j - theta)
+        # A tooth of i in a gap of j, both on the line of centres: beyond i, and on this side of j unless that is a ring
+        between = self.base_pitch / 2 * (self.teeth[1] + 1 + jnp.where(other < 0, self.teeth[0], 0))
+        radius, size = own + other, jnp.abs(own + other)
+        reaches = distance > size
+        height = jnp.sqrt(jnp.where(reaches, distance**2 - size**2, 1.0))
+        opening = jnp.sign(radius) * (height - size * jnp.arctan2(height, size))
+        closed = radius * (jnp.tan(self.pressure_angle) - self.pressure_angle)
+        gap = self.flank * (rolled - between) + opening - closed
+        return jnp.stack([jnp.where(reaches, self.in_pitch(-gap), self.base_pitch + size - distance)])

@@ -1,0 +1,45 @@
+"""Contacts that push alone, as teeth do: which of them pull in a solution, and what that means."""
+
+import warnings
+
+import jax
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._tools._module import is_concrete
+from ._names import Names
+
+_ROUNDING = 1e-9  # relative to the largest force of a joint
+
+
+def pulling(names: Names | None, multipliers: Float[Array, "*batch m"]) -> tuple[str, ...]:
+    """Names of the rows of pushing contacts that pull, in any sample of a batch or at any time; concrete values."""
+    if names is None or not names.pushing:
+        return ()
+    if not is_concrete(multipliers):
+        raise ValueError(
+            "What pulls is told where numbers are known, not inside of transformations. Look at the signs of the "
+            f"multipliers {', '.join(names.rows.labels[row] for row in names.pushing)} there."
+        )
+    values, rows = np.nan_to_num(jax.device_get(multipliers)), list(names.pushing)
+    largest = np.abs(values[..., ~names.rows.angular]).max(axis=-1, keepdims=True)
+    pulls = values[..., rows] < -_ROUNDING * largest
+    return tuple(names.rows.labels[row] for row, own in zip(rows, np.moveaxis(pulls, -1, 0), strict=True) if own.any())
+
+
+def in_words(rows: tuple[str, ...]) -> str:
+    """What it means that contacts pull, and the way out; empty where none does."""
+    if not rows:
+        return ""
+    return (
+        f"Teeth pull in {', '.join(rows)}: their other flanks are in contact, with another line of action and other "
+        "loads on the bearings. Give these joints the opposite `flank`, or, where loads are not unique, look for a "
+        "closure under which all teeth push."
+    )
+
+
+def warn_of_pulling(names: Names | None, multipliers: Float[Array, "*batch m"], stacklevel: int) -> None:
+    """Tell that contacts pull, where that is known and any does."""
+    rows = pulling(names, multipliers) if is_concrete(multipliers) else ()
+    if rows:
+        warnings.warn(in_words(rows), stacklevel=stacklevel + 1)
