@@ -320,6 +320,37 @@ def everything() -> tuple[rx.Mechanism, rx.State]:
     return mechanism, rx.State([*q, 0.2, 0.1, 0.4, 0.0, 0.0, 0.0, 0.0], np.zeros(21))
 
 
+def gears() -> tuple[rx.Mechanism, rx.State]:
+    """A pinion between a rack and a ring, which are the ground, and a wheel."""
+    joints = [
+        rx.Revolute("P", "pinion", rx.GROUND, (0.0, 0.0), (0.0, 0.0)),
+        rx.Revolute("W", "wheel", rx.GROUND, (0.0, 0.0), (0.6, 0.0)),
+        rx.GearPair("pair", "pinion", "wheel", (0.0, 0.0), (0.0, 0.0), (20, 40), 0.02),
+        rx.GearPair("ring", "pinion", rx.GROUND, (0.0, 0.0), (0.0, 0.8), (20, -100), 0.02),
+        rx.RackAndPinion("rack", "pinion", rx.GROUND, (0.0, 0.0), (-0.3, 0.0), (1.0, 0.0), 20, 0.02, flank=-1),
+    ]
+    bodies = [rx.Body(name, 1.0, 0.1) for name in ("pinion", "wheel")]
+    return rx.Mechanism(bodies, joints), rx.State([0.0, 0.0, 0.6, 0.0, 0.0, 0.0], np.zeros(6))
+
+
+def test_gears_draw_and_their_loads_are_at_the_pitch_points(axes):
+    """At 0.2 from the pinion's axis; the line of action leans by 20 degrees from the tangent there."""
+    mechanism, state = gears()
+    lam = np.array([0.0 if label[0] in "PW" else 5.0 for label in mechanism.rows.labels])
+    draw(mechanism, state, axes=axes, multipliers=lam)
+    assert overlapping(axes) == []
+    c, s = np.cos(np.pi / 9), np.sin(np.pi / 9)
+    places = {"pair": [0.2, 0.0], "ring": [0.0, -0.2], "rack": [-0.2, 0.0]}
+    # Away from the wheel and the rack, and into the ring
+    forces = {"pair": [-s, c], "ring": [c, s], "rack": [s, c]}
+    found = loads_of(mechanism, state, lam)
+    assert found.keys() == places.keys()
+    for name, each in found.items():
+        np.testing.assert_allclose(each.at, places[name], atol=1e-12)
+        np.testing.assert_allclose(each.force, 5.0 * np.array(forces[name]), atol=1e-12)
+        assert each.moment == 0.0  # the force passes through the pitch point
+
+
 def test_every_kind_draws(axes):
     mechanism, state = everything()
     lam = np.linspace(-3.0, 5.0, len(mechanism.rows))

@@ -75,8 +75,8 @@ def on_bodies(scene: Scene, wrenches: list[tuple[np.ndarray, np.ndarray]]) -> li
     for joint in scene.joints:
         force, moment = (part[joint.member] for part in wrenches[joint.group])
         body = scene.names[joint.i] if joint.i < scene.ground else "ground"
-        about = float(moment_about(moment, force, joint.on_i - scene.centres[joint.i]))
-        out.append(Arrow(joint.name, body, joint.on_i, joint.spot, force, about))
+        about = float(moment_about(moment, force, joint.loaded_at - scene.centres[joint.i]))
+        out.append(Arrow(joint.name, body, joint.loaded_at, joint.spot, force, about))
     size = float(np.ptp(scene.points(), axis=0).max()) or 1.0
     least = _SMALLEST * max((max(a.size, abs(a.moment) / size) for a in out), default=0.0)
     kept = []

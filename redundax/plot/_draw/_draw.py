@@ -53,7 +53,8 @@ def draw(
     body i. Moments are circular arrows, counterclockwise where positive, with their values. Loads below 1e-4
     of the largest are left out, and so are values and, in very dense pictures, names that would cover other ones.
     Applied forces are black, to the scale of `multipliers` where these are given and not four times smaller.
-    Couplings of angles look like gears, or belts where both bodies turn in the same sense; neither's force is there.
+    Gears in mesh are their pitch circles with the line of action; their arrow starts at the pitch point. Couplings of
+    angles look like gears, or belts where both bodies turn in the same sense; neither's force is there.
 
     ??? example
 

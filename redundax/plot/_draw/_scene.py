@@ -18,6 +18,7 @@ from ..._bodies._mechanism import Mechanism
 from ..._bodies._reactions import load_wrenches, moment_about
 from ..._system._state import State
 from ..._system._units import StatedUnits
+from ._meshes import Mesh, meshes_of, turned
 
 _SIDES = np.array([[0.0, -1.0], [0.0, 1.0], [-1.0, 0.0], [1.0, 0.0]])
 
@@ -27,8 +28,8 @@ class Joint:
     """A joint: `on_i` and `on_j` are its points on the two bodies, `spot` is where its symbol and name belong.
 
     `axis` is the unit vector along its guide, `length` the guide's length and `ratio` that of a coupling of angles,
-    where the joint has such a thing; `pointed` is whether it has a point. `group` and `member` say where in the
-    mechanism's stacks it lies.
+    where the joint has such a thing, and `mesh` its teeth; `pointed` is whether it has a point. `group` and `member`
+    say where in the mechanism's stacks it lies.
     """
 
     name: str
@@ -44,6 +45,12 @@ class Joint:
     length: float | None
     ratio: float | None
     pointed: bool
+    mesh: Mesh | None = None
+
+    @property
+    def loaded_at(self) -> np.ndarray:
+        """Where the arrow of its force starts: on body i, of teeth at the pitch point."""
+        return self.on_i if self.mesh is None else self.spot
 
 
 @dataclasses.dataclass(frozen=True)
@@ -123,6 +130,7 @@ def _joints(mechanism: Mechanism, group: int, r: np.ndarray, phi: np.ndarray) ->
     stack = mechanism.joints[group]
     element, i, j = stack.element, np.asarray(stack.i), np.asarray(stack.j)
     ground = len(r) - 1
+    meshes = meshes_of(stack, r, phi)
     on_i, on_j = _points(element, "point_i", i, r, phi), _points(element, "point_j", j, r, phi)
     pointed = on_i is not None or on_j is not None
     # The ground has no centre to show a joint at; a point of the other body does.
@@ -130,7 +138,7 @@ def _joints(mechanism: Mechanism, group: int, r: np.ndarray, phi: np.ndarray) ->
     on_i = np.where((i == ground)[:, None], r[j], r[i]) if on_i is None else on_i
     on_j = np.where((j == ground)[:, None], on_i, r[j]) if on_j is None else on_j
     normal = _field(element, "normal", (2,))
-    axis = None if normal is None else _turned(np.stack([normal[:, 1], -normal[:, 0]], 1), phi[j])
+    axis = None if normal is None else turned(np.stack([normal[:, 1], -normal[:, 0]], 1), phi[j])
     length, ratio = _field(element, "guide_length", ()), _field(element, "ratio", ())
     names = mechanism.names.joints[group]
     return [
@@ -148,6 +156,7 @@ def _joints(mechanism: Mechanism, group: int, r: np.ndarray, phi: np.ndarray) ->
             length=None if length is None else float(length[k]),
             ratio=None if ratio is None else float(ratio[k]),
             pointed=pointed,
+            mesh=meshes[k],
         )
         for k in range(len(i))
     ]
@@ -155,6 +164,8 @@ def _joints(mechanism: Mechanism, group: int, r: np.ndarray, phi: np.ndarray) ->
 
 def _at_pin(joint: Joint, joints: list[Joint], r: np.ndarray) -> Joint:
     """Joints without points at the pins of their bodies, joints between two distant points halfway."""
+    if joint.mesh is not None:
+        return dataclasses.replace(joint, spot=joint.mesh.pitch, on_j=joint.mesh.on_j, axis=None)
     if joint.axis is not None:
         return joint
     if joint.pointed:
@@ -177,7 +188,11 @@ def pin(i: int, j: int, joints: list[Joint]) -> np.ndarray | None:
 
 
 def pitch_circles(joint: Joint) -> list[tuple[np.ndarray, float]]:
-    """Centre and radius of the wheels of a coupling, which touch if they turn in opposite senses; else none."""
+    """Centres and radii of gears in mesh, or of the wheels of a coupling, which touch if they turn in opposite senses;
+    else none.
+    """
+    if joint.mesh is not None:
+        return list(joint.mesh.circles)
     distance, ratio = float(np.hypot(*(joint.on_j - joint.on_i))), joint.ratio or 1.0
     if joint.kind is not AngleCoupling or distance == 0:
         return []
@@ -229,9 +244,4 @@ def _field(element: Any, name: str, shape: tuple[int, ...]) -> np.ndarray | None
 
 def _points(element: Any, name: str, bodies: np.ndarray, r: np.ndarray, phi: np.ndarray) -> np.ndarray | None:
     local = _field(element, name, (2,))
-    return None if local is None else r[bodies] + _turned(local, phi[bodies])
-
-
-def _turned(v: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.stack([c * v[:, 0] - s * v[:, 1], s * v[:, 0] + c * v[:, 1]], axis=1)
+    return None if local is None else r[bodies] + turned(local, phi[bodies])

@@ -2,16 +2,28 @@
 
 A circle is a revolute joint and a block between rails a translational one; hatching is the ground, M a driven angle, a
 cylinder a driven distance (a rod where it is constant), a black square a fixed joint, chain-dotted circles the wheels
-of a coupling of angles, and a diamond a joint that the user wrote.
+of a coupling of angles or, with a line of action, of gears in mesh, and a diamond a joint that the user wrote.
 """
 
 from collections.abc import Callable
+from typing import cast
 
 import numpy as np
 
-from ..._bodies._joints import AngleCoupling, AngleDriver, DistanceDriver, Fixed, PinInSlot, Revolute, Translational
+from ..._bodies._joints import (
+    AngleCoupling,
+    AngleDriver,
+    DistanceDriver,
+    Fixed,
+    GearPair,
+    PinInSlot,
+    RackAndPinion,
+    Revolute,
+    Translational,
+)
 from ..._bodies._loads import AppliedForce, SpringDamper, TorsionSpring
 from ._bodies import block_length, guide_reach, hull
+from ._meshes import Mesh
 from ._pen import HARD, OUTLINE, Pen, across, circle
 from ._scene import Joint, Load, Scene, pitch_circles
 from ._style import BLOCK, BLOCK_Z, BODY_Z, GROUND, GROUND_Z, INK, PIN, PIN_Z, body_colour, dark
@@ -52,7 +64,7 @@ def _supports(pen: Pen, scene: Scene) -> list[tuple[np.ndarray, np.ndarray]]:
     ends = [
         (joint.on_i if joint.i == scene.ground else joint.on_j, joint.i if joint.j == scene.ground else joint.j)
         for joint in scene.joints
-        if scene.ground in (joint.i, joint.j) and joint.axis is None and joint.pointed
+        if scene.ground in (joint.i, joint.j) and joint.axis is None and joint.pointed and joint.mesh is None
     ]
     ends += [(load.on_j, load.i) for load in scene.loads if load.to_ground]
     for point, body in ends:
@@ -164,6 +176,27 @@ def _angle_coupling(pen: Pen, scene: Scene, joint: Joint) -> None:
             pen.line([start + first * normal, end + second * normal], INK, BODY_Z - 0.5)
 
 
+def _mesh(pen: Pen, scene: Scene, joint: Joint) -> None:
+    """Pitch circles, or the circle and the line of a rack, and the line of action."""
+    mesh = cast(Mesh, joint.mesh)
+    for (centre, radius), body in zip(mesh.circles, (joint.i, joint.j), strict=False):
+        corners = centre + radius * circle(96)
+        pen.polygon(corners, "none", INK, BODY_Z - 0.5, linestyle="-.")
+        pen.cover_path(corners, 2.0, OUTLINE)
+        for side in _SIDES if body == scene.ground else ():
+            foot, half = centre + radius * side, 12.0 * across(side) * pen.point
+            pen.hatched(foot - half, foot + half, GROUND)
+    reach = 0.4 * mesh.least_radius * mesh.line
+    if mesh.rack is not None:
+        half = 2 * mesh.least_radius * mesh.rack
+        pen.line([mesh.pitch + half, mesh.pitch - half], INK, BODY_Z - 0.5, linestyle="-.")
+        if joint.j == scene.ground:
+            pen.hatched(mesh.pitch + half, mesh.pitch - half, GROUND)
+    pen.line([mesh.pitch - reach, mesh.pitch + reach], INK, BODY_Z + 0.8, linewidth=1.0)
+    pen.circle(mesh.pitch, 1.6, fill=INK, z=BODY_Z + 0.8)
+    pen.cover(mesh.pitch, 3.0, HARD)
+
+
 def _unknown(pen: Pen, scene: Scene, joint: Joint) -> None:
     if np.hypot(*(joint.on_i - joint.on_j)) > pen.point:
         pen.line([joint.on_i, joint.on_j], INK, PIN_Z - 0.5, linewidth=1.0, linestyle="--")
@@ -203,4 +236,6 @@ _SYMBOLS: dict[type, Callable[[Pen, Scene, Joint], None]] = {
     AngleDriver: _angle_driver,
     DistanceDriver: _distance_driver,
     AngleCoupling: _angle_coupling,
+    GearPair: _mesh,
+    RackAndPinion: _mesh,
 }
