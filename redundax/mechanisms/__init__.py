@@ -1,10 +1,12 @@
 """Ready-made mechanisms, each with its parameters as arguments."""
 
 from ._carriage import carriage as carriage
+from ._countershafts import countershaft_train as countershaft_train
 from ._four_bar import doubled_four_bar as doubled_four_bar
 from ._n_four_bar import n_four_bar as n_four_bar
 from ._parallelogram import driven_parallelogram as driven_parallelogram
 from ._parallelogram import parallelogram as parallelogram
 from ._parallelogram import swing as swing
+from ._planetary import planetary as planetary
 from ._slider_crank import slider_crank as slider_crank
 from ._wojtyra2020 import wojtyra2020 as wojtyra2020

@@ -64,6 +64,17 @@ def uniform_rod(name: str, mass: ArrayLike, length: ArrayLike) -> Body:
     return Body(name, mass, mass * length**2 / 12)
 
 
+def uniform_disc(name: str, mass: ArrayLike, radius: ArrayLike) -> Body:
+    """A uniform disc."""
+    mass, radius = floats(mass), floats(radius)
+    return Body(name, mass, mass * radius**2 / 2)
+
+
+def spread(count: int) -> Float[np.ndarray, " count"]:
+    """Angles of so many equal parts around an axis, the first at 0."""
+    return 2 * np.pi * np.arange(count) / count
+
+
 def pivoted_cranks(
     pivots: Float[np.ndarray | Array, " cranks"],
     length: ArrayLike,

@@ -240,8 +240,18 @@ def test_the_tables_of_a_report_agree(make):
 
 def test_a_report_says_that_couplings_of_angles_leave_out_forces():
     report, blocks = page_of(*wheels())
-    told = "Angles alone are coupled by mesh, copy: no force of teeth or belts loads the bearings."
+    told = "Angles alone are coupled by mesh, copy: no force of teeth or belts loads the bearings. "
+    told += "A `GearPair` has that of teeth."
     assert report.couplings == ("mesh", "copy")
     assert told in str(report)
     assert Text(told, warning=True) in blocks
     assert rx.analyze(*lift()).left_out == ""
+
+
+@pytest.mark.slow
+def test_a_report_says_that_teeth_pull():
+    mechanism = rx.mechanisms.planetary(2, flank=-1)
+    with pytest.warns(UserWarning, match="Teeth pull"):
+        report, blocks = page_of(mechanism, mechanism.state(phi=0.4, rate=10.0))
+    assert report.pulling == ("S1.teeth", "R1.teeth", "S2.teeth", "R2.teeth")
+    assert any(isinstance(block, Text) and block.warning and "R2.teeth: their other" in block.text for block in blocks)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import accumulate
 
+import gears
 from mpmath import mp
 from truth import exact, scenes
 from truth.exact import exactly
@@ -503,4 +504,6 @@ CASES: Mapping[str, Case] = {
     "carriage": carriage(2, "0"),
     "carriage, guides offset": carriage(2, "1/10"),
     "carriage, three guides": carriage(3, "1/10"),
+    "planetary set": Case(**gears.planetary(2, 24, 18)),
+    "countershaft train": Case(**gears.countershaft_train(2)),
 }

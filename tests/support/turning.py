@@ -16,14 +16,15 @@ def turned(mechanism, state, angle):
     R, ground = rotation(angle), len(mechanism.names.bodies)
     for k, stack in enumerate(mechanism.joints):
         on_ground = np.asarray(stack.j) == ground
-        names = ("point_j", "normal") if isinstance(stack.element, rx.Translational) else ("point_j",)
-        for name in names:
+        with_normal = isinstance(stack.element, rx.Translational | rx.RackAndPinion)
+        for name in ("point_j", "normal") if with_normal else ("point_j",):
             old = getattr(stack.element, name)
             new = jnp.where(on_ground[:, None], old @ R.T, old)
             mechanism = eqx.tree_at(lambda m, k=k, name=name: getattr(m.joints[k].element, name), mechanism, new)
-        if "normal" in names:
-            angles = stack.element.angle + np.where(on_ground, angle, 0.0)
-            mechanism = eqx.tree_at(lambda m, k=k: m.joints[k].element.angle, mechanism, angles)
+        for kind, name in ((rx.Translational, "angle"), (rx.GearPair, "angle_j")):
+            if isinstance(stack.element, kind):
+                angles = getattr(stack.element, name) + np.where(on_ground, angle, 0.0)
+                mechanism = eqx.tree_at(lambda m, k=k, name=name: getattr(m.joints[k].element, name), mechanism, angles)
     mechanism = eqx.tree_at(lambda m: m.gravity, mechanism, R @ mechanism.gravity)
     whole, linear = np.kron(np.eye(ground), R), slice(0, 2 * ground)
     q, qd = np.array(state.q), np.array(state.qd)

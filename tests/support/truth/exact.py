@@ -9,7 +9,7 @@ permanent by construction, so the rank is known and the dependent rows vanish to
 Arithmetic on the results keeps its digits only inside `mp.workdps(DIGITS)`.
 
 Conventions: body 0 is the ground; coordinates are x, y of all bodies, then all angles; rows
-are force-type (revolutes x, y, then the normal rows of translational joints), then
+are force-type (revolutes x, y, then the normal rows of translational joints, then teeth), then
 moment-type (angle rows of translational joints, then drivers). The constraint force is
 -Phi_q^T lam; a joint's moment of friction acts with +tau on body i and -tau on body j;
 omega = phid_i - phid_j; R_J is the pair of multipliers of revolute J. Units are SI.
@@ -25,6 +25,8 @@ from functools import cached_property
 
 import numpy as np
 from mpmath import mp
+
+from . import meshes
 
 DIGITS = 50
 exactly = mp.workdps(DIGITS)
@@ -127,6 +129,7 @@ class Mechanism:
     qd: tuple
     rank: int
     t: object = field(default_factory=mp.mpf)
+    meshes: tuple = ()
 
     @property
     def n(self) -> int:
@@ -136,7 +139,7 @@ class Mechanism:
     @property
     def m(self) -> int:
         """Number of constraint rows."""
-        return 2 * len(self.revolutes) + 2 * len(self.translationals) + len(self.drivers)
+        return 2 * len(self.revolutes) + 2 * len(self.translationals) + len(self.drivers) + len(self.meshes)
 
     @property
     def k(self) -> int:
@@ -146,7 +149,7 @@ class Mechanism:
     @property
     def kinds(self) -> tuple:
         """'force' or 'moment' for every row."""
-        forces = 2 * len(self.revolutes) + len(self.translationals)
+        forces = 2 * len(self.revolutes) + len(self.translationals) + len(self.meshes)
         return ("force",) * forces + ("moment",) * (self.m - forces)
 
     @cached_property
@@ -259,6 +262,7 @@ def constraints(mechanism: Mechanism, q, t):
         gap = [r[joint.j][c] + arm_j[c] - r[joint.i][c] - arm_i[c] for c in range(2)]
         force.append(_dot(gap, _turn(phi[joint.j], joint.v_j)))
         moment.append(phi[joint.i] - phi[joint.j] - joint.psi)
+    force += [meshes.row(mesh, r, phi) for mesh in mechanism.meshes]
     for joint in mechanism.drivers:
         course = joint.start + joint.speed * t + joint.acceleration * t**2 / 2
         moment.append(phi[joint.i] - phi[joint.j] - course)
@@ -289,6 +293,11 @@ def jacobian(mechanism: Mechanism, q):
         reach = [r[joint.j][c] - r[joint.i][c] - arm[c] for c in range(2)]
         put(row, joint.i, (-normal[0], -normal[1]), -_dot(normal, _omega(arm)))
         put(row, joint.j, normal, -_dot(normal, _omega(reach)))
+        row += 1
+    for mesh in mechanism.meshes:
+        for column in range(3 * b):
+            unit = _split([mp.mpf(column == other) for other in range(3 * b)])
+            jac[row, column] = meshes.along(mesh, (r, phi), unit, 1)
         row += 1
     for joint in (*mechanism.translationals, *mechanism.drivers):
         put(row, joint.i, (0, 0), 1)
@@ -322,6 +331,7 @@ def gamma(mechanism: Mechanism, q, qd):
             for c in range(2)
         ]
         force.append(_dot(normal, term))
+    force += [-meshes.along(mesh, (r, phi), (rd, phid), 2) for mesh in mechanism.meshes]
     zeros = [mp.mpf(0)] * len(mechanism.translationals)
     return mp.matrix(force + zeros + [joint.acceleration for joint in mechanism.drivers])
 
