@@ -11,11 +11,12 @@ import sys
 #   thread pool that they run in (intermittent, seen with jaxlib 0.10). XLA starts such calls side by
 #   side only under its concurrency-optimised scheduler; without it they run one after the other.
 # - The tests spend most of their time in compiling programs that run for milliseconds. Without
-#   optimisation and with XLA's older code generator that takes a third of the time.
+#   optimisation, with XLA's older code generator and in one piece that takes a third of the time.
 _FLAGS = (
     "--xla_cpu_enable_concurrency_optimized_scheduler=false",
     "--xla_backend_optimization_level=0",
     "--xla_cpu_use_fusion_emitters=false",
+    "--xla_cpu_parallel_codegen_split_count=1",
 )
 _given = os.environ.get("XLA_FLAGS", "").split()
 _names = {flag.split("=")[0] for flag in _given}
@@ -52,6 +53,7 @@ hypothesis.settings.register_profile("redundax", deadline=None)
 if hypothesis.settings.get_current_profile_name() == "default":
     hypothesis.settings.load_profile("redundax")
 
+MAPS = 25_000  # memory maps that programs of earlier modules may hold; Linux allows a process 65,530
 SLOW_TIMEOUT = 1800  # seconds; must stay below `faulthandler_timeout` in pyproject.toml
 
 
@@ -82,9 +84,19 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="module", autouse=True)
 def _programs_of_one_module():
-    """Drop compiled programs after each module: each holds memory maps, of which Linux allows a process 65,530."""
+    """Modules share what the ones before have compiled, until that holds many memory maps."""
     yield
-    jax.clear_caches()
+    if _memory_maps() > MAPS:
+        jax.clear_caches()
+
+
+def _memory_maps() -> float:
+    """Of this process; not known but on Linux."""
+    try:
+        with open("/proc/self/maps") as lines:
+            return sum(1 for _ in lines)
+    except OSError:
+        return float("inf")
 
 
 @pytest.fixture

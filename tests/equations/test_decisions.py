@@ -117,7 +117,9 @@ def right(case, solution, k, rng):
 
 
 @CASES
-@pytest.mark.parametrize("freedom", [1, 2, 3])
+@pytest.mark.parametrize(
+    "freedom", [pytest.param(1, marks=pytest.mark.slow), 2, pytest.param(3, marks=pytest.mark.slow)]
+)
 def test_motions_without_mass(freedom, cases):
     rng, given = np.random.default_rng(freedom), []
     n, r = 7, 7 - freedom
@@ -141,7 +143,9 @@ def test_motions_without_mass(freedom, cases):
 
 
 @CASES
-@pytest.mark.parametrize("redundancy", [1, 2, 3])
+@pytest.mark.parametrize(
+    "redundancy", [pytest.param(1, marks=pytest.mark.slow), 2, pytest.param(3, marks=pytest.mark.slow)]
+)
 def test_closures_without_compliance(redundancy, cases):
     rng, given = np.random.default_rng(10 + redundancy), []
     n, r = 6, 5

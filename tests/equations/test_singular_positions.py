@@ -187,9 +187,10 @@ CASES = {
     "folding kite": folding_kite(),
 }
 every_case = pytest.mark.parametrize("name", CASES)
+MORE = "flat, three cranks", "with a rider on two pins", "with a pendulum"
 
 
-@every_case
+@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.slow if name in MORE else ()) for name in CASES])
 def test_accelerations_are_right_or_refused_at_every_distance(name):
     case, refused = CASES[name], []
     for s in DISTANCES:

@@ -29,10 +29,11 @@ CASES = mechanisms.CASES
 TOLERANCE = 1e-13  # of the truth of 50 digits
 
 
-# Flaws of the library that stand in the way of a case, until they are mended.
 def over(names):
-    """Parametrise over cases."""
-    return pytest.mark.parametrize("name", list(names))
+    """Parametrise over cases; one of each builder or more by default."""
+    return pytest.mark.parametrize(
+        "name", [pytest.param(name, marks=pytest.mark.slow if name in mechanisms.MORE else ()) for name in names]
+    )
 
 
 every_case = over(CASES)

@@ -58,7 +58,7 @@ def test_a_block_slips_and_sticks_where_the_closed_form_does():
     np.testing.assert_array_equal(stays.q[:, 0], 0.1)
 
 
-@pytest.mark.parametrize("step", [150.0, 200.0, 300.0])
+@pytest.mark.parametrize("step", [pytest.param(150.0, marks=slow), 200.0, pytest.param(300.0, marks=slow)])
 def test_a_reversal_soon_after_the_start_of_a_long_step(step):
     """Under 1.5 N - t against 1 N it slips from 0 to 1 s, by t^2 / 4 - t^3 / 6, sticks to 2.5 s, and slips back."""
     system, state = block(0.1, 0.0, lambda t: 1.5 - t)
@@ -135,6 +135,7 @@ def test_a_users_law_moves_as_the_built_in_one():
     np.testing.assert_allclose(own.friction, built_in.friction, rtol=0, atol=1e-6)
 
 
+@slow
 def test_a_batch_passes_over_phases_that_no_sample_needs():
     """Of 100,000 phases two are needed: passing over the others takes 0.1 s of the processor, idling 100 s."""
     mu = np.array([0.03, 0.05, 0.08])

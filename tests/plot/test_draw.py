@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from jaxtyping import Array, Float
 from matplotlib.figure import Figure
-from mechanisms import CASES
+from mechanisms import CASES, MORE
 
 import redundax as rx
 from redundax._bodies._reactions import joint_wrenches
@@ -63,7 +63,7 @@ def overlapping(axes) -> list:
 # The registry -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.slow if name in MORE else ()) for name in CASES])
 def test_registry_draws(name):
     case = CASES[name]
     lam = np.linspace(-1.0, 1.0, case.m)

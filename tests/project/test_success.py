@@ -263,7 +263,13 @@ def only(batch: Any, k: int) -> Any:
 
 
 @pytest.mark.parametrize(
-    "call", [CALLS["solve"], simulated, pytest.param(swept, marks=slow), pytest.param(opened, marks=slow)]
+    "call",
+    [
+        CALLS["solve"],
+        pytest.param(simulated, marks=slow),
+        pytest.param(swept, marks=slow),
+        pytest.param(opened, marks=slow),
+    ],
 )
 def test_a_spoiled_sample_of_a_batch_is_told_and_touches_no_other(call):
     batch, _ = of_all(with_state(lambda system, state: call(system, state, SOFT)))

@@ -112,7 +112,7 @@ def dense(mu_rho, rho0, gain, sense) -> np.ndarray:
     return np.array(sorted(found, key=lambda tau: tau[0])).reshape(-1, 4)
 
 
-@pytest.mark.parametrize("rate", [1, -1])
+@pytest.mark.parametrize("rate", [1, pytest.param(-1, marks=pytest.mark.slow)])
 def test_one_amplitude_is_searched_as_well_as_many(rate):
     """The family at one amplitude, `frictional_solutions` there, and a search of its own in NumPy."""
     counts = []

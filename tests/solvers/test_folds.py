@@ -61,20 +61,29 @@ def test_the_fold_does_not_depend_on_the_friction_asked_for():
     np.testing.assert_allclose(found, np.where(shares < 1, np.inf, truth[:, None]), rtol=1e-9)
 
 
+def first(q, t, p):
+    return q[:1]
+
+
+def same_twice(q, t, p):
+    return jnp.stack([q[1] - q[0], 2 * (q[1] - q[0])])
+
+
+def unloaded(q, qd, t, p):
+    return jnp.zeros(2)
+
+
+def kinked(loads, rate, sense, memory, state, p):
+    amount, steep = p
+    return amount * (1 + steep * jnp.maximum(-2 * (loads[0] + 2 * loads[1]) - 1, 0.0))[None]
+
+
 @pytest.mark.parametrize(("steep", "rtol"), [(1.5, 1e-9), (3.0, 1e-8)])  # at the steeper one the path ends
 @pytest.mark.parametrize("amount", [1.02, 1.25, 2.0, 5.0])
 def test_a_fold_at_a_kink(amount, steep, rtol):
     """tau = s A (1 + steep max(tau - 1, 0)): s = tau / A up to tau = 1, where it begins to fall."""
-
-    def law(loads, rate, sense, memory, state, p):
-        return amount * (1 + steep * jnp.maximum(-2 * (loads[0] + 2 * loads[1]) - 1, 0.0))[None]
-
-    system = rx.System(
-        lambda q, t, p: jnp.stack([q[1] - q[0], 2 * (q[1] - q[0])]),
-        jnp.ones(2),
-        lambda q, qd, t, p: jnp.zeros(2),
-        friction=rx.Friction(lambda q, t, p: q[:1], law, np.arange(2), ("linear",)),
-    )
+    friction = rx.Friction(first, kinked, np.arange(2), ("linear",), jnp.array([amount, steep]))
+    system = rx.System(same_twice, jnp.ones(2), unloaded, friction=friction)
     solution = rx.solve(system, rx.State([0.0, 0.0], [5.0, 5.0]), throw=False)
     assert solution.result == rx.RESULTS.no_solution_found
     np.testing.assert_allclose(solution.stats.fold * amount, 1.0, rtol=rtol)

@@ -238,7 +238,11 @@ def test_a_pin_with_friction_needs_its_radius():
         rx.Revolute("A", "rod", "ground", (-0.5, 0.0), (0.0, 0.0), friction=rx.Coulomb(0.3))
 
 
-@pytest.mark.parametrize("way", [{}, {"closure": None, "x0": 5.0}, "motion"], ids=["closed", "open", "motion"])
+@pytest.mark.parametrize(
+    "way",
+    [{}, {"closure": None, "x0": 5.0}, pytest.param("motion", marks=pytest.mark.slow)],
+    ids=["closed", "open", "motion"],
+)
 def test_a_model_of_the_user_may_hold_plain_numbers(way):
     """A rod of 1 m and 1 kg swings through the bottom: phi'' / 3 = -0.01 |R|, R = (phi'' / 2, g + w^2 / 2)."""
     pin = rx.Revolute("A", "rod", "ground", (-0.5, 0.0), (0.0, 0.0), pin_radius=1.0, friction=Proportional(0.01))

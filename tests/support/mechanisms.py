@@ -507,3 +507,13 @@ CASES: Mapping[str, Case] = {
     "planetary set": Case(**gears.planetary(2, 24, 18)),
     "countershaft train": Case(**gears.countershaft_train(2)),
 }
+
+# Cases that differ from others by numbers of cranks, loops or guides alone: programs of their own, for slow tests.
+MORE = (
+    "four cranks",
+    "driven three times",
+    "six four-bars",
+    "slider-crank",
+    "slider-crank, three guides",
+    "carriage, three guides",
+)

@@ -249,7 +249,7 @@ def test_closures_by_name_are_those_by_place(closure):
     assert not np.allclose(wanted, rx.solve(mechanism, state).multipliers)
 
 
-def test_every_call_takes_closures_by_name():
+def test_reports_and_bands_take_closures_by_name():
     mechanism, state = paper()
     by_name, given = rx.Compliance(W_OF, D_OF), rx.Compliance(by_place(mechanism, W_OF), by_place(mechanism, D_OF))
     one, other = (rx.analyze(mechanism, state, closure=closure) for closure in (by_name, given))
@@ -257,6 +257,12 @@ def test_every_call_takes_closures_by_name():
     bounds = [rx.MisfitBox(closure, {"A.x": (-1e-6, 1e-6)}) for closure in (by_name, given)]
     one, other = (rx.band(mechanism, state, "B.x", each, samples=8, starts=1) for each in bounds)
     assert one.lower == other.lower
+
+
+@pytest.mark.slow
+def test_families_and_motions_take_closures_by_name():
+    mechanism, state = paper()
+    by_name, given = rx.Compliance(W_OF, D_OF), rx.Compliance(by_place(mechanism, W_OF), by_place(mechanism, D_OF))
     one, other = (rx.solution_family(mechanism, state, closure=closure, samples=3) for closure in (by_name, given))
     assert np.array_equal(one.values, other.values)
     (one,), (other,) = (rx.frictional_solutions(mechanism, state, closure=c, starts=4) for c in (by_name, given))

@@ -80,15 +80,18 @@ def unit_free(system, state):
     return unit_free_norm(rx.factorize(system, state))
 
 
+def rods(q, t, p):
+    first, second = q[:2] - p, q[2:] - q[:2]
+    return jnp.stack([first @ first - 1.0, second @ second - 1.0])
+
+
+def weight(q, qd, t, p):
+    return jnp.array([0.0, -9.81, 0.0, -9.81])
+
+
 def two_on_rods(place, off):
     """Two point masses on rods of a metre from a given place, and a state whose rods are longer by a share."""
-
-    def rods(q, t, p):
-        first, second = q[:2] - p, q[2:] - q[:2]
-        return jnp.stack([first @ first - 1.0, second @ second - 1.0])
-
-    gravity = jnp.array([0.0, -9.81, 0.0, -9.81])
-    system = rx.System(rods, jnp.ones(4), lambda q, qd, t, p: gravity, jnp.asarray(place), m=2)
+    system = rx.System(rods, jnp.ones(4), weight, jnp.asarray(place), m=2)
     ends = place + (1 + off) * np.cumsum([[0.8, -0.6], [0.28, -0.96]], axis=0)
     return system, rx.State(ends.ravel(), [0.6, 0.8, 0.6, 0.8])
 
