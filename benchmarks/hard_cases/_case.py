@@ -95,7 +95,7 @@ class Case:
         return {
             "acceleration": np.array(["linear"] * linear + ["angular"] * (n - linear)),
             "multipliers": np.array(self.exact.kinds),
-            "friction": np.array(["friction"] * (len(self.exact.revolutes) if self.friction else 0)),
+            "friction": np.array(["friction"] * (len(self.exact.slips) if self.friction else 0)),
         }
 
 

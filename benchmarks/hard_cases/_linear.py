@@ -18,7 +18,6 @@ class Linear:
     free: tuple
     combinations: tuple
     free_gamma: tuple
-    revolutes: tuple = ()
 
     @property
     def n(self) -> int:

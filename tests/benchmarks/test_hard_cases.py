@@ -104,10 +104,7 @@ def test_all_roots_of_separate_quadratics(seed):
 ])  # fmt: skip
 def test_number_of_solutions(phi, rate, level, count):
     """The count does not depend on the random numbers, and every one solves the equations to 40 digits."""
-    mechanism = scenes.wojtyra2020(phi=phi, rate=rate)
-    level = exact.exact(level)
-    joints = tuple(dataclasses.replace(joint, mu_rho=level) for joint in mechanism.revolutes)
-    mechanism = dataclasses.replace(mechanism, revolutes=joints)
+    mechanism = scenes.wojtyra2020(phi=phi, rate=rate, mu_rho=level)
     for seed in range(3):
         found = friction.solutions(mechanism, seed=seed)
         assert len(found) == count
@@ -124,12 +121,7 @@ def test_open_newton_ends_at_a_solution():
 
 def test_contraction_of_one_joint():
     """Gamma of a single frictional joint is mu_rho |dR/dtau|."""
-    mechanism = scenes.wojtyra2020()
-    joints = tuple(
-        dataclasses.replace(joint, mu_rho=mp.mpf(0) if joint.name != "B" else joint.mu_rho)
-        for joint in mechanism.revolutes
-    )
-    mechanism = dataclasses.replace(mechanism, revolutes=joints)
+    mechanism = scenes.wojtyra(scenes.wojtyra_parameters(mu_rho=(0, "1/50", 0, 0)))
     _, slope = friction.reduced(mechanism)
     wanted = float(mechanism.revolutes[1].mu_rho * mp.hypot(slope[2, 1], slope[3, 1]))
     assert friction.contraction(mechanism) == pytest.approx(wanted, rel=1e-12)

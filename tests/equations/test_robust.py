@@ -4,7 +4,6 @@ wojtyra2020 at phi = pi/4 has one, two, four, two and no solutions as mu_rho gro
 16 paths of `truth.friction`.
 """
 
-from dataclasses import replace
 from functools import cache
 
 import jax
@@ -12,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import registry
-from truth import exact, friction, scenes
+from truth import friction, scenes
 
 import redundax as rx
 
@@ -40,9 +39,7 @@ def failed(solution) -> bool:
 @cache
 def truth(mu_rho, rate="1"):
     """Crank accelerations of all solutions, ascending."""
-    mechanism = scenes.wojtyra2020(rate=rate)
-    joints = tuple(replace(joint, mu_rho=exact.exact(mu_rho)) for joint in mechanism.revolutes)
-    found = friction.solutions(replace(mechanism, revolutes=joints))
+    found = friction.solutions(scenes.wojtyra2020(rate=rate, mu_rho=mu_rho))
     return sorted(float(solution.acceleration[8]) for solution in found)
 
 

@@ -190,11 +190,7 @@ def test_power(name, friction):
 
 def slip_rates(case):
     """Relative rates of the revolutes, then velocities along the guides, from the exact data."""
-    truth = case.exact
-    _, phid = exact._split(truth.qd)
-    rates = [phid[joint.i] - phid[joint.j] for joint in truth.revolutes] if "mu_rho" in case.friction else []
-    guides = [guide.velocity for guide in _guides(truth)] if "mu" in case.friction else []
-    return exact.floats(tuple(rates + guides))
+    return exact.floats(case.exact.slip_rates)
 
 
 @over(name for name in free if CASES[name].motion)
@@ -265,71 +261,12 @@ def test_doubled_joints_change_no_acceleration(name):
 # 50 digits ----------------------------------------------------------------------------------
 
 
-@dataclasses.dataclass(frozen=True)
-class _Guide:
-    """What friction in a ground guide needs: its rows, the column of E, and the velocity along it."""
-
-    rows: tuple
-    direction: object
-    velocity: object
-
-
-@exact.exactly
-def _guides(truth: exact.Mechanism) -> list:
-    r, phi = exact._split(truth.q)
-    first, count, out = 2 * len(truth.revolutes), len(truth.translationals), []
-    for k, joint in enumerate(truth.translationals):
-        along = (joint.v_j[1], -joint.v_j[0])
-        arm = exact._turn(phi[joint.i], joint.s_i)
-        column = mp.zeros(truth.n, 1)
-        column[2 * joint.i - 2], column[2 * joint.i - 1] = along
-        column[2 * len(r) - 2 + joint.i - 1] = arm[0] * along[1] - arm[1] * along[0]
-        velocity = (column.T * mp.matrix(truth.qd))[0]
-        out.append(_Guide((first + k, first + count + k), column, velocity))
-    return out
-
-
-@cache
-@exact.exactly
-def truth_of(name, friction) -> exact.Solution:
-    """Minimum norm; with friction by plain sweeps tau <- law(lam(tau)) to 40 digits, guides as well as revolutes."""
-    case, truth = CASES[name], CASES[name].exact
-    pins = truth.revolutes if friction and "mu_rho" in case.friction else ()
-    guides = _guides(truth) if friction and "mu" in case.friction else []
-    columns = [truth.load, *(truth.distribution[:, k] for k in range(len(pins))), *(g.direction for g in guides)]
-    force, gamma = mp.zeros(truth.n, len(columns)), mp.zeros(truth.m, len(columns))
-    gamma[:, 0] = truth.gamma
-    for k, column in enumerate(columns):
-        force[:, k] = column
-    accelerations, multipliers = exact.particular(truth.mass_matrix, truth.jacobian, force, gamma, truth.rank)
-    if truth.k:
-        multipliers = exact.close(truth.selfstress, multipliers)
-    mu = mechanisms.numbers(case.friction["mu"], len(guides)) if guides else ()
-    length = exact.exact(case.friction.get("guide_length", "1"))
-
-    def law(lam):
-        tau = [
-            -pin.mu_rho * mp.hypot(lam[2 * k], lam[2 * k + 1]) * sense
-            for k, (pin, sense) in enumerate(zip(pins, truth.senses, strict=False))
-        ]
-        for own, guide in zip(mu, guides, strict=True):
-            half, couple = lam[guide.rows[0]] / 2, lam[guide.rows[1]] / length
-            tau.append(-own * (abs(half + couple) + abs(half - couple)) * mp.sign(guide.velocity))
-        return mp.matrix([1, *tau])
-
-    tau = mp.matrix([1, *(0 for _ in columns[1:])])
-    for _ in range(1000):
-        old, tau = tau, law(multipliers * tau)
-        if mp.norm(tau - old) <= mp.mpf(10) ** -40 * mp.norm(tau):
-            return exact.Solution(accelerations * tau, multipliers * tau, tau[1:] if len(tau) > 1 else mp.zeros(0, 1))
-    raise RuntimeError("the sweeps for the friction do not converge")
-
-
 def errors(name, friction):
-    truth = truth_of(name, friction)
-    parts = [exact.floats(part) if part.rows else np.zeros(0) for part in dataclasses.astuple(truth)]
     case = CASES[name]
-    return registry.errors_of(solution(name, friction), tuple(parts), case.rubbing if friction else case.smooth)
+    truth = case.exact.solve(friction=friction)
+    parts = exact.floats(truth.acceleration), exact.floats(truth.multipliers)
+    tau = exact.floats(truth.friction) if friction and case.exact.slips else np.zeros(0)
+    return registry.errors_of(solution(name, friction), (*parts, tau), case.rubbing if friction else case.smooth)
 
 
 @every_case
@@ -340,13 +277,12 @@ def test_fifty_digits(name, friction, record_property):
     assert max(found.values()) <= TOLERANCE, found
 
 
-@over(name for name, case in CASES.items() if case.redundancy and "mu" not in case.friction)
-def test_sweeps_are_the_truth_of_others(name):
-    """`exact.solve`, with Newton's method, where all friction is in revolutes."""
-    ours, theirs = truth_of(name, True), CASES[name].exact.solve()
+@every_case
+def test_the_truth_satisfies_its_equations(name):
+    truth = CASES[name].exact
+    solved = truth.solve()
     with mp.workdps(exact.DIGITS):
-        for own, other in zip(dataclasses.astuple(ours), dataclasses.astuple(theirs), strict=True):
-            assert mp.norm(own - other) <= mp.mpf(10) ** -35 * mp.norm(other)
+        assert max(exact.residuals(truth, solved)) <= mp.mpf(10) ** -35 * mp.norm(solved.multipliers)
 
 
 # Parallel cranks in line with their pivots --------------------------------------------------
@@ -498,7 +434,7 @@ def test_single_precision(name, float32):
     found = rx.solve(mechanism, mechanism.state(float(case.at), rate=float(case.rate)))
     assert found.acceleration.dtype == np.float32
     assert found.stats.rank == case.rank
-    truth = exact.floats(truth_of(name, False).acceleration)
+    truth = exact.floats(case.exact.solve(friction=False).acceleration)
     assert registry.agree(found.acceleration, truth, registry.kinds_of(mechanism.coordinates), 1e-4)
 
 

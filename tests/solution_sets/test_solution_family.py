@@ -5,7 +5,6 @@ The truth are the solutions of (25) with lam = lam_MP + z s, as the paths of
 """
 
 import json
-from dataclasses import replace
 from functools import cache
 
 import jax
@@ -35,11 +34,9 @@ def family(mu_rho, least, largest, samples=21) -> rx.types.SolutionFamily:
 @cache
 def truth(mu_rho, z) -> list[exact.Solution]:
     """All solutions at the amplitude z, by the moment of the first joint."""
-    mechanism = scenes.wojtyra2020()
-    joints = tuple(replace(joint, mu_rho=exact.exact(mu_rho)) for joint in mechanism.revolutes)
     with exact.exactly:
         misfit = tuple(exact.exact(str(z)) * entry for entry in exact.exact(STRESS))
-    return friction.solutions(replace(mechanism, revolutes=joints), misfit=misfit)
+    return friction.solutions(scenes.wojtyra2020(mu_rho=mu_rho), misfit=misfit)
 
 
 def at(found, z) -> np.ndarray:

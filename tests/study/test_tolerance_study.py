@@ -1,6 +1,5 @@
 """Tolerance studies against closed forms, and on the paper's mechanism against 50 digits."""
 
-import dataclasses
 from fractions import Fraction
 from functools import cache
 
@@ -124,9 +123,7 @@ def build(misfit, mu_rho=None, length=0.1):
 @exact.exactly
 def truth(misfit, mu_rho=None, length=Fraction(1, 10)):
     """[qdd; lam; tau] with 50 digits."""
-    mechanism = scenes.wojtyra2020(phi=Fraction(PHI), u=10 * length)
-    revolutes = [dataclasses.replace(joint, mu_rho=exact.exact(mu_rho or 0)) for joint in mechanism.revolutes]
-    mechanism = dataclasses.replace(mechanism, gravity=exact.exact((0, -10)), revolutes=tuple(revolutes))
+    mechanism = scenes.wojtyra(scenes.wojtyra_parameters(length, phi=Fraction(PHI), mu_rho=(mu_rho or 0,) * 4))
     compliance = exact.mp.diag([*exact.exact((SHIFT,) * 10), *exact.exact((TURN,) * 2)])
     solution = mechanism.solve(compliance, exact.exact((misfit, *(0,) * 11)), friction=mu_rho is not None)
     parts = [solution.acceleration, solution.multipliers, *([] if mu_rho is None else [solution.friction])]

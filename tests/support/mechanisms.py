@@ -30,7 +30,7 @@ class Case:
     - `coordinate`: name of the independent coordinate, the one that `state` takes.
     - `at`, `rate`, `t`: its value and rate, and the time.
     - `n`, `m`, `rank`: numbers of coordinates and constraints, and rank.
-    - `truth`: the same as exact data; takes mu_rho.
+    - `truth`: the same as exact data; takes the friction.
     - `self_stress`: states that span the self-stress, row name to multiplier, with 0 in all other rows.
     - `acceleration`: of the independent coordinate, without friction.
     - `motion`: the independent coordinate as a function of time from rest, or as prescribed, where that is known.
@@ -84,7 +84,7 @@ class Case:
 
     @cached_property
     def exact(self) -> exact.Mechanism:
-        return self.truth(exact.exact(self.friction.get("mu_rho", 0)))
+        return self.truth(**{name: exact.exact(value) for name, value in self.friction.items()})
 
 
 def _plain(x):
@@ -369,9 +369,10 @@ def slider_crank(guides: int) -> Case:
     at, rods = mp.atan2(4, 3), scenes.rods(masses, (a, b, ZERO))
     rods["inertia"] = (*rods["inertia"][:2], inertia)
 
-    def truth(mu_rho):
+    def truth(mu_rho, mu, guide_length):
         given = {"crank": a, "rod": b, "phi": at, "rate": rate, "gravity": gravity, "mu_rho": (mu_rho,) * 3}
         given |= {"loads": ((ZERO,) * 3, (ZERO,) * 3, (force, ZERO, ZERO)), "places": _places(guides, gauge, ZERO)}
+        given |= {"mu": numbers(mu, guides), "guide_length": guide_length}
         return scenes.slider_crank(given | rods)
 
     def path(phi):
@@ -413,10 +414,11 @@ def carriage(guides: int, offset) -> Case:
     angle = _angle(direction)
 
     @exactly
-    def truth(_):
+    def truth(mu, guide_length):
         (c, s), (x, y) = direction, point
         moment = (c * x - s * y) * force[1] - (s * x + c * y) * force[0]
         given = {"angle": angle, "travel": at, "rate": rate, "gravity": gravity, "mass": (mass,), "inertia": (inertia,)}
+        given |= {"mu": numbers(mu, guides), "guide_length": guide_length}
         return scenes.carriage({**given, "loads": ((*force, moment),), "places": _places(guides, gauge, offset)})
 
     acceleration = (_dot(force, direction) - mass * gravity * direction[1]) / mass
@@ -479,7 +481,7 @@ def wojtyra2020() -> Case:
         n=12,
         m=12,
         rank=11,
-        truth=lambda _: scenes.wojtyra2020(),
+        truth=lambda mu_rho: scenes.wojtyra2020(mu_rho=mu_rho),
         self_stress=({**forces, "K.angle": 8 * unit * mp.sin(at), "L.angle": -8 * unit * mp.sin(at)},),
         acceleration=lagrange(path, at, rate, mp.mpf(10)),
     )

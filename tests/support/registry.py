@@ -298,7 +298,7 @@ def _of_exact(make, friction=None) -> Callable[[], Case]:
     def case() -> Case:
         mechanism = make()
         truth = mechanism.solve(friction=friction is not None)
-        tau = exact.floats(truth.friction) if friction and mechanism.revolutes else np.zeros(0)
+        tau = exact.floats(truth.friction) if friction and mechanism.slips else np.zeros(0)
         acceleration = exact.floats(truth.acceleration)
         return Case(*build(mechanism, friction), mechanism.k, acceleration, tau)
 

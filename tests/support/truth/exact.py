@@ -80,7 +80,7 @@ class Revolute:
 
 @dataclass(frozen=True)
 class Translational:
-    """Axis through s_j on body j with unit normal v_j (frame of j), through s_i on body i."""
+    """Axis through s_j on body j with unit normal v_j (frame of j), through s_i on body i; `length` for mu != 0."""
 
     name: str
     i: int
@@ -89,6 +89,8 @@ class Translational:
     s_j: tuple
     v_j: tuple
     psi: object = 0
+    mu: object = 0
+    length: object = 1
 
 
 @dataclass(frozen=True)
@@ -105,7 +107,7 @@ class Driver:
 
 @dataclass(frozen=True)
 class Solution:
-    """Acceleration (n, 1), multipliers (m, 1) and moments tau of all revolutes (f, 1)."""
+    """Acceleration (n, 1), multipliers (m, 1), and moments and forces tau of what slips (f, 1)."""
 
     acceleration: object
     multipliers: object
@@ -116,8 +118,7 @@ class Solution:
 class Mechanism:
     """A mechanism in one state (q, qd, t), every number an mpf of 50 digits.
 
-    `rank` is the rank of Phi_q by construction; `senses` are the signs of phid_i - phid_j at
-    the revolutes.
+    `rank` is the rank of Phi_q by construction.
     """
 
     bodies: tuple
@@ -153,10 +154,20 @@ class Mechanism:
         return ("force",) * forces + ("moment",) * (self.m - forces)
 
     @cached_property
+    def slips(self) -> tuple:
+        """What slips: all revolutes, then the translational joints with friction."""
+        return (*self.revolutes, *(joint for joint in self.translationals if joint.mu))
+
+    @cached_property
+    @exactly
+    def slip_rates(self):
+        """phid_i - phid_j of revolutes, speeds along the axes (f, 1)."""
+        return self.distribution.T * mp.matrix(list(self.qd))
+
+    @cached_property
     def senses(self) -> tuple:
-        """sgn(phid_i - phid_j) of every revolute."""
-        _, rate = _split(self.qd)
-        return tuple(int(mp.sign(rate[joint.i] - rate[joint.j])) for joint in self.revolutes)
+        """Signs of the slip rates."""
+        return tuple(int(mp.sign(rate)) for rate in self.slip_rates) if self.slips else ()
 
     # The system's matrices
 
@@ -177,12 +188,13 @@ class Mechanism:
     @cached_property
     @exactly
     def distribution(self):
-        """E (n, f): generalised force of unit friction moments."""
-        e, angles = mp.zeros(self.n, len(self.revolutes)), 2 * len(self.bodies) - 1
-        for column, joint in enumerate(self.revolutes):
-            for body, sign in ((joint.i, 1), (joint.j, -1)):
+        """E (n, f): generalised force of unit friction moments and forces."""
+        e, angles = mp.zeros(self.n, len(self.slips)), 2 * len(self.bodies) - 1
+        for column, joint in enumerate(self.slips):
+            for body, sign, force, moment in _friction_on(self, joint):
                 if body:
-                    e[angles + body, column] = sign
+                    e[2 * body - 2, column], e[2 * body - 1, column] = sign * force[0], sign * force[1]
+                    e[angles + body, column] = sign * moment
         return e
 
     @cached_property
@@ -247,6 +259,20 @@ def _dot(a, b):
 def _omega(a) -> tuple:
     """Omega a, a quarter turn."""
     return (-a[1], a[0])
+
+
+def _friction_on(mechanism: Mechanism, joint) -> tuple:
+    """(body, sign, force, moment) of unit friction on the bodies i and j of a joint.
+
+    The slip along an axis is (r_i + R_i s_i - r_j - R_j s_j)^T u with u = -Omega R_j v_j, whose derivatives they are.
+    """
+    if isinstance(joint, Revolute):
+        return (joint.i, 1, (0, 0), 1), (joint.j, -1, (0, 0), 1)
+    r, phi = _split(mechanism.q)
+    along = tuple(-x for x in _omega(_turn(phi[joint.j], joint.v_j)))
+    arm = _turn(phi[joint.i], joint.s_i)
+    reach = [r[joint.i][c] + arm[c] - r[joint.j][c] for c in range(2)]
+    return (joint.i, 1, along, _dot(along, _omega(arm))), (joint.j, -1, along, _dot(along, _omega(reach)))
 
 
 @exactly
@@ -472,31 +498,41 @@ def _column_join(left, right):
     return joined
 
 
-def _law(mechanism: Mechanism, multipliers) -> tuple:
-    """Moments tau (list) and joint forces R (list of pairs) for multipliers (m, 1)."""
-    forces = [(multipliers[2 * joint], multipliers[2 * joint + 1]) for joint in range(len(mechanism.revolutes))]
-    tau = [
-        -joint.mu_rho * mp.hypot(*force) * sense
-        for joint, force, sense in zip(mechanism.revolutes, forces, mechanism.senses, strict=True)
-    ]
-    return tau, forces
+def law(mechanism: Mechanism, multipliers) -> tuple:
+    """tau (f, 1) for multipliers (m, 1), and its derivatives, {row: slope} of each; those of |x| at 0 are 0.
+
+    A revolute has -mu_rho |R| sgn(omega), an axis -mu (|N1| + |N2|) sgn(v) with N = lam_perp / 2 +- lam_angle / length.
+    """
+    tau, slopes = mp.zeros(len(mechanism.slips), 1), []
+    first = 2 * len(mechanism.revolutes)
+    for place, (joint, sense) in enumerate(zip(mechanism.slips, mechanism.senses, strict=True)):
+        if isinstance(joint, Revolute):
+            gain, rows = -joint.mu_rho * sense, (2 * place, 2 * place + 1)
+            force = tuple(multipliers[row] for row in rows)
+            size = mp.hypot(*force)
+            slopes.append({row: gain * x / size for row, x in zip(rows, force, strict=True) if size})
+        else:
+            row = first + mechanism.translationals.index(joint)
+            gain, rows = -joint.mu * sense, (row, row + len(mechanism.translationals))
+            half, couple = multipliers[rows[0]] / 2, multipliers[rows[1]] / joint.length
+            ends = half + couple, half - couple
+            size, (one, other) = sum(map(abs, ends)), map(mp.sign, ends)
+            slopes.append({rows[0]: gain * (one + other) / 2, rows[1]: gain * (one - other) / joint.length})
+        tau[place] = gain * size
+    return tau, slopes
 
 
 def _newton(mechanism: Mechanism, base, slope, tau):
     """tau = law(base + slope tau) by Newton's method with the exact derivative."""
-    count = len(mechanism.revolutes)
+    count = len(mechanism.slips)
     for _ in range(60):
-        value, forces = _law(mechanism, base + slope * tau)
-        gap = tau - mp.matrix(value)
+        value, slopes = law(mechanism, base + slope * tau)
         derivative = mp.eye(count)
-        for row, joint in enumerate(mechanism.revolutes):
-            scale = joint.mu_rho * mechanism.senses[row]
-            fx, fy = forces[row]
-            if scale and (fx or fy):  # a joint without load has slope 0, as good as any
+        for row, own in enumerate(slopes):
+            for place, factor in own.items():
                 for column in range(count):
-                    along = fx * slope[2 * row, column] + fy * slope[2 * row + 1, column]
-                    derivative[row, column] += scale * along / mp.hypot(fx, fy)
-        step = solve_columns(derivative, gap)
+                    derivative[row, column] -= factor * slope[place, column]
+        step = solve_columns(derivative, tau - value)
         tau = tau - step
         if mp.norm(step) <= mp.mpf(10) ** -40 * (1 + mp.norm(tau)):
             return tau
@@ -507,7 +543,7 @@ def _newton(mechanism: Mechanism, base, slope, tau):
 def responses(mechanism: Mechanism) -> tuple:
     """Particular accelerations and multipliers: the first column to load, the others to unit friction."""
     force = _column_join(mechanism.load, mechanism.distribution)
-    gamma_ = _column_join(mechanism.gamma, mp.zeros(mechanism.m, len(mechanism.revolutes)))
+    gamma_ = _column_join(mechanism.gamma, mp.zeros(mechanism.m, mechanism.distribution.cols))
     return particular(mechanism.mass_matrix, mechanism.jacobian, force, gamma_, mechanism.rank)
 
 
@@ -520,7 +556,7 @@ def solve(mechanism: Mechanism, compliance=None, misfit=None, friction=True, sta
     Newton's method at once, so that isolated solutions can be told apart by it. The paper's
     h is misfit = h_lam with the identity as compliance.
     """
-    basis, count = mechanism.selfstress, len(mechanism.revolutes)
+    basis, count = mechanism.selfstress, mechanism.distribution.cols
     acceleration, multipliers = mechanism.responses
     base = close(basis, multipliers[:, 0], compliance, misfit)
     slope = mp.zeros(mechanism.m, count)
@@ -530,7 +566,7 @@ def solve(mechanism: Mechanism, compliance=None, misfit=None, friction=True, sta
         if start is not None:
             tau = mp.matrix(list(exact(tuple(start))))
         for _ in range(200 if start is None else 0):
-            old, tau = tau, mp.matrix(_law(mechanism, base + slope * tau)[0])
+            old, tau = tau, law(mechanism, base + slope * tau)[0]
             if mp.norm(tau - old) < mp.mpf(10) ** -6 * mp.norm(tau):
                 break
         tau = _newton(mechanism, base, slope, tau)
@@ -547,10 +583,8 @@ def residuals(mechanism: Mechanism, solution: Solution, friction=True) -> tuple:
     """Largest entries of M qdd + Phi_q^T lam - Q - E tau, Phi_q qdd - gamma, tau - law."""
     qdd, lam, tau = solution.acceleration, solution.multipliers, solution.friction
     motion = mechanism.mass_matrix * qdd + mechanism.jacobian.T * lam - mechanism.load
-    law = mp.zeros(len(mechanism.revolutes), 1)
-    if mechanism.revolutes:
+    gap = tau - law(mechanism, lam)[0] if friction else mp.zeros(len(mechanism.slips), 1)
+    if mechanism.slips:
         motion -= mechanism.distribution * tau
-        if friction:
-            law = tau - mp.matrix(_law(mechanism, lam)[0])
     kinematic = mechanism.jacobian * qdd - mechanism.gamma
-    return tuple(max((abs(item) for item in part), default=0) for part in (motion, kinematic, law))
+    return tuple(max((abs(item) for item in part), default=0) for part in (motion, kinematic, gap))

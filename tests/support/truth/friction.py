@@ -187,7 +187,11 @@ def open_newton(mechanism: exact.Mechanism, x0, steps: int = 60) -> exact.Soluti
     null[n:, :] = basis
     x = mp.matrix(list(exact.exact(tuple(x0))))
     for _ in range(steps):
-        tau, slope = _law_and_slope(mechanism, x[n:])
+        tau, slopes = exact.law(mechanism, x[n:])
+        slope = mp.zeros(len(slopes), m)
+        for row, own in enumerate(slopes):
+            for place, factor in own.items():
+                slope[row, place] = factor
         matrix = mp.zeros(n + m)
         matrix[:n, :n], matrix[n:, :n] = mechanism.mass_matrix, jac
         matrix[:n, n:] = jac.T - mechanism.distribution * slope
@@ -196,18 +200,5 @@ def open_newton(mechanism: exact.Mechanism, x0, steps: int = 60) -> exact.Soluti
         step = matrix.T * exact.solve_columns(matrix * matrix.T + null * null.T, residual)
         x -= step
         if mp.norm(step) <= mp.mpf(10) ** -40 * (1 + mp.norm(x)):
-            return exact.Solution(x[:n], x[n:], _law_and_slope(mechanism, x[n:])[0])
+            return exact.Solution(x[:n], x[n:], exact.law(mechanism, x[n:])[0])
     raise RuntimeError("Newton's open iteration does not converge")
-
-
-def _law_and_slope(mechanism: exact.Mechanism, multipliers) -> tuple:
-    """tau (f, 1) and its derivative (f, m)."""
-    count = len(mechanism.revolutes)
-    tau, slope = mp.zeros(count, 1), mp.zeros(count, mechanism.m)
-    for row, joint in enumerate(mechanism.revolutes):
-        force = multipliers[2 * row], multipliers[2 * row + 1]
-        size, gain = mp.hypot(*force), -joint.mu_rho * mechanism.senses[row]
-        tau[row] = gain * size
-        for c in range(2 if size else 0):
-            slope[row, 2 * row + c] = gain * force[c] / size
-    return tau, slope

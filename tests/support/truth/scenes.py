@@ -103,14 +103,14 @@ def wojtyra_parameters(length="1/10", m=1, **changes) -> dict:
 
 
 @exactly
-def wojtyra2020(phi=None, rate=1, u=1) -> Mechanism:
+def wojtyra2020(phi=None, rate=1, u=1, mu_rho="1/50") -> Mechanism:
     """The paper's mechanism (Section 5); phi is pi/4 unless given.
 
     `u` multiplies the unit of length, as in the tables: lengths, g and mu_rho scale with u, inertias with u^2.
     """
-    u = exact(u)
+    u, mu_rho = exact((u, mu_rho))
     place = {} if phi is None else {"phi": phi}
-    return wojtyra(wojtyra_parameters(u / 10, rate=rate, gravity=10 * u, mu_rho=(u / 50,) * 4, **place))
+    return wojtyra(wojtyra_parameters(u / 10, rate=rate, gravity=10 * u, mu_rho=(u * mu_rho,) * 4, **place))
 
 
 # Parallel cranks ----------------------------------------------------------------------------
@@ -258,14 +258,22 @@ def doubled_four_bar(p: Parameters, crossed: bool = False) -> Mechanism:
 # Guides -------------------------------------------------------------------------------------
 
 
-def guides(body: int, angle, places: Sequence, along: Sequence = (), names: Sequence = ()) -> tuple:
-    """Parallel guides through `places` on a body whose origin moves on the line through the ground's; `along` are the
-    places of the ground's points on their axes."""
+def guides(p: Parameters, body: int, angle) -> tuple:
+    """Parallel guides through `places` on a body whose origin moves on the line through the ground's.
+
+    `along`: the places of the ground's points on their axes; `mu` and `guide_length`: their friction.
+    """
     c, s = mp.cos(angle), mp.sin(angle)
-    named = zip(names or [f"K{k + 1}" for k in range(len(places))], places, along or [ZERO] * len(places), strict=True)
+    names = p.get("names") or [f"K{k}" for k, _ in enumerate(p["places"], 1)]
+    none = (ZERO,) * len(names)
+    numbers = zip(names, p["places"], p.get("along") or none, p.get("mu") or none, strict=True)
     return tuple(
-        Translational(name, body, 0, place, (x * c - place[1] * s, x * s + place[1] * c), (-s, c), angle)
-        for name, place, x in named
+        Translational(
+            *(name, body, 0, (x, y), (at * c - y * s, at * s + y * c), (-s, c), angle),
+            mu=mu,
+            length=p.get("guide_length", 1),
+        )
+        for name, (x, y), at, mu in numbers
     )
 
 
@@ -274,7 +282,7 @@ def carriage(p: Parameters) -> Mechanism:
     """One body on parallel guides: n = 3, rank 2, k = 2 (guides - 1)."""
     angle = p["angle"]
     c, s = mp.cos(angle), mp.sin(angle)
-    joints = guides(1, angle, p["places"], p.get("along", ()), p.get("names", ()))
+    joints = guides(p, 1, angle)
     return _mechanism(p, lambda travel: [(travel * c, travel * s, angle)], p["travel"], 2, joints)
 
 
@@ -319,7 +327,7 @@ def slider_crank(p: Parameters, drivers: int = 0) -> Mechanism:
         Revolute("A", 1, 0, back, ORIGIN, mu[0]),
         Revolute("B", 2, 1, low, front, mu[1]),
         Revolute("C", 3, 2, ORIGIN, high, mu[2]),
-        *guides(3, ZERO, p["places"], names=p.get("names", ())),
+        *guides(p, 3, ZERO),
         *(_driver("M", 1, p) for _ in range(drivers)),
     )
     return _mechanism(p, lambda phi: slider_poses(a, b, phi), p["phi"], 8 + drivers, joints, p.get("t", ZERO))
