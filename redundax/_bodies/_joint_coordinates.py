@@ -20,7 +20,9 @@ from ._body import Pose, poses
 from ._joints import AbstractFrictionalJoint, AbstractJoint
 from ._stack import Stack
 
-_READ = 1e-9  # share of a coefficient's terms that is more than rounding
+# Share of a coefficient's terms that is more than rounding and than how far a joint is from being closed: of a force
+# along an axis that it is square to, and of the arm of one that passes through the joint's point.
+_READ = 1e-9
 
 
 class JointCoordinates(AbstractJointCoordinates):
@@ -40,36 +42,35 @@ class JointCoordinates(AbstractJointCoordinates):
         return JointMotion(found.position, found.rate, jnp.where(finite, found.acceleration, jnp.sum(acceleration)))
 
     def reactions(self, state: State, multipliers: Array) -> Array:
-        given, body, out = jnp.isfinite(multipliers), poses(state.q).with_axes(), []
+        given, out = jnp.isfinite(multipliers), []
         sorted_rows = jnp.zeros_like(multipliers).at[self.source]
         flat, lost = sorted_rows.set(jnp.where(given, multipliers, 0.0)), sorted_rows.set(jnp.where(given, 0.0, 1.0))
-        is_ground = jnp.arange(body.phi.size) == body.phi.size - 1
-        for joints in self.joints:
-            by_row, arm = joints.over(lambda joint, i, j: _of_one(joint, i, j, state.t), (body, is_ground))
+        for by_row, reads in self.by_row(state):
             size, _, rows = by_row.shape
             (own, flat), (gone, lost) = ((x[: size * rows].reshape(size, rows), x[size * rows :]) for x in (flat, lost))
-            turned = jnp.stack([by_row[:, 2], arm[:, 1:] * by_row[:, 0], -arm[:, :1] * by_row[:, 1]])
-            by_row = by_row.at[:, 2].set(jnp.sum(turned, axis=0))
-            terms = jnp.abs(by_row).at[:, 2].set(jnp.sum(jnp.abs(turned), axis=0))
-            terms = terms.at[:, :2].set(jnp.linalg.norm(by_row[:, :2], axis=1, keepdims=True))
-            reads = jnp.abs(by_row) > _READ * terms
             out.append((jnp.einsum("swr,sr->sw", by_row, own), jnp.einsum("swr,sr->sw", reads, gone) > 0))
         found, lost = (jnp.concatenate([part.ravel() for part in parts]) for parts in zip(*out, strict=True))
         return jnp.where(lost | ~jnp.any(given), jnp.sum(multipliers), found)
 
+    def by_row(self, state: State) -> list[tuple[Array, Array]]:
+        """For each stack the reactions by the multipliers of each joint's own rows, (size, 3, rows), and which of them
+        are more than rounding."""
+        body = poses(state.q).with_axes()
+        is_ground = jnp.arange(body.phi.size) == body.phi.size - 1
+        return [
+            joints.over(lambda joint, i, j: _of_one(joint, i, j, state.t), (body, is_ground)) for joints in self.joints
+        ]
+
 
 def _of_one(joint: AbstractJoint, i: tuple[Pose, Array], j: tuple[Pose, Array], t: Array) -> tuple[Array, Array]:
-    """`loads_by_row` of the body that reactions are on, given poses and whether they are those of the ground."""
-    on_i, on_j = loads_by_row(joint, i[0], j[0], t)
-    return jax.tree.map(lambda own, other: jnp.where(i[1], other, own), on_i, on_j)
-
-
-def loads_by_row(joint: AbstractJoint, i: Pose, j: Pose, t: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """For body i, then for body j: force and moment about its origin by the multipliers of the joint's own rows,
-    (3, rows), and where the joint's point on it, if any, is from there, (2,)."""
-    by_row = -joint.jacobian(i, j, t).T
-    arms = (_arm(joint, "point_i", i), _arm(joint, "point_j", j))
-    return (by_row[:3], arms[0]), (by_row[3:], arms[1])
+    """`JointCoordinates.by_row` of a joint, given poses of its bodies and whether they are those of the ground."""
+    jacobian, is_ground = joint.jacobian(i[0], j[0], t).T, i[1]
+    force, moment = jnp.split(-jnp.where(is_ground, jacobian[3:], jacobian[:3]), [2])
+    arm = jnp.where(is_ground, _arm(joint, "point_j", j[0]), _arm(joint, "point_i", i[0]))
+    by_row = jnp.stack([*force, moment[0] + arm[1] * force[0] - arm[0] * force[1]])
+    whole = jnp.linalg.norm(force, axis=0)
+    reach = jnp.abs(moment[0]) + jnp.linalg.norm(arm) * whole
+    return by_row, jnp.abs(by_row) > _READ * jnp.stack([whole, whole, reach])
 
 
 def _arm(joint: AbstractJoint, name: str, pose: Pose) -> Array:

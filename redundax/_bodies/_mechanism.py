@@ -64,7 +64,7 @@ class Mechanism(AbstractSystem):
       where none are given; compliance and misfit are read in them. Angles are in radians.
     """
 
-    names: Names = eqx.field(static=True)
+    _names: Names = eqx.field(static=True)
     body: Body
     joints: tuple[Stack[AbstractJoint], ...]
     loads: tuple[Stack[AbstractLoad], ...]
@@ -98,22 +98,31 @@ class Mechanism(AbstractSystem):
             for kind, group in enumerate(groups)
             for members in friction_members(kind, [joints[k] for k in group], places[kind])
         )
-        self.names = Names(
+        self._names = Names(
             _coordinates(names),
             rows,
-            join([members.slips for members in self._friction]),
-            _joint_coordinates([joints[k] for group in groups for k in group]),
-            _reactions([joints[k] for group in groups for k in group]),
-            tuple(names),
-            tuple(tuple(joints[k].name for k in group) for group in groups),
-            _pushing(joints, rows),
-            of_model(units),
+            joint_coordinates=_joint_coordinates([joints[k] for group in groups for k in group]),
+            reactions=_reactions([joints[k] for group in groups for k in group]),
+            bodies=tuple(names),
+            joints=tuple(tuple(joints[k].name for k in group) for group in groups),
+            pushing=_pushing(joints, rows),
+            units=of_model(units),
         )
 
     @property
     def friction(self) -> tuple[JointFriction, ...]:
         """Friction of the joints that have some, model by model."""
         return tuple(members.of(self.joints) for members in self._friction)
+
+    @property
+    def slips(self) -> Axis:
+        """Names and kinds of the slips of all frictional joints."""
+        return join([members.slips for members in self._friction])
+
+    @property
+    def names(self) -> Names:
+        """Names and kinds of all, those of slips from the friction."""
+        return self._names.with_slips(self.slips)
 
     @property
     def radian(self) -> float:
@@ -130,13 +139,13 @@ class Mechanism(AbstractSystem):
     def anonymous(self) -> Self:
         return replace_fields(
             self,
-            names=self.names.anonymous(),
+            _names=self._names.anonymous(),
             pose=None,
             _friction=tuple(replace_fields(f, slips=f.slips.anonymous()) for f in self._friction),
         )
 
     def without_friction(self) -> Self:
-        return replace_fields(self, names=self.names.without_slips(), _friction=())
+        return replace_fields(self, _friction=())
 
     def state(self, *coordinates: ArrayLike, rate: ArrayLike = 0.0, t: ArrayLike = 0.0, **named: ArrayLike) -> State:
         """The state on the constraint manifold at given independent coordinates and their rate.

@@ -111,9 +111,9 @@ class Names:
         coordinates, rows, slips, joints, reactions = (axis.anonymous() for axis in self.axes.values())
         return Names(coordinates, rows, slips, joints, reactions, adds=self.adds)
 
-    def without_slips(self) -> "Names":
-        """Those of the same system without friction."""
-        return dataclasses.replace(self, slips=_NONE)
+    def with_slips(self, slips: Axis) -> "Names":
+        """The same and those of friction."""
+        return dataclasses.replace(self, slips=slips)
 
 
 @dataclasses.dataclass(frozen=True)

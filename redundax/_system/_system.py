@@ -134,7 +134,7 @@ class System(AbstractSystem):
     - `units`: those of all figures, as factors from SI, as for a `Mechanism`; shown nowhere if not given.
     """
 
-    names: Names = eqx.field(static=True)
+    _names: Names = eqx.field(static=True)
     friction: tuple[AbstractFriction, ...]
     parameters: PyTree
     _mass: Float[Array, " n"] | Float[Array, "n n"] | Callable[..., Array]
@@ -181,8 +181,7 @@ class System(AbstractSystem):
         rows = rows if isinstance(rows, Axis) else axis(None, rows, m)
         coordinates.check("coordinates", ("linear", "angular"))
         rows.check("rows", ("force", "moment"))
-        slips, adds = slip_kinds(self.friction), retraction is None
-        self.names = Names(coordinates, rows, slips, units=of_model(units), adds=adds)
+        self._names = Names(coordinates, rows, units=of_model(units), adds=retraction is None)
         if not len(self.rows):
             raise ValueError(
                 "Argument `constraint` must give at least one residual, but gives none. "
@@ -204,6 +203,11 @@ class System(AbstractSystem):
         return value.shape[0]
 
     @property
+    def names(self) -> Names:
+        """Names and kinds of all, those of slips from the friction."""
+        return self._names.with_slips(self.slips)
+
+    @property
     def radian(self) -> float:
         return 1.0
 
@@ -218,12 +222,12 @@ class System(AbstractSystem):
     def anonymous(self) -> Self:
         return replace_fields(
             self,
-            names=self.names.anonymous(),
+            _names=self._names.anonymous(),
             friction=tuple(group.anonymous() for group in self.friction),
         )
 
     def without_friction(self) -> Self:
-        return replace_fields(self, names=self.names.without_slips(), friction=())
+        return replace_fields(self, friction=())
 
     def mass(self, q: Array, t: Array) -> Float[Array, "n n"]:
         value = self._mass(q, t, self.parameters) if callable(self._mass) else self._mass

@@ -6,6 +6,7 @@ infinite beside the bead's. With r the travel and phi the angle,
     r'' = r w^2 - g sin(phi),   phi'' = 0.
 """
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -334,3 +335,14 @@ def test_name_that_two_entries_have_is_refused():
     np.testing.assert_allclose(solution["A.phi''"], -G * 0.5 / (0.1 + 0.25), rtol=1e-12)
     with pytest.raises(ValueError, match="names 2"):
         solution["A.x"]
+
+
+def test_friction_that_is_put_in_afterwards_has_names():
+    block = rx.System(lambda q, t, p: q[1:], [2.0, 2.0], lambda q, qd, t, p: jnp.array([0.0, -2.0 * G]), n=2)
+    rough = rx.Friction(
+        lambda q, t, p: q[:1], lambda loads, rate, sense, *_: -0.1 * jnp.abs(loads) * sense, [0], ["linear"]
+    )
+    block = eqx.tree_at(lambda system: system.friction, block, (rough,))
+    solution = rx.solve(block, rx.State(np.zeros(2), [1.0, 0.0]))
+    np.testing.assert_allclose(solution["tau 0"], -0.1 * 2.0 * G, rtol=1e-12)
+    assert list(block.names.unknowns.kinds[-1:]) == ["friction force"]
