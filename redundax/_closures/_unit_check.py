@@ -7,6 +7,7 @@ Arrays carry no unit, but their size gives them away. Of a joint whose contacts 
 is 1e-3 for b = 30 L and 1e6 for b = L / 1000, and no part misses its place by L or by a full turn.
 """
 
+import dataclasses
 import warnings
 from weakref import WeakValueDictionary
 
@@ -15,9 +16,11 @@ from jaxtyping import Array
 
 from .._system._axis import Axis
 from .._system._names import Names
+from .._system._units import StatedUnits
 from ._closure import AbstractClosure, Elasticity
 
 _LEAST, _MOST = 1e-3, 1e6
+_IN_M, _IN_MM = StatedUnits(1.0), StatedUnits(1e3, mass=1e-3)
 _checked: WeakValueDictionary[int, AbstractClosure] = WeakValueDictionary()
 
 
@@ -46,9 +49,6 @@ def _of_compliance(names: Names, compliance: np.ndarray, length: np.ndarray) -> 
     ratio = moment * length**2 / force
     if _LEAST <= ratio <= _MOST:
         return ""
-    fix = (
-        "(length=1000.0, mass=0.001)` for data in mm and N" if ratio < 1 else "(length=0.001, mass=1000.0)` for m and N"
-    )
     units = f"{of('linear')}/{of('force')}", f"{of('angular')}/({of('moment')})"
     per_force, per_moment = (f" {unit}" if str(names.units) else "" for unit in units)
     return (
@@ -56,7 +56,7 @@ def _of_compliance(names: Names, compliance: np.ndarray, length: np.ndarray) -> 
         f"in the median, most {_largest(rows, compliance, kinds[0])}, and moment-type rows {moment:.2g}{per_moment}, "
         f"most {_largest(rows, compliance, kinds[1])}. With the length L = {_of_length(names, length)} of the "
         f"mechanism c_moment L^2 / c_force is {ratio:.1g}, but lies between {_LEAST:g} and {_MOST:g} for joints. "
-        f"Give `units=Units{fix}"
+        f"Give {_remedy(names.units, _IN_MM if ratio < 1 else _IN_M, _IN_M if ratio < 1 else _IN_MM)}"
     )
 
 
@@ -68,9 +68,18 @@ def _of_misfit(names: Names, misfit: np.ndarray, length: np.ndarray) -> str:
     return (
         "Argument `misfit` looks as if it were in other units than the system: it has "
         f"{_largest(rows, misfit, large)}, more than the length {_of_length(names, length)} of the mechanism or a full "
-        "turn. Give `units=Units(length=1000.0, mass=0.001)` for data in mm and N, `units=Units(angle=57.2958)` for "
-        "degrees"
+        f"turn. Give {_remedy(names.units, _IN_MM, _IN_M)}, `units=Units(angle=57.2958)` for degrees"
     )
+
+
+def _remedy(own: StatedUnits, data: StatedUnits, assumed: StatedUnits) -> str:
+    """The argument for data in units that they may be in, from those of the model, assumed where it states none."""
+    own = assumed if own.length is None else own
+    pairs = zip(dataclasses.asdict(data).items(), dataclasses.astuple(own), strict=True)
+    factors = {name: float(f"{there / here:.6g}") for (name, there), here in pairs}
+    given = ", ".join(f"{name}={factor}" for name, factor in factors.items() if factor != 1)
+    symbols = f"in {data.of('linear')} and {data.of('force')}"
+    return f"`units=Units({given})` for data {symbols}" if given else f"figures {symbols}, as the model has"
 
 
 def _of_length(names: Names, length: np.ndarray) -> str:

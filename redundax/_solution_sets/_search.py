@@ -69,14 +69,9 @@ class Search:
             costs = sign * matrix[:, n : n + m]
             if isinstance(cases, Fractional):
                 theta = vertex_extremes(cases, tau, costs)
-            elif isinstance(cases, Affine):
-                ends = [linear_extreme(cases, tau, cost) for cost in costs]
-                theta = np.array([np.full(cases.lower.size, np.nan) if end is None else end for end in ends])
             else:
-                raise TypeError(
-                    f"Argument `cases` must be affine or fractional, but is {type(cases).__name__}. "
-                    "Give what the method `cases` of bounds returns."
-                )
+                ends = [linear_extreme(cast(Affine, cases), tau, cost) for cost in costs]
+                theta = np.array([np.full(cases.lower.size, np.nan) if end is None else end for end in ends])
             if out:
                 theta = np.where(unique[:, None], out[0][1], theta)
             found = self._sampled(jnp.asarray(theta))

@@ -161,6 +161,8 @@ def rubbing():
 LAWS = {"slow": [0.0, 0.0, 1.0], "fast": [0.0, 0.0, 3.0]}  # of t, at t = 0 the same in angle and speed
 NEAR = {"A": (0.5, 0.0), "B": (0.5 + 1e-13, 0.0)}
 PLATE = rx.Fixed("P", "a", G, (-0.5, 0.0), (-0.5, 0.0))
+PLATE_IN_MM = rx.Fixed("P", "a", G, (-500.0, 0.0), (-500.0, 0.0))
+IN_MM = rx.Mechanism([rx.Body("a", 2e-3, 100.0)], [PLATE_IN_MM], units=rx.units.Units(length=1000.0, mass=0.001))
 BODY = rx.Body("a", 1.0, 1.0)
 STATE = rx.State([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
 BAD = {
@@ -259,6 +261,10 @@ BAD = {
     "closure in other units": (
         lambda: rx.solve(one_body(PLATE), STATE, closure=rx.Compliance([1e-5, 1e-5, 1e-9])),
         ["`W`", "1e-05 in", "P.x", "1e-09, most", "P.angle", "units=Units(length=1000.0, mass=0.001)"],
+    ),
+    "closure in units of a model in mm": (
+        lambda: rx.solve(IN_MM, STATE, closure=rx.Compliance([1e-8, 1e-8, 1e-6])),
+        ["`W`", "mm/N", "units=Units(length=0.001, mass=1000.0)` for data in m and N"],
     ),
     "misfit in other units": (
         lambda: rx.solve(one_body(PLATE), STATE, closure=rx.Compliance([1e-8, 1e-8, 1e-6], [0.0, 3.0, 0.0])),
