@@ -9,7 +9,7 @@ from ..._system._state import State
 from ..._system._system import AbstractSystem
 from .._cases import AbstractCases
 from .._solution_set import SolutionSet
-from ._programme import LoadsAtRest
+from ._extreme import LoadsAtRest
 from ._standing import Standing, standing
 
 _ROUNDING = 1e-12  # of an output that does not vary

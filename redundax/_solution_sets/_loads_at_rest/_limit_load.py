@@ -31,8 +31,9 @@ from .._bounds import AbstractBounds, cases_of
 from .._cases import AbstractCases
 from .._solution_set import SolutionSet, solution_set
 from .._sticking._at_rest import NONE, ReducedForce, drive, velocity_basis
-from ._programme import LoadsAtRest
-from ._standing import AddedLoad, Standing, sizes_of, standing
+from ._extreme import LoadsAtRest
+from ._friction_limits import sizes_of
+from ._standing import AddedLoad, Standing, standing
 
 _MINIMUM_NORM = MinimumNorm()
 _FIRST, _MORE, _LAST = 4.0, 8.0, 1e6  # amounts that are looked at, relative to what friction without it holds
@@ -226,9 +227,8 @@ def _way(
     """Names of the joints that slip, and velocities of power 1, as far as joints below their limits let it move."""
     ways, start = velocity_basis(system, factor), drive(system, state, factor)
     p = len(start.slips)
-    loads = found.programme.read[0] @ x + found.programme.read[1]
-    down, up = found.programme.limits(loads)[:2]
-    bounded = found.programme.bounded[0] @ x + found.programme.bounded[1]
+    down, up = found.programme.limits(found.programme.read(x))[:2]
+    bounded = found.programme.bounded(x)
     held = np.minimum(up - bounded, down + bounded)[:p] > _AT_LIMIT
     _, sizes, basis = np.linalg.svd(start.slips[held]) if held.any() else (0, np.zeros(0), np.eye(ways.shape[1]))
     free = basis[np.sum(sizes > NONE * np.abs(start.slips).max(initial=0.0)) :]

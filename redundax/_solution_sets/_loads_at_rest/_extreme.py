@@ -1,0 +1,174 @@
+"""Inner and outer bounds of what a programme allows: cones of loads are split where its limits are exceeded most."""
+
+import heapq
+import itertools
+from collections.abc import Iterator
+from typing import NamedTuple, cast
+
+import numpy as np
+
+from ._programme import KEPT, NOTHING, Optimum, Programme, Rays
+from ._relaxation import Relaxation
+
+_GAP = 1e-7  # between both bounds that is none
+_TIGHTENED = 4  # rounds in which the ranges of loads are narrowed
+_EDGE = 0.02  # share of a cone that a split leaves at least
+_WIDER = 1e-6  # angle by which a cone exceeds the loads found, which makes it one of two rays
+
+
+class Extreme(NamedTuple):
+    """A largest value.
+
+    - `value`, `x`: the largest that was attained, and where; -inf and None where nothing possible was found.
+    - `bound`: proved not to be exceeded; -inf where nothing is possible.
+    """
+
+    value: float
+    x: np.ndarray | None
+    bound: float
+
+
+class _Node(NamedTuple):
+    """Cones, with the largest value over them and where it is; in order of the negative bound."""
+
+    order: float
+    number: int
+    bound: float
+    x: np.ndarray | None
+    cones: list[Rays]
+
+    @classmethod
+    def of(cls, found: Optimum, cones: list[Rays], numbers: Iterator[int]) -> "_Node":
+        return cls(-found.value, next(numbers), found.value, found.x, cones)
+
+
+class LoadsAtRest:
+    """The set of a programme.
+
+    - `start`: cones that hold all that is possible; `found`: where the last extreme is.
+    """
+
+    def __init__(self, programme: Programme, *, most: int = 400):
+        """`most` programmes are solved for each extreme."""
+        self.relaxed, self.most = Relaxation(programme), most
+        self.found: np.ndarray | None = None
+        self.start: list[Rays] = [None] * len(programme.reads)
+        self._tighten()
+
+    def extreme(self, cost: np.ndarray, *, first: bool = False) -> Extreme:
+        """The largest c^T x; with `first` any that is possible."""
+        relaxed = self.relaxed
+        size = np.abs(cost).max(initial=0.0) or 1.0
+        cost, best, left, solved, order = cost / size, NOTHING, -np.inf, 1, itertools.count()
+        relaxed.cuts.clear()
+        if self.found is not None:
+            best, solved = relaxed.inner(cost, self.found)
+        queue = [_Node.of(relaxed.outer(cost, self.start), self.start, order)]
+
+        def matters(bound: float) -> bool:
+            return bound > -np.inf and (best.x is None or bound > best.value + _GAP * max(1.0, abs(best.value)))
+
+        while queue and matters(queue[0].bound) and solved < self.most and not (first and best.x is not None):
+            node = heapq.heappop(queue)
+            cuts = [] if node.x is None else relaxed.violated(node.x)
+            if cuts:
+                relaxed.cuts += cuts
+                solved += 1
+                heapq.heappush(queue, _Node.of(relaxed.outer(cost, node.cones), node.cones, order))
+                continue
+            excess = np.full(len(self.start), np.inf) if node.x is None else relaxed.excess(node.x)
+            if np.all(excess <= KEPT):
+                best = max(best, Optimum(node.bound, node.x), key=_value_of)
+                continue
+            if node.x is not None and (node.number < 8 or node.number % 16 == 0):
+                found, steps = relaxed.inner(cost, node.x)
+                best, solved = max(best, found, key=_value_of), solved + steps
+            cones = self._split(node.cones, node.x, excess)
+            if not cones:
+                left = max(left, node.bound)
+            for cone in cones:
+                found, solved = relaxed.outer(cost, cone), solved + 1
+                if matters(found.value):
+                    heapq.heappush(queue, _Node.of(found, cone, order))
+        self.found = best.x
+        bound = max([best.value, left, *(node.bound for node in queue)])
+        return Extreme(size * best.value, best.x, size * bound)
+
+    def _split(self, cones: list[Rays], x: np.ndarray | None, excess: np.ndarray) -> list[list[Rays]]:
+        """Cones that together hold those of a node, apart where the worst limit is; none if none can be split."""
+        reads, settled = self.relaxed.programme.reads, self._settled
+        for j in np.argsort(-excess):
+            if settled[j] or excess[j] <= KEPT or (x is None and cones[j] is not None):
+                continue
+            if cones[j] is None:
+                parts = [np.diag(signs) for signs in itertools.product((1.0, -1.0), repeat=reads[j].size)]
+            else:
+                parts = self._halves(cast(np.ndarray, cones[j]), cast(np.ndarray, x), reads[j])
+            if parts:
+                return [[*cones[:j], part, *cones[j + 1 :]] for part in parts]
+        return []
+
+    def _halves(self, rays: np.ndarray, x: np.ndarray, reads: np.ndarray) -> list[np.ndarray]:
+        """A cone of two loads, split along that of x."""
+        if reads.size < 2:
+            return []
+        share = np.linalg.solve(rays, self.relaxed.programme.read.rows(reads)(x))
+        share = np.maximum(share, 0.0)
+        share = share / share.sum() if share.sum() > 0 else np.full(2, 0.5)
+        ray = rays @ np.clip(share, _EDGE, 1 - _EDGE)
+        ray = ray / np.linalg.norm(ray)
+        return [np.stack([rays[:, 0], ray], axis=1), np.stack([ray, rays[:, 1]], axis=1)]
+
+    @property
+    def _settled(self) -> np.ndarray:
+        """Limits that are the same at all loads that are possible."""
+        return np.array([not reads.size for reads in self.relaxed.programme.reads], bool)
+
+    def _tighten(self) -> None:
+        """Narrow the loads that each limit depends on, and with them the limits, from the widest."""
+        matrix, offset = self.relaxed.programme.read
+        down, up = self.relaxed.programme.limits(np.zeros(len(offset)))[:2]
+        constant = self._settled
+        self.relaxed.sides[constant] = np.stack([up, down], axis=1)[constant]
+        for _ in range(_TIGHTENED):
+            found = np.array([[self.relaxed.outer(s * row, self.start).value for s in (-1, 1)] for row in matrix])
+            if np.any(found == -np.inf):
+                return
+            ranges = (found * [-1, 1] + offset[:, None]).reshape(-1, 2)
+            before = self.relaxed.sides.copy()
+            self._take(ranges)
+            if np.all(self.relaxed.sides > 0.9 * before):
+                return
+
+    def _take(self, ranges: np.ndarray) -> None:
+        """Limits and cones of the loads within their ranges: a convex limit is largest at a vertex."""
+        for j, reads in enumerate(self.relaxed.programme.reads):
+            own = ranges[reads]
+            if not reads.size or not np.all(np.isfinite(own)):
+                continue
+            vertices = np.array(list(itertools.product(*own)))
+            values = np.stack([self.relaxed.limits_at(j, vertex) for vertex in vertices])
+            self.relaxed.sides[j] = np.minimum(self.relaxed.sides[j], values.max(axis=0))
+            self.start[j] = _cone(vertices)
+
+
+def _value_of(found: Optimum) -> float:
+    return found.value
+
+
+def _cone(points: np.ndarray) -> Rays:
+    """The narrowest cone that holds the vertices of a box, None where that holds the zero."""
+    middle = points.mean(axis=0)
+    if points.shape[1] == 1:
+        return np.sign(middle)[:, None] if points.min() > 0 or points.max() < 0 else None
+    if np.all(points.min(axis=0) <= 0) and np.all(points.max(axis=0) >= 0):
+        return None
+    along = middle / np.linalg.norm(middle)
+    angle = np.arctan2(along[0] * points[:, 1] - along[1] * points[:, 0], points @ along)
+    least, most = angle.min() - _WIDER, angle.max() + _WIDER
+    return np.stack([_turned(along, least), _turned(along, most)], axis=1)
+
+
+def _turned(vector: np.ndarray, angle: float) -> np.ndarray:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s], [s, c]]) @ vector

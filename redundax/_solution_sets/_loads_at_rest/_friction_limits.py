@@ -1,0 +1,128 @@
+"""Limits of friction at rest as functions of the loads, and bounds of friction.
+
+    |tau| <= (I - Gamma)^-1 (largest |limit| at the loads without friction),   Gamma_ij = max |d limit_i / d tau_j|
+
+where the spectral radius of Gamma is below 1, as no limit grows by more than Gamma |tau|.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+from jaxtyping import Array
+
+from ..._analysis._verdict import spectral_radius
+from ..._solvers._friction_problem import Law
+from ..._tools._compilation import compiled
+from ..._tools._module import on_device
+from .._cases import AbstractCases, Affine
+from .._solution_set import SolutionSet
+from ._affinely import Affinely
+from ._programme import Limits, LimitValues
+
+_NOTHING = np.zeros(0)
+_WIDER = 1 + 1e-9  # of bounds of friction, beyond rounding
+_NONE = 1e-9  # size of friction that says nothing, relative to the largest
+
+
+class Limited(NamedTuple):
+    """Quantities between limits that depend on loads, as in `Programme`."""
+
+    bounded: Affinely
+    read: Affinely
+    reads: tuple[np.ndarray, ...]
+    full: np.ndarray
+    limits: Limits
+
+
+class FrictionSizes(NamedTuple):
+    """Sizes of friction, whether these are bounds, (I - Gamma)^-1 (that without friction); and what each load allows.
+
+    - `growth`: largest change of friction by a unit of each load, shape (p, l).
+    - `added`: largest amounts of added loads.
+    """
+
+    friction: np.ndarray
+    bounded: bool
+    growth: np.ndarray
+    added: np.ndarray
+
+
+def sizes_of(solutions: SolutionSet, cases: AbstractCases, added: np.ndarray = _NOTHING) -> FrictionSizes:
+    """Sizes of friction, with added loads up to given amounts."""
+    law, rows = solutions.law, np.asarray(solutions.rows)
+    if law is None:
+        return FrictionSizes(np.zeros(0), True, np.zeros((0, 0)), added)
+    lower, upper = np.asarray(cases.lower), np.asarray(cases.upper)
+    bases, unit = (np.asarray(x) for x in chosen_at(cases, np.stack([lower, (lower + upper) / 2, upper])))
+    unit = unit[:, :, : len(law.rate) + len(added)]
+    limits = [np.abs(np.stack(_limits_at(law, on_device(base[rows]))[:2])).max(axis=0) for base in bases]
+    slope = np.asarray(cases.slope)[rows] if isinstance(cases, Affine) else np.zeros((len(rows), 0))
+    columns = np.concatenate([np.eye(len(rows)), unit[1][rows], slope], axis=1)
+    changes = np.asarray(_changes(law, on_device(columns)))
+    parts = np.cumsum([len(rows), len(limits[0]), len(added)])
+    growth, gamma, by_added, change = np.split(changes, parts, axis=1)
+    if isinstance(cases, Affine) and np.all(np.isfinite(gamma)) and spectral_radius(gamma) < 1:
+        given = limits[1] + change @ np.abs(upper - lower) / 2 + by_added @ added
+        friction = np.linalg.solve(np.eye(len(gamma)) - gamma, given) * _WIDER
+        return FrictionSizes(np.where(friction > 0, friction, 1.0), True, growth, added)
+    friction = np.max(limits, axis=0)
+    largest = friction.max(initial=0.0) or 1.0
+    return FrictionSizes(np.where(friction > _NONE * largest, friction, largest), False, growth, added)
+
+
+@compiled
+def chosen_at(cases: AbstractCases, theta: ArrayLike) -> tuple[Array, Array]:
+    """base and U of cases, shape (s, q)."""
+    return jax.vmap(cases.chosen)(jnp.asarray(theta))
+
+
+@compiled
+def _changes(law: Law, loads: Array) -> Array:
+    return law.largest_changes(loads)
+
+
+def friction_limits(
+    solutions: SolutionSet, friction: Affinely, multipliers: Affinely, sizes: FrictionSizes
+) -> list[Limited]:
+    """The limits of friction, in sizes of it; the loads are in sizes of what they allow."""
+    law = solutions.law
+    if law is None:
+        return []
+    whole, most = sizes.friction, sizes.growth / sizes.friction[:, None]
+    scale = most.max(axis=0, initial=0.0)
+    scale = np.where(scale > 0, scale, 1.0)
+    read = multipliers.rows(np.asarray(solutions.rows)).over(1 / scale)
+    low, high, _, _ = _limits_at(law, on_device(1 / scale))
+    fixed = np.asarray(low == high)
+    full = np.where(fixed, np.where(np.asarray(high) >= 0, 1.0, -1.0), 0.0)
+
+    def limits(loads: np.ndarray) -> LimitValues:
+        low, high, by_low, by_high = (np.asarray(x) for x in _limits_at(law, on_device(loads / scale)))
+        size, below, above = whole[:, None] * scale, full[:, None] == 1, full[:, None] == -1
+        return LimitValues(
+            np.where(full == 1, np.inf, -low / whole),
+            np.where(full == -1, np.inf, high / whole),
+            np.where(below, 0.0, -by_low / size),
+            np.where(above, 0.0, by_high / size),
+        )
+
+    reads = tuple(np.flatnonzero(row > 0) for row in most)
+    return [Limited(friction.over(whole), read, reads, full, limits)]
+
+
+@compiled
+def _limits_at(law: Law, loads: Array) -> tuple[Array, Array, Array, Array]:
+    """Least and largest friction of slips that rest, and that of those that move, and the derivatives by the loads."""
+
+    def limits(loads: Array) -> tuple[Array, Array]:
+        one, two = (
+            eqx.tree_at(lambda law: law.sense, law, jnp.where(law.sense == 0, sense, law.sense))(loads)
+            for sense in (1.0, -1.0)
+        )
+        return jnp.minimum(one, two), jnp.maximum(one, two)
+
+    return *limits(loads), *jax.jacfwd(limits)(loads)
