@@ -190,7 +190,7 @@ def revolutes(names, mu_rho):
     return lambda lam: np.stack([mu_rho * np.hypot(lam[f"{name}.x"], lam[f"{name}.y"]) for name in names], axis=1)
 
 
-def press():
+def press(*loads):
     pin = {"pin_radius": 0.02, "friction": rx.Coulomb(0.2)}
     guide = {"normal": (1.0, 0.0), "guide_length": 0.08, "friction": rx.Coulomb(0.1)}
     mechanism = rx.Mechanism(
@@ -202,7 +202,7 @@ def press():
             rx.Translational("L", "ram", "ground", (-0.3, 0.0), (-0.3, 0.0), **guide),
             rx.Translational("R", "ram", "ground", (0.3, 0.0), (0.3, 0.0), **guide),
         ],
-        loads=[rx.AppliedForce("crank", moment=-8.0)],
+        loads=[rx.AppliedForce("crank", moment=-8.0), *loads],
         gravity=(0.0, -G),
     )
     guess = [0.0, 0.1, 0.1, -0.1, 0.0, -0.5, 0.8, -1.2, 0.0]
@@ -248,7 +248,10 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("name", CASES)
+slow = [pytest.param(name, marks=pytest.mark.slow) for name in ("press", "five cranks")]
+
+
+@pytest.mark.parametrize("name", ["paper", "carriage", "three cranks", *slow])
 def test_bands_at_rest_hold_what_brute_force_finds(name):
     make, size = CASES[name]
     system, state, limits = make()
@@ -284,3 +287,26 @@ def stands(brute, solutions):
     assert np.abs(lam @ brute.jacobian - tau @ brute.slips.T - brute.load).max() < 1e-9 * size
     most = brute.limits(dict(zip(brute.rows, lam.T, strict=True)))
     assert np.all(np.abs(tau) <= most + 1e-8 * most.max())
+
+
+# Motions ------------------------------------------------------------------------------------
+
+
+def rising(i, j, t, p):
+    """A moment on the body that rises in proportion to time."""
+    moment = p["start"] + p["rate"] * t
+    return rx.Wrench(jnp.zeros(2), moment), rx.Wrench(jnp.zeros(2), -moment)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("end", ["lower", "upper"])
+def test_a_motion_under_a_slow_ramp_starts_at_the_limit_load(end):
+    joints = rx.Compliance(W=jnp.array([1e-8] * 8 + [1e-6] * 2), misfit=jnp.array([0.0] * 6 + [5e-6, 0.0, 0.0, 0.0]))
+    system, state, _ = press()
+    found = rx.limit_load(system, state, {"crank.phi": 1.0}, joints)
+    middle = (found.lower + found.upper) / 2
+    ramp = {"start": middle, "rate": getattr(found, end) - middle}  # at the limit after 1 s
+    system, state, _ = press(rx.LoadFunction("crank", rising, parameters=ramp))
+    before, after = (rx.simulate(system, state, t1, closure=joints, throw=False) for t1 in (1 - 1e-6, 1 + 1e-6))
+    assert before.result == rx.RESULTS.stuck
+    assert after.result != rx.RESULTS.stuck and np.any(after.qd[-1] != 0)
