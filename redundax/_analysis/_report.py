@@ -144,7 +144,7 @@ class Report:
     def __str__(self) -> str:
         lines = [
             f"{len(self.coordinates)} coordinates, {len(self.rows)} constraints of rank {self.rank}: "
-            f"{self.redundancy} redundant, {_count(self.freedom, 'degree')} of freedom",
+            f"{self.redundancy} redundant, {count_of(self.freedom, 'degree')} of freedom",
             f"Smallest kept singular value {self.singular_values[max(self.rank - 1, 0)]:.2g} of the largest, "
             + (f"{self.gap:.1e} times the largest dropped one" if np.isfinite(self.gap) else "none dropped"),
         ]
@@ -155,7 +155,7 @@ class Report:
         if self.singular_position:
             lines.append(
                 f"SINGULAR POSITION: the rank is higher beside it, where at least {self.local_self_stress} of the "
-                f"{_count(self.redundancy, 'self-stress state')} vanish. "
+                f"{count_of(self.redundancy, 'self-stress state')} vanish. "
                 + (
                     "The velocity decides the branch of motion, and with it the accelerations."
                     if self.undetermined
@@ -219,7 +219,8 @@ def _finite(value: float | None) -> float | None:
     return value if value is not None and np.isfinite(value) else None
 
 
-def _count(number: int, word: str) -> str:
+def count_of(number: int, word: str) -> str:
+    """As in "1 degree" and "2 degrees"."""
     return f"{number} {word}" + ("" if number == 1 else "s")
 
 

@@ -83,6 +83,23 @@ class Uniform(AbstractDistribution):
         return self.low + u * (self.high - self.low)
 
 
+def check_distributions(parameters: Mapping[str, AbstractDistribution], rest: str) -> None:
+    """Refuse parameters without a distribution; `rest` says what to do with what has none."""
+    wrong = [name for name, one in parameters.items() if not isinstance(one, AbstractDistribution)]
+    if wrong or not parameters:
+        raise ValueError(
+            "Argument `parameters` must hold a `Normal` or `Uniform` for each parameter, but holds "
+            f"{f'something else for {wrong}' if wrong else 'none'}. {rest}"
+        )
+
+
+def check_power(name: str, count: int, least: int = 2) -> None:
+    """Refuse a number of Sobol points that is no power of two."""
+    if count < least or count & (count - 1):
+        near = max(least, 2 ** count.bit_length())
+        raise ValueError(f"Argument `{name}` must give a power of two points, but gives {count}. {near} is one.")
+
+
 def sobol(parameters: Mapping[str, AbstractDistribution], samples: int, seed: int) -> dict[str, np.ndarray]:
     """Samples of every parameter, shape (N, ...)."""
     from scipy.stats import qmc

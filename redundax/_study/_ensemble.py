@@ -19,8 +19,8 @@ from .._system._names import KEPT
 from .._system._results import result_codes
 from .._system._system import AbstractSystem
 from .._tools._module import Numbers
-from ._distributions import AbstractDistribution, sobol
-from ._layout import SAMPLE
+from ._distributions import AbstractDistribution, check_power, sobol
+from ._layout import SAMPLE, outcomes
 from ._study import study
 
 if TYPE_CHECKING:
@@ -90,14 +90,14 @@ def ensemble(
             _, *dims = motions[array].dims
             bands[f"{array}_band"] = (("percentile", *dims), band, motions[array].attrs)
             bands[f"{array}_count"] = (dims, count)
-    outcomes = _outcomes(motions)
+    ends = outcomes(motions["result"])
     solved = np.isin(motions["result"].values, [result_codes()[name] for name in _GOOD])
-    found = motions.assign(bands | {"solved": (SAMPLE, solved), "outcomes": ("outcome", [*outcomes.values()])})
-    found = found.assign_coords(percentile=[*percentiles], outcome=[*outcomes])
+    found = motions.assign(bands | {"solved": (SAMPLE, solved), "outcomes": ("outcome", [*ends.values()])})
+    found = found.assign_coords(percentile=[*percentiles], outcome=[*ends])
     found = found.assign_attrs(failed=int(np.sum(~solved)))
     found.set_close(data.close)
     if not solved.all():
-        ended = ", ".join(f"{name}: {count}" for name, count in outcomes.items() if name not in _GOOD)
+        ended = ", ".join(f"{name}: {count}" for name, count in ends.items() if name not in _GOOD)
         text = f"{np.sum(~solved)} of {solved.size} motions did not get to the end ({ended})"
         warnings.warn(f"{text}: bands rest on the others from there on, `q_count` says how many.", stacklevel=2)
     return found
@@ -110,9 +110,8 @@ def _drawn(
     drawn = {name: one for name, one in samples.items() if isinstance(one, AbstractDistribution)}
     fixed = [np.shape(one)[0] for one in samples.values() if not isinstance(one, AbstractDistribution) and np.ndim(one)]
     count = fixed[0] if fixed else size
-    if drawn and (count < 2 or count & (count - 1)):
-        name, near = "samples" if fixed else "size", 2 ** max(1, count.bit_length())
-        raise ValueError(f"Argument `{name}` must give a power of two samples, but gives {count}. {near} is one.")
+    if drawn:
+        check_power("samples" if fixed else "size", count)
     if len(percentiles) < 2 or not all(0 <= value <= 100 for value in percentiles):
         raise ValueError(
             f"Argument `percentiles` must hold two or more from 0 to 100, but is {percentiles}. Give 5 and 95, say."
@@ -154,10 +153,3 @@ def banded(values: np.ndarray, percentiles: Sequence[float]) -> tuple[np.ndarray
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "All-NaN slice", RuntimeWarning)
         return np.nanpercentile(values, percentiles, axis=0), count
-
-
-def _outcomes(motions: "xarray.Dataset") -> dict[str, int]:
-    """How many motions ended in which way."""
-    names = {code: name for name, code in result_codes().items()}
-    codes, counts = np.unique(motions["result"].values, return_counts=True)
-    return {names[int(code)]: int(count) for code, count in zip(codes, counts, strict=True)}

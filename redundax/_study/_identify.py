@@ -25,7 +25,7 @@ import numpy as np
 from jaxtyping import Array
 
 from .._tools._module import Numbers, as_float
-from ._distributions import AbstractDistribution, sobol
+from ._distributions import AbstractDistribution, check_distributions, check_power, sobol
 from ._identification import Ends, Identification, Shapes, Space, identified, restore
 
 _POINTS = 8  # of the ranges, at which the sensitivities must agree on a sum, difference, product or quotient
@@ -111,16 +111,8 @@ def _points(parameters: Mapping[str, AbstractDistribution], count: int, seed: in
 def _checked(
     measured: Numbers, noise: Numbers, parameters: Mapping[str, AbstractDistribution], starts: int
 ) -> tuple[Array, Array]:
-    wrong = [name for name, one in parameters.items() if not isinstance(one, AbstractDistribution)]
-    if wrong or not parameters:
-        raise ValueError(
-            "Argument `parameters` must hold a `Normal` or `Uniform` for each parameter, but holds "
-            f"{f'something else for {wrong}' if wrong else 'none'}. What is known belongs into `predict`."
-        )
-    if starts < 1 or starts & (starts - 1):
-        raise ValueError(
-            f"Argument `starts` must be a power of two, but is {starts}. {2 ** starts.bit_length()} is one."
-        )
+    check_distributions(parameters, "What is known belongs into `predict`.")
+    check_power("starts", starts, least=1)
     data, sigma = as_float(measured), as_float(noise)
     if not bool(jnp.all(jnp.isfinite(data))):
         raise ValueError(

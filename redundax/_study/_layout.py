@@ -90,6 +90,13 @@ def layout(samples: Mapping[str, np.ndarray], outputs: Any, system: AbstractSyst
     return Layout({**given, **found}, labels, len(next(iter(samples.values()))))
 
 
+def outcomes(results: Any) -> dict[str, int]:
+    """How many of the results of a study are which."""
+    meanings = dict(zip(results.flag_values, results.flag_meanings.split(), strict=True))
+    codes, counts = np.unique(results.values, return_counts=True)
+    return {meanings[code]: int(count) for code, count in zip(codes, counts, strict=True)}
+
+
 def storable(dtype: np.dtype) -> bool:
     """Whether netCDF has such numbers."""
     return dtype.kind in "biu" or dtype in (np.float32, np.float64)

@@ -24,8 +24,8 @@ from .._solve._solution import Solution
 from .._system._names import QUANTITIES, AbstractNamed
 from .._system._results import RESULTS, is_one_of, result_codes
 from .._system._system import AbstractSystem
-from ._distributions import AbstractDistribution, entries, sobol
-from ._layout import SAMPLE, named
+from ._distributions import AbstractDistribution, check_distributions, check_power, entries, sobol
+from ._layout import SAMPLE, named, outcomes
 from ._study import study
 
 if TYPE_CHECKING:
@@ -133,18 +133,11 @@ def tolerance_study(
 
 
 def _check(parameters: Mapping[str, AbstractDistribution], samples: int, percentiles: Sequence[float]) -> None:
-    wrong = [name for name, one in parameters.items() if not isinstance(one, AbstractDistribution)]
-    if wrong or not parameters:
-        raise ValueError(
-            "Argument `parameters` must hold a `Normal` or `Uniform` for each parameter, but holds "
-            f"{f'something else for {wrong}' if wrong else 'none'}. What does not vary belongs into `build`."
-        )
+    check_distributions(parameters, "What does not vary belongs into `build`.")
+    check_power("samples", samples)
     lost = sorted(set(parameters) & _TAKEN)
     if lost:
         raise ValueError(f"Argument `parameters` must not hold {lost}, which are names of statistics. Choose others.")
-    if samples < 2 or samples & (samples - 1):
-        near = 2 ** max(1, samples.bit_length())
-        raise ValueError(f"Argument `samples` must be a power of two, but is {samples}. {near} is one.")
     if not all(0 <= value <= 100 for value in percentiles) or not len(percentiles):
         raise ValueError(
             f"Argument `percentiles` must lie between 0 and 100, but is {percentiles}. Give them in per cent."
@@ -219,9 +212,8 @@ def _why(data: "xarray.Dataset") -> str:
     """What the samples ended with, where `build` tells."""
     counts: dict[str, int] = {}
     for values in _results(data):
-        meanings = dict(zip(values.flag_values, values.flag_meanings.split(), strict=True))
-        for code, count in zip(*np.unique(values.values, return_counts=True), strict=True):
-            counts[meanings[code]] = counts.get(meanings[code], 0) + int(count)
+        for name, count in outcomes(values).items():
+            counts[name] = counts.get(name, 0) + count
     counts.pop("successful", None)
     return f" ({', '.join(f'{name}: {count}' for name, count in counts.items())})" if counts else ""
 

@@ -186,7 +186,7 @@ backwards.defvjp(lambda a: (a, None), lambda _, a: (a,))
     ("given", "message"),
     [
         ({"parameters": {}}, r"Argument `parameters` must hold .* but holds none"),
-        ({"starts": 6}, r"Argument `starts` must be a power of two, but is 6. 8 is one."),
+        ({"starts": 6}, r"Argument `starts` must give a power of two points, but gives 6. 8 is one."),
         ({"measured": [*T[1:], np.nan]}, r"Argument `measured` must be finite"),
         (
             {"measured": T[1:]},

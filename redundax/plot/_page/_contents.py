@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..._analysis._outputs import evaluated, outputs, sizes
-from ..._analysis._report import Report
+from ..._analysis._report import Report, count_of
 from ..._analysis._verdict import Judged, Verdict
 from ..._solution_sets._family._solution_family import SolutionFamily
 from ..._solve._solution import Solution
@@ -69,8 +69,8 @@ def _units(report: Report) -> str:
 
 def _short(report: Report) -> tuple[Block, ...]:
     counts = (
-        f"{_count(len(report.rows), 'constraint')} of rank {report.rank}: {report.redundancy} redundant, "
-        f"{_count(report.freedom, 'degree')} of freedom."
+        f"{count_of(len(report.rows), 'constraint')} of rank {report.rank}: {report.redundancy} redundant, "
+        f"{count_of(report.freedom, 'degree')} of freedom."
     )
     if report.problem:
         return Items((counts,)), Text(f"Problem: {report.problem}", warning=True)
@@ -296,10 +296,6 @@ def _listed(report: Report) -> list[tuple[str, str]]:
     """The kinds of outputs to tell of: joint loads stand for multipliers where there are some."""
     skipped = "multiplier" if "reaction" in report.verdicts else "reaction"
     return [(kind, title) for kind, title in _KINDS.items() if kind != skipped and report.verdicts.get(kind)]
-
-
-def _count(number: int, word: str) -> str:
-    return f"{number} {word}" + ("" if number == 1 else "s")
 
 
 def _number(value: float) -> str:
