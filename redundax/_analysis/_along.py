@@ -39,15 +39,6 @@ class Change:
     - `start`, `end`: times of the two states between which it changes.
     - `name`: of the output; "rank", "problem" and "rest" too.
     - `before`, `after`: what is said at them.
-
-    ??? example
-
-        ```python
-        angles = jnp.array([0.6, 0.8, 1.0])
-        states = jax.vmap(lambda phi: mechanism.state(phi=phi, rate=1.0, t=phi))(angles)
-        report = rx.analyze_along(mechanism, states)
-        [(change.start, change.name, change.after) for change in report.changes]
-        ```
     """
 
     start: float
@@ -64,15 +55,6 @@ class Narrow:
     - `t`, `q`: time and coordinates.
     - `smallest`: smallest singular value that the rank keeps elsewhere, relative to the largest.
     - `drops`: whether it cannot be told from zero.
-
-    ??? example
-
-        ```python
-        angles = jnp.array([0.6, 0.8, 1.0])
-        states = jax.vmap(lambda phi: mechanism.state(phi=phi, rate=1.0, t=phi))(angles)
-        report = rx.analyze_along(mechanism, states)
-        [(place.t, place.drops) for place in report.narrow]  # none on this way
-        ```
     """
 
     t: float
@@ -104,6 +86,8 @@ class MotionReport:
         states = jax.vmap(lambda phi: mechanism.state(phi=phi, rate=1.0, t=phi))(angles)
         report = rx.analyze_along(mechanism, states)
         report.rank, report.smallest  # at each state
+        [(change.start, change.name, change.after) for change in report.changes]
+        [(place.t, place.drops) for place in report.narrow]  # none on this way
         ```
     """
 

@@ -27,14 +27,6 @@ class TrajectoryStats(eqx.Module):
       proved unique under the closure.
     - `jump`: where it is not, the largest change of friction in a step, relative to its size; at most 0.1, so that the
       motion follows one branch of solutions.
-
-    ??? example
-
-        ```python
-        smooth = rx.mechanisms.wojtyra2020()
-        motion = rx.simulate(smooth, smooth.state(phi=0.8, rate=1.0), 0.1)
-        motion.stats.steps, motion.stats.energy_error
-        ```
     """
 
     steps: Int[Array, ""]
@@ -78,6 +70,7 @@ class Trajectory(AbstractNamed):
         smooth = rx.mechanisms.wojtyra2020()
         motion = rx.simulate(smooth, smooth.state(phi=0.8, rate=1.0), 0.1)
         motion.t, motion["1.phi''"], motion["K.travel"]  # s, rad/s^2 of body 1, m of slider K
+        motion.stats.steps, motion.stats.energy_error
         ```
     """
 

@@ -27,17 +27,6 @@ class Combination:
     - `uncertainty`: standard uncertainty of the combination, relative to that before the measurement; above 1.
     - `about`: "sum", "difference", "product" or "quotient" where that of two parameters is all that the data determine,
       by the sensitivities at the estimate and at points all over the ranges of the parameters; else "".
-
-    ??? example
-
-        ```python
-        def predict(load, drag):
-            return load / drag * jnp.ones(3)
-
-
-        found = rx.identify(predict, jnp.ones(3), {"load": rx.Normal(1, 0.1), "drag": rx.Normal(1, 0.1)}, noise=0.01)
-        print(found.undetermined[0])  # load and drag: ...; the data determine their quotient only
-        ```
     """
 
     names: tuple[str, ...]

@@ -20,19 +20,7 @@ _ODD = 4.0  # standard deviations of chi^2 from its mean, from which model or no
 
 @dataclasses.dataclass(frozen=True)
 class Minimum:
-    """A minimum of the misfit: values of the parameters, chi^2, and how many searches ended in it.
-
-    ??? example
-
-        ```python
-        def predict(load, drag):
-            return load / drag * jnp.ones(3)
-
-
-        found = rx.identify(predict, jnp.ones(3), {"load": rx.Normal(1, 0.1), "drag": rx.Normal(1, 0.1)}, noise=0.01)
-        print(found.minima[0].values, found.minima[0].searches)
-        ```
-    """
+    """A minimum of the misfit: values of the parameters, chi^2, and how many searches ended in it."""
 
     values: dict[str, np.ndarray]
     chi_square: float
@@ -64,6 +52,8 @@ class Identification:
 
         found = rx.identify(predict, jnp.ones(3), {"load": rx.Normal(1, 0.1), "drag": rx.Normal(1, 0.1)}, noise=0.01)
         print(found, found.covariance, found.singular_values)
+        print(found.undetermined[0])  # load and drag: ...; the data determine their quotient only
+        print(found.minima[0].values, found.minima[0].searches)
         ```
     """
 

@@ -29,8 +29,14 @@ MAX_IMPORT_SECONDS = 20.0
 HEAVY = ("IPython", "diffrax", "matplotlib", "netCDF4", "optimistix", "pandas", "scipy", "tqdm", "xarray")
 # Not public although no component starts with an underscore.
 INTERNAL = ("equinox.internal",)
-# Bases that only other parts of the library build on so far, so that an example would be a model of nothing.
+# Bases that only other parts of the library build on so far, so that an example would be a model of nothing; and parts
+# of results, which the example of the whole shows.
 NO_EXAMPLE = {
+    "Change",
+    "Combination",
+    "Minimum",
+    "Narrow",
+    "TrajectoryStats",
     "AbstractBounds",
     "AbstractClosure",
     "AbstractDistribution",
