@@ -245,9 +245,9 @@ def _affine(
     lower: np.ndarray,
     upper: np.ndarray,
     solutions: SolutionSet,
-    start: Array,
+    start: Array | np.ndarray,
     slope: Array | np.ndarray,
-    unit: Array | None = None,
+    unit: Array | np.ndarray | None = None,
     limits: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None,
     norm: bool = False,
 ) -> Affine:
@@ -282,17 +282,7 @@ def _by_pivots(
     names = tuple(report.rows[row] for row in pivots)
     limits = rows[others], lower[others], upper[others]
     start, unit = free - move @ free[pivots], unit - move @ unit[pivots]
-    return _affine(
-        names,
-        lower[chosen],
-        upper[chosen],
-        solutions,
-        jnp.asarray(start),
-        jnp.asarray(move),
-        jnp.asarray(unit),
-        limits,
-        norm,
-    )
+    return _affine(names, lower[chosen], upper[chosen], solutions, start, move, unit, limits, norm)
 
 
 def _check_given(report: Report, rows: np.ndarray, solutions: SolutionSet) -> None:
