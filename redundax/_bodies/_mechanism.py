@@ -125,10 +125,6 @@ class Mechanism(AbstractSystem):
         return self._names.with_slips(self.slips)
 
     @property
-    def radian(self) -> float:
-        return 1.0
-
-    @property
     def constant_mass(self) -> bool:
         return True
 

@@ -91,8 +91,7 @@ def _phase(now: PhaseState, equations: Equations, options: Options) -> PhaseStat
         (equations, Context(now.held, now.tau)),
         stepsize_controller=options.controller,
         saveat=diffrax.SaveAt(
-            subs=[diffrax.SubSaveAt(ts=within(now.t, end, options.ts)), diffrax.SubSaveAt(t1=True)],
-            solver_state=True,
+            subs=[diffrax.SubSaveAt(ts=within(now.t, end, options.ts)), diffrax.SubSaveAt(t1=True)], solver_state=True
         ),
         event=diffrax.Event(lambda t, y, args, **_: y.event > 0) if equations.has_sense else None,
         adjoint=options.adjoint,
@@ -151,9 +150,7 @@ def _stopped(
     event = stopped & ~moves
     goes_on = onward._replace(resting=now.resting & ~moves, decided=now.decided & (there.decided | ~moves))
     t, y, onward = jax.lax.cond(
-        event,
-        lambda: locate(equations, bracket, t, y, carried.context, event),
-        lambda: (t, y, goes_on),
+        event, lambda: locate(equations, bracket, t, y, carried.context, event), lambda: (t, y, goes_on)
     )
     return t, y._replace(event=jnp.zeros_like(t)), onward, stopped
 

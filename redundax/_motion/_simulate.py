@@ -153,13 +153,7 @@ def _evenly(start: Array, end: Array) -> Float[Array, "101"]:
     return as_float(first + (last - first) * np.linspace(0.0, 1.0, 101, dtype=end.dtype))
 
 
-def _check(
-    system: AbstractSystem,
-    state: State,
-    rtol: ArrayLike | None,
-    dt0: ArrayLike | None,
-    max_steps: int,
-) -> None:
+def _check(system: AbstractSystem, state: State, rtol: ArrayLike | None, dt0: ArrayLike | None, max_steps: int) -> None:
     """Refuse what cannot be integrated."""
     n = len(system.coordinates)
     if state.qd.shape != (n,) or (system.adds and state.q.shape != (n,)):

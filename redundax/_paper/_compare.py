@@ -115,18 +115,8 @@ def _placement(table: Table, words: list[list[str]]) -> tuple[Placement, tuple[s
     low, high = _interval(printed - values, slope, half)
     values, _, second = with_guide_moment(u, moment + (low + high) / 2)
     own, _, third = with_guide_moment(u, table.values[:, guide])
-    placement = Placement(
-        moment + low,
-        moment + high,
-        values,
-        differences(words, values),
-        _distance(table, own),
-    )
-    return placement, (
-        *failures(cases, first),
-        *failures(cases, second),
-        *failures(cases, third),
-    )
+    placement = Placement(moment + low, moment + high, values, differences(words, values), _distance(table, own))
+    return placement, (*failures(cases, first), *failures(cases, second), *failures(cases, third))
 
 
 def _interval(error: np.ndarray, slope: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

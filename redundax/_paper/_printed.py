@@ -120,8 +120,4 @@ SWAPPED = ("table2", 0, 1)
 
 # Figures that are not the nearest ones of their digits: (table, row, entry). Each is off by less than
 # 0.55 of the last printed digit, where a nearest one is off by 0.5 at most.
-ROUNDINGS = (
-    ("table3", 3, "B.x"),
-    ("table3", 3, "L.perpendicular"),
-    ("table4", 3, "L.perpendicular"),
-)
+ROUNDINGS = (("table3", 3, "B.x"), ("table3", 3, "L.perpendicular"), ("table4", 3, "L.perpendicular"))

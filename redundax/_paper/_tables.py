@@ -138,10 +138,7 @@ def _figures(solution: Solution) -> tuple[Array, Array, Array]:
 def _groups(mechanism: Mechanism) -> dict[str, slice]:
     """Columns of each kind; linear stands before angular, force before moment."""
     groups, start = {}, 0
-    for names, axis in (
-        (("linear", "angular"), mechanism.coordinates),
-        (("forces", "moments"), mechanism.rows),
-    ):
+    for names, axis in ((("linear", "angular"), mechanism.coordinates), (("forces", "moments"), mechanism.rows)):
         for name, count in zip(names, (np.sum(~axis.angular), np.sum(axis.angular)), strict=True):
             groups[name] = slice(start, start + int(count))
             start += int(count)

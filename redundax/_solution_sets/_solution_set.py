@@ -87,12 +87,7 @@ def solution_set(
 
 @compiled
 def _solution_set(
-    system: AbstractSystem,
-    state: State,
-    factor: Factorisation,
-    stress: Array,
-    sense: Array | None,
-    chosen: Elasticity,
+    system: AbstractSystem, state: State, factor: Factorisation, stress: Array, sense: Array | None, chosen: Elasticity
 ) -> SolutionSet:
     reduced = reduce(system, state, factor, chosen, sense=sense)
     problem, none = reduced.problem, jnp.zeros(0, bool)

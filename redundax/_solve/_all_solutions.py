@@ -83,12 +83,7 @@ def frictional_solutions(
 
 @compiled
 def _guesses(
-    system: AbstractSystem,
-    state: State,
-    factor: Factorisation,
-    chosen: Elasticity,
-    sense: Array | None,
-    factors: Array,
+    system: AbstractSystem, state: State, factor: Factorisation, chosen: Elasticity, sense: Array | None, factors: Array
 ) -> tuple[Array, Array, Array]:
     """[qdd; lam] of what the search ends with, which of them are solutions that differ, and their largest friction."""
     reduced = reduce(system, state, factor, chosen, sense=sense)

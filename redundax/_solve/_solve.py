@@ -39,12 +39,7 @@ from ._solution import Solution, Stats
 
 _MINIMUM_NORM = MinimumNorm()
 # Failures that a solver is to blame for; those of the state and the closure come before them.
-_OF_ITERATION = (
-    RESULTS.diverged,
-    RESULTS.no_contraction,
-    RESULTS.max_steps_reached,
-    RESULTS.no_solution_found,
-)
+_OF_ITERATION = (RESULTS.diverged, RESULTS.no_contraction, RESULTS.max_steps_reached, RESULTS.no_solution_found)
 _OF_FRICTION = (RESULTS.friction_at_rest, RESULTS.ambiguous_rest, *_OF_ITERATION)
 
 

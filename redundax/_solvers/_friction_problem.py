@@ -96,11 +96,7 @@ class FrictionProblem(eqx.Module):
 
     @classmethod
     def make(
-        cls,
-        rho0: Float[Array, " l"],
-        gain: Float[Array, "l p"],
-        law: Law,
-        angular_loads: Bool[Array, " l"],
+        cls, rho0: Float[Array, " l"], gain: Float[Array, "l p"], law: Law, angular_loads: Bool[Array, " l"]
     ) -> "FrictionProblem":
         """The problem, given which loads are moments."""
         angular_slips = jnp.asarray(slip_kinds(law.groups).angular)

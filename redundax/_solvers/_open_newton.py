@@ -62,11 +62,7 @@ def update(open_problem: OpenProblem, y: OpenIterate) -> tuple[OpenIterate, Arra
     law = problem.law(y.rho)
     residual = law - y.tau
     new = _step(open_problem, y, problem.law.slope(y.rho), residual, jnp.zeros_like(residual))
-    return (
-        new,
-        problem.change_of_friction(residual),
-        problem.change_of_load(new.rho - y.rho),
-    )
+    return new, problem.change_of_friction(residual), problem.change_of_load(new.rho - y.rho)
 
 
 def _step(open_problem: OpenProblem, y: OpenIterate, slope: Array, residual: Array, pull: Array) -> OpenIterate:
@@ -103,11 +99,7 @@ def _open_root_jvp(primals: tuple, tangents: tuple) -> tuple:
 
 def _run(open_problem: OpenProblem, rtol: Array, max_steps: int, *, bounded: bool) -> OpenEnd:
     end, progress = iterate(
-        lambda y: update(open_problem, y),
-        first_step(open_problem),
-        rtol,
-        max_steps,
-        bounded=bounded,
+        lambda y: update(open_problem, y), first_step(open_problem), rtol, max_steps, bounded=bounded
     )
     stress = open_problem.balance @ (open_problem.projector @ end.w)  # w is much larger than what is left of it
     tau = jnp.where(progress.converged(rtol), _finished(open_problem, stress, end.tau), end.tau)

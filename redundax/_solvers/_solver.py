@@ -106,11 +106,7 @@ class FixedPoint(AbstractSolver):
         last_tau, last_rho = tau, rho
         tau = problem.law(rho)
         rho = problem.loads(tau)
-        return (
-            tau,
-            problem.change_of_friction(tau - last_tau),
-            problem.change_of_load(rho - last_rho),
-        )
+        return tau, problem.change_of_friction(tau - last_tau), problem.change_of_load(rho - last_rho)
 
 
 class Newton(AbstractSolver):
@@ -149,11 +145,7 @@ class Newton(AbstractSolver):
         rho = problem.loads(tau)
         residual = tau - problem.law(rho)
         change = -jnp.linalg.solve(_root_slope(problem, rho), residual)
-        return (
-            tau + change,
-            problem.change_of_friction(residual),
-            problem.change_of_load(problem.gain @ change),
-        )
+        return tau + change, problem.change_of_friction(residual), problem.change_of_load(problem.gain @ change)
 
 
 def _root_slope(problem: FrictionProblem, rho: Array) -> Float[Array, "p p"]:

@@ -247,11 +247,7 @@ def _standard(given: Mapping[str, np.ndarray], parameters: Mapping[str, Abstract
 
 
 def _statistics(
-    data: "xarray.Dataset",
-    names: Sequence[str],
-    solved: np.ndarray,
-    inputs: np.ndarray,
-    percentiles: Sequence[float],
+    data: "xarray.Dataset", names: Sequence[str], solved: np.ndarray, inputs: np.ndarray, percentiles: Sequence[float]
 ) -> dict[str, tuple[Any, np.ndarray]]:
     """Of every entry of every output, over the samples that have a solution."""
     inputs = inputs[: solved.size][solved]

@@ -31,13 +31,7 @@ class State(eqx.Module):
     t: Float[Array, "..."]
     memory: tuple[PyTree, ...]
 
-    def __init__(
-        self,
-        q: Numbers,
-        qd: Numbers,
-        t: ArrayLike = 0.0,
-        memory: tuple[PyTree, ...] = (),
-    ):
+    def __init__(self, q: Numbers, qd: Numbers, t: ArrayLike = 0.0, memory: tuple[PyTree, ...] = ()):
         self.q, self.qd = as_float(q), as_float(qd)
         self.t = as_float(t).astype(self.qd.dtype)
         self.memory = memory

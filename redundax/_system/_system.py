@@ -48,9 +48,9 @@ class AbstractSystem(eqx.Module):
         return slip_kinds(self.friction)
 
     @property
-    @abc.abstractmethod
     def radian(self) -> ArrayLike:
-        """One radian in the unit of the angular coordinates."""
+        """One radian in the unit of the angular coordinates, which are in radians unless a system says otherwise."""
+        return 1.0
 
     @property
     @abc.abstractmethod
@@ -208,10 +208,6 @@ class System(AbstractSystem):
         return self._names.with_slips(self.slips)
 
     @property
-    def radian(self) -> float:
-        return 1.0
-
-    @property
     def constant_mass(self) -> bool:
         return not callable(self._mass)
 
@@ -221,9 +217,7 @@ class System(AbstractSystem):
 
     def anonymous(self) -> Self:
         return replace_fields(
-            self,
-            _names=self._names.anonymous(),
-            friction=tuple(group.anonymous() for group in self.friction),
+            self, _names=self._names.anonymous(), friction=tuple(group.anonymous() for group in self.friction)
         )
 
     def without_friction(self) -> Self:

@@ -164,12 +164,7 @@ def _linkage(
     bodies, ground = pivoted_cranks(pivots, length, each("crank_mass", crank_mass, count, "crank"), friction[:count])
     upper = [
         Revolute(
-            f"B{c + 1}",
-            "coupler",
-            bodies[c].name,
-            point_i=point(x - pivots[-1] / 2),
-            point_j=point(length / 2),
-            **own,
+            f"B{c + 1}", "coupler", bodies[c].name, point_i=point(x - pivots[-1] / 2), point_j=point(length / 2), **own
         )
         for c, (x, own) in enumerate(zip(pivots, friction[count:], strict=True))
     ]

@@ -311,11 +311,7 @@ def _wanted(system: AbstractSystem, state: State, outputs: Sequence[str] | str |
         n = len(system.coordinates)
         judged += [all(itertools.compress(judged[:n], slope[:n])) for slope in slopes]
     return _Wanted(
-        tuple(names),
-        tuple(kinds[name] for name in names),
-        matrix[places],
-        offset[places],
-        np.array(judged)[places],
+        tuple(names), tuple(kinds[name] for name in names), matrix[places], offset[places], np.array(judged)[places]
     )
 
 

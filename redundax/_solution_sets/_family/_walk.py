@@ -56,10 +56,7 @@ def search_along(
 
 @compiled
 def walk(
-    solutions: SolutionSet,
-    tau: Float[Array, "walks p"],
-    z: Float[Array, "walks k"],
-    dz: Float[Array, "walks k"],
+    solutions: SolutionSet, tau: Float[Array, "walks p"], z: Float[Array, "walks k"], dz: Float[Array, "walks k"]
 ) -> Walk:
     """Walks from solutions with the friction `tau` at z towards z + dz."""
     return jax.vmap(lambda *start: _walk(solutions, *start))(tau, z, dz)
