@@ -108,7 +108,9 @@ def family(family: SolutionFamily, outputs: Sequence[str] | None = None) -> "Fig
 
 
 def band(bands: Bands) -> "Figure":
-    """Bands as bars, one panel for each kind: full bars are exact, hatched ones inner estimates, diamonds one value.
+    """Bands as bars, one panel for each kind: full bars are exact, hatched ones inner bounds, diamonds one value.
+
+    Outer bounds are thin lines where they are known and apart from the inner ones.
 
     ??? example
 
@@ -129,12 +131,16 @@ def band(bands: Bands) -> "Figure":
     heights = [0.3 * len(members) + 0.7 for members in groups]
     figure = new_figure(8.0, sum(heights) + 0.5)
     if bands.empty:
-        figure.text(0.5, 0.5, "No solution within the bounds was found.", ha="center")
+        nothing = "No solution within the bounds was found."
+        figure.text(0.5, 0.5, "It cannot stand: proved." if bands.stands == "no" else nothing, ha="center")
         return figure
     rows = figure.subplots(len(groups), 1, squeeze=False, height_ratios=heights)[:, 0]
     for axes, members in zip(rows, groups, strict=True):
         largest = max(np.abs([bands.lower[k], bands.upper[k]]).max() for k in members)
         for place, k in enumerate(members):
+            outer = bands.outer_lower[k], bands.outer_upper[k]
+            if not bands.exact[k] and np.all(np.isfinite(outer)):
+                axes.plot(outer, (place, place), "|-", color=COLOURS[0], linewidth=1.0, markersize=8)
             _bar(axes, place, bands.lower[k], bands.upper[k], bool(bands.exact[k]), 1e-9 * largest)
         axes.set_yticks(range(len(members)), [bands.names[k] for k in members])
         axes.set_ylim(len(members) - 0.5, -0.5)
@@ -142,7 +148,7 @@ def band(bands: Bands) -> "Figure":
         axes.margins(x=0.18)
         finish(axes, "", bands.units[members[0]])
     about = "" if bands.solved == 1 else f"; {1 - bands.solved:.0%} of the cases have no solution"
-    figure.supxlabel("full: exact; hatched: inner estimate; diamond: one value", fontsize=8)
+    figure.supxlabel("full: exact; hatched: inner bound; line: outer bound; diamond: one value", fontsize=8)
     figure.suptitle(bands.title + about, fontsize=10, wrap=True)
     return figure
 

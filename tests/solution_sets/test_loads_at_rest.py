@@ -310,3 +310,45 @@ def test_a_motion_under_a_slow_ramp_starts_at_the_limit_load(end):
     before, after = (rx.simulate(system, state, t1, closure=joints, throw=False) for t1 in (1 - 1e-6, 1 + 1e-6))
     assert before.result == rx.RESULTS.stuck
     assert after.result != rx.RESULTS.stuck and np.any(after.qd[-1] != 0)
+
+
+# Parts that move, units ---------------------------------------------------------------------
+
+
+def block_on_a_block(mu_below):
+    """A block that slides on a block, which rests on the ground."""
+    wide = {"normal": (0.0, 1.0), "guide_length": 1e6}
+    mechanism = rx.Mechanism(
+        [rx.Body("above", 2.0, 1.0), rx.Body("below", 5.0, 1.0)],
+        [
+            rx.Translational("slide", "above", "below", (0.0, 0.0), (0.0, 0.0), friction=rx.Coulomb(0.3), **wide),
+            rx.Translational("foot", "below", "ground", (0.0, 0.0), (0.0, 0.0), friction=rx.Coulomb(mu_below), **wide),
+        ],
+        gravity=(0.0, -G),
+    )
+    return mechanism, rx.State(jnp.zeros(6), jnp.zeros(6).at[0].set(1.0))
+
+
+def test_a_block_that_rests_under_one_that_slides():
+    bands = rx.band(*block_on_a_block(0.2), ["tau foot", "tau slide", "above.x''", "below.x''"], rx.MinimumNorm())
+    push = 0.3 * 2.0 * G  # of the sliding block on the other; 0.2 * 7 * G holds more
+    assert bands.stands == "yes" and bands.exact.all()
+    np.testing.assert_allclose(np.abs(bands.lower), [push, push, 0.3 * G, 0.0], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(bands.upper, bands.lower, rtol=1e-9, atol=1e-9)
+    assert rx.band(*block_on_a_block(0.05), "tau foot", rx.MinimumNorm()).stands == "no"  # 0.05 * 7 < 0.3 * 2
+
+
+def test_bands_at_rest_are_the_same_in_other_units():
+    system, state, _ = paper()
+    units = rx.units.Units(length=1e3, mass=1e-3)
+    there = rx.units.in_units(system, units)
+    factors = np.asarray(units.of_force(system.rows))
+    rows = ["A.x", "A.y", "K.angle"]
+    bands = rx.band(system, state, rows, rx.PreloadBox({"A.x": (-400.0, 400.0)}))
+    scale = factors[list(system.rows.labels).index("A.x")]
+    box = rx.PreloadBox({"A.x": (-400.0 * scale, 400.0 * scale)})
+    other = rx.band(there, rx.units.state_in_units(state, system, units), rows, box)
+    own = np.array([factors[list(system.rows.labels).index(row)] for row in rows])
+    np.testing.assert_allclose(other.lower, bands.lower * own, rtol=1e-6)
+    np.testing.assert_allclose(other.upper, bands.upper * own, rtol=1e-6)
+    np.testing.assert_allclose(other.outer_upper, bands.outer_upper * own, rtol=1e-5)
