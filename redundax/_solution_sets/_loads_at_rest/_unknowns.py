@@ -7,7 +7,7 @@ Of compliances w_i between bounds the products y_i = w_i lam_i are unknowns, as 
 which has the form of friction: the upper limit is convex in lam_i.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -49,9 +49,7 @@ def bounded(cases: AbstractCases, solutions: SolutionSet, sizes: FrictionSizes) 
     """The unknowns of cases, with friction and added loads of given sizes."""
     if isinstance(cases, Affine):
         return _of_cases(cases, solutions, sizes)
-    if isinstance(cases, Fractional):
-        return _of_compliances(cases, solutions, sizes)
-    raise TypeError(f"Argument `cases` must be affine or fractional, but is {type(cases).__name__}.")
+    return _of_compliances(cast(Fractional, cases), solutions, sizes)
 
 
 def figures_at(cases: AbstractCases, unknowns: Unknowns, x: np.ndarray) -> np.ndarray:
