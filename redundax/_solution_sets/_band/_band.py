@@ -133,7 +133,7 @@ _EMPTY = "NO SOLUTION within the bounds was found."
 _STANDS = {
     "yes": "At rest: it can stand so, held by friction within its limits.",
     "no": "CANNOT STAND (proved): no friction within its limits holds it.",
-    "undecided": "UNDECIDED whether it can stand: no friction that holds it was found.",
+    "undecided": "UNDECIDED whether it can stand: it is at its limit, as far as rounding tells, or the search ended.",
 }
 _MEET = 1e-6  # distance of inner and outer bounds that is none, relative to the largest value
 

@@ -12,6 +12,7 @@ from .._solution_set import SolutionSet
 from ._extreme import LoadsAtRest
 from ._standing import Standing, standing
 
+_CLEAR = 1e-8  # share of the limits by which a mechanism must stand, or fail to, beyond rounding
 _ROUNDING = 1e-12  # of an output that does not vary
 
 
@@ -44,11 +45,21 @@ def bands_at_rest(
     """The extremes of matrix [qdd; lam; tau] over all that is possible, with at most `most` programmes for each."""
     found = standing(system, state, factor, solutions, cases)
     loads = LoadsAtRest(found.programme, most=most)
-    some = loads.extreme(np.zeros(len(found.unknowns.box)), first=True)
-    stands = "yes" if some.x is not None else "no" if some.bound == -np.inf and found.proved else "undecided"
+    stands = _stands(found, loads, most)
     ends = [_ends(found, loads, sign * matrix, stands) for sign in (-1.0, 1.0)]
     lower = ends[0]._replace(value=-ends[0].value, bound=-ends[0].bound)
     return BandsAtRest(lower, ends[1], stands)
+
+
+def _stands(found: Standing, loads: LoadsAtRest, most: int) -> str:
+    """Whether anything is possible, and is so too where all limits of friction are a little less, or more."""
+    none = np.zeros(len(found.unknowns.box))
+    some = loads.extreme(none, first=True)
+    factor = 1 - _CLEAR if some.x is not None else 1 + _CLEAR
+    other = LoadsAtRest(found.programme.with_limits(factor), most=most).extreme(none, first=True)
+    if some.x is not None:
+        return "yes" if other.x is not None else "undecided"
+    return "no" if other.bound == -np.inf and found.proved else "undecided"
 
 
 def _ends(found: Standing, loads: LoadsAtRest, matrix: np.ndarray, stands: str) -> Ends:

@@ -56,6 +56,10 @@ class Programme(NamedTuple):
     full: np.ndarray
     limits: Limits
 
+    def with_limits(self, factor: float) -> "Programme":
+        """The same with all limits multiplied."""
+        return self._replace(limits=lambda loads: LimitValues(*(factor * part for part in self.limits(loads))))
+
 
 class Row(NamedTuple):
     """left^T x <= right."""
