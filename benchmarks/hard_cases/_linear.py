@@ -10,7 +10,7 @@ from truth.scenes import Parameters
 
 
 @dataclass(frozen=True, eq=False)
-class Linear:
+class Linear(exact.AbstractExact):
     """Phi(q, t) = [J; T J] q - [c; T c] t^2 / 2 at q = 0, qd = 0, t = 0: dependent rows are combinations T."""
 
     mass: tuple
@@ -20,16 +20,6 @@ class Linear:
     free_gamma: tuple
 
     @property
-    def n(self) -> int:
-        """Number of coordinates."""
-        return len(self.mass)
-
-    @property
-    def m(self) -> int:
-        """Number of constraint rows."""
-        return self.rank + len(self.combinations)
-
-    @property
     def rank(self) -> int:
         """Number of independent rows."""
         return len(self.free)
@@ -37,7 +27,7 @@ class Linear:
     @property
     def kinds(self) -> tuple:
         """Kinds of the rows."""
-        return ("force",) * self.m
+        return ("force",) * (len(self.free) + len(self.combinations))
 
     @cached_property
     @exactly
@@ -74,20 +64,6 @@ class Linear:
     def distribution(self):
         """No friction."""
         return mp.zeros(self.n, 0)
-
-    @cached_property
-    def selfstress(self):
-        """N (m, k)."""
-        return exact.selfstress(self.jacobian, self.rank)
-
-    @cached_property
-    def responses(self) -> tuple:
-        """Particular accelerations and multipliers."""
-        return exact.responses(self)
-
-    def solve(self, compliance=None, misfit=None, friction=True, start=None) -> exact.Solution:
-        """The solution under a closure."""
-        return exact.solve(self, compliance, misfit, friction, start)
 
 
 def linear(p: Parameters) -> Linear:

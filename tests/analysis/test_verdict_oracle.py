@@ -38,7 +38,7 @@ def kinds_of(structure):
 def family(structure, raw, answer, rng):
     """The exact solution, exact solutions with random self-stress, and exact solutions from other starts."""
     problem = fuzz.problem(structure, raw, digits.DIGITS)
-    given, kinds = digits.responses(problem), kinds_of(structure)
+    given, kinds = digits.of(problem), kinds_of(structure)
     n = structure.n
     size = np.array([max(np.abs(answer[kinds == kind]).max(), 1e-3) for kind in kinds])[n : n + structure.m]
     start = answer[n + structure.m :]

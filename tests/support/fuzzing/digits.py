@@ -11,7 +11,6 @@ import numpy as np
 from truth import exact
 from truth.exact import mp
 
-from .laws import friction_law
 from .library import Answers, Problem
 from .samples import Arithmetic, Raw
 
@@ -37,48 +36,19 @@ DIGITS = Arithmetic(
 )
 
 
-def _matrix(array: np.ndarray):
-    """One sample's array as a matrix, vectors as columns."""
-    return mp.matrix(array[0].tolist())
+def of(problem: Problem) -> exact.Sample:
+    """A problem of one sample derived in `DIGITS`."""
+    return exact.Sample(problem.structure, problem.parameters, problem.equations)
 
 
 @exact.exactly
-def responses(problem: Problem) -> tuple:
-    """Self-stress basis of a problem of one sample, and the accelerations and multipliers of one of its solutions to
-    the load (first column) and to each unit friction."""
-    equations, structure = problem.equations, problem.structure
-    jacobian = _matrix(equations.jacobian)
-    count = len(structure.frictional)
-    force, gamma = mp.zeros(structure.n, 1 + count), mp.zeros(structure.m, 1 + count)
-    force[:, 0], gamma[:, 0] = _matrix(equations.load), _matrix(equations.gamma)
-    for k in range(count):
-        force[:, 1 + k] = mp.matrix(equations.direction[0, :, k].tolist())
-    mass = mp.diag(equations.mass[0].tolist())
-    basis = exact.selfstress(jacobian, structure.rank)
-    return basis, *exact.particular(mass, jacobian, force, gamma, structure.rank)
+def solution(problem: Problem, start: np.ndarray, given: exact.Sample | None = None) -> Parts:
+    """Its answer; Newton's method for friction begins at `start`.
 
-
-@exact.exactly
-def solution(problem: Problem, start: np.ndarray, given: tuple | None = None) -> Parts:
-    """The answer to a problem of one sample derived in `DIGITS`; Newton's method for friction begins at `start`.
-
-    `given` are its `responses`, which do not depend on the misfit."""
-    basis, acceleration, multipliers = given or responses(problem)
-    count = len(problem.structure.frictional)
-    compliance = problem.compliance[0].tolist()
-    base = exact.close(basis, multipliers[:, 0], compliance, problem.misfit[0].tolist())
-    if not count:
-        return _parts(problem, acceleration[:, 0], base, [])
-    unit = exact.close(basis, multipliers[:, 1:], compliance)
-    tau = mp.matrix(start.tolist())
-    for _ in range(60):
-        lam = np.array([[*(base + unit * tau)]], dtype=object)
-        law, slope, _ = friction_law(problem, lam)
-        step = exact.solve_columns(mp.eye(count) - _matrix(slope) * unit, tau - _matrix(law))
-        tau -= step
-        if mp.norm(step) <= mp.mpf(10) ** -35 * (1 + mp.norm(tau)):
-            return _parts(problem, acceleration[:, 0] + acceleration[:, 1:] * tau, base + unit * tau, [*tau])
-    raise RuntimeError("Newton's method for friction does not converge from the library's answer")
+    `given` is that of the same problem with any misfit, which what is costly does not depend on."""
+    compliance, misfit = problem.compliance[0].tolist(), problem.misfit[0].tolist()
+    found = (given or of(problem)).solve(compliance, misfit, start=start.tolist())
+    return _parts(problem, found.acceleration, found.multipliers, [*found.friction])
 
 
 def _parts(problem: Problem, acceleration, multipliers, tau: list) -> Parts:

@@ -4,9 +4,9 @@ import dataclasses
 from collections.abc import Callable
 
 import numpy as np
+from truth.description import Structure
 
 from .library import NAMES, Problem
-from .structures import Structure
 
 Spoil = Callable[[Problem, np.random.Generator], Problem]
 

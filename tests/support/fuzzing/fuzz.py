@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import jax.numpy as jnp
 import numpy as np
+from truth.description import Structure
 
 import redundax as rx
 
@@ -13,7 +14,7 @@ from . import laws
 from .library import NAMES, Answers, Problem, solve
 from .recipes import RECIPES
 from .samples import FLOATS, Arithmetic, Raw, Scales, derive, raw_numbers
-from .structures import Structure, draw, duplicated, permuted
+from .structures import draw, duplicated, permuted
 
 
 def _sample(structure: Structure) -> tuple[bool, np.ndarray]:

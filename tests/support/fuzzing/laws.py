@@ -19,9 +19,11 @@ A law is a ratio of error to tolerance for each sample, at most 1 where it holds
 from dataclasses import dataclass
 
 import numpy as np
+from truth import equations
+from truth.description import Structure
+from truth.equations import places_of_rows
 
 from .library import Answers, Problem
-from .structures import Structure
 
 _ROUNDINGS = 10
 # What the design calls well separated and contracting.
@@ -99,40 +101,10 @@ def scaled(problem: Problem) -> Scaled:
 # Friction by its definition ------------------------------------------------------------------
 
 
-def _rows_of(structure: Structure) -> dict[tuple[int, int], int]:
-    return {(k, part): row for row, (k, part, _) in enumerate(structure.rows)}
-
-
 def friction_law(problem: Problem, multipliers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """tau (batch, p), its derivative by the multipliers (batch, p, m), and the largest it can be for their size."""
-    structure, rows = problem.structure, _rows_of(problem.structure)
-    sense = np.sign(problem.equations.slip_rate)
-    tau, bound = np.zeros_like(sense), np.zeros_like(sense)
-    slope = np.zeros((*sense.shape, structure.m), sense.dtype)
-    for place, k in enumerate(structure.frictional):
-        joint, own = structure.joints[k], problem.parameters.joints[k]
-        if joint.friction == "constant":
-            tau[:, place], bound[:, place] = -own["size"] * sense[:, place], own["size"]
-            continue
-        gain = -own["coefficient"] * sense[:, place]
-        a = multipliers[:, rows[k, 0]]
-        if joint.kind == "revolute":
-            b = multipliers[:, rows[k, 1]]
-            normal = problem.poses.real.sqrt(a**2 + b**2)
-            size = np.where(normal > 0, normal, 1.0)
-            slope[:, place, rows[k, 0]], slope[:, place, rows[k, 1]] = gain * a / size, gain * b / size
-        elif joint.kind == "pin":
-            normal = np.abs(a)
-            slope[:, place, rows[k, 0]] = gain * np.sign(a)
-        else:
-            couple = multipliers[:, rows[k, 1]] / own["guide_length"]
-            ends = a / 2 + couple, a / 2 - couple
-            normal = np.abs(ends[0]) + np.abs(ends[1])
-            slope[:, place, rows[k, 0]] = gain * (np.sign(ends[0]) + np.sign(ends[1])) / 2
-            slope[:, place, rows[k, 1]] = gain * (np.sign(ends[0]) - np.sign(ends[1])) / own["guide_length"]
-        tau[:, place] = gain * (normal + own["preload"])
-        bound[:, place] = np.abs(tau[:, place])
-    return tau, slope, bound
+    sense, sqrt = np.sign(problem.equations.slip_rate), problem.poses.real.sqrt
+    return equations.friction_law(problem.structure, problem.parameters, sense, multipliers, sqrt)
 
 
 def _carried(s: Scaled, first: int, part: np.ndarray) -> np.ndarray:
@@ -159,7 +131,7 @@ def contraction(s: Scaled) -> np.ndarray:
     count = len(structure.frictional)
     if not count:
         return np.zeros(len(s.rows))
-    rows, effect = _rows_of(structure), by_friction(s)
+    rows, effect = places_of_rows(structure), by_friction(s)
     gamma = np.zeros((len(effect), count, count))
     for place, k in enumerate(structure.frictional):
         joint, own = structure.joints[k], s.problem.parameters.joints[k]
@@ -344,7 +316,7 @@ def same_places(structure: Structure, other: Structure) -> tuple[list[int], list
     for joint in structure.joints:
         joints.append(next(k for k in free if other.joints[k] == joint))
         free.remove(joints[-1])
-    rows = _rows_of(other)
+    rows = places_of_rows(other)
     return coordinates, [rows[joints[k], part] for k, part, _ in structure.rows]
 
 

@@ -8,11 +8,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from truth.description import GROUND, Joint, Load, Parameters, Structure
+from truth.equations import Equations, Poses
 
 import redundax as rx
-
-from .equations import Equations, Parameters, Poses
-from .structures import GROUND, Joint, Load, Structure
 
 NAMES = (
     "successful",

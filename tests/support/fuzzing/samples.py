@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-
-from .equations import Equations, Parameters, Poses, evaluate
-from .structures import DRIVES, GROUND, Structure
+from truth.description import DRIVES, GROUND, Parameters, Structure
+from truth.equations import Equations, Poses, evaluate
 
 Raw = dict[str, np.ndarray]
 

@@ -19,17 +19,20 @@ omega = phid_i - phid_j; R_J is the pair of multipliers of revolute J. Units are
     driver         phi_i - phi_j - (start + speed t + acceleration t^2 / 2)
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
+from types import SimpleNamespace
 
 import numpy as np
 from mpmath import mp
 
-from . import meshes
+from .description import GROUND, Joint, Load, Parameters, Structure
+from .equations import Equations, Poses, evaluate, friction_law
 
 DIGITS = 50
 exactly = mp.workdps(DIGITS)
+DIGITAL = SimpleNamespace(**{name: np.frompyfunc(getattr(mp, name), 1, 1) for name in ("cos", "sin", "sqrt")})
 
 
 @exactly
@@ -76,6 +79,12 @@ class Revolute:
     s_i: tuple
     s_j: tuple
     mu_rho: object = 0
+    kind, friction = "revolute", "coulomb"
+
+    @property
+    def numbers(self) -> dict:
+        """As in a description."""
+        return {"point_i": self.s_i, "point_j": self.s_j, "coefficient": self.mu_rho, "preload": 0}
 
 
 @dataclass(frozen=True)
@@ -91,6 +100,18 @@ class Translational:
     psi: object = 0
     mu: object = 0
     length: object = 1
+    kind = "translational"
+
+    @property
+    def friction(self) -> str | None:
+        """Coulomb's, if there is any."""
+        return "coulomb" if self.mu else None
+
+    @property
+    def numbers(self) -> dict:
+        """As in a description."""
+        points = {"point_i": self.s_i, "point_j": self.s_j, "normal": self.v_j, "angle": self.psi}
+        return {**points, "coefficient": self.mu, "preload": 0, "guide_length": self.length}
 
 
 @dataclass(frozen=True)
@@ -103,6 +124,12 @@ class Driver:
     start: object
     speed: object
     acceleration: object
+    kind, friction = "angle", None
+
+    @property
+    def numbers(self) -> dict:
+        """As in a description."""
+        return {"coefficients": (self.start, self.speed, exact(self.acceleration) / 2)}
 
 
 @dataclass(frozen=True)
@@ -114,100 +141,27 @@ class Solution:
     friction: object
 
 
-@dataclass(frozen=True, eq=False)
-class Mechanism:
-    """A mechanism in one state (q, qd, t), every number an mpf of 50 digits.
+class AbstractExact:
+    """Solutions of equations (25) with 50 digits, of known rank.
 
-    `rank` is the rank of Phi_q by construction.
+    A class has `mass_matrix` (n, n), `load` (n, 1), `distribution` E (n, f), `jacobian` (m, n), `gamma` (m, 1),
+    `kinds` of the rows, `rank`, and with friction `law`.
     """
-
-    bodies: tuple
-    revolutes: tuple
-    translationals: tuple
-    drivers: tuple
-    gravity: tuple
-    q: tuple
-    qd: tuple
-    rank: int
-    t: object = field(default_factory=mp.mpf)
-    meshes: tuple = ()
 
     @property
     def n(self) -> int:
         """Number of coordinates."""
-        return 3 * len(self.bodies)
+        return self.mass_matrix.rows
 
     @property
     def m(self) -> int:
         """Number of constraint rows."""
-        return 2 * len(self.revolutes) + 2 * len(self.translationals) + len(self.drivers) + len(self.meshes)
+        return len(self.kinds)
 
     @property
     def k(self) -> int:
         """Number of redundant constraints."""
         return self.m - self.rank
-
-    @property
-    def kinds(self) -> tuple:
-        """'force' or 'moment' for every row."""
-        forces = 2 * len(self.revolutes) + len(self.translationals) + len(self.meshes)
-        return ("force",) * forces + ("moment",) * (self.m - forces)
-
-    @cached_property
-    def slips(self) -> tuple:
-        """What slips: all revolutes, then the translational joints with friction."""
-        return (*self.revolutes, *(joint for joint in self.translationals if joint.mu))
-
-    @cached_property
-    @exactly
-    def slip_rates(self):
-        """phid_i - phid_j of revolutes, speeds along the axes (f, 1)."""
-        return self.distribution.T * mp.matrix(list(self.qd))
-
-    @cached_property
-    def senses(self) -> tuple:
-        """Signs of the slip rates."""
-        return tuple(int(mp.sign(rate)) for rate in self.slip_rates) if self.slips else ()
-
-    # The system's matrices
-
-    @cached_property
-    @exactly
-    def mass_matrix(self):
-        """M (n, n)."""
-        linear = [body.mass for body in self.bodies for _ in range(2)]
-        return mp.diag(linear + [body.inertia for body in self.bodies])
-
-    @cached_property
-    @exactly
-    def load(self):
-        """Q (n, 1): gravity and the applied loads."""
-        linear = [b.mass * self.gravity[c] + b.load[c] for b in self.bodies for c in range(2)]
-        return mp.matrix(linear + [b.load[2] for b in self.bodies])
-
-    @cached_property
-    @exactly
-    def distribution(self):
-        """E (n, f): generalised force of unit friction moments and forces."""
-        e, angles = mp.zeros(self.n, len(self.slips)), 2 * len(self.bodies) - 1
-        for column, joint in enumerate(self.slips):
-            for body, sign, force, moment in _friction_on(self, joint):
-                if body:
-                    e[2 * body - 2, column], e[2 * body - 1, column] = sign * force[0], sign * force[1]
-                    e[angles + body, column] = sign * moment
-        return e
-
-    @cached_property
-    def jacobian(self):
-        """Phi_q (m, n) at the state."""
-        return jacobian(self, self.q)
-
-    @cached_property
-    def gamma(self):
-        """gamma (m, 1) at the state."""
-        return gamma(self, self.q, self.qd)
-
-    # The self-stress states and the solutions
 
     @cached_property
     def selfstress(self):
@@ -235,131 +189,175 @@ class Mechanism:
         return solve(self, compliance, misfit, friction, start)
 
 
-# Kinematics, by hand ------------------------------------------------------------------------
+class AbstractDescribed(AbstractExact):
+    """Those of a description: `structure`, `parameters` and `equations` of a batch of one."""
+
+    @property
+    def kinds(self) -> tuple:
+        """'force' or 'moment' for every row."""
+        return tuple(kind for *_, kind in self.structure.rows)
+
+    @cached_property
+    def senses(self) -> tuple:
+        """Signs of the slip rates."""
+        return tuple(int(mp.sign(rate)) for rate in self.equations.slip_rate[0])
+
+    @cached_property
+    @exactly
+    def mass_matrix(self):
+        """M (n, n)."""
+        return mp.diag(self.equations.mass[0].tolist())
+
+    @cached_property
+    @exactly
+    def load(self):
+        """Q (n, 1): gravity and the applied loads."""
+        return _column(self.equations.load)
+
+    @cached_property
+    @exactly
+    def distribution(self):
+        """E (n, f): generalised force of unit friction moments and forces."""
+        e = self.equations.direction[0]
+        return mp.matrix(e.tolist()) if e.size else mp.zeros(*e.shape)
+
+    @cached_property
+    @exactly
+    def jacobian(self):
+        """Phi_q (m, n) at the state."""
+        return mp.matrix(self.equations.jacobian[0].tolist())
+
+    @cached_property
+    @exactly
+    def gamma(self):
+        """gamma (m, 1) at the state."""
+        return _column(self.equations.gamma)
+
+    @exactly
+    def law(self, multipliers) -> tuple:
+        """tau (f, 1) for multipliers (m, 1), and its derivative (f, m)."""
+        lam, senses = np.array([[*multipliers]], dtype=object), np.array([self.senses], dtype=object)
+        tau, slope, _ = friction_law(self.structure, self.parameters, senses, lam, DIGITAL.sqrt)
+        return _column(tau), mp.matrix(slope[0].tolist())
 
 
-def _split(q) -> tuple:
-    """Positions r[0..b] and angles phi[0..b] with the ground's zeros in front."""
-    b = len(q) // 3
-    zero = mp.mpf(0)
-    r = [(zero, zero)] + [(q[2 * body], q[2 * body + 1]) for body in range(b)]
-    return r, [zero, *(q[2 * b + body] for body in range(b))]
+@dataclass(frozen=True, eq=False)
+class Sample(AbstractDescribed):
+    """A description of one sample whose equations are there already."""
+
+    structure: Structure
+    parameters: Parameters
+    equations: Equations
+
+    @property
+    def rank(self) -> int:
+        """Rank of Phi_q by construction."""
+        return self.structure.rank
 
 
-def _turn(phi, s) -> tuple:
-    """R(phi) s."""
-    c, d = mp.cos(phi), mp.sin(phi)
-    return (c * s[0] - d * s[1], d * s[0] + c * s[1])
+@dataclass(frozen=True, eq=False)
+class Mechanism(AbstractDescribed):
+    """A mechanism in one state (q, qd, t), every number an mpf of 50 digits.
 
-
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1]
-
-
-def _omega(a) -> tuple:
-    """Omega a, a quarter turn."""
-    return (-a[1], a[0])
-
-
-def _friction_on(mechanism: Mechanism, joint) -> tuple:
-    """(body, sign, force, moment) of unit friction on the bodies i and j of a joint.
-
-    The slip along an axis is (r_i + R_i s_i - r_j - R_j s_j)^T u with u = -Omega R_j v_j, whose derivatives they are.
+    `rank` is the rank of Phi_q by construction.
     """
-    if isinstance(joint, Revolute):
-        return (joint.i, 1, (0, 0), 1), (joint.j, -1, (0, 0), 1)
-    r, phi = _split(mechanism.q)
-    along = tuple(-x for x in _omega(_turn(phi[joint.j], joint.v_j)))
-    arm = _turn(phi[joint.i], joint.s_i)
-    reach = [r[joint.i][c] + arm[c] - r[joint.j][c] for c in range(2)]
-    return (joint.i, 1, along, _dot(along, _omega(arm))), (joint.j, -1, along, _dot(along, _omega(reach)))
+
+    bodies: tuple
+    revolutes: tuple
+    translationals: tuple
+    drivers: tuple
+    gravity: tuple
+    q: tuple
+    qd: tuple
+    rank: int
+    t: object = field(default_factory=mp.mpf)
+    meshes: tuple = ()
+
+    @property
+    def slips(self) -> tuple:
+        """What slips: all revolutes, then the translational joints with friction."""
+        return tuple(joint for joint in self.joints if joint.friction)
+
+    @property
+    def joints(self) -> tuple:
+        """All joints, in the order of the rows."""
+        return (*self.revolutes, *self.translationals, *self.meshes, *self.drivers)
+
+    @cached_property
+    def structure(self) -> Structure:
+        """What is joined to what."""
+        joints = (
+            Joint(joint.kind, joint.i - 1, joint.j - 1, k, k, joint.friction) for k, joint in enumerate(self.joints)
+        )
+        bodies = tuple(range(len(self.bodies)))
+        whole = Structure(bodies, tuple(joints), tuple(Load("force", body, GROUND, body) for body in bodies), 0)
+        return replace(whole, redundancy=whole.m - self.rank)
+
+    @cached_property
+    def parameters(self) -> Parameters:
+        """The numbers."""
+        loads = [body.load for body in self.bodies]
+        raw = {
+            "gravity": self.gravity,
+            "force": tuple(load[:2] for load in loads),
+            "moment": tuple(load[2] for load in loads),
+            "point_i": ((0, 0),) * len(loads),
+        }
+        return Parameters(
+            {name: _one(value) for name, value in raw.items()},
+            tuple({name: _one(value) for name, value in joint.numbers.items()} for joint in self.joints),
+            _one(tuple(body.mass for body in self.bodies)),
+            _one(tuple(body.inertia for body in self.bodies)),
+        )
+
+    @exactly
+    def at(self, q, qd, t) -> Equations:
+        """The equations at a position, velocity and time."""
+        q, count = _one(tuple(q)), 2 * len(self.bodies)
+        poses = Poses(q[:, :count].reshape(1, -1, 2), q[:, count:], _one(t), DIGITAL)
+        return evaluate(self.structure, self.parameters, poses, _one(tuple(qd)))
+
+    @cached_property
+    def equations(self) -> Equations:
+        """The equations at the state."""
+        return self.at(self.q, self.qd, self.t)
+
+
+def _one(x) -> np.ndarray:
+    """A batch of one."""
+    return np.array([x], dtype=object)
+
+
+def _column(batch):
+    """The vector of a batch of one."""
+    return mp.matrix(batch[0].tolist()) if batch.size else mp.zeros(0, 1)
+
+
+# What the equations are at other places ------------------------------------------------------
 
 
 @exactly
 def constraints(mechanism: Mechanism, q, t):
     """Phi(q, t) (m, 1)."""
-    r, phi = _split(q)
-    force, moment = [], []
-    for joint in mechanism.revolutes:
-        arm_i, arm_j = _turn(phi[joint.i], joint.s_i), _turn(phi[joint.j], joint.s_j)
-        force += [r[joint.i][c] + arm_i[c] - r[joint.j][c] - arm_j[c] for c in range(2)]
-    for joint in mechanism.translationals:
-        arm_i, arm_j = _turn(phi[joint.i], joint.s_i), _turn(phi[joint.j], joint.s_j)
-        gap = [r[joint.j][c] + arm_j[c] - r[joint.i][c] - arm_i[c] for c in range(2)]
-        force.append(_dot(gap, _turn(phi[joint.j], joint.v_j)))
-        moment.append(phi[joint.i] - phi[joint.j] - joint.psi)
-    force += [meshes.row(mesh, r, phi) for mesh in mechanism.meshes]
-    for joint in mechanism.drivers:
-        course = joint.start + joint.speed * t + joint.acceleration * t**2 / 2
-        moment.append(phi[joint.i] - phi[joint.j] - course)
-    return mp.matrix(force + moment)
+    return _column(mechanism.at(q, mechanism.qd, t).value)
 
 
 @exactly
 def jacobian(mechanism: Mechanism, q):
     """Phi_q (m, n) at any q, also off the constraint manifold."""
-    r, phi = _split(q)
-    b = len(mechanism.bodies)
-    jac = mp.zeros(mechanism.m, 3 * b)
-
-    def put(row, body, linear, angular):
-        if body:
-            jac[row, 2 * body - 2], jac[row, 2 * body - 1] = linear
-            jac[row, 2 * b + body - 1] = angular
-
-    row = 0
-    for joint in mechanism.revolutes:
-        for body, s, sign in ((joint.i, joint.s_i, 1), (joint.j, joint.s_j, -1)):
-            spin = _omega(_turn(phi[body], s))
-            put(row, body, (sign, 0), sign * spin[0])
-            put(row + 1, body, (0, sign), sign * spin[1])
-        row += 2
-    for joint in mechanism.translationals:
-        normal, arm = _turn(phi[joint.j], joint.v_j), _turn(phi[joint.i], joint.s_i)
-        reach = [r[joint.j][c] - r[joint.i][c] - arm[c] for c in range(2)]
-        put(row, joint.i, (-normal[0], -normal[1]), -_dot(normal, _omega(arm)))
-        put(row, joint.j, normal, -_dot(normal, _omega(reach)))
-        row += 1
-    for mesh in mechanism.meshes:
-        for column in range(3 * b):
-            unit = _split([mp.mpf(column == other) for other in range(3 * b)])
-            jac[row, column] = meshes.along(mesh, (r, phi), unit, 1)
-        row += 1
-    for joint in (*mechanism.translationals, *mechanism.drivers):
-        put(row, joint.i, (0, 0), 1)
-        put(row, joint.j, (0, 0), -1)
-        row += 1
-    return jac
+    return mp.matrix(mechanism.at(q, mechanism.qd, mechanism.t).jacobian[0].tolist())
 
 
 @exactly
 def time_rate(mechanism: Mechanism, t):
     """Phi_t (m, 1)."""
-    rate = [-(joint.speed + joint.acceleration * t) for joint in mechanism.drivers]
-    return mp.matrix([mp.mpf(0)] * (mechanism.m - len(rate)) + rate)
+    return _column(mechanism.at(mechanism.q, mechanism.qd, t).explicit)
 
 
 @exactly
 def gamma(mechanism: Mechanism, q, qd):
     """gamma (m, 1) = minus the second derivative of Phi(q + s qd, t + s), any q and qd."""
-    (r, phi), (rd, phid) = _split(q), _split(qd)
-    force = []
-    for joint in mechanism.revolutes:
-        arm_i, arm_j = _turn(phi[joint.i], joint.s_i), _turn(phi[joint.j], joint.s_j)
-        square_i, square_j = phid[joint.i] ** 2, phid[joint.j] ** 2
-        force += [arm_i[c] * square_i - arm_j[c] * square_j for c in range(2)]
-    for joint in mechanism.translationals:
-        i, j = joint.i, joint.j
-        normal, arm = _turn(phi[j], joint.v_j), _turn(phi[i], joint.s_i)
-        slide = _omega([rd[j][c] - rd[i][c] for c in range(2)])
-        term = [
-            2 * slide[c] * phid[j] + (r[j][c] - r[i][c]) * phid[j] ** 2 - arm[c] * (phid[j] - phid[i]) ** 2
-            for c in range(2)
-        ]
-        force.append(_dot(normal, term))
-    force += [-meshes.along(mesh, (r, phi), (rd, phid), 2) for mesh in mechanism.meshes]
-    zeros = [mp.mpf(0)] * len(mechanism.translationals)
-    return mp.matrix(force + zeros + [joint.acceleration for joint in mechanism.drivers])
+    return _column(mechanism.at(q, qd, mechanism.t).gamma)
 
 
 # Linear algebra with a known rank -----------------------------------------------------------
@@ -498,49 +496,19 @@ def _column_join(left, right):
     return joined
 
 
-def law(mechanism: Mechanism, multipliers) -> tuple:
-    """tau (f, 1) for multipliers (m, 1), and its derivatives, {row: slope} of each; those of |x| at 0 are 0.
-
-    A revolute has -mu_rho |R| sgn(omega), an axis -mu (|N1| + |N2|) sgn(v) with N = lam_perp / 2 +- lam_angle / length.
-    """
-    tau, slopes = mp.zeros(len(mechanism.slips), 1), []
-    first = 2 * len(mechanism.revolutes)
-    for place, (joint, sense) in enumerate(zip(mechanism.slips, mechanism.senses, strict=True)):
-        if isinstance(joint, Revolute):
-            gain, rows = -joint.mu_rho * sense, (2 * place, 2 * place + 1)
-            force = tuple(multipliers[row] for row in rows)
-            size = mp.hypot(*force)
-            slopes.append({row: gain * x / size for row, x in zip(rows, force, strict=True) if size})
-        else:
-            row = first + mechanism.translationals.index(joint)
-            gain, rows = -joint.mu * sense, (row, row + len(mechanism.translationals))
-            half, couple = multipliers[rows[0]] / 2, multipliers[rows[1]] / joint.length
-            ends = half + couple, half - couple
-            size, (one, other) = sum(map(abs, ends)), map(mp.sign, ends)
-            slopes.append({rows[0]: gain * (one + other) / 2, rows[1]: gain * (one - other) / joint.length})
-        tau[place] = gain * size
-    return tau, slopes
-
-
-def _newton(mechanism: Mechanism, base, slope, tau):
+def _newton(mechanism: AbstractExact, base, slope, tau):
     """tau = law(base + slope tau) by Newton's method with the exact derivative."""
-    count = len(mechanism.slips)
     for _ in range(60):
-        value, slopes = law(mechanism, base + slope * tau)
-        derivative = mp.eye(count)
-        for row, own in enumerate(slopes):
-            for place, factor in own.items():
-                for column in range(count):
-                    derivative[row, column] -= factor * slope[place, column]
-        step = solve_columns(derivative, tau - value)
+        value, derivative = mechanism.law(base + slope * tau)
+        step = solve_columns(mp.eye(tau.rows) - derivative * slope, tau - value)
         tau = tau - step
-        if mp.norm(step) <= mp.mpf(10) ** -40 * (1 + mp.norm(tau)):
+        if mp.norm(step) <= mp.mpf(10) ** -35 * (1 + mp.norm(tau)):
             return tau
     raise RuntimeError("Newton's method for the friction moments does not converge")
 
 
 @exactly
-def responses(mechanism: Mechanism) -> tuple:
+def responses(mechanism: AbstractExact) -> tuple:
     """Particular accelerations and multipliers: the first column to load, the others to unit friction."""
     force = _column_join(mechanism.load, mechanism.distribution)
     gamma_ = _column_join(mechanism.gamma, mp.zeros(mechanism.m, mechanism.distribution.cols))
@@ -548,7 +516,7 @@ def responses(mechanism: Mechanism) -> tuple:
 
 
 @exactly
-def solve(mechanism: Mechanism, compliance=None, misfit=None, friction=True, start=None) -> Solution:
+def solve(mechanism: AbstractExact, compliance=None, misfit=None, friction=True, start=None) -> Solution:
     """The solution under the closure (W, d); `close` says what the arguments may be.
 
     With friction the moments tau solve tau = law(lam(tau)), lam(tau) being affine: a fixed
@@ -566,7 +534,7 @@ def solve(mechanism: Mechanism, compliance=None, misfit=None, friction=True, sta
         if start is not None:
             tau = mp.matrix(list(exact(tuple(start))))
         for _ in range(200 if start is None else 0):
-            old, tau = tau, law(mechanism, base + slope * tau)[0]
+            old, tau = tau, mechanism.law(base + slope * tau)[0]
             if mp.norm(tau - old) < mp.mpf(10) ** -6 * mp.norm(tau):
                 break
         tau = _newton(mechanism, base, slope, tau)
@@ -583,7 +551,7 @@ def residuals(mechanism: Mechanism, solution: Solution, friction=True) -> tuple:
     """Largest entries of M qdd + Phi_q^T lam - Q - E tau, Phi_q qdd - gamma, tau - law."""
     qdd, lam, tau = solution.acceleration, solution.multipliers, solution.friction
     motion = mechanism.mass_matrix * qdd + mechanism.jacobian.T * lam - mechanism.load
-    gap = tau - law(mechanism, lam)[0] if friction else mp.zeros(len(mechanism.slips), 1)
+    gap = tau - mechanism.law(lam)[0] if friction else mp.zeros(0, 1)
     if mechanism.slips:
         motion -= mechanism.distribution * tau
     kinematic = mechanism.jacobian * qdd - mechanism.gamma

@@ -187,11 +187,7 @@ def open_newton(mechanism: exact.Mechanism, x0, steps: int = 60) -> exact.Soluti
     null[n:, :] = basis
     x = mp.matrix(list(exact.exact(tuple(x0))))
     for _ in range(steps):
-        tau, slopes = exact.law(mechanism, x[n:])
-        slope = mp.zeros(len(slopes), m)
-        for row, own in enumerate(slopes):
-            for place, factor in own.items():
-                slope[row, place] = factor
+        tau, slope = mechanism.law(x[n:])
         matrix = mp.zeros(n + m)
         matrix[:n, :n], matrix[n:, :n] = mechanism.mass_matrix, jac
         matrix[:n, n:] = jac.T - mechanism.distribution * slope
@@ -200,5 +196,5 @@ def open_newton(mechanism: exact.Mechanism, x0, steps: int = 60) -> exact.Soluti
         step = matrix.T * exact.solve_columns(matrix * matrix.T + null * null.T, residual)
         x -= step
         if mp.norm(step) <= mp.mpf(10) ** -40 * (1 + mp.norm(x)):
-            return exact.Solution(x[:n], x[n:], exact.law(mechanism, x[n:])[0])
+            return exact.Solution(x[:n], x[n:], mechanism.law(x[n:])[0])
     raise RuntimeError("Newton's open iteration does not converge")

@@ -29,6 +29,12 @@ class Mesh:
     flank: int
     angle_i: object = 0
     angle_j: object = 0
+    kind, friction = "mesh", None
+
+    @property
+    def numbers(self) -> dict:
+        """As in a description."""
+        return {"mesh": self}
 
 
 def _axis(r, phi, s) -> tuple:

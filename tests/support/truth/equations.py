@@ -6,22 +6,14 @@ with Phi'' the second derivative of Phi along (q + s qd, t + s). For a point wit
 rate w: p' = r' + w Omega a, p'' = -w^2 a, Omega a quarter turn.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from .structures import GROUND, Structure
-
-
-@dataclass(frozen=True)
-class Parameters:
-    """Random numbers as drawn, parameters of every joint, masses and moments of inertia of the bodies in order."""
-
-    raw: dict[str, Any]
-    joints: tuple[dict[str, Any], ...]
-    mass: Any
-    inertia: Any
+from . import meshes
+from .description import GROUND, Parameters, Structure
 
 
 def turned(v: Any) -> Any:
@@ -167,6 +159,9 @@ def _row(sheet: _Sheet, row: int, kind: str, part: int, motion: _Motion, i: int,
         if kind == "angle":
             _law(sheet, row, motion.poses.t, own["coefficients"])
         return
+    if kind == "mesh":
+        _mesh_row(sheet, row, motion, own["mesh"][0])
+        return
     p_i, a_i, v_i, s_i = motion.at(i, own["point_i"])
     p_j, a_j, v_j, s_j = motion.at(j, own["point_j"])
     if kind in ("revolute", "fixed"):
@@ -223,6 +218,22 @@ def _distance_row(sheet: _Sheet, row: int, poses: Poses, on_i: tuple, on_j: tupl
     sheet.size[:, row] = 2 * dot(moving, moving) / length + dot(np.abs(s_i) + np.abs(s_j), np.abs(line))
     sheet.put(row, i, line, dot(line, turned(a_i)))
     sheet.put(row, j, -line, -dot(line, turned(a_j)))
+
+
+def _mesh_row(sheet: _Sheet, row: int, motion: _Motion, mesh: meshes.Mesh) -> None:
+    """Teeth, of one sample in 50 digits."""
+    count = sheet.bodies
+
+    def ground_first(r: Any, phi: Any) -> tuple:
+        return [r[-1], *r[:-1]], [phi[-1], *phi[:-1]]
+
+    place = ground_first(motion.poses.r[0], motion.poses.phi[0])
+    sheet.value[0, row] = meshes.row(mesh, *place)
+    sheet.gamma[0, row] = -meshes.along(mesh, place, ground_first(motion.r[0], motion.w[0]), 2)
+    for column in range(3 * count):
+        unit = np.append((np.arange(3 * count) == column).astype(int), 0)
+        rates = np.append(unit[: 2 * count], (0, 0)).reshape(-1, 2), unit[2 * count :]
+        sheet.jacobian[0, row, column] = meshes.along(mesh, place, ground_first(*rates), 1)
 
 
 def _slip(slips: _Sheet, row: int, kind: str, motion: _Motion, i: int, j: int, own: dict) -> None:
@@ -285,3 +296,45 @@ def _wrenches(load: Any, raw: dict, motion: _Motion, place: dict) -> list[tuple]
     tension = raw["stiffness"][:, k] * (length - free) + raw["damping"][:, k] * speed
     pull = -tension[:, None] * line
     return [(i, pull, a_i, still, -tension * speed), (j, -pull, a_j, still, still)]
+
+
+# Friction by its definition ------------------------------------------------------------------
+
+
+def places_of_rows(structure: Structure) -> dict[tuple[int, int], int]:
+    """Row of each joint and place in the joint."""
+    return {(k, part): row for row, (k, part, _) in enumerate(structure.rows)}
+
+
+def friction_law(structure: Structure, parameters: Parameters, sense: Any, multipliers: Any, sqrt: Callable) -> tuple:
+    """tau (batch, p), its derivative by the multipliers (batch, p, m), and the largest it can be for their size.
+
+    The derivative of |x| at 0 is 0.
+    """
+    rows = places_of_rows(structure)
+    tau, bound = np.zeros_like(sense), np.zeros_like(sense)
+    slope = np.zeros((*sense.shape, structure.m), sense.dtype)
+    for place, k in enumerate(structure.frictional):
+        joint, own = structure.joints[k], parameters.joints[k]
+        if joint.friction == "constant":
+            tau[:, place], bound[:, place] = -own["size"] * sense[:, place], own["size"]
+            continue
+        gain = -own["coefficient"] * sense[:, place]
+        a = multipliers[:, rows[k, 0]]
+        if joint.kind == "revolute":
+            b = multipliers[:, rows[k, 1]]
+            normal = sqrt(a**2 + b**2)
+            size = np.where(normal > 0, normal, 1.0)
+            slope[:, place, rows[k, 0]], slope[:, place, rows[k, 1]] = gain * a / size, gain * b / size
+        elif joint.kind == "pin":
+            normal = np.abs(a)
+            slope[:, place, rows[k, 0]] = gain * np.sign(a)
+        else:
+            couple = multipliers[:, rows[k, 1]] / own["guide_length"]
+            ends = a / 2 + couple, a / 2 - couple
+            normal = np.abs(ends[0]) + np.abs(ends[1])
+            slope[:, place, rows[k, 0]] = gain * (np.sign(ends[0]) + np.sign(ends[1])) / 2
+            slope[:, place, rows[k, 1]] = gain * (np.sign(ends[0]) - np.sign(ends[1])) / own["guide_length"]
+        tau[:, place] = gain * (normal + own["preload"])
+        bound[:, place] = np.abs(tau[:, place])
+    return tau, slope, bound
