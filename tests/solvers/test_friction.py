@@ -347,25 +347,10 @@ def test_accelerations_are_unique_where_friction_reads_unique_multipliers():
 def on_guides(mu: float, preload: float = 0.0, speed: float = 1.0):
     """The carriage with friction in both guides, of contact distances 1/5 and 3/10."""
     mechanism = registry.MECHANISMS["carriage"]()
-    system, state = registry.build(mechanism)
-    body = rx.Body("carriage", float(mechanism.bodies[0].mass), float(mechanism.bodies[0].inertia))
-    joints = [
-        rx.Translational(
-            joint.name,
-            "carriage",
-            rx.GROUND,
-            exact.floats(joint.s_i),
-            exact.floats(joint.s_j),
-            exact.floats(joint.v_j),
-            float(joint.psi),
-            guide_length=length,
-            friction=rx.Coulomb(mu, preload),
-        )
-        for joint, length in zip(mechanism.translationals, (0.2, 0.3), strict=True)
-    ]
-    fx, fy, moment = (float(x) for x in mechanism.bodies[0].load)
-    loads = [rx.AppliedForce("carriage", (fx, fy), moment=moment)]
-    system = rx.Mechanism([body], joints, loads=loads, gravity=(0.0, -10.0))
+    guides = zip(mechanism.translationals, (0.2, 0.3), strict=True)
+    guides = [dataclasses.replace(joint, mu=mu, length=length) for joint, length in guides]
+    rough = dataclasses.replace(mechanism, translationals=tuple(guides))
+    system, state = registry.build(rough, lambda joint: rx.Coulomb(joint.mu, preload))
     return mechanism, system, rx.State(state.q, speed * state.qd)
 
 

@@ -8,8 +8,8 @@ beside it. Every builder makes its arrays when called, in the precision that hol
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
+import builder
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -22,53 +22,20 @@ import redundax as rx
 MECHANISMS = {name: cache(make) for name, make in scenes.MECHANISMS.items()}
 
 
-def coulomb(joint: exact.Revolute) -> rx.Coulomb:
-    return rx.Coulomb(float(joint.mu_rho))
+def coulomb(joint: exact.Revolute | exact.Translational) -> rx.Coulomb:
+    return rx.Coulomb(float(joint.numbers["coefficient"]))
 
 
-def _body(index: int) -> str:
-    return f"body {index}" if index else rx.GROUND
+def build(mechanism: exact.Mechanism, friction: Callable | None = None) -> tuple[rx.Mechanism, rx.State]:
+    """A mechanism and its state from the floats of exact data; rows and coordinates in its order.
 
-
-def build(
-    mechanism: exact.Mechanism,
-    friction: Callable[[exact.Revolute], Any] | None = None,
-) -> tuple[rx.Mechanism, rx.State]:
-    """A mechanism and its state from the floats of exact data; rows and coordinates in its order."""
-    bodies, loads = [], []
-    for index, body in enumerate(mechanism.bodies, start=1):
-        fx, fy, moment = (float(x) for x in body.load)
-        bodies.append(rx.Body(_body(index), float(body.mass), float(body.inertia)))
-        if any(body.load):
-            loads.append(rx.AppliedForce(_body(index), (fx, fy), moment=moment))
-
-    def ends(joint):
-        return joint.name, _body(joint.i), _body(joint.j)
-
-    def points(joint):
-        return exact.floats(joint.s_i), exact.floats(joint.s_j)
-
-    law = friction or (lambda joint: None)
-    revolutes = [rx.Revolute(*ends(j), *points(j), 1.0, law(j)) for j in mechanism.revolutes]
-    guides = [
-        rx.Translational(*ends(j), *points(j), exact.floats(j.v_j), float(j.psi)) for j in mechanism.translationals
-    ]
-    drivers = [
-        rx.AngleDriver(
-            *ends(j),
-            rx.Polynomial([float(j.start), float(j.speed), float(j.acceleration / 2)]),
-        )
-        for j in mechanism.drivers
-    ]
-    return (
-        rx.Mechanism(
-            bodies,
-            [*revolutes, *guides, *drivers],
-            loads=loads,
-            gravity=exact.floats(mechanism.gravity),
-        ),
-        rx.State(exact.floats(mechanism.q), exact.floats(mechanism.qd), float(mechanism.t)),
-    )
+    `friction` gives the model of each joint that slips.
+    """
+    laws = [friction(joint) if friction and joint.friction else None for joint in mechanism.joints]
+    one = jax.tree.map(lambda x: np.asarray(x[0], float), mechanism.parameters)
+    names = [joint.name for joint in mechanism.joints]
+    state = rx.State(exact.floats(mechanism.q), exact.floats(mechanism.qd), float(mechanism.t))
+    return builder.build(mechanism.structure, one, names, laws), state
 
 
 def pins(mechanism: exact.Mechanism, stress: tuple = ()) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -51,7 +51,7 @@ def _not_a_number(problem: Problem, rng: np.random.Generator) -> Problem:
 def _no_mass(problem: Problem, rng: np.random.Generator) -> Problem:
     """No body has mass."""
     parameters = problem.parameters
-    zero = dataclasses.replace(parameters, mass=0 * parameters.mass, inertia=0 * parameters.inertia)
+    zero = parameters._replace(mass=0 * parameters.mass, inertia=0 * parameters.inertia)
     return dataclasses.replace(problem, parameters=zero)
 
 
@@ -65,7 +65,7 @@ def _contradictory_drives(problem: Problem, rng: np.random.Generator) -> Problem
     size = size * (problem.parameters.raw["length"] if problem.structure.joints[k].kind == "distance" else 1)
     law = np.stack([start + size * t**2, first - 2 * size * t, second + size], axis=-1)
     joints[k] = {**joints[k], "coefficients": law}
-    return dataclasses.replace(problem, parameters=dataclasses.replace(problem.parameters, joints=tuple(joints)))
+    return dataclasses.replace(problem, parameters=problem.parameters._replace(joints=tuple(joints)))
 
 
 def _copied_drive(structure: Structure) -> int | None:
@@ -98,8 +98,7 @@ def mixed(problem: Problem, spoiled: Problem, on: np.ndarray) -> Problem:
             return np.where(on.reshape(-1, *[1] * (good.ndim - 1)), bad, good)
         return good
 
-    parameters = dataclasses.replace(
-        problem.parameters,
+    parameters = problem.parameters._replace(
         joints=tuple(
             {name: pick(a[name], b[name]) for name in a}
             for a, b in zip(problem.parameters.joints, spoiled.parameters.joints, strict=True)

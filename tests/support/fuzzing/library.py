@@ -8,7 +8,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from truth.description import GROUND, Joint, Load, Parameters, Structure
+from builder import build
+from truth.description import Parameters, Structure
 from truth.equations import Equations, Poses
 
 import redundax as rx
@@ -81,64 +82,14 @@ class Answers:
         )
 
 
-def _friction(joint: Joint, own: dict) -> Any:
-    if joint.friction == "coulomb":
-        return rx.Coulomb(own["coefficient"], own["preload"])
-    return rx.ConstantFriction(own["size"]) if joint.friction else None
-
-
-def _name(body: int) -> str:
-    return rx.GROUND if body == GROUND else f"body {body}"
-
-
-def _joint(name: str, joint: Joint, own: dict) -> Any:
-    ends = name, _name(joint.i), _name(joint.j)
-    points = own["point_i"], own["point_j"]
-    law = rx.Polynomial(own["coefficients"])
-    if joint.kind == "revolute":
-        return rx.Revolute(*ends, *points, 1.0, _friction(joint, own))
-    if joint.kind == "translational":
-        guide = own["normal"], own["angle"], own["guide_length"]
-        return rx.Translational(*ends, *points, *guide, _friction(joint, own))
-    if joint.kind == "pin":
-        return rx.PinInSlot(*ends, *points, own["normal"], _friction(joint, own))
-    if joint.kind == "fixed":
-        return rx.Fixed(*ends, *points, own["angle"])
-    if joint.kind == "gear":
-        return rx.AngleCoupling(*ends, own["ratio"], own["angle"])
-    return rx.AngleDriver(*ends, law) if joint.kind == "angle" else rx.DistanceDriver(*ends, *points, law)
-
-
-def _load(load: Load, own: dict, length: Any) -> Any:
-    i, j, k = _name(load.i), _name(load.j), load.number
-    if load.kind == "spring":
-        points = own["point_i"][k], own["point_j"][k]
-        return rx.SpringDamper(i, j, *points, own["stiffness"][k], own["free"][k] * length, own["damping"][k])
-    if load.kind == "torsion":
-        size = length**2
-        return rx.TorsionSpring(i, j, own["stiffness"][k] * size, own["free"][k], own["damping"][k] * size)
-    return rx.AppliedForce(i, own["force"][k], own["point_i"][k], own["moment"][k], follows=load.kind == "follower")
-
-
-def _mechanism(structure: Structure, numbers: tuple, raw: dict) -> rx.Mechanism:
-    joints, mass, inertia = numbers
-    bodies = [rx.Body(_name(body), mass[k], inertia[k]) for k, body in enumerate(structure.bodies)]
-    return rx.Mechanism(
-        bodies,
-        [_joint(f"joint {k}", joint, joints[k]) for k, joint in enumerate(structure.joints)],
-        loads=[_load(load, raw, raw["length"]) for load in structure.loads],
-        gravity=raw["gravity"],
-    )
-
-
 _LOADS = ("force", "moment", "point_i", "point_j", "stiffness", "damping", "free", "gravity", "length")
 
 
 def mechanisms(structure: Structure, parameters: Parameters) -> rx.Mechanism:
     """One `rx.Mechanism` whose floating-point arrays have a leading batch axis."""
-    raw = {name: jnp.asarray(parameters.raw[name]) for name in _LOADS}
-    numbers = jax.tree.map(jnp.asarray, (parameters.joints, parameters.mass, parameters.inertia))
-    batch = eqx.filter_vmap(lambda numbers, raw: _mechanism(structure, numbers, raw))(numbers, raw)
+    raw = {name: parameters.raw[name] for name in _LOADS}
+    numbers = jax.tree.map(jnp.asarray, (raw, parameters.joints, parameters.mass, parameters.inertia))
+    batch = eqx.filter_vmap(lambda *numbers: build(structure, Parameters(*numbers)))(*numbers)
     return jax.tree.map(lambda x: x if eqx.is_inexact_array(x) or not eqx.is_array(x) else x[0], batch)
 
 

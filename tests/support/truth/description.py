@@ -5,7 +5,7 @@ description by hand, `exact` solves them to 50 digits, and `registry` and `fuzzi
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 GROUND = -1
 KINDS = ("revolute", "translational", "pin", "fixed", "gear", "angle", "distance", "rod")
@@ -101,8 +101,7 @@ class Structure:
         return 1 + max(joint.number for joint in self.joints)
 
 
-@dataclass(frozen=True)
-class Parameters:
+class Parameters(NamedTuple):
     """Random numbers as drawn, parameters of every joint, masses and moments of inertia of the bodies in order."""
 
     raw: dict[str, Any]

@@ -290,7 +290,8 @@ class Mechanism(AbstractDescribed):
             Joint(joint.kind, joint.i - 1, joint.j - 1, k, k, joint.friction) for k, joint in enumerate(self.joints)
         )
         bodies = tuple(range(len(self.bodies)))
-        whole = Structure(bodies, tuple(joints), tuple(Load("force", body, GROUND, body) for body in bodies), 0)
+        loads = tuple(Load("force", body, GROUND, body) for body in bodies if any(self.bodies[body].load))
+        whole = Structure(bodies, tuple(joints), loads, 0)
         return replace(whole, redundancy=whole.m - self.rank)
 
     @cached_property
