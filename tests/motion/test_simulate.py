@@ -104,7 +104,7 @@ def test_derivatives_of_the_motion_forward_and_reverse():
     np.testing.assert_allclose(jnp.stack(reverse, axis=1), truth, rtol=0, atol=1e-6)
 
 
-@pytest.mark.parametrize("kind", ["diagonal", "matrix", "function"])
+@pytest.mark.parametrize("kind", [pytest.param("diagonal", marks=slow), pytest.param("matrix", marks=slow), "function"])
 def test_motion_of_every_kind_of_mass(kind):
     """Masses 2 and 2 as a vector, in skew coordinates x = T u as a full matrix, and as a function."""
     turn = jnp.eye(2) if kind == "diagonal" else jnp.array([[1.0, 0.5], [-0.25, 1.0]])

@@ -83,6 +83,7 @@ def test_acceleration_band_of_the_paper_against_50_digits():
     assert found.upper_case[crank, 0] == pytest.approx(z_high, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_acceleration_band_of_the_paper_against_a_dense_sweep():
     found = paper_band()
     stress = exact.floats(exact.exact(STRESS))[None]

@@ -176,6 +176,7 @@ def test_names_of_a_motion_are_those_in_closed_form():
     np.testing.assert_allclose(along, 0.5 * np.stack([motion["bead.x''"], motion["bead.y''"]]), rtol=1e-10, atol=1e-10)
 
 
+@pytest.mark.slow
 def test_names_of_a_motion_in_a_batch():
     system, ts = bead(), jnp.linspace(0.0, 0.05, 3)
     motions = jax.vmap(lambda r: rx.simulate(system, bead_state(r), 0.05, ts=ts))(jnp.array([0.5, 0.7]))
