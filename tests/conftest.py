@@ -53,7 +53,7 @@ hypothesis.settings.register_profile("redundax", deadline=None)
 if hypothesis.settings.get_current_profile_name() == "default":
     hypothesis.settings.load_profile("redundax")
 
-MAPS = 25_000  # memory maps that programs of earlier modules may hold; Linux allows a process 65,530
+MAPS = 8_000  # memory maps that a process may hold before a module, about 2 GB of programs; Linux allows 65,530
 SLOW_TIMEOUT = 1800  # seconds; must stay below `faulthandler_timeout` in pyproject.toml
 
 
