@@ -23,7 +23,7 @@ from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import on_device
-from ._cases import AbstractCases, Affine, Fractional
+from ._cases import AbstractCases, Affine, Fractional, self_stress_of
 from ._solution_set import SolutionSet
 
 Box = Mapping[str, tuple[float, float]]
@@ -138,7 +138,7 @@ class MisfitBox(AbstractBounds):
     def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Affine:
         rows, lower, upper = _box("box", self.box, report.rows)
         start, response, unit = _closed(self.closure, system, state, solutions, rows)
-        return _affine(tuple(self.box), lower, upper, solutions, start, response[:, rows], unit)
+        return _affine(tuple(self.box), lower, upper, solutions, start, response, unit)
 
 
 class ComplianceBox(AbstractBounds):
@@ -204,22 +204,23 @@ def one_case(closure: AbstractClosure, system: AbstractSystem, state: State, sol
     """The one case that a closure picks."""
     nothing = np.zeros(0)
     start, response, unit = _closed(closure, system, state, solutions, nothing.astype(int))
-    return _affine((), nothing, nothing, solutions, start, response[:, :0], unit)
+    return _affine((), nothing, nothing, solutions, start, response, unit)
 
 
 def _closed(
     closure: AbstractClosure, system: AbstractSystem, state: State, solutions: SolutionSet, rows: np.ndarray
 ) -> tuple[Array, Array, Array]:
-    """Multipliers without friction, by misfit and by friction under a closure; the misfits of `rows` left out."""
+    """Multipliers without friction, by misfits of `rows`, else left out, and by friction under a closure."""
     compliance, misfit = elasticity(closure, system, state)
     _check_apart(compliance, solutions)
     if not (np.all(np.isfinite(compliance)) and np.all(np.isfinite(misfit))):
         raise RuntimeError(RESULTS[RESULTS.not_finite])
     stress, free, unit = solutions.stress, solutions.response.free.multipliers, solutions.response.unit.multipliers
     check_definite(np.asarray(stress.T @ compliance @ stress))
-    response = stress @ jnp.linalg.solve(stress.T @ compliance @ stress, stress.T)
-    kept = jnp.broadcast_to(misfit, compliance.shape[:1]).at[jnp.asarray(rows)].set(0.0)
-    return free + response @ (kept - compliance @ free), response, unit - response @ (compliance @ unit)
+    each, others = jnp.eye(len(free), dtype=free.dtype)[:, rows], jnp.broadcast_to(misfit, free.shape).at[rows].set(0.0)
+    wanted = jnp.concatenate([(others - compliance @ free)[:, None], each, -compliance @ unit], axis=1)
+    caused = self_stress_of(stress, compliance, wanted)
+    return free + caused[:, 0], caused[:, 1 : 1 + len(rows)], unit + caused[:, 1 + len(rows) :]
 
 
 def _box(argument: str, box: Box, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

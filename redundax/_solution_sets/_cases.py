@@ -114,11 +114,9 @@ class Fractional(AbstractCases):
     def chosen(self, theta: Array) -> tuple[Array, Array]:
         compliance = self.compliance.at[self.rows, self.rows].add(self.figures(theta))
         given = jnp.concatenate([self.start[:, None], self.unit], axis=1)
-        wanted = -compliance @ given
-        wanted = wanted.at[:, 0].add(self.misfit)
-        stress = self.stress
-        moved = given + stress @ jnp.linalg.solve(stress.T @ compliance @ stress, stress.T @ wanted)
-        return moved[:, 0], moved[:, 1:]
+        wanted = (-compliance @ given).at[:, 0].add(self.misfit)
+        picked = given + self_stress_of(self.stress, compliance, wanted)
+        return picked[:, 0], picked[:, 1:]
 
     def figures(self, theta: Array) -> Array:
         wide = self.most > self.least
@@ -128,6 +126,13 @@ class Fractional(AbstractCases):
 
     def excess(self, multipliers: Array) -> Array:
         return jnp.zeros(0, multipliers.dtype)
+
+
+def self_stress_of(
+    stress: Float[Array, "m k"], compliance: Float[Array, "m m"], misfit: Float[Array, "m c"]
+) -> Float[Array, "m c"]:
+    """N (N^T W N)^-1 N^T d: the self-stress that each column of misfits causes under a compliance."""
+    return stress @ jnp.linalg.solve(stress.T @ compliance @ stress, stress.T @ misfit)
 
 
 def corners(cases: AbstractCases) -> Float[np.ndarray, "vertices q"]:
