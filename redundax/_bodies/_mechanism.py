@@ -59,7 +59,7 @@ class Mechanism(AbstractSystem):
     - `gravity`: acceleration of gravity (2,), m/s^2, global components.
     - `pose`: the coordinates q on the constraint manifold as a function of some independent coordinates, for
       `state`; make it an eqx.Module with its lengths as arrays, so that gradients move q with the lengths.
-    - `units`: those of all its figures, as factors from SI: `Units()` where they are m, kg, s and N as here,
+    - `units`: those of all its figures, `rx.units.Units` as factors from SI: `Units()` where they are m, kg, s and N,
       `Units(length=1000.0, mass=0.001)` where they are mm, t, s and N. Results, tables and pictures show them, or none
       where none are given; compliance and misfit are read in them. Angles are in radians.
     """

@@ -152,7 +152,7 @@ class Compliance(AbstractClosure):
     - `misfit`: d, residual Phi of the unloaded parts as they are, shape (m,) or by name of row; m for force-type rows
       and rad for moment-type rows. Zero if not given.
     - `units`: units of `W` and `misfit`, as factors from the units of the system, which they have if not given and in
-      which a solve warns where they look wrong: `Units(length=1000.0, mass=0.001)` for mm/N, rad/(N mm) and mm where
+      which a solve warns where they look wrong: `rx.units.Units(length=1000.0, mass=0.001)` for mm/N and mm where
       the system is in SI units.
     """
 

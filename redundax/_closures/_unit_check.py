@@ -68,7 +68,7 @@ def _of_misfit(names: Names, misfit: np.ndarray, length: np.ndarray) -> str:
     return (
         "Argument `misfit` looks as if it were in other units than the system: it has "
         f"{_largest(rows, misfit, large)}, more than the length {_of_length(names, length)} of the mechanism or a full "
-        f"turn. Give {_remedy(names.units, _IN_MM, _IN_M)}, `units=Units(angle=57.2958)` for degrees"
+        f"turn. Give {_remedy(names.units, _IN_MM, _IN_M)}, `units=rx.units.Units(angle=57.2958)` for degrees"
     )
 
 
@@ -79,7 +79,7 @@ def _remedy(own: StatedUnits, data: StatedUnits, assumed: StatedUnits) -> str:
     factors = {name: float(f"{there / here:.6g}") for (name, there), here in pairs}
     given = ", ".join(f"{name}={factor}" for name, factor in factors.items() if factor != 1)
     symbols = f"in {data.of('linear')} and {data.of('force')}"
-    return f"`units=Units({given})` for data {symbols}" if given else f"figures {symbols}, as the model has"
+    return f"`units=rx.units.Units({given})` for data {symbols}" if given else f"figures {symbols}, as the model has"
 
 
 def _of_length(names: Names, length: np.ndarray) -> str:

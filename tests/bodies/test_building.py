@@ -260,15 +260,15 @@ BAD = {
     ),
     "closure in other units": (
         lambda: rx.solve(one_body(PLATE), STATE, closure=rx.Compliance([1e-5, 1e-5, 1e-9])),
-        ["`W`", "1e-05 in", "P.x", "1e-09, most", "P.angle", "units=Units(length=1000.0, mass=0.001)"],
+        ["`W`", "1e-05 in", "P.x", "1e-09, most", "P.angle", "units=rx.units.Units(length=1000.0, mass=0.001)"],
     ),
     "closure in units of a model in mm": (
         lambda: rx.solve(IN_MM, STATE, closure=rx.Compliance([1e-8, 1e-8, 1e-6])),
-        ["`W`", "mm/N", "units=Units(length=0.001, mass=1000.0)` for data in m and N"],
+        ["`W`", "mm/N", "units=rx.units.Units(length=0.001, mass=1000.0)` for data in m and N"],
     ),
     "misfit in other units": (
         lambda: rx.solve(one_body(PLATE), STATE, closure=rx.Compliance([1e-8, 1e-8, 1e-6], [0.0, 3.0, 0.0])),
-        ["`misfit`", "P.y (3)", "units=Units(length=1000.0, mass=0.001)"],
+        ["`misfit`", "P.y (3)", "units=rx.units.Units(length=1000.0, mass=0.001)"],
     ),
     "friction at rest": (
         lambda: rx.solve(one_body(pin(pin_radius=1.0, friction=rx.Coulomb(0.1))), STATE),
