@@ -187,7 +187,7 @@ class ElasticJoints(AbstractClosure):
         if not isinstance(system, Mechanism) or [stack.i.shape for stack in system.joints] != sizes:
             raise ValueError(
                 "Argument `closure` must be made with the mechanism that is solved, but its joints are others. "
-                "For the same mechanism in other units give `closure_in_units(closure)`."
+                "For the same mechanism in other units give `rx.units.closure_in_units(closure)`."
             )
         body = poses(state.q)
         rows = [

@@ -67,7 +67,7 @@ def tolerance(study: "xarray.Dataset", outputs: Sequence[str] | None = None) -> 
         finish(left, "", str(study.output_unit.values[members[0]]))
         finish(right, "", "")
     panels[-1, 1].set_xlabel("share of the variance; white: not linear", fontsize=9)
-    _legend(figure, panels[0, 1], [str(name) for name in study.parameter.values])
+    _legend(panels[0, 1], [str(name) for name in study.parameter.values])
     figure.suptitle(_title(study), fontsize=10, wrap=True)
     return figure
 
@@ -95,7 +95,7 @@ def _style(k: int) -> dict:
     return {"facecolor": COLOURS[k % len(COLOURS)], "hatch": hatch, "edgecolor": "white", "linewidth": 0.8}
 
 
-def _legend(figure: "Figure", axes: "Axes", names: Sequence[str]) -> None:
+def _legend(axes: "Axes", names: Sequence[str]) -> None:
     from matplotlib.patches import Patch
 
     handles = [Patch(label=name, **_style(k)) for k, name in enumerate(names)]
