@@ -120,11 +120,6 @@ class Mechanism(AbstractSystem):
         return join([members.slips for members in self._friction])
 
     @property
-    def names(self) -> Names:
-        """Names and kinds of all, those of slips from the friction."""
-        return self._names.with_slips(self.slips)
-
-    @property
     def constant_mass(self) -> bool:
         return True
 

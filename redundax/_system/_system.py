@@ -29,18 +29,23 @@ from ._units import Units, of_model
 class AbstractSystem(eqx.Module):
     """Mass, constraints, load and friction of a constrained system, with the names and kinds of its axes."""
 
-    names: eqx.AbstractVar[Names]
+    _names: eqx.AbstractVar[Names]
     friction: eqx.AbstractVar[tuple[AbstractFriction, ...]]
+
+    @property
+    def names(self) -> Names:
+        """Names and kinds of all, those of slips from the friction."""
+        return self._names.with_slips(self.slips)
 
     @property
     def coordinates(self) -> Axis:
         """Names and kinds of coordinates and velocities."""
-        return self.names.coordinates
+        return self._names.coordinates
 
     @property
     def rows(self) -> Axis:
         """Names and kinds of constraint rows and multipliers."""
-        return self.names.rows
+        return self._names.rows
 
     @property
     def slips(self) -> Axis:
@@ -201,11 +206,6 @@ class System(AbstractSystem):
                 "Return `jnp.array([...])` or `jnp.stack([...])`."
             )
         return value.shape[0]
-
-    @property
-    def names(self) -> Names:
-        """Names and kinds of all, those of slips from the friction."""
-        return self._names.with_slips(self.slips)
 
     @property
     def constant_mass(self) -> bool:

@@ -38,7 +38,7 @@ class Rescaled(AbstractSystem):
         self.inner, self.units = inner, units
 
     @property
-    def names(self) -> Names:
+    def _names(self) -> Names:
         """Those of the inner system, with the new units; the chart stays, so that positions have none."""
         names = self.inner.names
         return dataclasses.replace(names, units=names.units.in_units(self.units), adds=False)
