@@ -26,7 +26,7 @@ def linear_extreme(cases: Affine, tau: np.ndarray, cost: np.ndarray) -> np.ndarr
     at, by = (start[rows] + slope[rows] @ middle) / width, slope[rows] * half / width[:, None]
     objective = cost @ slope * half
     size = np.abs(objective).max(initial=0.0) or 1.0
-    if not rows.size:
+    if not rows.size or not lower.size:
         return middle - half * np.sign(objective)
     from scipy.optimize import linprog  # here, because its import takes a second
 

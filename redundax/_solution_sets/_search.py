@@ -75,7 +75,8 @@ class Search:
             if out:
                 theta = np.where(unique[:, None], out[0][1], theta)
             found = self._sampled(jnp.asarray(theta))
-            out.append((np.sum(matrix * found.values, axis=1), theta, np.asarray(found.values)))
+            values = np.where(found.within()[:, None], found.values, np.nan)
+            out.append((np.sum(matrix * values, axis=1), theta, values))
         return out[0], out[1]
 
     def _sampled(self, theta: Array) -> Found:

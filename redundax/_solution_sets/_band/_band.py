@@ -59,6 +59,7 @@ class Bands:
     - `lower_solution`, `upper_solution`: [qdd; lam; tau] there, shape (outputs, n + m + p).
     - `solved`: share of the cases looked at that have a solution; below 1 some of what the bounds allow is impossible
       at this state, as past a fold of friction.
+    - `sense`: of each slip, 1 or -1, and 0 where it rests, shape (p,).
     - `stands`: where joints with friction rest, whether they may stay at rest: "yes", "no" (proved) or "undecided";
       None where all slip.
 
@@ -86,6 +87,7 @@ class Bands:
     solved: float
     outer_lower: np.ndarray
     outer_upper: np.ndarray
+    sense: np.ndarray
     stands: str | None = None
 
     @property
@@ -188,12 +190,10 @@ def band(
     if report.at_rest:
         return _at_rest(system, state, outputs, bounds, report, factor, sense, nodes)
     solutions = solutions_of(system, state, factor, report, sense)
-    if not report.pivots and not report.undetermined:
-        raise ValueError("Argument `system` must be overconstrained, but has no self-stress: its loads are unique.")
     wanted = _wanted(system, state, outputs, report)
     matrix, unique = wanted.matrix, wanted.unique
     _check_values(wanted.names, matrix, solutions)
-    if not report.pivots:
+    if not report.pivots and report.undetermined:
         raise ValueError(
             "Argument `state` must be one with a self-stress that lasts beside it, but is at a singular position where "
             "all vanishes: its accelerations are unique, and the loads that it touches have no value. Use `solve`."
@@ -221,6 +221,7 @@ def band(
         solved=search.solved,
         outer_lower=np.where(exact, lower, -np.inf),
         outer_upper=np.where(exact, upper, np.inf),
+        sense=_sense(solutions),
     )
 
 
@@ -260,8 +261,14 @@ def _at_rest(
         solved=1.0,
         outer_lower=outer_lower,
         outer_upper=outer_upper,
+        sense=_sense(solutions),
         stands=stands,
     )
+
+
+def _sense(solutions: SolutionSet) -> np.ndarray:
+    """Of each slip."""
+    return np.zeros(0) if solutions.law is None else np.asarray(solutions.law.sense)
 
 
 def _described(
