@@ -70,6 +70,7 @@ from ._motion._stabilisation import Baumgarte as Baumgarte
 from ._motion._stabilisation import NoStabilisation as NoStabilisation
 from ._motion._stabilisation import Projection as Projection
 from ._solution_sets._band._band import band as band
+from ._solution_sets._band._band_along import band_along as band_along
 from ._solution_sets._bounds import AbstractBounds as AbstractBounds
 from ._solution_sets._bounds import AmplitudeBox as AmplitudeBox
 from ._solution_sets._bounds import ComplianceBox as ComplianceBox

@@ -90,6 +90,21 @@ def _programs_of_one_module():
         jax.clear_caches()
 
 
+@pytest.fixture
+def programs():
+    """Names of the programs that are compiled from here on."""
+    names = []
+
+    def listen(event, _, **about):
+        if event.endswith("backend_compile_duration"):
+            names.append(about.get("fun_name"))
+
+    jax.clear_caches()
+    jax.monitoring.register_event_duration_secs_listener(listen)
+    yield names
+    jax.monitoring.unregister_event_duration_listener(listen)
+
+
 def _memory_maps() -> float:
     """Of this process; not known but on Linux."""
     try:

@@ -8,7 +8,6 @@ curve is to the constraints says how small a singular value can be told from zer
 import dataclasses
 from typing import Any, cast
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
@@ -19,7 +18,7 @@ from .._equations._factorize import factorize
 from .._equations._kinematics import between
 from .._equations._rank import Spectrum
 from .._system._names import ByName
-from .._system._state import State
+from .._system._state import State, states_of
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
 from ._analyze import analyze, orthonormal
@@ -179,32 +178,22 @@ def analyze_along(
 
     **Raises:** `ValueError` for fewer than two states.
     """
-    if states.qd.ndim != 2 or not states.q.shape[:1] == states.t.shape == states.qd.shape[:1]:
+    each = states_of(states)
+    if len(each) < 2:
         raise ValueError(
-            "Argument `states` must hold several states, each array with an axis for them in front, but has `q` of "
-            f"shape {states.q.shape}, `qd` of {states.qd.shape} and `t` of {states.t.shape}. "
-            "Use `Trajectory.states`, or `analyze` for one."
-        )
-    count = len(states.t)
-    numbers = states.q, states.qd, states.t
-    finite = np.all([np.all(np.isfinite(x.reshape(count, -1)), axis=1) for x in numbers], axis=0)
-    if finite.sum() < 2:
-        raise ValueError(
-            f"Argument `states` must hold two finite states at least, but has {finite.sum()}. "
+            f"Argument `states` must hold two finite states at least, but has {len(each)}. "
             "Simulate longer, or give more states."
         )
-    states = jax.tree.map(lambda x: x[finite], states)
-    each = [jax.tree.map(lambda x, k=k: x[k], states) for k in range(int(finite.sum()))]
     reports = tuple(analyze(system, state, closure=closure, sense=sense, rank=rank) for state in each)
-    ranks = np.array([report.rank for report in reports])
+    ranks, t = np.array([report.rank for report in reports]), np.array([float(state.t) for state in each])
     most = int(ranks.max())
     smallest = np.array([report.singular_values[max(most - 1, 0)] for report in reports])
     return MotionReport(
-        t=np.asarray(states.t),
+        t=t,
         reports=reports,
         rank=ranks,
         smallest=smallest,
-        changes=_changes(np.asarray(states.t), reports),
+        changes=_changes(t, reports),
         narrow=_narrow(system, each, smallest, most) if most else (),
         releases=_releases(system, each, reports, rank),
     )

@@ -1,6 +1,10 @@
 """The known state (q, qd, t) at which the index-1 equations (7), (25) are solved."""
 
+from collections.abc import Sequence
+
 import equinox as eqx
+import jax
+import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PyTree
 
@@ -35,3 +39,24 @@ class State(eqx.Module):
         self.q, self.qd = as_float(q), as_float(qd)
         self.t = as_float(t).astype(self.qd.dtype)
         self.memory = memory
+
+
+def states_of(states: State | Sequence[State]) -> list[State]:
+    """Successive states, from a sequence, or the finite ones of a `State` with an axis for them in front."""
+    if not isinstance(states, State):
+        return _some(list(states))
+    if states.qd.ndim != 2 or not states.q.shape[:1] == states.t.shape == states.qd.shape[:1]:
+        raise ValueError(
+            "Argument `states` must hold several states, each array with an axis for them in front, but has `q` of "
+            f"shape {states.q.shape}, `qd` of {states.qd.shape} and `t` of {states.t.shape}. "
+            "Use `Trajectory.states`, or the call for one state."
+        )
+    count = len(states.t)
+    finite = [np.all(np.isfinite(x.reshape(count, -1)), axis=1) for x in (states.q, states.qd, states.t)]
+    return _some([jax.tree.map(lambda x, k=k: x[k], states) for k in np.flatnonzero(np.all(finite, axis=0)).tolist()])
+
+
+def _some(states: list[State]) -> list[State]:
+    if not states:
+        raise ValueError("Argument `states` must hold finite states, but has none. Simulate longer, or give states.")
+    return states

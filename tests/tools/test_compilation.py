@@ -179,21 +179,6 @@ def test_options_that_xla_does_not_know_are_left_out(monkeypatch):
         assert "xla_backend_optimization_level" in quick_options()
 
 
-@pytest.fixture
-def programs():
-    """Names of the programs that are compiled from here on."""
-    names = []
-
-    def listen(event, _, **about):
-        if event.endswith("backend_compile_duration"):
-            names.append(about.get("fun_name"))
-
-    jax.clear_caches()
-    jax.monitoring.register_event_duration_secs_listener(listen)
-    yield names
-    jax.monitoring.unregister_event_duration_listener(listen)
-
-
 @pytest.mark.parametrize("name", ["wojtyra2020", "carriage", "slider_crank", "parallelogram", "doubled_four_bar"])
 def test_building_a_mechanism_compiles_nothing(name, programs):
     friction = {"mu": 0.1, "guide_length": 0.1} if name == "carriage" else {"mu_rho": 0.01}

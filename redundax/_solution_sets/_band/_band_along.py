@@ -1,0 +1,245 @@
+"""Bands along a quasi-static path: a mechanism that is raised, stops and is lowered, or stands under changing loads.
+
+At each state friction opposes the slips that move, with all that it has, and is any within its limits where they rest.
+So a drive needs more to raise than to hold, and less to lower: hysteresis, which the bands of successive states show.
+"""
+
+import dataclasses
+import itertools
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from jax.typing import ArrayLike
+
+from ..._analysis._outputs import plain
+from ..._closures._closure import AbstractClosure
+from ..._system._axis import Axis
+from ..._system._names import ByName
+from ..._system._state import State, states_of
+from ..._system._system import AbstractSystem
+from ..._system._units import with_unit
+from .._bounds import AbstractBounds
+from ._band import Bands, band
+
+_LINES = 40  # of a table
+
+
+@dataclasses.dataclass(frozen=True)
+class BandPath:
+    """Bands of outputs at successive states. `str()` gives a table, `to_dict()` data.
+
+    - `t`, `q`, `qd`: time, coordinates and velocities of the states, each with an axis for them in front.
+    - `coordinates`, `coordinate_units`, `time_unit`: names and kinds of what moves, and units.
+    - `bands`: what `band` gives at each state, with the cases and solutions that attain the ends.
+
+    Of all states, besides, shape (states, outputs): `lower`, `upper`, `outer_lower`, `outer_upper` and `exact` as in
+    `Bands`, NaN where there is no solution; `stands` and `motion`, a word for each state.
+
+    ??? example
+
+        ```python
+        states = [mechanism.state(phi=0.8, rate=rate) for rate in (0.1, 0.0, -0.1)]
+        path = rx.band_along(mechanism, states, "A.x", rx.AmplitudeBox({"A.x": (-40.0, 40.0)}), samples=32)
+        path.motion, path.stands, path.lower  # lower has shape (3, 1)
+        ```
+    """
+
+    t: np.ndarray
+    q: np.ndarray
+    qd: np.ndarray
+    coordinates: Axis
+    coordinate_units: tuple[str, ...]
+    time_unit: str
+    bands: tuple[Bands, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the outputs."""
+        return self.bands[0].names
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Of the outputs."""
+        return self.bands[0].kinds
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Of the outputs."""
+        return self.bands[0].units
+
+    @property
+    def lower(self) -> np.ndarray:
+        """Least values, shape (states, outputs)."""
+        return np.stack([bands.lower for bands in self.bands])
+
+    @property
+    def upper(self) -> np.ndarray:
+        """Largest values, shape (states, outputs)."""
+        return np.stack([bands.upper for bands in self.bands])
+
+    @property
+    def outer_lower(self) -> np.ndarray:
+        """Proved not to be exceeded, shape (states, outputs); infinite where unknown."""
+        return np.stack([bands.outer_lower for bands in self.bands])
+
+    @property
+    def outer_upper(self) -> np.ndarray:
+        """Proved not to be exceeded, shape (states, outputs); infinite where unknown."""
+        return np.stack([bands.outer_upper for bands in self.bands])
+
+    @property
+    def exact(self) -> np.ndarray:
+        """Which bands are proved, shape (states, outputs)."""
+        return np.stack([bands.exact for bands in self.bands])
+
+    @property
+    def stands(self) -> tuple[str | None, ...]:
+        """Whether joints that rest may stay at rest, of each state: "yes", "no", "undecided" or None, as in `Bands`."""
+        return tuple(bands.stands for bands in self.bands)
+
+    @property
+    def motion(self) -> tuple[str, ...]:
+        """Of each state: "rests", "moves" or "partly", where some slips rest and others move."""
+        return tuple(map(_motion, self.bands, self.qd))
+
+    @property
+    def leading(self) -> int | None:
+        """The coordinate that moves most, a linear one where there is one; None if all rest."""
+        speed = np.abs(self.qd).max(axis=0, initial=0.0)
+        linear = speed * ~self.coordinates.angular
+        speed = linear if linear.any() else speed
+        return int(np.argmax(speed)) if speed.any() else None
+
+    def directions(self, coordinate: int | None) -> np.ndarray:
+        """Sign of the rate of a coordinate at each state, 0 where all rests, shape (states,)."""
+        moves = np.array([word != "rests" for word in self.motion])
+        rate = np.zeros(len(moves)) if coordinate is None else self.qd[:, coordinate]
+        return np.where(moves, np.sign(rate), 0.0).astype(int)
+
+    def runs(self, coordinate: int | None) -> list[tuple[str, slice]]:
+        """Successive states that do the same, in words."""
+        signs, words, out, first = self.directions(coordinate), self.motion, [], 0
+        label = "" if coordinate is None else self.coordinates.labels[coordinate]
+        for (word, sign), group in itertools.groupby(zip(words, signs.tolist(), strict=True)):
+            size = len(list(group))
+            way = {1: f"{label} increases", -1: f"{label} decreases", 0: "moves"}[sign]
+            said = "rests" if word == "rests" else way + (", partly at rest" if word == "partly" else "")
+            out.append((said, slice(first, first + size)))
+            first += size
+        return out
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain Python data; infinities and NaN become None."""
+        figures = ("names", "units", "t", "q", "qd", "motion", "stands", "lower", "upper", "outer_lower", "outer_upper")
+        return {
+            **{name: plain(getattr(self, name)) for name in figures},
+            "coordinates": plain(self.coordinates.labels),
+            "bands": [bands.to_dict() for bands in self.bands],
+        }
+
+    def __str__(self) -> str:
+        lines = [f"{len(self.t)} states from t = {self.t[0]:.6g} to {self.t[-1]:.6g}", self.bands[0].title]
+        lines += self._flags()
+        runs = self.runs(self.leading)
+        size = max(len(word) for word, _ in runs)
+        shown = max(1, _LINES // (len(runs) + 1))
+        for k, (name, unit) in enumerate(list(zip(self.names, self.units, strict=True))[:shown]):
+            lines.append(f"{with_unit(name, unit):{size + 26}}{'least':>14}{'largest':>14}")
+            lines += [self._line(k, word.ljust(size), run) for word, run in runs]
+        if len(self.names) > shown:
+            lines.append(f"{len(self.names) - shown} more: {', '.join(self.names[shown:])}")
+        return "\n".join(lines)
+
+    def _flags(self) -> list[str]:
+        """What has no band, by time."""
+        empty = [bands.empty for bands in self.bands]
+        found = {
+            "CANNOT STAND (proved)": [word == "no" for word in self.stands],
+            "UNDECIDED whether it can stand": [word == "undecided" for word in self.stands],
+            "NO SOLUTION within the bounds was found": [
+                gone and word is None for gone, word in zip(empty, self.stands, strict=True)
+            ],
+        }
+        return [f"{said} at t = {_times(self.t[flags])}." for said, flags in found.items() if any(flags)]
+
+    def _line(self, k: int, word: str, run: slice) -> str:
+        """What an output is over a run."""
+        t, lower, upper = self.t[run], self.lower[run, k], self.upper[run, k]
+        span = f"t = {t[0]:.6g}" + (f" to {t[-1]:.6g}" if len(t) > 1 else "")
+        if np.isnan(lower).all():
+            return f"  {word}  {span:22}{'none':>14}"
+        proved = "exact" if self.exact[run, k][~np.isnan(lower)].all() else "inner estimate"
+        return f"  {word}  {span:22}{np.nanmin(lower):14.6g}{np.nanmax(upper):14.6g}  {proved}"
+
+
+def _motion(bands: Bands, rates: np.ndarray) -> str:
+    moves = bands.sense != 0 if bands.sense.size else rates.any(keepdims=True)
+    return "moves" if moves.all() else "partly" if moves.any() else "rests"
+
+
+def _times(t: np.ndarray) -> str:
+    shown = ", ".join(f"{time:.6g}" for time in t[:6])
+    return shown if len(t) <= 6 else f"{shown} and {len(t) - 6} more"
+
+
+def band_along(
+    system: AbstractSystem,
+    states: State | Sequence[State],
+    outputs: Sequence[str] | str | None,
+    bounds: AbstractBounds | AbstractClosure,
+    *,
+    samples: int = 256,
+    starts: int = 8,
+    seed: int = 0,
+    nodes: int = 400,
+    sense: ByName | None = None,
+    rank: ArrayLike | None = None,
+) -> BandPath:
+    """Bands of outputs along a path of loads or drive, with friction that turns around with the motion.
+
+    Each state stands for itself, with the velocity and the loads that it has at its time. Give slow velocities on the
+    way and none where it stops. A drive is best a driver with a law of time: its load is a multiplier, such as
+    "motor.angle", and bands at rest tell what it needs to hold the mechanism.
+
+    ??? example
+
+        ```python
+        states = [mechanism.state(phi=0.8, rate=rate) for rate in (0.1, 0.0, -0.1)]
+        path = rx.band_along(mechanism, states, "A.x", rx.AmplitudeBox({"A.x": (-40.0, 40.0)}), samples=32)
+        print(path)
+        rx.plot.band_along(path).savefig("hysteresis.png")
+        ```
+
+    **Arguments:**
+
+    - `system`: concrete values.
+    - `states`: successive states, or a `State` whose arrays have an axis for them in front, as `Trajectory.states`
+      gives them; states with NaN are left out of that.
+    - `outputs` to `rank`: as in `band`.
+
+    **Returns:** a `types.BandPath`. Where a state cannot stand its `stands` is "no" and its band NaN.
+
+    **Raises:** as `band`; a note tells at which state.
+    """
+    each, found = states_of(states), []
+    effort = {"samples": samples, "starts": starts, "seed": seed, "nodes": nodes}
+    ask = partial(band, system, outputs=outputs, bounds=bounds, sense=sense, rank=rank, **effort)
+    for k, state in enumerate(each):
+        try:
+            found.append(ask(state=state))
+        except (ValueError, RuntimeError) as error:
+            error.add_note(f"This is state {k} of the path, at t = {float(state.t):.6g}.")
+            raise
+    t, q, qd = (np.stack(parts) for parts in zip(*((s.t, s.q, s.qd) for s in each), strict=True))
+    coordinates, units = system.coordinates, system.names.units
+    return BandPath(
+        t=t,
+        q=q if system.names.adds else np.full_like(qd, np.nan),
+        qd=qd,
+        coordinates=coordinates,
+        coordinate_units=tuple(units.of(kind, 0) for kind in coordinates.kinds),
+        time_unit=units.of("time"),
+        bands=tuple(found),
+    )
