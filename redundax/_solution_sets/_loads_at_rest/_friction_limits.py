@@ -94,7 +94,7 @@ def friction_limits(
         return []
     whole, most = sizes.friction, sizes.growth / sizes.friction[:, None]
     scale = most.max(axis=0, initial=0.0)
-    scale = np.where(scale > 0, scale, 1.0)
+    scale = np.where((scale > 0) & np.isfinite(scale), scale, 1.0)  # infinite where no bound of a law is known
     read = multipliers.rows(np.asarray(solutions.rows)).over(1 / scale)
     low, high, _, _ = _limits_at(law, on_device(1 / scale))
     fixed = np.asarray(low == high)

@@ -211,8 +211,8 @@ def _end(
     slips, motion = _way(system, state, factor, found, extreme.x, sign * force)
     own = found.unknowns
     return _End(
-        sign * extreme.value * size,
-        sign * proved * size,
+        sign * extreme.value * size + 0.0,
+        sign * proved * size + 0.0,
         slips,
         motion,
         found.figures(extreme.x),
