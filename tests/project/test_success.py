@@ -24,8 +24,8 @@ MAPS = {
     *("dependence_in_units", "minimum_norm_parameters", "minimum_norm_parameters_in_units"),
     "parametrised_multipliers",
 }
-# Infinite by their docstrings: no singular value dropped, no fold met, no step made, nothing that friction must hold, no
-# outer bound known.
+# Infinite by their docstrings: no singular value dropped, no fold met, no step made, nothing that friction must hold,
+# no outer bound known.
 INFINITE = ("gap", "fold", "nearest_singularity", "margin", "outer_lower", "outer_upper")
 
 
