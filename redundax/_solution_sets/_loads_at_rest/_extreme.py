@@ -11,6 +11,7 @@ from ._programme import KEPT, NOTHING, Optimum, Programme, Rays
 from ._relaxation import Relaxation
 
 _GAP = 1e-7  # between both bounds that is none
+_ROUNDING = 1e-9  # of a programme, in figures of size 1
 _TIGHTENED = 4  # rounds in which the ranges of loads are narrowed
 _EDGE = 0.02  # share of a cone that a split leaves at least
 _WIDER = 1e-6  # angle by which a cone exceeds the loads found, which makes it one of two rays
@@ -90,9 +91,12 @@ class LoadsAtRest:
                 found, solved = relaxed.outer(cost, cone), solved + 1
                 if matters(found.value):
                     heapq.heappush(queue, _Node.of(found, cone, order))
+                else:
+                    left = max(left, found.value)
         self.found = best.x
         bound = max([best.value, left, *(node.bound for node in queue)])
-        return Extreme(size * best.value, best.x, size * bound)
+        wider = _ROUNDING * max(1.0, abs(bound)) if np.isfinite(bound) else 0.0
+        return Extreme(size * best.value, best.x, size * (bound + wider))
 
     def _split(self, cones: list[Rays], x: np.ndarray | None, excess: np.ndarray) -> list[list[Rays]]:
         """Cones that together hold those of a node, apart where the worst limit is; none if none can be split."""
