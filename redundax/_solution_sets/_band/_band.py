@@ -94,7 +94,7 @@ class Bands:
     def title(self) -> str:
         """What was bounded, in words."""
         parts = [f"{name} {low:.4g} to {high:.4g}" for name, (low, high) in zip(self.parameters, self.box, strict=True)]
-        return f"{self.bounds}: {', '.join(parts)}"
+        return f"{self.bounds}{': ' if parts else ''}{', '.join(parts)}"
 
     @property
     def empty(self) -> bool:
