@@ -205,6 +205,39 @@ def test_a_load_that_grows_lets_go_at_its_limit():
     assert [text.get_text() for text in legend.get_texts()] == ["rests", "cannot stand"]
 
 
+# What has no band, or rests in part --------------------------------------------------------------
+
+
+def test_blocks_of_which_one_slides():
+    """On the level floor both rub with mu m g where they slide, and with nothing where nothing pushes them."""
+    guide = {"normal": (0.0, 1.0), "friction": rx.Coulomb(MU), "guide_length": 0.1}
+    bodies = [rx.Body(name, MASS, 0.1) for name in ("left", "right")]
+    joints = [rx.Translational(body.name[0], body.name, "ground", (0.0, 0.0), (0.0, 0.0), **guide) for body in bodies]
+    mechanism = rx.Mechanism(bodies, joints, gravity=(0.0, -G))
+    states = [
+        rx.State([0.1 * t, 0, 1, 0, 0, 0], [v, 0, w, 0, 0, 0], t) for t, v, w in ((0, 1, 0), (1, -1, 0), (2, 0, 0))
+    ]
+    path = rx.band_along(mechanism, states, ["tau l", "tau r"], rx.MinimumNorm())
+    assert path.motion == ("partly", "partly", "rests") and path.stands == ("yes",) * 3
+    size = MU * MASS * G
+    np.testing.assert_allclose(path.lower[:, 0], [-size, size, 0], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(path.upper[:, 0], [-size, size, 0], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(path.upper[:, 1], 0, atol=1e-9)
+    words = [word for word, _ in path.runs(path.leading)]
+    assert words == ["left.x increases, partly at rest", "left.x decreases, partly at rest", "rests"]
+
+
+def test_states_without_solution_are_told():
+    """Friction this large jams the paper's mechanism in motion."""
+    mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.15)
+    states = [mechanism.state(phi=np.pi / 4, rate=rate, t=rate) for rate in (1.0, 2.0)]
+    path = rx.band_along(mechanism, states, "A.x", rx.AmplitudeBox({"A.x": (-40.0, 40.0)}), samples=8, starts=1)
+    assert np.isnan(path.lower).all() and path.stands == (None, None)
+    assert "NO SOLUTION within the bounds was found at t = 1, 2." in str(path)
+    (legend,) = rx.plot.band_along(path).legends
+    assert "no solution" in [text.get_text() for text in legend.get_texts()]
+
+
 def test_a_state_that_fails_is_named():
     mechanism, states = drawn_block()
     bad = rx.State(states[1].q + 0.1, states[1].qd, states[1].t)
