@@ -111,7 +111,7 @@ def lift(friction, radius=0.02):
 
     All arms have no mass and are at the angle phi, so that the platform is ARM sin phi above the floor.
     """
-    pin, slot = {"pin_radius": radius, "friction": friction}, {"normal": (0.0, 1.0), "friction": rx.Coulomb(0.0)}
+    pin, slot = {"pin_radius": radius, "friction": friction}, {"normal": (0.0, 1.0)}
     bodies, joints = [rx.Body("platform", 1.0, 1.0)], []
     for k, x in enumerate((-1.0, 0.2)):
         bodies += [rx.Body(f"rise {k}", 0.0, 0.0), rx.Body(f"fall {k}", 0.0, 0.0)]

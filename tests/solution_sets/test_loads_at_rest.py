@@ -87,6 +87,18 @@ def test_a_block_stands_below_its_angle_of_friction(angle, stands):
     assert rx.band(*incline(angle, 0.3), "tau K", rx.MinimumNorm()).stands == stands
 
 
+def test_a_rod_that_constant_friction_holds():
+    pin = {"pin_radius": 0.02, "friction": rx.ConstantFriction(400.0)}
+    joint = rx.Revolute("O", "rod", "ground", (-0.5, 0.0), (0.0, 0.0), **pin)
+    rod = rx.Mechanism([rx.Body("rod", 1.0, 0.1)], [joint], gravity=(0.0, -G))
+    rest = rx.State(jnp.array([0.5, 0.0, 0.0]), jnp.zeros(3))
+    bands = rx.band(rod, rest, "tau O", rx.MinimumNorm())
+    assert bands.stands == "yes" and bands.exact.all()
+    np.testing.assert_allclose([bands.lower, bands.upper], G / 2, rtol=1e-12)
+    found = rx.limit_load(rod, rest, {"rod.phi": 1.0})
+    assert [found.lower, found.upper] == pytest.approx([G / 2 - 8.0, G / 2 + 8.0], rel=1e-12)
+
+
 def test_a_ladder():
     """N_f, T_f at the foot, N_w, T_w at the wall; T_w = t leaves N_w = (w/2 - t) c, N_f = w - t, c = cot(angle)."""
     length, mass, angle, mu_f, mu_w = 4.0, 10.0, 1.0, 0.5, 0.3

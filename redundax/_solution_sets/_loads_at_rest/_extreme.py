@@ -135,7 +135,8 @@ class LoadsAtRest:
         constant = self._settled
         self.relaxed.sides[constant] = np.stack([up, down], axis=1)[constant]
         for _ in range(_TIGHTENED):
-            found = np.array([[self.relaxed.outer(s * row, self.start).value for s in (-1, 1)] for row in matrix])
+            ends = [self.relaxed.outer(sign * row, self.start).value for row in matrix for sign in (-1, 1)]
+            found = np.reshape(ends, (-1, 2))
             if np.any(found == -np.inf):
                 return
             ranges = (found * [-1, 1] + offset[:, None]).reshape(-1, 2)

@@ -80,7 +80,7 @@ class Relaxation:
             )
             if found.status == 0:
                 return Optimum(-found.fun, found.x)
-            if found.status == 2:
+            if found.status == 2 and not presolve:  # a presolve takes rounding for a contradiction
                 return NOTHING
         return Optimum(np.inf, None)
 
