@@ -165,7 +165,7 @@ def test_what_is_not_finite_is_no_success(place, bad):
 
 def test_a_mechanism_at_rest_is_sent_to_the_call_that_answers_it():
     mechanism, state = paper(0.02, rate=0.0)
-    with pytest.raises(RuntimeError, match=r"Ask `rx\.sticking`.*At rest: A, B, C, D"):
+    with pytest.raises(RuntimeError, match=r"Ask `rx\.band`.*`rx\.sticking`.*At rest: A, B, C, D"):
         registry.solve(mechanism, state)
 
 
