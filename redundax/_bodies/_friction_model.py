@@ -117,7 +117,8 @@ class Coulomb(AbstractFrictionModel):
     preload: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
 
     def __check_init__(self) -> None:
-        not_negative("mu", self.mu)
+        for name in ("mu", "preload"):
+            not_negative(name, getattr(self, name))
 
     def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
         return -self.mu * (normal_load + self.preload) * sense
@@ -155,7 +156,8 @@ class RegularisedCoulomb(AbstractFrictionModel):
     preload: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
 
     def __check_init__(self) -> None:
-        not_negative("mu", self.mu)
+        for name in ("mu", "preload"):
+            not_negative(name, getattr(self, name))
 
     def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
         return -self.mu * (normal_load + self.preload) * jnp.tanh(rate / self.velocity)
@@ -194,7 +196,7 @@ class Stribeck(AbstractFrictionModel):
     preload: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
 
     def __check_init__(self) -> None:
-        for name in ("static", "kinetic", "viscous"):
+        for name in ("static", "kinetic", "viscous", "preload"):
             not_negative(name, getattr(self, name))
 
     def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
@@ -264,6 +266,7 @@ class Dahl(AbstractFrictionModel):
     def __check_init__(self) -> None:
         positive("mu", self.mu)
         positive("stiffness", self.stiffness)
+        not_negative("preload", self.preload)
 
     def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
         return -(normal_load + self.preload) * self.stiffness * memory
@@ -318,7 +321,7 @@ class LuGre(AbstractFrictionModel):
     def __check_init__(self) -> None:
         for name in ("static", "kinetic", "stiffness"):
             positive(name, getattr(self, name))
-        for name in ("damping", "viscous"):
+        for name in ("damping", "viscous", "preload"):
             not_negative(name, getattr(self, name))
 
     def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:

@@ -19,7 +19,7 @@ _WAYS = {1: COLOURS[1], -1: COLOURS[0], 0: COLOURS[2]}
 _REST = "#555555"
 
 
-def band_along(path: BandPath, outputs: Sequence[str] | None = None, *, against: str | None = None) -> "Figure":
+def band_along(path: BandPath, outputs: Sequence[str] | str | None = None, *, against: str | None = None) -> "Figure":
     """Bands along a path, one panel for each output: in motion as areas, at rest as bars.
 
     Motion one way, the other way and rest have colours of their own; against a coordinate the areas of both ways lie
@@ -45,7 +45,7 @@ def band_along(path: BandPath, outputs: Sequence[str] | None = None, *, against:
 
     **Raises:** `ValueError` for names that are not there.
     """
-    names = path.names[:_MOST] if outputs is None else outputs
+    names = path.names[:_MOST] if outputs is None else [outputs] if isinstance(outputs, str) else outputs
     places = [index_of("outputs", name, path.names, " of the path") for name in names]
     coordinate, x, label = _across(path, against)
     figure = new_figure(6.6, 2.2 * len(places) + 0.9)

@@ -82,6 +82,28 @@ def test_a_screw_like_incline_locks_itself_where_its_angles_exceed_a_right_one()
     assert "locks itself" in str(found)
 
 
+@pytest.mark.parametrize("angle", [1.0, np.radians(74.7), np.radians(80)])
+def test_a_block_is_pulled_loose_before_a_larger_pull_jams_it(angle):
+    """It stands up to mu W / (b + mu c), and where mu c > b again from mu W / (mu c - b) on."""
+    mu, weight, b, c = 0.3, 3.0 * G, np.cos(angle), np.sin(angle)
+    found = rx.limit_load(*incline(0.0, mu), {"block.x": b, "block.y": c})
+    end, again = mu * weight / (b + mu * c), mu * weight / (mu * c - b) if mu * c > b else np.inf
+    assert found.upper == pytest.approx(end, rel=1e-9)
+    assert found.outer_upper == pytest.approx(end, rel=1e-6)
+    assert end < found.looked[1] <= again
+
+
+def test_a_load_that_just_excludes_zero():
+    system, state, _ = paper()
+    bands = [
+        rx.band(system, state, ["A.y", "tau A"], rx.PreloadBox({"A.x": (least, 400.0)})) for least in (0.0, 1e-9, 1e-3)
+    ]
+    for other in bands[1:]:
+        assert other.stands == bands[0].stands == "yes"
+        np.testing.assert_allclose(other.lower, bands[0].lower, rtol=1e-5)
+        np.testing.assert_allclose(other.upper, bands[0].upper, rtol=1e-5)
+
+
 @pytest.mark.parametrize("angle, stands", [(0.29, "yes"), (0.30, "no"), (np.arctan(0.3), "undecided")])
 def test_a_block_stands_below_its_angle_of_friction(angle, stands):
     assert rx.band(*incline(angle, 0.3), "tau K", rx.MinimumNorm()).stands == stands

@@ -123,11 +123,15 @@ def check_mesh(mesh: AbstractMesh) -> None:
         )
 
 
-def tip_path(radius: Any, module: Any, pressure_angle: Any) -> Any:
-    """Path of contact from the pitch point to the tip of standard teeth, m; the radius of a ring is negative."""
-    xp = numpy_of(radius, module, pressure_angle)
+def tip_path(radius: Any, other: Any, module: Any, pressure_angle: Any) -> Any:
+    """Path of contact from the pitch point to the tip of standard teeth, m; the radius of a ring is negative.
+
+    It ends where the line of action touches the base circle of the other gear, if that is no ring.
+    """
+    xp = numpy_of(radius, other, module, pressure_angle)
     base, tip = radius * xp.cos(pressure_angle), radius + module
-    return xp.abs(xp.sqrt(xp.maximum(tip**2 - base**2, 0.0)) - xp.abs(radius) * xp.sin(pressure_angle))
+    path = xp.abs(xp.sqrt(xp.maximum(tip**2 - base**2, 0.0)) - xp.abs(radius) * xp.sin(pressure_angle))
+    return xp.where(other > 0, xp.minimum(path, xp.abs(other) * xp.sin(pressure_angle)), path)
 
 
 class GearPair(AbstractMesh):
@@ -192,7 +196,9 @@ class GearPair(AbstractMesh):
     @property
     def contact(self) -> tuple[Any, Any]:
         radii = cast(Any, self.module / 2) * self.teeth
-        own, other = (tip_path(radius, self.module, self.pressure_angle) / self.base_pitch for radius in radii)
+        own, other = radii[0], radii[1]
+        paths = (tip_path(*pair, self.module, self.pressure_angle) for pair in ((own, other), (other, own)))
+        own, other = (path / self.base_pitch for path in paths)
         return own, other
 
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:

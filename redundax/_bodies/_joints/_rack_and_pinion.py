@@ -70,8 +70,10 @@ class RackAndPinion(AbstractMesh):
 
     @property
     def contact(self) -> tuple[Any, Any]:
-        own = tip_path(cast(Any, self.module / 2) * self.teeth, self.module, self.pressure_angle)
-        other = self.module / numpy_of(self.pressure_angle).sin(self.pressure_angle)
+        xp, radius = numpy_of(self.module, self.pressure_angle), cast(Any, self.module / 2) * self.teeth
+        own = tip_path(radius, -1.0, self.module, self.pressure_angle)  # nothing of the rack ends it
+        sine = xp.sin(self.pressure_angle)
+        other = xp.minimum(self.module / sine, radius * sine)
         return own / self.base_pitch, other / self.base_pitch
 
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:

@@ -36,6 +36,7 @@ from .._bounds import AbstractBounds, cases_of
 from .._cases import AbstractCases, Affine
 from .._family._solution_family import solutions_of
 from .._loads_at_rest._band_at_rest import bands_at_rest
+from .._loads_at_rest._standing import is_still
 from .._search import Search, best, few, proved_single
 from .._solution_set import SolutionSet, solution_set
 
@@ -238,11 +239,14 @@ def _at_rest(
     """The bands of a mechanism whose joints rest, or some of them."""
     if report.problem:
         raise RuntimeError(report.problem)
-    state = State(state.q, state.qd, state.t)  # bristles that bend let it move, so they do not count
+    if is_still(system, state, factor):
+        state = State(state.q, state.qd, state.t)  # bristles that bend let it move, so they do not count
     solutions = solution_set(system, state, factor, jnp.asarray(report.self_stress), senses(system.slips, sense))
     turns = np.where(system.slips.angular, np.asarray(factor.length), 1.0)
     if np.any(factor.motion_of(cast(Law, solutions.law).rate * turns).is_undecided):
         raise RuntimeError(RESULTS[RESULTS.ambiguous_rest] + culprits(system, state, factor, RESULTS.ambiguous_rest))
+    if solutions.undetermined is not None:
+        raise RuntimeError(RESULTS[RESULTS.singular_position])
     wanted = _wanted(system, state, outputs, report)
     cases = cases_of(bounds, system, state, report, solutions)
     lower, upper, stands = bands_at_rest(system, state, factor, solutions, cases, wanted.matrix, nodes)
@@ -258,7 +262,7 @@ def _at_rest(
         upper_case=upper.case,
         lower_solution=lower.solution,
         upper_solution=upper.solution,
-        solved=1.0,
+        solved=float(stands == "yes"),
         outer_lower=outer_lower,
         outer_upper=outer_upper,
         sense=_sense(solutions),

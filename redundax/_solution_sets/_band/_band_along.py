@@ -24,6 +24,7 @@ from .._bounds import AbstractBounds
 from ._band import Bands, band
 
 _LINES = 40  # of a table
+_STILL = 1e-9  # rate of a coordinate that is rounding, relative to the fastest
 
 
 @dataclasses.dataclass(frozen=True)
@@ -109,7 +110,8 @@ class BandPath:
         """The coordinate that moves most, a linear one where there is one; None if all rest."""
         speed = np.abs(self.qd).max(axis=0, initial=0.0)
         linear = speed * ~self.coordinates.angular
-        speed = linear if linear.any() else speed
+        size = np.abs(self.q).max(initial=0.0) or 1.0
+        speed = linear if linear.max(initial=0.0) > _STILL * size * speed.max(initial=0.0) else speed
         return int(np.argmax(speed)) if speed.any() else None
 
     def directions(self, coordinate: int | None) -> np.ndarray:

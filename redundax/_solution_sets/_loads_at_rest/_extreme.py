@@ -14,6 +14,7 @@ _GAP = 1e-7  # between both bounds that is none
 _ROUNDING = 1e-9  # of a programme, in figures of size 1
 _TIGHTENED = 4  # rounds in which the ranges of loads are narrowed
 _EDGE = 0.02  # share of a cone that a split leaves at least
+_WIDEST = np.pi - 1e-3  # opening of a cone, which is no cone from pi on
 _WIDER = 1e-6  # angle by which a cone exceeds the loads found, which makes it one of two rays
 
 
@@ -71,6 +72,9 @@ class LoadsAtRest:
 
         while queue and matters(queue[0].bound) and solved < self.most and not (first and best.x is not None):
             node = heapq.heappop(queue)
+            if node.x is not None and (node.number < 8 or node.number % 16 == 0):
+                found, steps = relaxed.inner(cost, node.x)
+                best, solved = max(best, found, key=_value_of), solved + steps
             cuts = [] if node.x is None else relaxed.violated(node.x)
             if cuts:
                 relaxed.cuts += cuts
@@ -81,9 +85,6 @@ class LoadsAtRest:
             if np.all(excess <= KEPT):
                 best = max(best, Optimum(node.bound, node.x), key=_value_of)
                 continue
-            if node.x is not None and (node.number < 8 or node.number % 16 == 0):
-                found, steps = relaxed.inner(cost, node.x)
-                best, solved = max(best, found, key=_value_of), solved + steps
             cones = self._split(node.cones, node.x, excess)
             if not cones:
                 left = max(left, node.bound)
@@ -95,7 +96,7 @@ class LoadsAtRest:
                     left = max(left, found.value)
         self.found = best.x
         bound = max([best.value, left, *(node.bound for node in queue)])
-        wider = _ROUNDING * max(1.0, abs(bound)) if np.isfinite(bound) else 0.0
+        wider = _ROUNDING * max(1.0, abs(bound)) if np.isfinite(bound) and cost.any() else 0.0
         return Extreme(size * best.value, best.x, size * (bound + wider))
 
     def _split(self, cones: list[Rays], x: np.ndarray | None, excess: np.ndarray) -> list[list[Rays]]:
@@ -114,7 +115,7 @@ class LoadsAtRest:
 
     def _halves(self, rays: np.ndarray, x: np.ndarray, reads: np.ndarray) -> list[np.ndarray]:
         """A cone of two loads, split along that of x."""
-        if reads.size < 2:
+        if reads.size != 2:
             return []
         share = np.linalg.solve(rays, self.relaxed.programme.read.rows(reads)(x))
         share = np.maximum(share, 0.0)
@@ -164,6 +165,8 @@ def _value_of(found: Optimum) -> float:
 def _cone(points: np.ndarray) -> Rays:
     """The narrowest cone that holds the vertices of a box, None where that holds the zero."""
     middle = points.mean(axis=0)
+    if points.shape[1] > 2:
+        return None
     if points.shape[1] == 1:
         return np.sign(middle)[:, None] if points.min() > 0 or points.max() < 0 else None
     if np.all(points.min(axis=0) <= 0) and np.all(points.max(axis=0) >= 0):
@@ -171,6 +174,8 @@ def _cone(points: np.ndarray) -> Rays:
     along = middle / np.linalg.norm(middle)
     angle = np.arctan2(along[0] * points[:, 1] - along[1] * points[:, 0], points @ along)
     least, most = angle.min() - _WIDER, angle.max() + _WIDER
+    if most - least > _WIDEST:
+        return None
     return np.stack([_turned(along, least), _turned(along, most)], axis=1)
 
 

@@ -16,6 +16,7 @@ from jaxtyping import Array
 
 from ..._analysis._verdict import spectral_radius
 from ..._solvers._friction_problem import Law
+from ..._system._friction import have_sense
 from ..._tools._compilation import compiled
 from ..._tools._module import on_device
 from .._cases import AbstractCases, Affine
@@ -96,8 +97,8 @@ def friction_limits(
     scale = most.max(axis=0, initial=0.0)
     scale = np.where((scale > 0) & np.isfinite(scale), scale, 1.0)  # infinite where no bound of a law is known
     read = multipliers.rows(np.asarray(solutions.rows)).over(1 / scale)
-    low, high, _, _ = _limits_at(law, on_device(1 / scale))
-    fixed = np.asarray(low == high)
+    _, high, _, _ = _limits_at(law, on_device(1 / scale))
+    fixed = (np.asarray(law.sense) != 0) | ~np.array(have_sense(law.groups))
     full = np.where(fixed, np.where(np.asarray(high) >= 0, 1.0, -1.0), 0.0)
 
     def limits(loads: np.ndarray) -> LimitValues:

@@ -31,13 +31,16 @@ from .._bounds import AbstractBounds, cases_of
 from .._cases import AbstractCases
 from .._solution_set import SolutionSet, solution_set
 from .._sticking._at_rest import NONE, ReducedForce, drive, velocity_basis
-from ._extreme import LoadsAtRest
+from ._extreme import Extreme, LoadsAtRest
 from ._friction_limits import sizes_of
+from ._programme import Programme
 from ._standing import AddedLoad, Standing, standing
 
 _MINIMUM_NORM = MinimumNorm()
 _FIRST, _MORE, _LAST = 4.0, 8.0, 1e6  # amounts that are looked at, relative to what friction without it holds
 _SLIPS = 1e-6  # rate of a slip that is none, relative to the largest
+_REACHED = 0.99  # share of the amounts looked at from which their end counts as reached
+_SHARES, _GAPS = 8, 6  # of the amounts that are borne, to ask for gaps between them; and gaps in a row
 _AT_LIMIT = 1e-7  # what is left of a limit that is none, relative to the friction
 
 
@@ -45,12 +48,15 @@ _AT_LIMIT = 1e-7  # what is left of a limit that is none, relative to the fricti
 class LimitLoad:
     """How much of a load a mechanism at rest can bear, either way. `str()` gives a page, `to_dict()` data.
 
-    - `lower`, `upper`: least and largest amount of the load with which it can stand, as found: it is attained. NaN
-      where it cannot stand at any amount, infinite where no amount moves it, as of a mechanism that locks itself.
-    - `outer_lower`, `outer_upper`: outer bounds, proved: beyond them it moves, whatever the preload within the bounds;
-      infinite where none is known.
+    - `lower`, `upper`: how far the amount may fall, and rise, from the load that is there, or any that is borne where
+      that is not, until it moves: attained. NaN where no amount was found to be borne, infinite where all that were
+      looked at are, as of a mechanism that locks itself.
+    - `outer_lower`, `outer_upper`: outer bounds: from them to `looked` it moves, proved, whatever the preload within
+      the bounds; infinite where none is known.
+    - `looked`: amounts up to which it was looked, either way. More may jam it, and hold it again.
     - `slips`: names of the joints that give way beyond each, a pair.
-    - `motion`: how it starts to move there: velocities, of power 1 with the load, shape (2, n); NaN where unknown.
+    - `motion`: with one degree of freedom how it starts to move there: velocities, of power 1 with the load, shape
+      (2, n); with more the way that the load drives most; NaN where it drives none.
     - `case`: the case of each: amplitude, preload, misfit or compliance, shape (2, q).
     - `multipliers`, `friction`: the loads of each, shapes (2, m) and (2, p).
     - `bounds`, `parameters`, `box`: what was bounded, the names of the entries of a case, and their bounds, (q, 2).
@@ -69,6 +75,7 @@ class LimitLoad:
     upper: float
     outer_lower: float
     outer_upper: float
+    looked: tuple[float, float]
     slips: tuple[tuple[str, ...], tuple[str, ...]]
     motion: np.ndarray
     case: np.ndarray
@@ -86,15 +93,21 @@ class LimitLoad:
         load = ", ".join(f"{name} {amount:.6g}" for name, amount in self.load.items())
         box = ", ".join(f"{name} {a:.4g} to {b:.4g}" for name, (a, b) in zip(self.parameters, self.box, strict=True))
         lines = [f"Load in multiples of {load}", f"{self.bounds}{': ' if box else ''}{box}"]
-        if np.isnan(self.lower):
-            return "\n".join([*lines, "Stands with no amount of it that was found."])
+        if np.isnan(self.lower) and np.isnan(self.upper):
+            return "\n".join(
+                [*lines, f"Stands with no amount from {self.looked[0]:.4g} to {self.looked[1]:.4g} found."]
+            )
         ends = (self.lower, self.outer_lower, "below"), (self.upper, self.outer_upper, "above")
         lines.append(f"stands from {self.lower:.6g} to {self.upper:.6g}")
-        for (inner, outer, side), slips in zip(ends, self.slips, strict=True):
+        for (inner, outer, side), slips, looked in zip(ends, self.slips, self.looked, strict=True):
             if np.isinf(inner):
-                lines.append(f"no amount {side} moves it: it locks itself")
+                lines.append(f"{side}: locks itself, as far as {looked:.4g}")
                 continue
-            proof = f"must move beyond {outer:.6g}, proved" if np.isfinite(outer) else "no outer bound is known"
+            proof = (
+                f"must move from {outer:.6g} to {looked:.4g}, proved"
+                if np.isfinite(outer)
+                else "no outer bound is known"
+            )
             lines.append(f"{side}: {', '.join(slips) or 'what no friction holds'} give way ({proof})")
         return "\n".join(lines)
 
@@ -157,6 +170,7 @@ def limit_load(
         upper=ends[1].value,
         outer_lower=ends[0].bound,
         outer_upper=ends[1].bound,
+        looked=(ends[0].looked, ends[1].looked),
         slips=(ends[0].slips, ends[1].slips),
         motion=np.stack([end.motion for end in ends]),
         case=np.stack([end.case for end in ends]),
@@ -173,6 +187,7 @@ class _End(NamedTuple):
 
     value: float
     bound: float
+    looked: float
     slips: tuple[str, ...]
     motion: np.ndarray
     case: np.ndarray
@@ -191,34 +206,64 @@ def _end(
     scale: float,
     nodes: int,
 ) -> _End:
-    """The largest amount in a direction; amounts are looked at up to bounds that grow until none is reached."""
+    """The end of the amounts that are borne; they are looked at up to bounds that grow until none is reached."""
     most = _FIRST
     while True:
         found = standing(system, state, factor, solutions, cases, AddedLoad(force, most * scale))
-        cost = np.zeros(len(found.unknowns.box))
-        cost[-1] = sign
-        extreme = LoadsAtRest(found.programme, most=nodes).extreme(cost)
-        reached = extreme.value > 0.99
-        if not (reached or (extreme.x is None and extreme.bound > 0.99)) or most >= _LAST:
+        extreme, looked = _first_end(found.programme, sign, nodes)
+        reached = extreme.x is None or looked is None
+        if not reached or most >= _LAST:
             break
         most *= _MORE
     size, n, m = most * scale, len(force), len(system.rows)
-    proved = extreme.bound if found.proved and extreme.bound < 0.99 else np.inf
-    if extreme.x is None or reached:
-        value = sign * np.inf if reached else np.nan
+    if extreme.x is None or looked is None:
+        value = np.nan if extreme.x is None else sign * np.inf
         lost = [np.full(length, np.nan) for length in (n, cases.lower.size, m, len(system.slips))]
-        return _End(value, sign * proved * size, (), *lost)
+        return _End(value, sign * np.inf, sign * size, (), *lost)
     slips, motion = _way(system, state, factor, found, extreme.x, sign * force)
     own = found.unknowns
     return _End(
         sign * extreme.value * size + 0.0,
-        sign * proved * size + 0.0,
+        sign * (extreme.bound * size if found.proved and extreme.bound < looked else np.inf),
+        sign * looked * size,
         slips,
         motion,
         found.figures(extreme.x),
         own.multipliers(extreme.x),
         own.friction(extreme.x),
     )
+
+
+def _first_end(programme: Programme, sign: float, nodes: int) -> tuple[Extreme, float | None]:
+    """The largest amount, times its sign, that can be reached without one that was found not to be borne.
+
+    Amounts start at zero, or where that is not borne at any that is. Shares between there and the end are asked for,
+    and the first that is not borne bounds those that are looked at. With it, how far amounts were looked at; None where
+    all of them are borne.
+    """
+    cost = np.zeros(len(programme.box))
+    cost[-1] = sign
+
+    def between(low: float, high: float, *, first: bool = False) -> Extreme:
+        box = programme.box.copy()
+        box[-1] = sorted((sign * low, sign * high))
+        none = np.zeros(len(cost))
+        return LoadsAtRest(programme._replace(box=box), most=nodes).extreme(none if first else cost, first=first)
+
+    start, looked = 0.0, 1.0
+    if between(0.0, 0.0, first=True).x is None:
+        some = between(-1.0, 1.0, first=True)
+        if some.x is None:
+            return some, None
+        start = sign * some.x[-1]
+    extreme = between(start, looked)
+    for _ in range(_GAPS):
+        places = start + (min(extreme.value, looked) - start) * np.arange(1, _SHARES) / _SHARES
+        gap = next((at for at in places if between(at, at, first=True).bound == -np.inf), None)
+        if gap is None:
+            break
+        extreme, looked = between(start, gap), gap
+    return extreme, None if looked == 1.0 and extreme.value > _REACHED else looked
 
 
 def _way(
@@ -233,14 +278,15 @@ def _way(
     _, sizes, basis = np.linalg.svd(start.slips[held]) if held.any() else (0, np.zeros(0), np.eye(ways.shape[1]))
     free = basis[np.sum(sizes > NONE * np.abs(start.slips).max(initial=0.0)) :]
     drives = free @ (ways.T @ force)
-    power = drives @ drives
-    if not power > NONE * (force @ ways @ ways.T @ force):
-        return (), np.full(len(force), np.nan)
-    motion = free.T @ drives / power
-    turns = np.where(system.slips.angular, np.asarray(factor.length), 1.0)
-    rates = np.abs(start.slips @ motion) * turns
-    names = itertools.compress(system.slips.labels, rates > _SLIPS * rates.max(initial=0.0))
-    return tuple(names), ways @ motion
+    power, turns = drives @ drives, np.where(system.slips.angular, np.asarray(factor.length), 1.0)
+    if power > NONE * (force @ ways @ ways.T @ force):
+        motion = free.T @ drives / power
+        rates, velocities = np.abs(start.slips @ motion) * turns, ways @ motion
+    else:  # the load takes friction away from a motion that it does not drive
+        rates = np.linalg.norm(start.slips @ free.T, axis=1) * turns
+        velocities = np.full(len(force), np.nan)
+    names = itertools.compress(system.slips.labels, (rates > _SLIPS * rates.max(initial=0.0)) & ~held)
+    return tuple(names), velocities
 
 
 def _scale(solutions: SolutionSet, cases: AbstractCases, start: ReducedForce, own: np.ndarray) -> float:

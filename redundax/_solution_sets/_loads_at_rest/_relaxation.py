@@ -38,7 +38,7 @@ class Relaxation:
             if found.x is None:
                 break
             x = found.x
-            good = bool(np.all(self.excess(x) <= KEPT))
+            good = bool(np.all(self.excess(x) <= KEPT)) and not self.violated(x)
             settled = best.x is not None and found.value <= best.value + TOLERANCE * max(1.0, abs(best.value))
             if good and found.value > best.value:
                 best = found

@@ -18,6 +18,7 @@ from jaxtyping import Array
 from ..._equations._factorisation import Factorisation
 from ..._equations._kinematics import slip_gamma, slip_motion
 from ..._solvers._friction_problem import Law
+from ..._system._friction import have_sense
 from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._tools._compilation import compiled
@@ -79,6 +80,12 @@ def standing(
     return Standing(programme, unknowns, cases, known and all(reads.size <= 2 for reads in programme.reads))
 
 
+def is_still(system: AbstractSystem, state: State, factor: Factorisation) -> bool:
+    """Whether nothing moves."""
+    rates = np.abs(np.asarray(state.qd)) * np.where(system.coordinates.angular, np.asarray(factor.length), 1.0)
+    return not bool(factor.motion_of(jnp.asarray(rates.max(initial=0.0))).is_yes)
+
+
 def _balance(
     system: AbstractSystem,
     state: State,
@@ -88,15 +95,17 @@ def _balance(
     added: AddedLoad | None,
 ) -> tuple[Affinely, Unknowns]:
     """What vanishes: all accelerations at rest, those of the slips that rest where others move."""
-    rates = np.abs(np.asarray(state.qd)) * np.where(system.coordinates.angular, np.asarray(factor.length), 1.0)
-    if not bool(factor.motion_of(jnp.asarray(rates.max(initial=0.0))).is_yes):
+    law = solutions.law
+    sent = law is not None and np.any(np.asarray(law.sense) != 0)
+    if is_still(system, state, factor) and not sent:
         start = drive(system, state, factor)
-        still = unknowns.acceleration.times(np.zeros((len(rates), len(rates))))
+        n = len(system.coordinates)
+        still = unknowns.acceleration.times(np.zeros((n, n)))
         drives = start.slips.T
         if added is not None:
             drives = np.column_stack([drives, velocity_basis(system, factor).T @ added.force])
         return unknowns.forces.times(drives, start.load), unknowns._replace(acceleration=still)
-    resting = np.asarray(cast(Law, solutions.law).sense == 0)
+    resting = (np.asarray(cast(Law, law).sense) == 0) & np.array(have_sense(system.friction))
     directions, gamma = (np.asarray(x) for x in _slips(system.anonymous(), state))
     return unknowns.acceleration.times(directions[:, resting].T, -gamma[resting]), unknowns
 
