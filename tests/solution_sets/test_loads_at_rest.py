@@ -185,23 +185,39 @@ class Brute:
         self.start, self.effect = inverse @ self.load, inverse @ self.slips
         self.drive, self.ways = self.free.T @ self.load, self.free.T @ self.slips  # (1,), (1, p)
 
-    def sampled(self, stress, z, seed=0, rounds=45):
+    def sampled(self, stress, z):
         """Samples (lam, tau) with amplitudes z (s, k) along the self-stress states (k, m)."""
-        random, count, p = np.random.default_rng(seed), len(z), self.slips.shape[1]
+        return self.balanced(self.start + z @ stress, np.broadcast_to(self.effect, (len(z), *self.effect.shape)))
+
+    def closed(self, compliance, misfit):
+        """Samples (lam, tau) under diagonal compliances (s, m) and misfits (s, m)."""
+        _, sizes, vt = np.linalg.svd(self.jacobian.T)
+        stress = vt[np.sum(sizes > 1e-9 * sizes[0]) :].T
+        base, ways = [], []
+        for w, d in zip(compliance, misfit, strict=True):
+            response = stress @ np.linalg.solve(stress.T @ (w[:, None] * stress), stress.T)
+            base.append(self.start + response @ (d - w * self.start))
+            ways.append(self.effect - response @ (w[:, None] * self.effect))
+        return self.balanced(np.array(base), np.array(ways))
+
+    def balanced(self, base, ways, seed=0, rounds=45):
+        """Samples of lam = base + ways tau that are in equilibrium."""
+        random, (count, _, p) = np.random.default_rng(seed), ways.shape
         shares = np.where(
             random.random((count, p)) < 0.7, np.sign(random.random((count, p)) - 0.5), 2 * random.random((count, p)) - 1
         )
-        base, way = self.start + z @ stress, np.sign(self.ways[0])
+        way = np.sign(self.ways[0])
         low, high = np.full(count, -2.0), np.full(count, 2.0)
         for _ in range(rounds):
             t = (low + high) / 2
             tau, share = np.zeros((count, p)), np.clip(shares + t[:, None] * way, -1, 1)
             for _ in range(40):
-                tau = share * self.limits(dict(zip(self.rows, (base + tau @ self.effect.T).T, strict=True)))
+                lam = base + np.einsum("smp,sp->sm", ways, tau)
+                tau = share * self.limits(dict(zip(self.rows, lam.T, strict=True)))
             above = tau @ self.ways[0] + self.drive[0] > 0
             low, high = np.where(above, low, t), np.where(above, t, high)
         good = np.abs(tau @ self.ways[0] + self.drive[0]) < 1e-9 * (np.abs(self.drive[0]) + np.abs(tau @ self.ways[0]))
-        lam = base + tau @ self.effect.T
+        lam = base + np.einsum("smp,sp->sm", ways, tau)
         good &= np.all(np.abs(tau) <= (1 + 1e-9) * self.limits(dict(zip(self.rows, lam.T, strict=True))), axis=1)
         return lam[good], tau[good]
 
@@ -312,6 +328,34 @@ def test_bands_at_rest_hold_what_brute_force_finds(name):
     assert np.all(bands.upper >= values.max(axis=0) - 0.01 * span)
     for solutions in (bands.lower_solution, bands.upper_solution):
         stands(brute, solutions[:, state.qd.size :])
+
+
+@pytest.mark.parametrize("kind", [pytest.param("misfit", marks=pytest.mark.slow), "compliance"])
+def test_bands_under_joints_that_give_way_hold_what_brute_force_finds(kind):
+    system, state, limits = press(rx.AppliedForce("crank", moment=24.0))
+    rows, random, count = list(system.names.rows.labels), np.random.default_rng(2), 2000
+    compliance = np.tile([1e-8] * 8 + [1e-6] * 2, (count, 1))
+    misfit = np.tile([0.0] * 6 + [2e-6, 0.0, 0.0, 0.0], (count, 1))
+    given = rx.Compliance(W=jnp.asarray(compliance[0]), misfit=jnp.asarray(misfit[0]))
+    if kind == "misfit":
+        box = rx.MisfitBox(given, {"R.perpendicular": (-4e-6, 4e-6)})
+        misfit[:, rows.index("R.perpendicular")] = random.choice([-4e-6, 4e-6, 0.0], count)
+    else:
+        box = rx.ComplianceBox(given, {"L.perpendicular": (1e-9, 1e-7), "R.angle": (1e-7, 1e-5)})
+        for row, ends in (("L.perpendicular", (1e-9, 1e-7)), ("R.angle", (1e-7, 1e-5))):
+            compliance[:, rows.index(row)] = random.choice([*ends, np.sqrt(ends[0] * ends[1])], count)
+    brute = Brute(system, state, limits)
+    lam, tau = brute.closed(compliance, misfit)
+    assert len(lam) > 100
+    names = ["O.x", "L.perpendicular", "tau L"]
+    values = np.column_stack([lam[:, rows.index("O.x")], lam[:, rows.index("L.perpendicular")], tau[:, 3]])
+    bands, span = rx.band(system, state, names, box), np.ptp(values, axis=0)
+    assert bands.stands == "yes"
+    assert np.all(bands.outer_lower <= values.min(axis=0) + 1e-6 * span)
+    assert np.all(bands.outer_upper >= values.max(axis=0) - 1e-6 * span)
+    assert np.all(bands.lower <= values.min(axis=0) + 0.01 * span)
+    assert np.all(bands.upper >= values.max(axis=0) - 0.01 * span)
+    stands(brute, np.concatenate([bands.lower_solution, bands.upper_solution])[:, state.qd.size :])
 
 
 def stands(brute, solutions):

@@ -21,7 +21,7 @@ from ..._tools._compilation import compiled
 from ..._tools._module import on_device
 from .._cases import AbstractCases, Affine
 from .._solution_set import SolutionSet
-from ._affinely import Affinely
+from ._affine_map import AffineMap
 from ._programme import Limits, LimitValues
 
 _NOTHING = np.zeros(0)
@@ -32,8 +32,8 @@ _NONE = 1e-9  # size of friction that says nothing, relative to the largest
 class Limited(NamedTuple):
     """Quantities between limits that depend on loads, as in `Programme`."""
 
-    bounded: Affinely
-    read: Affinely
+    bounded: AffineMap
+    read: AffineMap
     reads: tuple[np.ndarray, ...]
     full: np.ndarray
     limits: Limits
@@ -87,7 +87,7 @@ def _changes(law: Law, loads: Array) -> Array:
 
 
 def friction_limits(
-    solutions: SolutionSet, friction: Affinely, multipliers: Affinely, sizes: FrictionSizes
+    solutions: SolutionSet, friction: AffineMap, multipliers: AffineMap, sizes: FrictionSizes
 ) -> list[Limited]:
     """The limits of friction, in sizes of it; the loads are in sizes of what they allow."""
     law = solutions.law

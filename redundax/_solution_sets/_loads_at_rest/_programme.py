@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._affinely import Affinely
+from ._affine_map import AffineMap
 
 
 class LimitValues(NamedTuple):
@@ -48,10 +48,10 @@ class Programme(NamedTuple):
 
     equal: tuple[np.ndarray, np.ndarray]
     within: tuple[np.ndarray, np.ndarray]
-    norm: Affinely
+    norm: AffineMap
     box: np.ndarray
-    bounded: Affinely
-    read: Affinely
+    bounded: AffineMap
+    read: AffineMap
     reads: tuple[np.ndarray, ...]
     full: np.ndarray
     limits: Limits

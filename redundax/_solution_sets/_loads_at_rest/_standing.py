@@ -25,7 +25,7 @@ from ..._tools._compilation import compiled
 from .._cases import AbstractCases
 from .._solution_set import SolutionSet
 from .._sticking._at_rest import drive, velocity_basis
-from ._affinely import Affinely, stacked
+from ._affine_map import AffineMap, stacked
 from ._friction_limits import Limited, friction_limits, sizes_of
 from ._programme import Limits, LimitValues, Programme
 from ._unknowns import Unknowns, bounded, figures_at
@@ -93,7 +93,7 @@ def _balance(
     solutions: SolutionSet,
     unknowns: Unknowns,
     added: AddedLoad | None,
-) -> tuple[Affinely, Unknowns]:
+) -> tuple[AffineMap, Unknowns]:
     """What vanishes: all accelerations at rest, those of the slips that rest where others move."""
     law = solutions.law
     sent = law is not None and np.any(np.asarray(law.sense) != 0)
@@ -115,7 +115,7 @@ def _slips(system: AbstractSystem, state: State) -> tuple[Array, Array]:
     return slip_motion(system, state)[1], slip_gamma(system, state)
 
 
-def _right(part: Affinely) -> tuple[np.ndarray, np.ndarray]:
+def _right(part: AffineMap) -> tuple[np.ndarray, np.ndarray]:
     """Matrix and right side of y = 0, or y <= 0, in rows of size 1."""
     size = np.abs(part.matrix).max(axis=1, initial=0.0)
     size = np.where(size > 0, size, 1.0)

@@ -13,7 +13,7 @@ import numpy as np
 
 from .._cases import AbstractCases, Affine, Fractional
 from .._solution_set import SolutionSet
-from ._affinely import Affinely, stacked
+from ._affine_map import AffineMap, stacked
 from ._friction_limits import FrictionSizes, Limited, chosen_at
 from ._programme import LimitValues
 
@@ -28,20 +28,20 @@ class Unknowns(NamedTuple):
     """
 
     box: np.ndarray
-    case: Affinely
-    forces: Affinely
-    friction: Affinely
-    multipliers: Affinely
-    acceleration: Affinely
+    case: AffineMap
+    forces: AffineMap
+    friction: AffineMap
+    multipliers: AffineMap
+    acceleration: AffineMap
 
 
 class Bounded(NamedTuple):
     """Unknowns, and what bounds say of them: equations, inequalities (at most 0), a norm (at most 1), and limits."""
 
     unknowns: Unknowns
-    equal: Affinely
-    within: Affinely
-    norm: Affinely
+    equal: AffineMap
+    within: AffineMap
+    norm: AffineMap
     limited: list[Limited]
 
 
@@ -136,8 +136,8 @@ def _unknowns(
     q, p, f = len(half), len(sizes.friction), len(sized)
     start, slope, unit = multipliers
     ends = np.concatenate([ends, np.full(p, 1.0 if sizes.bounded else np.inf), np.ones(f - p)])
-    case = Affinely(np.pad(np.diag(half), ((0, 0), (0, f))), middle)
-    forces = Affinely(np.pad(np.diag(sized), ((0, 0), (q, 0))), np.zeros(f))
+    case = AffineMap(np.pad(np.diag(half), ((0, 0), (0, f))), middle)
+    forces = AffineMap(np.pad(np.diag(sized), ((0, 0), (q, 0))), np.zeros(f))
     free, caused = (np.asarray(x.acceleration) for x in (solutions.response.free, solutions.response.unit))
     return Unknowns(
         box=np.stack([-ends, ends], axis=1),
