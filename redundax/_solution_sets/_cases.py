@@ -47,6 +47,11 @@ class AbstractCases(eqx.Module):
     def figures(self, theta: Float[Array, "... q"]) -> Float[Array, "... q"]:
         """What a case is, in the units of the bounds."""
 
+    @property
+    def box(self) -> Float[np.ndarray, "q 2"]:
+        """Least and largest figures."""
+        return np.stack([self.figures(self.lower), self.figures(self.upper)], axis=1)
+
     @abc.abstractmethod
     def excess(self, multipliers: Float[Array, " m"]) -> Float[Array, " c"]:
         """How far multipliers exceed their limits, relative to their widths; at most 0 within."""

@@ -37,6 +37,13 @@ class Law(eqx.Module):
     def __call__(self, loads: Float[Array, " l"]) -> Float[Array, " p"]:
         return friction_force(self.groups, loads, self.rate, self.sense, self.state, self.memory)
 
+    def limits(
+        self, loads: Float[Array, " l"], either: Bool[Array, " p"]
+    ) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
+        """Least and largest friction of slips that may have either sense; of the others that of their own."""
+        one, two = (replace_fields(self, sense=jnp.where(either, sense, self.sense))(loads) for sense in (1.0, -1.0))
+        return jnp.minimum(one, two), jnp.maximum(one, two)
+
     def apart(self) -> "Law":
         """The same law, joint by joint."""
         whole = zip(self.groups, memories(self.groups, self.state), strict=True)

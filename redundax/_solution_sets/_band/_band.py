@@ -36,9 +36,9 @@ from .._bounds import AbstractBounds, cases_of
 from .._cases import AbstractCases, Affine
 from .._family._solution_family import solutions_of
 from .._loads_at_rest._band_at_rest import bands_at_rest
-from .._loads_at_rest._standing import is_still
 from .._search import Search, best, few, proved_single
 from .._solution_set import SolutionSet, solution_set
+from .._sticking._at_rest import is_still
 
 
 @dataclasses.dataclass(frozen=True)
@@ -285,7 +285,7 @@ def _described(
         "units": tuple(unit_of(kind, system.names.units) for kind in wanted.kinds),
         "bounds": type(bounds).__name__,
         "parameters": cases.names,
-        "box": np.stack([cases.figures(cases.lower), cases.figures(cases.upper)], axis=1),
+        "box": cases.box,
     }
 
 

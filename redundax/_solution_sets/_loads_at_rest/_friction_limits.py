@@ -5,9 +5,9 @@
 where the spectral radius of Gamma is below 1, as no limit grows by more than Gamma |tau|.
 """
 
+from functools import partial
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -119,11 +119,5 @@ def friction_limits(
 def _limits_at(law: Law, loads: Array) -> tuple[Array, Array, Array, Array]:
     """Least and largest friction of slips that rest, and that of those that move, and the derivatives by the loads."""
 
-    def limits(loads: Array) -> tuple[Array, Array]:
-        one, two = (
-            eqx.tree_at(lambda law: law.sense, law, jnp.where(law.sense == 0, sense, law.sense))(loads)
-            for sense in (1.0, -1.0)
-        )
-        return jnp.minimum(one, two), jnp.maximum(one, two)
-
+    limits = partial(law.limits, either=law.sense == 0)
     return *limits(loads), *jax.jacfwd(limits)(loads)

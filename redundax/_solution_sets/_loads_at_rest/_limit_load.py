@@ -163,7 +163,8 @@ def limit_load(
     )
     cases = cases_of(bounds, system, state, report, solutions)
     scale = _scale(solutions, cases, start, own)
-    ends = [_end(sign, system, state, factor, solutions, cases, force, scale, nodes) for sign in (-1.0, 1.0)]
+    given = AddedLoad(start, own, scale)
+    ends = [_end(sign, system, state, factor, solutions, cases, given, nodes) for sign in (-1.0, 1.0)]
     return LimitLoad(
         load={name: float(amount) for name, amount in zip(system.coordinates.labels, force, strict=True) if amount},
         lower=ends[0].value,
@@ -178,7 +179,7 @@ def limit_load(
         friction=np.stack([end.friction for end in ends]),
         bounds=type(bounds).__name__,
         parameters=cases.names,
-        box=np.stack([cases.figures(cases.lower), cases.figures(cases.upper)], axis=1),
+        box=cases.box,
     )
 
 
@@ -202,25 +203,24 @@ def _end(
     factor: Factorisation,
     solutions: SolutionSet,
     cases: AbstractCases,
-    force: np.ndarray,
-    scale: float,
+    given: AddedLoad,
     nodes: int,
 ) -> _End:
     """The end of the amounts that are borne; they are looked at up to bounds that grow until none is reached."""
     most = _FIRST
     while True:
-        found = standing(system, state, factor, solutions, cases, AddedLoad(force, most * scale))
+        found = standing(system, state, factor, solutions, cases, given._replace(most=most * given.most))
         extreme, looked = _first_end(found.programme, sign, nodes)
         reached = extreme.x is None or looked is None
         if not reached or most >= _LAST:
             break
         most *= _MORE
-    size, n, m = most * scale, len(force), len(system.rows)
+    size, n, m = most * given.most, len(system.coordinates), len(system.rows)
     if extreme.x is None or looked is None:
         value = np.nan if extreme.x is None else sign * np.inf
         lost = [np.full(length, np.nan) for length in (n, cases.lower.size, m, len(system.slips))]
         return _End(value, sign * np.inf, sign * size, (), *lost)
-    slips, motion = _way(system, state, factor, found, extreme.x, sign * force)
+    slips, motion = _way(system, factor, found, extreme.x, given.start, sign * given.drive)
     own = found.unknowns
     return _End(
         sign * extreme.value * size + 0.0,
@@ -267,24 +267,28 @@ def _first_end(programme: Programme, sign: float, nodes: int) -> tuple[Extreme, 
 
 
 def _way(
-    system: AbstractSystem, state: State, factor: Factorisation, found: Standing, x: np.ndarray, force: np.ndarray
+    system: AbstractSystem,
+    factor: Factorisation,
+    found: Standing,
+    x: np.ndarray,
+    start: ReducedForce,
+    own: np.ndarray,
 ) -> tuple[tuple[str, ...], np.ndarray]:
     """Names of the joints that slip, and velocities of power 1, as far as joints below their limits let it move."""
-    ways, start = velocity_basis(system, factor), drive(system, state, factor)
     p = len(start.slips)
     down, up = found.programme.limits(found.programme.read(x))[:2]
     bounded = found.programme.bounded(x)
     held = np.minimum(up - bounded, down + bounded)[:p] > _AT_LIMIT
-    _, sizes, basis = np.linalg.svd(start.slips[held]) if held.any() else (0, np.zeros(0), np.eye(ways.shape[1]))
+    _, sizes, basis = np.linalg.svd(start.slips[held]) if held.any() else (0, np.zeros(0), np.eye(len(own)))
     free = basis[np.sum(sizes > NONE * np.abs(start.slips).max(initial=0.0)) :]
-    drives = free @ (ways.T @ force)
+    drives = free @ own
     power, turns = drives @ drives, np.where(system.slips.angular, np.asarray(factor.length), 1.0)
-    if power > NONE * (force @ ways @ ways.T @ force):
+    if power > NONE * (own @ own):
         motion = free.T @ drives / power
-        rates, velocities = np.abs(start.slips @ motion) * turns, ways @ motion
+        rates, velocities = np.abs(start.slips @ motion) * turns, velocity_basis(system, factor) @ motion
     else:  # the load takes friction away from a motion that it does not drive
         rates = np.linalg.norm(start.slips @ free.T, axis=1) * turns
-        velocities = np.full(len(force), np.nan)
+        velocities = np.full(len(system.coordinates), np.nan)
     names = itertools.compress(system.slips.labels, (rates > _SLIPS * rates.max(initial=0.0)) & ~held)
     return tuple(names), velocities
 

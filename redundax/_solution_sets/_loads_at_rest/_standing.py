@@ -11,7 +11,6 @@ others do not accelerate: E_j^T a = gamma_j, a = a_0 + A tau.
 from collections.abc import Sequence
 from typing import NamedTuple, cast
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
@@ -24,7 +23,7 @@ from ..._system._system import AbstractSystem
 from ..._tools._compilation import compiled
 from .._cases import AbstractCases
 from .._solution_set import SolutionSet
-from .._sticking._at_rest import drive, velocity_basis
+from .._sticking._at_rest import ReducedForce, drive, is_still
 from ._affine_map import AffineMap, stacked
 from ._friction_limits import Limited, friction_limits, sizes_of
 from ._programme import Limits, LimitValues, Programme
@@ -32,9 +31,13 @@ from ._unknowns import Unknowns, bounded, figures_at
 
 
 class AddedLoad(NamedTuple):
-    """A load of unknown amount: its forces (n,), and the largest amount. Its response is a last column of `unit`."""
+    """A load of unknown amount: V^T b beside the start without it, and the largest amount.
 
-    force: np.ndarray
+    Its response is a last column of `unit`.
+    """
+
+    start: ReducedForce
+    drive: np.ndarray
     most: float
 
 
@@ -80,12 +83,6 @@ def standing(
     return Standing(programme, unknowns, cases, known and all(reads.size <= 2 for reads in programme.reads))
 
 
-def is_still(system: AbstractSystem, state: State, factor: Factorisation) -> bool:
-    """Whether nothing moves."""
-    rates = np.abs(np.asarray(state.qd)) * np.where(system.coordinates.angular, np.asarray(factor.length), 1.0)
-    return not bool(factor.motion_of(jnp.asarray(rates.max(initial=0.0))).is_yes)
-
-
 def _balance(
     system: AbstractSystem,
     state: State,
@@ -98,12 +95,12 @@ def _balance(
     law = solutions.law
     sent = law is not None and np.any(np.asarray(law.sense) != 0)
     if is_still(system, state, factor) and not sent:
-        start = drive(system, state, factor)
+        start = drive(system, state, factor) if added is None else added.start
         n = len(system.coordinates)
         still = unknowns.acceleration.times(np.zeros((n, n)))
         drives = start.slips.T
         if added is not None:
-            drives = np.column_stack([drives, velocity_basis(system, factor).T @ added.force])
+            drives = np.column_stack([drives, added.drive])
         return unknowns.forces.times(drives, start.load), unknowns._replace(acceleration=still)
     resting = (np.asarray(cast(Law, law).sense) == 0) & np.array(have_sense(system.friction))
     directions, gamma = (np.asarray(x) for x in _slips(system.anonymous(), state))

@@ -78,11 +78,7 @@ def _of_cases(cases: Affine, solutions: SolutionSet, sizes: FrictionSizes) -> Bo
     if cases.norm:
         return Bounded(unknowns, none, none, own.over(most), [])
     width = np.where(most > least, most - least, 1.0)
-    above, below = own.over(width), own.over(-width)
-    above, below = (
-        above._replace(offset=above.offset - most / width),
-        below._replace(offset=below.offset + least / width),
-    )
+    above, below = (own.times(np.diag(sign / width), -sign * end / width) for sign, end in ((1, most), (-1, least)))
     return Bounded(unknowns, none, stacked([above, below]), none, [])
 
 

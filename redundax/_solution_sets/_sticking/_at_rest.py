@@ -70,10 +70,9 @@ class Ends(NamedTuple):
 def drive(system: AbstractSystem, state: State, factor: Factorisation) -> ReducedForce:
     """What drives a system at rest; `ValueError` where it does not rest."""
     length, angular = np.asarray(factor.length), np.asarray(system.coordinates.angular)
-    rates = np.abs(np.asarray(state.qd)) * np.where(angular, length, 1.0)
-    if bool(factor.motion_of(jnp.asarray(rates.max())).is_yes):
+    if not is_still(system, state, factor):
         raise ValueError(
-            f"Argument `state` must be at rest, but has velocities up to {rates.max():.3g}. "
+            f"Argument `state` must be at rest, but has velocities up to {_largest_rate(system, state, factor):.3g}. "
             "Take `qd = 0`, or `simulate` to where it comes to rest."
         )
     none = max(NONE, 100 * float(np.finfo(factor.load.dtype).eps))
@@ -98,6 +97,16 @@ def drive(system: AbstractSystem, state: State, factor: Factorisation) -> Reduce
     shift = np.abs(slip) * turns
     slip = np.where(shift > none * shift.max(initial=0.0), slip, 0.0)
     return ReducedForce(np.sign(slip), output, slip / (a @ force), ways.T @ force, moved, none)
+
+
+def is_still(system: AbstractSystem, state: State, factor: Factorisation) -> bool:
+    """Whether nothing moves."""
+    return not bool(factor.motion_of(jnp.asarray(_largest_rate(system, state, factor))).is_yes)
+
+
+def _largest_rate(system: AbstractSystem, state: State, factor: Factorisation) -> float:
+    turns = np.where(system.coordinates.angular, np.asarray(factor.length), 1.0)
+    return (np.abs(np.asarray(state.qd)) * turns).max(initial=0.0)
 
 
 _slip_motion = compiled(slip_motion)

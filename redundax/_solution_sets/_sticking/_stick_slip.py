@@ -15,7 +15,6 @@ Seidel find it, least squares within bounds where masses are too unlike for them
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -70,11 +69,7 @@ def _limits(solutions: SolutionSet, multipliers: Array) -> tuple[Array, Array]:
     law = solutions.law
     if law is None:
         return multipliers[:0], multipliers[:0]
-    one, two = (
-        eqx.tree_at(lambda law: law.sense, law, jnp.full_like(law.rate, sense))(multipliers[solutions.rows])
-        for sense in (1.0, -1.0)
-    )
-    return jnp.minimum(one, two), jnp.maximum(one, two)
+    return law.limits(multipliers[solutions.rows], jnp.ones(law.rate.shape, bool))
 
 
 @compiled

@@ -119,7 +119,7 @@ def sticking(
         share=ends.share[order],
         bounds=type(bounds).__name__,
         parameters=cases.names,
-        box=np.stack([cases.figures(cases.lower), cases.figures(cases.upper)], axis=1),
+        box=cases.box,
         names=tuple(system.slips.labels),
         senses=start.sense,
         slip_verdicts=joints.verdicts,
