@@ -46,7 +46,7 @@ def load_wrenches(stack: Any, state: State) -> tuple[Wrench, Wrench]:
     return stack.over(lambda load, i, j: load.wrenches(i, j, state.t), bodies)
 
 
-def moment_about(moment: np.ndarray | float, force: np.ndarray, arm: np.ndarray) -> np.ndarray | float:
+def moment_about(moment: np.ndarray | np.floating | float, force: np.ndarray, arm: np.ndarray) -> Any:
     """The moment of a wrench about a point at `arm` from where it is known."""
     return moment - arm[0] * force[1] + arm[1] * force[0]
 
