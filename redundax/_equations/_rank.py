@@ -159,13 +159,14 @@ def _decide_by_products(
     inverse = (scaled.T / size @ half.T) @ half
     for _ in range(_STEPS):
         inverse = 2 * inverse - inverse @ (scaled @ inverse)
-    stress = _symmetric(one - scaled @ inverse)  # its eigenvalues lie between 0 and 1
+    image = scaled @ inverse
+    stress = _symmetric(one - image)  # its eigenvalues lie between 0 and 1
     between = jnp.sum(jnp.diagonal(stress)) - jnp.sum(stress**2)
-    stress = _stress_of(scaled, inverse)
+    stress = stress - 2 * _symmetric(stress @ image)  # what rounding left in it of the range of K is taken out
     inverse = inverse - inverse @ stress
     motion = _symmetric(jnp.eye(n, dtype=scaled.dtype) - inverse @ scaled)
-    largest = _largest(size, gram)
-    kept = 1 / (largest * _largest(*_gram(inverse)))
+    largest = _largest(size, gram, 1)
+    kept = 1 / (largest * _largest(*_gram(inverse), 2))
     found = m - jnp.round(jnp.sum(jnp.diagonal(stress))).astype(int)
     parts = _without_rounding(scaled, inverse, stress, motion, found, kept)
     proved = (
@@ -177,13 +178,6 @@ def _decide_by_products(
     return _Decided(parts, found, kept, Decision(kept / tolerance)), proved
 
 
-def _stress_of(scaled: Array, inverse: Array) -> Array:
-    """P from K^+, with what rounding left in it of the range of K taken out once more."""
-    image = scaled @ inverse
-    stress = _symmetric(jnp.eye(len(image), dtype=scaled.dtype) - image)
-    return stress - 2 * _symmetric(stress @ image)
-
-
 def _gram(matrix: Array) -> tuple[Array, Array]:
     """|A|_F^2, or 1 if it is zero, and A A^T over it."""
     size = jnp.sum(matrix**2)
@@ -191,11 +185,11 @@ def _gram(matrix: Array) -> tuple[Array, Array]:
     return size, matrix @ (matrix.T / size)
 
 
-def _largest(size: Array, gram: Array) -> Array:
-    """A bound above the largest singular value, from A A^T; it is at most r^(1/16) too large."""
-    for _ in range(2):
+def _largest(size: Array, gram: Array, squares: int) -> Array:
+    """A bound above the largest singular value, from A A^T; it is at most r^(1/2^(squares + 2)) too large."""
+    for _ in range(squares):
         gram = gram @ gram
-    return jnp.sqrt(size) * jnp.sum(gram**2) ** (1 / 16)
+    return jnp.sqrt(size) * jnp.sum(gram**2) ** (0.25 / 2**squares)
 
 
 def _symmetric(matrix: Array) -> Array:
@@ -218,10 +212,10 @@ def _decide_by_svd(scaled: Array, violation: Array, tolerance: Array, rank: Arra
     counted = jnp.arange(sigma.size) < found
     inverse = vt.T @ (jnp.where(counted, 1 / jnp.where(counted, sigma, 1.0), 0.0)[:, None] * u.T)
     stress, motion = (jnp.eye(side.shape[0], dtype=u.dtype) - (side * counted) @ side.T for side in (u, vt.T))
-    product = _stress_of(scaled, 2 * inverse - inverse @ (scaled @ inverse))
-    left, other = (jnp.linalg.norm(projector @ scaled) for projector in (stress, product))
-    # A decomposition leaves ten roundings, products, as batches take them, one over `kept`.
-    stress = jnp.where(other <= 2 * left, product, stress)
+    # A decomposition leaves ten roundings of the range of K in P; taken out once more they leave one over `kept`.
+    left = stress @ scaled
+    cleared = stress - 2 * _symmetric(left @ inverse)
+    stress = jnp.where(jnp.linalg.norm(cleared @ scaled) <= 2 * jnp.linalg.norm(left), cleared, stress)
     return _Decided(_without_rounding(scaled, inverse, stress, motion, found, kept), found, kept, Decision(margin))
 
 

@@ -64,7 +64,8 @@ def _inverse(matrix: Array, projector: Array, dimension: Array, kept: Array, aft
 def _of_one_direction(matrix: Array, projector: Array, kept: Array) -> tuple[Array, Array]:
     """The inverse on the direction that the column of the largest pivot has, and the margin of its energy."""
     v = _largest_column(projector)
-    energy, noise = _energy(matrix, projector, v, kept)
+    beside = jnp.where(v != 0, 1 - v**2, 0.0)
+    energy, noise = _energy(matrix, v, beside, 2 * jnp.abs(v) * beside, kept)
     return jnp.outer(v, v) / jnp.where(energy > 0, energy, 1.0), energy / noise
 
 
@@ -87,7 +88,9 @@ def _of_several_directions(
     for _ in range(_STEPS):
         inverse = inverse + inverse @ (one - image)
         image = matrix @ inverse
-    energy, noise = _energy(matrix, projector, _largest_column(start), kept)
+    v, others = _largest_column(start), jnp.abs(one - projector)
+    beside = jnp.where(jnp.any(projector != 0, axis=1), jnp.diagonal(others), 0.0)
+    energy, noise = _energy(matrix, v, beside, others @ jnp.abs(v), kept)
     margin = jnp.where(jnp.all(jnp.isfinite(factor)), energy / noise, 0.0)  # no factor: an energy below zero
     settled = jnp.abs(jnp.trace(image) - dimension) <= _SETTLED
     return inverse, jnp.where(settled, margin, jnp.minimum(margin, 0.5 * CLEAR))
@@ -100,16 +103,15 @@ def _largest_column(matrix: Array) -> Array:
     return column / jnp.where(size > 0, size, 1.0)
 
 
-def _energy(matrix: Array, projector: Array, v: Array, kept: Array) -> tuple[Array, Array]:
+def _energy(matrix: Array, v: Array, beside: Array, turned: Array, kept: Array) -> tuple[Array, Array]:
     """v^T A v, and what rounding can make of it where it is zero.
 
-    Entries of v are tilted by up to a rounding over `kept`, but not those that stand alone (a zero row of I - P).
+    Entries of v are tilted by up to a rounding over `kept`, but not those that stand alone, a zero row of I - P, or
+    have no part in the subspace: `beside` is the diagonal of I - P, 0 for the latter, and `turned` is |I - P| |v|.
     """
     rounding = matrix.shape[0] * jnp.finfo(matrix.dtype).eps
-    other = jnp.abs(jnp.eye(matrix.shape[0], dtype=matrix.dtype) - projector)
-    tilted = jnp.where(jnp.any(projector != 0, axis=1), jnp.minimum(100 * jnp.diagonal(other), 1.0), 0.0)
-    sizes = tilted * jnp.abs(jnp.diagonal(matrix))
-    tilt = (rounding / jnp.minimum(kept, 1.0)) ** 2 * jnp.minimum(100 * jnp.sum((other @ jnp.abs(v)) ** 2), 1.0)
+    sizes = jnp.minimum(100 * beside, 1.0) * jnp.abs(jnp.diagonal(matrix))
+    tilt = (rounding / jnp.minimum(kept, 1.0)) ** 2 * jnp.minimum(100 * jnp.sum(turned**2), 1.0)
     noise = 10 * (rounding * (jnp.abs(v) @ (jnp.abs(matrix) @ jnp.abs(v))) + tilt * jnp.sum(sizes))
     return v @ (matrix @ v), jnp.where(noise > 0, noise, 1.0)
 
