@@ -159,10 +159,9 @@ def _decide_by_products(
     inverse = (scaled.T / size @ half.T) @ half
     for _ in range(_STEPS):
         inverse = 2 * inverse - inverse @ (scaled @ inverse)
-    image = scaled @ inverse
-    stress = _symmetric(one - image)  # its eigenvalues lie between 0 and 1
+    stress = _symmetric(one - scaled @ inverse)  # its eigenvalues lie between 0 and 1
     between = jnp.sum(jnp.diagonal(stress)) - jnp.sum(stress**2)
-    stress = stress - 2 * _symmetric(stress @ image)  # what rounding left in it of the range of K is taken out
+    stress = _stress_of(scaled, inverse)
     inverse = inverse - inverse @ stress
     motion = _symmetric(jnp.eye(n, dtype=scaled.dtype) - inverse @ scaled)
     largest = _largest(size, gram, 1)
@@ -176,6 +175,13 @@ def _decide_by_products(
         & (True if rank is None else found == rank)
     )
     return _Decided(parts, found, kept, Decision(kept / tolerance)), proved
+
+
+def _stress_of(scaled: Array, inverse: Array) -> Array:
+    """P from K^+, with what rounding left in it of the range of K taken out once more."""
+    image = scaled @ inverse
+    stress = _symmetric(jnp.eye(len(image), dtype=scaled.dtype) - image)
+    return stress - 2 * _symmetric(stress @ image)
 
 
 def _gram(matrix: Array) -> tuple[Array, Array]:
@@ -212,10 +218,10 @@ def _decide_by_svd(scaled: Array, violation: Array, tolerance: Array, rank: Arra
     counted = jnp.arange(sigma.size) < found
     inverse = vt.T @ (jnp.where(counted, 1 / jnp.where(counted, sigma, 1.0), 0.0)[:, None] * u.T)
     stress, motion = (jnp.eye(side.shape[0], dtype=u.dtype) - (side * counted) @ side.T for side in (u, vt.T))
-    # A decomposition leaves ten roundings of the range of K in P; taken out once more they leave one over `kept`.
-    left = stress @ scaled
-    cleared = stress - 2 * _symmetric(left @ inverse)
-    stress = jnp.where(jnp.linalg.norm(cleared @ scaled) <= 2 * jnp.linalg.norm(left), cleared, stress)
+    product = _stress_of(scaled, 2 * inverse - inverse @ (scaled @ inverse))
+    left, other = (jnp.linalg.norm(projector @ scaled) for projector in (stress, product))
+    # A decomposition leaves ten roundings, products, as batches take them, one over `kept`.
+    stress = jnp.where(other <= 2 * left, product, stress)
     return _Decided(_without_rounding(scaled, inverse, stress, motion, found, kept), found, kept, Decision(margin))
 
 
