@@ -12,7 +12,7 @@ from ._names import Names
 _ROUNDING = 1e-9  # relative to the largest force of a joint
 
 
-def pulling(names: Names | None, multipliers: Float[Array, "*batch m"]) -> tuple[str, ...]:
+def pulling(names: Names | None, multipliers: Float[Array | np.ndarray, "*batch m"]) -> tuple[str, ...]:
     """Names of the rows of pushing contacts that pull, in any sample of a batch or at any time; concrete values."""
     if names is None or not names.pushing:
         return ()

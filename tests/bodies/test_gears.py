@@ -395,6 +395,39 @@ def test_a_planet_that_fits_too_badly_carries_nothing_and_is_flagged():
     assert found.pulling == ("S2.teeth", "R2.teeth")
 
 
+def share_of_two(reach, **friction):
+    """Two planets, each of which carries half, up to a share of which the one carries more, the other less."""
+    load = -10.0 * (24 + 60) / 24
+    mechanism = rx.mechanisms.planetary(2, module=MODULE, torque=10.0, load=load, gravity=0.0, **friction)
+    half = 10.0 / (2 * 0.024 * np.cos(ALPHA))
+    return mechanism, mechanism.state(phi=0.4, rate=0.0), rx.PreloadBox({"S1.teeth": (half, (1 + reach) * half)})
+
+
+PULLS = pytest.mark.parametrize(("reach", "pulls"), [(0.9, ()), (1.1, ("S2.teeth", "R2.teeth"))])
+
+
+@PULLS
+def test_bands_tell_which_teeth_pull_though_they_are_of_something_else(reach, pulls):
+    mechanism, state, bounds = share_of_two(reach)
+    bands = rx.band(mechanism, state, ["A.x", "S1.teeth"], bounds)
+    assert bands.names == ("A.x", "S1.teeth") and bands.lower.shape == bands.outer_upper.shape == (2,)
+    assert bands.pulling == pulls
+    assert ("CHANGE OF FLANK" in str(bands)) == bool(pulls)
+
+
+@pytest.mark.slow
+@PULLS
+def test_bands_at_rest_and_limit_loads_tell_which_teeth_pull(reach, pulls):
+    mechanism, state, bounds = share_of_two(reach, mu_rho=1e-7)
+    path = rx.band_along(mechanism, [state], "sun.phi''", bounds)
+    (bands,) = path.bands
+    assert bands.stands == "yes" and bands.names == ("sun.phi''",) and bands.lower_solution.shape[0] == 1
+    assert bands.pulling == pulls
+    assert ("CHANGE OF FLANK" in str(path)) == bool(pulls)
+    fixed = rx.PreloadBox({"S1.teeth": (bounds.box["S1.teeth"][1],) * 2}) if pulls else bounds
+    assert rx.limit_load(mechanism, state, {"sun.phi": 1.0}, fixed).pulling == pulls
+
+
 @pytest.mark.slow
 def test_a_sun_that_floats_shares_the_load_by_itself():
     """Without its bearing nothing is redundant, and no misfit counts."""

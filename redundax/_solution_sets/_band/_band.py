@@ -27,6 +27,7 @@ from ..._equations._factorize import factorisation_at
 from ..._solve._all_solutions import start_factors
 from ..._solvers._friction_problem import Law
 from ..._system._names import ByName, index_of, senses, unit_of
+from ..._system._pushing import in_words, pulling
 from ..._system._results import RESULTS
 from ..._system._state import State
 from ..._system._system import AbstractSystem
@@ -63,6 +64,7 @@ class Bands:
     - `sense`: of each slip, 1 or -1, and 0 where it rests, shape (p,).
     - `stands`: where joints with friction rest, whether they may stay at rest: "yes", "no" (proved) or "undecided";
       None where all slip.
+    - `pulling`: names of the rows of teeth that pull in some of what is possible: their other flanks are in contact then.
 
     ??? example
 
@@ -90,6 +92,7 @@ class Bands:
     outer_upper: np.ndarray
     sense: np.ndarray
     stands: str | None = None
+    pulling: tuple[str, ...] = ()
 
     @property
     def title(self) -> str:
@@ -122,6 +125,8 @@ class Bands:
             lines.append(f"{name:{size}}{self.lower[k]:14.6g}{self.upper[k]:14.6g}  {self._kind(k)}")
         if np.any(np.isinf(self.outer_lower) | np.isinf(self.outer_upper)):
             lines.append("Inner estimates: all within is attained; more may be, and no outer bound is known.")
+        if self.pulling:
+            lines.append(f"CHANGE OF FLANK within these bands: {in_words(self.pulling)}")
         return "\n".join(lines)
 
     def _kind(self, k: int) -> str:
@@ -210,7 +215,7 @@ def band(
         pairs = best(found, matrix, unique, 1.0), best(found, matrix, unique, -1.0)
     lower, upper = (values + wanted.offset for values, _, _ in pairs)
     exact = (unique | exact_way) & ~np.isnan(lower)
-    return Bands(
+    bands = Bands(
         **_described(system, wanted, bounds, cases),
         lower=lower,
         upper=upper,
@@ -224,6 +229,7 @@ def band(
         outer_upper=np.where(exact, upper, np.inf),
         sense=_sense(solutions),
     )
+    return _of_outputs(system, bands, wanted.count)
 
 
 def _at_rest(
@@ -249,11 +255,11 @@ def _at_rest(
         raise RuntimeError(RESULTS[RESULTS.singular_position])
     wanted = _wanted(system, state, outputs, report)
     cases = cases_of(bounds, system, state, report, solutions)
-    lower, upper, stands = bands_at_rest(system, state, factor, solutions, cases, wanted.matrix, nodes)
+    lower, upper, stands = bands_at_rest(system, state, factor, solutions, cases, wanted.matrix, nodes, wanted.count)
     outer_lower, outer_upper = lower.bound + wanted.offset, upper.bound + wanted.offset
     size = np.maximum(np.abs(lower.value), np.abs(upper.value))
     met = np.maximum(upper.bound - upper.value, lower.value - lower.bound) <= _MEET * np.where(size > 0, size, 1.0)
-    return Bands(
+    bands = Bands(
         **_described(system, wanted, bounds, cases),
         lower=lower.value + wanted.offset,
         upper=upper.value + wanted.offset,
@@ -268,6 +274,17 @@ def _at_rest(
         sense=_sense(solutions),
         stands=stands,
     )
+    return _of_outputs(system, bands, wanted.count)
+
+
+def _of_outputs(system: AbstractSystem, bands: Bands, count: int) -> Bands:
+    """The bands of the outputs alone; those of the teeth, which come after them, tell which of these pull."""
+    n, m = len(system.coordinates), len(system.rows)
+    attained = np.concatenate([bands.lower_solution, bands.upper_solution])[:, n : n + m]
+    by_output = ("names", "kinds", "units", "lower", "upper", "exact", "lower_case", "upper_case", "lower_solution")
+    by_output += ("upper_solution", "outer_lower", "outer_upper")
+    asked = {name: getattr(bands, name)[:count] for name in by_output}
+    return dataclasses.replace(bands, **asked, pulling=pulling(system.names, attained))
 
 
 def _sense(solutions: SolutionSet) -> np.ndarray:
@@ -290,13 +307,17 @@ def _described(
 
 
 class _Wanted(NamedTuple):
-    """Names and kinds of outputs y = matrix [qdd; lam; tau] + offset, and which are proved unique."""
+    """Names and kinds of outputs y = matrix [qdd; lam; tau] + offset, and which are proved unique.
+
+    The first `count` were asked for; rows of teeth follow.
+    """
 
     names: tuple[str, ...]
     kinds: tuple[str, ...]
     matrix: np.ndarray
     offset: np.ndarray
     unique: np.ndarray
+    count: int
 
 
 def _wanted(system: AbstractSystem, state: State, outputs: Sequence[str] | str | None, report: Report) -> _Wanted:
@@ -306,6 +327,9 @@ def _wanted(system: AbstractSystem, state: State, outputs: Sequence[str] | str |
         raise ValueError(
             "Argument `outputs` must hold names of outputs, but holds none. Give None for all accelerations."
         )
+    count = len(names)
+    if not report.undetermined:
+        names = [*names, *(system.rows.labels[row] for row in system.names.pushing)]
     kinds = dict(zip(unknowns.labels, unknowns.kinds, strict=True))
     moving = {f"{label}''": kind for label, kind in zip(joints.labels, joints.kinds, strict=True)}
     labels = [*(name for group, _ in known.values() for name in group), *moving]
@@ -321,9 +345,8 @@ def _wanted(system: AbstractSystem, state: State, outputs: Sequence[str] | str |
         matrix = np.concatenate([matrix, slopes])
         n = len(system.coordinates)
         judged += [all(itertools.compress(judged[:n], slope[:n])) for slope in slopes]
-    return _Wanted(
-        tuple(names), tuple(kinds[name] for name in names), matrix[places], offset[places], np.array(judged)[places]
-    )
+    chosen = matrix[places], offset[places], np.array(judged)[places]
+    return _Wanted(tuple(names), tuple(kinds[name] for name in names), *chosen, count)
 
 
 def _check_values(names: tuple[str, ...], matrix: np.ndarray, solutions: SolutionSet) -> None:

@@ -163,6 +163,7 @@ class BandPath:
             "NO SOLUTION within the bounds was found": [
                 gone and word is None for gone, word in zip(empty, self.stands, strict=True)
             ],
+            "CHANGE OF FLANK, as teeth pull,": [bool(bands.pulling) for bands in self.bands],
         }
         return [f"{said} at t = {_times(self.t[flags])}." for said, flags in found.items() if any(flags)]
 

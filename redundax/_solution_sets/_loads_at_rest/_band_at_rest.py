@@ -41,12 +41,17 @@ def bands_at_rest(
     cases: AbstractCases,
     matrix: np.ndarray,
     most: int,
+    both: int,
 ) -> BandsAtRest:
-    """The extremes of matrix [qdd; lam; tau] over all that is possible, with at most `most` programmes for each."""
+    """The extremes of matrix [qdd; lam; tau] over all that is possible, with at most `most` programmes for each.
+
+    Of the first `both` outputs; of those that follow the least values alone.
+    """
     found = standing(system, state, factor, solutions, cases)
     loads = LoadsAtRest(found.programme, most=most)
     stands = _stands(found, loads, most)
-    ends = [_ends(found, loads, sign * matrix, stands) for sign in (-1.0, 1.0)]
+    largest = np.where(np.arange(len(matrix))[:, None] < both, matrix, 0.0)
+    ends = [_ends(found, loads, part, stands) for part in (-matrix, largest)]
     lower = ends[0]._replace(value=-ends[0].value, bound=-ends[0].bound)
     return BandsAtRest(lower, ends[1], stands)
 

@@ -23,6 +23,7 @@ from ..._equations._factorisation import Factorisation
 from ..._equations._factorize import factorisation_at
 from ..._equations._response import Response
 from ..._system._names import ByName, vector
+from ..._system._pushing import in_words, pulling
 from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._tools._compilation import compiled
@@ -60,6 +61,7 @@ class LimitLoad:
     - `case`: the case of each: amplitude, preload, misfit or compliance, shape (2, q).
     - `multipliers`, `friction`: the loads of each, shapes (2, m) and (2, p).
     - `bounds`, `parameters`, `box`: what was bounded, the names of the entries of a case, and their bounds, (q, 2).
+    - `pulling`: names of the rows of teeth that pull at an end: their other flanks are in contact there.
 
     ??? example
 
@@ -84,6 +86,7 @@ class LimitLoad:
     bounds: str
     parameters: tuple[str, ...]
     box: np.ndarray
+    pulling: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Plain Python data; infinities and NaN become None."""
@@ -109,6 +112,8 @@ class LimitLoad:
                 else "no outer bound is known"
             )
             lines.append(f"{side}: {', '.join(slips) or 'what no friction holds'} give way ({proof})")
+        if self.pulling:
+            lines.append(f"CHANGE OF FLANK at an end: {in_words(self.pulling)}")
         return "\n".join(lines)
 
 
@@ -165,6 +170,7 @@ def limit_load(
     scale = _scale(solutions, cases, start, own)
     given = AddedLoad(start, own, scale)
     ends = [_end(sign, system, state, factor, solutions, cases, given, nodes) for sign in (-1.0, 1.0)]
+    multipliers = np.stack([end.multipliers for end in ends])
     return LimitLoad(
         load={name: float(amount) for name, amount in zip(system.coordinates.labels, force, strict=True) if amount},
         lower=ends[0].value,
@@ -175,11 +181,12 @@ def limit_load(
         slips=(ends[0].slips, ends[1].slips),
         motion=np.stack([end.motion for end in ends]),
         case=np.stack([end.case for end in ends]),
-        multipliers=np.stack([end.multipliers for end in ends]),
+        multipliers=multipliers,
         friction=np.stack([end.friction for end in ends]),
         bounds=type(bounds).__name__,
         parameters=cases.names,
         box=cases.box,
+        pulling=pulling(system.names, multipliers),
     )
 
 
