@@ -64,7 +64,7 @@ class Bands:
     - `sense`: of each slip, 1 or -1, and 0 where it rests, shape (p,).
     - `stands`: where joints with friction rest, whether they may stay at rest: "yes", "no" (proved) or "undecided";
       None where all slip.
-    - `pulling`: names of the rows of teeth that pull in some of what is possible: their other flanks are in contact then.
+    - `pulling`: names of the rows of teeth that pull in some of what is possible: their other flanks touch there.
 
     ??? example
 

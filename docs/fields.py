@@ -1,0 +1,49 @@
+"""Constructor of a class whose fields are its arguments, for the reference pages: its source does not write it."""
+
+import re
+from typing import Any
+
+import griffe
+
+_DEFAULT = re.compile(r"\bdefault=(.+?)(?:, \w+=|\)$)")
+
+
+class Fields(griffe.Extension):
+    """Gives every class of the package that has fields an `__init__` with them, base classes first."""
+
+    def on_package(self, *, pkg: griffe.Module, **_: Any) -> None:
+        """Called once everything is read."""
+        modules = [pkg]
+        while modules:
+            module = modules.pop()
+            modules += module.modules.values()
+            for own in module.classes.values():
+                if not own.is_alias and "__init__" not in own.members and not own.name.startswith("_"):
+                    self._add(own)
+
+    def _add(self, own: griffe.Class) -> None:
+        fields = {}
+        for base in [*reversed(own.mro()), own]:
+            for attribute in base.attributes.values():
+                if _is_field(attribute):
+                    fields[attribute.name] = attribute
+        if not fields:
+            return
+        made = griffe.Function("__init__", parameters=griffe.Parameters(*map(_parameter, fields.values())))
+        own.set_member("__init__", made)
+
+
+def _is_field(attribute: griffe.Attribute) -> bool:
+    """Whether it is a value of instances that the class itself declares, not one that its heirs must."""
+    own = "instance-attribute" in attribute.labels and attribute.annotation is not None
+    left_open = re.match(r"Abstract(Class)?Var\b", str(attribute.annotation))
+    return own and not left_open and not attribute.name.startswith("_")
+
+
+def _parameter(attribute: griffe.Attribute) -> griffe.Parameter:
+    value = None if attribute.value is None else str(attribute.value)
+    if value is not None and "field(" in value:
+        found = _DEFAULT.search(value)
+        value = found.group(1) if found else None
+    kind = griffe.ParameterKind.positional_or_keyword
+    return griffe.Parameter(attribute.name, annotation=attribute.annotation, kind=kind, default=value)

@@ -1,0 +1,37 @@
+"""The reference pages: every public name on one of them, and their own code runs."""
+
+import re
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+import redundax as rx
+
+PAGES = Path(__file__).parents[2] / "docs" / "pages"
+ROOMS = {"": rx, "mechanisms.": rx.mechanisms, "plot.": rx.plot, "types.": rx.types, "units.": rx.units}
+
+
+def test_every_public_name_is_on_one_page():
+    public = {f"{room}{name}" for room, of in ROOMS.items() for name in dir(of) if not name.startswith("_")}
+    public -= {room.rstrip(".") for room in ROOMS} | {f"{room}jaxtyping" for room in ROOMS}  # checks of types add it
+    listed = Counter(
+        name for page in PAGES.glob("*.md") for name in re.findall(r"^::: redundax\.(\S+)", page.read_text(), re.M)
+    )
+    assert set(listed) == public
+    assert [name for name, times in listed.items() if times > 1] == []
+
+
+def test_every_page_and_notebook_is_linked():
+    order, index = (PAGES.parent / "mkdocs.yml").read_text(), (PAGES / "index.md").read_text()
+    pages = {page.name for page in PAGES.glob("*.md")}
+    assert set(re.findall(r"- (\w+\.md)", order)) == pages
+    assert set(re.findall(r"\]\((\w+\.md)\)", index)) == pages - {"index.md"}
+    notebooks = {path.stem for path in (PAGES.parents[1] / "notebooks").glob("*.ipynb")}
+    assert set(re.findall(r"^\| `(\w+)` \|", index, re.M)) == notebooks
+
+
+@pytest.mark.parametrize("page", sorted(PAGES.glob("*.md")), ids=lambda page: page.stem)
+def test_code_of_the_pages_runs(page):
+    for block in re.findall(r"```python\n(.*?)```", page.read_text(), re.S):
+        exec(compile(block, page.name, "exec"), {})
