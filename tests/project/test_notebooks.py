@@ -41,9 +41,10 @@ def test_stored_as_run(path):
     assert 'jax.config.update("jax_enable_x64", True)' in code(notebook)[0].source
 
 
-# Speed and error of the README and of what a notebook has stored ------------------------------------------
+# Speed and error of the benchmarks' page, the README and what a notebook has stored --------------------------
 
 README = (FOLDER.parent / "README.md").read_text(encoding="utf8")
+PAGE = (FOLDER.parent / "benchmarks" / "README.md").read_text(encoding="utf8")
 NUMBER = r"([\d.,]+(?:e[+-]?\d+)?)"
 
 
@@ -61,10 +62,10 @@ def stored():
     return "".join(output.get("text", "") for output in outputs)
 
 
-def test_speeds_of_readme_and_notebook_agree(stored):
+def test_speeds_of_page_and_notebook_agree(stored):
     """A time per solve moves with machine and load, by some times; which is faster does not."""
-    by_numpy = numbers(r"\| NumPy, one array program[^|]*\| N us[^|]*\|[^|]*\| N \|", README)[0]
-    by_redundax = numbers(r"\| redundax, `vmap`[^|]*\| N us[^|]*\|[^|]*\| N \|", README)[0]
+    by_numpy = numbers(r"\| NumPy, one array program[^|]*\| N us[^|]*\|[^|]*\| N \|", PAGE)[0]
+    by_redundax = numbers(r"\| redundax, `vmap`[^|]*\| N us[^|]*\|[^|]*\| N \|", PAGE)[0]
     programs = ("vectorised", "redundax, vmap")
     rows = [numbers(rf"N .*{program} +N µs per solve, error N", stored) for program in programs]
     (size, *numpy), (same, *redundax) = (max(row.tolist()) for row in rows)
@@ -76,9 +77,9 @@ def test_speeds_of_readme_and_notebook_agree(stored):
     assert np.all(numbers("at its best size is N times as fast", stored) > 1)
 
 
-def test_motions_of_readme_and_notebook_agree(stored):
-    """What the README tells of a tolerance lies between what the notebook got for those beside it."""
-    ((steps, rtol, seconds, error),) = numbers(r"redundax, N steps at `rtol=N`[^|]*\| N s \|[^|]*\| N rad", README)
+def test_motions_of_page_and_notebook_agree(stored):
+    """What the page tells of a tolerance lies between what the notebook got for those beside it."""
+    ((steps, rtol, seconds, error),) = numbers(r"redundax, N steps at `rtol=N`[^|]*\| N s \|[^|]*\| N rad", PAGE)
     rows = numbers(r"rtol N: N s, N steps, error N rad", stored)
     coarse, fine = rows[rows[:, 0] > rtol][-1], rows[rows[:, 0] < rtol][0]
     assert coarse[2] < steps < fine[2]
@@ -86,15 +87,24 @@ def test_motions_of_readme_and_notebook_agree(stored):
     assert coarse[1] / 5 < seconds < 5 * fine[1]
 
 
-def test_pictures_of_readme_and_notebook_agree(stored):
+def test_pictures_of_page_and_notebook_agree(stored):
     """Regularised solves lose digits that redundax keeps; every hard case is counted."""
     rows = dict(re.findall(r"the paper's mechanism +(\S.*?)  +([\d.e+-]+)", stored))
     assert float(rows["Cholesky, reg., refined"]) > 1e3 * float(rows["redundax, solve"])
-    ((lines, right, flagged),) = numbers(r"N lines each. float64: N right[^.]*?\s+does, N flagged", README)
-    ((right_32, flagged_32, needless),) = numbers(r"float32: N, N, and N flagged without need. None wrong", README)
+    ((lines, right, flagged),) = numbers(r"N lines each. float64: N right[^.]*?\s+does, N flagged", PAGE)
+    ((right_32, flagged_32, needless),) = numbers(r"float32: N, N, and N flagged without need. None wrong", PAGE)
     assert right + flagged == right_32 + flagged_32 + needless == lines
     text = "".join(cell.source for cell in read(FOLDER / "speed_against_error.ipynb").cells)
     assert f"each of {lines:.0f} lines" in text.replace("\n", " ").replace("for ", "")
+
+
+def test_the_readme_says_what_the_page_says():
+    ((error, time, ratio),) = numbers(r"error of a solve is N\. It takes N µs in a batch, N times less than", README)
+    ((by_numpy, _),) = numbers(r"\| NumPy, one array program[^|]*\| N us[^|]*\|[^|]*\| N \|", PAGE)
+    ((own, own_error),) = numbers(r"\| redundax, `vmap`[^|]*\| N us[^|]*\|[^|]*\| N \|", PAGE)
+    assert error == own_error and time == round(own, 2) and ratio == round(by_numpy / own)
+    ((lines, flagged),) = numbers(r"Of N hard cases none is wrong; N are refused", README)
+    assert [lines, flagged] == numbers(r"N lines each. float64: N right[^.]*?\s+does, N flagged", PAGE)[0, ::2].tolist()
 
 
 @pytest.mark.slow

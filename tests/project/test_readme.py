@@ -1,35 +1,50 @@
-"""The README's Python blocks run as printed."""
+"""The README's Python blocks run in their order, and print what it says."""
 
 import contextlib
 import io
 import pathlib
 import re
 
-import pytest
-
 import redundax as rx
 
 README = (pathlib.Path(__file__).parents[2] / "README.md").read_text(encoding="utf8")
 BLOCKS = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
+PRINTED = re.findall(r"```text\n(.*?)```", README, flags=re.DOTALL)
+CLOSE = 2e-3  # of figures that a search finds
 
 
-@pytest.mark.parametrize("block", BLOCKS, ids=range(len(BLOCKS)))
-def test_block_runs(block):
-    out = io.StringIO()
+def numbers(text):
+    return [float(each) for each in re.findall(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?", text)]
+
+
+def test_blocks_run_and_print_what_is_said():
+    scene, out = {}, io.StringIO()
     with contextlib.redirect_stdout(out):
-        exec(compile(block, "README.md", "exec"), {})
-    assert out.getvalue().strip() or "print(" not in block
-    assert "nan" not in out.getvalue()
-
-
-def test_own_mechanism_is_held_twice():
-    found = {}
-    exec(compile(BLOCKS[1], "README.md", "exec"), found)
-    factor = rx.factorize(found["press"], found["state"])
-    assert factor.result == rx.RESULTS.successful
+        for block in BLOCKS:
+            exec(compile(block, "README.md", "exec"), scene)
+    printed = out.getvalue()
+    assert "nan" not in printed
+    (said,) = PRINTED
+    shown = printed[-len(said) - 40 :]
+    shown = shown[shown.index("MisfitBox") :]
+    assert re.sub(r"[-\d.e]+", "", shown).split() == re.sub(r"[-\d.e]+", "", said).split()
+    for found, expected in zip(numbers(shown), numbers(said), strict=True):
+        assert abs(found - expected) <= CLOSE * abs(expected)
+    factor = rx.factorize(scene["press"], scene["state"])
     assert (int(factor.redundancy), int(factor.freedom)) == (2, 1)
 
 
-def test_example_is_short():
-    assert len(BLOCKS) == 2
+def test_the_caption_says_what_the_bands_say():
+    single, low, high, slow, fast = numbers(
+        re.search(r"prints (\S+ N) of side force.*?(from .*?) N\. That.*?(from .*?) m/s", README, re.DOTALL).expand(
+            r"\1 \2 \3"
+        )
+    )
+    force, rate = (numbers(line)[-2:] for line in PRINTED[0].splitlines()[2:4])
+    assert [low, high] == [round(each) for each in force]
+    assert [slow, fast] == sorted(round(-each, 1) for each in rate)
+    assert single == 5.5
+
+
+def test_it_is_short():
     assert len(README.splitlines()) < 120
