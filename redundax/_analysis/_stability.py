@@ -56,7 +56,7 @@ class Settling(enum.Enum):
 
     STABLE = "stable: the joints vibrate about it"
     FLUTTER = "flutter: a vibration of the joints grows unless damped"
-    UNATTAINABLE = "unattainable: the joints' loads run away from it"
+    DIVERGENCE = "divergence: the joints' loads run away from it"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -147,7 +147,7 @@ def stability(
 def _verdict(eigenvalues: np.ndarray) -> Settling:
     turning = np.imag(eigenvalues) != 0
     if np.any(~turning & (np.real(eigenvalues) < 0)):
-        return Settling.UNATTAINABLE
+        return Settling.DIVERGENCE
     return Settling.FLUTTER if np.any(turning) else Settling.STABLE
 
 

@@ -1,5 +1,7 @@
-"""The reference pages: every public name on one of them, and their own code runs."""
+"""The reference pages: every public name on one of them, their own code runs, and all that users read has plain words."""
 
+import inspect
+import json
 import re
 from collections import Counter
 from pathlib import Path
@@ -9,6 +11,7 @@ import pytest
 import redundax as rx
 
 PAGES = Path(__file__).parents[2] / "docs" / "pages"
+COINED = ("unattainable", "capacity", "renewed", "onward", "theta", "reactions space", "null-space vectors h")
 ROOMS = {"": rx, "mechanisms.": rx.mechanisms, "plot.": rx.plot, "types.": rx.types, "units.": rx.units}
 
 
@@ -35,3 +38,18 @@ def test_every_page_and_notebook_is_linked():
 def test_code_of_the_pages_runs(page):
     for block in re.findall(r"```python\n(.*?)```", page.read_text(), re.S):
         exec(compile(block, page.name, "exec"), {})
+
+
+def test_nothing_that_users_read_has_a_coined_word():
+    root = PAGES.parents[1]
+    pages = [root / "README.md", root / "benchmarks" / "README.md", *PAGES.glob("*.md")]
+    texts = {str(page): page.read_text(encoding="utf8") for page in pages}
+    for path in (root / "notebooks").glob("*.ipynb"):
+        cells = json.loads(path.read_text(encoding="utf8"))["cells"]
+        texts[path.stem] = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
+    for room, of in ROOMS.items():
+        texts |= {
+            f"{room}{name}": inspect.getdoc(getattr(of, name)) or "" for name in dir(of) if not name.startswith("_")
+        }
+    found = {(place, word) for place, text in texts.items() for word in COINED if re.search(rf"\b{word}\b", text, re.I)}
+    assert found == set()
