@@ -1,4 +1,4 @@
-"""The reference pages: every public name on one of them, their own code runs, and all that users read has plain words."""
+"""The reference pages: every public name on one of them, code that runs, and plain words in all that users read."""
 
 import inspect
 import json
