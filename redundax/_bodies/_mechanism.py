@@ -36,7 +36,8 @@ from ._joint_coordinates import JointCoordinates
 from ._joint_friction import FrictionMembers, JointFriction, friction_members
 from ._joints import AbstractFrictionalJoint, AbstractJoint
 from ._loads import AbstractLoad, Motion
-from ._names import check_names
+from ._names import check_kinds, check_names
+from ._pins import warn_of_large_pins
 from ._stack import Stack, indices, stacked, stacks
 
 
@@ -84,8 +85,10 @@ class Mechanism(AbstractSystem):
         pose: Callable[..., Array] | None = None,
         units: Units | None = None,
     ):
+        check_kinds(bodies, joints, loads)
         names = [body.name for body in bodies]
         check_names(names, joints, loads)
+        warn_of_large_pins(joints)
         self.body = stacked([replace_fields(body, name="") for body in bodies])
         self.loads, _ = stacks(loads, names)
         self.gravity, self.pose = as_vector(gravity), as_functions(pose)

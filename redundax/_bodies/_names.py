@@ -1,10 +1,35 @@
-"""Names of bodies and joints: what they connect must exist."""
+"""Parts of a mechanism: each in its list, and between bodies that exist."""
 
 from collections.abc import Sequence
+from typing import Any
 
-from ._body import GROUND
+from ._body import GROUND, Body
 from ._joints import AbstractJoint
 from ._loads import AbstractLoad
+
+_LISTS = (("bodies", Body), ("joints", AbstractJoint), ("loads", AbstractLoad))
+
+
+def check_kinds(bodies: Any, joints: Any, loads: Any) -> None:
+    """Refuse what stands in the wrong list, or in none."""
+    for (what, kind), elements in zip(_LISTS, (bodies, joints, loads), strict=True):
+        if not isinstance(elements, Sequence):
+            raise ValueError(f"Argument `{what}` must be a list, but is {_words(elements)}. Put it in brackets: [...].")
+        for element in elements:
+            if not isinstance(element, kind):
+                right = [f"Put it among `{other}`." for other, fit in _LISTS if isinstance(element, fit)]
+                raise ValueError(
+                    f"Argument `{what}` must hold {what}, but holds {_words(element)}. "
+                    f"{' '.join(right) or f'Leave it out, or make it an `rx.{kind.__name__}`.'}"
+                )
+
+
+def _words(element: Any) -> str:
+    """Class of an element, and its name or the body that it acts on."""
+    if isinstance(element, type):
+        return f"the class {element.__name__}"
+    name = getattr(element, "name", getattr(element, "i", None))
+    return f"{type(element).__name__} {name!r}" if isinstance(name, str) else f"{type(element).__name__} {element!r}"
 
 
 def check_names(bodies: Sequence[str], joints: Sequence[AbstractJoint], loads: Sequence[AbstractLoad]) -> None:

@@ -27,7 +27,8 @@ from .._system._names import ByName, Names, index_of, vector
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
-from .._tools._module import as_float, is_concrete, stop_gradient
+from .._tools._module import as_float, check_position, is_concrete, stop_gradient
+from ._guess import ask_for_radians, check_finite
 from ._kinematics import second_order
 from ._rank import split
 from ._scaling import Scaling, largest_violation, scaling
@@ -79,15 +80,18 @@ def assemble(
     dtype, labels = jnp.result_type(q, qd), _axis(system.names).labels
     held = [index_of("positions", name, labels, " of coordinates") for name in positions]
     driven = [index_of("rates", name, labels, " of coordinates") for name in rates]
-    if held and q.shape != (n,):
+    if system.adds:
+        check_position(q, n)
+    elif held and q.shape != (n,):
         raise ValueError(
             f"Argument `positions` needs a chart with one coordinate for each of the {n} velocities, but `q` has "
             f"shape {q.shape}. Leave them out and give `q` itself."
         )
     numbers = {"q": q, "qd": qd, "t": t}
-    for name, value in numbers.items():
-        if throw is not False and is_concrete(value) and not np.all(np.isfinite(value)):
-            raise ValueError(f"Argument `{name}` must be finite, but is {value}. Give a guess of every entry.")
+    if throw is not False:
+        check_finite(system.coordinates.labels, **numbers, positions=positions, rates=rates)
+    angles = {name for name, angular in zip(labels, _axis(system.names).angular.tolist(), strict=True) if angular}
+    ask_for_radians(angles, system.coordinates.labels if system.adds else (), q, positions)
     finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(value)) for value in numbers.values()]))
     state, off, slow = _assemble(
         system.anonymous(),

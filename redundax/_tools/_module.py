@@ -1,9 +1,10 @@
 """Small helpers: fields that do not retrace, functions in pytrees, copies of frozen modules, safe norms, conditions
 of a whole batch."""
 
+import contextlib
 import dataclasses
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
 import equinox as eqx
@@ -80,6 +81,22 @@ def cores() -> int:
 def is_concrete(value: Any) -> bool:
     """Whether the value is there to be checked, not traced."""
     return not isinstance(value, jax.core.Tracer)
+
+
+@contextlib.contextmanager
+def tracing(argument: str) -> Iterator[None]:
+    """Say what to do where a function of the user, traced within, takes its numbers for those of Python."""
+    try:
+        yield
+    except (
+        jax.errors.ConcretizationTypeError,
+        jax.errors.TracerArrayConversionError,
+        jax.errors.TracerIntegerConversionError,
+    ) as error:
+        raise ValueError(
+            f"Argument `{argument}` must be a function that JAX can trace, but math.sin, np.sin, float() or an `if` in "
+            "it wants a known number. Write it with jax.numpy: jnp.sin, jnp.where."
+        ) from error
 
 
 def no_classes(**arguments: Any) -> None:

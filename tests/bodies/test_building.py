@@ -1,5 +1,8 @@
 """Building mechanisms: joints and loads against hand formulas, assembly, and refusal of bad input."""
 
+import math
+import warnings
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,6 +10,7 @@ import pytest
 import registry
 
 import redundax as rx
+from redundax._bodies._names import check_kinds
 from redundax._system._results import result_codes
 
 G = "ground"
@@ -45,6 +49,8 @@ NORMAL = turn(Q[5], (0.6, 0.8))
         (rx.PinInSlot("J", "a", "b", (0.1, 0.2), (-0.3, 0.5), (3.0, 4.0)), [(PB - PA) @ NORMAL]),
         (rx.AngleCoupling("J", "a", "b", 2.0, 0.1), [0.4 + 2.0 * -0.9 - 0.1]),
         (rx.AngleDriver("J", "a", "b", rx.Polynomial([0.1, 2.0])), [0.4 + 0.9 - (0.1 + 2.0 * 0.5)]),
+        (rx.AngleDriver("J", "a", "b", lambda t: jnp.sin(t)), [0.4 + 0.9 - np.sin(0.5)]),
+        (rx.DistanceDriver("J", "a", "b", (0.1, 0.2), (-0.3, 0.5), 0.6), [np.linalg.norm(PA - PB) - 0.6]),
         (
             rx.DistanceDriver("J", "a", "b", (0.1, 0.2), (-0.3, 0.5), rx.Polynomial([1.0, 0.0, 4.0])),
             [np.linalg.norm(PA - PB) - 2.0],
@@ -186,6 +192,28 @@ BAD = {
         lambda: rx.Mechanism([BODY, rx.Body("b", 1, 1)], [pin()]),
         ["`bodies`", "'b'", "no joint"],
     ),
+    "a driver of known numbers": (
+        lambda: rx.AngleDriver("D", "a", G, lambda t: math.sin(t)),
+        ["`angle`", "math.sin", "jnp.sin"],
+    ),
+    "a driver with branches": (
+        lambda: rx.DistanceDriver("D", "a", G, (0, 0), (1, 0), lambda t: t if t > 0 else -t),
+        ["`distance`", "`if`", "jnp.where"],
+    ),
+    "a driver of NumPy": (lambda: rx.AngleDriver("D", "a", G, lambda t: np.sin(t)), ["`angle`", "np.sin", "jnp.sin"]),
+    "a driver of two numbers": (
+        lambda: rx.AngleDriver("D", "a", G, [0.5, 2.0]),
+        ["`angle`", "(2,)", "`rx.Polynomial`"],
+    ),
+    "a driver that gives two numbers": (
+        lambda: rx.AngleDriver("D", "a", G, lambda t: jnp.stack([t, t])),
+        ["`angle`", "'D'", "(2,)"],
+    ),
+    "a driver that forgets to return": (lambda: rx.AngleDriver("D", "a", G, lambda t: None), ["'D'", "None"]),
+    "a load of known numbers": (
+        lambda: rx.LoadFunction("a", lambda i, j, t, p: (rx.Wrench(np.zeros(2), math.sin(t)),) * 2),
+        ["`function`", "math.sin", "jnp.sin"],
+    ),
     "no joints": (lambda: rx.Mechanism([BODY], []), ["`joints`", "at least one"]),
     "load on an unknown body": (
         lambda: rx.Mechanism([BODY], [pin()], loads=[rx.AppliedForce("c")]),
@@ -272,7 +300,7 @@ BAD = {
     ),
     "friction at rest": (
         lambda: rx.solve(one_body(pin(pin_radius=1.0, friction=rx.Coulomb(0.1))), STATE),
-        ["at rest", "At rest: A", "`sense=`"],
+        ["at rest", "At rest: A", "`rx.band`", "`rx.sticking`", "`sense=`"],
     ),
     "iteration that does not end": (
         lambda: rx.solve(*rubbing(), solver=rx.FixedPoint(max_steps=1)),
@@ -281,6 +309,18 @@ BAD = {
     "position of an unknown coordinate": (
         lambda: rx.assemble(one_body(pin()), [0.0, 0.0, 0.0], positions={"b.phi": 1.0}),
         ["`positions`", "'b.phi'", "a.phi"],
+    ),
+    "NaN in a guess": (lambda: rx.assemble(one_body(pin()), [0.0, np.nan, 0.0]), ["`q`", "finite", "a.y"]),
+    "NaN in a guess by name": (lambda: rx.assemble(one_body(pin()), {"a.y": np.nan}), ["`q`", "finite", "a.y"]),
+    "infinite position": (
+        lambda: rx.assemble(one_body(pin()), {}, positions={"a.phi": np.inf}),
+        ["`positions`", "finite", "a.phi"],
+    ),
+    "NaN in rates": (lambda: rx.assemble(one_body(pin()), {}, rates={"a.phi": np.nan}), ["`rates`", "finite", "a.phi"]),
+    "time that is NaN": (lambda: rx.assemble(one_body(pin()), {}, t=np.nan), ["`t`", "finite"]),
+    "an entry too few": (
+        lambda: rx.assemble(one_body(pin()), [0.0, 0.0], positions={"a.phi": 0.5}),
+        ["`q`", "(3,)", "(2,)", "each coordinate"],
     ),
 }
 
@@ -291,6 +331,77 @@ def test_bad_input_names_the_culprit(name):
     build, words = BAD[name]
     with pytest.raises((ValueError, RuntimeError, UserWarning)) as caught:
         build()
+    for word in words:
+        assert word in str(caught.value)
+
+
+def warning(build):
+    """What is warned of if anything."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        build()
+    return " ".join(str(one.message) for one in caught)
+
+
+@pytest.mark.parametrize(
+    ("q", "positions", "told"),
+    [
+        ([0.0, 0.0, 45.0], None, "a.phi = 45"),
+        ({"a.phi": -22.5}, None, "a.phi = -22.5"),
+        ({}, {"a.phi": 33.7}, "a.phi = 33.7"),
+        ({}, {"A.angle": 90}, "A.angle = 90"),
+        ([0.0, 0.0, 0.8 + 2 * np.pi], None, ""),  # of a motion
+        ({"a.phi": 6.0}, {"a.phi": -6.0}, ""),
+        ({"a.x": 45.0}, None, ""),
+    ],
+)
+def test_degrees_are_asked_about(q, positions, told):
+    asked = warning(lambda: rx.assemble(one_body(pin()), q, positions=positions))
+    assert bool(asked) == bool(told)
+    assert told in asked and ("Are they degrees?" in asked or not told)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e3, 1e-3])
+@pytest.mark.parametrize(
+    "friction",
+    [
+        rx.Coulomb(0.3),
+        rx.RegularisedCoulomb(0.3, 1e-5),
+        rx.Stribeck(0.3, 0.2, 1e-3),
+        rx.Dahl(0.3, 3000.0),
+        rx.LuGre(0.3, 0.2, 1e-3, 3000.0, 20.0),
+    ],
+    ids=lambda friction: type(friction).__name__,
+)
+def test_pins_larger_than_the_mechanism_are_asked_about(friction, unit):
+    """A rod of 0.4 m between its pins, in any length unit."""
+
+    def rod(radius):
+        near = pin(point_i=(-0.2 * unit, 0.0), pin_radius=radius * unit, friction=friction)
+        far = rx.Revolute("B", "b", "a", (0.0, 0.0), (0.2 * unit, 0.0))
+        return rx.Mechanism([BODY, rx.Body("b", 1.0, 1.0)], [near, far])
+
+    told = warning(lambda: rod(1.0))
+    assert f"{0.3 * unit:g} in 'A'" in told and f"of {0.4 * unit:g}." in told and "`pin_radius`" in told
+    assert not warning(lambda: rod(0.02))
+    jax.eval_shape(rod, 1.0)  # not known yet
+
+
+@pytest.mark.parametrize(
+    ("lists", "words"),
+    [
+        (([BODY], [pin(), rx.AppliedForce("a")], []), ["`joints`", "AppliedForce 'a'", "Put it among `loads`"]),
+        (([BODY], [pin()], [pin(name="B")]), ["`loads`", "Revolute 'B'", "Put it among `joints`"]),
+        (([BODY], [pin(), BODY], []), ["`joints`", "Body 'a'", "Put it among `bodies`"]),
+        (([BODY], ["A"], []), ["`joints`", "str 'A'", "`rx.AbstractJoint`"]),
+        (([rx.Body], [pin()], []), ["`bodies`", "class Body", "`rx.Body`"]),
+        (([BODY], pin(), []), ["`joints`", "Revolute 'A'", "[...]"]),
+    ],
+)
+def test_parts_in_the_wrong_list_are_told_their_own(lists, words):
+    """Asked of the check itself: the tests have types checked, which refuses them sooner."""
+    with pytest.raises(ValueError) as caught:
+        check_kinds(*lists)
     for word in words:
         assert word in str(caught.value)
 

@@ -9,12 +9,38 @@ from collections.abc import Callable
 from typing import ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..._tools._module import as_float, as_functions, as_vector, safe_norm
+from ..._tools._module import Numbers, as_float, as_functions, as_vector, floats, safe_norm, tracing
 from .._body import Pose
 from ._base import AbstractJoint, Row
+
+
+def _law(value: Callable[[Array], Array] | Numbers) -> Callable[[Array], Array]:
+    """A function of time; a number stands for one that is constant."""
+    if callable(value):
+        return as_functions(value)
+    number = floats(value)
+    if number.shape:
+        raise ValueError(
+            f"Argument `angle` or `distance` of a driver must be a function of time or a number, but has shape "
+            f"{number.shape}. Give coefficients as `rx.Polynomial`."
+        )
+    return Polynomial(number[None])
+
+
+def _check_law(argument: str, name: str, law: Callable[[Array], Array]) -> None:
+    """Refuse a law that cannot be traced or gives anything but a number."""
+    with tracing(argument):
+        given = jax.eval_shape(law, jax.ShapeDtypeStruct((), jnp.result_type(float)))
+    shapes = [leaf.shape for leaf in jax.tree.leaves(given)]
+    if shapes != [()]:
+        raise ValueError(
+            f"Argument `{argument}` of the driver '{name}' must give a number at a time, but gives {shapes or None}. "
+            "Give a function of time, a number, or `rx.Polynomial`."
+        )
 
 
 class AngleDriver(AbstractJoint):
@@ -30,14 +56,18 @@ class AngleDriver(AbstractJoint):
 
     - `name`: the row is called "name.angle".
     - `i`, `j`: names of the bodies, or "ground".
-    - `angle`: function of time, rad; `Polynomial` for one with parameters that compile nothing new.
+    - `angle`: number, or function of time in jax.numpy, rad; `Polynomial` for one with parameters that compile nothing
+      new.
     """
 
     row_kinds: ClassVar[tuple[Row, ...]] = (("angle", "moment"),)
     name: str = eqx.field(static=True)
     i: str = eqx.field(static=True)
     j: str = eqx.field(static=True)
-    angle: Callable[[Array], Array] = eqx.field(converter=as_functions)
+    angle: Callable[[Array], Array] = eqx.field(converter=_law)
+
+    def __check_init__(self) -> None:
+        _check_law("angle", self.name, self.angle)
 
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:
         return jnp.stack([i.phi - j.phi - self.angle(t)])
@@ -51,7 +81,7 @@ class DistanceDriver(AbstractJoint):
     ??? example
 
         ```python
-        rx.DistanceDriver("rod", "lever", "ground", (0.2, 0.0), (0.0, 1.0), rx.Polynomial([0.6]))
+        rx.DistanceDriver("rod", "lever", "ground", (0.2, 0.0), (0.0, 1.0), 0.6)
         ```
 
     **Arguments:**
@@ -59,7 +89,8 @@ class DistanceDriver(AbstractJoint):
     - `name`: the row is called "name.distance".
     - `i`, `j`: names of the bodies, or "ground".
     - `point_i`, `point_j`: the points in the local frames, m; they must not coincide.
-    - `distance`: function of time, m; `Polynomial` for one with parameters that compile nothing new.
+    - `distance`: number, or function of time in jax.numpy, m; `Polynomial` for one with parameters that compile
+      nothing new.
     """
 
     row_kinds: ClassVar[tuple[Row, ...]] = (("distance", "force"),)
@@ -68,7 +99,10 @@ class DistanceDriver(AbstractJoint):
     j: str = eqx.field(static=True)
     point_i: Float[Array, "2"] = eqx.field(converter=as_vector)
     point_j: Float[Array, "2"] = eqx.field(converter=as_vector)
-    distance: Callable[[Array], Array] = eqx.field(converter=as_functions)
+    distance: Callable[[Array], Array] = eqx.field(converter=_law)
+
+    def __check_init__(self) -> None:
+        _check_law("distance", self.name, self.distance)
 
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:
         return jnp.stack([safe_norm(i.point(self.point_i) - j.point(self.point_j)) - self.distance(t)])

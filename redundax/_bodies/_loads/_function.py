@@ -3,10 +3,12 @@
 from collections.abc import Callable
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
-from ..._tools._module import as_functions, as_parameters
-from .._body import GROUND
+from ..._tools._module import as_functions, as_parameters, tracing
+from .._body import GROUND, Pose
 from ._base import AbstractLoad, Motion, Wrench
 
 
@@ -34,6 +36,14 @@ class LoadFunction(AbstractLoad):
     function: Callable[[Motion, Motion, Array, PyTree], tuple[Wrench, Wrench]] = eqx.field(converter=as_functions)
     j: str = eqx.field(static=True, default=GROUND)
     parameters: PyTree = eqx.field(converter=as_parameters, default=None)
+
+    def __check_init__(self) -> None:
+        def trial() -> tuple[Wrench, Wrench]:
+            still = Pose(jnp.zeros(2), jnp.zeros(()))
+            return self.wrenches(Motion(still, still), Motion(still, still), still.phi)
+
+        with tracing("function"):
+            jax.eval_shape(trial)
 
     def wrenches(self, i: Motion, j: Motion, t: Array) -> tuple[Wrench, Wrench]:
         return self.function(i, j, t, self.parameters)
