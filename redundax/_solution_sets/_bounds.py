@@ -274,9 +274,12 @@ def _by_pivots(
     width = np.where(upper > lower, upper - lower, 1.0)
     chosen = _independent(stress[rows] / width[:, None])
     if len(chosen) < stress.shape[1]:
+        each = stress / np.linalg.norm(stress, axis=0)
+        left = each @ np.linalg.svd(each[rows[chosen]])[2][len(chosen) :].T
         raise ValueError(
-            f"Argument `bounds` must bound every self-stress state, but the rows given leave "
-            f"{stress.shape[1] - len(chosen)} of {stress.shape[1]} without bounds. Add rows of other states."
+            "Argument `bounds` must bound every self-stress state, but the rows given leave "
+            f"{left.shape[1]} of {stress.shape[1]} without bounds. "
+            f"Add bounds of {', '.join(report.rows[row] for row in _independent(left))}, say."
         )
     pivots, others = rows[chosen], np.setdiff1d(np.arange(len(rows)), [] if norm else chosen)
     move = stress @ np.linalg.inv(stress[pivots]) if len(pivots) else stress

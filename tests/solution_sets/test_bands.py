@@ -365,6 +365,19 @@ def test_arguments_that_do_not_fit_are_refused(pair, outputs, bounds, words):
         rx.band(*pair(), outputs, bounds)
 
 
+def test_preload_that_leaves_self_stress_open_names_rows_that_close_it():
+    pins = [rx.Revolute(name, "a", "ground", (x, 0.0), (x, 0.0)) for name, x in (("B", -0.5), ("C", 0.5))]
+    plate = rx.Fixed("P", "a", "ground", (0.0, 0.0), (0.0, 0.0))
+    pair = rx.Mechanism([rx.Body("a", 1.0, 1.0)], [plate, *pins]), rx.State(jnp.zeros(3), jnp.zeros(3))
+    box = {"B.x": (0.0, 1.0)}
+    with pytest.raises(ValueError, match=r"leave 3 of 4 without bounds\. Add bounds of ([\w., ]+), say\.") as caught:
+        rx.band(*pair, "P.angle", rx.PreloadBox(box))
+    named = str(caught.value).partition("bounds of ")[2].removesuffix(", say.").split(", ")
+    assert len(named) == 3
+    found = rx.band(*pair, "B.x", rx.PreloadBox(box | dict.fromkeys(named, (0.0, 1.0))))
+    np.testing.assert_allclose([found.lower[0], found.upper[0]], [0.0, 1.0], atol=1e-12)
+
+
 def test_a_closure_that_does_not_determine_the_loads_is_refused():
     with pytest.raises(RuntimeError, match="does not determine"):
         rx.band(*paper(), None, rx.MisfitBox(rx.Compliance(np.eye(12)[8]), {"A.x": (0.0, 1.0)}))
