@@ -16,6 +16,7 @@ from .._equations._factorize import factorisation_at
 from .._solution_sets._family._solution_family import SolutionFamily, solution_family
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._progress import stage
 from ..plot import _solution_sets as plots
 from ._file import writing
 
@@ -30,8 +31,9 @@ def report_with_families(
     factor: Factorisation | None = None,
 ) -> tuple[Report, list[SolutionFamily]]:
     """The report, and the solutions along every self-stress state; none where there is a problem."""
-    factor = factorisation_at(system, state, None, factor)
-    report = analyze(system, state, closure=closure, factor=factor)
+    with stage("finding what is unique"):
+        factor = factorisation_at(system, state, None, factor)
+        report = analyze(system, state, closure=closure, factor=factor)
     if report.problem:
         return report, []
     z = None if amplitude is None else np.linspace(-amplitude, amplitude, samples)

@@ -18,7 +18,7 @@ from .._solution_sets._family._preload import in_words, unit_free_norm
 from .._solve._solve import solve
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._progress import progress
+from .._tools._progress import progress, stage
 from ..plot._page._contents import contents
 from ..plot._page._formats import write
 from ._families import draw_families, report_with_families, show
@@ -26,8 +26,9 @@ from ._file import writing
 
 
 def _analyze(system: AbstractSystem, state: State, arguments: argparse.Namespace) -> int:
-    factor = factorize(system, state)
-    report = analyze(system, state, closure=unit_free_norm(factor), factor=factor)
+    with stage("finding what is unique"):
+        factor = factorize(system, state)
+        report = analyze(system, state, closure=unit_free_norm(factor), factor=factor)
     show(report.to_json() if arguments.json else str(report))
     return 1 if report.problem else 0
 
@@ -69,7 +70,7 @@ COMMANDS = {"analyze": _analyze, "study": _study, "report": _report}
 
 def _provenance(arguments: argparse.Namespace) -> str:
     """The command that makes the same page again, versions, and a check sum of the user's file."""
-    words = ["python", "-m", "redundax", "report", arguments.system, "-o", str(arguments.output)]
+    words = ["redundax", "report", arguments.system, "-o", str(arguments.output)]
     words += [] if arguments.amplitude is None else ["--amplitude", str(arguments.amplitude)]
     words += ["--samples", str(arguments.samples)]
     path = arguments.system.rpartition(":")[0]

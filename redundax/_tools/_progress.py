@@ -1,9 +1,13 @@
 """Progress on long work, told on standard error."""
 
+import contextlib
+import functools
 import sys
 import time
 from collections.abc import Iterator, Sequence
 from typing import TypeVar
+
+import jax.monitoring
 
 T = TypeVar("T")
 
@@ -27,3 +31,31 @@ def progress(steps: Sequence[T], what: str, wanted: bool) -> Iterator[T]:
                 print(f"{what}: {number} of {len(steps)}", file=sys.stderr, flush=True)
     else:
         yield from tqdm(steps, what, delay=delay, file=sys.stderr)
+
+
+@contextlib.contextmanager
+def stage(what: str) -> Iterator[None]:
+    """Tell on a terminal what is being done, and then how long it took and how much of that was compiling."""
+    if not sys.stderr.isatty():
+        yield
+        return
+    begin, compiled = time.monotonic(), sum(_compilations())
+    print(f"{what} ... ", end="", file=sys.stderr, flush=True)
+    try:
+        yield
+    finally:
+        took, compiling = time.monotonic() - begin, sum(_compilations()) - compiled
+        print(f"{took:.1f} s, of which {compiling:.1f} s compiling", file=sys.stderr, flush=True)
+
+
+@functools.cache
+def _compilations() -> list[float]:
+    """Seconds that each step of compiling takes, from the first call on."""
+    found: list[float] = []
+
+    def note(event: str, duration_secs: float, **_: str | int) -> None:
+        if event.startswith("/jax/core/compile/"):
+            found.append(duration_secs)
+
+    jax.monitoring.register_event_duration_secs_listener(note)
+    return found

@@ -8,12 +8,15 @@ import signal
 import subprocess
 import sys
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from redundax.__main__ import main
 from redundax._solution_sets._family import _branches
-from redundax._tools._progress import progress
+from redundax._tools import _progress
+from redundax._tools._progress import progress, stage
 
 FILE = """
 import jax.numpy as jnp
@@ -114,6 +117,25 @@ def test_progress_waits_for_long_work(monkeypatch):
     with contextlib.redirect_stderr(error):
         assert list(progress("ab", "solving", wanted=False)) == ["a", "b"]
     assert error.getvalue() == "solving: 2 of 2\n"
+
+
+@pytest.mark.parametrize("is_terminal", [True, False])
+def test_a_stage_tells_on_a_terminal_how_long_it_took_and_compiled(monkeypatch, is_terminal):
+    error = io.StringIO()
+    monkeypatch.setattr(error, "isatty", lambda: is_terminal)
+    clock, compiled = iter((10.0, 15.25)), []
+    monkeypatch.setattr(_progress.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(_progress, "_compilations", lambda: compiled)
+    with contextlib.redirect_stderr(error), stage("looking"):
+        assert error.getvalue() == ("looking ... " if is_terminal else "")
+        compiled += [2.5, 1.0]
+    assert error.getvalue() == ("looking ... 5.2 s, of which 3.5 s compiling\n" if is_terminal else "")
+
+
+def test_what_jax_compiles_is_timed():
+    before = sum(_progress._compilations())
+    jax.jit(lambda x: jnp.cos(x) + 5.0).lower(1.0).compile()
+    assert sum(_progress._compilations()) > before
 
 
 def test_a_file_that_fails_is_told_by_its_line(file):
