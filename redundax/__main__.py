@@ -1,10 +1,12 @@
 """The command.
 
-    python -m redundax [--png FILE]              the paper's tables, printed and computed, and what is unique
-    python -m redundax tables [--json]           the tables alone, as text or as JSON with full precision
-    python -m redundax analyze FILE.py:NAME      what is unique in a mechanism of yours
-    python -m redundax study FILE.py:NAME        how far it varies along its self-stress
-    python -m redundax report FILE.py:NAME -o F  both as a page with pictures, F.html or F.md
+    redundax [--png FILE]              an example on one page: what is unique, and how far the rest varies
+    redundax tables [--json]           the paper's tables, as text or as JSON with full precision
+    redundax analyze FILE.py:NAME      what is unique in a mechanism of yours
+    redundax study FILE.py:NAME        how far it varies along its self-stress
+    redundax report FILE.py:NAME -o F  both as a page with pictures, F.html or F.md
+
+`python -m redundax` is the same command.
 
 It ends with 0, with 1 where a solve failed or a difference from the printed figures is unexplained, with 2 where the
 arguments cannot be understood, a file of yours fails or cannot be written, and with 130 where you stop it. It computes

@@ -14,23 +14,23 @@ from ._cache import LIMIT
 def argument_parser() -> argparse.ArgumentParser:
     """What the command takes."""
     parser = argparse.ArgumentParser(
-        prog="python -m redundax",
-        description="Tables 2, 3 and 4 of Wojtyra, Pekal, Fraczek (Mech. Mach. Theory 153 (2020) 103999): printed "
-        "and computed figures side by side, every difference marked and explained, and what of the mechanism's "
-        "motion and joint loads is unique.",
-        epilog="Exit status: 0 if all went well, 1 if a solve failed or a difference from the printed figures is "
-        "unexplained, 2 if the arguments are wrong, your file fails or nothing can be written, 130 if you stop it. "
+        prog="redundax",
+        description="Which joint forces a model of a machine really determines, and what decides the rest. Without a "
+        "command: an example on one page.",
+        epilog="Exit status: 0 if all went well, 1 if a solve failed or a difference from the paper's printed figures "
+        "is unexplained, 2 if the arguments are wrong, your file fails or nothing can be written, 130 if you stop it. "
         f"Compiled programs are kept, {LIMIT // 10**6} MB at most, so that later runs start sooner: in the folder "
         "redundax of the user's caches (XDG_CACHE_HOME or ~/.cache; ~/Library/Caches on macOS; LOCALAPPDATA on "
         "Windows). The variable REDUNDAX_CACHE names another folder, or is off; JAX_COMPILATION_CACHE_DIR goes first.",
     )
-    parser.add_argument("--png", metavar="FILE", type=_picture, help="also draw the mechanism's family of solutions")
+    parser.add_argument("--png", metavar="FILE", type=_picture, help="also draw all solutions of the example")
     parser.add_argument("--version", action="version", version=f"redundax {version()}")
     commands = parser.add_subparsers(dest="command", metavar="command", title="commands")
     tables = commands.add_parser(
         "tables",
-        help="the tables alone",
-        description="Tables 2, 3 and 4 alone: as text beside the printed figures, or computed figures as JSON.",
+        help="the paper's tables, printed and computed",
+        description="Tables 2, 3 and 4 of Wojtyra, Pekal, Fraczek (Mech. Mach. Theory 153 (2020) 103999): printed and "
+        "computed figures side by side, every difference marked and explained; or computed figures as JSON.",
     )
     tables.add_argument(
         "--json",

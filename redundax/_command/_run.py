@@ -12,7 +12,8 @@ from ._arguments import argument_parser
 from ._cache import keep_programs
 from ._file import FileError, blaming, check_target, load
 from ._own import COMMANDS
-from ._tables import paper_study, tables_as_json, tables_as_text
+from ._page import first_page
+from ._tables import tables_as_json, tables_as_text
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -30,7 +31,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         for target in filter(None, (getattr(arguments, name, None) for name in ("png", "output"))):
             check_target(target)
         if arguments.command is None:
-            return paper_study(arguments.png)
+            return first_page(arguments.png)
         with blaming(arguments.system):
             return COMMANDS[arguments.command](*load(arguments.system), arguments)
     except FileError as error:

@@ -4,7 +4,9 @@ M. Wojtyra, M. Pekal, J. Fraczek, Mechanism and Machine Theory 153 (2020) 103999
 """
 
 from ._compare import Comparison as Comparison
+from ._compare import check as check
 from ._compare import compare as compare
+from ._compare import reproduced as reproduced
 from ._report import heading as heading
 from ._report import spread_text as spread_text
 from ._report import table_text as table_text

@@ -9,7 +9,7 @@ import dataclasses
 
 import numpy as np
 
-from ._printed import ROUNDINGS, SWAPPED
+from ._printed import ROUNDINGS, SWAPPED, TABLES
 from ._tables import Table, failures, with_guide_moment
 
 # Largest error of a known rounding, in units of the last printed digit.
@@ -72,6 +72,17 @@ def compare(table: Table) -> Comparison:
         right[first][forces], right[second][forces] = words[second][forces], words[first][forces]
     problems += _unexplained(table, right, table.values, differences(right, table.values))
     return Comparison(table, differs, tuple(problems))
+
+
+def reproduced() -> tuple[int, int]:
+    """Printed figures that are computed alike, those of swapped rows put right, and all of them."""
+    total = sum(len(row.words) for printed in TABLES.values() for row in printed.rows)
+    return total - len(ROUNDINGS), total
+
+
+def check(key: str, row: int, names: tuple[str, ...], values: np.ndarray) -> list[str]:
+    """Names of the figures of one row that do not round to the printed ones."""
+    return [names[column] for column in np.flatnonzero(differences([list(TABLES[key].rows[row].words)], values[None]))]
 
 
 def digits(word: str) -> int:

@@ -140,7 +140,7 @@ def test_the_report_is_told(page):
         "3 constraints of rank 2: 1 redundant, 1 degree of freedom.",
         "not unique",
         "Moore-Penrose",
-        "python -m redundax report",
+        "redundax report",
         "--samples 5",
         "SHA-256",
         "right",
