@@ -229,7 +229,7 @@ def band(
         outer_upper=np.where(exact, upper, np.inf),
         sense=_sense(solutions),
     )
-    return _of_outputs(system, bands, wanted.count)
+    return _of_outputs(system, bands, wanted.asked)
 
 
 def _at_rest(
@@ -255,7 +255,7 @@ def _at_rest(
         raise RuntimeError(RESULTS[RESULTS.singular_position])
     wanted = _wanted(system, state, outputs, report)
     cases = cases_of(bounds, system, state, report, solutions)
-    lower, upper, stands = bands_at_rest(system, state, factor, solutions, cases, wanted.matrix, nodes, wanted.count)
+    lower, upper, stands = bands_at_rest(system, state, factor, solutions, cases, wanted.matrix, nodes, wanted.asked)
     outer_lower, outer_upper = lower.bound + wanted.offset, upper.bound + wanted.offset
     size = np.maximum(np.abs(lower.value), np.abs(upper.value))
     met = np.maximum(upper.bound - upper.value, lower.value - lower.bound) <= _MEET * np.where(size > 0, size, 1.0)
@@ -274,17 +274,17 @@ def _at_rest(
         sense=_sense(solutions),
         stands=stands,
     )
-    return _of_outputs(system, bands, wanted.count)
+    return _of_outputs(system, bands, wanted.asked)
 
 
-def _of_outputs(system: AbstractSystem, bands: Bands, count: int) -> Bands:
+def _of_outputs(system: AbstractSystem, bands: Bands, asked: int) -> Bands:
     """The bands of the outputs alone; those of the teeth, which come after them, tell which of these pull."""
     n, m = len(system.coordinates), len(system.rows)
     attained = np.concatenate([bands.lower_solution, bands.upper_solution])[:, n : n + m]
     by_output = ("names", "kinds", "units", "lower", "upper", "exact", "lower_case", "upper_case", "lower_solution")
     by_output += ("upper_solution", "outer_lower", "outer_upper")
-    asked = {name: getattr(bands, name)[:count] for name in by_output}
-    return dataclasses.replace(bands, **asked, pulling=pulling(system.names, attained))
+    kept = {name: getattr(bands, name)[:asked] for name in by_output}
+    return dataclasses.replace(bands, **kept, pulling=pulling(system.names, attained))
 
 
 def _sense(solutions: SolutionSet) -> np.ndarray:
@@ -309,7 +309,7 @@ def _described(
 class _Wanted(NamedTuple):
     """Names and kinds of outputs y = matrix [qdd; lam; tau] + offset, and which are proved unique.
 
-    The first `count` were asked for; rows of teeth follow.
+    The first `asked` were asked for; rows of teeth follow.
     """
 
     names: tuple[str, ...]
@@ -317,7 +317,7 @@ class _Wanted(NamedTuple):
     matrix: np.ndarray
     offset: np.ndarray
     unique: np.ndarray
-    count: int
+    asked: int
 
 
 def _wanted(system: AbstractSystem, state: State, outputs: Sequence[str] | str | None, report: Report) -> _Wanted:
@@ -327,7 +327,7 @@ def _wanted(system: AbstractSystem, state: State, outputs: Sequence[str] | str |
         raise ValueError(
             "Argument `outputs` must hold names of outputs, but holds none. Give None for all accelerations."
         )
-    count = len(names)
+    asked = len(names)
     if not report.undetermined:
         names = [*names, *(system.rows.labels[row] for row in system.names.pushing)]
     kinds = dict(zip(unknowns.labels, unknowns.kinds, strict=True))
@@ -346,7 +346,7 @@ def _wanted(system: AbstractSystem, state: State, outputs: Sequence[str] | str |
         n = len(system.coordinates)
         judged += [all(itertools.compress(judged[:n], slope[:n])) for slope in slopes]
     chosen = matrix[places], offset[places], np.array(judged)[places]
-    return _Wanted(tuple(names), tuple(kinds[name] for name in names), *chosen, count)
+    return _Wanted(tuple(names), tuple(kinds[name] for name in names), *chosen, asked)
 
 
 def _check_values(names: tuple[str, ...], matrix: np.ndarray, solutions: SolutionSet) -> None:
