@@ -31,11 +31,13 @@ from .._tools._module import (
     replace_fields,
     tree_take,
 )
+from .._tools._table import are_known
 from ._body import GROUND, Body, Pose, poses
 from ._joint_coordinates import JointCoordinates
 from ._joint_friction import FrictionMembers, JointFriction, friction_members
 from ._joints import AbstractFrictionalJoint, AbstractJoint
 from ._loads import AbstractLoad, Motion
+from ._mechanism_page import mechanism_page
 from ._names import check_kinds, check_names
 from ._pins import warn_of_large_pins
 from ._stack import Stack, indices, stacked, stacks
@@ -60,8 +62,8 @@ class Mechanism(AbstractSystem):
     - `gravity`: acceleration of gravity (2,), m/s^2, global components.
     - `pose`: the coordinates q on the constraint manifold as a function of some independent coordinates, for
       `state`; make it an eqx.Module with its lengths as arrays, so that gradients move q with the lengths.
-    - `units`: those of all its figures, `rx.units.Units` as factors from SI: `Units()` where they are m, kg, s and N,
-      `Units(length=1000.0, mass=0.001)` where they are mm, t, s and N. Results, tables and pictures show them, or none
+    - `units`: those of all its figures, `rx.units.SI` where they are m, kg, s and N, `rx.units.MM_TONNE` where they are
+      mm, t, s and N, or other `rx.units.Units`, as factors from SI. Results, tables and pictures show them, or none
       where none are given; compliance and misfit are read in them. Angles are in radians.
     """
 
@@ -217,19 +219,17 @@ class Mechanism(AbstractSystem):
     def adds(self) -> bool:
         return True
 
+    def __repr__(self) -> str:
+        """Its size and its bodies, in a line."""
+        bodies = f", bodies {', '.join(self.names.bodies)}" if self.names.bodies else ""
+        return f"Mechanism with {len(self.coordinates)} coordinates, {len(self.rows)} rows{bodies}"
+
     def __str__(self) -> str:
-        """Its parts by name; of one without names, the shapes."""
-        if not self.names.bodies:
+        """A table of its bodies and joints; its size inside of transformations, and of several or without names."""
+        parts = self.body, self.joints, self._friction, self.loads, self.gravity
+        if not self.names.bodies or not are_known(eqx.filter(parts, eqx.is_array)) or self.body.mass.ndim != 1:
             return repr(self)
-        kinds = [
-            f"{type(joints.element).__name__} {', '.join(names)}"
-            for joints, names in zip(self.joints, self.names.joints, strict=True)
-        ]
-        sizes = f"{len(self.coordinates)} coordinates, {len(self.rows)} rows"
-        friction = ", ".join(self.slips.labels) or "none"
-        parts = (f"bodies {', '.join(self.names.bodies)}", *kinds, f"friction in {friction}")
-        units = [f"units {self.names.units}"] if str(self.names.units) else []
-        return f"Mechanism with {sizes}: {'; '.join([*parts, *units])}"
+        return mechanism_page(self.names, *parts)
 
 
 @eqx.filter_jit  # traced once for all derivatives in all programs

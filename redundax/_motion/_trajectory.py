@@ -1,13 +1,19 @@
 """What `simulate` returns."""
 
+import itertools
+import math
+
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
 from .._system._joint_coordinates import JointMotion, joint_motion, joint_reactions
-from .._system._names import AbstractNamed
-from .._system._pushing import pulling
+from .._system._named import AbstractNamed
+from .._system._pages import outcome, ranges_of, span, spans_of, told
+from .._system._pushing import in_words, pulling
 from .._system._results import RESULTS
 from .._system._state import State
+from .._tools._table import are_known, page
 
 
 class TrajectoryStats(eqx.Module):
@@ -104,3 +110,34 @@ class Trajectory(AbstractNamed):
     def states(self) -> State:
         """The states at all times, each array with an axis for them in front."""
         return State(self.q, self.qd, self.t, self.memory)
+
+    def __str__(self) -> str:
+        """How it ended, and the least and the largest of all by name; shapes inside of transformations."""
+        names = self.names
+        loads = {name: getattr(self, name) for name in ("multipliers", "friction")}
+        if names is None or not are_known((self.t, self.result, self.stats, self.q, self.qd, loads)):
+            return repr(self)
+        moves = ("q", "qd") if names.adds else ("qd",)
+        left = spans_of(names, *((name, getattr(self, name)) for name in moves))
+        right = itertools.chain(*(ranges_of(names, name, array) for name, array in loads.items()))
+        head = [*self._outcome(), *told(names, in_words(self.pulling))]
+        return "\n".join([*head, *page(left, [*right], _MORE)])
+
+    def _outcome(self) -> list[str]:
+        """Times, how it ended, and the evidence."""
+        stats, (*shape, count) = self.stats, self.t.shape
+        what = f"{math.prod(shape)} motions" if shape else "Motion"
+        unit = "" if self.names is None else self.names.units.of("time")
+        times = f"{count} times from t = {jnp.nanmin(self.t):.6g} to {jnp.nanmax(self.t):.6g} {unit}".strip()
+        steps = {"steps": stats.steps, "rejected": stats.rejected, "phases": stats.phases}
+        size = {
+            "error of energy": stats.energy_error,
+            "violation of positions": stats.position_violation,
+            "of velocities": stats.velocity_violation,
+            "contraction": stats.contraction,
+        }
+        figures = (", ".join(f"{name} {span(value)}" for name, value in each.items()) for each in (steps, size))
+        return [*outcome(self.result, f"{what} at {times}"), *figures]
+
+
+_MORE = "All of them, at all times: motion.to_pandas()"

@@ -1,18 +1,21 @@
 """What a solve returns."""
 
+import itertools
+import math
+
 import equinox as eqx
-import jax
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._equations._evidence import Violation
 from .._equations._rank import Spectrum
 from .._system._joint_coordinates import JointMotion, joint_motion, joint_reactions
-from .._system._names import AbstractNamed
+from .._system._named import AbstractNamed
+from .._system._pages import outcome, ranges_of, span, told, values_of
 from .._system._pushing import in_words, pulling
-from .._system._results import RESULTS
+from .._system._results import RESULTS, is_one_of
 from .._system._state import State
-from .._tools._module import is_concrete
+from .._tools._table import are_known, page
 
 
 class Stats(eqx.Module):
@@ -137,21 +140,30 @@ class Solution(AbstractNamed):
         return self.state
 
     def __str__(self) -> str:
-        """The numbers of one solution, or what failed; of a batch, and inside of transformations, the shapes."""
-        leaves = (self.acceleration, self.multipliers, self.friction, *jax.tree.leaves(self.result))
-        if not all(isinstance(x, jax.Array) and is_concrete(x) for x in leaves) or self.acceleration.ndim != 1:
+        """A table by name, or what failed; of a batch the least and the largest; inside of transformations shapes."""
+        numbers = {name: getattr(self, name) for name in ("acceleration", "multipliers", "friction")}
+        if self.names is None or not are_known((self.result, self.stats, self.state, *numbers.values())):
             return repr(self)
-        stats = self.stats
-        counts = f"redundancy {stats.redundancy}, freedom {stats.freedom}, {stats.steps} steps of friction"
-        if self.result != RESULTS.successful:
-            return f"{RESULTS[self.result]}\n{counts}"
-        told = [f"units {self.names.units}"] if self.names is not None and str(self.names.units) else []
-        told += [in_words(self.pulling)] if self.pulling else []
-        numbers = {"acceleration": self.acceleration, "multipliers": self.multipliers, "friction": self.friction}
-        return "\n".join([counts, *told, *(f"{name} {_shown(np.asarray(value))}" for name, value in numbers.items())])
+        head = [*self._outcome(), *told(self.names, in_words(self.pulling))]
+        if self.acceleration.ndim > 1:
+            failed = "failed" if any(np.isnan(array).any() for array in numbers.values()) else ""
+            left, *right = (ranges_of(self.names, name, array, failed) for name, array in numbers.items())
+        elif not is_one_of(self.result, RESULTS.successful):
+            return "\n".join(head)
+        else:
+            state, last = self.state, ("acceleration", self.acceleration)
+            first = [("q", state.q)] if state is not None and self.names.adds else []
+            first += [("qd", state.qd)] if state is not None else []
+            left = values_of(self.names, *first, last)
+            right = [values_of(self.names, (name, numbers[name])) for name in ("multipliers", "friction")]
+        return "\n".join([*head, *page(left, [*itertools.chain(*right)], _MORE)])
+
+    def _outcome(self) -> list[str]:
+        """How it ended, or all of a batch did, and the counts."""
+        stats, shape = self.stats, self.acceleration.shape[:-1]
+        what = f"{math.prod(shape)} solutions" if shape else "Solution"
+        counts = {"redundancy": stats.redundancy, "freedom": stats.freedom, "steps of friction": stats.steps}
+        return [*outcome(self.result, what), ", ".join(f"{name} {span(count)}" for name, count in counts.items())]
 
 
-def _shown(values: np.ndarray) -> str:
-    """Numbers as text; what is rounding beside the largest is 0."""
-    rounding = 100 * np.finfo(values.dtype).eps * np.abs(np.nan_to_num(values)).max(initial=0.0)
-    return np.array2string(np.where(np.abs(values) <= rounding, 0.0, values), 100, 6)
+_MORE = "All of them: print(solution.to_pandas().T.to_string())"

@@ -13,8 +13,9 @@ import jax
 import numpy as np
 
 from .._system._axis import Axis
-from .._system._names import KEPT, AbstractNamed, Names
-from .._system._results import RESULTS, result_codes
+from .._system._named import AbstractNamed
+from .._system._names import KEPT, Names
+from .._system._results import RESULTS, flags
 from .._system._system import AbstractSystem
 from .._system._units import UNSTATED, StatedUnits
 from .._tools._module import replace_fields
@@ -122,9 +123,8 @@ def _names(outputs: Any) -> Names | None:
 def _variable(name: str, leaf: Any, axes: Mapping[str, Axis], units: StatedUnits) -> Variable:
     attrs: dict[str, Any] = {}
     if isinstance(leaf, RESULTS):
-        codes = result_codes()
         leaf = jax.tree.leaves(leaf)[0]
-        attrs = {"flag_values": np.array([*codes.values()], leaf.dtype), "flag_meanings": " ".join(codes)}
+        attrs = flags(leaf.dtype)
     shape, dtype = tuple(leaf.shape), np.dtype(leaf.dtype)
     if not storable(dtype):
         raise ValueError(
@@ -136,8 +136,7 @@ def _variable(name: str, leaf: Any, axes: Mapping[str, Axis], units: StatedUnits
     label = _LABELLED.get(last, "")
     if label in axes and shape and shape[-1] == len(axes[label]):
         dims = (*dims[:-1], label)
-        if last in KEPT and str(units):
-            attrs |= {"linear_unit": KEPT[last].unit(False, units), "angular_unit": KEPT[last].unit(True, units)}
+        attrs |= KEPT[last].attributes(units) if last in KEPT else {}
     return Variable(shape, dtype, dims, attrs)
 
 

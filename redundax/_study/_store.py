@@ -6,15 +6,14 @@ the disk can do to it is in `_disk`.
 """
 
 import contextlib
-import importlib
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .._tools._optional import optional
 from ._disk import add_check, create_checks, damage, no_room, reserve, unreadable
 from ._layout import SAMPLE, Layout, Variable
 
@@ -23,14 +22,6 @@ if TYPE_CHECKING:
 
 # Files that datasets of this program read; closed before they are written, they open again when a value is asked for.
 _READ: dict[Path, Any] = {}
-
-
-def optional(name: str) -> ModuleType:
-    """A package that only studies need."""
-    try:
-        return importlib.import_module(name)
-    except ImportError as error:
-        raise ImportError(f'A study needs the package {name}: pip install "redundax[study]".') from error
 
 
 class Memory:

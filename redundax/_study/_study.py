@@ -17,10 +17,11 @@ from jax.sharding import Mesh
 
 from .._system._system import AbstractSystem
 from .._tools._module import Numbers
+from .._tools._optional import optional
 from .._tools._progress import progress as told
 from ._layout import Layout, layout, named, storable
 from ._processes import check_threads, fetch, meet, of_first, refuse, spread
-from ._store import File, Follower, Memory, Store, optional
+from ._store import File, Follower, Memory, Store
 
 if TYPE_CHECKING:
     import xarray

@@ -21,7 +21,8 @@ from jax.sharding import Mesh
 from jaxtyping import Array
 
 from .._solve._solution import Solution
-from .._system._names import QUANTITIES, AbstractNamed
+from .._system._named import AbstractNamed
+from .._system._names import QUANTITIES
 from .._system._results import RESULTS, is_one_of, result_codes
 from .._system._system import AbstractSystem
 from ._distributions import AbstractDistribution, check_distributions, check_power, entries, sobol

@@ -14,17 +14,14 @@ Names never reach compiled programs: systems go there anonymous, and results get
 import dataclasses
 import difflib
 from collections.abc import Collection, Mapping, Sequence
-from operator import attrgetter
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from .._tools._module import Numbers, as_float
 from ._axis import Axis
-from ._joint_coordinates import AbstractJointCoordinates
 from ._units import UNSTATED, StatedUnits
 
 ByName = Numbers | Mapping[str, ArrayLike]  # a vector or a number for equal entries; or numbers by name
@@ -49,6 +46,11 @@ class Quantity(NamedTuple):
     def unit(self, angular: bool, units: StatedUnits) -> str:
         """Unit of an entry, angular or not."""
         return units.of(self.kind(angular), self.rates)
+
+    def attributes(self, units: StatedUnits) -> dict[str, str]:
+        """Both units, for the attributes of a data set; none where none are stated."""
+        known = {"linear_unit": self.unit(False, units), "angular_unit": self.unit(True, units)}
+        return known if str(units) else {}
 
 
 QUANTITIES = {
@@ -153,34 +155,6 @@ def entries(
 def unit_of(kind: str, units: StatedUnits) -> str:
     """Unit of an acceleration, multiplier, friction or joint load of a kind, as of `Names.unknowns`."""
     return units.of(kind, 2 if kind in ("linear", "angular") else 0)
-
-
-class AbstractNamed(eqx.Module):
-    """A result whose entries have names.
-
-    - `names`: what is called how; None inside of the library.
-    - `joint_coordinates`: what the motion of joints is computed from.
-    """
-
-    names: Names | None = eqx.field(static=True, default=None, repr=False, kw_only=True)
-    joint_coordinates: AbstractJointCoordinates | None = eqx.field(default=None, repr=False, kw_only=True)
-
-    @property
-    def entries(self) -> tuple[Entry, ...]:
-        """All entries that have names; positions have some where velocities are their rates."""
-        if self.names is None:
-            raise ValueError("This result has no names: it does not come from `solve` or `simulate`. Index its arrays.")
-        chart = "" if self.names.adds else "q"
-        return tuple(entries(self.names.axes, [array for array in QUANTITIES if array != chart], self.names.units))
-
-    def __getitem__(self, name: str) -> Float[Array, "..."]:
-        """One entry by name, with the axes of batches and times."""
-        known = self.entries
-        return self.entry(known[index_of("name", name, [each.name for each in known])])
-
-    def entry(self, entry: Entry) -> Float[Array, "..."]:
-        """The same, given one of `entries`."""
-        return attrgetter(entry.array)(self)[..., entry.index]
 
 
 class UnknownName(ValueError, KeyError):

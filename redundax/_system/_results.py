@@ -5,9 +5,11 @@ Numbers are given only with `RESULTS.successful`; with every other result the ar
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
+import numpy as np
 from jaxtyping import Array, Bool
 
 
@@ -159,3 +161,9 @@ def is_one_of(result: RESULTS, *expected: RESULTS) -> bool:
 def result_codes() -> dict[str, int]:
     """The name of every result and the number that stands for it in arrays."""
     return {name: int(jax.tree.leaves(getattr(RESULTS, name))[0]) for name in RESULTS.__members__}
+
+
+def flags(dtype: np.dtype) -> dict[str, Any]:
+    """What every number of results stands for, as the CF conventions write it into the attributes of a data set."""
+    codes = result_codes()
+    return {"flag_values": np.array([*codes.values()], dtype), "flag_meanings": " ".join(codes)}

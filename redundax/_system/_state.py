@@ -9,6 +9,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PyTree
 
 from .._tools._module import Numbers, as_float
+from .._tools._table import are_known, figures, group, page
 
 
 class State(eqx.Module):
@@ -39,6 +40,15 @@ class State(eqx.Module):
         self.q, self.qd = as_float(q), as_float(qd)
         self.t = as_float(t).astype(self.qd.dtype)
         self.memory = memory
+
+    def __str__(self) -> str:
+        """A table without names, which `system.table(state)` has; shapes of several, and inside of transformations."""
+        if not are_known((self.q, self.qd, self.t)) or self.q.ndim != 1 or self.q.shape != self.qd.shape:
+            return repr(self)
+        labels = [str(k) for k in range(self.q.size)]
+        rows = group(("", "position", "velocity"), labels, *(figures(np.asarray(x)) for x in (self.q, self.qd)))
+        head = f"State at t = {self.t:.6g}; by name and with units: print(mechanism.table(state))"
+        return "\n".join([head, *page([rows], [], "All of them: state.q and state.qd")])
 
 
 def states_of(states: State | Sequence[State]) -> list[State]:

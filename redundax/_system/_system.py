@@ -18,10 +18,12 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PyTree
 
 from .._tools._module import Numbers, as_float, as_functions, as_parameters, moved, replace_fields
+from .._tools._table import are_known, page
 from ._axis import Axis, axis
 from ._friction import AbstractFriction, slip_kinds
 from ._joint_coordinates import AbstractJointCoordinates, NoJointCoordinates
 from ._names import Names
+from ._pages import told, values_of
 from ._state import State
 from ._units import Units, of_model
 
@@ -92,6 +94,22 @@ class AbstractSystem(eqx.Module):
     @abc.abstractmethod
     def adds(self) -> bool:
         """Whether q [+] d is q + d."""
+
+    def table(self, state: State) -> str:
+        """A state by names and with units, as text: positions, where velocities are their rates, and velocities.
+
+        ??? example
+
+            ```python
+            print(mechanism.table(state))
+            ```
+        """
+        if not are_known((state.q, state.qd, state.t)) or state.qd.shape != (len(self.coordinates),):
+            return repr(state)
+        arrays = [*([("q", state.q)] if self.adds else []), ("qd", state.qd)]
+        time = f"t = {state.t:.6g} {self.names.units.of('time')}".strip()
+        rows = values_of(self.names, *arrays)
+        return "\n".join([f"State at {time}", *told(self.names, ""), *page(rows, [], "All of them: state.q, state.qd")])
 
     @property
     def joint_coordinates(self) -> AbstractJointCoordinates:

@@ -18,12 +18,14 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from .._tools._module import as_float, is_concrete, numpy_of
+from .._tools._table import are_known
 from ._axis import Axis
 
 _INCH, _POUND, _GRAVITY = 0.0254, 0.45359237, 9.80665
 _LENGTHS = {"m": 1.0, "mm": 1e3, "cm": 1e2, "µm": 1e6, "km": 1e-3, "in": 1 / _INCH, "ft": 1 / (12 * _INCH)}
 _ANGLES = {"rad": 1.0, "mrad": 1e3, "°": 180 / math.pi}
 _MASSES = {"kg": 1.0, "g": 1e3, "t": 1e-3, "mg": 1e6, "lb": 1 / _POUND}
+_MASSES |= {"slug": 12 * _INCH / (_POUND * _GRAVITY), "slinch": _INCH / (_POUND * _GRAVITY)}  # lbf s²/ft, lbf s²/in
 _TIMES = {"s": 1.0, "ms": 1e3, "min": 1 / 60, "h": 1 / 3600}
 _FORCES = {"N": 1.0, "mN": 1e3, "µN": 1e6, "kN": 1e-3, "MN": 1e-6, "lbf": 1 / (_POUND * _GRAVITY)}
 _POWERS = ("", "", "²")
@@ -34,11 +36,15 @@ class Units(eqx.Module):
 
     `Units(length=1000.0)` turns metres into millimetres.
 
+    Ready, as factors from SI: `SI` (m, kg, s, N), `MM_TONNE` (mm, t, s, N), `MM_KG` (mm, kg, s, mN), `MM_KG_MS`
+    (mm, kg, ms, kN), `INCH_POUND` (in, slinch = lbf s²/in, s, lbf) and `FOOT_POUND` (ft, slug = lbf s²/ft, s, lbf).
+
     ??? example
 
         ```python
         rx.units.Units(length=1000.0)  # from metres to millimetres
         rx.units.Units(length=1000.0, mass=0.001)  # and from kilograms to tonnes: forces stay in newtons
+        rx.units.MM_TONNE  # the same
         ```
     """
 
@@ -62,6 +68,28 @@ class Units(eqx.Module):
         energy, own = map(numpy_of(self).asarray, (self.energy, self.of(axis)))
         return as_float(energy / own)
 
+    def __str__(self) -> str:
+        """What figures in SI become."""
+        return f"SI to {StatedUnits(1.0).in_units(self)}" if are_known(self) else repr(self)
+
+
+# Factors from SI of units that go together, so that force is mass times acceleration in them.
+_READY = {
+    "SI": {},
+    "MM_TONNE": {"length": 1e3, "mass": 1e-3},
+    "MM_KG": {"length": 1e3},
+    "MM_KG_MS": {"length": 1e3, "time": 1e3},
+    "INCH_POUND": {"length": _LENGTHS["in"], "mass": _MASSES["slinch"]},
+    "FOOT_POUND": {"length": _LENGTHS["ft"], "mass": _MASSES["slug"]},
+}
+
+
+def ready_units(name: str) -> Units:
+    """Units that go together, by name, in the precision that is set now."""
+    if name not in _READY:
+        raise AttributeError(f"`units` has no {name!r}. There are {', '.join(_READY)}.")
+    return Units(**_READY[name])
+
 
 @dataclasses.dataclass(frozen=True)
 class StatedUnits:
@@ -78,8 +106,8 @@ class StatedUnits:
     def of(self, kind: str, rates: int = 0) -> str:
         """The symbol of a unit, as in "mm/s²"; "" where none is stated.
 
-        `kind` is "linear", "angular", "mass", "time", "force", "moment", or one of the latter after "friction ", and
-        `rates` how often it is differentiated by time.
+        `kind` is "linear", "angular", "mass", "inertia", "time", "force", "moment", or one of the last two after
+        "friction ", and `rates` how often it is differentiated by time.
         """
         if self.length is None:
             return ""
@@ -90,6 +118,7 @@ class StatedUnits:
         moment += "" if angle == "rad" else f"/{angle}"
         force = force or f"{mass} {length}/{time}²"
         symbols = {"linear": length, "angular": angle, "mass": mass, "time": time, "force": force, "moment": moment}
+        symbols["inertia"] = f"{mass} {length}²"
         return symbols[kind.removeprefix("friction ")] + (f"/{time}{_POWERS[rates]}" if rates else "")
 
     def in_units(self, units: Units) -> "StatedUnits":

@@ -10,7 +10,7 @@ their friction is any within its limits, and `_loads_at_rest` finds inner and ou
 import dataclasses
 import itertools
 from collections.abc import Sequence
-from typing import Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import jax.numpy as jnp
 import numpy as np
@@ -26,6 +26,7 @@ from ..._equations._factorisation import Factorisation
 from ..._equations._factorize import factorisation_at
 from ..._solve._all_solutions import start_factors
 from ..._solvers._friction_problem import Law
+from ..._system._export import bands_dataset
 from ..._system._names import ByName, index_of, senses, unit_of
 from ..._system._pushing import in_words, pulling
 from ..._system._results import RESULTS
@@ -41,10 +42,16 @@ from .._search import Search, best, few, proved_single
 from .._solution_set import SolutionSet, solution_set
 from .._sticking._at_rest import is_still
 
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
 
 @dataclasses.dataclass(frozen=True)
 class Bands:
-    """Smallest and largest values of outputs under bounds. `str()` gives a table, `to_dict()` data.
+    """Smallest and largest values of outputs under bounds.
+
+    `str()` gives a table, `to_dict()`, `to_pandas()` and `to_xarray()` data.
 
     - `names`, `kinds`: of the outputs; kinds are "linear", "angular", "force", "moment", "friction force" and
       "friction moment".
@@ -104,6 +111,14 @@ class Bands:
     def empty(self) -> bool:
         """Whether no solution within the bounds was found."""
         return bool(np.isnan(self.lower).any())
+
+    def to_pandas(self) -> "pandas.DataFrame":
+        """One row for each output, with its unit; needs pandas, of the extra `study`."""
+        return self.to_xarray().to_dataframe()
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """The bands along "output", with kinds and units beside; needs xarray, of the extra `study`."""
+        return bands_dataset(self, ("output",), {})
 
     def to_dict(self) -> dict[str, Any]:
         """Plain Python data; figures that were not found become None."""

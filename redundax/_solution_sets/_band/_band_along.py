@@ -8,7 +8,7 @@ import dataclasses
 import itertools
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jax.typing import ArrayLike
@@ -16,6 +16,7 @@ from jax.typing import ArrayLike
 from ..._analysis._outputs import plain
 from ..._closures._closure import AbstractClosure
 from ..._system._axis import Axis
+from ..._system._export import bands_dataset
 from ..._system._names import ByName
 from ..._system._state import State, states_of
 from ..._system._system import AbstractSystem
@@ -23,13 +24,18 @@ from ..._system._units import with_unit
 from .._bounds import AbstractBounds
 from ._band import Bands, band
 
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
 _LINES = 40  # of a table
 _STILL = 1e-9  # rate of a coordinate that is rounding, relative to the fastest
 
 
 @dataclasses.dataclass(frozen=True)
 class BandPath:
-    """Bands of outputs at successive states. `str()` gives a table, `to_dict()` data.
+    """Bands of outputs at successive states. `str()` gives a table, `to_dict()`, `to_pandas()` and
+    `to_xarray()` data.
 
     - `t`, `q`, `qd`: time, coordinates and velocities of the states, each with an axis for them in front.
     - `coordinates`, `coordinate_units`, `time_unit`: names and kinds of what moves, and units.
@@ -131,6 +137,16 @@ class BandPath:
             out.append((said, slice(first, first + size)))
             first += size
         return out
+
+    def to_pandas(self) -> "pandas.DataFrame":
+        """One row for each state and output, with its unit; needs pandas, of the extra `study`."""
+        return self.to_xarray().to_dataframe()
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """The bands along "state" and "output", with times, kinds and units; needs xarray, of the extra `study`."""
+        return bands_dataset(
+            self, ("state", "output"), {"t": ("state", self.t, {"units": self.time_unit} if self.time_unit else {})}
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain Python data; infinities and NaN become None."""

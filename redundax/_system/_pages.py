@@ -1,0 +1,117 @@
+"""What a print of a result shows: its entries by name, those of one unit together under a heading that says which."""
+
+import math
+import textwrap
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+
+from .._tools._table import WIDTH, Group, figures, group
+from ._axis import Axis
+from ._names import QUANTITIES, Names
+from ._results import RESULTS, result_codes
+from ._units import with_unit
+
+WORDS = {
+    "q": "position",
+    "qd": "velocity",
+    "acceleration": "acceleration",
+    "multipliers": "multiplier",
+    "friction": "friction",
+}
+
+
+def by_unit(
+    axis: Axis, heading: Callable[[bool], tuple[str, ...]], labels: Sequence[str], *columns: Sequence[str]
+) -> list[Group]:
+    """The rows of an axis, those of linear coordinates and forces before the others where headings differ."""
+    if heading(False) == heading(True):
+        return [group(heading(False), labels, *columns)]
+    places = np.flatnonzero(~axis.angular), np.flatnonzero(axis.angular)
+    return [
+        group(heading(angular), *([column[k] for k in own.tolist()] for column in (labels, *columns)))
+        for angular, own in zip((False, True), places, strict=True)
+    ]
+
+
+def values_of(names: Names, *arrays: tuple[str, Any]) -> list[Group]:
+    """One column for each of these arrays by `Quantity`, which have the same axis; one alone has its own names."""
+    quantities = [QUANTITIES[array] for array, _ in arrays]
+    axis, alone = names.axes[quantities[0].axis], len(arrays) == 1
+
+    def heading(angular: bool) -> tuple[str, ...]:
+        units = [_heading(array, angular, names) for array, _ in arrays]
+        return (*units, "") if alone else ("", *units)
+
+    labels = [quantities[0].pattern.format(label) if alone else label for label in axis.labels]
+    return by_unit(axis, heading, labels, *(figures(np.asarray(values)) for _, values in arrays))
+
+
+def spans_of(names: Names, *arrays: tuple[str, Any]) -> list[Group]:
+    """The same for the least and the largest of these arrays over all axes but the last."""
+    quantity = QUANTITIES[arrays[0][0]]
+    axis = names.axes[quantity.axis]
+
+    def heading(angular: bool) -> tuple[str, ...]:
+        return ("", *(cell for array, _ in arrays for cell in (_heading(array, angular, names), "to")))
+
+    return by_unit(axis, heading, axis.labels, *(column for _, values in arrays for column in _ends(values)))
+
+
+def ranges_of(names: Names, array: str, values: Any, samples: str = "") -> list[Group]:
+    """Least and largest of each entry over all axes but the last, and how many `samples`, in a word, have none."""
+    quantity = QUANTITIES[array]
+    axis, last = names.axes[quantity.axis], (samples,) if samples else ()
+    columns = _ends(values)
+    if samples:
+        columns.append([str(count) for count in np.isnan(_flat(values)).sum(axis=0)])
+
+    def heading(angular: bool) -> tuple[str, ...]:
+        return (_heading(array, angular, names), "least", "largest", *last)
+
+    return by_unit(axis, heading, [quantity.pattern.format(label) for label in axis.labels], *columns)
+
+
+def _ends(values: Any) -> list[list[str]]:
+    """Columns of the least and of the largest; NaN where there is none."""
+    flat = _flat(values)
+    missing = np.isnan(flat)
+    ends = (
+        np.where(missing, np.inf, flat).min(axis=0, initial=np.inf),
+        np.where(missing, -np.inf, flat).max(axis=0, initial=-np.inf),
+    )
+    return [figures(np.where(missing.all(axis=0), np.nan, end), flat, 5) for end in ends]
+
+
+def _flat(values: Any) -> np.ndarray:
+    values = np.asarray(values)
+    return values.reshape(math.prod(values.shape[:-1]), values.shape[-1])
+
+
+def _heading(array: str, angular: bool, names: Names) -> str:
+    return with_unit(WORDS[array], QUANTITIES[array].unit(angular, names.units))
+
+
+def outcome(result: RESULTS, what: str) -> list[str]:
+    """How it ended, or of several results of a kind how many ended in which way."""
+    codes = np.asarray(jax.tree.leaves(result)[0])
+    if codes.ndim == 0:
+        text = RESULTS[result]
+        return textwrap.wrap(f"{what}: {text}" if text else f"{what}: successful", WIDTH)
+    names = {code: name for name, code in result_codes().items()}
+    ended = [f"{count} {names[int(code)]}" for code, count in zip(*np.unique(codes, return_counts=True), strict=True)]
+    return textwrap.wrap(f"{what}: {', '.join(ended)}", WIDTH)
+
+
+def span(values: Any) -> str:
+    """A number, or the least and the largest of several."""
+    least, largest = np.min(values), np.max(values)
+    return f"{least:.3g}" if least == largest else f"{least:.3g} to {largest:.3g}"
+
+
+def told(names: Names, words: str) -> list[str]:
+    """The units that the model states, and what else must be told."""
+    units = [f"units {names.units}"] if str(names.units) else []
+    return [*units, *textwrap.wrap(words, WIDTH)]

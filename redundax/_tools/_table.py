@@ -1,0 +1,88 @@
+"""Tables as text: groups of rows under headings of their own, side by side where they fit, the middle of long ones left
+out."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from ._module import is_concrete
+
+WIDTH = 100
+LINES = 26  # of a page, beside what is said above it
+
+
+class Group(NamedTuple):
+    """Rows under one heading, cell by cell; the first cells are words, the others figures."""
+
+    heading: tuple[str, ...]
+    rows: list[tuple[str, ...]]
+    words: int = 1
+
+
+def group(heading: Sequence[str], *columns: Sequence[str]) -> Group:
+    """A group from its columns."""
+    return Group(tuple(heading), list(zip(*columns, strict=True)))
+
+
+def page(left: Sequence[Group], right: Sequence[Group], more: str) -> list[str]:
+    """Two tables, beside each other or below; `more` says how to see what is left out."""
+    tables = [[one for one in side if one.rows] for side in (left, right)]
+    shown = [_table(side, LINES) for side in tables]
+    widths = [max(map(len, lines), default=0) for lines in shown]
+    room = LINES
+    if all(widths) and sum(widths) + 4 <= WIDTH:
+        longest = max(map(len, shown))
+        first, second = ([*lines, *[""] * (longest - len(lines))] for lines in shown)
+        lines = [f"{a:{widths[0] + 4}}{b}".rstrip() for a, b in zip(first, second, strict=True)]
+    else:
+        room = LINES // sum(map(bool, tables)) if any(tables) else LINES
+        lines = [line for side in tables for line in _table(side, room)]
+    return [*lines, more] if any(_most(side, room) < _size(side) for side in tables) else lines
+
+
+def figures(values: np.ndarray, beside: np.ndarray | None = None, digits: int = 6) -> list[str]:
+    """Numbers as text; what is rounding beside the largest, of these or of others, is 0."""
+    values = np.asarray(values)
+    others = np.abs(values if beside is None else beside)
+    rounding = 100 * np.finfo(values.dtype).eps * others[np.isfinite(others)].max(initial=0.0)
+    return [f"{0.0 if abs(x) <= rounding else x:.{digits}g}" for x in values.tolist()]
+
+
+def are_known(tree: Any) -> bool:
+    """Whether all leaves are arrays whose numbers are there to be shown."""
+    return all(isinstance(x, np.ndarray | jax.Array) and is_concrete(x) for x in jax.tree.leaves(tree))
+
+
+def _size(groups: Sequence[Group]) -> int:
+    return max((len(one.rows) for one in groups), default=0)
+
+
+def _most(groups: Sequence[Group], lines: int) -> int:
+    """How many rows each group may have, so that a table has this many lines."""
+    room = lines + 1 - 2 * len(groups)
+    fits = (most for most in range(room, 3, -1) if sum(min(most, len(one.rows)) for one in groups) <= room)
+    return next(fits, 3)
+
+
+def _table(groups: Sequence[Group], lines: int) -> list[str]:
+    most = _most(groups, lines)
+    gap = ("",) * max((len(one.heading) for one in groups), default=0)
+    rows = [row for one in groups for row in (gap, one.heading, *_some(one.rows, most))][1:]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    sides = "<" * groups[0].words + ">" * len(gap) if groups else ""
+    return [
+        "  ".join(f"{cell:{side}{width}}" for cell, side, width in zip(row, sides, widths, strict=False)).rstrip()
+        for row in rows
+    ]
+
+
+def _some(rows: list[tuple[str, ...]], most: int) -> list[tuple[str, ...]]:
+    """The first and the last, and how many are left out between them."""
+    if len(rows) <= most:
+        return rows
+    last = (most - 1) // 2
+    first = most - 1 - last
+    gap = (f"... {len(rows) - most + 1} more", *[""] * (len(rows[0]) - 1))
+    return [*rows[:first], gap, *rows[len(rows) - last :]]
