@@ -227,7 +227,8 @@ class Mechanism(AbstractSystem):
     def __str__(self) -> str:
         """A table of its bodies and joints; its size inside of transformations, and of several or without names."""
         parts = self.body, self.joints, self._friction, self.loads, self.gravity
-        if not self.names.bodies or not are_known(eqx.filter(parts, eqx.is_array)) or self.body.mass.ndim != 1:
+        is_one = getattr(self.body.mass, "ndim", None) == 1
+        if not (self.names.bodies and is_one and are_known(eqx.filter(parts, eqx.is_array))):
             return repr(self)
         return mechanism_page(self.names, *parts)
 

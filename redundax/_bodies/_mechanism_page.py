@@ -31,7 +31,11 @@ def mechanism_page(
     stated = f"; units {units}" if str(units) else ""
     pulls = with_unit(f"({', '.join(figures(np.asarray(gravity)))})", units.of("linear", 2)).replace("),", ")")
     acting = [f"gravity {pulls}"] if np.any(np.asarray(gravity)) else []
-    acting += [f"{type(load.element).__name__} on {place}" for load in loads for place in _places(names, load)]
+    acting += [
+        f"{type(load.element).__name__} on {place.removesuffix(f', {GROUND}').replace(', ', ' and ')}"
+        for load in loads
+        for place in _places(names, load)
+    ]
     head = [
         f"Mechanism with {len(names.coordinates)} coordinates, {len(names.rows)} rows{stated}",
         *textwrap.wrap(f"Loads: {', '.join(acting) or 'none'}", WIDTH, max_lines=2, placeholder=" ..."),
@@ -55,7 +59,7 @@ def _joints(names: Names, joints: Sequence[Stack], friction: Sequence[FrictionMe
         for stack, own in zip(joints, names.joints, strict=True)
         for name, place in zip(own, _places(names, stack), strict=True)
     ]
-    return Group(("joint", "kind", "bodies", "friction"), rows, 4)
+    return Group(("joint", "kind", "bodies", "friction"), rows, "<<<<")
 
 
 def _places(names: Names, stack: Stack) -> list[str]:

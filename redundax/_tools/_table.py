@@ -14,11 +14,12 @@ LINES = 26  # of a page, beside what is said above it
 
 
 class Group(NamedTuple):
-    """Rows under one heading, cell by cell; the first cells are words, the others figures."""
+    """Rows under one heading, cell by cell, which stand to the left "<" or to the right ">": all but the first, if not
+    said."""
 
     heading: tuple[str, ...]
     rows: list[tuple[str, ...]]
-    words: int = 1
+    sides: str = ""
 
 
 def group(heading: Sequence[str], *columns: Sequence[str]) -> Group:
@@ -37,8 +38,9 @@ def page(left: Sequence[Group], right: Sequence[Group], more: str) -> list[str]:
         first, second = ([*lines, *[""] * (longest - len(lines))] for lines in shown)
         lines = [f"{a:{widths[0] + 4}}{b}".rstrip() for a, b in zip(first, second, strict=True)]
     else:
-        room = LINES // sum(map(bool, tables)) if any(tables) else LINES
-        lines = [line for side in tables for line in _table(side, room)]
+        room = (LINES - all(widths)) // max(1, sum(map(bool, tables)))
+        first, second = (_table(side, room) for side in tables)
+        lines = [*first, *[""] * all(widths), *second]
     return [*lines, more] if any(_most(side, room) < _size(side) for side in tables) else lines
 
 
@@ -71,7 +73,7 @@ def _table(groups: Sequence[Group], lines: int) -> list[str]:
     gap = ("",) * max((len(one.heading) for one in groups), default=0)
     rows = [row for one in groups for row in (gap, one.heading, *_some(one.rows, most))][1:]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    sides = "<" * groups[0].words + ">" * len(gap) if groups else ""
+    sides = groups[0].sides or "<" + ">" * len(gap) if groups else ""
     return [
         "  ".join(f"{cell:{side}{width}}" for cell, side, width in zip(row, sides, widths, strict=False)).rstrip()
         for row in rows

@@ -293,17 +293,23 @@ def test_what_is_printed():
     """A uniform rod of 1 m that falls from the horizontal turns with 3 g / 2."""
     pin = rx.Revolute("A", "rod", "ground", point_i=(-0.5, 0.0), point_j=(0.0, 0.0))
     pendulum = rx.Mechanism([rx.Body("rod", 1.0, 1 / 12)], [pin], gravity=(0.0, -10.0))
-    assert str(pendulum) == "Mechanism with 3 coordinates, 2 rows: bodies rod; Revolute A; friction in none"
+    assert repr(pendulum) == "Mechanism with 3 coordinates, 2 rows, bodies rod"
     state = rx.State([0.5, 0.0, 0.0], [0.0, 0.0, 0.0])
-    counts, acceleration, multipliers, friction = str(registry.solve(pendulum, state)).splitlines()
-    assert counts == "redundancy 0, freedom 1, 0 steps of friction"
-    assert acceleration.split() == ["acceleration", "[", "0.", "-7.5", "-15.", "]"]
-    assert multipliers.split() == ["multipliers", "[", "0.", "-2.5]"]
-    assert friction == "friction []"
+    lines = [line.split() for line in str(registry.solve(pendulum, state)).splitlines()]
+    assert lines == [
+        ["Solution:", "successful"],
+        ["redundancy", "0,", "freedom", "1,", "steps", "of", "friction", "0"],
+        ["position", "velocity", "acceleration", "multiplier"],
+        ["rod.x", "0.5", "0", "0", "A.x", "0"],
+        ["rod.y", "0", "0", "-7.5", "A.y", "-2.5"],
+        ["rod.phi", "0", "0", "-15"],
+    ]
     off = registry.solve(pendulum, rx.State(state.q + 0.1, state.qd), throw=False)
-    assert str(off).startswith(rx.RESULTS[off.result])
+    assert rx.RESULTS[off.result] in " ".join(str(off).split())
     shapes = jax.tree.map(jnp.shape, (off, pendulum))
-    assert "float" not in "".join(map(str, shapes)) and str(pendulum.anonymous()).startswith("Mechanism(")
+    assert (
+        "float" not in "".join(map(str, shapes)) and str(pendulum.anonymous()) == "Mechanism with 3 coordinates, 2 rows"
+    )
 
 
 def test_a_guide_that_rubs_needs_a_length():

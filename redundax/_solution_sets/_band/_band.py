@@ -34,6 +34,7 @@ from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._system._units import with_unit
 from ..._tools._module import no_classes
+from ..._tools._table import figures, group, page
 from .._bounds import AbstractBounds, cases_of
 from .._cases import AbstractCases, Affine
 from .._family._solution_family import solutions_of
@@ -127,7 +128,6 @@ class Bands:
 
     def __str__(self) -> str:
         labels = [with_unit(name, unit) for name, unit in zip(self.names, self.units, strict=True)]
-        size = max(map(len, labels)) + 2
         lines = [self.title]
         if self.stands is not None:
             lines.append(_STANDS[self.stands])
@@ -135,9 +135,9 @@ class Bands:
             return "\n".join(lines if self.stands is not None else [*lines, _EMPTY])
         if self.solved < 1:
             lines.append(f"NO SOLUTION for {1 - self.solved:.0%} of the cases looked at.")
-        lines.append(f"{'':{size}}{'least':>14}{'largest':>14}")
-        for k, name in enumerate(labels):
-            lines.append(f"{name:{size}}{self.lower[k]:14.6g}{self.upper[k]:14.6g}  {self._kind(k)}")
+        ends = [figures(end, np.stack([self.lower, self.upper])) for end in (self.lower, self.upper)]
+        rows = group(("", f"{'least':>14}", f"{'largest':>12}", ""), labels, *ends, [*map(self._kind, range(len(labels)))])
+        lines += page([rows._replace(sides="<>><")], [], "All of them: bands.to_pandas()")
         if np.any(np.isinf(self.outer_lower) | np.isinf(self.outer_upper)):
             lines.append("Inner estimates: all within is attained; more may be, and no outer bound is known.")
         if self.pulling:
