@@ -9,7 +9,7 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from .._system._joint_coordinates import JointMotion, joint_motion, joint_reactions
 from .._system._named import AbstractNamed
-from .._system._pages import outcome, ranges_of, span, spans_of, told
+from .._system._pages import further, outcome, ranges_of, span, spans_of, told
 from .._system._pushing import in_words, pulling
 from .._system._results import RESULTS
 from .._system._state import State
@@ -121,7 +121,7 @@ class Trajectory(AbstractNamed):
         left = spans_of(names, *((name, getattr(self, name)) for name in moves))
         right = itertools.chain(*(ranges_of(names, name, array) for name, array in loads.items()))
         head = [*self._outcome(), *told(names, in_words(self.pulling))]
-        return "\n".join([*head, *page(left, [*right], _MORE)])
+        return "\n".join([*head, *page(left, [*right], _MORE), *further(names)])
 
     def _outcome(self) -> list[str]:
         """Times, how it ended, and the evidence."""

@@ -11,7 +11,7 @@ from .._equations._evidence import Violation
 from .._equations._rank import Spectrum
 from .._system._joint_coordinates import JointMotion, joint_motion, joint_reactions
 from .._system._named import AbstractNamed
-from .._system._pages import outcome, ranges_of, span, told, values_of
+from .._system._pages import further, outcome, ranges_of, span, told, values_of
 from .._system._pushing import in_words, pulling
 from .._system._results import RESULTS, is_one_of
 from .._system._state import State
@@ -156,7 +156,7 @@ class Solution(AbstractNamed):
             first += [("qd", state.qd)] if state is not None else []
             left = values_of(self.names, *first, last)
             right = [values_of(self.names, (name, numbers[name])) for name in ("multipliers", "friction")]
-        return "\n".join([*head, *page(left, [*itertools.chain(*right)], _MORE)])
+        return "\n".join([*head, *page(left, [*itertools.chain(*right)], _MORE), *further(self.names)])
 
     def _outcome(self) -> list[str]:
         """How it ended, or all of a batch did, and the counts."""

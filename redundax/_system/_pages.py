@@ -115,3 +115,9 @@ def told(names: Names, words: str) -> list[str]:
     """The units that the model states, and what else must be told."""
     units = [f"units {names.units}"] if str(names.units) else []
     return [*units, *textwrap.wrap(words, WIDTH)]
+
+
+def further(names: Names) -> list[str]:
+    """What joints have, which is computed when it is asked for: an example each."""
+    known = [f'["{axis.labels[0]}"]' for axis in (names.reactions, names.joint_coordinates) if len(axis)]
+    return [f"Joints by name: {', '.join(known)}, ..."] if known else []

@@ -136,7 +136,9 @@ class Bands:
         if self.solved < 1:
             lines.append(f"NO SOLUTION for {1 - self.solved:.0%} of the cases looked at.")
         ends = [figures(end, np.stack([self.lower, self.upper])) for end in (self.lower, self.upper)]
-        rows = group(("", f"{'least':>14}", f"{'largest':>12}", ""), labels, *ends, [*map(self._kind, range(len(labels)))])
+        rows = group(
+            ("", f"{'least':>14}", f"{'largest':>12}", ""), labels, *ends, [*map(self._kind, range(len(labels)))]
+        )
         lines += page([rows._replace(sides="<>><")], [], "All of them: bands.to_pandas()")
         if np.any(np.isinf(self.outer_lower) | np.isinf(self.outer_upper)):
             lines.append("Inner estimates: all within is attained; more may be, and no outer bound is known.")
