@@ -9,7 +9,7 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from .._system._joint_coordinates import JointMotion, joint_motion, joint_reactions
 from .._system._named import AbstractNamed
-from .._system._pages import further, outcome, ranges_of, span, spans_of, told
+from .._system._pages import further, notes, numbers_of, outcome, ranges_of, spans_of
 from .._system._pushing import in_words, pulling
 from .._system._results import RESULTS
 from .._system._state import State
@@ -120,7 +120,7 @@ class Trajectory(AbstractNamed):
         moves = ("q", "qd") if names.adds else ("qd",)
         left = spans_of(names, *((name, getattr(self, name)) for name in moves))
         right = itertools.chain(*(ranges_of(names, name, array) for name, array in loads.items()))
-        head = [*self._outcome(), *told(names, in_words(self.pulling))]
+        head = [*self._outcome(), *notes(names, in_words(self.pulling))]
         return "\n".join([*head, *page(left, [*right], _MORE), *further(names)])
 
     def _outcome(self) -> list[str]:
@@ -129,15 +129,14 @@ class Trajectory(AbstractNamed):
         what = f"{math.prod(shape)} motions" if shape else "Motion"
         unit = "" if self.names is None else self.names.units.of("time")
         times = f"{count} times from t = {jnp.nanmin(self.t):.6g} to {jnp.nanmax(self.t):.6g} {unit}".strip()
-        steps = {"steps": stats.steps, "rejected": stats.rejected, "phases": stats.phases}
-        size = {
+        steps = {"end at t =": stats.end, "steps": stats.steps, "rejected": stats.rejected, "phases": stats.phases}
+        sizes = {
             "error of energy": stats.energy_error,
             "violation of positions": stats.position_violation,
             "of velocities": stats.velocity_violation,
             "contraction": stats.contraction,
         }
-        figures = (", ".join(f"{name} {span(value)}" for name, value in each.items()) for each in (steps, size))
-        return [*outcome(self.result, f"{what} at {times}"), *figures]
+        return [*outcome(self.result, f"{what} at {times}"), *numbers_of(steps), *numbers_of(sizes)]
 
 
 _MORE = "All of them, at all times: motion.to_pandas()"

@@ -11,7 +11,7 @@ from .._equations._evidence import Violation
 from .._equations._rank import Spectrum
 from .._system._joint_coordinates import JointMotion, joint_motion, joint_reactions
 from .._system._named import AbstractNamed
-from .._system._pages import further, outcome, ranges_of, span, told, values_of
+from .._system._pages import further, notes, numbers_of, outcome, ranges_of, values_of
 from .._system._pushing import in_words, pulling
 from .._system._results import RESULTS, is_one_of
 from .._system._state import State
@@ -144,7 +144,7 @@ class Solution(AbstractNamed):
         numbers = {name: getattr(self, name) for name in ("acceleration", "multipliers", "friction")}
         if self.names is None or not are_known((self.result, self.stats, self.state, *numbers.values())):
             return repr(self)
-        head = [*self._outcome(), *told(self.names, in_words(self.pulling))]
+        head = [*self._outcome(), *notes(self.names, in_words(self.pulling))]
         if self.acceleration.ndim > 1:
             failed = "failed" if any(np.isnan(array).any() for array in numbers.values()) else ""
             left, *right = (ranges_of(self.names, name, array, failed) for name, array in numbers.items())
@@ -163,7 +163,7 @@ class Solution(AbstractNamed):
         stats, shape = self.stats, self.acceleration.shape[:-1]
         what = f"{math.prod(shape)} solutions" if shape else "Solution"
         counts = {"redundancy": stats.redundancy, "freedom": stats.freedom, "steps of friction": stats.steps}
-        return [*outcome(self.result, what), ", ".join(f"{name} {span(count)}" for name, count in counts.items())]
+        return [*outcome(self.result, what), *numbers_of(counts)]
 
 
 _MORE = "All of them: print(solution.to_pandas().T.to_string())"

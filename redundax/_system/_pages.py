@@ -14,7 +14,7 @@ from ._names import QUANTITIES, Names
 from ._results import RESULTS, result_codes
 from ._units import with_unit
 
-WORDS = {
+_WORDS = {
     "q": "position",
     "qd": "velocity",
     "acceleration": "acceleration",
@@ -91,7 +91,7 @@ def _flat(values: Any) -> np.ndarray:
 
 
 def _heading(array: str, angular: bool, names: Names) -> str:
-    return with_unit(WORDS[array], QUANTITIES[array].unit(angular, names.units))
+    return with_unit(_WORDS[array], QUANTITIES[array].unit(angular, names.units))
 
 
 def outcome(result: RESULTS, what: str) -> list[str]:
@@ -105,13 +105,13 @@ def outcome(result: RESULTS, what: str) -> list[str]:
     return textwrap.wrap(f"{what}: {', '.join(ended)}", WIDTH)
 
 
-def span(values: Any) -> str:
-    """A number, or the least and the largest of several."""
-    least, largest = np.min(values), np.max(values)
-    return f"{least:.3g}" if least == largest else f"{least:.3g} to {largest:.3g}"
+def numbers_of(figures: dict[str, Any]) -> list[str]:
+    """Numbers with what they count or measure; of several the least and the largest."""
+    ends = {name: dict.fromkeys(f"{end(x):.4g}" for end in (np.min, np.max)) for name, x in figures.items()}
+    return textwrap.wrap(", ".join(f"{name} {' to '.join(span)}" for name, span in ends.items()), WIDTH)
 
 
-def told(names: Names, words: str) -> list[str]:
+def notes(names: Names, words: str) -> list[str]:
     """The units that the model states, and what else must be told."""
     units = [f"units {names.units}"] if str(names.units) else []
     return [*units, *textwrap.wrap(words, WIDTH)]

@@ -23,7 +23,7 @@ from ._axis import Axis, axis
 from ._friction import AbstractFriction, slip_kinds
 from ._joint_coordinates import AbstractJointCoordinates, NoJointCoordinates
 from ._names import Names
-from ._pages import told, values_of
+from ._pages import notes, values_of
 from ._state import State
 from ._units import Units, of_model
 
@@ -109,7 +109,9 @@ class AbstractSystem(eqx.Module):
         arrays = [*([("q", state.q)] if self.adds else []), ("qd", state.qd)]
         time = f"t = {state.t:.6g} {self.names.units.of('time')}".strip()
         rows = values_of(self.names, *arrays)
-        return "\n".join([f"State at {time}", *told(self.names, ""), *page(rows, [], "All of them: state.q, state.qd")])
+        return "\n".join(
+            [f"State at {time}", *notes(self.names, ""), *page(rows, [], "All of them: state.q, state.qd")]
+        )
 
     @property
     def joint_coordinates(self) -> AbstractJointCoordinates:

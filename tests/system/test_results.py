@@ -303,7 +303,7 @@ def test_what_is_printed():
         ["rod.x", "0.5", "0", "0", "A.x", "0"],
         ["rod.y", "0", "0", "-7.5", "A.y", "-2.5"],
         ["rod.phi", "0", "0", "-15"],
-        ["Joints", "too:", '["A', "force", "x", "on", 'rod"],', '["A.angle"],', "and", "so", "on"],
+        ["Joints", "by", "name:", '["A', "force", "x", "on", 'rod"],', '["A.angle"],', "..."],
     ]
     off = registry.solve(pendulum, rx.State(state.q + 0.1, state.qd), throw=False)
     assert rx.RESULTS[off.result] in " ".join(str(off).split())
