@@ -129,12 +129,12 @@ class Trajectory(AbstractNamed):
         what = f"{math.prod(shape)} motions" if shape else "Motion"
         unit = "" if self.names is None else self.names.units.of("time")
         times = f"{count} times from t = {jnp.nanmin(self.t):.6g} to {jnp.nanmax(self.t):.6g} {unit}".strip()
-        steps = {"end at t =": stats.end, "steps": stats.steps, "rejected": stats.rejected, "phases": stats.phases}
+        steps = {"end at t =": stats.end, "contraction": stats.contraction}
+        steps |= {name: getattr(stats, name) for name in ("steps", "rejected", "phases")}
         sizes = {
             "error of energy": stats.energy_error,
             "violation of positions": stats.position_violation,
             "of velocities": stats.velocity_violation,
-            "contraction": stats.contraction,
         }
         return [*outcome(self.result, f"{what} at {times}"), *numbers_of(steps), *numbers_of(sizes)]
 
