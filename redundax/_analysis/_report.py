@@ -201,10 +201,12 @@ class Report:
         lines = ["With friction:"]
         if self.at_rest:
             lines.append("  a joint is at rest, where friction can take any value up to its bound")
-        elif self.spectral_radius < 1:
-            lines.append(f"  each misfit has one solution (proved: spectral radius {self.spectral_radius:.2g} < 1)")
         else:
-            lines.append(f"  not proved that a misfit has one solution (spectral radius {self.spectral_radius:.2g})")
+            radius = f"spectral radius {self.spectral_radius:.2g}"
+            one = "one solution for each stiffness and fit of joints"
+            lines.append(
+                f"  {one} (proved: {radius} < 1)" if self.spectral_radius < 1 else f"  not proved: {one} ({radius})"
+            )
         for kind, what in (("acceleration", "accelerations"), ("friction", "friction"), ("multiplier", "multipliers")):
             for verdict in Verdict:
                 names = [judged.name for judged in self.verdicts[kind] if judged.with_friction is verdict]

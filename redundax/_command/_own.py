@@ -28,8 +28,9 @@ from ._file import writing
 def _analyze(system: AbstractSystem, state: State, arguments: argparse.Namespace) -> int:
     with stage("finding what is unique"):
         factor = factorize(system, state)
-        report = analyze(system, state, closure=unit_free_norm(factor), factor=factor)
-    show(report.to_json() if arguments.json else str(report))
+        closure = unit_free_norm(factor)
+        report = analyze(system, state, closure=closure, factor=factor)
+    show(report.to_json() if arguments.json else f"{report}\nFigures with friction are about {in_words(closure)}.")
     return 1 if report.problem else 0
 
 

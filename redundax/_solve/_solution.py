@@ -68,11 +68,12 @@ class Stats(eqx.Module):
 class Solution(AbstractNamed):
     """Accelerations, multipliers and friction at a state, also by name.
 
-    `solution["crank.phi''"]` is an acceleration, `solution["A force x on crank"]` the force of a joint on that body in
-    global components, `solution["tau A"]` friction and `solution["K.travel''"]` the acceleration of a joint coordinate;
-    without primes it is the coordinate at the state, with one its rate. `solution["A.x"]` is the multiplier of that
-    row, with the sign of the paper: of a revolute joint it is minus the force on body i. Of a batch they are arrays
-    with its axes. Other names raise a `ValueError` that is a `KeyError` too.
+    `solution["crank.phi''"]` is an acceleration and `solution["K.travel''"]` that of a joint coordinate; without primes
+    it is the coordinate at the state, with one its rate. `solution["A force x on crank"]` is the constraint force of a
+    joint on that body in global components, without friction, which is `solution["tau A"]`. `solution["A.x"]` is the
+    multiplier of that row, with the sign of the paper: of a revolute joint it is minus the force on body i. Of a batch
+    they are arrays with its axes. Other names raise a `ValueError` that is a `KeyError` too. `to_pandas()` and
+    `to_xarray()` give everything by name, a row for each case, with units in `attrs`.
 
     - `acceleration`: qdd, shape (n,).
     - `multipliers`: lam, shape (m,); the constraint force on the system is -Phi_q^T lam.

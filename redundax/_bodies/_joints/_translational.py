@@ -21,7 +21,8 @@ class Translational(AbstractFrictionalJoint):
     """Translational joint (57): body i slides along a line of body j, perpendicular to `normal`.
 
     The multiplier "name.perpendicular" is the guide force on body i along the normal at `point_i`, N; "name.angle" is
-    minus the guide moment on body i, N m.
+    minus the guide moment on body i, N m. "name.travel" and friction, "tau name", count along the normal turned
+    clockwise by a right angle, on body i: downwards for the normal (1, 0).
 
     ??? example
 

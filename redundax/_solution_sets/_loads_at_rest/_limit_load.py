@@ -22,7 +22,7 @@ from ..._closures._closure import AbstractClosure, Elasticity, MinimumNorm, elas
 from ..._equations._factorisation import Factorisation
 from ..._equations._factorize import factorisation_at
 from ..._equations._response import Response
-from ..._system._names import ByName, vector
+from ..._system._names import ByName, unit_of, vector
 from ..._system._pushing import in_words, pulling
 from ..._system._state import State
 from ..._system._system import AbstractSystem
@@ -47,8 +47,12 @@ _AT_LIMIT = 1e-7  # what is left of a limit that is none, relative to the fricti
 
 @dataclasses.dataclass(frozen=True)
 class LimitLoad:
-    """How much of a load a mechanism at rest can bear, either way. `str()` gives a page, `to_dict()` data.
+    """How much of a load a mechanism at rest can bear, either way, in the most favourable case within the bounds.
 
+    What it bears in every case is not here: `sticking` tells whether it must stand, under a load that is there. `str()`
+    gives a page, `to_dict()` data.
+
+    - `load`, `units`: the load of amount 1, by name of coordinate, and the units of its forces and moments.
     - `lower`, `upper`: how far the amount may fall, and rise, from the load that is there, or any that is borne where
       that is not, until it moves: attained. NaN where no amount was found to be borne, infinite where all that were
       looked at are, as of a mechanism that locks itself.
@@ -86,6 +90,7 @@ class LimitLoad:
     bounds: str
     parameters: tuple[str, ...]
     box: np.ndarray
+    units: tuple[str, ...] = ()
     pulling: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
@@ -93,21 +98,22 @@ class LimitLoad:
         return {field.name: plain(getattr(self, field.name)) for field in dataclasses.fields(self)}
 
     def __str__(self) -> str:
-        load = ", ".join(f"{name} {amount:.6g}" for name, amount in self.load.items())
+        amounts = zip(self.load.items(), self.units, strict=True)
+        load = ", ".join(f"{name} {amount:.6g} {unit}".strip() for (name, amount), unit in amounts)
         box = ", ".join(f"{name} {a:.4g} to {b:.4g}" for name, (a, b) in zip(self.parameters, self.box, strict=True))
-        lines = [f"Load in multiples of {load}", f"{self.bounds}{': ' if box else ''}{box}"]
+        lines = [f"Added load of amount 1: {load}", f"{self.bounds}{': ' if box else ''}{box}"]
         if np.isnan(self.lower) and np.isnan(self.upper):
-            return "\n".join(
-                [*lines, f"Stands with no amount from {self.looked[0]:.4g} to {self.looked[1]:.4g} found."]
-            )
+            none = f"Stands with no amount from {self.looked[0]:.4g} to {self.looked[1]:.4g} found."
+            return "\n".join([*lines, none])
+        choice = "Can stand, in the most favourable case," if np.ptp(self.box, axis=-1).any() else "Stands"
+        lines.append(f"{choice} with amounts from {self.lower:.6g} to {self.upper:.6g}")
         ends = (self.lower, self.outer_lower, "below"), (self.upper, self.outer_upper, "above")
-        lines.append(f"stands from {self.lower:.6g} to {self.upper:.6g}")
         for (inner, outer, side), slips, looked in zip(ends, self.slips, self.looked, strict=True):
             if np.isinf(inner):
                 lines.append(f"{side}: locks itself, as far as {looked:.4g}")
                 continue
             proof = (
-                f"must move from {outer:.6g} to {looked:.4g}, proved"
+                f"moves in every case from {outer:.6g} as far as it was looked, {looked:.4g}, proved"
                 if np.isfinite(outer)
                 else "no outer bound is known"
             )
@@ -128,6 +134,9 @@ def limit_load(
     factor: Factorisation | None = None,
 ) -> LimitLoad:
     """How much of a load a mechanism at rest can bear before it moves, beside the loads that it has.
+
+    Within bounds that is the most favourable case: beyond these amounts it moves whatever the preload. Give bounds of
+    one value, or a closure, for one case.
 
     ??? example
 
@@ -186,6 +195,11 @@ def limit_load(
         bounds=type(bounds).__name__,
         parameters=cases.names,
         box=cases.box,
+        units=tuple(
+            unit_of("moment" if angular else "force", system.names.units)
+            for angular, amount in zip(system.coordinates.angular, force, strict=True)
+            if amount
+        ),
         pulling=pulling(system.names, multipliers),
     )
 

@@ -28,7 +28,7 @@ class Look:
     text: str
 
 
-LOADS = Look("load", LOAD, "white", "joint load on the named body")
+LOADS = Look("load", LOAD, "white", "joint load on the named body, without friction")
 STRESSES = Look("self-stress", "white", STRESS, "self-stress on the named body")
 FORCES = Look("applied", APPLIED, "white", "")
 
