@@ -18,11 +18,11 @@ from .._solution_sets._family._solution_family import SolutionFamily, solution_f
 from .._solve._solve import solve
 from .._system._state import State
 from .._tools._progress import stage
+from .._tools._table import WIDTH
 from ..mechanisms import wojtyra2020
 from ._arguments import version
 from ._families import draw_families, show
 
-_WIDTH = 100
 _ALONG, _PRELOAD, _SAMPLES = "A.x", 100.0, 201  # N
 _OUTPUTS = ("1.phi''", "4.y''", "A.x", "K.perpendicular", "L.perpendicular", "K.angle", "tau A")
 _NEXT = {
@@ -63,7 +63,7 @@ def _heading(mechanism: Mechanism) -> str:
         "A.x a joint force."
     )
     title = f"redundax {version()}: what of a machine's motion and joint forces does a model really determine?"
-    return f"{title}\n\n{textwrap.fill(about, _WIDTH)}\n"
+    return f"{title}\n\n{textwrap.fill(about, WIDTH)}\n"
 
 
 def _unique(report: Report) -> str:
@@ -76,7 +76,7 @@ def _unique(report: Report) -> str:
     for verdict in Verdict:
         found[f"With friction, {verdict.value}"] = [each.name for each in judged if each.with_friction is verdict]
     lists = [f"{what}: {', '.join(names)}" for what, names in found.items() if names]
-    return "\n".join([*lines, *(textwrap.fill(each, _WIDTH, subsequent_indent="    ") for each in lists), ""])
+    return "\n".join([*lines, *(textwrap.fill(each, WIDTH, subsequent_indent="    ") for each in lists), ""])
 
 
 def _ranges(family: SolutionFamily) -> str:

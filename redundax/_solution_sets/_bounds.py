@@ -9,7 +9,7 @@ Bounds are given by name: {"A.x": (lower, upper)}.
 """
 
 import abc
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -27,6 +27,12 @@ from ._cases import AbstractCases, Affine, Fractional, self_stress_of
 from ._solution_set import SolutionSet
 
 Box = Mapping[str, tuple[float, float]]
+
+
+def bounds_in_words(bounds: str, parameters: Sequence[str], box: np.ndarray) -> str:
+    """What was bounded: the name of its class, and the bounds of each entry of a case, (q, 2)."""
+    parts = [f"{name} {low:.4g} to {high:.4g}" for name, (low, high) in zip(parameters, box, strict=True)]
+    return f"{bounds}{': ' if parts else ''}{', '.join(parts)}"
 
 
 def _pairs(box: Box) -> Box:

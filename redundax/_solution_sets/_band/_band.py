@@ -35,7 +35,7 @@ from ..._system._system import AbstractSystem
 from ..._system._units import with_unit
 from ..._tools._module import no_classes
 from ..._tools._table import figures, group, page
-from .._bounds import AbstractBounds, cases_of
+from .._bounds import AbstractBounds, bounds_in_words, cases_of
 from .._cases import AbstractCases, Affine
 from .._family._solution_family import solutions_of
 from .._loads_at_rest._band_at_rest import bands_at_rest
@@ -105,8 +105,7 @@ class Bands:
     @property
     def title(self) -> str:
         """What was bounded, in words."""
-        parts = [f"{name} {low:.4g} to {high:.4g}" for name, (low, high) in zip(self.parameters, self.box, strict=True)]
-        return f"{self.bounds}{': ' if parts else ''}{', '.join(parts)}"
+        return bounds_in_words(self.bounds, self.parameters, self.box)
 
     @property
     def empty(self) -> bool:

@@ -28,7 +28,7 @@ from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._tools._compilation import compiled
 from ..._tools._module import no_classes
-from .._bounds import AbstractBounds, cases_of
+from .._bounds import AbstractBounds, bounds_in_words, cases_of
 from .._cases import AbstractCases
 from .._solution_set import SolutionSet, solution_set
 from .._sticking._at_rest import NONE, ReducedForce, drive, velocity_basis
@@ -100,8 +100,7 @@ class LimitLoad:
     def __str__(self) -> str:
         amounts = zip(self.load.items(), self.units, strict=True)
         load = ", ".join(f"{name} {amount:.6g} {unit}".strip() for (name, amount), unit in amounts)
-        box = ", ".join(f"{name} {a:.4g} to {b:.4g}" for name, (a, b) in zip(self.parameters, self.box, strict=True))
-        lines = [f"Added load of amount 1: {load}", f"{self.bounds}{': ' if box else ''}{box}"]
+        lines = [f"Added load of amount 1: {load}", bounds_in_words(self.bounds, self.parameters, self.box)]
         if np.isnan(self.lower) and np.isnan(self.upper):
             none = f"Stands with no amount from {self.looked[0]:.4g} to {self.looked[1]:.4g} found."
             return "\n".join([*lines, none])

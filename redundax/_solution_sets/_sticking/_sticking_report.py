@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..._analysis._outputs import plain
+from .._bounds import bounds_in_words
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,9 +70,11 @@ class Sticking:
         return {field.name: plain(getattr(self, field.name)) for field in dataclasses.fields(self)}
 
     def __str__(self) -> str:
-        box = ", ".join(f"{name} {a:.4g} to {b:.4g}" for name, (a, b) in zip(self.parameters, self.box, strict=True))
         how = "proved" if self.proved else "as far as the search went"
-        lines = [f"At rest, {self.bounds}{': ' if box else ''}{box}", f"{self.verdict.upper()} ({how})"]
+        lines = [
+            f"At rest, {bounds_in_words(self.bounds, self.parameters, self.box)}",
+            f"{self.verdict.upper()} ({how})",
+        ]
         if not self.can_hold:
             lines.append("No friction here depends on the sense of slip: it gives way, and holds nothing.")
         if self.solved < 1:
