@@ -22,11 +22,14 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from .._tools._module import as_float, floats, not_negative, positive
+from .._tools._module import as_float, floats, not_negative, positive, safe_norm
 
 
 class AbstractFrictionModel(eqx.Module):
     """Friction of a joint from its normal load, slip rate and sense.
+
+    Surfaces that slide in several directions have their speed as the slip rate and friction against their velocity;
+    models with an internal state are given that velocity, and an internal state of as many components.
 
     `is_proportional` says whether the force is a constant and a multiple of the normal load, at any slip rate: proofs
     rest on it.
@@ -278,7 +281,7 @@ class Dahl(AbstractFrictionModel):
         return self.mu / self.stiffness
 
     def memory_rate(self, rate: Array, memory: PyTree) -> Array:
-        return rate - self.stiffness * jnp.abs(rate) * memory / self.mu
+        return rate - self.stiffness * _speed(rate) * memory / self.mu
 
 
 class LuGre(AbstractFrictionModel):
@@ -334,12 +337,17 @@ class LuGre(AbstractFrictionModel):
         return self.static / self.stiffness
 
     def memory_rate(self, rate: Array, memory: PyTree) -> Array:
-        coefficient = _falling(self.static, self.kinetic, rate / self.velocity)
-        return rate - self.stiffness * jnp.abs(rate) * memory / coefficient
+        coefficient = _falling(self.static, self.kinetic, _speed(rate) / self.velocity)
+        return rate - self.stiffness * _speed(rate) * memory / coefficient
 
     def _share(self, rate: Array, memory: Array) -> Array:
         """-tau for a normal load of 1."""
         return self.stiffness * memory + self.damping * self.memory_rate(rate, memory) + self.viscous * rate
+
+
+def _speed(rate: Array) -> Array:
+    """Size of a slip rate, or of a velocity of surfaces that slide in several directions."""
+    return jnp.abs(rate) if rate.ndim == 0 else safe_norm(rate)
 
 
 def _falling(static: Array, kinetic: Array, rate: Array) -> Array:

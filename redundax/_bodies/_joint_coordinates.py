@@ -1,23 +1,26 @@
 """Coordinates and reactions of the joints of a mechanism.
 
-Coordinates are those that friction opposes, of all joints that can have some. The reaction of a joint is
+Coordinates are what joints leave free and can tell: angles, travels, distances. The reaction of a joint is
 
     force = -(d Phi / d r_i)^T lam,   moment = -(d Phi / d phi_i)^T lam - (p - r_i) x force
 
-on body i, about the joint's point p on it, or about the body's origin where it has none; with j for i where the ground
-is body i. Friction, which acts along the joint's coordinate, is apart.
+on body i, by the position r_i of its centre of mass and its turn phi_i, in space about each of its axes; about the
+joint's point p on it, or about the body's origin where it has none; with j for i where the ground is body i. Friction,
+which acts along the joint's coordinate, is apart.
 """
 
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Int
+import numpy as np
+from jaxtyping import Array, Float, Int
 
-from .._system._joint_coordinates import AbstractJointCoordinates, JointMotion, NoJointCoordinates
+from .._system._joint_coordinates import AbstractJointCoordinates, JointMotion
 from .._system._state import State
-from ._body import Pose, poses
-from ._joints import AbstractFrictionalJoint, AbstractJoint
+from ._frame import AbstractFrame
+from ._joints import AbstractJoint
 from ._stack import Stack
 
 # Share of a coefficient's terms that is more than rounding and than how far a joint is from being closed: of a force
@@ -28,18 +31,42 @@ _READ = 1e-9
 class JointCoordinates(AbstractJointCoordinates):
     """Those of stacks of joints; `source` is where the rows of the mechanism are among theirs, stack after stack."""
 
+    frame: AbstractFrame = eqx.field(static=True)
+    centres: Float[Array, "bodies axes"] | None
     joints: tuple[Stack[Any], ...]
     source: Int[Array, " m"]
 
+    @property
+    def wraps(self) -> np.ndarray:
+        kinds = [kind for joints in self._moving for kind in joints.i.shape[-1] * joints.element.coordinate_kinds]
+        return np.array([kind == "angular" and not self.frame.adds for _, kind in kinds], bool)
+
     def motion(self, state: State, acceleration: Array) -> JointMotion:
         finite = jnp.all(jnp.isfinite(acceleration))
-        rates = state.q, state.qd, jnp.where(finite, acceleration, 0.0)
-        body = jax.tree.map(lambda *x: jnp.stack(x, axis=1), *map(poses, rates))
-        moving = [joints for joints in self.joints if isinstance(joints.element, AbstractFrictionalJoint)]
-        parts = [joints.over(_joint_motion, body) for joints in moving]
-        found = jax.tree.map(lambda *x: jnp.concatenate(x), NoJointCoordinates().motion(state, acceleration), *parts)
+        qdd, (zero, one) = jnp.where(finite, acceleration, 0.0), (jnp.zeros_like(state.t), jnp.ones_like(state.t))
+
+        def position(s: Array) -> Array:
+            q = self.frame.retract(state.q, s * (state.qd + s / 2 * qdd))
+            return self._at(q)
+
+        def along(s: Array) -> tuple[Array, Array]:
+            return jax.jvp(position, (s,), (one,))
+
+        (found, rate), (_, change) = jax.jvp(along, (zero,), (one,))
         # What is not there is NaN, and NaN its derivatives, but a gradient passes nothing on to what is.
-        return JointMotion(found.position, found.rate, jnp.where(finite, found.acceleration, jnp.sum(acceleration)))
+        return JointMotion(found, rate, jnp.where(finite, change, jnp.sum(acceleration)))
+
+    @property
+    def _moving(self) -> list[Stack[Any]]:
+        return [joints for joints in self.joints if joints.element.coordinate_kinds]
+
+    def positions(self, state: State) -> Array:
+        return self._at(state.q)
+
+    def _at(self, q: Array) -> Array:
+        poses = self.frame.poses(self.centres, q)
+        parts = [joints.over(lambda joint, i, j: joint.coordinates(i, j), poses).ravel() for joints in self._moving]
+        return jnp.concatenate([jnp.zeros(0, poses.r.dtype), *parts])
 
     def reactions(self, state: State, multipliers: Array) -> Array:
         given, out = jnp.isfinite(multipliers), []
@@ -53,36 +80,31 @@ class JointCoordinates(AbstractJointCoordinates):
         return jnp.where(lost | ~jnp.any(given), jnp.sum(multipliers), found)
 
     def by_row(self, state: State) -> list[tuple[Array, Array]]:
-        """For each stack the reactions by the multipliers of each joint's own rows, (size, 3, rows), and which of them
-        are more than rounding."""
-        body = poses(state.q).with_axes()
-        is_ground = jnp.arange(body.phi.size) == body.phi.size - 1
+        """For each stack the reactions by the multipliers of each joint's own rows, (size, 3 or in space 6, rows), and
+        which of them are more than rounding."""
+        body = self.frame.poses(self.centres, state.q)
+        is_ground = jnp.arange(body.r.shape[0]) == body.r.shape[0] - 1
         return [
-            joints.over(lambda joint, i, j: _of_one(joint, i, j, state.t), (body, is_ground)) for joints in self.joints
+            joints.over(lambda joint, i, j: _of_one(self.frame, joint, i, j, state.t), (body, is_ground))
+            for joints in self.joints
         ]
 
 
-def _of_one(joint: AbstractJoint, i: tuple[Pose, Array], j: tuple[Pose, Array], t: Array) -> tuple[Array, Array]:
+def _of_one(
+    frame: AbstractFrame, joint: AbstractJoint, i: tuple[Any, Array], j: tuple[Any, Array], t: Array
+) -> tuple[Array, Array]:
     """`JointCoordinates.by_row` of a joint, given poses of its bodies and whether they are those of the ground."""
-    jacobian, is_ground = joint.jacobian(i[0], j[0], t).T, i[1]
-    force, moment = jnp.split(-jnp.where(is_ground, jacobian[3:], jacobian[:3]), [2])
-    arm = jnp.where(is_ground, _arm(joint, "point_j", j[0]), _arm(joint, "point_i", i[0]))
-    by_row = jnp.stack([*force, moment[0] + arm[1] * force[0] - arm[0] * force[1]])
+    (pose_i, is_ground), pose_j = i, j[0]
+    origin = jnp.zeros(len(frame.linear), pose_i.r.dtype)
+    on_i, on_j = jnp.split(joint.jacobian(pose_i, pose_j, t).T, 2)
+    ends = (
+        (pose_i, on_i, getattr(joint, "point_i", origin)),
+        (pose_j, on_j, getattr(joint, "point_j", origin)),
+    )
+    pose, by_row, point = jax.tree.map(lambda one, other: jnp.where(is_ground, other, one), *ends)
+    force, moment, arm = frame.reactions(pose, -by_row, point)
     whole = jnp.linalg.norm(force, axis=0)
-    reach = jnp.abs(moment[0]) + jnp.linalg.norm(arm) * whole
-    return by_row, jnp.abs(by_row) > _READ * jnp.stack([whole, whole, reach])
-
-
-def _arm(joint: AbstractJoint, name: str, pose: Pose) -> Array:
-    local = getattr(joint, name, None)
-    return jnp.zeros_like(pose.r) if local is None else pose.point(local) - pose.r
-
-
-def _joint_motion(joint: Any, i: Pose, j: Pose) -> JointMotion:
-    """The coordinate of a joint, given poses of its bodies, their rates and the rates of these, stacked."""
-
-    def along(*at_and_rate: Pose) -> tuple[Array, Array]:
-        return jax.jvp(lambda i, j: joint.slip(i.with_axes(), j.with_axes()), at_and_rate[:2], at_and_rate[2:])
-
-    (position, rate), (_, change) = jax.jvp(along, (i[0], j[0], i[1], j[1]), (i[1], j[1], i[2], j[2]))
-    return JointMotion(position, rate, change)
+    reach = jnp.linalg.norm(by_row[len(frame.linear) :], axis=0) + jnp.linalg.norm(arm) * whole
+    limit = jnp.concatenate([jnp.broadcast_to(whole, force.shape), jnp.broadcast_to(reach, moment.shape)])
+    both = jnp.concatenate([force, moment])
+    return both, jnp.abs(both) > _READ * limit

@@ -1,11 +1,12 @@
-"""Planar mechanisms: bodies and joints assembled into a system.
+"""Mechanisms: bodies and joints assembled into a system.
 
-Coordinates are x and y of every body, then all angles, Eqs. (1), (60); rows are the force-type rows of all
-joints in the order given, then their moment-type rows, Eq. (61).
+Velocities are the linear ones of every body, then all angular ones, Eqs. (1), (60); rows are the force-type rows of all
+joints in the order given, then their moment-type rows, Eq. (61). What a pose is, in the plane or in space, the frame of
+the bodies knows.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Self
+from typing import Any, Self, cast
 
 import equinox as eqx
 import jax
@@ -14,8 +15,10 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int, Shaped
 
+from .._sparse._plan import Plan
 from .._system._axis import Axis, join
-from .._system._names import Names
+from .._system._friction import AbstractFriction
+from .._system._names import Names, index_of
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._system._units import Units, of_model
@@ -23,28 +26,29 @@ from .._tools._compilation import compiled
 from .._tools._module import (
     Numbers,
     as_functions,
-    as_vector,
-    check_position,
     floats,
-    moved,
+    is_concrete,
     on_device,
     replace_fields,
     tree_take,
 )
 from .._tools._table import are_known
-from ._body import GROUND, Body, Pose, poses
+from ._body import GROUND, AbstractBody
+from ._coupler import CoupledRow, Coupler, Couplings, coordinate_places, coupled_rows, couplings
+from ._frame import AbstractFrame
 from ._joint_coordinates import JointCoordinates
-from ._joint_friction import FrictionMembers, JointFriction, friction_members
-from ._joints import AbstractFrictionalJoint, AbstractJoint
-from ._loads import AbstractLoad, Motion
+from ._joint_friction import FrictionMembers, friction_members
+from ._joints import AbstractJoint
+from ._loads import AbstractLoad
 from ._mechanism_page import mechanism_page
-from ._names import check_kinds, check_names
+from ._names import check_frames, check_kinds, check_names
+from ._pattern import LARGE, Pattern, dense
 from ._pins import warn_of_large_pins
 from ._stack import Stack, indices, stacked, stacks
 
 
 class Mechanism(AbstractSystem):
-    """A planar mechanism of rigid bodies and joints.
+    """A mechanism of rigid bodies and joints, all planar or all of `rx.spatial`.
 
     ??? example
 
@@ -58,8 +62,9 @@ class Mechanism(AbstractSystem):
 
     - `bodies`: its moving bodies.
     - `joints`: its joints and drivers.
+    - `couplers`: of coordinates of its joints.
     - `loads`: applied loads.
-    - `gravity`: acceleration of gravity (2,), m/s^2, global components.
+    - `gravity`: acceleration of gravity (2,), in space (3,), m/s^2, global components; none if not given.
     - `pose`: the coordinates q on the constraint manifold as a function of some independent coordinates, for
       `state`; make it an eqx.Module with its lengths as arrays, so that gradients move q with the lengths.
     - `units`: those of all its figures, `rx.units.SI` where they are m, kg, s and N, `rx.units.MM_TONNE` where they are
@@ -68,56 +73,114 @@ class Mechanism(AbstractSystem):
     """
 
     _names: Names = eqx.field(static=True)
-    body: Body
+    frame: AbstractFrame = eqx.field(static=True)
+    body: AbstractBody
     joints: tuple[Stack[AbstractJoint], ...]
+    couplings: tuple[Couplings, ...]
     loads: tuple[Stack[AbstractLoad], ...]
-    gravity: Float[Array, "2"]
+    gravity: Float[Array, " axes"]
     pose: Callable[..., Array] | None
     _source: Int[Array, " m"]
-    _entries: Int[Array, "m n"]  # for the bodies that joints had when they were given
+    _entries: Int[Array, "m n"] | None  # for the bodies that joints had when they were given; none with a plan
+    _plan: Plan | None
     _friction: tuple[FrictionMembers, ...]
 
     def __init__(
         self,
-        bodies: Sequence[Body],
+        bodies: Sequence[AbstractBody],
         joints: Sequence[AbstractJoint],
         *,
+        couplers: Sequence[Coupler] = (),
         loads: Sequence[AbstractLoad] = (),
-        gravity: Numbers = (0.0, 0.0),
+        gravity: Numbers | None = None,
         pose: Callable[..., Array] | None = None,
         units: Units | None = None,
     ):
         check_kinds(bodies, joints, loads)
         names = [body.name for body in bodies]
-        check_names(names, joints, loads)
+        check_names(names, joints, loads, couplers)
+        check_frames(bodies, [*joints, *loads])
         warn_of_large_pins(joints)
-        self.body = stacked([replace_fields(body, name="") for body in bodies])
+        self.frame = bodies[0].frame.of(bodies)
+        self.body = stacked([replace_fields(body, name="") for body in self.frame.alike(bodies)])
         self.loads, _ = stacks(loads, names)
-        self.gravity, self.pose = as_vector(gravity), as_functions(pose)
+        self.gravity, self.pose = self.frame.vector("gravity", gravity), as_functions(pose)
         self.joints, groups = stacks(joints, names, name="", friction=None, pin_radius=None, sliding_arm=None)
-        rows, source, places = _rows(joints, groups)
+        at = coordinate_places(joints, groups)
+        coupled = coupled_rows(couplers, at)
+        own = [len(joints) + k for k in range(len(coupled))]
+        rows, source, places = _rows([*joints, *coupled], [*groups, *([own] if own else [])])
         self._source = indices(source)
-        self._entries = indices(_entries(joints, groups, source, names))
+        coupler_rows = places[-1][:, 0].tolist() if own else []
+        self.couplings = couplings(couplers, at, coupler_rows, self.joints, self.frame, len(names))
         self._friction = tuple(
             members
             for kind, group in enumerate(groups)
             for members in friction_members(kind, [joints[k] for k in group], places[kind])
         )
         self._names = Names(
-            _coordinates(names),
+            self.frame.coordinates(names),
             rows,
             joint_coordinates=_joint_coordinates([joints[k] for group in groups for k in group]),
-            reactions=_reactions([joints[k] for group in groups for k in group]),
+            reactions=_reactions([joints[k] for group in groups for k in group], self.frame),
+            centres=self.frame.centre_names(names),
             bodies=tuple(names),
             joints=tuple(tuple(joints[k].name for k in group) for group in groups),
             pushing=_pushing(joints, rows),
             units=of_model(units),
+            adds=self.frame.adds,
         )
+        is_large = len(rows) + self.frame.size * len(names) >= LARGE
+        self._plan, self._entries = self._matrices(is_large and not self._massless)
 
     @property
-    def friction(self) -> tuple[JointFriction, ...]:
+    def plan(self) -> Plan | None:
+        return self._plan
+
+    def sparse(self, is_sparse: bool = True) -> Self:
+        """The same mechanism with sparse matrices in `solve` and `simulate`, as from 2000 coordinates and rows on
+        anyway, or with dense ones.
+
+        All other questions are answered with dense ones. Sparse ones take bodies with mass and inertia, and motions
+        without friction.
+
+        ??? example
+
+            ```python
+            rx.solve(mechanism.sparse(), state)
+            ```
+        """
+        if is_sparse and self._massless:
+            raise ValueError(
+                f"Sparse matrices take bodies with mass and inertia in every direction, but '{self._massless[0]}' "
+                "lacks some. Give it a little, or solve the mechanism without `sparse()`."
+            )
+        plan, entries = self._matrices(is_sparse)
+        return replace_fields(self, _plan=plan, _entries=entries)
+
+    @property
+    def _massless(self) -> list[str]:
+        """Bodies known to lack mass or inertia."""
+        masses = self.frame.masses(self.body)
+        if not is_concrete(masses):
+            return []
+        least = np.linalg.eigvalsh(np.asarray(masses))[:, 0]
+        return [name for name, value in zip(self.names.bodies, least, strict=True) if not value > 0]
+
+    @property
+    def whole(self) -> Self:
+        return self if self._plan is None else self.sparse(False)
+
+    def _matrices(self, is_sparse: bool) -> tuple[Plan | None, Int[Array, "m n"] | None]:
+        """The plan of sparse matrices, or the entries of dense ones."""
+        pattern = Pattern(self.joints, self.rows_of_joints, self.couplings, self.frame, self.body.mass.shape[0])
+        return (pattern.plan(), None) if is_sparse else (None, indices(pattern.entries()))
+
+    @property
+    def friction(self) -> tuple[AbstractFriction, ...]:
         """Friction of the joints that have some, model by model."""
-        return tuple(members.of(self.joints) for members in self._friction)
+        centres = self.frame.centres(self.body)
+        return tuple(members.of(self.joints, self.frame, centres) for members in self._friction)
 
     @property
     def slips(self) -> Axis:
@@ -130,7 +193,7 @@ class Mechanism(AbstractSystem):
 
     @property
     def diagonal_mass(self) -> bool:
-        return True
+        return self.frame.diagonal_mass
 
     def anonymous(self) -> Self:
         return replace_fields(
@@ -166,58 +229,99 @@ class Mechanism(AbstractSystem):
             )
         dtype = jnp.result_type(*given)
         values, tangents = (tuple(on_device(floats(x).astype(dtype)) for x in numbers) for numbers in (given, rates))
-        return State(*_along(self.pose, values, tangents, names), t)
+        q, q_rate = _along(self.pose, values, tangents, names)
+        return State(q, self.frame.velocity(q, q_rate), t)
+
+    def point(self, state: State, body: str, at: Numbers) -> Float[Array, " axes"]:
+        """Global position, m, of a point that is given in the local frame of a body, or of the ground.
+
+        ??? example
+
+            ```python
+            mechanism.point(state, "1", (0.1, 0.0))
+            jax.vmap(lambda each: mechanism.point(each, "1", (0.1, 0.0)))(motion.states)
+            ```
+        """
+        known = (*self.names.bodies, GROUND)
+        pose = self.poses(state.q)[index_of("body", body, known, " of bodies")]
+        return pose.point(self.frame.vector("at", at))
 
     def mass(self, q: Array, t: Array) -> Float[Array, "n n"]:
-        return jnp.diag(jnp.concatenate([jnp.repeat(self.body.mass, 2), self.body.inertia]))
+        return self.frame.mass(self.body)
+
+    def poses(self, q: Array) -> Any:
+        """Poses of all bodies and of the ground, which is last, stacked."""
+        self.frame.check(q, len(self.coordinates))
+        return self.frame.poses(self.frame.centres(self.body), q)
 
     def constraint(self, q: Array, t: Array) -> Float[Array, " m"]:
-        body = poses(q).with_axes()
-        return self.of_rows(_residuals(self.joints, body, t))
+        body = self.poses(q)
+        coupled = [each.residuals(self.joints, body) for each in self.couplings]
+        return self.of_rows([*_residuals(self.joints, body, t), *coupled])
 
     def jacobian(self, q: Array, t: Array) -> Float[Array, "m n"]:
         """Joint by joint: each reads the coordinates of two bodies."""
-        check_position(q, len(self.coordinates))
-        body = poses(q).with_axes()
-        slopes = _slopes(self.joints, body, t)
-        flat = jnp.concatenate([jnp.zeros(1, q.dtype), *(slope.ravel() for slope in slopes)])
-        return tree_take(flat, self._entries)
+        body = self.poses(q)
+        own = _slopes(self.joints, body, t)
+        if self._plan is not None:
+            return dense(self._plan, self._on_plan(own, body))
+        flat = jnp.concatenate([jnp.zeros(1, q.dtype), *(slope.ravel() for slope in own)])
+        jacobian = tree_take(flat, cast(Array, self._entries))
+        for coupled in self.couplings:
+            jacobian = coupled.added(jacobian, self.joints, body)
+        return jacobian
+
+    def by_bodies(self, q: Array, t: Array) -> tuple[Array, Array]:
+        body = self.poses(q)
+        return self._on_plan(_slopes(self.joints, body, t), body), self.frame.masses(self.body)
+
+    def _on_plan(self, own: Sequence[Array], body: Any) -> Float[Array, "e v"]:
+        each = [*own, *(coupled.slopes(self.joints, body) for coupled in self.couplings)]
+        slopes = jnp.concatenate([slope.reshape(-1, self.frame.size) for slope in each])
+        return tree_take(slopes, cast(Plan, self._plan).source)
 
     @property
     def joint_coordinates(self) -> JointCoordinates:
-        """Angles of revolutes, travels of sliders and of pins in slots, of body i relative to body j; all reactions."""
-        return JointCoordinates(self.joints, self._source)
+        """What joints leave free, as angles of revolutes and travels of sliders, of body i relative to body j; all
+        reactions."""
+        return JointCoordinates(self.frame, self.frame.centres(self.body), self.joints, self._source)
 
-    def of_rows(self, values: Sequence[Array]) -> Shaped[Array, " m ..."]:
-        """What the rows of the joints have, kind by kind of shape (joints, rows, ...), in the order of the rows."""
-        flat = jnp.concatenate([value.reshape(-1, *value.shape[2:]) for value in values])
-        return tree_take(flat, self._source)
+    def of_rows(self, values: Sequence[Array], coupled: Any = 0) -> Shaped[Array, " m ..."]:
+        """What the rows of the joints have, kind by kind of shape (joints, rows, ...), in the order of the rows; all of
+        couplers have the same number, unless theirs are given too."""
+        flat = [value.reshape(-1, *value.shape[2:]) for value in values]
+        if len(values) == len(self.joints):
+            flat += [jnp.full((each.rows.size, *flat[0].shape[1:]), coupled, flat[0].dtype) for each in self.couplings]
+        return tree_take(jnp.concatenate(flat), self._source)
 
     @property
     def rows_of_joints(self) -> list[np.ndarray]:
         """Row indices of the joints of each stack, (joints, rows); concrete values."""
         sizes = [(len(joints.i), len(joints.element.row_kinds)) for joints in self.joints]
-        flat = np.split(np.argsort(self._source), np.cumsum([size * rows for size, rows in sizes])[:-1])
+        flat = np.split(np.argsort(np.asarray(self._source)), np.cumsum([size * rows for size, rows in sizes]))[:-1]
         return [part.reshape(size) for part, size in zip(flat, sizes, strict=True)]
 
     def load(self, state: State) -> Float[Array, " n"]:
-        body, rate = poses(state.q), poses(state.qd)
-        count = self.body.mass.shape[0]
-        weight = self.body.mass[:, None] * self.gravity
-        force = jnp.zeros((count + 1, 2), state.qd.dtype).at[:count].set(weight)
-        moment = jnp.zeros(count + 1, state.qd.dtype)
+        count, motion = self.body.mass.shape[0], self.frame.motions(self.body, state)
+        force = jnp.zeros((count + 1, self.gravity.shape[0]), state.qd.dtype)
+        moment = jnp.zeros_like(force if len(self.frame.angular) > 1 else force[:, 0])
         for loads in self.loads:
-            on_i, on_j = loads.over(lambda load, i, j: load.wrenches(i, j, state.t), Motion(body, rate))
+            on_i, on_j = loads.over(lambda load, i, j: load.wrenches(i, j, state.t), motion)
             force = force.at[loads.i].add(on_i.force).at[loads.j].add(on_j.force)
             moment = moment.at[loads.i].add(on_i.moment).at[loads.j].add(on_j.moment)
-        return jnp.concatenate([force[:count].ravel(), moment[:count]])
+        weight = (self.body.mass[:, None] * self.gravity).ravel()  # at the centres of mass, whose velocities come first
+        return self.frame.load(self.body, motion, force, moment).at[: weight.size].add(weight)
 
     def retract(self, q: Array, d: Array) -> Array:
-        return moved(q, d)
+        return self.frame.retract(q, d)
 
     @property
     def adds(self) -> bool:
-        return True
+        return self.frame.adds
+
+    @property
+    def reference(self) -> Array:
+        return self.frame.reference(self.body)
 
     def __repr__(self) -> str:
         """Its size and its bodies, in a line."""
@@ -230,16 +334,17 @@ class Mechanism(AbstractSystem):
         is_one = getattr(self.body.mass, "ndim", None) == 1
         if not (self.names.bodies and is_one and are_known(eqx.filter(parts, eqx.is_array))):
             return repr(self)
-        return mechanism_page(self.names, *parts)
+        couplers = [words for each in self.couplings for words in each.words(self.names, self.joints)]
+        return mechanism_page(self.names, *parts, couplers)
 
 
 @eqx.filter_jit  # traced once for all derivatives in all programs
-def _residuals(joints: tuple[Stack, ...], bodies: Pose, t: Array) -> list[Array]:
+def _residuals(joints: tuple[Stack, ...], bodies: Any, t: Array) -> list[Array]:
     return [stack.over(lambda joint, i, j: joint.residual(i, j, t), bodies) for stack in joints]
 
 
 @eqx.filter_jit
-def _slopes(joints: tuple[Stack, ...], bodies: Pose, t: Array) -> list[Array]:
+def _slopes(joints: tuple[Stack, ...], bodies: Any, t: Array) -> list[Array]:
     return [stack.over(lambda joint, i, j: joint.jacobian(i, j, t), bodies) for stack in joints]
 
 
@@ -256,25 +361,17 @@ def _along(
     return jax.jvp(position, values, rates)
 
 
-def _coordinates(bodies: Sequence[str]) -> Axis:
-    """x and y of every body, then all angles."""
-    names = (*(f"{name}.{axis}" for name in bodies for axis in "xy"), *(f"{name}.phi" for name in bodies))
-    return Axis(names, ("linear",) * (2 * len(bodies)) + ("angular",) * len(bodies))
-
-
 def _joint_coordinates(joints: Sequence[AbstractJoint]) -> Axis:
-    """One for each joint that can have friction, which opposes its rate."""
-    moving = [joint for joint in joints if isinstance(joint, AbstractFrictionalJoint)]
-    return Axis(
-        tuple(f"{joint.name}.{joint.coordinate}" for joint in moving), tuple(joint.slip_kind for joint in moving)
-    )
+    """Those of all joints that have some, which friction opposes where they have it."""
+    named = [(f"{joint.name}.{name}", kind) for joint in joints for name, kind in joint.coordinate_kinds]
+    return Axis(tuple(name for name, _ in named), tuple(kind for _, kind in named))
 
 
-def _reactions(joints: Sequence[AbstractJoint]) -> Axis:
+def _reactions(joints: Sequence[AbstractJoint], frame: AbstractFrame) -> Axis:
     """Force and moment of each joint on its body i, or on body j where i is the ground."""
     on = [(joint.name, joint.j if joint.i == GROUND else joint.i) for joint in joints]
-    names = (f"{name} {part} on {body}" for name, body in on for part in ("force x", "force y", "moment"))
-    return Axis(tuple(names), ("force", "force", "moment") * len(joints))
+    names = (f"{name} {part} on {body}" for name, body in on for part, _ in frame.reaction)
+    return Axis(tuple(names), tuple(kind for _, kind in frame.reaction) * len(joints))
 
 
 def _pushing(joints: Sequence[AbstractJoint], rows: Axis) -> tuple[int, ...]:
@@ -283,7 +380,7 @@ def _pushing(joints: Sequence[AbstractJoint], rows: Axis) -> tuple[int, ...]:
 
 
 def _rows(
-    joints: Sequence[AbstractJoint], groups: Sequence[Sequence[int]]
+    joints: Sequence[AbstractJoint | CoupledRow], groups: Sequence[Sequence[int]]
 ) -> tuple[Axis, np.ndarray, list[np.ndarray]]:
     """The rows, force-type first and in the order of the joints; and where the rows come from and go to.
 
@@ -299,19 +396,5 @@ def _rows(
     return Axis(names, tuple(joints[k].row_kinds[column][1] for k, column in row_of)), np.array(source), places
 
 
-def _entries(
-    joints: Sequence[AbstractJoint], groups: Sequence[Sequence[int]], source: np.ndarray, bodies: Sequence[str]
-) -> np.ndarray:
-    """Where the Jacobian, (m, n), finds its entries among those of the joints, 6 for each row, after a zero."""
-    columns = {name: (2 * k, 2 * k + 1, 2 * len(bodies) + k) for k, name in enumerate(bodies)}
-    owner = [joints[k] for group in groups for k in group for _ in joints[k].row_kinds]
-    entries = np.zeros((len(source), 3 * len(bodies)))
-    for row, place in enumerate(source):
-        for k, body in enumerate((owner[place].i, owner[place].j)):
-            if body in columns:
-                entries[row, columns[body]] = 1 + 6 * place + 3 * k + np.arange(3)
-    return entries
-
-
-def _kind(joints: Sequence[AbstractJoint], place: tuple[int, int]) -> str:
+def _kind(joints: Sequence[AbstractJoint | CoupledRow], place: tuple[int, int]) -> str:
     return joints[place[0]].row_kinds[place[1]][1]

@@ -3,11 +3,12 @@
 from collections.abc import Sequence
 from typing import Any
 
-from ._body import GROUND, Body
+from ._body import GROUND, AbstractBody
+from ._coupler import Coupler
 from ._joints import AbstractJoint
 from ._loads import AbstractLoad
 
-_LISTS = (("bodies", Body), ("joints", AbstractJoint), ("loads", AbstractLoad))
+_LISTS = (("bodies", AbstractBody), ("joints", AbstractJoint), ("loads", AbstractLoad))
 
 
 def check_kinds(bodies: Any, joints: Any, loads: Any) -> None:
@@ -17,11 +18,24 @@ def check_kinds(bodies: Any, joints: Any, loads: Any) -> None:
             raise ValueError(f"Argument `{what}` must be a list, but is {_words(elements)}. Put it in brackets: [...].")
         for element in elements:
             if not isinstance(element, kind):
+                fitting = kind.__name__ if kind is not AbstractBody else "Body"
                 right = [f"Put it among `{other}`." for other, fit in _LISTS if isinstance(element, fit)]
                 raise ValueError(
                     f"Argument `{what}` must hold {what}, but holds {_words(element)}. "
-                    f"{' '.join(right) or f'Leave it out, or make it an `rx.{kind.__name__}`.'}"
+                    f"{' '.join(right) or f'Leave it out, or make it an `rx.{fitting}`.'}"
                 )
+
+
+def check_frames(bodies: Sequence[AbstractBody], elements: Sequence[AbstractJoint | AbstractLoad]) -> None:
+    """Refuse a mechanism of planar and of spatial parts."""
+    frame = type(bodies[0].frame)
+    for element in (*bodies, *elements):
+        if type(element.frame) is not frame:
+            here = "rx.spatial" if frame.word == "spatial" else "rx"
+            raise ValueError(
+                f"Argument `bodies`: a mechanism must be all planar or all spatial, but {_words(bodies[0])} is "
+                f"{frame.word} and {_words(element)} {element.frame.word}. Take all parts from `{here}`."
+            )
 
 
 def _words(element: Any) -> str:
@@ -32,9 +46,14 @@ def _words(element: Any) -> str:
     return f"{type(element).__name__} {name!r}" if isinstance(name, str) else f"{type(element).__name__} {element!r}"
 
 
-def check_names(bodies: Sequence[str], joints: Sequence[AbstractJoint], loads: Sequence[AbstractLoad]) -> None:
+def check_names(
+    bodies: Sequence[str],
+    joints: Sequence[AbstractJoint],
+    loads: Sequence[AbstractLoad],
+    couplers: Sequence[Coupler] = (),
+) -> None:
     """Refuse names that occur twice, bodies that nobody declared, and joints of a body with itself."""
-    for what, names in (("bodies", list(bodies)), ("joints", [joint.name for joint in joints])):
+    for what, names in (("bodies", list(bodies)), ("joints", [each.name for each in (*joints, *couplers)])):
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ValueError(

@@ -9,7 +9,7 @@ import numpy as np
 from .._tools._module import is_concrete
 from ._body import GROUND
 from ._friction_model import Coulomb, Dahl, LuGre, RegularisedCoulomb, Stribeck
-from ._joints import AbstractJoint, Revolute
+from ._joints import AbstractJoint
 
 _LARGE = 0.25  # of the largest distance of joints: rods beside pins are longer by far
 
@@ -29,13 +29,14 @@ def warn_of_large_pins(joints: Sequence[AbstractJoint]) -> None:
 
 def _friction_radius(joint: AbstractJoint) -> float | None:
     """Coefficient times radius of a pin; None where there is none or it is not known yet."""
-    if not isinstance(joint, Revolute):
+    radius = getattr(joint, "pin_radius", None)
+    if radius is None:
         return None
-    match joint.friction:
+    match getattr(joint, "friction", None):
         case Coulomb(mu=coefficient) | RegularisedCoulomb(mu=coefficient) | Dahl(mu=coefficient):
-            numbers = (coefficient, joint.pin_radius)
+            numbers = (coefficient, radius)
         case Stribeck(static=coefficient) | LuGre(static=coefficient):
-            numbers = (coefficient, joint.pin_radius)
+            numbers = (coefficient, radius)
         case _:
             return None
     return float(np.prod([np.asarray(x) for x in numbers])) if all(map(is_concrete, numbers)) else None
@@ -47,7 +48,7 @@ def _size(joints: Sequence[AbstractJoint]) -> float:
     for joint in joints:
         for body, point in ((joint.i, getattr(joint, "point_i", None)), (joint.j, getattr(joint, "point_j", None))):
             if point is not None and is_concrete(point):
-                own = points.setdefault(body, [] if body == GROUND else [np.zeros(2)])
+                own = points.setdefault(body, [] if body == GROUND else [np.zeros(point.shape)])
                 own.append(np.asarray(point))
     pairs = [pair for own in points.values() for pair in itertools.combinations(own, 2)]
     return max((float(np.linalg.norm(a - b)) for a, b in pairs), default=0.0)

@@ -14,10 +14,9 @@ import numpy as np
 
 from .._system._state import State
 from .._tools._compilation import compiled
-from ._body import poses
 from ._joint_coordinates import JointCoordinates
-from ._loads import Motion, Wrench
 from ._mechanism import Mechanism
+from ._pose import poses
 from ._stack import Stack
 
 
@@ -29,20 +28,20 @@ def joint_wrenches(mechanism: Mechanism, state: State, multipliers: np.ndarray) 
 
 
 def joint_outputs(mechanism: Mechanism, state: State) -> tuple[list[str], np.ndarray]:
-    """Names of the reactions of all joints, and their coefficients of the multipliers, shape (3 joints, m)."""
+    """Names of the reactions of all joints, and their coefficients of the multipliers, shape (outputs, m)."""
     out = []
     found = jax.device_get(_reactions(mechanism.joint_coordinates, state))
     for all_rows, parts in zip(mechanism.rows_of_joints, found, strict=True):
         for rows, by_row, reads in zip(all_rows, *parts, strict=True):
-            wrench = np.zeros((3, len(mechanism.rows)))
+            wrench = np.zeros((len(by_row), len(mechanism.rows)))
             wrench[:, rows] = np.where(reads, by_row, 0.0)
             out.append(wrench)
     return list(mechanism.names.reactions.labels), np.concatenate(out)
 
 
-def load_wrenches(stack: Any, state: State) -> tuple[Wrench, Wrench]:
+def load_wrenches(mechanism: Mechanism, stack: Any, state: State) -> tuple[Any, Any]:
     """Wrenches of stacked loads on their bodies i and j, moments about the bodies' origins."""
-    bodies = Motion(poses(state.q), poses(state.qd))
+    bodies = mechanism.frame.motions(mechanism.body, state)
     return stack.over(lambda load, i, j: load.wrenches(i, j, state.t), bodies)
 
 

@@ -36,6 +36,11 @@ class AbstractFriction(eqx.Module):
         """Whether the force depends on the sense of slip, so that it jumps where the slip reverses."""
 
     @property
+    def has_direction(self) -> bool:
+        """Whether slips share one friction, along their direction: what holds them at rest is not known."""
+        return False
+
+    @property
     def has_convex_limits(self) -> bool:
         """Whether the size of each friction is a constant and a seminorm of its loads: outer bounds rest on it."""
         return False
@@ -57,7 +62,7 @@ class AbstractFriction(eqx.Module):
 
     @abc.abstractmethod
     def largest_change(
-        self, change: Float[Array, "..."], rate: Float[Array, " p"], memory: PyTree
+        self, change: Float[Array, "..."], rate: Float[Array, " p"], memory: PyTree, state: State
     ) -> Float[Array, " p"]:
         """Bound of |change of tau| that a change of loads can cause at any loads; infinite where none is known."""
 
@@ -162,7 +167,7 @@ class Friction(AbstractFriction):
     def memory_rate(self, rate: Array, memory: PyTree, state: State) -> PyTree:
         return None if self._memory_rate is None else self._memory_rate(rate, memory, state, self.parameters)
 
-    def largest_change(self, change: Array, rate: Array, memory: PyTree) -> Array:
+    def largest_change(self, change: Array, rate: Array, memory: PyTree, state: State) -> Array:
         return jnp.full(len(self.slips), jnp.where(jnp.any(change != 0), jnp.inf, 0.0), change.dtype)
 
 
@@ -207,7 +212,7 @@ def largest_changes(
         out, row = [], 0
         for group, own, memory in zip(groups, _by_group(groups, rate), memories(groups, state), strict=True):
             part = change[row : row + group.rows.size].reshape(group.rows.shape)
-            out.append(group.largest_change(part, own, memory))
+            out.append(group.largest_change(part, own, memory, state))
             row += group.rows.size
         return jnp.concatenate(out)
 
@@ -217,6 +222,24 @@ def largest_changes(
 def have_sense(groups: Sequence[AbstractFriction]) -> tuple[bool, ...]:
     """For each slip whether its friction depends on the sense."""
     return tuple(group.has_sense for group in groups for _ in group.slips.kinds)
+
+
+def have_direction(groups: Sequence[AbstractFriction]) -> np.ndarray:
+    """For each slip whether it is one of several whose friction is along their direction, and jumps with it."""
+    found = [group.has_direction and group.has_sense for group in groups for _ in group.slips.kinds]
+    return np.array(found, bool)
+
+
+def refuse_directions(groups: Sequence[AbstractFriction], what: str) -> None:
+    """Refuse what asks for sticking of joints whose friction is along a direction."""
+    slips, found = slip_kinds(groups), have_direction(groups)
+    if found.any():
+        labels = ", ".join(slips.labels[k] for k in np.flatnonzero(found))
+        raise ValueError(
+            f"Argument `system` must have no dry friction along several slips {what}, but that of {labels} is: whether "
+            "such joints stick is not known. Give them `rx.RegularisedCoulomb`, `rx.Dahl` or `rx.LuGre`, or `solve` "
+            "while they slip."
+        )
 
 
 @eqx.filter_jit  # traced once for all iterations and derivatives in all programs

@@ -5,7 +5,8 @@
 The load of a joint, its reaction, is what body j does to body i through its constraints: a force, and a moment. Where
 the ground is body i it is what the ground does to body j.
 
-A result holds what they are computed from, and computes them when they are asked for: a solve pays nothing.
+A result holds what they are computed from, and computes them when they are asked for: a solve pays nothing. An angle
+that a position gives but for whole turns is followed along a motion by its rate.
 """
 
 import abc
@@ -14,9 +15,11 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Array, Bool, Float
 
 from .._tools._compilation import compiled
+from .._tools._module import replace_fields
 from ._state import State
 
 
@@ -31,17 +34,34 @@ class JointMotion(eqx.Module):
 class AbstractJointCoordinates(eqx.Module):
     """The coordinates and reactions of the joints of a system, in the order of the names of both."""
 
+    @property
+    @abc.abstractmethod
+    def wraps(self) -> Bool[np.ndarray, " c"]:
+        """Which of them are angles that a position gives but for whole turns."""
+
+    @abc.abstractmethod
+    def positions(self, state: State) -> Float[Array, " c"]:
+        """Them alone at a state."""
+
     @abc.abstractmethod
     def motion(self, state: State, acceleration: Float[Array, " n"]) -> JointMotion:
         """How they move at a state."""
 
     @abc.abstractmethod
     def reactions(self, state: State, multipliers: Float[Array, " m"]) -> Float[Array, " r"]:
-        """Force (x, y) in global components, and moment, of each joint at a state."""
+        """Force and moment of each joint at a state, in global components: (x, y) and one moment in the plane, three
+        of each in space."""
 
 
 class NoJointCoordinates(AbstractJointCoordinates):
     """Those of a system that has none."""
+
+    @property
+    def wraps(self) -> np.ndarray:
+        return np.zeros(0, bool)
+
+    def positions(self, state: State) -> Array:
+        return jnp.zeros(0, state.qd.dtype)
 
     def motion(self, state: State, acceleration: Array) -> JointMotion:
         none = jnp.zeros(0, state.qd.dtype)
@@ -54,7 +74,10 @@ class NoJointCoordinates(AbstractJointCoordinates):
 def joint_motion(
     joints: AbstractJointCoordinates | None, state: State, acceleration: Array, *, times: bool = False
 ) -> JointMotion:
-    """The motion of joints at a state, at all `times` of a motion if it has them, or in a batch of either."""
+    """The motion of joints at a state, at all `times` of a motion if it has them, or in a batch of either.
+
+    Along times angles go on from the first, which is between -pi and pi, instead of jumping by a turn.
+    """
     return _everywhere("motion", joints or NoJointCoordinates(), state, acceleration, times)
 
 
@@ -69,8 +92,19 @@ def joint_reactions(
 def _everywhere(what: str, joints: AbstractJointCoordinates, state: State, values: Array, times: bool) -> Any:
     def of_one(joints: AbstractJointCoordinates, *given: Any) -> Any:
         function = getattr(joints, what)
-        return jax.vmap(function)(*given) if times else function(*given)
+        found = jax.vmap(function)(*given) if times else function(*given)
+        return _followed(found, given[0].t, joints.wraps) if times and what == "motion" else found
 
     for _ in range(values.ndim - 1 - times):
         of_one = jax.vmap(of_one)
     return of_one(joints, state, values)
+
+
+def _followed(motion: JointMotion, t: Float[Array, " times"], wraps: np.ndarray) -> JointMotion:
+    """The same with the whole turns that the mean of the rates at both ends of an interval says."""
+    if not wraps.any():
+        return motion
+    steps = jnp.diff(t)[:, None] * (motion.rate[1:] + motion.rate[:-1]) / 2 - jnp.diff(motion.position, axis=0)
+    turns = jnp.cumsum(jnp.round(steps / (2 * jnp.pi)), axis=0)
+    followed = motion.position.at[1:].add(2 * jnp.pi * turns)
+    return replace_fields(motion, position=jnp.where(wraps, followed, motion.position))

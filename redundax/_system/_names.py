@@ -6,6 +6,7 @@
 
     A force x on crank, A force y on crank, A moment on crank       what the joint does to the body that is named
 
+In space crank.x is the position of the centre of mass, and crank.phi_x' an angular velocity about the body's own axis.
 A.angle of a pin, which leaves the turn free, is a joint coordinate; K.angle of a guide, which holds it, a moment.
 
 Names never reach compiled programs: systems go there anonymous, and results get their names when they come back.
@@ -25,7 +26,7 @@ from ._axis import Axis
 from ._units import UNSTATED, StatedUnits
 
 ByName = Numbers | Mapping[str, ArrayLike]  # a vector or a number for equal entries; or numbers by name
-_LISTED = 40  # names that an error lists
+_LISTED = 8  # names that an error lists
 _NONE = Axis((), ())
 
 
@@ -55,6 +56,7 @@ class Quantity(NamedTuple):
 
 QUANTITIES = {
     "q": Quantity("coordinate", "{}"),
+    "centres": Quantity("centre", "{}", is_kept=False),
     "qd": Quantity("coordinate", "{}'", 1),
     "acceleration": Quantity("coordinate", "{}''", 2),
     "multipliers": Quantity("row", "{}", is_force=True),
@@ -72,6 +74,7 @@ class Names:
     """Names and kinds of all that a system has.
 
     - `coordinates`, `rows`, `slips`, `joint_coordinates`, `reactions`: the axes of its arrays.
+    - `centres`: positions of the centres of mass, which come first in `q`, where that has no names of its own.
     - `bodies`: those that move, in order.
     - `joints`: of each stack of joints of one kind.
     - `pushing`: indices of the rows whose multiplier is positive where contacts push, as teeth do.
@@ -84,6 +87,7 @@ class Names:
     slips: Axis = _NONE
     joint_coordinates: Axis = _NONE
     reactions: Axis = _NONE
+    centres: Axis = _NONE
     bodies: tuple[str, ...] = ()
     joints: tuple[tuple[str, ...], ...] = ()
     pushing: tuple[int, ...] = ()
@@ -99,6 +103,7 @@ class Names:
             "slip": self.slips,
             "joint_coordinate": self.joint_coordinates,
             "reaction": self.reactions,
+            "centre": self.centres,
         }
 
     @property
@@ -110,8 +115,8 @@ class Names:
 
     def anonymous(self) -> "Names":
         """The same kinds without names."""
-        coordinates, rows, slips, joints, reactions = (axis.anonymous() for axis in self.axes.values())
-        return Names(coordinates, rows, slips, joints, reactions, adds=self.adds)
+        coordinates, rows, slips, joints, reactions, centres = (axis.anonymous() for axis in self.axes.values())
+        return Names(coordinates, rows, slips, joints, reactions, centres, adds=self.adds)
 
     def with_slips(self, slips: Axis) -> "Names":
         """The same and those of friction."""
@@ -164,6 +169,19 @@ class UnknownName(ValueError, KeyError):
         return ValueError.__str__(self)
 
 
+def by_joint(names: Sequence[str]) -> str:
+    """Names "joint.row" with the rows of a joint together, as in "A (x, y), K.angle"."""
+    rows: dict[str, list[str]] = {}
+    for name in names:
+        joint, _, row = name.rpartition(".")
+        rows.setdefault(joint or name, []).append(row if joint else "")
+    words = (
+        f"{joint} ({', '.join(own)})" if len(own) > 1 else ".".join(filter(None, (joint, *own)))
+        for joint, own in rows.items()
+    )
+    return ", ".join(words)
+
+
 def index_of(argument: str, name: str, known: Sequence[str], what: str = "") -> int:
     """Index of a name among those known; `ValueError` where there are none or several."""
     found = indices_of(argument, name, known, what)
@@ -181,7 +199,7 @@ def indices_of(argument: str, name: str, known: Sequence[str], what: str = "") -
         return found
     near = difflib.get_close_matches(str(name), known, 3, 0.5)
     hint = f"Did you mean {' or '.join(map(repr, near))}? " if near else ""
-    more = f", and {len(known) - _LISTED} more" if len(known) > _LISTED else ""
+    more = f" and {len(known) - _LISTED} more: print(solution) shows what is called how" if len(known) > _LISTED else ""
     raise UnknownName(
         f"Argument `{argument}` must hold names{what}, but holds {name!r}. {hint}"
         f"There are {', '.join(known[:_LISTED]) or 'none'}{more}."

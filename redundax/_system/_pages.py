@@ -16,6 +16,9 @@ from ._units import with_unit
 
 _WORDS = {
     "q": "position",
+    "centres": "position",
+    "joints.position": "joint",
+    "joints.rate": "joint, rate",
     "qd": "velocity",
     "acceleration": "acceleration",
     "multipliers": "multiplier",
@@ -37,16 +40,18 @@ def by_unit(
 
 
 def values_of(names: Names, *arrays: tuple[str, Any]) -> list[Group]:
-    """One column for each of these arrays by `Quantity`, which have the same axis; one alone has its own names."""
-    quantities = [QUANTITIES[array] for array, _ in arrays]
-    axis, alone = names.axes[quantities[0].axis], len(arrays) == 1
+    """One column for each of these arrays by `Quantity`, which have the axis of the last, or the linear part of it; one
+    alone has its own names."""
+    quantity, alone = QUANTITIES[arrays[-1][0]], len(arrays) == 1
+    axis = names.axes[quantity.axis]
 
     def heading(angular: bool) -> tuple[str, ...]:
-        units = [_heading(array, angular, names) for array, _ in arrays]
+        units = [_heading(array, angular, names) if len(x) == len(axis) or not angular else "" for array, x in arrays]
         return (*units, "") if alone else ("", *units)
 
-    labels = [quantities[0].pattern.format(label) if alone else label for label in axis.labels]
-    return by_unit(axis, heading, labels, *(figures(np.asarray(values)) for _, values in arrays))
+    labels = [quantity.pattern.format(label) if alone else label for label in axis.labels]
+    columns = [figures(np.asarray(values)) + [""] * (len(axis) - len(values)) for _, values in arrays]
+    return by_unit(axis, heading, labels, *columns)
 
 
 def spans_of(names: Names, *arrays: tuple[str, Any]) -> list[Group]:

@@ -74,8 +74,8 @@ class RESULTS(eqx.Enumeration):
         "than what rounding leaves of none. Give it more mass or inertia, or a state further from singular positions."
     )
     indeterminate_closure = (
-        "The closure does not determine the multipliers: N^T W N is singular. Give a compliance `W` that is "
-        "positive on every self-stress state."
+        "The closure does not determine the multipliers: some self-stress loads only what the closure holds rigid, and "
+        "N^T W N is singular. Give compliance to more of what is in self-stress; `rx.analyze` prints each state of it."
     )
     ambiguous_closure = (
         "Whether the closure determines the multipliers cannot be decided: the compliance of a self-stress state is "
@@ -114,9 +114,10 @@ class RESULTS(eqx.Enumeration):
         "`rtol`."
     )
     step_too_small = (
-        "The motion stopped where steps became too small: what it reached is given, NaN the rest. Friction may have no "
-        "solution further on (it jams) or one on another branch only (see `stats.contraction`), or the loads are not "
-        "smooth there. Beside a singular position float32 may be too coarse."
+        "The motion stopped where steps became too small: what it reached is given, NaN the rest. Where "
+        "`stats.nearest_singularity` is far below 1 a singular position is next, a flat or dead one, that the motion "
+        "does not pass; start beyond it, and in float64. Else friction may have no solution further on (it jams) or "
+        "one on another branch only (see `stats.contraction`), or the loads are not smooth there."
     )
     stuck = (
         "The mechanism came to rest and sticks: admissible friction forces hold it, and its loads do not let it go by "

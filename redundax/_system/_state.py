@@ -11,6 +11,8 @@ from jaxtyping import Array, Float, PyTree
 from .._tools._module import Numbers, as_float
 from .._tools._table import are_known, figures, group, page
 
+_BY_NAME = "by name and with units: print(mechanism.table(state))"
+
 
 class State(eqx.Module):
     """Position, velocity and time.
@@ -41,13 +43,16 @@ class State(eqx.Module):
         self.t = as_float(t).astype(self.qd.dtype)
         self.memory = memory
 
+    def __repr__(self) -> str:
+        return f"{eqx.tree_pformat(self)}; {_BY_NAME}"
+
     def __str__(self) -> str:
         """A table without names, which `system.table(state)` has; shapes of several, and inside of transformations."""
         if not are_known((self.q, self.qd, self.t)) or self.q.ndim != 1 or self.q.shape != self.qd.shape:
-            return repr(self)
+            return eqx.tree_pformat(self)
         labels = [str(k) for k in range(self.q.size)]
         rows = group(("", "position", "velocity"), labels, *(figures(np.asarray(x)) for x in (self.q, self.qd)))
-        head = f"State at t = {self.t:.6g}; by name and with units: print(mechanism.table(state))"
+        head = f"State at t = {self.t:.6g}; {_BY_NAME}"
         return "\n".join([head, *page([rows], [], "All of them: state.q and state.qd")])
 
 

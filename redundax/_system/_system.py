@@ -17,11 +17,12 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PyTree
 
+from .._sparse._plan import Plan
 from .._tools._module import Numbers, as_float, as_functions, as_parameters, moved, replace_fields
 from .._tools._table import are_known, page
 from ._axis import Axis, axis
 from ._friction import AbstractFriction, slip_kinds
-from ._joint_coordinates import AbstractJointCoordinates, NoJointCoordinates
+from ._joint_coordinates import AbstractJointCoordinates, NoJointCoordinates, joint_motion
 from ._names import Names
 from ._pages import notes, values_of
 from ._state import State
@@ -91,9 +92,30 @@ class AbstractSystem(eqx.Module):
         """q [+] d: the position reached from q by the displacement d."""
 
     @property
+    def plan(self) -> Plan | None:
+        """How its sparse matrices are factorised, where they are."""
+        return None
+
+    @property
+    def whole(self) -> Self:
+        """The same with dense matrices."""
+        return self
+
+    def by_bodies(self, q: Float[Array, "..."], t: Float[Array, ""]) -> tuple[Array, Array]:
+        """Where there is a plan, the Jacobian's slopes on it, (e, s), and the mass of each body, (bodies, s, s)."""
+        raise NotImplementedError
+
+    @property
     @abc.abstractmethod
     def adds(self) -> bool:
         """Whether q [+] d is q + d."""
+
+    @property
+    def reference(self) -> Float[Array, "..."]:
+        """The position q that the system is described at, where it is described at one."""
+        raise ValueError(
+            "Argument `q` must be given, as the system is described at no position of its own. Give a guess of it."
+        )
 
     def table(self, state: State) -> str:
         """A state by names and with units, as text: positions, where velocities are their rates, and velocities.
@@ -106,12 +128,20 @@ class AbstractSystem(eqx.Module):
         """
         if not are_known((state.q, state.qd, state.t)) or state.qd.shape != (len(self.coordinates),):
             return repr(state)
-        arrays = [*([("q", state.q)] if self.adds else []), ("qd", state.qd)]
-        time = f"t = {state.t:.6g} {self.names.units.of('time')}".strip()
-        rows = values_of(self.names, *arrays)
-        return "\n".join(
-            [f"State at {time}", *notes(self.names, ""), *page(rows, [], "All of them: state.q, state.qd")]
-        )
+        time, names = f"t = {state.t:.6g} {self.names.units.of('time')}".strip(), self.names
+        if self.adds:
+            left, right = values_of(names, ("q", state.q), ("qd", state.qd)), []
+        else:
+            left, right = (
+                values_of(names, ("qd", state.qd)),
+                values_of(names, ("centres", state.q[: len(names.centres)])),
+            )
+        if not self.adds and len(names.joint_coordinates):
+            motion = joint_motion(self.joint_coordinates, state, jnp.zeros_like(state.qd))
+            right += values_of(names, ("joints.position", motion.position)) + values_of(
+                names, ("joints.rate", motion.rate)
+            )
+        return "\n".join([f"State at {time}", *notes(names, ""), *page(left, right, "All of them: state.q, state.qd")])
 
     @property
     def joint_coordinates(self) -> AbstractJointCoordinates:

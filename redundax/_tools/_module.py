@@ -155,6 +155,23 @@ def as_vector(value: Numbers) -> Float[Array, "2"]:
     return array
 
 
+def as_matrix(what: str, value: Numbers, size: int) -> Float[Array, "size size"]:
+    """A square matrix, given whole, by its diagonal or as one number for all of that."""
+    array = floats(value)
+    if array.shape not in ((), (size,), (size, size)):
+        raise ValueError(
+            f"{what} must be a number or have shape ({size},) or ({size}, {size}), but has {array.shape}. Give one "
+            "number for all directions, one for each, or a matrix."
+        )
+    return on_device(array if array.ndim == 2 else array * numpy_of(array).eye(size, dtype=array.dtype))
+
+
+def one_number(name: str, value: Array) -> None:
+    """Refuse several numbers for one."""
+    if value.shape != ():
+        raise ValueError(f"Argument `{name}` must be a number, but has shape {value.shape}. Make one part for each.")
+
+
 def not_negative(name: str, value: Array) -> None:
     """Refuse a negative number; one that is NaN gives results that say so."""
     if is_concrete(value) and np.any(np.asarray(value) < 0):

@@ -52,6 +52,12 @@ def figures(values: np.ndarray, beside: np.ndarray | None = None, digits: int = 
     return [f"{0.0 if abs(x) <= rounding else x:.{digits}g}" for x in values.tolist()]
 
 
+def apart(low: float, high: float, digits: int = 5) -> tuple[str, str]:
+    """Two numbers with so many digits, or as many as tell them apart."""
+    texts = [(f"{low + 0.0:.{most}g}", f"{high + 0.0:.{most}g}") for most in range(digits, 16, 3)]
+    return next((pair for pair in texts if pair[0] != pair[1]), texts[-1])
+
+
 def are_known(tree: Any) -> bool:
     """Whether all leaves are arrays whose numbers are there to be shown."""
     return all(isinstance(x, np.ndarray | jax.Array) and is_concrete(x) for x in jax.tree.leaves(tree))

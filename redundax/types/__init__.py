@@ -8,6 +8,8 @@ from .._analysis._report import Report as Report
 from .._analysis._stability import Stability as Stability
 from .._analysis._verdict import Judged as Judged
 from .._equations._factorisation import Factorisation as Factorisation
+from .._equations._sparse_factorisation import SparseFactorisation as SparseFactorisation
+from .._models._model import Model as Model
 from .._motion._trajectory import Trajectory as Trajectory
 from .._motion._trajectory import TrajectoryStats as TrajectoryStats
 from .._solution_sets._band._band import Bands as Bands

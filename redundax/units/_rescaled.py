@@ -13,6 +13,7 @@ from typing import Self
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int, PyTree
 
@@ -41,7 +42,7 @@ class Rescaled(AbstractSystem):
     def _names(self) -> Names:
         """Those of the inner system, with the new units; the chart stays, so that positions have none."""
         names = self.inner.names
-        return dataclasses.replace(names, units=names.units.in_units(self.units), adds=False)
+        return dataclasses.replace(names, units=names.units.in_units(self.units), adds=False, centres=Axis((), ()))
 
     @property
     def friction(self) -> tuple[AbstractFriction, ...]:
@@ -96,11 +97,24 @@ class Rescaled(AbstractSystem):
     def adds(self) -> bool:
         return False
 
+    @property
+    def reference(self) -> Float[Array, "..."]:
+        """That of the inner system, in its chart."""
+        return self.inner.reference
+
 
 class _RescaledJoints(AbstractJointCoordinates):
     inner: AbstractJointCoordinates
     system: AbstractSystem
     units: Units
+
+    @property
+    def wraps(self) -> np.ndarray:
+        return self.inner.wraps
+
+    def positions(self, state: State) -> Array:
+        shift = self.units.of(self.system.names.joint_coordinates)
+        return shift * self.inner.positions(_restored_state(state, self.system, self.units))
 
     def motion(self, state: State, acceleration: Array) -> JointMotion:
         shift, time = self.units.of(self.system.names.joint_coordinates), self.units.time
@@ -135,6 +149,11 @@ class _RescaledFriction(AbstractFriction):
         return self.inner.has_sense
 
     @property
+    def has_direction(self) -> bool:
+        """As the friction of the inner system."""
+        return self.inner.has_direction
+
+    @property
     def has_convex_limits(self) -> bool:
         """As the friction of the inner system."""
         return self.inner.has_convex_limits
@@ -155,9 +174,12 @@ class _RescaledFriction(AbstractFriction):
         )
         return self.units.of_force(self.slips) * tau
 
-    def largest_change(self, change: Array, rate: Array, memory: PyTree) -> Array:
+    def largest_change(self, change: Array, rate: Array, memory: PyTree, state: State) -> Array:
         change = change / self.units.of_force(self.system.rows)[self.rows]
-        return self.units.of_force(self.slips) * self.inner.largest_change(change, self._inner_rate(rate), memory)
+        inner = _restored_state(state, self.system, self.units)
+        return self.units.of_force(self.slips) * self.inner.largest_change(
+            change, self._inner_rate(rate), memory, inner
+        )
 
     def memory_size(self) -> PyTree:
         """That of the inner group: internal states stay as they are."""

@@ -5,10 +5,10 @@ from ._base import AbstractFrictionalJoint as AbstractFrictionalJoint
 from ._base import AbstractJoint as AbstractJoint
 from ._driver import AngleDriver as AngleDriver
 from ._driver import DistanceDriver as DistanceDriver
-from ._driver import Polynomial as Polynomial
 from ._fixed import Fixed as Fixed
 from ._gear import AbstractMesh as AbstractMesh
 from ._gear import GearPair as GearPair
+from ._gear import whole as whole
 from ._pin_in_slot import PinInSlot as PinInSlot
 from ._rack_and_pinion import RackAndPinion as RackAndPinion
 from ._revolute import Revolute as Revolute

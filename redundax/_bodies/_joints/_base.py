@@ -1,4 +1,4 @@
-"""What a planar joint is. Body i comes first; either body may be the ground.
+"""What a joint is, and what a planar one with friction is. Body i comes first; either body may be the ground.
 
 A joint states its residual for two poses; mechanisms stack joints of one kind and evaluate them together. The
 multipliers of its force-type rows are joint forces, those of its moment-type rows joint moments: the force on the
@@ -6,22 +6,25 @@ bodies is -Phi_q^T lam.
 """
 
 import abc
-from typing import ClassVar, cast
+from collections.abc import Callable
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._body import Pose
+from .._frame import AbstractFrame
 from .._friction_model import AbstractFrictionModel
+from .._plane import PLANE
+from .._pose import Pose
 from .._stack import AbstractBetweenBodies
 
 Row = tuple[str, str]
 
 
 class AbstractJoint(AbstractBetweenBodies):
-    """A joint between the bodies i and j.
+    """A joint between the planar bodies i and j.
 
     A new kind of joint gives `row_kinds`, the name and kind ("force" or "moment") of each of its rows, force-type
     first, and `residual`; and in `pushing` the names of rows whose contacts can only push, with positive multipliers.
@@ -45,30 +48,40 @@ class AbstractJoint(AbstractBetweenBodies):
     """
 
     row_kinds: eqx.AbstractClassVar[tuple[Row, ...]]
+    frame: ClassVar[AbstractFrame] = PLANE
     pushing: ClassVar[tuple[str, ...]] = ()
     name: eqx.AbstractVar[str]
 
     @abc.abstractmethod
-    def residual(self, i: Pose, j: Pose, t: Float[Array, ""]) -> Float[Array, " rows"]:
-        """Constraint residual, one entry for each of `row_kinds`."""
+    def residual(self, i: Any, j: Any, t: Float[Array, ""]) -> Float[Array, " rows"]:
+        """Constraint residual, one entry for each of `row_kinds`, from the `Pose` of each body."""
 
-    def jacobian(self, i: Pose, j: Pose, t: Float[Array, ""]) -> Float[Array, "rows 6"]:
-        """Derivatives of the residual by x, y and phi of body i, then of body j; the poses with axes."""
+    def jacobian(self, i: Any, j: Any, t: Float[Array, ""]) -> Float[Array, "rows columns"]:
+        """Derivatives of the residual by the velocities of body i, then of body j; the poses with axes."""
+        return slopes(lambda i, j: self.residual(i, j, t), i, j)
 
-        def along(rate_i: Pose, rate_j: Pose) -> Array:
-            return jax.jvp(lambda i, j: self.residual(i, j, t), (i, j), (rate_i, rate_j))[1]
+    @property
+    def law(self) -> AbstractFrictionModel | None:
+        """Friction as force or moment that does work on its slip, None of a joint without."""
+        return None
 
-        none_i, none_j = jax.tree.map(jnp.zeros_like, (i, j))
-        by_i = jax.vmap(lambda rate: along(rate, none_j), out_axes=1)(_unit_rates(i))
-        by_j = jax.vmap(lambda rate: along(none_i, rate), out_axes=1)(_unit_rates(j))
-        return jnp.concatenate([by_i, by_j], axis=1)
+    @property
+    def coordinate_kinds(self) -> tuple[Row, ...]:
+        """Name and kind, "linear" or "angular", of each of its coordinates, which are those of i relative to j."""
+        return ()
+
+    def coordinates(self, i: Any, j: Any) -> Float[Array, " coordinates"]:
+        """Its coordinates, one for each of `coordinate_kinds`, at poses with axes."""
+        return jnp.zeros(0)
 
 
-def _unit_rates(pose: Pose) -> Pose:
-    """Rates of a pose with axes as x, y and phi change, stacked."""
-    r, phi = jnp.eye(3, 2, dtype=pose.r.dtype), jnp.eye(3, dtype=pose.r.dtype)[2]
-    along, across = cast(tuple[Array, Array], pose.axes)
-    return Pose(r, phi, (phi[:, None] * across, -phi[:, None] * along))
+def slopes(function: Callable[[Any, Any], Array], i: Any, j: Any) -> Float[Array, "values columns"]:
+    """Derivatives of a function of two poses by the velocities of body i, then of body j."""
+
+    def by(of_one: Callable[[Any], Array], pose: Any) -> Array:
+        return jax.vmap(lambda rate: jax.jvp(of_one, (pose,), (rate,))[1], out_axes=1)(pose.unit_rates())
+
+    return jnp.concatenate([by(lambda i: function(i, j), i), by(lambda j: function(i, j), j)], axis=1)
 
 
 class AbstractFrictionalJoint(AbstractJoint):
@@ -78,11 +91,7 @@ class AbstractFrictionalJoint(AbstractJoint):
     friction: eqx.AbstractVar[AbstractFrictionModel | None]
 
     def __check_init__(self) -> None:
-        if self.friction is not None and not isinstance(self.friction, AbstractFrictionModel):
-            raise ValueError(
-                f"Argument `friction` of joint '{self.name}' must be a friction model, but is {self.friction!r}. "
-                "Give `rx.Coulomb` with this coefficient, say."
-            )
+        check_friction(self.name, self.friction)
 
     @property
     def law(self) -> AbstractFrictionModel | None:
@@ -90,14 +99,35 @@ class AbstractFrictionalJoint(AbstractJoint):
         return self.friction
 
     @property
-    def coordinate(self) -> str:
-        """What its coordinate is called: "angle" or "travel", as in "name.angle"."""
-        return "angle" if self.slip_kind == "angular" else "travel"
+    def coordinate_kinds(self) -> tuple[Row, ...]:
+        """One: "angle" or "travel", as in "name.angle"."""
+        return (("angle" if self.slip_kind == "angular" else "travel", self.slip_kind),)
+
+    def coordinates(self, i: Pose, j: Pose) -> Array:
+        return self.slip(i, j)[None]
 
     @abc.abstractmethod
     def slip(self, i: Pose, j: Pose) -> Float[Array, ""]:
         """The joint's coordinate: displacement of body i relative to body j; "linear" or "angular" by `slip_kind`."""
 
+    @property
+    def has_convex_load(self) -> bool:
+        """Whether the normal load is a seminorm of the multipliers."""
+        return True
+
     @abc.abstractmethod
     def normal_load(self, multipliers: Float[Array, " rows"]) -> Float[Array, ""]:
         """Size of the load that presses the sliding surfaces together, N: a seminorm of the multipliers."""
+
+    def largest_change(self, change: Float[Array, " rows"]) -> Float[Array, ""]:
+        """Bound of the change of the normal load by a change of the multipliers: that of a seminorm is its own."""
+        return self.normal_load(change)
+
+
+def check_friction(joint: str, friction: object) -> None:
+    """Refuse what is no friction model."""
+    if friction is not None and not isinstance(friction, AbstractFrictionModel):
+        raise ValueError(
+            f"Argument `friction` of joint '{joint}' must be a friction model, but is {friction!r}. Give `rx.Coulomb` "
+            "with this coefficient, say."
+        )

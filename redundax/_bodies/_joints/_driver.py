@@ -9,38 +9,13 @@ from collections.abc import Callable
 from typing import ClassVar
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..._tools._module import Numbers, as_float, as_functions, as_vector, floats, safe_norm, tracing
-from .._body import Pose
+from ..._tools._module import as_vector, safe_norm
+from .._law_of_time import check_law, law_of_time
+from .._pose import Pose
 from ._base import AbstractJoint, Row
-
-
-def _law(value: Callable[[Array], Array] | Numbers) -> Callable[[Array], Array]:
-    """A function of time; a number stands for one that is constant."""
-    if callable(value):
-        return as_functions(value)
-    number = floats(value)
-    if number.shape:
-        raise ValueError(
-            f"Argument `angle` or `distance` of a driver must be a function of time or a number, but has shape "
-            f"{number.shape}. Give coefficients as `rx.Polynomial`."
-        )
-    return Polynomial(number[None])
-
-
-def _check_law(argument: str, name: str, law: Callable[[Array], Array]) -> None:
-    """Refuse a law that cannot be traced or gives anything but a number."""
-    with tracing(argument):
-        given = jax.eval_shape(law, jax.ShapeDtypeStruct((), jnp.result_type(float)))
-    shapes = [leaf.shape for leaf in jax.tree.leaves(given)]
-    if shapes != [()]:
-        raise ValueError(
-            f"Argument `{argument}` of the driver '{name}' must give a number at a time, but gives {shapes or None}. "
-            "Give a function of time, a number, or `rx.Polynomial`."
-        )
 
 
 class AngleDriver(AbstractJoint):
@@ -64,10 +39,10 @@ class AngleDriver(AbstractJoint):
     name: str = eqx.field(static=True)
     i: str = eqx.field(static=True)
     j: str = eqx.field(static=True)
-    angle: Callable[[Array], Array] = eqx.field(converter=_law)
+    angle: Callable[[Array], Array] = eqx.field(converter=law_of_time)
 
     def __check_init__(self) -> None:
-        _check_law("angle", self.name, self.angle)
+        check_law("angle", self.name, self.angle)
 
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:
         return jnp.stack([i.phi - j.phi - self.angle(t)])
@@ -99,31 +74,10 @@ class DistanceDriver(AbstractJoint):
     j: str = eqx.field(static=True)
     point_i: Float[Array, "2"] = eqx.field(converter=as_vector)
     point_j: Float[Array, "2"] = eqx.field(converter=as_vector)
-    distance: Callable[[Array], Array] = eqx.field(converter=_law)
+    distance: Callable[[Array], Array] = eqx.field(converter=law_of_time)
 
     def __check_init__(self) -> None:
-        _check_law("distance", self.name, self.distance)
+        check_law("distance", self.name, self.distance)
 
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:
         return jnp.stack([safe_norm(i.point(self.point_i) - j.point(self.point_j)) - self.distance(t)])
-
-
-class Polynomial(eqx.Module):
-    """c0 + c1 t + c2 t^2 + ..., a law of motion whose coefficients are differentiable.
-
-    ??? example
-
-        ```python
-        law = rx.Polynomial([0.5, 2.0])
-        law(jnp.array(1.5))  # 0.5 + 2 * 1.5 = 3.5
-        ```
-
-    **Arguments:**
-
-    - `coefficients`: shape (degree + 1,), lowest power first.
-    """
-
-    coefficients: Float[Array, " terms"] = eqx.field(converter=as_float)
-
-    def __call__(self, t: Float[Array, ""]) -> Float[Array, ""]:
-        return jnp.polyval(self.coefficients[::-1], t)

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..._tools._module import as_float, as_vector
-from .._body import Pose
+from .._pose import Pose
 from ._base import AbstractJoint, Row
 
 

@@ -37,8 +37,8 @@ from ..._tools._module import (
     positive,
     safe_norm,
 )
-from .._body import Pose
 from .._friction_model import AbstractFrictionModel
+from .._pose import Pose
 from ._base import AbstractFrictionalJoint, Row
 
 STANDARD_PRESSURE_ANGLE = np.pi / 9

@@ -10,8 +10,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..._tools._module import as_vector, unit
-from .._body import Pose, perpendicular
 from .._friction_model import AbstractFrictionModel
+from .._pose import Pose, perpendicular
 from ._base import AbstractFrictionalJoint, Row
 
 

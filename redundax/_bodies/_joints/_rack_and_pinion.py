@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..._tools._module import as_float, as_vector, numpy_of, optional_float, unit
-from .._body import Pose, perpendicular
 from .._friction_model import AbstractFrictionModel
+from .._pose import Pose, perpendicular
 from ._gear import STANDARD_PRESSURE_ANGLE, AbstractMesh, check_mesh, tip_path, whole
 
 

@@ -11,8 +11,8 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from ..._tools._module import as_vector, optional_float, safe_norm
-from .._body import Pose
 from .._friction_model import AbstractFrictionModel
+from .._pose import Pose
 from ._base import AbstractFrictionalJoint, Row
 
 

@@ -2,8 +2,6 @@
 
 from ._applied import AppliedForce as AppliedForce
 from ._base import AbstractLoad as AbstractLoad
-from ._base import Motion as Motion
-from ._base import Wrench as Wrench
 from ._function import LoadFunction as LoadFunction
 from ._spring import SpringDamper as SpringDamper
 from ._spring import TorsionSpring as TorsionSpring

@@ -6,7 +6,8 @@ from jaxtyping import Array, Float
 
 from ..._tools._module import as_float, as_vector
 from .._body import GROUND
-from ._base import AbstractLoad, Motion, Wrench
+from .._pose import Motion, Wrench
+from ._base import AbstractLoad
 
 
 class AppliedForce(AbstractLoad):

@@ -1,6 +1,8 @@
 """A load that the user writes as a function of state."""
 
+import abc
 from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -8,11 +10,36 @@ import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from ..._tools._module import as_functions, as_parameters, tracing
-from .._body import GROUND, Pose
-from ._base import AbstractLoad, Motion, Wrench
+from .._body import GROUND, name_of
+from .._pose import Motion, Pose
+from ._base import AbstractLoad
 
 
-class LoadFunction(AbstractLoad):
+class AbstractLoadFunction(AbstractLoad):
+    """A load by a function, in the plane or in space."""
+
+    i: str = eqx.field(static=True, converter=name_of)
+    function: Callable[[Any, Any, Array, PyTree], tuple[Any, Any]] = eqx.field(converter=as_functions)
+    j: str = eqx.field(static=True, converter=name_of, default=GROUND)
+    parameters: PyTree = eqx.field(converter=as_parameters, default=None)
+
+    @staticmethod
+    @abc.abstractmethod
+    def still() -> Any:
+        """A motion on which the function is tried."""
+
+    def __check_init__(self) -> None:
+        def trial() -> tuple[Any, Any]:
+            return self.wrenches(self.still(), self.still(), jnp.zeros(()))
+
+        with tracing("function"):
+            jax.eval_shape(trial)
+
+    def wrenches(self, i: Any, j: Any, t: Array) -> tuple[Any, Any]:
+        return self.function(i, j, t, self.parameters)
+
+
+class LoadFunction(AbstractLoadFunction):
     """Any load between two bodies, written in jnp.
 
     ??? example
@@ -32,18 +59,7 @@ class LoadFunction(AbstractLoad):
     - `parameters`: any pytree; its numbers become arrays.
     """
 
-    i: str = eqx.field(static=True)
-    function: Callable[[Motion, Motion, Array, PyTree], tuple[Wrench, Wrench]] = eqx.field(converter=as_functions)
-    j: str = eqx.field(static=True, default=GROUND)
-    parameters: PyTree = eqx.field(converter=as_parameters, default=None)
-
-    def __check_init__(self) -> None:
-        def trial() -> tuple[Wrench, Wrench]:
-            still = Pose(jnp.zeros(2), jnp.zeros(()))
-            return self.wrenches(Motion(still, still), Motion(still, still), still.phi)
-
-        with tracing("function"):
-            jax.eval_shape(trial)
-
-    def wrenches(self, i: Motion, j: Motion, t: Array) -> tuple[Wrench, Wrench]:
-        return self.function(i, j, t, self.parameters)
+    @staticmethod
+    def still() -> Motion:
+        pose = Pose(jnp.zeros(2), jnp.zeros(()))
+        return Motion(pose, pose)

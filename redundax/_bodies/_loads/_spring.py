@@ -4,15 +4,40 @@ tension        c (l - l0) + d dl/dt   along the line of the two points
 moment on i    -c (alpha - alpha0) - d dalpha/dt,   alpha = phi_i - phi_j
 """
 
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..._tools._module import as_float, as_vector, safe_norm
-from ._base import AbstractLoad, Motion, Wrench
+from ..._tools._module import as_float, as_vector, one_number, safe_norm
+from .._pose import Motion, Wrench
+from ._base import AbstractLoad
 
 
-class SpringDamper(AbstractLoad):
+class AbstractSpringDamper(AbstractLoad):
+    """A spring with damper between two points, in the plane or in space."""
+
+    point_i: eqx.AbstractVar[Array]
+    point_j: eqx.AbstractVar[Array]
+    stiffness: eqx.AbstractVar[Float[Array, ""]]
+    free_length: eqx.AbstractVar[Float[Array, ""]]
+    damping: eqx.AbstractVar[Float[Array, ""]]
+
+    def __check_init__(self) -> None:
+        for name in ("stiffness", "free_length", "damping"):
+            one_number(name, getattr(self, name))
+
+    def wrenches(self, i: Any, j: Any, t: Array) -> tuple[Any, Any]:
+        offset = i.pose.point(self.point_i) - j.pose.point(self.point_j)
+        length = safe_norm(offset)
+        line = offset / jnp.where(length > 0, length, 1.0)
+        speed = (i.point_velocity(self.point_i) - j.point_velocity(self.point_j)) @ line
+        tension = self.stiffness * (length - self.free_length) + self.damping * speed
+        return i.wrench(-tension * line, self.point_i), j.wrench(tension * line, self.point_j)
+
+
+class SpringDamper(AbstractSpringDamper):
     """Linear spring with damper between a point of body i and a point of body j.
 
     ??? example
@@ -40,14 +65,6 @@ class SpringDamper(AbstractLoad):
     free_length: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
     damping: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
 
-    def wrenches(self, i: Motion, j: Motion, t: Array) -> tuple[Wrench, Wrench]:
-        offset = i.pose.point(self.point_i) - j.pose.point(self.point_j)
-        length = safe_norm(offset)
-        line = offset / jnp.where(length > 0, length, 1.0)
-        speed = (i.point_velocity(self.point_i) - j.point_velocity(self.point_j)) @ line
-        tension = self.stiffness * (length - self.free_length) + self.damping * speed
-        return i.wrench(-tension * line, self.point_i), j.wrench(tension * line, self.point_j)
-
 
 class TorsionSpring(AbstractLoad):
     """Torsion spring with damper between two bodies.
@@ -71,6 +88,10 @@ class TorsionSpring(AbstractLoad):
     stiffness: Float[Array, ""] = eqx.field(converter=as_float)
     free_angle: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
     damping: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+
+    def __check_init__(self) -> None:
+        for name in ("stiffness", "free_angle", "damping"):
+            one_number(name, getattr(self, name))
 
     def wrenches(self, i: Motion, j: Motion, t: Array) -> tuple[Wrench, Wrench]:
         angle, rate = i.pose.phi - j.pose.phi, i.rate.phi - j.rate.phi

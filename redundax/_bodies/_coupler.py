@@ -1,0 +1,239 @@
+"""Couplers: a coordinate of one joint as a polynomial of that of another
+
+    c_1 - (p_0 + p_1 c_2 + p_2 c_2^2 + ...) = 0
+
+One row, whose derivative is that of c_1 less the polynomial's slope times that of c_2: it reads the bodies of both
+joints. Its multiplier is minus the force or moment along c_1. An angle of a joint in space is from -pi to pi: the row
+is taken to the nearest of the whole turns that leave the bodies where they are, which are
+
+    c_1 an angle                           2 pi, and 2 pi / q where c_2 is another and p_1 = 1 / q, with only p_0 beside
+    c_1 a travel of a constant ratio p_1   2 pi |p_1| where c_2 is an angle
+
+Of other ratios of angles the second must stay within half a turn: several positions of the first would close the row.
+"""
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from .._system._names import Names, index_of
+from .._tools._module import Numbers, as_float, is_concrete, numpy_of, on_device
+from ._frame import AbstractFrame
+from ._joints import AbstractJoint
+from ._joints._base import Row, slopes
+from ._stack import Stack, indices
+
+
+class Coupler(eqx.Module):
+    """A coordinate of one joint as a polynomial of that of another, of any two joints of a mechanism.
+
+    ??? example
+
+        ```python
+        rx.Coupler("rack", "left.angle", "right.angle", ratio=-1.0)  # fingers of a gripper that close together
+        rx.Coupler("cam", "follower.travel", "shaft.angle", polynomial=(0.0, 0.01, 0.002))
+        ```
+
+    **Arguments:**
+
+    - `name`: the row is called "name.coupling".
+    - `first`, `second`: names of the coordinates, such as "hinge.angle" or "guide.travel".
+    - `ratio`: of the first to the second, where it is constant.
+    - `polynomial`: its coefficients, lowest power first, in place of `ratio`.
+
+    Angles of joints in space are from -pi to pi. A coupler follows them round and round where its ratio is a whole
+    number or one over a whole number, and where it moves a travel by a constant ratio. Otherwise keep the second angle
+    within half a turn, or make wheels in mesh of `rx.spatial.Gear`.
+    """
+
+    name: str = eqx.field(static=True)
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    polynomial: Float[Array, " terms"]
+
+    def __init__(
+        self, name: str, first: str, second: str, ratio: Numbers | None = None, *, polynomial: Numbers | None = None
+    ):
+        self.name, self.first, self.second = name, first, second
+        if (ratio is None) == (polynomial is None):
+            raise ValueError(f"Coupler '{name}' must have either `ratio` or `polynomial`. Give one of both.")
+        given = as_float(polynomial if ratio is None else ratio)  # pyright: ignore[reportArgumentType]
+        if given.ndim != (1 if ratio is None else 0):
+            raise ValueError(
+                f"Coupler '{name}' must have a number as `ratio` or a list of coefficients as `polynomial`, but has "
+                f"one of shape {given.shape}. Give `polynomial=(0.0, 2.0)` for twice, say."
+            )
+        if ratio is not None:
+            given = jnp.stack([jnp.zeros_like(given), given])
+        if is_concrete(given):  # of lower degree than files write
+            given = given[: max(2, len(np.trim_zeros(np.asarray(given), "b")))]
+        self.polynomial = given
+
+
+class _Coordinate(eqx.Module):
+    """One coordinate of some members of a stack of joints."""
+
+    kind: int = eqx.field(static=True)
+    column: int = eqx.field(static=True)
+    members: Int[Array, " size"]
+
+    def value(self, joints: Sequence[Stack], bodies: Any) -> Float[Array, " size"]:
+        some = joints[self.kind].take(self.members)
+        return some.over(lambda joint, i, j: joint.coordinates(i, j)[self.column], bodies)
+
+    def slopes(self, joints: Sequence[Stack], bodies: Any) -> Float[Array, "size columns"]:
+        some = joints[self.kind].take(self.members)
+
+        def of_one(joint: AbstractJoint, i: Any, j: Any) -> Array:
+            return slopes(lambda i, j: joint.coordinates(i, j)[self.column : self.column + 1], i, j)[0]
+
+        return some.over(of_one, bodies)
+
+
+class Couplings(eqx.Module):
+    """Couplers of coordinates of the same kinds: both coordinates, and of which of them whole turns change nothing, of
+    the first by a `share`; rows, and columns of all four bodies, of which those beyond the last are of the ground."""
+
+    first: _Coordinate
+    second: _Coordinate
+    turns: Literal["first", "second", "neither"] = eqx.field(static=True)
+    polynomial: Float[Array, "size terms"]
+    share: Float[Array, " size"]
+    rows: Int[Array, " size"]
+    columns: Int[Array, "size columns"]
+
+    def residuals(self, joints: Sequence[Stack], bodies: Any) -> Float[Array, "size 1"]:
+        first, second = (each.value(joints, bodies) for each in (self.first, self.second))
+        gap = first - jax.vmap(_value)(self.polynomial, second)
+        if self.turns == "neither":
+            return gap[:, None]
+        period = 2 * jnp.pi * (1 / self.share if self.turns == "first" else jnp.abs(self.polynomial[:, 1]))
+        return (gap - period * jnp.round(gap / jnp.where(period > 0, period, 1.0)))[:, None]
+
+    def added(self, jacobian: Float[Array, "m n"], joints: Sequence[Stack], bodies: Any) -> Float[Array, "m n"]:
+        """The Jacobian with these rows."""
+        slopes = self.slopes(joints, bodies)
+        return jacobian.at[self.rows[:, None], self.columns].add(slopes, mode="drop")
+
+    def slopes(self, joints: Sequence[Stack], bodies: Any) -> Float[Array, "size columns"]:
+        """Derivatives by the velocities of all four bodies."""
+        slope = jax.vmap(jax.grad(_value, argnums=1))(self.polynomial, self.second.value(joints, bodies))
+        parts = self.first.slopes(joints, bodies), -slope[:, None] * self.second.slopes(joints, bodies)
+        return jnp.concatenate(parts, axis=1)
+
+    def bodies(self, joints: Sequence[Stack]) -> np.ndarray:
+        """All four of each, (size, 4); concrete values."""
+        ends = [
+            np.asarray(body)[np.asarray(end.members)]
+            for end in (self.first, self.second)
+            for body in (joints[end.kind].i, joints[end.kind].j)
+        ]
+        return np.stack(ends, axis=1)
+
+    def words(self, names: Names, joints: Sequence[Stack]) -> list[tuple[str, str, str]]:
+        """Name, kind and both coordinates of each."""
+        ends = []
+        for end in (self.first, self.second):
+            what = joints[end.kind].element.coordinate_kinds[end.column][0]
+            ends.append([f"{names.joints[end.kind][k]}.{what}" for k in np.asarray(end.members).tolist()])
+        rows = [names.rows.labels[row].removesuffix(".coupling") for row in np.asarray(self.rows).tolist()]
+        return [(row, "Coupler", ", ".join(pair)) for row, pair in zip(rows, zip(*ends, strict=True), strict=True)]
+
+
+def _value(polynomial: Array, x: Array) -> Array:
+    return jnp.polyval(polynomial[::-1], x)
+
+
+class CoupledRow:
+    """What a coupler is among the rows of a mechanism."""
+
+    def __init__(self, name: str, kind: str):
+        self.name = name
+        self.row_kinds: tuple[Row, ...] = (("coupling", kind),)
+
+
+Place = tuple[int, int, int, str]  # stack, column, member and kind of a coordinate
+
+
+def coupled_rows(couplers: Sequence[Coupler], places: dict[str, Place]) -> list[CoupledRow]:
+    """The rows of couplers, given where the coordinates of joints are."""
+    found = []
+    for coupler in couplers:
+        for argument, name in (("first", coupler.first), ("second", coupler.second)):
+            index_of(argument, name, list(places), " of joint coordinates")
+        found.append(CoupledRow(coupler.name, "moment" if places[coupler.first][3] == "angular" else "force"))
+    return found
+
+
+def coordinate_places(joints: Sequence[AbstractJoint], groups: Sequence[Sequence[int]]) -> dict[str, Place]:
+    """Where the coordinates of joints are, by name."""
+    return {
+        f"{joints[k].name}.{name}": (stack, column, member, kind)
+        for stack, group in enumerate(groups)
+        for member, k in enumerate(group)
+        for column, (name, kind) in enumerate(joints[k].coordinate_kinds)
+    }
+
+
+def couplings(
+    couplers: Sequence[Coupler],
+    places: dict[str, Place],
+    rows: Sequence[int],
+    joints: Sequence[Stack],
+    frame: AbstractFrame,
+    count: int,
+) -> tuple[Couplings, ...]:
+    """Couplers of the same kinds together, at the given rows of a mechanism of `count` bodies."""
+    alike: dict[Any, list[int]] = {}
+    for k, coupler in enumerate(couplers):
+        first, second = places[coupler.first], places[coupler.second]
+        alike.setdefault((first[:2], second[:2], first[3], second[3], coupler.polynomial.shape), []).append(k)
+    found = []
+    for (first, second, *kinds, terms), members in alike.items():
+        ends: list[_Coordinate] = []
+        for (stack, column), which in ((first, "first"), (second, "second")):
+            at = [places[getattr(couplers[k], which)][2] for k in members]
+            ends.append(_Coordinate(stack, column, indices(at)))
+        columns = np.concatenate(
+            [
+                _columns(np.asarray(body)[np.asarray(end.members)], frame, count)
+                for end in ends
+                for body in (joints[end.kind].i, joints[end.kind].j)
+            ],
+            axis=1,
+        )
+        polynomials = [couplers[k].polynomial for k in members]
+        polynomial = on_device(numpy_of(polynomials).stack(polynomials))
+        at = indices([rows[k] for k in members]), indices(columns)
+        turns = "neither" if frame.adds else _turns(kinds, terms)
+        found.append(Couplings(ends[0], ends[1], turns, polynomial, _shares(polynomial, kinds), *at))
+    return tuple(found)
+
+
+def _turns(kinds: Sequence[str], terms: tuple[int]) -> Literal["first", "second", "neither"]:
+    """Which coordinate in space may count some of its turns or none."""
+    if kinds[0] == "angular":
+        return "first"
+    return "second" if kinds[1] == "angular" and terms == (2,) else "neither"
+
+
+def _shares(polynomial: Float[Array, "size terms"], kinds: Sequence[str]) -> Float[Array, " size"]:
+    """q of couplers of angles by 1 / q, and 1 of others."""
+    one = np.ones(polynomial.shape[0])
+    if list(kinds) != ["angular", "angular"] or polynomial.shape[1] != 2 or not is_concrete(polynomial):
+        return on_device(one)
+    ratio = np.abs(np.asarray(polynomial)[:, 1])
+    share = np.round(1 / np.where(ratio > 0, ratio, 1.0))
+    is_share = (share > 0) & (np.abs(ratio * share - 1) <= 4 * np.finfo(ratio.dtype).eps)
+    return on_device(np.where(is_share, share, one))
+
+
+def _columns(bodies: np.ndarray, frame: AbstractFrame, count: int) -> np.ndarray:
+    """Columns of bodies, and beyond the last column those of the ground."""
+    outside = np.full(frame.size, frame.size * count)
+    return np.stack([outside if body == count else frame.columns(int(body), count) for body in bodies])

@@ -1,0 +1,130 @@
+"""What the pose of a body is, in the plane or in space: what a mechanism must know of it, and nothing else does.
+
+A frame has no numbers: it is a strategy that compiled programs are keyed on. Velocities of all bodies are the linear
+ones of each, then the angular ones of each, Eqs. (1), (60).
+"""
+
+import abc
+from collections.abc import Sequence
+from typing import Any, ClassVar, Self
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._system._axis import Axis
+from .._system._state import State
+from .._tools._module import Numbers, as_float
+
+
+class AbstractFrame(eqx.Module):
+    """Poses, mass and generalised forces of the bodies of a mechanism, stacked, from its coordinates.
+
+    - `word`: "planar" or "spatial".
+    - `linear`, `angular`: names of the velocities of a body.
+    - `reaction`: names of the parts of a joint's reaction, with their kinds.
+    """
+
+    word: ClassVar[str]
+    linear: ClassVar[tuple[str, ...]]
+    angular: ClassVar[tuple[str, ...]]
+    reaction: ClassVar[tuple[tuple[str, str], ...]]
+
+    @property
+    def size(self) -> int:
+        """Velocities of a body."""
+        return len(self.linear) + len(self.angular)
+
+    def coordinates(self, bodies: Sequence[str]) -> Axis:
+        """Names and kinds of the velocities of these bodies."""
+        parts = (("linear", self.linear), ("angular", self.angular))
+        names = [f"{body}.{axis}" for _, axes in parts for body in bodies for axis in axes]
+        return Axis(tuple(names), tuple(kind for kind, axes in parts for _ in bodies for _ in axes))
+
+    def centre_names(self, bodies: Sequence[str]) -> Axis:
+        """Names of the positions of centres of mass, which come first in q, where q has no names of its own."""
+        names = () if self.adds else tuple(f"{body}.{axis}" for body in bodies for axis in self.linear)
+        return Axis(names, ("linear",) * len(names))
+
+    def columns(self, body: int, count: int) -> np.ndarray:
+        """Where the velocities of a body are among those of `count` bodies."""
+        linear, angular = len(self.linear), len(self.angular)
+        return np.r_[body * linear + np.arange(linear), count * linear + body * angular + np.arange(angular)]
+
+    def vector(self, argument: str, value: Numbers | None) -> Float[Array, " axes"]:
+        """A vector in global components, zero where none is given."""
+        array = as_float(np.zeros(len(self.linear)) if value is None else value)
+        if array.shape != (len(self.linear),):
+            raise ValueError(
+                f"Argument `{argument}` must have {len(self.linear)} components in a {self.word} mechanism, but has "
+                f"shape {array.shape}. Give ({', '.join(self.linear)})."
+            )
+        return array
+
+    def of(self, bodies: Sequence[Any]) -> Self:
+        """The frame of these bodies, as it is where their inertia allows."""
+        return self
+
+    def alike(self, bodies: Sequence[Any]) -> Sequence[Any]:
+        """The bodies with arrays of the same shapes."""
+        return bodies
+
+    @property
+    @abc.abstractmethod
+    def adds(self) -> bool:
+        """Whether positions are numbers whose rates are the velocities."""
+
+    @property
+    @abc.abstractmethod
+    def diagonal_mass(self) -> bool:
+        """Whether the mass matrix is known to be diagonal."""
+
+    @abc.abstractmethod
+    def centres(self, body: Any) -> Float[Array, "bodies axes"] | None:
+        """Centres of mass in the local frames; None where these are their origins."""
+
+    @abc.abstractmethod
+    def check(self, q: Float[Array, "..."], n: int) -> None:
+        """Refuse a position that is not one of bodies with n velocities."""
+
+    @abc.abstractmethod
+    def poses(self, centres: Any, q: Float[Array, "..."]) -> Any:
+        """Poses of all bodies and of the ground, which is last, stacked."""
+
+    @abc.abstractmethod
+    def motions(self, body: Any, state: State) -> Any:
+        """The same with their rates, as loads are given them."""
+
+    @abc.abstractmethod
+    def retract(self, q: Float[Array, "..."], d: Float[Array, " n"]) -> Float[Array, "..."]:
+        """q [+] d."""
+
+    @abc.abstractmethod
+    def reference(self, body: Any) -> Float[Array, "..."]:
+        """The position q of bodies at their reference poses."""
+
+    @abc.abstractmethod
+    def velocity(self, q: Float[Array, "..."], rate: Float[Array, "..."]) -> Float[Array, " n"]:
+        """The velocity at which positions have a rate."""
+
+    @abc.abstractmethod
+    def mass(self, body: Any) -> Float[Array, "n n"]:
+        """Mass matrix, which is constant."""
+
+    @abc.abstractmethod
+    def masses(self, body: Any) -> Float[Array, "bodies v v"]:
+        """That of each body."""
+
+    @abc.abstractmethod
+    def load(self, body: Any, motion: Any, force: Array, moment: Array) -> Float[Array, " n"]:
+        """Generalised force of forces and moments about the origins of all bodies and of the ground, global
+        components, and of the inertia that depends on the velocity."""
+
+    @abc.abstractmethod
+    def reactions(self, pose: Any, by_row: Float[Array, "v rows"], point: Array) -> tuple[Array, Array, Array]:
+        """Force and moment about a point of a body, both global and of one row each, from generalised forces on it;
+        and the arm of the force."""
+
+    @abc.abstractmethod
+    def along(self, axes: Array, force: Float[Array, "v rows"], moment: Array) -> Array:
+        """Components of forces and of moments along axes, the columns, one after the other."""

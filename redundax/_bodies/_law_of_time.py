@@ -1,0 +1,56 @@
+"""Laws of motion that drivers prescribe, as functions of time."""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._tools._module import Numbers, as_float, as_functions, floats, tracing
+
+
+def law_of_time(value: Callable[[Array], Array] | Numbers, argument: str | None = None) -> Callable[[Array], Array]:
+    """A function of time; a number stands for one that is constant."""
+    if callable(value):
+        return as_functions(value)
+    number = floats(value)
+    if number.shape:
+        raise ValueError(
+            f"Argument {f'`{argument}`' if argument else '`angle` or `distance`'} of a driver must be a function of "
+            f"time or a number, but has shape {number.shape}. Give coefficients as `rx.Polynomial`."
+        )
+    return Polynomial(number[None])
+
+
+def check_law(argument: str, name: str, law: Callable[[Array], Array]) -> None:
+    """Refuse a law that cannot be traced or gives anything but a number."""
+    with tracing(argument):
+        given = jax.eval_shape(law, jax.ShapeDtypeStruct((), jnp.result_type(float)))
+    shapes = [leaf.shape for leaf in jax.tree.leaves(given)]
+    if shapes != [()]:
+        raise ValueError(
+            f"Argument `{argument}` of the driver '{name}' must give a number at a time, but gives {shapes or None}. "
+            "Give a function of time, a number, or `rx.Polynomial`."
+        )
+
+
+class Polynomial(eqx.Module):
+    """c0 + c1 t + c2 t^2 + ..., a law of motion whose coefficients are differentiable.
+
+    ??? example
+
+        ```python
+        law = rx.Polynomial([0.5, 2.0])
+        law(jnp.array(1.5))  # 0.5 + 2 * 1.5 = 3.5
+        ```
+
+    **Arguments:**
+
+    - `coefficients`: shape (degree + 1,), lowest power first.
+    """
+
+    coefficients: Float[Array, " terms"] = eqx.field(converter=as_float)
+
+    def __call__(self, t: Float[Array, ""]) -> Float[Array, ""]:
+        return jnp.polyval(self.coefficients[::-1], t)

@@ -1,0 +1,132 @@
+"""Bodies in space
+
+    q = (x of the centres of mass; quaternions),   velocities = (x'; omega in body axes)
+    M = diag(m I, J),   Q = (F; R^T (M_o - R c x F) - omega x J omega)
+
+M is constant. The centre of mass is at c in the local frame, whose origin and axes are the user's: poses, points and
+wrenches are given there.
+"""
+
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..._system._state import State
+from ..._tools._module import numpy_of, on_device, replace_fields
+from .._frame import AbstractFrame
+from ._pose import Motion, Pose
+from ._rotation import angular_velocity, rotation, turned
+
+
+class Space(AbstractFrame):
+    """Bodies in space; `is_principal` says whether the axes of all are principal axes of their inertia."""
+
+    word: ClassVar[str] = "spatial"
+    linear: ClassVar[tuple[str, ...]] = ("x", "y", "z")
+    angular: ClassVar[tuple[str, ...]] = ("phi_x", "phi_y", "phi_z")
+    reaction: ClassVar[tuple[tuple[str, str], ...]] = (
+        *((f"force {axis}", "force") for axis in "xyz"),
+        *((f"moment {axis}", "moment") for axis in "xyz"),
+    )
+    is_principal: bool = True
+
+    def of(self, bodies: Sequence[Any]) -> "Space":
+        return Space(all(body.inertia.shape == (3,) for body in bodies))
+
+    def alike(self, bodies: Sequence[Any]) -> Sequence[Any]:
+        if self.is_principal:
+            return bodies
+        return [replace_fields(body, inertia=body.inertia_matrix) for body in bodies]
+
+    @property
+    def adds(self) -> bool:
+        return False
+
+    @property
+    def diagonal_mass(self) -> bool:
+        return self.is_principal
+
+    def centres(self, body: Any) -> Array:
+        return body.centre
+
+    def check(self, q: Array, n: int) -> None:
+        if q.shape != (n // 6 * 7,):
+            raise ValueError(
+                f"Argument `q` must have shape ({n // 6 * 7},), the positions of all centres of mass and then all "
+                f"quaternions (w, x, y, z), but has {q.shape}. Leave it out of `assemble` to start from the reference "
+                "poses, and use jax.vmap for many positions."
+            )
+
+    def poses(self, centres: Any, q: Array) -> Pose:
+        x, p = _parts(q)
+        axes = rotation(p)
+        r = x - jnp.einsum("bij,bj->bi", axes, centres)
+        ground = (jnp.zeros((1, 3), q.dtype), jnp.eye(3, dtype=q.dtype)[None], jnp.zeros((1, 3), q.dtype))
+        return Pose(*(jnp.concatenate(pair) for pair in zip((r, axes, centres), ground, strict=True)))
+
+    def motions(self, body: Any, state: State) -> Motion:
+        pose = self.poses(body.centre, state.q)
+        v, omega = (
+            jnp.concatenate([part.reshape(-1, 3), jnp.zeros((1, 3), part.dtype)]) for part in jnp.split(state.qd, 2)
+        )
+        omega = jnp.einsum("bij,bj->bi", pose.axes, omega)
+        arm = jnp.einsum("bij,bj->bi", pose.axes, pose.centre)
+        return Motion(pose, v - jnp.cross(omega, arm), omega)
+
+    def retract(self, q: Array, d: Array) -> Array:
+        x, p = _parts(q)
+        shift, turn = jnp.split(d, 2)
+        return jnp.concatenate([x.ravel() + shift, turned(p, turn.reshape(-1, 3)).ravel()])
+
+    def reference(self, body: Any) -> Array:
+        given = body.position, body.orientation, body.centre
+        xp = numpy_of(*given)  # in NumPy, which compiles nothing, where they are known
+        position, orientation, centre = map(xp.asarray, given)
+        mass = position + xp.einsum("bij,bj->bi", rotation(orientation), centre)
+        return on_device(xp.concatenate([mass.ravel(), orientation.ravel()]))
+
+    def velocity(self, q: Array, rate: Array) -> Array:
+        (_, p), (v, p_rate) = _parts(q), _parts(rate)
+        return jnp.concatenate([v.ravel(), angular_velocity(p, p_rate).ravel()])
+
+    def mass(self, body: Any) -> Array:
+        heft = jnp.repeat(body.mass, 3)
+        if self.is_principal:
+            return jnp.diag(jnp.concatenate([heft, body.inertia.ravel()]))
+        return jax.scipy.linalg.block_diag(jnp.diag(heft), *body.inertia)
+
+    def masses(self, body: Any) -> Array:
+        one = jnp.eye(3, dtype=body.mass.dtype)
+        inertia = body.inertia[:, None] * one if self.is_principal else body.inertia
+        none = jnp.zeros_like(inertia)
+        return jnp.block([[body.mass[:, None, None] * one, none], [none, inertia]])
+
+    def load(self, body: Any, motion: Motion, force: Array, moment: Array) -> Array:
+        pose, omega = jax.tree.map(lambda x: x[:-1], (motion.pose, motion.angular_velocity))
+        force, moment = force[:-1], moment[:-1]
+        arm = jnp.einsum("bij,bj->bi", pose.axes, pose.centre)
+        about, spin = (
+            jnp.einsum("bij,bi->bj", pose.axes, vector) for vector in (moment - jnp.cross(arm, force), omega)
+        )
+        momentum = body.inertia * spin if self.is_principal else jnp.einsum("bij,bj->bi", body.inertia, spin)
+        return jnp.concatenate([force.ravel(), (about - jnp.cross(spin, momentum)).ravel()])
+
+    def reactions(self, pose: Pose, by_row: Array, point: Array) -> tuple[Array, Array, Array]:
+        force, moment = jnp.split(by_row, 2)
+        arm = pose.rotate(point - pose.centre)
+        return force, pose.axes @ moment - jnp.cross(arm[:, None], force, axis=0), arm
+
+    def along(self, axes: Array, force: Array, moment: Array) -> Array:
+        return jnp.concatenate([axes.T @ force, axes.T @ moment])
+
+
+def _parts(q: Array) -> tuple[Array, Array]:
+    """Positions (b, 3) and quaternions (b, 4)."""
+    count = q.shape[0] // 7
+    return q[: 3 * count].reshape(count, 3), q[3 * count :].reshape(count, 4)
+
+
+SPACE = Space()

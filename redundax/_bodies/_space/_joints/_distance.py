@@ -1,0 +1,84 @@
+"""Distance of two points in space: |p_i - p_j| - f(t) = 0, with a constant f a massless rod."""
+
+from collections.abc import Callable
+from typing import ClassVar
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from ...._tools._module import Numbers, as_float, positive, safe_norm
+from ..._friction_model import AbstractFrictionModel
+from ..._joints._base import Row
+from ..._law_of_time import check_law, law_of_time
+from .._body import Body
+from .._placement import between_points
+from .._pose import Pose
+from ._base import AbstractJoint, refuse_friction
+
+
+class Distance(AbstractJoint):
+    """A rod between two points, or a driver of their distance. Its multiplier is the tension of the rod, N.
+
+    ??? example
+
+        ```python
+        plate = rx.spatial.Body("plate", 2.0, inertia=(0.1, 0.1, 0.2))
+        rx.spatial.Distance("rod", plate, "ground", (0.5, 0.0, 0.0), (0.5, 0.0, 1.0))  # as long as they are apart
+        ```
+
+    **Arguments:**
+
+    - `name`: the row is called "name.distance".
+    - `i`, `j`: the bodies, or "ground"; their names do where `on_i` and `on_j` are given.
+    - `point_i`, `point_j`: the points, global, m, at the reference pose of the bodies; they must not coincide.
+    - `distance`: m, a number or a function of time in jax.numpy; that of the points if not given.
+    - `on_i`, `on_j`: in place of the points those in the local frames, m; `distance` must be given then.
+    - `friction`: it has none.
+    """
+
+    row_kinds: ClassVar[tuple[Row, ...]] = (("distance", "force"),)
+    name: str = eqx.field(static=True)
+    i: str = eqx.field(static=True)
+    j: str = eqx.field(static=True)
+    point_i: Float[Array, "3"]
+    point_j: Float[Array, "3"]
+    distance: Callable[[Array], Array]
+
+    def __init__(
+        self,
+        name: str,
+        i: Body | str,
+        j: Body | str,
+        point_i: Numbers | None = None,
+        point_j: Numbers | None = None,
+        distance: Callable[[Array], Array] | Numbers | None = None,
+        *,
+        on_i: Numbers | None = None,
+        on_j: Numbers | None = None,
+        friction: AbstractFrictionModel | None = None,
+    ):
+        refuse_friction(name, friction)
+        place = between_points(name, i, j, (point_i, point_j, on_i, on_j))
+        self.name, self.i, self.j = name, place.i, place.j
+        self.point_i, self.point_j = place.on_i.point, place.on_j.point
+        if distance is None:
+            if point_i is None or point_j is None:
+                raise ValueError(
+                    f"Argument `distance` of joint '{name}' must be given where its points are given in local "
+                    "frames, but is None. Give a length."
+                )
+            distance = safe_norm(as_float(point_i) - as_float(point_j))
+        if not callable(distance):
+            positive("distance", as_float(distance))
+        self.distance = law_of_time(distance, "distance")
+        check_law("distance", name, self.distance)
+
+    @property
+    def coordinate_kinds(self) -> tuple[Row, ...]:
+        return (("distance", "linear"),)
+
+    def residual(self, i: Pose, j: Pose, t: Array) -> Array:
+        return self.coordinates(i, j) - self.distance(t)
+
+    def coordinates(self, i: Pose, j: Pose) -> Array:
+        return safe_norm(i.point(self.point_i) - j.point(self.point_j))[None]

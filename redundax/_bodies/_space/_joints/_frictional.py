@@ -1,0 +1,104 @@
+"""What a joint in space with friction is: surfaces that its loads press together by a contact law."""
+
+import abc
+from collections.abc import Mapping
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ...._tools._module import as_float, positive
+from ..._friction_model import AbstractFrictionModel
+from ..._joints._base import check_friction
+from .._contact import AbstractContact, ContactLoad, ContactSize
+from .._pose import Pose
+from ._base import AbstractPlacedJoint
+
+
+class AbstractContactJoint(AbstractPlacedJoint):
+    """A joint whose loads press its surfaces together, so that it can have friction."""
+
+    friction: eqx.AbstractVar[AbstractFrictionModel | None]
+    contact: eqx.AbstractVar[AbstractContact]
+
+    @property
+    def law(self) -> AbstractFrictionModel | None:
+        """Friction as force or moment that does work on the slip, or of surfaces that slide in several directions."""
+        return self.friction
+
+    @property
+    @abc.abstractmethod
+    def size(self) -> ContactSize:
+        """What the contact needs to know."""
+
+    @property
+    def has_convex_load(self) -> bool:
+        """Whether the normal load is a seminorm of the multipliers."""
+        return self.contact.is_seminorm
+
+    def rub(
+        self,
+        friction: AbstractFrictionModel | None,
+        contact: AbstractContact,
+        needed: Mapping[str, Any],
+        by_term: Mapping[str, tuple[str, Any]],
+    ) -> None:
+        """Set the friction of a joint that is being made.
+
+        `needed` are lengths that friction needs, by name, `by_term` names and values of those that the terms of the
+        contact need.
+        """
+        check_friction(self.name, friction)
+        if not isinstance(contact, AbstractContact):
+            raise ValueError(
+                f"Argument `contact` of joint '{self.name}' must be a contact law, but is {contact!r}. Give "
+                "`rx.spatial.EndContacts()`, say."
+            )
+        self.friction, self.contact = friction, contact
+        for name, value in (*needed.items(), *by_term.values()):
+            if value is not None and name != "thrust_radius":
+                positive(name, as_float(value))
+        for name, value in needed.items():
+            if friction is not None and value is None:
+                raise ValueError(
+                    f"Argument `{name}` of joint '{self.name}' must be given where it has friction, but is None: its "
+                    "surfaces slide there. Give a length."
+                )
+        for term in contact.terms if friction is not None and friction.depends_on_load else ():
+            name, value = by_term.get(term, ("", 0.0))
+            if value is None:
+                raise ValueError(
+                    f"Argument `{name}` of joint '{self.name}' must be given where it has friction, but is None: its "
+                    f"{term} load presses at that size. Give a length, or leave the term out, as in "
+                    f"`contact=rx.spatial.{type(contact).__name__}({term}=False)`."
+                )
+
+
+class AbstractPressedJoint(AbstractContactJoint):
+    """A joint with one normal load."""
+
+    def normal_load(self, multipliers: Float[Array, " rows"]) -> Float[Array, ""]:
+        """Size of the load that presses the sliding surfaces together, N."""
+        return self.contact.normal_load(self.load(multipliers), self.size)
+
+    def largest_change(self, change: Float[Array, " rows"]) -> Float[Array, ""]:
+        """Bound of the change of the normal load by a change of the multipliers."""
+        return self.contact.largest_change(self.load(change), self.size)
+
+    def load(self, multipliers: Float[Array, " rows"]) -> ContactLoad:
+        """What the multipliers are for the contact."""
+        own = {name: multipliers[row] for row, (name, _) in enumerate(self.row_kinds)}
+        zero = jnp.zeros((), multipliers.dtype)
+        radial, bend = (jnp.stack([own.get(f"{name}_{k}", zero) for k in (1, 2)]) for name in ("radial", "bend"))
+        return ContactLoad(radial, own.get("axial", zero), bend, own.get("twist", zero))
+
+
+class AbstractFrictionalJoint(AbstractPressedJoint):
+    """A joint with one slip coordinate whose loads press its surfaces together, so that it can have friction."""
+
+    slip_kind: eqx.AbstractClassVar[str]
+
+    @abc.abstractmethod
+    def slip(self, i: Pose, j: Pose) -> Float[Array, ""]:
+        """Displacement of body i relative to body j that friction opposes; "linear" or "angular" by `slip_kind`."""

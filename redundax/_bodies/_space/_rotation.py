@@ -1,0 +1,116 @@
+"""Rotations by quaternions p = (w, v), of which only the direction counts
+
+    R = I + 2 (w [v]x + [v]x [v]x) / |p|^2,   p [+] d = p (1, d/2) / |(1, d/2)|,   p' = p (0, omega) / 2
+
+with the displacement d and the angular velocity omega in body axes. The length of p stays; a displacement turns by
+2 arctan(|d| / 2), so by less than half a turn.
+"""
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..._tools._module import Numbers, floats, is_concrete, numpy_of
+
+_UNIT = np.zeros((3, 3, 3))  # the rotations d x
+for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+    _UNIT[_i, _k, _j], _UNIT[_i, _j, _k] = 1.0, -1.0
+
+
+def cross_matrix(v: Float[Any, "*some 3"]) -> Any:
+    """[v]x, which makes v x u of u."""
+    return numpy_of(v).einsum("...i,ijk->...jk", v, _UNIT.astype(v.dtype))
+
+
+def rotation(p: Float[Any, "*some 4"]) -> Any:
+    """Rotation matrix R of a quaternion of any length."""
+    xp = numpy_of(p)
+    p = xp.asarray(p)
+    products = p[..., :, None] * p[..., None, :] * (2 / xp.sum(p * p, axis=-1))[..., None, None]
+    (xx, yy, zz), (xy, yz, zx) = ([products[..., a, b] for a, b in ab] for ab in (_SQUARES, _PAIRS))
+    wx, wy, wz = (products[..., 0, k] for k in (1, 2, 3))
+    rows = ((1 - yy - zz, xy - wz, zx + wy), (xy + wz, 1 - zz - xx, yz - wx), (zx - wy, yz + wx, 1 - xx - yy))
+    return xp.stack([xp.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+_SQUARES, _PAIRS = ((1, 1), (2, 2), (3, 3)), ((1, 2), (2, 3), (3, 1))
+
+
+def product(p: Float[Any, "*some 4"], u: Float[Any, "*some 3"], w: Any = 1.0) -> Any:
+    """The quaternion product p (w, u)."""
+    xp = numpy_of(p, u)
+    scalar = w * p[..., :1] - xp.sum(p[..., 1:] * u, axis=-1, keepdims=True)
+    vector = w * p[..., 1:] + p[..., :1] * u + xp.cross(p[..., 1:], u)
+    return xp.concatenate([scalar, vector], axis=-1)
+
+
+def turned(p: Float[Array, "*some 4"], d: Float[Array, "*some 3"]) -> Float[Array, "*some 4"]:
+    """p [+] d."""
+    return product(p, d / 2) / jnp.sqrt(1 + jnp.sum(d * d, axis=-1, keepdims=True) / 4)
+
+
+def angular_velocity(p: Float[Array, "*some 4"], rate: Float[Array, "*some 4"]) -> Float[Array, "*some 3"]:
+    """omega in body axes: 2 conj(p) p' / |p|^2."""
+    conjugate = p * jnp.array([1.0, -1.0, -1.0, -1.0], p.dtype)
+    return 2 * product(conjugate, rate[..., 1:], rate[..., :1])[..., 1:] / jnp.sum(p * p, axis=-1, keepdims=True)
+
+
+def quaternion(matrix: Float[Any, "3 3"]) -> Any:
+    """The quaternion of a rotation matrix, from the largest of its four entries."""
+    xp, (a, b, c) = numpy_of(matrix), matrix
+    candidates = xp.stack(
+        [
+            xp.stack([1 + a[0] + b[1] + c[2], c[1] - b[2], a[2] - c[0], b[0] - a[1]]),
+            xp.stack([c[1] - b[2], 1 + a[0] - b[1] - c[2], a[1] + b[0], c[0] + a[2]]),
+            xp.stack([a[2] - c[0], a[1] + b[0], 1 - a[0] + b[1] - c[2], b[2] + c[1]]),
+            xp.stack([b[0] - a[1], c[0] + a[2], b[2] + c[1], 1 - a[0] - b[1] + c[2]]),
+        ]
+    )
+    best = candidates[xp.argmax(xp.diagonal(candidates))]
+    return best / xp.sqrt(xp.sum(best * best))
+
+
+def as_quaternion(argument: str, value: Numbers) -> Any:
+    """A unit quaternion (w, x, y, z), given as one of any length or as a rotation matrix."""
+    array = floats(value)
+    if array.shape == (3, 3):
+        xp = numpy_of(array)
+        if is_concrete(array) and (
+            np.abs(array @ array.T - np.eye(3)).max() > 1e-6 or np.linalg.det(np.asarray(array)) < 0
+        ):
+            raise ValueError(
+                f"Argument `{argument}` must be a rotation matrix, but its columns are no right-handed orthonormal "
+                "axes. Give the body's axes in global components as columns."
+            )
+        return quaternion(xp.asarray(array))
+    if array.shape != (4,) or (is_concrete(array) and not np.any(np.asarray(array))):
+        raise ValueError(
+            f"Argument `{argument}` must be a quaternion (w, x, y, z) or a rotation matrix (3, 3), but is "
+            f"{array.tolist() if is_concrete(array) else array.shape}. Give (1, 0, 0, 0) for none."
+        )
+    return array / numpy_of(array).sqrt(numpy_of(array).sum(array * array))
+
+
+def axes_along(argument: str, axis: Any, mark: Any | None = None) -> Any:
+    """Right-handed axes as columns: z along an axis, x along the part of a mark square to it."""
+    axis = floats(axis)
+    given = axis if mark is None else floats(mark)
+    xp = numpy_of(axis, given)
+    for which, vector in ((argument, axis), ("mark", given)):
+        if vector.shape != (3,) or (is_concrete(vector) and not 0 < np.linalg.norm(np.asarray(vector)) < np.inf):
+            raise ValueError(
+                f"Argument `{which}` must have three finite components that are not all zero, but is {vector}. Give a "
+                "direction, as in (0, 0, 1)."
+            )
+    z = axis / xp.sqrt(axis @ axis)
+    other = xp.eye(3)[xp.argmin(xp.round(xp.abs(z), 6))] if mark is None else given  # rounding decides nothing
+    x = other - (other @ z) * z
+    if is_concrete(x) and not np.linalg.norm(np.asarray(x)) > 1e-6 * np.linalg.norm(np.asarray(other)):
+        raise ValueError(
+            f"Argument `mark` must not be along the axis {np.asarray(axis).tolist()}, but is {given}. Give a direction "
+            "square to it."
+        )
+    x = x / xp.sqrt(x @ x)
+    return xp.stack([x, xp.cross(z, x), z], axis=-1)
