@@ -36,7 +36,8 @@ def misfit(system: AbstractSystem, actual: AbstractSystem, state: State) -> Floa
     **Arguments:**
 
     - `system`: the system as designed, whose constraints `state` satisfies.
-    - `actual`: the same system with its lengths and angles as they are; its masses and loads do not matter.
+    - `actual`: the same system with its lengths and angles as they are; its masses, centres of mass and loads do not
+      matter.
     - `state`: position and time.
     """
     if system.rows.kinds != actual.rows.kinds:
@@ -44,6 +45,8 @@ def misfit(system: AbstractSystem, actual: AbstractSystem, state: State) -> Floa
             "Argument `actual` must have the constraint rows of `system`, but has others. Change the lengths and "
             "angles of its parts only."
         )
+    if isinstance(actual, Mechanism) and isinstance(system, Mechanism):
+        actual = replace_fields(actual, body=system.body)  # q is where the centres of mass of these bodies are
     return actual.constraint(state.q, state.t) - system.constraint(state.q, state.t)
 
 

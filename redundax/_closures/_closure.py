@@ -10,7 +10,7 @@ for any particular lam_p. W = I, d = h is the paper's (9), (12) with h, and d = 
 
 import abc
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import equinox as eqx
 import jax
@@ -19,6 +19,7 @@ import numpy as np
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
+from .._sparse._plan import Plan
 from .._system._names import ByName, vector
 from .._system._state import State
 from .._system._system import AbstractSystem
@@ -36,6 +37,16 @@ class AbstractClosure(eqx.Module):
     ) -> tuple[Float[Array, "m m"], Float[Array, " m"] | Float[Array, ""]]:
         """Compliance W, symmetric positive semidefinite, and misfit d at a state; a number stands for m equal ones."""
 
+    def by_joint(
+        self, system: AbstractSystem, state: State
+    ) -> tuple[Float[Array, "m j"], Float[Array, " m"] | Float[Array, ""]]:
+        """The same of a system with a plan: W as entries of each row with its mates, the rows of its joint.
+
+        NaN where it couples rows of different joints.
+        """
+        compliance, misfit = self.compliance(system, state)
+        return with_mates(compliance, cast(Plan, system.plan)), misfit
+
     @property
     def is_constant(self) -> bool:
         """Whether both are the same in every state."""
@@ -47,9 +58,12 @@ class AbstractClosure(eqx.Module):
 
 
 class Elasticity(NamedTuple):
-    """All that the equations know of a closure: W, (m, m), and d, (m,) or a number for m equal entries."""
+    """All that the equations know of a closure: W, (m, m), and d, (m,) or a number for m equal entries.
 
-    compliance: Float[Array, "m m"]
+    Of a system with a plan W has the shape (m, j), entries of each row with its mates, itself first.
+    """
+
+    compliance: Float[Array, "m m"] | Float[Array, "m j"]
     misfit: Float[Array, " m"] | Float[Array, ""]
 
 
@@ -65,6 +79,9 @@ def elasticity(closure: AbstractClosure, system: AbstractSystem, state: State) -
 @compiled
 def _elasticity(closure: AbstractClosure, system: AbstractSystem, state: State, *, whole: bool) -> Elasticity:
     m = len(system.rows)
+    if system.plan is not None:
+        compliance, misfit = (jnp.asarray(x, state.qd.dtype) for x in closure.by_joint(system, state))
+        return Elasticity(compliance, jnp.broadcast_to(misfit, (m,)) if whole else misfit)
     compliance, misfit = (jnp.asarray(x, state.qd.dtype) for x in closure.compliance(system, state))
     if compliance.shape != (m, m) or misfit.shape not in ((), (m,)):
         raise ValueError(
@@ -79,6 +96,22 @@ class _Constant(AbstractClosure):
 
     def compliance(self, system: AbstractSystem, state: State) -> Elasticity:
         return self.given
+
+    def by_joint(self, system: AbstractSystem, state: State) -> Elasticity:
+        return self.given
+
+
+def with_mates(compliance: Float[Array, "m m"], plan: Plan) -> Float[Array, "m j"]:
+    """Entries of a matrix that couples rows of one joint only, else NaN."""
+    among = plan.mates < len(plan.mates)
+    own = jnp.where(among, jnp.take_along_axis(compliance, plan.mates, axis=1, mode="clip"), 0.0)
+    others = jnp.sum(jnp.abs(compliance)) - jnp.sum(jnp.abs(own))
+    return jnp.where(others <= 1e-6 * jnp.sum(jnp.abs(own)), own, jnp.nan)
+
+
+def alone(diagonal: Float[Array, " m"], plan: Plan) -> Float[Array, "m j"]:
+    """Entries of each row with its mates, of a matrix that couples no rows."""
+    return jnp.zeros(plan.mates.shape, diagonal.dtype).at[:, 0].set(diagonal)
 
 
 def for_motion(closure: AbstractClosure, system: AbstractSystem, state: State) -> AbstractClosure:
@@ -118,7 +151,7 @@ class MinimumNorm(AbstractClosure):
     def is_constant(self) -> bool:
         return True
 
-    def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
+    def _misfit(self, system: AbstractSystem, state: State) -> Array:
         n, m = len(system.coordinates), len(system.rows)
         h = jnp.zeros((), state.qd.dtype) if self.h is None else self.h
         if h.shape not in ((), (n + m,)):
@@ -126,11 +159,18 @@ class MinimumNorm(AbstractClosure):
                 f"Argument `h` must be a number or have shape (n + m,) = ({n + m},), but has {h.shape}. "
                 "Give one number for all, or that many."
             )
-        misfit = (h[n:] if h.ndim else h).astype(state.qd.dtype)
+        return (h[n:] if h.ndim else h).astype(state.qd.dtype)
+
+    def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
+        m, misfit = len(system.rows), self._misfit(system, state)
         if self.units is None:
             return jnp.eye(m, dtype=misfit.dtype), misfit
         scale = self.units.of_force(system.rows)
         return jnp.diag(scale**2), scale * misfit
+
+    def by_joint(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
+        scale = jnp.ones(len(system.rows)) if self.units is None else self.units.of_force(system.rows)
+        return alone(scale**2, cast(Plan, system.plan)), scale * self._misfit(system, state)
 
 
 class Compliance(AbstractClosure):
@@ -224,6 +264,16 @@ class Compliance(AbstractClosure):
             return W, self.misfit
         scale = self.units.of(system.rows)
         return self.units.energy * W / (scale[:, None] * scale), self.misfit / scale
+
+    def by_joint(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
+        if isinstance(self.W, dict) or isinstance(self.misfit, dict):
+            return self.by_place(system).by_joint(system, state)
+        if self.W.shape != (len(system.rows),):
+            compliance, misfit = self.compliance(system, state)
+            return with_mates(compliance, cast(Plan, system.plan)), misfit
+        units = Units() if self.units is None else self.units
+        scale = units.of(system.rows)
+        return alone(units.energy * self.W / scale**2, cast(Plan, system.plan)), self.misfit / scale
 
 
 def _figures(given: ByName) -> Any:

@@ -1,17 +1,17 @@
 """Closures from the compliance of each joint, given as a data sheet or a finite-element model gives it.
 
-A joint on an elastic seat: under the wrench w = (force, moment) between its bodies the seat gives way by a small
-displacement v = (shift, turn) of body i's side relative to body j's,
+A joint on an elastic seat: under the wrench w = (force, moment) between its bodies the seat gives way by C w, which is
+the small displacement v = (shift, turn) of body i's side relative to body j's beside that of the parts as they are, v0,
 
-    v = C w + v0,   A = d residual / d v,   w = A^T lam,   residual = A v
+    C w = v + v0,   A = d residual / d v,   w = A^T lam,   residual = A v
 
-so that the rows of the joint have the compliance A C A^T and the misfit A v0. C (3, 3), the displacement v0 of the
-parts as they are, and the reference point about which it turns are constant in the frame of a body that the joint
-connects, the one on which the seat sits, and turn with it.
+so that the rows of the joint have the compliance A C A^T and the misfit A v0. C, (3, 3) in the plane and (6, 6) in
+space, the displacement v0 of the parts as they are, and the reference point about which it turns are constant in the
+frame of a body that the joint connects, the one on which the seat sits, and turn with it.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -20,117 +20,41 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
-from .._bodies._body import GROUND, Pose, perpendicular, poses
+from .._bodies._body import GROUND
+from .._bodies._frame import AbstractFrame
 from .._bodies._joints import AbstractJoint
 from .._bodies._mechanism import Mechanism
 from .._bodies._stack import Stack, stacked
+from .._sparse._plan import Plan
 from .._system._names import index_of
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._system._units import Units
-from .._tools._module import Numbers, as_float, as_vector, is_concrete
-from ._closure import AbstractClosure, check_compliance, inverse
-
-
-class JointCompliance(eqx.Module):
-    """Compliance and misfit of one joint, in the frame of one of the bodies that it connects.
-
-    Only what the joint holds counts: a revolute joint takes no moment about its pin, so that the angular compliance of
-    its seat acts through a reference point beside the pin alone.
-
-    ??? example
-
-        ```python
-        pin = rx.JointCompliance("A", translation=1e-8, misfit=(1e-5, 0.0, 0.0))
-        guide = rx.JointCompliance("K", translation=2e-8, rotation=1e-6, frame="ground")
-        ```
-
-    **Arguments:**
-
-    - `joint`: its name.
-    - `translation`: shift by force, m/N, one number for all directions or a (2, 2) matrix.
-    - `rotation`: turn by moment, rad/(N m).
-    - `coupling`: turn by force, rad/N, shape (2,); by symmetry also shift by moment. Zero where the reference point is
-      the centre of compliance.
-    - `misfit`: v0, by how much the parts as they are place body i's side of the joint elsewhere than on body j's
-      without load: shift in m (2,) and turn in rad, shape (3,).
-    - `frame`: name of the body, or "ground", in whose frame all this is given; body i if not given.
-    - `point`: reference point in that frame, m; the joint's own point on that body if not given.
-    """
-
-    joint: str = eqx.field(static=True)
-    compliance: Float[Array, "3 3"]
-    misfit: Float[Array, "3"]
-    frame: str | None = eqx.field(static=True)
-    point: Float[Array, "2"] | None
-
-    def __init__(
-        self,
-        joint: str,
-        translation: Numbers = 0.0,
-        rotation: ArrayLike = 0.0,
-        *,
-        coupling: Numbers = (0.0, 0.0),
-        misfit: Numbers = (0.0, 0.0, 0.0),
-        frame: str | None = None,
-        point: Numbers | None = None,
-    ):
-        self.joint, self.frame, self.misfit = joint, frame, as_float(misfit)
-        self.point = None if point is None else as_vector(point)
-        shift, cross = as_float(translation), as_float(coupling)
-        for name, value, shapes in (
-            ("translation", shift, ((), (2, 2))),
-            ("coupling", cross, ((2,),)),
-            ("misfit", self.misfit, ((3,),)),
-        ):
-            if value.shape not in shapes:
-                raise ValueError(
-                    f"Argument `{name}` of joint '{joint}' must have shape {' or '.join(map(str, shapes))}, but has "
-                    f"{value.shape}. Its docstring says what each entry is."
-                )
-        shift = shift if shift.ndim else shift * jnp.eye(2)
-        self.compliance = jnp.block([[shift, cross[:, None]], [cross[None], as_float(rotation)[None, None]]])
-        if is_concrete(self.compliance):
-            check_compliance(np.asarray(self.compliance), f"The compliance of joint '{joint}' in (x, y, angle)")
-
-    @classmethod
-    def from_stiffness(
-        cls, joint: str, translation: Numbers = jnp.inf, rotation: ArrayLike = jnp.inf, **options: Any
-    ) -> "JointCompliance":
-        """The same from stiffness: `translation`, N/m, a number or a (2, 2) matrix, and `rotation`, N m/rad.
-
-        Both are positive, infinite where the joint is rigid; `options` are the other arguments.
-
-        ??? example
-
-            ```python
-            rx.JointCompliance.from_stiffness("K", 5e7, 1e6, frame="ground")
-            ```
-        """
-        return cls(joint, inverse(as_float(translation)), inverse(as_float(rotation)), **options)
+from .._tools._module import is_concrete
+from ._closure import AbstractClosure
+from ._joint_compliance import AbstractJointCompliance, JointCompliance
+from ._joint_compliance_in_space import JointCompliance as SpatialJointCompliance
 
 
 class _Seat(eqx.Module):
-    """C, v0 and reference point of a joint in the frame of body i if `on_i`, else of body j."""
+    """C and v0 of a joint along axes, the columns, and about a point of body i if `on_i`, else of body j."""
 
-    compliance: Float[Array, "3 3"]
-    misfit: Float[Array, "3"]
-    point: Float[Array, "2"]
+    compliance: Float[Array, "size size"]
+    misfit: Float[Array, " size"]
+    point: Float[Array, " dimensions"]
+    axes: Float[Array, "dimensions dimensions"]
     on_i: Bool[Array, ""]
     number: Int[Array, ""]
 
     def rows(
-        self, joint: AbstractJoint, i: Pose, j: Pose, t: Array
-    ) -> tuple[Float[Array, "rows 3"], Float[Array, "rows 3"], Float[Array, " rows"], Int[Array, " rows"]]:
-        """A and A C in the frame of the seat, A v0, and the number of the joint."""
-        frame = jax.tree.map(lambda one, other: jnp.where(self.on_i, one, other), i, j)
-        centre = frame.point(self.point)
-
-        def moved(v: Array) -> Array:
-            lever = perpendicular(i.r - centre)
-            return joint.residual(Pose(i.r + frame.rotate(v[:2]) + v[2] * lever, i.phi + v[2]), j, t)
-
-        a = jax.jacfwd(moved)(jnp.zeros_like(self.misfit))
+        self, frame: AbstractFrame, joint: AbstractJoint, i: Any, j: Any, t: Array
+    ) -> tuple[Float[Array, "rows size"], Float[Array, "rows size"], Float[Array, " rows"], Int[Array, " rows"]]:
+        """A and A C along the axes of the seat, A v0, and the number of the joint."""
+        pose = jax.tree.map(lambda one, other: jnp.where(self.on_i, one, other), i, j)
+        on_i = joint.jacobian(i, j, t)[:, : frame.size].T
+        force, moment, _ = frame.reactions(i, on_i, i.local(pose.point(self.point)))
+        axes = jax.vmap(pose.rotate, in_axes=1, out_axes=1)(self.axes)
+        a = frame.along(axes, force, moment).T
         return a, a @ self.compliance, a @ self.misfit, jnp.broadcast_to(self.number, a.shape[:1])
 
 
@@ -151,8 +75,8 @@ class ElasticJoints(AbstractClosure):
     **Arguments:**
 
     - `mechanism`: the mechanism, for the names of its joints and bodies.
-    - `joints`: a `JointCompliance` for each joint that is elastic or does not fit; or by name of joint its
-      compliance, `translation` in m/N or a pair with `rotation` in rad/(N m).
+    - `joints`: a `JointCompliance`, in space a `spatial.JointCompliance`, for each joint that is elastic or does not
+      fit; or by name of joint its compliance, `translation` in m/N or a pair with `rotation` in rad/(N m).
     - `units`: units of their figures, as factors from the units of the mechanism.
     """
 
@@ -161,50 +85,82 @@ class ElasticJoints(AbstractClosure):
     def __init__(
         self,
         mechanism: Mechanism,
-        joints: Sequence[JointCompliance] | Mapping[str, ArrayLike | tuple[ArrayLike, ArrayLike]],
+        joints: Sequence[AbstractJointCompliance] | Mapping[str, ArrayLike | tuple[ArrayLike, ...]],
         units: Units | None = None,
     ):
+        kind = _KINDS[mechanism.frame.word]
         if isinstance(joints, Mapping):
-            joints = [JointCompliance(name, *_pair(figures)) for name, figures in joints.items()]
-        names = [name for kind in mechanism.names.joints for name in kind]
+            joints = [kind(name, *_pair(name, figures)) for name, figures in joints.items()]
+        _check_space(joints, mechanism.frame)
+        names = [name for members in mechanism.names.joints for name in members]
         given = {joint.joint: joint for joint in joints}
         if len(given) < len(joints):
             raise ValueError("Argument `joints` must name each joint once, but names some twice. Leave one out.")
         for name in given:
             index_of("joints", name, names, " of joints")
-        units, number, kinds = Units() if units is None else units, 0, []
+        units, number, stacks = Units() if units is None else units, 0, []
         for stack, members in zip(mechanism.joints, mechanism.names.joints, strict=True):
             seats = []
             for k, name in enumerate(members):
-                seat = given.get(name, JointCompliance(name))
+                seat = given.get(name, kind(name))
                 seats.append(_seat(seat, stack, k, _on_i(seat, stack, k, mechanism.names.bodies), units, number))
                 number += 1
-            kinds.append(stacked(seats))
-        self.seats = tuple(kinds)
+            stacks.append(stacked(seats))
+        self.seats = tuple(stacks)
 
     def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
+        a, bent, misfit, joint = self._rows(system, state)
+        return jnp.where(joint[:, None] == joint, bent @ a.T, 0.0), misfit
+
+    def by_joint(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
+        a, bent, misfit, _ = self._rows(system, state)
+        mates = cast(Plan, system.plan).mates
+        own = jnp.einsum("mk,mjk->mj", bent, a.at[mates].get(mode="fill", fill_value=0.0))
+        return own, misfit
+
+    def _rows(self, system: AbstractSystem, state: State) -> list[Array]:
+        """A, A C, A v0 and the number of the joint, row by row."""
         sizes = [seats.number.shape for seats in self.seats]
         if not isinstance(system, Mechanism) or [stack.i.shape for stack in system.joints] != sizes:
             raise ValueError(
                 "Argument `closure` must be made with the mechanism that is solved, but its joints are others. "
                 "For the same mechanism in other units give `rx.units.closure_in_units(closure)`."
             )
-        body = poses(state.q)
+        frame, body = system.frame, system.poses(state.q)
         rows = [
-            eqx.filter_vmap(lambda seat, joint, i, j: seat.rows(joint, body[i], body[j], state.t))(
+            eqx.filter_vmap(lambda seat, joint, i, j: seat.rows(frame, joint, body[i], body[j], state.t))(
                 seats, stack.element, stack.i, stack.j
             )
             for seats, stack in zip(self.seats, system.joints, strict=True)
         ]
-        a, bent, misfit, joint = (system.of_rows(values) for values in zip(*rows, strict=True))
-        return jnp.where(joint[:, None] == joint, bent @ a.T, 0.0), misfit
+        return [system.of_rows(values) for values in zip(*rows, strict=True)]
 
 
-def _pair(figures: ArrayLike | tuple[ArrayLike, ArrayLike]) -> tuple[ArrayLike, ...]:
-    return figures if isinstance(figures, tuple) else (figures,)
+_KINDS = {kind.space.word: kind for kind in (JointCompliance, SpatialJointCompliance)}
 
 
-def _on_i(given: JointCompliance, stack: Stack, k: int, bodies: tuple[str, ...]) -> Bool[Array, ""]:
+def _check_space(joints: Sequence[AbstractJointCompliance], frame: AbstractFrame) -> None:
+    """Refuse figures of a planar joint in space, and the other way round."""
+    wrong = [joint.joint for joint in joints if joint.space.word != frame.word]
+    if wrong:
+        place = "rx.spatial" if frame.word == "spatial" else "rx"
+        raise ValueError(
+            f"Argument `joints` must hold those of a {frame.word} mechanism, but that of joint '{wrong[0]}' is not. "
+            f"Give `{place}.JointCompliance`."
+        )
+
+
+def _pair(name: str, figures: ArrayLike | tuple[ArrayLike, ...]) -> tuple[ArrayLike, ...]:
+    given = figures if isinstance(figures, tuple) else (figures,)
+    if len(given) not in (1, 2):
+        raise ValueError(
+            f"Argument `joints` must have one compliance for '{name}', or a pair of that of translation and that of "
+            f"rotation, but has {len(given)}. Put those of the axes in a list: {list(given)}."
+        )
+    return given
+
+
+def _on_i(given: AbstractJointCompliance, stack: Stack, k: int, bodies: tuple[str, ...]) -> Bool[Array, ""]:
     """Whether the frame is that of body i of the k-th joint of the stack; otherwise it is that of body j."""
     if given.frame is None:
         return jnp.asarray(True)
@@ -220,13 +176,14 @@ def _on_i(given: JointCompliance, stack: Stack, k: int, bodies: tuple[str, ...])
     return stack.i[k] == body
 
 
-def _seat(given: JointCompliance, stack: Stack, k: int, on_i: Array, units: Units, number: int) -> _Seat:
+def _seat(given: AbstractJointCompliance, stack: Stack, k: int, on_i: Array, units: Units, number: int) -> _Seat:
     """The seat of the k-th joint of the stack in the units of the mechanism."""
-    scale = jnp.stack([units.length, units.length, units.angle])
-    if given.point is not None:
-        point = given.point / units.length
-    else:
-        points = [getattr(stack.element, name, None) for name in ("point_i", "point_j")]
-        point = jnp.where(on_i, *(jnp.zeros(2) if point is None else point[k] for point in points))
+    linear, angular = len(given.space.linear), len(given.space.angular)
+    scale = jnp.concatenate([jnp.full(linear, units.length), jnp.full(angular, units.angle)])
+    point, axes = (
+        jnp.where(on_i, *(getattr(stack.element, f"{what}_{end}", {k: otherwise})[k] for end in "ij"))
+        for what, otherwise in (("point", jnp.zeros(linear)), ("axes", jnp.eye(linear)))
+    )
+    point = point if given.point is None else given.point / units.length
     compliance = units.energy * given.compliance / (scale[:, None] * scale)
-    return _Seat(compliance, given.misfit / scale, point, on_i, jnp.asarray(number))
+    return _Seat(compliance, given.misfit / scale, point, axes, on_i, jnp.asarray(number))

@@ -34,10 +34,15 @@ def check_units(names: Names, length: Array, closure: AbstractClosure, given: El
     _checked[id(closure)] = closure
     if float(length) == 1.0:  # stands for a mechanism without a length of its own
         return
-    compliance, misfit, scale = np.diag(given.compliance), np.asarray(given.misfit), np.asarray(length)
+    compliance, misfit, scale = _diagonal(np.asarray(given.compliance)), np.asarray(given.misfit), np.asarray(length)
     for problem in (_of_compliance(names, compliance, scale), _of_misfit(names, misfit, scale)):
         if problem:
             warnings.warn(f"{problem}; if the figures are meant, ignore this warning.", stacklevel=stacklevel + 1)
+
+
+def _diagonal(compliance: np.ndarray) -> np.ndarray:
+    """Of W, whole or by the mates of each row."""
+    return np.diag(compliance) if compliance.shape[0] == compliance.shape[1] else compliance[:, 0]
 
 
 def _of_compliance(names: Names, compliance: np.ndarray, length: np.ndarray) -> str:

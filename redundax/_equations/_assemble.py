@@ -9,6 +9,9 @@ geometry moves q by the smallest displacement that keeps the mechanism closed.
 Points of few digits leave a misfit where constraints are redundant. The steps then end at K^T Phi = 0, as near as the
 points allow: the rank is that of a tolerance above the misfit, so no step closes it along a direction that only the
 rounding of the points constrains.
+
+In space d turns a body by less than half a turn. Passes of Levenberg-Marquardt, each about the position that the one
+before found, take it farther, and Newton steps finish from there.
 """
 
 import warnings
@@ -27,18 +30,18 @@ from .._system._names import ByName, Names, index_of, vector
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
-from .._tools._module import as_float, check_position, is_concrete, stop_gradient
+from .._tools._module import as_float, check_position, floats, is_concrete, numpy_of, on_device, stop_gradient
 from ._guess import ask_for_radians, check_finite
 from ._kinematics import second_order
 from ._rank import split
 from ._scaling import Scaling, largest_violation, scaling
 
-_POLISHING_STEPS = 4
+_POLISHING_STEPS, _PASSES = 4, 3
 
 
 def assemble(
     system: AbstractSystem,
-    q: ByName,
+    q: ByName | None = None,
     qd: ByName = 0.0,
     t: ArrayLike = 0.0,
     *,
@@ -61,7 +64,8 @@ def assemble(
 
     - `system`: a `Mechanism` or `System`.
     - `q`, `qd`: guessed coordinates and velocities, as vectors or by name, as in `{"crank.phi": 0.5}`, 0 for those not
-      named; a number for `qd` stands for all.
+      named; a number for `qd` stands for all. A mechanism in space starts from the reference poses of its bodies if
+      `q` is not given.
     - `t`: time.
     - `positions`, `rates`: values that named coordinates must take, such as `{"crank.phi": 0.5}`, those of joints too,
       such as `{"K.travel": 0.02}`.
@@ -75,33 +79,35 @@ def assemble(
     """
     n = len(system.coordinates)
     positions, rates = dict(positions or {}), dict(rates or {})
+    q = system.reference if q is None else q
     q = vector("q", q, system.coordinates, " of coordinates") if isinstance(q, Mapping) else as_float(q)
-    qd, t = jnp.broadcast_to(vector("qd", qd, system.coordinates, " of coordinates"), (n,)), as_float(t)
+    qd, t = vector("qd", qd, system.coordinates, " of coordinates"), as_float(t)
     dtype, labels = jnp.result_type(q, qd), _axis(system.names).labels
     held = [index_of("positions", name, labels, " of coordinates") for name in positions]
     driven = [index_of("rates", name, labels, " of coordinates") for name in rates]
     if system.adds:
         check_position(q, n)
-    elif held and q.shape != (n,):
+    elif any(index < n for index in held) and q.shape != (n,):
         raise ValueError(
             f"Argument `positions` needs a chart with one coordinate for each of the {n} velocities, but `q` has "
-            f"shape {q.shape}. Leave them out and give `q` itself."
+            f"shape {q.shape}. Give coordinates of joints, or `q` itself."
         )
     numbers = {"q": q, "qd": qd, "t": t}
     if throw is not False:
         check_finite(system.coordinates.labels, **numbers, positions=positions, rates=rates)
     angles = {name for name, angular in zip(labels, _axis(system.names).angular.tolist(), strict=True) if angular}
     ask_for_radians(angles, system.coordinates.labels if system.adds else (), q, positions)
-    finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(value)) for value in numbers.values()]))
-    state, off, slow = _assemble(
-        system.anonymous(),
-        State(jnp.where(finite, q, jnp.nan).astype(dtype), qd.astype(dtype), t.astype(dtype)),
-        jnp.asarray(np.array(held, int)),
-        jnp.stack([jnp.zeros(()), *(as_float(x) for x in positions.values())])[1:].astype(dtype),
-        jnp.asarray(np.array(driven, int)),
-        jnp.stack([jnp.zeros(()), *(as_float(x) for x in rates.values())])[1:].astype(dtype),
-    )
+    xp = numpy_of(numbers, positions, rates)  # NumPy, which compiles nothing, where all is known
+    finite = xp.all(xp.stack([xp.all(xp.isfinite(value)) for value in numbers.values()]))
+    guess = xp.where(finite, q, xp.nan), xp.broadcast_to(qd, (n,)), t
+    given = (xp.stack([xp.zeros(()), *map(floats, values.values())])[1:] for values in (positions, rates))
+    q, qd, t, at, rate = (on_device(xp.asarray(value, dtype)) for value in (*guess, *given))
+    held, driven = (on_device(np.array(indices, int)) for indices in (held, driven))
+    state, off, slow = _assemble(system.anonymous(), State(q, qd, t), held, at, driven, rate)
     if is_concrete(off.refused) and is_concrete(slow.refused):
+        off, slow = jax.device_get((off, slow))
+        if off.refused and throw is not False:
+            _check_rows(system, q, t)
         _tell("position", off, (*system.rows.labels, *(f"{name} as given" for name in positions)), throw)
         if slow.refused or not off.beyond.any():  # what the position misses the velocity does too
             _tell("velocity", slow, (*system.rows.labels, *(f"{name} as given" for name in rates)), throw)
@@ -113,12 +119,23 @@ def _axis(names: Names) -> Axis:
     return join([names.coordinates, names.joint_coordinates])
 
 
+def _beside(system: AbstractSystem, given: Array, wanted: Array, held: Array) -> Array:
+    """How far held coordinates are from what they must be: an angle in space to the nearest turn."""
+    gap = given - wanted
+    if system.adds or not held.size:
+        return gap
+    whole = 2 * jnp.pi * system.radian
+    turns = jnp.where(jnp.asarray(_axis(system.names).angular)[held], jnp.round(gap / whole), 0.0)
+    return gap - whole * turns
+
+
 def _given(system: AbstractSystem, q: Array, t: Array, held: Array) -> Array:
     """Values of the coordinates that are held, of those of `_axis`."""
     if not held.size:
         return jnp.zeros(0, q.dtype)
     none = jnp.zeros(len(system.coordinates), q.dtype)
-    return jnp.concatenate([q, system.joint_coordinates.motion(State(q, none, t), none).position])[held]
+    own = q if q.shape == none.shape else none  # of another chart no coordinate is held
+    return jnp.concatenate([own, system.joint_coordinates.positions(State(q, none, t))])[held]
 
 
 class _Misfit(NamedTuple):
@@ -136,6 +153,17 @@ class _Misfit(NamedTuple):
     beyond: Bool[Array, " rows"]
     refused: Bool[Array, ""]
     weakest: Float[Array, ""]
+
+
+def _check_rows(system: AbstractSystem, q: Array, t: Array) -> None:
+    """Name the rows that have no value at the guess."""
+    values = np.asarray(system.constraint(q, t))
+    lost = [name for name, value in zip(system.rows.labels, values, strict=True) if not np.isfinite(value)]
+    if lost:
+        raise RuntimeError(
+            f"No position is found, as rows have no value at the guess: {', '.join(lost)}. Give another guess; of a "
+            "joint whose axes on both bodies are opposite, turn one round."
+        )
 
 
 def _tell(what: str, misfit: _Misfit, labels: tuple[str, ...], throw: bool | None) -> None:
@@ -191,7 +219,8 @@ class _Closing(eqx.Module):
 
     def residual(self, d: Array) -> Array:
         q = self.system.retract(self.guess.q, self.scale.coordinates * d)
-        given = _given(self.system, q, self.guess.t, self.held) - self.positions
+        given = _given(self.system, q, self.guess.t, self.held)
+        given = _beside(self.system, given, self.positions, self.held)
         rows = jnp.concatenate([self.system.constraint(q, self.guess.t), given])
         return rows / self.row_scale / self.scale.size
 
@@ -209,14 +238,37 @@ class _Closed(NamedTuple):
     weakest: Float[Array, ""]
 
 
-@eqx.filter_custom_jvp
-def _closed(closing: _Closing) -> _Closed:
-    """A displacement d with K^+ r(d) = 0; its derivative is dd = -K^+ dr, the smallest that keeps it so."""
+def _descent(closing: _Closing) -> Float[Array, " n"]:
+    """A displacement to where the residual is least."""
     import optimistix as optx  # here, as its import takes time that few need
 
     start = jnp.zeros_like(closing.guess.qd)
     solver = optx.LevenbergMarquardt(rtol=1e-8, atol=1e-8)
-    d = optx.least_squares(lambda d, _: closing.residual(d), solver, start, max_steps=500, throw=False).value
+    return optx.least_squares(lambda d, _: closing.residual(d), solver, start, max_steps=500, throw=False).value
+
+
+def _closing(system: AbstractSystem, guess: State, held: Array, positions: Array) -> _Closing:
+    scale = scaling(system, guess, system.jacobian(guess.q, guess.t))
+    row_scale = jnp.concatenate([scale.rows, _held_scale(system, held, scale)])
+    return _Closing(system, guess, held, positions, scale, row_scale)
+
+
+def _nearer(system: AbstractSystem, guess: State, held: Array, positions: Array) -> State:
+    """The end of the passes in space; elsewhere the guess, from which one reaches as far."""
+    if system.adds:
+        return guess
+
+    def moved(_: Array, q: Array) -> Array:
+        closing = stop_gradient(_closing(system, State(q, guess.qd, guess.t), held, positions))
+        return system.retract(q, closing.scale.coordinates * _descent(closing))
+
+    return State(jax.lax.fori_loop(0, _PASSES, moved, guess.q), guess.qd, guess.t)
+
+
+@eqx.filter_custom_jvp
+def _closed(closing: _Closing) -> _Closed:
+    """A displacement d with K^+ r(d) = 0; its derivative is dd = -K^+ dr, the smallest that keeps it so."""
+    d = _descent(closing) if closing.system.adds else jnp.zeros_like(closing.guess.qd)  # else it is at its end
 
     def polished(_: Array, carry: _Closed) -> _Closed:
         inverse, weakest = closing.inverse(carry.d)
@@ -237,13 +289,12 @@ def _closed_jvp(primals: tuple, tangents: tuple) -> tuple:
 
 
 def _position(system: AbstractSystem, guess: State, held: Array, positions: Array) -> tuple[Array, _Misfit]:
-    scale = scaling(system, guess, system.jacobian(guess.q, guess.t))
-    row_scale = jnp.concatenate([scale.rows, _held_scale(system, held, scale)])
-    closing = _Closing(system, guess, held, positions, scale, row_scale)
+    guess = _nearer(system, guess, held, positions)
+    closing = _closing(system, guess, held, positions)
     d, step, weakest = _closed(closing)
-    relative = jnp.abs(closing.residual(d))
+    relative, scale = jnp.abs(closing.residual(d)), closing.scale
     settled = step <= jnp.maximum(jnp.max(relative), _tolerance(d))
-    misfit = _misfit(relative * row_scale * scale.size, relative, settled, weakest, _tolerance(d))
+    misfit = _misfit(relative * closing.row_scale * scale.size, relative, settled, weakest, _tolerance(d))
     return system.retract(guess.q, scale.coordinates * d), misfit
 
 
@@ -252,7 +303,10 @@ def _velocity(system: AbstractSystem, state: State, driven: Array, rates: Array)
     motion, _, turned = second_order(system, state)
     scale = scaling(system, state, matrix, turned)
     row_scale = jnp.concatenate([scale.rows, _held_scale(system, driven, scale)])
-    slopes = jax.jacfwd(lambda d: _given(system, system.retract(state.q, d), state.t, driven))(jnp.zeros_like(state.qd))
+    still = jnp.zeros_like(state.qd)
+    slopes = jax.jacfwd(lambda d: _given(system, system.retract(state.q, d), state.t, driven))(still)
+    own = jnp.eye(still.size, dtype=still.dtype)[driven]  # of another chart too, whose positions are none of these
+    slopes = jnp.where((driven < still.size)[:, None], own, slopes)
     rows = jnp.concatenate([matrix, slopes])
     misfit = jnp.concatenate([motion.rate, slopes @ state.qd - rates]) / row_scale
     rows = rows * scale.coordinates / row_scale[:, None]

@@ -17,9 +17,7 @@ from ._kinematics import along_motion, explicit_gamma, slip_motion
 Out = TypeVar("Out", bound=Any)
 
 
-def thrown(
-    out: Out, throw: bool | None, system: AbstractSystem, state: State, factor: Factorisation, *good: RESULTS
-) -> Out:
+def thrown(out: Out, throw: bool | None, system: AbstractSystem, state: State, factor: Any, *good: RESULTS) -> Out:
     """What has a `result`, which is an error unless it is among the good ones; `throw` is that of `solve`.
 
     Of teeth that pull in a good one a warning tells the caller's caller.
@@ -35,7 +33,7 @@ def thrown(
     return out
 
 
-def culprits(system: AbstractSystem, state: State, factor: Factorisation, result: RESULTS) -> str:
+def culprits(system: AbstractSystem, state: State, factor: Any, result: RESULTS) -> str:
     """A sentence with the names, on concrete values, or nothing where names do not help."""
     if result == RESULTS.violated_constraints:
         return _rows(system, np.asarray(along_motion(system, state).value), "Violated rows")
@@ -43,14 +41,13 @@ def culprits(system: AbstractSystem, state: State, factor: Factorisation, result
         rates = _rows(system, np.asarray(along_motion(system, state).rate), "Rows with the largest rates")
         if factor.local:  # which leaves out the self-stress of here alone
             factor = factorised(system, state, factor.spectrum.rank)
-        return rates or _rows(system, np.asarray(factor.self_stress @ factor.gamma), "N^T gamma in rows")
+        return rates or _rows(system, np.asarray(factor.contradicting(factor.gamma)), "N^T gamma in rows")
     if result == RESULTS.inconsistent_constraints:
         return _rows(system, np.asarray(explicit_gamma(system, state)), "Rows that prescribe an acceleration")
     if result == RESULTS.indeterminate_acceleration:
         return f" Free without mass: {', '.join(_massless(system, factor))}."
     if result == RESULTS.indeterminate_closure:
-        unique = factor.unique_multipliers
-        return f" Rows in self-stress: {', '.join(np.array(system.rows.labels)[~np.asarray(unique)])}."
+        return _in_self_stress(system, ~np.asarray(factor.unique_multipliers))
     if result == RESULTS.ambiguous_rank:
         spectrum = factor.spectrum
         near = [f"{value:.1e}" for value in np.asarray(spectrum.singular_values)[-3:]]
@@ -66,6 +63,14 @@ def culprits(system: AbstractSystem, state: State, factor: Factorisation, result
         resting, labels = np.asarray(~factor.motion_of(rate).is_yes), slips.labels
         return f" At rest: {', '.join(label for label, rests in zip(labels, resting, strict=True) if rests)}."
     return ""
+
+
+def _in_self_stress(system: AbstractSystem, chosen: np.ndarray) -> str:
+    """The joints of these rows, or the rows of a system that has no joints."""
+    rows = [label for label, one in zip(system.rows.labels, chosen, strict=True) if one]
+    if not system.names.joints:
+        return f" Rows in self-stress: {', '.join(rows)}."
+    return f" Joints in self-stress: {', '.join(dict.fromkeys(row.rpartition('.')[0] or row for row in rows))}."
 
 
 def _massless(system: AbstractSystem, factor: Factorisation) -> list[str]:

@@ -94,6 +94,15 @@ class Factorisation(AbstractSolvedFactorisation):
     _coordinate_scale: Float[Array, " n"]
     branch: Branch | None = None
 
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(m, n)."""
+        return self.jacobian.shape
+
+    def contradicting(self, gamma: Float[Array, " m"]) -> Float[Array, " m"]:
+        """The part of gamma that no acceleration has."""
+        return self.self_stress @ gamma
+
     def motion_of(self, rates: Float[Array, "..."]) -> Decision:
         """Whether slip rates, m/s or L times an angular rate, are those of joints that move.
 

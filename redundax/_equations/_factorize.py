@@ -8,6 +8,7 @@ refused, and beside it the digits go that `lost_digits` tells.
 
 import functools
 import operator
+from typing import Any, cast
 
 import jax.numpy as jnp
 import numpy as np
@@ -26,11 +27,13 @@ from ._factorisation import Factorisation, factorised
 from ._rank import split
 from ._restricted_inverse import restricted_inverse
 from ._scaled_equations import reached_by, refined, residual_of
+from ._sparse_factorisation import SparseFactorisation, sparse_factorised
 
+AnyFactorisation = Factorisation | SparseFactorisation
 _NEAR = 0.575  # power of the rounding, 1e-9 in float64: relative singular values that are none where it is singular
 
 
-def factorize(system: AbstractSystem, state: State, rank: ArrayLike | None = None) -> Factorisation:
+def factorize(system: AbstractSystem, state: State, rank: ArrayLike | None = None) -> AnyFactorisation:
     """Factorise the equations (7) of a system at a state, at a singular position with the rows that they lack there.
 
     ??? example
@@ -45,8 +48,15 @@ def factorize(system: AbstractSystem, state: State, rank: ArrayLike | None = Non
 
     - `system`, `state`: the system and the known (q, qd, t).
     - `rank`: declared rank r of the constraint Jacobian; decided from its spectrum if not given.
+
+    **Returns:** a `Factorisation`; of a large mechanism, whose matrices are sparse, a `SparseFactorisation`.
     """
-    system = system.anonymous().without_friction()
+    return factorize_dense(system, state, rank) if system.plan is None else sparse_factorised(system, state, rank)
+
+
+def factorize_dense(system: AbstractSystem, state: State, rank: ArrayLike | None = None) -> Factorisation:
+    """`factorize` with dense matrices."""
+    system = system.whole.anonymous().without_friction()
     factor = factorised(system, state, rank)
     return _continued(system, state, factor, rank) if is_concrete(factor.residual) else factor
 
@@ -70,17 +80,15 @@ def _continued(system: AbstractSystem, state: State, factor: Factorisation, rank
     return replace_fields(found, branch=branch)
 
 
-def factorisation_at(
-    system: AbstractSystem, state: State, rank: ArrayLike | None, factor: Factorisation | None
-) -> Factorisation:
+def factorisation_at(system: AbstractSystem, state: State, rank: ArrayLike | None, factor: Any) -> AnyFactorisation:
     """The factorisation that is there already, or a new one."""
     if factor is None:
         return factorize(system, state, rank)
     shape = len(system.rows), len(system.coordinates)
-    if factor.jacobian.shape != shape or rank is not None:
+    if factor.shape != shape or rank is not None:
         raise ValueError(
             "Argument `factor` must be what `factorize` gives for this system at this state, with a Jacobian of shape "
-            f"{shape}, and takes no `rank` beside it, but has {factor.jacobian.shape} and `rank` is {rank}. "
+            f"{shape}, and takes no `rank` beside it, but has {factor.shape} and `rank` is {rank}. "
             "Give `rank` to `factorize`, and no `factor` of another system."
         )
     pairs = (state.q, factor.state.q), (state.qd, factor.state.qd), (state.t, factor.state.t)
@@ -90,6 +98,15 @@ def factorisation_at(
             "Factorise at this state, or leave it out."
         )
     return factor
+
+
+def dense_at(
+    system: AbstractSystem, state: State, rank: ArrayLike | None, factor: Any
+) -> tuple[AbstractSystem, Factorisation]:
+    """A system with dense matrices, and its factorisation, that is there already or a new one."""
+    system = system.whole
+    factor = factorisation_at(system, state, rank, None if isinstance(factor, SparseFactorisation) else factor)
+    return system, cast(Factorisation, factor)
 
 
 @compiled

@@ -40,6 +40,13 @@ class AbstractPick(eqx.Module):
     def __call__(self, multipliers: Float[Array, "m ..."]) -> Float[Array, "m ..."]:
         """(I - G W) lam, as without misfit."""
 
+    def closed(
+        self, multipliers: Float[Array, " m"], misfit: Float[Array, " m"] | Float[Array, ""]
+    ) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
+        """(I - G W) lam, and the same with G d added."""
+        picked = self(multipliers)
+        return picked, picked + self.caused(misfit)
+
     @abc.abstractmethod
     def caused(
         self, misfit: Float[Array, " m"] | Float[Array, ""], rows: Int[Array, " l"] | None = None

@@ -13,10 +13,10 @@ def residual_of(
     found: tuple[Float[Array, " n"], Float[Array, " r"]],
     centripetal: Float[Array, ""],
 ) -> Float[Array, ""]:
-    """Largest residual of both blocks of (7), relative to their terms."""
+    """Largest residual of both blocks of (7), relative to their terms, and to the accelerations without constraints."""
     (force, gamma), (a, mu) = wanted, found
     return jnp.maximum(
-        ratio(gamma - matrix @ a, gamma, a, centripetal),
+        ratio(gamma - matrix @ a, gamma, a, centripetal, _unconstrained(mass, force)),
         ratio(force - mass @ a - matrix.T @ mu, force, mass @ a, mu, mass * centripetal),
     )
 
@@ -25,9 +25,13 @@ def reached_by(
     mass: Float[Array, "n n"], force: Float[Array, " n"], a: Float[Array, " n"], size: Float[Array, ""]
 ) -> Float[Array, ""]:
     """The velocity that accelerations, or those without constraints, reach over the size of the mechanism."""
+    return jnp.sqrt(size * (jnp.max(jnp.abs(a)) + _unconstrained(mass, force)))
+
+
+def _unconstrained(mass: Float[Array, "n n"], force: Float[Array, " n"]) -> Float[Array, ""]:
+    """The size of accelerations without constraints, of the mean inertia; none without inertia."""
     inertia = jnp.sum(jnp.diagonal(mass)) / force.size
-    free = jnp.where(inertia > 0, jnp.max(jnp.abs(force)) / jnp.where(inertia > 0, inertia, 1.0), 0.0)
-    return jnp.sqrt(size * (jnp.max(jnp.abs(a)) + free))
+    return jnp.where(inertia > 0, jnp.max(jnp.abs(force)) / jnp.where(inertia > 0, inertia, 1.0), 0.0)
 
 
 def refined(

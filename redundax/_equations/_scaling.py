@@ -8,7 +8,8 @@ times the scaled ones, multipliers D^-1 times. Derivatives treat the scales as c
 depends on them.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -44,9 +45,15 @@ def scaling(
     turned = second_order(system, state)[2] if turned is None else turned
     mass = jnp.diagonal(system.mass(state.q, state.t))
     length = _length(*jax.lax.stop_gradient((jacobian, turned, mass)), system)
-    rows = system.rows.angular
     columns = jnp.where(system.coordinates.angular, 1 / length, 1.0).astype(jacobian.dtype)
-    norms = jnp.linalg.norm(jax.lax.stop_gradient(jacobian) * columns, axis=1)
+    return scales_of(system, jnp.linalg.norm(jax.lax.stop_gradient(jacobian) * columns, axis=1), columns, length)
+
+
+def scales_of(
+    system: AbstractSystem, norms: Float[Array, " m"], columns: Float[Array, " n"], length: Float[Array, ""]
+) -> Scaling:
+    """The scales of rows of these norms, angles as lengths."""
+    rows = system.rows.angular
     largest = jnp.where(rows, *(jnp.max(norms * mask, initial=0.0) for mask in (rows, ~rows)))
     largest = jnp.where(largest > 0, largest, 1.0)
     floor = 100 * jnp.finfo(norms.dtype).eps * largest
@@ -54,25 +61,37 @@ def scaling(
 
 
 def _length(jacobian: Array, turned: Array, mass: Array, system: AbstractSystem) -> Float[Array, ""]:
+    square, angular = jacobian**2, system.coordinates.angular
+    if not angular.any():
+        return _radius(jnp.sum(square, axis=1), turned) / jnp.asarray(system.radian, square.dtype)
+
+    def parts(rows: Any) -> tuple[Array, Array]:
+        return jnp.sum(square[rows][:, ~angular]), jnp.sum(square[rows][:, angular])
+
+    return length_of(system, parts, turned, (jnp.sum(mass[angular]), jnp.sum(mass[~angular])))
+
+
+def length_of(
+    system: AbstractSystem, parts: Callable[[Any], tuple[Array, ...]], turned: Array, amounts: tuple[Array, Array]
+) -> Float[Array, ""]:
     """A length of the mechanism: how far angular coordinates move force-type rows.
 
     It is |(Phi_phi, Phi'')| / |Phi_r| over the force-type rows, Eq. (15), where Phi'' is their second derivative, times
     a radian, as all bodies turn: it sees the arms that point along the constraint, which Phi_phi does not. Where these
     rows do not have both parts it is |Ups_phi| / |Ups_r| over the moment-type rows, where nothing has both the radius
-    of gyration of all masses, and without that 1. Without angular coordinates it is the radius of the paths.
+    of gyration of all masses, and without that 1. Without angular coordinates it is the radius of the paths. Arms that
+    are rounding beside the length before are none.
+
+    `parts` are |Phi_r|^2 and |Phi_phi|^2 of some rows, `amounts` all inertia and all mass.
     """
-    square = jacobian**2
-    angular, moment = system.coordinates.angular, system.rows.angular
-    if not angular.any():
-        return _radius(jnp.sum(square, axis=1), turned) / jnp.asarray(system.radian, square.dtype)
-    inertia, heft = jnp.sum(mass[angular]), jnp.sum(mass[~angular])
+    moment, (inertia, heft) = system.rows.angular, amounts
     some = (inertia > 0) & (heft > 0)
-    length = jnp.where(some, jnp.sqrt(inertia / jnp.where(some, heft, 1.0)), 1.0).astype(square.dtype)
+    length = jnp.where(some, jnp.sqrt(inertia / jnp.where(some, heft, 1.0)), 1.0).astype(turned.dtype)
     bends = jnp.sum((jnp.asarray(system.radian) * turned[~moment]) ** 2)
     for mask, extra in ((moment, 0.0), (~moment, bends)):  # the last that has both parts wins
-        linear_part = jnp.sum(square[mask][:, ~angular])
-        angular_part = jnp.sum(square[mask][:, angular]) + extra
-        both = (linear_part > 0) & (angular_part > 0)
+        linear_part, angular_part = parts(mask)
+        angular_part = angular_part + extra
+        both = (linear_part > 0) & (angular_part > jnp.finfo(turned.dtype).eps ** 1.5 * length**2 * linear_part)
         length = jnp.where(both, jnp.sqrt(angular_part / jnp.where(both, linear_part, 1.0)), length)
     return length
 

@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._closures._closure import AbstractClosure, Elasticity, MinimumNorm, elasticity
 from .._equations._factorisation import Factorisation
-from .._equations._factorize import factorisation_at
+from .._equations._factorize import dense_at
 from .._solvers._continuation import Continuation
 from .._solvers._friction_problem import FrictionProblem
 from .._solvers._solver import Newton, Root
@@ -64,7 +64,7 @@ def frictional_solutions(
 
     **Raises:** `RuntimeError` where the equations cannot be trusted at all, whatever the friction, as `solve` does.
     """
-    factor = factorisation_at(system, state, rank, factor)
+    system, factor = dense_at(system, state, rank, factor)
     options = {"closure": closure, "sense": sense, "factor": factor}
     first = solve(system, state, **options, throw=False)
     if not is_one_of(first.result, RESULTS.successful, RESULTS.no_solution_found):

@@ -27,7 +27,7 @@ from .._equations._kinematics import slip_motion
 from .._equations._response import AbstractPick, AbstractSolvedFactorisation, LinearResponse, Response, total
 from .._solvers._friction_problem import FrictionProblem, Law
 from .._system._decision import Decision
-from .._system._friction import load_rows
+from .._system._friction import have_direction, load_rows
 from .._system._state import State
 from .._system._system import AbstractSystem
 
@@ -98,8 +98,8 @@ def reduce(
     compliance, misfit = elasticity
     pick, definiteness = factor.close(compliance)
     given = misfit if kept is None else misfit + kept
-    picked = pick(factor.multipliers)
-    free = Response(factor.acceleration, picked + pick.caused(given))
+    picked, with_misfit = pick.closed(factor.multipliers, given)
+    free = Response(factor.acceleration, with_misfit)
     free_size = total(factor.acceleration, picked) + pick.bound(given)
     ends = free_size, factor.undetermined(compliance)
     if not system.friction:
@@ -110,7 +110,10 @@ def reduce(
     unit = Response(acceleration, pick(multipliers))
     angular_slips = jnp.asarray(system.slips.angular)
     motion = factor.motion_of(rate * jnp.where(angular_slips, factor.length, 1.0))
-    law = Law(system.friction, rate, _sense(rate, motion, sense), state)
+    directed, senses = have_direction(system.friction), _sense(rate, motion, sense)
+    if directed.any():  # rounding has a direction, rest has none
+        rate = jnp.where(directed & motion.is_no, 0.0, rate)
+    law = Law(system.friction, rate, senses, state)
     rows = load_rows(system.friction)
     angular_loads = jnp.asarray(system.rows.angular)[rows]
     rho0 = picked[rows] + pick.caused(given, rows)

@@ -70,7 +70,7 @@ class Solution(AbstractNamed):
 
     `solution["crank.phi''"]` is an acceleration and `solution["K.travel''"]` that of a joint coordinate; without primes
     it is the coordinate at the state, with one its rate. `solution["A force x on crank"]` is the constraint force of a
-    joint on that body in global components, without friction, which is `solution["tau A"]`. `solution["A.x"]` is the
+    joint on that body in global components, but for its friction, `solution["tau A"]`. `solution["A.x"]` is the
     multiplier of that row, with the sign of the paper: of a revolute joint it is minus the force on body i. Of a batch
     they are arrays with its axes. Other names raise a `ValueError` that is a `KeyError` too. `to_pandas()` and
     `to_xarray()` give everything by name, a row for each case, with units in `attrs`.
@@ -116,6 +116,11 @@ class Solution(AbstractNamed):
         return self._at.qd
 
     @property
+    def centres(self) -> Float[Array, "..."]:
+        """Positions of the centres of mass in space, shape (3 bodies,)."""
+        return self._at.q[..., : 0 if self.names is None else len(self.names.centres)]
+
+    @property
     def joints(self) -> JointMotion:
         """How joint coordinates move: `position`, `rate` and `acceleration`, shape (c,) each."""
         return joint_motion(self.joint_coordinates, self._at, self.acceleration)
@@ -123,7 +128,7 @@ class Solution(AbstractNamed):
     @property
     def reactions(self) -> Float[Array, "*batch r"]:
         """What each joint does to its body i, or to body j where i is the ground: force x and y in global components,
-        and the moment about its point on that body, joint by joint, without friction, which is `friction`.
+        and the moment about its point on that body, joint by joint, but for its friction, which is `friction`.
 
         Their names are "A force x on crank", "A force y on crank" and "A moment on crank".
         """
@@ -152,10 +157,9 @@ class Solution(AbstractNamed):
         elif not is_one_of(self.result, RESULTS.successful):
             return "\n".join(head)
         else:
-            state, last = self.state, ("acceleration", self.acceleration)
-            first = [("q", state.q)] if state is not None and self.names.adds else []
-            first += [("qd", state.qd)] if state is not None else []
-            left = values_of(self.names, *first, last)
+            places = ["q"] if self.names.adds else ["centres"] * bool(len(self.names.centres))
+            moves = [*places, "qd"] if self.state is not None else []
+            left = values_of(self.names, *((name, getattr(self, name)) for name in (*moves, "acceleration")))
             right = [values_of(self.names, (name, numbers[name])) for name in ("multipliers", "friction")]
         return "\n".join([*head, *page(left, [*itertools.chain(*right)], _MORE), *further(self.names)])
 

@@ -18,8 +18,7 @@ from .._closures._closure import AbstractClosure, Compliance, Elasticity, Minimu
 from .._closures._elastic_joints import ElasticJoints
 from .._closures._unit_check import check_units
 from .._equations._culprits import thrown
-from .._equations._factorisation import Factorisation
-from .._equations._factorize import factorisation_at
+from .._equations._factorize import AnyFactorisation, dense_at, factorisation_at
 from .._equations._response import Response, times
 from .._solvers._continuation import Continuation
 from .._solvers._friction_problem import FrictionProblem
@@ -52,7 +51,7 @@ def solve(
     x0: Numbers | None = None,
     sense: ByName | None = None,
     rank: ArrayLike | None = None,
-    factor: Factorisation | None = None,
+    factor: AnyFactorisation | None = None,
     throw: bool | None = None,
 ) -> Solution:
     """Accelerations, multipliers and friction of a system at a state: (7), with friction (24) or (25).
@@ -112,7 +111,10 @@ def solve(
         x0 = _vector("x0", x0, n + m, "[qdd; lam]").astype(state.qd.dtype)
     if sense is not None:
         sense = vector("sense", sense, system.slips, " of slips")
-    factor = factorisation_at(system, state, rank, factor)
+    if closure is None:
+        system, factor = dense_at(system, state, rank, factor)
+    else:
+        factor = factorisation_at(system, state, rank, factor)
     chosen = None if closure is None else elasticity(closure, system, state)
     solution = solve_factorised(system.anonymous(), state, factor, chosen, solver, x0, sense)
     concrete = all(map(is_concrete, jax.tree.leaves((factor, chosen))))
@@ -125,7 +127,7 @@ def solve(
 def solve_factorised(
     system: AbstractSystem,
     state: State,
-    factor: Factorisation,
+    factor: AnyFactorisation,
     chosen: Elasticity | None,
     solver: AbstractSolver,
     x0: Array | None,
@@ -154,7 +156,7 @@ def _solved(
     solver: AbstractSolver,
     system: AbstractSystem,
     state: State,
-    factor: Factorisation,
+    factor: AnyFactorisation,
     chosen: Elasticity | None,
     x0: Array | None,
     sense: Array | None,
@@ -176,7 +178,7 @@ def _end_in_chunks_jvp(primals: tuple, tangents: tuple) -> tuple:
 
 
 def _end(
-    factor: Factorisation,
+    factor: AnyFactorisation,
     system: AbstractSystem,
     state: State,
     chosen: Elasticity | None,
@@ -229,7 +231,7 @@ def _figure_jvp(primals: tuple[Array, Array], tangents: tuple[Any, Array]) -> tu
 
 
 def _solve_friction(
-    factor: Factorisation,
+    factor: AnyFactorisation,
     reduced: Reduced,
     problem: FrictionProblem,
     solver: AbstractSolver,
@@ -262,7 +264,7 @@ def _loadless(tau: Array) -> Root:
 
 
 def _open_newton(
-    factor: Factorisation, reduced: Reduced, problem: FrictionProblem, x0: Array, solver: AbstractSolver
+    factor: Any, reduced: Reduced, problem: FrictionProblem, x0: Array, solver: AbstractSolver
 ) -> tuple[Root, Array]:
     """Newton (38) from x0; `reduced` is at minimum norm, with the self-stress of x0 added."""
     pick, rows = reduced.pick, reduced.rows
@@ -294,13 +296,13 @@ def _kept(x0: Array | None, state: State) -> Array:
     return x0[state.qd.size :] if x0.ndim else x0
 
 
-def _loads(x0: Array, factor: Factorisation, rows: Array) -> Array:
+def _loads(x0: Array, factor: AnyFactorisation, rows: Array) -> Array:
     """The loads in x0."""
     return x0[factor.acceleration.size + rows] if x0.ndim else jnp.broadcast_to(x0, rows.shape)
 
 
 def _solution(
-    factor: Factorisation, end: Response, root: Root, contraction: Array, tolerance: Array, result: RESULTS
+    factor: AnyFactorisation, end: Response, root: Root, contraction: Array, tolerance: Array, result: RESULTS
 ) -> Solution:
     stats = Stats(
         redundancy=factor.redundancy,

@@ -1,0 +1,399 @@
+"""The equations (7) of a large mechanism at a state: what `Factorisation` is of small ones, on the rows that count.
+
+    K = D^-1 Phi_q S  of `_scaling` is B for the evidence,   D_M^-1 Phi_q  with  diag(B M^-1 B^T) = 1  for the solution
+
+The rank is that of the pivots of B M^-1 B^T (`_gram`), squares of the sines between a row and those before it, in the
+metric of M^-1: units do not matter to it, masses of very different size do. A pivot that is neither rounding nor
+clearly more leaves it undecided.
+"""
+
+from typing import cast
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+from jaxtyping import Array, Bool, Float, Int
+
+from .._sparse._gram import Gram, gram, rank_pivots
+from .._sparse._pick import Compliance, Picking, picking, scaled_compliance
+from .._sparse._plan import Plan
+from .._sparse._rows import Rows
+from .._system._decision import CLEAR, Decision
+from .._system._results import RESULTS, first_failure
+from .._system._state import State
+from .._system._system import AbstractSystem
+from .._tools._compilation import compiled
+from ._evidence import Violation, ratio
+from ._kinematics import second_derivative, second_order
+from ._rank import Spectrum
+from ._response import AbstractPick, AbstractSolvedFactorisation, Response, total
+from ._scaling import Scaling, largest_violation, length_of, scales_of
+
+_RANK = 0.575  # power of the rounding: squares of pivots, 1e-9 in float64, from which rows count
+_POWER = 8  # steps of inverse iteration for the least singular value
+
+
+class SparsePick(AbstractPick):
+    """(I - G W) lam and G d, by solutions.
+
+    - `stress`: G of scaled rows.
+    - `row_scale`: D, shape (m,).
+    - `softest`: a bound of G.
+    """
+
+    stress: Picking
+    row_scale: Float[Array, " m"]
+    softest: Float[Array, ""]
+
+    def __call__(self, multipliers: Float[Array, "m ..."]) -> Float[Array, "m ..."]:
+        mu = multipliers.reshape(len(multipliers), -1) * self.row_scale[:, None]
+        picked = mu - self.stress.response(self.stress.compliance.times(mu))
+        return (picked / self.row_scale[:, None]).reshape(multipliers.shape)
+
+    def closed(self, multipliers: Array, misfit: Array) -> tuple[Array, Array]:
+        mu = self.row_scale * multipliers
+        pulled = self.stress.compliance.times(mu[:, None])[:, 0]
+        own = misfit / self.row_scale / self.stress.compliance.size
+        found = self.stress.response(jnp.stack([-pulled, own], axis=1))
+        picked = mu + found[:, 0]
+        return picked / self.row_scale, (picked + found[:, 1]) / self.row_scale
+
+    def caused(self, misfit: Array, rows: Int[Array, " l"] | None = None) -> Array:
+        scaled = (misfit / self.row_scale)[:, None]
+        found = self.stress.response(scaled)[:, 0] / self.row_scale / self.stress.compliance.size
+        return found if rows is None else found[rows]
+
+    def bound(self, misfit: Array) -> Float[Array, ""]:
+        return total(misfit) * self.softest
+
+
+class SparseFactorisation(AbstractSolvedFactorisation):
+    """Everything about a large mechanism at a state that does not depend on closure, friction or solver.
+
+    Its fields are those of a `Factorisation` of the same names, without matrices; `spectrum` has the pivots of the rows
+    in place of singular values.
+
+    - `gram`: B M^-1 B^T on the rows that count, these scaled by `row_scale`, shape (m,).
+
+    ??? example
+
+        ```python
+        factor = rx.factorize(mechanism.sparse(), state)
+        factor.redundancy, factor.spectrum.gap, factor.unique_multipliers
+        ```
+    """
+
+    state: State
+    gamma: Float[Array, " m"]
+    load: Float[Array, " n"]
+    spectrum: Spectrum
+    violation: Violation
+    finite: Bool[Array, ""]
+    singularity: Decision
+    acceleration: Float[Array, " n"]
+    multipliers: Float[Array, " m"]
+    residual: Float[Array, ""]
+    length: Float[Array, ""]
+    scaling: Scaling
+    gram: Gram
+    row_scale: Float[Array, " m"]
+    rate_noise: Float[Array, ""]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(m, n)."""
+        return self.gamma.size, self.load.size
+
+    @property
+    def redundancy(self) -> Int[Array, ""]:
+        """k = m - r, number of redundant constraints."""
+        return self.gamma.size - self.spectrum.rank
+
+    @property
+    def freedom(self) -> Int[Array, ""]:
+        """n - r, number of degrees of freedom."""
+        return self.load.size - self.spectrum.rank
+
+    @property
+    def local(self) -> int:
+        """None: singular positions are refused."""
+        return 0
+
+    @property
+    def noise(self) -> float:
+        """Rounding of a solution of (7)."""
+        return max(self.shape) * float(jnp.finfo(self.gamma.dtype).eps)
+
+    @property
+    def unique_multipliers(self) -> Bool[Array, " m"]:
+        """Which multipliers are unique without friction: those that no self-stress has, of some at random."""
+        return ~_in_self_stress(self.gram)
+
+    @property
+    def singular_position(self) -> Bool[Array, ""]:
+        """Whether the rank is lower at this position than beside it."""
+        return self.singularity.is_yes
+
+    @property
+    def lost_digits(self) -> Float[Array, ""]:
+        """Decimal digits that accelerations and multipliers lose to the smallest kept singular value."""
+        return -jnp.log10(jnp.minimum(self.spectrum.kept, 1.0))
+
+    @property
+    def checks(self) -> tuple[tuple[Bool[Array, ""], RESULTS], ...]:
+        """What must hold for the equations at this state to have a trustworthy solution, root causes first."""
+        violation, off_manifold = self.violation, largest_violation(self.gamma.dtype)
+        blur = self._consistent
+        contradiction = Decision(violation.acceleration / blur)
+        return (
+            (self.finite, RESULTS.not_finite),
+            (violation.position <= off_manifold, RESULTS.violated_constraints),
+            (~self.spectrum.ambiguous, RESULTS.ambiguous_rank),
+            (violation.velocity <= off_manifold, RESULTS.inadmissible_velocity),
+            (~(contradiction.is_yes & (violation.prescribed > blur)), RESULTS.inconsistent_constraints),
+            (~contradiction.is_yes, RESULTS.inadmissible_velocity),
+            (contradiction.is_no, RESULTS.ambiguous_constraints),
+            (~self.singularity.is_yes, RESULTS.singular_position),
+            (self.singularity.is_no, RESULTS.ambiguous_position),
+            (self.residual <= 10 * blur, RESULTS.unsolved),
+        )
+
+    @property
+    def _consistent(self) -> Float[Array, ""]:
+        """What rounding and the violation of the state make of N^T gamma."""
+        magnified = 10 / jnp.minimum(self.spectrum.kept, 1.0) ** 2
+        rounding = float(jnp.finfo(self.gamma.dtype).eps)
+        return magnified * rounding + 120 * self.violation.position + 10 * self.violation.velocity
+
+    @property
+    def result(self) -> RESULTS:
+        """The first check that fails, or `RESULTS.successful`."""
+        return first_failure(self.checks)
+
+    def motion_of(self, rates: Float[Array, "..."]) -> Decision:
+        return Decision(jnp.abs(rates) / self.rate_noise)
+
+    def undetermined(self, compliance: Array) -> None:
+        return None  # singular positions are refused
+
+    def respond(self, forces: Float[Array, "n p"], gamma: Float[Array, "m p"] | None = None) -> Response:
+        scale = self.row_scale[:, None]
+        gamma = jnp.zeros((self.gamma.size, forces.shape[1]), forces.dtype) if gamma is None else gamma / scale
+        a, mu = self.gram.respond(forces, gamma)
+        return Response(a, mu / scale)
+
+    def close(self, compliance: Float[Array, "m j"]) -> tuple[SparsePick, Decision]:
+        return closed(self.gram, self.row_scale, compliance)
+
+    def contradicting(self, gamma: Float[Array, " m"]) -> Float[Array, " m"]:
+        """The part of gamma that no acceleration has, in rows that depend on others."""
+        return self.gram.across((gamma / self.row_scale)[:, None])[:, 0] * self.row_scale
+
+
+def closed(stress: Gram, row_scale: Array, entries: Float[Array, "m j"]) -> tuple[SparsePick, Decision]:
+    """The pick of a compliance, by entries of each row with its mates, and whether it determines the multipliers."""
+    compliance: Compliance = scaled_compliance(stress.rows, entries, row_scale)
+    found, least = picking(stress, compliance)
+    noise = float(jnp.finfo(entries.dtype).eps) ** 0.525
+    softest = jax.lax.stop_gradient(jnp.max(row_scale**-2) / compliance.size / least)
+    return SparsePick(found, row_scale, softest), Decision(jnp.where(least >= 0, least, 0.0) / noise)
+
+
+def rows_of(system: AbstractSystem, state: State) -> tuple[Rows, Array]:
+    """Rows as they are, and the mass of each body."""
+    slopes, masses = system.by_bodies(state.q, state.t)
+    if system.diagonal_mass:
+        inverse = jnp.eye(masses.shape[1]) / jnp.diagonal(masses, axis1=1, axis2=2)[:, None]
+    else:
+        inverse = jnp.linalg.inv(masses)
+    return Rows(cast(Plan, system.plan), slopes, inverse), masses
+
+
+def unit_rows(rows: Rows) -> Float[Array, " m"]:
+    """D that makes the diagonal of S 1."""
+    diagonal = jax.lax.stop_gradient(rows.diagonal())
+    return jnp.sqrt(jnp.where(diagonal > 0, diagonal, 1.0))
+
+
+def sparse_factorised(system: AbstractSystem, state: State, rank: ArrayLike | None) -> SparseFactorisation:
+    """The equations of a system with a plan at a state."""
+    return _factorised(system.anonymous().without_friction(), state, None if rank is None else jnp.asarray(rank))
+
+
+@compiled
+def _factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | None) -> SparseFactorisation:
+    rows, masses = rows_of(system, state)
+    load = system.load(state)
+    motion, explicit, turned = second_order(system, state)
+    scales = _scaling(system, rows, masses, turned)
+    position = jnp.max(jnp.abs(motion.value) / scales.rows) / scales.size
+    row_scale = unit_rows(rows)
+    scaled = rows.scaled(row_scale)
+    kept, spectrum = _decided(scaled, jax.lax.stop_gradient(position), rank)
+    stress = gram(scaled, kept)
+    a, mu = stress.respond(load[:, None], (motion.gamma / row_scale)[:, None])
+    spectrum = _with_least(spectrum, stress)
+    evidence = jax.lax.stop_gradient((stress, row_scale, scales, motion, explicit, load, a[:, 0], mu[:, 0], state))
+    violation, noise, reached, residual = _evidence(masses, position, spectrum, *evidence)
+    return SparseFactorisation(
+        state=State(state.q, state.qd, state.t),
+        gamma=motion.gamma,
+        load=load,
+        spectrum=spectrum,
+        violation=violation,
+        finite=jnp.isfinite(total(state.q, state.qd, state.t, *motion, rows.slopes, rows.inverse_mass, load)),
+        singularity=_singularity(system, position, spectrum, reached, *evidence),
+        acceleration=a[:, 0],
+        multipliers=mu[:, 0] / row_scale,
+        residual=residual,
+        length=scales.length,
+        scaling=scales,
+        gram=stress,
+        row_scale=row_scale,
+        rate_noise=noise,
+    )
+
+
+def _scaling(system: AbstractSystem, rows: Rows, masses: Array, turned: Array) -> Scaling:
+    """As `scaling`, from the rows by bodies."""
+    still, masses, turned = jax.lax.stop_gradient((rows, masses, turned))
+    plan, angular = rows.plan, jnp.asarray(system.coordinates.angular)
+    turns = angular[plan.columns[plan.body]]
+    square = still.slopes**2
+    zero = jnp.zeros(rows.count, square.dtype)
+    parts = tuple(zero.at[plan.row].add(jnp.sum(jnp.where(mask, square, 0.0), axis=1)) for mask in (~turns, turns))
+    diagonal = jnp.diagonal(masses, axis1=1, axis2=2)
+    turning = angular[plan.columns]
+    inertia, heft = (jnp.sum(jnp.where(mask, diagonal, 0.0)) for mask in (turning, ~turning))
+    length = length_of(system, lambda mask: tuple(jnp.sum(part[mask]) for part in parts), turned, (inertia, heft))
+    norms = jnp.sqrt(parts[0] + parts[1] / length**2)
+    columns = jnp.where(system.coordinates.angular, 1 / length, 1.0).astype(norms.dtype)
+    return scales_of(system, norms, columns, length)
+
+
+def _decided(rows: Rows, violation: Array, rank: Array | None) -> tuple[Float[Array, " m"], Spectrum]:
+    """Which rows count, and the evidence."""
+    squares, shift = rank_pivots(rows)
+    squares = jnp.maximum(squares - shift, 0.0)
+    tolerance = float(jnp.finfo(squares.dtype).eps) ** _RANK + (30 * violation) ** 2
+    ordered = jnp.sort(squares)[::-1]
+    if rank is None:
+        counts = squares > tolerance
+    else:
+        least = jnp.append(ordered, 0.0)[jnp.clip(rank - 1, 0, squares.size)]
+        counts = (squares >= least) & (rank > 0)
+    kept = jnp.min(jnp.where(counts, squares, jnp.inf))
+    dropped = jnp.max(jnp.where(counts, 0.0, squares))
+    gap = jnp.where(dropped > 0, jnp.sqrt(kept / jnp.where(dropped > 0, dropped, 1.0)), jnp.inf)
+    margin = jnp.minimum(kept / tolerance, CLEAR * tolerance / jnp.where(dropped > 0, dropped, shift))
+    if rank is not None:
+        margin = jnp.where(jnp.sum(counts) == rank, CLEAR * kept / (3 * shift), 0.0)
+    values = jnp.sqrt(ordered / jnp.maximum(ordered[0], jnp.finfo(ordered.dtype).tiny))
+    return counts.astype(squares.dtype), Spectrum(
+        values, jnp.sum(counts), jnp.sqrt(tolerance), gap, Decision(margin), jnp.sqrt(kept)
+    )
+
+
+def _with_least(spectrum: Spectrum, stress: Gram) -> Spectrum:
+    """With the least singular value of the rows that count for `kept`, by inverse iteration."""
+    stress = jax.lax.stop_gradient(stress)
+    start = stress.kept * jnp.asarray(np.cos(np.arange(stress.kept.size) ** 2), stress.kept.dtype)
+
+    def step(_: Array, carry: tuple[Array, Array]) -> tuple[Array, Array]:
+        found = stress.near(carry[0][:, None])[:, 0]
+        size = jnp.linalg.norm(found)
+        size = jnp.where(size > 0, size, 1.0)
+        return found / size, size
+
+    _, size = jax.lax.fori_loop(0, _POWER, step, (start / jnp.linalg.norm(start), jnp.ones((), start.dtype)))
+    return Spectrum(
+        spectrum.singular_values,
+        spectrum.rank,
+        spectrum.tolerance,
+        spectrum.gap,
+        spectrum.decision,
+        jnp.minimum(spectrum.kept, 1 / jnp.sqrt(size)),
+    )
+
+
+def _evidence(
+    masses: Array,
+    position: Array,
+    spectrum: Spectrum,
+    stress: Gram,
+    row_scale: Array,
+    scales: Scaling,
+    motion: tuple,
+    explicit: Array,
+    load: Array,
+    a: Array,
+    mu: Array,
+    state: State,
+) -> tuple[Violation, Array, Array, Array]:
+    """Consistency; what rounding makes of slip rates; the velocity that accelerations reach; the residual of (7)."""
+    _, rate, gamma = motion
+    qd, own = state.qd / scales.coordinates, a / scales.coordinates
+    rate, scaled, explicit = rate / scales.rows, gamma / scales.rows, explicit / scales.rows
+    inertia = jnp.sum(jnp.diagonal(masses, axis1=1, axis2=2)) / load.size
+    free = jnp.max(jnp.abs(scales.coordinates * load)) / jnp.where(inertia > 0, inertia, 1.0)
+    reached = jnp.sqrt(scales.size * (jnp.max(jnp.abs(own)) + free))
+    sizes = scaled, own, jnp.max(jnp.abs(qd)) ** 2 / scales.size
+    across = jnp.stack([scaled, explicit], axis=1) * (scales.rows / row_scale)[:, None]
+    across = stress.across(across) * (row_scale / scales.rows)[:, None]
+    violation = Violation(position, ratio(rate, qd, reached), ratio(across[:, 0], *sizes), ratio(across[:, 1], *sizes))
+    rounding = 10 * jnp.finfo(qd.dtype).eps
+    noise = rounding * jnp.max(jnp.abs(qd)) + jnp.max(jnp.abs(rate))
+    noise = jnp.maximum(10.0, 1 / jnp.minimum(spectrum.kept, 1.0)) * noise + rounding * reached
+    rows, scale = stress.rows, row_scale / scales.rows
+    missed = scaled - rows.times(a[:, None])[:, 0] * scale
+    pulled = (
+        rows.accelerations(jnp.stack([load, rows.transposed(mu[:, None])[:, 0]], axis=1)) / scales.coordinates[:, None]
+    )
+    unbalanced = pulled[:, 0] - pulled[:, 1] - own
+    residual = jnp.maximum(ratio(missed, *sizes, free), ratio(unbalanced, pulled, own, sizes[2]))
+    return violation, jnp.where(noise > 0, noise, 1.0), reached, residual
+
+
+def _singularity(
+    system: AbstractSystem,
+    position: Array,
+    spectrum: Spectrum,
+    reached: Array,
+    stress: Gram,
+    row_scale: Array,
+    scales: Scaling,
+    motion: tuple,
+    _explicit: Array,
+    _load: Array,
+    _a: Array,
+    _mu: Array,
+    state: State,
+) -> Decision:
+    """Whether N^T Phi'' along the velocity with a motion added is other than without."""
+    qd, gamma = state.qd / scales.coordinates, motion[2]
+    speed = jnp.max(jnp.abs(qd)) + reached
+    speed = jnp.where(speed > 0, speed, scales.size)
+    mixed = scales.coordinates * jnp.asarray(np.cos(np.arange(qd.size) ** 2), qd.dtype)
+    free = mixed - stress.nearest(stress.rows.times(mixed[:, None]))[:, 0]
+    free = free / scales.coordinates
+    largest = jnp.max(jnp.abs(free))
+    moves = (state.qd.size > spectrum.rank) & (largest > 0)
+    free = jnp.where(free @ qd < 0, -1.0, 1.0) * free / jnp.where(moves, largest, 1.0) * moves
+    bend = second_derivative(system, state, scales.coordinates * (qd + speed * free), jnp.ones_like(state.t))
+    added = (bend + gamma) / row_scale
+    changed = stress.across(added[:, None])[:, 0] * row_scale / scales.rows
+    terms = (
+        jnp.max(jnp.abs(bend / scales.rows)) + jnp.max(jnp.abs(gamma / scales.rows)) + (2 * speed) ** 2 / scales.size
+    )
+    magnified = 1 / jnp.minimum(spectrum.kept, 1.0) ** 2
+    rounding = float(jnp.finfo(qd.dtype).eps) * magnified
+    return Decision(jnp.max(jnp.abs(changed)) / terms / (10 * (100 * rounding + position)))
+
+
+def _in_self_stress(stress: Gram) -> Bool[Array, " m"]:
+    """Which rows some self-stress has, of a few at random."""
+    numbers = np.random.default_rng(7).normal(size=(stress.kept.size, 2))
+    found = stress.stress(jnp.asarray(numbers, stress.kept.dtype))
+    noise = float(jnp.finfo(found.dtype).eps) ** 0.5
+    return jnp.max(jnp.abs(found), axis=1) > noise * jnp.max(jnp.abs(found), initial=1.0)

@@ -1,0 +1,74 @@
+"""Cholesky factor of a symmetric positive definite matrix on a plan, and solutions: by batches of dense fronts.
+
+From the leaves to the roots, of each front with own rows p and border q
+
+    A_pp = L L^T,   B = A_qp L^-T,   A_qq - B B^T  is left for the front above.
+
+Without a pivot search: no program is safer for such a matrix. L^-1 is kept, so that solutions are products: LAPACK
+calls that XLA runs side by side can wait for each other for good on few cores, and those of one factor follow each
+other. Rows that are left out have the row of I.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ._plan import Plan
+
+
+class Fronts(NamedTuple):
+    """L^-1, shape (fronts, p, p), and B, shape (fronts, q, p), of one height."""
+
+    inverse: Array
+    border: Array
+
+
+def factor(plan: Plan, entries: Float[Array, " size"]) -> tuple[Fronts, ...]:
+    """The factor of the matrix with these entries; NaN where it is not positive definite."""
+    found, begin = [], 0
+    left = jnp.zeros(0, entries.dtype)
+    for level in plan.levels:
+        (count, p), q = level.pad.shape, level.border.shape[1]
+        size = count * (p + q) ** 2
+        fronts = entries[begin : begin + size]
+        if found:
+            fronts = fronts.at[level.target].add(left[level.source])
+        fronts = fronts.reshape(count, p + q, p + q)
+        begin += size
+        one = jnp.eye(p, dtype=entries.dtype)
+        own = jnp.linalg.cholesky(fronts[:, :p, :p] + level.pad[:, :, None] * one, symmetrize_input=False)
+        inverse = jax.lax.linalg.triangular_solve(own, jnp.broadcast_to(one, own.shape), left_side=True, lower=True)
+        border = fronts[:, p:, :p] @ inverse.swapaxes(1, 2)
+        rest = fronts[:, p:, p:] - border @ border.swapaxes(1, 2)
+        left = jnp.concatenate([left, rest.ravel()])
+        found.append(Fronts(inverse, border))
+    return tuple(found)
+
+
+def solution(plan: Plan, found: tuple[Fronts, ...], right: Float[Array, "m c"]) -> Float[Array, "m c"]:
+    """What the factored matrix makes to the columns on the right."""
+    columns = right.shape[1]
+    none = jnp.zeros((1, columns), right.dtype)
+    below, forward = jnp.concatenate([right, none])[plan.own], []
+    for level, fronts in zip(plan.levels, found, strict=True):
+        count, p = level.pad.shape
+        y = fronts.inverse @ below[: count * p].reshape(count, p, columns)
+        below = below[count * p :]
+        if level.border.size:
+            below = below.at[level.border].add(-(fronts.border @ y), mode="drop")
+        forward.append(y)
+    above = none
+    for level, fronts, y in zip(plan.levels[::-1], found[::-1], forward[::-1], strict=True):
+        if level.border.size:
+            y = y - fronts.border.swapaxes(1, 2) @ above[level.border]
+        own = fronts.inverse.swapaxes(1, 2) @ y
+        above = jnp.concatenate([own.reshape(-1, columns), above])
+    return above[plan.position]
+
+
+def pivots(plan: Plan, found: tuple[Fronts, ...]) -> Float[Array, " m"]:
+    """Diagonal of L, by row."""
+    parts = [jnp.diagonal(fronts.inverse, axis1=1, axis2=2).ravel() for fronts in found]
+    return 1 / jnp.concatenate(parts)[plan.position]

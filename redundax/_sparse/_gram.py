@@ -1,0 +1,95 @@
+"""The equations (7) of a large mechanism on a choice of independent rows, and the self-stress beside it.
+
+    a = M^-1 (f - B^T mu),   S mu = B M^-1 f - g on the rows I that count,   S = B M^-1 B^T,   mu = 0 on the others, O
+
+    N = [ -S_II^-1 S_IO ; I ]  spans the self-stress,   N^T y = y_O - S_OI S_II^-1 y_I
+
+S_II is positive definite; its Cholesky factor and a step of refinement solve it. A row depends on those before it
+where its pivot is zero: with t I added it is t (1 + |x|^2), x the combination of the others, so that the factor of
+S + t I exists at any rank and its pivots tell which rows count. Their order is that of elimination, so N is sparse
+where the self-stress is local.
+
+Derivatives in both modes are those of S_II itself, by the rule of a linear solution; the choice of rows has none.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ._cholesky import Fronts, factor, pivots, solution
+from ._rows import Rows
+
+_SHIFT = 0.75  # power of the rounding: t
+
+
+class Gram(eqx.Module):
+    """S of scaled rows, factorised on those that count.
+
+    - `kept`: 1 for rows that count, else 0, shape (m,).
+    """
+
+    rows: Rows
+    kept: Float[Array, " m"]
+    fronts: tuple[Fronts, ...]
+
+    @property
+    def pivots(self) -> Float[Array, " m"]:
+        """Diagonal of the factor, 1 for rows that do not count."""
+        return pivots(self.rows.plan, self.fronts)
+
+    def near(self, right: Float[Array, "m c"]) -> Float[Array, "m c"]:
+        """`solution` without refinement and derivatives."""
+        return solution(self.rows.plan, self.fronts, self.kept[:, None] * right)
+
+    def solution(self, right: Float[Array, "m c"], *, refines: bool = True) -> Float[Array, "m c"]:
+        """S_II^-1 y_I, zero on O."""
+        kept, plan = self.kept[:, None], self.rows.plan
+
+        def product(mu: Array) -> Array:
+            return kept * self.rows.gram(kept * mu) + (1 - kept) * mu
+
+        def solved(product, right: Array) -> Array:
+            if not refines:
+                return solution(plan, self.fronts, right)
+
+            def step(_: Array, mu: Array) -> Array:
+                return mu + solution(plan, self.fronts, right - product(mu))
+
+            return jax.lax.fori_loop(0, 2, step, jnp.zeros_like(right))
+
+        return jax.lax.custom_linear_solve(product, kept * right, solved, symmetric=True)
+
+    def respond(
+        self, force: Float[Array, "n c"], gamma: Float[Array, "m c"], *, refines: bool = True
+    ) -> tuple[Array, Array]:
+        """a and mu."""
+        mu = self.solution(self.rows.times(self.rows.accelerations(force)) - gamma, refines=refines)
+        return self.rows.accelerations(force - self.rows.transposed(mu)), mu
+
+    def nearest(self, off: Float[Array, "m c"]) -> Float[Array, "n c"]:
+        """The change of least M-norm by which the rows that count change as much."""
+        return self.rows.accelerations(self.rows.transposed(self.near(off)))
+
+    def stress(self, z: Float[Array, "m c"]) -> Float[Array, "m c"]:
+        """N z, of the entries of z on O."""
+        z = (1 - self.kept)[:, None] * z
+        return z - self.solution(self.rows.gram(z))
+
+    def across(self, y: Float[Array, "m c"]) -> Float[Array, "m c"]:
+        """N^T y, on O."""
+        return (1 - self.kept)[:, None] * (y - self.rows.gram(self.solution(y)))
+
+
+def gram(rows: Rows, kept: Float[Array, " m"]) -> Gram:
+    """S of scaled rows, factorised on those that are kept."""
+    return Gram(rows, kept, factor(rows.plan, jax.lax.stop_gradient(rows.entries(kept))))
+
+
+def rank_pivots(rows: Rows) -> tuple[Float[Array, " m"], float]:
+    """Squares of the pivots of S + t I, and t."""
+    shift = float(jnp.finfo(rows.slopes.dtype).eps) ** _SHIFT
+    none = jnp.zeros(rows.plan.beside.shape, rows.slopes.dtype).at[:, 0].set(shift)
+    ones = jnp.ones(rows.count, rows.slopes.dtype)
+    entries = jax.lax.stop_gradient(rows.entries(ones, none))
+    return pivots(rows.plan, factor(rows.plan, entries)) ** 2, shift

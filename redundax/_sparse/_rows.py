@@ -1,0 +1,72 @@
+"""The Jacobian of a mechanism by rows and bodies, B, and its mass by bodies, M: products, none of them dense."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ._plan import Plan
+
+
+class Rows(eqx.Module):
+    """B and M^-1.
+
+    - `slopes`: entries of B as in `Plan`, shape (e, s).
+    - `inverse_mass`: of each body, shape (bodies, s, s).
+    """
+
+    plan: Plan
+    slopes: Float[Array, "e s"]
+    inverse_mass: Float[Array, "bodies s s"]
+
+    @property
+    def count(self) -> int:
+        """m."""
+        return len(self.plan.mates)
+
+    def scaled(self, row_scale: Float[Array, " m"]) -> "Rows":
+        """D^-1 B for B."""
+        return Rows(self.plan, self.slopes / row_scale[self.plan.row][:, None], self.inverse_mass)
+
+    def times(self, v: Float[Array, "n c"]) -> Float[Array, "m c"]:
+        """B v."""
+        own = v[self.plan.columns[self.plan.body]]
+        each = jnp.sum(self.slopes[:, :, None] * own, axis=1)
+        return jnp.zeros((self.count, v.shape[1]), each.dtype).at[self.plan.row].add(each)
+
+    def transposed(self, mu: Float[Array, "m c"]) -> Float[Array, "n c"]:
+        """B^T mu."""
+        each = self.slopes[:, :, None] * mu[self.plan.row][:, None]
+        own = jnp.zeros((*self.plan.columns.shape, mu.shape[1]), each.dtype).at[self.plan.body].add(each)
+        return self._of_bodies(own)
+
+    def accelerations(self, force: Float[Array, "n c"]) -> Float[Array, "n c"]:
+        """M^-1 f."""
+        return self._of_bodies(self.inverse_mass @ force[self.plan.columns])
+
+    def gram(self, mu: Float[Array, "m c"]) -> Float[Array, "m c"]:
+        """S mu = B M^-1 B^T mu."""
+        return self.times(self.accelerations(self.transposed(mu)))
+
+    def diagonal(self) -> Float[Array, " m"]:
+        """The diagonal of S: what a unit of each multiplier accelerates its own row."""
+        own = jnp.zeros((self.count, *self.slopes.shape[1:]), self.slopes.dtype)
+        each = jnp.sum(self.slopes * self._moved(), axis=1)
+        return jnp.zeros(own.shape[:1], own.dtype).at[self.plan.row].add(each)
+
+    def entries(self, kept: Float[Array, " m"], beside: Float[Array, "m j"] | None = None) -> Float[Array, " size"]:
+        """S in the fronts of the plan, with the row of I for rows that do not count; `beside`, among rows of a joint,
+        is added."""
+        plan = self.plan
+        each = jnp.sum(self.slopes[plan.first] * self._moved()[plan.second], axis=1)
+        each = each * (kept[plan.row[plan.first]] * kept[plan.row[plan.second]])
+        found = jnp.zeros(plan.size, each.dtype).at[plan.place].add(each)
+        found = found.at[plan.beside[:, 0]].add(1 - kept)
+        return found if beside is None else found.at[plan.beside].add(beside, mode="drop")
+
+    def _moved(self) -> Float[Array, "e s"]:
+        """M^-1 B^T, slope by slope."""
+        return jnp.einsum("ejk,ek->ej", self.inverse_mass[self.plan.body], self.slopes)
+
+    def _of_bodies(self, own: Float[Array, "bodies s c"]) -> Float[Array, "n c"]:
+        columns = self.plan.columns
+        return jnp.zeros((columns.size, own.shape[2]), own.dtype).at[columns].set(own, unique_indices=True)
