@@ -14,7 +14,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int
 
 from .._closures._closure import AbstractClosure, MinimumNorm
-from .._equations._factorize import factorize
+from .._equations._factorize import factorize_dense
 from .._equations._kinematics import between
 from .._equations._rank import Spectrum
 from .._system._names import ByName
@@ -249,7 +249,7 @@ def _between(
 ) -> tuple[State, Spectrum]:
     """The state at the fraction s of the way, and its spectrum."""
     state = between(system, first, second, s)
-    return state, factorize(system, state, rank).spectrum
+    return state, factorize_dense(system, state, rank).spectrum
 
 
 def _releases(
@@ -259,7 +259,7 @@ def _releases(
     if len({report.redundancy for report in reports}) > 1:
         return ()
     bases = [
-        orthonormal(np.asarray(factorize(system, state, rank).row_scale), report.self_stress)
+        orthonormal(np.asarray(factorize_dense(system, state, rank).row_scale), report.self_stress)
         for state, report in zip(states, reports, strict=True)
     ]
     best: dict[tuple[str, ...], Release] = {}

@@ -23,7 +23,7 @@ from .._bodies._mechanism import Mechanism
 from .._closures._closure import AbstractClosure, MinimumNorm, elasticity
 from .._equations._culprits import culprits
 from .._equations._factorisation import Factorisation
-from .._equations._factorize import factorisation_at
+from .._equations._factorize import dense_at
 from .._equations._rank import Spectrum, Split
 from .._solve._solution import Solution
 from .._solve._solve import solve
@@ -36,7 +36,7 @@ from .._tools._module import no_classes
 from ._others import other_solutions
 from ._outputs import outputs
 from ._position import position
-from ._release import releases
+from ._release import Release, releases
 from ._report import Report
 from ._verdict import Family, Judged, family, judge
 
@@ -70,7 +70,7 @@ def analyze(
     - `factor`: what `factorize` gave at this state, where it is there already.
     """
     no_classes(closure=closure)
-    factor = factorisation_at(system, state, rank, factor)
+    system, factor = dense_at(system, state, rank, factor)
     found, here = jax.device_get((_evidence(factor), position(system.anonymous(), state, factor)))
     lost = _undetermined(system, state, factor, closure)
     singular, decided = bool(found.singular_position), bool(found.local)
@@ -106,9 +106,7 @@ def analyze(
         at_rest=_rests(result, figures),
         verdicts={} if figures is None else _verdicts(system, state, figures, result),
         spectral_radius=figures.radius if system.friction and figures is not None else None,
-        releases=releases(orthonormal(found.row_scale, stress), system.rows.labels, system.rows.kinds)
-        if figures is not None
-        else (),
+        releases=() if figures is None else _releases(system, orthonormal(found.row_scale, stress)),
         friction_reads=tuple(str(rows[row]) for row in reads if not unique[row]),
         couplings=_couplings(system),
         pulling=pulling,
@@ -168,6 +166,12 @@ def _verdicts(system: AbstractSystem, state: State, figures: Family, result: RES
 def _rests(result: RESULTS, figures: Family | None) -> bool:
     resting = is_one_of(result, RESULTS.friction_at_rest, RESULTS.ambiguous_rest)
     return resting or (figures is not None and bool(figures.rests))
+
+
+def _releases(system: AbstractSystem, basis: np.ndarray) -> tuple[Release, ...]:
+    """Rows of joints in space are along their own axes, so that they can be released one by one."""
+    by_row = isinstance(system, Mechanism) and not system.adds
+    return releases(basis, system.rows.labels, system.rows.kinds, by_row=by_row)
 
 
 def _couplings(system: AbstractSystem) -> tuple[str, ...]:

@@ -8,11 +8,12 @@ from a position where it gains a motion. Within one joint and kind of row the di
 
 import dataclasses
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 
 _MOST_CHOICES = 20000
-_LISTED = 8
+_LISTED = 6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -26,7 +27,7 @@ class Release:
 
         ```python
         best = rx.analyze(mechanism, state).releases[0]
-        print(best)  # L (+1 L.angle): 0.605
+        print(best)  # L.angle: 0.605
         ```
     """
 
@@ -34,32 +35,80 @@ class Release:
     determinant: float
 
     def __str__(self) -> str:
-        parts = [
-            f"{joint} ({', '.join(f'{share:+.3g} {row}' for row, share in rows.items())})"
-            for joint, rows in self.directions
-        ]
-        return f"{' and '.join(parts)}: {self.determinant:.3f}"
+        """Directions joint by joint: of several rows of one joint its name stands once."""
+        joints: dict[str, list[str]] = {}
+        for joint, shares in self.directions:
+            joints.setdefault(joint, []).append(_direction(joint, shares))
+        return f"{' and '.join(_together(*each) for each in joints.items())}: {self.determinant:.3f}"
 
 
-def releases(basis: np.ndarray, rows: tuple[str, ...], kinds: tuple[str, ...]) -> tuple[Release, ...]:
-    """The best releases, best first.
+def _together(joint: str, directions: list[str]) -> str:
+    """One direction as it is, several as rows of the joint."""
+    if len(directions) == 1:
+        return directions[0]
+    return f"{joint} ({', '.join(direction.removeprefix(f'{joint}.') for direction in directions)})"
+
+
+def _direction(joint: str, shares: dict[str, float]) -> str:
+    """A row, or the combination of rows of a joint."""
+    if len(shares) == 1:
+        return next(iter(shares))
+    return f"{joint} ({', '.join(f'{share:+.3g} {row}' for row, share in shares.items())})"
+
+
+def releases(
+    basis: np.ndarray, rows: tuple[str, ...], kinds: tuple[str, ...], *, by_row: bool = False
+) -> tuple[Release, ...]:
+    """The best releases, a few, best first.
 
     - `basis`: orthonormal basis N of the self-stress states in scaled multipliers, shape (m, k).
     - `rows`, `kinds`: names "joint.row" and kinds of the rows.
+    - `by_row`: whether rows are directions that can be built, as along the axes of a joint; else the principal
+      directions of N within each joint are offered.
     """
     count = basis.shape[1]
-    candidates = _candidates(basis, rows, kinds)
+    candidates = _rows(basis, rows) if by_row else _candidates(basis, rows, kinds)
     if not count or len(candidates) < count:
         return ()
     order = sorted(candidates, key=lambda item: -_rank(np.linalg.norm(item[2])))
-    while _choices(len(order), count) > _MOST_CHOICES:
-        order.pop()
-    found = []
-    for chosen in itertools.combinations(order, count):
-        size = abs(float(np.linalg.det(np.stack([vector for _, _, vector in chosen]))))
-        if size > 1e-6:
-            found.append(Release(tuple((joint, shares) for joint, shares, _ in chosen), size))
-    return tuple(sorted(found, key=lambda item: -_rank(item.determinant))[:_LISTED])
+    vectors = np.stack([vector for _, _, vector in order])
+    if _choices(len(order), count) <= _MOST_CHOICES:
+        chosen = list(itertools.combinations(range(len(order)), count))
+    else:
+        chosen = list({_exchanged(vectors, _greedy(vectors, first)) for first in range(len(order))})
+    sizes = np.abs(np.linalg.det(vectors[np.array(chosen)]))
+
+    def rank(item: tuple[float, Sequence[int]]) -> tuple[float, int]:
+        size, pick = item
+        return -_rank(size), len({order[k][0] for k in pick})  # of equals those in few joints first
+
+    best = sorted(zip(sizes.tolist(), chosen, strict=True), key=rank)[:_LISTED]
+    place = {id(candidate): k for k, candidate in enumerate(candidates)}
+    picks = ((size, sorted((order[k] for k in pick), key=lambda each: place[id(each)])) for size, pick in best)
+    return tuple(Release(tuple(each[:2] for each in pick), size) for size, pick in picks if size > 1e-6)
+
+
+def _greedy(vectors: np.ndarray, first: int) -> list[int]:
+    """As many rows as columns, from the first on each the farthest from the span of those before."""
+    left, picked = vectors.copy(), [first]
+    for _ in range(vectors.shape[1] - 1):
+        along = left[picked[-1]] / np.linalg.norm(left[picked[-1]])
+        left = left - np.outer(left @ along, along)
+        picked.append(int(np.argmax(np.round(np.linalg.norm(left, axis=1), 9))))
+    return picked
+
+
+def _exchanged(vectors: np.ndarray, picked: list[int]) -> tuple[int, ...]:
+    """The rows after exchanges of one for another that enlarge the determinant, by a factor of more than rounding."""
+    for _ in range(100):
+        if np.linalg.matrix_rank(vectors[picked]) < len(picked):
+            break
+        gains = np.abs(vectors @ np.linalg.inv(vectors[picked]))  # of every row in the place of each that is picked
+        row, place = np.unravel_index(np.argmax(np.round(gains, 9)), gains.shape)
+        if gains[row, place] < 1 + 1e-6:
+            break
+        picked[place] = int(row)
+    return tuple(sorted(picked))
 
 
 def _rank(size: float | np.floating) -> float:
@@ -73,6 +122,14 @@ def determinant(
     """|det N_S| of directions for an orthonormal basis N of the self-stress."""
     shares = np.array([[part.get(row, 0.0) for row in rows] for _, part in directions])
     return abs(float(np.linalg.det(shares @ basis)))
+
+
+def _rows(basis: np.ndarray, rows: tuple[str, ...]) -> list[tuple[str, dict, np.ndarray]]:
+    return [
+        (row.rpartition(".")[0] or row, {row: 1.0}, basis[k])
+        for k, row in enumerate(rows)
+        if np.linalg.norm(basis[k]) > 1e-6
+    ]
 
 
 def _candidates(basis: np.ndarray, rows: tuple[str, ...], kinds: tuple[str, ...]) -> list[tuple[str, dict, np.ndarray]]:

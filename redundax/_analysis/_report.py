@@ -141,7 +141,9 @@ class Report:
         """`to_dict` as JSON text."""
         return json.dumps(self.to_dict(), indent=2)
 
-    def __str__(self) -> str:
+    @property
+    def heading(self) -> str:
+        """The first lines of the page: counts, the rank's margin, units, and what to know before all else."""
         lines = [
             f"{len(self.coordinates)} coordinates, {len(self.rows)} constraints of rank {self.rank}: "
             f"{self.redundancy} redundant, {count_of(self.freedom, 'degree')} of freedom",
@@ -170,6 +172,10 @@ class Report:
             lines.append(f"LEFT OUT: {self.left_out}")
         if self.pulling:
             lines.append(f"CHANGE OF FLANK: {in_words(self.pulling)}")
+        return "\n".join(lines)
+
+    def __str__(self) -> str:
+        lines = [self.heading]
         for number, state in enumerate(self.self_stress):
             lines.append(f"Self-stress state {number}, multipliers:")
             lines += columns([f"{name} {value:+.6g}" for name, value in zip(self.rows, state, strict=True) if value])

@@ -28,7 +28,7 @@ from jaxtyping import Array, Complex, Float
 
 from .._closures._closure import AbstractClosure, Elasticity, elasticity
 from .._equations._factorisation import Factorisation
-from .._equations._factorize import factorisation_at
+from .._equations._factorize import dense_at
 from .._solve._reduced import reduce
 from .._solve._solution import Solution
 from .._system._names import ByName, senses
@@ -126,7 +126,8 @@ def stability(
         raise ValueError(
             "Argument `solution` must be successful, but ended with another result. Solve with `throw=True` to see why."
         )
-    factor, slips = factorisation_at(system, state, rank, factor), senses(system.slips, sense)
+    system, factor = dense_at(system, state, rank, factor)
+    slips = senses(system.slips, sense)
     if factor.branch is not None:  # what is stiff here is soft beside it
         raise RuntimeError(RESULTS[RESULTS.singular_position])
     given = elasticity(closure, system, state)

@@ -22,6 +22,8 @@ and keeps its rank without a decision.
 Where M is singular, M + B^T B and f + B^T g stand for M and f: the same solutions, positive definite iff (14).
 """
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -33,6 +35,7 @@ from .._equations._response import AbstractFactorisation, Pick, Response
 from .._equations._scaling import Scaling
 from .._system._state import State
 from .._system._system import AbstractSystem
+from ._held_sparse import SparseHeld, SparseHeldFactorisation, factorize_sparse, hold_sparse
 
 
 class Held(eqx.Module):
@@ -109,15 +112,25 @@ class HeldFactorisation(AbstractFactorisation[Array]):
         spanned = projector - self.held_inverse(self.gram @ projector)
         return _spanned_response(spanned, projector, compliance), jnp.max(jnp.abs(self.rows.T @ spanned))
 
-    def renewed(self, held: Held) -> tuple[Held, Float[Array, ""]]:
+    def nearest(self, off: Float[Array, " m"]) -> Float[Array, " n"]:
+        """The least change by which the held rows change as much."""
+        return self.response @ self.held_inverse(off / self.held.row_scale)
+
+    def renewed(self, held: Any) -> tuple[Held, Float[Array, ""]]:
         """The same rank held by the self-stress found here, and how much the rows that it leaves out contribute."""
         projector, excess = jax.lax.stop_gradient(self.stress_response(None))
         return eqx.tree_at(lambda held: held.projector, held, projector), excess
 
 
+AnyHeld = Held | SparseHeld
+AnyHeldFactorisation = HeldFactorisation | SparseHeldFactorisation
+
+
 @eqx.filter_jit  # traced once, for the many places that it stands in
-def factorize_held(system: AbstractSystem, state: State, held: Held) -> HeldFactorisation:
+def factorize_held(system: AbstractSystem, state: State, held: AnyHeld) -> AnyHeldFactorisation:
     """Assemble and factorise at a state."""
+    if isinstance(held, SparseHeld):
+        return factorize_sparse(system, state, held)
     rows = system.jacobian(state.q, state.t) / held.row_scale[:, None]
     inverse_mass = held.inverse_mass
     if inverse_mass is None:
@@ -159,8 +172,10 @@ def _spanned_response(spanned: Array, projector: Array, compliance: Array | None
 
 def hold(
     system: AbstractSystem, state: State, scale: Scaling, rank: Int[Array, ""], *, singular: bool
-) -> tuple[Held, Int[Array, ""]]:
+) -> tuple[AnyHeld, Int[Array, ""]]:
     """Hold a rank at a state, and the rank found there; `singular` says whether M may be singular."""
+    if system.plan is not None:
+        return hold_sparse(system, state, rank)
     matrix = system.jacobian(state.q, state.t)
     position = jnp.max(jnp.abs(system.constraint(state.q, state.t)) / scale.rows) / scale.size
     parts, spectrum = split(matrix * scale.coordinates / scale.rows[:, None], position, rank)

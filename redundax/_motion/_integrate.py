@@ -7,7 +7,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._closures._closure import AbstractClosure, elasticity
-from .._equations._factorisation import Factorisation
+from .._equations._factorize import AnyFactorisation
+from .._equations._sparse_factorisation import SparseFactorisation
 from .._solve._solve import solve_factorised
 from .._solvers._continuation import Continuation
 from .._solvers._solver import Newton
@@ -16,11 +17,12 @@ from .._system._results import RESULTS, first_failure
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import stop_gradient
-from ._held_rank import Held, held_by, hold
+from ._held_rank import AnyHeld, held_by, hold
+from ._held_sparse import hold_sparse
 from ._moving import Equations, Moving, project, rechart
 from ._phases import Options, PhaseState, run
 from ._stabilisation import AbstractStabilisation
-from ._stepper import at_start
+from ._stepper import at_start, size_of
 from ._stick import Mode, next_mode
 from ._times import in_order, within
 from ._trajectory import Trajectory, TrajectoryStats
@@ -30,7 +32,7 @@ from ._trajectory import Trajectory, TrajectoryStats
 def integrate(
     system: AbstractSystem,
     state: State,
-    factor: Factorisation,
+    factor: AnyFactorisation,
     t1: Array,
     ts: Float[Array, " times"],
     closure: AbstractClosure,
@@ -50,7 +52,10 @@ def integrate(
     t1, ts = (jnp.where(ordered, t, state.t) for t in (t1, within(state.t, t1, ts)))
     state = eqx.tree_at(lambda state: state.q, state, jnp.where(ordered, state.q, jnp.nan))
     rank = factor.spectrum.rank
-    held = held_by(system, state, factor.scaling, factor.split.stress, singular=singular)
+    if isinstance(factor, SparseFactorisation):
+        held, _ = hold_sparse(system, state, rank)
+    else:
+        held = held_by(system, state, factor.scaling, factor.split.stress, singular=singular)
     equations = _equations(system, state, factor, closure, stabilisation, t1)
     first = 0.01 * factor.scaling.size / equations.speed if dt0 is None else dt0
     options = Options(solver, rtol is None, _controller(rtol, first), adjoint, meter, max_steps, first, t1, ts)
@@ -87,7 +92,7 @@ class _Start(eqx.Module):
 def _equations(
     system: AbstractSystem,
     state: State,
-    factor: Factorisation,
+    factor: AnyFactorisation,
     closure: AbstractClosure,
     stabilisation: AbstractStabilisation,
     t1: Array,
@@ -113,13 +118,13 @@ def _equations(
 
 def _controller(rtol: Array | None, first: Array) -> diffrax.AbstractStepSizeController:
     """Of the relative errors that the stepper gives; without tolerance steps are constant unless they cannot end so."""
-    limits = {"rtol": 0.0, "dtmin": 1e-10 * first, "force_dtmin": False}
+    limits = {"rtol": 0.0, "dtmin": 1e-10 * first, "force_dtmin": False, "norm": size_of}
     if rtol is None:
         return diffrax.PIDController(atol=1.0, dtmax=first, **limits)
     return diffrax.PIDController(atol=rtol, **limits)
 
 
-def _start(equations: Equations, state: State, factor: Factorisation, held: Held) -> _Start:
+def _start(equations: Equations, state: State, factor: AnyFactorisation, held: AnyHeld) -> _Start:
     system, none = equations.system, jnp.zeros((), bool)
     start = Mode(equations.sense, equations.sense, none, ~none)
     if not system.friction:
@@ -140,7 +145,7 @@ def _moving(equations: Equations, state: State) -> Moving:
     return Moving(state.q, base, state.qd, none, none if equations.has_sense else None, memory)
 
 
-def _before(begin: _Start, y: Moving, t: Array, held: Held, ts: Array) -> PhaseState:
+def _before(begin: _Start, y: Moving, t: Array, held: AnyHeld, ts: Array) -> PhaseState:
     """The run before its first phase."""
     start = begin.onward
     y = y._replace(qd=jnp.where(start.resting, 0.0, y.qd))

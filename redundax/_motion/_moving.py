@@ -26,7 +26,7 @@ from .._system._friction import load_rows, memory_rates
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
-from ._held_rank import Held, HeldFactorisation, factorize_held
+from ._held_rank import AnyHeld, AnyHeldFactorisation, factorize_held
 from ._stabilisation import AbstractStabilisation
 
 
@@ -57,7 +57,7 @@ _DEPENDENT = 1e-10
 class Context(NamedTuple):
     """What stays the same within a step: the held rank, and the friction forces that a solve starts from."""
 
-    held: Held
+    held: AnyHeld
     tau: Float[Array, " p"]
 
 
@@ -150,7 +150,7 @@ class Equations(eqx.Module):
 
     @eqx.filter_jit  # traced once, for the many places that it stands in
     def linear(
-        self, state: State, held: Held, factor: HeldFactorisation | None = None, *, closed: bool = True
+        self, state: State, held: AnyHeld, factor: AnyHeldFactorisation | None = None, *, closed: bool = True
     ) -> Linear:
         """What load and unit friction cause, given the factorisation at the state if it is known.
 
@@ -236,12 +236,18 @@ class Equations(eqx.Module):
     def _power(self, state: State, force: Array, multipliers: Array) -> Float[Array, ""]:
         one, system = jnp.ones_like(state.t), self.system
         _, driven = jax.jvp(lambda t: system.constraint(state.q, t), (state.t,), (one,))
+        power = state.qd @ force + driven @ multipliers
+        if system.plan is not None:
+            return power
         _, mass_rate = jax.jvp(system.mass, (state.q, state.t), (chart_rate(system, state), one))
-        return state.qd @ force + driven @ multipliers + state.qd @ mass_rate @ state.qd / 2
+        return power + state.qd @ mass_rate @ state.qd / 2
 
     def kinetic_energy(self, t: Array, y: Moving) -> Float[Array, ""]:
         """T."""
-        return y.qd @ self.system.mass(y.q, t) @ y.qd / 2
+        if self.system.plan is None:
+            return y.qd @ self.system.mass(y.q, t) @ y.qd / 2
+        own = y.qd[self.system.plan.columns]
+        return jnp.einsum("bi,bij,bj->", own, self.system.by_bodies(y.q, t)[1], own) / 2
 
 
 def _none(linear: Linear) -> tuple[Float[Array, " p"], Float[Array, "p p"]]:
@@ -258,7 +264,7 @@ def rechart(system: AbstractSystem, y: Moving) -> tuple[Moving, Bool[Array, ""]]
     return y._replace(q=q, base=q), change <= float(jnp.finfo(change.dtype).eps) ** 0.375
 
 
-def project(system: AbstractSystem, t: Array, y: Moving, held: Held) -> Moving:
+def project(system: AbstractSystem, t: Array, y: Moving, held: AnyHeld) -> Moving:
     """y moved onto the manifold, positions then velocities, by least change in the norm of M."""
     d, qd = _least_change(system, held, y.q, y.qd, t)
     q = system.retract(y.q, d)
@@ -272,19 +278,19 @@ _CHORDS = 4
 
 @eqx.filter_custom_jvp
 def _least_change(
-    system: AbstractSystem, held: Held, q: Float[Array, "..."], qd: Float[Array, " n"], t: Array
+    system: AbstractSystem, held: AnyHeld, q: Float[Array, "..."], qd: Float[Array, " n"], t: Array
 ) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
     """The least displacement from q that meets the held rows, and the velocity nearest to qd that does so there."""
     factor = factorize_held(system, State(q, qd, t), held)
 
     def position(_: Array, d: Array) -> Array:
-        return d - _nearest(factor, _residual(system, q, d, t))
+        return d - factor.nearest(_residual(system, q, d, t))
 
     d = jax.lax.fori_loop(0, _CHORDS, position, jnp.zeros_like(qd))
     there = system.retract(q, d)
 
     def velocity(_: Array, qd: Array) -> Array:
-        return qd - _nearest(factor, constraint_rate(system, State(there, qd, t)))
+        return qd - factor.nearest(constraint_rate(system, State(there, qd, t)))
 
     return d, jax.lax.fori_loop(0, _CHORDS, velocity, qd)
 
@@ -297,18 +303,13 @@ def _least_change_jvp(primals: tuple, tangents: tuple) -> tuple[tuple[Array, Arr
     d, qd = _least_change(*primals)
     factor = factorize_held(system, State(system.retract(q, d), qd, t), held)
     _, off = eqx.filter_jvp(lambda system, q, t: _residual(system, q, d, t), (system, q, t), (system_dot, q_dot, t_dot))
-    d_dot = -_nearest(factor, off)
+    d_dot = -factor.nearest(off)
     _, (own, off) = eqx.filter_jvp(
         lambda system, q, d, qd, t: (qd, constraint_rate(system, State(system.retract(q, d), qd, t))),
         (system, q, d, qd, t),
         (system_dot, q_dot, d_dot, qd_dot, t_dot),
     )
-    return (d, qd), (d_dot, own - _nearest(factor, off))
-
-
-def _nearest(factor: HeldFactorisation, off: Float[Array, " m"]) -> Float[Array, " n"]:
-    """The least change by which the held rows change as much."""
-    return factor.response @ factor.held_inverse(off / factor.held.row_scale)
+    return (d, qd), (d_dot, own - factor.nearest(off))
 
 
 def _residual(system: AbstractSystem, q: Array, d: Array, t: Array) -> Float[Array, " m"]:

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from .._tools._module import batch_any
-from ._held_rank import Held
+from ._held_rank import AnyHeld
 from ._moving import Context, Equations, Moving
 from ._slip import bracket_event, is_released, locate
 from ._stepper import Carried, Diagnostics, Stepper
@@ -49,7 +49,7 @@ class PhaseState(NamedTuple):
     y: Moving
     sense: Float[Array, " p"]
     tau: Float[Array, " p"]
-    held: Held
+    held: AnyHeld
     resting: Bool[Array, ""]
     since: Array
     path: Moving

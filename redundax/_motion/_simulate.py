@@ -16,6 +16,8 @@ from jaxtyping import Array, Float
 from .._closures._closure import AbstractClosure, MinimumNorm, for_motion
 from .._equations._culprits import thrown
 from .._equations._factorisation import factorised
+from .._equations._sparse_factorisation import sparse_factorised
+from .._system._friction import refuse_directions
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
@@ -80,7 +82,8 @@ def simulate(
     - `ts`: times to give the motion at, one or more, ascending from start to end; 101 if not given. Between steps it
       is interpolated, some ten times less accurately than steps are, and projected.
     - `rtol`: tolerance of a step, of positions relative to the size of the mechanism and of velocities to the largest
-      so far; `None` for constant steps `dt0`, shorter only where one would end beside a singular position.
+      so far, of their root mean square, in space of the largest; `None` for constant steps `dt0`, shorter only where
+      one would end beside a singular position.
     - `dt0`: first step; a small one from the velocities and accelerations at the start if not given.
     - `max_steps`: steps of a phase at most, rejected ones included.
     - `max_phases`: phases at most; where friction depends on the sense of slip each stop, release and rest begins one.
@@ -124,8 +127,17 @@ def simulate(
     given = (_evenly(state.t, t1) if ts is None else as_float(ts)).astype(t1.dtype)
     check_times(state.t, t1, given)
     anonymous = system.anonymous()
-    factor = factorised(*stop_gradient((system, state)), rank)  # it only decides how to compute
-    mass = factor.mass if is_concrete(factor.mass) else system.mass(state.q, state.t)
+    fixed = stop_gradient((system, state))  # it only decides how to compute
+    if system.plan is not None and system.friction:
+        raise ValueError(
+            "Motions by sparse matrices have no friction yet, but joints of this mechanism do. Simulate "
+            "`mechanism.sparse(False)`, or leave friction out."
+        )
+    if system.plan is None:
+        factor = factorised(*fixed, rank)
+        mass = factor.mass if is_concrete(factor.mass) else system.mass(state.q, state.t)
+    else:
+        factor, mass = sparse_factorised(*fixed, rank), np.eye(1)
     trajectory = integrate(
         anonymous,
         state,
@@ -155,6 +167,7 @@ def _evenly(start: Array, end: Array) -> Float[Array, "101"]:
 
 def _check(system: AbstractSystem, state: State, rtol: ArrayLike | None, dt0: ArrayLike | None, max_steps: int) -> None:
     """Refuse what cannot be integrated."""
+    refuse_directions(system.friction, "in a motion")
     n = len(system.coordinates)
     if state.qd.shape != (n,) or (system.adds and state.q.shape != (n,)):
         raise ValueError(

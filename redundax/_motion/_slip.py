@@ -25,7 +25,7 @@ from jaxtyping import Array, Bool, Float
 from .._equations._kinematics import between
 from .._system._state import State
 from .._tools._module import stop_gradient
-from ._held_rank import Held
+from ._held_rank import AnyHeld
 from ._moving import Context, Equations, Linear, Moving, project, rechart
 from ._stick import NONE, Mode, mode_of, next_mode, tolerance_of
 
@@ -65,7 +65,7 @@ def _against(equations: Equations, rate: Float[Array, " p"]) -> Float[Array, " p
 
 
 def bracket_event(
-    equations: Equations, first: State, last: State, held: Held, resting: Bool[Array, ""], happened: Bool[Array, ""]
+    equations: Equations, first: State, last: State, held: AnyHeld, resting: Bool[Array, ""], happened: Bool[Array, ""]
 ) -> Bracket:
     """The first event between two states, if one has happened; or where the loads let a mechanism at rest go."""
     equations, first, last, held = stop_gradient((equations, first, last, held))

@@ -13,11 +13,12 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
 from .._equations._kinematics import chart_inverse
 from .._tools._module import stop_gradient
-from ._held_rank import HeldFactorisation, factorize_held
+from ._held_rank import AnyHeldFactorisation, factorize_held
 from ._moving import Context, Equations, Moving, project, rechart
 from ._slip import has_event
 from ._stick import tolerance_of
@@ -195,7 +196,7 @@ def _relative(error: Moving, dt: Array, equations: Equations, before: Carried, a
         off = chart_inverse(system, after.start[1].q, jnp.zeros_like(error.qd), off)
     position = counted(off, sizes.size * sizes.coordinates, blur * (1 + shift**2))
     return Moving(
-        position if system.adds else jnp.full_like(error.q, jnp.sqrt(jnp.mean(position**2))),
+        position if system.adds else jnp.full_like(error.q, jnp.max(position)),
         jax.tree.map(jnp.zeros_like, error.base),
         counted(error.qd, speed * sizes.coordinates, blur / pivot * (1 + shift)),
         jnp.zeros_like(error.work),
@@ -207,8 +208,14 @@ def _relative(error: Moving, dt: Array, equations: Equations, before: Carried, a
     )
 
 
+def size_of(error: Moving) -> Float[Array, ""]:
+    """Root of the mean square of a step's errors; on a chart the largest, which coordinates that keep still do not
+    dilute: in space most do."""
+    return optx.rms_norm(error) if error.base is None else optx.max_norm(error)
+
+
 def _diagnostics_after(
-    watch: Diagnostics, equations: Equations, t: Array, y: Moving, factor: HeldFactorisation
+    watch: Diagnostics, equations: Equations, t: Array, y: Moving, factor: AnyHeldFactorisation
 ) -> tuple[Diagnostics, Float[Array, ""]]:
     """The watch after a step, and the violation of the position by this step."""
     sizes = equations.scaling

@@ -23,7 +23,7 @@ from .._solvers._gauss_seidel import Swept, gauss_seidel
 from .._system._friction import friction_force, load_rows
 from .._system._state import State
 from .._tools._module import stop_gradient
-from ._held_rank import Held
+from ._held_rank import AnyHeld
 from ._moving import Equations, Linear
 
 # Slips that count as none, and slips and velocities at an event, relative to those of the mechanism; accelerations,
@@ -46,7 +46,7 @@ class Mode(NamedTuple):
     decided: Bool[Array, ""]
 
 
-def next_mode(equations: Equations, state: State, held: Held, wanted: Bool[Array, ""]) -> Mode:
+def next_mode(equations: Equations, state: State, held: AnyHeld, wanted: Bool[Array, ""]) -> Mode:
     """How the motion goes on from an instant at which a slip rate is zero, if wanted; it has no derivative."""
     equations, state, held = stop_gradient((equations, state, held))
     return mode_of(equations, state, equations.linear(state, held, closed=equations.loaded), wanted)

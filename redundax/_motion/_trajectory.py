@@ -92,8 +92,16 @@ class Trajectory(AbstractNamed):
     stats: TrajectoryStats
 
     @property
+    def centres(self) -> Float[Array, "..."]:
+        """Positions of the centres of mass in space, shape (times, 3 bodies)."""
+        return self.q[..., : 0 if self.names is None else len(self.names.centres)]
+
+    @property
     def joints(self) -> JointMotion:
-        """How joint coordinates move: `position`, `rate` and `acceleration`, shape (times, c) each."""
+        """How joint coordinates move: `position`, `rate` and `acceleration`, shape (times, c) each.
+
+        In space angles start between -pi and pi and go on without jumps.
+        """
         return joint_motion(self.joint_coordinates, self.states, self.acceleration, times=True)
 
     @property
@@ -117,8 +125,8 @@ class Trajectory(AbstractNamed):
         loads = {name: getattr(self, name) for name in ("multipliers", "friction")}
         if names is None or not are_known((self.t, self.result, self.stats, self.q, self.qd, loads)):
             return repr(self)
-        moves = ("q", "qd") if names.adds else ("qd",)
-        left = spans_of(names, *((name, getattr(self, name)) for name in moves))
+        moves = [("q", "qd")] if names.adds else [("centres",)] * bool(len(names.centres)) + [("qd",)]
+        left = [each for own in moves for each in spans_of(names, *((name, getattr(self, name)) for name in own))]
         right = itertools.chain(*(ranges_of(names, name, array) for name, array in loads.items()))
         head = [*self._outcome(), *notes(names, in_words(self.pulling))]
         return "\n".join([*head, *page(left, [*right], _MORE), *further(names)])
@@ -129,7 +137,8 @@ class Trajectory(AbstractNamed):
         what = f"{math.prod(shape)} motions" if shape else "Motion"
         unit = "" if self.names is None else self.names.units.of("time")
         times = f"{count} times from t = {jnp.nanmin(self.t):.6g} to {jnp.nanmax(self.t):.6g} {unit}".strip()
-        steps = {"end at t =": stats.end, "contraction": stats.contraction}
+        steps = {"end at t =": stats.end, "nearest singularity": stats.nearest_singularity}
+        steps |= {"contraction": stats.contraction}
         steps |= {name: getattr(stats, name) for name in ("steps", "rejected", "phases")}
         sizes = {
             "error of energy": stats.energy_error,

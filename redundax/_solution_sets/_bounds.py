@@ -18,7 +18,7 @@ from jaxtyping import Array
 
 from .._analysis._report import Report
 from .._closures._closure import AbstractClosure, elasticity
-from .._system._names import index_of
+from .._system._names import by_joint, index_of
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
@@ -27,12 +27,19 @@ from ._cases import AbstractCases, Affine, Fractional, self_stress_of
 from ._solution_set import SolutionSet
 
 Box = Mapping[str, tuple[float, float]]
+_ONE_BY_ONE = 4  # entries of a case, above which those of equal bounds are told together
 
 
 def bounds_in_words(bounds: str, parameters: Sequence[str], box: np.ndarray) -> str:
-    """What was bounded: the name of its class, and the bounds of each entry of a case, (q, 2)."""
-    parts = [f"{name} {low:.4g} to {high:.4g}" for name, (low, high) in zip(parameters, box, strict=True)]
-    return f"{bounds}{': ' if parts else ''}{', '.join(parts)}"
+    """What was bounded: the name of its class, and the bounds of each entry of a case, (q, 2); many by equal bounds."""
+    ranges = [f"{low:.4g} to {high:.4g}" for low, high in box]
+    if len(ranges) <= _ONE_BY_ONE:
+        parts = [f"{name} {within}" for name, within in zip(parameters, ranges, strict=True)]
+        return f"{bounds}{': ' if parts else ''}{', '.join(parts)}"
+    alike = {within: [] for within in ranges}
+    for name, within in zip(parameters, ranges, strict=True):
+        alike[within].append(name)
+    return "\n  ".join([f"{bounds}:", *(f"{within}: {by_joint(names)}" for within, names in alike.items())])
 
 
 def _pairs(box: Box) -> Box:

@@ -23,10 +23,11 @@ from ..._analysis._verdict import Verdict
 from ..._closures._closure import AbstractClosure
 from ..._equations._culprits import culprits
 from ..._equations._factorisation import Factorisation
-from ..._equations._factorize import factorisation_at
+from ..._equations._factorize import dense_at
 from ..._solve._all_solutions import start_factors
 from ..._solvers._friction_problem import Law
 from ..._system._export import bands_dataset
+from ..._system._friction import refuse_directions
 from ..._system._names import ByName, index_of, senses, unit_of
 from ..._system._pushing import in_words, pulling
 from ..._system._results import RESULTS
@@ -207,7 +208,7 @@ def band(
     **Raises:** as `solution_family`; `ValueError` where bounds or outputs do not fit the system.
     """
     no_classes(bounds=bounds)
-    factor = factorisation_at(system, state, rank, factor)
+    system, factor = dense_at(system, state, rank, factor)
     report = analyze(system, state, sense=sense, factor=factor)
     if report.at_rest:
         return _at_rest(system, state, outputs, bounds, report, factor, sense, nodes)
@@ -261,6 +262,7 @@ def _at_rest(
     """The bands of a mechanism whose joints rest, or some of them."""
     if report.problem:
         raise RuntimeError(report.problem)
+    refuse_directions(system.friction, "that is at rest")
     if is_still(system, state, factor):
         state = State(state.q, state.qd, state.t)  # bristles that bend let it move, so they do not count
     solutions = solution_set(system, state, factor, jnp.asarray(report.self_stress), senses(system.slips, sense))

@@ -27,13 +27,14 @@ class Preload:
     """A bound `load` on self-stress as a force, where moments count at the `arms`, shape (m,), 1 of force-type rows.
 
     `found` says what sets it: "joint load", "applied load", or nothing where there is no load at all. `length` is that
-    of the mechanism.
+    of the mechanism, `units` those of force and length, "" where none are stated.
     """
 
     load: float
     arms: np.ndarray
     length: float
     found: str
+    units: tuple[str, str]
 
     def axes(self, stress: np.ndarray, samples: int) -> tuple[np.ndarray, ...]:
         """Amplitudes along each of the states (k, m); several states share the samples, each has about its root."""
@@ -41,23 +42,25 @@ class Preload:
         return tuple(np.linspace(-1, 1, each) * self.load / np.abs(row / self.arms).max() for row in stress)
 
     def __str__(self) -> str:
-        size = f"as large as the largest {self.found} without friction, {self.load:.4g}" if self.found else "of 1"
+        figures = zip((self.load, self.length), self.units, strict=True)
+        force, length = (f"{figure:.4g} {unit}".rstrip() for figure, unit in figures)
+        size = f"as large as the largest {self.found} without friction, {force}" if self.found else f"of {force}"
         return (
             f"This assumes a preload {size}, where a moment counts as a force at the length of its guide, or else at "
-            f"{self.length:.4g}, a length of the mechanism. It is no bound: give the preload that you know."
+            f"{length}, a length of the mechanism. It is no bound: give the preload that you know."
         )
 
 
 def preload(system: AbstractSystem, factor: Factorisation, stress: np.ndarray) -> Preload:
     """The assumed preload, given all self-stress states (k, m)."""
-    length = float(factor.length)
+    length, units = float(factor.length), (system.names.units.of("force"), system.names.units.of("linear"))
     arms = np.where(system.rows.angular, _arms(system, length), 1.0)
     lam, states = np.asarray(factor.multipliers) / arms, stress / arms
     joint = np.abs(lam - states.T @ (np.linalg.pinv(states.T) @ lam)).max(initial=0.0)
     applied = np.abs(np.asarray(factor.load) / np.where(system.coordinates.angular, length, 1.0)).max(initial=0.0)
     if joint > _ROUNDING * applied:
-        return Preload(float(joint), arms, length, "joint load")
-    return Preload(float(applied) or 1.0, arms, length, "applied load" if applied else "")
+        return Preload(float(joint), arms, length, "joint load", units)
+    return Preload(float(applied) or 1.0, arms, length, "applied load" if applied else "", units)
 
 
 def _arms(system: AbstractSystem, length: float) -> np.ndarray:
@@ -73,7 +76,7 @@ def _arms(system: AbstractSystem, length: float) -> np.ndarray:
         guide = getattr(stack.element, "guide_length", None)
         guide = np.zeros(1) if guide is None else np.asarray(guide, float)
         each.append(jnp.broadcast_to(jnp.where(guide > 0, guide, length).reshape(-1, 1), shape))
-    return np.asarray(system.of_rows(each))
+    return np.asarray(system.of_rows(each, length))
 
 
 def unit_free_norm(factor: Factorisation) -> MinimumNorm:

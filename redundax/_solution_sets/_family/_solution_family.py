@@ -26,7 +26,7 @@ from ..._analysis._outputs import plain, sizes
 from ..._closures._closure import AbstractClosure, MinimumNorm, elasticity
 from ..._equations._culprits import culprits
 from ..._equations._factorisation import Factorisation
-from ..._equations._factorize import factorisation_at
+from ..._equations._factorize import dense_at
 from ..._solve._all_solutions import SEARCH_STARTS, start_factors
 from ..._system._names import ByName, index_of, senses, unit_of
 from ..._system._results import RESULTS
@@ -119,6 +119,11 @@ class SolutionFamily:
     def _n(self) -> int:
         return sum(kind in ("linear", "angular") for kind in self.kinds)
 
+    @property
+    def _amounts(self) -> list[str]:
+        """Units of z."""
+        return [self.units[self.names.index(name)] for name in self.along]
+
     def amplitude(self, multipliers: Numbers) -> np.ndarray:
         """z of solutions from elsewhere, shape (..., k), given their multipliers (..., m): where they lie here."""
         return np.asarray(multipliers) @ self.weights.T - self.offset
@@ -131,8 +136,8 @@ class SolutionFamily:
     def __str__(self) -> str:
         kinds = dict(zip(self.names, self.kinds, strict=True))
         where = " and ".join(
-            f"{name}, a {kinds[name]}, from {axis[0]:.4g} to {axis[-1]:.4g}"
-            for name, axis in zip(self.along, self.axes, strict=True)
+            f"{name}, a {kinds[name]}, from {axis[0]:.4g} to {axis[-1]:.4g} {unit}".rstrip()
+            for name, axis, unit in zip(self.along, self.axes, self._amounts, strict=True)
         )
         lines = wrap(f"Along the self-stress of {where} about {self.about}:" if where else "No self-stress:", 96)
         lines += wrap(self.assumption, 96)
@@ -146,7 +151,10 @@ class SolutionFamily:
         parts = [f"{number} at {place}" for number, place in zip(numbers, places, strict=True)]
         pieces = len(set(self.branch.tolist()))
         text = f"solutions {'(proved)' if self.proved else 'found'}: {', '.join(parts)} of {self.count.size} amplitudes"
-        folds = ", ".join("/".join(f"{x:.6g}" for x in z) for z in self.z[self.fold])
+        folds = ", ".join(
+            "/".join(f"{x:.6g} {unit}".rstrip() for x, unit in zip(z, self._amounts, strict=True))
+            for z in self.z[self.fold]
+        )
         text += f"; {pieces} connected {'piece' if pieces == 1 else 'pieces'}" if pieces else ""
         text += f"; folds at {folds}" if folds else ""
         return text + (f"; lost at {self.lost} places" if self.lost else "")
@@ -210,7 +218,7 @@ def solution_family(
     rest, as `solve` does; `ValueError` for arguments that do not fit the system.
     """
     no_classes(closure=closure)
-    factor = factorisation_at(system, state, rank, factor)
+    system, factor = dense_at(system, state, rank, factor)
     report = analyze(system, state, closure=closure, sense=sense, factor=factor)
     solutions = solutions_of(system, state, factor, report, sense, closure)
     chosen = _chosen(report, along)

@@ -20,7 +20,7 @@ from ..._analysis._analyze import analyze
 from ..._analysis._outputs import plain
 from ..._closures._closure import AbstractClosure, Elasticity, MinimumNorm, elasticity
 from ..._equations._factorisation import Factorisation
-from ..._equations._factorize import factorisation_at
+from ..._equations._factorize import dense_at
 from ..._equations._response import Response
 from ..._system._names import ByName, unit_of, vector
 from ..._system._pushing import in_words, pulling
@@ -158,7 +158,7 @@ def limit_load(
     """
     no_classes(bounds=bounds)
     state = State(state.q, state.qd, state.t)
-    factor = factorisation_at(system, state, rank, factor)
+    system, factor = dense_at(system, state, rank, factor)
     report = analyze(system, state, factor=factor)
     if report.problem:
         raise RuntimeError(report.problem)

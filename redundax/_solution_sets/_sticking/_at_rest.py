@@ -18,6 +18,7 @@ from jax.typing import ArrayLike
 
 from ..._equations._factorisation import Factorisation
 from ..._equations._kinematics import slip_motion
+from ..._system._friction import refuse_directions
 from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._tools._compilation import compiled
@@ -69,6 +70,7 @@ class Ends(NamedTuple):
 
 def drive(system: AbstractSystem, state: State, factor: Factorisation) -> ReducedForce:
     """What drives a system at rest; `ValueError` where it does not rest."""
+    refuse_directions(system.friction, "at rest")
     length, angular = np.asarray(factor.length), np.asarray(system.coordinates.angular)
     if not is_still(system, state, factor):
         raise ValueError(

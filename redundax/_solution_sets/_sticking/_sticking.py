@@ -27,7 +27,7 @@ from jaxtyping import Array
 from ..._analysis._analyze import analyze
 from ..._closures._closure import AbstractClosure, MinimumNorm
 from ..._equations._factorisation import Factorisation
-from ..._equations._factorize import factorisation_at
+from ..._equations._factorize import dense_at
 from ..._solve._all_solutions import start_factors
 from ..._system._state import State
 from ..._system._system import AbstractSystem
@@ -81,7 +81,7 @@ def sticking(
     """
     no_classes(bounds=bounds)
     state = State(state.q, state.qd, state.t)  # bristles that bend let it move, so they do not count
-    factor = factorisation_at(system, state, rank, factor)
+    system, factor = dense_at(system, state, rank, factor)
     start = drive(system, state, factor)
     senses = jnp.asarray(start.sense)
     report = analyze(system, state, sense=senses, factor=factor)

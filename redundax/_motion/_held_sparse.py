@@ -1,0 +1,116 @@
+"""The rank of a large mechanism along a motion: the rows that count at the start are held.
+
+They stay independent until a pivot of theirs becomes small, as it does on the way to a singular position, or where
+others would do instead: where less than a tenth of the least is left rows are chosen anew, of the same number.
+"""
+
+from typing import Any, cast
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from .._equations._kinematics import AlongMotion, along_motion
+from .._equations._response import AbstractFactorisation, AbstractPick, Response
+from .._equations._sparse_factorisation import closed, rows_of, unit_rows
+from .._sparse._gram import Gram, gram, rank_pivots
+from .._sparse._plan import Plan
+from .._sparse._rows import Rows
+from .._system._state import State
+from .._system._system import AbstractSystem
+
+_LEFT = 0.1  # of the least pivot
+
+
+class SparseHeld(eqx.Module):
+    """What is held while the motion goes on.
+
+    - `kept`: 1 for rows that count, else 0, shape (m,).
+    - `row_scale`: D, shape (m,).
+    - `inverse_mass`: of each body, shape (bodies, s, s).
+    - `least`: the least pivot when rows were chosen.
+    """
+
+    kept: Float[Array, " m"]
+    row_scale: Float[Array, " m"]
+    inverse_mass: Float[Array, "bodies s s"]
+    least: Float[Array, ""]
+
+
+class SparseHeldFactorisation(AbstractFactorisation[Array]):
+    """The equations at a state, factorised on the rows that are held; rows scaled.
+
+    - `motion`: Phi, its rate and gamma, not scaled.
+    """
+
+    held: SparseHeld
+    motion: AlongMotion
+    gram: Gram
+
+    @property
+    def pivots(self) -> Float[Array, " m"]:
+        """Diagonal of the factor."""
+        return self.gram.pivots
+
+    def respond(
+        self, forces: Float[Array, "n p"], gamma: Float[Array, "m p"] | None = None, *, once: bool = False
+    ) -> Response:
+        """As of any factorisation; `once` makes no difference."""
+        scale = self.held.row_scale[:, None]
+        gamma = jnp.zeros((scale.size, forces.shape[1]), forces.dtype) if gamma is None else gamma / scale
+        a, mu = self.gram.respond(forces, gamma, refines=False)
+        return Response(a, mu / scale)
+
+    def nearest(self, off: Float[Array, " m"]) -> Float[Array, " n"]:
+        """The least change by which the held rows change as much."""
+        return self.gram.nearest((off / self.held.row_scale)[:, None])[:, 0]
+
+    def close(self, compliance: Float[Array, "m j"]) -> tuple[AbstractPick, Array]:
+        """As of any factorisation; the evidence is that of the compliance."""
+        pick, decision = closed(self.gram, self.held.row_scale, compliance)
+        return pick, decision.margin
+
+    def renewed(self, held: Any) -> tuple[SparseHeld, Float[Array, ""]]:
+        """The same rank held by rows that are far from dependent, and how much those left out contribute."""
+        stress, held = jax.lax.stop_gradient((self.gram, held))
+
+        def excess() -> Array:
+            z = jnp.ones_like(stress.kept)[:, None]
+            state = stress.stress(z)
+            turned = stress.rows.accelerations(stress.rows.transposed(state))
+            return jnp.sqrt(jnp.max(jnp.abs(stress.rows.times(turned)))) / jnp.max(jnp.abs(state))
+
+        def chosen() -> SparseHeld:
+            kept, least = _largest(stress.rows, jnp.sum(stress.kept))
+            return SparseHeld(kept, held.row_scale, held.inverse_mass, least)
+
+        none = jnp.zeros((), stress.kept.dtype)
+        some = jnp.any(stress.kept == 0)
+        left = jnp.min(self.pivots) < _LEFT * held.least
+        held = jax.lax.cond(some & left, chosen, lambda: held)
+        return held, jax.lax.cond(some, excess, lambda: none)
+
+
+def factorize_sparse(system: AbstractSystem, state: State, held: SparseHeld) -> SparseHeldFactorisation:
+    """Assemble and factorise at a state."""
+    slopes, _ = system.by_bodies(state.q, state.t)
+    rows = Rows(cast(Plan, system.plan), slopes, held.inverse_mass).scaled(held.row_scale)
+    return SparseHeldFactorisation(held, along_motion(system, state), gram(rows, held.kept))
+
+
+def hold_sparse(system: AbstractSystem, state: State, rank: Int[Array, ""]) -> tuple[SparseHeld, Int[Array, ""]]:
+    """Hold a rank at a state, and the rank found there."""
+    rows, _ = rows_of(system, state)
+    row_scale = unit_rows(rows)
+    kept, least = _largest(jax.lax.stop_gradient(rows.scaled(row_scale)), rank)
+    return SparseHeld(kept, row_scale, rows.inverse_mass, least), jnp.sum(kept).astype(int)
+
+
+def _largest(rows: Rows, rank: Array) -> tuple[Float[Array, " m"], Float[Array, ""]]:
+    """The rows of the largest pivots, as many as a rank, and the least of these."""
+    squares, _ = rank_pivots(rows)
+    ordered = jnp.sort(squares)[::-1]
+    least = ordered[jnp.clip(rank.astype(int) - 1, 0, squares.size - 1)]
+    kept = (squares >= least) & (rank > 0)
+    return kept.astype(squares.dtype), jnp.sqrt(least)
