@@ -15,6 +15,7 @@ The examples in the docstrings go on from here:
 
 from . import mechanisms as mechanisms
 from . import plot as plot
+from . import spatial as spatial
 from . import types as types
 from . import units as units
 from ._analysis._along import analyze_along as analyze_along
@@ -24,7 +25,7 @@ from ._analysis._stability import stability as stability
 from ._analysis._verdict import Verdict as Verdict
 from ._bodies._body import GROUND as GROUND
 from ._bodies._body import Body as Body
-from ._bodies._body import Pose as Pose
+from ._bodies._coupler import Coupler as Coupler
 from ._bodies._friction_model import AbstractFrictionModel as AbstractFrictionModel
 from ._bodies._friction_model import ConstantFriction as ConstantFriction
 from ._bodies._friction_model import Coulomb as Coulomb
@@ -40,18 +41,19 @@ from ._bodies._joints import DistanceDriver as DistanceDriver
 from ._bodies._joints import Fixed as Fixed
 from ._bodies._joints import GearPair as GearPair
 from ._bodies._joints import PinInSlot as PinInSlot
-from ._bodies._joints import Polynomial as Polynomial
 from ._bodies._joints import RackAndPinion as RackAndPinion
 from ._bodies._joints import Revolute as Revolute
 from ._bodies._joints import Translational as Translational
+from ._bodies._law_of_time import Polynomial as Polynomial
 from ._bodies._loads import AbstractLoad as AbstractLoad
 from ._bodies._loads import AppliedForce as AppliedForce
 from ._bodies._loads import LoadFunction as LoadFunction
-from ._bodies._loads import Motion as Motion
 from ._bodies._loads import SpringDamper as SpringDamper
 from ._bodies._loads import TorsionSpring as TorsionSpring
-from ._bodies._loads import Wrench as Wrench
 from ._bodies._mechanism import Mechanism as Mechanism
+from ._bodies._pose import Motion as Motion
+from ._bodies._pose import Pose as Pose
+from ._bodies._pose import Wrench as Wrench
 from ._closures._as_built import AsBuilt as AsBuilt
 from ._closures._as_built import heated as heated
 from ._closures._as_built import misfit as misfit
@@ -59,11 +61,12 @@ from ._closures._closure import AbstractClosure as AbstractClosure
 from ._closures._closure import Compliance as Compliance
 from ._closures._closure import MinimumNorm as MinimumNorm
 from ._closures._elastic_joints import ElasticJoints as ElasticJoints
-from ._closures._elastic_joints import JointCompliance as JointCompliance
+from ._closures._joint_compliance import JointCompliance as JointCompliance
 from ._closures._row_scalings import RowNormalised as RowNormalised
 from ._closures._row_scalings import UnitConsistent as UnitConsistent
 from ._equations._assemble import assemble as assemble
 from ._equations._factorize import factorize as factorize
+from ._models._model import load_model as load_model
 from ._motion._simulate import simulate as simulate
 from ._motion._stabilisation import AbstractStabilisation as AbstractStabilisation
 from ._motion._stabilisation import Baumgarte as Baumgarte

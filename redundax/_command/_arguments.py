@@ -10,6 +10,11 @@ from typing import Any
 from ..plot._page._formats import FORMATS
 from ._cache import LIMIT
 
+_PICK = (
+    "Figures with friction are about the minimum norm with the mechanism's own length as its unit, so that no unit "
+    "changes them; rx.solve takes the unit of the model unless it is told."
+)
+
 
 def argument_parser() -> argparse.ArgumentParser:
     """What the command takes."""
@@ -47,18 +52,18 @@ def _own_mechanism(commands: Any) -> None:
     analysis = commands.add_parser(
         "analyze",
         help="what is unique in a mechanism of yours",
-        description="Rank, self-stress, and which multipliers and accelerations are unique, at a state.",
+        description=f"Rank, self-stress, and which multipliers and accelerations are unique, at a state. {_PICK}",
     )
     study = commands.add_parser(
         "study",
         help="how far a mechanism of yours varies along its self-stress",
-        description="Solutions along every self-stress state: table of extremes, and a picture with --png.",
+        description=f"Solutions along every self-stress state: table of extremes, and a picture with --png. {_PICK}",
     )
     page = commands.add_parser(
         "report",
         help="both as a page with pictures",
         description="A page to read, print and pass on: the mechanism drawn, what is redundant, what is unique and "
-        "why, what to release, motion and loads with their ranges, and how the page was made.",
+        f"why, what to release, motion and loads with their ranges, and how the page was made. {_PICK}",
     )
     for command in (analysis, study, page):
         command.add_argument(
@@ -66,7 +71,8 @@ def _own_mechanism(commands: Any) -> None:
             metavar="FILE.py:NAME",
             help="a pair (system, state), a function that returns one, or a system beside a State named 'state'",
         )
-    for command in (analysis, study):
+    examination = _audit(commands)
+    for command in (analysis, study, examination):
         command.add_argument("--json", action="store_true", help="print JSON")
     page.add_argument(
         "-o",
@@ -94,6 +100,56 @@ def _own_mechanism(commands: Any) -> None:
         command.add_argument("--progress", action="store_true", help="tell how far the work is, even if it is short")
 
 
+def _audit(commands: Any) -> argparse.ArgumentParser:
+    """Add the command on models from files."""
+    examination = commands.add_parser(
+        "audit",
+        help="what is redundant in a model from a file: MJCF, URDF or yours",
+        description="Closes the loops of a model and says how many constraints are redundant, which joint loads are "
+        "unique, and what to release; at several positions, which must agree.",
+        epilog="Exit status: 0 if nothing is redundant, or no more than allowed, 2 if the file cannot be read or "
+        "closed, 3 if something is redundant, 4 if positions do not agree or cannot be decided, or a "
+        "constraint of the file is left out.",
+    )
+    examination.add_argument("system", metavar="MODEL", help=".xml (MJCF), .urdf, or FILE.py:NAME as for analyze")
+    examination.add_argument(
+        "--closures",
+        metavar="FILE",
+        help="loops of a URDF, as YAML; by default the file of its name that ends in .yaml, if there is one",
+    )
+    examination.add_argument(
+        "--allow", metavar="K", type=_whole, default=0, help="so many redundant constraints are no fault (default 0)"
+    )
+    examination.add_argument(
+        "--html",
+        metavar="FILE",
+        type=_browser_page,
+        help="also write a page with the mechanism to turn in a browser, its joints in the colours of the verdict; it "
+        'needs pip install "redundax[html]"',
+    )
+    examination.add_argument(
+        "--fix",
+        metavar="FILE",
+        type=pathlib.Path,
+        help="also write a copy of the model that frees what takes off redundancy and adds no motion, as far as its "
+        "format can say it: .xml for MJCF, .urdf for URDF with the loops in a .yaml beside it",
+    )
+    examination.add_argument(
+        "--release",
+        metavar="ROW,ROW",
+        type=lambda text: tuple(text.split(",")),
+        default=(),
+        help="rows that --fix is to free, as the audit names them; by default it takes the best",
+    )
+    return examination
+
+
+def _whole(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"must be a whole number, but is {text}")
+    return int(text)
+
+
 def _count(text: str) -> int:
     if not text.isdecimal() or int(text) < 3:
         raise argparse.ArgumentTypeError(f"must be a whole number and at least 3, but is {text}")
@@ -116,6 +172,10 @@ def _picture(text: str) -> pathlib.Path:
 
 def _page_file(text: str) -> pathlib.Path:
     return _target(text, FORMATS)
+
+
+def _browser_page(text: str) -> pathlib.Path:
+    return _target(text, (".html", ".htm"))
 
 
 def _target(text: str, endings: Sequence[str]) -> pathlib.Path:

@@ -12,7 +12,7 @@ from .._analysis._analyze import analyze
 from .._analysis._report import Report
 from .._closures._closure import AbstractClosure
 from .._equations._factorisation import Factorisation
-from .._equations._factorize import factorisation_at
+from .._equations._factorize import dense_at
 from .._solution_sets._family._solution_family import SolutionFamily, solution_family
 from .._system._state import State
 from .._system._system import AbstractSystem
@@ -32,7 +32,7 @@ def report_with_families(
 ) -> tuple[Report, list[SolutionFamily]]:
     """The report, and the solutions along every self-stress state; none where there is a problem."""
     with stage("finding what is unique"):
-        factor = factorisation_at(system, state, None, factor)
+        system, factor = dense_at(system, state, None, factor)
         report = analyze(system, state, closure=closure, factor=factor)
     if report.problem:
         return report, []

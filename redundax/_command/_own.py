@@ -13,7 +13,7 @@ from importlib import metadata
 import numpy as np
 
 from .._analysis._analyze import analyze
-from .._equations._factorize import factorize
+from .._equations._factorize import factorize_dense
 from .._solution_sets._family._preload import in_words, unit_free_norm
 from .._solve._solve import solve
 from .._system._state import State
@@ -27,7 +27,7 @@ from ._file import writing
 
 def _analyze(system: AbstractSystem, state: State, arguments: argparse.Namespace) -> int:
     with stage("finding what is unique"):
-        factor = factorize(system, state)
+        factor = factorize_dense(system, state)
         closure = unit_free_norm(factor)
         report = analyze(system, state, closure=closure, factor=factor)
     show(report.to_json() if arguments.json else f"{report}\nFigures with friction are about {in_words(closure)}.")
@@ -36,13 +36,13 @@ def _analyze(system: AbstractSystem, state: State, arguments: argparse.Namespace
 
 def _study(system: AbstractSystem, state: State, arguments: argparse.Namespace) -> int:
     watch = functools.partial(progress, what="solving", wanted=arguments.progress)
-    factor = factorize(system, state)
+    factor = factorize_dense(system, state)
     closure, wish = unit_free_norm(factor), (arguments.amplitude, arguments.samples)
     report, families = report_with_families(system, state, closure, *wish, watch, factor)
     if arguments.json:
         show(json.dumps({"report": report.to_dict(), "families": [family.to_dict() for family in families]}))
     else:
-        show("\n\n".join(str(part) for part in (report, *families)))
+        show("\n\n".join(str(part) for part in (report.heading, *families)))
     if arguments.png:
         draw_families(families, arguments.png)
     return 1 if report.problem or any(np.any(family.count == 0) for family in families) else 0
@@ -50,7 +50,7 @@ def _study(system: AbstractSystem, state: State, arguments: argparse.Namespace) 
 
 def _report(system: AbstractSystem, state: State, arguments: argparse.Namespace) -> int:
     watch = functools.partial(progress, what="solving", wanted=arguments.progress)
-    factor = factorize(system, state)
+    factor = factorize_dense(system, state)
     closure, wish = unit_free_norm(factor), (arguments.amplitude, arguments.samples)
     report, families = report_with_families(system, state, closure, *wish, watch, factor)
     solution = solve(system, state, closure=closure, factor=factor, throw=False)

@@ -13,7 +13,7 @@ from .._analysis._analyze import analyze
 from .._analysis._report import Report
 from .._analysis._verdict import Verdict
 from .._bodies._mechanism import Mechanism
-from .._equations._factorize import factorize
+from .._equations._factorize import factorize_dense
 from .._solution_sets._family._solution_family import SolutionFamily, solution_family
 from .._solve._solve import solve
 from .._system._state import State
@@ -39,7 +39,7 @@ def first_page(png: pathlib.Path | None) -> int:
     state = mechanism.state(phi=_paper.PHI, rate=_paper.RATE)
     show(_heading(mechanism))
     with stage("finding what is unique"):
-        factor = factorize(mechanism, state)
+        factor = factorize_dense(mechanism, state)
         report = analyze(mechanism, state, factor=factor)
     show(_unique(report))
     if report.problem:

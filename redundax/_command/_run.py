@@ -9,6 +9,7 @@ from typing import NoReturn
 import jax
 
 from ._arguments import argument_parser
+from ._audit import audit_file
 from ._cache import keep_programs
 from ._file import FileError, blaming, check_target, load
 from ._own import COMMANDS
@@ -28,10 +29,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         if arguments.command == "tables":
             return tables_as_json() if arguments.json else tables_as_text()
-        for target in filter(None, (getattr(arguments, name, None) for name in ("png", "output"))):
+        for target in filter(None, (getattr(arguments, name, None) for name in ("png", "output", "html"))):
             check_target(target)
         if arguments.command is None:
             return first_page(arguments.png)
+        if arguments.command == "audit":
+            return audit_file(arguments)
         with blaming(arguments.system):
             return COMMANDS[arguments.command](*load(arguments.system), arguments)
     except FileError as error:

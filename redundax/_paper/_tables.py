@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from .._analysis._verdict import family
 from .._bodies._mechanism import Mechanism
 from .._closures._closure import Compliance, MinimumNorm, elasticity
-from .._equations._factorize import factorize
+from .._equations._factorize import factorize_dense
 from .._solve._solution import Solution
 from .._solve._solve import solve
 from .._solvers._solver import FixedPoint, Newton
@@ -102,7 +102,7 @@ def with_guide_moment(
         state = mechanism.state(phi=PHI, rate=RATE)
         n, guide = len(mechanism.coordinates), mechanism.rows.labels.index("K.angle")
         row = 1e-6 * np.eye(len(mechanism.rows))[guide]  # rad/(N m): of any size
-        factor, closure = factorize(mechanism, state), Compliance(row, misfit=moment * row)
+        factor, closure = factorize_dense(mechanism, state), Compliance(row, misfit=moment * row)
         solution = solve(mechanism, state, closure=closure, factor=factor, throw=False)
         stress = np.asarray(factor.split.stress)[:, [guide]] / np.asarray(factor.row_scale)[:, None]
         chosen = elasticity(closure, mechanism, state)

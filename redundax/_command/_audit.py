@@ -1,0 +1,173 @@
+"""The audit of a model from a file."""
+
+import argparse
+import contextlib
+import json
+import pathlib
+import sys
+import warnings
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .._equations._assemble import assemble
+from .._equations._factorize import factorize_dense
+from .._models._audit import Audit, audit
+from .._models._audit_page import audit_page
+from .._models._examine import examine
+from .._models._fix import Fix, fix
+from .._models._model import Model, load_model
+from .._system._state import State
+from .._system._system import AbstractSystem
+from .._tools._progress import stage
+from ._audit_html import check_pictures, write_page
+from ._families import show
+from ._file import FileError, blaming, check_target, load
+
+_MODELS = (".xml", ".mjcf", ".urdf")
+_POSITIONS = 3  # beside that of the file
+_REACH = 0.3  # of them, rad or lengths of the mechanism
+
+
+def audit_file(arguments: argparse.Namespace) -> int:
+    """Audit a model; the exit status says what was found."""
+    if arguments.html:
+        check_pictures()
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        system, state, found, about, mended = _found(arguments)
+    told = list(dict.fromkeys(str(each.message) for each in caught if each.category is UserWarning))
+    heading = [*_heading(arguments.system, about), *(f"warning: {each}" for each in told)]
+    rest = [*_next(arguments, found), *(f"left out: {note}" for note in about.get("left_out", ()))]
+    text = "\n".join([*heading, "", audit_page(found), *([""] if rest else []), *rest])
+    show(
+        json.dumps({"model": arguments.system, **about, "warnings": told, **found.to_dict()})
+        if arguments.json
+        else text
+    )
+    if mended:
+        print(mended, file=sys.stderr)
+    if arguments.html:
+        write_page(arguments.html, f"Audit of {arguments.system}", text, system, state, found)
+        print(f"written: {arguments.html}", file=sys.stderr)
+    return _status(found, about.get("whole", True), arguments.allow)
+
+
+def _status(found: Audit, whole: bool, allow: int) -> int:
+    if not (found.is_decided and whole):
+        return 4
+    return 3 if found.figures[0] > allow else 0
+
+
+class _Found(NamedTuple):
+    """What was audited, the audit, and what is to be said of the file."""
+
+    system: AbstractSystem
+    state: State
+    audit: Audit
+    about: dict[str, Any]
+    fix: Fix | None = None
+
+
+def _found(arguments: argparse.Namespace) -> _Found:
+    path = arguments.system
+    _check_copy(arguments)
+    if pathlib.Path(path).suffix.lower() not in _MODELS:
+        with blaming(path):
+            system, state = load(path)
+            with stage("finding what is unique"):
+                return _Found(system, state, audit(system, state, _elsewhere(system, state)), {})
+    with _clearly(path):
+        model = load_model(path, arguments.closures)
+        with stage("finding what is unique"):
+            found = examine(model, _POSITIONS)
+        mended = fix(model, found, arguments.fix, arguments.release) if arguments.fix else None
+        return _Found(model.mechanism, model.state, found, _about(model), mended)
+
+
+def _check_copy(arguments: argparse.Namespace) -> None:
+    """Refuse a copy that cannot be of this model."""
+    if arguments.release and not arguments.fix:
+        raise FileError("Argument `--release` says what `--fix` is to free. Give --fix FILE too.")
+    if arguments.fix is None:
+        return
+    kind, source = pathlib.Path(arguments.system).suffix.lower(), pathlib.Path(arguments.system)
+    if kind not in _MODELS:
+        raise FileError(
+            f"Argument `--fix` copies {', '.join(_MODELS)}, but '{arguments.system}' is none. Leave it out."
+        )
+    if arguments.fix.suffix.lower() != kind:
+        raise FileError(f"Argument `--fix` must end in {kind} as the model does, but is '{arguments.fix}'. Rename it.")
+    if arguments.fix.resolve() == source.resolve():
+        raise FileError(f"Argument `--fix` must name another file than the model '{source}'. Rename it.")
+    check_target(arguments.fix)
+
+
+@contextlib.contextmanager
+def _clearly(path: str) -> Iterator[None]:
+    """Tell in a line why a model cannot be read or closed."""
+    try:
+        yield
+    except FileError:
+        raise
+    except Exception as error:
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise FileError(why if path in why else f"'{path}': {why}") from error
+
+
+def _elsewhere(system: AbstractSystem, state: State) -> list[State]:
+    """States at rest at other positions, that random motions lead to."""
+    factor, random, found = factorize_dense(system, state), np.random.default_rng(1), []
+    columns = np.asarray(factor.scaling.coordinates)
+    for _ in range(_POSITIONS):
+        step = columns * (np.asarray(factor.split.motion) @ random.normal(size=columns.size))
+        size = float(np.abs(step / columns).max()) or 1.0
+        guess = system.retract(state.q, jnp.asarray(_REACH * float(factor.length) / size * step))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)
+            other = assemble(system, guess, t=state.t, throw=False)
+        found += [other] if bool(jnp.all(jnp.isfinite(other.q))) else []
+    return jax.device_get(found) if factor.freedom else []
+
+
+def _about(model: Model) -> dict[str, Any]:
+    bodies = len(model.mechanism.names.bodies)
+    worst = max(model.misfits.values(), default=0.0)
+    left = float(jnp.max(jnp.abs(model.mechanism.constraint(model.state.q, model.state.t)), initial=0.0))
+    return {
+        "bodies": bodies,
+        "joints": {kind: list(names) for kind, names in model.joints.items()},
+        "loops": {kind: list(names) for kind, names in model.loops.items()},
+        "misfit_in_file": worst,
+        "misfit": left,
+        "whole": model.is_whole,
+        "left_out": list(model.notes),
+    }
+
+
+def _heading(path: str, about: dict[str, Any]) -> list[str]:
+    if not about:
+        return [path]
+    counts = [
+        f"{len(names)} {kind}{'s' * (len(names) > 1)}"
+        for part in ("joints", "loops")
+        for kind, names in about[part].items()
+    ]
+    lines = [f"{path}: {about['bodies']} {'body' if about['bodies'] == 1 else 'bodies'}; {', '.join(counts)}"]
+    if about["loops"]:
+        lines.append(
+            f"Loops are open by {about['misfit_in_file']:.1g} (m or rad) in the file, {about['misfit']:.1g} closed."
+        )
+        lines.append("Soft constraints of the file are taken as ideal.")
+    return lines
+
+
+def _next(arguments: argparse.Namespace, found: Audit) -> list[str]:
+    """What to type next, for a model that can be mended."""
+    kind = pathlib.Path(arguments.system).suffix.lower()
+    if kind not in _MODELS or arguments.fix or not found.figures[0]:
+        return []
+    return [f"Next: --fix COPY{kind} writes a copy of the model that is mended; --html PAGE.html shows it."]

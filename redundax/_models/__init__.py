@@ -1,0 +1,1 @@
+"""Models from files: read, made into bodies and joints, and closed."""

@@ -1,0 +1,264 @@
+"""The audit of a mechanism: what is redundant and unique at a position, and whether others agree
+
+With P the projector onto self-stress in scaled multipliers, of the rows r of a joint's force, or of its moment,
+
+    len(r) - rank P[r]    dimensions are unique.
+
+Rows of different dependent groups have no entry of P in common. Each position is decided by itself; they must agree.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from .._analysis._release import Release, releases
+from .._equations._factorisation import Factorisation
+from .._equations._factorize import factorize_dense
+from .._equations._rank import Spectrum
+from .._system._state import State
+from .._system._system import AbstractSystem
+from .._tools._compilation import compiled
+from ._drives import Drives
+from ._travel import Travel
+
+_MOST_BLUR = 1e-2
+
+
+@dataclasses.dataclass(frozen=True)
+class Look:
+    """Redundancy of a system at one position.
+
+    - `rank`, `redundancy`, `freedom`: as in a `Report`; `kept`, `dropped`: the singular values beside the gap.
+    - `is_decided`: whether the rank is clear; `is_singular`: whether it is lower here than beside this position.
+    - `stress`: P, shape (m, m); `blur`: what of it is rounding and misfit.
+    """
+
+    rank: int
+    redundancy: int
+    freedom: int
+    kept: float
+    dropped: float
+    is_decided: bool
+    is_singular: bool
+    stress: np.ndarray
+    blur: float
+
+    @property
+    def figures(self) -> tuple[int, int]:
+        """Redundancy and freedom."""
+        return self.redundancy, self.freedom
+
+    @property
+    def unique(self) -> np.ndarray:
+        """Which multipliers are unique, (m,)."""
+        return np.linalg.norm(self.stress, axis=1) <= self.blur
+
+    def dimensions(self, rows: Sequence[int]) -> list[int]:
+        """How many dimensions of the multipliers of some rows are unique, and of how many."""
+        rank = np.sum(np.linalg.svd(self.stress[list(rows)], compute_uv=False) > self.blur) if rows else 0
+        return [len(rows) - int(rank), len(rows)]
+
+    def groups(self) -> list[np.ndarray]:
+        """Rows that are coupled by self-stress, group by group."""
+        left, found = set(np.flatnonzero(~self.unique).tolist()), []
+        while left:
+            group, fresh = set(), {min(left)}
+            while fresh:
+                group |= fresh
+                fresh = set(np.flatnonzero((np.abs(self.stress[sorted(fresh)]) > self.blur).any(axis=0))) & left - group
+            found.append(np.array(sorted(group)))
+            left -= group
+        return found
+
+
+@dataclasses.dataclass(frozen=True)
+class Part:
+    """What is unique of the reaction of a joint.
+
+    - `force`, `moment`: unique dimensions, and of how many.
+    - `loose`: names of its multipliers that are not unique; `here_alone`: of those that are so at this position alone.
+    """
+
+    name: str
+    kind: str
+    force: list[int]
+    moment: list[int]
+    loose: tuple[str, ...]
+    here_alone: tuple[str, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Group:
+    """Rows coupled by self-stress, how many of them are redundant, and the best releases."""
+
+    redundancy: int
+    rows: tuple[str, ...]
+    releases: tuple[Release, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Audit:
+    """What an audit finds at a position, `here`, and at others; joints, dependent groups and drives are those of
+    `regular`, where motions of the joints start."""
+
+    rows: tuple[str, ...]
+    here: Look
+    others: tuple[Look, ...]
+    parts: tuple[Part, ...]
+    groups: tuple[Group, ...]
+    drives: Drives | None = None
+    travel: Travel | None = None
+
+    @property
+    def regular(self) -> Look:
+        """The first position that is not singular, if there is one: what is said of the machine is so there."""
+        return _regular(self.here, self.others)
+
+    @property
+    def figures(self) -> tuple[int, int]:
+        """Redundancy and freedom of the machine."""
+        return self.regular.figures
+
+    @property
+    def is_decided(self) -> bool:
+        """Whether all positions agree; one that is singular may differ from the others."""
+        looks = (self.here, *self.others)
+        regular = [look for look in looks if not look.is_singular]
+        return all(look.is_decided for look in looks) and bool(regular) and len({each.figures for each in regular}) == 1
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it as data."""
+        looks = [
+            {
+                "rank": look.rank,
+                "redundancy": look.redundancy,
+                "freedom": look.freedom,
+                "smallest_kept": look.kept,
+                "largest_dropped": look.dropped,
+                "decided": look.is_decided,
+                "singular_position": look.is_singular,
+            }
+            for look in (self.here, *self.others)
+        ]
+        groups = [
+            {
+                "redundancy": group.redundancy,
+                "rows": list(group.rows),
+                "releases": [
+                    {"directions": [list(each) for each in one.directions], "determinant": one.determinant}
+                    for one in group.releases
+                ],
+            }
+            for group in self.groups
+        ]
+        return {
+            "rows": len(self.rows),
+            "redundancy": self.figures[0],
+            "freedom": self.figures[1],
+            "decided": self.is_decided,
+            "positions": looks,
+            "parts": {part.name: _part_as_dict(part) for part in self.parts},
+            "groups": groups,
+            **({"drives": self.drives.to_dict()} if self.drives else {}),
+            **({"travel": self.travel.to_dict()} if self.travel else {}),
+        }
+
+
+def _part_as_dict(part: Part) -> dict[str, Any]:
+    return {
+        "kind": part.kind,
+        "unique_dimensions": {"force": part.force, "moment": part.moment},
+        "not_unique": list(part.loose),
+        "unique_at_this_position_alone": list(part.here_alone),
+    }
+
+
+def audit(system: AbstractSystem, state: State, others: Sequence[State]) -> Audit:
+    """The audit of a system at a state, and at others."""
+    here, *beside = (_look(factorize_dense(system, each)) for each in (state, *others))
+    shown = _regular(here, beside)
+    loose = np.any([~look.unique for look in (here, *beside) if look.figures == shown.figures], axis=0)
+    return Audit(system.rows.labels, here, tuple(beside), _parts(system, shown, loose), _groups(system, shown))
+
+
+def _regular(here: Look, others: Sequence[Look]) -> Look:
+    return next((look for look in (here, *others) if not look.is_singular), here)
+
+
+class _Evidence(NamedTuple):
+    """What an audit takes from a `Factorisation`."""
+
+    spectrum: Spectrum
+    is_ambiguous: Array
+    is_singular: Array
+    stress: Array
+    blur: Array
+
+
+@compiled
+def _evidence(factor: Factorisation) -> _Evidence:
+    misfit = jnp.maximum(factor.noise, factor.violation.position)
+    blur = jnp.minimum(100 * misfit / factor.least_kept, _MOST_BLUR)
+    return _Evidence(factor.spectrum, factor.spectrum.ambiguous, factor.singular_position, factor.split.stress, blur)
+
+
+def _look(factor: Factorisation) -> Look:
+    found = jax.device_get(_evidence(factor))
+    values, rank = np.append(found.spectrum.singular_values, 0.0), int(found.spectrum.rank)
+    rows, columns = factor.jacobian.shape
+    return Look(
+        rank,
+        redundancy=rows - rank,
+        freedom=columns - rank,
+        kept=float(values[rank - 1]) if rank else np.inf,
+        dropped=float(values[rank]) if rank < values.size else 0.0,
+        is_decided=not bool(found.is_ambiguous),
+        is_singular=bool(found.is_singular),
+        stress=np.asarray(found.stress),
+        blur=float(found.blur),
+    )
+
+
+def _parts(system: AbstractSystem, here: Look, loose: np.ndarray) -> tuple[Part, ...]:
+    members: dict[str, list[int]] = {}
+    for k, row in enumerate(system.rows.labels):
+        members.setdefault(row.rpartition(".")[0] or row, []).append(k)
+    kinds, parts, words = system.rows.kinds, [], _kinds(system)
+    for name, rows in members.items():
+        force, moment = ([k for k in rows if kinds[k] == wanted] for wanted in ("force", "moment"))
+        own, elsewhere = ([k for k in rows if flags[k]] for flags in (~here.unique, loose & here.unique))
+        parts.append(
+            Part(
+                name,
+                words.get(name, ""),
+                here.dimensions(force),
+                here.dimensions(moment),
+                tuple(system.rows.labels[k].rpartition(".")[2] for k in own),
+                tuple(system.rows.labels[k].rpartition(".")[2] for k in elsewhere),
+            )
+        )
+    return tuple(parts)
+
+
+def _kinds(system: AbstractSystem) -> dict[str, str]:
+    """The class of each joint, of a mechanism."""
+    stacks = zip(getattr(system, "joints", ()), system.names.joints, strict=True)
+    kinds = {name: type(stack.element).__name__ for stack, names in stacks for name in names}
+    coupled = (row for row in system.rows.labels if row.endswith(".coupling"))
+    return {row.removesuffix(".coupling"): "Coupler" for row in coupled} | kinds
+
+
+def _groups(system: AbstractSystem, here: Look) -> tuple[Group, ...]:
+    found = []
+    for rows in here.groups():
+        block = here.stress[np.ix_(rows, rows)]
+        count = int(np.round(np.trace(block)))
+        basis = np.linalg.eigh(block)[1][:, rows.size - count :]
+        names, kinds = (tuple(every[k] for k in rows) for every in (system.rows.labels, system.rows.kinds))
+        found.append(Group(count, names, releases(basis, names, kinds, by_row=True)))
+    return tuple(found)

@@ -1,0 +1,49 @@
+"""Releases of a URDF, in the YAML file of its loops: SPHERICAL in place of a hinge, 3d in place of 6d"""
+
+import pathlib
+import shutil
+from collections.abc import Sequence
+
+from .._tools._optional import optional
+from ._closed_loops import children, loops_in
+from ._edit_mjcf import Edit
+from ._model import Model
+from ._plan import Link
+from ._tree import Loop
+
+_TURNS = ("bend_1", "bend_2", "twist")
+
+
+def urdf_moves(model: Model) -> list[Edit]:
+    """What the file of loops can say, of the joints and loops of a model; what is driven stays a hinge."""
+    driven = model.tree.drives(model.positions)[0]
+    free = children(model.path).keys() - driven
+    moves = []
+    for link in model.plan.links:
+        if link.kind == "hinge" and link.name in free:
+            rows = tuple(f"{link.name}.{row}" for row in _TURNS[:2])
+            moves.append(Edit(rows, link, f"{link.name} is a ball joint"))
+    for loop in model.tree.loops:
+        if loop.kind == "weld":
+            moves.append(
+                Edit(tuple(f"{loop.name}.{row}" for row in _TURNS), loop, f"'{loop.name}' holds a point alone")
+            )
+    return moves
+
+
+def write_urdf(model: Model, edits: Sequence[Edit], file: pathlib.Path) -> list[pathlib.Path]:
+    """Copy the file of a model, and write that of its loops with changes; return what was written."""
+    loops = {} if model.closures is None else loops_in(model.closures)
+    spherical = [edit.target.name for edit in edits if isinstance(edit.target, Link)]
+    loops["joint_name"] = [*(loops.get("joint_name") or []), *spherical]
+    loops["joint_type"] = [*(loops.get("joint_type") or []), *("SPHERICAL" for _ in spherical)]
+    points = [edit.target.name for edit in edits if isinstance(edit.target, Loop)]
+    pairs = loops.get("closed_loop") or []
+    loops["type"] = [
+        "3d" if f"weld {' ~ '.join(map(str, pair))}" in points else kind
+        for pair, kind in zip(pairs, loops.get("type") or [], strict=True)
+    ]
+    beside = file.with_suffix(".yaml")
+    shutil.copyfile(model.path, file)
+    beside.write_text(optional("yaml", "models").safe_dump(loops, sort_keys=False), encoding="utf8")
+    return [file, beside]

@@ -1,0 +1,183 @@
+"""Models from files as mechanisms in space."""
+
+import dataclasses
+import pathlib
+from collections.abc import Mapping
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._bodies._mechanism import Mechanism
+from .._equations._assemble import assemble
+from .._system._state import State
+from .._tools._module import Numbers
+from ._build import mechanism_of, position_of
+from ._plan import Plan
+from ._read import closures_of, read
+from ._tree import WITHOUT, Tree, tree_of
+
+_CLOSED, _OPEN = 1e-12, 1e-4  # misfits relative to the size of the model: by rounding alone, and more than digits lack
+
+
+@dataclasses.dataclass(frozen=True)
+class Model:
+    """What `load_model` makes of a file.
+
+    - `mechanism`: with the names of the file.
+    - `state`: a closed one at rest, the file's own position where that is closed.
+    - `notes`: what was left out, a line each.
+    - `joints`: names of the joints of the file, by kind: "hinge", "slide", "ball" and "free".
+    - `loops`: names of what closes loops, by kind: "connect", "weld" and "coupling".
+    - `misfits`: how far each of them is from closed in the file, m or rad, whichever is more.
+    - `plan`: what becomes of its bodies and joints; `positions`: of the joints in `state`, as the file counts them;
+      `left`: how far from closed it is, relative to the size of the model.
+    - `path`, `closures`: the file, and that of the loops of a URDF.
+
+    ??? example
+
+        ```python
+        import pathlib
+
+        swing = '<body name="swing"><joint name="pin" axis="0 1 0"/><geom size="0.1" pos="0 0 -1"/></body>'
+        pathlib.Path("swing.xml").write_text(f"<mujoco><worldbody>{swing}</worldbody></mujoco>")
+        model = rx.load_model("swing.xml")
+        turned = rx.assemble(model.mechanism, model.guess({"pin": 0.5}))
+        print(rx.analyze(model.mechanism, turned))
+        ```
+    """
+
+    mechanism: Mechanism
+    state: State
+    notes: tuple[str, ...]
+    joints: dict[str, tuple[str, ...]]
+    loops: dict[str, tuple[str, ...]]
+    misfits: dict[str, float]
+    plan: Plan = dataclasses.field(repr=False, compare=False)
+    positions: np.ndarray = dataclasses.field(repr=False, compare=False)
+    left: float = dataclasses.field(repr=False, compare=False)
+    path: pathlib.Path = dataclasses.field(compare=False)
+    closures: pathlib.Path | None = dataclasses.field(compare=False)
+
+    def guess(self, positions: Mapping[str, Numbers]) -> Float[Array, " q"]:
+        """Coordinates q of the mechanism with joints at given positions, to start `rx.assemble` from.
+
+        **Arguments:**
+
+        - `positions`: by the name of the joint in the file, as the file counts them: the angle of a hinge, rad, the
+          travel of a slide, m, the quaternion (w, x, y, z) of a ball; position and quaternion of a free joint. Others
+          stay as in `state`.
+        """
+        chosen, model = self.positions.copy(), self.plan.model
+        places = {link.name: link for link in self.plan.links}
+        for name, value in positions.items():
+            if name not in places:
+                raise ValueError(
+                    f"Argument `positions` names '{name}', which is no joint of the model. It has {sorted(places)}."
+                )
+            link = places[name]
+            start, size = model.jnt_qposadr[link.joint], {"free": 7, "ball": 4}.get(link.kind, 1)
+            if np.size(value) != size:
+                raise ValueError(
+                    f"Argument `positions` must hold {size} for the {link.kind} '{name}', but holds {np.size(value)}. "
+                    "Give as many."
+                )
+            chosen[start : start + size] = np.ravel(value)
+        return jnp.asarray(position_of(self.plan, self.mechanism, chosen))
+
+    def elsewhere(self, count: int = 3) -> list[State]:
+        """States at rest at other positions of the joints, chosen at random, always the same; fewer if not found.
+
+        **Arguments:**
+
+        - `count`: how many.
+        """
+        return [state for _, state in self.beside(count)]
+
+    def beside(self, count: int) -> list[tuple[np.ndarray, State]]:
+        """The states of `elsewhere`, with the positions of the joints as the file counts them."""
+        found = self.tree.elsewhere(self.positions, self.left, count)
+        return [(positions, _state(self.plan, self.mechanism, positions, self.left)) for positions in found]
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all that the file constrains is in the mechanism."""
+        return not any(note.endswith(WITHOUT) for note in self.notes)
+
+    @property
+    def tree(self) -> Tree:
+        """The bodies and joints of the file."""
+        return self.plan.tree
+
+
+def load_model(path: str | pathlib.Path, closures: str | pathlib.Path | None = None) -> Model:
+    """A mechanism in space, closed, from a file of MJCF (.xml) or URDF; it needs `redundax[models]`.
+
+    Constraints that MuJoCo makes soft, `connect`, `weld` and `joint`, are ideal here. Bodies that the file fixes to
+    others are one with them. Springs, damping and gravity act, and armature of joints that turn on the ground; contact,
+    limits of joints, sensors, forces of drives and meshes are left out, as `notes` of the result say.
+
+    ??? example
+
+        ```python
+        import pathlib
+
+        swing = '<body name="swing"><joint name="pin" axis="0 1 0"/><geom size="0.1" pos="0 0 -1"/></body>'
+        pathlib.Path("swing.xml").write_text(f"<mujoco><worldbody>{swing}</worldbody></mujoco>")
+        model = rx.load_model("swing.xml")
+        rx.solve(model.mechanism, model.state)
+        model.notes  # what was left out, a line each
+        ```
+
+    **Arguments:**
+
+    - `path`: the file. Meshes may be missing.
+    - `closures`: a YAML file with the loops of a URDF, which has none of its own: `closed_loop`, pairs of names of
+      links or joints, whose frames coincide (`type` 6d) or have one origin (3d); `joint_name` and `joint_type`, joints
+      that become SPHERICAL, UJOINT_XY or FIXED. By default the file beside it of the same name that ends in .yaml.
+
+    **Raises:** `ValueError` for a file that cannot be read, `RuntimeError` for loops that do not close.
+    """
+    path = pathlib.Path(path)
+    loops = closures_of(path, closures)
+    model, notes = read(path, loops)
+    tree, more = tree_of(model)
+    plan = Plan(tree)
+    if not plan.links:
+        raise ValueError(f"Argument `path`: '{path}' has no joints, so nothing that moves. Add some.")
+    misfits, (positions, left) = tree.misfits(model.qpos0), tree.closed()
+    if left > _OPEN:
+        worst = sorted(tree.misfits(positions).items(), key=lambda item: -item[1])
+        told = ", ".join(f"'{name}' by {misfit:.2g}" for name, misfit in worst[:4] if misfit > _OPEN)
+        raise RuntimeError(
+            f"The loops of '{path}' cannot be closed: the nearest position leaves open {told} (m or rad). "
+            "Correct lengths, anchors or loops."
+        )
+    mechanism, others = mechanism_of(plan)
+    if model.jnt_limited.any():
+        others.append(f"limits of {int(model.jnt_limited.sum())} joints")
+    return Model(
+        mechanism,
+        _state(plan, mechanism, positions, left),
+        tuple((*more, *notes, *others)),
+        _by_kind([(link.kind, link.name) for link in plan.links]),
+        _by_kind([*((loop.kind, loop.name) for loop in tree.loops), *(("coupling", tie.name) for tie in tree.ties)]),
+        misfits,
+        plan,
+        positions,
+        left,
+        path,
+        loops,
+    )
+
+
+def _state(plan: Plan, mechanism: Mechanism, positions: np.ndarray, left: float) -> State:
+    """At rest; what closes to rounding needs no assembly."""
+    q = jnp.asarray(position_of(plan, mechanism, positions))
+    if left < _CLOSED:
+        return State(q, jnp.zeros(len(mechanism.coordinates), q.dtype))
+    return assemble(mechanism, q, throw=True)
+
+
+def _by_kind(named: list[tuple[str, str]]) -> dict[str, tuple[str, ...]]:
+    return {kind: tuple(name for of, name in named if of == kind) for kind in dict.fromkeys(kind for kind, _ in named)}

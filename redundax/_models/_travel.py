@@ -1,0 +1,152 @@
+"""Whether redundancy stays as it is along motions of the joints
+
+Independent joints, those that are driven first, are moved to both sides, in steps that close the loops, within the
+limits of the joints. With G the derivative of the loops by the joints and r its rank, the r-th singular value of G is 0
+where the rank is lower. So it is followed, and minima that stand out are narrowed down by golden sections: they are
+singular positions, or come very near one, where the value all but vanishes beside those of the steps around it.
+"""
+
+import dataclasses
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.linalg
+
+from ._tree import Tree
+
+_STEP, _STEPS, _LONGEST = 0.1, 240, 6.4  # of the joint that moves most, rad or sizes; in all; of one way
+_SECTIONS, _GOLDEN = 40, 0.5 * (5**0.5 - 1)
+_DIP, _SINGULAR, _OPEN = 0.5, 1e-2, 1e-10  # a value beside its neighbours, at a step and at its least; misfits
+_CORRECTIONS = 20  # of a step
+_DRIVEN = 1e3  # joints that are driven lead
+
+
+@dataclasses.dataclass(frozen=True)
+class Singular:
+    """A position where the rank is lower: the joint that was moved, its displacement, and redundancy and freedom."""
+
+    joint: str
+    at: float
+    redundancy: int
+    freedom: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Travel:
+    """What was met along motions of the joints.
+
+    - `ranges`: from where to where each independent joint was moved, rad or m.
+    - `singular`: positions where redundancy was another; `least`: the smallest singular value kept at the others.
+    """
+
+    ranges: dict[str, tuple[float, float]]
+    singular: tuple[Singular, ...]
+    least: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """As data."""
+        return {
+            "ranges": {name: list(each) for name, each in self.ranges.items()},
+            "singular_positions": [dataclasses.asdict(each) for each in self.singular],
+            "smallest_kept": self.least,
+        }
+
+
+class _Point(NamedTuple):
+    """A position, the way on, and the singular values of the loops relative to the largest, of the rank kept."""
+
+    positions: np.ndarray
+    way: np.ndarray
+    values: np.ndarray
+
+    @property
+    def kept(self) -> float:
+        """The smallest."""
+        return float(self.values[-1]) if self.values.size else 1.0
+
+
+class _Path:
+    """Positions of a model that its loops allow, where its freedom is known."""
+
+    def __init__(self, tree: Tree, freedom: int, left: float):
+        self.tree, self.freedom, self.rank = tree, freedom, tree.model.nv - freedom
+        self._most = max(10 * left, _OPEN)
+
+    def at(self, positions: np.ndarray, way: np.ndarray) -> _Point:
+        _, values, basis = np.linalg.svd(self.tree.system(positions)[1] * self.tree.scale())
+        motion = basis[self.rank :]
+        on = motion.T @ (motion @ way)
+        return _Point(positions, on / (np.abs(on).max() or 1.0), values[: self.rank] / values[0])
+
+    def step(self, here: _Point, length: float) -> _Point | None:
+        """A step on, where the loops close and the joints are within their limits."""
+        start = self.tree.moved(here.positions, length * self.tree.scale() * here.way)
+        moved, misfit = self.tree.descend(start, _CORRECTIONS)
+        if misfit > self._most or self._beyond(moved) > self._beyond(here.positions):
+            return None
+        return self.at(moved, here.way)
+
+    def singular(self, before: _Point, middle: _Point, after: _Point) -> _Point | None:
+        """The position at which the rank is lower within two steps, if the middle one has the smallest value."""
+        if not before.kept > middle.kept <= after.kept or middle.kept > _DIP * max(before.kept, after.kept):
+            return None
+        best, low, high = middle, 0.0, 2 * _STEP
+        for _ in range(_SECTIONS):
+            tries = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+            found = [self.step(before, length) for length in tries]
+            left, right = (np.inf if each is None else each.kept for each in found)
+            low, high = (low, tries[1]) if left < right else (tries[0], high)
+            best = min((each for each in (*found, best) if each is not None), key=lambda each: each.kept)
+        return best if best.kept < _SINGULAR * min(before.kept, after.kept) else None
+
+    def figures(self, point: _Point, beside: _Point) -> tuple[int, int]:
+        """Redundancy and freedom at a singular position, by the values beside it."""
+        lost = int(np.sum(point.values < _SINGULAR * beside.kept))
+        return self.tree.rows - self.rank + lost, self.freedom + lost
+
+    def _beyond(self, positions: np.ndarray) -> float:
+        model = self.tree.model
+        limited = np.flatnonzero(model.jnt_limited & (model.jnt_type >= 2))  # slides and hinges
+        at, (low, high) = positions[model.jnt_qposadr[limited]], model.jnt_range[limited].T
+        return float(np.maximum(np.maximum(low - at, at - high), 0.0).max(initial=0.0))
+
+
+def travel(tree: Tree, positions: np.ndarray, freedom: int, left: float = 0.0) -> Travel | None:
+    """Move the joints from a position on where the freedom is known and loops miss by `left`; None without loops."""
+    if not freedom or not (tree.loops or tree.ties):
+        return None
+    motion, least = tree.motion(positions, freedom)
+    first = np.where(tree.drives(positions)[1].any(axis=0), _DRIVEN, 1.0)
+    *_, order = scipy.linalg.qr(motion.T * first, pivoting=True, mode="r")
+    leaders = order[:freedom]
+    ways = motion @ np.linalg.inv(motion[leaders])
+    path, ranges, found = _Path(tree, freedom, left), {}, []
+    count = int(np.clip(_STEPS // (2 * freedom), 6, _LONGEST / _STEP))
+    for leader, way in sorted(zip(leaders.tolist(), ways.T, strict=True), key=lambda each: each[0]):
+        name, ends = _name(tree, leader), []
+        for side in (-1.0, 1.0):
+            points, moved = [path.at(positions, side * way)], [0.0]
+            while len(points) <= count and (there := path.step(points[-1], _STEP)) is not None:
+                moved.append(moved[-1] + _moved(tree, points[-1], there, leader))
+                points.append(there)
+            for k, three in enumerate(zip(points, points[1:], points[2:], strict=False)):
+                if (place := path.singular(*three)) is not None:
+                    at = moved[k] + _moved(tree, three[0], place, leader)
+                    found.append(Singular(name, at, *path.figures(place, three[0])))
+            least = min(least, *(point.kept for point in points))
+            ends.append(moved[-1])
+        ranges[name] = (min(ends), max(ends))
+    return Travel(ranges, tuple(found), least)
+
+
+def _moved(tree: Tree, here: _Point, there: _Point, dof: int) -> float:
+    """Displacement of a joint between neighbouring positions, along one of its velocities."""
+    return float(tree.difference(here.positions, there.positions)[dof])
+
+
+def _name(tree: Tree, dof: int) -> str:
+    """Of one velocity of a joint."""
+    joint = int(tree.model.dof_jntid[dof])
+    number = dof - int(tree.model.jnt_dofadr[joint])
+    name = tree.joint_name(joint)
+    return name if int(tree.model.jnt_type[joint]) >= 2 else f"{name}[{number}]"

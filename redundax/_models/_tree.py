@@ -1,0 +1,279 @@
+"""The tree of bodies that a file describes: what its loops leave open, and joint positions that close them
+
+Loops are closed by truncated Gauss-Newton steps in the positions of the joints, so that bodies stay in their joints
+however far the file is from closed.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .._tools._optional import optional
+
+WITHOUT = "; the figures are without it"
+_STEPS, _STARTS, _LONGEST = 200, 20, 0.3  # the longest step: rad, and the share of the model's size
+_CLOSED, _NEARLY = 1e-13, 1e-9  # misfits relative to the size of the model
+_REACH = 0.4  # rad, of random displacements of joints
+
+
+class End(NamedTuple):
+    """Where a loop closes on a body: its index, a point and axes in its frame."""
+
+    body: int
+    point: np.ndarray
+    axes: np.ndarray
+
+
+class Loop(NamedTuple):
+    """Two bodies closed at a point ("connect") or wholly ("weld")."""
+
+    name: str
+    kind: str
+    first: End
+    second: End
+
+
+class Tie(NamedTuple):
+    """Displacement of one joint as a polynomial of that of another, by their indices; of none, -1, a number."""
+
+    name: str
+    first: int
+    second: int
+    polynomial: np.ndarray
+
+
+class Tree:
+    """A model of MuJoCo with its loops and ties."""
+
+    def __init__(self, model: Any, loops: list[Loop], ties: list[Tie]):
+        self.model, self.loops, self.ties = model, loops, ties
+        self._mujoco = optional("mujoco", "models")
+        self._data = self._mujoco.MjData(model)
+        data = self.at(model.qpos0)
+        points = np.concatenate(
+            [data.xanchor, data.xipos, *(self._world(end)[:1] for each in loops for end in each[2:])]
+        )
+        self.size = max(float(np.ptp(points, axis=0).max(initial=0.0)), 1e-3)  # a length of it
+
+    def at(self, positions: np.ndarray) -> Any:
+        """Poses of all bodies, points and axes of all joints, as MuJoCo's data."""
+        self._data.qpos[:] = positions
+        self._mujoco.mj_kinematics(self.model, self._data)
+        self._mujoco.mj_comPos(self.model, self._data)
+        return self._data
+
+    def misfits(self, positions: np.ndarray) -> dict[str, float]:
+        """How far each loop is from closed, m or rad, the larger."""
+        self.at(positions)
+        parts = [*map(self._gap, self.loops), *(self._lag(tie) for tie in self.ties)]
+        names = [part.name for part in (*self.loops, *self.ties)]
+        return {name: float(np.abs(part).max()) for name, part in zip(names, parts, strict=True)}
+
+    def closed(self) -> tuple[np.ndarray, float]:
+        """Joint positions that close all loops, from those of the file or, where that fails, from others beside; and
+        the largest misfit left, relative to the size of the model."""
+        random, best = np.random.default_rng(0), self.descend(self.model.qpos0.copy())
+        for trial in range(_STARTS):
+            if best[1] < _NEARLY:
+                break
+            start = self.moved(self.model.qpos0, random.normal(scale=0.1 + trial / _STARTS, size=self.model.nv))
+            best = min(best, self.descend(start), key=lambda found: found[1])
+        return best
+
+    def elsewhere(self, positions: np.ndarray, left: float, count: int) -> list[np.ndarray]:
+        """Other positions that close the loops as well as these do; fewer where they are not found."""
+        random, found, scale = np.random.default_rng(1), [], self.scale()
+        for trial in range(4 * count):
+            reach = _REACH / (1 + trial // count)
+            start = self.moved(positions, reach * scale * random.normal(size=self.model.nv))
+            other, misfit = self.descend(start)
+            if misfit <= max(10 * left, 10 * _CLOSED) and np.abs(other - positions).max() > 1e-3 * reach:
+                found.append(other)
+            if len(found) == count:
+                break
+        return found
+
+    def motion(self, positions: np.ndarray, freedom: int) -> tuple[np.ndarray, float]:
+        """Velocities of the joints, relative to `scale`, that the loops leave, (nv, freedom); and the smallest singular
+        value kept, relative to the largest."""
+        _, values, basis = np.linalg.svd(self.system(positions)[1] * self.scale())
+        rank = self.model.nv - freedom
+        return basis[rank:].T, float(values[rank - 1] / values[0]) if rank else 1.0
+
+    def drives(self, positions: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
+        """Names of the drives, and their rates by the velocities of the joints, (drives, nv)."""
+        data, model = self.at(positions), self.model
+        self._mujoco.mj_tendon(model, data)
+        self._mujoco.mj_transmission(model, data)
+        rates = np.zeros((model.nu, model.nv))
+        for k, (first, count) in enumerate(zip(data.moment_rowadr, data.moment_rownnz, strict=True)):
+            entries = slice(first, first + count)
+            rates[k, data.moment_colind[entries]] = data.actuator_moment.ravel()[entries]
+        return tuple(model.actuator(k).name or f"drive {k + 1}" for k in range(model.nu)), rates
+
+    def descend(self, positions: np.ndarray, steps: int = _STEPS) -> tuple[np.ndarray, float]:
+        """Positions that close the loops, from these on, and the largest misfit left, relative to the size."""
+        left = 0.0
+        for _ in range(steps if self.loops or self.ties else 0):
+            residual, slope = self.system(positions)
+            left = float(np.abs(residual).max()) / self.size
+            if left < _CLOSED:
+                break
+            step = -np.linalg.lstsq(slope, residual, rcond=1e-6)[0]
+            step *= min(1.0, _LONGEST / (np.abs(step / self.scale()).max() + 1e-300))
+            positions = self.moved(positions, step)
+        return positions, left
+
+    def moved(self, positions: np.ndarray, step: np.ndarray) -> np.ndarray:
+        positions = np.array(positions)
+        self._mujoco.mj_integratePos(self.model, positions, step, 1.0)
+        return positions
+
+    @property
+    def rows(self) -> int:
+        """How many conditions the loops and ties set."""
+        return sum(3 if loop.kind == "connect" else 6 for loop in self.loops) + len(self.ties)
+
+    def difference(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """Displacements that lead from one position to another, as velocities for a unit of time."""
+        step = np.zeros(self.model.nv)
+        self._mujoco.mj_differentiatePos(self.model, step, 1.0, before, after)
+        return step
+
+    def joint_name(self, joint: int) -> str:
+        """As in the file, or of its body."""
+        kind = ("free", "ball", "slide", "hinge")[int(self.model.jnt_type[joint])]
+        body = int(self.model.jnt_bodyid[joint])
+        return self.model.joint(joint).name or f"{kind} of {self.model.body(body).name or f'body {body}'}"
+
+    def scale(self) -> np.ndarray:
+        """Of a long step of each joint: the size of the model for one that slides, 1 for one that turns."""
+        kinds = self._mujoco.mjtJoint
+        slides = np.isin(self.model.jnt_type, [kinds.mjJNT_SLIDE, kinds.mjJNT_FREE])[self.model.dof_jntid]
+        return np.where(slides, self.size, 1.0)
+
+    def system(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residual of all loops and ties, and its derivative by the velocities of the joints."""
+        data = self.at(positions)
+        residuals, slopes = [np.zeros(0), *map(self._gap, self.loops)], [np.zeros((0, self.model.nv))]
+        for loop in self.loops:
+            parts = []
+            for end in (loop.first, loop.second):
+                rates = np.zeros((2, 3, self.model.nv))
+                self._mujoco.mj_jac(self.model, data, rates[0], rates[1], self._world(end)[0], end.body)
+                parts.append(rates[: 2 if loop.kind == "weld" else 1].reshape(-1, self.model.nv))
+            slopes.append(parts[0] - parts[1])
+        for tie in self.ties:
+            row = np.zeros((1, self.model.nv))
+            row[0, self.model.jnt_dofadr[tie.first]] = 1.0
+            if tie.second >= 0:
+                slope = np.polyval(np.polyder(tie.polynomial[::-1]), self._displacement(tie.second))
+                row[0, self.model.jnt_dofadr[tie.second]] -= slope
+            residuals.append(self._lag(tie))
+            slopes.append(row)
+        return np.concatenate(residuals), np.concatenate(slopes)
+
+    def _world(self, end: End) -> tuple[np.ndarray, np.ndarray]:
+        """Point and axes of an end in the global frame, at the positions taken last."""
+        axes = self._data.xmat[end.body].reshape(3, 3)
+        return self._data.xpos[end.body] + axes @ end.point, axes @ end.axes
+
+    def _gap(self, loop: Loop) -> np.ndarray:
+        (point, axes), (other, others) = self._world(loop.first), self._world(loop.second)
+        if loop.kind == "connect":
+            return point - other
+        return np.concatenate([point - other, self._turn(axes @ others.T)])
+
+    def _turn(self, turned: np.ndarray) -> np.ndarray:
+        """Rotation vector of a rotation matrix."""
+        quaternion, vector = np.zeros(4), np.zeros(3)
+        self._mujoco.mju_mat2Quat(quaternion, turned.ravel())
+        self._mujoco.mju_quat2Vel(vector, quaternion, 1.0)
+        return vector
+
+    def _displacement(self, joint: int) -> float:
+        place = self.model.jnt_qposadr[joint]
+        return float(self._data.qpos[place] - self.model.qpos0[place])
+
+    def _lag(self, tie: Tie) -> np.ndarray:
+        other = self._displacement(tie.second) if tie.second >= 0 else 0.0
+        wanted = np.polyval(tie.polynomial[::-1], other)
+        return np.array([self._displacement(tie.first) - wanted])
+
+
+def tree_of(model: Any) -> tuple[Tree, list[str]]:
+    """The tree of a model, and which of its constraints are left out, a line each."""
+    mujoco, loops, ties, notes = optional("mujoco", "models"), [], [], []
+    for k in range(model.neq):
+        kind, (one, two) = mujoco.mjtEq(model.eq_type[k]), (int(model.eq_obj1id[k]), int(model.eq_obj2id[k]))
+        if kind == mujoco.mjtEq.mjEQ_JOINT:
+            name = _named(model, k, "couple", model.joint(one).name, model.joint(two).name if two >= 0 else "0")
+            if all(mujoco.mjtJoint(model.jnt_type[joint]) in _single(mujoco) for joint in (one, two) if joint >= 0):
+                ties.append(Tie(name, one, two, model.eq_data[k, :5].copy()))
+            else:
+                notes.append(f"constraint '{name}' is left out: it does not couple two hinges or slides{WITHOUT}")
+            continue
+        word = "weld" if kind == mujoco.mjtEq.mjEQ_WELD else "connect"
+        of_sites = model.eq_objtype[k] == mujoco.mjtObj.mjOBJ_SITE
+        ends = _site_ends(model, one, two) if of_sites else _body_ends(model, word, one, two, model.eq_data[k])
+        names = (model.site if of_sites else model.body)(one).name, (model.site if of_sites else model.body)(two).name
+        name = _named(model, k, word, *names)
+        if root_of(model, ends[0].body) == root_of(model, ends[1].body):
+            notes.append(f"constraint '{name}' is left out: the file fixes both of its bodies to each other")
+        else:
+            loops.append(Loop(name, word, *ends))
+    moved = [model.body(body).name or f"body {body}" for body in range(model.nbody) if model.body_mocapid[body] >= 0]
+    if moved:
+        notes.append(f"motion from outside (mocap) of {', '.join(moved)}: they rest where the file has them")
+    parts = [*loops, *ties]
+    parts = [
+        part._replace(name=name) for part, name in zip(parts, unique([part.name for part in parts], ()), strict=True)
+    ]
+    return Tree(model, parts[: len(loops)], parts[len(loops) :]), notes
+
+
+def root_of(model: Any, body: int) -> int:
+    """The body with joints that this one is fixed to, or 0 for the ground, to which bodies moved from outside count."""
+    root = int(model.body_weldid[body])
+    return root if model.body_jntnum[root] else 0
+
+
+def _named(model: Any, k: int, word: str, one: str, two: str) -> str:
+    return model.equality(k).name or f"{word} {one} ~ {two}"
+
+
+def _single(mujoco: Any) -> tuple[Any, Any]:
+    """Kinds of joints with one displacement."""
+    return mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
+
+
+def _site_ends(model: Any, one: int, two: int) -> tuple[End, End]:
+    first, second = (
+        End(int(model.site_bodyid[site]), model.site_pos[site].copy(), _axes(model.site_quat[site]))
+        for site in (one, two)
+    )
+    return first, second
+
+
+def _body_ends(model: Any, word: str, one: int, two: int, data: np.ndarray) -> tuple[End, End]:
+    if word == "connect":
+        return End(one, data[:3].copy(), np.eye(3)), End(two, data[3:6].copy(), np.eye(3))
+    return End(one, data[3:6].copy(), _axes(data[6:10])), End(two, data[:3].copy(), np.eye(3))
+
+
+def _axes(quaternion: np.ndarray) -> np.ndarray:
+    mujoco, axes = optional("mujoco", "models"), np.zeros(9)
+    mujoco.mju_quat2Mat(axes, quaternion / np.linalg.norm(quaternion))
+    return axes.reshape(3, 3)
+
+
+def unique(names: list[str], taken: Any) -> list[str]:
+    """The names, with a number after those that occur before."""
+    found: list[str] = []
+    for name in names:
+        number, own = 1, name
+        while own in found or own in taken:
+            number += 1
+            own = f"{name} ({number})"
+        found.append(own)
+    return found
