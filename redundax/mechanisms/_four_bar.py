@@ -11,9 +11,10 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from .._bodies._body import GROUND, perpendicular
+from .._bodies._body import GROUND
 from .._bodies._joints import Revolute
 from .._bodies._mechanism import Mechanism
+from .._bodies._pose import perpendicular
 from .._system._units import Units
 from .._tools._module import as_float, floats
 from ._parts import Numbers, each, point, rubbing, uniform_rod

@@ -15,7 +15,8 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from .._bodies._body import GROUND
-from .._bodies._joints import AngleDriver, Polynomial, Revolute
+from .._bodies._joints import AngleDriver, Revolute
+from .._bodies._law_of_time import Polynomial
 from .._bodies._mechanism import Mechanism
 from .._system._units import Units
 from .._tools._module import as_float, floats

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from textwrap import fill
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -11,22 +11,19 @@ from .._solution_sets._band._band import Bands
 from .._solution_sets._family._solution_family import SolutionFamily
 from .._system._names import index_of
 from .._system._units import with_unit
+from .._tools._table import apart
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_PANELS = (
-    ("angular", "angular accelerations"),
-    ("linear", "linear accelerations"),
-    ("force", "force-type multipliers"),
-    ("moment", "moment-type multipliers"),
-    ("friction", "friction"),
-)
 KINDS = ("angular", "linear", "force", "moment")  # in the order of panels
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 DASHES = ("-", "--", "-.", ":")
-_MAPS = 6  # outputs drawn over two amplitudes at most
+_MOST = {1: 15, 2: 6}  # outputs drawn along one or two states, if none are named
+_NAMES = 4  # in a title, at most
+_ROUNDING = 1e-9  # beside the largest of a kind, up to which values are the same
+_NARROW = 0.02  # of an axis, of a bar that is hard to see
 _ZERO = 1e-17  # where a singular value of zero is drawn
 
 
@@ -76,9 +73,9 @@ def spectrum(report: Report) -> "Figure":
 def family(family: SolutionFamily, outputs: Sequence[str] | None = None) -> "Figure":
     """Accelerations, multipliers and friction over the amplitude of the self-stress; constant ones are left out.
 
-    Along one state: one panel for each kind of quantity; quantities that run together share a line and a name; dots are
-    folds, where a curve turns back; where the number of solutions is not one everywhere, a panel shows it. Along two
-    states: one map for each quantity.
+    Along one state: one panel for each quantity, whose axis is its own range; those that run together share a panel.
+    Colours are connected pieces, dots folds, where a curve turns back; where the number of solutions is not one
+    everywhere, a panel shows it. Along two states: one map for each quantity.
 
     ??? example
 
@@ -90,7 +87,8 @@ def family(family: SolutionFamily, outputs: Sequence[str] | None = None) -> "Fig
     **Arguments:**
 
     - `family`: from `solution_family`.
-    - `outputs`: names of what to draw; all if not given, of two states the first six that differ.
+    - `outputs`: names of what to draw; if not given those that change most beside the largest of their kind, some of
+      each kind, 15 along one state and 6 along two at most.
 
     **Returns:** a matplotlib figure.
 
@@ -98,19 +96,28 @@ def family(family: SolutionFamily, outputs: Sequence[str] | None = None) -> "Fig
     """
     for name in outputs or ():
         index_of("outputs", name, family.names, " of the family")
-    groups = [(_title(family, kind, title), _together(family, kind, outputs)) for kind, title in _PANELS]
-    groups = [(title, groups) for title, groups in groups if groups]
-    if not groups or len(family.along) not in (1, 2):
+    return family_of(family, family.names) if outputs is None else family_of(family, outputs, len(outputs))
+
+
+def family_of(family: SolutionFamily, names: Sequence[str], most: int | None = None) -> "Figure":
+    """The same of those outputs that change most; as many as there is room for, if not given."""
+    varying = _varying(family, names)
+    if not varying or len(family.along) not in _MOST:
         figure = new_figure(4.0, 1.0)
         figure.text(0.5, 0.5, "Nothing varies along the self-stress.", ha="center")
         return figure
-    return _curves(family, groups) if len(family.along) == 1 else _maps(family, groups)
+    shown = _most(varying, _MOST[len(family.along)] if most is None else most)
+    figure = _curves(family, shown) if len(family.along) == 1 else _maps(family, shown)
+    if len(shown) < len(varying):
+        figure.suptitle(f"the {len(shown)} that change most, of {len(varying)}", fontsize=10)
+    return figure
 
 
 def band(bands: Bands) -> "Figure":
     """Bands as bars, one panel for each kind: full bars are exact, hatched ones inner bounds, diamonds one value.
 
-    Outer bounds are thin lines where they are known and apart from the inner ones.
+    Outer bounds are thin lines where they are known and apart from the inner ones. A bar that would be too narrow
+    beside those of its kind has a panel of its own.
 
     ??? example
 
@@ -125,9 +132,9 @@ def band(bands: Bands) -> "Figure":
 
     **Returns:** a matplotlib figure.
     """
-    kinds = [kind.removeprefix("friction ") for kind in bands.kinds]
-    groups = [[k for k, kind in enumerate(kinds) if kind == wanted] for wanted in KINDS]
-    groups = [members for members in groups if members]
+    kinds = np.array([kind.removeprefix("friction ") for kind in bands.kinds])
+    groups = [panel for kind in KINDS for panel in _panels(bands, np.flatnonzero(kinds == kind).tolist())]
+    size = np.maximum(np.abs(bands.lower), np.abs(bands.upper))
     heights = [0.3 * len(members) + 0.7 for members in groups]
     figure = new_figure(8.0, sum(heights) + 0.5)
     if bands.empty:
@@ -136,12 +143,12 @@ def band(bands: Bands) -> "Figure":
         return figure
     rows = figure.subplots(len(groups), 1, squeeze=False, height_ratios=heights)[:, 0]
     for axes, members in zip(rows, groups, strict=True):
-        largest = max(np.abs([bands.lower[k], bands.upper[k]]).max() for k in members)
+        rounding = _ROUNDING * size[kinds == kinds[members[0]]].max()
         for place, k in enumerate(members):
             outer = bands.outer_lower[k], bands.outer_upper[k]
             if not bands.exact[k] and np.all(np.isfinite(outer)):
                 axes.plot(outer, (place, place), "|-", color=COLOURS[0], linewidth=1.0, markersize=8)
-            _bar(axes, place, bands.lower[k], bands.upper[k], bool(bands.exact[k]), 1e-9 * largest)
+            _bar(axes, place, bands.lower[k], bands.upper[k], bool(bands.exact[k]), rounding)
         axes.set_yticks(range(len(members)), [bands.names[k] for k in members])
         axes.set_ylim(len(members) - 0.5, -0.5)
         axes.use_sticky_edges = False
@@ -153,6 +160,17 @@ def band(bands: Bands) -> "Figure":
     return figure
 
 
+def _panels(bands: Bands, members: list[int]) -> list[list[int]]:
+    """Those of a kind whose bars can be seen on one axis, and each other alone."""
+    if not members:
+        return []
+    whole = bands.upper[members].max() - bands.lower[members].min()
+    width = bands.upper - bands.lower
+    narrow = [k for k in members if _ROUNDING * whole < width[k] < _NARROW * whole]
+    together = [k for k in members if k not in narrow]
+    return [each for each in (together, *([k] for k in narrow)) if each]
+
+
 def _bar(axes: "Axes", place: int, lower: float, upper: float, exact: bool, rounding: float) -> None:
     if upper - lower <= rounding:
         middle = (lower + upper) / 2 if abs(lower + upper) > rounding else 0.0
@@ -161,8 +179,8 @@ def _bar(axes: "Axes", place: int, lower: float, upper: float, exact: bool, roun
         return
     colour, hatch = (COLOURS[5], "") if exact else ("white", "////")
     axes.barh(place, upper - lower, 0.55, lower, color=colour, hatch=hatch, edgecolor=COLOURS[0], linewidth=1.2)
-    for value, side, align in ((lower, -4, "right"), (upper, 4, "left")):
-        text = f"{value if abs(value) > rounding else 0.0:.4g}"
+    low, high = (0.0 if abs(value) <= rounding else value for value in (lower, upper))
+    for text, value, side, align in zip(apart(low, high, 4), (lower, upper), (-4, 4), ("right", "left"), strict=True):
         axes.annotate(text, (value, place), (side, 0), textcoords="offset points", ha=align, va="center", fontsize=8)
 
 
@@ -173,66 +191,88 @@ def new_figure(width: float, height: float) -> "Figure":
     return Figure(figsize=(width, height), layout="constrained", dpi=110)
 
 
-def _together(family: SolutionFamily, kind: str, outputs: Sequence[str] | None) -> list[tuple[str, np.ndarray]]:
-    """Label and values of quantities of a kind that vary; those that run together have one label."""
-    names = [name for name, k in zip(family.names, family.kinds, strict=True) if k.startswith(kind)]
-    sizes = dict(zip(family.names, family.sizes, strict=True))
-    out: list[tuple[str, np.ndarray]] = []
+class _Varying(NamedTuple):
+    """Quantities of one kind that run together, how much they change beside the largest of their kind, and the unit."""
+
+    names: list[str]
+    values: np.ndarray
+    kind: str
+    change: float
+    unit: str
+
+    @property
+    def title(self) -> str:
+        more, whole = len(self.names) - _NAMES, (name.replace(" ", "\xa0") for name in self.names[:_NAMES])
+        return fill(", ".join(whole) + (f" and {more} more" if more > 0 else ""), 30).replace("\xa0", " ")
+
+
+def _varying(family: SolutionFamily, names: Sequence[str]) -> list[_Varying]:
+    out: list[_Varying] = []
     for name in names:
-        values, size = family[name], sizes[name]
-        if (outputs is not None and name not in outputs) or np.ptp(values) <= 1e-9 * size:
+        k, values = family.names.index(name), family[name]
+        kind, size = family.kinds[k], family.sizes[k]
+        if np.ptp(values) <= _ROUNDING * size:
             continue
-        for k, (label, other) in enumerate(out):
-            if np.abs(other - values).max() <= 1e-9 * size:
-                out[k] = (f"{label}, {name}", other)
+        for one in out:
+            if one.kind == kind and np.abs(one.values - values).max() <= _ROUNDING * size:
+                one.names.append(name)
                 break
         else:
-            out.append((name, values))
+            out.append(_Varying([name], values, kind, float(np.ptp(values) / size), family.units[k]))
     return out
 
 
-def _curves(family: SolutionFamily, groups: list[tuple[str, list[tuple[str, np.ndarray]]]]) -> "Figure":
+def _most(varying: list[_Varying], most: int) -> list[_Varying]:
+    """Those that change most, as many of each kind as there is room, in their order."""
+    falling = sorted(range(len(varying)), key=lambda k: -varying[k].change)
+    kinds = [varying[k].kind for k in falling]
+    places = [kinds[:place].count(kind) for place, kind in enumerate(kinds)]
+    return [varying[k] for _, k in sorted(sorted(zip(places, falling, strict=True))[:most], key=lambda pair: pair[1])]
+
+
+def _curves(family: SolutionFamily, varying: list[_Varying]) -> "Figure":
     counted = bool(np.any(family.count != 1))
-    panels = len(groups) + counted
-    rows, columns = (panels + 1) // 2, min(2, panels)
-    figure = new_figure(5.5 * columns, 3.2 * rows)
-    z, label = family.z[:, 0], _label(family, 0)
-    for number, (title, curves) in enumerate(groups, 1):
+    panels = len(varying) + counted
+    columns = min(3, panels)
+    rows = -(-panels // columns)
+    figure = new_figure(3.0 * columns + 0.4, 1.9 * rows + 0.5)
+    z = family.z[:, 0]
+    for number, one in enumerate(varying, 1):
         axes = figure.add_subplot(rows, columns, number)
-        for k, (name, values) in enumerate(curves):
-            dashes = DASHES[(k // len(COLOURS)) % 4 if len(curves) > len(COLOURS) else k % 4]
-            for piece in range(family.branch.max(initial=-1) + 1):
-                on = family.branch == piece
-                style = {"color": COLOURS[k % len(COLOURS)], "linestyle": dashes, "linewidth": 1.4}
-                axes.plot(z[on], values[on], label=fill(name, 36) if piece == 0 else None, **style)
-            axes.plot(z[family.fold], values[family.fold], "o", color=COLOURS[k % len(COLOURS)], markersize=4)
-        finish(axes, title, label)
-        beside = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "ncols": 1 + len(curves) // 16}
-        axes.legend(fontsize=7, frameon=False, **beside)
+        for piece in range(family.branch.max(initial=-1) + 1):
+            on = family.branch == piece
+            axes.plot(z[on], one.values[on], color=COLOURS[piece % len(COLOURS)], linewidth=1.4)
+        axes.plot(z[family.fold], one.values[family.fold], "o", color=COLOURS[-1], markersize=4)
+        finish(axes, one.title, "")
+        axes.set_ylabel(one.unit, fontsize=9)
+        axes.ticklabel_format(useOffset=False)
+        axes.locator_params(axis="x", nbins=5)
+        axes.locator_params(axis="y", nbins=7)
     if counted:
         axes = figure.add_subplot(rows, columns, panels)
         axes.step(family.axes[0], family.count, where="mid", color=COLOURS[-1], linewidth=1.4)
+        axes.locator_params(axis="x", nbins=5)
         axes.set_yticks(range(int(family.count.max()) + 1))
-        finish(axes, "number of solutions" + (", proved" if family.proved else " found"), label)
+        finish(axes, "number of solutions" + (", proved" if family.proved else " found"), "")
+    figure.supxlabel(_label(family, 0), fontsize=9)
     return figure
 
 
-def _maps(family: SolutionFamily, groups: list[tuple[str, list[tuple[str, np.ndarray]]]]) -> "Figure":
+def _maps(family: SolutionFamily, varying: list[_Varying]) -> "Figure":
     """Maps over two amplitudes; of several solutions the one with the least friction is drawn."""
-    chosen = [curve for _, curves in groups for curve in curves][:_MAPS]
-    columns = min(3, len(chosen))
-    rows = -(-len(chosen) // columns)
+    columns = min(3, len(varying))
+    rows = -(-len(varying) // columns)
     figure = new_figure(4.2 * columns, 3.4 * rows)
     first, second = family.axes
-    for number, (name, values) in enumerate(chosen, 1):
+    for number, one in enumerate(varying, 1):
         axes = figure.add_subplot(rows, columns, number)
         grid = np.full((first.size, second.size), np.nan)
         order = np.argsort(-np.abs(family.friction).max(axis=1, initial=0.0))
         for k in order[~family.fold[order]]:
-            grid[np.searchsorted(first, family.z[k, 0]), np.searchsorted(second, family.z[k, 1])] = values[k]
+            grid[np.searchsorted(first, family.z[k, 0]), np.searchsorted(second, family.z[k, 1])] = one.values[k]
         drawn = axes.pcolormesh(first, second, grid.T, cmap="cividis", shading="nearest")
-        figure.colorbar(drawn, ax=axes, label=family.units[family.names.index(name.partition(", ")[0])])
-        finish(axes, name, _label(family, 0))
+        figure.colorbar(drawn, ax=axes, label=one.unit)
+        finish(axes, one.title, _label(family, 0))
         axes.set_ylabel(_label(family, 1), fontsize=9)
         axes.grid(visible=False)
     return figure
@@ -241,11 +281,6 @@ def _maps(family: SolutionFamily, groups: list[tuple[str, list[tuple[str, np.nda
 def _label(family: SolutionFamily, state: int) -> str:
     name = family.along[state]
     return with_unit(f"self-stress added to {name}", family.units[family.names.index(name)])
-
-
-def _title(family: SolutionFamily, kind: str, title: str) -> str:
-    units = [unit for unit, k in zip(family.units, family.kinds, strict=True) if k.startswith(kind)]
-    return with_unit(title, " and ".join(dict.fromkeys(units)))
 
 
 def finish(axes: "Axes", title: str, label: str) -> None:

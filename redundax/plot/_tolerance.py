@@ -1,11 +1,13 @@
 """Pictures of tolerance studies."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .._system._names import index_of
+from .._system._units import with_unit
+from .._tools._table import apart
 from ._solution_sets import COLOURS, KINDS, finish, new_figure
 
 if TYPE_CHECKING:
@@ -13,15 +15,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_SEEN = 0.005  # share of a variance that is wide enough to be seen
 _HATCHES = ("", "////", "....", "xxxx")
 
 
 def tolerance(study: "xarray.Dataset", outputs: Sequence[str] | None = None) -> "Figure":
     """What varies with the tolerances, and which of them it is due to; outputs that do not vary are left out.
 
-    On the left, one panel for each kind: bars from the lowest to the highest percentile of the study, a line at each
-    percentile between, a diamond at the nominal value. On the right the parameters' shares of the variance; what is
-    left white is not linear in any of them.
+    On the left, one panel for each kind, how far from nominal: bars from the lowest to the highest percentile of the
+    study with the values there, a line at each percentile between, a diamond where all is nominal. On the right the
+    parameters' shares of the variance; what is left white is not linear in any of them.
 
     ??? example
 
@@ -64,23 +67,26 @@ def tolerance(study: "xarray.Dataset", outputs: Sequence[str] | None = None) -> 
         left.set_yticks(range(len(members)), [known[k] for k in members])
         right.set_yticks([])
         right.set_xlim(0, 1)
-        finish(left, "", str(study.output_unit.values[members[0]]))
+        finish(left, "", with_unit("change from nominal", str(study.output_unit.values[members[0]])))
         finish(right, "", "")
     panels[-1, 1].set_xlabel("share of the variance; white: not linear", fontsize=9)
-    _legend(panels[0, 1], [str(name) for name in study.parameter.values])
+    largest = np.max([study["share"].values[k] for members in groups for k in members], axis=0)
+    _legend(panels[0, 1], {k: str(study.parameter.values[k]) for k in np.flatnonzero(largest > _SEEN).tolist()})
     figure.suptitle(_title(study), fontsize=10, wrap=True)
     return figure
 
 
 def _band(axes: "Axes", place: int, percentiles: np.ndarray, nominal: float) -> None:
     ends = np.sort(percentiles)
-    low, between, high = ends[0], ends[1:-1], ends[-1]
+    low, *between, high = ends - nominal
     axes.barh(place, high - low, 0.55, low, color=COLOURS[5], edgecolor=COLOURS[0], linewidth=1.2)
     axes.vlines(between, place - 0.275, place + 0.275, color=COLOURS[0], linewidth=1.6)
-    axes.plot(nominal, place, "D", color=COLOURS[-1], markersize=4)
-    for value, side, align in ((low, -5, "right"), (high, 5, "left")):
+    axes.plot(0.0, place, "D", color=COLOURS[-1], markersize=4)
+    for text, change, side, align in zip(
+        apart(ends[0], ends[-1], 4), (low, high), (-5, 5), ("right", "left"), strict=True
+    ):
         style = {"textcoords": "offset points", "ha": align, "va": "center", "fontsize": 8}
-        axes.annotate(f"{value:.4g}", (value, place), (side, 0), **style)
+        axes.annotate(text, (change, place), (side, 0), **style)
 
 
 def _shares(axes: "Axes", place: int, shares: np.ndarray) -> None:
@@ -95,10 +101,10 @@ def _style(k: int) -> dict:
     return {"facecolor": COLOURS[k % len(COLOURS)], "hatch": hatch, "edgecolor": "white", "linewidth": 0.8}
 
 
-def _legend(axes: "Axes", names: Sequence[str]) -> None:
+def _legend(axes: "Axes", names: Mapping[int, str]) -> None:
     from matplotlib.patches import Patch
 
-    handles = [Patch(label=name, **_style(k)) for k, name in enumerate(names)]
+    handles = [Patch(label=name, **_style(k)) for k, name in names.items()]
     axes.legend(handles=handles, fontsize=7, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
 
 

@@ -16,6 +16,8 @@ from ._solution_sets import COLOURS, DASHES, finish, new_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_LINES = 9  # of a legend beside a panel, at most
+
 
 def trajectory(system: AbstractSystem, trajectory: Trajectory, outputs: Sequence[str] | None = None) -> "Figure":
     """A motion over time, one panel for each kind of quantity.
@@ -59,6 +61,7 @@ def trajectory(system: AbstractSystem, trajectory: Trajectory, outputs: Sequence
             panel.plot(np.asarray(trajectory.t), values(output), label=output.name, **style)
         finish(panel, "", "")
         panel.set_ylabel(group[0].unit, fontsize=9)
-        panel.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+        columns = 1 + (len(group) - 1) // _LINES
+        panel.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, ncols=columns)
     panels[-1].set_xlabel(with_unit("time", system.names.units.of("time")), fontsize=9)
     return figure

@@ -1,4 +1,5 @@
-"""Drawings of planar mechanisms with matplotlib, which is imported only when one is made."""
+"""Drawings of mechanisms with matplotlib, which is imported only when one is made."""
 
 from ._animate import animate as animate
 from ._draw import draw as draw
+from ._html import html as html

@@ -1,9 +1,10 @@
-"""The motion of a planar mechanism as a moving picture, with joint loads as arrows to one scale
+"""The motion of a mechanism as a moving picture, with joint loads as arrows to one scale
 
 The limits of the axes and the scale of the arrows are those that all frames need.
 """
 
 import dataclasses
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -11,17 +12,18 @@ import jax
 import numpy as np
 
 from ..._bodies._mechanism import Mechanism
-from ..._bodies._reactions import joint_wrenches
 from ..._motion._trajectory import Trajectory
-from ._arrows import FORCES, LOADS, Arrow, Arrows, draw_arrows, on_bodies
-from ._bodies import draw_bodies
-from ._draw import applied_arrows, check, framed, joint_labels, new_axes, smaller
+from ..._system._state import State
+from ..._tools._module import Numbers
+from ._arguments import check, positions
+from ._arrows import FORCES, LOADS, Arrow, Arrows
+from ._artists import artist_of
+from ._draw import framed, joint_labels, new_axes, smaller
 from ._key import draw_key
 from ._labels import place
 from ._pen import Pen
-from ._scene import Scene, scene
+from ._stage import Artist, Stage
 from ._style import FONT, LABEL_Z
-from ._symbols import draw_joints, draw_springs
 
 if TYPE_CHECKING:
     from matplotlib.animation import FuncAnimation
@@ -33,7 +35,7 @@ class _Frame(NamedTuple):
     """A time, what there is to draw at it, and the loads of joints and from outside."""
 
     t: float
-    stage: Scene
+    stage: Stage
     loads: list[Arrow]
     applied: list[Arrow]
 
@@ -47,12 +49,14 @@ def animate(
     loads: bool = True,
     names: bool = True,
     scale: float | None = None,
+    view: Sequence[float] | None = None,
+    shapes: Mapping[str, Numbers] | None = None,
 ) -> "FuncAnimation":
-    """A moving picture of a planar mechanism, with joint loads as arrows. Needs matplotlib.
+    """A moving picture of a mechanism, with joint loads as arrows. Needs matplotlib.
 
     It looks as with `draw`, without values: a key above gives the scale of the arrows of forces, which is one for all
-    frames; those of moments only show the sense. Arrows are left out where multipliers are not known, as after the
-    mechanism came to rest by friction.
+    frames; those of moments only show the sense, and in space the axis. Arrows are left out where multipliers are not
+    known, as after the mechanism came to rest by friction.
 
     ??? example
 
@@ -73,6 +77,7 @@ def animate(
     - `loads`: whether joint loads are drawn: what each joint does to its body i, as in `draw`.
     - `names`: whether joints are named.
     - `scale`: length of the arrows on the drawing for a force of 1; by default that of the longest is fixed.
+    - `view`, `shapes`: in space, as in `draw`; one view for all frames.
 
     **Returns:** a `matplotlib.animation.FuncAnimation`, to show or save in other ways.
 
@@ -83,9 +88,11 @@ def animate(
 
     check(mechanism, scale)
     target = _checked(mechanism, trajectory, path, fps)
-    frames = _frames(mechanism, trajectory, loads)
+    states = [jax.tree.map(lambda x, k=k: x[k], trajectory.states) for k in finite_times(trajectory)]
+    artist = artist_of(mechanism, states, view=view, shapes=shapes)
+    frames = _frames(artist, mechanism, trajectory, states, loads)
     figure = Figure()  # without a window, whose idle drawing would do every frame twice
-    update = _painter(figure, frames, names, scale)
+    update = _painter(artist, figure, frames, names, scale)
     film = FuncAnimation(figure, update, len(frames), list, interval=1000.0 / fps, cache_frame_data=False)
     if target is not None and target.suffix == ".gif":
         film.save(target, PillowWriter(fps=fps))  # pyright: ignore[reportArgumentType]
@@ -94,8 +101,9 @@ def animate(
     return film
 
 
-def _checked(mechanism: Mechanism, trajectory: Trajectory, path: str | Path | None, fps: int) -> Path | None:
-    n = len(mechanism.coordinates)
+def check_motion(mechanism: Mechanism, trajectory: Trajectory) -> None:
+    """Refuse a motion that has no frame of this mechanism."""
+    n = positions(mechanism)
     if trajectory.q.ndim != 2 or trajectory.q.shape[1] != n:
         raise ValueError(
             f"Argument `trajectory` must be one motion of the mechanism, with q of shape (times, {n}), but has "
@@ -106,6 +114,10 @@ def _checked(mechanism: Mechanism, trajectory: Trajectory, path: str | Path | No
             "Argument `trajectory` must have at least one position that is finite, but has none. "
             "Look at the `result` of the motion."
         )
+
+
+def _checked(mechanism: Mechanism, trajectory: Trajectory, path: str | Path | None, fps: int) -> Path | None:
+    check_motion(mechanism, trajectory)
     if not fps > 0:
         raise ValueError(f"Argument `fps` must be positive, but is {fps}. Give frames a second: 25, say.")
     target = None if path is None else Path(path)
@@ -117,18 +129,24 @@ def _checked(mechanism: Mechanism, trajectory: Trajectory, path: str | Path | No
     return target
 
 
-def _frames(mechanism: Mechanism, trajectory: Trajectory, loads: bool) -> list[_Frame]:
+def finite_times(trajectory: Trajectory) -> np.ndarray:
+    """Numbers of the times that the motion got to."""
+    return np.flatnonzero(np.all(np.isfinite(trajectory.q), axis=1))
+
+
+def _frames(
+    artist: Artist, mechanism: Mechanism, trajectory: Trajectory, states: list[State], loads: bool
+) -> list[_Frame]:
     out = []
-    for k in np.flatnonzero(np.all(np.isfinite(trajectory.q), axis=1)):
-        state = jax.tree.map(lambda x, k=k: x[k], trajectory.states)
-        stage, lam = scene(mechanism, state), np.asarray(trajectory.multipliers[k], float)
+    for k, state in zip(finite_times(trajectory), states, strict=True):
+        stage, lam = artist.scene(mechanism, state), np.asarray(trajectory.multipliers[k], float)
         known = loads and bool(np.all(np.isfinite(lam)))
-        arrows = on_bodies(stage, joint_wrenches(mechanism, state, lam)) if known else []
-        out.append(_Frame(float(state.t), stage, arrows, applied_arrows(stage)))
+        arrows = artist.loads(stage, mechanism, state, lam) if known else []
+        out.append(_Frame(float(state.t), stage, arrows, artist.applied(stage)))
     return out
 
 
-def _painter(figure: Any, frames: list[_Frame], names: bool, scale: float | None) -> Any:
+def _painter(artist: Artist, figure: Any, frames: list[_Frame], names: bool, scale: float | None) -> Any:
     """Axes that fit all frames, and the function that draws one of them."""
 
     def sized(figsize: tuple[float, float]) -> Any:
@@ -137,28 +155,29 @@ def _painter(figure: Any, frames: list[_Frame], names: bool, scale: float | None
 
     points = np.concatenate([frame.stage.points() for frame in frames])
     loads = Arrows(dataclasses.replace(LOADS, text="joint load"), [arrow for frame in frames for arrow in frame.loads])
+    loads.longest_moment = loads.largest_moment()
     applied = Arrows(FORCES, [arrow for frame in frames for arrow in frame.applied])
+    applied.longest_moment = applied.largest_moment()
     groups = [loads] if loads.arrows else []
     stage = frames[0].stage
-    axes = new_axes(sized, points, stage, groups, _STRIP)
-    point, head = framed(axes, points, stage, [*groups, applied], scale, _STRIP)
+    axes = new_axes(artist, sized, points, stage, groups, _STRIP)
+    point, head = framed(artist, axes, points, stage, [*groups, applied], scale, _STRIP)
     small = smaller(stage.spacing(), point)
     draw_key(Pen(axes, point), groups, stage)
     left, ceiling = axes.get_xlim()[0], axes.get_ylim()[1] - head * point
     at = (left + 8.0 * point, ceiling + 0.5 * _STRIP * point)
     clock = axes.text(*at, "", fontsize=FONT, va="center", zorder=LABEL_Z, gid="time")
+    still = Pen(axes, point * small, small)
+    artist.surround(still, stage, points, ceiling)
     fixed = set(axes.get_children())
 
     def update(number: int) -> list[Any]:
-        for artist in set(axes.get_children()) - fixed:
-            artist.remove()
-        frame, pen = frames[number], Pen(axes, point * small, small)
+        for drawn in set(axes.get_children()) - fixed:
+            drawn.remove()
+        frame, pen = frames[number], dataclasses.replace(still, boxes=[*still.boxes])
         clock.set_text(f"t = {frame.t:.3f} {stage.units.of('time')}".rstrip())
-        draw_bodies(pen, frame.stage)
-        draw_joints(pen, frame.stage)
-        draw_springs(pen, frame.stage)
         shown = [dataclasses.replace(loads, arrows=frame.loads), dataclasses.replace(applied, arrows=frame.applied)]
-        draw_arrows(pen, frame.stage, shown)
+        artist.paint(pen, frame.stage, shown)
         place(pen, joint_labels(pen, frame.stage) if names else [], ceiling)
         return []
 

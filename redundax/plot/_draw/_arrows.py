@@ -4,11 +4,12 @@ Force and moment are those of the joint on its body i. An arrow starts at the jo
 """
 
 import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 
 from ..._bodies._reactions import moment_about
-from ._labels import LENIENT, STRICT, Label, around
+from ._labels import PATIENCE, Label, around
 from ._pen import Pen, across
 from ._scene import Scene
 from ._style import APPLIED, ARROW_Z, LOAD, STRESS, TURN, dark, quantity
@@ -28,14 +29,29 @@ class Look:
     text: str
 
 
-LOADS = Look("load", LOAD, "white", "joint load on the named body, without friction")
+LOADS = Look("load", LOAD, "white", "joint load on the named body; friction is not drawn")
+SMOOTH = dataclasses.replace(LOADS, text="joint load on the named body")
 STRESSES = Look("self-stress", "white", STRESS, "self-stress on the named body")
 FORCES = Look("applied", APPLIED, "white", "")
 
 
+class InSpace(NamedTuple):
+    """Where a load acts, its force and its moment, global components (3,)."""
+
+    start: np.ndarray
+    force: np.ndarray
+    moment: np.ndarray
+
+
+_NOT = InSpace(np.zeros(3), np.zeros(3), np.zeros(3))
+
+
 @dataclasses.dataclass(frozen=True)
 class Arrow:
-    """Force (2,) and moment on a body at the global point `at`; a pure moment may be shown at `spot`."""
+    """Force (2,) as the picture shows it and moment, in space |moment|, on a body at the place `at` of the picture.
+
+    A pure moment may be shown at `spot`. `in_space` is the whole load of a spatial mechanism.
+    """
 
     name: str
     body: str
@@ -43,20 +59,29 @@ class Arrow:
     spot: np.ndarray
     force: np.ndarray
     moment: float
+    in_space: InSpace = _NOT
 
     @property
     def size(self) -> float:
-        """|force|."""
-        return float(np.hypot(*self.force))
+        """|force|, of which the picture may show a part."""
+        return float(max(np.hypot(*self.force), np.linalg.norm(self.in_space.force)))
 
 
 @dataclasses.dataclass
 class Arrows:
-    """Loads of one look; `scale` is the length of an arrow in data units for a force of 1, None where not to scale."""
+    """Loads of one look; `scale` is the length of an arrow in data units for a force of 1, None where not to scale.
+
+    `longest_moment` is that to which the longest arrow of a moment belongs, of all times, where moments are to scale.
+    """
 
     look: Look
     arrows: list[Arrow]
     scale: float | None = None
+    longest_moment: float | None = None
+
+    def largest_moment(self) -> float:
+        """Largest moment."""
+        return self.longest_moment or max((abs(each.moment) for each in self.arrows), default=0.0)
 
     def largest(self) -> float:
         """Largest force."""
@@ -79,13 +104,18 @@ def on_bodies(scene: Scene, wrenches: list[tuple[np.ndarray, np.ndarray]]) -> li
         out.append(Arrow(joint.name, body, joint.loaded_at, joint.spot, force, about))
     size = float(np.ptp(scene.points(), axis=0).max()) or 1.0
     least = _SMALLEST * max((max(a.size, abs(a.moment) / size) for a in out), default=0.0)
-    kept = []
+    found = []
     for each in out:
-        force = np.where(np.abs(each.force) > least, each.force, 0.0)
+        force = kept(each.force, least)
         moment = each.moment if abs(each.moment) > least * size else 0.0
         if np.any(force) or moment:
-            kept.append(dataclasses.replace(each, force=force, moment=moment))
-    return kept
+            found.append(dataclasses.replace(each, force=force, moment=moment))
+    return found
+
+
+def kept(values: np.ndarray, least: float) -> np.ndarray:
+    """Values with 0 for those that are not larger than `least`."""
+    return np.where(np.abs(values) > least, values, 0.0)
 
 
 def draw_arrows(pen: Pen, scene: Scene, groups: list[Arrows]) -> list[Label]:
@@ -98,12 +128,12 @@ def draw_arrows(pen: Pen, scene: Scene, groups: list[Arrows]) -> list[Label]:
         look = group.look
         style = {"fill": look.fill, "edge": look.edge, "linewidth": line_width(look)}
         for number, each in enumerate(group.arrows):
-            name, text = each.name or str(number), _text(each, group)
+            name, text = each.name or str(number), value_text(each)
             if np.any(each.force):
                 vector = group.vector(each, pen.point)
-                tail = _beside(pen, each.at, vector, drawn)
+                tail = beside(pen, each.at, vector, drawn)
                 pen.arrow(tail, tail + vector, z=ARROW_Z, gid=f"{look.gid} force {name}", **style)
-                labels.append(_at_tip(pen, tail, vector, each, look, text.format(quantity(each.size, force))))
+                labels.append(at_tip(pen, tail, vector, each, look, text.format(quantity(each.size, force))))
             if each.moment:
                 at = each.at if np.any(each.force) else each.spot
                 radius = TURN + 6.0 * sum(np.hypot(*(at - other)) < 4.0 * pen.point for other in turns)
@@ -114,10 +144,9 @@ def draw_arrows(pen: Pen, scene: Scene, groups: list[Arrows]) -> list[Label]:
     return labels
 
 
-def _text(each: Arrow, group: Arrows) -> str:
-    """What stands beside an arrow; the joint is named where several act on the same body."""
-    alike = [other for other in group.arrows if other.body == each.body and other.name]
-    return (f"{each.name}: " if len(alike) > 1 else "") + "{}" + (f" on {each.body}" if each.body else "")
+def value_text(each: Arrow) -> str:
+    """What stands beside an arrow."""
+    return (f"{each.name}: " if each.name else "") + "{}" + (f" on {each.body}" if each.body else "")
 
 
 def line_width(look: Look) -> float:
@@ -129,7 +158,7 @@ def _colour(look: Look) -> str:
     return dark(look.edge if look.fill == "white" else look.fill, 0.8)
 
 
-def _beside(pen: Pen, at: np.ndarray, vector: np.ndarray, drawn: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+def beside(pen: Pen, at: np.ndarray, vector: np.ndarray, drawn: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
     """The tail of an arrow: the joint, or beside it where the arrow would lie on other ones."""
     length = np.hypot(*vector)
     unit, covered = vector / length, 0
@@ -141,7 +170,7 @@ def _beside(pen: Pen, at: np.ndarray, vector: np.ndarray, drawn: list[tuple[np.n
     return at + across(unit) * 6.0 * pen.point * covered
 
 
-def _at_tip(pen: Pen, tail: np.ndarray, vector: np.ndarray, each: Arrow, look: Look, text: str) -> Label:
+def at_tip(pen: Pen, tail: np.ndarray, vector: np.ndarray, each: Arrow, look: Look, text: str) -> Label:
     """The value at the arrow's tip, or beside its shaft."""
     beyond = around(pen, tail + vector, 2.0, vector)
     side = across(vector) / np.hypot(*vector)
@@ -149,11 +178,9 @@ def _at_tip(pen: Pen, tail: np.ndarray, vector: np.ndarray, each: Arrow, look: L
     normals, costs = np.array([side, -side, side, -side]), np.array([4.0, 4.0, 6.0, 6.0])
     places = [np.concatenate(pair) for pair in zip(beyond, (np.array(shaft), normals, costs), strict=True)]
     gid = f"{look.gid} force value {each.name}"
-    return Label(text, gid, *places, colour=_colour(look), rank=2, patience=STRICT, leader=False)
+    return Label(text, gid, *places, colour=_colour(look), rank=2, patience=PATIENCE)
 
 
 def _at_turn(pen: Pen, at: np.ndarray, radius: float, each: Arrow, look: Look, text: str) -> Label:
     gid = f"{look.gid} moment value {each.name}"
-    return Label(
-        text, gid, *around(pen, at, radius + 4.0), colour=_colour(look), rank=2, patience=LENIENT, leader=False
-    )
+    return Label(text, gid, *around(pen, at, radius + 4.0), colour=_colour(look), rank=2, patience=PATIENCE)

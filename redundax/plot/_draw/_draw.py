@@ -1,26 +1,26 @@
-"""A planar mechanism at a state as a picture, with self-stress and joint loads as arrows to scale
+"""A mechanism at a state as a picture, with self-stress and joint loads as arrows to scale
 
 load of a joint on its body i = -(d Phi / d pose_i)^T lam,   length of an arrow = scale * |force|
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jax.typing import ArrayLike
 
-from ..._analysis._analyze import analyze
+from ..._analysis._report import Report
 from ..._bodies._mechanism import Mechanism
-from ..._bodies._reactions import joint_wrenches
 from ..._system._state import State
-from ._arrows import FORCES, LOADS, LONGEST, STRESSES, Arrow, Arrows, draw_arrows, on_bodies
-from ._bodies import draw_bodies
+from ..._tools._module import Numbers
+from ._arguments import check, check_state, load_groups
+from ._arrows import FORCES, LOADS, LONGEST, Arrows
+from ._artists import artist_of, not_unique
 from ._key import draw_key, key_height
 from ._labels import Label, around, place
 from ._pen import Pen
-from ._scene import Scene, scene
-from ._style import BLOCK, PIN, body_colour, dark
-from ._symbols import applied_loads, draw_joints, draw_springs
+from ._stage import Artist, Stage
+from ._style import BLOCK, INK, LOAD, PIN, body_colour, dark
 
 if TYPE_CHECKING:
     import matplotlib.axes
@@ -40,14 +40,18 @@ def draw(
     axes: "matplotlib.axes.Axes | None" = None,
     self_stress: int | ArrayLike | Sequence[float] | None = None,
     multipliers: ArrayLike | Sequence[float] | None = None,
+    report: Report | Collection[str] | None = None,
     names: bool = True,
     scale: float | None = None,
+    view: Sequence[float] | None = None,
+    shapes: Mapping[str, Numbers] | None = None,
 ) -> "matplotlib.axes.Axes":
-    """Draw a planar mechanism at a state, and joint loads as arrows. Needs matplotlib.
+    """Draw a mechanism at a state, and joint loads as arrows. Needs matplotlib.
 
-    Bodies are rounded bars or plates spanned by their joints and centre of mass. Circles are revolute joints, blocks
-    between rails translational ones, dark pins in white slots pin-in-slot joints, black squares fixed joints, M a
-    driven angle, a cylinder a driven distance, diamonds joints of other kinds; hatching is the ground. The arrow of a
+    In the plane, bodies are rounded bars or plates spanned by their joints and centre of mass. Circles are revolute
+    joints, blocks between rails translational ones, dark pins in white slots pin-in-slot joints, black squares fixed
+    joints, M a driven angle, a cylinder a driven distance, diamonds joints of other kinds; hatching is the ground. The
+    arrow of a
     joint starts at the joint and is what the joint does to its **body i**: -lam for a revolute joint, +lam along the
     normal for a translational one, and in general -(d residual / d pose_i)^T lam, moments about the joint's point on
     body i. Moments are circular arrows, counterclockwise where positive, with their values. Loads below 1e-4
@@ -55,6 +59,15 @@ def draw(
     Applied forces are black, to the scale of `multipliers` where these are given and not four times smaller.
     Gears in mesh are their pitch circles with the line of action; their arrow starts at the pitch point. Couplings of
     angles look like gears, or belts where both bodies turn in the same sense; neither's force is there.
+
+    In space, the picture is a parallel projection: lengths along an axis are to scale, and arrows in a corner say by
+    how much. Bodies are bars, plates or hulls of the same points, or the `shapes` given. Cylinders are revolute joints,
+    on a shaft cylindrical ones; blocks on rails are prismatic, balls spherical, crosses universal joints, dark cubes
+    fixed ones, octahedra those of other kinds; grey pyramids stand on the ground. Arrows start at the joint's point and
+    are what the joint does to its body i, or to body j where i is the ground, as in
+    `solution["top force x on door"]`; they look shorter as they point towards the viewer, where they are rings with a
+    dot, or away, with a cross. Moments are arrows with two heads by the right-hand rule, to a scale of their own, with
+    their values.
 
     ??? example
 
@@ -70,108 +83,44 @@ def draw(
     - `self_stress`: a self-stress state as open arrows: its values (m,), or its index in
       `analyze(mechanism, state).self_stress`.
     - `multipliers`: lam, shape (m,), as filled arrows: those of a solution, say.
+    - `report`: of `rx.analyze`, or the names of joints whose load is not unique: these are red, with a question mark,
+      and in space joints are green where it is and red where not.
     - `names`: whether joints and bodies are named.
     - `scale`: length of the arrows on the drawing for a force of 1; by default the longest arrow of either
       kind has a fixed length on paper. A key states it.
+    - `view`: in space, elevation and azimuth from which it is seen, degrees; by default such that joints do not hide
+      each other. The vertical is the axis nearest to gravity, z without it.
+    - `shapes`: in space, the corners (corners, 3) of bodies by name, in their local frames; their convex hull is drawn.
 
     **Returns:** the axes. Artists have telling group ids: "body 2", "load force A", "self-stress moment K", ...
     """
     check(mechanism, scale)
-    _check_state(mechanism, state)
-    stage = scene(mechanism, state)
-    groups = []
-    if self_stress is not None:
-        lam = _stress(mechanism, state, self_stress)
-        groups.append(Arrows(STRESSES, on_bodies(stage, joint_wrenches(mechanism, state, lam))))
-    if multipliers is not None:
-        lam = _vector("multipliers", multipliers, mechanism)
-        groups.append(Arrows(LOADS, on_bodies(stage, joint_wrenches(mechanism, state, lam))))
-    applied = Arrows(FORCES, applied_arrows(stage))
+    check_state(mechanism, state)
+    artist = artist_of(mechanism, [state], view=view, shapes=shapes, not_unique=not_unique(report))
+    stage = artist.scene(mechanism, state)
+    groups = load_groups(artist, stage, mechanism, state, self_stress, multipliers)
+    applied = Arrows(FORCES, artist.applied(stage))
     if axes is None:
         from matplotlib import pyplot
 
-        axes = new_axes(pyplot.figure, stage.points(), stage, groups)
-    point, head = framed(axes, stage.points(), stage, [*groups, applied], scale)
+        axes = new_axes(artist, pyplot.figure, stage.points(), stage, groups)
+    point, head = framed(artist, axes, stage.points(), stage, [*groups, applied], scale)
     small = smaller(stage.spacing(), point)
     pen = Pen(axes, point * small, small)
-    outlines = draw_bodies(pen, stage)
-    draw_joints(pen, stage)
-    draw_springs(pen, stage)
-    values = draw_arrows(pen, stage, [*groups, applied])
+    ceiling = axes.get_ylim()[1] - head * point
+    artist.surround(pen, stage, stage.points(), ceiling)
+    outlines, values = artist.paint(pen, stage, [*groups, applied])
     draw_key(Pen(axes, point), groups, stage)
-    named = [*joint_labels(pen, stage), *_body_labels(pen, stage, outlines)] if names else []
-    place(pen, [*named, *values], axes.get_ylim()[1] - head * point)
+    named = [*joint_labels(pen, stage, not_unique(report)), *_body_labels(pen, stage, outlines)] if names else []
+    place(pen, [*named, *values], ceiling)
     return axes
 
 
-def check(mechanism: Any, scale: float | None) -> None:
-    """Refuse what cannot be drawn."""
-    if not isinstance(mechanism, Mechanism):
-        raise ValueError(
-            f"Argument `mechanism` must be a planar `Mechanism`, but is a {type(mechanism).__name__}, "
-            "which has no bodies and joints to draw. Build it with `rx.Mechanism`."
-        )
-    if not mechanism.names.bodies:
-        raise ValueError("Argument `mechanism` must have its names, but is anonymous. Draw the one it was made from.")
-    if scale is not None and not scale > 0:
-        raise ValueError(
-            f"Argument `scale` must be positive, the length on the drawing of a force of 1, but is {scale}. "
-            "Leave it out for one that fits."
-        )
-
-
-def _check_state(mechanism: Mechanism, state: State) -> None:
-    n = len(mechanism.coordinates)
-    if state.q.shape != (n,):
-        raise ValueError(
-            f"Argument `state` must have q of shape ({n},), but has {state.q.shape}. Give one state, of this mechanism."
-        )
-    if not np.all(np.isfinite(state.q)):
-        raise ValueError(
-            "Argument `state` must have finite coordinates, but its q holds NaN or infinity. "
-            "Look at the `result` of what made it."
-        )
-
-
-def _vector(argument: str, values: Any, mechanism: Mechanism) -> np.ndarray:
-    vector, m = np.asarray(values, float), len(mechanism.rows)
-    if vector.shape != (m,):
-        has = f"has {vector.shape[0]}" if vector.ndim == 1 else f"has shape {vector.shape}"
-        raise ValueError(
-            f"Argument `{argument}` must have one entry for each of the {m} rows, but {has}. "
-            "Give 0 where there is no load."
-        )
-    if not np.all(np.isfinite(vector)):
-        row = mechanism.rows.labels[int(np.argmin(np.isfinite(vector)))]
-        raise ValueError(
-            f"Argument `{argument}` must be finite, but its entry '{row}' is {vector[~np.isfinite(vector)][0]}. "
-            "A solution's multipliers are NaN where its `result` is not successful."
-        )
-    return vector
-
-
-def _stress(mechanism: Mechanism, state: State, given: Any) -> np.ndarray:
-    if np.ndim(given) > 0:
-        return _vector("self_stress", given, mechanism)
-    states = analyze(mechanism, state).self_stress
-    if given != int(given) or not -len(states) <= given < len(states):
-        raise ValueError(
-            f"Argument `self_stress` must be an index below {len(states)}, the number of self-stress states here, "
-            f"or a vector, but is {given}. Count from 0."
-        )
-    return states[int(given)]
-
-
-def applied_arrows(stage: Scene) -> list[Arrow]:
-    """Applied forces and moments."""
-    return [Arrow("", "", load.on_i, load.on_i, load.force, load.moment) for load in applied_loads(stage)]
-
-
 def new_axes(
-    make: Callable[..., Any], points: np.ndarray, stage: Scene, groups: list[Arrows], strip: float = 0.0
+    artist: Artist, make: Callable[..., Any], points: np.ndarray, stage: Stage, groups: list[Arrows], strip: float = 0.0
 ) -> "matplotlib.axes.Axes":
     """Axes of a figure that is made in a size that suits the points, with a strip of some points of print for more."""
-    left, lower, right, upper = (54.0, 40.0, 14.0, 10.0)
+    left, lower, right, upper = artist.margins
     spread = np.ptp(points, axis=0)
     point = min(max(*(spread / _ROOM)), stage.spacing() / (1.4 * _SPACING)) or 1.0
     reach = 1.2 * LONGEST if groups else 0.0
@@ -183,12 +132,16 @@ def new_axes(
 
 
 def framed(
-    axes: Any, points: np.ndarray, stage: Scene, groups: list[Arrows], scale: float | None, strip: float = 0.0
+    artist: Artist,
+    axes: Any,
+    points: np.ndarray,
+    stage: Stage,
+    groups: list[Arrows],
+    scale: float | None,
+    strip: float = 0.0,
 ) -> tuple[float, float]:
     """Axes set so that points and arrows fit: size of a point of print in data units, points of the key above."""
-    unit = stage.units.of("linear")
-    axes.set(**{f"{x}label": f"{x} ({unit})" if unit else x for x in "xy"})
-    axes.spines[["top", "right"]].set_visible(False)
+    artist.dress(axes, stage)
     room = _room(axes)
     head = key_height(groups[:-1], stage, float(room[0])) + strip
     return _frame(axes, points, stage.spacing(), groups, room, head, scale), head
@@ -252,8 +205,9 @@ def _set_scales(groups: list[Arrows], longest: float, scale: float | None) -> No
             applied.scale = group.scale
 
 
-def joint_labels(pen: Pen, stage: Scene) -> list[Label]:
-    """One label for all joints at a place."""
+def joint_labels(pen: Pen, stage: Stage, not_unique: frozenset[str] | None = None) -> list[Label]:
+    """One label for all joints at a place; red with a question mark where a load is not unique."""
+    doubtful = not_unique or frozenset()
     places: list[tuple[np.ndarray, list[str], float]] = []
     for joint in stage.joints:
         clearance = PIN + 2.5 if joint.axis is None else BLOCK[1] / 2 + 4.0
@@ -265,13 +219,19 @@ def joint_labels(pen: Pen, stage: Scene) -> list[Label]:
         else:
             places.append((joint.spot, [joint.name], clearance))
     return [
-        Label(", ".join(filter(None, found)), f"joint name {found[0]}", *around(pen, spot, wide), weight="bold")
+        Label(
+            ", ".join(f"{name}?" if name in doubtful else name for name in found if name),
+            f"joint name {found[0]}",
+            *around(pen, spot, wide),
+            weight="bold",
+            colour=dark(LOAD, 0.8) if doubtful.intersection(found) else INK,
+        )
         for spot, found, wide in places
         if any(found)
     ]
 
 
-def _body_labels(pen: Pen, stage: Scene, outlines: list[np.ndarray]) -> list[Label]:
+def _body_labels(pen: Pen, stage: Stage, outlines: list[np.ndarray]) -> list[Label]:
     labels = []
     for body, (name, outline) in enumerate(zip(stage.names, outlines, strict=True)):
         middle = (outline.min(axis=0) + outline.max(axis=0)) / 2

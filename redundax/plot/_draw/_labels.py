@@ -15,7 +15,7 @@ from ._pen import HARD, Pen, circle
 from ._style import FONT, GROUND, INK, LABEL_Z
 
 _TEXT = 100.0
-STRICT, LENIENT = 15.0 * HARD, 40.0 * HARD  # patience of a text that may be left out
+PATIENCE = 40.0 * HARD  # of a text that may be left out
 _LEAST = 7.0  # points, the smallest font
 _GAPS = (2.0, 7.0, 14.0, 24.0, 38.0)
 _PAD = np.array([5.0, 1.5])
@@ -40,7 +40,6 @@ class Label:
     style: str = "normal"
     rank: int = 0
     patience: float = np.inf
-    leader: bool = True
 
 
 def around(
@@ -86,8 +85,7 @@ def place(pen: Pen, labels: list[Label], ceiling: float) -> None:
             text.remove()
             continue
         text.set_position(tuple(centre * pen.point))
-        if label.leader:
-            _leader(pen, label, centre, size)
+        _leader(pen, label, centre, size)
 
 
 def _text(pen: Pen, label: Label) -> Any:
@@ -121,7 +119,7 @@ def _candidates(label: Label, size: np.ndarray, point: float) -> tuple[np.ndarra
     slopes = np.maximum(np.abs(label.normals), 1e-9)
     near, clear = np.min(size / 2 / slopes, axis=1), (slopes * size / 2).sum(axis=1)
     centres, costs = [label.inside / point], [np.zeros(len(label.inside))]
-    for gap in _GAPS[:4] if label.patience <= STRICT else _GAPS:
+    for gap in _GAPS:
         for reach in (near, clear):  # the box touches the anchor's ray, or the line across it
             centres.append(label.anchors / point + label.normals * (reach + gap)[:, None])
             costs.append(gap + 0.2 * (reach - near) + label.costs)

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from ..._bodies._body import poses
 from ..._bodies._joints import AngleCoupling, AngleDriver, Revolute
 from ..._bodies._loads import AppliedForce, SpringDamper, TorsionSpring
 from ..._bodies._mechanism import Mechanism
+from ..._bodies._pose import poses
 from ..._bodies._reactions import load_wrenches, moment_about
 from ..._system._state import State
 from ..._system._units import StatedUnits
@@ -105,10 +105,19 @@ class Scene:
 
     def spacing(self) -> float:
         """Median distance of a joint's place from the next one; infinite where there is one place only."""
-        spots = np.array([joint.spot for joint in self.joints])
-        gaps = np.hypot(*(spots[:, None] - spots[None]).transpose(2, 0, 1))
-        gaps = np.where(gaps > 1e-6 * gaps.max(), gaps, np.inf).min(axis=1)
-        return float(np.median(gaps))
+        return spacing(np.array([joint.spot for joint in self.joints]))
+
+    @property
+    def weight(self) -> float:
+        """Size of the acceleration of gravity."""
+        return float(np.hypot(*self.gravity))
+
+
+def spacing(spots: np.ndarray) -> float:
+    """Median distance of a place (2,) from the next one; infinite where there is one place only."""
+    gaps = np.hypot(*(spots[:, None] - spots[None]).transpose(2, 0, 1))
+    gaps = np.where(gaps > 1e-6 * gaps.max(), gaps, np.inf).min(axis=1)
+    return float(np.median(gaps))
 
 
 def scene(mechanism: Mechanism, state: State) -> Scene:
@@ -120,7 +129,7 @@ def scene(mechanism: Mechanism, state: State) -> Scene:
         names=mechanism.names.bodies,
         centres=r,
         joints=tuple(_at_pin(joint, joints, r) for joint in joints),
-        loads=tuple(load for stack in mechanism.loads for load in _loads(stack, state, r, phi, joints)),
+        loads=tuple(load for stack in mechanism.loads for load in _loads(mechanism, stack, state, r, phi, joints)),
         gravity=np.asarray(mechanism.gravity, float),
         units=mechanism.names.units,
     )
@@ -200,7 +209,9 @@ def pitch_circles(joint: Joint) -> list[tuple[np.ndarray, float]]:
     return [(joint.on_i, whole / (1 + abs(ratio))), (joint.on_j, whole * abs(ratio) / (1 + abs(ratio)))]
 
 
-def _loads(stack: Any, state: State, r: np.ndarray, phi: np.ndarray, joints: list[Joint]) -> list[Load]:
+def _loads(
+    mechanism: Mechanism, stack: Any, state: State, r: np.ndarray, phi: np.ndarray, joints: list[Joint]
+) -> list[Load]:
     kind, ground = type(stack.element), len(r) - 1
     bodies_i, bodies_j = np.asarray(stack.i), np.asarray(stack.j)
     on_i = _points(stack.element, "point_i", bodies_i, r, phi)
@@ -215,13 +226,13 @@ def _loads(stack: Any, state: State, r: np.ndarray, phi: np.ndarray, joints: lis
         spots = [pin(int(i), int(j), joints) for i, j in zip(bodies_i, bodies_j, strict=True)]
         spots = [r[i] if spot is None else spot for i, spot in zip(bodies_i, spots, strict=True)]
         return [Load(kind, int(i), spot, spot, False) for i, spot in zip(bodies_i, spots, strict=True)]
-    return _applied(stack, state, r, phi)
+    return _applied(mechanism, stack, state, r, phi)
 
 
-def _applied(stack: Any, state: State, r: np.ndarray, phi: np.ndarray) -> list[Load]:
+def _applied(mechanism: Mechanism, stack: Any, state: State, r: np.ndarray, phi: np.ndarray) -> list[Load]:
     """Forces and moments of a load at this state, at its point if it has one, else at the body's centre."""
     ground, out = len(r) - 1, []
-    for bodies, wrench in zip((stack.i, stack.j), load_wrenches(stack, state), strict=True):
+    for bodies, wrench in zip((stack.i, stack.j), load_wrenches(mechanism, stack, state), strict=True):
         bodies, force, moment = np.asarray(bodies), np.asarray(wrench.force), np.asarray(wrench.moment)
         points = _points(stack.element, "point", bodies, r, phi)
         for k, body in enumerate(bodies):

@@ -20,7 +20,7 @@ table { border-collapse: collapse; margin: .75rem 0; font-size: .9rem; }
 caption { text-align: left; white-space: nowrap; font-weight: 600; padding-bottom: .25rem; }
 th, td { text-align: left; vertical-align: top; padding: .2rem .7rem .2rem 0; border-bottom: 1px solid #ddd; }
 .number { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
-figure { margin: 1rem 0; } figcaption { font-size: .9rem; color: #444; }
+nav { font-size: .9rem; } figure { margin: 1rem 0; } figcaption { font-size: .9rem; color: #444; }
 img { max-width: 100%; height: auto; }
 pre { background: #f4f4f4; padding: .6rem; white-space: pre-wrap; overflow-wrap: anywhere; }
 @media print { body { max-width: none; padding: 0; font-size: 10pt; } .wide { overflow: visible; }
@@ -52,8 +52,11 @@ def as_html(page: Page) -> str:
         f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{_STYLE}</style></head>',
         f"<body><main><h1>{title}</h1>",
     ]
-    for section in page.sections:
-        parts += [f"<section><h2>{html.escape(section.title)}</h2>", *map(_html, section.blocks), "</section>"]
+    titles = [html.escape(section.title) for section in page.sections]
+    links = (f'<li><a href="#section-{number}">{each}</a></li>' for number, each in enumerate(titles, 1))
+    parts.append(f"<nav><ol>{''.join(links)}</ol></nav>")
+    for number, (each, section) in enumerate(zip(titles, page.sections, strict=True), 1):
+        parts += [f'<section id="section-{number}"><h2>{each}</h2>', *map(_html, section.blocks), "</section>"]
     return "\n".join([*parts, "</main></body></html>", ""])
 
 

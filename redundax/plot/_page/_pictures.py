@@ -1,6 +1,7 @@
 """Pictures of a report as PNG, with what they show in words."""
 
 import io
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,31 +13,26 @@ from ..._system._state import State
 from ..._system._system import AbstractSystem
 from .. import _solution_sets as plots
 from .._draw import draw
+from .._draw._artists import not_unique
 from ._blocks import Picture
 
 
 def drawing(
-    system: AbstractSystem,
-    state: State,
-    *,
-    self_stress: np.ndarray | None = None,
-    multipliers: np.ndarray | None = None,
+    system: AbstractSystem, state: State, caption: str, report: Report | Collection[str] | None = None, **loads: Any
 ) -> list[Picture]:
-    """The mechanism, with a self-stress state or joint loads; none for a system that has no bodies to draw."""
+    """The mechanism, with verdicts and loads as `draw` takes them; none for a system that has no bodies to draw."""
     if not isinstance(system, Mechanism):
         return []
     from matplotlib import pyplot
 
-    figure: Any = draw(system, state, self_stress=self_stress, multipliers=multipliers).figure
+    figure: Any = draw(system, state, report=report, **loads).figure
     png = _png(figure)
     pyplot.close(figure)
+    if not_unique(report):
+        caption += "; a question mark is at joints whose load is not unique"
     joints = ", ".join(name for names in system.names.joints for name in names)
-    alt = f"Drawing of the bodies {', '.join(system.names.bodies)} and the joints {joints}"
-    if self_stress is not None:
-        return [Picture(png, "Self-stress as open arrows", f"{alt}, with a self-stress state as open arrows.")]
-    if multipliers is not None:
-        return [Picture(png, "Joint loads without friction", f"{alt}, with the joint loads as arrows.")]
-    return [Picture(png, "The mechanism at this state", f"{alt}.")]
+    alt = f"{caption}: drawing of the bodies {', '.join(system.names.bodies)} and the joints {joints}"
+    return [Picture(png, caption, f"{alt}, with loads as arrows." if loads else f"{alt}.")]
 
 
 def spectrum_picture(report: Report) -> Picture:
@@ -51,11 +47,11 @@ def spectrum_picture(report: Report) -> Picture:
     return Picture(_png(plots.spectrum(report)), caption, f"Dots on a logarithmic scale. {caption}")
 
 
-def family_picture(family: SolutionFamily) -> Picture:
-    """Frictional solutions over the amplitude of a self-stress state."""
-    caption = f"What varies with the self-stress of {family.along[0]}"
-    alt = f"Curves of accelerations, multipliers and friction over the self-stress of {family.along[0]}."
-    return Picture(_png(plots.family(family)), caption, alt)
+def family_picture(family: SolutionFamily, names: Sequence[str]) -> Picture:
+    """Solutions over the amplitude of a self-stress state: those of these outputs that change most."""
+    caption = f"What varies with the self-stress of {family.along[0]}; each axis is the range of its own curve"
+    alt = f"Curves of accelerations, joint loads and friction over the self-stress of {family.along[0]}."
+    return Picture(_png(plots.family_of(family, names)), caption, alt)
 
 
 def _png(figure: Any) -> bytes:

@@ -1,0 +1,291 @@
+"""A spatial mechanism as one page that any browser turns, zooms and plays, by plotly
+
+Each body, joint and load is a mesh of its own, which shows its name or value where it is pointed at.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import jax
+import numpy as np
+from jax.typing import ArrayLike
+
+from ..._analysis._report import Report
+from ..._bodies._mechanism import Mechanism
+from ..._motion._trajectory import Trajectory
+from ..._system._state import State
+from ..._tools._module import Numbers
+from ..._tools._optional import optional
+from ._animate import check_motion, finite_times
+from ._arguments import check, check_state, load_groups
+from ._arrows import FORCES, LOADS, SMOOTH, Arrows
+from ._artists import artist_of, not_unique
+from ._scene import spacing
+from ._space._arrows import MOMENT
+from ._space._scene import SpaceScene
+from ._space._solids import Solid, arrow
+from ._space._symbols import solids
+from ._style import INK, quantity
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
+
+_ACROSS = 420.0  # points of print that the mechanism is across
+_LONGEST = 70.0  # points, of the longest arrow
+_COLOURS = {"self-stress": "#0072B2", "load": "#D55E00", "applied": INK}
+
+
+class _Moment(NamedTuple):
+    """What there is to see at a time."""
+
+    t: float
+    stage: SpaceScene
+    groups: list[Arrows]
+
+
+def html(
+    mechanism: Mechanism,
+    motion: State | Trajectory,
+    path: str | Path | None = None,
+    *,
+    self_stress: int | ArrayLike | Sequence[float] | None = None,
+    multipliers: ArrayLike | Sequence[float] | None = None,
+    report: Report | Collection[str] | None = None,
+    loads: bool = True,
+    names: bool = True,
+    scale: float | None = None,
+    view: Sequence[float] | None = None,
+    shapes: Mapping[str, Numbers] | None = None,
+) -> "Figure":
+    """A spatial mechanism as one HTML page to turn, zoom and play. Needs plotly: `pip install "redundax[html]"`.
+
+    The page holds all that it needs and opens without a network; it is some 5 MB. Parts show their names, and arrows
+    their values, where they are pointed at. It looks as with `draw`, and a motion has a slider of its times.
+
+    ??? example
+
+        ```python
+        door = rx.spatial.Body("door", 20.0, inertia=(6.7, 8.3, 1.6), centre=(0.5, 0.0, 1.0))
+        hinge = rx.spatial.Revolute("hinge", door, "ground", point=(0.0, 0.0, 0.2), axis=(0.0, 0.0, 1.0))
+        mechanism = rx.Mechanism([door], [hinge], gravity=(0.0, 0.0, -9.81))
+        state = rx.assemble(mechanism, rates={"hinge.angle": 1.0})
+        rx.plot.html(mechanism, rx.simulate(mechanism, state, 1.0), "door.html")
+        ```
+
+    **Arguments:**
+
+    - `mechanism`: a spatial one; `rx.plot.animate` writes pages of planar ones.
+    - `motion`: a state, or a trajectory of `rx.simulate`, of which each time is a frame.
+    - `path`: a file ".html"; none is written if not given.
+    - `self_stress`, `multipliers`: at a state, as in `draw`.
+    - `loads`: whether the joint loads of a trajectory are drawn.
+    - `report`, `names`, `scale`, `view`, `shapes`: as in `draw`.
+
+    **Returns:** a `plotly.graph_objects.Figure`, which notebooks show.
+
+    **Raises:** `ValueError` for arguments that do not fit; `ImportError` without plotly.
+    """
+    plotly = optional("plotly.graph_objects", "html")
+    target = _checked(mechanism, motion, path, scale)
+    moments = _moments(mechanism, motion, (self_stress, multipliers), report, loads, view, shapes)
+    point = _point(moments[0].stage)
+    _set_scales(moments, point, scale)
+    traces = [_traces(plotly, moment, point, names) for moment in moments]
+    figure = plotly.Figure(traces[0], layout=_layout(moments, point))
+    if len(moments) > 1:
+        labels = [f"{moment.t:.3f}" for moment in moments]
+        figure.frames = [plotly.Frame(data=data, name=label) for data, label in zip(traces, labels, strict=True)]
+        figure.update_layout(**_player(labels, moments))
+    if target is not None:
+        figure.write_html(target, include_plotlyjs=True, config={"displaylogo": False}, auto_play=False)
+    return figure
+
+
+def _checked(mechanism: Mechanism, motion: State | Trajectory, path: str | Path | None, scale: float | None) -> Any:
+    check(mechanism, scale)
+    if mechanism.frame.word != "spatial":
+        raise ValueError(
+            "Argument `mechanism` must be of `rx.spatial` bodies, but is planar. Use `rx.plot.animate`, which writes "
+            "HTML of planar motions."
+        )
+    check_state(mechanism, motion) if isinstance(motion, State) else check_motion(mechanism, motion)
+    target = None if path is None else Path(path)
+    if target is not None and (target.suffix != ".html" or not target.resolve().parent.is_dir()):
+        raise ValueError(
+            f"Argument `path` must end in .html and lie in a folder that exists, but is {path}. Leave it out to write "
+            "no file."
+        )
+    return target
+
+
+def _moments(
+    mechanism: Mechanism,
+    motion: State | Trajectory,
+    given: tuple[Any, Any],
+    report: Report | Collection[str] | None,
+    loads: bool,
+    view: Sequence[float] | None,
+    shapes: Mapping[str, Any] | None,
+) -> list[_Moment]:
+    if isinstance(motion, State):
+        states, lam = [motion], []
+    else:
+        numbers = finite_times(motion)
+        states = [jax.tree.map(lambda x, k=k: x[k], motion.states) for k in numbers]
+        lam = np.asarray(motion.multipliers, float)[numbers]
+    artist = artist_of(mechanism, states, view=view, shapes=shapes, not_unique=not_unique(report))
+    look, out = LOADS if mechanism.friction else SMOOTH, []
+    for number, state in enumerate(states):
+        stage = artist.scene(mechanism, state)
+        groups = [Arrows(FORCES, artist.applied(stage))]
+        if isinstance(motion, State):
+            groups += load_groups(artist, stage, mechanism, state, *given)
+        elif loads and np.all(np.isfinite(lam[number])):
+            groups.append(Arrows(look, artist.loads(stage, mechanism, state, lam[number])))
+        out.append(_Moment(float(state.t), stage, groups))
+    return out
+
+
+def _point(stage: SpaceScene) -> float:
+    """Size of a point of print in the model, smaller where joints are dense."""
+    size = float(np.linalg.norm(np.ptp(stage.space_points(), axis=0))) or 1.0
+    return min(size / _ACROSS, max(spacing(np.array([joint.place for joint in stage.joints])) / 45.0, size / 1500.0))
+
+
+def _set_scales(moments: list[_Moment], point: float, scale: float | None) -> None:
+    """One scale for all arrows of a kind at all times."""
+    for gid in _COLOURS:
+        groups = [group for moment in moments for group in moment.groups if group.look.gid == gid]
+        largest = max((group.largest() for group in groups), default=0.0)
+        moment = max((group.largest_moment() for group in groups), default=0.0)
+        for group in groups:
+            group.longest_moment = moment
+            group.scale = scale or (_LONGEST * point / largest if largest else None)
+
+
+def _traces(plotly: Any, moment: _Moment, point: float, names: bool) -> list[Any]:
+    """Meshes, the same number of them at all times, and names."""
+    stage, parts = moment.stage, {}
+    for solid in solids(stage, point):
+        parts.setdefault((solid.name, solid.colour, solid.opacity), []).append(solid)
+    out = [_mesh(plotly, given, *key) for key, given in parts.items()]
+    out += [_loads(plotly, moment, gid, point) for gid in _COLOURS]
+    if names:
+        texts = [(joint.place, joint.name) for joint in stage.joints]
+        texts += [(span.mean(axis=0), f"<i>{name}</i>") for name, span in zip(stage.names, stage.spans, strict=True)]
+        x, y, z = np.array([place for place, _ in texts]).T
+        text = [word for _, word in texts]
+        out.append(
+            plotly.Scatter3d(
+                x=x, y=y, z=z, text=text, mode="text", textposition="top right", hoverinfo="skip", showlegend=False
+            )
+        )  # fmt: skip
+    return out
+
+
+def _loads(plotly: Any, moment: _Moment, gid: str, point: float) -> Any:
+    """All arrows of a kind as one mesh, whose corners show what they are."""
+    made: list[Solid] = []
+    stage = moment.stage
+    force, couple = stage.units.of("force"), stage.units.of("moment")
+    for group in moment.groups:
+        largest = group.largest_moment()
+        for each in group.arrows if group.look.gid == gid else ():
+            start, force_on, couple_on = each.in_space
+            where = f" {each.name} on {each.body}" if each.body else ""
+            given = [(force_on * (group.scale or 0.0), 1, quantity(each.size, force))] if each.size else []
+            if each.moment:
+                given.append((couple_on / largest * MOMENT * point, 2, quantity(each.moment, couple)))
+            for vector, heads, value in given:
+                tip = start + vector
+                made += arrow(start, tip, 3.0 * point, _COLOURS[gid], heads=heads, name=f"{value}{where}")
+    if not made:  # a mesh that shows nothing, as plotly wants one of each at all times
+        made = [Solid(np.tile(stage.centres[0], (3, 1)), ((0, 1, 2),), _COLOURS[gid])]
+    return _mesh(plotly, made, gid, _COLOURS[gid], 1.0, [solid.name for solid in made for _ in solid.corners])
+
+
+def _mesh(
+    plotly: Any, given: list[Solid], name: str, colour: str, opacity: float, texts: list[str] | None = None
+) -> Any:
+    counts = np.cumsum([0, *(len(solid.corners) for solid in given)])
+    corners = np.concatenate([solid.corners for solid in given]).astype(np.float32)
+    triangles = [solid.triangles() + first for solid, first in zip(given, counts[:-1], strict=True)]
+    i, j, k = np.concatenate(triangles).astype(np.int32).T
+    return plotly.Mesh3d(
+        x=corners[:, 0],
+        y=corners[:, 1],
+        z=corners[:, 2],
+        i=i,
+        j=j,
+        k=k,
+        name=name,
+        color=colour,
+        opacity=opacity,
+        flatshading=True,
+        hovertext=texts if texts is not None else name.partition(" ")[2],
+        hoverinfo="text",
+        lighting={"ambient": 0.6, "diffuse": 0.6, "specular": 0.1},
+    )
+
+
+def _layout(moments: list[_Moment], point: float) -> dict[str, Any]:
+    stage = moments[0].stage
+    every = np.concatenate([moment.stage.space_points() for moment in moments])
+    tips = [
+        each.in_space.start + each.in_space.force * (group.scale or 0.0)
+        for moment in moments
+        for group in moment.groups
+        for each in group.arrows
+    ]
+    every = np.concatenate([every, np.array(tips).reshape(-1, 3)])
+    low, high = every.min(axis=0) - 40.0 * point, every.max(axis=0) + 40.0 * point
+    unit = stage.units.of("linear")
+    axes = {
+        f"{axis}axis": {"title": {"text": f"{axis} ({unit})" if unit else axis}, "range": [low[k], high[k]]}
+        for k, axis in enumerate("xyz")
+    }
+    towards, up = 1.8 * stage.view.axes[2], np.eye(3)[stage.view.vertical]
+    camera = {
+        "eye": dict(zip("xyz", towards.tolist(), strict=True)),
+        "up": dict(zip("xyz", up.tolist(), strict=True)),
+        "projection": {"type": "orthographic"},
+    }
+    return {
+        "scene": {**axes, "aspectmode": "data", "camera": camera, "uirevision": "kept"},
+        "margin": {"l": 0, "r": 0, "t": 40, "b": 0},
+        "annotations": _key(moments),
+        "showlegend": False,
+    }
+
+
+def _key(moments: list[_Moment]) -> list[dict[str, Any]]:
+    """What the arrows are, and how much the longest of each kind is."""
+    force, lines = moments[0].stage.units.of("force"), []
+    for gid, colour in _COLOURS.items():
+        groups = [group for moment in moments for group in moment.groups if group.look.gid == gid]
+        largest = max((group.largest() for group in groups), default=0.0)
+        if largest:
+            text = groups[0].look.text or "applied force"
+            lines.append(f'<span style="color:{colour}">{text}: the longest is {quantity(largest, force)}</span>')
+    text = "<br>".join(lines)
+    place = {"x": 0.01, "y": 1.0, "xref": "paper", "yref": "paper", "showarrow": False, "align": "left"}
+    return [{**place, "text": text, "xanchor": "left", "yanchor": "bottom"}] if lines else []
+
+
+def _player(labels: list[str], moments: list[_Moment]) -> dict[str, Any]:
+    """Buttons and the slider; the motion plays in its own time."""
+    step = 1000.0 * (moments[-1].t - moments[0].t) / (len(moments) - 1)
+    still = {"mode": "immediate", "frame": {"duration": 0, "redraw": True}, "transition": {"duration": 0}}
+    play = {"frame": {"duration": max(step, 10.0), "redraw": True}, "fromcurrent": True, "transition": {"duration": 0}}
+    unit = moments[0].stage.units.of("time")
+    steps = [{"args": [[label], still], "label": label, "method": "animate"} for label in labels]
+    current = {"prefix": "t = ", "suffix": f" {unit}" if unit else ""}
+    buttons = [
+        {"label": "Play", "method": "animate", "args": [None, play]},
+        {"label": "Stop", "method": "animate", "args": [[None], still]},
+    ]
+    menu = {"type": "buttons", "buttons": buttons, "x": 0.0, "y": 0.0, "xanchor": "left", "yanchor": "top"}
+    menu |= {"direction": "left", "pad": {"t": 30, "l": 10}}
+    slider = {"steps": steps, "currentvalue": current, "x": 0.15, "len": 0.82, "pad": {"t": 20, "b": 10}}
+    return {"updatemenus": [menu], "sliders": [slider]}
