@@ -48,6 +48,7 @@ def test_a_pin_carries_no_moment_at_any_state(flat):
     assert flat.changes == ()
 
 
+@pytest.mark.slow
 def test_a_release_is_as_good_as_at_its_worst_position():
     mechanism = rx.mechanisms.wojtyra2020()
     found = rx.analyze_along(mechanism, turning(mechanism, np.pi / 4, 1.0, 4, end=0.6))

@@ -4,6 +4,7 @@ The oracle are solutions far along random self-stress states, found without `ana
 """
 
 import functools
+import itertools
 
 import jax
 import jax.numpy as jnp
@@ -12,6 +13,7 @@ import pytest
 from mechanisms import CASES
 
 import redundax as rx
+from redundax._analysis._release import releases
 from redundax._bodies._reactions import joint_outputs
 
 UNIQUE, ZERO, NO_CHANGE, NOT_UNIQUE, UNDECIDED = rx.Verdict
@@ -232,6 +234,29 @@ def test_released_directions_leave_no_redundancy_and_the_rank(name):
         assert np.linalg.matrix_rank(stay @ kept, tol=1e-9) == case.rank == len(stay)
 
 
+def test_few_releases_are_listed_by_their_rows():
+    """Of three equal guides two have to give way to the side and two to turns: 6 of these 9 choices, all as good, those
+    in two guides first.
+
+    |det N_S| is the product of the two for sides and turns, each 1/sqrt(3).
+    """
+    guides = [rx.Translational(name, "slide", "ground", (0, 0), (0, 0), (0, 1)) for name in "GKL"]
+    mechanism = rx.Mechanism([rx.Body("slide", 1.0, 1.0)], guides)
+    found = rx.analyze(mechanism, rx.State(np.zeros(3), np.zeros(3))).releases
+    pairs = list(itertools.combinations("GKL", 2))
+    choices = [
+        {*(f"{name}.perpendicular" for name in sides), *(f"{name}.angle" for name in turns)}
+        for sides in pairs
+        for turns in pairs
+    ]
+    rows = [{row for _, shares in release.directions for row in shares} for release in found]
+    assert len(rows) == 6 and all(each in choices for each in rows)
+    assert {str(release) for release in found[:3]} == {
+        f"{one} (perpendicular, angle) and {other} (perpendicular, angle): 0.333" for one, other in pairs
+    }
+    assert [release.determinant for release in found] == pytest.approx([1 / 3] * 6, rel=1e-9)
+
+
 def test_dependent_rows_follow_from_the_others():
     found, case = report("wojtyra2020", True), CASES["wojtyra2020"]
     jacobian = np.asarray(rx.factorize(case.smooth, case.state).jacobian)
@@ -262,3 +287,21 @@ def test_report_is_data():
     assert data["verdicts"]["friction"][0]["with_friction"] == "not unique"
     assert data["releases"][0]["determinant"] > 0
     report("wojtyra2020", True).to_json()
+
+
+def test_releases_of_many_are_found_by_exchange():
+    """24 parallel rods carry a plate: 8 of 24 rows with generic directions would be 735,471 choices. What is found is a
+    determinant that no single exchange enlarges, and near the largest of random choices."""
+    generator = np.random.default_rng(4)
+    basis = np.linalg.qr(generator.normal(size=(24, 8)))[0]
+    rows = tuple(f"rod {k}.distance" for k in range(24))
+    found = releases(basis, rows, ("force",) * 24, by_row=True)
+    picked = [sorted(rows.index(row) for _, shares in release.directions for row in shares) for release in found]
+    sizes = [abs(np.linalg.det(basis[pick])) for pick in picked]
+    np.testing.assert_allclose([release.determinant for release in found], sizes, rtol=1e-9)
+    tried = max(abs(np.linalg.det(basis[generator.choice(24, 8, replace=False)])) for _ in range(20000))
+    assert sizes[0] >= max(sizes) * (1 - 1e-9) and sizes[0] > tried
+    for place in range(8):
+        for other in set(range(24)) - set(picked[0]):
+            exchanged = [other if k == place else row for k, row in enumerate(picked[0])]
+            assert abs(np.linalg.det(basis[exchanged])) <= sizes[0] * (1 + 1e-6)

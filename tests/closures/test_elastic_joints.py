@@ -198,8 +198,9 @@ def test_joints_that_store_no_energy_or_do_not_exist_are_refused(paper):
     for bad, words in (
         (lambda: rx.JointCompliance("A", -1e-8), "must not be negative"),
         (lambda: rx.JointCompliance("A", [[1.0, 2.0], [2.0, 1.0]]), "positive semidefinite"),
-        (lambda: rx.JointCompliance("A", [1.0, 2.0]), "`translation` of joint 'A'"),
+        (lambda: rx.JointCompliance("A", [1.0, 2.0, 3.0]), "`translation` of joint 'A'"),
         (lambda: rx.ElasticJoints(mechanism, [rx.JointCompliance("Z", 1e-8)]), "'Z'"),
+        (lambda: rx.ElasticJoints(mechanism, {"A": (1e-8, 1e-8, 4e-8)}), "one compliance for 'A', or a pair"),
         (lambda: rx.ElasticJoints(mechanism, [rx.JointCompliance("A", 1e-8)] * 2), "twice"),
         (lambda: rx.ElasticJoints(mechanism, [rx.JointCompliance("A", 1e-8, frame="2")]), "`frame` of joint 'A'"),
         (lambda: rx.heated(mechanism, {"5": 1.0}, STEEL), "'5'"),
@@ -214,6 +215,17 @@ def test_joints_that_store_no_energy_or_do_not_exist_are_refused(paper):
         rx.solve(mechanism, state, closure=rx.units.closure_in_units(rx.MinimumNorm()))
     rigid = solve(mechanism, state, [], throw=False)
     assert rigid.result == rx.RESULTS.indeterminate_closure
+
+
+def test_joints_that_do_not_give_way_are_named():
+    """Three pins of a plate hold it three times; one that gives way settles two of the states at most."""
+    plates = [rx.Revolute(name, "a", "ground", point, point) for name, point in zip("PQR", np.eye(3, 2), strict=True)]
+    mechanism = rx.Mechanism([rx.Body("a", 1.0, 1.0)], plates)
+    rest = rx.State(np.zeros(3), np.zeros(3))
+    with pytest.raises(RuntimeError) as caught:
+        rx.solve(mechanism, rest, closure=rx.ElasticJoints(mechanism, {"P": 1e-8}))
+    assert str(caught.value).endswith(" Joints in self-stress: P, Q, R.")
+    assert rx.solve(mechanism, rest, closure=rx.ElasticJoints(mechanism, dict.fromkeys("PQR", 1e-8)))["P.x"] == 0.0
 
 
 def test_figures_in_wrong_units_are_told():

@@ -98,6 +98,7 @@ def test_what_changes_with_units_axes_and_points(paper, name):
     assert found == FAILS[name]
 
 
+@pytest.mark.slow
 def test_unit_consistent_scaling_has_unit_geometric_means(paper):
     """Of the entries that are not zero in each row of diag(e) Phi_q diag(f), for some f."""
     W, _ = rx.UnitConsistent().compliance(*paper)

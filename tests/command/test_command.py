@@ -290,7 +290,7 @@ def test_the_page_checks_figures_of_the_paper(monkeypatch):
 
 
 def test_help(capsys):
-    for arguments in (["--help"], ["tables", "--help"], ["--version"]):
+    for arguments in (["--help"], ["tables", "--help"], ["study", "--help"], ["--version"]):
         with pytest.raises(SystemExit) as end:
             command.main(arguments)
         assert end.value.code == 0

@@ -86,6 +86,18 @@ def test_study_shares_the_doubled_pin(file):
     assert column["first"][2] == pytest.approx(column["again"][2], rel=1e-12)  # minimum norm: equal shares
 
 
+def test_study_begins_as_an_analysis_does_and_does_not_repeat_it(file):
+    """Counts and the rank's margin stand in both; self-stress, verdicts and releases in the analysis alone."""
+    (_, study, _), (_, analysis, _) = (
+        run(*words) for words in (("study", f"{file}:link", "--samples", 5), ("analyze", f"{file}:link"))
+    )
+    head, _, rest = study.partition("\n\n")
+    assert analysis.startswith(f"{head}\n") and head.startswith("3 coordinates")
+    assert rest.startswith("Along the self-stress of first")
+    assert "release one of" in analysis and "Without friction:" in analysis
+    assert "release one of" not in study and "Without friction:" not in study
+
+
 @pytest.mark.slow
 def test_study_draws(file, tmp_path):
     picture = tmp_path / "family.png"

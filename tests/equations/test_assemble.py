@@ -200,3 +200,42 @@ def test_parts_that_do_not_fit_are_refused(gap):
     with pytest.raises(RuntimeError, match="No position"):
         rx.assemble(rod, [0.0, 0.0, 0.0])
     assert np.isnan(rx.assemble(rod, [0.0, 0.0, 0.0], throw=False).q).all()
+
+
+def test_arms_that_are_rounding_are_no_length_of_a_mechanism():
+    """Two wheels on one pin through their centres, one off by rounding: their length is their radius of gyration."""
+    one, two = (rx.spatial.Body(name, 2.0, (0.1, 0.1, 0.2)) for name in ("one", "two"))
+    joints = [rx.spatial.Revolute(i.name, i, j, (0, 0, 0)) for i, j in ((one, "ground"), (two, one))]
+    mechanism = rx.Mechanism([one, two], joints)
+    for shift in (0.0, 1e-17):
+        state = rx.State(mechanism.reference.at[0].set(shift), np.zeros(12))
+        np.testing.assert_allclose(rx.factorize(mechanism, state).length, np.sqrt(0.8 / 12.0), rtol=1e-12)
+
+
+def test_bodies_in_space_turn_by_half_a_turn_and_more():
+    """Angles beyond what one displacement reaches, at either side of half a turn and given by whole turns more; the
+    quaternion is (cos, 0, 0, sin) of half the angle, and moves with it."""
+    one, two = (rx.spatial.Body(name, 1.0, (0.1, 0.1, 0.2), position=(x, 0, 0)) for name, x in (("a", 0), ("b", 1)))
+    joints = [rx.spatial.Revolute(body.name, body, "ground", body.position) for body in (one, two)]
+    train = rx.Mechanism([one, two], joints, couplers=[rx.Coupler("c", "a.angle", "b.angle", 2.0)])
+
+    def turned(angle):
+        return rx.assemble(train, positions={"b.angle": angle}).q[6:].reshape(2, 4)
+
+    for angle in (1.5, 1.6, 2.9, -2.5, 4.0):
+        for p, expected in zip(turned(angle), (2 * angle, angle), strict=True):
+            wanted = np.array([np.cos(expected / 2), 0, 0, np.sin(expected / 2)])
+            np.testing.assert_allclose(np.abs(p @ wanted), 1.0, rtol=1e-13)
+            np.testing.assert_allclose(np.outer(p, p), np.outer(wanted, wanted), atol=1e-12)
+    p, rate = jax.jvp(turned, (2.9,), (1.0,))
+    for k, speed in enumerate((2.0, 1.0)):
+        np.testing.assert_allclose(rate[k], speed / 2 * np.array([-p[k, 3], 0, 0, p[k, 0]]), atol=1e-10)
+
+
+def test_rows_without_a_value_at_the_guess_are_named():
+    """A hinge whose axes are opposite has no tilt; that at its own place and the others are not blamed."""
+    wheel, at = rx.spatial.Body("wheel", 1.0, (0.1, 0.1, 0.2)), rx.spatial.Placement
+    ends = {"on_i": at((0, 0, 0), (0, 0, -1)), "on_j": at((0, 0, 0))}
+    mechanism = rx.Mechanism([wheel], [rx.spatial.Revolute("A", "wheel", "ground", **ends)])
+    with pytest.raises(RuntimeError, match=r"no value at the guess: A.bend_1, A.bend_2\. Give another guess"):
+        rx.assemble(mechanism)

@@ -2,6 +2,7 @@
 
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from scipy.optimize import brentq
 
 import redundax as rx
@@ -37,6 +38,7 @@ def remainder(tau, g):
     return tau - LARGE * np.tanh(STEEP * (g + tau) / 2)
 
 
+@pytest.mark.slow
 def test_a_motion_stops_where_its_branch_of_friction_ends():
     """tau = A tanh(B (g + tau) / 2) folds where A B (1 - (tau / A)^2) / 2 = 1, at a g, so at a time."""
     tau = -LARGE * np.sqrt(1 - 2 / (LARGE * STEEP))

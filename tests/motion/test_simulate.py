@@ -282,6 +282,7 @@ def test_times_that_touch():
         np.testing.assert_allclose(run.q, truth, rtol=0, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_derivatives_by_the_times_are_velocities():
     """At the end too, where the time touches the end of the motion."""
     system, state = pendulum(0.7, 1.3)

@@ -68,6 +68,7 @@ def test_a_reversal_soon_after_the_start_of_a_long_step(step):
     assert run.stats.phases == 2
 
 
+@pytest.mark.slow
 def test_slip_that_reverses_while_the_motion_goes_on():
     """A slip x^2 / 2 + y on y = 0 reverses at x = 0, where its friction does no work; a slip x has none.
 

@@ -75,6 +75,7 @@ def chain(x, t):
     return pull * np.array([1.0, -1.0]) - STIFFNESS * x[0] * np.array([1.0, 0.0])
 
 
+@pytest.mark.slow
 def test_one_block_sticks_while_the_other_moves():
     """Each of the two sticks and is let go by the other again and again."""
     mu, start, t1 = (0.02, 0.12), [1.2, 0.0], 6.0

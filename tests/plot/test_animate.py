@@ -35,6 +35,7 @@ def texts(axes):
     return [text.get_text() for text in axes.texts if text.get_visible()]
 
 
+@pytest.mark.slow
 def test_a_gif_has_all_frames_at_their_rate(motion, tmp_path):
     film = rx.plot.animate(*motion, tmp_path / "crank.gif", fps=10)
     with Image.open(tmp_path / "crank.gif") as picture:

@@ -104,6 +104,20 @@ def test_names_can_be_left_out(axes):
     assert {text.get_gid() for text in axes.texts} <= {"key"}
 
 
+def test_tick_labels_of_a_small_mechanism_keep_apart():
+    """A rod of 2 mm in metres, upright, so that the axis below it is short."""
+    from matplotlib import pyplot
+
+    pins = [rx.Revolute(name, "rod", rx.GROUND, *2 * [(0.0, y)]) for name, y in (("A", 0.0), ("B", 2e-3))]
+    mechanism = rx.Mechanism([rx.Body("rod", 1.0, 1.0)], pins)
+    axes = draw(mechanism, rx.State(np.zeros(3), np.zeros(3)))
+    axes.figure.draw_without_rendering()
+    boxes = [label.get_window_extent() for label in axes.get_xticklabels() if label.get_text()]
+    assert len(boxes) > 3
+    assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+    pyplot.close(axes.figure)
+
+
 def test_many_loops_keep_names_apart(axes):
     mechanism = rx.mechanisms.n_four_bar(16)
     draw(mechanism, mechanism.state(1.0), axes=axes)
@@ -211,6 +225,14 @@ def test_scale_of_its_own_keeps_proportions(axes):
     np.testing.assert_allclose(np.hypot(*arrow(key)) / newtons, next(iter(sizes.values())), rtol=1e-9)
 
 
+def test_the_key_tells_that_friction_is_not_drawn_where_there_is_some():
+    for rubbing, words in ((None, "joint load on the named body"), (0.02, "joint load on the named body; friction is")):
+        mechanism = rx.mechanisms.wojtyra2020(mu_rho=rubbing)
+        axes = draw(mechanism, mechanism.state(0.6), axes=Figure((9, 6)).add_subplot(), multipliers=np.ones(12))
+        (key,) = (text.get_text() for text in axes.texts if "joint load" in text.get_text())
+        assert key.partition(": ")[2].removesuffix(" not drawn") == words
+
+
 def _forces(axes, look: str) -> dict:
     return {name: patch for name, patch in artists(axes, f"{look} force ").items() if not name.startswith("value")}
 
@@ -240,7 +262,42 @@ def test_moments_turn_as_they_act(axes):
         area = np.sum(np.diff(corners - middle, axis=0)[:, 1] * (corners - middle)[:-1, 0])
         area -= np.sum(np.diff(corners - middle, axis=0)[:, 0] * (corners - middle)[:-1, 1])
         assert np.sign(area) == sense  # counterclockwise where the moment on body i, -lam, is positive
-        assert artists(picture, "load moment value ")["M"].get_text() == "1 N m on arm"
+        assert artists(picture, "load moment value ")["M"].get_text() == "M: 1 N m on arm"
+
+
+def press() -> tuple[rx.Mechanism, rx.State]:
+    """A ram between two guides, whose rails and moments leave little room for values, below a crank and a rod."""
+    c, s = 0.1 * np.cos(0.6), 0.1 * np.sin(0.6)
+    phi = np.arctan2(-np.sqrt(0.25 - 4 * c**2), -2 * c)
+    q = [c, s, c, 2 * s + 0.25 * np.sin(phi), 0.0, 2 * s + 0.5 * np.sin(phi) - 0.1, 0.6, phi, 0.0]
+    ground, guide = rx.GROUND, {"normal": (1.0, 0.0), "guide_length": 0.08}
+    joints = [
+        rx.Revolute("O", "crank", ground, (-0.1, 0.0), (0.0, 0.0)),
+        rx.Revolute("P", "rod", "crank", (-0.25, 0.0), (0.1, 0.0)),
+        rx.Revolute("Q", "ram", "rod", (0.0, 0.1), (0.25, 0.0)),
+        rx.Translational("L", "ram", ground, (-0.3, 0.0), (-0.3, 0.0), **guide),
+        rx.Translational("R", "ram", ground, (0.3, 0.0), (0.3, 0.0), **guide),
+    ]
+    bodies = [rx.Body(name, 1.0, 0.1) for name in ("crank", "rod", "ram")]
+    return rx.Mechanism(bodies, joints, gravity=(0.0, -9.81), units=rx.units.SI), rx.State(q, np.zeros(9))
+
+
+def test_every_load_of_a_press_has_its_value_and_owner():
+    from matplotlib import pyplot
+
+    mechanism, state = press()
+    assert np.abs(mechanism.constraint(state.q, state.t)).max() < 1e-12
+    forces = {"O.x": 6.7, "O.y": -21.4, "P.x": 3.4, "P.y": 25.9, "Q.x": 11.0, "Q.y": 20.5}
+    lam = forces | {f"{guide}.{row}": load for guide in "LR" for row, load in (("perpendicular", 5.5), ("angle", 0.55))}
+    axes = draw(mechanism, state, multipliers=[lam[row] for row in mechanism.rows.labels])
+    values = artists(axes, "load force value ") | {
+        f"{k} turn": v for k, v in artists(axes, "load moment value ").items()
+    }
+    assert {name: text.get_text().split()[0] for name, text in values.items()} == {
+        **{name: f"{name}:" for name in "OPQLR"}, "L turn": "L:", "R turn": "R:"
+    }  # fmt: skip
+    assert values["R"].get_text() == "R: 5.5 N on ram"
+    pyplot.close(axes.figure)
 
 
 def test_self_stress_by_index_and_by_vector():

@@ -30,6 +30,11 @@ def sledge(height=0.0, friction=None, speed=1.0):  # on three pins in slots of o
     return mechanism, rx.State([0.1, height, 0.0], [speed, 0.0, 0.0])
 
 
+def steered():  # turns to 1e-17, as `assemble` leaves it
+    mechanism, state = sledge(friction=rx.Coulomb(0.1))
+    return mechanism, rx.State([0.1, -3e-17, 2e-17], [1.0, 1e-18, -4e-17])
+
+
 def lifted():
     return sledge(height=0.01)
 
@@ -110,9 +115,20 @@ def test_html_stands_alone(page):
     assert page.all("html") == [{"lang": "en"}]
     assert not {"script", "link", "iframe", "object"} & {tag for tag, _ in page.tags}
     assert {name for _, attributes in page.tags for name in attributes} <= {
-        "lang", "charset", "name", "content", "class", "alt", "src",
+        "lang", "charset", "name", "content", "class", "alt", "src", "id", "href",
     }  # fmt: skip
     assert "width=device-width" in page.all("meta")[1]["content"]
+
+
+def test_contents_lead_to_every_section(page):
+    """The links of the list, in order, are the sections, whose titles they carry; and no id occurs twice."""
+    links = [attributes["href"] for attributes in page.all("a")]
+    sections = [attributes["id"] for attributes in page.all("section")]
+    assert links == [f"#{section}" for section in sections] and len(set(sections)) == len(sections) == 8
+    cells = [text for text in page.text if text.strip()]
+    titles = cells[cells.index("In short") :][: len(links)]
+    assert [cells.count(title) for title in titles[1:]] == [2] * 7
+    assert titles.index("Motion and loads") < titles.index("What is unique and what is not") < titles.index("The state")
 
 
 def test_html_addresses_nothing(folder):
@@ -168,6 +184,44 @@ def test_a_chart_has_positions_and_velocities_of_its_own(folder):
     assert positions == [cell for k, q in enumerate(("0", "1.5", "0", "1", "0", "0", "0")) for cell in (str(k), q)]
     velocities = cells[cells.index("Velocities") + 4 :][:18]
     assert velocities == [cell for k in range(6) for cell in (str(k), "2.5" if k == 5 else "0", KINDS[k])]
+
+
+def cells_of(text):
+    """The texts of a page that say something."""
+    return [cell for cell in text if cell.strip()]
+
+
+@pytest.mark.slow
+def test_what_rounding_leaves_is_zero(folder):
+    """The turn and lift of 1e-17 that a solver leaves are printed as 0, in the table of the state too."""
+    assert run("report", f"{folder}/mine.py:steered", "-o", folder / "steered.html", "--samples", 5)[0] == 0
+    cells = cells_of(Reader((folder / "steered.html").read_text(encoding="utf-8")).text)
+    numbers = [cell for cell in cells if re.fullmatch(r"-?\d[\d.]*(e[-+]\d+)?", cell)]
+    assert len(numbers) > 20
+    assert not [cell for cell in numbers if 0 < abs(float(cell)) < 1e-12]
+    place = cells.index(f"{NASTY}.phi")
+    assert cells[place : place + 4] == [f"{NASTY}.phi", "0", "0", "angular"]
+
+
+@pytest.mark.slow
+def test_a_page_begins_with_ranges_under_the_preload_that_it_states(folder):
+    """Pins in slots of one line carry any multiple of each other's load: the widest range is told, and over what."""
+    wish = ("--amplitude", 7, "--samples", 5)
+    assert run("report", f"{folder}/mine.py:rough", "-o", folder / "given.html", *wish)[0] == 0
+    cells = cells_of(Reader((folder / "given.html").read_text(encoding="utf-8")).text)
+    told = cells[cells.index("In short", 3) : cells.index("The mechanism", 9)]
+    assert "Where self-stress is added, up to 7 at left.perpendicular, as was asked for, these vary most:" in told
+    ranges = [line.rpartition(": ") for line in told if " to " in line and ": " in line and "self" not in line]
+    assert ranges
+    table = cells[cells.index("minimum norm") :]
+    for name, _, ends in ranges:
+        assert ends.split(" to ") == table[table.index(name) + 2 :][:2], name
+
+
+def test_friction_has_one_sense(page):
+    text = " ".join(page.text)
+    assert "The model has no friction." in text
+    assert "without friction" not in text.replace("joint load without friction", "")
 
 
 def test_a_problem_is_told(folder):

@@ -26,7 +26,20 @@ MAX_FUNCTION_LINES = 60  # without the docstring
 MAX_IMPORT_SECONDS = 20.0
 
 # Kept out of `import redundax`: heavy, or needed by one optional part only.
-HEAVY = ("IPython", "diffrax", "matplotlib", "netCDF4", "optimistix", "pandas", "scipy", "tqdm", "xarray")
+HEAVY = (
+    "IPython",
+    "diffrax",
+    "matplotlib",
+    "mujoco",
+    "netCDF4",
+    "optimistix",
+    "pandas",
+    "plotly",
+    "scipy",
+    "tqdm",
+    "xarray",
+    "yaml",
+)
 # Not public although no component starts with an underscore.
 INTERNAL = ("equinox.internal",)
 # Bases that only other parts of the library build on so far, so that an example would be a model of nothing; and parts

@@ -25,18 +25,23 @@ def code(notebook):
 
 def test_notebooks_are_there():
     names = "own_mechanism paper_step_by_step solution_family physical_closures sensitivities motion own_constraint"
-    more = "speed_against_error spatial_linkage loads_at_rest"
+    more = "speed_against_error spatial_linkage door_on_three_hinges loads_at_rest audit_of_a_model"
     assert {path.stem for path in NOTEBOOKS} >= {*names.split(), *more.split()}
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_stored_as_run(path):
-    """From top to bottom, once, with its pictures."""
+    """From top to bottom, once, with its pictures; no warning, no object without a name, no place on a disk."""
     notebook = read(path)
     nbformat.validate(notebook)
     assert (notebook.nbformat, notebook.nbformat_minor) == (4, 5)
     assert [cell.execution_count for cell in code(notebook)] == list(range(1, len(code(notebook)) + 1))
     assert not any(output.output_type == "error" for cell in code(notebook) for output in cell.outputs)
+    outputs = [output for cell in code(notebook) for output in cell.outputs]
+    assert any("image/png" in output.get("data", {}) for output in outputs)
+    assert not any(output.get("name") == "stderr" for output in outputs)
+    printed = "".join(output.get("text", "") for output in outputs)
+    assert not re.search(r" at 0x[0-9a-f]{4}|(?<!\w)/(?:home|root|tmp|usr|Users)/|\bnan\b", printed, re.IGNORECASE)
     assert path.stat().st_size < 600_000
     assert 'jax.config.update("jax_enable_x64", True)' in code(notebook)[0].source
 

@@ -23,6 +23,7 @@ MAPS = {
     *("closure_in_units", "in_units", "solution_from_units", "state_in_units", "heated", "misfit"),
     *("dependence_in_units", "minimum_norm_parameters", "minimum_norm_parameters_in_units"),
     "parametrised_multipliers",
+    "load_model",  # of a file, which it refuses or closes
 }
 # Infinite by their docstrings: no singular value dropped, no fold met, no step made, nothing that friction must hold,
 # no outer bound known.

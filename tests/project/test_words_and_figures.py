@@ -32,7 +32,12 @@ NEAR = np.array([-1.0, -0.3, 0.0, 0.3, 1.0])  # times the loads over the self-st
 FAR = np.array([-100.0, -30.0, -10.0, -3.0, -0.3, 0.0, 0.3, 3.0, 10.0, 30.0, 100.0])
 OTHER = {"linear": "angular", "angular": "linear", "force": "moment", "moment": "force"}
 FORCES = "force x", "force y"
-CARRIED = {rx.Revolute: FORCES, rx.Fixed: (*FORCES, "moment"), rx.Translational: ("moment",)}
+CARRIED = {
+    rx.Revolute: FORCES,
+    rx.Fixed: (*FORCES, "moment"),
+    rx.Translational: ("moment",),
+    rx.spatial.Revolute: (*FORCES, "force z"),
+}
 NOT_CARRIED = {
     rx.Revolute: ("moment",),
     rx.PinInSlot: ("moment",),
@@ -94,7 +99,7 @@ def agrees(system, state, length=1.0) -> set:
 def only_zero_what_cannot_be_carried(mechanism, judged):
     stacks = zip(mechanism.joints, mechanism.names.joints, strict=True)
     for joint, kind in ((name, type(stack.element)) for stack, names in stacks for name in names):
-        for part in (*FORCES, "moment"):
+        for part, _ in mechanism.frame.reaction:
             one = next(one for name, one in judged.items() if name.startswith(f"{joint} {part} on "))
             verdicts = {one.without_friction, one.with_friction}
             assert part not in NOT_CARRIED.get(kind, ()) or verdicts == {ZERO}, one
@@ -222,20 +227,40 @@ def page_of(system, state):
 
 @pytest.mark.parametrize("make", [wheels, lift, pytest.param(pendulum_on_two_pins, marks=pytest.mark.slow)])
 def test_the_tables_of_a_report_agree(make):
-    """Least and largest stand beside what is not unique and nothing else; the headline counts as the tables do."""
+    """Least and largest stand beside what is not unique and nothing else; the headline counts as the tables do.
+
+    What a joint cannot carry has no row, and what is zero is counted apart.
+    """
     _, blocks = page_of(*make())
     tables = [block for block in blocks if isinstance(block, Table)]
     headline = next(block for block in blocks if isinstance(block, Items)).items
     for words in (table for table in tables if table.head[0] == "verdict"):
         said = {name: word for word, names, _ in words.rows for name in names.split(", ")}
-        counts = {verdict: [*said.values()].count(verdict.value) for verdict in rx.Verdict}
-        short = f"{words.caption}: {counts[UNIQUE]} of {len(said) - counts[ZERO]} components are unique (proved)."
-        assert any(item.startswith(short) for item in headline)
         figures = next(table for table in tables if table.head[0] == "component" and table.caption == words.caption)
+        assert {name for name, *_ in figures.rows} == {name for name, word in said.items() if word != ZERO.value}
         for name, value, *ends, _ in figures.rows:
             least, largest = ends or ("", "")
             assert (least != largest) == (said[name] == NOT_UNIQUE.value), name
-            assert said[name] != ZERO.value or (value, least, largest) == ("0", "", ""), name
+            if said[name] == UNIQUE.value and value == "0":
+                said[name] = ZERO.value
+        (short,) = [item for item in headline if item.startswith(f"{words.caption}: ")]
+        counts = {word: [*said.values()].count(word) for word in said.values()}
+        zeros = counts.pop(ZERO.value, 0)
+        for word, count in counts.items():
+            assert f" {count} {word}" in short
+        assert (f"; {zeros} more " in short) == (zeros > 0 and counts != {})
+
+
+def test_a_report_tells_why_a_load_has_no_value_at_a_singular_position():
+    """Two equal cranks in line with their coupler: loads along the line grow without bound beside it."""
+    cranks = rx.mechanisms.parallelogram(2)
+    report, blocks = page_of(cranks, cranks.state(phi=0.0, rate=1.0))
+    assert report.undetermined == ("A1.x", "A2.x", "B1.x", "B2.x")
+    tables = [block for block in blocks if isinstance(block, Table) and block.head[0] == "verdict"]
+    reasons = {verdict: why for table in tables for verdict, _, why in table.rows}
+    assert "unbounded beside this singular position" in reasons["undecided"]
+    assert not any("friction" in why for why in reasons.values())
+    assert any(isinstance(block, Text) and "beside it there is no self-stress" in block.text for block in blocks)
 
 
 def test_a_report_says_that_couplings_of_angles_leave_out_forces():

@@ -52,6 +52,7 @@ def drawn_path():
     return rx.band_along(*drawn_block(), ["rope.distance", "tau K"], rx.MinimumNorm())
 
 
+@pytest.mark.slow
 def test_the_rope_of_an_incline_has_hysteresis():
     """Its force is m g (sin a + mu cos a) upwards, m g (sin a - mu cos a) downwards, and between them at rest."""
     path = drawn_path()

@@ -321,6 +321,19 @@ def test_bands_tell_where_there_is_no_solution():
     assert impossible.empty and not impossible.exact.any()
 
 
+def test_many_bounds_are_told_together_where_they_are_equal():
+    door = rx.mechanisms.door()
+    hinges, state = [f"hinge {k}" for k in (1, 2, 3)], rx.assemble(door)
+    box = {f"{hinge}.axial": (-2e-4, 2e-4) for hinge in hinges} | {f"{hinge}.bend_1": (0.0, 1e-3) for hinge in hinges}
+    joints = rx.ElasticJoints(door, {hinge: (1e-6, 1e-3) for hinge in hinges})
+    heading = str(rx.band(door, state, "hinge 1.axial", rx.MisfitBox(joints, box))).splitlines()[:3]
+    assert heading == [
+        "MisfitBox:",
+        "  -0.0002 to 0.0002: hinge 1.axial, hinge 2.axial, hinge 3.axial",
+        "  0 to 0.001: hinge 1.bend_1, hinge 2.bend_1, hinge 3.bend_1",
+    ]
+
+
 def test_text_data_and_picture(tmp_path):
     found = paper_band()
     text = str(found)

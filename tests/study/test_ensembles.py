@@ -50,6 +50,7 @@ def test_a_motion_that_failed_is_counted(blocks):
     assert np.all(np.isnan(blocks.q[-1]))
 
 
+@pytest.mark.slow
 def test_bands_over_drawn_rates_are_those_of_the_scalar_equation():
     system, _ = pendulum(0.7, 1.0)
 

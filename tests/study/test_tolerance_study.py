@@ -172,17 +172,38 @@ def test_gradients_with_friction():
         check(found["gradient"].sel(parameter=name), slope(name, nominal), 1e-11)
 
 
+def test_a_small_change_of_a_large_value_is_seen_beside_others():
+    """Of a, b and c, which are 1e6, -50 and 0 and vary by 0.1 each: three bars over most of the axis."""
+    parameters = {"x": rx.Uniform(-0.1, 0.1)}
+    study = rx.tolerance_study(lambda x: {"a": 1e6 + x, "b": x - 50.0, "c": x}, parameters, samples=64)
+    axes = rx.plot.tolerance(study).axes[0]
+    widths = [bar.get_width() for bar in axes.patches]
+    assert len(widths) == 3 and min(widths) > 0.5 * np.ptp(axes.get_xlim())
+    low, high = (float(end) for end in study["percentiles"].sel(output="a")[[0, -1]])
+    texts = [text.get_text() for text in axes.texts if text.get_text().startswith("1") or "99" in text.get_text()]
+    assert len(set(texts)) == 2
+    np.testing.assert_allclose([float(text) for text in texts], [low, high], rtol=1e-6)
+
+
+def test_a_legend_names_what_is_drawn():
+    """The variances of a and b / 1000 are 1 : 1e-6, that of c has no effect."""
+    parameters = {name: rx.Normal(0.0, 1.0) for name in "abc"}
+    figure = rx.plot.tolerance(rx.tolerance_study(lambda a, b, c: {"y": a + 1e-3 * b}, parameters, samples=64))
+    assert [text.get_text() for text in figure.axes[1].get_legend().get_texts()] == ["a"]
+
+
 def test_picture(smooth):
     """Forces and moments vary with the misfit, motion and the load of the guides do not."""
     figure = rx.plot.tolerance(smooth)
     bands, shares = figure.axes[::2], figure.axes[1::2]
-    assert [axes.get_xlabel() for axes in bands] == ["N", "N m"]
+    assert [axes.get_xlabel() for axes in bands] == ["change from nominal, N", "change from nominal, N m"]
     labels = [[label.get_text() for label in axes.get_yticklabels()] for axes in bands]
     assert labels == [[f"{joint}.{axis}" for joint in "ABCD" for axis in "xy"], ["K.angle", "L.angle"]]
     np.testing.assert_allclose([bar.get_width() for bar in shares[1].patches], [1, 1])
     low, _, high = smooth["percentiles"].sel(output="K.angle").values
     bar = bands[1].patches[0]
-    np.testing.assert_allclose([bar.get_x(), bar.get_x() + bar.get_width()], [low, high])
+    nominal = float(smooth["nominal"].sel(output="K.angle"))
+    np.testing.assert_allclose([bar.get_x(), bar.get_x() + bar.get_width()], [low - nominal, high - nominal])
     assert {text.get_text() for text in bands[1].texts} >= {f"{low:.4g}", f"{high:.4g}"}
     assert len(rx.plot.tolerance(smooth, ["A.x"]).axes) == 2
     with pytest.raises(ValueError, match=r"but holds 'A\.z'"):

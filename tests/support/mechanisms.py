@@ -512,10 +512,13 @@ CASES: Mapping[str, Case] = {
 
 # Cases that differ from others by numbers of cranks, loops or guides alone: programs of their own, for slow tests.
 MORE = (
+    "two cranks",
     "four cranks",
     "driven three times",
+    "doubled four-bar, crossed",
     "six four-bars",
     "slider-crank",
     "slider-crank, three guides",
+    "carriage",
     "carriage, three guides",
 )

@@ -1,8 +1,8 @@
 """The systems that the laws are tested on, and how errors are measured.
 
 `MECHANISMS` are the exact mechanisms of `truth.scenes` as `rx.Mechanism`, built from the exact data
-alone; `SYSTEMS` are user-written systems, each a few lines of jnp with its solution in closed form
-beside it. Every builder makes its arrays when called, in the precision that holds then.
+alone, with two of `truth.space` beside them; `SYSTEMS` are user-written systems, each a few lines of jnp with its
+solution in closed form beside it. Every builder makes its arrays when called, in the precision that holds then.
 """
 
 from collections.abc import Callable, Mapping
@@ -13,7 +13,7 @@ import builder
 import jax
 import jax.numpy as jnp
 import numpy as np
-from truth import exact, scenes
+from truth import exact, scenes, space
 
 import redundax as rx
 
@@ -36,6 +36,34 @@ def build(mechanism: exact.Mechanism, friction: Callable | None = None) -> tuple
     names = [joint.name for joint in mechanism.joints]
     state = rx.State(exact.floats(mechanism.q), exact.floats(mechanism.qd), float(mechanism.t))
     return builder.build(mechanism.structure, one, names, laws), state
+
+
+def in_space(scene: space.Scene, rubs: Mapping | None = None) -> tuple[rx.Mechanism, rx.State]:
+    """The library's mechanism of a scene and the state at its pose; `rubs` gives arguments of some joints by kind."""
+    bodies = [
+        rx.spatial.Body(
+            f"body {b}",
+            float(body.mass),
+            exact.floats(body.inertia),
+            centre=exact.floats(body.axes.T * (body.centre - body.origin)),
+            position=exact.floats(body.origin),
+            orientation=exact.floats(body.axes),
+        )
+        for b, body in enumerate(scene.bodies)
+    ]
+    joints = [_joint(joint, bodies, (rubs or {}).get(joint.name, {}).get(joint.kind, {})) for joint in scene.joints]
+    mechanism = rx.Mechanism(bodies, joints, gravity=exact.floats(scene.gravity))
+    return mechanism, rx.State(mechanism.reference, exact.floats(scene.velocity))
+
+
+def _joint(joint: space.Joint, bodies: list, rubs: Mapping) -> rx.spatial.AbstractJoint:
+    kind = getattr(rx.spatial, joint.kind)
+    j = rx.GROUND if joint.j == space.GROUND else bodies[joint.j]
+    ends, point = (joint.name, bodies[joint.i], j), exact.floats(joint.point)
+    axis, mark = exact.floats(joint.axes)[:, 2], exact.floats(joint.axes)[:, 0]
+    if joint.kind == "Universal":
+        return kind(*ends, point, exact.floats(joint.axes_i)[:, 2], axis)
+    return kind(*ends, point, axis, mark, **rubs)
 
 
 def pins(mechanism: exact.Mechanism, stress: tuple = ()) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -272,6 +300,15 @@ def _of_exact(make, friction=None) -> Callable[[], Case]:
     return case
 
 
+def _of_space(make: Callable[[], space.Scene]) -> Callable[[], Case]:
+    def case() -> Case:
+        scene = make()
+        acceleration = exact.floats(scene.solve(friction=False).acceleration)
+        return Case(*in_space(scene), scene.k, acceleration, np.zeros(0))
+
+    return case
+
+
 SYSTEMS: Mapping[str, Callable[[], Case]] = {
     "pendulum": pendulum,
     "bead": bead,
@@ -281,6 +318,8 @@ SYSTEMS: Mapping[str, Callable[[], Case]] = {
 }
 EVERYTHING: Mapping[str, Callable[[], Case]] = {
     **SYSTEMS,
+    "door in space": _of_space(space.door),
+    "bennett": _of_space(space.bennett),
     **{name: _of_exact(make) for name, make in MECHANISMS.items()},
     **{f"{name} with friction": _of_exact(make, coulomb) for name, make in MECHANISMS.items() if make().revolutes},
 }

@@ -6,6 +6,8 @@ infinite beside the bead's. With r the travel and phi the angle,
     r'' = r w^2 - g sin(phi),   phi'' = 0.
 """
 
+import re
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -326,6 +328,18 @@ def test_wrong_names_are_refused_with_near_ones(call, argument, near):
     assert isinstance(caught.value, KeyError)
     assert argument in str(caught.value)
     assert near in str(caught.value)
+
+
+def test_few_of_many_names_are_listed_after_near_ones():
+    solution = rx.solve(MECHANISM, STATE)
+    with pytest.raises(KeyError) as caught:
+        solution["A force z on 1"]
+    hint, rest = str(caught.value).split("? There are ")
+    assert "'A force x on 1'" in hint
+    listed, count = re.fullmatch(r"(.*) and (\d+) more: print\(solution\) shows what is called how\.", rest).groups()
+    names = listed.split(", ")
+    assert len(names) == 8 and set(names) <= {entry.name for entry in solution.entries}
+    assert len(names) + int(count) == len(solution.entries)
 
 
 def test_name_that_two_entries_have_is_refused():

@@ -102,6 +102,7 @@ def test_a_state_is_a_table():
         ["1", "-3", "2"],
         ["2", "1.5", "-0.125"],
     ]
+    assert repr(state).endswith("print(mechanism.table(state))") and "q=f64[3]" in repr(state)
     text = rod(rx.units.SI).table(state)
     assert text.startswith("State at t = 0.5 s\nunits m, rad, kg, s, N\n")
     assert row(text, "rod.y") == ["-3", "2"] and row(text, "rod.phi") == ["1.5", "-0.125"]

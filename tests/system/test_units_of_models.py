@@ -1,5 +1,6 @@
 """Units that a model states: figures times what their symbols mean are the same in every unit, and none is invented."""
 
+import dataclasses
 import re
 
 import jax
@@ -112,9 +113,14 @@ def test_units_reach_bands_families_and_pictures():
     family = rx.solution_family(mechanism, state, z=np.array([-1.0, 1.0]))
     assert family.units[0] == "mm/s²"
     assert "varies    force, mN" in str(family)
-    panels = rx.plot.family(family).axes
-    assert {axes.get_xlabel() for axes in panels} == {"self-stress added to A.x, mN"}
-    assert "force-type multipliers, mN" in {axes.get_title() for axes in panels}
+    figure = rx.plot.family(family)
+    assert figure.get_supxlabel() == "self-stress added to A.x, mN"
+    assert {axes.get_title(): axes.get_ylabel() for axes in figure.axes}["A.x"] == "mN"
+    assumed = rx.solution_family(mechanism, state, samples=3)
+    assert re.search(r"without friction, \S+ mN, where a moment .* at \S+ mm, a length", assumed.assumption)
+    assert re.match(r"Along the self-stress of A\.x, a force, from \S+ to \S+ mN about", str(assumed))
+    folded = dataclasses.replace(assumed, fold=np.array([True, *[False] * (len(assumed.z) - 1)]))
+    assert f"; folds at {assumed.z[0, 0]:.6g} mN\n" in str(folded)
     axes = rx.plot.draw(mechanism, state, multipliers=rx.solve(mechanism, state).multipliers)
     texts = [text.get_text() for text in axes.texts]
     assert axes.get_xlabel() == "x (mm)"

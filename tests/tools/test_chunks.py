@@ -95,7 +95,7 @@ def test_sweeps_end_where_newton_ends(mu_rho):
 class Rubbing(rx.Friction):
     """tau = -mu (|load| + preload), one load each."""
 
-    def largest_change(self, change, rate, memory):
+    def largest_change(self, change, rate, memory, state):
         return self.parameters["mu"] * jnp.abs(change)
 
 

@@ -303,7 +303,7 @@ def back(column, cells, rows, units):
     if head[column] in ("position", "velocity"):
         return number / (float(units.length) if kind == "linear" else 1.0)
     if head[column].startswith("state "):
-        pivot = next(other[-1] for other in places if other[column] == "1")
+        pivot = next(other[-1] for other in places if abs(float(other[column])) == 1.0)
         return number / factor(kind, units) * factor(pivot, units)
     return number / factor(kind, units)
 
@@ -320,7 +320,7 @@ def test_report_of_a_file(press, unit):
     assert text[0] == text[1]
     assert "It is no bound" in text[0]
     found = tables(pages[0]), tables(pages[1])
-    assert [table[0][0] for table in found[0]] == ["coordinate", "multiplier", *["component"] * 3]
+    assert [table[0][0] for table in found[0]] == [*["component"] * 4, "coordinate"]
     for one, other in zip(*found, strict=True):
         for here, there in zip(one[1], other[1], strict=True):
             for column in range(1, len(one[0]) - 1):

@@ -444,7 +444,8 @@ def particular(mass, jac, force, gamma_, rank: int) -> tuple:
     free, n = _take(jac, rows), mass.rows
     a = mp.zeros(n + rank)
     for i in range(n):
-        a[i, i] = mass[i, i]
+        for other in range(n):
+            a[i, other] = mass[i, other]
         for place in range(rank):
             a[i, n + place] = a[n + place, i] = free[place, i]
     right = mp.zeros(n + rank, force.cols)

@@ -1,0 +1,159 @@
+"""Which forces of drives a motion determines, and singular positions on the way, against what geometry says."""
+
+import numpy as np
+import pytest
+
+from redundax._models._drives import drives_at
+from redundax._models._examine import agreed
+from redundax._models._read import closures_of, read
+from redundax._models._travel import travel
+from redundax._models._tree import tree_of
+
+pytest.importorskip("mujoco")
+pytest.importorskip("yaml")
+
+PARALLELOGRAM = """
+<mujoco>
+  <compiler angle="radian"/><default><joint axis="0 1 0"/><geom type="capsule" size="0.01"/></default>
+  <worldbody>
+    <body name="crank"><joint name="A" {limits}/><geom fromto="0 0 0 0 0 0.1"/>
+      <body name="coupler" pos="0 0 0.1"><joint name="B"/><geom fromto="0 0 0 0.4 0 0"/>
+        <body name="rocker" pos="0.4 0 0"><joint name="C"/><geom fromto="0 0 0 0 0 -0.1"/></body>
+      </body>
+    </body>
+    <body name="wheel" pos="0 2 0"><joint name="W"/><geom type="sphere" size="0.1"/></body>
+  </worldbody>
+  <tendon><fixed name="both"><joint joint="A" coef="0.5"/><joint joint="W" coef="2"/></fixed></tendon>
+  <equality><connect name="D" body1="rocker" body2="world" anchor="0 0 -0.1"/></equality>
+  <actuator>{drives}</actuator>
+</mujoco>
+"""
+LINK = (
+    '<link name="{}"><inertial><mass value="1"/>'
+    '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+)
+HINGE = '<joint name="{}" type="continuous"><parent link="base"/><child link="{}"/><axis xyz="0 0 1"/></joint>'
+PAIR = "".join(['<robot name="pair">', *map(LINK.format, ("base", "a", "b")), HINGE.format("A", "a")])
+PAIR += HINGE.format("B", "b")
+
+
+@pytest.fixture
+def tree(tmp_path):
+    def of(text, name="model.xml", loops=None):
+        (tmp_path / name).write_text(text)
+        if loops:
+            (tmp_path / name).with_suffix(".yaml").write_text(loops)
+        file = tmp_path / name
+        model, notes = read(file, closures_of(file, None))
+        return tree_of(model)[0], notes
+
+    return of
+
+
+def driven(*names, limits=""):
+    drives = "".join(f'<motor name="{k} {name}" {kind}="{name}"/>' for k, (kind, name) in enumerate(names))
+    return PARALLELOGRAM.format(drives=drives, limits=limits)
+
+
+@pytest.mark.parametrize(
+    ("drives", "loose", "redundancy", "idle"),
+    [
+        ([], "", 0, 2),
+        ([("joint", "A")], "", 0, 1),
+        ([("joint", "A"), ("joint", "W")], "", 0, 0),
+        ([("joint", "A"), ("joint", "C")], "01", 1, 1),
+        ([("joint", "W"), ("joint", "A"), ("joint", "C")], "12", 1, 0),
+        ([("joint", "A"), ("joint", "A"), ("joint", "C")], "012", 2, 1),
+        ([("tendon", "both")], "", 0, 1),
+        ([("tendon", "both"), ("joint", "W")], "", 0, 0),
+        ([("tendon", "both"), ("joint", "W"), ("joint", "A")], "012", 1, 0),
+    ],
+)
+def test_drives_beyond_the_freedoms_they_move_share_their_force(tree, drives, loose, redundancy, idle):
+    model, _ = tree(driven(*drives))
+    at, left = model.closed()
+    found = drives_at(model, at, 2, left)
+    assert found.names == tuple(f"{k} {name}" for k, (_, name) in enumerate(drives))
+    assert "".join(name[0] for name in found.loose) == loose
+    assert (found.redundancy, found.idle, found.is_decided) == (redundancy, idle, True)
+
+
+def test_a_drive_that_nothing_can_move_has_no_unique_force(tree):
+    locked = '<connect name="E" body1="wheel" body2="world" anchor="0.1 0 0.1"/></equality>'
+    model, _ = tree(driven(("joint", "A"), ("joint", "W")).replace("</equality>", locked))
+    assert drives_at(model, model.closed()[0], 1).loose == ("1 W",)
+
+
+def test_a_dead_point_is_told_from_drives_that_share(tree):
+    """A piston cannot turn its crank where rod and crank are in line, and can where they are not."""
+    text = """<mujoco><default><joint axis="0 1 0"/><geom type="sphere" size="0.1"/></default><worldbody>
+      <body name="crank"><joint name="A"/><geom/><body name="rod" pos="0.1 0 0"><joint name="B"/><geom/></body></body>
+      <body name="piston" pos="0.5 0 0"><joint name="S" type="slide" axis="1 0 0"/><geom/></body></worldbody>
+      <equality><connect body1="rod" body2="piston" anchor="0.4 0 0"/></equality>
+      <actuator><motor name="gas" joint="S"/></actuator></mujoco>"""
+    model, _ = tree(text)
+    here = drives_at(model, model.model.qpos0, 1)
+    beside = drives_at(model, model.descend(np.array([0.5, -0.6, 0.0]))[0], 1)
+    assert (here.loose, here.redundancy, beside.loose, beside.redundancy) == (("gas",), 1, (), 0)
+    found = agreed(here, [here, beside])
+    assert (found.loose, found.dead, found.redundancy, found.is_decided) == ((), ("gas",), 0, True)
+    assert agreed(beside, [beside]).dead == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "loops", "names"),
+    [
+        ('<transmission name="t"><joint name="B"/></transmission>', None, ("B",)),
+        ("", "name_mot: [A, B]", ("A", "B")),
+        ('<transmission name="t"><joint name="B"/></transmission>', "name_mot: [A]", ("A",)),
+    ],
+)
+def test_drives_of_a_urdf_are_those_of_the_loops_or_transmissions(tree, text, loops, names):
+    model, _ = tree(f"{PAIR}{text}</robot>", "pair.urdf", loops)
+    assert model.drives(model.model.qpos0)[0] == names
+
+
+def test_a_drive_of_a_joint_that_is_not_there_is_told(tree):
+    model, notes = tree(f"{PAIR}</robot>", "pair.urdf", "name_mot: [A, Z]")
+    assert "drive of 'Z': there is no such joint" in notes
+    assert model.drives(model.model.qpos0)[0] == ("A",)
+
+
+@pytest.mark.parametrize(
+    ("limits", "singular"), [("", (-1.5, -0.5, 0.5, 1.5)), ('range="-1.2 2"', (0.5,)), ('range="-1.2 1.3"', ())]
+)
+def test_a_parallelogram_is_singular_where_it_is_flat(tree, limits, singular):
+    model, _ = tree(driven(("joint", "A"), limits=limits))
+    at, left = model.closed()
+    found = travel(model, at, 2, left)
+    assert {each.joint for each in found.singular} <= {"A"}
+    np.testing.assert_allclose(sorted(each.at for each in found.singular), np.pi * np.array(singular), atol=1e-5)
+    assert {(each.redundancy, each.freedom) for each in found.singular} <= {(2, 3)}
+    assert set(found.ranges) == {"A", "W"}
+    if limits:
+        low, high = found.ranges["A"]
+        assert -1.2 <= low < -1.0 and high <= 2.0
+
+
+def test_two_that_are_flat_at_once_are_found_together(tree):
+    """The sign of no determinant tells of them: the rank falls by two."""
+    before, start, rest = driven(("joint", "A")).partition('<body name="crank">')
+    body, end, after = rest.partition('<body name="wheel"')
+    twin = (start + body).replace("<body ", '<body pos="0 1 0" ', 1)
+    for name in ("crank", "coupler", "rocker", "A", "B", "C"):
+        twin = twin.replace(f'name="{name}"', f'name="{name}2"')
+    more = (
+        '<connect name="E" body1="rocker2" body2="world" anchor="0 0 -0.1"/><joint joint1="A2" joint2="A"/></equality>'
+    )
+    model, _ = tree(before + start + body + twin + end + after.replace("</equality>", more))
+    at, left = model.closed()
+    found = travel(model, at, 2, left)
+    np.testing.assert_allclose(
+        sorted(each.at for each in found.singular), np.pi * np.array([-1.5, -0.5, 0.5, 1.5]), atol=1e-5
+    )
+    assert {(each.redundancy, each.freedom) for each in found.singular} == {(4, 4)}
+
+
+def test_without_loops_there_is_nothing_to_look_for(tree):
+    model, _ = tree(f"{PAIR}</robot>", "pair.urdf")
+    assert travel(model, model.model.qpos0, 2) is None

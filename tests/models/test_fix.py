@@ -1,0 +1,162 @@
+"""Copies of models with releases: by MuJoCo's own Jacobian of their loops, less is redundant and nothing more moves."""
+
+import contextlib
+import io
+
+import numpy as np
+import pytest
+
+import redundax as rx
+from redundax import __main__ as command
+from redundax._models._examine import examine
+from redundax._models._fix import fix
+from redundax._models._read import closures_of, read
+from redundax._models._tree import tree_of
+
+mujoco = pytest.importorskip("mujoco")
+yaml = pytest.importorskip("yaml")
+
+FOUR_BAR = """<mujoco>
+  <!-- kept -->
+  <compiler angle="radian"/>
+  <default><joint axis="0 1 0" damping="0.1" limited="true" range="-3 3"/><geom type="capsule" size="0.01"/></default>
+  <asset><mesh name="nowhere" file="nowhere.stl"/></asset>
+  <worldbody>
+    <body name="crank" euler="0 0.3 0"><joint name="A"/><geom fromto="0 0 0 0 0 0.1"/><geom type="mesh" mesh="nowhere"/>
+      <body name="coupler" pos="0 0 0.1" euler="0 -0.3 0"><joint/><geom fromto="0 0 0 0.4 0 0"/>
+        <body name="rocker" pos="0.4 0 0"><joint name="C"/><geom fromto="0 0 0 0 0 -0.2"/></body>
+      </body>
+    </body>
+    <body name="glass" pos="0 3 0"><joint name="W" type="ball" limited="false"/><geom size="0.1" type="sphere"/></body>
+  </worldbody>
+  <equality>
+    <connect body1="rocker" body2="world" anchor="0 0 -0.2"/>
+    <weld name="hung" body1="glass" body2="world" anchor="0 3 0"/>
+  </equality>
+</mujoco>
+"""
+FINGERS = """<mujoco><worldbody>
+  <body name="a"><joint name="A" type="slide" axis="1 0 0"/><geom size="0.1"/>
+    <body name="b" pos="0 1 0"><joint name="B" type="slide" axis="0 0 1"/><geom size="0.1"/><site name="tip"/></body>
+  </body><site name="rail" pos="0 1 0"/>
+  <body name="c" pos="0 2 0"><joint name="C" axis="0 0 1"/><geom size="0.1"/></body>
+  </worldbody><equality><joint name="tie" joint1="C" joint2="A"/><joint joint1="C" joint2="A" polycoef="0 1 0 0 0"/>
+  </equality></mujoco>"""
+LINK = (
+    '<link name="{}"><inertial><mass value="1"/>'
+    '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+)
+HINGE = '<joint name="{0}" type="continuous"><parent link="frame"/><child link="{1}"/><axis xyz="0 0 1"/></joint>'
+LEAVES = ("door", "leaf", "wing")
+DOOR = "".join(['<robot name="door">', LINK.format("frame"), *map(LINK.format, LEAVES)])
+DOOR += "".join(HINGE.format(f"at {leaf}", leaf) for leaf in LEAVES) + "</robot>"
+SCREWS = "closed_loop: [[door, leaf], [door, wing]]\ntype: [{0}, {0}]\n"
+
+
+@pytest.fixture
+def write(tmp_path):
+    def written(name, text):
+        (tmp_path / name).write_text(text)
+        return tmp_path / name
+
+    return written
+
+
+def figures(file):
+    """Redundancy and freedom by the Jacobian that MuJoCo makes of all that is equal, at a closed position."""
+    model = read(file, closures_of(file, None))[0]
+    positions, left = tree_of(model)[0].closed()
+    assert left < 1e-12
+    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    data = mujoco.MjData(model)
+    data.qpos[:] = positions
+    mujoco.mj_forward(model, data)
+    rows = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
+    jacobian = data.efc_J.reshape(-1, model.nv)[: rows.size][rows]
+    rank = np.linalg.matrix_rank(jacobian, tol=1e-8)
+    return len(jacobian) - rank, model.nv - rank
+
+
+def run(*arguments):
+    out, error = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(error):
+        status = command.main(["audit", *map(str, arguments)])
+    return status, out.getvalue(), error.getvalue()
+
+
+@pytest.fixture(scope="module")
+def four_bar(tmp_path_factory):
+    file = tmp_path_factory.mktemp("four bar") / "bar.xml"
+    file.write_text(FOUR_BAR)
+    model = rx.load_model(file)
+    return model, examine(model, 1)
+
+
+def test_the_best_releases_leave_nothing_redundant(four_bar, tmp_path):
+    model, found = four_bar
+    assert found.figures == figures(model.path) == (1 + 3, 1)  # a four-bar in its plane; a ball held twice
+    made = fix(model, found, tmp_path / "copy.xml")
+    assert figures(tmp_path / "copy.xml") == (made.redundancy, made.freedom) == (0, 1)
+    text = (tmp_path / "copy.xml").read_text()
+    assert "<!-- kept -->" in text and 'file="nowhere.stl"' in text
+
+
+@pytest.mark.parametrize("row", ["A.axial", "A.bend_2", "hinge of coupler.axial", "C.bend_1", "C.axial"])
+def test_each_row_that_is_redundant_can_be_freed_alone(four_bar, tmp_path, row):
+    model, found = four_bar
+    group = next(each for each in found.groups if row in each.rows)
+    assert group.redundancy == 1
+    made = fix(model, found, tmp_path / "copy.xml", [row])
+    assert len(made.freed) == 1
+    assert figures(tmp_path / "copy.xml") == (made.redundancy, made.freedom) == (3, 1)
+
+
+def test_what_would_move_is_not_freed_and_what_has_no_words_is_told(four_bar, tmp_path):
+    model, found = four_bar
+    made = fix(model, found, tmp_path / "copy.xml", ["A.radial_1"])
+    assert (made.files, made.redundancy) == ((), 4)
+    assert "no copy is written" in str(made)
+    assert not (tmp_path / "copy.xml").exists()
+    with pytest.raises(ValueError, match="MJCF cannot free single directions"):
+        fix(model, found, tmp_path / "copy.xml", ["connect rocker ~ world.radial_2"])
+    with pytest.raises(ValueError, match=r"names 'A\.twist', which is no row"):
+        fix(model, found, tmp_path / "copy.xml", ["A.twist"])
+
+
+@pytest.mark.slow
+def test_slides_ties_and_closures_by_bodies_are_freed(write, tmp_path):
+    file = write("fingers.xml", FINGERS)
+    model = rx.load_model(file)
+    made = fix(model, examine(model, 1), tmp_path / "copy.xml")
+    assert (figures(file), figures(tmp_path / "copy.xml")) == ((1, 2), (0, 2))
+    assert made.freed == ("'couple C ~ A' is left out",) or made.freed == ("'tie' is left out",)
+
+
+def test_loops_of_a_urdf_become_freer(write, tmp_path):
+    """All joints are at one point, where 15 forces hold 9 velocities: 6 of 10 stay, as only moments can be freed."""
+    write("door.yaml", SCREWS.format("6d"))
+    file = write("door.urdf", DOOR)
+    status, _, error = run(file, "--fix", tmp_path / "copy.urdf")
+    assert (status, figures(file)) == (3, (10, 1))
+    assert figures(tmp_path / "copy.urdf") == (6, 1)
+    assert "the copy has redundancy 6, freedom 1: the loops of a URDF know SPHERICAL" in error
+    loops = yaml.safe_load((tmp_path / "copy.yaml").read_text())
+    assert "3d" in loops["type"] or "SPHERICAL" in loops["joint_type"]
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["bar.xml", "--fix", "copy.urdf"], "`--fix` must end in .xml"),
+        (["bar.xml", "--fix", "bar.xml"], "another file than the model"),
+        (["bar.xml", "--release", "A.axial"], "Give --fix FILE too"),
+        (["bar.py:build", "--fix", "copy.py"], "`--fix` copies .xml"),
+        (["bar.xml", "--fix", "nowhere/copy.xml"], "cannot be written"),
+    ],
+)
+def test_a_copy_that_cannot_be_is_refused_in_a_line(write, monkeypatch, tmp_path, words, told):
+    write("bar.xml", FOUR_BAR)
+    monkeypatch.chdir(tmp_path)
+    status, _, error = run(*words)
+    assert status == 2
+    assert told in error and len(error.splitlines()) == 1

@@ -1,0 +1,117 @@
+"""Files that chance has spoiled: each is read, or refused by the package in one line."""
+
+import pathlib
+import random
+import re
+import traceback
+
+import numpy as np
+import pytest
+
+import redundax
+from redundax._models._build import mechanism_of
+from redundax._models._plan import Plan
+from redundax._models._read import closures_of, read
+from redundax._models._tree import tree_of
+
+pytest.importorskip("mujoco")
+pytest.importorskip("yaml")
+
+BAR = """<mujoco>
+  <compiler angle="radian"/><default><joint axis="0 1 0" damping="0.1"/><geom type="capsule" size="0.01"/></default>
+  <asset><mesh name="nowhere" file="nowhere.stl"/></asset>
+  <worldbody>
+    <body name="crank"><joint name="A" armature="0.1"/><geom fromto="0 0 0 0 0 0.1"/><geom type="mesh" mesh="nowhere"/>
+      <body name="coupler" pos="0 0 0.1"><joint name="B" stiffness="2" springref="0.3"/><geom fromto="0 0 0 0.4 0 0"/>
+        <body name="rocker" pos="0.4 0 0"><joint name="C"/><geom fromto="0 0 0 0 0 -0.2"/></body>
+      </body>
+    </body>
+    <body name="cart" pos="0 2 0"><joint name="S" type="slide"/><joint name="T" axis="0 0 1"/>
+      <geom fromto="0 0 0 0 0 1"/></body>
+    <body name="glass" pos="0 3 0"><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="1 2 2.5"/></body>
+  </worldbody>
+  <tendon><fixed name="both"><joint joint="A" coef="0.5"/><joint joint="S" coef="2"/></fixed></tendon>
+  <equality>
+    <connect name="D" body1="rocker" body2="world" anchor="0 0 -0.2"/>
+    <weld name="hung" body1="glass" body2="cart"/>
+    <joint name="cam" joint1="S" joint2="T" polycoef="0 0.5 0.25 -1 0"/>
+  </equality>
+  <actuator><motor name="pull" tendon="both"/><position name="turn" joint="T"/></actuator>
+</mujoco>
+"""
+LINK = (
+    '<link name="{}"><inertial><mass value="1"/>'
+    '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+)
+HINGE = (
+    '<joint name="{0}" type="revolute"><parent link="frame"/><child link="{1}"/><axis xyz="0 0 1"/>'
+    '<limit lower="-2" upper="2" effort="5" velocity="5"/></joint>'
+)
+DOOR = "".join(['<robot name="door">', *map(LINK.format, ("frame", "door", "leaf")), HINGE.format("low", "door")])
+DOOR += HINGE.format("high", "leaf") + '<transmission name="t"><joint name="low"/></transmission></robot>'
+LOOPS = "closed_loop: [[door, leaf]]\ntype: [6d]\nname_mot: [low]\njoint_name: [high]\njoint_type: [SPHERICAL]\n"
+
+
+def spoiled(text, chance):
+    """Something cut off, left out, put twice, exchanged, or replaced by nonsense."""
+    tags, values = re.findall(r"<[^>]*>", text) or [text], re.findall(r'"[^"]*"', text) or [text]
+    numbers, words = re.findall(r"-?\d+\.?\d*", text) or ["1"], re.findall(r"[A-Za-z_]{3,}", text)
+    tag, other, value, word = (chance.choice(each) for each in (tags, tags, values, words))
+    place = chance.randrange(len(text))
+    nonsense = chance.choice(["nan", "1e999", "x", "", "-1", "0", "1e300", "1e-300", "<i>", "a&amp;b"])
+    return chance.choice(
+        [
+            text[:place],
+            text.replace(tag, "", 1),
+            text.replace(tag, tag + tag, 1),
+            text.replace(tag, other, 1),
+            text.replace(chance.choice(numbers), nonsense, 1),
+            text.replace(value, f'"{nonsense}"', 1),
+            text.replace(value, chance.choice(values), 1),
+            text.replace(word, word[::-1], 1),
+            text[:place] + chance.choice('<>"&\0é\x07:[]{}') + text[place + 1 :],
+            text[:place] + text[chance.randrange(place, len(text)) :],
+        ]
+    )
+
+
+def outcome(folder, seed):
+    """What becomes of a spoiled model: "read", or the line that refuses it."""
+    chance = random.Random(seed)
+    name, text, loops = ("bar.xml", BAR, None) if seed % 2 else ("door.urdf", DOOR, LOOPS)
+    if loops and chance.random() < 0.5:
+        loops = spoiled(loops, chance)
+    else:
+        text = spoiled(text, chance)
+    file = folder / name
+    file.write_text(text, encoding="utf8")
+    if loops is not None:
+        file.with_suffix(".yaml").write_text(loops, encoding="utf8")
+    try:
+        with np.errstate(divide="raise", invalid="raise", over="raise"):
+            tree, _ = tree_of(read(file, closures_of(file, None))[0])
+            tree.closed()
+            mechanism_of(Plan(tree))
+    except (ValueError, RuntimeError) as error:
+        last = traceback.extract_tb(error.__traceback__)[-1].filename
+        assert pathlib.Path(last).is_relative_to(pathlib.Path(redundax.__file__).parent), (seed, error)
+        assert str(error) and "\n" not in str(error), (seed, error)
+        return str(error)
+    return "read"
+
+
+def check(folder, seeds, capfd, monkeypatch):
+    monkeypatch.chdir(folder)
+    outcomes = [outcome(folder, seed) for seed in seeds]
+    assert "read" in outcomes and len(set(outcomes)) > len(seeds) / 20
+    assert capfd.readouterr() == ("", "")
+    assert not list(folder.glob("*.TXT"))  # no log of MuJoCo's
+
+
+def test_spoiled_files_are_read_or_refused_in_a_line(tmp_path, capfd, monkeypatch):
+    check(tmp_path, range(60), capfd, monkeypatch)
+
+
+@pytest.mark.slow
+def test_many_spoiled_files_are_read_or_refused_in_a_line(tmp_path, capfd, monkeypatch):
+    check(tmp_path, range(60, 4000), capfd, monkeypatch)

@@ -1,0 +1,219 @@
+"""Sparse matrices of large mechanisms: the same answers as NumPy's and closed forms, derivatives included."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import redundax as rx
+from redundax._sparse._cholesky import factor, pivots, solution
+from redundax._sparse._plan import plan
+from redundax._sparse._rows import Rows
+
+RNG = np.random.default_rng(5)
+
+
+def rows_of_pairs(pairs, bodies, rows=2, size=3):
+    """Random slopes of joints between these pairs of bodies, -1 for the ground; and the Jacobian whole."""
+    joints = [np.arange(rows * k, rows * (k + 1)) for k in range(len(pairs))]
+    row = np.repeat(np.arange(rows * len(pairs)), 2)
+    body = np.repeat(np.where(np.array(pairs) < 0, bodies, pairs), rows, axis=0).ravel()
+    columns = np.arange(size * bodies).reshape(bodies, size)
+    found = plan(joints, (row, body), columns)
+    slopes = RNG.normal(size=(found.row.size, size))
+    whole = np.zeros((rows * len(pairs), size * bodies))
+    np.add.at(whole, (np.asarray(found.row)[:, None], columns[np.asarray(found.body)]), slopes)
+    half = RNG.normal(size=(bodies, size, size))
+    masses = half @ half.transpose(0, 2, 1) + np.eye(size)
+    return Rows(found, jnp.asarray(slopes), jnp.linalg.inv(masses)), whole, masses
+
+
+def chain(length):
+    return [(k - 1, k) for k in range(length)]
+
+
+def grid(width):
+    at = np.arange(width**2).reshape(width, width)
+    sides = [
+        *zip(at[:, 1:].ravel(), at[:, :-1].ravel(), strict=True),
+        *zip(at[1:].ravel(), at[:-1].ravel(), strict=True),
+    ]
+    return [(-1, 0), *sides]
+
+
+def star(arms):
+    return [(-1, 0), *((0, k) for k in range(1, arms)), *((-1, k) for k in range(1, arms))]
+
+
+@pytest.mark.parametrize(
+    ("pairs", "bodies"), [(chain(40), 40), (grid(6), 36), (star(30), 30), ([*chain(3), (3, 4)], 5)]
+)
+def test_a_factor_on_a_plan_solves_what_numpy_solves(pairs, bodies):
+    rows, whole, masses = rows_of_pairs(pairs, bodies)
+    mass = np.zeros((3 * bodies, 3 * bodies))
+    for k, each in enumerate(masses):
+        mass[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = each
+    matrix = whole @ np.linalg.solve(mass, whole.T) + np.eye(len(whole))
+    right = RNG.normal(size=(len(whole), 2))
+    np.testing.assert_allclose(rows.gram(jnp.asarray(right)) + right, matrix @ right, rtol=1e-10, atol=1e-10)
+    ones = jnp.ones(len(whole))
+    entries = rows.entries(ones, jnp.zeros(rows.plan.mates.shape).at[:, 0].set(1.0))
+    found = factor(rows.plan, entries)
+    np.testing.assert_allclose(
+        solution(rows.plan, found, jnp.asarray(right)), np.linalg.solve(matrix, right), atol=1e-9
+    )
+    size = np.sum(np.log(pivots(rows.plan, found)))
+    assert size == pytest.approx(np.linalg.slogdet(matrix)[1] / 2, rel=1e-10)
+
+
+def test_the_plan_of_a_chain_is_linear_in_its_length():
+    sizes = [rows_of_pairs(chain(length), length)[0].plan.size for length in (100, 400)]
+    assert sizes[1] <= 5 * sizes[0]
+
+
+def mechanisms():
+    yield "four-bars", rx.mechanisms.n_four_bar(3), lambda m: m.state(0.8, rate=1.0)
+    yield "cranks", rx.mechanisms.parallelogram(6), lambda m: m.state(0.8, rate=1.0)
+    yield "in space", rx.mechanisms.bricard(), lambda m: rx.assemble(m)
+    yield "frictional", rx.mechanisms.wojtyra2020(mu_rho=0.01), lambda m: m.state(phi=0.8, rate=1.0)
+
+
+@pytest.fixture(params=list(mechanisms()), ids=lambda case: case[0])
+def case(request):
+    _, mechanism, start = request.param
+    return mechanism, start(mechanism)
+
+
+def closures(mechanism):
+    m = len(mechanism.rows)
+    diagonal = RNG.uniform(1e-8, 3e-8, m)
+    names = [name for members in mechanism.names.joints for name in members]
+    return [
+        rx.MinimumNorm(),
+        rx.MinimumNorm(h=7.0, units=rx.units.Units(length=1000.0)),
+        rx.Compliance(diagonal, 1e-6 * RNG.normal(size=m)),
+        rx.Compliance(np.diag(diagonal)),
+        rx.ElasticJoints(mechanism, dict.fromkeys(names, (1e-8, 1e-6))),
+    ]
+
+
+def test_solutions_are_those_of_dense_matrices(case):
+    mechanism, state = case
+    for closure in closures(mechanism):
+        dense, sparse = (rx.solve(each, state, closure=closure) for each in (mechanism, mechanism.sparse()))
+        for name in ("acceleration", "multipliers", "friction"):
+            true, found = (np.asarray(getattr(each, name)) for each in (dense, sparse))
+            np.testing.assert_allclose(found, true, rtol=1e-10, atol=1e-11 * np.abs(true).max(initial=1.0))
+        assert sparse.stats.redundancy == dense.stats.redundancy
+        assert sparse.stats.freedom == dense.stats.freedom
+
+
+def test_multipliers_balance_compliance_along_every_self_stress():
+    mechanism = rx.mechanisms.parallelogram(12)
+    state, m = mechanism.state(0.8, rate=1.0), len(mechanism.rows)
+    compliance, misfit = RNG.uniform(1e-8, 3e-8, m), 1e-6 * RNG.normal(size=m)
+    lam = np.asarray(rx.solve(mechanism.sparse(), state, closure=rx.Compliance(compliance, misfit)).multipliers)
+    u, sigma, _ = np.linalg.svd(np.asarray(mechanism.jacobian(state.q, state.t)))
+    stress = u[:, np.sum(sigma > 1e-9) :]
+    assert stress.shape[1] == 10
+    terms = np.abs(stress.T) @ (np.abs(compliance * lam) + np.abs(misfit))
+    assert np.all(np.abs(stress.T @ (compliance * lam - misfit)) <= 1e-12 * terms)
+
+
+def rack(loops, twice):
+    """Cranks of 1 m and 1 kg, neighbours joined by couplers; pins of every third joint twice over."""
+    rod = {"mass": 1.0, "inertia": 1 / 12}
+    bodies = [*(rx.Body(f"c{k}", **rod) for k in range(loops + 1)), *(rx.Body(f"b{k}", **rod) for k in range(loops))]
+    pins = [(f"A{k}", f"c{k}", "ground", (-0.5, 0.0), (float(k), 0.0)) for k in range(loops + 1)]
+    for k in range(loops):
+        pins += [
+            (f"B{k}", f"b{k}", f"c{k}", (-0.5, 0.0), (0.5, 0.0)),
+            (f"C{k}", f"b{k}", f"c{k + 1}", (0.5, 0.0), (0.5, 0.0)),
+        ]
+    joints = [rx.Revolute(*pin) for pin in pins]
+    second = [rx.Revolute(f"{pin[0]}'", *pin[1:]) for pin in pins[::3]] if twice else []
+    pose = rx.mechanisms.n_four_bar(loops).pose
+    return rx.Mechanism([*bodies], [*joints, *second], gravity=(0.0, -9.81), pose=pose), [pin[0] for pin in pins[::3]]
+
+
+def test_many_loops_with_pins_twice_over_are_right_to_the_last_digits():
+    loops = 60
+    (single, _), (double, doubled) = rack(loops, False), rack(loops, True)
+    single, double = single.sparse(), double.sparse()
+    state = double.state(0.8, rate=1.0)
+    alone, found = (rx.solve(each, state) for each in (single, double))
+    k = 9.81 * ((loops + 1) / 2 + loops) / ((loops + 1) / 3 + loops)
+    cranks = [found[f"c{c}.phi''"] for c in range(loops + 1)]
+    np.testing.assert_allclose(cranks, -k * np.cos(0.8), rtol=1e-11)
+    assert found.stats.redundancy == 2 * len(doubled)
+    size = np.abs(np.asarray(alone.multipliers)).max()
+    for name in single.rows.labels:
+        pin, row = name.split(".")
+        twice = [found[name], found[f"{pin}'.{row}"]] if pin in doubled else [found[name]]
+        np.testing.assert_allclose(twice, alone[name] / len(twice), rtol=0, atol=1e-10 * size)
+    unique = np.asarray(rx.factorize(double, state).unique_multipliers)
+    assert {name.rstrip("'") for name in np.array([row.split(".")[0] for row in double.rows.labels])[~unique]} == set(
+        doubled
+    )
+
+
+def test_derivatives_in_both_modes_are_those_of_dense_matrices():
+    mechanism = rx.mechanisms.parallelogram(5)
+    m = len(mechanism.rows)
+    compliance, misfit = RNG.uniform(1e-9, 3e-9, m), 1e-5 * RNG.normal(size=m)
+
+    def figures(mechanism, x):
+        state = mechanism.state(0.8 + x[0], rate=1.0 + x[1])
+        heavier = eqx.tree_at(lambda m: m.body.mass, mechanism, mechanism.body.mass * (1 + x[2]))
+        closure = rx.Compliance(compliance * (1 + x[3] * jnp.arange(m)), misfit)
+        solution = rx.solve(heavier, state, closure=closure)
+        return jnp.concatenate([solution.acceleration, 1e-3 * solution.multipliers])[::7]
+
+    x = jnp.zeros(4)
+    true = jax.jacfwd(lambda x: figures(mechanism, x))(x)
+    sparse = mechanism.sparse()
+    for mode in (jax.jacfwd, jax.jacrev):
+        found = mode(lambda x: figures(sparse, x))(x)
+        np.testing.assert_allclose(found, true, rtol=1e-9, atol=1e-10 * np.abs(true).max())
+
+
+def test_batches_are_as_one_by_one():
+    sparse = rx.mechanisms.parallelogram(4).sparse()
+    angles = jnp.linspace(0.3, 1.2, 3)
+    found = jax.vmap(lambda phi: rx.solve(sparse, sparse.state(phi, rate=1.0)).multipliers)(angles)
+    for phi, multipliers in zip(angles, found, strict=True):
+        one = rx.solve(sparse, sparse.state(phi, rate=1.0)).multipliers
+        np.testing.assert_allclose(multipliers, one, rtol=1e-11, atol=1e-10)
+
+
+def test_what_cannot_be_answered_is_refused():
+    sparse = rx.mechanisms.n_four_bar(3).sparse()
+    flat = rx.solve(sparse, sparse.state(0.0, rate=1.0), throw=False)
+    assert flat.result == rx.RESULTS.singular_position
+    state = sparse.state(0.8, rate=1.0)
+    off = rx.State(state.q + 1e-3 * jnp.sin(jnp.arange(state.q.size)), state.qd, state.t)
+    with pytest.raises(RuntimeError, match="Violated rows"):
+        rx.solve(sparse, off)
+    rigid = rx.mechanisms.parallelogram(4).sparse()
+    none = rx.Compliance(np.zeros(len(rigid.rows)))
+    with pytest.raises(RuntimeError, match="closure"):
+        rx.solve(rigid, rigid.state(0.8, rate=1.0), closure=none)
+
+
+def test_other_questions_are_answered_by_dense_matrices():
+    mechanism = rx.mechanisms.parallelogram(4)
+    state = mechanism.state(0.8, rate=1.0)
+    dense, sparse = (rx.analyze(each, state) for each in (mechanism, mechanism.sparse()))
+    assert str(sparse) == str(dense)
+    np.testing.assert_array_equal(
+        mechanism.sparse().sparse(False).jacobian(state.q, state.t), mechanism.jacobian(state.q, state.t)
+    )
+
+
+def test_what_sparse_matrices_do_not_take_is_told():
+    with pytest.raises(ValueError, match="but 'crank 1' lacks some"):
+        rx.mechanisms.swing().sparse()
+    rubbing = rx.mechanisms.wojtyra2020(mu_rho=0.01).sparse()
+    with pytest.raises(ValueError, match="have no friction yet"):
+        rx.simulate(rubbing, rubbing.state(phi=0.8, rate=1.0), 0.1)
