@@ -18,8 +18,13 @@ class Fields(griffe.Extension):
             module = modules.pop()
             modules += module.modules.values()
             for own in module.classes.values():
-                if not own.is_alias and "__init__" not in own.members and not own.name.startswith("_"):
+                if own.is_alias or own.name.startswith("_"):
+                    continue
+                if "__init__" not in own.members:
                     self._add(own)
+                elif own.members["__init__"].is_attribute:  # that of a base, by name
+                    base = next(base for base in own.mro() if "__init__" in base.members)
+                    own.set_member("__init__", base.members["__init__"])
 
     def _add(self, own: griffe.Class) -> None:
         fields = {}

@@ -7,7 +7,8 @@ N-four-bar is problem A02 of the multibody benchmark library: N loops of cranks 
 On the branch of parallel cranks the crank angle obeys one scalar equation; its solution by SciPy to 1e-13 is the truth.
 
 Beside it stand three cranks with a coupler, Andrews' squeezer with its published end, and the paper's mechanism, which
-comes to rest where it has friction.
+comes to rest where it has friction; and in space problem A04, Bricard's mechanism, a four-bar, and problem A05, a
+governor on stiff springs, each by an integration of its own freedoms to 1e-12.
 
 Peers run where they are installed (`pip install exudyn mujoco`): Exudyn, implicit generalised-alpha method with its
 redundant constraints ignored in the factorisation; MuJoCo, a tree closed by equality constraints, as stiff as the step

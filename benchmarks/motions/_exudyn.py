@@ -1,10 +1,14 @@
-"""N-four-bar in Exudyn: redundant multibody coordinates, generalised-alpha method."""
+"""N-four-bar and mechanisms in space in Exudyn: redundant multibody coordinates, generalised-alpha method."""
 
 import time
+from typing import Any
 
+import jax
 import numpy as np
 
-from ._problems import GRAVITY, T1
+import redundax as rx
+
+from ._problems import GRAVITY, T1, SpatialProblem
 
 NAME = "Exudyn"
 
@@ -18,7 +22,7 @@ def missing() -> str:
     return ""
 
 
-def run(loops: int, steps: int, rate: float = -1.0) -> tuple[float, float]:
+def run(loops: int, steps: int, rate: float = -1.0, t1: float = T1) -> tuple[float, float]:
     """Seconds of the integration, and the angle of the first crank at the end, from vertical cranks of a rate.
 
     The angle is NaN where Newton's method of a step fails, as it may beside a singular position.
@@ -26,23 +30,43 @@ def run(loops: int, steps: int, rate: float = -1.0) -> tuple[float, float]:
     import exudyn as exu
 
     system, crank = _model(loops, rate)
+    seconds = _solved(
+        system, steps, exu.LinearSolverType.EXUdense if loops < 5 else exu.LinearSolverType.EigenSparse, t1
+    )
+    if np.isnan(seconds):
+        return seconds, np.nan
+    return seconds, np.pi / 2 + system.GetNodeOutput(crank, exu.OutputVariableType.Coordinates)[2]
+
+
+def run_in_space(problem: SpatialProblem, steps: int) -> tuple[float, np.ndarray]:
+    """Seconds of the integration, and where the problem's body has its origin at the end."""
+    import exudyn as exu
+
+    system, bodies = _in_space(problem.mechanism, problem.state)
+    seconds = _solved(system, steps, exu.LinearSolverType.EigenDense)
+    place, centre = exu.OutputVariableType.Position, np.asarray(problem.mechanism.body.centre)[problem.body]
+    return seconds, np.array(system.GetObjectOutputBody(bodies[problem.body], place, list(-centre)))
+
+
+def _solved(system: Any, steps: int, solver: Any, t1: float = T1) -> float:
+    """Seconds of the integration, NaN where Newton's method of a step fails."""
+    import exudyn as exu
+
     settings = exu.SimulationSettings()
     settings.solution.file.write = False
-    settings.solution.sensors.writePeriod = T1
+    settings.solution.sensors.writePeriod = t1
     settings.linearSolver.ignoreSingularJacobian = True
-    dense = loops < 5
-    settings.linearSolver.solverType = exu.LinearSolverType.EXUdense if dense else exu.LinearSolverType.EigenSparse
+    settings.linearSolver.solverType = solver
     integration = settings.timeIntegration
-    integration.numberOfSteps, integration.endTime, integration.verboseMode = steps, T1, 0
+    integration.numberOfSteps, integration.endTime, integration.verboseMode = steps, t1, 0
     integration.generalizedAlpha.spectralRadius = 0.9
     integration.newton.useModifiedNewton = True
     start = time.perf_counter()
     try:
         system.SolveDynamic(settings, solverType=exu.DynamicSolverType.GeneralizedAlpha)
     except exu.SolverError:
-        return time.perf_counter() - start, np.nan
-    seconds = time.perf_counter() - start
-    return seconds, np.pi / 2 + system.GetNodeOutput(crank, exu.OutputVariableType.Coordinates)[2]
+        return np.nan
+    return time.perf_counter() - start
 
 
 def _model(loops: int, rate: float) -> tuple:
@@ -77,3 +101,47 @@ def _model(loops: int, rate: float) -> tuple:
         pin(cranks[c + 1][0], 0.5, coupler, 0.5)
     system.Assemble()
     return system, cranks[0][1]
+
+
+def _in_space(mechanism: rx.Mechanism, state: rx.State) -> tuple:
+    """The assembled system of a mechanism of hinges, sliders and springs, and its bodies."""
+    import exudyn as exu
+    from exudyn import utilities
+
+    system = exu.SystemContainer().AddSystem()
+    pose, own, joints, loads, gravity = jax.tree.map(
+        np.asarray, (mechanism.poses(state.q), mechanism.body, mechanism.joints, mechanism.loads, mechanism.gravity)
+    )
+    (r, axes), (linear, angular) = (pose.r, pose.axes), np.asarray(state.qd).reshape(2, -1, 3)
+    bodies = [
+        system.CreateRigidBody(
+            inertia=utilities.RigidBodyInertia(float(own.mass[b]), np.diag(own.inertia[b]), [0, 0, 0]),
+            referencePosition=r[b] + axes[b] @ own.centre[b],
+            referenceRotationMatrix=axes[b],
+            initialVelocity=linear[b],
+            initialAngularVelocity=axes[b] @ angular[b],
+            gravity=gravity,
+        )
+        for b in range(len(linear))
+    ]
+    bodies.append(system.CreateGround())
+    make = {"Revolute": system.CreateRevoluteJoint, "Prismatic": system.CreatePrismaticJoint}
+    for stack in joints:
+        e = stack.element
+        for i, j, point, along in zip(stack.i, stack.j, e.point_i, e.axes_i, strict=True):
+            place = {"position": r[i] + axes[i] @ point, "axis": axes[i] @ along[:, 2], "useGlobalFrame": True}
+            make[type(e).__name__](itemNumbers=[bodies[i], bodies[j]], **place)
+    centres = np.append(own.centre, np.zeros((1, 3)), axis=0)
+    for stack in loads:
+        e = stack.element
+        for k, (i, j) in enumerate(zip(stack.i, stack.j, strict=True)):
+            system.CreateSpringDamper(
+                bodyNumbers=[bodies[i], bodies[j]],
+                localPosition0=e.point_i[k] - centres[i],
+                localPosition1=e.point_j[k] - centres[j],
+                referenceLength=float(e.free_length[k]),
+                stiffness=float(e.stiffness[k]),
+                damping=float(e.damping[k]),
+            )
+    system.Assemble()
+    return system, bodies

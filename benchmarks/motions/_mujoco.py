@@ -18,11 +18,11 @@ def missing() -> str:
     return ""
 
 
-def run(loops: int, steps: int, integrator: str, rate: float = -1.0) -> tuple[float, float]:
+def run(loops: int, steps: int, integrator: str, rate: float = -1.0, t1: float = T1) -> tuple[float, float]:
     """Seconds of the integration, and the angle of the first crank at the end, from vertical cranks of a rate."""
     import mujoco
 
-    model = mujoco.MjModel.from_xml_string(_model(loops, T1 / steps, integrator))
+    model = mujoco.MjModel.from_xml_string(_model(loops, t1 / steps, integrator))
     data = mujoco.MjData(model)
     data.qvel[:] = [rate if model.joint(j).name[0] == "c" else -rate for j in range(model.njnt)]
     start = time.perf_counter()

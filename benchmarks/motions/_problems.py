@@ -3,10 +3,12 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import diffrax
 import jax.numpy as jnp
 import numpy as np
+import spaces
 from scipy.integrate import solve_ivp
-from truth import squeezer
+from truth import bricard, four_bar, governor, squeezer
 
 import redundax as rx
 
@@ -23,12 +25,21 @@ class Problem:
     error: Callable[[np.ndarray], float]
     t1: float = T1
     loops: int = 0
+    solver: diffrax.AbstractSolver | None = None
 
 
-def crank_angle(k: float, phi: float, rate: float) -> float:
-    """The angle of parallel cranks after 10 s, phi'' = -k cos phi."""
+@dataclass(frozen=True)
+class SpatialProblem(Problem):
+    """A motion in space, at whose end a body has the origin of its local frame at `end`."""
+
+    body: int = 0
+    end: tuple[float, ...] = ()
+
+
+def crank_angle(k: float, phi: float, rate: float, t1: float = T1) -> float:
+    """The angle of parallel cranks after t1, phi'' = -k cos phi."""
     run = solve_ivp(
-        lambda t, y: [y[1], -k * np.cos(y[0])], (0, T1), [phi, rate], method="DOP853", rtol=1e-13, atol=1e-14
+        lambda t, y: [y[1], -k * np.cos(y[0])], (0, t1), [phi, rate], method="DOP853", rtol=1e-13, atol=1e-14
     )
     return run.y[0, -1]
 
@@ -78,3 +89,41 @@ def andrews() -> Problem:
         return float(np.max(np.abs(squeezer.relative_angles(q) / squeezer.PUBLISHED - 1)))
 
     return Problem("squeezer, 0.03 s", squeezer.mechanism(), squeezer.start(), error, squeezer.T1)
+
+
+def a04() -> SpatialProblem:
+    """Bricard's mechanism in space, problem A04 of the multibody benchmark library: n = m = 30, rank 29."""
+    mechanism = rx.mechanisms.bricard()
+    third = bricard.released(np.array([T1]))[0, 1]
+    return _in_space("A04, Bricard in space", mechanism, rx.assemble(mechanism), 2, third)
+
+
+def four_bar_in_space() -> SpatialProblem:
+    """A planar four-bar of four spatial hinges in a plane that leans, its crank at 1 rad/s: n = 18, m = 20, rank 17."""
+    mechanism = spaces.four_bar()
+    x, y = four_bar.turned(np.array([T1]))[0]
+    state = rx.assemble(mechanism, rates={"A.angle": 1.0})
+    return _in_space("four-bar in space", mechanism, state, 2, np.array([x, 0.8 * y, 0.6 * y]))
+
+
+def a05() -> SpatialProblem:
+    """Stiff flyball governor, problem A05 of the multibody benchmark library: n = 24, m = 20, four freedoms."""
+    mechanism = rx.mechanisms.governor()
+    rest = dict.fromkeys(("pin 1.angle", "pin 2.angle", "sleeve.travel"), 0.0)
+    state = rx.assemble(mechanism, rates={"axis.angle": governor.SPIN, **rest})
+    height = governor.released(np.array([T1]))[1, 0]
+    return _in_space("A05, stiff governor", mechanism, state, 1, np.array([0, 0, height]), diffrax.Dopri5())
+
+
+def _in_space(
+    name: str,
+    mechanism: rx.Mechanism,
+    state: rx.State,
+    body: int,
+    end: np.ndarray,
+    solver: diffrax.AbstractSolver | None = None,
+) -> SpatialProblem:
+    def error(q: np.ndarray) -> float:
+        return float(np.abs(mechanism.poses(jnp.asarray(q)).r[body] - end).max())
+
+    return SpatialProblem(name, mechanism, state, error, solver=solver, body=body, end=tuple(end))

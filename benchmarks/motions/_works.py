@@ -17,7 +17,20 @@ import redundax as rx
 from .._devices import batched
 from .._programs import Programs, of_function
 from . import _exudyn, _mujoco
-from ._problems import T1, Problem, andrews, crank, crank_angle, n_four_bar, papers, stiffness, three_cranks
+from ._problems import (
+    T1,
+    Problem,
+    a04,
+    a05,
+    andrews,
+    crank,
+    crank_angle,
+    four_bar_in_space,
+    n_four_bar,
+    papers,
+    stiffness,
+    three_cranks,
+)
 
 OURS = "redundax"
 
@@ -50,13 +63,27 @@ def one_motion(quick: bool) -> Iterator[Row]:
             yield from _peers(problem, (1_000, 10_000) if quick else (1_000, 4_000, 16_000, 64_000, 256_000))
 
 
+def in_space(quick: bool) -> Iterator[Row]:
+    """Time against error of Bricard's mechanism, a four-bar and the stiff governor."""
+    smooth = (1e-6, 1e-8) if quick else (1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
+    counts = (1_000, 4_000) if quick else (1_000, 4_000, 16_000, 64_000)
+    for problem, tolerances in ((a04(), smooth), (four_bar_in_space(), smooth), (a05(), (1e-4, 1e-6))):
+        for rtol in tolerances:
+            yield _ours(problem, rtol)
+        if not _exudyn.missing():
+            for steps in counts:
+                seconds, found = _exudyn.run_in_space(problem, steps)
+                error = float(np.abs(found - problem.end).max())
+                yield Row(problem.name, _exudyn.NAME, f"{steps} steps", 0.0, seconds, steps, error)
+
+
 def _ours(problem: Problem, rtol: float) -> Row:
     mechanism, state, t1 = problem.mechanism, problem.state, problem.t1
 
     def run() -> rx.types.Trajectory:
-        return rx.simulate(mechanism, state, t1, ts=[t1], rtol=rtol, throw=False)
+        return rx.simulate(mechanism, state, t1, ts=[t1], rtol=rtol, solver=problem.solver, throw=False)
 
-    first, seconds, found = _timed(run)
+    first, seconds, found = _timed(run, 3 if problem.solver is None else 1)
     stats = found.stats
     return Row(
         problem.name,

@@ -29,7 +29,7 @@ prepare(_early.parse_known_args()[0].devices)
 import jax  # noqa: E402
 import numpy as np  # noqa: E402
 
-from . import _costs, _eigen, _joints, _works  # noqa: E402
+from . import _costs, _eigen, _joints, _space, _works  # noqa: E402
 from ._goals import goals  # noqa: E402
 from ._measure import Row  # noqa: E402
 
@@ -43,6 +43,7 @@ _WORKS = {
     "derivatives": lambda size: _costs.derivatives(size // 10),
     "float32": lambda size: _costs.single_precision(size // 10),
     "sizes": _costs.sizes,
+    "space": lambda size: _space.bricard(size // 100),
     "start": lambda size: _costs.cold_start(),
 }
 _COMPILATION = "compilation"
