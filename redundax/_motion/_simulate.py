@@ -128,11 +128,6 @@ def simulate(
     check_times(state.t, t1, given)
     anonymous = system.anonymous()
     fixed = stop_gradient((system, state))  # it only decides how to compute
-    if system.plan is not None and system.friction:
-        raise ValueError(
-            "Motions by sparse matrices have no friction yet, but joints of this mechanism do. Simulate "
-            "`mechanism.sparse(False)`, or leave friction out."
-        )
     if system.plan is None:
         factor = factorised(*fixed, rank)
         mass = factor.mass if is_concrete(factor.mass) else system.mass(state.q, state.t)
@@ -168,6 +163,11 @@ def _evenly(start: Array, end: Array) -> Float[Array, "101"]:
 def _check(system: AbstractSystem, state: State, rtol: ArrayLike | None, dt0: ArrayLike | None, max_steps: int) -> None:
     """Refuse what cannot be integrated."""
     refuse_directions(system.friction, "in a motion")
+    if system.plan is not None and system.friction:
+        raise ValueError(
+            "Motions by sparse matrices have no friction yet, but joints of this mechanism do. Simulate "
+            "`mechanism.sparse(False)`, or leave friction out."
+        )
     n = len(system.coordinates)
     if state.qd.shape != (n,) or (system.adds and state.q.shape != (n,)):
         raise ValueError(
