@@ -52,6 +52,11 @@ class VectorFriction(AbstractFriction):
         """Slips of a joint."""
         return len(self.joints.element.slip_kinds)
 
+    @property
+    def arms(self) -> Float[Array, " p"]:
+        """As the joints have."""
+        return eqx.filter_vmap(lambda joint: joint.arms)(self.joints.element).ravel()
+
     def anonymous(self) -> Self:
         return replace_fields(self, slips=self.slips.anonymous())
 

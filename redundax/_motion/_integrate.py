@@ -12,6 +12,7 @@ from .._equations._sparse_factorisation import SparseFactorisation
 from .._solve._solve import solve_factorised
 from .._solvers._continuation import Continuation
 from .._solvers._solver import Newton
+from .._system._directions import directions_of
 from .._system._friction import have_sense, memories
 from .._system._results import RESULTS, first_failure
 from .._system._state import State
@@ -112,6 +113,7 @@ def _equations(
         scale,
         speed,
         jnp.where(angular, scale.length, 1.0),
+        stop_gradient(directions_of(system.friction)),
         have_sense(system.friction),
     )
 

@@ -22,6 +22,7 @@ from .._equations._response import LinearResponse, Response
 from .._equations._scaling import Scaling
 from .._solvers._friction_problem import FrictionProblem, Law
 from .._solvers._solver import AbstractSolver, closed_root
+from .._system._directions import Directions
 from .._system._friction import load_rows, memory_rates
 from .._system._results import RESULTS
 from .._system._state import State
@@ -52,13 +53,22 @@ class Moving(NamedTuple):
 
 # Eigenvalues of unit slip accelerations of joints that stick, relative to the largest, that count as 0.
 _DEPENDENT = 1e-10
+# Slips that count as none, relative to those of the mechanism, at least so many roundings.
+NONE = 1e-9, 10
+
+
+def tolerance_of(tolerance: tuple[float, float], like: Array) -> float:
+    """A tolerance, at least so many roundings."""
+    return max(tolerance[0], tolerance[1] * float(jnp.finfo(like.dtype).eps))
 
 
 class Context(NamedTuple):
-    """What stays the same within a step: the held rank, and the friction forces that a solve starts from."""
+    """What stays the same within a step: the held rank, the friction forces that a solve starts from, and where joints
+    have several slips with one friction the unit directions in which their surfaces slide as it begins."""
 
     held: AnyHeld
     tau: Float[Array, " p"]
+    along: Float[Array, " p"] | None = None
 
 
 class Linear(NamedTuple):
@@ -99,6 +109,7 @@ class Equations(eqx.Module):
     - `scaling`: sizes of rows and coordinates and the length of the mechanism, for errors free of units.
     - `speed`: a velocity of the mechanism, length per time.
     - `slip_size`: the length by which slips are made lengths, 1 for those that are; shape (p,).
+    - `directions`: which slips share one friction, `None` if none do; their sense is a unit direction together.
     - `sensed`: whose friction depends on the sense of slip, so that it can stick.
     """
 
@@ -110,6 +121,7 @@ class Equations(eqx.Module):
     scaling: Scaling
     speed: Float[Array, ""]
     slip_size: Float[Array, " p"]
+    directions: Directions | None
     sensed: tuple[bool, ...] = eqx.field(static=True)
 
     @property
@@ -120,7 +132,8 @@ class Equations(eqx.Module):
     @property
     def sticking(self) -> Bool[Array, " p"]:
         """Which joints stick."""
-        return (self.sense == 0) & jnp.asarray(self.sensed)
+        still = self.sense == 0
+        return (still if self.directions is None else self.directions.every(still)) & jnp.asarray(self.sensed)
 
     def with_sense(self, sense: Float[Array, " p"]) -> "Equations":
         """The same equations with other senses."""
@@ -137,7 +150,7 @@ class Equations(eqx.Module):
         """y', the rates of the slip rates, and the slip rates."""
         state = y.at(t)
         linear = self.linear(state, context.held, closed=self.loaded)
-        solved = self.solved(state, linear, context.tau)
+        solved = self.solved(state, linear, context.tau, context.along)
         base, event = jax.tree.map(jnp.zeros_like, (y.base, y.event))
         memory = list(memory_rates(self.system.friction, linear.rate, state))
         slope = Moving(chart_rate(self.system, state), base, solved.acceleration, solved.power, event, memory)
@@ -175,11 +188,21 @@ class Equations(eqx.Module):
         return Linear(response, load, directions, rate, slip[:, 0], slip[:, 1:])
 
     @eqx.filter_jit
-    def solved(self, state: State, linear: Linear, start: Float[Array, " p"] | None) -> Solved:
-        """Accelerations, multipliers and friction, from friction forces that the solver starts at, if known."""
+    def solved(
+        self, state: State, linear: Linear, start: Float[Array, " p"] | None, along: Float[Array, " p"] | None = None
+    ) -> Solved:
+        """Accelerations, multipliers and friction, from friction forces that the solver starts at, if known.
+
+        Surfaces that slide against the directions `along` have friction as if they still slid the other way.
+        """
         tau, contraction, size = linear.rate, jnp.zeros_like(state.t), jnp.ones_like(linear.rate)
         if self.system.friction:
-            law = Law(self.system.friction, linear.rate, self.sense, state)
+            rate, sense = linear.rate, self.sense
+            if self.directions is not None:
+                sense = sense if along is None else jnp.where(self.directions.directed, along, sense)
+                rate = jnp.where(self.directions.directed & self.is_none(rate), 0.0, rate)
+                rate = rate if along is None else self.directions.past(rate, along)
+            law = Law(self.system.friction, rate, sense, state)
             tau, contraction, size = self._friction(law, linear, start)
         acceleration, multipliers = linear.response.at(tau)
         power = self._power(state, linear.load + linear.directions @ tau, multipliers)
@@ -208,6 +231,34 @@ class Equations(eqx.Module):
             tau = jnp.where(self.solver.result(root.progress) == RESULTS.successful, root.tau, jnp.nan)
         return tau if passed is None else holding + passed @ tau, contraction, size
 
+    def whole(self, flags: Bool[Array, " p"]) -> Bool[Array, " p"]:
+        """For each slip whether it is so for all that share its friction."""
+        return flags if self.directions is None else self.directions.every(flags)
+
+    def is_none(self, rate: Float[Array, " p"]) -> Bool[Array, " p"]:
+        """Which joints slip by no more than rounding."""
+        return self.whole(jnp.abs(rate) * self.slip_size <= tolerance_of(NONE, rate) * self.speed)
+
+    def sense_of(
+        self, rate: Float[Array, " p"], acceleration: Float[Array, " p"]
+    ) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
+        """Senses of joints that begin to slip, and of those that do."""
+        if self.directions is None:
+            return jnp.sign(acceleration), jnp.sign(rate)
+        surface = self.directions.arms * jnp.where(self.directions.directed & ~self.is_none(rate), rate, acceleration)
+        return self.directions.unit(surface), self.directions.unit(self.directions.arms * rate)
+
+    def turned(
+        self, rate: Float[Array, " p"], along: Float[Array, " p"], event: Bool[Array, ""]
+    ) -> Float[Array, " p"]:
+        """The directions in which surfaces slide as the next step begins; those of the last where it is an event."""
+        return jnp.where(event | self.is_none(rate) | self.sticking, along, self.sense_of(rate, rate)[1])
+
+    def halted(self, state: State, held: AnyHeld) -> Float[Array, " n"]:
+        """Velocities after an impulse of friction that leaves joints that stick no slip."""
+        linear = self.linear(state, held, closed=False)
+        return state.qd - linear.response.unit.acceleration @ (self._inverse(linear, self.sticking) @ linear.rate)
+
     def yielding(self, linear: Linear) -> Float[Array, " p"]:
         """Slip acceleration of each joint by its own unit friction; infinite where constraints leave it no slip."""
         own = jnp.diagonal(linear.yields)
@@ -223,15 +274,18 @@ class Equations(eqx.Module):
         slip rates dies away.
         """
         stick = self.sticking
+        inverse, slides = self._inverse(linear, stick), jnp.diag(1.0 - stick)
+        offset = linear.slip + self.speed / self.scaling.size * linear.rate
+        return -inverse @ offset, slides - inverse @ linear.yields @ slides
+
+    def _inverse(self, linear: Linear, stick: Bool[Array, " p"]) -> Float[Array, "p p"]:
+        """Least friction of joints that stick by slip accelerations that it causes."""
         both = stick[:, None] & stick
         matrix = jnp.where(both, linear.yields, 0.0)
         size = jnp.sqrt(self.yielding(linear))
         rtol = max(_DEPENDENT, 100 * float(jnp.finfo(matrix.dtype).eps))
         inverse = jnp.linalg.pinv(matrix / size[:, None] / size, rtol=rtol, hermitian=True)
-        inverse = jnp.where(both, inverse / size[:, None] / size, 0.0)
-        slides = jnp.diag(1.0 - stick)
-        offset = linear.slip + self.speed / self.scaling.size * linear.rate
-        return -inverse @ offset, slides - inverse @ linear.yields @ slides
+        return jnp.where(both, inverse / size[:, None] / size, 0.0)
 
     def _power(self, state: State, force: Array, multipliers: Array) -> Float[Array, ""]:
         one, system = jnp.ones_like(state.t), self.system

@@ -88,7 +88,7 @@ def _phase(now: PhaseState, equations: Equations, options: Options) -> PhaseStat
         end,
         jnp.minimum(options.first, end - now.t),
         now.y,
-        (equations, Context(now.held, now.tau)),
+        (equations, Context(now.held, now.tau, None if equations.directions is None else equations.sense)),
         stepsize_controller=options.controller,
         saveat=diffrax.SaveAt(
             subs=[diffrax.SubSaveAt(ts=within(now.t, end, options.ts)), diffrax.SubSaveAt(t1=True)], solver_state=True
@@ -142,7 +142,7 @@ def _stopped(
     rests = now.resting & now.going
     (first, start), last = carried.start, y.at(jnp.where(now.resting, end, t))
     before = jax.tree.map(lambda a, b: jnp.where(now.resting, a, b), y.at(t), start.at(first))
-    bracket = bracket_event(equations, before, last, carried.context.held, rests, happened)
+    bracket = bracket_event(equations, before, last, carried.context, rests, happened)
     there = bracket.there
     moves = now.resting & ~there.resting & ~jnp.any(is_released(equations, there))  # what no friction held
     t = jnp.where(now.resting, jnp.where(moves, bracket.low, bracket.high), t)

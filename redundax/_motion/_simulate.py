@@ -17,7 +17,6 @@ from .._closures._closure import AbstractClosure, MinimumNorm, for_motion
 from .._equations._culprits import thrown
 from .._equations._factorisation import factorised
 from .._equations._sparse_factorisation import sparse_factorised
-from .._system._friction import refuse_directions
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
@@ -162,7 +161,6 @@ def _evenly(start: Array, end: Array) -> Float[Array, "101"]:
 
 def _check(system: AbstractSystem, state: State, rtol: ArrayLike | None, dt0: ArrayLike | None, max_steps: int) -> None:
     """Refuse what cannot be integrated."""
-    refuse_directions(system.friction, "in a motion")
     if system.plan is not None and system.friction:
         raise ValueError(
             "Motions by sparse matrices have no friction yet, but joints of this mechanism do. Simulate "

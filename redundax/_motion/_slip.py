@@ -9,11 +9,15 @@ h a slip rate, or of a joint let go its slip acceleration with the friction of i
 the event, and its derivative that of the event. Joints let go start from there; where a slip rate is zero it is asked
 which joints stick (`_stick`).
 
+Where a joint has several slips with one friction h is the velocity of its surfaces, or their acceleration, along the
+direction in which they slide as the step begins, or in which they are let go: that of what holds them. Beyond a stop
+friction goes on as before it. Steps that end against that direction must pass a stop (`ends_well`).
+
 A mechanism at rest is looked at from time to time: loads that change may let it go.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import diffrax
 import jax
@@ -23,11 +27,12 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._equations._kinematics import between
+from .._system._directions import Directions
 from .._system._state import State
 from .._tools._module import stop_gradient
 from ._held_rank import AnyHeld
-from ._moving import Context, Equations, Linear, Moving, project, rechart
-from ._stick import NONE, Mode, mode_of, next_mode, tolerance_of
+from ._moving import NONE, Context, Equations, Linear, Moving, project, rechart, tolerance_of
+from ._stick import STILL, Mode, mode_of, next_mode
 
 # Halvings of the step, steps that locate an event, into the bracket and then Newton's, and looks at rest.
 _HALVINGS, _NEWTON, _LOOKS = 8, 5, 100
@@ -47,11 +52,23 @@ class Bracket(NamedTuple):
     against: Float[Array, " p"]
 
 
-def has_event(equations: Equations, state: State, linear: Linear) -> Bool[Array, ""]:
+def has_event(equations: Equations, state: State, linear: Linear, along: Array | None) -> Bool[Array, ""]:
     """Whether a joint slips against its sense, or joints that stick do not any longer."""
     there = mode_of(equations, state, linear, jnp.any(equations.sticking))
     small = tolerance_of(NONE, linear.rate) * equations.speed / equations.slip_size
-    return jnp.any(is_released(equations, there)) | jnp.any(_against(equations, linear.rate) > small)
+    return jnp.any(is_released(equations, there)) | jnp.any(_against(equations, linear.rate, along) > small)
+
+
+def ends_well(equations: Equations, rate: Float[Array, " p"], along: Float[Array, " p"]) -> Bool[Array, ""]:
+    """Whether joints with several slips that slide against the directions of the step's start did so past a stop, and
+    not beside it, where they turn round."""
+    if equations.directions is None:
+        return jnp.ones((), bool)
+    directions, slow = equations.directions, tolerance_of(STILL, rate) * equations.speed
+    ahead = directions.along(rate, along)
+    beside = rate - ahead * along / directions.arms
+    passed = directions.every(jnp.abs(beside) * equations.slip_size <= slow)
+    return jnp.all((ahead >= 0) | passed | ~directions.directed)
 
 
 def is_released(equations: Equations, there: Mode) -> Bool[Array, " p"]:
@@ -59,23 +76,35 @@ def is_released(equations: Equations, there: Mode) -> Bool[Array, " p"]:
     return equations.sticking & (there.sense != 0)
 
 
-def _against(equations: Equations, rate: Float[Array, " p"]) -> Float[Array, " p"]:
-    """Rates at which joints slip against their sense."""
-    return jnp.where(jnp.asarray(equations.sensed), -rate * equations.sense, 0.0)
+def _against(
+    equations: Equations, rate: Float[Array, " p"], along: Float[Array, " p"] | None
+) -> Float[Array, " p"]:
+    """Rates at which joints slip against their sense; of those with a direction as of the slip that moves most."""
+    against = jnp.where(jnp.asarray(equations.sensed), -rate * equations.sense, 0.0)
+    if along is None or equations.directions is None:
+        return against
+    directions, sizes = equations.directions, equations.slip_size
+    whole = -directions.along(rate, along) * directions.reach(sizes) / sizes
+    return jnp.where(directions.directed, whole, against)
 
 
 def bracket_event(
-    equations: Equations, first: State, last: State, held: AnyHeld, resting: Bool[Array, ""], happened: Bool[Array, ""]
+    equations: Equations,
+    first: State,
+    last: State,
+    context: Context,
+    resting: Bool[Array, ""],
+    happened: Bool[Array, ""],
 ) -> Bracket:
     """The first event between two states, if one has happened; or where the loads let a mechanism at rest go."""
-    equations, first, last, held = stop_gradient((equations, first, last, held))
+    equations, first, last, (held, _, along) = stop_gradient((equations, first, last, context))
     span = jnp.where(last.t > first.t, last.t - first.t, 1.0)
 
     def here(t: Array, wanted: Array) -> tuple[Mode, Float[Array, " p"]]:
         state = between(equations.system, first, last, (t - first.t) / span)
         linear = equations.linear(state, held, closed=equations.loaded)
         there = mode_of(equations, state, linear, jnp.any(equations.sticking) & wanted)
-        return there, _against(equations, linear.rate) * equations.slip_size
+        return there, _against(equations, linear.rate, along) * equations.slip_size
 
     def look(carry: _Looking) -> _Looking:
         low, high, count = carry.found.low, carry.found.high, carry.looks
@@ -123,25 +152,51 @@ def locate(
 
     def newton(carry: _Newton, count: Array) -> tuple[_Newton, None]:
         t, y = carry.t, carry.y
+        begins, begin = starts, context
+        if equations.directions is not None and context.along is not None:
+            begins = starts.with_sense(jnp.where(free & go & equations.directions.directed, _let_go(equations, y.at(t), context), starts.sense))
+            begin = context._replace(along=jnp.where(free & go, begins.sense, context.along))
+
+        def chosen(rates: Array) -> Array:
+            if equations.directions is None or begin.along is None:
+                return rates[joint]
+            return equations.directions.along(rates, begin.along)[joint]
 
         def ahead(slip: Array, rate: Array) -> _Ahead:
-            h, width = jnp.where(free, slip, rate)[joint], bracket.high - bracket.low
+            h, width = chosen(jnp.where(free, slip, rate)), bracket.high - bracket.low
             secant = jax.lax.stop_gradient(h - carry.h) / jnp.where(width > 0, width, 1.0)
-            slope = jnp.where(free, jnp.where(count == 2, secant, carry.slope), slip[joint])
+            slope = jnp.where(free, jnp.where(count == 2, secant, carry.slope), chosen(slip))
             dt = jnp.where(slope != 0, -h / jnp.where(slope != 0, slope, 1.0), 0.0)
             first = jnp.where(free, bracket.low, bracket.high) - t
             dt = jnp.where(count == 0, first, jnp.where(free & (count == 1), width, dt))
             return _Ahead(jnp.where(event, dt, 0.0), h, slope)
 
-        y, (dt, h, slope) = _stepped(equations, starts, t, y, context, ahead)
+        y, (dt, h, slope) = _stepped((equations, context), (begins, begin), t, y, ahead)
         y = project(equations.system, t + dt, rechart(equations.system, y)[0], context.held)
         return _Newton(t + dt, y, h, slope), None
 
     zero = jnp.zeros_like(t)
     (t, y, *_), _ = jax.lax.scan(newton, _Newton(t, y, zero, zero), jnp.arange(_NEWTON))
     stopped = next_mode(fixed, y.at(t), context.held, event)
-    going = bracket.there._replace(sense=starts.sense, resting=jnp.zeros((), bool))
-    return t, y, jax.tree.map(lambda a, b: jnp.where(free, a, b), going, stopped)
+    sense = starts.sense
+    if equations.directions is not None:
+        let_go = _let_go(equations, y.at(t), context)
+        turned = jnp.where(go, let_go, bracket.there.sense)
+        sense = jnp.where(equations.directions.directed, turned, sense)
+    going = bracket.there._replace(sense=sense, resting=jnp.zeros((), bool))
+    onward = jax.tree.map(lambda a, b: jnp.where(free, a, b), going, stopped)
+    if equations.directions is not None:  # what is left of slip has a direction
+        qd = equations.with_sense(onward.sense).halted(y.at(t), context.held)
+        y = y._replace(qd=jnp.where(event, qd, y.qd))
+    return t, y, onward
+
+
+def _let_go(equations: Equations, state: State, context: Context) -> Float[Array, " p"]:
+    """Senses in which joints that stick are let go: against what holds them, where they have a direction."""
+    directions = cast(Directions, equations.directions)
+    linear = equations.linear(state, context.held, closed=equations.loaded)
+    tau = equations.solved(state, linear, context.tau, context.along).tau
+    return directions.unit(-tau / directions.arms)
 
 
 class _Newton(NamedTuple):
@@ -162,16 +217,15 @@ class _Ahead(NamedTuple):
 
 
 def _stepped(
-    equations: Equations,
-    starts: Equations,
+    whole: tuple[Equations, Context],
+    first: tuple[Equations, Context],
     t: Array,
     y: Moving,
-    context: Context,
     ahead: Callable[[Float[Array, " p"], Float[Array, " p"]], _Ahead],
 ) -> tuple[Moving, _Ahead]:
     """One explicit step of the method of Dormand and Prince of order 8, which both modes of derivatives pass.
 
-    How far it goes is told by rates of the slip rates, with the senses of `starts`, and slip rates where it begins.
+    How far it goes is told by rates of the slip rates, with the senses of `first`, and slip rates where it begins.
     """
     flat, unravel = jax.flatten_util.ravel_pytree(y)
     tableau = diffrax.Dopri8.tableau
@@ -183,7 +237,10 @@ def _stepped(
 
     def stage(k: Array, carry: tuple[Array, _Ahead]) -> tuple[Array, _Ahead]:
         slopes, told = carry
+        (equations, context), (starts, begin) = whole, first
         there = equations.with_sense(jnp.where(k == 0, starts.sense, equations.sense))
+        if context.along is not None:
+            context = context._replace(along=jnp.where(k == 0, begin.along, context.along))
         at = unravel(flat + told.dt * lower[k] @ slopes)
         slope, slip, rate = there.instant(t + nodes[k] * told.dt, at, context)
         told = jax.tree.map(lambda a, b: jnp.where(k == 0, a, b), ahead(slip, rate), told)

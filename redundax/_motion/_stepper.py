@@ -19,9 +19,8 @@ from jaxtyping import Array, Bool, Float
 from .._equations._kinematics import chart_inverse
 from .._tools._module import stop_gradient
 from ._held_rank import AnyHeldFactorisation, factorize_held
-from ._moving import Context, Equations, Moving, project, rechart
-from ._slip import has_event
-from ._stick import tolerance_of
+from ._moving import Context, Equations, Moving, project, rechart, tolerance_of
+from ._slip import ends_well, has_event
 
 # Relative constraint residual after a projection beyond which it has failed, at least so many roundings.
 _CLOSED = 2e-10, 1e3
@@ -137,11 +136,11 @@ class Stepper(diffrax.AbstractWrappedSolver):
         held, excess = factor.renewed(context.held)
         watch, off = _diagnostics_after(solver_state.watch, fixed, t, there, factor)
         pivot = jnp.min(factor.pivots)
-        tau, state = context.tau, there.at(t)
+        (_, tau, along), state, well = context, there.at(t), True
         jump = jnp.zeros_like(off)
         if system.friction:
             linear = fixed.linear(state, before, factor, closed=fixed.loaded)
-            solved = fixed.solved(state, linear, tau)
+            solved = fixed.solved(state, linear, tau, along)
             change = jnp.where(fixed.sticking, 0.0, jnp.abs(solved.tau - tau) / solved.size)
             jump = jnp.where(solved.contraction < 1, 0.0, jnp.max(change))
             watch = watch._replace(
@@ -149,11 +148,14 @@ class Stepper(diffrax.AbstractWrappedSolver):
             )
             tau = solved.tau
             if fixed.has_sense:
-                y = y._replace(event=has_event(fixed, state, linear).astype(t.dtype))
+                event = has_event(fixed, state, linear, along)
+                y = y._replace(event=event.astype(t.dtype))
+                if along is not None:
+                    well, along = ends_well(fixed, linear.rate, along), fixed.turned(linear.rate, along, event)
         largest = jnp.maximum(solver_state.largest, pivot)
-        carried = Carried(inner, Context(held, tau), watch, pivot, largest, jax.lax.stop_gradient((t0, y0)))
+        carried = Carried(inner, Context(held, tau, along), watch, pivot, largest, jax.lax.stop_gradient((t0, y0)))
         good = _may_end(off, excess, solver_state, pivot) if projects else jnp.isfinite(off)
-        good = good & settled & (jump <= _JUMP)
+        good = good & settled & (jump <= _JUMP) & well
         if self.constant or error is None:
             error = jax.tree.map(jnp.zeros_like, y)
         else:

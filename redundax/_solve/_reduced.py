@@ -20,6 +20,7 @@ from typing import cast
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._closures._closure import Elasticity
@@ -77,12 +78,12 @@ class Reduced(eqx.Module):
 
         def depends() -> tuple[Bool[Array, ""], Bool[Array, ""]]:
             loads = problem.loads(tau) + (0.0 if stress is None else stress[self.rows])
-            moving = eqx.tree_at(lambda law: law.sense, law, jnp.where(law.sense == 0, 1.0, law.sense))
-            lacking = (law.sense == 0) & (moving(loads) != law(loads))
+            moving = eqx.tree_at(lambda law: law.sense, law, jnp.where(law.is_open, 1.0, law.sense))
+            lacking = law.is_open & (moving(loads) != law(loads))
             return jnp.any(lacking & motion.is_no), jnp.any(lacking)
 
         none = jnp.zeros((), bool)
-        return jax.lax.cond(jnp.any(law.sense == 0), depends, lambda: (none, none))
+        return jax.lax.cond(jnp.any(law.is_open), depends, lambda: (none, none))
 
 
 def reduce(
@@ -110,7 +111,8 @@ def reduce(
     unit = Response(acceleration, pick(multipliers))
     angular_slips = jnp.asarray(system.slips.angular)
     motion = factor.motion_of(rate * jnp.where(angular_slips, factor.length, 1.0))
-    directed, senses = have_direction(system.friction), _sense(rate, motion, sense)
+    directed = have_direction(system.friction)
+    senses = _sense(rate, motion, sense, directed)
     if directed.any():  # rounding has a direction, rest has none
         rate = jnp.where(directed & motion.is_no, 0.0, rate)
     law = Law(system.friction, rate, senses, state)
@@ -121,7 +123,9 @@ def reduce(
     return Reduced(pick, definiteness, LinearResponse(free, unit), rows, problem, motion, *ends)
 
 
-def _sense(rate: Array, motion: Decision, sense: Array | None) -> Array:
-    """Sign of the slip rates of joints that move, or of the given sense."""
+def _sense(rate: Array, motion: Decision, sense: Array | None, directed: np.ndarray) -> Array:
+    """Sign of the slip rates of joints that move, or of the given sense, or that as a direction."""
     given = 0.0 if sense is None else jnp.sign(sense.astype(rate.dtype))
+    if sense is not None and directed.any():
+        given = jnp.where(directed, sense, given)
     return jnp.where(motion.is_yes, jnp.sign(rate), given)

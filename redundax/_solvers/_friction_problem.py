@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
+from .._system._directions import directions_of
 from .._system._friction import AbstractFriction, friction_force, largest_changes, memories, slip_kinds
 from .._system._state import State
 from .._tools._by_number import combine
@@ -36,6 +37,12 @@ class Law(eqx.Module):
 
     def __call__(self, loads: Float[Array, " l"]) -> Float[Array, " p"]:
         return friction_force(self.groups, loads, self.rate, self.sense, self.state, self.memory)
+
+    @property
+    def is_open(self) -> Bool[Array, " p"]:
+        """For each slip whether its joint has no sense."""
+        directions = directions_of(self.groups)
+        return self.sense == 0 if directions is None else directions.every(self.sense == 0)
 
     def limits(
         self, loads: Float[Array, " l"], either: Bool[Array, " p"]

@@ -37,8 +37,18 @@ class AbstractFriction(eqx.Module):
 
     @property
     def has_direction(self) -> bool:
-        """Whether slips share one friction, along their direction: what holds them at rest is not known."""
+        """Whether slips of a joint share one friction, along their direction."""
         return False
+
+    @property
+    def width(self) -> int:
+        """Slips of a joint."""
+        return 1
+
+    @property
+    def arms(self) -> Float[Array, " p"]:
+        """Velocities of the surfaces by unit rates of the slips."""
+        return jnp.ones(len(self.slips))
 
     @property
     def has_convex_limits(self) -> bool:

@@ -154,6 +154,16 @@ class _RescaledFriction(AbstractFriction):
         return self.inner.has_direction
 
     @property
+    def width(self) -> int:
+        """As the friction of the inner system."""
+        return self.inner.width
+
+    @property
+    def arms(self) -> Array:
+        """So that velocities of the surfaces stay as they are."""
+        return self.inner.arms / self.units.of(self.slips)
+
+    @property
     def has_convex_limits(self) -> bool:
         """As the friction of the inner system."""
         return self.inner.has_convex_limits

@@ -3,7 +3,7 @@
     v = a s',   tau = a f,   f = -(friction of N and |v|) v / |v|
 
 with the slips s and the arms a that make velocities of the surfaces of their rates: a length for an angle. So friction
-is one force along the slip. Bristles bend along v. Which way friction holds a joint at rest is not known.
+is one force along the slip. Bristles bend along v.
 """
 
 import abc
@@ -42,13 +42,13 @@ class AbstractSlidingJoint(AbstractPressedJoint):
     def forces(
         self, model: AbstractFrictionModel, ends: Any, loads: Array, rate: Array, sense: Array, memory: PyTree
     ) -> Float[Array, " slips"]:
-        """Friction forces and moments, one for each slip; at rest in the direction of the senses."""
+        """Friction forces and moments, one for each slip; at rest against the direction `sense`, as one of v."""
         velocity = self.arms * rate
         normal = self.normal_load(loads) if model.depends_on_load else jnp.zeros((), velocity.dtype)
         if memory is not None:
             return self.arms * model.force(normal, velocity, sense, memory)
         size = model.force(normal, safe_norm(velocity), jnp.ones_like(normal), None)
-        return self.arms * direction(velocity, self.arms * sense) * size
+        return self.arms * direction(velocity, sense) * size
 
     def largest_changes(
         self, model: AbstractFrictionModel, ends: Any, change: Array, rate: Array, memory: PyTree
