@@ -199,7 +199,7 @@ def _figures(
         "gamma": law.largest_changes(reduced.problem.gain),
         "closed_gamma": law.largest_changes(closed.problem.gain),
         "reads": law.largest_changes(jnp.eye(reduced.rows.size)) > 0,
-        "rests": jnp.any((law.sense == 0) & np.array(have_sense(system.friction)) & reached),
+        "rests": jnp.any(law.is_open & np.array(have_sense(system.friction)) & reached),
     }
 
 

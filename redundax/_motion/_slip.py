@@ -32,10 +32,12 @@ from .._system._state import State
 from .._tools._module import stop_gradient
 from ._held_rank import AnyHeld
 from ._moving import NONE, Context, Equations, Linear, Moving, project, rechart, tolerance_of
-from ._stick import STILL, Mode, mode_of, next_mode
+from ._stick import Mode, mode_of, next_mode
 
 # Halvings of the step, steps that locate an event, into the bracket and then Newton's, and looks at rest.
 _HALVINGS, _NEWTON, _LOOKS = 8, 5, 100
+# Slip across the direction that comes to a stop, relative to the speed of the mechanism, at least so many roundings.
+_BESIDE = 1e-8, 1e2
 
 
 class Bracket(NamedTuple):
@@ -64,7 +66,7 @@ def ends_well(equations: Equations, rate: Float[Array, " p"], along: Float[Array
     not beside it, where they turn round."""
     if equations.directions is None:
         return jnp.ones((), bool)
-    directions, slow = equations.directions, tolerance_of(STILL, rate) * equations.speed
+    directions, slow = equations.directions, tolerance_of(_BESIDE, rate) * equations.speed
     ahead = directions.along(rate, along)
     beside = rate - ahead * along / directions.arms
     passed = directions.every(jnp.abs(beside) * equations.slip_size <= slow)

@@ -29,7 +29,7 @@ from ._moving import Equations, Linear, tolerance_of
 
 # Slips and velocities at an event, relative to those of the mechanism; accelerations, relative to the sum of the parts
 # that cancel; and changes of friction after which sweeps have settled it. Each with the roundings that it is at least.
-STILL, _HELD, _SETTLED = (1e-6, 1e3), (1e-7, 1e3), (1e-10, 1e3)
+_STILL, _HELD, _SETTLED = (1e-6, 1e3), (1e-7, 1e3), (1e-10, 1e3)
 # Accelerations that are none, relative to a speed squared over the size of the mechanism.
 _ROUNDING = 1e-12, 1e2
 
@@ -55,7 +55,7 @@ def next_mode(equations: Equations, state: State, held: AnyHeld, wanted: Bool[Ar
 def mode_of(equations: Equations, state: State, linear: Linear, wanted: Bool[Array, ""]) -> Mode:
     """`next_mode`, given the equations at the state."""
     sensed = jnp.asarray(equations.sensed)
-    slow, held = tolerance_of(STILL, linear.rate) * equations.speed, tolerance_of(_HELD, linear.rate)
+    slow, held = tolerance_of(_STILL, linear.rate) * equations.speed, tolerance_of(_HELD, linear.rate)
     slows = jnp.abs(linear.rate) <= slow / equations.slip_size
     still = sensed & (equations.whole(slows) | equations.sticking)
     tau, decided = _sticking_friction(equations, state, linear, still, wanted)

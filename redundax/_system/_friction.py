@@ -241,14 +241,14 @@ def have_direction(groups: Sequence[AbstractFriction]) -> np.ndarray:
 
 
 def refuse_directions(groups: Sequence[AbstractFriction], what: str) -> None:
-    """Refuse what asks for sticking of joints whose friction is along a direction."""
+    """Refuse what bounds friction at rest of joints whose friction is along a direction."""
     slips, found = slip_kinds(groups), have_direction(groups)
     if found.any():
         labels = ", ".join(slips.labels[k] for k in np.flatnonzero(found))
         raise ValueError(
-            f"Argument `system` must have no dry friction along several slips {what}, but that of {labels} is: whether "
-            "such joints stick is not known. Give them `rx.RegularisedCoulomb`, `rx.Dahl` or `rx.LuGre`, or `solve` "
-            "while they slip."
+            f"Argument `system` must have no dry friction along several slips {what}, but that of {labels} is: its "
+            "limits at rest are balls, which linear programmes do not take. Ask `sticking` or `simulate`, or give these "
+            "joints `rx.RegularisedCoulomb`, `rx.Dahl` or `rx.LuGre`."
         )
 
 

@@ -24,6 +24,7 @@ from ..._equations._factorize import dense_at
 from ..._equations._response import Response
 from ..._system._names import ByName, unit_of, vector
 from ..._system._pushing import in_words, pulling
+from ..._system._friction import refuse_directions
 from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._tools._compilation import compiled
@@ -163,6 +164,7 @@ def limit_load(
     if report.problem:
         raise RuntimeError(report.problem)
     force = np.asarray(vector("load", load, system.coordinates, " of coordinates"), float)
+    refuse_directions(system.friction, "that is at rest")
     start, ways = drive(system, state, factor), velocity_basis(system, factor)
     own = force @ ways
     if not np.linalg.norm(own) > NONE * np.linalg.norm(force):

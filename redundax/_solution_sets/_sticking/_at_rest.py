@@ -18,7 +18,7 @@ from jax.typing import ArrayLike
 
 from ..._equations._factorisation import Factorisation
 from ..._equations._kinematics import slip_motion
-from ..._system._friction import refuse_directions
+from ..._system._directions import Directions, directions_of
 from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._tools._compilation import compiled
@@ -32,11 +32,12 @@ LIMIT = 1e-9  # margin that is rounding
 class ReducedForce(NamedTuple):
     """The start without friction.
 
-    - `sense`: of slip, shape (p,).
+    - `sense`: of slip, shape (p,); a unit direction of the surfaces of a joint whose slips share one friction.
     - `output`: a as an output of [qdd; lam; tau], relative to the start and along it: a^T M a_0 / a_0^T M a_0.
     - `effect`: e, that output of unit friction, shape (p,).
     - `load`, `slips`: g, shape (d,), and S, shape (p, d).
     - `rounding`: relative size of what is none.
+    - `directions`: which slips share one friction, `None` if none do.
     """
 
     sense: np.ndarray
@@ -45,6 +46,11 @@ class ReducedForce(NamedTuple):
     load: np.ndarray
     slips: np.ndarray
     rounding: float
+    directions: Directions | None
+
+    def sizes(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """Largest |friction| of each slip within limits (s, p)."""
+        return np.maximum(-low, high) if self.directions is None else ball_sizes(self.directions, high)
 
     @property
     def none(self) -> bool:
@@ -70,7 +76,6 @@ class Ends(NamedTuple):
 
 def drive(system: AbstractSystem, state: State, factor: Factorisation) -> ReducedForce:
     """What drives a system at rest; `ValueError` where it does not rest."""
-    refuse_directions(system.friction, "at rest")
     length, angular = np.asarray(factor.length), np.asarray(system.coordinates.angular)
     if not is_still(system, state, factor):
         raise ValueError(
@@ -86,19 +91,27 @@ def drive(system: AbstractSystem, state: State, factor: Factorisation) -> Reduce
         )
     force, lever = mass @ a, np.where(angular, 1 / length, 1.0)
     slips, p = system.slips, len(system.slips)
-    size = state.qd.size + len(system.rows)
+    size, directions = state.qd.size + len(system.rows), directions_of(system.friction)
     ways, turns = velocity_basis(system, factor), np.where(slips.angular, length, 1.0)
-    directions = np.asarray(_slip_motion(system.anonymous(), state)[1]) if p else np.zeros((a.size, 0))
-    moved = directions.T @ ways
+    loads = np.asarray(_slip_motion(system.anonymous(), state)[1]) if p else np.zeros((a.size, 0))
+    moved = loads.T @ ways
     reach = np.linalg.norm(moved, axis=1) * turns
     moved = np.where((reach > none * reach.max(initial=0.0))[:, None], moved, 0.0)
     if not np.abs(lever * force).max() > none * np.abs(lever * load).max():
-        return ReducedForce(np.zeros(p), np.zeros(size + p), np.zeros(p), np.zeros(ways.shape[1]), moved, none)
+        still = np.zeros(p), np.zeros(size + p), np.zeros(p), np.zeros(ways.shape[1])
+        return ReducedForce(*still, moved, none, directions)
     output = np.concatenate([force / (a @ force), np.zeros(len(system.rows) + p)])
-    slip = directions.T @ a
+    slip = loads.T @ a
     shift = np.abs(slip) * turns
     slip = np.where(shift > none * shift.max(initial=0.0), slip, 0.0)
-    return ReducedForce(np.sign(slip), output, slip / (a @ force), ways.T @ force, moved, none)
+    sense = np.sign(slip) if directions is None else np.asarray(directions.unit(directions.arms * slip))
+    return ReducedForce(sense, output, slip / (a @ force), ways.T @ force, moved, none, directions)
+
+
+def ball_sizes(directions: Directions, high: np.ndarray) -> np.ndarray:
+    """Largest |friction| of each slip within limits -high, high: of joints with a direction in the ball through high."""
+    arms = np.asarray(directions.arms)
+    return arms * np.sqrt((high / arms) ** 2 @ directions.same)
 
 
 def is_still(system: AbstractSystem, state: State, factor: Factorisation) -> bool:

@@ -9,6 +9,11 @@ names the motion w that is held least: for any w with w^T g = 1
 
 Joints are in one part where S_j . S_k joins them. Parts are held one by one, lambda being the least of theirs, and one
 with a single freedom needs no programme. The programmes of many cases are one, block by block.
+
+Where the slips of a joint share one friction its limits are a ball in f = tau / arms. The programme has planes that
+touch it instead, more of them where its friction lies beyond, until that is no more than rounding (`_within_balls`);
+its lambda is an upper bound all along, and all of its friction, made smaller until it fits, is a lower one. One such
+joint alone needs no programme: the least friction that holds g is the least of all.
 """
 
 from typing import NamedTuple
@@ -19,14 +24,20 @@ from ._at_rest import NONE, ReducedForce
 
 _BLOCKS = 64  # cases in one programme
 _TOLERANCE = 1e-10
+_CUTS, _CUT = 200, 1e-10  # planes at most, and relative distance of both bounds of lambda that is none
 
 
 class Part(NamedTuple):
-    """Joints that move apart from the others: which, shape (p,); g, shape (d,), and S, shape (p, d), of them alone."""
+    """Joints that move apart from the others: which, shape (p,); g, shape (d,), and S, shape (p, d), of them alone.
+
+    `arms` are those of the slips, shape (p,), `balls` the slips of each joint that has several with one friction.
+    """
 
     joints: np.ndarray
     load: np.ndarray
     slips: np.ndarray
+    arms: np.ndarray
+    balls: list[np.ndarray]
 
 
 class Capacity(NamedTuple):
@@ -48,15 +59,19 @@ def parts_of(drive: ReducedForce) -> list[Part]:
 
     none, sizes, whole = drive.rounding, np.linalg.norm(drive.slips, axis=1), np.linalg.norm(drive.load)
     joined = np.abs(drive.slips @ drive.slips.T) > none * np.outer(sizes, sizes)
-    found, rest = [], drive.load
+    found, rest, arms = [], drive.load, np.ones(len(sizes))
+    if drive.directions is not None:
+        joined, arms = joined | drive.directions.same, np.asarray(drive.directions.arms)
     count, labels = connected_components(joined) if len(sizes) else (0, sizes)
     for label in range(count):
         joints = labels == label
+        balls = [] if drive.directions is None else drive.directions.joints
+        own = [np.searchsorted(np.flatnonzero(joints), ball) for ball in balls if joints[ball[0]]]
         _, size, ways = np.linalg.svd(drive.slips[joints], full_matrices=False)
         ways = ways[size > none * max(size[0], none * sizes.max())]
         rest = rest - ways.T @ (ways @ drive.load)
-        found.append(Part(joints, ways @ drive.load, drive.slips[joints] @ ways.T))
-    found.append(Part(np.zeros(len(sizes), bool), rest, np.zeros((0, rest.size))))
+        found.append(Part(joints, ways @ drive.load, drive.slips[joints] @ ways.T, arms[joints], own))
+    found.append(Part(np.zeros(len(sizes), bool), rest, np.zeros((0, rest.size)), np.ones(0), []))
     return [part for part in found if np.linalg.norm(part.load) > none * whole]
 
 
@@ -76,13 +91,73 @@ def _of_part(part: Part, low: np.ndarray, high: np.ndarray) -> Capacity:
     elif part.load.size == 1:
         effect = part.slips[:, 0] / part.load[0]
         tau = np.where(effect > 0, low, high)
+        for ball in part.balls:
+            pull, arms = part.arms[ball] * effect[ball], part.arms[ball]
+            tau[:, ball] = -_radius(part, ball, high)[:, None] * arms * pull / (np.linalg.norm(pull) or 1.0)
         most = bound = -tau @ effect
+    elif len(part.balls) == 1 and len(part.balls[0]) == len(part.arms):
+        least = -np.linalg.lstsq((part.arms[:, None] * part.slips).T, part.load, rcond=None)[0]
+        most = bound = _radius(part, part.balls[0], high) / np.linalg.norm(least)
+        tau = most[:, None] * part.arms * least
+    elif part.balls:
+        rows = [_within_balls(part, low[k : k + 1], high[k : k + 1]) for k in range(len(low))]
+        most, tau, bound = (np.concatenate(row) for row in zip(*rows, strict=True))
     else:
         blocks = [
             _solve_programme(part, low[k : k + _BLOCKS], high[k : k + _BLOCKS]) for k in range(0, len(low), _BLOCKS)
         ]
         most, tau, bound = (np.concatenate(block) for block in zip(*blocks, strict=True))
     return Capacity(most, tau / np.where(most > 0, most, 1.0)[:, None], bound)
+
+
+def _radius(part: Part, ball: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Of the ball of a joint with several slips, through its limits (s, p)."""
+    return np.linalg.norm(high[:, ball] / part.arms[ball], axis=1)
+
+
+def _within_balls(part: Part, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """lambda, its friction and its bound of one case, by planes that touch the balls."""
+    from scipy.optimize import linprog
+
+    (s, p), planes, sides = low.shape, [], []
+    radii = [_radius(part, ball, high)[0] for ball in part.balls]
+    low, high = low[0].copy(), high[0].copy()
+    for ball, radius in zip(part.balls, radii, strict=True):
+        high[ball] = radius * part.arms[ball]
+        low[ball] = -high[ball]
+    size = np.where(np.maximum(-low, high) > 0, np.maximum(-low, high), 1.0)
+    reach = (np.linalg.norm(part.slips, axis=1) * size).max()
+    whole = np.linalg.norm(part.load)
+    columns = part.slips.T * size / reach
+    best, bound = (0.0, np.zeros(p)), np.inf
+    for _ in range(_CUTS):
+        found = linprog(
+            np.append(-1.0, np.zeros(p)),
+            A_ub=np.array(planes) if planes else None,
+            b_ub=np.array(sides) if planes else None,
+            A_eq=np.column_stack([part.load / whole, columns]),
+            b_eq=np.zeros(part.load.size),
+            bounds=[(0.0, None), *np.column_stack([low / size, high / size])],
+            options={"primal_feasibility_tolerance": _TOLERANCE, "dual_feasibility_tolerance": _TOLERANCE},
+        )
+        if found.status != 0:
+            return np.full(s, np.nan), np.full((s, p), np.nan), np.full(s, np.inf)
+        tau, over = found.x[1:] * size, 1.0
+        for ball, radius in zip(part.balls, radii, strict=True):
+            force = tau[ball] / part.arms[ball]
+            length = np.linalg.norm(force)
+            over = max(over, length / radius if radius > 0 else 1.0)
+            plane = np.zeros(p + 1)
+            plane[1 + ball] = force / (length or 1.0) / part.arms[ball] * size[ball]
+            planes.append(plane / (radius or 1.0))
+            sides.append(1.0 if radius > 0 else 0.0)
+        most = found.x[0] * reach / whole
+        bound = min(bound, most)
+        if most / over >= best[0]:
+            best = most / over, tau / over
+        if bound - best[0] <= _CUT * bound:
+            break
+    return np.array([best[0]]), best[1][None], np.array([bound * (1 + _TOLERANCE)])
 
 
 def _solve_programme(part: Part, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

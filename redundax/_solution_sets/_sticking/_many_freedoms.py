@@ -186,7 +186,11 @@ class ManyFreedoms:
         """Whether friction leaves no acceleration and is within its limits; NaN is not."""
         at, drive = self._looked(theta, tau), self.drive
         rounding = self.limit * np.maximum(-at.low, at.high).max(axis=1, initial=0.0)[:, None]
-        inside = np.all((tau >= at.low - rounding) & (tau <= at.high + rounding), axis=1)
+        inside = (tau >= at.low - rounding) & (tau <= at.high + rounding)
+        if drive.directions is not None:
+            directed, beside = drive.directions.directed, 1 + self.limit
+            inside = np.where(directed, drive.sizes(tau, tau) <= drive.sizes(at.low, at.high) * beside, inside)
+        inside = np.all(inside, axis=1)
         return inside & (
             np.linalg.norm(drive.load + tau @ drive.slips, axis=1) <= self.limit * np.linalg.norm(drive.load)
         )
@@ -201,7 +205,7 @@ class ManyFreedoms:
         for _ in range(_SQUARES):
             at = self._looked(theta, tau)
             left = ~started(self.drive, tau, at).sure
-            if not left.any():
+            if not left.any() or self.drive.directions is not None:
                 break
             tau[left] = least_accelerated(self.drive, np.asarray(at.low)[left], np.asarray(at.high)[left])
         return tau
@@ -212,7 +216,7 @@ class ManyFreedoms:
         load, slips, loads = (jnp.asarray(x) for x in (self.drive.load, self.drive.slips, float(own_loads)))
 
         def batch(own: Array) -> Array:
-            return slipping_friction(solutions, cases, load, slips, loads, own)
+            return slipping_friction(solutions, cases, load, slips, loads, own, self.drive.directions)
 
         return np.asarray(in_batches(batch, self.size, theta))
 
@@ -261,12 +265,12 @@ class ManyFreedoms:
             count += len(middle)
             at = self._looked(middle, np.zeros((len(middle), len(back))))
             change = half @ self.change.T
-            caused = (np.maximum(-at.low, at.high) + change) @ (self.gamma @ back).T
+            caused = (self.drive.sizes(at.low, at.high) + change) @ (self.gamma @ back).T
             left = ~proves(middle, at.low, at.high, change + caused)
             if not left.any():
                 return True
             middle, half, low, high = middle[left], half[left], at.low[left], at.high[left]
-            caused = np.maximum(-low, high) @ (self.gamma @ back).T
+            caused = self.drive.sizes(low, high) @ (self.gamma @ back).T
             if not (half * weight).any(axis=1).all() or not proves(middle, low, high, caused).all():
                 return False  # no smaller cells help
             middle, half = halve(middle, half, weight)

@@ -8,7 +8,8 @@ Gamma_ij = max |d law_i / d rho| |K_ij| and y = 1 + e^T tau,
     spectral radius of Gamma < 1   and   |e|^T Gamma (I - Gamma)^-1 <= |e|^T,
 
 it slips (proved): with tau_j = sigma_j |law_j| the derivatives e^T (I - diag(sigma) law' K)^-1 |law| of y have the
-signs of e, so that no friction holds more. Verdicts on all cases are proved by cells that cover the bounds, because
+signs of e, so that no friction holds more; that of a joint with several slips is along its slip, where it puts no load on friction.
+Verdicts on all cases are proved by cells that cover the bounds, because
 under this Gamma
 
     |change of y| <= |e|^T (I - Gamma)^-1 Lambda |change of the case|,   Lambda: bounds of the change of law.
@@ -62,7 +63,7 @@ def ends_of_one(search: Search, drive: ReducedForce, theta: jax.Array, samples: 
         (found.values[slips, n : n + m], stays.multipliers[sticks]),
         (found.tau[slips], stays.tau[sticks]),
         (np.ones(slips.sum()), stays.share[sticks]),
-        (np.tile(drive.sense, (slips.sum(), 1)), np.zeros((sticks.sum(), drive.sense.size))),
+        (np.tile(np.sign(drive.sense), (slips.sum(), 1)), np.zeros((sticks.sum(), drive.sense.size))),
     ]
     solved = np.mean([tuple(row) in decided for row in np.asarray(theta)])
     margins, *others = (np.concatenate(part) for part in parts)
@@ -72,6 +73,8 @@ def ends_of_one(search: Search, drive: ReducedForce, theta: jax.Array, samples: 
 def most_holds(solutions: SolutionSet, cases: AbstractCases, drive: ReducedForce) -> bool:
     """Whether, of all friction, the whole friction against the start is proved to hold most."""
     gamma, effect = largest_gamma(solutions, cases), np.abs(drive.effect)
+    if drive.directions is not None and gamma[:, drive.directions.directed].any():
+        return False  # friction across the slip may load the others
     back = effect @ np.linalg.solve(np.eye(len(gamma)) - gamma, gamma) if gamma.size else effect
     return bool(spectral_radius(gamma) < 1 and np.all(back <= effect))
 

@@ -5,7 +5,9 @@
 with rho = rho_0 + K tau, as of `_stick` at an instant of a motion. For given limits these are the conditions of
 optimality of min |g + S^T tau|^2, so that the acceleration is unique, and with lo' and hi' those of another case
 
-    |change of g + S^T tau| <= sum_j |S_j| |change of the limits of j|.
+    |change of g + S^T tau| <= sum_j |S_j| |change of the limits of j|,
+
+of friction along a direction too, whose limits are balls.
 
 Where the limits depend on tau, through Gamma of `_one_freedom`, each case has one solution tau (proved) if the spectral
 radius of C is below 1, C_jj = Gamma_jj, C_jk = max(|S_j . S_k| / |S_j|^2, Gamma_jk): a sweep of Jacobi's,
@@ -22,10 +24,11 @@ from jaxtyping import Array, Float
 
 from ..._analysis._verdict import spectral_radius
 from ..._solvers._gauss_seidel import gauss_seidel
+from ..._system._directions import Directions
 from ..._tools._compilation import compiled
 from .._cases import AbstractCases
 from .._solution_set import SolutionSet
-from ._at_rest import NONE, ReducedForce
+from ._at_rest import NONE, ReducedForce, ball_sizes
 
 _SETTLED = 1e-13  # change of friction, relative to the largest, after which sweeps have settled it
 _FOUND = 1e-6  # error of the acceleration, relative to the parts that cancel, of what is taken for a solution
@@ -80,6 +83,7 @@ def slipping_friction(
     slips: Float[Array, "p d"],
     loads: Float[Array, ""],
     theta: Float[Array, "s q"],
+    directions: Directions | None,
 ) -> Float[Array, "s p"]:
     """Friction of the conditions above, as far as sweeps settle it; `loads` is 1, or 0 for K = 0."""
     free, matrix = slips @ load, slips @ slips.T
@@ -93,7 +97,8 @@ def slipping_friction(
         def limits(tau: Array) -> tuple[Array, Array]:
             return _limits(solutions, base + loads * (unit @ tau))
 
-        return gauss_seidel(limits, free, matrix, own, jnp.sqrt(jnp.diagonal(matrix)), _SETTLED).tau
+        weight = jnp.sqrt(jnp.diagonal(matrix))
+        return gauss_seidel(limits, free, matrix, own, weight, _SETTLED, directions=directions).tau
 
     return jax.vmap(one)(theta)
 
@@ -120,7 +125,15 @@ def started(drive: ReducedForce, tau: np.ndarray, limits: Limits | LimitSamples)
     matrix, sizes = drive.slips @ drive.slips.T, np.linalg.norm(drive.slips, axis=1)
     left = drive.load + tau @ drive.slips
     alpha = left @ drive.slips.T
-    gap = (tau * alpha - np.minimum(np.asarray(limits.low) * alpha, np.asarray(limits.high) * alpha)).sum(axis=1)
+    low, high = np.asarray(limits.low), np.asarray(limits.high)
+    least = np.minimum(low * alpha, high * alpha)
+    if drive.directions is not None:
+        ball, directed = drive.directions, drive.directions.directed
+        surface = np.asarray(ball.arms) * alpha
+        along = np.sqrt(surface**2 @ ball.same)
+        share = surface**2 / np.where(along > 0, along, 1.0)
+        least = np.where(directed, -ball_sizes(ball, high) / np.asarray(ball.arms) * share, least)
+    gap = (tau * alpha - least).sum(axis=1)
     error = np.sqrt(2 * np.maximum(gap, 0.0))
     own = np.abs(drive.slips @ drive.load) + np.abs(tau) @ np.abs(matrix)
     whole = np.linalg.norm(drive.load) + np.abs(tau) @ sizes
@@ -150,6 +163,8 @@ def one_start(drive: ReducedForce, gamma: np.ndarray) -> bool:
     if not np.any(gamma):
         return True
     if np.any(gamma[:, free]) or not np.all(np.isfinite(gamma)):
+        return False
+    if drive.directions is not None:
         return False
     kept = ~free
     sweep = np.abs(matrix[np.ix_(kept, kept)]) / own[kept][:, None] * (1 - np.eye(kept.sum()))

@@ -75,8 +75,7 @@ def slide(
                 t = first
                 events.append(t)
             n = direction(pull(s, t) * (1 + 1e-15), limit, ease)
-            step = 1e-6
-            v = n * 1e-30
+            v = n * 1e-12
         size = max(np.linalg.norm(v), 1e-3)
         since = t
 
@@ -86,7 +85,7 @@ def slide(
 
         stops.terminal, stops.direction = True, -1
         run = solve_ivp(
-            moves, (t, times[-1]), np.concatenate([s, v]), method="DOP853", rtol=1e-12, atol=1e-15, events=[stops],
+            moves, (t, times[-1]), np.concatenate([s, v]), method="LSODA", rtol=1e-12, atol=1e-15, events=[stops],
             dense_output=True,
         )  # fmt: skip
         keep(run, run.t[-1])
