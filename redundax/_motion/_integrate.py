@@ -68,7 +68,7 @@ def integrate(
     solved, found = _solved(equations, done, ts, rank, singular)
     ended = _ended(done, found == rank)
     ended = RESULTS.where(begin.result == RESULTS.successful, ended, begin.result)
-    q, qd, acceleration, multipliers, friction, memory = solved
+    q, qd, acceleration, multipliers, friction, sense, memory = solved
     return Trajectory(
         jnp.where(ordered, ts, given),
         q,
@@ -76,7 +76,7 @@ def integrate(
         acceleration,
         multipliers,
         friction,
-        done.senses,
+        sense,
         memory,
         ended,
         _stats(done),
@@ -186,10 +186,14 @@ def _solved(equations: Equations, done: PhaseState, ts: Array, rank: Array, sing
         if equations.stabilisation.projects:
             y = jax.tree.map(lambda a, b: jnp.where(resting, a, b), y, project(system, t, y, held))
         state = y.at(t)
-        solved = there.solved(state, there.linear(state, held), None)
+        linear = there.linear(state, held)
+        solved = there.solved(state, linear, None)
+        if there.directions is not None:
+            turned = there.turned(linear.rate, sense, jnp.zeros((), bool))
+            sense = jnp.where(there.directions.directed, turned, sense)
         acceleration = jnp.where(resting, 0.0, solved.acceleration)
         loads = tuple(jnp.where(resting, jnp.nan, x) for x in (solved.multipliers, solved.tau))
-        return (y.q, y.qd, acceleration, *loads, tuple(y.memory)), found
+        return (y.q, y.qd, acceleration, *loads, sense, tuple(y.memory)), found
 
     path, here = (done.path, done.senses, done.rests), (done.y, done.sense, done.resting)
     points = jnp.append(ts, done.t), *jax.tree.map(lambda a, b: jnp.concatenate([a, b[None]]), path, here)

@@ -248,9 +248,7 @@ class Equations(eqx.Module):
         surface = self.directions.arms * jnp.where(self.directions.directed & ~self.is_none(rate), rate, acceleration)
         return self.directions.unit(surface), self.directions.unit(self.directions.arms * rate)
 
-    def turned(
-        self, rate: Float[Array, " p"], along: Float[Array, " p"], event: Bool[Array, ""]
-    ) -> Float[Array, " p"]:
+    def turned(self, rate: Float[Array, " p"], along: Float[Array, " p"], event: Bool[Array, ""]) -> Float[Array, " p"]:
         """The directions in which surfaces slide as the next step begins; those of the last where it is an event."""
         return jnp.where(event | self.is_none(rate) | self.sticking, along, self.sense_of(rate, rate)[1])
 

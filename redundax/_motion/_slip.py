@@ -30,7 +30,6 @@ from .._equations._kinematics import between
 from .._system._directions import Directions
 from .._system._state import State
 from .._tools._module import stop_gradient
-from ._held_rank import AnyHeld
 from ._moving import NONE, Context, Equations, Linear, Moving, project, rechart, tolerance_of
 from ._stick import Mode, mode_of, next_mode
 
@@ -78,9 +77,7 @@ def is_released(equations: Equations, there: Mode) -> Bool[Array, " p"]:
     return equations.sticking & (there.sense != 0)
 
 
-def _against(
-    equations: Equations, rate: Float[Array, " p"], along: Float[Array, " p"] | None
-) -> Float[Array, " p"]:
+def _against(equations: Equations, rate: Float[Array, " p"], along: Float[Array, " p"] | None) -> Float[Array, " p"]:
     """Rates at which joints slip against their sense; of those with a direction as of the slip that moves most."""
     against = jnp.where(jnp.asarray(equations.sensed), -rate * equations.sense, 0.0)
     if along is None or equations.directions is None:
@@ -156,7 +153,9 @@ def locate(
         t, y = carry.t, carry.y
         begins, begin = starts, context
         if equations.directions is not None and context.along is not None:
-            begins = starts.with_sense(jnp.where(free & go & equations.directions.directed, _let_go(equations, y.at(t), context), starts.sense))
+            begins = starts.with_sense(
+                jnp.where(free & go & equations.directions.directed, _let_go(equations, y.at(t), context), starts.sense)
+            )
             begin = context._replace(along=jnp.where(free & go, begins.sense, context.along))
 
         def chosen(rates: Array) -> Array:
@@ -241,7 +240,7 @@ def _stepped(
         slopes, told = carry
         (equations, context), (starts, begin) = whole, first
         there = equations.with_sense(jnp.where(k == 0, starts.sense, equations.sense))
-        if context.along is not None:
+        if context.along is not None and begin.along is not None:
             context = context._replace(along=jnp.where(k == 0, begin.along, context.along))
         at = unravel(flat + told.dt * lower[k] @ slopes)
         slope, slip, rate = there.instant(t + nodes[k] * told.dt, at, context)

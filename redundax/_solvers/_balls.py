@@ -22,7 +22,8 @@ _ROUNDING = 1e-9, 1e3  # and accelerations there, relative to the parts that can
 
 
 class Balls(NamedTuple):
-    """Joints with several slips and B of each: slips, shape (b, w), padded with p; arms; eigenvalues and vectors."""
+    """Joints with several slips, padded with the slip p: arms, eigenvalues and vectors of B, and accelerations of their
+    surfaces by all friction."""
 
     directions: Directions
     slips: np.ndarray
@@ -39,7 +40,8 @@ class Balls(NamedTuple):
         arms = directions.arms.at[slips].get(mode="fill", fill_value=0.0)
         rows = arms[..., None] * matrix.at[slips].get(mode="fill", fill_value=0.0)
         own = jnp.take_along_axis(rows, jnp.asarray(np.minimum(slips, p - 1))[:, None, :], axis=2) * arms[:, None, :]
-        return cls(directions, slips, arms, *jnp.linalg.eigh((own + own.mT) / 2), rows)
+        values, vectors = jnp.linalg.eigh((own + own.mT) / 2)
+        return cls(directions, slips, arms, values, vectors, rows)
 
     def swept(
         self,

@@ -247,8 +247,8 @@ def refuse_directions(groups: Sequence[AbstractFriction], what: str) -> None:
         labels = ", ".join(slips.labels[k] for k in np.flatnonzero(found))
         raise ValueError(
             f"Argument `system` must have no dry friction along several slips {what}, but that of {labels} is: its "
-            "limits at rest are balls, which linear programmes do not take. Ask `sticking` or `simulate`, or give these "
-            "joints `rx.RegularisedCoulomb`, `rx.Dahl` or `rx.LuGre`."
+            "limits at rest are balls, which linear programmes do not take. Ask `sticking` or `simulate`, or give them "
+            "`rx.RegularisedCoulomb`, `rx.Dahl` or `rx.LuGre`."
         )
 
 

@@ -22,9 +22,9 @@ from ..._closures._closure import AbstractClosure, Elasticity, MinimumNorm, elas
 from ..._equations._factorisation import Factorisation
 from ..._equations._factorize import dense_at
 from ..._equations._response import Response
+from ..._system._friction import refuse_directions
 from ..._system._names import ByName, unit_of, vector
 from ..._system._pushing import in_words, pulling
-from ..._system._friction import refuse_directions
 from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._tools._compilation import compiled

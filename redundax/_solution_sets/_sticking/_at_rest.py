@@ -15,6 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
+from jaxtyping import Array
 
 from ..._equations._factorisation import Factorisation
 from ..._equations._kinematics import slip_motion
@@ -48,8 +49,9 @@ class ReducedForce(NamedTuple):
     rounding: float
     directions: Directions | None
 
-    def sizes(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    def sizes(self, low: Array | np.ndarray, high: Array | np.ndarray) -> np.ndarray:
         """Largest |friction| of each slip within limits (s, p)."""
+        low, high = np.asarray(low), np.asarray(high)
         return np.maximum(-low, high) if self.directions is None else ball_sizes(self.directions, high)
 
     @property
@@ -109,7 +111,7 @@ def drive(system: AbstractSystem, state: State, factor: Factorisation) -> Reduce
 
 
 def ball_sizes(directions: Directions, high: np.ndarray) -> np.ndarray:
-    """Largest |friction| of each slip within limits -high, high: of joints with a direction in the ball through high."""
+    """Largest |friction| of each slip within limits -high, high, those of joints with a direction by the ball there."""
     arms = np.asarray(directions.arms)
     return arms * np.sqrt((high / arms) ** 2 @ directions.same)
 

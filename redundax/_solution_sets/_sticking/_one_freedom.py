@@ -8,9 +8,8 @@ Gamma_ij = max |d law_i / d rho| |K_ij| and y = 1 + e^T tau,
     spectral radius of Gamma < 1   and   |e|^T Gamma (I - Gamma)^-1 <= |e|^T,
 
 it slips (proved): with tau_j = sigma_j |law_j| the derivatives e^T (I - diag(sigma) law' K)^-1 |law| of y have the
-signs of e, so that no friction holds more; that of a joint with several slips is along its slip, where it puts no load on friction.
-Verdicts on all cases are proved by cells that cover the bounds, because
-under this Gamma
+signs of e, so that no friction holds more. That of a joint with several slips is along its slip then, if it puts no
+load on friction. Verdicts on all cases are proved by cells that cover the bounds, because under this Gamma
 
     |change of y| <= |e|^T (I - Gamma)^-1 Lambda |change of the case|,   Lambda: bounds of the change of law.
 """

@@ -1,8 +1,8 @@
-"""A body that slides dryly in two or more directions: m_k s_k'' = Q_k(s, t) - f a_k v_k / |v|, v = a s', from event to
-event.
+"""A body that slides dryly in several directions, m_k s_k'' = Q_k(s, t) - f a_k v_k / |v| with v = a s', from stop to
+stop.
 
-At rest it stays while |Q / a| <= f, and sets out along n with W (Q / a - f n) parallel to n, W = a^2 / m. It uses none
-of the library's code.
+At rest it stays while |Q / a| <= f; it sets out along n with W (Q / a - f n) = lambda n, W = a^2 / m, lambda > 0. The
+equations are stiff where v is small. None of the library's code is used.
 """
 
 from collections.abc import Callable
@@ -12,88 +12,72 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-_SLOW = 1e-8  # part of a speed that is as good as a stop: what is left of the way is its square
+_SLOW = 1e-8  # m/s, as good as a stop: what is left of the way is its square
 
 
 class Slide(NamedTuple):
-    """Slips and their rates at the times asked for, (times, k) each, and the instants at which it stopped or set out."""
+    """Slips and their rates at the times asked for, (times, k), and the instants at which it stopped."""
 
     slips: np.ndarray
     rates: np.ndarray
-    events: list[float]
+    stops: list[float]
 
 
-def direction(pull: np.ndarray, limit: float, ease: np.ndarray) -> np.ndarray:
-    """n with ease (pull - limit n) = lambda n, lambda > 0."""
+class Slider(NamedTuple):
+    """The body: m, a, f and Q(s, t)."""
 
-    def unit(value: float) -> np.ndarray:
-        return ease * pull / (value + limit * ease)
+    mass: np.ndarray
+    arms: np.ndarray
+    limit: float
+    load: Callable[[np.ndarray, float], np.ndarray]
 
-    high = np.linalg.norm(ease * pull)
-    return unit(brentq(lambda value: np.linalg.norm(unit(value)) - 1, 0.0, high, xtol=1e-15 * high))
-
-
-def slide(
-    mass: np.ndarray,
-    arms: np.ndarray,
-    limit: float,
-    load: Callable[[np.ndarray, float], np.ndarray],
-    start: np.ndarray,
-    rates: np.ndarray,
-    times: np.ndarray,
-) -> Slide:
-    """The motion up to the last of the times."""
-    ease, events, found, t = arms**2 / mass, [], {}, 0.0
-    s, v = np.array(start, float), np.array(rates, float) * arms
-
-    def pull(s, t):
-        return load(s, t) / arms
-
-    def moves(t, y, along=None):
+    def rates(self, t: float, y: np.ndarray) -> np.ndarray:
+        """Of slips and velocities v."""
         s, v = np.split(y, 2)
-        size = np.linalg.norm(v)
-        turned = along if size == 0 else v / size
-        return np.concatenate([v / arms, ease * (pull(s, t) - limit * turned)])
+        pull = self.load(s, t) / self.arms - self.limit * v / np.linalg.norm(v)
+        return np.concatenate([v / self.arms, self.arms**2 / self.mass * pull])
 
-    def keep(run, upto, resting=False):
-        for k in np.flatnonzero((times >= t) & (times <= upto)):
-            s_k, v_k = (s, 0 * v) if resting else np.split(run.sol(times[k]), 2)
-            found[k] = s_k, v_k / arms
+    def sets_out(self, s: np.ndarray, t: float) -> np.ndarray | None:
+        """n, or None where it stays."""
+        pull, ease = self.load(s, t) / self.arms, self.arms**2 / self.mass
+        if np.linalg.norm(pull) <= self.limit:
+            return None
 
-    while t < times[-1]:
+        def unit(value: float) -> np.ndarray:
+            return ease * pull / (value + self.limit * ease)
+
+        most = float(np.linalg.norm(ease * pull))
+        return unit(brentq(lambda value: float(np.linalg.norm(unit(value))) - 1, 0.0, most, xtol=1e-15 * most))
+
+
+def slide(slider: Slider, start: np.ndarray, rates: np.ndarray, times: np.ndarray) -> Slide:
+    """The motion up to the last of the times; at rest it stays for good, or sets out at once."""
+    t, s, v = 0.0, np.asarray(start, float), np.asarray(rates, float) * slider.arms
+    slips, speeds, stops = np.tile(s, (len(times), 1)), np.zeros((len(times), len(s))), []
+    while True:
         if not v.any():
-            lets_go = (lambda at: np.linalg.norm(pull(s, at)) - limit)
-            looks = np.linspace(t, times[-1], 2001)
-            over = [at for at in looks if lets_go(at) > 0]
-            if not over:
-                keep(None, times[-1], resting=True)
+            along = slider.sets_out(s, t)
+            if along is None:
                 break
-            first = over[0]
-            if first > t:
-                first = brentq(lets_go, first - (looks[1] - looks[0]), first, xtol=1e-14)
-                keep(None, first, resting=True)
-                t = first
-                events.append(t)
-            n = direction(pull(s, t) * (1 + 1e-15), limit, ease)
-            v = n * 1e-12
-        size = max(np.linalg.norm(v), 1e-3)
-        since = t
+            v = 1e-12 * along
+        run = _until_stop(slider, t, np.concatenate([s, v]), times[-1])
+        here = (times >= t) & (times <= run.t[-1])
+        slips[here], v_here = np.split(run.sol(times[here]).T, 2, axis=1) if here.any() else (slips[here], speeds[here])
+        speeds[here] = v_here / slider.arms
+        t, (s, v) = run.t[-1], np.split(run.y[:, -1], 2)
+        if t >= times[-1]:
+            break
+        size = np.linalg.norm(v)
+        t = t - size**2 / (v @ slider.rates(t, run.y[:, -1])[len(s) :])
+        stops.append(t)
+        slips[times >= t], v = s, 0 * v
+    return Slide(slips, speeds, stops)
 
-        def stops(at, y, since=since, size=size):
-            fast = np.linalg.norm(y[len(s) :])
-            return fast / size - _SLOW if at > since + 1e-7 else 1.0
 
-        stops.terminal, stops.direction = True, -1
-        run = solve_ivp(
-            moves, (t, times[-1]), np.concatenate([s, v]), method="LSODA", rtol=1e-12, atol=1e-15, events=[stops],
-            dense_output=True,
-        )  # fmt: skip
-        keep(run, run.t[-1])
-        t = run.t[-1]
-        s, v = np.split(run.y[:, -1], 2)
-        if t < times[-1]:
-            slows = -(v / np.linalg.norm(v)) @ moves(t, run.y[:, -1])[len(s) :]
-            t, v = t + np.linalg.norm(v) / slows, 0 * v
-            events.append(t)
-    slips, speeds = zip(*(found[k] for k in range(len(times))), strict=True)
-    return Slide(np.array(slips), np.array(speeds), events)
+def _until_stop(slider: Slider, t: float, y: np.ndarray, end: float):
+    def moves(at: float, y: np.ndarray) -> float:
+        return float(np.linalg.norm(y[len(slider.arms) :])) - _SLOW if at > t + 1e-7 else 1.0
+
+    moves.terminal, moves.direction = True, -1
+    options = {"method": "LSODA", "rtol": 1e-12, "atol": 1e-15}
+    return solve_ivp(slider.rates, (t, end), y, events=[moves], dense_output=True, **options)

@@ -1,0 +1,205 @@
+"""Motions of joints that slide dryly in several directions: to rest, past it, and out of it, against closed forms and
+an integration of their own."""
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from truth.sliding import Slider, slide
+
+import redundax as rx
+
+rs = rx.spatial
+pytestmark = pytest.mark.slow
+MU, MASS, WEIGHT, RADIUS, SPIN, SPUN = 0.1, 2.0, 30.0, 0.02, 0.1, 0.1
+LIMIT = MU * WEIGHT
+
+
+def loads(i, j, t, p):
+    """A force that grows and springs to the start, and a moment."""
+    force = p["force"] + p["growth"] * t - p["stiffness"] * i.pose.r
+    return rs.Wrench(force, p["moment"]), rs.Wrench(jnp.zeros(3), jnp.zeros(3))
+
+
+def given(**loads):
+    """Parameters of the loads, zero but for those given."""
+    return {name: np.array(loads.get(name, np.zeros(3))) for name in ("force", "growth", "stiffness", "moment")}
+
+
+def sleeve(inertia, **pushed):
+    """A body on a vertical shaft, pulled to the side."""
+    body = rs.Body("body", MASS, (0.1, 0.1, inertia))
+    sizes = {"shaft_radius": RADIUS, "bearing_length": 0.05, "friction": rx.Coulomb(MU)}
+    joint = rs.Cylindrical("joint", body, rx.GROUND, point=(0, 0, 0), axis=(0, 0, 1), **sizes)
+    push = given(force=(0.6 * WEIGHT, 0.8 * WEIGHT, 0.0), **pushed)
+    return rx.Mechanism([body], [joint], loads=[rs.LoadFunction("body", loads, parameters=push)])
+
+
+def plate(force=(0.0, 0.0), mu=MU, **pushed):
+    """A plate on a horizontal table, of equal inertia about all axes."""
+    body = rs.Body("plate", MASS, (SPUN, SPUN, SPUN))
+    sizes = {"plate_length": 0.3, "spin_radius": SPIN, "friction": rx.Coulomb(mu)}
+    joint = rs.Planar("joint", body, rx.GROUND, point=(0, 0, 0), axis=(0, 0, 1), **sizes)
+    push = given(force=(*force, -WEIGHT), **pushed)
+    return rx.Mechanism([body], [joint], loads=[rs.LoadFunction("plate", loads, parameters=push)])
+
+
+def ran(mechanism, slips, start, rates, times):
+    """The motion, and the slips and rates of the joint at all times."""
+    at = {f"joint.{slip}": x for slip, x in zip(slips, start, strict=True)}
+    rate = {f"joint.{slip}": x for slip, x in zip(slips, rates, strict=True)}
+    state = rx.assemble(mechanism, positions=at, rates=rate)
+    run = rx.simulate(mechanism, state, times[-1], ts=times, rtol=1e-10, throw=False)
+    found = (np.stack([run[f"joint.{slip}{mark}"] for slip in slips], axis=1) for mark in ("", "'"))
+    return run, *found
+
+
+# Sleeves --------------------------------------------------------------------------------------
+
+ON_SHAFT = ("angle", "travel")
+
+
+def test_a_sleeve_slides_and_turns_to_rest_along_a_line():
+    """With the inertia of a thin tube of its radius it keeps its direction."""
+    slows, speed = LIMIT / MASS, np.hypot(RADIUS * 3.0, 0.2)
+    stop = speed / slows
+    times = np.array([0.3, 0.6, 0.9, 1.0, 1.2, 1.5]) * stop
+    run, slips, rates = ran(sleeve(MASS * RADIUS**2), ON_SHAFT, (0, 0), (3.0, 0.2), times)
+    moved = np.minimum(times, stop)
+    way = moved - slows * moved**2 / 2 / speed
+    np.testing.assert_allclose(slips, way[:, None] * [3.0, 0.2], rtol=1e-8)
+    assert run.result == rx.RESULTS.stuck
+    np.testing.assert_allclose(run.stats.end, stop, rtol=1e-9)
+    assert np.all(rates[4:] == 0.0)
+    np.testing.assert_allclose(run.sense[:3], np.tile([0.06, 0.2] / speed, (3, 1)), rtol=1e-9)
+    assert np.all(run.sense[4:] == 0.0)
+
+
+@pytest.mark.parametrize("moment", [0.0, 0.02])
+def test_a_sleeve_of_large_inertia_turns_from_its_line(moment):
+    """Travel is braked first; a moment below the friction turns it on until it rests."""
+    slider = Slider(np.array([0.01, MASS]), np.array([RADIUS, 1.0]), LIMIT, lambda s, t: np.array([moment, 0.0]))
+    times = np.linspace(0.0, 1.2, 7)[1:]
+    truth = slide(slider, np.zeros(2), np.array([3.0, 0.2]), times)
+    run, slips, rates = ran(sleeve(0.01, moment=(0, 0, moment)), ON_SHAFT, (0, 0), (3.0, 0.2), times)
+    np.testing.assert_allclose(slips, truth.slips, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(rates, truth.rates, rtol=0, atol=1e-8)
+    assert len(truth.stops) == 1
+    assert run.result == rx.RESULTS.stuck
+    np.testing.assert_allclose(run.stats.end, truth.stops[0], rtol=0, atol=2e-8)
+
+
+# Plates ---------------------------------------------------------------------------------------
+
+ON_TABLE = ("travel_1", "travel_2", "angle")
+SPRUNG = (40.0, 70.0, 0.0)
+SLIDES = {  # force, stiffness, start, rates, end, number of stops
+    "pushed from the side, to rest": ((1.0, 1.5), (0, 0, 0), (0, 0, 0), (0.5, -0.3, 0.0), 1.0, 1),
+    "pushed, and spun": ((1.0, 1.5), (0, 0, 0), (0, 0, 0), (0.5, -0.3, 8.0), 1.0, 0),
+    "pushed back beyond the cone, it turns round": ((2.9, 1.5), (0, 0, 0), (-0.5, -0.3, 0.0), (0, 0, 0), 1.0, 0),
+    "springs along a line": ((0, 0), SPRUNG, (0.5, 0, 0), (0, 0, 0), 4.0, 3),
+    "springs along a curve that misses its stops": ((0, 0), SPRUNG, (0.5, 0.3, 0), (0, 0, 0), 4.0, 1),
+    "springs, thrown and spun": ((0, 0), SPRUNG, (0.5, 0.1, 0), (0, 1.0, 2.0), 4.0, 1),
+}
+
+
+@pytest.mark.parametrize("name", SLIDES)
+def test_a_plate_slides(name):
+    force, stiffness, start, rates, end, stops = SLIDES[name]
+    slider = Slider(
+        np.array([MASS, MASS, SPUN]),
+        np.array([1.0, 1.0, SPIN]),
+        LIMIT,
+        lambda s, t: np.array([*force, 0.0]) - np.array(stiffness) * s,
+    )
+    times = np.linspace(0.0, end, 7)[1:]
+    truth = slide(slider, np.array(start), np.array(rates), times)
+    assert len(truth.stops) == stops
+    run, slips, speeds = ran(plate(force, stiffness=stiffness), ON_TABLE, start, rates, times)
+    np.testing.assert_allclose(slips, truth.slips, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(speeds, truth.rates, rtol=0, atol=2e-8)
+    assert (run.result == rx.RESULTS.stuck) == (stops > 0)
+    assert run.stats.phases == max(stops, 1)
+    assert run.stats.energy_error < 1e-9
+    if stops:
+        np.testing.assert_allclose(run.stats.end, truth.stops[-1], rtol=0, atol=2e-8)
+
+
+@pytest.mark.parametrize("share", [0.999, 1.001])
+def test_a_plate_on_an_incline_pushed_across_it(share):
+    """It stays while the push and the part of its weight downhill together are within the cone, and else goes their
+    way."""
+    downhill = 0.6 * LIMIT
+    force = np.array([np.sqrt((share * LIMIT) ** 2 - downhill**2), -downhill])
+    times = np.linspace(0.0, 1.0, 7)[1:]
+    run, slips, _ = ran(plate(tuple(force)), ON_TABLE, (0, 0, 0), (0, 0, 0), times)
+    speeds_up = max(share - 1, 0.0) * LIMIT / MASS
+    truth = speeds_up * times[:, None] ** 2 / 2 * np.append(force / np.linalg.norm(force), 0.0)
+    np.testing.assert_allclose(slips, truth, rtol=0, atol=1e-12)
+    assert (run.result == rx.RESULTS.stuck) == (share < 1)
+
+
+def test_a_load_that_grows_lets_a_plate_go_its_way():
+    """At 2 N/s from 1.5 s on: (F - 3 N) / m."""
+    times = np.array([0.5, 1.0, 1.6, 1.8, 2.0, 2.1])
+    run, slips, _ = ran(plate(growth=(1.2, 1.6, 0.0)), ON_TABLE, (0, 0, 0), (0, 0, 0), times)
+    way = 2.0 * np.maximum(times - 1.5, 0.0) ** 3 / (6 * MASS)
+    np.testing.assert_allclose(slips, way[:, None] * [0.6, 0.8, 0.0], rtol=0, atol=1e-8)
+    np.testing.assert_allclose(run.sense[-1], [0.6, 0.8, 0.0], rtol=0, atol=1e-6)
+    assert np.all(run.sense[0] == 0.0)
+
+
+# Balls ----------------------------------------------------------------------------------------
+
+
+def test_a_ball_in_its_socket_spins_to_rest():
+    """Its angular velocity keeps its axis and falls linearly."""
+    axis, inertia = np.array([2.0, 3.0, 6.0]) / 7, 0.1
+    body = rs.Body("ball", MASS, (inertia, inertia, inertia))
+    socket = rs.Spherical("socket", body, rx.GROUND, point=(0, 0, 0), ball_radius=RADIUS, friction=rx.Coulomb(MU))
+    mechanism = rx.Mechanism([body], [socket], loads=[rs.AppliedForce("ball", (12.0, -9.0, 20.0))])
+    slows = MU * 25.0 * RADIUS / inertia
+    times = np.array([0.3, 0.6, 0.9, 1.1, 1.2]) * 4.0 / slows
+    start = rx.State(mechanism.reference, np.append(np.zeros(3), 4.0 * axis))
+    run = rx.simulate(mechanism, start, times[-1], ts=times, rtol=1e-10, throw=False)
+    truth = np.maximum(4.0 - slows * times, 0.0)[:, None] * axis
+    np.testing.assert_allclose(run.qd[:, 3:], truth, rtol=0, atol=1e-9)
+    assert run.result == rx.RESULTS.stuck
+    np.testing.assert_allclose(run.stats.end, 4.0 / slows, rtol=1e-9)
+
+
+# Pins of a cross --------------------------------------------------------------------------------
+
+
+def test_pins_of_a_cross_stick_apart():
+    """Pulled along the normal of the cross by 500 N; a small body turns about one pin and the other keeps still."""
+    body = rs.Body("body", MASS, (0.1, 0.1, 0.1))
+    sizes = {"pin_radius": 0.01, "bearing_length": 0.06, "thrust_radius": 0.008, "friction": rx.Coulomb(0.2)}
+    cross = rs.Universal("cross", body, rx.GROUND, (0, 0, 0), axis_i=(1, 0, 0), axis_j=(0, 1, 0), **sizes)
+    holds = 0.2 * 0.01 * 500.0
+    turns = rs.AppliedForce("body", (0, 0, -500.0), moment=(0.9 * holds, 1.5 * holds, 0))
+    mechanism = rx.Mechanism([body], [cross], loads=[turns])
+    run = rx.simulate(mechanism, rx.assemble(mechanism), 0.1, ts=[0.05, 0.1], rtol=1e-10)
+    assert set(np.abs(run.sense[-1])) == {0.0, 1.0}
+    np.testing.assert_allclose(run["cross.angle_2"], 0.0, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(np.abs(run["cross.angle_1"]), 0.5 * holds / 0.1 * run.t**2 / 2, rtol=1e-5)
+
+
+# Batches and derivatives ------------------------------------------------------------------------
+
+
+def test_where_a_plate_stops_and_how_that_depends_on_mu():
+    """After v^2 / (2 mu g), for many mu at once."""
+    speed, gravity = 0.5, WEIGHT / MASS
+
+    def stop(mu):
+        state = rx.State(plate().reference, jnp.array([0.6 * speed, 0.8 * speed, 0, 0, 0, 0.0]))
+        end = {"ts": [1.0], "max_phases": 2, "adjoint": diffrax.ForwardMode()}
+        return rx.simulate(plate(mu=mu), state, 1.0, throw=False, **end).q[0, :2]
+
+    mu = jnp.array([0.05, 0.1, 0.2])
+    where, slope = jax.jit(jax.vmap(lambda x: jax.jvp(stop, (x,), (jnp.ones_like(x),))))(mu)
+    way = speed**2 / (2 * np.asarray(mu)[:, None] * gravity) * [0.6, 0.8]
+    np.testing.assert_allclose(where, way, rtol=1e-8)
+    np.testing.assert_allclose(slope, -way / np.asarray(mu)[:, None], rtol=1e-6)
