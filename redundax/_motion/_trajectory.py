@@ -63,8 +63,8 @@ class Trajectory(AbstractNamed):
     - `q`, `qd`: coordinates and velocities, on the constraint manifold with `Projection`; `q` as the chart has it.
     - `acceleration`, `multipliers`, `friction`: qdd, lam and tau of the closure, as `solve` gives them. Where
       `stats.contraction` is not below 1 they may be of another solution than the motion follows.
-    - `sense`: sense of slip of each friction, 0 where the joint sticks; 1 where friction does not depend on it. Of joints
-      whose slips share one friction it is the unit direction of the velocity of their surfaces, (R omega, v) of a sleeve.
+    - `sense`: sense of slip of each friction, 0 where the joint sticks; 1 where friction does not depend on it. Of
+      sleeves, balls and plates the unit direction of the velocity of their surfaces, as (R omega, v).
     - `memory`: internal states of friction laws that have some, one entry for each friction group.
     - `result`: how the motion ended.
     - `stats`: the evidence.

@@ -97,12 +97,14 @@ def test_a_ball_that_turned_already_rubs_against_its_angular_velocity():
     np.testing.assert_allclose(np.linalg.norm(found.friction), MU * 25.0 * RADIUS, rtol=1e-12)
 
 
-def plate(friction, arm=0.0, weight=WEIGHT):
-    """A plate with its weight at an arm above the table, of equal inertia about all axes."""
+def plate(friction, arm=0.0, weight=WEIGHT, push=(0.0, 0.0, 0.0)):
+    """A plate with its weight at an arm above the table, of equal inertia about all axes, and a push and M / R."""
     body = rs.Body("plate", MASS, (0.1, 0.1, 0.1))
     sizes = {"plate_length": 0.3, "spin_radius": 0.1, "friction": friction}
     table = rs.Planar("table", body, rx.GROUND, point=(0, 0, 0), axis=(0, 0, 1), **sizes)
-    return rx.Mechanism([body], [table], loads=[rs.AppliedForce("plate", (0.0, 0.0, -weight), on_i=(arm, 0.0, 0.0))])
+    pushed = rs.AppliedForce("plate", (push[0], push[1], 0.0), moment=(0.0, 0.0, 0.1 * push[2]))
+    load = rs.AppliedForce("plate", (0.0, 0.0, -weight), on_i=(arm, 0.0, 0.0))
+    return rx.Mechanism([body], [table], loads=[load, pushed])
 
 
 def launched(mechanism, x, y, spin):
@@ -171,11 +173,65 @@ def test_bristles_bend_in_any_direction(model):
     np.testing.assert_allclose(first[0], alone["guide.travel"], rtol=0, atol=1e-8)
 
 
+ROUNDED = (1 - 1e-6, 1 + 1e-6)
+
+
+def holds(mechanism, share):
+    """Whether it sticks where loads are a share of what can be held, proved, with the margin of that share."""
+    found = rx.sticking(mechanism, rx.assemble(mechanism))
+    assert (found.verdict, found.proved) == ("must stick" if share < 1 else "must slip", True)
+    np.testing.assert_allclose(found.margin, 1 / share - 1, rtol=0, atol=1e-9)
+    return found
+
+
+@pytest.mark.parametrize("share", ROUNDED)
+def test_a_plate_holds_a_ball_of_force_and_moment(share):
+    """|(F_1, F_2, M / R)| up to mu N, wherever it points."""
+    push = share * MU * WEIGHT * np.array([2.0, -3.0, 6.0]) / 7
+    found = holds(plate(rx.Coulomb(MU), push=push), share)
+    np.testing.assert_allclose(found.friction[0], -push * [1, 1, 0.1] / max(share, 1.0), rtol=1e-5)
+
+
+@pytest.mark.parametrize("share", ROUNDED)
+def test_two_plates_hold_a_moment_by_force_and_spin(share):
+    """Each has half of the weight and slides at an arm and spins: mu N / 2 times |(arm, R)|."""
+    arm, radius = 0.4, 0.1
+    body = rs.Body("plate", MASS, (0.1, 0.1, 0.1))
+    sizes = {"axis": (0, 0, 1), "plate_length": 0.3, "spin_radius": radius, "friction": rx.Coulomb(MU)}
+    tables = [
+        rs.Planar(name, body, rx.GROUND, point=(x, 0, 0), **sizes) for name, x in (("left", -arm), ("right", arm))
+    ]
+    most = MU * WEIGHT * np.hypot(arm, radius)
+    load = rs.AppliedForce("plate", (0, 0, -WEIGHT), moment=(0, 0, share * most))
+    holds(rx.Mechanism([body], tables, loads=[load]), share)
+
+
+@pytest.mark.parametrize("share", ROUNDED)
+def test_a_sleeve_on_a_thread_slips_along_it_alone(share):
+    """One freedom: of friction what is along the thread counts, mu N |(R, pitch / 2 pi)| against the moment."""
+    lead, body = 0.03, rs.Body("body", MASS, (0.1, 0.1, 0.15))
+    on = {"point": (0, 0, 0), "axis": (0, 0, 1)}
+    sizes = {"shaft_radius": RADIUS, "bearing_length": 0.05, "friction": rx.Coulomb(MU)}
+    joints = [
+        rs.Cylindrical("sleeve", body, rx.GROUND, **on, **sizes),
+        rs.Screw("thread", body, rx.GROUND, **on, pitch=2 * np.pi * lead),
+    ]
+    most = MU * WEIGHT / 2 * np.hypot(RADIUS, lead)  # the thread takes half of the pull
+    pull = rs.AppliedForce("body", (0.6 * WEIGHT, 0.8 * WEIGHT, 0.0), moment=(0, 0, share * most))
+    holds(rx.Mechanism([body], joints, loads=[pull]), share)
+
+
+def test_slip_that_sets_out_in_a_given_direction():
+    mechanism = sleeve()
+    found = rx.solve(mechanism, rx.assemble(mechanism), sense={"sleeve.angle": 1.5, "sleeve.travel": -2.0})
+    np.testing.assert_allclose(found.friction, MU * WEIGHT * np.array([-0.6 * RADIUS, 0.8]), rtol=1e-12)
+
+
 def test_what_is_not_known_at_rest_is_refused_by_name():
     mechanism = sleeve()
-    moving, rest = slides(mechanism, 3.0, 0.1), rx.assemble(mechanism)
+    rest = rx.assemble(mechanism)
     assert rx.solve(mechanism, rest, throw=False).result == rx.RESULTS.friction_at_rest
-    for ask in (lambda: rx.simulate(mechanism, moving, 1.0), lambda: rx.sticking(mechanism, rest)):
+    for ask in (lambda: rx.band(mechanism, rest), lambda: rx.limit_load(mechanism, rest, {"body.z": 1.0})):
         with pytest.raises(ValueError, match=r"sleeve\.angle, sleeve\.travel.*rx\.Dahl"):
             ask()
 
