@@ -58,7 +58,8 @@ class Bands:
     - `names`, `kinds`: of the outputs; kinds are "linear", "angular", "force", "moment", "friction force" and
       "friction moment".
     - `units`: of the outputs, as in "m/s²"; "" where the system states none.
-    - `lower`, `upper`: the bands, shape (outputs,); NaN where no solution within the bounds was found.
+    - `lower`, `upper`: the bands, shape (outputs,); NaN where no solution within the bounds was found, infinite at rest
+      where joints wedge themselves: their friction then holds any loads that it causes.
     - `exact`: which bands are proved, shape (outputs,); the others are inner bounds: their ends are attained, more may
       be. More `samples` and `starts`, or `nodes` at rest, search better.
     - `outer_lower`, `outer_upper`: outer bounds, proved not to be exceeded, shape (outputs,); infinite where none is
@@ -140,7 +141,10 @@ class Bands:
             ("", f"{'least':>14}", f"{'largest':>12}", ""), labels, *ends, [*map(self._kind, range(len(labels)))]
         )
         lines += page([rows._replace(sides="<>><")], [], "All of them: bands.to_pandas()")
-        if np.any(np.isinf(self.outer_lower) | np.isinf(self.outer_upper)):
+        endless = np.isinf(self.lower) | np.isinf(self.upper)
+        if np.any(endless):
+            lines.append("Without end: friction grows with the loads that it causes, so that joints wedge themselves.")
+        if np.any((np.isinf(self.outer_lower) | np.isinf(self.outer_upper)) & ~self.exact & ~endless):
             lines.append("Inner estimates: all within is attained; more may be, and no outer bound is known.")
         if self.pulling:
             lines.append(f"CHANGE OF FLANK within these bands: {in_words(self.pulling)}")
@@ -276,7 +280,10 @@ def _at_rest(
     lower, upper, stands = bands_at_rest(system, state, factor, solutions, cases, wanted.matrix, nodes, wanted.asked)
     outer_lower, outer_upper = lower.bound + wanted.offset, upper.bound + wanted.offset
     size = np.maximum(np.abs(lower.value), np.abs(upper.value))
-    met = np.maximum(upper.bound - upper.value, lower.value - lower.bound) <= _MEET * np.where(size > 0, size, 1.0)
+    enough = _MEET * np.where((size > 0) & np.isfinite(size), size, 1.0)
+    with np.errstate(invalid="ignore"):  # of two infinite ends
+        gaps = [np.where(end.value == end.bound, 0.0, np.abs(end.bound - end.value)) for end in (lower, upper)]
+    met = np.maximum(*gaps) <= enough
     bands = Bands(
         **_described(system, wanted, bounds, cases),
         lower=lower.value + wanted.offset,

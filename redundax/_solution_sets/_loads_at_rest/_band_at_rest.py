@@ -17,7 +17,10 @@ _ROUNDING = 1e-12  # of an output that does not vary
 
 
 class Ends(NamedTuple):
-    """Largest values of outputs that were attained, (b,), bounds that none exceeds, (b,), and where: (b, q), (b, x)."""
+    """Largest values of outputs that were attained, (b,), bounds that none exceeds, (b,), and where: (b, q), (b, x).
+
+    A value without end is inf, and attained nowhere: NaN.
+    """
 
     value: np.ndarray
     bound: np.ndarray
@@ -81,5 +84,6 @@ def _ends(found: Standing, loads: LoadsAtRest, matrix: np.ndarray, stands: str) 
         out.bound[k] = row @ offset + extreme.bound if found.proved else np.inf
         if extreme.x is not None:
             out.value[k] = row @ offset + extreme.value
+        if extreme.x is not None and np.isfinite(extreme.value):
             out.case[k], out.solution[k] = found.figures(extreme.x), slope @ extreme.x + offset
     return out

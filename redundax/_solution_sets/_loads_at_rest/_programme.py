@@ -69,7 +69,7 @@ class Row(NamedTuple):
 
 
 class Optimum(NamedTuple):
-    """Of a linear programme: infinite without bound, -inf without solution."""
+    """Of a linear programme: infinite without bound, at any x that it allows, or None; -inf without solution."""
 
     value: float
     x: np.ndarray | None

@@ -1,6 +1,7 @@
 """Linear programmes that hold all that is possible over cones of loads, or only what is possible beside some loads."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -65,23 +66,26 @@ class Relaxation:
         right = np.array([*own.within[1], *(row.right for row in rows)])
         size = np.abs(left).max(axis=1, initial=0.0)
         size = np.where(size > 0, size, 1.0)
-        for presolve in (True, False):
-            found = linprog(
+
+        def solve(cost: np.ndarray, presolve: bool) -> Any:
+            options = {"primal_feasibility_tolerance": TOLERANCE, "dual_feasibility_tolerance": TOLERANCE}
+            return linprog(
                 -cost,
                 left / size[:, None],
                 right / size,
                 *own.equal,
-                bounds=own.box,
-                options={
-                    "primal_feasibility_tolerance": TOLERANCE,
-                    "dual_feasibility_tolerance": TOLERANCE,
-                    "presolve": presolve,
-                },
+                own.box,
+                options={**options, "presolve": presolve},
             )
+
+        for presolve in (True, False):  # a presolve takes rounding for a contradiction
+            found = solve(cost, presolve)
             if found.status == 0:
                 return Optimum(-found.fun, found.x)
-            if found.status == 2 and not presolve:  # a presolve takes rounding for a contradiction
+            if found.status == 2 and not presolve:
                 return NOTHING
+            if found.status == 3:
+                return Optimum(np.inf, solve(np.zeros_like(cost), presolve).x)
         return Optimum(np.inf, None)
 
     def violated(self, x: np.ndarray) -> list[Row]:
