@@ -215,3 +215,34 @@ def test_errors():
     for closure in (rx.Compliance(jnp.ones(2), misfit=jnp.array([0.0, jnp.nan])), rx.MinimumNorm(jnp.inf)):
         with pytest.raises(RuntimeError, match="not finite"):
             rx.sticking(system, state, closure)
+
+
+def portal(mu: float) -> tuple[rx.Mechanism, rx.State, rx.ElasticJoints]:
+    """A beam of 20 kg in upright guides of 0.1 m, 1 m to both sides, lifted by 702 N at 0.3 m from its middle."""
+    guide = {"normal": (1.0, 0.0), "guide_length": 0.1, "friction": rx.Coulomb(mu)}
+    guides = [
+        rx.Translational(name, "beam", "ground", (x, 0), (x, 0), **guide) for name, x in (("L", -1.0), ("R", 1.0))
+    ]
+    load = rx.AppliedForce("beam", force=(0.0, 702.0), point=(0.3, 0.0))
+    mechanism = rx.Mechanism([rx.Body("beam", 20.0, 6.7)], guides, loads=[load], gravity=(0.0, -9.81))
+    return mechanism, rx.assemble(mechanism, {}), rx.ElasticJoints(mechanism, {"L": (5e-8, 1e-6), "R": (5e-8, 1e-6)})
+
+
+@pytest.mark.parametrize(("mu", "verdict", "stands"), [(0.04, "must slip", "no"), (0.12, "may stick", "yes")])
+def test_guides_wedge_where_their_friction_makes_the_moment_that_makes_it(mu, verdict, stands):
+    """Each guide takes half of the moment, and has friction of 2 mu |M| / 0.1 m: from mu = 0.05 on M holds itself."""
+    mechanism, state, joints = portal(mu)
+    found = rx.sticking(mechanism, state, joints)
+    assert found.verdict == verdict
+    held = rx.band(mechanism, state, ["tau L", "L moment on beam"], joints)
+    assert held.stands == stands
+    if stands == "no":
+        return
+    left, right = found.friction[np.argmax(found.margin)]
+    moment = -(right - left + 0.3 * 702.0) / 2
+    np.testing.assert_allclose(left + right, 702.0 - 20 * 9.81, rtol=1e-9)
+    assert max(abs(left), abs(right)) <= 2 * mu * abs(moment) / 0.1 * (1 + 1e-7)
+    assert np.all(held.exact)
+    assert np.all(held.lower == -np.inf)
+    assert np.all(held.upper == np.inf)
+    assert "wedge" in str(held)

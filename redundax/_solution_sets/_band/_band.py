@@ -36,13 +36,13 @@ from ..._system._system import AbstractSystem
 from ..._system._units import with_unit
 from ..._tools._module import no_classes
 from ..._tools._table import figures, group, page
+from .._at_rest import is_still
 from .._bounds import AbstractBounds, bounds_in_words, cases_of
 from .._cases import AbstractCases, Affine
 from .._family._solution_family import solutions_of
 from .._loads_at_rest._band_at_rest import bands_at_rest
 from .._search import Search, best, few, proved_single
 from .._solution_set import SolutionSet, solution_set
-from .._sticking._at_rest import is_still
 
 if TYPE_CHECKING:
     import pandas

@@ -29,10 +29,10 @@ from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._tools._compilation import compiled
 from ..._tools._module import no_classes
+from .._at_rest import NONE, ReducedForce, drive, velocity_basis
 from .._bounds import AbstractBounds, bounds_in_words, cases_of
 from .._cases import AbstractCases
 from .._solution_set import SolutionSet, solution_set
-from .._sticking._at_rest import NONE, ReducedForce, drive, velocity_basis
 from ._extreme import Extreme, LoadsAtRest
 from ._friction_limits import sizes_of
 from ._programme import Programme

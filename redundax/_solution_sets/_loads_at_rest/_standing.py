@@ -21,9 +21,9 @@ from ..._system._friction import have_sense
 from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._tools._compilation import compiled
+from .._at_rest import ReducedForce, drive, is_still
 from .._cases import AbstractCases
 from .._solution_set import SolutionSet
-from .._sticking._at_rest import ReducedForce, drive, is_still
 from ._affine_map import AffineMap, stacked
 from ._friction_limits import Limited, friction_limits, sizes_of
 from ._programme import Limits, LimitValues, Programme

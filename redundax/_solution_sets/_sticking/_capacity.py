@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._at_rest import NONE, ReducedForce
+from .._at_rest import NONE, ReducedForce
 
 _BLOCKS = 64  # cases in one programme
 _TOLERANCE = 1e-10

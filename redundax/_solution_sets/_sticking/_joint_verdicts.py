@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._at_rest import Ends
+from .._at_rest import Ends
 
 
 class Joints(NamedTuple):

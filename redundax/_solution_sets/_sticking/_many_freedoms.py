@@ -30,10 +30,10 @@ import numpy as np
 from jaxtyping import Array
 
 from ..._analysis._verdict import spectral_radius
+from .._at_rest import LIMIT, NONE, Ends, ReducedForce, in_batches
 from .._cases import Affine
 from .._descent import within
 from .._search import Search, largest_gamma
-from ._at_rest import LIMIT, NONE, Ends, ReducedForce, in_batches
 from ._capacity import Capacity, Part, capacity, parts_of
 from ._one_freedom import CELLS, halve
 from ._stick_slip import Limits, LimitSamples, least_accelerated, sample_limits, slipping_friction, started

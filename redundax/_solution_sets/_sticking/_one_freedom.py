@@ -19,11 +19,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..._analysis._verdict import spectral_radius
+from .._at_rest import LIMIT, Ends, ReducedForce, in_batches
 from .._cases import AbstractCases, Affine
 from .._descent import sample
 from .._search import Search, largest_gamma
 from .._solution_set import SolutionSet
-from ._at_rest import LIMIT, Ends, ReducedForce, in_batches
 from ._held import held
 
 CELLS = 4096  # cells of the bounds at most, in a proof

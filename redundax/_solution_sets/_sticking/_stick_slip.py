@@ -26,9 +26,9 @@ from ..._analysis._verdict import spectral_radius
 from ..._solvers._gauss_seidel import gauss_seidel
 from ..._system._directions import Directions
 from ..._tools._compilation import compiled
+from .._at_rest import NONE, ReducedForce, ball_sizes
 from .._cases import AbstractCases
 from .._solution_set import SolutionSet
-from ._at_rest import NONE, ReducedForce, ball_sizes
 
 _SETTLED = 1e-13  # change of friction, relative to the largest, after which sweeps have settled it
 _FOUND = 1e-6  # error of the acceleration, relative to the parts that cancel, of what is taken for a solution

@@ -25,6 +25,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array
 
 from ..._analysis._analyze import analyze
+from ..._analysis._report import Report
 from ..._closures._closure import AbstractClosure, MinimumNorm
 from ..._equations._factorisation import Factorisation
 from ..._equations._factorize import dense_at
@@ -32,10 +33,11 @@ from ..._solve._all_solutions import start_factors
 from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._tools._module import no_classes
+from .._at_rest import LIMIT, Ends, ReducedForce, drive
 from .._bounds import AbstractBounds, cases_of
+from .._loads_at_rest._wedged import wedged
 from .._search import Search, proved_single
 from .._solution_set import solution_set
-from ._at_rest import LIMIT, Ends, ReducedForce, drive
 from ._joint_verdicts import Joints, joint_verdicts
 from ._many_freedoms import ManyFreedoms
 from ._one_freedom import ends_of_one, is_covered, most_holds
@@ -92,21 +94,22 @@ def sticking(
             "Argument `system` must have a degree of freedom to stick or slip, but has none. Release a lock."
         )
     solutions = solution_set(system, state, factor, jnp.asarray(report.self_stress), senses)
-    closure = isinstance(bounds, AbstractClosure)
     cases = cases_of(bounds, system, state, report, solutions)
     single = proved_single(solutions, cases, report)
     search = Search(solutions, cases, start_factors(solutions.rows.size, 0 if single else starts, seed))
     samples = samples if cases.lower.size else 0
     theta = search.sample(samples, seed)
-    fixed = closure or not report.friction_reads
-    if report.freedom == 1:
-        ends = ends_of_one(search, start, theta, samples, seed)
-        verdict = _verdict(ends)
-        proved = start.none or (single and _proved_of_one(verdict, search, start, theta, fixed=fixed))
-        proved = verdict != "undecided" and proved
+    fixed = isinstance(bounds, AbstractClosure) or not report.friction_reads
+    many = None if report.freedom == 1 else ManyFreedoms(search, start, len(theta), reads=not fixed)
+    ends = ends_of_one(search, start, theta, samples, seed) if many is None else many.ends(np.asarray(theta), seed)
+    ends = ends if single else _with_wedged(ends, system, state, factor, bounds, report)
+    verdict = _verdict(ends)
+    if many is None:
+        settled = single and _proved_of_one(verdict, search, start, theta, fixed=fixed)
+        proved = verdict != "undecided" and (start.none or settled)
         joints = joint_verdicts(ends, np.equal(start.sense, 0), lambda *_: proved)
     else:
-        ends, verdict, proved, joints = _of_many(search, start, theta, seed, fixed=fixed)
+        proved, joints = _of_many(many, ends, verdict, start, fixed=fixed)
     order = [np.argmin(ends.margin), np.argmax(ends.margin)] if len(ends.margin) else []
     return Sticking(
         verdict=verdict,
@@ -146,14 +149,28 @@ def _proved_of_one(verdict: str, search: Search, start: ReducedForce, theta: Arr
     return settled and (verdict == "may stick" or fixed or is_covered(search, start, theta, -1.0))
 
 
-def _of_many(
-    search: Search, start: ReducedForce, theta: Array, seed: int, *, fixed: bool
-) -> tuple[Ends, str, bool, Joints]:
-    """States found of any number of freedoms, and the verdicts that they support."""
-    many = ManyFreedoms(search, start, len(theta), reads=not fixed)
-    ends = many.ends(np.asarray(theta), seed)
-    verdict = _verdict(ends)
+def _with_wedged(
+    ends: Ends,
+    system: AbstractSystem,
+    state: State,
+    factor: Factorisation,
+    bounds: AbstractBounds | AbstractClosure,
+    report: Report,
+) -> Ends:
+    """With a state of joints that wedge themselves, where none was found that friction holds."""
+    if np.any(ends.margin >= -LIMIT):
+        return ends
+    resting = solution_set(system, state, factor, jnp.asarray(report.self_stress), None)
+    held = wedged(system, state, factor, resting, cases_of(bounds, system, state, report, resting))
+    if held is None:
+        return ends
+    rows = [np.concatenate(pair) for pair in zip(ends[:-1], held[:-1], strict=True)]
+    return Ends(*rows, solved=ends.solved)
+
+
+def _of_many(many: ManyFreedoms, ends: Ends, verdict: str, start: ReducedForce, *, fixed: bool) -> tuple[bool, Joints]:
+    """Whether the verdict on any number of freedoms is proved, and those on joints."""
     known = fixed and ends.solved == 1 and one_start(start, many.gamma)  # the one state that was found is all
     blocked = np.logical_not(start.slips.any(axis=1))
     joints = joint_verdicts(ends, blocked, lambda verdict, joint: known or many.proves(verdict, joint))
-    return ends, verdict, known or many.proves(verdict), joints
+    return known or many.proves(verdict), joints

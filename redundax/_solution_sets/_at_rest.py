@@ -17,12 +17,12 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array
 
-from ..._equations._factorisation import Factorisation
-from ..._equations._kinematics import slip_motion
-from ..._system._directions import Directions, directions_of
-from ..._system._state import State
-from ..._system._system import AbstractSystem
-from ..._tools._compilation import compiled
+from .._equations._factorisation import Factorisation
+from .._equations._kinematics import slip_motion
+from .._system._directions import Directions, directions_of
+from .._system._state import State
+from .._system._system import AbstractSystem
+from .._tools._compilation import compiled
 
 T = TypeVar("T")
 
