@@ -122,8 +122,10 @@ def test_a_plate_slides(name):
     assert (run.result == rx.RESULTS.stuck) == (stops > 0)
     assert run.stats.phases <= stops + 1
     assert run.stats.energy_error < 1e-9
-    if stops:
-        np.testing.assert_allclose(run.stats.end, truth.stops[-1], rtol=0, atol=2e-8)
+    if stops:  # from a millionth of the largest speed on it counts as one, unless it came along a line
+        slow = 1e-6 * 10.0 / (LIMIT / MASS)
+        straight = name == "springs along a line"
+        np.testing.assert_allclose(run.stats.end, truth.stops[-1], rtol=0, atol=2e-8 if straight else slow)
 
 
 @pytest.mark.parametrize("share", [0.99, 1.01])
