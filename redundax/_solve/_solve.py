@@ -198,7 +198,8 @@ def _end(
         contraction = reduced.problem.contraction(root.tau)
         friction_checks = _checks(reduced, stress, root, solver)
         given = jnp.isfinite(reduced.end_size(reduced.problem.law(reduced.problem.rho0), None))
-    finite = jnp.isfinite(reduced.end_size(root.tau, stress))
+    end = reduced.response.at(root.tau, stress)
+    finite = jnp.isfinite(reduced.end_size(root.tau, stress, end))
     checks = (
         *factor.checks,
         (jnp.isfinite(jnp.sum(closing.compliance)), RESULTS.not_finite),
@@ -209,8 +210,7 @@ def _end(
     friction_checks = (*friction_checks, (finite, RESULTS.not_finite))
     # Of the flags alone: XLA would walk through the whole choice of a result again for every entry.
     good = functools.reduce(operator.and_, (passed for passed, _ in (*checks, *friction_checks)))
-    found = reduced.response.at(root.tau, stress), root.tau
-    end, tau = jax.tree.map(lambda x: _figure(good, x), found)
+    end, tau = jax.tree.map(lambda x: _figure(good, x), (end, root.tau))
     if reduced.undetermined is not None:
         end = end._replace(multipliers=_figure(~reduced.undetermined, end.multipliers))
     # What friction is given only names a failure, so a sweep of accelerations alone does not compute it.

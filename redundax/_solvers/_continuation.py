@@ -11,6 +11,9 @@ Where friction is proved to contract strongly at all loads there is one solution
 nothing else runs then, in a batch neither. Otherwise Newton's end point is kept where friction contracts at it.
 Elsewhere it may lie on a branch of its own, so the solution on the branch from zero friction is preferred. Where Newton
 converges and friction contracts, the loop of the continuation does not run.
+
+In large scenes nothing is proved: sweeps that settle are taken, and else the branch is followed to its first fold
+(`_mixing`).
 """
 
 from typing import NamedTuple
@@ -25,6 +28,7 @@ from .._tools._module import optional_float
 from ._arclength import Path, follow
 from ._friction_problem import FrictionProblem
 from ._iterate import Progress, iterate, run_unless
+from ._mixing import Mixing
 from ._quick_sweeps import quick_sweeps
 from ._solver import AbstractSolver, Newton, Root
 
@@ -56,6 +60,8 @@ class Continuation(AbstractSolver):
 
     def run(self, problem: FrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
         rtol = self.tolerance(start.dtype)
+        if problem.is_large:
+            return Mixing(self.rtol).run(problem, start)
 
         def search(rho0: Array, start: Array) -> Root:
             return self._searched(problem.at(rho0), start)
@@ -104,6 +110,8 @@ class FirstAttempt(AbstractSolver):
     max_steps: int = eqx.field(static=True)
 
     def run(self, problem: FrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
+        if problem.is_large:
+            return Mixing(self.rtol).run(problem, start)
         root = Newton(self.rtol, self.max_steps).run(problem, start)
         kept = root.progress.converged(self.tolerance(start.dtype)) & (problem.contraction(root.tau) < 1)
         return Root(root.tau, root.progress, jnp.where(kept, jnp.inf, 0.0))

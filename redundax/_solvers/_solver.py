@@ -144,13 +144,8 @@ class Newton(AbstractSolver):
         """Next tau, relative residual and relative change of loads."""
         rho = problem.loads(tau)
         residual = tau - problem.law(rho)
-        change = -jnp.linalg.solve(_root_slope(problem, rho), residual)
+        change = -problem.solution(rho, residual)
         return tau + change, problem.change_of_friction(residual), problem.change_of_load(problem.gain @ change)
-
-
-def _root_slope(problem: FrictionProblem, rho: Array) -> Float[Array, "p p"]:
-    slope = problem.slope(rho)
-    return jnp.eye(slope.shape[0], dtype=slope.dtype) - slope
 
 
 @eqx.filter_custom_jvp
@@ -169,6 +164,7 @@ def _closed_root_jvp(primals: tuple, tangents: tuple) -> tuple:
     root = closed_root(problem, start, solver)
     _, explicit = eqx.filter_jvp(lambda p: p.law(p.loads(root.tau)), (problem,), (tangents[0],))
     explicit = jnp.zeros_like(root.tau) if explicit is None else explicit  # of a law that reads none of what changes
-    tau_dot = solve_few(_root_slope(problem, problem.loads(root.tau)), explicit)
+    rho = problem.loads(root.tau)
+    tau_dot = problem.solution(rho, explicit) if problem.is_large else solve_few(problem.root_slope(rho), explicit)
     still = jax.tree.map(lambda x: jnp.zeros_like(x) if eqx.is_inexact_array(x) else None, root)
     return root, eqx.tree_at(lambda root: root.tau, still, tau_dot)
