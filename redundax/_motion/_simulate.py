@@ -163,11 +163,6 @@ def _evenly(start: Array, end: Array) -> Float[Array, "101"]:
 def _check(system: AbstractSystem, state: State, rtol: ArrayLike | None, dt0: ArrayLike | None, max_steps: int) -> None:
     """Refuse what cannot be integrated."""
     refuse_directions(system.friction, "in a motion")
-    if system.plan is not None and system.friction:
-        raise ValueError(
-            "Motions by sparse matrices have no friction yet, but joints of this mechanism do. Simulate "
-            "`mechanism.sparse(False)`, or leave friction out."
-        )
     n = len(system.coordinates)
     if state.qd.shape != (n,) or (system.adds and state.q.shape != (n,)):
         raise ValueError(

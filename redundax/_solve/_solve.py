@@ -25,7 +25,7 @@ from .._solvers._friction_problem import FrictionProblem
 from .._solvers._iterate import Progress
 from .._solvers._open_newton import open_root
 from .._solvers._open_problem import OpenProblem
-from .._solvers._solver import AbstractSolver, Newton, Root, closed_root
+from .._solvers._solver import AbstractSolver, Newton, Root, closed_root, of_large
 from .._system._names import ByName, vector
 from .._system._results import RESULTS, first_failure, is_one_of
 from .._system._state import State
@@ -102,6 +102,8 @@ def solve(
     n, m = len(system.coordinates), len(system.rows)
     if solver is None:
         solver = Newton() if closure is None else Continuation()
+    if system.plan is not None and closure is not None:
+        solver = of_large(solver)
     if closure is None and not (isinstance(solver, Newton) and x0 is not None):
         raise ValueError(
             "Argument `closure` may be None only with `solver=Newton()` and an initial guess `x0`: without a "

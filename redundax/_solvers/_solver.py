@@ -10,6 +10,7 @@ Both end at a root of tau - law(rho0 + K tau); its derivative is implicit, whate
 
 import abc
 import functools
+from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -22,6 +23,9 @@ from .._tools._chunks import in_chunks
 from .._tools._module import optional_float
 from ._friction_problem import FrictionProblem
 from ._iterate import Progress, iterate
+
+
+Solver = TypeVar("Solver", bound="AbstractSolver")
 
 
 class Root(eqx.Module):
@@ -56,6 +60,18 @@ class AbstractSolver(eqx.Module):
         """`rtol`, at least 10 times the rounding of the dtype; 100 times if not given."""
         eps = jnp.finfo(dtype).eps
         return jnp.asarray(100 * eps if self.rtol is None else jnp.maximum(self.rtol, 10 * eps), dtype)
+
+
+# Tolerance in large scenes, in roundings: what solutions by sparse matrices leave of each other.
+_LARGE = 1e4
+
+
+def of_large(solver: Solver) -> Solver:
+    """The same solver with the tolerance of large scenes, where it is given none."""
+    if solver.rtol is not None:
+        return solver
+    rtol = jnp.asarray(_LARGE * jnp.finfo(float).eps)
+    return eqx.tree_at(lambda solver: solver.rtol, solver, rtol, is_leaf=lambda x: x is None)
 
 
 # Fixed-point sweeps for one test of convergence; the test costs about as much as a sweep.
