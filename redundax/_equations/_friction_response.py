@@ -1,6 +1,6 @@
 """What friction of a large mechanism causes, X tau: one more right-hand side for each friction that is asked about.
 
-    X tau = response to E tau,   E tau the generalised force of friction, of which no matrix is formed
+X tau = response to E tau,   E tau the generalised force of friction, of which no matrix is formed
 """
 
 from jaxtyping import Array, Float

@@ -133,7 +133,9 @@ def _start(equations: Equations, state: State, factor: AnyFactorisation, held: A
     if equations.has_sense:
         start = next_mode(equations, state, held, ~none)
     fixed = stop_gradient((system, state, factor, elasticity(equations.closure, system, state)))
-    solution = solve_factorised(*fixed, Continuation() if system.plan is None else of_large(Continuation()), None, start.sense)
+    solution = solve_factorised(
+        *fixed, Continuation() if system.plan is None else of_large(Continuation()), None, start.sense
+    )
     sticks = jnp.any(equations.with_sense(start.sense).sticking)
     result = RESULTS.where(sticks, factor.result, solution.result)
     return _Start(result, start._replace(tau=jnp.where(sticks, start.tau, solution.friction)))

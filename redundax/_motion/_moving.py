@@ -250,10 +250,7 @@ class Equations(eqx.Module):
             problem = problem.sized_at(begin)
             size = problem.friction_size
             root = closed_root(problem, begin, self.solver)
-            if problem.is_large:
-                contraction = problem.contraction(root.tau)
-            else:
-                contraction = problem.contraction_anywhere()
+            contraction = problem.contraction(root.tau) if problem.is_large else problem.contraction_anywhere()
             tau = jnp.where(self.solver.result(root.progress) == RESULTS.successful, root.tau, jnp.nan)
         return tau if passed is None else holding + passed @ tau, contraction, size
 

@@ -24,7 +24,6 @@ from .._tools._module import optional_float
 from ._friction_problem import FrictionProblem
 from ._iterate import Progress, iterate
 
-
 Solver = TypeVar("Solver", bound="AbstractSolver")
 
 
