@@ -54,12 +54,11 @@ def rack(loops: int, **rubs: Any) -> tuple[rx.Mechanism, list[str]]:
     for k in range(loops):
         pins.append((f"B{k}", f"b{k}", f"c{k}", (-0.5, 0.0), (0.5, 0.0)))
         pins.append((f"C{k}", f"b{k}", f"c{k + 1}", (0.5, 0.0), (0.5, 0.0)))
+    doubled = [pin[0] for pin in pins[::3]]
     pins += [(f"{pin[0]}'", *pin[1:]) for pin in pins[::3]]
     joints = [rx.Revolute(*pin, **rubs) for pin in pins]
     pose = rx.mechanisms.n_four_bar(loops).pose
-    return rx.Mechanism(bodies, joints, gravity=(0.0, -GRAVITY), pose=pose), [
-        pin[0] for pin in pins[: 3 * loops + 1 : 3]
-    ]
+    return rx.Mechanism(bodies, joints, gravity=(0.0, -GRAVITY), pose=pose), doubled
 
 
 def ladder(loops: int) -> tuple[rx.Mechanism, rx.State]:
@@ -74,9 +73,9 @@ def ladder(loops: int) -> tuple[rx.Mechanism, rx.State]:
     for k in range(loops):
         foot = np.array([float(k), 0.0, 0.0])
         bar = rx.spatial.Body(f"b{k}", 1.0, inertia, position=foot + tip + (0.5, 0.0, 0.0))
-        for name, crank in (("B", k), ("C", k + 1)):
-            end = np.array([float(crank), 0.0, 0.0]) + tip
-            joints.append(rx.spatial.Revolute(f"{name}{k}", bar, bodies[crank], point=end, axis=(0.0, 0.0, 1.0)))
+        for name, at in (("B", k), ("C", k + 1)):
+            end = np.array([float(at), 0.0, 0.0]) + tip
+            joints.append(rx.spatial.Revolute(f"{name}{k}", bar, bodies[at], point=end, axis=(0.0, 0.0, 1.0)))
         bodies.append(bar)
     mechanism = rx.Mechanism(bodies, joints, gravity=(0.0, -GRAVITY, 0.0)).sparse()
     still = mechanism.reference
@@ -179,7 +178,8 @@ def frictions(loops: int, repeats: int) -> str:
         error = max(float(np.max(np.abs(a - b)) / np.max(np.abs(b))) for a, b in zip(many[:2], true[:2], strict=True))
     joints = len(mechanism.slips)
     each = 1e6 * seconds / joints / hs.size
-    return f"{joints:7} {first:8.1f} {1e3 * single:9.2f} {1e3 * seconds:10.1f} {each:9.2f} {int(many[2][0]):6} {error:8.0e}"
+    figures = f"{first:8.1f} {1e3 * single:9.2f} {1e3 * seconds:10.1f} {each:9.2f}"
+    return f"{joints:7} {figures} {int(many[2][0]):6} {error:8.0e}"
 
 
 def ladders(loops: int, repeats: int) -> str:
