@@ -99,6 +99,9 @@ def simulate(
     others. A mechanism at rest stays there until its loads let it go, which is asked at 100 instants up to `t1`; it
     ends as `RESULTS.stuck` if none does.
 
+    Of large mechanisms, whose matrices are sparse, motions end as `RESULTS.joint_sticks` where a joint stops whose
+    friction depends on the sense of slip: which joints stick there is not decided.
+
     Internal states of friction (`Dahl`, `LuGre`) start as in `state`, at zero if it holds none.
 
     Where the frictional equations may have several solutions the motion follows its branch, and stops where that ends.

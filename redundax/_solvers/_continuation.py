@@ -37,7 +37,7 @@ class Continuation(AbstractSolver):
     """Sweeps or Newton's method, and where they do not settle the matter the branch from zero friction; the default.
 
     It ends with `RESULTS.no_solution_found` where neither finds a solution; `stats.fold` is then the fraction of the
-    friction up to which there is one.
+    friction up to which there is one, by sparse matrices that up to which it was followed.
 
     ??? example
 
@@ -49,7 +49,7 @@ class Continuation(AbstractSolver):
     **Arguments:**
 
     - `rtol`: relative tolerance on the residual, then on the step, each kind against its own size; 100
-      times the rounding of the dtype if not given, and at least 10 times.
+      times the rounding of the dtype if not given, by sparse matrices 10^4, and at least 10 times.
     - `max_steps`: Newton iterations at most.
     - `max_path`: steps along the branch at most.
     """

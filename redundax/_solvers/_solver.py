@@ -91,7 +91,7 @@ class FixedPoint(AbstractSolver):
     **Arguments:**
 
     - `rtol`: relative tolerance on the change of friction, then of loads, each kind against its own size;
-      100 times the rounding of the dtype if not given, and at least 10 times.
+      100 times the rounding of the dtype if not given, by sparse matrices 10^4, and at least 10 times.
     - `max_steps`: iterations at most; convergence is tested after every third.
     """
 
@@ -140,7 +140,7 @@ class Newton(AbstractSolver):
     **Arguments:**
 
     - `rtol`: relative tolerance on the residual, then on the step, each kind against its own size; 100
-      times the rounding of the dtype if not given, and at least 10 times.
+      times the rounding of the dtype if not given, by sparse matrices 10^4, and at least 10 times.
     - `max_steps`: iterations at most.
     """
 

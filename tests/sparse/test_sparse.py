@@ -237,7 +237,7 @@ def ladder(loops, twice=False):
 
 
 def test_ladders_in_space_have_three_redundant_constraints_a_loop():
-    for loops in (5, 40):
+    for loops in (12,):
         mechanism, state = ladder(loops)
         found = rx.solve(mechanism.sparse(), state)
         assert (found.stats.redundancy, found.stats.freedom) == (3 * loops, 1)

@@ -28,7 +28,7 @@ def rack(loops, mu=MU):
 
 
 def swept(mechanism, pins, state, misfit, mu=MU):
-    """Accelerations, multipliers and friction of dense equations of pins, end i less end j: lam = lam_min + P misfit."""
+    """Accelerations, multipliers and friction of dense equations of pins, end i less end j, lam = lam_min + P h."""
     labels, rows = list(mechanism.coordinates.labels), list(mechanism.rows.labels)
     n, m = len(labels), len(rows)
     q, qd = np.asarray(state.q), np.asarray(state.qd)
