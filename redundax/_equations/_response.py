@@ -132,8 +132,8 @@ class LinearResponse(eqx.Module):
         multipliers = self.free.multipliers + caused.multipliers
         return Response(acceleration, multipliers if stress is None else multipliers + stress)
 
-    def gain(self, rows: Int[Array, " l"]) -> Float[Array, "l p"] | LinearMap:
-        """K, what unit friction causes in the multipliers of these rows."""
+    def gain(self, rows: Int[Array, " l"]) -> Any:
+        """K, what unit friction causes in the multipliers of these rows, (l, p) or a map."""
         if isinstance(self.unit, LinearMap):
             return LinearMap(_loads, (self.unit, rows))
         return self.unit.multipliers[rows]

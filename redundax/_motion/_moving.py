@@ -9,7 +9,7 @@ A is the work of loads, friction and drivers, so that T - A, with T the kinetic 
 motion of any system. Forces of constraints that do not move do no work.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -83,10 +83,10 @@ class Linear(NamedTuple):
 
     response: LinearResponse
     load: Float[Array, " n"]
-    directions: Float[Array, "n p"] | LinearMap
+    directions: Any
     rate: Float[Array, " p"]
     slip: Float[Array, " p"]
-    yields: Float[Array, "p p"] | LinearMap
+    yields: Any
 
     @property
     def is_large(self) -> bool:

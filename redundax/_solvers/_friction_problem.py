@@ -12,7 +12,7 @@ Of a large scene K is known by its products, one more right-hand side each; then
 and contraction is estimated, not bounded.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -97,7 +97,7 @@ class FrictionProblem(eqx.Module):
     """
 
     rho0: Float[Array, " l"]
-    gain: Float[Array, "l p"] | LinearMap
+    gain: Any
     law: Law
     angular_loads: Bool[Array, " l"]
     angular_slips: Bool[Array, " p"]
@@ -109,7 +109,7 @@ class FrictionProblem(eqx.Module):
     def make(
         cls,
         rho0: Float[Array, " l"],
-        gain: Float[Array, "l p"] | LinearMap,
+        gain: Any,
         law: Law,
         angular_loads: Bool[Array, " l"],
     ) -> "FrictionProblem":

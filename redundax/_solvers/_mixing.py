@@ -67,7 +67,7 @@ class Mixing(AbstractSolver):
             settled = residual <= jnp.where(last, rtol, _ON_THE_WAY)
             near = problem.change_of_friction(g - way.begin) <= _NEAR
             good = settled & (near | (way.reached == 0))
-            failed = ~good & (settled | ~jnp.isfinite(residual) | (way.count >= _PASSES))
+            failed = ~good & (settled | ~jnp.isfinite(residual) | (way.tries >= _PASSES))
             reached = jnp.where(good, way.s, way.reached)
             there = jnp.where(good, g, way.there)
             step = jnp.where(failed, way.step / 2, jnp.where(good, 1.5 * way.step, way.step))
@@ -83,7 +83,7 @@ class Mixing(AbstractSolver):
                 reached=reached,
                 step=step,
                 residual=residual,
-                count=jnp.where(anew, 0, way.count + 1),
+                tries=jnp.where(anew, 0, way.tries + 1),
                 passes=way.passes + 1,
                 last=mixed.last,
                 changes=mixed.changes,
@@ -106,7 +106,7 @@ class _Way(NamedTuple):
     - `tau`, `begin`: friction, and that which the step along the branch began with.
     - `there`, `reached`: the last solution on the branch, and its s; `s`, `step`: that which is sought, and the step.
     - `residual`: |f| of the last pass, relative.
-    - `count`, `passes`: passes of this step, and of all.
+    - `tries`, `passes`: passes of this step, and of all.
     - `last`, `changes`: f and g of the last pass; and F and G.
     """
 
@@ -117,7 +117,7 @@ class _Way(NamedTuple):
     reached: Float[Array, ""]
     step: Float[Array, ""]
     residual: Float[Array, ""]
-    count: Int[Array, ""]
+    tries: Int[Array, ""]
     passes: Int[Array, ""]
     last: Float[Array, "two p"]
     changes: Float[Array, "two p columns"]
@@ -133,8 +133,8 @@ class _Mixed(NamedTuple):
 
 def _mixed(way: _Way, f: Float[Array, " p"], g: Float[Array, " p"]) -> _Mixed:
     now = jnp.stack([f, g])
-    kept = jnp.where(way.count <= 1, 0.0, way.changes)
-    added = jnp.where(way.count == 0, 0.0, now - way.last)
+    kept = jnp.where(way.tries <= 1, 0.0, way.changes)
+    added = jnp.where(way.tries == 0, 0.0, now - way.last)
     changes = kept.at[:, :, way.passes % _COLUMNS].set(added)
     of_f = changes[0]
     size = jnp.linalg.norm(of_f, axis=0)
