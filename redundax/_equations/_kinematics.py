@@ -177,6 +177,26 @@ def slip_motion(system: AbstractSystem, state: State) -> tuple[Float[Array, " p"
     return rate, jax.jacrev(slip)(zero, state.t).T
 
 
+def slip_rate(system: AbstractSystem, state: State) -> Float[Array, " p"]:
+    """E^T qd + s_t."""
+    return jax.jvp(
+        lambda d, t: _slips(system, system.retract(state.q, d), t),
+        (jnp.zeros_like(state.qd), state.t),
+        (state.qd, jnp.ones_like(state.t)),
+    )[1]
+
+
+def along_slips(system: AbstractSystem, state: State, change: Float[Array, " n"]) -> Float[Array, " p"]:
+    """E^T times a change of the coordinates."""
+    return jax.jvp(lambda d: _slips(system, system.retract(state.q, d), state.t), (0.0 * change,), (change,))[1]
+
+
+def slip_force(system: AbstractSystem, state: State, tau: Float[Array, " p"]) -> Float[Array, " n"]:
+    """E tau."""
+    still = jnp.zeros_like(state.qd)
+    return jax.vjp(lambda d: _slips(system, system.retract(state.q, d), state.t), still)[1](tau)[0]
+
+
 def slip_gamma(system: AbstractSystem, state: State) -> Float[Array, " p"]:
     """gamma of the slips: the slip rates change by E^T qdd - gamma."""
     return _second(system, lambda q, t: _slips(system, q, t), state, state.qd, jnp.ones_like(state.t)).gamma

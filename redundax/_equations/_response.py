@@ -14,7 +14,7 @@ Who solves, judges or bounds takes these operators, and knows nothing of how the
 """
 
 import abc
-from typing import Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -22,6 +22,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._system._decision import Decision
 from .._tools._by_number import combine
+from .._tools._linear_map import LinearMap
 
 Evidence = TypeVar("Evidence")
 
@@ -31,6 +32,10 @@ class Response(NamedTuple):
 
     acceleration: Array
     multipliers: Array
+
+    def __matmul__(self, tau: Array) -> "Response":
+        """What friction forces cause, of the response to unit friction."""
+        return Response(self.acceleration @ tau, self.multipliers @ tau)
 
 
 class AbstractPick(eqx.Module):
@@ -114,16 +119,28 @@ class AbstractSolvedFactorisation(AbstractFactorisation[Decision]):
 
 
 class LinearResponse(eqx.Module):
-    """x_0 and X: `free`, the response to load and misfit, and `unit`, that to unit friction, p columns."""
+    """x_0 and X: `free`, the response to load and misfit, and `unit`, that to unit friction, p columns; of a large
+    mechanism a map from friction forces to a response."""
 
     free: Response
-    unit: Response
+    unit: Any  # Response or LinearMap
 
     def at(self, tau: Float[Array, " p"], stress: Float[Array, " m"] | None = None) -> Response:
         """Accelerations and multipliers at the friction tau, with a self-stress added."""
-        acceleration = self.free.acceleration + self.unit.acceleration @ tau
-        multipliers = self.free.multipliers + self.unit.multipliers @ tau
+        caused = self.unit @ tau
+        acceleration = self.free.acceleration + caused.acceleration
+        multipliers = self.free.multipliers + caused.multipliers
         return Response(acceleration, multipliers if stress is None else multipliers + stress)
+
+    def gain(self, rows: Int[Array, " l"]) -> Any:
+        """K, what unit friction causes in the multipliers of these rows, (l, p) or a map."""
+        if isinstance(self.unit, LinearMap):
+            return LinearMap(_loads, (self.unit, rows))
+        return self.unit.multipliers[rows]
+
+
+def _loads(unit: LinearMap, rows: Array, tau: Array) -> Array:
+    return (unit @ tau).multipliers[rows]
 
 
 def times(matrix: Float[Array, "d m"], vector: Float[Array, " m"] | Float[Array, ""]) -> Float[Array, " d"]:

@@ -11,7 +11,8 @@ from .._equations._factorize import AnyFactorisation
 from .._equations._sparse_factorisation import SparseFactorisation
 from .._solve._solve import solve_factorised
 from .._solvers._continuation import Continuation
-from .._solvers._solver import Newton
+from .._solvers._mixing import Mixing
+from .._solvers._solver import Newton, of_large
 from .._system._directions import directions_of
 from .._system._friction import have_sense, memories
 from .._system._results import RESULTS, first_failure
@@ -107,7 +108,7 @@ def _equations(
     return Equations(
         system,
         closure,
-        Newton(),
+        Newton() if system.plan is None else of_large(Mixing(first=1.0)),
         stabilisation,
         jnp.ones(angular.size, state.qd.dtype),
         scale,
@@ -134,7 +135,9 @@ def _start(equations: Equations, state: State, factor: AnyFactorisation, held: A
     if equations.has_sense:
         start = next_mode(equations, state, held, ~none)
     fixed = stop_gradient((system, state, factor, elasticity(equations.closure, system, state)))
-    solution = solve_factorised(*fixed, Continuation(), None, start.sense)
+    solution = solve_factorised(
+        *fixed, Continuation() if system.plan is None else of_large(Continuation()), None, start.sense
+    )
     sticks = jnp.any(equations.with_sense(start.sense).sticking)
     result = RESULTS.where(sticks, factor.result, solution.result)
     return _Start(result, start._replace(tau=jnp.where(sticks, start.tau, solution.friction)))

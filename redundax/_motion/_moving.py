@@ -9,7 +9,7 @@ A is the work of loads, friction and drivers, so that T - A, with T the kinetic 
 motion of any system. Forces of constraints that do not move do no work.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -17,7 +17,16 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
 from .._closures._closure import AbstractClosure, elasticity
-from .._equations._kinematics import chart_rate, constraint_rate, displacement, slip_gamma, slip_motion
+from .._equations._friction_response import friction_forces, friction_response, slip_accelerations
+from .._equations._kinematics import (
+    along_slips,
+    chart_rate,
+    constraint_rate,
+    displacement,
+    slip_gamma,
+    slip_motion,
+    slip_rate,
+)
 from .._equations._response import LinearResponse, Response
 from .._equations._scaling import Scaling
 from .._solvers._friction_problem import FrictionProblem, Law
@@ -27,6 +36,7 @@ from .._system._friction import load_rows, memory_rates
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._linear_map import LinearMap
 from ._held_rank import AnyHeld, AnyHeldFactorisation, factorize_held
 from ._stabilisation import AbstractStabilisation
 
@@ -77,14 +87,21 @@ class Linear(NamedTuple):
     - `response`: accelerations and multipliers.
     - `load`, `directions`: Q and E, shape (n,) and (n, p).
     - `rate`: slip rates, shape (p,); their rates of change are `slip` + `yields` tau, shape (p,) and (p, p).
+
+    Of a large mechanism `directions` and `yields` are maps.
     """
 
     response: LinearResponse
     load: Float[Array, " n"]
-    directions: Float[Array, "n p"]
+    directions: Any
     rate: Float[Array, " p"]
     slip: Float[Array, " p"]
-    yields: Float[Array, "p p"]
+    yields: Any
+
+    @property
+    def is_large(self) -> bool:
+        """Whether what unit friction causes is known by products alone."""
+        return isinstance(self.yields, LinearMap)
 
 
 class Solved(NamedTuple):
@@ -171,6 +188,8 @@ class Equations(eqx.Module):
         """
         system, once = self.system, factor is None and not closed
         factor = factorize_held(system, state, held) if factor is None else factor
+        if system.plan is not None and system.friction:
+            return self._linear_map(state, factor, closed=closed)
         load, rate, directions = system.load(state), state.qd[:0], jnp.zeros((state.qd.size, 0), state.qd.dtype)
         if system.friction:
             rate, directions = slip_motion(system, state)
@@ -186,6 +205,28 @@ class Equations(eqx.Module):
             slip = slip.at[:, 0].add(-slip_gamma(system, state))
         response = LinearResponse(Response(a[:, 0], lam[:, 0]), Response(a[:, 1:], lam[:, 1:]))
         return Linear(response, load, directions, rate, slip[:, 0], slip[:, 1:])
+
+    def _linear_map(self, state: State, factor: AnyHeldFactorisation, *, closed: bool) -> Linear:
+        """`linear` of a large mechanism."""
+        system, load = self.system, self.system.load(state)
+        a, lam = factor.respond(load[:, None], self.stabilisation.gamma(factor.motion)[:, None])
+        pick = None
+        if closed:
+            compliance, misfit = elasticity(self.closure, system, state)
+            pick, _ = factor.close(compliance)
+            lam = pick(lam).at[:, 0].add(pick.caused(misfit))
+        unit = friction_response(system, state, factor, pick)
+        slip = along_slips(system, state, a[:, 0])
+        if self.has_sense:
+            slip = slip - slip_gamma(system, state)
+        return Linear(
+            LinearResponse(Response(a[:, 0], lam[:, 0]), unit),
+            load,
+            friction_forces(system, state),
+            slip_rate(system, state),
+            slip,
+            slip_accelerations(system, state, unit),
+        )
 
     @eqx.filter_jit
     def solved(
@@ -206,7 +247,11 @@ class Equations(eqx.Module):
             tau, contraction, size = self._friction(law, linear, start)
         acceleration, multipliers = linear.response.at(tau)
         power = self._power(state, linear.load + linear.directions @ tau, multipliers)
-        return Solved(acceleration, multipliers, tau, linear.slip + linear.yields @ tau, power, contraction, size)
+        if linear.is_large:
+            caused = along_slips(self.system, state, acceleration - linear.response.free.acceleration)
+        else:
+            caused = linear.yields @ tau
+        return Solved(acceleration, multipliers, tau, linear.slip + caused, power, contraction, size)
 
     def _friction(
         self, law: Law, linear: Linear, start: Array | None
@@ -214,20 +259,21 @@ class Equations(eqx.Module):
         """Friction forces, those that hold the joints that stick and those of the law; NaN where none are found."""
         contraction, size = jnp.zeros_like(law.state.t), jnp.ones_like(linear.rate)
         holding, passed = jnp.zeros_like(linear.rate), None
-        if self.has_sense:
+        if self.has_sense and not linear.is_large:  # none stick there
             holding, passed = jax.lax.cond(jnp.any(self.sticking), lambda: self._holding(linear), lambda: _none(linear))
         rows = load_rows(self.system.friction)
         if rows.size == 0:
             tau = law(law.rate[:0])
         else:
-            gain = linear.response.unit.multipliers[rows]
+            gain = linear.response.gain(rows)
             rho0 = linear.response.free.multipliers[rows] + gain @ holding
             gain = gain if passed is None else gain @ passed
             begin = law(rho0) if start is None else start
             problem = FrictionProblem.make(rho0, gain, law, jnp.asarray(self.system.rows.angular)[rows])
             problem = problem.sized_at(begin)
-            contraction, size = problem.contraction_anywhere(), problem.friction_size
+            size = problem.friction_size
             root = closed_root(problem, begin, self.solver)
+            contraction = problem.contraction(root.tau) if problem.is_large else problem.contraction_anywhere()
             tau = jnp.where(self.solver.result(root.progress) == RESULTS.successful, root.tau, jnp.nan)
         return tau if passed is None else holding + passed @ tau, contraction, size
 

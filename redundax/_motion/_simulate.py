@@ -17,6 +17,7 @@ from .._closures._closure import AbstractClosure, MinimumNorm, for_motion
 from .._equations._culprits import thrown
 from .._equations._factorisation import factorised
 from .._equations._sparse_factorisation import sparse_factorised
+from .._system._friction import have_direction
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
@@ -99,6 +100,9 @@ def simulate(
     rest stays there until its loads let it go, which is asked at 100 instants up to `t1`; it ends as `RESULTS.stuck` if
     none does.
 
+    Of large mechanisms, whose matrices are sparse, motions end as `RESULTS.joint_sticks` where a joint stops whose
+    friction depends on the sense of slip: which joints stick there is not decided.
+
     Internal states of friction (`Dahl`, `LuGre`) start as in `state`, at zero if it holds none.
 
     Where the frictional equations may have several solutions the motion follows its branch, and stops where that ends.
@@ -162,10 +166,10 @@ def _evenly(start: Array, end: Array) -> Float[Array, "101"]:
 
 def _check(system: AbstractSystem, state: State, rtol: ArrayLike | None, dt0: ArrayLike | None, max_steps: int) -> None:
     """Refuse what cannot be integrated."""
-    if system.plan is not None and system.friction:
+    if system.plan is not None and have_direction(system.friction).any():
         raise ValueError(
-            "Motions by sparse matrices have no friction yet, but joints of this mechanism do. Simulate "
-            "`mechanism.sparse(False)`, or leave friction out."
+            "Argument `system` must have no dry friction of sleeves, balls or plates in a motion by sparse matrices, but "
+            "has. Simulate `mechanism.sparse(False)`."
         )
     n = len(system.coordinates)
     if state.qd.shape != (n,) or (system.adds and state.q.shape != (n,)):

@@ -58,6 +58,9 @@ def mode_of(equations: Equations, state: State, linear: Linear, wanted: Bool[Arr
     slow, held = tolerance_of(_STILL, linear.rate) * equations.speed, tolerance_of(_HELD, linear.rate)
     slows = jnp.abs(linear.rate) <= slow / equations.slip_size
     still = sensed & (equations.whole(slows) | equations.sticking)
+    if linear.is_large:
+        slides = jnp.where(sensed, jnp.sign(linear.rate), 1.0)
+        return Mode(slides, linear.rate, jnp.zeros((), bool), ~jnp.any(still))
     tau, decided = _sticking_friction(equations, state, linear, still, wanted)
     acceleration = linear.slip + linear.yields @ tau
     parts = jnp.abs(linear.slip) + jnp.abs(linear.yields) @ jnp.abs(tau)

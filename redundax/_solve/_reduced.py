@@ -24,7 +24,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._closures._closure import Elasticity
-from .._equations._kinematics import slip_motion
+from .._equations._friction_response import friction_response
+from .._equations._kinematics import slip_motion, slip_rate
 from .._equations._response import AbstractPick, AbstractSolvedFactorisation, LinearResponse, Response, total
 from .._solvers._friction_problem import FrictionProblem, Law
 from .._system._decision import Decision
@@ -61,10 +62,17 @@ class Reduced(eqx.Module):
         reads = self.problem.law.largest_changes(jnp.eye(self.rows.size, dtype=self.free_size.dtype)) > 0
         return jnp.any(reads & self.undetermined[self.rows])
 
-    def end_size(self, tau: Float[Array, " p"], stress: Float[Array, " m"] | None) -> Float[Array, ""]:
-        """Bound of the sum of |x|: if it is finite all of them are; else one is not, or the bound overflows."""
+    def end_size(
+        self, tau: Float[Array, " p"], stress: Float[Array, " m"] | None, end: Response | None = None
+    ) -> Float[Array, ""]:
+        """Bound of the sum of |x|: if it is finite all of them are; else one is not, or the bound overflows.
+
+        In a large scene it is that of x at its end, or without friction.
+        """
         size = self.free_size
-        if self.problem is not None:
+        if self.problem is not None and self.problem.is_large:
+            size = size + total(tau, *(() if end is None else end))
+        elif self.problem is not None:
             size = size + total(*self.response.unit) * total(tau)
         return size if stress is None else size + total(stress)
 
@@ -106,9 +114,13 @@ def reduce(
     if not system.friction:
         none = Response(jnp.zeros((state.qd.size, 0), picked.dtype), jnp.zeros((picked.size, 0), picked.dtype))
         return Reduced(pick, definiteness, LinearResponse(free, none), jnp.zeros(0, int), None, None, *ends)
-    rate, directions = slip_motion(system, state)
-    acceleration, multipliers = factor.respond(directions)
-    unit = Response(acceleration, pick(multipliers))
+    if system.plan is None:
+        rate, directions = slip_motion(system, state)
+        acceleration, multipliers = factor.respond(directions)
+        unit = Response(acceleration, pick(multipliers))
+    else:
+        rate, unit = slip_rate(system, state), friction_response(system, state, factor, pick)
+    response = LinearResponse(free, unit)
     angular_slips = jnp.asarray(system.slips.angular)
     motion = factor.motion_of(rate * jnp.where(angular_slips, factor.length, 1.0))
     directed = have_direction(system.friction)
@@ -119,8 +131,8 @@ def reduce(
     rows = load_rows(system.friction)
     angular_loads = jnp.asarray(system.rows.angular)[rows]
     rho0 = picked[rows] + pick.caused(given, rows)
-    problem = FrictionProblem.make(rho0, unit.multipliers[rows], law, angular_loads)
-    return Reduced(pick, definiteness, LinearResponse(free, unit), rows, problem, motion, *ends)
+    problem = FrictionProblem.make(rho0, response.gain(rows), law, angular_loads)
+    return Reduced(pick, definiteness, response, rows, problem, motion, *ends)
 
 
 def _sense(rate: Array, motion: Decision, sense: Array | None, directed: np.ndarray) -> Array:

@@ -34,7 +34,7 @@ class Stats(eqx.Module):
     - `residual`: last relative change of friction (fixed point) or relative residual of (34) (Newton).
     - `step`: last relative change of the loads.
     - `contraction`: upper bound of the spectral radius of one sweep of friction at the solution, 0 without friction
-      that depends on load; below 1 the fixed-point iteration contracts there.
+      that depends on load; below 1 the fixed-point iteration contracts there. By sparse matrices it is an estimate.
     - `fold`: fraction of the friction up to which the branch of solutions from zero friction exists; infinite if it
       reaches the whole friction, or was not followed because Newton's solution contracts.
 

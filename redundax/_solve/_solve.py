@@ -25,7 +25,7 @@ from .._solvers._friction_problem import FrictionProblem
 from .._solvers._iterate import Progress
 from .._solvers._open_newton import open_root
 from .._solvers._open_problem import OpenProblem
-from .._solvers._solver import AbstractSolver, Newton, Root, closed_root
+from .._solvers._solver import AbstractSolver, Newton, Root, closed_root, of_large
 from .._system._names import ByName, vector
 from .._system._results import RESULTS, first_failure, is_one_of
 from .._system._state import State
@@ -103,6 +103,8 @@ def solve(
     n, m = len(system.coordinates), len(system.rows)
     if solver is None:
         solver = Newton() if closure is None else Continuation()
+    if system.plan is not None and closure is not None:
+        solver = of_large(solver)
     if closure is None and not (isinstance(solver, Newton) and x0 is not None):
         raise ValueError(
             "Argument `closure` may be None only with `solver=Newton()` and an initial guess `x0`: without a "
@@ -199,7 +201,8 @@ def _end(
         contraction = reduced.problem.contraction(root.tau)
         friction_checks = _checks(reduced, stress, root, solver)
         given = jnp.isfinite(reduced.end_size(reduced.problem.law(reduced.problem.rho0), None))
-    finite = jnp.isfinite(reduced.end_size(root.tau, stress))
+    end = reduced.response.at(root.tau, stress)
+    finite = jnp.isfinite(reduced.end_size(root.tau, stress, end))
     checks = (
         *factor.checks,
         (jnp.isfinite(jnp.sum(closing.compliance)), RESULTS.not_finite),
@@ -210,8 +213,7 @@ def _end(
     friction_checks = (*friction_checks, (finite, RESULTS.not_finite))
     # Of the flags alone: XLA would walk through the whole choice of a result again for every entry.
     good = functools.reduce(operator.and_, (passed for passed, _ in (*checks, *friction_checks)))
-    found = reduced.response.at(root.tau, stress), root.tau
-    end, tau = jax.tree.map(lambda x: _figure(good, x), found)
+    end, tau = jax.tree.map(lambda x: _figure(good, x), (end, root.tau))
     if reduced.undetermined is not None:
         end = end._replace(multipliers=_figure(~reduced.undetermined, end.multipliers))
     # What friction is given only names a failure, so a sweep of accelerations alone does not compute it.

@@ -11,6 +11,9 @@ Where friction is proved to contract strongly at all loads there is one solution
 nothing else runs then, in a batch neither. Otherwise Newton's end point is kept where friction contracts at it.
 Elsewhere it may lie on a branch of its own, so the solution on the branch from zero friction is preferred. Where Newton
 converges and friction contracts, the loop of the continuation does not run.
+
+In large scenes nothing is proved: sweeps that settle are taken, and else the branch is followed to its first fold
+(`_mixing`).
 """
 
 from typing import NamedTuple
@@ -25,6 +28,7 @@ from .._tools._module import optional_float
 from ._arclength import Path, follow
 from ._friction_problem import FrictionProblem
 from ._iterate import Progress, iterate, run_unless
+from ._mixing import Mixing
 from ._quick_sweeps import quick_sweeps
 from ._solver import AbstractSolver, Newton, Root
 
@@ -33,7 +37,7 @@ class Continuation(AbstractSolver):
     """Sweeps or Newton's method, and where they do not settle the matter the branch from zero friction; the default.
 
     It ends with `RESULTS.no_solution_found` where neither finds a solution; `stats.fold` is then the fraction of the
-    friction up to which there is one.
+    friction up to which there is one, by sparse matrices that up to which it was followed.
 
     ??? example
 
@@ -45,7 +49,7 @@ class Continuation(AbstractSolver):
     **Arguments:**
 
     - `rtol`: relative tolerance on the residual, then on the step, each kind against its own size; 100
-      times the rounding of the dtype if not given, and at least 10 times.
+      times the rounding of the dtype if not given, by sparse matrices 10^4, and at least 10 times.
     - `max_steps`: Newton iterations at most.
     - `max_path`: steps along the branch at most.
     """
@@ -56,6 +60,8 @@ class Continuation(AbstractSolver):
 
     def run(self, problem: FrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
         rtol = self.tolerance(start.dtype)
+        if problem.is_large:
+            return Mixing(self.rtol).run(problem, start)
 
         def search(rho0: Array, start: Array) -> Root:
             return self._searched(problem.at(rho0), start)
@@ -104,6 +110,8 @@ class FirstAttempt(AbstractSolver):
     max_steps: int = eqx.field(static=True)
 
     def run(self, problem: FrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
+        if problem.is_large:
+            return Mixing(self.rtol).run(problem, start)
         root = Newton(self.rtol, self.max_steps).run(problem, start)
         kept = root.progress.converged(self.tolerance(start.dtype)) & (problem.contraction(root.tau) < 1)
         return Root(root.tau, root.progress, jnp.where(kept, jnp.inf, 0.0))

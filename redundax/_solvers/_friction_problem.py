@@ -7,9 +7,12 @@ Given tau, the equations (25) are linear, and so are the loads that the friction
 rho0 are the loads without friction and K those caused by unit friction, both under one closure. The loops
 see only (rho0, K, law). A sweep tau -> law(rho0 + K tau) is the paper's fixed-point iteration (27) written
 on tau, because x_{i+1} depends on x_i through F(lam_i) alone.
+
+Of a large scene K is known by its products, one more right-hand side each; then linear equations are solved by GMRES,
+and contraction is estimated, not bounded.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -20,6 +23,7 @@ from .._system._directions import directions_of
 from .._system._friction import AbstractFriction, friction_force, largest_changes, memories, slip_kinds
 from .._system._state import State
 from .._tools._by_number import combine
+from .._tools._linear_map import LinearMap, krylov_solution, spectral_radius
 from .._tools._module import replace_fields, stop_gradient
 
 # Powers of a matrix that the bound of its spectral radius takes.
@@ -90,17 +94,17 @@ class Sizes(NamedTuple):
 class FrictionProblem(eqx.Module):
     """tau = law(rho0 + K tau), with the sizes that make residuals comparable.
 
-    - `rho0`, `gain`: loads without friction, shape (l,), and K, shape (l, p).
+    - `rho0`, `gain`: loads without friction, shape (l,), and K, shape (l, p), or its products.
     - `law`: the friction laws.
     - `angular_loads`, `angular_slips`: which loads and frictions are moments.
     - `friction_sizes`: the largest friction of each kind, at the first sweep from rho0.
     - `unsized`: whether a kind has no friction at the first sweep, so that its size says nothing.
     - `load_sizes`: the largest load of each kind, rho0 or what friction of its size can cause, so that a relative
-      change of friction is no larger change of the loads.
+      change of friction is no larger change of the loads; of a large scene rho0 alone.
     """
 
     rho0: Float[Array, " l"]
-    gain: Float[Array, "l p"]
+    gain: Any
     law: Law
     angular_loads: Bool[Array, " l"]
     angular_slips: Bool[Array, " p"]
@@ -110,7 +114,11 @@ class FrictionProblem(eqx.Module):
 
     @classmethod
     def make(
-        cls, rho0: Float[Array, " l"], gain: Float[Array, "l p"], law: Law, angular_loads: Bool[Array, " l"]
+        cls,
+        rho0: Float[Array, " l"],
+        gain: Any,
+        law: Law,
+        angular_loads: Bool[Array, " l"],
     ) -> "FrictionProblem":
         """The problem, given which loads are moments."""
         angular_slips = jnp.asarray(slip_kinds(law.groups).angular)
@@ -118,9 +126,16 @@ class FrictionProblem(eqx.Module):
         first = jnp.abs(friction(given))
         friction_sizes = Sizes.of(first, angular_slips)
         unsized = _nothing(first, angular_slips) | _nothing(first, ~angular_slips)
-        loads = jnp.maximum(jnp.abs(given), _caused(effect, angular_slips, friction_sizes))
+        loads = jnp.abs(given)
+        if not isinstance(gain, LinearMap):
+            loads = jnp.maximum(loads, _caused(effect, angular_slips, friction_sizes))
         load_sizes = Sizes.of(loads, angular_loads)
         return cls(rho0, gain, law, angular_loads, angular_slips, load_sizes, friction_sizes, unsized)
+
+    @property
+    def is_large(self) -> bool:
+        """Whether K is known by its products alone."""
+        return isinstance(self.gain, LinearMap)
 
     @property
     def friction_size(self) -> Float[Array, " p"]:
@@ -140,6 +155,8 @@ class FrictionProblem(eqx.Module):
         """The same problem, its sizes at least those of the friction tau; sizes have no derivatives."""
         tau, gain = stop_gradient((tau, self.gain))
         friction = self.friction_sizes.larger(Sizes.of(jnp.abs(tau), self.angular_slips))
+        if self.is_large:
+            return replace_fields(self, friction_sizes=friction)
         caused = _caused(gain, self.angular_slips, friction)
         loads = self.load_sizes.larger(Sizes.of(caused, self.angular_loads))
         return replace_fields(self, load_sizes=loads, friction_sizes=friction)
@@ -152,13 +169,40 @@ class FrictionProblem(eqx.Module):
         """law'(rho) K, the derivative of one sweep."""
         return jax.vmap(lambda column: jax.jvp(self.law, (rho,), (column,))[1], in_axes=1, out_axes=1)(self.gain)
 
+    def along(self, rho: Float[Array, " l"], change: Float[Array, " p"]) -> Float[Array, " p"]:
+        """law'(rho) K change."""
+        return jax.jvp(self.law, (rho,), (self.gain @ change,))[1]
+
+    def solution(self, rho: Float[Array, " l"], right: Float[Array, " p"]) -> Float[Array, " p"]:
+        """(I - law'(rho) K)^-1 right."""
+        if self.is_large:
+            size = self.friction_size
+            return size * krylov_solution(lambda y: y - self.along(rho, size * y) / size, right / size)
+        return jnp.linalg.solve(self.root_slope(rho), right)
+
+    def root_slope(self, rho: Float[Array, " l"]) -> Float[Array, "p p"]:
+        """I - law'(rho) K."""
+        slope = self.slope(rho)
+        return jnp.eye(slope.shape[0], dtype=slope.dtype) - slope
+
     def contraction(self, tau: Float[Array, " p"]) -> Float[Array, ""]:
-        """Upper bound of the spectral radius of one sweep's derivative at tau: below 1 sweeps contract there."""
+        """Upper bound of the spectral radius of one sweep's derivative at tau: below 1 sweeps contract there.
+
+        Of a large scene it is an estimate.
+        """
+        if self.is_large:
+            rho, size = self.loads(tau), self.friction_size
+            return spectral_radius(lambda y: self.along(rho, size * y) / size, tau)
         matrix = jnp.abs(self.slope(self.loads(tau)))
         return _radius_bound(matrix * self.friction_size / self.friction_size[:, None])
 
     def contraction_anywhere(self) -> Float[Array, ""]:
-        """Upper bound of `contraction` at all friction: below 1 there is one solution, and sweeps find it."""
+        """Upper bound of `contraction` at all friction: below 1 there is one solution, and sweeps find it.
+
+        None is known of a large scene.
+        """
+        if self.is_large:
+            return jnp.full((), jnp.inf, self.rho0.dtype)
         law, gain = stop_gradient((self.law, self.gain))
         bound = _radius_bound(law.largest_changes(gain))
         return jnp.where(jnp.isnan(bound), jnp.inf, bound)

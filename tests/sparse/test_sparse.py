@@ -214,6 +214,50 @@ def test_other_questions_are_answered_by_dense_matrices():
 def test_what_sparse_matrices_do_not_take_is_told():
     with pytest.raises(ValueError, match="but 'crank 1' lacks some"):
         rx.mechanisms.swing().sparse()
-    rubbing = rx.mechanisms.wojtyra2020(mu_rho=0.01).sparse()
-    with pytest.raises(ValueError, match="have no friction yet"):
-        rx.simulate(rubbing, rubbing.state(phi=0.8, rate=1.0), 0.1)
+
+
+def ladder(loops, twice=False):
+    """Parallel cranks of 1 m and 1 kg in space on hinges along z, and their state at 0.8 rad and 1 rad/s."""
+    tip, turned = np.array([np.cos(0.8), np.sin(0.8), 0.0]), (np.cos(0.4), 0.0, 0.0, np.sin(0.4))
+    feet = [np.array([float(k), 0.0, 0.0]) for k in range(loops + 1)]
+    rod = {"mass": 1.0, "inertia": (1e-3, 1 / 12, 1 / 12)}
+    cranks = [
+        rx.spatial.Body(f"c{k}", **rod, position=foot + tip / 2, orientation=turned) for k, foot in enumerate(feet)
+    ]
+    bars = [rx.spatial.Body(f"b{k}", **rod, position=feet[k] + tip + (0.5, 0.0, 0.0)) for k in range(loops)]
+    hinges = [(f"A{k}", crank, "ground", feet[k]) for k, crank in enumerate(cranks)]
+    hinges += [(f"{name}{k}", bars[k], cranks[at], feet[at] + tip) for k in range(loops)
+               for name, at in (("B", k), ("C", k + 1))]  # fmt: skip
+    hinges += [(f"{hinge[0]}'", *hinge[1:]) for hinge in hinges[::3]] if twice else []
+    joints = [rx.spatial.Revolute(*hinge, axis=(0.0, 0.0, 1.0)) for hinge in hinges]
+    mechanism = rx.Mechanism([*cranks, *bars], joints, gravity=(0.0, -9.81, 0.0))
+    rates, along = np.zeros((2, 2 * loops + 1, 3)), np.array([-tip[1], tip[0], 0.0])
+    rates[0, : loops + 1], rates[0, loops + 1 :], rates[1, : loops + 1, 2] = along / 2, along, 1.0
+    return mechanism, rx.State(mechanism.reference, rates.ravel(), 0.0)
+
+
+def test_ladders_in_space_have_three_redundant_constraints_a_loop():
+    for loops in (12,):
+        mechanism, state = ladder(loops)
+        found = rx.solve(mechanism.sparse(), state)
+        assert (found.stats.redundancy, found.stats.freedom) == (3 * loops, 1)
+        k = 9.81 * ((loops + 1) / 2 + loops) / ((loops + 1) / 3 + loops)
+        turns = np.asarray(found.acceleration).reshape(2, -1, 3)[1, : loops + 1, 2]
+        np.testing.assert_allclose(turns, -k * np.cos(0.8), rtol=1e-11)
+
+
+@pytest.mark.parametrize("where", ["in the plane", "in space"])
+def test_elastic_joints_twice_over_share_as_by_dense_matrices(where):
+    if where == "in space":
+        mechanism, state = ladder(2, twice=True)
+    else:
+        mechanism, _ = rack(4, True)
+        state = mechanism.state(0.8, rate=1.0)
+    names = [name for members in mechanism.names.joints for name in members]
+    softness = 1e-8 * RNG.uniform(1.0, 4.0, (len(names), 2))
+    elastic = rx.ElasticJoints(mechanism, {name: tuple(own) for name, own in zip(names, softness, strict=True)})
+    m = len(mechanism.rows)
+    for closure in (elastic, rx.Compliance(RNG.uniform(1e-8, 4e-8, m), 1e-6 * RNG.normal(size=m))):
+        true, found = (np.asarray(rx.solve(each, state, closure=closure).multipliers)
+                       for each in (mechanism, mechanism.sparse()))  # fmt: skip
+        np.testing.assert_allclose(found, true, rtol=0, atol=1e-10 * np.abs(true).max())

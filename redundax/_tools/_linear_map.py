@@ -1,0 +1,45 @@
+"""Linear maps that are known by their products alone, where matrices would be too large."""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PyTree
+
+_RESTART, _CYCLES = 30, 10  # directions that GMRES keeps, and how often it starts anew
+_POWERS, _LAST = 8, 4  # of a map, and those whose growth is its spectral radius
+
+
+class LinearMap(eqx.Module):
+    """`function(*given, vector)`, linear in the vector."""
+
+    function: Callable[..., Any] = eqx.field(static=True)
+    given: tuple[PyTree, ...]
+
+    def __matmul__(self, vector: Float[Array, " p"]) -> Any:
+        return self.function(*self.given, vector)
+
+
+def krylov_solution(
+    product: Callable[[Float[Array, " p"]], Float[Array, " p"]], right: Float[Array, " p"]
+) -> Float[Array, " p"]:
+    """The solution of product(x) = right to rounding, by GMRES; its derivatives are those of a linear solution."""
+    rtol = 10 * float(jnp.finfo(right.dtype).eps)
+    return jax.scipy.sparse.linalg.gmres(
+        product, right, tol=rtol, restart=min(_RESTART, right.size), maxiter=_CYCLES, solve_method="incremental"
+    )[0]
+
+
+def spectral_radius(product: Callable[[Float[Array, " p"]], Float[Array, " p"]], like: Float[Array, " p"]) -> Array:
+    """An estimate, no bound: how much powers of the map let a vector of numbers without pattern grow."""
+    start = jnp.cos(jnp.arange(like.size, dtype=like.dtype) ** 2)
+
+    def powered(vector: Array, _: None) -> tuple[Array, Array]:
+        image = product(vector)
+        size = jnp.linalg.norm(image)
+        return jnp.where(size > 0, image / jnp.where(size > 0, size, 1.0), 0.0), size
+
+    sizes = jax.lax.scan(powered, start / jnp.linalg.norm(start), None, length=_POWERS)[1]
+    return jnp.prod(sizes[-_LAST:]) ** (1 / _LAST)
