@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.linalg
 
-from ._tree import Tree
+from ._tree import DIGITS, Tree
 
 _STEP, _STEPS, _LONGEST = 0.1, 240, 6.4  # of the joint that moves most, rad or sizes; in all; of one way
 _SECTIONS, _GOLDEN = 40, 0.5 * (5**0.5 - 1)
-_DIP, _SINGULAR, _OPEN = 0.5, 1e-2, 1e-10  # a value beside its neighbours, at a step and at its least; misfits
+_DIP, _SINGULAR = 0.5, 1e-2  # a value beside its neighbours, at a step and at its least
 _CORRECTIONS = 20  # of a step
 _DRIVEN = 1e3  # joints that are driven lead
 
@@ -70,7 +70,7 @@ class _Path:
 
     def __init__(self, tree: Tree, freedom: int, left: float):
         self.tree, self.freedom, self.rank = tree, freedom, tree.model.nv - freedom
-        self._most = max(10 * left, _OPEN)
+        self._most = max(10 * left, DIGITS / 10)
 
     def at(self, positions: np.ndarray, way: np.ndarray) -> _Point:
         _, values, basis = np.linalg.svd(self.tree.system(positions)[1] * self.tree.scale())
@@ -82,7 +82,7 @@ class _Path:
         """A step on, where the loops close and the joints are within their limits."""
         start = self.tree.moved(here.positions, length * self.tree.scale() * here.way)
         moved, misfit = self.tree.descend(start, _CORRECTIONS)
-        if misfit > self._most or self._beyond(moved) > self._beyond(here.positions):
+        if misfit > self._most or self._beyond(moved) > self._beyond(here.positions) + DIGITS:
             return None
         return self.at(moved, here.way)
 
