@@ -23,6 +23,7 @@ from .._equations._rank import Spectrum
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
+from .._tools._module import on_device
 from ._drives import Drives
 from ._travel import Travel
 
@@ -222,8 +223,8 @@ def _look(system: AbstractSystem, state: State, digits: float) -> Look:
     if digits > found.spectrum.tolerance:
         count, least, most = (int(np.sum(found.spectrum.singular_values > digits * by)) for by in (1, _NEAR, 1 / _NEAR))
         is_clear = least == most
-        if found.spectrum.ambiguous or count != found.spectrum.rank:
-            factor = factorize_dense(system, state, count)
+        if found.is_ambiguous or count != found.spectrum.rank:
+            factor = factorize_dense(system, state, on_device(np.asarray(count)))
             found = jax.device_get(_evidence(factor))
     values, rank = np.append(found.spectrum.singular_values, 0.0), int(found.spectrum.rank)
     rows, columns = factor.jacobian.shape
