@@ -136,7 +136,7 @@ def _elsewhere(system: AbstractSystem, state: State) -> list[State]:
 def _about(model: Model) -> dict[str, Any]:
     bodies = len(model.mechanism.names.bodies)
     worst = max(model.misfits.values(), default=0.0)
-    left = float(jnp.max(jnp.abs(model.mechanism.constraint(model.state.q, model.state.t)), initial=0.0))
+    left = max(model.tree.misfits(model.positions).values(), default=0.0)
     return {
         "bodies": bodies,
         "joints": {kind: list(names) for kind, names in model.joints.items()},

@@ -23,10 +23,12 @@ from .._equations._rank import Spectrum
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
+from .._tools._module import on_device
 from ._drives import Drives
 from ._travel import Travel
 
 _MOST_BLUR = 1e-2
+_NEAR = 10.0  # times as large or small is not clearly another
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,6 +36,7 @@ class Look:
     """Redundancy of a system at one position.
 
     - `rank`, `redundancy`, `freedom`: as in a `Report`; `kept`, `dropped`: the singular values beside the gap.
+    - `digits`: singular values below count as 0, because the numbers of a file have no more digits.
     - `is_decided`: whether the rank is clear; `is_singular`: whether it is lower here than beside this position.
     - `stress`: P, shape (m, m); `blur`: what of it is rounding and misfit.
     """
@@ -47,6 +50,7 @@ class Look:
     is_singular: bool
     stress: np.ndarray
     blur: float
+    digits: float = 0.0
 
     @property
     def figures(self) -> tuple[int, int]:
@@ -178,9 +182,14 @@ def _part_as_dict(part: Part) -> dict[str, Any]:
     }
 
 
-def audit(system: AbstractSystem, state: State, others: Sequence[State]) -> Audit:
-    """The audit of a system at a state, and at others."""
-    here, *beside = (_look(factorize_dense(system, each)) for each in (state, *others))
+def audit(system: AbstractSystem, state: State, others: Sequence[State], digits: float = 0.0) -> Audit:
+    """The audit of a system at a state, and at others.
+
+    **Arguments:**
+
+    - `digits`: singular values below count as 0, relative to the largest; near it nothing is decided.
+    """
+    here, *beside = (_look(system, each, digits) for each in (state, *others))
     shown = _regular(here, beside)
     loose = np.any([~look.unique for look in (here, *beside) if look.figures == shown.figures], axis=0)
     return Audit(system.rows.labels, here, tuple(beside), _parts(system, shown, loose), _groups(system, shown))
@@ -207,8 +216,16 @@ def _evidence(factor: Factorisation) -> _Evidence:
     return _Evidence(factor.spectrum, factor.spectrum.ambiguous, factor.singular_position, factor.split.stress, blur)
 
 
-def _look(factor: Factorisation) -> Look:
+def _look(system: AbstractSystem, state: State, digits: float) -> Look:
+    factor = factorize_dense(system, state)
     found = jax.device_get(_evidence(factor))
+    is_clear = True
+    if digits > found.spectrum.tolerance:
+        count, least, most = (int(np.sum(found.spectrum.singular_values > digits * by)) for by in (1, _NEAR, 1 / _NEAR))
+        is_clear = least == most
+        if found.is_ambiguous or count != found.spectrum.rank:
+            factor = factorize_dense(system, state, on_device(np.asarray(count)))
+            found = jax.device_get(_evidence(factor))
     values, rank = np.append(found.spectrum.singular_values, 0.0), int(found.spectrum.rank)
     rows, columns = factor.jacobian.shape
     return Look(
@@ -217,10 +234,11 @@ def _look(factor: Factorisation) -> Look:
         freedom=columns - rank,
         kept=float(values[rank - 1]) if rank else np.inf,
         dropped=float(values[rank]) if rank < values.size else 0.0,
-        is_decided=not bool(found.is_ambiguous),
+        is_decided=is_clear and not bool(found.is_ambiguous),
         is_singular=bool(found.is_singular),
         stress=np.asarray(found.stress),
         blur=float(found.blur),
+        digits=digits,
     )
 
 

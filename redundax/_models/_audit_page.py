@@ -16,6 +16,7 @@ _ROWS = {
     "coupling": "what couples two joints",
 }
 _MOST = 4  # singular positions listed
+_ROUNDING = 1e-11  # of singular values
 
 
 def audit_page(found: Audit) -> str:
@@ -37,8 +38,8 @@ def _verdict(found: Audit) -> Iterator[str]:
             f"REDUNDANT by {redundancy}: joints and loops set {rows} conditions on the velocities of the bodies, and "
             f"{redundancy} of them {'follow' if redundancy > 1 else 'follows'} from the others. So the loads of some "
             "joints, marked below, cannot be found from this model: in the machine they depend on clearances, "
-            "elasticity and assembly, and what a simulator prints for them is one choice of many. Its motion is right "
-            "all the same, unless those joints have friction."
+            "elasticity and assembly, and what a simulator prints for them is one choice of many: do not size parts or "
+            "train controllers by it. Its motion is right all the same, unless those joints have friction."
         )
     else:
         yield f"NOT REDUNDANT: the {rows} conditions of joints and loops are independent. Every joint load is unique."
@@ -73,6 +74,9 @@ def _positions(found: Audit) -> Iterator[str]:
 
 def _travel(travel: Travel) -> Iterator[str]:
     named = list(travel.ranges.items())
+    if not named:
+        yield "Its loops do not move in themselves."
+        return
     moved = ", ".join(f"{name} from {low:+.3g} to {high:+.3g}" for name, (low, high) in named[:_MOST])
     more = f", and {len(named) - _MOST} more" if len(named) > _MOST else ""
     how = f"Moved from there along its freedoms, within joint limits ({moved}{more}; rad or m)"
@@ -110,7 +114,10 @@ def _shared(drives: Drives) -> str:
 
 
 def _gap(look: Look) -> str:
-    dropped = f", largest dropped {look.dropped:.1e}" if look.dropped else ""
+    counts = (
+        f", as all below {look.digits:.0e}: files have no more digits" if look.dropped > _ROUNDING < look.digits else ""
+    )
+    dropped = f", largest dropped {look.dropped:.1e}{counts}" if look.dropped else ""
     note = "" if look.is_decided else ", too near to call"
     return f"smallest singular value kept {look.kept:.1e}{dropped}{note}"
 

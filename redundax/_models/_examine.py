@@ -6,6 +6,7 @@ from ._audit import Audit, audit
 from ._drives import Drives, drives_at
 from ._model import Model
 from ._travel import travel
+from ._tree import DIGITS
 
 
 def examine(model: Model, count: int = 3) -> Audit:
@@ -16,7 +17,7 @@ def examine(model: Model, count: int = 3) -> Audit:
     - `count`: how many other positions.
     """
     beside = model.beside(count)
-    found = audit(model.mechanism, model.state, [state for _, state in beside])
+    found = audit(model.mechanism, model.state, [state for _, state in beside], DIGITS)
     places = [model.positions, *(positions for positions, _ in beside)]
     looks = [found.here, *found.others]
     driven = [drives_at(model.tree, at, look.freedom, model.left) for at, look in zip(places, looks, strict=True)]

@@ -155,7 +155,8 @@ def load_model(path: str | pathlib.Path, closures: str | pathlib.Path | None = N
         )
     mechanism, others = mechanism_of(plan)
     if model.jnt_limited.any():
-        others.append(f"limits of {int(model.jnt_limited.sum())} joints")
+        limited = int(model.jnt_limited.sum())
+        others.append(f"limits of {limited} joint{'s' * (limited > 1)}")
     return Model(
         mechanism,
         _state(plan, mechanism, positions, left),

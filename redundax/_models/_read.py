@@ -33,6 +33,8 @@ _NUMBERS = {  # of a model, and of what they are
     "qpos_spring": "positions of springs",
     "site_pos": "positions of sites",
     "eq_data": "anchors of loops",
+    "actuator_gear": "gears of drives",
+    "wrap_prm": "coefficients of tendons",
 }
 _LEFT_OUT = {  # of a specification, and what to call it
     "sensors": "sensors",

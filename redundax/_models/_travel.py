@@ -3,7 +3,8 @@
 Independent joints, those that are driven first, are moved to both sides, in steps that close the loops, within the
 limits of the joints. With G the derivative of the loops by the joints and r its rank, the r-th singular value of G is 0
 where the rank is lower. So it is followed, and minima that stand out are narrowed down by golden sections: they are
-singular positions, or come very near one, where the value all but vanishes beside those of the steps around it.
+singular positions, or come very near one, where the value all but vanishes beside those of the steps around it. Joints
+that move no loop in itself change nothing, and rest.
 """
 
 import dataclasses
@@ -12,12 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.linalg
 
-from ._tree import Tree
+from ._tree import DIGITS, Tree
 
 _STEP, _STEPS, _LONGEST = 0.1, 240, 6.4  # of the joint that moves most, rad or sizes; in all; of one way
 _SECTIONS, _GOLDEN = 40, 0.5 * (5**0.5 - 1)
-_DIP, _SINGULAR, _OPEN = 0.5, 1e-2, 1e-10  # a value beside its neighbours, at a step and at its least; misfits
+_DIP, _SINGULAR = 0.5, 1e-2  # a value beside its neighbours, at a step and at its least
 _CORRECTIONS = 20  # of a step
+_HELD = 1e-9  # rates that loops and joints feel
 _DRIVEN = 1e3  # joints that are driven lead
 
 
@@ -70,7 +72,7 @@ class _Path:
 
     def __init__(self, tree: Tree, freedom: int, left: float):
         self.tree, self.freedom, self.rank = tree, freedom, tree.model.nv - freedom
-        self._most = max(10 * left, _OPEN)
+        self._most = max(10 * left, DIGITS / 10)
 
     def at(self, positions: np.ndarray, way: np.ndarray) -> _Point:
         _, values, basis = np.linalg.svd(self.tree.system(positions)[1] * self.tree.scale())
@@ -82,7 +84,7 @@ class _Path:
         """A step on, where the loops close and the joints are within their limits."""
         start = self.tree.moved(here.positions, length * self.tree.scale() * here.way)
         moved, misfit = self.tree.descend(start, _CORRECTIONS)
-        if misfit > self._most or self._beyond(moved) > self._beyond(here.positions):
+        if misfit > self._most or self._beyond(moved) > self._beyond(here.positions) + DIGITS:
             return None
         return self.at(moved, here.way)
 
@@ -121,8 +123,12 @@ def travel(tree: Tree, positions: np.ndarray, freedom: int, left: float = 0.0) -
     leaders = order[:freedom]
     ways = motion @ np.linalg.inv(motion[leaders])
     path, ranges, found = _Path(tree, freedom, left), {}, []
-    count = int(np.clip(_STEPS // (2 * freedom), 6, _LONGEST / _STEP))
-    for leader, way in sorted(zip(leaders.tolist(), ways.T, strict=True), key=lambda each: each[0]):
+    held = np.abs(tree.system(positions)[1] * tree.scale()).max(axis=0) > _HELD
+    felt = [
+        (leader, way) for leader, way in zip(leaders.tolist(), ways.T, strict=True) if np.any(np.abs(way[held]) > _HELD)
+    ]
+    count = int(np.clip(_STEPS // (2 * max(len(felt), 1)), 6, _LONGEST / _STEP))
+    for leader, way in sorted(felt, key=lambda each: each[0]):
         name, ends = _name(tree, leader), []
         for side in (-1.0, 1.0):
             points, moved = [path.at(positions, side * way)], [0.0]

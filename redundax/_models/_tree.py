@@ -13,7 +13,9 @@ from .._tools._optional import optional
 WITHOUT = "; the figures are without it"
 _STEPS, _STARTS, _LONGEST = 200, 20, 0.3  # the longest step: rad, and the share of the model's size
 _CLOSED, _NEARLY = 1e-13, 1e-9  # misfits relative to the size of the model
-_REACH = 0.4  # rad, of random displacements of joints
+DIGITS = 1e-6  # relative: numbers of a file may have no more digits, so that less tells nothing
+_STILL = 1e-12  # steps that lead nowhere
+_REACH = 0.8  # rad, or the share of the model's size: the largest of random displacements of joints
 
 
 class End(NamedTuple):
@@ -81,13 +83,17 @@ class Tree:
         return best
 
     def elsewhere(self, positions: np.ndarray, left: float, count: int) -> list[np.ndarray]:
-        """Other positions that close the loops as well as these do; fewer where they are not found."""
+        """Other positions that close the loops as well as these do, or as the digits of the file allow, from random
+        displacements along the motions; fewer where they are not found."""
         random, found, scale = np.random.default_rng(1), [], self.scale()
+        _, values, basis = np.linalg.svd(self.system(positions)[1] * scale)
+        free = basis[int(np.sum(values > DIGITS * values.max(initial=0.0))) :]
         for trial in range(4 * count):
-            reach = _REACH / (1 + trial // count)
-            start = self.moved(positions, reach * scale * random.normal(size=self.model.nv))
+            reach, way = _REACH / (1 + trial // count), random.normal(size=self.model.nv)
+            way = free.T @ (free @ way) if len(free) else way  # what cannot move may close otherwise
+            start = self.moved(positions, reach * scale * way / np.abs(way).max())
             other, misfit = self.descend(start)
-            if misfit <= max(10 * left, 10 * _CLOSED) and np.abs(other - positions).max() > 1e-3 * reach:
+            if misfit <= max(10 * left, DIGITS / 10) and np.abs(other - positions).max() > 1e-3 * reach:
                 found.append(other)
             if len(found) == count:
                 break
@@ -119,8 +125,11 @@ class Tree:
             left = float(np.abs(residual).max()) / self.size
             if left < _CLOSED:
                 break
-            step = -np.linalg.lstsq(slope, residual, rcond=1e-6)[0]
-            step *= min(1.0, _LONGEST / (np.abs(step / self.scale()).max() + 1e-300))
+            step = -np.linalg.lstsq(slope, residual, rcond=DIGITS)[0]
+            length = float(np.abs(step / self.scale()).max())
+            if length < _STILL:
+                break
+            step *= min(1.0, _LONGEST / length)
             positions = self.moved(positions, step)
         return positions, left
 

@@ -1,5 +1,7 @@
 """The compiled part of `simulate`: the start, the phases of the motion, and what is given at the times asked for."""
 
+from functools import partial
+
 import diffrax
 import equinox as eqx
 import jax
@@ -18,6 +20,7 @@ from .._system._friction import have_sense, memories
 from .._system._results import RESULTS, first_failure
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._compilation import compiled
 from .._tools._module import stop_gradient
 from ._held_rank import AnyHeld, held_by, hold
 from ._held_sparse import hold_sparse
@@ -30,7 +33,7 @@ from ._times import in_order, within
 from ._trajectory import Trajectory, TrajectoryStats
 
 
-@eqx.filter_jit
+@partial(compiled, runs_long=True)
 def integrate(
     system: AbstractSystem,
     state: State,

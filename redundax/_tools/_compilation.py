@@ -17,12 +17,11 @@ import jax.core
 P = ParamSpec("P")
 T = TypeVar("T")
 
-_QUICK = {
+_LIGHT = {
     "xla_cpu_use_fusion_emitters": False,  # the older code generator
-    "xla_backend_optimization_level": 0,
-    "xla_llvm_disable_expensive_passes": True,
     "xla_cpu_enable_concurrency_optimized_scheduler": False,  # LAPACK calls side by side can wait for good on few cores
 }
+_QUICK = {**_LIGHT, "xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes": True}
 
 _single = jax.make_user_context(False)  # a part of what JAX knows programs by
 
@@ -32,13 +31,17 @@ def is_single() -> bool:
     return _single.value
 
 
-def compiled(function: Callable[P, T]) -> Callable[P, T]:
-    """`eqx.filter_jit`, compiled in little time and run at once where no argument is traced."""
+def compiled(function: Callable[P, T], *, runs_long: bool = False) -> Callable[P, T]:
+    """`eqx.filter_jit`, compiled in little time and run at once where no argument is traced.
+
+    One that `runs_long`, such as a motion, is optimised all the same, by the code generator that takes less time.
+    """
     inside = eqx.filter_jit(function)
 
     @functools.cache
     def outside() -> Callable[P, T]:
-        return eqx.filter_jit(function, compiler_options=quick_options())  # pyright: ignore[reportCallIssue]
+        options = quick_options(runs_long)
+        return eqx.filter_jit(function, compiler_options=options)  # pyright: ignore[reportCallIssue]
 
     @functools.wraps(function)
     def run(*arguments: P.args, **named: P.kwargs) -> T:
@@ -54,13 +57,14 @@ def compiled(function: Callable[P, T]) -> Callable[P, T]:
 
 
 @functools.cache
-def quick_options() -> dict[str, bool | int]:
-    """Options of `jax.jit` for a program that runs a few times, as far as this XLA knows them; none but for CPUs."""
+def quick_options(runs_long: bool = False) -> dict[str, bool | int]:
+    """Options of `jax.jit`, as far as this XLA knows them; none but for CPUs."""
+    options = _LIGHT if runs_long else _QUICK
     if jax.default_backend() != "cpu":
         return {}
-    if _are_known(_QUICK):
-        return _QUICK
-    return {name: value for name, value in _QUICK.items() if _are_known({name: value})}
+    if _are_known(options):
+        return options
+    return {name: value for name, value in options.items() if _are_known({name: value})}
 
 
 def _are_known(options: dict[str, bool | int]) -> bool:

@@ -14,6 +14,7 @@ import pytest
 import redundax as rx
 from redundax import __main__ as command
 from redundax._models._audit import Audit, Look
+from redundax._models._examine import examine
 
 mujoco = pytest.importorskip("mujoco")
 pytest.importorskip("yaml")
@@ -132,6 +133,27 @@ def test_loops_of_a_urdf_are_read_beside_it_or_as_given(write):
     write("door.yaml", LOOP)
     model = rx.load_model(door)
     assert figures(model) == (5, 1)  # two hinges on one axis hold one body
+
+
+TILTED = """
+<mujoco><compiler angle="radian"/><default><joint axis="0 1 0"/><geom size="0.05"/></default><worldbody>
+  <body><joint name="A"/><geom/>
+    <body pos="0 0 0.1"><joint name="B" axis="{tilt} 1 0"/><geom/>
+      <body pos="0.4 0 0.1"><joint name="C"/><geom/>
+        <body name="foot" pos="0.05 0 -0.3"><joint name="D"/><geom/></body>
+  </body></body></body></worldbody>
+  <equality><weld body1="foot"/></equality>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize("tilt", [0.0, 3e-9, 3e-3])
+def test_axes_that_are_parallel_to_the_digits_of_a_file_are_parallel(write, tilt):
+    """A four-bar of hinges alone moves and has three redundant rows; tilted truly it is locked, and has two."""
+    found = examine(rx.load_model(write("bar.xml", TILTED.format(tilt=tilt))))
+    assert found.is_decided
+    assert found.figures == ((2, 0) if tilt > 1e-6 else (3, 1))
+    assert len(found.others) == 3 or tilt > 1e-6
 
 
 TWO = """

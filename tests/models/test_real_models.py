@@ -4,12 +4,14 @@ import itertools
 import json
 import pathlib
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import redundax as rx
+from redundax._bodies._space._rotation import rotation
 from redundax._models._audit import audit
 
 mujoco = pytest.importorskip("mujoco")
@@ -116,6 +118,12 @@ def test_unique_dimensions_elsewhere_and_joints_replaced_by_freer_ones(name, exp
         for look in looks:
             for kind in wanted.keys() & {"force", "moment"}:
                 assert look.dimensions([k for k in own if kinds[k] == kind]) == wanted[kind], (part, kind)
+            if "radial_plane" in wanted:
+                assert look.dimensions([k for k in own if ".radial_" in rows[k]]) == wanted["radial_plane"], part
+            if "axial" in about["unique"]:
+                (along,) = (k for k in own if rows[k].endswith(".axial"))
+                assert look.unique[along] == about["unique"]["axial"], part
+            assert all(look.unique[own]) == (part in known["neutral"]["fully_unique_parts"]), part
     for change, (redundancy, freedom) in known["neutral"]["replacements"].items():
         part, _, by = change.rpartition(" -> ")
         own = members[OTHER_NAMES.get(part, part)]
@@ -125,37 +133,55 @@ def test_unique_dimensions_elsewhere_and_joints_replaced_by_freer_ones(name, exp
         assert (found.here.redundancy - rank, found.here.freedom + len(out) - rank) == (redundancy, freedom), change
 
 
-@pytest.mark.parametrize("name", ["fourbar", "robotiq_2f85"])
-def test_all_smallest_sets_of_releases(name, expected, loaded):
-    """Of rows along the axes of the stated figures, at the file's own position; a set is regular on self-stress."""
+REDUNDANT = ["fourbar", "door", "robotiq_2f85", "robot_delta"]
+
+
+def stated_rows(model, state, parts, stress):
+    """Rows of self-stress along the axes of the stated figures, by their names, of those along the axes here.
+
+    The direction of a row is that of a velocity of one of its bodies which the row forbids.
+    """
+    rows, bodies = model.mechanism.rows, len(model.mechanism.names.bodies)
+    velocities = jacobian_at(model.mechanism, state).reshape(len(rows), 2, bodies, 3)
+    turns, found = np.asarray(jax.vmap(rotation)(state.q[3 * bodies :].reshape(-1, 4))), {}
+    for part, about in parts.items():
+        own = [k for k, row in enumerate(rows.labels) if row.rpartition(".")[0] == OTHER_NAMES.get(part, part)]
+        for word in about["unique"]:
+            if about["kind"] == "coupling":
+                found[f"{part}.{word}"] = stress[own[0]]
+                continue
+            is_moment = word.startswith(("tilt", "moment"))
+            along = about["frame"][word.replace("tilt", "radial").replace("moment", "force")]
+            shares = np.zeros(len(rows))
+            for k in own:
+                if rows.kinds[k] == ("moment" if is_moment else "force"):
+                    body = np.argmax(np.linalg.norm(velocities[k, 1 if is_moment else 0], axis=-1))
+                    axis = turns[body] @ velocities[k, 1, body] if is_moment else velocities[k, 0, body]
+                    shares[k] = axis @ along
+            np.testing.assert_allclose(np.linalg.norm(shares), 1, atol=1e-7)
+            found[f"{part}.{word}"] = shares @ stress
+    return found
+
+
+@pytest.mark.parametrize("name", REDUNDANT)
+def test_rows_that_can_be_freed(name, expected, loaded):
+    """A set of rows can be freed iff their self-stress is regular; the sets are counted where that is done."""
     known, model = expected[name]["neutral"], loaded[name]
-    look, rows = audit(model.mechanism, model.state, []).here, list(model.mechanism.rows.labels)
+    state = state_at(model, expected[name], known["q"], FILES[name].rpartition(".")[2])
+    look, freed = audit(model.mechanism, state, []).here, known["releases"]
     basis = np.linalg.eigh(look.stress)[1][:, -look.redundancy :]
-    anchors = model.tree.at(model.tree.model.qpos0)
-    joints = {link.name: link.joint for link in model.plan.links}
-    theirs = {}
-    for part, about in known["parts"].items():
-        own = OTHER_NAMES.get(part, part)
-        if about["kind"] != "hinge":
-            for word, row in (("force_x", "radial_1"), ("force_y", "radial_2"), ("force_z", "axial")):
-                if f"{own}.{row}" in rows:
-                    theirs[f"{part}.{word}"] = basis[rows.index(f"{own}.{row}")]
-            continue
-        theirs[f"{part}.axial"] = basis[rows.index(f"{own}.axial")]
-        axes = np.asarray(rx.spatial.Placement(anchors.xanchor[joints[own]], anchors.xaxis[joints[own]]).axes)
-        for side in "uv":
-            along = axes.T @ about["frame"][f"radial_{side}"]
-            for word, row in (("radial", "radial"), ("tilt", "bend")):
-                pair = [basis[rows.index(f"{own}.{row}_{k}")] for k in (1, 2)]
-                theirs[f"{part}.{word}_{side}"] = along[0] * pair[0] + along[1] * pair[1]
+    theirs = stated_rows(model, state, known["parts"], basis)
+    assert {row for row, share in theirs.items() if np.linalg.norm(share) > 1e-6} == set(freed["rows_in_any_set"])
+    assert abs(np.linalg.det([theirs[row] for row in freed["one_minimal_set"]])) > 1e-9
+    if "number_of_minimal_sets" not in freed:
+        return
     found = [
         each
         for each in itertools.combinations(theirs, look.redundancy)
         if abs(np.linalg.det([theirs[row] for row in each])) > 1e-6
     ]
-    assert len(found) == known["releases"]["number_of_minimal_sets"]
-    assert {row for each in found for row in each} == set(known["releases"]["rows_in_any_set"])
-    listed = known["releases"].get("all_minimal_sets") or []
+    assert len(found) == freed["number_of_minimal_sets"]
+    listed = freed.get("all_minimal_sets") or []
     assert not listed or sorted(map(sorted, listed)) == sorted(map(sorted, found))
 
 
@@ -169,18 +195,25 @@ def test_the_closed_state_of_the_file_and_positions_beside_agree(name, expected,
     assert found.figures == (known["redundancy"], known["freedom"])
 
 
-@pytest.mark.parametrize("name", ["fourbar", "robotiq_2f85"])
-def test_releases_leave_no_redundancy_and_the_same_freedom(name, loaded):
-    model = loaded[name]
-    found, names = audit(model.mechanism, model.state, []), list(model.mechanism.rows.labels)
-    jacobian = np.asarray(model.mechanism.jacobian(model.state.q, model.state.t))
-    for group in found.groups:
-        assert group.releases
-        for release in group.releases:
-            out = [names.index(row) for _, shares in release.directions for row in shares]
-            assert len(out) == group.redundancy
-            rest = np.delete(jacobian, out, axis=0)
-            assert np.linalg.matrix_rank(rest, tol=1e-9) == found.here.rank
+@pytest.mark.parametrize("name", REDUNDANT)
+def test_releases_leave_no_redundancy_and_the_same_freedom(name, expected, loaded):
+    """At the neutral position and at the others, each dependent group freed by itself."""
+    known, model = expected[name], loaded[name]
+    names, suffix = list(model.mechanism.rows.labels), FILES[name].rpartition(".")[2]
+    for look in (known["neutral"], *known["other_configurations"]):
+        state = state_at(model, known, look["q"], suffix)
+        found, jacobian = audit(model.mechanism, state, []), jacobian_at(model.mechanism, state)
+        assert sum(group.redundancy for group in found.groups) == look["redundancy"]
+        for group in found.groups:
+            assert group.releases
+            for release in group.releases:
+                out = [names.index(row) for _, shares in release.directions for row in shares]
+                assert len(out) == group.redundancy
+                assert np.linalg.matrix_rank(np.delete(jacobian, out, axis=0), tol=1e-9) == look["rank"]
+
+
+def jacobian_at(mechanism, state):
+    return np.asarray(eqx.filter_jit(lambda system: system.jacobian(state.q, state.t))(mechanism))
 
 
 class Dependent:

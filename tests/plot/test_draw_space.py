@@ -504,7 +504,10 @@ def test_arrows_of_a_page_are_to_scale():
         own = corners[[text == said for text in mesh.hovertext]] - [0.0, 0.0, height]
         along = force / np.linalg.norm(force)
         assert (own @ along).max() == pytest.approx(4e-3 * np.linalg.norm(force), rel=1e-5)
-    assert figure.layout.scene.aspectmode == "data"
+    scene = figure.layout.scene
+    sides = np.array([np.ptp(scene[f"{axis}axis"].range) / scene.aspectratio[axis] for axis in "xyz"])
+    np.testing.assert_allclose(sides, sides[0])  # one scale for all axes
+    assert max(scene.aspectratio[axis] for axis in "xyz") == pytest.approx(1.6)
     assert figure.layout.scene.xaxis.title.text == "x (m)"
     eye, (e, a) = figure.layout.scene.camera.eye, np.radians([25.0, -40.0])
     towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])

@@ -177,6 +177,7 @@ def test_options_that_xla_does_not_know_are_left_out(monkeypatch):
     quick_options.cache_clear()
     if jax.default_backend() == "cpu":
         assert "xla_backend_optimization_level" in quick_options()
+        assert "xla_backend_optimization_level" not in quick_options(runs_long=True)
 
 
 @pytest.mark.parametrize("name", ["wojtyra2020", "carriage", "slider_crank", "parallelogram", "doubled_four_bar"])

@@ -251,8 +251,15 @@ def _layout(moments: list[_Moment], point: float) -> dict[str, Any]:
         "up": dict(zip("xyz", up.tolist(), strict=True)),
         "projection": {"type": "orthographic"},
     }
+    sides = 1.6 * (high - low) / (high - low).max()  # so that the longest fits, of a flat mechanism too
     return {
-        "scene": {**axes, "aspectmode": "data", "camera": camera, "uirevision": "kept"},
+        "scene": {
+            **axes,
+            "aspectmode": "manual",
+            "aspectratio": dict(zip("xyz", sides.tolist(), strict=True)),
+            "camera": camera,
+            "uirevision": "kept",
+        },
         "margin": {"l": 0, "r": 0, "t": 40, "b": 0},
         "annotations": _key(moments),
         "showlegend": False,
