@@ -24,8 +24,9 @@ from .._tools._compilation import compiled
 from .._tools._module import stop_gradient
 from ._held_rank import AnyHeld, held_by, hold
 from ._held_sparse import hold_sparse
-from ._moving import Equations, Moving, project, rechart
+from ._moving import Equations, Moving, rechart
 from ._phases import Options, PhaseState, run
+from ._project import project
 from ._stabilisation import AbstractStabilisation
 from ._stepper import at_start, size_of
 from ._stick import Mode, next_mode

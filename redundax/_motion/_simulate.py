@@ -168,7 +168,7 @@ def _check(system: AbstractSystem, state: State, rtol: ArrayLike | None, dt0: Ar
     """Refuse what cannot be integrated."""
     if system.plan is not None and have_direction(system.friction).any():
         raise ValueError(
-            "Argument `system` must have no dry friction of sleeves, balls or plates in a motion by sparse matrices, but "
+            "Argument `system` must have no dry friction of sleeves, balls or plates where matrices are sparse, but "
             "has. Simulate `mechanism.sparse(False)`."
         )
     n = len(system.coordinates)

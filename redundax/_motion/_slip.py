@@ -30,7 +30,8 @@ from .._equations._kinematics import between
 from .._system._directions import Directions
 from .._system._state import State
 from .._tools._module import stop_gradient
-from ._moving import NONE, Context, Equations, Linear, Moving, project, rechart, tolerance_of
+from ._moving import NONE, Context, Equations, Linear, Moving, rechart, tolerance_of
+from ._project import project
 from ._stick import Mode, mode_of, next_mode
 
 # Halvings of the step, steps that locate an event, into the bracket and then Newton's, and looks at rest.

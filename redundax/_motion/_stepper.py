@@ -19,7 +19,8 @@ from jaxtyping import Array, Bool, Float
 from .._equations._kinematics import chart_inverse
 from .._tools._module import stop_gradient
 from ._held_rank import AnyHeldFactorisation, factorize_held
-from ._moving import Context, Equations, Moving, project, rechart, tolerance_of
+from ._moving import Context, Equations, Moving, rechart, tolerance_of
+from ._project import project
 from ._slip import ends_well, has_event
 
 # Relative constraint residual after a projection beyond which it has failed, at least so many roundings.

@@ -10,6 +10,7 @@ Bounds are given by name: {"A.x": (lower, upper)}.
 
 import abc
 from collections.abc import Mapping, Sequence
+from typing import cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -268,7 +269,7 @@ def _affine(
     nothing = np.zeros(0)
     rows, least, most = limits if limits is not None else (nothing.astype(int), nothing, nothing)
     unit = solutions.response.unit.multipliers if unit is None else unit
-    arrays = map(on_device, (lower, upper, start, slope, unit, rows, least, most))
+    arrays = map(on_device, (lower, upper, start, slope, cast(Array, unit), rows, least, most))
     return Affine(names, *arrays, norm=norm)
 
 

@@ -17,11 +17,15 @@ import jax.core
 P = ParamSpec("P")
 T = TypeVar("T")
 
-_LIGHT = {
+_LIGHT: dict[str, bool | int] = {
     "xla_cpu_use_fusion_emitters": False,  # the older code generator
     "xla_cpu_enable_concurrency_optimized_scheduler": False,  # LAPACK calls side by side can wait for good on few cores
 }
-_QUICK = {**_LIGHT, "xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes": True}
+_QUICK: dict[str, bool | int] = {
+    **_LIGHT,
+    "xla_backend_optimization_level": 0,
+    "xla_llvm_disable_expensive_passes": True,
+}
 
 _single = jax.make_user_context(False)  # a part of what JAX knows programs by
 

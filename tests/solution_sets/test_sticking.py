@@ -207,7 +207,7 @@ def test_errors():
     with pytest.raises(ValueError, match="`state` must be at rest"):
         rx.sticking(system, rx.State(state.q, [1.0, 0.0]))
     locked = rx.System(lambda q, t, p: q, jnp.ones(3), lambda q, qd, t, p: jnp.ones(3))
-    with pytest.raises(ValueError, match="must have a degree of freedom to stick or slip, but has none"):
+    with pytest.raises(ValueError, match="must have a freedom to stick or slip, but has none"):
         rx.sticking(locked, rx.State(jnp.zeros(3), jnp.zeros(3)))
     driven = rx.System(lambda q, t, p: q[:1] - t**2, jnp.ones(2), lambda q, qd, t, p: jnp.ones(2))
     with pytest.raises(ValueError, match="a driver accelerates"):

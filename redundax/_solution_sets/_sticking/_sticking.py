@@ -90,9 +90,7 @@ def sticking(
     if report.problem:
         raise RuntimeError(report.problem)
     if report.freedom < 1:
-        raise ValueError(
-            "Argument `system` must have a degree of freedom to stick or slip, but has none. Release a lock."
-        )
+        raise ValueError("Argument `system` must have a freedom to stick or slip, but has none. Release a lock.")
     solutions = solution_set(system, state, factor, jnp.asarray(report.self_stress), senses)
     cases = cases_of(bounds, system, state, report, solutions)
     single = proved_single(solutions, cases, report)

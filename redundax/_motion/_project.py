@@ -1,0 +1,67 @@
+"""Projection: a position and velocity beside the manifold moved onto it, by least change in the norm of M.
+
+Phi(q [+] d, t) = 0,   Phi_q qd = -Phi_t     on the rows that are held
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._equations._kinematics import constraint_rate
+from .._system._state import State
+from .._system._system import AbstractSystem
+from ._held_rank import AnyHeld, factorize_held
+from ._moving import Moving
+
+
+def project(system: AbstractSystem, t: Array, y: Moving, held: AnyHeld) -> Moving:
+    """y moved onto the manifold, positions then velocities, by least change in the norm of M."""
+    d, qd = _least_change(system, held, y.q, y.qd, t)
+    q = system.retract(y.q, d)
+    moved = system.load(State(system.retract(y.q, d / 2), y.qd, t)) @ d
+    return y._replace(q=q, base=None if y.base is None else q, qd=qd, work=y.work + moved)
+
+
+# Chord iterations of position and velocity: a step leaves them off by e, each turns e^k into e^(k+1).
+_CHORDS = 4
+
+
+@eqx.filter_custom_jvp
+def _least_change(
+    system: AbstractSystem, held: AnyHeld, q: Float[Array, "..."], qd: Float[Array, " n"], t: Array
+) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+    """The least displacement from q that meets the held rows, and the velocity nearest to qd that does so there."""
+    factor = factorize_held(system, State(q, qd, t), held)
+
+    def position(_: Array, d: Array) -> Array:
+        return d - factor.nearest(_residual(system, q, d, t))
+
+    d = jax.lax.fori_loop(0, _CHORDS, position, jnp.zeros_like(qd))
+    there = system.retract(q, d)
+
+    def velocity(_: Array, qd: Array) -> Array:
+        return qd - factor.nearest(constraint_rate(system, State(there, qd, t)))
+
+    return d, jax.lax.fori_loop(0, _CHORDS, velocity, qd)
+
+
+@_least_change.def_jvp
+def _least_change_jvp(primals: tuple, tangents: tuple) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """By the constraints at the new position: what the step is off by is small beside what moves."""
+    system, held, q, qd, t = primals
+    system_dot, _, q_dot, qd_dot, t_dot = tangents
+    d, qd = _least_change(*primals)
+    factor = factorize_held(system, State(system.retract(q, d), qd, t), held)
+    _, off = eqx.filter_jvp(lambda system, q, t: _residual(system, q, d, t), (system, q, t), (system_dot, q_dot, t_dot))
+    d_dot = -factor.nearest(off)
+    _, (own, off) = eqx.filter_jvp(
+        lambda system, q, d, qd, t: (qd, constraint_rate(system, State(system.retract(q, d), qd, t))),
+        (system, q, d, qd, t),
+        (system_dot, q_dot, d_dot, qd_dot, t_dot),
+    )
+    return (d, qd), (d_dot, own - factor.nearest(off))
+
+
+def _residual(system: AbstractSystem, q: Array, d: Array, t: Array) -> Float[Array, " m"]:
+    return system.constraint(system.retract(q, d), t)
