@@ -80,7 +80,8 @@ def simulate(
       `diffrax.Dopri8()` if not given; explicit ones suit stiff constraints, not stiff loads.
     - `stabilisation`: `Projection()`, `Baumgarte(alpha, beta)` or `NoStabilisation()`.
     - `ts`: times to give the motion at, one or more, ascending from start to end; 101 if not given. Between steps it
-      is interpolated, some ten times less accurately than steps are, and projected.
+      is interpolated, some ten times less accurately than steps are, and projected. Whole turns of joints in space are
+      counted by rates and accelerations at these times, so take several a turn.
     - `rtol`: tolerance of a step, of positions relative to the size of the mechanism and of velocities to the largest
       so far, of their root mean square, in space of the largest; `None` for constant steps `dt0`, shorter only where
       one would end beside a singular position.

@@ -16,6 +16,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 
 from .._tools._compilation import compiled
@@ -38,6 +39,11 @@ class AbstractJointCoordinates(eqx.Module):
     @abc.abstractmethod
     def wraps(self) -> Bool[np.ndarray, " c"]:
         """Which of them are angles that a position gives but for whole turns."""
+
+    @property
+    def radian(self) -> ArrayLike:
+        """One radian in the unit of angles."""
+        return 1.0
 
     @abc.abstractmethod
     def positions(self, state: State) -> Float[Array, " c"]:
@@ -93,18 +99,24 @@ def _everywhere(what: str, joints: AbstractJointCoordinates, state: State, value
     def of_one(joints: AbstractJointCoordinates, *given: Any) -> Any:
         function = getattr(joints, what)
         found = jax.vmap(function)(*given) if times else function(*given)
-        return _followed(found, given[0].t, joints.wraps) if times and what == "motion" else found
+        return _followed(found, given[0].t, joints) if times and what == "motion" else found
 
     for _ in range(values.ndim - 1 - times):
         of_one = jax.vmap(of_one)
     return of_one(joints, state, values)
 
 
-def _followed(motion: JointMotion, t: Float[Array, " times"], wraps: np.ndarray) -> JointMotion:
-    """The same with the whole turns that the mean of the rates at both ends of an interval says."""
-    if not wraps.any():
+def _followed(motion: JointMotion, t: Float[Array, " times"], joints: AbstractJointCoordinates) -> JointMotion:
+    """The same with the whole turns that rates and accelerations at both ends of an interval h say,
+
+        h (c'_1 + c'_2) / 2 + h^2 (c''_1 - c''_2) / 12,
+
+    which is exact where the rate is a parabola of time.
+    """
+    if not joints.wraps.any():
         return motion
-    steps = jnp.diff(t)[:, None] * (motion.rate[1:] + motion.rate[:-1]) / 2 - jnp.diff(motion.position, axis=0)
-    turns = jnp.cumsum(jnp.round(steps / (2 * jnp.pi)), axis=0)
-    followed = motion.position.at[1:].add(2 * jnp.pi * turns)
-    return replace_fields(motion, position=jnp.where(wraps, followed, motion.position))
+    h, turn = jnp.diff(t)[:, None], 2 * jnp.pi * jnp.asarray(joints.radian, t.dtype)
+    way = h * (motion.rate[1:] + motion.rate[:-1]) / 2 - h**2 * jnp.diff(motion.acceleration, axis=0) / 12
+    turns = jnp.cumsum(jnp.round((way - jnp.diff(motion.position, axis=0)) / turn), axis=0)
+    followed = motion.position.at[1:].add(turn * turns)
+    return replace_fields(motion, position=jnp.where(joints.wraps, followed, motion.position))

@@ -112,6 +112,10 @@ class _RescaledJoints(AbstractJointCoordinates):
     def wraps(self) -> np.ndarray:
         return self.inner.wraps
 
+    @property
+    def radian(self) -> ArrayLike:
+        return self.units.angle * self.inner.radian
+
     def positions(self, state: State) -> Array:
         shift = self.units.of(self.system.names.joint_coordinates)
         return shift * self.inner.positions(_restored_state(state, self.system, self.units))

@@ -107,6 +107,20 @@ def test_angles_of_joints_go_on_from_the_first():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("angle", [1.0, 180 / np.pi])
+def test_turns_are_counted_by_accelerations_too_in_any_unit_of_angles(angle):
+    """A wheel driven by t^3, at times some turns apart; a right angle is 90 degrees."""
+    wheel = rx.spatial.Body("wheel", 1.0, (0.1, 0.1, 0.1))
+    ends = (wheel, rx.GROUND)
+    hinge = rx.spatial.Revolute("h", *ends, point=(0, 0, 0), axis=(0, 0, 1))
+    driver = rx.spatial.AngleDriver("d", *ends, (0, 0, 0), (0, 0, 1), angle=lambda t: t**3)
+    mechanism, units = rx.Mechanism([wheel], [hinge, driver]), rx.units.Units(angle=angle)
+    state = rx.units.state_in_units(rx.assemble(mechanism), mechanism, units)
+    motion = rx.simulate(rx.units.in_units(mechanism, units), state, 4.0, ts=[0, 2, 4])
+    np.testing.assert_allclose(motion["h.angle"], angle * np.array([0.0, 8.0, 64.0]), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.slow
 def test_a_body_tumbles_as_euler_says():
     """A free body, on a bearing that holds nothing of its turning, with an inertia matrix."""
     inertia = np.array([[0.3, 0.02, -0.05], [0.02, 0.4, 0.04], [-0.05, 0.04, 0.5]])
