@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .._system._names import by_joint
 from .._system._pushing import warn_of_pulling
 from .._system._results import RESULTS, is_one_of
 from .._system._state import State
@@ -47,7 +48,8 @@ def culprits(system: AbstractSystem, state: State, factor: Any, result: RESULTS)
     if result == RESULTS.indeterminate_acceleration:
         return f" Free without mass: {', '.join(_massless(system, factor))}."
     if result == RESULTS.indeterminate_closure:
-        return _in_self_stress(system, ~np.asarray(factor.unique_multipliers))
+        rows = np.flatnonzero(~np.asarray(factor.unique_multipliers))
+        return f" Rows in self-stress: {by_joint([system.rows.labels[k] for k in rows])}."
     if result == RESULTS.ambiguous_rank:
         spectrum = factor.spectrum
         near = [f"{value:.1e}" for value in np.asarray(spectrum.singular_values)[-3:]]
@@ -63,14 +65,6 @@ def culprits(system: AbstractSystem, state: State, factor: Any, result: RESULTS)
         resting, labels = np.asarray(~factor.motion_of(rate).is_yes), slips.labels
         return f" At rest: {', '.join(label for label, rests in zip(labels, resting, strict=True) if rests)}."
     return ""
-
-
-def _in_self_stress(system: AbstractSystem, chosen: np.ndarray) -> str:
-    """The joints of these rows, or the rows of a system that has no joints."""
-    rows = [label for label, one in zip(system.rows.labels, chosen, strict=True) if one]
-    if not system.names.joints:
-        return f" Rows in self-stress: {', '.join(rows)}."
-    return f" Joints in self-stress: {', '.join(dict.fromkeys(row.rpartition('.')[0] or row for row in rows))}."
 
 
 def _massless(system: AbstractSystem, factor: Factorisation) -> list[str]:

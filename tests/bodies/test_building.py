@@ -284,7 +284,7 @@ BAD = {
     ),
     "closure without compliance": (
         lambda: rx.solve(one_body(pin(), pin(name="B")), STATE, closure=rx.Compliance(np.zeros(4))),
-        ["holds rigid", "Give compliance", "Joints in self-stress: A, B."],
+        ["holds rigid", "Give compliance", "Rows in self-stress: A (x, y), B (x, y)."],
     ),
     "closure in other units": (
         lambda: rx.solve(one_body(PLATE), STATE, closure=rx.Compliance([1e-5, 1e-5, 1e-9])),

@@ -224,7 +224,7 @@ def test_joints_that_do_not_give_way_are_named():
     rest = rx.State(np.zeros(3), np.zeros(3))
     with pytest.raises(RuntimeError) as caught:
         rx.solve(mechanism, rest, closure=rx.ElasticJoints(mechanism, {"P": 1e-8}))
-    assert str(caught.value).endswith(" Joints in self-stress: P, Q, R.")
+    assert str(caught.value).endswith(" Rows in self-stress: P (x, y), Q (x, y), R (x, y).")
     assert rx.solve(mechanism, rest, closure=rx.ElasticJoints(mechanism, dict.fromkeys("PQR", 1e-8)))["P.x"] == 0.0
 
 
