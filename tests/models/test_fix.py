@@ -8,6 +8,8 @@ import pytest
 
 import redundax as rx
 from redundax import __main__ as command
+from redundax._command._copy import check_copy
+from redundax._command._file import FileError
 from redundax._models._examine import examine
 from redundax._models._fix import fix
 from redundax._models._read import closures_of, read
@@ -160,3 +162,55 @@ def test_a_copy_that_cannot_be_is_refused_in_a_line(write, monkeypatch, tmp_path
     status, _, error = run(*words)
     assert status == 2
     assert told in error and len(error.splitlines()) == 1
+
+
+def test_a_copy_never_costs_the_loops_of_the_model(write, monkeypatch, tmp_path):
+    """They are written beside the copy, under a name that nobody typed."""
+    write("door.urdf", DOOR)
+    loops = write("loops.yaml", SCREWS.format("6d"))
+    monkeypatch.chdir(tmp_path)
+    for words, told in (
+        (["--closures", "loops.yaml", "--fix", "loops.urdf"], "holds those of the model"),
+        (["--closures", "./loops.yaml", "--fix", tmp_path / "loops.urdf"], "holds those of the model"),
+        (["--fix", "loops.urdf"], "is there without 'loops.urdf'"),
+    ):
+        status, _, error = run("door.urdf", *words)
+        assert status == 2 and told in error and len(error.splitlines()) == 1
+        assert loops.read_text() == SCREWS.format("6d") and not (tmp_path / "loops.urdf").exists()
+    (tmp_path / "copy.yaml").mkdir()
+    write("copy.urdf", "")
+    status, _, error = run("door.urdf", "--fix", "copy.urdf")
+    assert status == 2 and "'copy.yaml' cannot be written" in error
+
+
+NAMING = """<mujoco><compiler {compiler}/><asset>{asset}</asset><worldbody>
+  <body><joint/><geom size="0.1"/></body></worldbody>{more}</mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("compiler", "asset", "more", "path"),
+    [
+        ("", '<mesh name="m" file="m.stl"/>', "", "m.stl"),
+        ('meshdir="parts"', '<mesh name="m" file="m.stl"/>', "", "parts/m.stl"),
+        ('assetdir="parts"', '<texture name="t" type="2d" file="t.png"/>', "", "parts/t.png"),
+        ('meshdir="/parts"', '<mesh name="m" file="m.stl"/>', '<include file="more.xml"/>', "more.xml"),
+        ('meshdir="/parts"', '<mesh name="m" file="m.stl"/>', "", None),
+    ],
+)
+def test_a_copy_elsewhere_must_find_what_the_model_names(write, tmp_path, compiler, asset, more, path):
+    file = write("model.xml", NAMING.format(compiler=compiler, asset=asset, more=more))
+    (tmp_path / "away").mkdir()
+    if path is None:
+        check_copy(str(file), None, tmp_path / "away" / "copy.xml")
+    else:
+        with pytest.raises(FileError, match=f"names '{path}' from there"):
+            check_copy(str(file), None, tmp_path / "away" / "copy.xml")
+    check_copy(str(file), None, tmp_path / "copy.xml")
+    assert not list(tmp_path.rglob("copy.xml"))
+
+
+def test_a_copy_is_not_written_over_what_the_model_includes(write, tmp_path):
+    file = write("model.xml", NAMING.format(compiler="", asset="", more='<include file="more.xml"/>'))
+    write("more.xml", "<mujoco/>")
+    with pytest.raises(FileError, match="which the model names"):
+        check_copy(str(file), None, tmp_path / "more.xml")
