@@ -125,6 +125,38 @@ def test_what_would_move_is_not_freed_and_what_has_no_words_is_told(four_bar, tm
         fix(model, found, tmp_path / "copy.xml", ["A.twist"])
 
 
+FRAMED = """<mujoco>
+  <compiler angle="radian"/><default><joint axis="0 1 0"/><geom type="capsule" size="0.01"/></default>
+  <worldbody>
+    <body name="crank">
+      <frame name="outer" euler="0 0.3 0" pos="0 0.1 0"><geom fromto="0 0 0 0 0 0.1"/>
+        <frame euler="0 0.4 0"><geom size="0.02" type="sphere"/><joint name="A"/><geom fromto="0 0 0 0.1 0 0"/></frame>
+      </frame>
+      <body name="coupler" pos="0 0 0.1"><frame pos="0 1 0"><joint/></frame><geom fromto="0 0 0 0.4 0 0"/>
+        <body name="rocker" pos="0.4 0 0"><joint name="C"/><geom fromto="0 0 0 0 0 -0.2"/></body>
+      </body>
+    </body>
+  </worldbody>
+  <equality><connect body1="rocker" body2="world" anchor="0 0 -0.2"/></equality>
+  <keyframe><key qpos="0 0 0"/><key name="up" qpos="0 0 0"/></keyframe>
+</mujoco>"""
+
+
+def test_joints_in_frames_are_freed_and_keyframes_left_out(write, tmp_path):
+    """The joint more stands on the body: a frame would turn its axis. Keyframes count the joints that were."""
+    model = rx.load_model(write("framed.xml", FRAMED))
+    found, before = examine(model, 1), mujoco.MjModel.from_xml_path(str(tmp_path / "framed.xml"))
+    for row, place in (("A.bend_1", 0), ("hinge of coupler.axial", 1)):
+        made = fix(model, found, tmp_path / "copy.xml", [row])
+        assert figures(tmp_path / "copy.xml") == (made.redundancy, made.freedom) == (0, 1)
+        assert "without the 2 keyframes" in str(made)
+        copy = mujoco.MjModel.from_xml_path(str(tmp_path / "copy.xml"))
+        assert (copy.nkey, before.nkey, copy.ngeom) == (0, 2, before.ngeom)
+        assert copy.joint(place).name == row.replace(".", " ")
+        np.testing.assert_allclose(copy.body_inertia, before.body_inertia, atol=1e-12)
+        np.testing.assert_allclose(np.delete(copy.jnt_axis, place, axis=0), before.jnt_axis, atol=1e-12)
+
+
 @pytest.mark.slow
 def test_slides_ties_and_closures_by_bodies_are_freed(write, tmp_path):
     file = write("fingers.xml", FINGERS)
