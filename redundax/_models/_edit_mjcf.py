@@ -5,12 +5,13 @@ The joint more comes before the one it frees, so that its axis is fixed to the p
 
 import pathlib
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
 
 from .._bodies._space._placement import Placement
+from .._tools._optional import optional
 from ._closed_loops import document
 from ._model import Model
 from ._plan import Link
@@ -78,13 +79,19 @@ def write_mjcf(model: Model, edits: Sequence[Edit], file: pathlib.Path) -> Writt
         else:
             element = _equality(root, model, edit.target if isinstance(edit.target, str) else edit.target.name)
             _loosened(_parents(root)[element], element, edit.target)
-    keys = [(each, key) for each in root.iter("keyframe") for key in each.iterfind("key")]
-    keys = keys if any(isinstance(edit.target, Link) for edit in edits) else []
+    is_longer = any(isinstance(edit.target, Link) for edit in edits)
+    keys = [(each, key) for each in root.iter("keyframe") for key in each.iterfind("key")] if is_longer else []
     for parent, key in keys:
         parent.remove(key)
     copy.write(file, encoding="utf-8")
-    count = f"{len(keys)} keyframe{'s' * (len(keys) > 1)}"
-    return Written((file,), f"it is without the {count} of the file, which count fewer joints." if keys else "")
+    notes = [f"it is without {_keyframes(keys)} of the file, which count fewer joints."] if keys else []
+    included = optional("mujoco", "models").MjSpec.from_file(str(file)).keys if is_longer else []
+    notes += [f"take {_keyframes(included)} out of the included files: they count fewer joints."] if included else []
+    return Written((file,), " ".join(notes))
+
+
+def _keyframes(keys: Sequence[Any]) -> str:
+    return f"{len(keys)} keyframe{'s' * (len(keys) > 1)}"
 
 
 def _parents(root: ElementTree.Element) -> dict[ElementTree.Element, ElementTree.Element]:

@@ -10,6 +10,7 @@ import redundax as rx
 from redundax import __main__ as command
 from redundax._command._copy import check_copy
 from redundax._command._file import FileError
+from redundax._models._edit_mjcf import mjcf_moves, write_mjcf
 from redundax._models._examine import examine
 from redundax._models._fix import fix
 from redundax._models._read import closures_of, read
@@ -149,12 +150,21 @@ def test_joints_in_frames_are_freed_and_keyframes_left_out(write, tmp_path):
     for row, place in (("A.bend_1", 0), ("hinge of coupler.axial", 1)):
         made = fix(model, found, tmp_path / "copy.xml", [row])
         assert figures(tmp_path / "copy.xml") == (made.redundancy, made.freedom) == (0, 1)
-        assert "without the 2 keyframes" in str(made)
+        assert "without 2 keyframes of the file" in str(made)
         copy = mujoco.MjModel.from_xml_path(str(tmp_path / "copy.xml"))
         assert (copy.nkey, before.nkey, copy.ngeom) == (0, 2, before.ngeom)
         assert copy.joint(place).name == row.replace(".", " ")
         np.testing.assert_allclose(copy.body_inertia, before.body_inertia, atol=1e-12)
         np.testing.assert_allclose(np.delete(copy.jnt_axis, place, axis=0), before.jnt_axis, atol=1e-12)
+
+
+def test_keyframes_of_included_files_are_told(write, tmp_path):
+    before, _, rest = FRAMED.partition("<keyframe>")
+    keys, _, after = rest.partition("</keyframe>")
+    write("keys.xml", f"<mujoco><keyframe>{keys}</keyframe></mujoco>")
+    model = rx.load_model(write("framed.xml", f'{before}<include file="keys.xml"/>{after}'))
+    written = write_mjcf(model, mjcf_moves(model)[:1], tmp_path / "copy.xml")
+    assert written == ((tmp_path / "copy.xml",), "take 2 keyframes out of the included files: they count fewer joints.")
 
 
 @pytest.mark.slow
