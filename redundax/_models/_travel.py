@@ -19,7 +19,7 @@ from ._plan import Plan
 from ._tree import DIGITS, Tree
 
 _STEP, _STEPS, _LONGEST = 0.1, 240, 6.4  # of the joint that moves most, rad or sizes; in all; of one way
-_SECTIONS, _GOLDEN = 40, 0.5 * (5**0.5 - 1)
+_SECTIONS, _ROUND, _GOLDEN = 40, 16, 0.5 * (5**0.5 - 1)  # to a kink, and to a smooth end, whose error is their square
 _DIP, _SINGULAR = 0.5, 1e-2  # a value beside its neighbours, at a step and at its least
 _CORRECTIONS = 20  # of a step
 _HELD = 1e-9  # rates that loops and joints feel
@@ -116,13 +116,13 @@ class _Path:
         """The position at which the rank is lower within two steps, if the middle one has the smallest value."""
         if not before.kept > middle.kept <= after.kept or middle.kept > _DIP * max(before.kept, after.kept):
             return None
-        best = self.least(before, middle, lambda point: point.kept)
+        best = self.least(before, middle, lambda point: point.kept, _SECTIONS)
         return best if best.kept < _SINGULAR * min(before.kept, after.kept) else None
 
-    def least(self, before: _Point, middle: _Point, of: Callable[[_Point], float]) -> _Point:
+    def least(self, before: _Point, middle: _Point, of: Callable[[_Point], float], sections: int) -> _Point:
         """The position within two steps where something is least that is so about the middle one."""
         best, low, high = middle, 0.0, 2 * _STEP
-        for _ in range(_SECTIONS):
+        for _ in range(sections):
             tries = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
             found = [self.step(before, length) for length in tries]
             left, right = (np.inf if each is None else of(each) for each in found)
@@ -139,7 +139,7 @@ class _Path:
         if not 0 < k < len(points) - 1:
             return float(at[k])
         before = points[k - 1]
-        turn = self.least(before, points[k], lambda point: sign * _moved(self.tree, before, point, dof))
+        turn = self.least(before, points[k], lambda point: sign * _moved(self.tree, before, point, dof), _ROUND)
         return float(at[k - 1]) + _moved(self.tree, before, turn, dof)
 
     def figures(self, point: _Point, beside: _Point) -> tuple[int, int]:
