@@ -24,10 +24,10 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._progress import stage
 from ._audit_html import check_pictures, write_page
+from ._copy import MODELS, check_copy
 from ._families import show
-from ._file import FileError, blaming, check_target, load
+from ._file import FileError, blaming, load
 
-_MODELS = (".xml", ".mjcf", ".urdf")
 _POSITIONS = 3  # beside that of the file
 _REACH = 0.3  # of them, rad or lengths of the mechanism
 
@@ -74,8 +74,12 @@ class _Found(NamedTuple):
 
 def _found(arguments: argparse.Namespace) -> _Found:
     path = arguments.system
-    _check_copy(arguments)
-    if pathlib.Path(path).suffix.lower() not in _MODELS:
+    if arguments.release and not arguments.fix:
+        raise FileError("Argument `--release` says what `--fix` is to free. Give --fix FILE too.")
+    if arguments.fix:
+        with _clearly(path):
+            check_copy(path, arguments.closures, arguments.fix)
+    if pathlib.Path(path).suffix.lower() not in MODELS:
         with blaming(path):
             system, state = load(path)
             with stage("finding what is unique"):
@@ -86,24 +90,6 @@ def _found(arguments: argparse.Namespace) -> _Found:
             found = examine(model, _POSITIONS)
         mended = fix(model, found, arguments.fix, arguments.release) if arguments.fix else None
         return _Found(model.mechanism, model.state, found, _about(model), mended)
-
-
-def _check_copy(arguments: argparse.Namespace) -> None:
-    """Refuse a copy that cannot be of this model."""
-    if arguments.release and not arguments.fix:
-        raise FileError("Argument `--release` says what `--fix` is to free. Give --fix FILE too.")
-    if arguments.fix is None:
-        return
-    kind, source = pathlib.Path(arguments.system).suffix.lower(), pathlib.Path(arguments.system)
-    if kind not in _MODELS:
-        raise FileError(
-            f"Argument `--fix` copies {', '.join(_MODELS)}, but '{arguments.system}' is none. Leave it out."
-        )
-    if arguments.fix.suffix.lower() != kind:
-        raise FileError(f"Argument `--fix` must end in {kind} as the model does, but is '{arguments.fix}'. Rename it.")
-    if arguments.fix.resolve() == source.resolve():
-        raise FileError(f"Argument `--fix` must name another file than the model '{source}'. Rename it.")
-    check_target(arguments.fix)
 
 
 @contextlib.contextmanager
@@ -168,6 +154,6 @@ def _heading(path: str, about: dict[str, Any]) -> list[str]:
 def _next(arguments: argparse.Namespace, found: Audit) -> list[str]:
     """What to type next, for a model that can be mended."""
     kind = pathlib.Path(arguments.system).suffix.lower()
-    if kind not in _MODELS or arguments.fix or not found.figures[0]:
+    if kind not in MODELS or arguments.fix or not found.figures[0]:
         return []
     return [f"Next: --fix COPY{kind} writes a copy of the model that is mended; --html PAGE.html shows it."]

@@ -79,7 +79,9 @@ def _travel(travel: Travel) -> Iterator[str]:
         return
     moved = ", ".join(f"{name} from {low:+.3g} to {high:+.3g}" for name, (low, high) in named[:_MOST])
     more = f", and {len(named) - _MOST} more" if len(named) > _MOST else ""
-    how = f"Moved from there along its freedoms, within joint limits ({moved}{more}; rad or m)"
+    limits = ", within joint limits" if travel.is_limited else ""
+    brackets = ", what has brackets from there" if any(name.endswith("]") for name, _ in named) else ""
+    how = f"Moved from there along its freedoms{limits} ({moved}{more}; rad or m, as the file counts{brackets})"
     if not travel.singular:
         yield f"{how}, it stays so: no singular position on the way (smallest singular value kept {travel.least:.1e})."
         return

@@ -4,13 +4,14 @@ The joint more comes before the one it frees, so that its axis is fixed to the p
 """
 
 import pathlib
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
 
 from .._bodies._space._placement import Placement
+from .._tools._optional import optional
 from ._closed_loops import document
 from ._model import Model
 from ._plan import Link
@@ -42,6 +43,13 @@ class Edit(NamedTuple):
     words: str
 
 
+class Written(NamedTuple):
+    """The files of a copy, and what else is to be said of it."""
+
+    files: tuple[pathlib.Path, ...]
+    note: str = ""
+
+
 def mjcf_moves(model: Model) -> list[Edit]:
     """What MJCF can say, of the joints and loops of a model."""
     moves = []
@@ -58,24 +66,52 @@ def mjcf_moves(model: Model) -> list[Edit]:
     return moves
 
 
-def write_mjcf(model: Model, edits: Sequence[Edit], file: pathlib.Path) -> list[pathlib.Path]:
-    """Write the file of a model with changes, and return what was written."""
+def write_mjcf(model: Model, edits: Sequence[Edit], file: pathlib.Path) -> Written:
+    """Write the file of a model with changes; keyframes, which say nothing of joints that are new, are left out."""
     copy = document(model.path)
     root = copy.getroot()
-    parents = {child: parent for parent in root.iter() for child in parent}
     for edit in edits:
         if isinstance(edit.target, Link):
             element = _joint(root, model, edit.target)
-            parent = parents[element]
+            parent = _parents(root)[element]
             more = _freed(model, edit.target, edit.rows[0].rpartition(".")[2])
-            place = list(parent).index(element)
-            more.tail = parent[place - 1].tail if place else parent.text
-            parent.insert(place, more)
+            _insert(root, parent, list(parent).index(element), more)
         else:
             element = _equality(root, model, edit.target if isinstance(edit.target, str) else edit.target.name)
-            _loosened(parents[element], element, edit.target)
+            _loosened(_parents(root)[element], element, edit.target)
+    is_longer = any(isinstance(edit.target, Link) for edit in edits)
+    keys = [(each, key) for each in root.iter("keyframe") for key in each.iterfind("key")] if is_longer else []
+    for parent, key in keys:
+        parent.remove(key)
     copy.write(file, encoding="utf-8")
-    return [file]
+    notes = [f"it is without {_keyframes(keys)} of the file, which count fewer joints."] if keys else []
+    included = optional("mujoco", "models").MjSpec.from_file(str(file)).keys if is_longer else []
+    notes += [f"take {_keyframes(included)} out of the included files: they count fewer joints."] if included else []
+    return Written((file,), " ".join(notes))
+
+
+def _keyframes(keys: Sequence[Any]) -> str:
+    return f"{len(keys)} keyframe{'s' * (len(keys) > 1)}"
+
+
+def _parents(root: ElementTree.Element) -> dict[ElementTree.Element, ElementTree.Element]:
+    return {child: parent for parent in root.iter() for child in parent}
+
+
+def _insert(root: ElementTree.Element, parent: ElementTree.Element, place: int, more: ElementTree.Element) -> None:
+    """Insert an element that is told in the frame of its body; `frame` elements around the place are split."""
+    while parent.tag == "frame":
+        frame, parent = parent, _parents(root)[parent]
+        outer = list(parent).index(frame)
+        if place:
+            rest = ElementTree.Element("frame", {name: text for name, text in frame.attrib.items() if name != "name"})
+            rest[:], frame[place:] = frame[place:], []
+            rest.text, rest.tail, frame.tail = frame.text, frame.tail, frame.text
+            outer += 1
+            parent.insert(outer, rest)
+        place = outer
+    more.tail = parent[place - 1].tail if place else parent.text
+    parent.insert(place, more)
 
 
 def _freed(model: Model, link: Link, row: str) -> ElementTree.Element:
@@ -106,7 +142,7 @@ def _joint(root: ElementTree.Element, model: Model, link: Link) -> ElementTree.E
     theirs = model.tree.model
     name, body = theirs.joint(link.joint).name, int(theirs.jnt_bodyid[link.joint])
     for element in root.iterfind("worldbody//body"):
-        joints = [child for child in element if child.tag in ("joint", "freejoint")]
+        joints = list(_joints(element))
         if name:
             found = [child for child in joints if child.get("name") == name]
         else:
@@ -115,6 +151,15 @@ def _joint(root: ElementTree.Element, model: Model, link: Link) -> ElementTree.E
         if found:
             return found[0]
     raise ValueError(f"The joint '{link.name}' is not in '{model.path}' itself. Change the file that it includes.")
+
+
+def _joints(element: ElementTree.Element) -> Iterator[ElementTree.Element]:
+    """Joints of a body, in its frames too, in order."""
+    for child in element:
+        if child.tag in ("joint", "freejoint"):
+            yield child
+        elif child.tag == "frame":
+            yield from _joints(child)
 
 
 def _equality(root: ElementTree.Element, model: Model, name: str) -> ElementTree.Element:

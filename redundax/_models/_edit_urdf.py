@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from .._tools._optional import optional
 from ._closed_loops import children, loops_in
-from ._edit_mjcf import Edit
+from ._edit_mjcf import Edit, Written
 from ._model import Model
 from ._plan import Link
 from ._tree import Loop
@@ -31,7 +31,7 @@ def urdf_moves(model: Model) -> list[Edit]:
     return moves
 
 
-def write_urdf(model: Model, edits: Sequence[Edit], file: pathlib.Path) -> list[pathlib.Path]:
+def write_urdf(model: Model, edits: Sequence[Edit], file: pathlib.Path) -> Written:
     """Copy the file of a model, and write that of its loops with changes; return what was written."""
     loops = {} if model.closures is None else loops_in(model.closures)
     spherical = [edit.target.name for edit in edits if isinstance(edit.target, Link)]
@@ -46,4 +46,4 @@ def write_urdf(model: Model, edits: Sequence[Edit], file: pathlib.Path) -> list[
     beside = file.with_suffix(".yaml")
     shutil.copyfile(model.path, file)
     beside.write_text(optional("yaml", "models").safe_dump(loops, sort_keys=False), encoding="utf8")
-    return [file, beside]
+    return Written((file, beside))

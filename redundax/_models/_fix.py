@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ._audit import Audit
-from ._edit_mjcf import Edit, mjcf_moves, write_mjcf
+from ._edit_mjcf import Edit, Written, mjcf_moves, write_mjcf
 from ._edit_urdf import urdf_moves, write_urdf
 from ._model import Model
 from ._read import closures_of, read
@@ -26,7 +26,7 @@ class Language(NamedTuple):
     """What a kind of file can say: its moves, how they are written, and what it has no words for."""
 
     moves: Callable[[Model], list[Edit]]
-    write: Callable[[Model, Sequence[Edit], pathlib.Path], list[pathlib.Path]]
+    write: Callable[[Model, Sequence[Edit], pathlib.Path], Written]
     lacks: str
 
 
@@ -71,13 +71,13 @@ def fix(model: Model, found: Audit, file: pathlib.Path, wanted: Sequence[str] = 
     if not chosen:
         note = f"nothing that takes off redundancy and adds no motion can be said there; {language.lacks}."
         return Fix((), (), redundancy, freedom, note if redundancy else "nothing is redundant.")
-    files = language.write(model, chosen, file)
+    files, more = language.write(model, chosen, file)
     left = _figures(file)
     if left != (redundancy - freed, freedom):
         note = f"{(redundancy - freed, freedom)} were expected, so look at the copy before you use it."
     else:
         note = f"{language.lacks}." if left[0] and not wanted else ""
-    return Fix(tuple(files), tuple(move.words for move in chosen), *left, note)
+    return Fix(files, tuple(move.words for move in chosen), *left, " ".join(each for each in (note, more) if each))
 
 
 def _wanted(moves: Iterable[Edit], wanted: Sequence[str], rows: Sequence[str], language: Language) -> list[Edit]:

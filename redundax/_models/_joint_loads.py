@@ -28,6 +28,8 @@ def joint_loads(plan: Plan, data: Any, bodies: dict) -> tuple[list[Any], list[st
         armature = model.dof_armature[dof] and carried_armature(plan, data, link) is None
         friction = link.kind not in ("hinge", "slide") and model.dof_frictionloss[dof]
         lost = {"armature (between bodies that move)": armature, "dry friction": friction}
+        for what, name, at in (("springs", "jnt_stiffnesspoly", link.joint), ("dampers", "dof_dampingpoly", dof)):
+            lost[f"what is not linear in the {what}"] = np.any(getattr(model, name, np.zeros(model.nv))[at])
         if stiffness or damping:
             load = _spring(plan, data, bodies, link, stiffness, damping)
             loads += [] if load is None else [load]

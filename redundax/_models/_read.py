@@ -108,7 +108,7 @@ def _stripped(mujoco: Any, spec: Any) -> list[str]:
             why = f"its kind is not taken over{WITHOUT}" if equality.active else "it is not active"
             notes.append(f"constraint '{equality.name or equality.type.name}' is left out: {why}")
             spec.delete(equality)
-    shapes = [geom for geom in spec.geoms if geom.meshname or geom.hfieldname]
+    shapes = [geom for geom in spec.geoms if geom.meshname or geom.hfieldname]  # primitives are fitted to meshes too
     for what in _LEFT_OUT:
         found = list(getattr(spec, what))
         notes += [f"{_LEFT_OUT[what]}: {len(found)}"] if found else []
@@ -122,7 +122,7 @@ def _stripped(mujoco: Any, spec: Any) -> list[str]:
             spec.delete(actuator)
     if shapes:
         notes.append(f"{_shapes(shapes)} from meshes")
-        lighter = dict.fromkeys(_name(geom.parent) for geom in shapes if _weighs(mujoco, spec, geom))
+        lighter = dict.fromkeys(_name(geom.parent) for geom in shapes if _weighs(spec, geom))
         notes += [f"mass that shapes from meshes give to {', '.join(lighter)}"] if lighter else []
     for each in (*shapes, *spec.meshes, *spec.hfields):
         spec.delete(each)
@@ -139,14 +139,16 @@ def _stripped(mujoco: Any, spec: Any) -> list[str]:
     return notes
 
 
-def _weighs(mujoco: Any, spec: Any, geom: Any) -> bool:
+def _weighs(spec: Any, geom: Any) -> bool:
     """Whether a body that moves has mass from this shape."""
     own = geom.parent.explicitinertial
-    if geom.parent.name == "world" or spec.compiler.inertiafromgeom not in ((1,) if own else (1, 2)):
+    if not geom.meshname or geom.parent.name == "world":
+        return False
+    if spec.compiler.inertiafromgeom not in ((1,) if own else (1, 2)):
         return False
     group = spec.compiler.inertiagrouprange
     given = geom.mass if np.isfinite(geom.mass) else geom.density
-    return bool(given > 0 and group[0] <= geom.group <= group[1] and geom.type == mujoco.mjtGeom.mjGEOM_MESH)
+    return bool(given > 0 and group[0] <= geom.group <= group[1])
 
 
 def _name(body: Any) -> str:

@@ -8,15 +8,18 @@ that move no loop in itself change nothing, and rest.
 """
 
 import dataclasses
+import itertools
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
 
+from ._plan import Plan
 from ._tree import DIGITS, Tree
 
 _STEP, _STEPS, _LONGEST = 0.1, 240, 6.4  # of the joint that moves most, rad or sizes; in all; of one way
-_SECTIONS, _GOLDEN = 40, 0.5 * (5**0.5 - 1)
+_SECTIONS, _ROUND, _GOLDEN = 40, 16, 0.5 * (5**0.5 - 1)  # to a kink, and to a smooth end, whose error is their square
 _DIP, _SINGULAR = 0.5, 1e-2  # a value beside its neighbours, at a step and at its least
 _CORRECTIONS = 20  # of a step
 _HELD = 1e-9  # rates that loops and joints feel
@@ -25,25 +28,32 @@ _DRIVEN = 1e3  # joints that are driven lead
 
 @dataclasses.dataclass(frozen=True)
 class Singular:
-    """A position where the rank is lower: the joint that was moved, its displacement, and redundancy and freedom."""
+    """A position where the rank is lower: the joint that was moved, where it is, and redundancy and freedom.
+
+    `at` counts as `ranges` of `Travel` do; `positions` of all joints are as `guess` of the model takes them.
+    """
 
     joint: str
     at: float
     redundancy: int
     freedom: int
+    positions: dict[str, list[float]]
 
 
 @dataclasses.dataclass(frozen=True)
 class Travel:
     """What was met along motions of the joints.
 
-    - `ranges`: from where to where each independent joint was moved, rad or m.
+    - `ranges`: the least and the largest position of each independent joint that was moved, rad or m, as the file
+      counts them; of one direction of a ball or free joint, the displacement from the start.
     - `singular`: positions where redundancy was another; `least`: the smallest singular value kept at the others.
+    - `is_limited`: whether joints have limits, within which they were moved.
     """
 
     ranges: dict[str, tuple[float, float]]
     singular: tuple[Singular, ...]
     least: float
+    is_limited: bool
 
     def to_dict(self) -> dict[str, Any]:
         """As data."""
@@ -51,6 +61,7 @@ class Travel:
             "ranges": {name: list(each) for name, each in self.ranges.items()},
             "singular_positions": [dataclasses.asdict(each) for each in self.singular],
             "smallest_kept": self.least,
+            "within_limits": self.is_limited,
         }
 
 
@@ -73,6 +84,8 @@ class _Path:
     def __init__(self, tree: Tree, freedom: int, left: float):
         self.tree, self.freedom, self.rank = tree, freedom, tree.model.nv - freedom
         self._most = max(10 * left, DIGITS / 10)
+        model = tree.model
+        self.limited = np.flatnonzero(model.jnt_limited & (model.jnt_type >= 2))  # slides and hinges
 
     def at(self, positions: np.ndarray, way: np.ndarray) -> _Point:
         _, values, basis = np.linalg.svd(self.tree.system(positions)[1] * self.tree.scale())
@@ -88,18 +101,46 @@ class _Path:
             return None
         return self.at(moved, here.way)
 
+    def both_ways(self, start: _Point, count: int) -> tuple[list[_Point], int]:
+        """Positions on one path that leads on through a position, from so many steps before it on; and its place."""
+        sides = []
+        for here in (start._replace(way=-start.way), start):
+            points = [here]
+            while len(points) <= count and (there := self.step(points[-1], _STEP)) is not None:
+                points.append(there)
+            sides.append(points[1:])
+        back = [point._replace(way=-point.way) for point in reversed(sides[0])]
+        return [*back, start, *sides[1]], len(back)
+
     def singular(self, before: _Point, middle: _Point, after: _Point) -> _Point | None:
         """The position at which the rank is lower within two steps, if the middle one has the smallest value."""
         if not before.kept > middle.kept <= after.kept or middle.kept > _DIP * max(before.kept, after.kept):
             return None
+        best = self.least(before, middle, lambda point: point.kept, _SECTIONS)
+        return best if best.kept < _SINGULAR * min(before.kept, after.kept) else None
+
+    def least(self, before: _Point, middle: _Point, of: Callable[[_Point], float], sections: int) -> _Point:
+        """The position within two steps where something is least that is so about the middle one."""
         best, low, high = middle, 0.0, 2 * _STEP
-        for _ in range(_SECTIONS):
+        for _ in range(sections):
             tries = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
             found = [self.step(before, length) for length in tries]
-            left, right = (np.inf if each is None else each.kept for each in found)
+            left, right = (np.inf if each is None else of(each) for each in found)
             low, high = (low, tries[1]) if left < right else (tries[0], high)
-            best = min((each for each in (*found, best) if each is not None), key=lambda each: each.kept)
-        return best if best.kept < _SINGULAR * min(before.kept, after.kept) else None
+            best = min((each for each in (*found, best) if each is not None), key=of)
+        return best
+
+    def range_of(self, points: list[_Point], at: np.ndarray, dof: int) -> tuple[float, float]:
+        """The least and the largest position of a joint along a path, also between steps, where it turns round."""
+        return self._end(points, at, dof, 1.0), self._end(points, at, dof, -1.0)
+
+    def _end(self, points: list[_Point], at: np.ndarray, dof: int, sign: float) -> float:
+        k = int(np.argmin(sign * at))
+        if not 0 < k < len(points) - 1:
+            return float(at[k])
+        before = points[k - 1]
+        turn = self.least(before, points[k], lambda point: sign * _moved(self.tree, before, point, dof), _ROUND)
+        return float(at[k - 1]) + _moved(self.tree, before, turn, dof)
 
     def figures(self, point: _Point, beside: _Point) -> tuple[int, int]:
         """Redundancy and freedom at a singular position, by the values beside it."""
@@ -108,8 +149,7 @@ class _Path:
 
     def _beyond(self, positions: np.ndarray) -> float:
         model = self.tree.model
-        limited = np.flatnonzero(model.jnt_limited & (model.jnt_type >= 2))  # slides and hinges
-        at, (low, high) = positions[model.jnt_qposadr[limited]], model.jnt_range[limited].T
+        at, (low, high) = positions[model.jnt_qposadr[self.limited]], model.jnt_range[self.limited].T
         return float(np.maximum(np.maximum(low - at, at - high), 0.0).max(initial=0.0))
 
 
@@ -122,27 +162,39 @@ def travel(tree: Tree, positions: np.ndarray, freedom: int, left: float = 0.0) -
     *_, order = scipy.linalg.qr(motion.T * first, pivoting=True, mode="r")
     leaders = order[:freedom]
     ways = motion @ np.linalg.inv(motion[leaders])
-    path, ranges, found = _Path(tree, freedom, left), {}, []
+    path, names, ranges, found = _Path(tree, freedom, left), Plan(tree).joint_names, {}, []
     held = np.abs(tree.system(positions)[1] * tree.scale()).max(axis=0) > _HELD
     felt = [
         (leader, way) for leader, way in zip(leaders.tolist(), ways.T, strict=True) if np.any(np.abs(way[held]) > _HELD)
     ]
     count = int(np.clip(_STEPS // (2 * max(len(felt), 1)), 6, _LONGEST / _STEP))
     for leader, way in sorted(felt, key=lambda each: each[0]):
-        name, ends = _name(tree, leader), []
-        for side in (-1.0, 1.0):
-            points, moved = [path.at(positions, side * way)], [0.0]
-            while len(points) <= count and (there := path.step(points[-1], _STEP)) is not None:
-                moved.append(moved[-1] + _moved(tree, points[-1], there, leader))
-                points.append(there)
-            for k, three in enumerate(zip(points, points[1:], points[2:], strict=False)):
-                if (place := path.singular(*three)) is not None:
-                    at = moved[k] + _moved(tree, three[0], place, leader)
-                    found.append(Singular(name, at, *path.figures(place, three[0])))
-            least = min(least, *(point.kept for point in points))
-            ends.append(moved[-1])
-        ranges[name] = (min(ends), max(ends))
-    return Travel(ranges, tuple(found), least)
+        points, place = path.both_ways(path.at(positions, way), count)
+        steps = [_moved(tree, *two, leader) for two in itertools.pairwise(points)]
+        at = np.concatenate([[0.0], np.cumsum(steps)])
+        at += _start(tree, positions, leader) - at[place]
+        name = _name(tree, names, leader)
+        for k, three in enumerate(zip(points, points[1:], points[2:], strict=False)):
+            if (there := path.singular(*three)) is not None:
+                where = float(at[k]) + _moved(tree, three[0], there, leader)
+                found.append(
+                    Singular(name, where, *path.figures(there, three[0]), _all_of(tree, names, there.positions))
+                )
+        least = min(least, *(point.kept for point in points))
+        ranges[name] = path.range_of(points, at, leader)
+    return Travel(ranges, tuple(found), least, bool(path.limited.size))
+
+
+def _start(tree: Tree, positions: np.ndarray, dof: int) -> float:
+    """Where a hinge or slide is, as the file counts; others are counted from here."""
+    joint = int(tree.model.dof_jntid[dof])
+    return float(positions[tree.model.jnt_qposadr[joint]]) if int(tree.model.jnt_type[joint]) >= 2 else 0.0
+
+
+def _all_of(tree: Tree, names: list[str], positions: np.ndarray) -> dict[str, list[float]]:
+    """Positions of all joints, by name."""
+    parts = np.split(positions, tree.model.jnt_qposadr[1:])
+    return {name: part.tolist() for name, part in zip(names, parts, strict=True)}
 
 
 def _moved(tree: Tree, here: _Point, there: _Point, dof: int) -> float:
@@ -150,9 +202,9 @@ def _moved(tree: Tree, here: _Point, there: _Point, dof: int) -> float:
     return float(tree.difference(here.positions, there.positions)[dof])
 
 
-def _name(tree: Tree, dof: int) -> str:
+def _name(tree: Tree, names: list[str], dof: int) -> str:
     """Of one velocity of a joint."""
     joint = int(tree.model.dof_jntid[dof])
     number = dof - int(tree.model.jnt_dofadr[joint])
-    name = tree.joint_name(joint)
+    name = names[joint]
     return name if int(tree.model.jnt_type[joint]) >= 2 else f"{name}[{number}]"

@@ -15,6 +15,7 @@ _STEPS, _STARTS, _LONGEST = 200, 20, 0.3  # the longest step: rad, and the share
 _CLOSED, _NEARLY = 1e-13, 1e-9  # misfits relative to the size of the model
 DIGITS = 1e-6  # relative: numbers of a file may have no more digits, so that less tells nothing
 _STILL = 1e-12  # steps that lead nowhere
+_TORQUE_SCALE = 10  # of a weld: where its data have it
 _REACH = 0.8  # rad, or the share of the model's size: the largest of random displacements of joints
 
 
@@ -27,7 +28,7 @@ class End(NamedTuple):
 
 
 class Loop(NamedTuple):
-    """Two bodies closed at a point ("connect") or wholly ("weld")."""
+    """Two bodies closed at a point ("connect", or a weld whose torques count for nothing) or wholly ("weld")."""
 
     name: str
     kind: str
@@ -230,7 +231,8 @@ def tree_of(model: Any) -> tuple[Tree, list[str]]:
         if root_of(model, ends[0].body) == root_of(model, ends[1].body):
             notes.append(f"constraint '{name}' is left out: the file fixes both of its bodies to each other")
         else:
-            loops.append(Loop(name, word, *ends))
+            holds_turns = word == "weld" and model.eq_data[k, _TORQUE_SCALE] != 0
+            loops.append(Loop(name, "weld" if holds_turns else "connect", *ends))
     moved = [model.body(body).name or f"body {body}" for body in range(model.nbody) if model.body_mocapid[body] >= 0]
     if moved:
         notes.append(f"motion from outside (mocap) of {', '.join(moved)}: they rest where the file has them")

@@ -130,9 +130,46 @@ def test_a_parallelogram_is_singular_where_it_is_flat(tree, limits, singular):
     np.testing.assert_allclose(sorted(each.at for each in found.singular), np.pi * np.array(singular), atol=1e-5)
     assert {(each.redundancy, each.freedom) for each in found.singular} <= {(2, 3)}
     assert set(found.ranges) == {"A"}  # no loop feels the wheel
+    assert found.is_limited == bool(limits)
     if limits:
         low, high = found.ranges["A"]
         assert -1.2 <= low < -1.0 and high <= 2.0
+
+
+ROCKING = """<mujoco><compiler angle="radian"/><default><joint axis="0 1 0"/><geom type="sphere" size="0.01"/></default>
+  <worldbody><body name="crank"><joint name="A" ref="{ref}"/><geom/><body pos="0.05 0 0.1"><joint/><geom/>
+  <body name="rocker" pos="0.4 0 0.1"><joint/><geom/></body></body></body></worldbody>
+  <equality><connect body1="rocker" body2="world" anchor="0.1 0 -0.2"/></equality>
+  <actuator><motor joint="A"/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize(("ref", "start"), [(0.0, 0.0), (0.0, 2.4), (0.5, -0.9)])
+def test_the_range_of_a_crank_that_turns_round_is_that_of_its_triangles(tree, ref, start):
+    """Coupler and rocker are in line at both ends; wherever the walk begins, and as the file counts."""
+    model, _ = tree(ROCKING.format(ref=ref))
+    at, left = model.descend(model.model.qpos0 + np.array([start, 0.0, 0.0]))
+    found = travel(model, at, 1, left)
+    ground, crank, line = 0.55, np.hypot(0.05, 0.1), np.hypot(0.4, 0.1) + np.hypot(0.1, 0.2)
+    most = np.arccos((crank**2 + ground**2 - line**2) / (2 * crank * ground))
+    middle = np.arctan2(0.1, 0.05) + ref  # the crank turns about y, from z to x
+    np.testing.assert_allclose(found.ranges["A"], (middle - most, middle + most), atol=1e-6)
+    assert not found.is_limited and not found.singular
+
+
+@pytest.mark.parametrize("offset", [0.5, 0.03, -0.03, 0.08, -0.08])
+def test_a_singular_position_beside_the_start_is_found_and_told_as_the_file_counts(tree, offset):
+    text = driven(("joint", "A")).replace('<joint name="A" ', '<joint name="A" ref="0.25" ')
+    model, _ = tree(text)
+    turn = np.pi / 2 + offset
+    at, left = model.descend(model.model.qpos0 + np.array([turn, -turn, turn, 0.0]))
+    found = travel(model, at, 2, left)
+    nearest = min(found.singular, key=lambda each: abs(each.at - at[0]))
+    np.testing.assert_allclose(nearest.at, 0.25 + np.pi / 2, atol=1e-5)
+    assert nearest.positions["A"] == pytest.approx([nearest.at], abs=1e-12)
+    again = np.concatenate([nearest.positions[name] for name in "ABCW"])
+    slopes = model.system(again)[1]
+    assert np.linalg.matrix_rank(slopes, tol=1e-4) == np.linalg.matrix_rank(model.system(at)[1], tol=1e-4) - 1
+    np.testing.assert_allclose(np.diff([each.at for each in found.singular]), np.pi, atol=1e-5)  # each once
 
 
 def test_two_that_are_flat_at_once_are_found_together(tree):

@@ -8,6 +8,9 @@ import pytest
 
 import redundax as rx
 from redundax import __main__ as command
+from redundax._command._copy import check_copy
+from redundax._command._file import FileError
+from redundax._models._edit_mjcf import mjcf_moves, write_mjcf
 from redundax._models._examine import examine
 from redundax._models._fix import fix
 from redundax._models._read import closures_of, read
@@ -123,6 +126,47 @@ def test_what_would_move_is_not_freed_and_what_has_no_words_is_told(four_bar, tm
         fix(model, found, tmp_path / "copy.xml", ["A.twist"])
 
 
+FRAMED = """<mujoco>
+  <compiler angle="radian"/><default><joint axis="0 1 0"/><geom type="capsule" size="0.01"/></default>
+  <worldbody>
+    <body name="crank">
+      <frame name="outer" euler="0 0.3 0" pos="0 0.1 0"><geom fromto="0 0 0 0 0 0.1"/>
+        <frame euler="0 0.4 0"><geom size="0.02" type="sphere"/><joint name="A"/><geom fromto="0 0 0 0.1 0 0"/></frame>
+      </frame>
+      <body name="coupler" pos="0 0 0.1"><frame pos="0 1 0"><joint/></frame><geom fromto="0 0 0 0.4 0 0"/>
+        <body name="rocker" pos="0.4 0 0"><joint name="C"/><geom fromto="0 0 0 0 0 -0.2"/></body>
+      </body>
+    </body>
+  </worldbody>
+  <equality><connect body1="rocker" body2="world" anchor="0 0 -0.2"/></equality>
+  <keyframe><key qpos="0 0 0"/><key name="up" qpos="0 0 0"/></keyframe>
+</mujoco>"""
+
+
+def test_joints_in_frames_are_freed_and_keyframes_left_out(write, tmp_path):
+    """The joint more stands on the body: a frame would turn its axis. Keyframes count the joints that were."""
+    model = rx.load_model(write("framed.xml", FRAMED))
+    found, before = examine(model, 1), mujoco.MjModel.from_xml_path(str(tmp_path / "framed.xml"))
+    for row, place in (("A.bend_1", 0), ("hinge of coupler.axial", 1)):
+        made = fix(model, found, tmp_path / "copy.xml", [row])
+        assert figures(tmp_path / "copy.xml") == (made.redundancy, made.freedom) == (0, 1)
+        assert "without 2 keyframes of the file" in str(made)
+        copy = mujoco.MjModel.from_xml_path(str(tmp_path / "copy.xml"))
+        assert (copy.nkey, before.nkey, copy.ngeom) == (0, 2, before.ngeom)
+        assert copy.joint(place).name == row.replace(".", " ")
+        np.testing.assert_allclose(copy.body_inertia, before.body_inertia, atol=1e-12)
+        np.testing.assert_allclose(np.delete(copy.jnt_axis, place, axis=0), before.jnt_axis, atol=1e-12)
+
+
+def test_keyframes_of_included_files_are_told(write, tmp_path):
+    before, _, rest = FRAMED.partition("<keyframe>")
+    keys, _, after = rest.partition("</keyframe>")
+    write("keys.xml", f"<mujoco><keyframe>{keys}</keyframe></mujoco>")
+    model = rx.load_model(write("framed.xml", f'{before}<include file="keys.xml"/>{after}'))
+    written = write_mjcf(model, mjcf_moves(model)[:1], tmp_path / "copy.xml")
+    assert written == ((tmp_path / "copy.xml",), "take 2 keyframes out of the included files: they count fewer joints.")
+
+
 @pytest.mark.slow
 def test_slides_ties_and_closures_by_bodies_are_freed(write, tmp_path):
     file = write("fingers.xml", FINGERS)
@@ -160,3 +204,55 @@ def test_a_copy_that_cannot_be_is_refused_in_a_line(write, monkeypatch, tmp_path
     status, _, error = run(*words)
     assert status == 2
     assert told in error and len(error.splitlines()) == 1
+
+
+def test_a_copy_never_costs_the_loops_of_the_model(write, monkeypatch, tmp_path):
+    """They are written beside the copy, under a name that nobody typed."""
+    write("door.urdf", DOOR)
+    loops = write("loops.yaml", SCREWS.format("6d"))
+    monkeypatch.chdir(tmp_path)
+    for words, told in (
+        (["--closures", "loops.yaml", "--fix", "loops.urdf"], "holds those of the model"),
+        (["--closures", "./loops.yaml", "--fix", tmp_path / "loops.urdf"], "holds those of the model"),
+        (["--fix", "loops.urdf"], "is there without 'loops.urdf'"),
+    ):
+        status, _, error = run("door.urdf", *words)
+        assert status == 2 and told in error and len(error.splitlines()) == 1
+        assert loops.read_text() == SCREWS.format("6d") and not (tmp_path / "loops.urdf").exists()
+    (tmp_path / "copy.yaml").mkdir()
+    write("copy.urdf", "")
+    status, _, error = run("door.urdf", "--fix", "copy.urdf")
+    assert status == 2 and "'copy.yaml' cannot be written" in error
+
+
+NAMING = """<mujoco><compiler {compiler}/><asset>{asset}</asset><worldbody>
+  <body><joint/><geom size="0.1"/></body></worldbody>{more}</mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("compiler", "asset", "more", "path"),
+    [
+        ("", '<mesh name="m" file="m.stl"/>', "", "m.stl"),
+        ('meshdir="parts"', '<mesh name="m" file="m.stl"/>', "", "parts/m.stl"),
+        ('assetdir="parts"', '<texture name="t" type="2d" file="t.png"/>', "", "parts/t.png"),
+        ('meshdir="/parts"', '<mesh name="m" file="m.stl"/>', '<include file="more.xml"/>', "more.xml"),
+        ('meshdir="/parts"', '<mesh name="m" file="m.stl"/>', "", None),
+    ],
+)
+def test_a_copy_elsewhere_must_find_what_the_model_names(write, tmp_path, compiler, asset, more, path):
+    file = write("model.xml", NAMING.format(compiler=compiler, asset=asset, more=more))
+    (tmp_path / "away").mkdir()
+    if path is None:
+        check_copy(str(file), None, tmp_path / "away" / "copy.xml")
+    else:
+        with pytest.raises(FileError, match=f"names '{path}' from there"):
+            check_copy(str(file), None, tmp_path / "away" / "copy.xml")
+    check_copy(str(file), None, tmp_path / "copy.xml")
+    assert not list(tmp_path.rglob("copy.xml"))
+
+
+def test_a_copy_is_not_written_over_what_the_model_includes(write, tmp_path):
+    file = write("model.xml", NAMING.format(compiler="", asset="", more='<include file="more.xml"/>'))
+    write("more.xml", "<mujoco/>")
+    with pytest.raises(FileError, match="which the model names"):
+        check_copy(str(file), None, tmp_path / "more.xml")

@@ -121,7 +121,8 @@ def test_the_exit_status_follows_what_is_allowed_and_the_page_says_what_is_redun
     assert "REDUNDANT by 1: joints and loops set 18 conditions" in out
     assert "Dependent group 1, redundancy 1:" in out
     assert "Drives: the file names none." in out
-    assert "no singular position on the way" in " ".join(out.split())
+    words = " ".join(out.split())
+    assert "no singular position on the way" in words and "as the file counts" in words and "joint limits" not in words
     assert "Next: --fix COPY.xml" in out
 
 
@@ -199,10 +200,11 @@ def test_mass_that_only_meshes_would_give_is_told_to_be_missing(write):
         "b": mesh.format("") + '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>',
         "c": mesh.format('density="0"') + '<geom size="0.1"/>',
         "d": mesh.format("") + mesh.format(""),
+        "e": mesh.format('mass="3"').replace('type="mesh"', 'type="box"') + '<geom size="0.1"/>',  # fitted to the mesh
     }
     file = MESHES.format(mesh.format("") + "".join(f'<body name="{n}">{pin}{of}</body>' for n, of in bodies.items()))
     notes = rx.load_model(write("meshes.xml", file)).notes
-    assert "mass that shapes from meshes give to a, d" in notes
+    assert "mass that shapes from meshes give to a, d, e" in notes
 
 
 def test_forces_that_are_not_taken_over_are_told(write):
@@ -304,6 +306,21 @@ def test_armature_between_bodies_that_move_and_dry_friction_of_balls_are_told(wr
     assert "dry friction of K" in rx.load_model(write("ball.xml", ball)).notes
 
 
+NOT_LINEAR = """<mujoco><worldbody>
+  <body name="a"><joint name="both" stiffness="1 2 3" damping="0.1 2"/><geom size="0.1"/>
+  <body pos="0 0 1"><joint name="line" stiffness="1" damping="0.1"/><geom size="0.1"/>
+  <body pos="0 1 1"><joint name="damper" type="ball" damping="0 0 1"/><geom size="0.1"/></body></body></body>
+  </worldbody></mujoco>"""
+
+
+def test_springs_and_dampers_that_are_not_linear_are_told(write):
+    if not hasattr(mujoco.MjModel, "jnt_stiffnesspoly"):
+        pytest.skip("this MuJoCo has none")
+    notes = rx.load_model(write("springs.xml", NOT_LINEAR)).notes
+    assert "what is not linear in the springs of both" in notes
+    assert "what is not linear in the dampers of both, damper" in notes
+
+
 @pytest.mark.parametrize(
     ("kind", "coordinate", "inertia"), [("hinge", "angle", 4.0 * (0.4 * 0.01 + 1)), ("slide", "travel", 4.0)]
 )
@@ -363,6 +380,24 @@ def test_a_weld_keeps_the_pose_of_the_file(write):
     model = rx.load_model(write("glue.xml", text))
     assert model.misfits["glue"] < 1e-12
     assert figures(model) == (0, 1)
+
+
+def test_a_weld_without_torques_holds_a_point_alone(write):
+    """As in MuJoCo, whose rows for its moments are 0."""
+    weld = '<weld name="hook" body1="a" body2="b" anchor="0.1 0.2 0.3" relpose="0.2 0 0.1 1 0 0 0" torquescale="{}"/>'
+    text = """<mujoco><worldbody>
+      <body name="a" euler="10 20 30"><joint name="A" axis="0 0 1"/><geom size="0.1"/></body>
+      <body name="b" pos="0.5 -0.1 0.3" euler="70 0 20"><freejoint/><geom size="0.1"/></body>
+      </worldbody><equality>{}</equality></mujoco>"""
+    model = rx.load_model(write("hook.xml", text.format(weld.format(0))))
+    assert model.loops == {"connect": ("hook",)} and figures(model) == (0, 4)
+    theirs = mujoco.MjModel.from_xml_path(str(model.path))
+    theirs.opt.jacobian, data = mujoco.mjtJacobian.mjJAC_DENSE, mujoco.MjData(theirs)
+    data.qpos[:] = model.positions
+    mujoco.mj_forward(theirs, data)
+    assert theirs.nv - np.linalg.matrix_rank(data.efc_J.reshape(-1, theirs.nv)) == 4
+    assert np.abs(data.efc_pos[:3]).max() < 1e-12  # the point is where MuJoCo has it
+    assert figures(rx.load_model(write("hook.xml", text.format(weld.format(0.5))))) == (0, 1)
 
 
 FAR = FOUR_BAR.format(foot=9, more='<connect name="E" site1="foot" site2="end"/>').replace(
