@@ -109,8 +109,8 @@ def hold_sparse(system: AbstractSystem, state: State, rank: Int[Array, ""]) -> t
 
 def _largest(rows: Rows, rank: Array) -> tuple[Float[Array, " m"], Float[Array, ""]]:
     """The rows of the largest pivots, as many as a rank, and the least of these."""
-    squares, _ = rank_pivots(rows)
+    squares, _, _ = rank_pivots(rows)
     ordered = jnp.sort(squares)[::-1]
     least = ordered[jnp.clip(rank.astype(int) - 1, 0, squares.size - 1)]
     kept = (squares >= least) & (rank > 0)
-    return kept.astype(squares.dtype), jnp.sqrt(least)
+    return kept.astype(squares.dtype), jnp.sqrt(jnp.maximum(least, 0.0))

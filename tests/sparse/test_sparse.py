@@ -246,6 +246,46 @@ def test_ladders_in_space_have_three_redundant_constraints_a_loop():
         np.testing.assert_allclose(turns, -k * np.cos(0.8), rtol=1e-11)
 
 
+@pytest.mark.parametrize("mass", [1.0, 1e-2, 1e-4, 1e-8])
+def test_light_parts_leave_the_rank_right_or_undecided(mass):
+    mechanism = rx.mechanisms.doubled_four_bar(coupler_mass=(mass, 1.0)).sparse()
+    factor = rx.factorize(mechanism, mechanism.state(0.7, rate=2.0))
+    if mass < 1e-6:
+        assert factor.result == rx.RESULTS.ambiguous_rank
+    else:
+        assert factor.result == rx.RESULTS.successful
+        assert factor.spectrum.rank == 11
+
+
+@pytest.mark.parametrize("phi", [0.8, 1e-3, 1e-4])
+def test_nearly_flat_parallelograms_keep_their_rank_or_leave_it_undecided(phi):
+    mechanism = rx.mechanisms.parallelogram().sparse()
+    factor = rx.factorize(mechanism, mechanism.state(phi, rate=0.0))
+    assert bool(factor.spectrum.ambiguous) == (phi < 1e-3)
+    assert factor.spectrum.ambiguous or factor.spectrum.rank == 11
+
+
+def test_a_closed_chain_of_parallel_hinges_in_space_has_three_redundant_constraints():
+    links, turns = 40, 2 * np.pi * np.arange(40) / 40
+    points = np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=1)
+    middles = (points + np.roll(points, -1, axis=0)) / 2
+    bodies = [rx.spatial.Body(f"b{k}", 1.0, (0.1, 0.1, 0.1), position=middles[k]) for k in range(links - 1)]
+    ends = [*bodies, "ground"]
+    joints = [rx.spatial.Revolute(f"j{k}", ends[k], ends[k - 1], points[k], axis=(0, 0, 1)) for k in range(links)]
+    mechanism = rx.Mechanism(bodies, joints).sparse()
+    factor = rx.factorize(mechanism, rx.State(mechanism.reference, np.zeros(6 * (links - 1))))
+    assert factor.result == rx.RESULTS.successful
+    assert (factor.redundancy, factor.freedom) == (3, links - 3)
+
+
+def test_single_precision_decides_the_rank(float32):
+    mechanism = rx.mechanisms.doubled_four_bar().sparse()
+    factor = rx.factorize(mechanism, mechanism.state(0.7, rate=2.0))
+    assert factor.gamma.dtype == jnp.float32
+    assert factor.result == rx.RESULTS.successful
+    assert factor.spectrum.rank == 11
+
+
 @pytest.mark.parametrize("where", ["in the plane", "in space"])
 def test_elastic_joints_twice_over_share_as_by_dense_matrices(where):
     if where == "in space":
