@@ -127,8 +127,9 @@ class SparseFactorisation(AbstractSolvedFactorisation):
 
     @property
     def unique_multipliers(self) -> Bool[Array, " m"]:
-        """Which multipliers are unique without friction: those that no self-stress has, of some at random."""
-        return ~_in_self_stress(self.gram)
+        """Which multipliers are unique without friction: those that no self-stress has, of some at random; none
+        while the rank is undecided."""
+        return ~_in_self_stress(self.gram) & ~self.spectrum.ambiguous
 
     @property
     def singular_position(self) -> Bool[Array, ""]:
