@@ -102,11 +102,13 @@ class _Constant(AbstractClosure):
 
 
 def with_mates(compliance: Float[Array, "m m"], plan: Plan) -> Float[Array, "m j"]:
-    """Entries of a matrix that couples rows of one joint only, else NaN."""
+    """Entries of a matrix that couples rows of one joint only, else NaN: W_ij beside sqrt(W_ii W_jj) is rounding."""
     among = plan.mates < len(plan.mates)
     own = jnp.where(among, jnp.take_along_axis(compliance, plan.mates, axis=1, mode="clip"), 0.0)
-    others = jnp.sum(jnp.abs(compliance)) - jnp.sum(jnp.abs(own))
-    return jnp.where(others <= 1e-6 * jnp.sum(jnp.abs(own)), own, jnp.nan)
+    others = compliance.at[jnp.arange(len(own))[:, None], plan.mates].set(0.0, mode="drop")
+    softness = jnp.sqrt(jnp.abs(jnp.diagonal(compliance)))
+    rounding = 1e3 * float(jnp.finfo(own.dtype).eps) * softness[:, None] * softness
+    return jnp.where(jnp.all(jnp.abs(others) <= rounding), own, jnp.nan)
 
 
 def alone(diagonal: Float[Array, " m"], plan: Plan) -> Float[Array, "m j"]:

@@ -3,8 +3,8 @@
     K = D^-1 Phi_q S  of `_scaling` is B for the evidence,   D_M^-1 Phi_q  with  diag(B M^-1 B^T) = 1  for the solution
 
 The rank is that of the pivots of B M^-1 B^T (`_gram`), squares of the sines between a row and those before it, in the
-metric of M^-1: units do not matter to it, masses of very different size do. A pivot that is neither rounding nor
-clearly more leaves it undecided.
+metric of M^-1: units do not matter to it. What rounding makes of them grows with |x|^2, as where masses are of very
+different size; a pivot that is neither rounding nor clearly more leaves the rank undecided.
 """
 
 from typing import cast
@@ -127,8 +127,9 @@ class SparseFactorisation(AbstractSolvedFactorisation):
 
     @property
     def unique_multipliers(self) -> Bool[Array, " m"]:
-        """Which multipliers are unique without friction: those that no self-stress has, of some at random."""
-        return ~_in_self_stress(self.gram)
+        """Which multipliers are unique without friction: those that no self-stress has, of some at random; none
+        while the rank is undecided."""
+        return ~_in_self_stress(self.gram) & ~self.spectrum.ambiguous
 
     @property
     def singular_position(self) -> Bool[Array, ""]:
@@ -274,22 +275,26 @@ def _scaling(system: AbstractSystem, rows: Rows, masses: Array, turned: Array) -
 
 def _decided(rows: Rows, violation: Array, rank: Array | None) -> tuple[Float[Array, " m"], Spectrum]:
     """Which rows count, and the evidence."""
-    squares, shift = rank_pivots(rows)
-    squares = jnp.maximum(squares - shift, 0.0)
-    tolerance = float(jnp.finfo(squares.dtype).eps) ** _RANK + (30 * violation) ** 2
+    squares, growth, shift = rank_pivots(rows)
+    eps, off = float(jnp.finfo(squares.dtype).eps), (30 * violation) ** 2
+    tolerance, noise = eps**_RANK + off, growth * (10 * eps + off)
     ordered = jnp.sort(squares)[::-1]
     if rank is None:
-        counts = squares > tolerance
+        counts = squares > jnp.maximum(tolerance, noise)
     else:
         least = jnp.append(ordered, 0.0)[jnp.clip(rank - 1, 0, squares.size)]
         counts = (squares >= least) & (rank > 0)
     kept = jnp.min(jnp.where(counts, squares, jnp.inf))
-    dropped = jnp.max(jnp.where(counts, 0.0, squares))
+    dropped = jnp.max(jnp.where(counts, 0.0, jnp.abs(squares)))
     gap = jnp.where(dropped > 0, jnp.sqrt(kept / jnp.where(dropped > 0, dropped, 1.0)), jnp.inf)
-    margin = jnp.minimum(kept / tolerance, CLEAR * tolerance / jnp.where(dropped > 0, dropped, shift))
-    if rank is not None:
-        margin = jnp.where(jnp.sum(counts) == rank, CLEAR * kept / (3 * shift), 0.0)
-    values = jnp.sqrt(ordered / jnp.maximum(ordered[0], jnp.finfo(ordered.dtype).tiny))
+    if rank is None:
+        clear = jnp.where(counts, squares / jnp.maximum(tolerance, growth * (shift + off)), jnp.inf)
+        unexplained = jnp.where(counts, 0.0, jnp.abs(squares) / noise)
+        margin = jnp.minimum(jnp.min(clear), CLEAR / jnp.max(unexplained, initial=eps))
+    else:
+        clear = jnp.where(counts, squares / noise, jnp.inf)
+        margin = jnp.where(jnp.sum(counts) == rank, CLEAR * jnp.min(clear), 0.0)
+    values = jnp.sqrt(jnp.maximum(ordered, 0.0) / jnp.maximum(ordered[0], jnp.finfo(ordered.dtype).tiny))
     return counts.astype(squares.dtype), Spectrum(
         values, jnp.sum(counts), jnp.sqrt(tolerance), gap, Decision(margin), jnp.sqrt(kept)
     )

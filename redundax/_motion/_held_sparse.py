@@ -73,7 +73,7 @@ class SparseHeldFactorisation(AbstractFactorisation[Array]):
 
     def renewed(self, held: Any) -> tuple[SparseHeld, Float[Array, ""]]:
         """The same rank held by rows that are far from dependent, and how much those left out contribute."""
-        stress, held = jax.lax.stop_gradient((self.gram, held))
+        stress = jax.lax.stop_gradient(self.gram)
 
         def excess() -> Array:
             z = jnp.ones_like(stress.kept)[:, None]
@@ -81,15 +81,15 @@ class SparseHeldFactorisation(AbstractFactorisation[Array]):
             turned = stress.rows.accelerations(stress.rows.transposed(state))
             return jnp.sqrt(jnp.max(jnp.abs(stress.rows.times(turned)))) / jnp.max(jnp.abs(state))
 
-        def chosen() -> SparseHeld:
-            kept, least = _largest(stress.rows, jnp.sum(stress.kept))
-            return SparseHeld(kept, held.row_scale, held.inverse_mass, least)
+        def chosen() -> tuple[Array, Array]:
+            return _largest(stress.rows, jnp.sum(stress.kept))
 
         none = jnp.zeros((), stress.kept.dtype)
         some = jnp.any(stress.kept == 0)
-        left = jnp.min(self.pivots) < _LEFT * held.least
-        held = jax.lax.cond(some & left, chosen, lambda: held)
-        return held, jax.lax.cond(some, excess, lambda: none)
+        left = jnp.min(stress.pivots) < _LEFT * held.least
+        kept, least = jax.lax.cond(some & left, chosen, lambda: (held.kept, held.least))
+        renewed = SparseHeld(kept, held.row_scale, held.inverse_mass, least)
+        return renewed, jax.lax.cond(some, excess, lambda: none)
 
 
 def factorize_sparse(system: AbstractSystem, state: State, held: SparseHeld) -> SparseHeldFactorisation:
@@ -109,8 +109,8 @@ def hold_sparse(system: AbstractSystem, state: State, rank: Int[Array, ""]) -> t
 
 def _largest(rows: Rows, rank: Array) -> tuple[Float[Array, " m"], Float[Array, ""]]:
     """The rows of the largest pivots, as many as a rank, and the least of these."""
-    squares, _ = rank_pivots(rows)
+    squares, _, _ = rank_pivots(rows)
     ordered = jnp.sort(squares)[::-1]
     least = ordered[jnp.clip(rank.astype(int) - 1, 0, squares.size - 1)]
     kept = (squares >= least) & (rank > 0)
-    return kept.astype(squares.dtype), jnp.sqrt(least)
+    return kept.astype(squares.dtype), jnp.sqrt(jnp.maximum(least, 0.0))

@@ -5,9 +5,11 @@
     N = [ -S_II^-1 S_IO ; I ]  spans the self-stress,   N^T y = y_O - S_OI S_II^-1 y_I
 
 S_II is positive definite; its Cholesky factor and a step of refinement solve it. A row depends on those before it
-where its pivot is zero: with t I added it is t (1 + |x|^2), x the combination of the others, so that the factor of
-S + t I exists at any rank and its pivots tell which rows count. Their order is that of elimination, so N is sparse
-where the self-stress is local.
+where its pivot p is zero. The factor of S + t I exists at any rank, with
+
+    p(t) = p + t (1 + |x|^2) + O(t^2),   x the combination of the others,   p = 2 p(t) - p(2 t),
+
+whose rounding is that of 1 + |x|^2. The order is that of elimination, so N is sparse where the self-stress is local.
 
 Derivatives in both modes are those of S_II itself, by the rule of a linear solution; the choice of rows has none.
 """
@@ -86,10 +88,15 @@ def gram(rows: Rows, kept: Float[Array, " m"]) -> Gram:
     return Gram(rows, kept, factor(rows.plan, jax.lax.stop_gradient(rows.entries(kept))))
 
 
-def rank_pivots(rows: Rows) -> tuple[Float[Array, " m"], float]:
-    """Squares of the pivots of S + t I, and t."""
+def rank_pivots(rows: Rows) -> tuple[Float[Array, " m"], Float[Array, " m"], float]:
+    """Squares p of the pivots of S, 1 + |x|^2 of each, and t; right where t (1 + |x|^2) is less than p."""
+    rows = jax.lax.stop_gradient(rows)
     shift = float(jnp.finfo(rows.slopes.dtype).eps) ** _SHIFT
-    none = jnp.zeros(rows.plan.beside.shape, rows.slopes.dtype).at[:, 0].set(shift)
-    ones = jnp.ones(rows.count, rows.slopes.dtype)
-    entries = jax.lax.stop_gradient(rows.entries(ones, none))
-    return pivots(rows.plan, factor(rows.plan, entries)) ** 2, shift
+    entries = rows.entries(jnp.ones(rows.count, rows.slopes.dtype))
+    diagonal = rows.plan.beside[:, 0]
+
+    def shifted(t: Array) -> Array:
+        return pivots(rows.plan, factor(rows.plan, entries.at[diagonal].add(t))) ** 2
+
+    once, twice = jax.lax.map(shifted, shift * jnp.asarray([1.0, 2.0], entries.dtype))  # one factor after the other
+    return 2 * once - twice, (twice - once) / shift, shift

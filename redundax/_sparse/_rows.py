@@ -48,24 +48,32 @@ class Rows(eqx.Module):
         return self.times(self.accelerations(self.transposed(mu)))
 
     def diagonal(self) -> Float[Array, " m"]:
-        """The diagonal of S: what a unit of each multiplier accelerates its own row."""
-        own = jnp.zeros((self.count, *self.slopes.shape[1:]), self.slopes.dtype)
-        each = jnp.sum(self.slopes * self._moved(), axis=1)
-        return jnp.zeros(own.shape[:1], own.dtype).at[self.plan.row].add(each)
+        """The diagonal of S: what a unit of each multiplier accelerates its own row.
+
+        A row can have slopes of one body twice. Where they leave no more than rounding of each other, as where a row
+        says nothing, it is that of slopes that do not.
+        """
+        plan, each = self.plan, self._of_pairs()
+        row, other = plan.row[plan.first], plan.row[plan.second]
+        whole, apart = (
+            jnp.zeros(self.count, each.dtype).at[row].add(jnp.where(mask, each, 0.0))
+            for mask in (row == other, plan.first == plan.second)
+        )
+        return jnp.where(whole > float(jnp.finfo(each.dtype).eps) ** 0.5 * apart, whole, apart)
 
     def entries(self, kept: Float[Array, " m"], beside: Float[Array, "m j"] | None = None) -> Float[Array, " size"]:
         """S in the fronts of the plan, with the row of I for rows that do not count; `beside`, among rows of a joint,
         is added."""
         plan = self.plan
-        each = jnp.sum(self.slopes[plan.first] * self._moved()[plan.second], axis=1)
-        each = each * (kept[plan.row[plan.first]] * kept[plan.row[plan.second]])
+        each = self._of_pairs() * (kept[plan.row[plan.first]] * kept[plan.row[plan.second]])
         found = jnp.zeros(plan.size, each.dtype).at[plan.place].add(each)
         found = found.at[plan.beside[:, 0]].add(1 - kept)
         return found if beside is None else found.at[plan.beside].add(beside, mode="drop")
 
-    def _moved(self) -> Float[Array, "e s"]:
-        """M^-1 B^T, slope by slope."""
-        return jnp.einsum("ejk,ek->ej", self.inverse_mass[self.plan.body], self.slopes)
+    def _of_pairs(self) -> Float[Array, " pairs"]:
+        """What each pair of slopes of one body adds to S."""
+        moved = jnp.einsum("ejk,ek->ej", self.inverse_mass[self.plan.body], self.slopes)
+        return jnp.sum(self.slopes[self.plan.first] * moved[self.plan.second], axis=1)
 
     def _of_bodies(self, own: Float[Array, "bodies s c"]) -> Float[Array, "n c"]:
         columns = self.plan.columns

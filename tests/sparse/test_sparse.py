@@ -201,6 +201,35 @@ def test_what_cannot_be_answered_is_refused():
         rx.solve(rigid, rigid.state(0.8, rate=1.0), closure=none)
 
 
+@pytest.mark.parametrize("softest", [1e-8, 1.0])
+def test_compliance_that_couples_joints_is_refused_however_soft_another_is(softest):
+    mechanism = rx.mechanisms.doubled_four_bar()
+    state, sparse = mechanism.state(0.7, rate=2.0), mechanism.sparse()
+    alone = np.diag([softest, *np.full(11, 1e-8)])
+    coupled = alone.copy()
+    coupled[6, 10] = coupled[10, 6] = 0.9e-8
+    true, found = (rx.solve(each, state, closure=rx.Compliance(alone)).multipliers for each in (mechanism, sparse))
+    np.testing.assert_allclose(found, true, rtol=0, atol=1e-9 * np.abs(true).max())
+    assert rx.solve(sparse, state, closure=rx.Compliance(coupled), throw=False).result != rx.RESULTS.successful
+
+
+@pytest.mark.parametrize(("ratio", "rank"), [(-1.0, 5), (0.5, 5)])
+@pytest.mark.parametrize("inertia", [1.0, 1e-6])
+def test_couplers_that_hold_a_body_twice_have_the_rank_of_their_sum(ratio, rank, inertia):
+    bodies = [rx.Body("A", 1.0, inertia), rx.Body("B", 1.0, 1.0)]
+    pins = [
+        rx.Revolute("h1", "A", "ground", (0.0, 0.0), (0.0, 0.0)),
+        rx.Revolute("h2", "B", "A", (0.0, 0.0), (0.0, 0.0)),
+    ]
+    coupler = rx.Coupler("c", "h2.angle", "h1.angle", ratio=ratio)
+    mechanism = rx.Mechanism(bodies, pins, couplers=[coupler]).sparse()
+    factor = rx.factorize(mechanism, rx.State(np.zeros(6), np.zeros(6)))
+    assert factor.result == rx.RESULTS.successful
+    assert factor.spectrum.rank == rank
+    rows = factor.gram.rows
+    np.testing.assert_allclose(np.diag(rows.gram(jnp.eye(rows.count))), 1.0, rtol=1e-9)
+
+
 def test_other_questions_are_answered_by_dense_matrices():
     mechanism = rx.mechanisms.parallelogram(4)
     state = mechanism.state(0.8, rate=1.0)
@@ -244,6 +273,47 @@ def test_ladders_in_space_have_three_redundant_constraints_a_loop():
         k = 9.81 * ((loops + 1) / 2 + loops) / ((loops + 1) / 3 + loops)
         turns = np.asarray(found.acceleration).reshape(2, -1, 3)[1, : loops + 1, 2]
         np.testing.assert_allclose(turns, -k * np.cos(0.8), rtol=1e-11)
+
+
+@pytest.mark.parametrize("mass", [1.0, 1e-2, 1e-4, 1e-8])
+def test_light_parts_leave_the_rank_right_or_undecided(mass):
+    mechanism = rx.mechanisms.doubled_four_bar(coupler_mass=(mass, 1.0)).sparse()
+    factor = rx.factorize(mechanism, mechanism.state(0.7, rate=2.0))
+    assert np.any(factor.unique_multipliers) == (mass > 1e-6)
+    if mass < 1e-6:
+        assert factor.result == rx.RESULTS.ambiguous_rank
+    else:
+        assert factor.result == rx.RESULTS.successful
+        assert factor.spectrum.rank == 11
+
+
+@pytest.mark.parametrize("phi", [0.8, 1e-3, 1e-4])
+def test_nearly_flat_parallelograms_keep_their_rank_or_leave_it_undecided(phi):
+    mechanism = rx.mechanisms.parallelogram().sparse()
+    factor = rx.factorize(mechanism, mechanism.state(phi, rate=0.0))
+    assert bool(factor.spectrum.ambiguous) == (phi < 1e-3)
+    assert factor.spectrum.ambiguous or factor.spectrum.rank == 11
+
+
+def test_a_closed_chain_of_parallel_hinges_in_space_has_three_redundant_constraints():
+    links, turns = 40, 2 * np.pi * np.arange(40) / 40
+    points = np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=1)
+    middles = (points + np.roll(points, -1, axis=0)) / 2
+    bodies = [rx.spatial.Body(f"b{k}", 1.0, (0.1, 0.1, 0.1), position=middles[k]) for k in range(links - 1)]
+    ends = [*bodies, "ground"]
+    joints = [rx.spatial.Revolute(f"j{k}", ends[k], ends[k - 1], points[k], axis=(0, 0, 1)) for k in range(links)]
+    mechanism = rx.Mechanism(bodies, joints).sparse()
+    factor = rx.factorize(mechanism, rx.State(mechanism.reference, np.zeros(6 * (links - 1))))
+    assert factor.result == rx.RESULTS.successful
+    assert (factor.redundancy, factor.freedom) == (3, links - 3)
+
+
+def test_single_precision_decides_the_rank(float32):
+    mechanism = rx.mechanisms.doubled_four_bar().sparse()
+    factor = rx.factorize(mechanism, mechanism.state(0.7, rate=2.0))
+    assert factor.gamma.dtype == jnp.float32
+    assert factor.result == rx.RESULTS.successful
+    assert factor.spectrum.rank == 11
 
 
 @pytest.mark.parametrize("where", ["in the plane", "in space"])

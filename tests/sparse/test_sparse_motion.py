@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import redundax as rx
+from redundax._motion._held_sparse import factorize_sparse, hold_sparse
 
 
 def crank_angle(loops, phi, rate, t1):
@@ -27,6 +28,17 @@ def test_a_motion_of_many_loops_is_that_of_a_pendulum():
     np.testing.assert_allclose(cranks, crank_angle(loops, np.pi / 2, -1.0, t1), atol=1e-8)
     assert motion.stats.position_violation < 1e-11
     assert motion.stats.energy_error < 1e-7
+
+
+def test_what_a_motion_holds_keeps_its_derivatives():
+    def held_on(mass):
+        mechanism = rx.mechanisms.doubled_four_bar(coupler_mass=(mass, 1.0)).sparse()
+        state = mechanism.state(0.8, rate=1.0)
+        held, _ = hold_sparse(mechanism, state, jnp.asarray(11))
+        renewed, _ = factorize_sparse(mechanism, state, held).renewed(held)
+        return jnp.max(renewed.inverse_mass[:, 0, 0])
+
+    assert jax.grad(held_on)(0.1) == pytest.approx(-100.0, rel=1e-12)
 
 
 def starts():
