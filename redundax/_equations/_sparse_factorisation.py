@@ -244,7 +244,7 @@ def _factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | Non
         spectrum=spectrum,
         violation=violation,
         finite=jnp.isfinite(total(state.q, state.qd, state.t, *motion, rows.slopes, rows.inverse_mass, load)),
-        singularity=_singularity(system, position, spectrum, reached, *evidence),
+        singularity=_singularity(system, position, spectrum, reached, *evidence[:4], evidence[-1]),
         acceleration=a[:, 0],
         multipliers=mu[:, 0] / row_scale,
         residual=residual,
@@ -369,10 +369,6 @@ def _singularity(
     row_scale: Array,
     scales: Scaling,
     motion: tuple,
-    _explicit: Array,
-    _load: Array,
-    _a: Array,
-    _mu: Array,
     state: State,
 ) -> Decision:
     """Whether N^T Phi'' along the velocity with a motion added is other than without."""
