@@ -9,6 +9,7 @@ different size; a pivot that is neither rounding nor clearly more leaves the ran
 
 from typing import cast
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -312,14 +313,7 @@ def _with_least(spectrum: Spectrum, stress: Gram) -> Spectrum:
         return found / size, size
 
     _, size = jax.lax.fori_loop(0, _POWER, step, (start / jnp.linalg.norm(start), jnp.ones((), start.dtype)))
-    return Spectrum(
-        spectrum.singular_values,
-        spectrum.rank,
-        spectrum.tolerance,
-        spectrum.gap,
-        spectrum.decision,
-        jnp.minimum(spectrum.kept, 1 / jnp.sqrt(size)),
-    )
+    return eqx.tree_at(lambda found: found.kept, spectrum, jnp.minimum(spectrum.kept, 1 / jnp.sqrt(size)))
 
 
 def _evidence(
