@@ -142,7 +142,8 @@ class Mechanism(AbstractSystem):
         anyway, or with dense ones.
 
         All other questions are answered with dense ones. Sparse ones take bodies with mass and inertia. With them
-        motions end where a joint with dry friction stops, and contraction of friction is estimated, not bounded.
+        motions end where a joint with dry friction stops, and contraction of friction is estimated, not bounded. Forward
+        derivatives (`jax.jvp`, `jax.jacfwd`) pass friction there; reverse ones raise an error of JAX.
 
         ??? example
 
