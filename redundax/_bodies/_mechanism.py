@@ -141,9 +141,8 @@ class Mechanism(AbstractSystem):
         """The same mechanism with sparse matrices in `solve` and `simulate`, as from 2000 coordinates and rows on
         anyway, or with dense ones.
 
-        All other questions are answered with dense ones. Sparse ones take bodies with mass and inertia. With them
-        motions end where a joint with dry friction stops, and contraction of friction is estimated, not bounded. Forward
-        derivatives (`jax.jvp`, `jax.jacfwd`) pass friction there; reverse ones raise an error of JAX.
+        All other questions are answered with dense ones. Sparse ones take bodies with mass and inertia. Friction there has
+        forward derivatives alone, its contraction is estimated, and motions end where a joint with dry friction stops.
 
         ??? example
 
