@@ -142,7 +142,7 @@ class Mechanism(AbstractSystem):
         anyway, or with dense ones.
 
         All other questions are answered with dense ones. Sparse ones take bodies with mass and inertia. Friction has
-        forward derivatives alone there, and an estimated contraction; motions end where a joint with dry friction stops.
+        forward derivatives alone there, and estimated contraction; motions end where a joint with dry friction halts.
 
         ??? example
 
