@@ -39,7 +39,7 @@ def band_along(path: BandPath, outputs: Sequence[str] | str | None = None, *, ag
 
     - `path`: from `rx.band_along`.
     - `outputs`: names of what to draw; the first six if not given.
-    - `against`: name of a coordinate; time if not given.
+    - `against`: name of a coordinate, of a joint too; time if not given.
 
     **Returns:** a matplotlib figure.
 
@@ -67,10 +67,10 @@ def _across(path: BandPath, against: str | None) -> tuple[int | None, np.ndarray
     if against is None:
         return path.leading, path.t, with_unit("time", path.time_unit)
     found = index_of("against", against, path.coordinates.labels, " of coordinates")
-    if np.isnan(path.q).any():
+    if np.isnan(path.q[:, found]).any():
         raise ValueError(
-            "Argument `against` must be left out for a system whose velocities are no rates of its coordinates, but is "
-            f"{against!r}. Leave it out: the bands are drawn over time."
+            f"Argument `against` must name a coordinate that has {against!r} as its rate, but none has. Name one of a "
+            "joint, such as 'hinge.angle', or leave it out: the bands are drawn over time."
         )
     return found, path.q[:, found], with_unit(against, path.coordinate_units[found])
 

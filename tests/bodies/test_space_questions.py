@@ -149,3 +149,21 @@ def test_the_stiffness_of_a_spring_is_found_from_a_swing(hung):
 
     found = rx.identify(predict, predict(30.0), {"spring": rx.Uniform(10.0, 60.0)}, noise=1e-4, starts=2)
     np.testing.assert_allclose(found.estimate["spring"], 30.0, rtol=1e-4)
+
+
+@pytest.mark.slow
+def test_bands_along_a_door_are_told_by_its_angle():
+    """Bodies in space have velocities that are no rates of coordinates; joints have coordinates."""
+    door = rx.mechanisms.door()
+    places = (0.1, 0.4, 0.8)
+    states = [
+        rx.assemble(door, positions={"hinge 1.angle": at}, rates={"hinge 1.angle": rate})
+        for at, rate in zip(places, (0.5, 0.5, -0.5), strict=True)
+    ]
+    path = rx.band_along(door, states, "hinge 1 force z on door", rx.MinimumNorm())
+    assert [said for said, _ in path.runs(path.leading)] == ["hinge 1.angle increases", "hinge 1.angle decreases"]
+    figure = rx.plot.band_along(path, against="hinge 1.angle")
+    assert figure.axes[-1].get_xlabel() == "hinge 1.angle, rad"
+    np.testing.assert_allclose(path.q[:, path.leading], places, rtol=1e-12)
+    with pytest.raises(ValueError, match=r"Name one of a joint"):
+        rx.plot.band_along(path, against="door.phi_z")

@@ -10,13 +10,15 @@ from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
 from ..._analysis._outputs import plain
 from ..._closures._closure import AbstractClosure
-from ..._system._axis import Axis
+from ..._system._axis import Axis, join
 from ..._system._export import bands_dataset
+from ..._system._joint_coordinates import joint_motion
 from ..._system._names import ByName
 from ..._system._state import State, states_of
 from ..._system._system import AbstractSystem
@@ -37,8 +39,10 @@ class BandPath:
     """Bands of outputs at successive states. `str()` gives a table, `to_dict()`, `to_pandas()` and
     `to_xarray()` data.
 
-    - `t`, `q`, `qd`: time, coordinates and velocities of the states, each with an axis for them in front.
+    - `t`, `q`, `qd`: time, coordinates and velocities of the states, those of joints behind them, each with an axis for
+      states in front. Coordinates whose rates are no velocities, as those of bodies in space, are NaN.
     - `coordinates`, `coordinate_units`, `time_unit`: names and kinds of what moves, and units.
+    - `own`: how many coordinates are the system's own, which stand first.
     - `bands`: what `band` gives at each state, with the cases and solutions that attain the ends.
 
     Of all states, besides, shape (states, outputs): `lower`, `upper`, `outer_lower`, `outer_upper` and `exact` as in
@@ -59,6 +63,7 @@ class BandPath:
     coordinates: Axis
     coordinate_units: tuple[str, ...]
     time_unit: str
+    own: int
     bands: tuple[Bands, ...]
 
     @property
@@ -113,10 +118,14 @@ class BandPath:
 
     @property
     def leading(self) -> int | None:
-        """The coordinate that moves most, a linear one where there is one; None if all rest."""
+        """The coordinate that moves most, a linear one where there is one; None if all rest.
+
+        It is one of a joint where the system's own have no rates.
+        """
         speed = np.abs(self.qd).max(axis=0, initial=0.0)
+        speed[slice(self.own) if np.isnan(self.q[:, : self.own]).any() else slice(self.own, None)] = 0.0
         linear = speed * ~self.coordinates.angular
-        size = np.abs(self.q).max(initial=0.0) or 1.0
+        size = np.nanmax(np.abs(self.q), initial=0.0) or 1.0
         speed = linear if linear.max(initial=0.0) > _STILL * size * speed.max(initial=0.0) else speed
         return int(np.argmax(speed)) if speed.any() else None
 
@@ -193,6 +202,14 @@ class BandPath:
         return f"  {word}  {span:22}{np.nanmin(lower):14.6g}{np.nanmax(upper):14.6g}  {proved}"
 
 
+def _moving(system: AbstractSystem, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Time, coordinates and velocities, with those of joints."""
+    joints = joint_motion(system.joint_coordinates, state, jnp.zeros_like(state.qd))
+    own = state.q if system.names.adds else jnp.full_like(state.qd, np.nan)
+    q, qd = (np.concatenate(parts) for parts in ((own, joints.position), (state.qd, joints.rate)))
+    return np.asarray(state.t), q, qd
+
+
 def _motion(bands: Bands, rates: np.ndarray) -> str:
     moves = bands.sense != 0 if bands.sense.size else rates.any(keepdims=True)
     return "moves" if moves.all() else "partly" if moves.any() else "rests"
@@ -251,14 +268,15 @@ def band_along(
         except (ValueError, RuntimeError) as error:
             error.add_note(f"This is state {k} of the path, at t = {float(state.t):.6g}.")
             raise
-    t, q, qd = (np.stack(parts) for parts in zip(*((s.t, s.q, s.qd) for s in each), strict=True))
-    coordinates, units = system.coordinates, system.names.units
+    coordinates, units = join([system.coordinates, system.names.joint_coordinates]), system.names.units
+    t, q, qd = (np.stack(parts) for parts in zip(*(_moving(system, state) for state in each), strict=True))
     return BandPath(
         t=t,
-        q=q if system.names.adds else np.full_like(qd, np.nan),
+        q=q,
         qd=qd,
         coordinates=coordinates,
         coordinate_units=tuple(units.of(kind, 0) for kind in coordinates.kinds),
         time_unit=units.of("time"),
+        own=len(system.coordinates),
         bands=tuple(found),
     )
