@@ -214,7 +214,9 @@ class Report:
                 f"  {one} (proved: {radius} < 1)" if self.spectral_radius < 1 else f"  not proved: {one} ({radius})"
             )
             if self.spectral_radius >= 1:
-                lines.append("  above 1 joints may wedge themselves: `rx.sticking` and `rx.limit_load` ask that at rest")
+                lines.append(
+                    "  above 1 joints may wedge themselves: `rx.sticking` and `rx.limit_load` ask that at rest"
+                )
         for kind, what in (("acceleration", "accelerations"), ("friction", "friction"), ("multiplier", "multipliers")):
             for verdict in Verdict:
                 names = [judged.name for judged in self.verdicts[kind] if judged.with_friction is verdict]
