@@ -30,8 +30,10 @@ class JointCompliance(AbstractJointCompliance):
     - `coupling`: turn by force, rad/N, shape (3, 3) with a row for each turn; by symmetry also shift by moment. Zero
       where the reference point is the centre of compliance, and if not given.
     - `misfit`: v0, by how much the parts as they are place body i's side of the joint elsewhere than on body j's
-      without load: shift in m (3,), and misalignment as turns about x, y and z in rad (3,), shape (6,).
-    - `frame`: name of the body, or "ground", with whose side of the joint all this turns; body i if not given.
+      without load: shift in m (3,), and misalignment as turns about x, y and z in rad (3,), shape (6,). Where body j is
+      a bearing that sits 0.05 mm too high, v0 is 0.05 mm down.
+    - `frame`: name of the body, or "ground", with whose side of the joint all this turns; body i if not given. What
+      belongs to a housing that stands still is given on the ground.
     - `point`: reference point in the local frame of that body, m; the joint's own point on it if not given.
     """
 
