@@ -30,7 +30,7 @@ _ROWS = {
     "slide": ("radial_1", "radial_2", "bend_1", "bend_2", "twist"),
     "ball": ("radial_1", "radial_2", "axial"),
 }
-_TURNS = ("bend_1", "bend_2", "twist")
+TURNS = ("bend_1", "bend_2", "twist")
 _FREE = {"limited": "false", "stiffness": "0", "damping": "0", "armature": "0", "frictionloss": "0"}
 _EXACT = 1e-9  # misfit of a weld in the file whose anchor a connect can take over, m or rad
 
@@ -58,7 +58,7 @@ def mjcf_moves(model: Model) -> list[Edit]:
             moves.append(Edit((f"{link.name}.{row}",), link, f"{link.name} may {_FREED[row][2]} ({row})"))
     for loop in model.tree.loops:
         if loop.kind == "weld" and model.misfits[loop.name] < _EXACT:
-            rows = tuple(f"{loop.name}.{row}" for row in _TURNS)
+            rows = tuple(f"{loop.name}.{row}" for row in TURNS)
             moves.append(Edit(rows, loop, f"'{loop.name}' holds a point alone"))
     for tie in model.tree.ties:
         rows = tuple(row for row in model.mechanism.rows.labels if row.rpartition(".")[0] == tie.name)

@@ -6,12 +6,10 @@ from collections.abc import Sequence
 
 from .._tools._optional import optional
 from ._closed_loops import children, loops_in
-from ._edit_mjcf import Edit, Written
+from ._edit_mjcf import TURNS, Edit, Written
 from ._model import Model
 from ._plan import Link
 from ._tree import Loop
-
-_TURNS = ("bend_1", "bend_2", "twist")
 
 
 def urdf_moves(model: Model) -> list[Edit]:
@@ -21,13 +19,11 @@ def urdf_moves(model: Model) -> list[Edit]:
     moves = []
     for link in model.plan.links:
         if link.kind == "hinge" and link.name in free:
-            rows = tuple(f"{link.name}.{row}" for row in _TURNS[:2])
+            rows = tuple(f"{link.name}.{row}" for row in TURNS[:2])
             moves.append(Edit(rows, link, f"{link.name} is a ball joint"))
     for loop in model.tree.loops:
         if loop.kind == "weld":
-            moves.append(
-                Edit(tuple(f"{loop.name}.{row}" for row in _TURNS), loop, f"'{loop.name}' holds a point alone")
-            )
+            moves.append(Edit(tuple(f"{loop.name}.{row}" for row in TURNS), loop, f"'{loop.name}' holds a point alone"))
     return moves
 
 

@@ -44,9 +44,6 @@ class Plan:
     def _own(self, body: int) -> str:
         return self.model.body(body).name or f"body {body}"
 
-    def _kind(self, joint: int) -> str:
-        return ("free", "ball", "slide", "hinge")[int(self.model.jnt_type[joint])]
-
     def _links(self) -> Iterator[Link]:
         for body in self.movers:
             first, parent = int(self.model.body_jntadr[body]), self.name(int(self.model.body_parentid[body]))
@@ -54,5 +51,5 @@ class Plan:
             for joint in range(first, last + 1):
                 name = self.joint_names[joint]
                 child = self.body_names[body] if joint == last else f"{self.body_names[body]} after {name}"
-                yield Link(joint, self._kind(joint), name, child, parent)
+                yield Link(joint, self.tree.joint_kind(joint), name, child, parent)
                 parent = child

@@ -150,11 +150,17 @@ class Tree:
         self._mujoco.mj_differentiatePos(self.model, step, 1.0, before, after)
         return step
 
+    def joint_kind(self, joint: int) -> str:
+        """Free, ball, slide or hinge."""
+        return ("free", "ball", "slide", "hinge")[int(self.model.jnt_type[joint])]
+
     def joint_name(self, joint: int) -> str:
         """As in the file, or of its body."""
-        kind = ("free", "ball", "slide", "hinge")[int(self.model.jnt_type[joint])]
         body = int(self.model.jnt_bodyid[joint])
-        return self.model.joint(joint).name or f"{kind} of {self.model.body(body).name or f'body {body}'}"
+        return (
+            self.model.joint(joint).name
+            or f"{self.joint_kind(joint)} of {self.model.body(body).name or f'body {body}'}"
+        )
 
     def scale(self) -> np.ndarray:
         """Of a long step of each joint: the size of the model for one that slides, 1 for one that turns."""
