@@ -26,7 +26,7 @@ def test_a_batch_in_chunks_is_the_batch(monkeypatch):
     """The last chunk reaches back."""
     h = jnp.linspace(-100.0, 100.0, 10)
     whole = jax.vmap(solve)(h)
-    monkeypatch.setattr(_chunks, "limits", lambda: (4, 2**21))
+    monkeypatch.setattr(_chunks, "limits", lambda: (4, 2**21, 2**17))
     jax.clear_caches()
     parts = jax.vmap(solve)(h)
     for one, other in zip(jax.tree.leaves(whole), jax.tree.leaves(parts), strict=True):
