@@ -36,9 +36,10 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._system._decision import CLEAR, Decision
 from .._tools._chunks import in_chunks
+from .._tools._module import batch_any
 
 _DELTA = 0.45  # power of the rounding: large enough that the Cholesky factor exists, else as small as can be
-_STEPS = 3
+_STEPS = 2  # and one where the first error calls for it
 
 
 class Spectrum(eqx.Module):
@@ -106,12 +107,14 @@ def split(
 def _decide(scaled: Array, violation: Array, tolerance: Array, rank: Array | None) -> _Decided:
     """By multiplication, or where its bounds prove nothing by decomposition."""
 
-    def decomposed(state: tuple[_Decided, Array]) -> tuple[_Decided, Array]:
-        unproved = jnp.where(state[1], 0.0, scaled)  # XLA would move what does not change out of the loop, and run it
-        return _decide_by_svd(unproved, violation, tolerance, rank), jnp.asarray(True)
+    found, proved = _decide_by_products(scaled, violation, tolerance, rank)
 
-    start = _decide_by_products(scaled, violation, tolerance, rank)
-    return jax.lax.while_loop(lambda state: ~state[1], decomposed, start)[0]
+    def decomposed() -> _Decided:
+        unproved = jnp.where(proved, 0.0, scaled)
+        by_svd = _decide_by_svd(unproved, violation, tolerance, rank)
+        return jax.tree.map(lambda a, b: jnp.where(proved, a, b), found, by_svd)
+
+    return jax.lax.cond(batch_any(~proved), decomposed, lambda: found)
 
 
 @jax.custom_batching.custom_vmap
@@ -157,11 +160,19 @@ def _decide_by_products(
     factor = jnp.linalg.cholesky(gram + eps**_DELTA * one)
     half = jax.lax.linalg.triangular_solve(factor, one, lower=True)
     inverse = (scaled.T / size @ half.T) @ half
+    image = scaled @ inverse
+    begun = _between(_symmetric(one - image))
+
+    def step(inverse: Array, image: Array) -> tuple[Array, Array]:
+        inverse = 2 * inverse - inverse @ image
+        return inverse, scaled @ inverse
+
     for _ in range(_STEPS):
-        inverse = 2 * inverse - inverse @ (scaled @ inverse)
-    stress = _symmetric(one - scaled @ inverse)  # its eigenvalues lie between 0 and 1
-    between = jnp.sum(jnp.diagonal(stress)) - jnp.sum(stress**2)
-    stress = _stress_of(scaled, inverse)
+        inverse, image = step(inverse, image)
+    more = batch_any(begun ** (2**_STEPS) > _noise(scaled))
+    inverse, image = jax.lax.cond(more, step, lambda *ended: ended, inverse, image)
+    between = _between(_symmetric(one - image))
+    stress = _stress_of(image)
     inverse = inverse - inverse @ stress
     motion = _symmetric(jnp.eye(n, dtype=scaled.dtype) - inverse @ scaled)
     largest = _largest(size, gram, 1)
@@ -177,10 +188,14 @@ def _decide_by_products(
     return _Decided(parts, found, kept, Decision(kept / tolerance)), proved
 
 
-def _stress_of(scaled: Array, inverse: Array) -> Array:
-    """P from K^+, with what rounding left in it of the range of K taken out once more."""
-    image = scaled @ inverse
-    stress = _symmetric(jnp.eye(len(image), dtype=scaled.dtype) - image)
+def _between(projector: Array) -> Array:
+    """Sum of lambda (1 - lambda) over the eigenvalues, which lie between 0 and 1: 0 of a projector."""
+    return jnp.sum(jnp.diagonal(projector)) - jnp.sum(projector**2)
+
+
+def _stress_of(image: Array) -> Array:
+    """P from K K^+, with what rounding left in it of the range of K taken out once more."""
+    stress = _symmetric(jnp.eye(len(image), dtype=image.dtype) - image)
     return stress - 2 * _symmetric(stress @ image)
 
 
@@ -218,7 +233,7 @@ def _decide_by_svd(scaled: Array, violation: Array, tolerance: Array, rank: Arra
     counted = jnp.arange(sigma.size) < found
     inverse = vt.T @ (jnp.where(counted, 1 / jnp.where(counted, sigma, 1.0), 0.0)[:, None] * u.T)
     stress, motion = (jnp.eye(side.shape[0], dtype=u.dtype) - (side * counted) @ side.T for side in (u, vt.T))
-    product = _stress_of(scaled, 2 * inverse - inverse @ (scaled @ inverse))
+    product = _stress_of(scaled @ (2 * inverse - inverse @ (scaled @ inverse)))
     left, other = (jnp.linalg.norm(projector @ scaled) for projector in (stress, product))
     # A decomposition leaves ten roundings, products, as batches take them, one over `kept`.
     stress = jnp.where(other <= 2 * left, product, stress)
