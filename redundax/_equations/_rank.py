@@ -9,14 +9,15 @@ With the singular value decomposition K = U diag(sigma) V^T cut at rank r,
 
     K^+ = V sigma^-1 U^T,   P = I - U U^T  (self-stress, onto null K^T),   Z = I - V V^T  (motion, onto null K).
 
-A batch needs no decomposition where the spectrum has a wide gap. With c = |K|_F^2 and a small delta, the iteration
+A batch, or a large matrix under `jit`, needs no decomposition where the spectrum has a wide gap. With c = |K|_F^2 and
+a small delta, the iteration
 
     X = K^T (K K^T + delta c I)^-1,   X <- X (2 I - K X)
 
 squares the relative error delta c / (sigma^2 + delta c) of each kept singular value and leaves what is rounding small:
 P = I - K X, K^+ = X (I - P), Z = I - K^+ K. That tr P = |P|_F^2 proves that it projects onto a whole number of
 directions, |P K|_F bounds the singular values that it drops from above, and 1 / |K^+| those that it keeps from below.
-Where these bounds do not decide, the decomposition does; a batch pays for it only if it holds such a sample.
+Where these bounds do not decide, the decomposition does; a chunk of a batch pays for it only if it holds such a sample.
 
 Traced code knows the self-stress space and the space of motions only through P and Z: they have a fixed
 shape, need no basis, and at constant rank have the derivatives (Golub and Pereyra)
@@ -36,9 +37,11 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._system._decision import CLEAR, Decision
 from .._tools._chunks import in_chunks
+from .._tools._compilation import is_single
 from .._tools._module import batch_any
 
 _DELTA = 0.45  # power of the rounding: large enough that the Cholesky factor exists, else as small as can be
+_LARGE = 24  # rows and columns from which products take much less time than a decomposition
 _STEPS = 2  # and one where the first error calls for it
 
 
@@ -97,7 +100,8 @@ def split(
     still, violation = jax.lax.stop_gradient((scaled, violation))
     rank = None if rank is None else jnp.asarray(rank, int)
     tolerance = 30 * (_noise(still) + violation)
-    found = in_chunks(_decide, still, violation, tolerance, rank, alone=_decide_by_svd)
+    alone = _decide_by_svd if is_single() or min(scaled.shape) < _LARGE else None
+    found = in_chunks(_decide, still, violation, tolerance, rank, alone=alone)
     values = _relative(_singular_values(still))
     dropped = _largest_dropped(values, found.rank)
     gap = jnp.where(dropped > 0, _smallest_kept(values, found.rank) / jnp.where(dropped > 0, dropped, 1.0), jnp.inf)

@@ -174,7 +174,7 @@ def _solved(
 
 @eqx.filter_custom_jvp
 def _solved_at_each(*arguments: Any) -> Solution:
-    """`_solved_at`, of a batch in which the constraints change chunk after chunk, so that matrices stay in the cache."""
+    """`_solved_at`; a batch in which the constraints change goes chunk after chunk: matrices stay in the cache."""
     system, state, *_ = arguments
     rows = jax.lax.stop_gradient(system.constraint(state.q, state.t))
     return in_chunks(_solved_at, *arguments, inside=rows.size * state.qd.size, changing=rows)
