@@ -120,6 +120,7 @@ def _audit(commands: Any) -> argparse.ArgumentParser:
     examination.add_argument(
         "--allow", metavar="K", type=_whole, default=0, help="so many redundant constraints are no fault (default 0)"
     )
+    examination.add_argument("--all", action="store_true", help="list all releases that were found, too")
     examination.add_argument(
         "--html",
         metavar="FILE",
