@@ -75,11 +75,13 @@ class _Found(NamedTuple):
     about: dict[str, Any]
     fix: Fix | None = None
     language: str = ""
-    lines: Mapping[str, Sequence[str]] = MappingProxyType({})
+    lines: Mapping[tuple[str, ...], Sequence[str]] = MappingProxyType({})
 
 
 def _found(arguments: argparse.Namespace) -> _Found:
     path = arguments.system
+    if pathlib.Path(path).is_dir():
+        raise FileError(f"'{path}' is a folder. Name an .xml or .urdf file, or FILE.py:NAME.")
     if arguments.release and not arguments.fix:
         raise FileError("Argument `--release` says what `--fix` is to free. Give --fix FILE too.")
     if arguments.fix:
@@ -97,7 +99,7 @@ def _found(arguments: argparse.Namespace) -> _Found:
         mended = fix(model, found, arguments.fix, arguments.release) if arguments.fix else None
         says, lines = language(model), {}
         for edit in (edit for each in found.repairs for choice in each.choices for edit in choice.edits):
-            lines[edit.rows[0]] = says.lines(model, [edit])
+            lines[edit.rows] = says.lines(model, [edit])
         return _Found(model.mechanism, model.state, found, _about(model), mended, says.name, lines)
 
 

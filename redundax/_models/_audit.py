@@ -197,7 +197,7 @@ class Audit:
             "positions": looks,
             "parts": {part.name: _part_as_dict(part) for part in self.parts},
             "groups": groups,
-            **({"repairs": [each.to_dict() for each in self.repairs]} if self.repairs else {}),
+            **({"repairs": [each.to_dict(self.directions) for each in self.repairs]} if self.repairs else {}),
             "directions": {row: along.tolist() for row, along in self.directions.items()},
             **({"stuck": True} if self.is_stuck else {}),
             **({"drives": self.drives.to_dict()} if self.drives else {}),

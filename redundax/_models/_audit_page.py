@@ -14,6 +14,7 @@ from ._drives import Drives
 from ._travel import Travel
 from ._tree import WITHOUT
 
+Lines = Mapping[tuple[str, ...], Sequence[str]]  # what to write in a file, by the rows that it frees
 _ROWS = {
     "axial": "force along the axis",
     "radial": "forces across it",
@@ -33,7 +34,7 @@ def audit_page(
     found: Audit,
     about: Mapping[str, Any],
     *,
-    lines: Mapping[str, Sequence[str]],
+    lines: Lines,
     language: str = "",
     allowed: int = 0,
     everything: bool = False,
@@ -108,7 +109,8 @@ def _unknown(found: Audit) -> Iterator[str]:
     planar = all(what.startswith(_SIDEWAYS) for what in told) and len(told) == 1
     known = f"Known: loads in the plane across {next(iter(told))[len(_SIDEWAYS) :]}, in world axes. " if planar else ""
     for what, between in told.items():
-        yield f"{known}Not known: how {what} {'splits' if planar else 'split'} {', and '.join(between)}."
+        verb = ", splits" if what.startswith(_SIDEWAYS) else " split"
+        yield f"{known}Not known: how {what}{verb} {', and '.join(between)}."
 
 
 def _split(found: Audit, rows: Sequence[str]) -> str:
@@ -209,7 +211,7 @@ def _shared(drives: Drives) -> str:
     return f"Drives: the motion determines the force of each ({', '.join(drives.names)})."
 
 
-def _mended(found: Audit, lines: Mapping[str, Sequence[str]], language: str) -> Iterator[str]:
+def _mended(found: Audit, lines: Lines, language: str) -> Iterator[str]:
     """What to do: two ways at most for what belongs together."""
     if not found.figures[0]:
         return
@@ -230,7 +232,7 @@ def _mended(found: Audit, lines: Mapping[str, Sequence[str]], language: str) -> 
         yield f"  none that {language} can say; --all lists the rows to free."
 
 
-def _told(choice: Choice, repair: Repair, found: Audit, k: int, lines: Mapping[str, Sequence[str]]) -> Iterator[str]:
+def _told(choice: Choice, repair: Repair, found: Audit, k: int, lines: Lines) -> Iterator[str]:
     words = "; ".join(in_words(choice.edits, found.directions))
     left = repair.redundancy - len(choice.rows)
     after = f": redundant by {repair.redundancy} -> {left}" if left else ""
@@ -241,7 +243,7 @@ def _told(choice: Choice, repair: Repair, found: Audit, k: int, lines: Mapping[s
     yield from wrapped(
         f"{'- ' if k == 0 else '- or: '}{words}{after}{poor}{how}", initial_indent="  ", subsequent_indent="    "
     )
-    written = list(dict.fromkeys(line for row in rows for line in lines.get(row, ())))
+    written = [line for edit in choice.edits for line in lines.get(edit.rows, ())]
     for line in written if k == 0 and len(written) <= _WRITTEN else ():
         yield from wrapped(line, initial_indent="      ", subsequent_indent="        ", break_on_hyphens=False)
 

@@ -55,12 +55,18 @@ class Repair:
     rest: tuple[str, ...]
     sayable: tuple[tuple[str, ...], ...]
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self, directions: Mapping[str, np.ndarray]) -> dict[str, Any]:
         """As data."""
         return {
             "redundancy": self.redundancy,
             "choices": [
-                {"rows": list(each.rows), "margin": each.margin, "usable": each.is_usable} for each in self.choices
+                {
+                    "change": in_words(each.edits, directions),
+                    "rows": list(each.rows),
+                    "margin": each.margin,
+                    "usable": each.is_usable,
+                }
+                for each in self.choices
             ],
             "rows_the_file_cannot_free": list(self.rest),
         }
@@ -103,6 +109,8 @@ def _change(edits: Sequence[Edit], directions: Mapping[str, np.ndarray]) -> str:
         return "becomes a ball joint|become ball joints"
     if how == "point":
         return "holds a point alone, as a connect|hold points alone, as connects"
+    if how == "couple":
+        return "becomes a joint equality, without loads of its own|become joint equalities, without loads of their own"
     rows = [row for edit in edits for row in edit.rows]
     if isinstance(target, Link) and len(rows) == len(ROWS[target.kind]):
         return "carries nothing then: it is free in all directions|carry nothing then: they are free in all directions"

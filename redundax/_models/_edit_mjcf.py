@@ -15,7 +15,7 @@ from ._model import Model
 from ._plan import Link
 from ._source import Element, Source, tag_of
 from ._stress import AXES
-from ._tree import Loop, unique
+from ._tree import Loop, root_of, unique
 
 ROWS = {
     "hinge": ("radial_1", "radial_2", "axial", "bend_1", "bend_2"),
@@ -26,13 +26,15 @@ ROWS = {
 }
 TURNS = ("bend_1", "bend_2", "twist")
 _FREE = {"limited": "false", "stiffness": "0", "damping": "0", "armature": "0", "frictionloss": "0"}
+_ANY = ("name", "class", "active", "solref", "solimp")  # attributes of any loop
 _EXACT = 1e-9  # misfit of a weld in the file whose anchor a connect can take over, m or rad
 
 
 class Edit(NamedTuple):
     """What frees some rows: their names, what is changed, and how.
 
-    - `how`: "free" a direction, a "ball" in place of a hinge, hold a "point" alone, or "delete".
+    - `how`: "free" a direction, a "ball" in place of a hinge, hold a "point" alone, "couple" two joints in place of a
+      weld, or "delete".
     - `weight`: the mass that hangs on a joint of the tree; of what closes a loop -1.
     """
 
@@ -68,11 +70,49 @@ def mjcf_moves(model: Model) -> list[Edit]:
     for loop in model.tree.loops:
         if loop.kind == "weld" and model.misfits[loop.name] < _EXACT:
             moves.append(Edit(tuple(f"{loop.name}.{row}" for row in TURNS), loop, "point"))
+            moves += [_coupling(model, loop)] if _alike(model, loop) else []
         moves.append(Edit(tuple(f"{loop.name}.{row}" for row in ROWS[loop.kind]), loop, "delete"))
     for tie in model.tree.ties:
         rows = tuple(row for row in model.mechanism.rows.labels if row.rpartition(".")[0] == tie.name)
         moves.append(Edit(rows, tie.name, "delete"))
     return moves
+
+
+def _alike(model: Model, loop: Loop) -> tuple[int, int] | None:
+    """The joints of the bodies that a weld holds, if they move alike: hinges on one axis, or slides along one, on the
+    same body."""
+    theirs, data = model.tree.model, model.tree.at(model.tree.model.qpos0)
+    bodies = [root_of(theirs, end.body) for end in (loop.first, loop.second)]
+    if any(theirs.body_jntnum[body] != 1 for body in bodies):
+        return None
+    first, second = (int(theirs.body_jntadr[body]) for body in bodies)
+    kinds = [model.tree.joint_kind(joint) for joint in (first, second)]
+    parents = {root_of(theirs, int(theirs.body_parentid[body])) for body in bodies}
+    if kinds not in (["hinge"] * 2, ["slide"] * 2) or len(parents) > 1:
+        return None
+    if not all(theirs.joint(joint).name for joint in (first, second)):
+        return None
+    along, other = data.xaxis[first], data.xaxis[second]
+    apart = np.cross(data.xanchor[second] - data.xanchor[first], along) if kinds[0] == "hinge" else np.zeros(3)
+    turned = np.abs(_frame(model, loop).T @ along).max() < 1 - _EXACT  # no row of the weld is along the axis
+    if np.abs([np.cross(along, other), apart]).max() > _EXACT or turned:
+        return None
+    return first, second
+
+
+def _frame(model: Model, loop: Loop) -> np.ndarray:
+    """Axes of the rows of a loop in the file's position, global."""
+    return model.tree.at(model.tree.model.qpos0).xmat[loop.first.body].reshape(3, 3) @ loop.first.axes
+
+
+def _coupling(model: Model, loop: Loop) -> Edit:
+    """Of a weld of bodies whose joints are alike: couple these, so that each bears what it bears alone."""
+    pair = _alike(model, loop)
+    assert pair
+    along = model.tree.at(model.tree.model.qpos0).xaxis[pair[0]].copy()
+    kept = int(np.argmax(np.abs(_frame(model, loop).T @ along))) + 3 * (model.tree.joint_kind(pair[0]) == "hinge")
+    rows = tuple(f"{loop.name}.{row}" for k, row in enumerate(ROWS["weld"]) if k != kept)
+    return Edit(rows, loop, "couple")
 
 
 def write_mjcf(model: Model, edits: Sequence[Edit], file: pathlib.Path) -> Written:
@@ -119,6 +159,15 @@ def _change(source: Source, model: Model, edit: Edit) -> str:
     if edit.how == "delete" or not isinstance(edit.target, Loop):
         source.remove(element)
         return f"delete {source.text(element)}"
+    if edit.how == "couple":
+        pair, theirs = _alike(model, edit.target), model.tree.model
+        assert pair
+        axes = model.tree.at(theirs.qpos0).xaxis[list(pair)]
+        words = {key: text for key, text in element.attributes.items() if key in _ANY}
+        words |= {f"joint{k}": theirs.joint(joint).name for k, joint in enumerate(pair, 1)}
+        tie = tag_of("joint", words | {"polycoef": f"0 {np.sign(axes[0] @ axes[1]):.0f} 0 0 0"})
+        source.put(element.start, tie, element.end)
+        return f"{tie} in place of {source.text(element)}"
     kept = {key: text for key, text in element.attributes.items() if key not in ("relpose", "torquescale", "anchor")}
     if "site1" not in kept:
         kept["anchor"] = _numbers(edit.target.first.point)

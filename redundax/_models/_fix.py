@@ -74,7 +74,7 @@ def _warned(model: Model, found: Audit, edits: Sequence[Edit], worst: Choice | N
     """What a reader would take for granted of a copy, and must not."""
     if worst and worst.margin <= USABLE:
         yield f"It moves freely near {worst.at[0]} = {worst.at[1]:.4g}: not usable over the full motion."
-    is_play = all(edit.how != "delete" for edit in edits)
+    is_play = all(edit.how not in ("delete", "couple") for edit in edits)
     built, other = ("has this play", "has none") if is_play else ("is built like this", "is not")
     yield (
         f"It is the model of a machine that really {built}. If yours {other}, its joint loads stay unknown: take the "

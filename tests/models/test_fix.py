@@ -242,6 +242,10 @@ NAMING = """<mujoco><compiler {compiler}/><asset>{asset}</asset><worldbody>
 def test_a_copy_elsewhere_must_find_what_the_model_names(write, tmp_path, compiler, asset, more, path):
     file = write("model.xml", NAMING.format(compiler=compiler, asset=asset, more=more))
     (tmp_path / "away").mkdir()
+    check_copy(str(file), None, tmp_path / "away" / "copy.xml")  # what is missing is missing there, too
+    if path is not None:
+        (tmp_path / path).parent.mkdir(exist_ok=True)
+        write(path, "")
     if path is None:
         check_copy(str(file), None, tmp_path / "away" / "copy.xml")
     else:
