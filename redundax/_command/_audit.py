@@ -164,7 +164,7 @@ def _heading(path: str, about: dict[str, Any]) -> list[str]:
 
 def _notes(about: dict[str, Any]) -> list[str]:
     """What the model here is without."""
-    soft = ["Soft constraints of the file are taken as ideal."] if about.get("loops") else []
+    soft = ["Loops are taken as rigid, where MuJoCo has springs."] if about.get("loops") else []
     return [*soft, *(f"left out: {note}" for note in about.get("left_out", ()))]
 
 

@@ -1,20 +1,18 @@
 """An audit as text, for somebody who has never heard of redundancy: the verdict, what to do, then the figures."""
 
-import re
-import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from .._tools._table import WIDTH
-from ._audit import Audit, Group, Look, Part
-from ._choice import USABLE, Choice, Repair, in_words, listed, vector
+from ._audit import Audit, Look, Part
+from ._choice import listed, vector
 from ._drives import Drives
+from ._repair_page import Lines, all_releases, mended, wrapped
 from ._travel import Travel
 from ._tree import WITHOUT
 
-Lines = Mapping[tuple[str, ...], Sequence[str]]  # what to write in a file, by the rows that it frees
 _ROWS = {
     "axial": "force along the axis",
     "radial": "forces across it",
@@ -22,11 +20,9 @@ _ROWS = {
     "twist": "moment about it",
     "coupling": "what couples two joints",
 }
-_MOST = 4  # singular positions listed, or rows to be typed
-_WRITTEN = 2  # changes of a file told in full
+_MOST = 4  # singular positions listed
 _ROUNDING = 1e-11  # of singular values
 _SIDEWAYS = "a sideways load, along "
-_VECTOR = re.compile(r"\([-\d.e+]+ [-\d.e+]+ [-\d.e+]+\)")
 _SPAN = 1e-6  # of directions of loads that are not unique
 
 
@@ -46,23 +42,20 @@ def audit_page(
     - `about`: what is to be said of the file; `language`: its kind; `lines`: what to write in it, by rows freed.
     - `allowed`: redundancy that is no fault; `everything`: all releases that were found, too.
     """
-    paragraphs = [[*_verdict(found, about, allowed)]]
+    first = [*_verdict(found, about, allowed)]
     if not found.is_stuck:
-        paragraphs[0] += [*_positions(found), *(_drives(found) if found.drives and found.drives.names else ())]
-    text = ["\n".join(line for each in paragraphs[0] for line in wrapped(each))]
+        first += [
+            *_positions(found),
+            *(_drives(found, found.drives) if found.drives and found.drives.names else ()),
+        ]
+    text = ["\n".join(line for each in first for line in wrapped(each))]
     if not found.is_stuck and found.is_decided:
-        text += ["\n".join(_mended(found, lines, language))]
-        text += ["\n".join(_all(found.groups, found, language))] if everything else []
+        text += ["\n".join(mended(found, lines, language))]
+        text += ["\n".join(all_releases(found, language))] if everything else []
         text += ["\n".join(_joints(found))]
     figures = [*_figures(found)]
     text.append("\n".join(line for each in figures for line in wrapped(each, subsequent_indent="  ")))
     return "\n\n".join(each for each in text if each)
-
-
-def wrapped(text: str, **how: Any) -> list[str]:
-    """Lines of a text, with directions in one piece."""
-    whole = _VECTOR.sub(lambda found: found[0].replace(" ", "\0"), text)
-    return [line.replace("\0", " ") for line in textwrap.wrap(whole, WIDTH, **how)]
 
 
 def _verdict(found: Audit, about: Mapping[str, Any], allowed: int) -> Iterator[str]:
@@ -181,9 +174,7 @@ def _singular(travel: Travel) -> str:
     return f"The motion passes singular positions, near which loads grow without bound: {', '.join(places)}{left}."
 
 
-def _drives(found: Audit) -> Iterator[str]:
-    drives = found.drives
-    assert drives
+def _drives(found: Audit, drives: Drives) -> Iterator[str]:
     yield f"{_shared(drives)}{_idle(found, drives)}"
     if drives.dead:
         yield f"This position is a dead point of {listed(drives.dead)}: here their forces are not determined."
@@ -209,60 +200,6 @@ def _shared(drives: Drives) -> str:
             "decides how they share."
         )
     return f"Drives: the motion determines the force of each ({', '.join(drives.names)})."
-
-
-def _mended(found: Audit, lines: Lines, language: str) -> Iterator[str]:
-    """What to do: two ways at most for what belongs together."""
-    if not found.figures[0]:
-        return
-    if not language:
-        yield "To mend it, free what one line names, if your hardware has that play:"
-        for group in found.groups:
-            yield from (f"  {_together([row for _, s in each.directions for row in s])}" for each in group.releases[:2])
-        return
-    yield "To mend it, take the line that matches your hardware (directions in world axes):"
-    several = len(found.repairs) > 1
-    for number, repair in enumerate(found.repairs, 1):
-        if several:
-            yield f"{number}. of {listed(list(dict.fromkeys(row.rpartition('.')[0] for row in repair.rows)), 4)}:"
-        for k, choice in enumerate(repair.choices):
-            yield from _told(choice, repair, found, k, lines)
-        yield from _rest(repair, found, language)
-    if not any(repair.choices for repair in found.repairs):
-        yield f"  none that {language} can say; --all lists the rows to free."
-
-
-def _told(choice: Choice, repair: Repair, found: Audit, k: int, lines: Lines) -> Iterator[str]:
-    words = "; ".join(in_words(choice.edits, found.directions))
-    left = repair.redundancy - len(choice.rows)
-    after = f": redundant by {repair.redundancy} -> {left}" if left else ""
-    where = f"{choice.at[0]} = {choice.at[1]:.3g}"
-    poor = "" if choice.is_usable else f"; moves freely near {where}: not usable over the full motion"
-    rows = choice.rows
-    how = "  <- --fix takes it" if k == 0 else f"  <- --release {','.join(rows)}" if len(rows) <= _MOST else ""
-    yield from wrapped(
-        f"{'- ' if k == 0 else '- or: '}{words}{after}{poor}{how}", initial_indent="  ", subsequent_indent="    "
-    )
-    written = [line for edit in choice.edits for line in lines.get(edit.rows, ())]
-    for line in written if k == 0 and len(written) <= _WRITTEN else ():
-        yield from wrapped(line, initial_indent="      ", subsequent_indent="        ", break_on_hyphens=False)
-
-
-def _rest(repair: Repair, found: Audit, language: str) -> Iterator[str]:
-    if repair.rest:
-        rows = listed([_row(row, found.directions) for row in repair.rest])
-        yield from wrapped(
-            f"The rest would need play in {rows}, which {language} cannot express.",
-            initial_indent="    ",
-            subsequent_indent="    ",
-        )
-
-
-def _row(row: str, directions: Mapping[str, np.ndarray]) -> str:
-    if row not in directions:
-        return row
-    is_moment = row.rpartition(".")[2].startswith(("bend", "twist"))
-    return f"{row} ({'moment about' if is_moment else 'force along'} {vector(directions[row])})"
 
 
 def _joints(found: Audit) -> Iterator[str]:
@@ -295,39 +232,6 @@ def _cells(part: Part) -> tuple[str, ...]:
     force, moment = (f"{own} of {of}" if of else "-" for own, of in (part.force, part.moment))
     loose = ", ".join(part.loose) + (" *" if _is_mixed(part) else "")
     return part.kind, force, moment, loose or "-", ", ".join(part.here_alone)
-
-
-def _together(rows: Sequence[str]) -> str:
-    """Rows, joint by joint."""
-    joints: dict[str, list[str]] = {}
-    for row in rows:
-        joint, _, own = row.rpartition(".")
-        joints.setdefault(joint, []).append(own)
-    return ", ".join(
-        f"{joint} ({', '.join(own)})" if len(own) > 1 else f"{joint}.{own[0]}" for joint, own in joints.items()
-    )
-
-
-def _all(groups: Sequence[Group], found: Audit, language: str) -> Iterator[str]:
-    """All releases that were found, and what their rows are along."""
-    said = [set(rows) for each in found.repairs for rows in each.sayable]
-    for number, group in enumerate(groups, 1):
-        head = f"Group {number} of loads that depend on each other, redundant by {group.redundancy}: "
-        rows = "; ".join(_row(row, found.directions) for row in group.rows)
-        yield from wrapped(head + rows, subsequent_indent="  ")
-        yield "  Each line frees it (from 0 to 1 how far from moving: here, least along the motion):"
-        for k, release in enumerate(group.releases):
-            free = [row for _, shares in release.directions for row in shares]
-            margin = release.determinant ** (1 / len(free))
-            least = group.margins[k] if group.margins else margin
-            can = {row for rows in said if rows <= set(free) for row in rows}
-            note = "" if not language or can == set(free) else f" (not possible in {language})"
-            worse = " not over the full motion" if least <= USABLE else ""
-            yield from wrapped(
-                f"{_together(free)} {margin:.2f}, {least:.2f}{worse}{note}",
-                initial_indent="    ",
-                subsequent_indent="        ",
-            )
 
 
 def _figures(found: Audit) -> Iterator[str]:

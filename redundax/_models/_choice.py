@@ -108,7 +108,7 @@ def _change(edits: Sequence[Edit], directions: Mapping[str, np.ndarray]) -> str:
     if how == "ball":
         return "becomes a ball joint|become ball joints"
     if how == "point":
-        return "holds a point alone, as a connect|hold points alone, as connects"
+        return "holds a point alone|hold points alone"
     if how == "couple":
         return "becomes a joint equality, without loads of its own|become joint equalities, without loads of their own"
     rows = [row for edit in edits for row in edit.rows]

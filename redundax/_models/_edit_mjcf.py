@@ -35,13 +35,14 @@ class Edit(NamedTuple):
 
     - `how`: "free" a direction, a "ball" in place of a hinge, hold a "point" alone, "couple" two joints in place of a
       weld, or "delete".
-    - `weight`: the mass that hangs on a joint of the tree; of what closes a loop -1.
+    - `weight`: the mass that hangs on a joint of the tree; of what closes a loop -1. `joints`: those that are coupled.
     """
 
     rows: tuple[str, ...]
     target: Link | Loop | str
     how: str
     weight: float = -1.0
+    joints: tuple[int, ...] = ()
 
     @property
     def name(self) -> str:
@@ -70,7 +71,8 @@ def mjcf_moves(model: Model) -> list[Edit]:
     for loop in model.tree.loops:
         if loop.kind == "weld" and model.misfits[loop.name] < _EXACT:
             moves.append(Edit(tuple(f"{loop.name}.{row}" for row in TURNS), loop, "point"))
-            moves += [_coupling(model, loop)] if _alike(model, loop) else []
+            pair = _alike(model, loop)
+            moves += [_coupling(model, loop, pair)] if pair else []
         moves.append(Edit(tuple(f"{loop.name}.{row}" for row in ROWS[loop.kind]), loop, "delete"))
     for tie in model.tree.ties:
         rows = tuple(row for row in model.mechanism.rows.labels if row.rpartition(".")[0] == tie.name)
@@ -105,14 +107,12 @@ def _frame(model: Model, loop: Loop) -> np.ndarray:
     return model.tree.at(model.tree.model.qpos0).xmat[loop.first.body].reshape(3, 3) @ loop.first.axes
 
 
-def _coupling(model: Model, loop: Loop) -> Edit:
+def _coupling(model: Model, loop: Loop, pair: tuple[int, int]) -> Edit:
     """Of a weld of bodies whose joints are alike: couple these, so that each bears what it bears alone."""
-    pair = _alike(model, loop)
-    assert pair
     along = model.tree.at(model.tree.model.qpos0).xaxis[pair[0]].copy()
     kept = int(np.argmax(np.abs(_frame(model, loop).T @ along))) + 3 * (model.tree.joint_kind(pair[0]) == "hinge")
     rows = tuple(f"{loop.name}.{row}" for k, row in enumerate(ROWS["weld"]) if k != kept)
-    return Edit(rows, loop, "couple")
+    return Edit(rows, loop, "couple", joints=pair)
 
 
 def write_mjcf(model: Model, edits: Sequence[Edit], file: pathlib.Path) -> Written:
@@ -160,11 +160,10 @@ def _change(source: Source, model: Model, edit: Edit) -> str:
         source.remove(element)
         return f"delete {source.text(element)}"
     if edit.how == "couple":
-        pair, theirs = _alike(model, edit.target), model.tree.model
-        assert pair
-        axes = model.tree.at(theirs.qpos0).xaxis[list(pair)]
+        theirs = model.tree.model
+        axes = model.tree.at(theirs.qpos0).xaxis[list(edit.joints)]
         words = {key: text for key, text in element.attributes.items() if key in _ANY}
-        words |= {f"joint{k}": theirs.joint(joint).name for k, joint in enumerate(pair, 1)}
+        words |= {f"joint{k}": theirs.joint(joint).name for k, joint in enumerate(edit.joints, 1)}
         tie = tag_of("joint", words | {"polycoef": f"0 {np.sign(axes[0] @ axes[1]):.0f} 0 0 0"})
         source.put(element.start, tie, element.end)
         return f"{tie} in place of {source.text(element)}"
