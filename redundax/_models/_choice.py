@@ -110,11 +110,13 @@ def _change(edits: Sequence[Edit], directions: Mapping[str, np.ndarray]) -> str:
     if how == "point":
         return "holds a point alone|hold points alone"
     if how == "couple":
-        return "becomes a joint equality, without loads of its own|become joint equalities, without loads of their own"
+        return "becomes a joint equality, which bears nothing else|become joint equalities, which bear nothing else"
     rows = [row for edit in edits for row in edit.rows]
     if isinstance(target, Link) and len(rows) == len(ROWS[target.kind]):
         return "carries nothing then: it is free in all directions|carry nothing then: they are free in all directions"
     told: dict[str, list[str]] = {}
     for row in rows:
-        told.setdefault(_WORDS[row.rpartition(".")[2]], []).append(vector(directions[row]) if row in directions else "")
+        is_ball = isinstance(target, Link) and target.kind == "ball"  # it has no axis
+        words = "slides along" if is_ball else _WORDS[row.rpartition(".")[2]]
+        told.setdefault(words, []).append(vector(directions[row]) if row in directions else "")
     return listed([f"{words} {' and '.join(along)}".rstrip() for words, along in told.items()])

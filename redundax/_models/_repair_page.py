@@ -1,6 +1,7 @@
 """What to do about redundancy, as text: two ways at most for what belongs together, or all that were found."""
 
 import re
+import shlex
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -28,9 +29,10 @@ def mended(found: Audit, lines: Lines, language: str) -> Iterator[str]:
     if not found.figures[0]:
         return
     if not language:
-        yield "To mend it, free what one line names, if your hardware has that play:"
+        yield "To mend it, free what each line names, if your hardware has that play:"
         for group in found.groups:
-            yield from (f"  {_together([row for _, s in each.directions for row in s])}" for each in group.releases[:2])
+            ways = [_together([row for _, shares in each.directions for row in shares]) for each in group.releases[:2]]
+            yield from wrapped(f"- {' or: '.join(ways)}", initial_indent="  ", subsequent_indent="    ")
         return
     yield "To mend it, take the line that matches your hardware (directions in world axes):"
     several = len(found.repairs) > 1
@@ -51,7 +53,13 @@ def _told(choice: Choice, repair: Repair, found: Audit, k: int, lines: Lines) ->
     where = f"{choice.at[0]} = {choice.at[1]:.3g}"
     poor = "" if choice.is_usable else f"; moves freely near {where}: not usable over the full motion"
     rows = choice.rows
-    how = "  <- --fix takes it" if k == 0 else f"  <- --release {','.join(rows)}" if len(rows) <= _MOST else ""
+    how = (
+        "  <- --fix takes it"
+        if k == 0
+        else f"  <- --release {shlex.quote(','.join(rows))}"
+        if len(rows) <= _MOST
+        else ""
+    )
     yield from wrapped(
         f"{'- ' if k == 0 else '- or: '}{words}{after}{poor}{how}", initial_indent="  ", subsequent_indent="    "
     )

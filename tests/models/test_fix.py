@@ -180,8 +180,9 @@ def test_loops_of_a_urdf_become_freer(write, tmp_path):
     """All joints are at one point, where 15 forces hold 9 velocities: 6 of 10 stay, as only moments can be freed."""
     write("door.yaml", SCREWS.format("6d"))
     file = write("door.urdf", DOOR)
-    status, _, error = run(file, "--fix", tmp_path / "copy.urdf")
+    status, out, error = run(file, "--fix", tmp_path / "copy.urdf")
     assert (status, figures(file)) == (3, (10, 1))
+    assert "redundant by 10 -> 6" in " ".join(out.split()) and "which URDF cannot express" in " ".join(out.split())
     assert figures(tmp_path / "copy.urdf") == (6, 1)
     assert "The copy has redundancy 6, freedom 1." in error and "URDF cannot say" in error
     loops = yaml.safe_load((tmp_path / "copy.yaml").read_text())

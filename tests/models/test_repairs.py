@@ -10,7 +10,7 @@ import pytest
 
 import redundax as rx
 from redundax import __main__ as command
-from redundax._models._examine import examine
+from redundax._models._examine import _idle, examine
 from redundax._models._fix import fix
 from redundax._models._read import closures_of, read
 from redundax._models._stress import Stress
@@ -198,6 +198,16 @@ def test_a_model_without_loops_or_of_which_some_are_left_out_is_told_at_once(fol
     for more, first in (("", "NOT REDUNDANT: no loops"), (tied, "NOT DECIDED: constraint 'mjEQ_TENDON' is not taken")):
         (folder / "arm.xml").write_text(arm.format(more))
         assert first in run(folder / "arm.xml")[1]
+
+
+def test_bodies_that_move_while_drives_rest_are_told(folder):
+    """A pendulum on a driven one may swing, and one beside it."""
+    joint = '<body name="{}" pos="{} 0 0"><joint name="{}" axis="0 1 0"/><geom size="0.1" pos="0 0 -1"/>{}</body>'
+    bodies = joint.format("a", 0, "A", joint.format("b", 1, "B", "")) + joint.format("c", 5, "C", "")
+    drive = '<actuator><motor joint="A"/></actuator>'
+    (folder / "swings.xml").write_text(f"<mujoco><worldbody>{bodies}</worldbody>{drive}</mujoco>")
+    model = rx.load_model(folder / "swings.xml")
+    assert _idle(model, model.positions, 3) == ("b", "c")
 
 
 def test_a_folder_is_no_model(folder):
