@@ -140,7 +140,7 @@ def _audit(commands: Any) -> argparse.ArgumentParser:
         metavar="ROW,ROW",
         type=lambda text: tuple(text.split(",")),
         default=(),
-        help="rows that --fix is to free, as the audit names them; by default it takes the best",
+        help="rows that --fix is to free, as the audit names them; by default what the audit marks",
     )
     return examination
 

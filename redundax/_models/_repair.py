@@ -107,8 +107,11 @@ def _rest(found: Audit, basis: np.ndarray, rows: Sequence[str]) -> tuple[str, ..
 
 
 def _coupled(groups: Sequence[Group], edits: Sequence[Edit]) -> list[list[Group]]:
-    """Groups, those together that changes of one joint or loop are of."""
-    sets = [[group] for group in groups]
+    """Groups, those together that changes of one joint or loop are of, or that are of the same joints."""
+    alike: dict[tuple[str, ...], list[Group]] = {}
+    for group in groups:
+        alike.setdefault(tuple(dict.fromkeys(row.rpartition(".")[0] for row in group.rows)), []).append(group)
+    sets = list(alike.values())
     for name in dict.fromkeys(edit.name for edit in edits):
         rows = {row for edit in edits if edit.name == name for row in edit.rows}
         touched = [some for some in sets if any(rows & set(group.rows) for group in some)]

@@ -41,9 +41,9 @@ def mended(found: Audit, lines: Lines, language: str) -> Iterator[str]:
             yield f"{number}. of {listed(list(dict.fromkeys(row.rpartition('.')[0] for row in repair.rows)), 4)}:"
         for k, choice in enumerate(repair.choices):
             yield from _told(choice, repair, found, k, lines)
-        yield from _rest(repair, found, language)
-    if not any(repair.choices for repair in found.repairs):
-        yield f"  none that {language} can say; --all lists the rows to free."
+            yield from _rest(repair, found, language) if k == 0 else ()
+        if not repair.choices:
+            yield f"  - nothing that {language} can say; --all lists the rows to free"
 
 
 def _told(choice: Choice, repair: Repair, found: Audit, k: int, lines: Lines) -> Iterator[str]:
