@@ -16,7 +16,7 @@ _TIGHTENED = 4  # rounds in which the ranges of loads are narrowed
 _EDGE = 0.02  # share of a cone that a split leaves at least
 _WIDEST = np.pi - 1e-3  # opening of a cone, which is no cone from pi on
 _WIDER = 1e-6  # angle by which a cone exceeds the loads found, which makes it one of two rays
-_FLATTEST = 20.0  # tangent of half the opening of a cone about several loads, from which the zero is as good as in it
+_FLATTEST = 20.0  # tangent of half the opening of a cone of several loads, beyond which all loads are as good
 
 
 class Extreme(NamedTuple):
@@ -191,7 +191,7 @@ def _cone(points: np.ndarray) -> Rays:
 
 
 def _simplex_cone(points: np.ndarray, middle: np.ndarray) -> Rays:
-    """A cone about the middle, None if it is wide: in the plane square to that the rays are corners of a simplex."""
+    """A cone about the middle, whose rays are corners of a simplex in a plane square to that; None if it is wide."""
     n, size = len(middle), np.linalg.norm(middle)
     along = middle / (size or 1.0)
     if not np.min(points @ along) > 0:

@@ -149,7 +149,7 @@ def limit_load(
     - `system`, `state`: concrete values, at rest; not inside `jit` or `vmap`.
     - `load`: generalised forces by name of coordinate, N or N m, or an array of shape (n,).
     - `bounds`: what is known of preload, misfit or compliance, as of `band`; or a closure, for the loads that it picks.
-    - `nodes`: linear programmes at most for each end.
+    - `nodes`: linear programmes at most for each end; a few times as many where sleeves, balls or plates rest.
     - `rank`, `factor`: as in `solve`.
 
     **Returns:** a `types.LimitLoad`.
