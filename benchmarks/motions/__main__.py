@@ -18,7 +18,13 @@ import numpy as np  # noqa: E402
 
 from . import _exudyn, _figure, _mujoco, _works  # noqa: E402
 
-_WORKS = {"one": _works.one_motion, "space": _works.in_space, "batch": _works.batch, "long": _works.long_run}
+_WORKS = {
+    "one": _works.one_motion,
+    "space": _works.in_space,
+    "friction": _works.friction,
+    "batch": _works.batch,
+    "long": _works.long_run,
+}
 _COMPILATION = "compilation"
 
 

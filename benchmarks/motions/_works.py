@@ -28,6 +28,7 @@ from ._problems import (
     four_bar_in_space,
     n_four_bar,
     papers,
+    rubbing,
     stiffness,
     three_cranks,
 )
@@ -75,6 +76,13 @@ def in_space(quick: bool) -> Iterator[Row]:
                 seconds, found = _exudyn.run_in_space(problem, steps)
                 error = float(np.abs(found - problem.end).max())
                 yield Row(problem.name, _exudyn.NAME, f"{steps} steps", 0.0, seconds, steps, error)
+
+
+def friction(quick: bool) -> Iterator[Row]:
+    """A motion with dry friction in the plane, and the same in space."""
+    for problem in rubbing():
+        for rtol in (1e-7,) if quick else (1e-5, 1e-7, 1e-9):
+            yield _ours(problem, rtol)
 
 
 def _ours(problem: Problem, rtol: float) -> Row:

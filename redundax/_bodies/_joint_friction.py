@@ -3,7 +3,7 @@
 A mechanism keeps which joints have friction as indices; their geometry stays in the stacks of the joints.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Self
 
 import equinox as eqx
@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, Int, PyTree
 from .._system._axis import Axis
 from .._system._friction import AbstractFriction
 from .._system._state import State
-from .._tools._module import as_functions, replace_fields
+from .._tools._module import as_functions, replace_fields, tree_take
 from ._frame import AbstractFrame
 from ._friction_model import AbstractFrictionModel
 from ._joints import AbstractJoint
@@ -60,14 +60,14 @@ class JointFriction(AbstractFriction):
 
     def force(self, loads: Array, rate: Array, sense: Array, memory: PyTree, state: State) -> Array:
         return eqx.filter_vmap(lambda model, *args: model.force(*args))(
-            self.model, self._normal(loads), rate, sense, memory
+            self.model, self._normal(loads, state), rate, sense, memory
         )
 
     def largest_change(self, change: Array, rate: Array, memory: PyTree, state: State) -> Array:
         slope = eqx.filter_vmap(lambda model, *args: model.slope_bound(*args))(self.model, rate, memory)
         if not self.model.depends_on_load:
             return jnp.zeros_like(slope)
-        load = eqx.filter_vmap(lambda joint, own: joint.largest_change(own))(self.joints.element, change)
+        load = self._of_loads(lambda joint, *own: joint.largest_change(*own), change, state)
         return jnp.where(slope == 0, 0.0, slope * load)
 
     def memory_size(self) -> PyTree:
@@ -76,10 +76,18 @@ class JointFriction(AbstractFriction):
     def memory_rate(self, rate: Array, memory: PyTree, state: State) -> PyTree:
         return eqx.filter_vmap(lambda model, *args: model.memory_rate(*args))(self.model, rate, memory)
 
-    def _normal(self, loads: Array) -> Array:
+    def _normal(self, loads: Array, state: State) -> Array:
         if not self.model.depends_on_load:
             return jnp.zeros(loads.shape[:1], loads.dtype)
-        return eqx.filter_vmap(lambda joint, own: joint.normal_load(own))(self.joints.element, loads)
+        return self._of_loads(lambda joint, *own: joint.normal_load(*own), loads, state)
+
+    def _of_loads(self, function: Callable[..., Array], loads: Array, state: State) -> Array:
+        """A function of joint and loads, and of the poses of both bodies where it reads them."""
+        if not self.joints.element.reads_pose:
+            return eqx.filter_vmap(function)(self.joints.element, loads)
+        bodies = self.frame.poses(self.centres, state.q)
+        ends = tree_take(bodies, self.joints.i), tree_take(bodies, self.joints.j)
+        return eqx.filter_vmap(function)(self.joints.element, loads, ends)
 
 
 class FrictionMembers(eqx.Module):

@@ -102,7 +102,7 @@ class VectorFriction(AbstractFriction):
 
     def _over(self, function: Callable[..., Array], state: State, *arguments: Any) -> Array:
         """A function of joint, model, poses of both bodies where it reads them, and arguments of each joint."""
-        ends = None, None
+        ends = None
         if self.joints.element.reads_pose:
             bodies = self.frame.poses(self.centres, state.q)
             ends = tree_take(bodies, self.joints.i), tree_take(bodies, self.joints.j)

@@ -240,18 +240,6 @@ def have_direction(groups: Sequence[AbstractFriction]) -> np.ndarray:
     return np.array(found, bool)
 
 
-def refuse_directions(groups: Sequence[AbstractFriction], what: str) -> None:
-    """Refuse what bounds friction at rest of joints whose friction is along a direction."""
-    slips, found = slip_kinds(groups), have_direction(groups)
-    if found.any():
-        labels = ", ".join(slips.labels[k] for k in np.flatnonzero(found))
-        raise ValueError(
-            f"Argument `system` must have no dry friction along several slips {what}, but that of {labels} is: its "
-            "limits at rest are balls, which linear programmes do not take. Ask `sticking` or `simulate`, or give them "
-            "`rx.RegularisedCoulomb`, `rx.Dahl` or `rx.LuGre`."
-        )
-
-
 @eqx.filter_jit  # traced once for all iterations and derivatives in all programs
 def friction_force(
     groups: Sequence[AbstractFriction],

@@ -33,6 +33,7 @@ from .._bodies._space._loads import Bushing as Bushing
 from .._bodies._space._loads import LoadFunction as LoadFunction
 from .._bodies._space._loads import SpringDamper as SpringDamper
 from .._bodies._space._loads import TorsionSpring as TorsionSpring
+from .._bodies._space._overlap import Overlap as Overlap
 from .._bodies._space._placement import Placement as Placement
 from .._bodies._space._pose import Motion as Motion
 from .._bodies._space._pose import Pose as Pose

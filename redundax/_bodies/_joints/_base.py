@@ -115,6 +115,11 @@ class AbstractFrictionalJoint(AbstractJoint):
         """Whether the normal load is a seminorm of the multipliers."""
         return True
 
+    @property
+    def reads_pose(self) -> bool:
+        """Whether the normal load depends on the poses of both bodies."""
+        return False
+
     @abc.abstractmethod
     def normal_load(self, multipliers: Float[Array, " rows"]) -> Float[Array, ""]:
         """Size of the load that presses the sliding surfaces together, N: a seminorm of the multipliers."""

@@ -27,7 +27,6 @@ from ..._equations._factorize import dense_at
 from ..._solve._all_solutions import start_factors
 from ..._solvers._friction_problem import Law
 from ..._system._export import bands_dataset
-from ..._system._friction import refuse_directions
 from ..._system._names import ByName, index_of, senses, unit_of
 from ..._system._pushing import in_words, pulling
 from ..._system._results import RESULTS
@@ -206,7 +205,8 @@ def band(
       loads that it picks.
     - `samples`: random cases that are looked at where the band is not exact, beside vertices.
     - `starts`, `seed`: random initial loads for each of them, where the number of solutions is not proved.
-    - `nodes`: linear programmes at most for each extreme at rest.
+    - `nodes`: linear programmes at most for each extreme at rest; a few times as many where sleeves, balls or plates
+      rest.
     - `sense`, `rank`, `factor`: as in `solve`; joints at rest that are given a sense begin to slip.
 
     **Raises:** as `solution_family`; `ValueError` where bounds or outputs do not fit the system.
@@ -266,7 +266,6 @@ def _at_rest(
     """The bands of a mechanism whose joints rest, or some of them."""
     if report.problem:
         raise RuntimeError(report.problem)
-    refuse_directions(system.friction, "that is at rest")
     if is_still(system, state, factor):
         state = State(state.q, state.qd, state.t)  # bristles that bend let it move, so they do not count
     solutions = solution_set(system, state, factor, jnp.asarray(report.self_stress), senses(system.slips, sense))

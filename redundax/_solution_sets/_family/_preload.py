@@ -9,6 +9,7 @@ amplitudes z of a state s are the same self-stress in all of them.
 
 import dataclasses
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
@@ -74,7 +75,7 @@ def _arms(system: AbstractSystem, length: float) -> np.ndarray:
     for stack in system.joints:
         shape = len(stack.i), len(stack.element.row_kinds)
         guide = getattr(stack.element, "guide_length", None)
-        guide = np.zeros(1) if guide is None else np.asarray(guide, float)
+        guide = np.asarray(guide, float) if eqx.is_array(guide) else np.zeros(1)
         each.append(jnp.broadcast_to(jnp.where(guide > 0, guide, length).reshape(-1, 1), shape))
     return np.asarray(system.of_rows(each, length))
 

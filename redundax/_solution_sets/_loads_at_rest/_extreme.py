@@ -16,6 +16,7 @@ _TIGHTENED = 4  # rounds in which the ranges of loads are narrowed
 _EDGE = 0.02  # share of a cone that a split leaves at least
 _WIDEST = np.pi - 1e-3  # opening of a cone, which is no cone from pi on
 _WIDER = 1e-6  # angle by which a cone exceeds the loads found, which makes it one of two rays
+_FLATTEST = 20.0  # tangent of half the opening of a cone of several loads, beyond which all loads are as good
 
 
 class Extreme(NamedTuple):
@@ -63,6 +64,8 @@ class LoadsAtRest:
         size = np.abs(cost).max(initial=0.0) or 1.0
         cost, best, left, solved, order = cost / size, NOTHING, -np.inf, 1, itertools.count()
         relaxed.cuts.clear()
+        for planes in relaxed.planes:
+            planes.clear()
         if self.found is not None:
             best, solved = relaxed.inner(cost, self.found)
         queue = [_Node.of(relaxed.outer(cost, self.start), self.start, order)]
@@ -76,7 +79,7 @@ class LoadsAtRest:
                 found, steps = relaxed.inner(cost, node.x)
                 best, solved = max(best, found, key=_value_of), solved + steps
             cuts = [] if node.x is None else relaxed.violated(node.x)
-            if cuts:
+            if (node.x is not None and relaxed.beyond(node.x, node.cones)) or cuts:
                 relaxed.cuts += cuts
                 solved += 1
                 heapq.heappush(queue, _Node.of(relaxed.outer(cost, node.cones), node.cones, order))
@@ -101,56 +104,47 @@ class LoadsAtRest:
 
     def _split(self, cones: list[Rays], x: np.ndarray | None, excess: np.ndarray) -> list[list[Rays]]:
         """Cones that together hold those of a node, apart where the worst limit is; none if none can be split."""
-        reads, settled = self.relaxed.programme.reads, self._settled
+        own, settled = self.relaxed.own, self._settled
         for j in np.argsort(-excess):
             if settled[j] or excess[j] <= KEPT or (x is None and cones[j] is not None):
                 continue
             if cones[j] is None:
-                parts = [np.diag(signs) for signs in itertools.product((1.0, -1.0), repeat=reads[j].size)]
+                parts = [np.diag(signs) for signs in itertools.product((1.0, -1.0), repeat=len(own[j].offset))]
             else:
-                parts = self._halves(cast(np.ndarray, cones[j]), cast(np.ndarray, x), reads[j])
+                parts = _parts(cast(np.ndarray, cones[j]), own[j](cast(np.ndarray, x)))
             if parts:
                 return [[*cones[:j], part, *cones[j + 1 :]] for part in parts]
         return []
 
-    def _halves(self, rays: np.ndarray, x: np.ndarray, reads: np.ndarray) -> list[np.ndarray]:
-        """A cone of two loads, split along that of x."""
-        if reads.size != 2:
-            return []
-        share = np.linalg.solve(rays, self.relaxed.programme.read.rows(reads)(x))
-        share = np.maximum(share, 0.0)
-        share = share / share.sum() if share.sum() > 0 else np.full(2, 0.5)
-        ray = rays @ np.clip(share, _EDGE, 1 - _EDGE)
-        ray = ray / np.linalg.norm(ray)
-        return [np.stack([rays[:, 0], ray], axis=1), np.stack([ray, rays[:, 1]], axis=1)]
-
     @property
     def _settled(self) -> np.ndarray:
         """Limits that are the same at all loads that are possible."""
-        return np.array([not reads.size for reads in self.relaxed.programme.reads], bool)
+        return np.array([not len(own.offset) for own in self.relaxed.own], bool)
 
     def _tighten(self) -> None:
         """Narrow the loads that each limit depends on, and with them the limits, from the widest."""
-        matrix, offset = self.relaxed.programme.read
-        down, up = self.relaxed.programme.limits(np.zeros(len(offset)))[:2]
+        own = self.relaxed.own
+        down, up = self.relaxed.programme.limits(np.zeros(len(self.relaxed.programme.read.offset)))[:2]
         constant = self._settled
         self.relaxed.sides[constant] = np.stack([up, down], axis=1)[constant]
         for _ in range(_TIGHTENED):
-            ends = [self.relaxed.outer(sign * row, self.start).value for row in matrix for sign in (-1, 1)]
-            found = np.reshape(ends, (-1, 2))
-            if np.any(found == -np.inf):
+            ranges = [np.array([self._range(*row) for row in zip(*loads, strict=True)]).reshape(-1, 2) for loads in own]
+            if any(np.any(np.isnan(ends)) for ends in ranges):
                 return
-            ranges = (found * [-1, 1] + offset[:, None]).reshape(-1, 2)
             before = self.relaxed.sides.copy()
             self._take(ranges)
             if np.all(self.relaxed.sides > 0.9 * before):
                 return
 
-    def _take(self, ranges: np.ndarray) -> None:
+    def _range(self, row: np.ndarray, offset: float) -> list[float]:
+        """Least and largest row @ x + offset; NaN where nothing is possible."""
+        found = [sign * self.relaxed.outer(sign * row, self.start).value for sign in (-1, 1)]
+        return [np.nan, np.nan] if found[1] == -np.inf or found[0] == np.inf else [end + offset for end in found]
+
+    def _take(self, ranges: list[np.ndarray]) -> None:
         """Limits and cones of the loads within their ranges: a convex limit is largest at a vertex."""
-        for j, reads in enumerate(self.relaxed.programme.reads):
-            own = ranges[reads]
-            if not reads.size or not np.all(np.isfinite(own)):
+        for j, own in enumerate(ranges):
+            if not len(own) or not np.all(np.isfinite(own)):
                 continue
             vertices = np.array(list(itertools.product(*own)))
             values = np.stack([self.relaxed.limits_at(j, vertex) for vertex in vertices])
@@ -162,11 +156,28 @@ def _value_of(found: Optimum) -> float:
     return found.value
 
 
+def _parts(rays: np.ndarray, loads: np.ndarray) -> list[np.ndarray]:
+    """A cone, split along loads: each part has these in place of one ray. A single ray is split no more."""
+    n = len(loads)
+    if n < 2:
+        return []
+    share = np.maximum(np.linalg.solve(rays, loads), 0.0)
+    share = share / share.sum() if share.sum() > 0 else np.full(n, 1 / n)
+    share = np.where(share < _EDGE, 0.0, share)
+    if np.count_nonzero(share) < 2:  # beside a ray, from where a part of the widest opening is taken
+        near = share.argmax()
+        share = np.zeros(n)
+        share[[near, (rays[:, near] @ rays).argmin()]] = 1 - _EDGE, _EDGE
+    ray = rays @ share
+    ray = ray / np.linalg.norm(ray)
+    return [np.where(np.arange(n) == k, ray[:, None], rays) for k in np.flatnonzero(share)]
+
+
 def _cone(points: np.ndarray) -> Rays:
     """The narrowest cone that holds the vertices of a box, None where that holds the zero."""
     middle = points.mean(axis=0)
     if points.shape[1] > 2:
-        return None
+        return _simplex_cone(points, middle)
     if points.shape[1] == 1:
         return np.sign(middle)[:, None] if points.min() > 0 or points.max() < 0 else None
     if np.all(points.min(axis=0) <= 0) and np.all(points.max(axis=0) >= 0):
@@ -177,6 +188,22 @@ def _cone(points: np.ndarray) -> Rays:
     if most - least > _WIDEST:
         return None
     return np.stack([_turned(along, least), _turned(along, most)], axis=1)
+
+
+def _simplex_cone(points: np.ndarray, middle: np.ndarray) -> Rays:
+    """A cone about the middle, whose rays are corners of a simplex in a plane square to that; None if it is wide."""
+    n, size = len(middle), np.linalg.norm(middle)
+    along = middle / (size or 1.0)
+    if not np.min(points @ along) > 0:
+        return None
+    square = np.linalg.svd(along[None])[2][1:]
+    reach = np.linalg.norm(points @ square.T, axis=1) / (points @ along)
+    radius = (n - 1) * (reach.max() + _WIDER)
+    if radius > _FLATTEST:
+        return None
+    corners = np.linalg.svd(np.eye(n) - 1 / n)[0][:, : n - 1] * np.sqrt(n / (n - 1))  # of a regular simplex, unit
+    rays = along[:, None] + radius * square.T @ corners.T
+    return rays / np.linalg.norm(rays, axis=0)
 
 
 def _turned(vector: np.ndarray, angle: float) -> np.ndarray:

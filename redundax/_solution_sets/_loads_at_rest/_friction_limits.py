@@ -5,7 +5,6 @@
 where the spectral radius of Gamma is below 1, as no limit grows by more than Gamma |tau|.
 """
 
-from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -16,6 +15,7 @@ from jaxtyping import Array
 
 from ..._analysis._verdict import spectral_radius
 from ..._solvers._friction_problem import Law
+from ..._system._directions import directions_of
 from ..._system._friction import have_sense
 from ..._tools._compilation import compiled
 from ..._tools._module import on_device
@@ -37,11 +37,13 @@ class Limited(NamedTuple):
     reads: tuple[np.ndarray, ...]
     full: np.ndarray
     limits: Limits
+    balls: tuple[list[int], ...] = ()
 
 
 class FrictionSizes(NamedTuple):
     """Sizes of friction, whether these are bounds, (I - Gamma)^-1 (that without friction); and what each load allows.
 
+    - `friction`: of slips that share one, that of the arms of the largest.
     - `growth`: largest change of friction by a unit of each load, shape (p, l).
     - `added`: largest amounts of added loads.
     """
@@ -69,10 +71,20 @@ def sizes_of(solutions: SolutionSet, cases: AbstractCases, added: np.ndarray = _
     if isinstance(cases, Affine) and np.all(np.isfinite(gamma)) and spectral_radius(gamma) < 1:
         given = limits[1] + change @ np.abs(upper - lower) / 2 + by_added @ added
         friction = np.linalg.solve(np.eye(len(gamma)) - gamma, given) * _WIDER
-        return FrictionSizes(np.where(friction > 0, friction, 1.0), True, growth, added)
+        return FrictionSizes(_shared(law, np.where(friction > 0, friction, 1.0)), True, growth, added)
     friction = np.max(limits, axis=0)
     largest = friction.max(initial=0.0) or 1.0
-    return FrictionSizes(np.where(friction > _NONE * largest, friction, largest), False, growth, added)
+    friction = np.where(friction > _NONE * largest, friction, largest)
+    return FrictionSizes(_shared(law, friction), False, growth, added)
+
+
+def _shared(law: Law, sizes: np.ndarray) -> np.ndarray:
+    """Sizes that are those of one force of the surfaces where slips share one friction."""
+    directions = directions_of(law.groups)
+    if directions is None:
+        return sizes
+    arms = np.asarray(directions.arms)
+    return arms * np.max(np.where(directions.same, sizes / arms, 0.0), axis=1)
 
 
 @compiled
@@ -98,7 +110,7 @@ def friction_limits(
     scale = np.where((scale > 0) & np.isfinite(scale), scale, 1.0)  # infinite where no bound of a law is known
     read = multipliers.rows(np.asarray(solutions.rows)).over(1 / scale)
     _, high, _, _ = _limits_at(law, on_device(1 / scale))
-    fixed = (np.asarray(law.sense) != 0) | ~np.array(have_sense(law.groups))
+    fixed = ~np.asarray(law.is_open) | ~np.array(have_sense(law.groups))
     full = np.where(fixed, np.where(np.asarray(high) >= 0, 1.0, -1.0), 0.0)
 
     def limits(loads: np.ndarray) -> LimitValues:
@@ -112,12 +124,23 @@ def friction_limits(
         )
 
     reads = tuple(np.flatnonzero(row > 0) for row in most)
-    return [Limited(friction.over(whole), read, reads, full, limits)]
+    directions = directions_of(law.groups)
+    joints = [] if directions is None else [joint for joint in directions.joints if not fixed[joint[0]]]
+    return [Limited(friction.over(whole), read, reads, full, limits, tuple(map(list, joints)))]
 
 
 @compiled
 def _limits_at(law: Law, loads: Array) -> tuple[Array, Array, Array, Array]:
-    """Least and largest friction of slips that rest, and that of those that move, and the derivatives by the loads."""
+    """Least and largest friction of slips that rest, and that of those that move, and the derivatives by the loads.
 
-    limits = partial(law.limits, either=law.sense == 0)
+    `Law.limits` of slips that share one friction are those of equal parts.
+    """
+    parts, directions = jnp.ones_like(law.rate), directions_of(law.groups)
+    if directions is not None:
+        parts = jnp.where(law.is_open, jnp.sqrt(jnp.sum(jnp.asarray(directions.same), axis=1)), 1.0)
+
+    def limits(loads: Array) -> tuple[Array, Array]:
+        low, high = law.limits(loads, either=law.is_open)
+        return parts * low, parts * high
+
     return *limits(loads), *jax.jacfwd(limits)(loads)

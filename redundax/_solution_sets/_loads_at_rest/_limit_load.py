@@ -22,7 +22,6 @@ from ..._closures._closure import AbstractClosure, Elasticity, MinimumNorm, elas
 from ..._equations._factorisation import Factorisation
 from ..._equations._factorize import dense_at
 from ..._equations._response import Response
-from ..._system._friction import refuse_directions
 from ..._system._names import ByName, unit_of, vector
 from ..._system._pushing import in_words, pulling
 from ..._system._state import State
@@ -150,7 +149,7 @@ def limit_load(
     - `system`, `state`: concrete values, at rest; not inside `jit` or `vmap`.
     - `load`: generalised forces by name of coordinate, N or N m, or an array of shape (n,).
     - `bounds`: what is known of preload, misfit or compliance, as of `band`; or a closure, for the loads that it picks.
-    - `nodes`: linear programmes at most for each end.
+    - `nodes`: linear programmes at most for each end; a few times as many where sleeves, balls or plates rest.
     - `rank`, `factor`: as in `solve`.
 
     **Returns:** a `types.LimitLoad`.
@@ -164,7 +163,6 @@ def limit_load(
     if report.problem:
         raise RuntimeError(report.problem)
     force = np.asarray(vector("load", load, system.coordinates, " of coordinates"), float)
-    refuse_directions(system.friction, "that is at rest")
     start, ways = drive(system, state, factor), velocity_basis(system, factor)
     own = force @ ways
     if not np.linalg.norm(own) > NONE * np.linalg.norm(force):
@@ -297,11 +295,15 @@ def _way(
     own: np.ndarray,
 ) -> tuple[tuple[str, ...], np.ndarray]:
     """Names of the joints that slip, and velocities of power 1, as far as joints below their limits let it move."""
-    p = len(start.slips)
-    down, up = found.programme.limits(found.programme.read(x))[:2]
-    bounded = found.programme.bounded(x)
-    held = np.minimum(up - bounded, down + bounded)[:p] > _AT_LIMIT
-    _, sizes, basis = np.linalg.svd(start.slips[held]) if held.any() else (0, np.zeros(0), np.eye(len(own)))
+    held = _left(found.programme, x)[: len(start.slips)] > _AT_LIMIT
+    rests = start.slips[held]
+    if start.directions is not None:  # a joint whose slips share one friction slips against it, and not across
+        bounded, velocities = found.programme.bounded(x), np.asarray(start.directions.arms)[:, None] * start.slips
+        for ball in found.programme.balls:
+            if not held[ball[0]]:
+                along = bounded[ball] / np.linalg.norm(bounded[ball])
+                rests = np.concatenate([rests, velocities[ball] - np.outer(along, along @ velocities[ball])])
+    _, sizes, basis = np.linalg.svd(rests) if len(rests) else (0, np.zeros(0), np.eye(len(own)))
     free = basis[np.sum(sizes > NONE * np.abs(start.slips).max(initial=0.0)) :]
     drives = free @ own
     power, turns = drives @ drives, np.where(system.slips.angular, np.asarray(factor.length), 1.0)
@@ -313,6 +315,16 @@ def _way(
         velocities = np.full(len(system.coordinates), np.nan)
     names = itertools.compress(system.slips.labels, (rates > _SLIPS * rates.max(initial=0.0)) & ~held)
     return tuple(names), velocities
+
+
+def _left(programme: Programme, x: np.ndarray) -> np.ndarray:
+    """What is left of the limits of each friction, for balls of all of it."""
+    down, up = programme.limits(programme.read(x))[:2]
+    bounded = programme.bounded(x)
+    left = np.minimum(up - bounded, down + bounded)
+    for ball in programme.balls:
+        left[ball] = up[ball[0]] - np.linalg.norm(bounded[ball])
+    return left
 
 
 def _scale(solutions: SolutionSet, cases: AbstractCases, start: ReducedForce, own: np.ndarray) -> float:

@@ -3,7 +3,7 @@
     max c^T x   with   A x = a,   B x <= b,   |V x + v| <= 1,   x in a box,
                        -down_j(rho_j) <= t_j <= up_j(rho_j),   t = T x + t_0,   rho = R x + rho_0
 
-Every limit is a constant and a seminorm N of at most two loads. More load allows more friction, so that the set is not
+Every limit is a constant and a seminorm N of some loads. More load allows more friction, so that the set is not
 convex. In a cone of loads with the rays v_i, and beside any loads rho*,
 
     N'(rho*) rho <= N(rho) <= sum_i w_i N(v_i),   rho = sum_i w_i v_i,   w_i >= 0.
@@ -13,6 +13,11 @@ the left side it holds only what is possible: an inner one. Cones are split alon
 where its limit is exact then, until both bounds meet or `most` programmes are solved.
 
 A slip that moves has all of its friction: `full` says at which limit. The lower bound N'(rho*) rho <= N is a cut then.
+
+Slips at rest that share one friction are within a ball, |t_b| <= up_b: u . t_b <= up_b for every unit vector u.
+Programmes have such planes for the directions u of what they found beyond the ball.
+
+Cones are of the loads that the equations leave independent.
 """
 
 from collections.abc import Callable
@@ -44,6 +49,7 @@ class Programme(NamedTuple):
     - `bounded`: T, t_0; `read`: R, rho_0; `reads`: the loads that each limit depends on.
     - `full`: 0 within limits, 1 at `up`, -1 at `-down`; the other limit is infinite then.
     - `limits`: the limits at loads rho.
+    - `balls`: which t are together within their limit, which each of them has too.
     """
 
     equal: tuple[np.ndarray, np.ndarray]
@@ -55,6 +61,16 @@ class Programme(NamedTuple):
     reads: tuple[np.ndarray, ...]
     full: np.ndarray
     limits: Limits
+    balls: tuple[list[int], ...] = ()
+
+    def used(self, x: np.ndarray) -> np.ndarray:
+        """|t| over its limits, where it has one; of balls as a whole."""
+        down, up = self.limits(self.read(x))[:2]
+        t = self.bounded(x)
+        most, size = np.where(t > 0, up, down), np.abs(t)
+        for ball in self.balls:
+            size[ball] = np.linalg.norm(t[ball])
+        return size / np.where(most > 0, most, 1.0)
 
     def with_limits(self, factor: float) -> "Programme":
         """The same with all limits multiplied."""

@@ -7,26 +7,43 @@ import numpy as np
 
 from ._programme import KEPT, NOTHING, TOLERANCE, Optimum, Programme, Rays, Row
 
+_PART = 0.3  # of what splits keep out, which is worth a plane
+_ROUNDING = 1e-10  # of loads that depend on each other, relative to the largest
 _ROUNDS = 40  # of cuts, and of steps to a better inner bound
 
 
 class Relaxation:
     """The programmes of one set.
 
+    - `own`: the loads that each limit depends on, as far as they are independent; `bases`: these in those.
     - `sides`: upper and lower limits, (f, 2), that hold whatever the loads.
     - `cuts`: inequalities that hold for all that is possible.
+    - `planes`: directions in which programmes keep within a ball.
     """
 
     def __init__(self, programme: Programme):
         self.programme = programme
+        self.bases = _independent_loads(programme)
+        self.own = [
+            programme.read.rows(reads).times(basis.T) for reads, basis in zip(programme.reads, self.bases, strict=True)
+        ]
         self.sides = np.full((len(programme.reads), 2), np.inf)
         self.cuts: list[Row] = []
+        self.planes: list[list[np.ndarray]] = [[] for _ in programme.balls]
         self._known: dict[tuple[int, bytes], np.ndarray] = {}
 
     def outer(self, cost: np.ndarray, cones: Sequence[Rays]) -> Optimum:
         """The largest that the limits over cones allow."""
         rows = [row for j, rays in enumerate(cones) for row in self._over_cone(j, rays)]
-        return self._solve(cost, rows)
+        return self._solve(cost, rows + self._touching(self._radii_over(cones)))
+
+    def beyond(self, x: np.ndarray, cones: Sequence[Rays]) -> bool:
+        """Whether x is outside a ball whose radius is the largest over cones; a plane keeps it out then.
+
+        Less than a part of what smaller cones would keep out does not count.
+        """
+        enough = max(KEPT, _PART * np.max(self.excess(x), initial=0.0))
+        return self._kept_out(x, self._radii_over(cones), enough)
 
     def inner(self, cost: np.ndarray, x: np.ndarray) -> tuple[Optimum, int]:
         """A local extreme of what is possible, from loads beside it, and the number of programmes."""
@@ -35,7 +52,7 @@ class Relaxation:
             count += 1
             tangents = self._tangents(x)
             self.cuts += [Row(-row.left, -row.right) for row, full in tangents if full]
-            found = self._convex(cost, [row for row, _ in tangents])
+            found = self._convex(cost, [row for row, _ in tangents], self._radii_beside(x))
             if found.x is None:
                 break
             x = found.x
@@ -47,16 +64,59 @@ class Relaxation:
                 break
         return best, count
 
-    def _convex(self, cost: np.ndarray, rows: list[Row]) -> Optimum:
-        """The largest c^T x under the rows, and cuts until what is convex is kept."""
-        found = self._solve(cost, rows)
+    def _convex(self, cost: np.ndarray, rows: list[Row], radii: list[Row]) -> Optimum:
+        """The largest c^T x under the rows and within balls of these radii, with cuts until what is convex is kept."""
+        found = self._solve(cost, rows + self._touching(radii))
         for _ in range(_ROUNDS):
             cuts = [] if found.x is None else self.violated(found.x)
-            if not cuts:
+            if found.x is None or not (self._kept_out(found.x, radii) or cuts):
                 break
             self.cuts += cuts
-            found = self._solve(cost, rows)
+            found = self._solve(cost, rows + self._touching(radii))
         return found
+
+    def _touching(self, radii: list[Row]) -> list[Row]:
+        """u . t <= radius for the planes of each ball, the radius being right - left^T x."""
+        T, t = self.programme.bounded
+        return [
+            Row(u @ T[ball] + radius.left, float(radius.right - u @ t[ball]))
+            for ball, radius, planes in zip(self.programme.balls, radii, self.planes, strict=True)
+            for u in planes
+            if radius.right < np.inf
+        ]
+
+    def _kept_out(self, x: np.ndarray, radii: list[Row], enough: float = KEPT) -> bool:
+        """Whether x is outside a ball; a plane keeps it out then."""
+        t, out = self.programme.bounded(x), False
+        for ball, radius, planes in zip(self.programme.balls, radii, self.planes, strict=True):
+            length = np.linalg.norm(t[ball])
+            if length > radius.right - radius.left @ x + enough:
+                planes.append(t[ball] / length)
+                out = True
+        return out
+
+    def _radii_beside(self, x: np.ndarray) -> list[Row]:
+        """The least radii of balls, beside the loads of x."""
+        own = self.programme
+        loads = own.read(x)
+        _, up, _, slope = own.limits(loads)
+        return [
+            Row(-slope[j] @ own.read.matrix, float(up[j] + slope[j] @ (own.read.offset - loads)))
+            for j in (ball[0] for ball in own.balls)
+        ]
+
+    def _radii_over(self, cones: Sequence[Rays]) -> list[Row]:
+        """The largest radii of balls over cones of their loads."""
+        out = []
+        for j in (ball[0] for ball in self.programme.balls):
+            rays, own = cones[j], self.own[j]
+            if rays is None:
+                out.append(Row(np.zeros(own.matrix.shape[1]), self.sides[j, 0]))
+            else:
+                limit = self._limits_along(j, rays)[0]
+                weights = limit[1:] @ np.linalg.inv(rays)
+                out.append(Row(-weights @ own.matrix, float(limit[0] + weights @ own.offset)))
+        return out
 
     def _solve(self, cost: np.ndarray, rows: list[Row]) -> Optimum:
         from scipy.optimize import linprog  # here, because its import takes a second
@@ -95,9 +155,9 @@ class Relaxation:
         length = np.linalg.norm(at)
         if length > 1 + KEPT:
             cuts.append(Row(at @ matrix / length, float(1 - at @ offset / length)))
-        cuts += [
-            Row(-row.left, -row.right) for row, full in self._tangents(x) if full and row.right - row.left @ x > KEPT
-        ]
+        if self.programme.full.any():
+            tangents = self._tangents(x)
+            cuts += [Row(-row.left, -row.right) for row, full in tangents if full and row.right - row.left @ x > KEPT]
         return cuts
 
     def _tangents(self, x: np.ndarray) -> list[tuple[Row, bool]]:
@@ -114,29 +174,25 @@ class Relaxation:
         return out
 
     def excess(self, x: np.ndarray) -> np.ndarray:
-        """By how much limits are exceeded, and full friction is missed."""
-        both = self._shortage(x).reshape(2, -1)
-        full = self.programme.full
-        missed = np.where(full == 1, both[0], np.where(full == -1, both[1], -np.inf))
-        return np.maximum(np.max(-both, axis=0), missed)
-
-    def _shortage(self, x: np.ndarray) -> np.ndarray:
-        """What is left to the upper limits, then to the lower ones."""
+        """By how much limits are exceeded, and full friction is missed; of a ball at its first entry."""
         own = self.programme
         down, up = own.limits(own.read(x))[:2]
         t = own.bounded(x)
-        return np.concatenate([up - t, down + t])
+        missed = np.where(own.full == 1, up - t, np.where(own.full == -1, down + t, -np.inf))
+        excess = np.max([t - up, -t - down, missed], axis=0)
+        for ball in own.balls:
+            excess[ball] = -np.inf
+            excess[ball[0]] = np.linalg.norm(t[ball]) - up[ball[0]]
+        return excess
 
     def _over_cone(self, j: int, rays: Rays) -> list[Row]:
         """The limits of one friction over a cone of its loads, and the cone."""
-        own = self.programme
-        (T, t), (R, r), reads = own.bounded, own.read, own.reads[j]
-        if rays is None or not reads.size:
+        T, t = self.programme.bounded
+        if rays is None:
             return [
                 Row(s * T[j], side - s * t[j]) for s, side in zip((1, -1), self.sides[j], strict=True) if side < np.inf
             ]
-        weights = np.linalg.inv(rays)
-        shares, given = weights @ R[reads], weights @ r[reads]
+        shares, given = self.own[j].times(np.linalg.inv(rays))
         out = [Row(-share, more) for share, more in zip(shares, given, strict=True)]
         for sign, limit in zip((1, -1), self._limits_along(j, rays), strict=True):
             if limit[0] < np.inf:
@@ -154,7 +210,22 @@ class Relaxation:
         key = j, loads.tobytes()
         if key not in self._known:
             point = np.zeros(len(self.programme.read.offset))
-            point[self.programme.reads[j]] = loads
+            point[self.programme.reads[j]] = self.bases[j] @ loads
             down, up = self.programme.limits(point)[:2]
             self._known[key] = np.array([up[j], down[j]])
         return self._known[key]
+
+
+def _independent_loads(programme: Programme) -> list[np.ndarray]:
+    """A basis of the loads of each limit that equations leave, columns; of all of them the loads themselves."""
+    left, right = programme.equal
+    least = np.linalg.lstsq(left, right, rcond=None)[0] if len(left) else np.zeros(len(programme.box))
+    _, sizes, ways = np.linalg.svd(left)
+    ways = ways[np.sum(sizes > _ROUNDING * sizes.max(initial=0.0)) :].T
+    given, caused = programme.read(least), programme.read.matrix @ ways
+    bases = []
+    for reads in programme.reads:
+        basis, sizes, _ = np.linalg.svd(np.column_stack([given[reads], caused[reads]]), full_matrices=False)
+        basis = basis[:, sizes > _ROUNDING * sizes.max(initial=0.0)]
+        bases.append(np.eye(reads.size) if basis.shape[1] == reads.size else basis)
+    return bases

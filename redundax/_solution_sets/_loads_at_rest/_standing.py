@@ -8,15 +8,15 @@ over a case theta (`_cases`) and the friction tau. Where some slips move, these 
 others do not accelerate: E_j^T a = gamma_j, a = a_0 + A tau.
 """
 
+import itertools
 from collections.abc import Sequence
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Array
 
 from ..._equations._factorisation import Factorisation
 from ..._equations._kinematics import slip_gamma, slip_motion
-from ..._solvers._friction_problem import Law
 from ..._system._friction import have_sense
 from ..._system._state import State
 from ..._system._system import AbstractSystem
@@ -78,9 +78,9 @@ def standing(
         reads=_places(limited),
         full=np.concatenate([np.zeros(0), *(part.full for part in limited)]),
         limits=_joined(limited),
+        balls=_balls(limited),
     )
-    known = all(group.has_convex_limits for group in system.friction)
-    return Standing(programme, unknowns, cases, known and all(reads.size <= 2 for reads in programme.reads))
+    return Standing(programme, unknowns, cases, all(group.has_convex_limits for group in system.friction))
 
 
 def _balance(
@@ -93,8 +93,7 @@ def _balance(
 ) -> tuple[AffineMap, Unknowns]:
     """What vanishes: all accelerations at rest, those of the slips that rest where others move."""
     law = solutions.law
-    sent = law is not None and np.any(np.asarray(law.sense) != 0)
-    if is_still(system, state, factor) and not sent:
+    if is_still(system, state, factor) and (law is None or np.all(law.is_open)):
         start = drive(system, state, factor) if added is None else added.start
         n = len(system.coordinates)
         still = unknowns.acceleration.times(np.zeros((n, n)))
@@ -102,7 +101,8 @@ def _balance(
         if added is not None:
             drives = np.column_stack([drives, added.drive])
         return unknowns.forces.times(drives, start.load), unknowns._replace(acceleration=still)
-    resting = (np.asarray(cast(Law, law).sense) == 0) & np.array(have_sense(system.friction))
+    resting = np.array(have_sense(system.friction))
+    resting = resting & np.asarray(law.is_open) if law is not None else resting
     directions, gamma = (np.asarray(x) for x in _slips(system.anonymous(), state))
     return unknowns.acceleration.times(directions[:, resting].T, -gamma[resting]), unknowns
 
@@ -126,6 +126,12 @@ def _places(parts: Sequence[Limited]) -> tuple[np.ndarray, ...]:
         out += [reads + first for reads in part.reads]
         first += len(part.read.offset)
     return tuple(out)
+
+
+def _balls(parts: Sequence[Limited]) -> tuple[list[int], ...]:
+    """Those of all parts, among the quantities of all."""
+    starts = itertools.accumulate((len(part.full) for part in parts), initial=0)
+    return tuple([start + k for k in ball] for part, start in zip(parts, starts, strict=False) for ball in part.balls)
 
 
 def _joined(parts: Sequence[Limited]) -> Limits:

@@ -33,10 +33,7 @@ def wedged(
     x = LoadsAtRest(programme, most=_MOST).extreme(np.zeros(len(found.unknowns.box)), first=True).x
     if x is None:
         return None
-    down, up = programme.limits(programme.read(x))[:2]
-    friction = programme.bounded(x)
-    limits = np.where(friction > 0, up, down)
-    share = np.max(np.abs(friction) / np.where(limits > 0, limits, 1.0), initial=0.0)
+    share = np.max(programme.used(x), initial=0.0)
     still = np.zeros((1, len(system.coordinates)))
     multipliers, tau = found.unknowns.multipliers(x)[None], found.unknowns.friction(x)[None]
     margin, senses = np.array([max(1 / share - 1, 0.0) if share > 0 else np.inf]), np.zeros_like(tau)

@@ -12,8 +12,11 @@ from ...._tools._module import as_float, positive
 from ..._friction_model import AbstractFrictionModel
 from ..._joints._base import check_friction
 from .._contact import AbstractContact, ContactLoad, ContactSize
+from .._overlap import Overlap
 from .._pose import Pose
 from ._base import AbstractPlacedJoint
+
+Ends = tuple[Pose, Pose]
 
 
 class AbstractContactJoint(AbstractPlacedJoint):
@@ -57,7 +60,7 @@ class AbstractContactJoint(AbstractPlacedJoint):
             )
         self.friction, self.contact = friction, contact
         for name, value in (*needed.items(), *by_term.values()):
-            if value is not None and name != "thrust_radius":
+            if value is not None and name != "thrust_radius" and not isinstance(value, Overlap):
                 positive(name, as_float(value))
         for name, value in needed.items():
             if friction is not None and value is None:
@@ -76,15 +79,39 @@ class AbstractContactJoint(AbstractPlacedJoint):
 
 
 class AbstractPressedJoint(AbstractContactJoint):
-    """A joint with one normal load."""
+    """A joint with one normal load; `ends` are the poses of both bodies, for those whose contact depends on them."""
 
-    def normal_load(self, multipliers: Float[Array, " rows"]) -> Float[Array, ""]:
+    def normal_load(self, multipliers: Float[Array, " rows"], ends: Ends | None = None) -> Float[Array, ""]:
         """Size of the load that presses the sliding surfaces together, N."""
-        return self.contact.normal_load(self.load(multipliers), self.size)
+        return self.contact.normal_load(*self._contact_at(multipliers, ends))
 
-    def largest_change(self, change: Float[Array, " rows"]) -> Float[Array, ""]:
+    def largest_change(self, change: Float[Array, " rows"], ends: Ends | None = None) -> Float[Array, ""]:
         """Bound of the change of the normal load by a change of the multipliers."""
-        return self.contact.largest_change(self.load(change), self.size)
+        return self.contact.largest_change(*self._contact_at(change, ends))
+
+    @property
+    def reads_pose(self) -> bool:
+        """Whether the normal load depends on the poses of both bodies."""
+        return self.overlap is not None
+
+    @property
+    def overlap(self) -> Overlap | None:
+        """What the length of the contact is, where it changes."""
+        return None
+
+    def _contact_at(self, multipliers: Array, ends: Ends | None) -> tuple[ContactLoad, ContactSize]:
+        """Loads at the middle of the contact, and its size."""
+        load, size = self.load(multipliers), self.size
+        if self.overlap is None:
+            return load, size
+        if ends is None:
+            raise ValueError(
+                f"Argument `ends` must be the poses of both bodies of joint '{self.name}', but is None: its contact is "
+                "as long as its parts overlap. Give a pair of `rx.spatial.Pose`."
+            )
+        length, middle = self.overlap.at(self.relative(*ends).travel)
+        bend = load.bend - middle * jnp.stack([-load.radial[1], load.radial[0]])
+        return load._replace(bend=bend), size._replace(length=length)
 
     def load(self, multipliers: Float[Array, " rows"]) -> ContactLoad:
         """What the multipliers are for the contact."""

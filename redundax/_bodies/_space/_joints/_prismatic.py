@@ -13,6 +13,7 @@ from ..._friction_model import AbstractFrictionModel
 from ..._joints._base import Row
 from .._body import Body
 from .._contact import AbstractContact, ContactSize, EndContacts
+from .._overlap import Overlap, length_or_overlap
 from .._placement import Placement, at_reference
 from .._pose import Pose
 from ._frictional import AbstractFrictionalJoint
@@ -36,7 +37,8 @@ class Prismatic(AbstractFrictionalJoint):
 
     **Arguments:** those of the other pairs, `point` being the middle of the slider, which goes with body i, and
 
-    - `guide_length`: distance of the slider's two contacts, which bending moments press, m; needed for friction.
+    - `guide_length`: distance of the slider's two contacts, which bending moments press, m, or an `Overlap` where it
+      changes with the travel; needed for friction.
     - `twist_radius`: distance from the axis at which a twisting moment presses, m; needed for friction.
     - `friction`: `Coulomb` with its coefficient mu, or another model.
     - `contact`: the law for the normal load, and which terms it has.
@@ -44,7 +46,7 @@ class Prismatic(AbstractFrictionalJoint):
 
     row_kinds: ClassVar[tuple[Row, ...]] = (*RADIAL, *BEND, TWIST)
     slip_kind: ClassVar[str] = "linear"
-    guide_length: Float[Array, ""] | None
+    guide_length: Float[Array, ""] | Overlap | None
     twist_radius: Float[Array, ""] | None
     friction: AbstractFrictionModel | None
     contact: AbstractContact
@@ -60,19 +62,24 @@ class Prismatic(AbstractFrictionalJoint):
         *,
         on_i: Placement | None = None,
         on_j: Placement | None = None,
-        guide_length: Numbers | None = None,
+        guide_length: Numbers | Overlap | None = None,
         twist_radius: Numbers | None = None,
         friction: AbstractFrictionModel | None = None,
         contact: AbstractContact = _ENDS,
     ):
         self.place(name, i, j, at_reference(name, point, axis, mark), on_i, on_j)
-        self.guide_length, self.twist_radius = optional_float(guide_length), optional_float(twist_radius)
+        self.guide_length, self.twist_radius = length_or_overlap(guide_length), optional_float(twist_radius)
         by_term = {"bend": ("guide_length", guide_length), "twist": ("twist_radius", twist_radius)}
         self.rub(friction, contact, {}, by_term)
 
     @property
     def size(self) -> ContactSize:
-        return ContactSize(self.guide_length, twist_radius=self.twist_radius)
+        length = None if isinstance(self.guide_length, Overlap) else self.guide_length
+        return ContactSize(length, twist_radius=self.twist_radius)
+
+    @property
+    def overlap(self) -> Overlap | None:
+        return self.guide_length if isinstance(self.guide_length, Overlap) else None
 
     @property
     def coordinate_kinds(self) -> tuple[Row, ...]:

@@ -28,7 +28,6 @@ class AbstractSlidingJoint(AbstractPressedJoint):
 
     slip_kinds: eqx.AbstractClassVar[tuple[Row, ...]]
     has_direction: ClassVar[bool] = True
-    reads_pose: ClassVar[bool] = False
 
     @property
     @abc.abstractmethod
@@ -44,7 +43,7 @@ class AbstractSlidingJoint(AbstractPressedJoint):
     ) -> Float[Array, " slips"]:
         """Friction forces and moments, one for each slip; at rest against the direction `sense`, as one of v."""
         velocity = self.arms * rate
-        normal = self.normal_load(loads) if model.depends_on_load else jnp.zeros((), velocity.dtype)
+        normal = self.normal_load(loads, ends) if model.depends_on_load else jnp.zeros((), velocity.dtype)
         if memory is not None:
             return self.arms * model.force(normal, velocity, sense, memory)
         size = model.force(normal, safe_norm(velocity), jnp.ones_like(normal), None)
@@ -62,7 +61,7 @@ class AbstractSlidingJoint(AbstractPressedJoint):
             slope = model.slope_bound(velocity, memory)
         if not model.depends_on_load:
             return jnp.zeros_like(velocity)
-        return jnp.where(slope == 0, 0.0, self.arms * slope * self.largest_change(change))
+        return jnp.where(slope == 0, 0.0, self.arms * slope * self.largest_change(change, ends))
 
     def memory_rates(self, model: AbstractFrictionModel, rate: Array, memory: PyTree) -> PyTree:
         """Rates of change of the internal state, of as many components as there are slips."""

@@ -14,6 +14,7 @@ from ..._friction_model import AbstractFrictionModel
 from ..._joints._base import Row
 from .._body import Body
 from .._contact import AbstractContact, ContactLoad, ContactSize, EndContacts
+from .._overlap import Overlap, length_or_overlap
 from .._placement import Placement, at_reference
 from .._pose import Pose
 from ._rows import ANGLE, AXIAL, BEND, RADIAL, TRAVEL
@@ -40,14 +41,15 @@ class Cylindrical(AbstractSlidingJoint):
 
     **Arguments:** those of the other pairs, `point` being the middle of the sleeve where it is body i, and
 
-    - `shaft_radius`, `bearing_length`: of the shaft, and distance of both ends of the sleeve, m; needed for friction.
+    - `shaft_radius`, `bearing_length`: of the shaft, and distance of both ends of the sleeve, m, or an `Overlap` where
+      it changes with the travel; needed for friction.
     - `friction`: `Coulomb` with its coefficient mu, or another model.
     - `contact`: the law for the normal load, and which terms it has.
     """
 
     row_kinds: ClassVar[tuple[Row, ...]] = (*RADIAL, *BEND)
     slip_kinds: ClassVar[tuple[Row, ...]] = (ANGLE, TRAVEL)
-    bearing_length: Float[Array, ""] | None
+    bearing_length: Float[Array, ""] | Overlap | None
     shaft_radius: Float[Array, ""] | None
     friction: AbstractFrictionModel | None
     contact: AbstractContact
@@ -64,17 +66,21 @@ class Cylindrical(AbstractSlidingJoint):
         on_i: Placement | None = None,
         on_j: Placement | None = None,
         shaft_radius: Numbers | None = None,
-        bearing_length: Numbers | None = None,
+        bearing_length: Numbers | Overlap | None = None,
         friction: AbstractFrictionModel | None = None,
         contact: AbstractContact = _ENDS,
     ):
         self.place(name, i, j, at_reference(name, point, axis, mark), on_i, on_j)
-        self.shaft_radius, self.bearing_length = optional_float(shaft_radius), optional_float(bearing_length)
+        self.shaft_radius, self.bearing_length = optional_float(shaft_radius), length_or_overlap(bearing_length)
         self.rub(friction, contact, {"shaft_radius": shaft_radius}, {"bend": ("bearing_length", bearing_length)})
 
     @property
     def size(self) -> ContactSize:
-        return ContactSize(self.bearing_length)
+        return ContactSize(None if isinstance(self.bearing_length, Overlap) else self.bearing_length)
+
+    @property
+    def overlap(self) -> Overlap | None:
+        return self.bearing_length if isinstance(self.bearing_length, Overlap) else None
 
     @property
     def arms(self) -> Array:
