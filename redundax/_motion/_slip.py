@@ -11,7 +11,8 @@ which joints stick (`_stick`).
 
 Where a joint has several slips with one friction h is the velocity of its surfaces, or their acceleration, along the
 direction in which they slide as the step begins, or in which they are let go: that of what holds them. Beyond a stop
-friction goes on as before it. Steps that end against that direction must pass a stop (`ends_well`).
+friction goes on as before it. Steps that end against that direction must pass a stop (`ends_well`). The derivatives of
+such a release are not those of the motion: NaN.
 
 A mechanism at rest is looked at from time to time: loads that change may let it go.
 """
@@ -29,7 +30,7 @@ from jaxtyping import Array, Bool, Float
 from .._equations._kinematics import between
 from .._system._directions import Directions
 from .._system._state import State
-from .._tools._module import stop_gradient
+from .._tools._module import stop_gradient, without_derivative
 from ._moving import NONE, Context, Equations, Linear, Moving, rechart, tolerance_of
 from ._project import project
 from ._stick import Mode, mode_of, next_mode
@@ -190,6 +191,8 @@ def locate(
     if equations.directions is not None:  # what is left of slip has a direction
         qd = equations.with_sense(onward.sense).halted(y.at(t), context.held)
         y = y._replace(qd=jnp.where(event, qd, y.qd))
+        none = event & free & jnp.any(go & equations.directions.directed)
+        t, y = jax.tree.map(lambda x: without_derivative(none, x), (t, y))
     return t, y, onward
 
 

@@ -205,3 +205,18 @@ def test_where_a_plate_stops_and_how_that_depends_on_mu():
     way = speed**2 / (2 * np.asarray(mu)[:, None] * gravity) * [0.6, 0.8]
     np.testing.assert_allclose(where, way, rtol=1e-8)
     np.testing.assert_allclose(slope, -way / np.asarray(mu)[:, None], rtol=1e-6)
+
+
+def test_a_plate_that_is_let_go_has_no_derivatives_beyond():
+    """Moved by g (t - t0)^3 / (6 m) from t0 = mu N / g on: the value is right, and no wrong slope beside it."""
+    growth, end = 2.0, 2.0
+
+    def moved(mu):
+        mechanism = plate(mu=mu, growth=(1.2, 1.6, 0.0))
+        options = {"ts": [end], "max_phases": 3, "adjoint": diffrax.ForwardMode()}
+        return rx.simulate(mechanism, rx.State(mechanism.reference, jnp.zeros(6)), end, throw=False, **options).q[0, :2]
+
+    where, slope = jax.jit(lambda x: jax.jvp(moved, (x,), (jnp.ones_like(x),)))(jnp.asarray(MU))
+    way = growth * (end - LIMIT / growth) ** 3 / (6 * MASS)
+    np.testing.assert_allclose(where, way * np.array([0.6, 0.8]), rtol=1e-5)
+    assert np.all(np.isnan(slope))
