@@ -40,7 +40,7 @@ class Coordinate(eqx.Module):
         return np.stack([np.asarray(body)[members] for body in (stack.i, stack.j)], axis=1)
 
     def columns(self, joints: Sequence[Stack], frame: AbstractFrame, count: int) -> np.ndarray:
-        """Where the velocities of both bodies are among those of `count` bodies, beyond the last those of the ground."""
+        """Where the velocities of both bodies are among those of `count`, and of the ground beyond the last."""
         outside = np.full(frame.size, frame.size * count)
         columns = [*(frame.columns(body, count) for body in range(count)), outside]
         return np.array(columns)[self.bodies(joints)].reshape(-1, 2 * frame.size)

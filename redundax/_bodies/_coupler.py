@@ -158,7 +158,7 @@ def couplings(
     found = []
     for (first, second, *kinds, terms), members in alike.items():
         ends = [
-            Coordinate(*at, indices([places[getattr(couplers[k], which)][2] for k in members]))
+            Coordinate(at[0], at[1], indices([places[getattr(couplers[k], which)][2] for k in members]))
             for at, which in ((first, "first"), (second, "second"))
         ]
         columns = np.concatenate([end.columns(joints, frame, count) for end in ends], axis=1)

@@ -36,7 +36,7 @@ def test_a_double_pendulum_with_geared_drives(second):
 
 
 def test_a_carriage_on_a_turning_guide_feels_its_rotor_along_the_guide():
-    """T = (J w^2 + m (u'^2 + u^2 w^2) + a u'^2) / 2 without loads: u'' = m u w^2 / (m + a), w' = -2 m u u' w / (J + m u^2).
+    """T = (J w^2 + m (u'^2 + u^2 w^2) + a u'^2) / 2, so (m + a) u'' = m u w^2 and (J + m u^2) w' = -2 m u u' w.
 
     The carriage keeps the direction of the guide, so that J is that of both.
     """
@@ -62,10 +62,10 @@ def test_a_print_shows_the_armature_with_its_unit():
 
 
 def test_armature_is_refused_where_it_has_no_sense():
-    with pytest.raises(ValueError, match="`armature`.*'C.angle'"):
+    with pytest.raises(ValueError, match=r"`armature`.*'C\.angle'"):
         pendulum(C=0.1)
     for value in (-0.1, np.nan, (0.1, 0.2)):
-        with pytest.raises(ValueError, match="Argument `armature` must hold a number for 'A.angle'"):
+        with pytest.raises(ValueError, match=r"Argument `armature` must hold a number for 'A\.angle'"):
             pendulum(A=value)
     with pytest.raises(ValueError, match="`armature` couples bodies"):
         pendulum(A=0.1).sparse()
