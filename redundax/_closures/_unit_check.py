@@ -4,7 +4,8 @@ Arrays carry no unit, but their size gives them away. Of a joint whose contacts 
 
     c_moment L^2 / c_force = (L / b)^2,   L a length of the mechanism,
 
-is 1e-3 for b = 30 L and 1e6 for b = L / 1000, and no part misses its place by L or by a full turn.
+is 1e-3 for b = 30 L and 1e6 for b = L / 1000. No part misses its place by L / 20 or 0.1 rad. No joint gives way by L
+under the loads of the mechanism; mere weights of rows, which take no misfit, may, but are no larger than 1000.
 """
 
 import dataclasses
@@ -20,14 +21,19 @@ from .._system._units import StatedUnits
 from ._closure import AbstractClosure, Elasticity
 
 _LEAST, _MOST = 1e-3, 1e6
+_SHARE, _TURN = 1 / 20, 0.1  # of the length, and rad: the largest misfit
+_WEIGHT = 1e3
 _IN_M, _IN_MM = StatedUnits(1.0), StatedUnits(1e3, mass=1e-3)
 _checked: WeakValueDictionary[int, AbstractClosure] = WeakValueDictionary()
 
 
-def check_units(names: Names, length: Array, closure: AbstractClosure, given: Elasticity, stacklevel: int) -> None:
+def check_units(
+    names: Names, length: Array, closure: AbstractClosure, given: Elasticity, multipliers: Array, stacklevel: int
+) -> None:
     """Warn, once for each closure, where its concrete values look as if they were in other units.
 
-    `length` is that of the factorised mechanism, and `given` what the closure gave at its state.
+    `length` is that of the factorised mechanism, `given` what the closure gave at its state, and `multipliers` those of
+    the solution.
     """
     if _checked.get(id(closure)) is closure:
         return
@@ -35,9 +41,14 @@ def check_units(names: Names, length: Array, closure: AbstractClosure, given: El
     if float(length) == 1.0:  # stands for a mechanism without a length of its own
         return
     compliance, misfit, scale = _diagonal(np.asarray(given.compliance)), np.asarray(given.misfit), np.asarray(length)
-    for problem in (_of_compliance(names, compliance, scale), _of_misfit(names, misfit, scale)):
-        if problem:
-            warnings.warn(f"{problem}; if the figures are meant, ignore this warning.", stacklevel=stacklevel + 1)
+    most = _WEIGHT if not misfit.any() else 0.0
+    problems = (
+        _of_compliance(names, compliance, scale),
+        _of_stiffness(names, compliance, np.asarray(multipliers), scale, most),
+        _of_misfit(names, misfit, scale),
+    )
+    for problem in filter(None, problems):
+        warnings.warn(f"{problem}; if the figures are meant, ignore this warning.", stacklevel=stacklevel + 1)
 
 
 def _diagonal(compliance: np.ndarray) -> np.ndarray:
@@ -65,15 +76,38 @@ def _of_compliance(names: Names, compliance: np.ndarray, length: np.ndarray) -> 
     )
 
 
+def _of_stiffness(
+    names: Names, compliance: np.ndarray, multipliers: np.ndarray, length: np.ndarray, most: float
+) -> str:
+    rows, of = names.rows, names.units.of
+    forces = np.abs(multipliers[~rows.angular & np.isfinite(multipliers)])
+    soft = ~rows.angular & (compliance > 0)
+    if not (forces.size and soft.any()):
+        return ""
+    force, load = np.median(compliance[soft]), forces.max()
+    if force <= most or force * load <= length:
+        return ""
+    per_force = f" {of('linear')}/{of('force')}" if str(names.units) else ""
+    return (
+        f"Argument `W` looks as if it were stiffness, or in other units than the system: force-type rows have "
+        f"{force:.2g}{per_force} in the median, most {_largest(rows, compliance, soft)}. The largest load, "
+        f"{load:.2g} {of('force')}".rstrip()
+        + f", would move them by {force * load:.2g} {of('linear')}".rstrip()
+        + f", more than the length {_of_length(names, length)} of the mechanism. Give stiffness to "
+        "`from_stiffness`, or compliance in the units of the model"
+    )
+
+
 def _of_misfit(names: Names, misfit: np.ndarray, length: np.ndarray) -> str:
     rows = names.rows
-    large = np.abs(misfit) > np.where(rows.angular, 2 * np.pi, length)
+    large = np.abs(misfit) > np.where(rows.angular, _TURN, _SHARE * length)
     if not large.any():
         return ""
     return (
         "Argument `misfit` looks as if it were in other units than the system: it has "
-        f"{_largest(rows, misfit, large)}, more than the length {_of_length(names, length)} of the mechanism or a full "
-        f"turn. Give {_remedy(names.units, _IN_MM, _IN_M)}, `units=rx.units.Units(angle=57.2958)` for degrees"
+        f"{_largest(rows, misfit, large)}, more than {_SHARE:g} of the length {_of_length(names, length)} of the "
+        f"mechanism or {_TURN:g} rad. Give {_remedy(names.units, _IN_MM, _IN_M)}, "
+        "`units=rx.units.Units(angle=57.2958)` for degrees"
     )
 
 
