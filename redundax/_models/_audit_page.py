@@ -3,6 +3,7 @@
 import textwrap
 from collections.abc import Iterator, Sequence
 
+from .._analysis._bearing_words import best_in_words
 from .._tools._table import WIDTH
 from ._audit import Audit, Group, Look, Part
 from ._drives import Drives
@@ -25,7 +26,7 @@ def audit_page(found: Audit) -> str:
     told += [*_travel(found.travel)] if found.travel else []
     told += [*_drives(found.drives)] if found.drives else []
     lines = [line for each in told for line in textwrap.wrap(each, WIDTH)]
-    return "\n".join([*lines, "", *_joints(found), *_dependent(found.groups)])
+    return "\n".join([*lines, "", *_joints(found), *_dependent(found.groups, found.rows)])
 
 
 def _verdict(found: Audit) -> Iterator[str]:
@@ -154,7 +155,7 @@ def _together(rows: Sequence[str]) -> str:
     )
 
 
-def _dependent(groups: Sequence[Group]) -> list[str]:
+def _dependent(groups: Sequence[Group], rows: Sequence[str]) -> list[str]:
     lines = []
     for number, group in enumerate(groups, 1):
         head = f"Dependent group {number}, redundancy {group.redundancy}: {_together(group.rows)}"
@@ -167,4 +168,5 @@ def _dependent(groups: Sequence[Group]) -> list[str]:
             lines += textwrap.wrap(
                 f"{words} ({release.determinant:.2g})", WIDTH, initial_indent="    ", subsequent_indent="        "
             )
+        lines += best_in_words(group.releases, rows)
     return lines

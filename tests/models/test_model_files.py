@@ -123,6 +123,7 @@ def test_the_exit_status_follows_what_is_allowed_and_the_page_says_what_is_redun
     assert "Dependent group 1, redundancy 1:" in out
     assert "Drives: the file names none." in out
     words = " ".join(out.split())
+    assert "slide along its axis (floating bearing)" in words
     assert "no singular position on the way" in words and "as the file counts" in words and "joint limits" not in words
     assert "Next: --fix COPY.xml" in out
 
