@@ -384,7 +384,7 @@ def test_bounds_without_redundancy_or_names_say_what_to_do():
     with pytest.raises(ValueError, match="no constraint is redundant here"):
         rx.band(*pair, "A.x", rx.AmplitudeBox({"A.x": (0.0, 1.0)}))
     for bounds, given in ((rx.PreloadNorm, 10.0), (rx.PreloadBox, {"A.x": 5.0}), (rx.AmplitudeBox, [(0.0, 1.0)])):
-        with pytest.raises(ValueError, match="must give .* by name, but is"):
+        with pytest.raises(ValueError, match=r"must give .* by name, but is"):
             bounds(given)
 
 
