@@ -1,4 +1,4 @@
-"""Armature: rotors of drives, which turn or travel with coordinates c of joints alone
+"""Armature: rotors of drives, which turn or travel with coordinates c of joints alone, or with the spin of a ball
 
     T = a c'^2 / 2,   M += J^T a J,   Q -= J^T a (J' v)
 
@@ -16,13 +16,16 @@ from jaxtyping import Array, Float, Int
 
 from .._system._names import Names, index_of
 from .._tools._module import Numbers, as_float, is_concrete, numpy_of, on_device
-from ._coordinate import Coordinate, Place
+from ._coordinate import SPIN, Coordinate, Place
 from ._frame import AbstractFrame
 from ._stack import Stack, indices
 
 
 class Armature(eqx.Module):
-    """That of one coordinate of joints of one kind, and columns of both bodies, beyond the last those of the ground."""
+    """That of one coordinate of joints of one kind, and columns of both bodies, beyond the last those of the ground.
+
+    Of each of the three rates of a ball joint by itself.
+    """
 
     coordinate: Coordinate
     inertia: Float[Array, " size"]
@@ -31,12 +34,13 @@ class Armature(eqx.Module):
     def words(self, names: Names, joints: Sequence[Stack]) -> list[str]:
         """Names of the coordinates with their inertia."""
         stack, column = joints[self.coordinate.kind], self.coordinate.column
-        what, kind = stack.element.coordinate_kinds[column]
+        what, kind = ("", "angular") if column == SPIN else stack.element.coordinate_kinds[column]
         unit = names.units.of("inertia" if kind == "angular" else "mass")
-        own = (names.joints[self.coordinate.kind][k] for k in np.asarray(self.coordinate.members))
+        own = [names.joints[self.coordinate.kind][k] for k in np.asarray(self.coordinate.members)]
+        values = np.asarray(self.inertia).reshape(len(own), -1)[:, 0]
         return [
-            f"{name}.{what} {value:.4g} {unit}".strip()
-            for name, value in zip(own, np.asarray(self.inertia), strict=True)
+            f"{name}{'.' if what else ''}{what} {value:.4g} {unit}".strip()
+            for name, value in zip(own, values, strict=True)
         ]
 
     def slopes(self, joints: Sequence[Stack], bodies: Any, n: int) -> Float[Array, "size n"]:
@@ -77,17 +81,19 @@ def armatures(
     frame: AbstractFrame,
     count: int,
 ) -> tuple[Armature, ...]:
-    """The armature by names of coordinates, of a mechanism of `count` bodies."""
+    """The armature by names of coordinates or ball joints, of a mechanism of `count` bodies."""
     alike: dict[tuple[int, int], list[tuple[int, Array]]] = {}
     for name, value in given.items():
-        index_of("armature", name, list(places), " of joint coordinates")
+        index_of("armature", name, list(places), " of joint coordinates or ball joints")
         stack, column, member, _ = places[name]
-        alike.setdefault((stack, column), []).append((member, _checked(name, as_float(value))))
+        alike.setdefault((stack, column), []).append((member, _checked(name, as_float(value, "armature"))))
     found = []
     for at, members in alike.items():
         coordinate, values = Coordinate(*at, indices([k for k, _ in members])), [value for _, value in members]
-        columns = indices(coordinate.columns(joints, frame, count))
-        found.append(Armature(coordinate, on_device(numpy_of(values).stack(values)), columns))
+        rates = 3 if coordinate.column == SPIN else 1
+        columns = indices(np.repeat(coordinate.columns(joints, frame, count), rates, axis=0))
+        inertia = numpy_of(values).repeat(numpy_of(values).stack(values), rates)
+        found.append(Armature(coordinate, on_device(inertia), columns))
     return tuple(found)
 
 

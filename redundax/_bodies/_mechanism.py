@@ -35,7 +35,7 @@ from .._tools._module import (
 from .._tools._table import are_known
 from ._armature import Armature, armature_load, armature_mass, armatures
 from ._body import GROUND, AbstractBody
-from ._coordinate import coordinate_places
+from ._coordinate import ball_places, coordinate_places
 from ._coupler import Coupler, Couplings, coupled_rows, couplings
 from ._frame import AbstractFrame
 from ._joint_coordinates import JointCoordinates
@@ -70,7 +70,7 @@ class Mechanism(AbstractSystem):
     - `gravity`: acceleration of gravity (2,), in space (3,), m/s^2, global components; none if not given.
     - `armature`: inertia of rotors that turn or travel with coordinates of joints alone, by their names, as in
       {"hinge.angle": 0.02}: of a geared drive, that of its rotor times the square of the gear ratio, kg m^2, or of a
-      travel a mass, kg. The mass matrix then depends on the position.
+      travel a mass, kg. That of a ball joint has the joint's name. The mass matrix then depends on the position.
     - `pose`: the coordinates q on the constraint manifold as a function of some independent coordinates, for
       `state`; make it an eqx.Module with its lengths as arrays, so that gradients move q with the lengths.
     - `units`: those of all its figures, `rx.units.SI` where they are m, kg, s and N, `rx.units.MM_TONNE` where they are
@@ -121,7 +121,7 @@ class Mechanism(AbstractSystem):
         self._source = indices(source)
         coupler_rows = places[-1][:, 0].tolist() if own else []
         self.couplings = couplings(couplers, at, coupler_rows, self.joints, self.frame, len(names))
-        self.armature = armatures(armature or {}, at, self.joints, self.frame, len(names))
+        self.armature = armatures(armature or {}, at | ball_places(joints, groups), self.joints, self.frame, len(names))
         self._friction = tuple(
             members
             for kind, group in enumerate(groups)

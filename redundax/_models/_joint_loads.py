@@ -1,7 +1,7 @@
 """What acts in the joints of a model: springs, dampers and armature
 
 Of a joint on the ground that turns, armature is an inertia about its axis, which the body carries wherever it is: the
-mass matrix stays constant. Of other hinges and slides it is that of the mechanism.
+mass matrix stays constant. Of other hinges, balls and slides it is that of the mechanism.
 """
 
 from typing import Any
@@ -27,8 +27,7 @@ def joint_loads(plan: Plan, data: Any, bodies: dict) -> tuple[list[Any], list[st
         dof = int(model.jnt_dofadr[link.joint])
         stiffness, damping = float(model.jnt_stiffness[link.joint]), float(model.dof_damping[dof])
         friction = link.kind not in ("hinge", "slide") and model.dof_frictionloss[dof]
-        loose = link.kind not in COORDINATES and model.dof_armature[dof] and carried_armature(plan, data, link) is None
-        lost = {"armature (of joints without a coordinate)": loose, "dry friction": friction}
+        lost = {"armature": link.kind == "free" and model.dof_armature[dof], "dry friction": friction}
         for what, name, at in (("springs", "jnt_stiffnesspoly", link.joint), ("dampers", "dof_dampingpoly", dof)):
             lost[f"what is not linear in the {what}"] = np.any(getattr(model, name, np.zeros(model.nv))[at])
         if stiffness or damping:
@@ -50,12 +49,12 @@ def carried_armature(plan: Plan, data: Any, link: Link) -> np.ndarray | None:
 
 
 def armature(plan: Plan, data: Any) -> dict[str, float]:
-    """That of coordinates of joints, by their names, which no body carries."""
+    """That of coordinates of joints or of balls, by their names, which no body carries."""
     found = {}
     for link in plan.links:
         value = float(plan.model.dof_armature[plan.model.jnt_dofadr[link.joint]])
-        if value and link.kind in COORDINATES and carried_armature(plan, data, link) is None:
-            found[f"{link.name}.{COORDINATES[link.kind]}"] = value
+        if value and link.kind != "free" and carried_armature(plan, data, link) is None:
+            found[f"{link.name}.{COORDINATES[link.kind]}" if link.kind in COORDINATES else link.name] = value
     return found
 
 

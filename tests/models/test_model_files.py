@@ -294,12 +294,12 @@ def test_springs_dampers_and_armature_act_as_in_mujoco(write):
     np.testing.assert_allclose(spin, data.qacc[-3:], rtol=1e-9)
 
 
-def test_dry_friction_of_balls_and_armature_of_those_between_bodies_that_move_are_told(write):
-    ball = """<mujoco><worldbody><body name="a"><joint name="K" type="ball" frictionloss="1"/>
-      <geom size="0.1" pos="1 0 0"/><body name="b"><joint name="L" type="ball" armature="0.1"/>
-      <geom size="0.1" pos="1 0 0"/></body></body></worldbody></mujoco>"""
+def test_dry_friction_of_balls_and_armature_of_what_floats_are_told(write):
+    ball = """<mujoco><worldbody><body name="a"><joint name="K" type="ball" frictionloss="1" armature="1"/>
+      <geom size="0.1" pos="1 0 0"/></body><body name="b"><joint name="F" type="free" armature="0.1"/>
+      <geom size="0.1"/></body></worldbody></mujoco>"""
     notes = rx.load_model(write("ball.xml", ball)).notes
-    assert "dry friction of K" in notes and "armature (of joints without a coordinate) of L" in notes
+    assert "dry friction of K" in notes and "armature of F" in notes
 
 
 NOT_LINEAR = """<mujoco><worldbody>
