@@ -4,8 +4,9 @@ Arrays carry no unit, but their size gives them away. Of a joint whose contacts 
 
     c_moment L^2 / c_force = (L / b)^2,   L a length of the mechanism,
 
-is 1e-3 for b = 30 L and 1e6 for b = L / 1000. No part misses its place by L / 20 or 0.1 rad. No joint gives way by L
-under the loads of the mechanism; mere weights of rows, which take no misfit, may, but are no larger than 1000.
+is 1e-3 for b = 30 L and 1e6 for b = L / 1000. No part misses its place by L / 4 or a quarter of a radian. A misfit is
+more than a millionth of what the loads of the mechanism make joints give way, which as many times both are; without
+misfit, compliance is mere weights, up to 1000, or joints give way by less than L.
 """
 
 import dataclasses
@@ -21,8 +22,8 @@ from .._system._units import StatedUnits
 from ._closure import AbstractClosure, Elasticity
 
 _LEAST, _MOST = 1e-3, 1e6
-_SHARE, _TURN = 1 / 20, 0.1  # of the length, and rad: the largest misfit
-_WEIGHT = 1e3
+_SHARE, _TURN = 0.25, 0.25  # of the length, and rad: the largest misfit
+_LOST, _WEIGHT = 1e-6, 1e3
 _IN_M, _IN_MM = StatedUnits(1.0), StatedUnits(1e3, mass=1e-3)
 _checked: WeakValueDictionary[int, AbstractClosure] = WeakValueDictionary()
 
@@ -41,10 +42,9 @@ def check_units(
     if float(length) == 1.0:  # stands for a mechanism without a length of its own
         return
     compliance, misfit, scale = _diagonal(np.asarray(given.compliance)), np.asarray(given.misfit), np.asarray(length)
-    most = _WEIGHT if not misfit.any() else 0.0
     problems = (
         _of_compliance(names, compliance, scale),
-        _of_stiffness(names, compliance, np.asarray(multipliers), scale, most),
+        _of_stiffness(names, (compliance, misfit), np.asarray(multipliers), scale),
         _of_misfit(names, misfit, scale),
     )
     for problem in filter(None, problems):
@@ -77,23 +77,32 @@ def _of_compliance(names: Names, compliance: np.ndarray, length: np.ndarray) -> 
 
 
 def _of_stiffness(
-    names: Names, compliance: np.ndarray, multipliers: np.ndarray, length: np.ndarray, most: float
+    names: Names, given: tuple[np.ndarray, np.ndarray], multipliers: np.ndarray, length: np.ndarray
 ) -> str:
-    rows, of = names.rows, names.units.of
+    """Of compliance and misfit, which only weigh against each other, and multipliers of their solution."""
+    (compliance, misfit), rows, of = given, names.rows, names.units.of
     forces = np.abs(multipliers[~rows.angular & np.isfinite(multipliers)])
     soft = ~rows.angular & (compliance > 0)
-    if not (forces.size and soft.any()):
+    load = forces.max(initial=0.0)
+    if not (load > 0 and soft.any()):
         return ""
-    force, load = np.median(compliance[soft]), forces.max()
-    if force <= most or force * load <= length:
+    middle, most = np.median(compliance[soft]), np.abs(misfit[~rows.angular]).max(initial=0.0)
+    if most > 0:
+        is_lost, why = most < _LOST * middle * load, "A misfit of {:.2g} {} is nothing beside"
+    else:
+        is_lost, why = (
+            middle > _WEIGHT and middle * load > length,
+            "The length of the mechanism, {:.2g} {}, is less than",
+        )
+    if not is_lost:
         return ""
     per_force = f" {of('linear')}/{of('force')}" if str(names.units) else ""
+    less = why.format(most or length, of("linear")).replace(" ,", ",").replace("  ", " ")
     return (
-        f"Argument `W` looks as if it were stiffness, or in other units than the system: force-type rows have "
-        f"{force:.2g}{per_force} in the median, most {_largest(rows, compliance, soft)}. The largest load, "
-        f"{load:.2g} {of('force')}".rstrip()
-        + f", would move them by {force * load:.2g} {of('linear')}".rstrip()
-        + f", more than the length {_of_length(names, length)} of the mechanism. Give stiffness to "
+        "Argument `W` looks as if it were stiffness, or in other units than the system: force-type rows have "
+        f"{middle:.2g}{per_force} in the median, most {_largest(rows, compliance, soft)}. {less} the deflection "
+        f"{f'{middle * load:.2g} ' + of('linear')}".rstrip()
+        + " by the largest joint load. Give stiffness to "
         "`from_stiffness`, or compliance in the units of the model"
     )
 
