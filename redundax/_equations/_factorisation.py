@@ -278,10 +278,10 @@ def factorised(system: AbstractSystem, state: State, rank: ArrayLike | None) -> 
 
 @compiled
 def _factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | None) -> Factorisation:
-    mass, load = system.mass(state.q, state.t), system.load(state)
-    check_shapes(system, mass=mass, load=load)
     scaled, matrix, position, scales, motion, _ = kinematics = scaled_kinematics(system, state)
     coordinate_scale, row_scale, length, size = scales
+    mass, load = system.mass(state.q, state.t), system.load(state)
+    check_shapes(system, load=load)
     parts, spectrum = split(scaled, position, rank)
     scaled_mass = coordinate_scale[:, None] * mass * coordinate_scale
     freedom = matrix.shape[1] - spectrum.rank

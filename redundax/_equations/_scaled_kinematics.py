@@ -32,7 +32,7 @@ class ScaledKinematics(NamedTuple):
 def scaled_kinematics(system: AbstractSystem, state: State) -> ScaledKinematics:
     """Those of a system at a state."""
     matrix = system.jacobian(state.q, state.t)
-    check_shapes(system, constraint=matrix[:, 0])
+    check_shapes(system, constraint=matrix[:, 0], mass=system.mass(state.q, state.t))
     motion, explicit, turned = second_order(system, state)
     scales = scaling(system, state, matrix, turned)
     scaled = matrix * scales.coordinates / scales.rows[:, None]
