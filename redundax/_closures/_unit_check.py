@@ -19,6 +19,7 @@ from jaxtyping import Array
 from .._system._axis import Axis
 from .._system._names import Names
 from .._system._units import StatedUnits
+from .._tools._module import is_concrete
 from ._closure import AbstractClosure, Elasticity
 
 _LEAST, _MOST = 1e-3, 1e6
@@ -34,7 +35,7 @@ def check_units(
     """Warn, once for each closure, where its concrete values look as if they were in other units.
 
     `length` is that of the factorised mechanism, `given` what the closure gave at its state, and `multipliers` those of
-    the solution.
+    the solution, which may be traced.
     """
     if _checked.get(id(closure)) is closure:
         return
@@ -44,7 +45,7 @@ def check_units(
     compliance, misfit, scale = _diagonal(np.asarray(given.compliance)), np.asarray(given.misfit), np.asarray(length)
     problems = (
         _of_compliance(names, compliance, scale),
-        _of_stiffness(names, (compliance, misfit), np.asarray(multipliers), scale),
+        _of_stiffness(names, (compliance, misfit), np.asarray(multipliers), scale) if is_concrete(multipliers) else "",
         _of_misfit(names, misfit, scale),
     )
     for problem in filter(None, problems):
