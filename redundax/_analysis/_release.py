@@ -57,7 +57,7 @@ def _direction(joint: str, shares: dict[str, float]) -> str:
 
 
 def releases(
-    basis: np.ndarray, rows: tuple[str, ...], kinds: tuple[str, ...], *, by_row: bool = False
+    basis: np.ndarray, rows: tuple[str, ...], kinds: tuple[str, ...], *, by_row: bool = False, most: int = _LISTED
 ) -> tuple[Release, ...]:
     """The best releases, a few, best first.
 
@@ -65,6 +65,7 @@ def releases(
     - `rows`, `kinds`: names "joint.row" and kinds of the rows.
     - `by_row`: whether rows are directions that can be built, as along the axes of a joint; else the principal
       directions of N within each joint are offered.
+    - `most`: how many.
     """
     count = basis.shape[1]
     candidates = _rows(basis, rows) if by_row else _candidates(basis, rows, kinds)
@@ -82,7 +83,7 @@ def releases(
         size, pick = item
         return -_rank(size), len({order[k][0] for k in pick})  # of equals those in few joints first
 
-    best = sorted(zip(sizes.tolist(), chosen, strict=True), key=rank)[:_LISTED]
+    best = sorted(zip(sizes.tolist(), chosen, strict=True), key=rank)[:most]
     place = {id(candidate): k for k, candidate in enumerate(candidates)}
     picks = ((size, sorted((order[k] for k in pick), key=lambda each: place[id(each)])) for size, pick in best)
     return tuple(Release(tuple(each[:2] for each in pick), size) for size, pick in picks if size > 1e-6)

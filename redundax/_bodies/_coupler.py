@@ -179,10 +179,11 @@ def _turns(kinds: Sequence[str], terms: tuple[int]) -> Literal["first", "second"
 
 def _shares(polynomial: Float[Array, "size terms"], kinds: Sequence[str]) -> Float[Array, " size"]:
     """q of couplers of angles by 1 / q, and 1 of others."""
-    one = np.ones(polynomial.shape[0])
-    if list(kinds) != ["angular", "angular"] or polynomial.shape[1] != 2 or not is_concrete(polynomial):
+    xp = numpy_of(polynomial)
+    one = xp.ones(polynomial.shape[0])
+    if list(kinds) != ["angular", "angular"] or polynomial.shape[1] != 2:
         return on_device(one)
-    ratio = np.abs(np.asarray(polynomial)[:, 1])
-    share = np.round(1 / np.where(ratio > 0, ratio, 1.0))
-    is_share = (share > 0) & (np.abs(ratio * share - 1) <= 4 * np.finfo(ratio.dtype).eps)
-    return on_device(np.where(is_share, share, one))
+    ratio = xp.abs(xp.asarray(polynomial)[:, 1])
+    share = xp.round(1 / xp.where(ratio > 0, ratio, 1.0))
+    is_share = (share > 0) & (xp.abs(ratio * share - 1) <= 4 * xp.finfo(ratio.dtype).eps)
+    return on_device(xp.where(is_share, share, one))

@@ -120,6 +120,7 @@ def _audit(commands: Any) -> argparse.ArgumentParser:
     examination.add_argument(
         "--allow", metavar="K", type=_whole, default=0, help="so many redundant constraints are no fault (default 0)"
     )
+    examination.add_argument("--all", action="store_true", help="list all releases that were found, too")
     examination.add_argument(
         "--html",
         metavar="FILE",
@@ -139,7 +140,7 @@ def _audit(commands: Any) -> argparse.ArgumentParser:
         metavar="ROW,ROW",
         type=lambda text: tuple(text.split(",")),
         default=(),
-        help="rows that --fix is to free, as the audit names them; by default it takes the best",
+        help="rows that --fix is to free, as the audit names them; by default what the audit marks",
     )
     return examination
 

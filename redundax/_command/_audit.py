@@ -6,7 +6,8 @@ import json
 import pathlib
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import jax
@@ -20,6 +21,7 @@ from .._models._audit_page import audit_page
 from .._models._examine import examine
 from .._models._fix import Fix, fix
 from .._models._model import Model, load_model
+from .._models._repair import language
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._progress import stage
@@ -30,6 +32,7 @@ from ._file import FileError, blaming, load
 
 _POSITIONS = 3  # beside that of the file
 _REACH = 0.3  # of them, rad or lengths of the mechanism
+_OPEN = 1e-6  # loops in the file, m or rad: less need not be told
 
 
 def audit_file(arguments: argparse.Namespace) -> int:
@@ -38,11 +41,12 @@ def audit_file(arguments: argparse.Namespace) -> int:
         check_pictures()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        system, state, found, about, mended = _found(arguments)
+        system, state, found, about, mended, says, lines = _found(arguments)
     told = list(dict.fromkeys(str(each.message) for each in caught if each.category is UserWarning))
     heading = [*_heading(arguments.system, about), *(f"warning: {each}" for each in told)]
-    rest = [*_next(arguments, found), *(f"left out: {note}" for note in about.get("left_out", ()))]
-    text = "\n".join([*heading, "", audit_page(found), *([""] if rest else []), *rest])
+    page = audit_page(found, about, lines=lines, language=says, allowed=arguments.allow, everything=arguments.all)
+    rest = [*_next(arguments, found), *_notes(about)]
+    text = "\n".join([*heading, "", page, *([""] if rest else []), *rest])
     show(
         json.dumps({"model": arguments.system, **about, "warnings": told, **found.to_dict()})
         if arguments.json
@@ -70,10 +74,14 @@ class _Found(NamedTuple):
     audit: Audit
     about: dict[str, Any]
     fix: Fix | None = None
+    language: str = ""
+    lines: Mapping[tuple[str, ...], Sequence[str]] = MappingProxyType({})
 
 
 def _found(arguments: argparse.Namespace) -> _Found:
     path = arguments.system
+    if pathlib.Path(path).is_dir():
+        raise FileError(f"'{path}' is a folder. Name an .xml or .urdf file, or FILE.py:NAME.")
     if arguments.release and not arguments.fix:
         raise FileError("Argument `--release` says what `--fix` is to free. Give --fix FILE too.")
     if arguments.fix:
@@ -89,7 +97,10 @@ def _found(arguments: argparse.Namespace) -> _Found:
         with stage("finding what is unique"):
             found = examine(model, _POSITIONS)
         mended = fix(model, found, arguments.fix, arguments.release) if arguments.fix else None
-        return _Found(model.mechanism, model.state, found, _about(model), mended)
+        says, lines = language(model), {}
+        for edit in (edit for each in found.repairs for choice in each.choices for edit in choice.edits):
+            lines[edit.rows] = says.lines(model, [edit])
+        return _Found(model.mechanism, model.state, found, _about(model), mended, says.name, lines)
 
 
 @contextlib.contextmanager
@@ -143,12 +154,18 @@ def _heading(path: str, about: dict[str, Any]) -> list[str]:
         for kind, names in about[part].items()
     ]
     lines = [f"{path}: {about['bodies']} {'body' if about['bodies'] == 1 else 'bodies'}; {', '.join(counts)}"]
-    if about["loops"]:
+    if about["misfit_in_file"] > _OPEN:
         lines.append(
-            f"Loops are open by {about['misfit_in_file']:.1g} (m or rad) in the file, {about['misfit']:.1g} closed."
+            f"The file's pose does not close its loops (off by {about['misfit_in_file']:.1g} m or rad). Joints were "
+            f"moved to close them, to {about['misfit']:.1g}."
         )
-        lines.append("Soft constraints of the file are taken as ideal.")
     return lines
+
+
+def _notes(about: dict[str, Any]) -> list[str]:
+    """What the model here is without."""
+    soft = ["Loops are taken as rigid, where MuJoCo has springs."] if about.get("loops") else []
+    return [*soft, *(f"left out: {note}" for note in about.get("left_out", ()))]
 
 
 def _next(arguments: argparse.Namespace, found: Audit) -> list[str]:
@@ -156,4 +173,5 @@ def _next(arguments: argparse.Namespace, found: Audit) -> list[str]:
     kind = pathlib.Path(arguments.system).suffix.lower()
     if kind not in MODELS or arguments.fix or not found.figures[0]:
         return []
-    return [f"Next: --fix COPY{kind} writes a copy of the model that is mended; --html PAGE.html shows it."]
+    fix = f"--fix COPY{kind} writes a mended copy; " if any(each.choices for each in found.repairs) else ""
+    return [f"Next: {fix}--all lists all releases; --html PAGE.html shows it."]

@@ -13,7 +13,7 @@ from ..plot._draw import html as turning
 from ..plot._page._pictures import drawing
 from ._file import FileError, writing
 
-_CAPTION = "Joints: green where the load is unique, red where it is not."
+_CAPTION = "Joints, not bodies: green where the load is unique, red where it is not."
 _STYLE = """
 body { font: 1rem/1.5 system-ui, sans-serif; color: #1a1a1a; background: #fff; margin: 0; padding: 1rem; }
 h1 { font-size: 1.3rem; margin: 0 0 .5rem; overflow-wrap: anywhere; }

@@ -44,7 +44,7 @@ def _check_loops(closures: pathlib.Path | None, file: pathlib.Path) -> None:
 
 def _check_named(source: pathlib.Path, file: pathlib.Path) -> None:
     """Refuse to write over a file that the model names, or where its relative paths lead elsewhere."""
-    named = list(_named(source))
+    named = [path for path in _named(source) if (source.parent / path).exists()]
     for path in named:
         if _same(file, source.parent / path):
             raise FileError(f"Argument `--fix` must not name '{file}', which the model names as '{path}'. Rename it.")

@@ -9,14 +9,15 @@ With the singular value decomposition K = U diag(sigma) V^T cut at rank r,
 
     K^+ = V sigma^-1 U^T,   P = I - U U^T  (self-stress, onto null K^T),   Z = I - V V^T  (motion, onto null K).
 
-A batch needs no decomposition where the spectrum has a wide gap. With c = |K|_F^2 and a small delta, the iteration
+A batch, or a large matrix under `jit`, needs no decomposition where the spectrum has a wide gap. With c = |K|_F^2 and
+a small delta, the iteration
 
     X = K^T (K K^T + delta c I)^-1,   X <- X (2 I - K X)
 
 squares the relative error delta c / (sigma^2 + delta c) of each kept singular value and leaves what is rounding small:
 P = I - K X, K^+ = X (I - P), Z = I - K^+ K. That tr P = |P|_F^2 proves that it projects onto a whole number of
 directions, |P K|_F bounds the singular values that it drops from above, and 1 / |K^+| those that it keeps from below.
-Where these bounds do not decide, the decomposition does; a batch pays for it only if it holds such a sample.
+Where these bounds do not decide, the decomposition does; a chunk of a batch pays for it only if it holds such a sample.
 
 Traced code knows the self-stress space and the space of motions only through P and Z: they have a fixed
 shape, need no basis, and at constant rank have the derivatives (Golub and Pereyra)
@@ -36,9 +37,12 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._system._decision import CLEAR, Decision
 from .._tools._chunks import in_chunks
+from .._tools._compilation import is_single
+from .._tools._module import batch_any
 
 _DELTA = 0.45  # power of the rounding: large enough that the Cholesky factor exists, else as small as can be
-_STEPS = 3
+_LARGE = 24  # rows and columns from which products take much less time than a decomposition
+_STEPS = 2  # and one where the first error calls for it
 
 
 class Spectrum(eqx.Module):
@@ -96,7 +100,8 @@ def split(
     still, violation = jax.lax.stop_gradient((scaled, violation))
     rank = None if rank is None else jnp.asarray(rank, int)
     tolerance = 30 * (_noise(still) + violation)
-    found = in_chunks(_decide, still, violation, tolerance, rank, alone=_decide_by_svd)
+    alone = _decide_by_svd if is_single() or min(scaled.shape) < _LARGE else None
+    found = in_chunks(_decide, still, violation, tolerance, rank, alone=alone)
     values = _relative(_singular_values(still))
     dropped = _largest_dropped(values, found.rank)
     gap = jnp.where(dropped > 0, _smallest_kept(values, found.rank) / jnp.where(dropped > 0, dropped, 1.0), jnp.inf)
@@ -106,12 +111,14 @@ def split(
 def _decide(scaled: Array, violation: Array, tolerance: Array, rank: Array | None) -> _Decided:
     """By multiplication, or where its bounds prove nothing by decomposition."""
 
-    def decomposed(state: tuple[_Decided, Array]) -> tuple[_Decided, Array]:
-        unproved = jnp.where(state[1], 0.0, scaled)  # XLA would move what does not change out of the loop, and run it
-        return _decide_by_svd(unproved, violation, tolerance, rank), jnp.asarray(True)
+    found, proved = _decide_by_products(scaled, violation, tolerance, rank)
 
-    start = _decide_by_products(scaled, violation, tolerance, rank)
-    return jax.lax.while_loop(lambda state: ~state[1], decomposed, start)[0]
+    def decomposed() -> _Decided:
+        unproved = jnp.where(proved, 0.0, scaled)
+        by_svd = _decide_by_svd(unproved, violation, tolerance, rank)
+        return jax.tree.map(lambda a, b: jnp.where(proved, a, b), found, by_svd)
+
+    return jax.lax.cond(batch_any(~proved), decomposed, lambda: found)
 
 
 @jax.custom_batching.custom_vmap
@@ -157,11 +164,19 @@ def _decide_by_products(
     factor = jnp.linalg.cholesky(gram + eps**_DELTA * one)
     half = jax.lax.linalg.triangular_solve(factor, one, lower=True)
     inverse = (scaled.T / size @ half.T) @ half
+    image = scaled @ inverse
+    begun = _between(_symmetric(one - image))
+
+    def step(inverse: Array, image: Array) -> tuple[Array, Array]:
+        inverse = 2 * inverse - inverse @ image
+        return inverse, scaled @ inverse
+
     for _ in range(_STEPS):
-        inverse = 2 * inverse - inverse @ (scaled @ inverse)
-    stress = _symmetric(one - scaled @ inverse)  # its eigenvalues lie between 0 and 1
-    between = jnp.sum(jnp.diagonal(stress)) - jnp.sum(stress**2)
-    stress = _stress_of(scaled, inverse)
+        inverse, image = step(inverse, image)
+    more = batch_any(begun ** (2**_STEPS) > _noise(scaled))
+    inverse, image = jax.lax.cond(more, step, lambda *ended: ended, inverse, image)
+    between = _between(_symmetric(one - image))
+    stress = _stress_of(image)
     inverse = inverse - inverse @ stress
     motion = _symmetric(jnp.eye(n, dtype=scaled.dtype) - inverse @ scaled)
     largest = _largest(size, gram, 1)
@@ -177,10 +192,14 @@ def _decide_by_products(
     return _Decided(parts, found, kept, Decision(kept / tolerance)), proved
 
 
-def _stress_of(scaled: Array, inverse: Array) -> Array:
-    """P from K^+, with what rounding left in it of the range of K taken out once more."""
-    image = scaled @ inverse
-    stress = _symmetric(jnp.eye(len(image), dtype=scaled.dtype) - image)
+def _between(projector: Array) -> Array:
+    """Sum of lambda (1 - lambda) over the eigenvalues, which lie between 0 and 1: 0 of a projector."""
+    return jnp.sum(jnp.diagonal(projector)) - jnp.sum(projector**2)
+
+
+def _stress_of(image: Array) -> Array:
+    """P from K K^+, with what rounding left in it of the range of K taken out once more."""
+    stress = _symmetric(jnp.eye(len(image), dtype=image.dtype) - image)
     return stress - 2 * _symmetric(stress @ image)
 
 
@@ -218,7 +237,7 @@ def _decide_by_svd(scaled: Array, violation: Array, tolerance: Array, rank: Arra
     counted = jnp.arange(sigma.size) < found
     inverse = vt.T @ (jnp.where(counted, 1 / jnp.where(counted, sigma, 1.0), 0.0)[:, None] * u.T)
     stress, motion = (jnp.eye(side.shape[0], dtype=u.dtype) - (side * counted) @ side.T for side in (u, vt.T))
-    product = _stress_of(scaled, 2 * inverse - inverse @ (scaled @ inverse))
+    product = _stress_of(scaled @ (2 * inverse - inverse @ (scaled @ inverse)))
     left, other = (jnp.linalg.norm(projector @ scaled) for projector in (stress, product))
     # A decomposition leaves ten roundings, products, as batches take them, one over `kept`.
     stress = jnp.where(other <= 2 * left, product, stress)

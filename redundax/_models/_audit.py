@@ -23,10 +23,14 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
 from .._tools._module import on_device
+from ._choice import Repair
 from ._drives import Drives
+from ._stress import Along
 from ._travel import Travel
 
 _MOST_BLUR = 1e-2
+_STILL = 1e-3  # rad or m: less is no motion
+_LISTED = 60  # releases of a dependent group
 _NEAR = 10.0  # times as large or small is not clearly another
 
 
@@ -37,7 +41,7 @@ class Look:
     - `rank`, `redundancy`, `freedom`: as in a `Report`; `kept`, `dropped`: the singular values beside the gap.
     - `digits`: singular values below count as 0, because the numbers of a file have no more digits.
     - `is_decided`: whether the rank is clear; `is_singular`: whether it is lower here than beside this position.
-    - `stress`: P, shape (m, m); `blur`: what of it is rounding and misfit.
+    - `stress`: P, shape (m, m); `blur`: what of it is rounding and misfit; `scales`: of multipliers, (m,).
     """
 
     rank: int
@@ -50,6 +54,7 @@ class Look:
     stress: np.ndarray
     blur: float
     digits: float = 0.0
+    scales: np.ndarray | None = None
 
     @property
     def figures(self) -> tuple[int, int]:
@@ -97,17 +102,25 @@ class Part:
 
 @dataclasses.dataclass(frozen=True)
 class Group:
-    """Rows coupled by self-stress, how many of them are redundant, and the best releases."""
+    """Rows coupled by self-stress, how many of them are redundant, and the best releases.
+
+    - `margins`: of each release the least along the motion, 0 where it adds one.
+    """
 
     redundancy: int
     rows: tuple[str, ...]
     releases: tuple[Release, ...]
+    margins: tuple[float, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)
 class Audit:
     """What an audit finds at a position, `here`, and at others; joints, dependent groups and drives are those of
-    `regular`, where motions of the joints start."""
+    `regular`, where motions of the joints start.
+
+    - `directions`: what rows are along there, in world axes; `idle`: bodies that can move while drives rest.
+    - `repairs`: what the file can say; `along`: the self-stress wherever the joints were moved.
+    """
 
     rows: tuple[str, ...]
     here: Look
@@ -116,6 +129,10 @@ class Audit:
     groups: tuple[Group, ...]
     drives: Drives | None = None
     travel: Travel | None = None
+    directions: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
+    repairs: tuple[Repair, ...] = ()
+    idle: tuple[str, ...] = ()
+    along: Along | None = None
 
     @property
     def regular(self) -> Look:
@@ -128,8 +145,16 @@ class Audit:
         return self.regular.figures
 
     @property
+    def is_stuck(self) -> bool:
+        """Whether it can move by its rank, but cannot be moved to another position: a dead point."""
+        spans = [high - low for low, high in self.travel.ranges.values()] if self.travel else []
+        return not self.others and self.here.freedom > 0 and max(spans, default=0.0) < _STILL
+
+    @property
     def is_decided(self) -> bool:
         """Whether all positions agree; one that is singular may differ from the others."""
+        if self.is_stuck:
+            return False
         looks = (self.here, *self.others)
         regular = [look for look in looks if not look.is_singular]
         return all(look.is_decided for look in looks) and bool(regular) and len({each.figures for each in regular}) == 1
@@ -153,8 +178,12 @@ class Audit:
                 "redundancy": group.redundancy,
                 "rows": list(group.rows),
                 "releases": [
-                    {"directions": [list(each) for each in one.directions], "determinant": one.determinant}
-                    for one in group.releases
+                    {
+                        "directions": [list(each) for each in one.directions],
+                        "determinant": one.determinant,
+                        **({"margin": margin} if margin is not None else {}),
+                    }
+                    for one, margin in zip(group.releases, group.margins or [None] * _LISTED, strict=False)
                 ],
             }
             for group in self.groups
@@ -167,6 +196,9 @@ class Audit:
             "positions": looks,
             "parts": {part.name: _part_as_dict(part) for part in self.parts},
             "groups": groups,
+            **({"repairs": [each.to_dict(self.directions) for each in self.repairs]} if self.repairs else {}),
+            "directions": {row: along.tolist() for row, along in self.directions.items()},
+            **({"stuck": True} if self.is_stuck else {}),
             **({"drives": self.drives.to_dict()} if self.drives else {}),
             **({"travel": self.travel.to_dict()} if self.travel else {}),
         }
@@ -250,6 +282,7 @@ def _look(system: AbstractSystem, state: State, digits: float) -> Look:
         stress=np.asarray(found.parts.stress),
         blur=min(100 * misfit / min(float(found.spectrum.kept), 1.0), _MOST_BLUR),
         digits=digits,
+        scales=np.asarray(at.scales.rows),
     )
 
 
@@ -289,5 +322,5 @@ def _groups(system: AbstractSystem, here: Look) -> tuple[Group, ...]:
         count = int(np.round(np.trace(block)))
         basis = np.linalg.eigh(block)[1][:, rows.size - count :]
         names, kinds = (tuple(every[k] for k in rows) for every in (system.rows.labels, system.rows.kinds))
-        found.append(Group(count, names, releases(basis, names, kinds, by_row=True)))
+        found.append(Group(count, names, releases(basis, names, kinds, by_row=True, most=_LISTED)))
     return tuple(found)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from .._tools._optional import optional
 from ._closed_loops import children, loops_in
-from ._edit_mjcf import TURNS, Edit, Written
+from ._edit_mjcf import TURNS, Edit, Written, hanging
 from ._model import Model
 from ._plan import Link
 from ._tree import Loop
@@ -20,10 +20,10 @@ def urdf_moves(model: Model) -> list[Edit]:
     for link in model.plan.links:
         if link.kind == "hinge" and link.name in free:
             rows = tuple(f"{link.name}.{row}" for row in TURNS[:2])
-            moves.append(Edit(rows, link, f"{link.name} is a ball joint"))
+            moves.append(Edit(rows, link, "ball", hanging(model, link)))
     for loop in model.tree.loops:
         if loop.kind == "weld":
-            moves.append(Edit(tuple(f"{loop.name}.{row}" for row in TURNS), loop, f"'{loop.name}' holds a point alone"))
+            moves.append(Edit(tuple(f"{loop.name}.{row}" for row in TURNS), loop, "point"))
     return moves
 
 

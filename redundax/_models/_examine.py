@@ -1,12 +1,19 @@
-"""The audit of a model from a file: of its mechanism, its drives, and along motions of its joints."""
+"""The audit of a model from a file: its mechanism, its drives, motions of its joints, and what mends it."""
 
 import dataclasses
 
-from ._audit import Audit, audit
+import numpy as np
+
+from .._tools._optional import optional
+from ._audit import Audit, Group, audit
 from ._drives import Drives, drives_at
 from ._model import Model
+from ._repair import along, ranked, repairs
+from ._stress import Along, Stress
 from ._travel import travel
 from ._tree import DIGITS
+
+_REST = 1e-6  # relative: what moves less is at rest
 
 
 def examine(model: Model, count: int = 3) -> Audit:
@@ -24,7 +31,46 @@ def examine(model: Model, count: int = 3) -> Audit:
     regular = next(k for k, look in enumerate(looks) if look is found.regular)
     same = [each for each, look in zip(driven, looks, strict=True) if look.figures == found.figures]
     moved = travel(model.tree, places[regular], found.regular.freedom, model.left)
-    return dataclasses.replace(found, drives=agreed(driven[regular], same), travel=moved)
+    kinds = {part.name: part.kind for part in (*model.plan.links, *model.tree.loops)}
+    kinds |= {tie.name: "coupling" for tie in model.tree.ties}
+    found = dataclasses.replace(
+        found,
+        drives=agreed(driven[regular], same),
+        travel=moved,
+        parts=tuple(dataclasses.replace(part, kind=kinds.get(part.name, part.kind)) for part in found.parts),
+        directions=Stress(model.plan, found.rows).directions(places[regular]),
+        idle=_idle(model, places[regular], found.regular.freedom),
+    )
+    if found.is_stuck:
+        return dataclasses.replace(found, groups=tuple(dataclasses.replace(each, releases=()) for each in found.groups))
+    way = along(model, found, places[regular], moved)
+    groups = tuple(_ranked(group, way, found) for group in found.groups)
+    return dataclasses.replace(found, groups=groups, along=way, repairs=repairs(model, found, way))
+
+
+def _ranked(group: Group, way: Along, found: Audit) -> Group:
+    best = ranked(way, group.releases, found.rows)
+    return dataclasses.replace(
+        group, releases=tuple(each for each, _ in best), margins=tuple(margin for _, margin in best)
+    )
+
+
+def _idle(model: Model, positions: np.ndarray, freedom: int) -> tuple[str, ...]:
+    """Bodies that can move while all drives rest."""
+    tree, plan = model.tree, model.plan
+    names, rates = tree.drives(positions)
+    if not freedom or not names:
+        return ()
+    motion = tree.scale()[:, None] * tree.motion(positions, freedom)[0]
+    driven = rates @ motion
+    motion = motion @ np.linalg.svd(driven)[2][np.linalg.matrix_rank(driven, tol=_REST) :].T
+    data, mujoco, moving = tree.at(positions), optional("mujoco", "models"), []
+    for body in plan.movers:
+        both = np.zeros((2, 3, tree.model.nv))
+        mujoco.mj_jacBody(tree.model, data, both[0], both[1], body)
+        if np.abs(both @ motion).max(initial=0.0) > _REST * tree.size:
+            moving.append(plan.body_names[body])
+    return tuple(moving)
 
 
 def agreed(here: Drives, others: list[Drives]) -> Drives:

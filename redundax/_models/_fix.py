@@ -1,37 +1,21 @@
-"""Releases that a model's file can say, and a copy of the file with them
-
-With P the projector onto self-stress, freeing the rows R takes |R| off the redundancy and adds no motion iff P[R, R] is
-regular: then every combination of them bears self-stress. Moves are picked one after the other, each with the
-largest smallest eigenvalue of what is left of P[R, R] once those before are freed (Schur complement).
-"""
+"""A copy of a model's file with releases, and what is to be said of it"""
 
 import dataclasses
+import difflib
 import pathlib
-from collections.abc import Callable, Iterable, Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from ._audit import Audit
-from ._edit_mjcf import Edit, Written, mjcf_moves, write_mjcf
-from ._edit_urdf import urdf_moves, write_urdf
+from ._choice import USABLE, Choice, in_words, listed
+from ._edit_mjcf import Edit
 from ._model import Model
 from ._read import closures_of, read
+from ._repair import Language, best_of, language
 from ._tree import tree_of
 
-_LEAST = 1e-6  # eigenvalues of P[R, R], which are from 0 to 1
-
-
-class Language(NamedTuple):
-    """What a kind of file can say: its moves, how they are written, and what it has no words for."""
-
-    moves: Callable[[Model], list[Edit]]
-    write: Callable[[Model, Sequence[Edit], pathlib.Path], Written]
-    lacks: str
-
-
-MJCF = Language(mjcf_moves, write_mjcf, "MJCF cannot free single directions of a `connect` or `weld`")
-URDF = Language(urdf_moves, write_urdf, "the loops of a URDF know SPHERICAL in place of hinges, and 3d in place of 6d")
+_LEAST = 1e-6  # singular values that count, relative to the largest
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,15 +26,17 @@ class Fix:
     freed: tuple[str, ...]
     redundancy: int
     freedom: int
-    note: str
+    notes: tuple[str, ...] = ()
+    lines: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         """What was done, in a line or more."""
         if not self.files:
-            return f"no copy is written: {self.note}"
-        done = f"written: {', '.join(map(str, self.files))}: {'; '.join(self.freed)}"
-        left = f"the copy has redundancy {self.redundancy}, freedom {self.freedom}"
-        return "\n".join([done, f"{left}{f': {self.note}' if self.note else ''}"])
+            return f"no copy is written: {' '.join(self.notes)}"
+        done = f"written: {', '.join(map(str, self.files))}"
+        left = f"The copy has redundancy {self.redundancy}, freedom {self.freedom}."
+        changed = ["What changed in the file:", *(f"  {line}" for line in self.lines)] if self.lines else []
+        return "\n".join([done, *(f"  {each}" for each in self.freed), left, *self.notes, *changed])
 
 
 def fix(model: Model, found: Audit, file: pathlib.Path, wanted: Sequence[str] = ()) -> Fix:
@@ -59,68 +45,85 @@ def fix(model: Model, found: Audit, file: pathlib.Path, wanted: Sequence[str] = 
     **Arguments:**
 
     - `file`: where to, with the ending of the model.
-    - `wanted`: rows that are to be freed and no others, such as "B.axial"; any if not given.
+    - `wanted`: rows that are to be freed and no others, such as "B.axial"; what the audit proposes if not given.
     """
-    language = URDF if model.path.suffix.lower() == ".urdf" else MJCF
-    moves = language.moves(model)
+    says = language(model)
+    edits = tuple(edit for each in found.repairs for edit in (each.choices[0].edits if each.choices else ()))
+    worst = min((each.choices[0] for each in found.repairs if each.choices), key=lambda one: one.margin, default=None)
     if wanted:
-        moves = _wanted(moves, wanted, found.rows, language)
-    chosen = _chosen(found.regular.stress, moves, max(_LEAST, 10 * found.regular.blur), found.rows)
-    freed = sum(len(move.rows) for move in chosen)
+        moves = _wanted(says.moves(model), wanted, found.rows, says)
+        worst = best_of(found, found.along, moves) if found.along else None
+        edits = worst.edits if worst else ()
     redundancy, freedom = found.figures
-    if not chosen:
-        note = f"nothing that takes off redundancy and adds no motion can be said there; {language.lacks}."
-        return Fix((), (), redundancy, freedom, note if redundancy else "nothing is redundant.")
-    files, more = language.write(model, chosen, file)
-    left = _figures(file)
-    if left != (redundancy - freed, freedom):
-        note = f"{(redundancy - freed, freedom)} were expected, so look at the copy before you use it."
-    else:
-        note = f"{language.lacks}." if left[0] and not wanted else ""
-    return Fix(files, tuple(move.words for move in chosen), *left, " ".join(each for each in (note, more) if each))
+    if found.is_stuck:
+        return Fix((), (), redundancy, freedom, ("the model is at a dead point, which tells nothing of the machine.",))
+    if not edits:
+        why = f"nothing that takes off redundancy and adds no motion can be said in {says.name}: {says.lacks}."
+        return Fix((), (), redundancy, freedom, (why if redundancy else "nothing is redundant.",))
+    files, more = says.write(model, edits, file)
+    left, expected = _figures(file), (redundancy - sum(len(edit.rows) for edit in edits), freedom)
+    notes = [f"{expected} were expected, so look at the copy before you use it."] if left != expected else []
+    if left[0] and not wanted:
+        notes.append(f"{says.name} cannot say what would take off the rest: {says.lacks}.")
+    notes += [more] if more else []
+    notes += [*_warned(model, found, edits, worst)]
+    return Fix(files, tuple(in_words(edits, found.directions)), *left, tuple(notes), _changes(model.path, file))
 
 
-def _wanted(moves: Iterable[Edit], wanted: Sequence[str], rows: Sequence[str], language: Language) -> list[Edit]:
+def _warned(model: Model, found: Audit, edits: Sequence[Edit], worst: Choice | None) -> Iterable[str]:
+    """What a reader would take for granted of a copy, and must not."""
+    if worst and worst.margin <= USABLE:
+        yield f"It moves freely near {worst.at[0]} = {worst.at[1]:.4g}: not usable over the full motion."
+    is_play = all(edit.how not in ("delete", "couple") for edit in edits)
+    built, other = ("has this play", "has none") if is_play else ("is built like this", "is not")
+    yield (
+        f"It is the model of a machine that really {built}. If yours {other}, its joint loads stay unknown: take the "
+        "line that matches your hardware (--release)."
+    )
+    freed = {row for edit in edits for row in edit.rows}
+    joints = list(dict.fromkeys(edit.name for edit in edits if edit.how in ("free", "ball")))
+    touched = [set(each.rows) for each in found.repairs if freed & set(each.rows)]
+    rows = {row for some in touched for row in some} - freed
+    loops = [loop.name for loop in model.tree.loops if any(row.rpartition(".")[0] == loop.name for row in rows)]
+    if joints and loops and model.path.suffix.lower() != ".urdf":
+        give = "gives" if len(joints) == 1 else "give"
+        yield (
+            f"In MuJoCo, connect and weld are springs: there {listed(joints)} now {give} way as far as {listed(loops)} "
+            f"{'does' if len(loops) == 1 else 'do'}. Stiffen solref and solimp of these if the copy sags."
+        )
+
+
+def _changes(before: pathlib.Path, after: pathlib.Path) -> tuple[str, ...]:
+    """Lines of a file that are other in another."""
+    old, new = (path.read_text(encoding="utf8", errors="replace").splitlines() for path in (before, after))
+    lines = [*difflib.unified_diff(old, new, n=0, lineterm="")][2:]
+    return tuple(line for line in lines if not line.startswith("@@"))
+
+
+def _wanted(moves: Iterable[Edit], wanted: Sequence[str], rows: Sequence[str], says: Language) -> list[Edit]:
     for row in wanted:
         if row not in rows:
             raise ValueError(
-                f"Argument `release` names '{row}', which is no row of the model. It has {list(rows)[:8]}."
+                f"Argument `release` names '{row}', which is no row of the model. {_rows_there(row, rows)}"
             )
     some = [move for move in moves if set(move.rows) <= set(wanted)]
     missing = set(wanted) - {row for move in some for row in move.rows}
     if missing:
-        raise ValueError(f"Argument `release`: {sorted(missing)} cannot be freed in the file: {language.lacks}.")
+        raise ValueError(
+            f"Argument `release`: {sorted(missing)} cannot be freed in {says.name}: {says.lacks}. Choose other rows."
+        )
     return some
 
 
-def _chosen(stress: np.ndarray, moves: list[Edit], least: float, labels: Sequence[str]) -> list[Edit]:
-    """The moves that take off most, from the best on or, where that leaves something, from any other."""
-    place = {row: k for k, row in enumerate(labels)}
-    blocks = [[place[row] for row in move.rows] for move in moves]
-    best = _picked(stress, blocks, least, [])
-    for first in range(len(blocks) if _size(best, blocks) < round(np.trace(stress)) else 0):
-        best = max(best, _picked(stress, blocks, least, [first]), key=lambda picks: _size(picks, blocks))
-    return [moves[k] for k in sorted(best)]
-
-
-def _size(picks: Sequence[int], blocks: Sequence[Sequence[int]]) -> int:
-    return sum(len(blocks[k]) for k in picks)
-
-
-def _picked(stress: np.ndarray, blocks: list[list[int]], least: float, first: list[int]) -> list[int]:
-    left, picks, wanted = stress.copy(), [], list(first)
-    while True:
-        sizes = [-1.0 if k in picks else _smallest(left, rows) for k, rows in enumerate(blocks)]
-        k = wanted.pop() if wanted else int(np.argmax(np.round(sizes, 9))) if sizes else 0
-        if not sizes or sizes[k] < least:
-            return picks
-        left = left - left[:, blocks[k]] @ np.linalg.solve(left[np.ix_(blocks[k], blocks[k])], left[blocks[k]])
-        picks.append(k)
-
-
-def _smallest(matrix: np.ndarray, rows: list[int]) -> float:
-    block = matrix[np.ix_(rows, rows)]
-    return float(block[0, 0] if len(rows) == 1 else np.linalg.eigvalsh(block)[0])
+def _rows_there(row: str, rows: Sequence[str]) -> str:
+    """The rows of the joint that a name begins with; or the joints."""
+    joints: dict[str, list[str]] = {}
+    for each in rows:
+        joints.setdefault(each.rpartition(".")[0], []).append(each.rpartition(".")[2])
+    named = row if row in joints else row.rpartition(".")[0]
+    if named in joints:
+        return f"{named} has {', '.join(joints[named])}."
+    return f"Its joints and loops are {', '.join(joints)}."
 
 
 def _figures(file: pathlib.Path) -> tuple[int, int]:

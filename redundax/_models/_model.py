@@ -156,7 +156,7 @@ def load_model(path: str | pathlib.Path, closures: str | pathlib.Path | None = N
     mechanism, others = mechanism_of(plan)
     if model.jnt_limited.any():
         limited = int(model.jnt_limited.sum())
-        others.append(f"limits of {limited} joint{'s' * (limited > 1)}")
+        others.append(f"stops at the limits of {limited} joint{'s' * (limited > 1)}, which bear no load here")
     return Model(
         mechanism,
         _state(plan, mechanism, positions, left),

@@ -116,7 +116,7 @@ def _stripped(mujoco: Any, spec: Any) -> list[str]:
             spec.delete(each)
     for what in ("actuators", "tendons"):
         found = list(getattr(spec, what))
-        notes += [f"{what}: {len(found)}, which do not act, and constrain nothing"] if found else []
+        notes += [f"{what}: {len(found)}, whose forces do not act here"] if found else []
     for actuator in spec.actuators:
         if actuator.trntype == mujoco.mjtTrn.mjTRN_BODY:  # holds by contact
             spec.delete(actuator)

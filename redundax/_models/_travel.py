@@ -40,6 +40,15 @@ class Singular:
     positions: dict[str, list[float]]
 
 
+class Way(NamedTuple):
+    """Positions of all joints as one is moved, (n, q); where that one is, and the smallest value kept, (n,)."""
+
+    joint: str
+    at: np.ndarray
+    positions: np.ndarray
+    kept: np.ndarray
+
+
 @dataclasses.dataclass(frozen=True)
 class Travel:
     """What was met along motions of the joints.
@@ -48,12 +57,14 @@ class Travel:
       counts them; of one direction of a ball or free joint, the displacement from the start.
     - `singular`: positions where redundancy was another; `least`: the smallest singular value kept at the others.
     - `is_limited`: whether joints have limits, within which they were moved.
+    - `ways`: the positions that were looked at.
     """
 
     ranges: dict[str, tuple[float, float]]
     singular: tuple[Singular, ...]
     least: float
     is_limited: bool
+    ways: tuple[Way, ...] = dataclasses.field(default=(), repr=False, compare=False)
 
     def to_dict(self) -> dict[str, Any]:
         """As data."""
@@ -162,7 +173,7 @@ def travel(tree: Tree, positions: np.ndarray, freedom: int, left: float = 0.0) -
     *_, order = scipy.linalg.qr(motion.T * first, pivoting=True, mode="r")
     leaders = order[:freedom]
     ways = motion @ np.linalg.inv(motion[leaders])
-    path, names, ranges, found = _Path(tree, freedom, left), Plan(tree).joint_names, {}, []
+    path, names, ranges, found, walked = _Path(tree, freedom, left), Plan(tree).joint_names, {}, [], []
     held = np.abs(tree.system(positions)[1] * tree.scale()).max(axis=0) > _HELD
     felt = [
         (leader, way) for leader, way in zip(leaders.tolist(), ways.T, strict=True) if np.any(np.abs(way[held]) > _HELD)
@@ -182,7 +193,8 @@ def travel(tree: Tree, positions: np.ndarray, freedom: int, left: float = 0.0) -
                 )
         least = min(least, *(point.kept for point in points))
         ranges[name] = path.range_of(points, at, leader)
-    return Travel(ranges, tuple(found), least, bool(path.limited.size))
+        walked.append(Way(name, at, *(np.array([getattr(p, of) for p in points]) for of in ("positions", "kept"))))
+    return Travel(ranges, tuple(found), least, bool(path.limited.size), tuple(walked))
 
 
 def _start(tree: Tree, positions: np.ndarray, dof: int) -> float:

@@ -114,15 +114,19 @@ def solve(
         x0 = _vector("x0", x0, n + m, "[qdd; lam]").astype(state.qd.dtype)
     if sense is not None:
         sense = vector("sense", sense, system.slips, " of slips")
-    if closure is None:
-        system, factor = dense_at(system, state, rank, factor)
+    traced = not all(map(is_concrete, jax.tree.leaves((system, state, rank))))
+    if closure is not None and factor is None and system.plan is None and traced:
+        solution = _solved_at_each(system, state, rank, closure, solver, x0, sense)
     else:
-        factor = factorisation_at(system, state, rank, factor)
-    chosen = None if closure is None else elasticity(closure, system, state)
-    solution = solve_factorised(system.anonymous(), state, factor, chosen, solver, x0, sense)
-    concrete = all(map(is_concrete, jax.tree.leaves((factor, chosen))))
-    if chosen is not None and isinstance(closure, Compliance | ElasticJoints) and concrete:
-        check_units(system.names, factor.length, closure, chosen, solution.multipliers, stacklevel=2)
+        if closure is None:
+            system, factor = dense_at(system, state, rank, factor)
+        else:
+            factor = factorisation_at(system, state, rank, factor)
+        chosen = None if closure is None else elasticity(closure, system, state)
+        solution = solve_factorised(system.anonymous(), state, factor, chosen, solver, x0, sense)
+        concrete = all(map(is_concrete, jax.tree.leaves((factor, chosen))))
+        if chosen is not None and isinstance(closure, Compliance | ElasticJoints) and concrete:
+            check_units(system.names, factor.length, closure, chosen, solution.multipliers, stacklevel=2)
     solution = replace_fields(solution, names=system.names, state=state, joint_coordinates=system.joint_coordinates)
     return thrown(solution, throw, system, state, factor, RESULTS.successful)
 
@@ -166,6 +170,34 @@ def _solved(
 ) -> Solution:
     end, root, contraction, result = _end_in_chunks(factor, system, state, chosen, solver, x0, sense)
     return _solution(factor, end, root, contraction, solver.tolerance(state.qd.dtype), result)
+
+
+@eqx.filter_custom_jvp
+def _solved_at_each(*arguments: Any) -> Solution:
+    """`_solved_at`; a batch in which the constraints change goes chunk after chunk: matrices stay in the cache."""
+    system, state, *_ = arguments
+    rows = jax.lax.stop_gradient(system.constraint(state.q, state.t))
+    return in_chunks(_solved_at, *arguments, inside=rows.size * state.qd.size, changing=rows)
+
+
+@_solved_at_each.def_jvp
+def _solved_at_each_jvp(primals: tuple, tangents: tuple) -> tuple:
+    out, change = eqx.filter_jvp(_solved_at, primals, tangents)
+    return batched_with(out, eqx.filter(primals, eqx.is_array)), change
+
+
+def _solved_at(
+    system: AbstractSystem,
+    state: State,
+    rank: ArrayLike | None,
+    closure: AbstractClosure,
+    solver: AbstractSolver,
+    x0: Array | None,
+    sense: Array | None,
+) -> Solution:
+    """The solution at a state that is not factorised yet."""
+    factor, chosen = factorisation_at(system, state, rank, None), elasticity(closure, system, state)
+    return solve_factorised(system.anonymous(), state, factor, chosen, solver, x0, sense)
 
 
 @eqx.filter_custom_jvp

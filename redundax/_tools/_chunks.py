@@ -1,7 +1,7 @@
 """A batch in chunks that stay in the cache.
 
-Under `vmap` every operation of a loop passes over the whole batch, which for 10^6 samples is memory traffic and little
-else; and the loop runs until the last sample of the batch has ended. In chunks both are bounded.
+Under `vmap` every operation passes over the whole batch, which for 10^6 samples is memory traffic and little else; and
+a loop runs until the last sample of the batch has ended. In chunks both are bounded.
 """
 
 from collections.abc import Callable
@@ -19,33 +19,48 @@ T = TypeVar("T", bound=PyTree)
 
 _CHUNK = 4096  # samples at most for a core, four times as many where cores share a device and its loops
 _NUMBERS = 2**21  # that go into a chunk and come out of it, at most
-_ACCELERATOR = 64, 16  # times as many of both elsewhere than on CPUs, for threads by the thousand
+_INSIDE = 2**17  # numbers of one kind, as of matrices, within a chunk: a MiB of them, as the cache of a core holds
+_ACCELERATOR = 64, 16  # times as many elsewhere than on CPUs, for threads by the thousand
 
 
-def limits() -> tuple[int, int]:
-    """Samples and numbers of a chunk, at most."""
+def limits() -> tuple[int, int, int]:
+    """Samples of a chunk, numbers in and out of it, and numbers of one kind within it, at most."""
     if jax.default_backend() != "cpu":
-        return _ACCELERATOR[0] * _CHUNK, _ACCELERATOR[1] * _NUMBERS
-    return (_CHUNK if jax.local_device_count() >= cores() else 4 * _CHUNK), _NUMBERS
+        samples, numbers = _ACCELERATOR
+        return samples * _CHUNK, numbers * _NUMBERS, samples * _INSIDE
+    return (_CHUNK if jax.local_device_count() >= cores() else 4 * _CHUNK), _NUMBERS, _INSIDE
 
 
-def in_chunks(function: Callable[..., T], *arguments: PyTree, alone: Callable[..., T] | None = None) -> T:
+def in_chunks(
+    function: Callable[..., T],
+    *arguments: PyTree,
+    alone: Callable[..., T] | None = None,
+    inside: int = 1,
+    changing: PyTree = None,
+) -> T:
     """`function(*arguments)`, arrays to arrays, whose batch under `vmap` runs chunk after chunk.
 
-    `alone`, another way to the same, takes its place where there is no batch: what is written out for the sake of a
-    batch need not be compiled for a single sample. It has no derivative: that is for a rule around it.
+    It has no derivative: that is for a rule around it.
+
+    **Arguments:**
+
+    - `alone`: another way to the same, which takes its place where there is no batch: what is written out for the sake
+      of a batch need not be compiled for a single sample.
+    - `inside`: number of entries of the largest matrix that a sample has within.
+    - `changing`: arrays of which one must change with the sample, or the batch runs at once: what its samples share is
+      computed once then, and not in every chunk.
     """
     if is_single():
         return (alone or function)(*arguments)
     closed = [_closed(way, *arguments) for way in (function, alone) if way]
-    arrays, rest = eqx.partition((closed, arguments), eqx.is_array)
+    arrays, rest = eqx.partition((closed, arguments, changing), eqx.is_array)
 
     def plain(arrays: PyTree) -> T:
-        (function, *_), arguments = eqx.combine(arrays, rest)
+        (function, *_), arguments, _ = eqx.combine(arrays, rest)
         return function(*arguments)
 
     def single(arrays: PyTree) -> T:
-        (*_, alone), arguments = eqx.combine(arrays, rest)
+        (*_, alone), arguments, _ = eqx.combine(arrays, rest)
         return alone(*arguments)
 
     run = jax.custom_batching.custom_vmap(single)
@@ -55,9 +70,9 @@ def in_chunks(function: Callable[..., T], *arguments: PyTree, alone: Callable[..
         many = jax.vmap(plain, in_axes=(jax.tree.map(lambda along: 0 if along else None, batched[0]),))
         given = [x for x, along in zip(*map(jax.tree.leaves, (arrays, batched[0])), strict=True) if along]
         numbers = sum(x.size for x in (*given, *jax.tree.leaves(jax.eval_shape(many, arrays)))) // size
-        samples, held = limits()
-        most = min(samples, max(held // max(numbers, 1), 1))
-        chunk = -(-size // -(-size // most))
+        samples, held, within = limits()
+        most = min(samples, max(held // max(numbers, 1), 1), max(within // inside, 1))
+        chunk = -(-size // -(-size // most)) if changing is None or any(jax.tree.leaves(batched[0][2])) else size
         out = many(arrays) if chunk == size else _looped(many, arrays, batched[0], size, chunk)
         return out, jax.tree.map(lambda _: True, out)
 

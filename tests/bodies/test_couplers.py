@@ -109,6 +109,20 @@ def test_coupled_angles_in_space_go_round_and_round(ratio):
                 np.testing.assert_allclose(turned_to(mechanism, start + ratio * b + moved, b, 0.0), moved, atol=1e-13)
 
 
+def test_a_traced_ratio_goes_round_and_round_too():
+    """The second angle shows less than half a turn after 9 rad, a third of a turn of the first too little."""
+
+    @jax.jit
+    def residual(ratio, moved):
+        pins = [[jnp.cos(angle / 2), 0, 0, jnp.sin(angle / 2)] for angle in (3.0 + moved, 9.0, 0.0)]
+        places = np.ravel([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
+        q = jnp.concatenate([places, *map(jnp.asarray, pins)])
+        mechanism = train(rx.Coupler("C", "A.angle", "B.angle", ratio))
+        return mechanism.constraint(q, jnp.zeros(()))[mechanism.rows.labels.index("C.coupling")]
+
+    np.testing.assert_allclose([residual(1 / 3, 0.0), residual(1 / 3, 0.2)], [0.0, 0.2], atol=1e-13)
+
+
 def test_a_rack_in_space_goes_on_beyond_half_a_turn():
     """Closed at a travel of 0.02 b - 0.1, whatever turn b is at, and open by what the rack is moved."""
     rack = train(rx.Coupler("C", "R.travel", "B.angle", polynomial=(-0.1, 0.02)))

@@ -26,12 +26,41 @@ def test_a_batch_in_chunks_is_the_batch(monkeypatch):
     """The last chunk reaches back."""
     h = jnp.linspace(-100.0, 100.0, 10)
     whole = jax.vmap(solve)(h)
-    monkeypatch.setattr(_chunks, "limits", lambda: (4, 2**21))
+    monkeypatch.setattr(_chunks, "limits", lambda: (4, 2**21, 2**17))
     jax.clear_caches()
     parts = jax.vmap(solve)(h)
     for one, other in zip(jax.tree.leaves(whole), jax.tree.leaves(parts), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-10)
     jax.clear_caches()
+
+
+def test_a_batch_of_states_in_chunks_is_that_of_its_states(monkeypatch):
+    """Three matrices of 144 entries a chunk; the last chunk reaches back."""
+    angles = jnp.linspace(0.3, 1.2, 10)
+
+    def accelerations(angle):
+        solution = rx.solve(MECHANISM, MECHANISM.state(angle, rate=1.0), closure=rx.MinimumNorm(3.0))
+        return solution.acceleration, solution.stats.spectrum.rank, solution.result
+
+    monkeypatch.setattr(_chunks, "limits", lambda: (4096, 2**21, 3 * 144))
+    jax.clear_caches()
+    found, ranks, results = jax.vmap(accelerations)(angles)
+    jax.clear_caches()
+    np.testing.assert_allclose(found, [accelerations(angle)[0] for angle in angles], rtol=1e-11, atol=1e-10)
+    assert set(ranks.tolist()) == {11} and jnp.all(results == rx.RESULTS.successful)
+
+
+def test_a_batch_that_shares_what_must_change_runs_at_once():
+    """A loop over chunks would compute anew in each what the samples share."""
+
+    def loops(shared):
+        def one(x, y):
+            return _chunks.in_chunks(lambda x, y: x * jnp.sum(y), x, y, inside=2**16, changing=y)
+
+        batch = jnp.arange(8.0), jnp.ones(3) if shared else jnp.ones((8, 3))
+        return "scan" in str(jax.make_jaxpr(jax.vmap(one, in_axes=(0, None if shared else 0)))(*batch))
+
+    assert loops(shared=False) and not loops(shared=True)
 
 
 def test_chunks_are_larger_where_threads_share_a_device(monkeypatch):
