@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from .._system._pushing import in_words
+from ._bearing_words import best_in_words
 from ._release import Release
 from ._verdict import Judged, Verdict
 
@@ -199,6 +200,7 @@ class Report:
         if self.releases:
             lines.append("To remove the redundancy and add no degree of freedom, release one of (1 is best):")
             lines += [f"    {release}" for release in self.releases]
+            lines += best_in_words(self.releases, self.rows)
         return "\n".join(lines)
 
     def _with_friction(self) -> list[str]:

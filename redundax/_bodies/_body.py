@@ -1,6 +1,7 @@
 """Rigid bodies: what those of all mechanisms have, and planar ones."""
 
 import abc
+import functools
 
 import equinox as eqx
 import numpy as np
@@ -47,8 +48,8 @@ class Body(AbstractBody):
     """
 
     name: str = eqx.field(static=True)
-    mass: Float[Array, ""] = eqx.field(converter=as_float)
-    inertia: Float[Array, ""] = eqx.field(converter=as_float)
+    mass: Float[Array, ""] = eqx.field(converter=functools.partial(as_float, argument="mass"))
+    inertia: Float[Array, ""] = eqx.field(converter=functools.partial(as_float, argument="inertia"))
 
     def __check_init__(self) -> None:
         check_amount("mass", self.name, self.mass)

@@ -23,9 +23,9 @@ from jaxtyping import Array, Float, Int
 
 from .._system._names import Names, index_of
 from .._tools._module import Numbers, as_float, is_concrete, numpy_of, on_device
+from ._coordinate import Coordinate, Place
 from ._frame import AbstractFrame
-from ._joints import AbstractJoint
-from ._joints._base import Row, slopes
+from ._joints._base import Row
 from ._stack import Stack, indices
 
 
@@ -75,32 +75,12 @@ class Coupler(eqx.Module):
         self.polynomial = given
 
 
-class _Coordinate(eqx.Module):
-    """One coordinate of some members of a stack of joints."""
-
-    kind: int = eqx.field(static=True)
-    column: int = eqx.field(static=True)
-    members: Int[Array, " size"]
-
-    def value(self, joints: Sequence[Stack], bodies: Any) -> Float[Array, " size"]:
-        some = joints[self.kind].take(self.members)
-        return some.over(lambda joint, i, j: joint.coordinates(i, j)[self.column], bodies)
-
-    def slopes(self, joints: Sequence[Stack], bodies: Any) -> Float[Array, "size columns"]:
-        some = joints[self.kind].take(self.members)
-
-        def of_one(joint: AbstractJoint, i: Any, j: Any) -> Array:
-            return slopes(lambda i, j: joint.coordinates(i, j)[self.column : self.column + 1], i, j)[0]
-
-        return some.over(of_one, bodies)
-
-
 class Couplings(eqx.Module):
     """Couplers of coordinates of the same kinds: both coordinates, and of which of them whole turns change nothing, of
     the first by a `share`; rows, and columns of all four bodies, of which those beyond the last are of the ground."""
 
-    first: _Coordinate
-    second: _Coordinate
+    first: Coordinate
+    second: Coordinate
     turns: Literal["first", "second", "neither"] = eqx.field(static=True)
     polynomial: Float[Array, "size terms"]
     share: Float[Array, " size"]
@@ -128,12 +108,7 @@ class Couplings(eqx.Module):
 
     def bodies(self, joints: Sequence[Stack]) -> np.ndarray:
         """All four of each, (size, 4); concrete values."""
-        ends = [
-            np.asarray(body)[np.asarray(end.members)]
-            for end in (self.first, self.second)
-            for body in (joints[end.kind].i, joints[end.kind].j)
-        ]
-        return np.stack(ends, axis=1)
+        return np.concatenate([end.bodies(joints) for end in (self.first, self.second)], axis=1)
 
     def words(self, names: Names, joints: Sequence[Stack]) -> list[tuple[str, str, str]]:
         """Name, kind and both coordinates of each."""
@@ -157,9 +132,6 @@ class CoupledRow:
         self.row_kinds: tuple[Row, ...] = (("coupling", kind),)
 
 
-Place = tuple[int, int, int, str]  # stack, column, member and kind of a coordinate
-
-
 def coupled_rows(couplers: Sequence[Coupler], places: dict[str, Place]) -> list[CoupledRow]:
     """The rows of couplers, given where the coordinates of joints are."""
     found = []
@@ -168,16 +140,6 @@ def coupled_rows(couplers: Sequence[Coupler], places: dict[str, Place]) -> list[
             index_of(argument, name, list(places), " of joint coordinates")
         found.append(CoupledRow(coupler.name, "moment" if places[coupler.first][3] == "angular" else "force"))
     return found
-
-
-def coordinate_places(joints: Sequence[AbstractJoint], groups: Sequence[Sequence[int]]) -> dict[str, Place]:
-    """Where the coordinates of joints are, by name."""
-    return {
-        f"{joints[k].name}.{name}": (stack, column, member, kind)
-        for stack, group in enumerate(groups)
-        for member, k in enumerate(group)
-        for column, (name, kind) in enumerate(joints[k].coordinate_kinds)
-    }
 
 
 def couplings(
@@ -195,18 +157,11 @@ def couplings(
         alike.setdefault((first[:2], second[:2], first[3], second[3], coupler.polynomial.shape), []).append(k)
     found = []
     for (first, second, *kinds, terms), members in alike.items():
-        ends: list[_Coordinate] = []
-        for (stack, column), which in ((first, "first"), (second, "second")):
-            at = [places[getattr(couplers[k], which)][2] for k in members]
-            ends.append(_Coordinate(stack, column, indices(at)))
-        columns = np.concatenate(
-            [
-                _columns(np.asarray(body)[np.asarray(end.members)], frame, count)
-                for end in ends
-                for body in (joints[end.kind].i, joints[end.kind].j)
-            ],
-            axis=1,
-        )
+        ends = [
+            Coordinate(at[0], at[1], indices([places[getattr(couplers[k], which)][2] for k in members]))
+            for at, which in ((first, "first"), (second, "second"))
+        ]
+        columns = np.concatenate([end.columns(joints, frame, count) for end in ends], axis=1)
         polynomials = [couplers[k].polynomial for k in members]
         polynomial = on_device(numpy_of(polynomials).stack(polynomials))
         at = indices([rows[k] for k in members]), indices(columns)
@@ -232,9 +187,3 @@ def _shares(polynomial: Float[Array, "size terms"], kinds: Sequence[str]) -> Flo
     share = xp.round(1 / xp.where(ratio > 0, ratio, 1.0))
     is_share = (share > 0) & (xp.abs(ratio * share - 1) <= 4 * xp.finfo(ratio.dtype).eps)
     return on_device(xp.where(is_share, share, one))
-
-
-def _columns(bodies: np.ndarray, frame: AbstractFrame, count: int) -> np.ndarray:
-    """Columns of bodies, and beyond the last column those of the ground."""
-    outside = np.full(frame.size, frame.size * count)
-    return np.stack([outside if body == count else frame.columns(int(body), count) for body in bodies])

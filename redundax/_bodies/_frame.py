@@ -53,7 +53,7 @@ class AbstractFrame(eqx.Module):
 
     def vector(self, argument: str, value: Numbers | None) -> Float[Array, " axes"]:
         """A vector in global components, zero where none is given."""
-        array = as_float(np.zeros(len(self.linear)) if value is None else value)
+        array = as_float(np.zeros(len(self.linear)) if value is None else value, argument)
         if array.shape != (len(self.linear),):
             raise ValueError(
                 f"Argument `{argument}` must have {len(self.linear)} components in a {self.word} mechanism, but has "

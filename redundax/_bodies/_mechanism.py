@@ -5,7 +5,7 @@ joints in the order given, then their moment-type rows, Eq. (61). What a pose is
 the bodies knows.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Self, cast
 
 import equinox as eqx
@@ -33,8 +33,10 @@ from .._tools._module import (
     tree_take,
 )
 from .._tools._table import are_known
+from ._armature import Armature, armature_load, armature_mass, armatures
 from ._body import GROUND, AbstractBody
-from ._coupler import CoupledRow, Coupler, Couplings, coordinate_places, coupled_rows, couplings
+from ._coordinate import ball_places, coordinate_places
+from ._coupler import Coupler, Couplings, coupled_rows, couplings
 from ._frame import AbstractFrame
 from ._joint_coordinates import JointCoordinates
 from ._joint_friction import FrictionMembers, friction_members
@@ -44,6 +46,7 @@ from ._mechanism_page import mechanism_page
 from ._names import check_frames, check_kinds, check_names
 from ._pattern import LARGE, Pattern, dense
 from ._pins import warn_of_large_pins
+from ._row_order import ordered_rows, pushing_rows
 from ._stack import Stack, indices, stacked, stacks
 
 
@@ -65,6 +68,9 @@ class Mechanism(AbstractSystem):
     - `couplers`: of coordinates of its joints.
     - `loads`: applied loads.
     - `gravity`: acceleration of gravity (2,), in space (3,), m/s^2, global components; none if not given.
+    - `armature`: inertia of rotors that turn or travel with coordinates of joints alone, by their names, as in
+      {"hinge.angle": 0.02}: of a geared drive, that of its rotor times the square of the gear ratio, kg m^2, or of a
+      travel a mass, kg. That of a ball joint has the joint's name. The mass matrix then depends on the position.
     - `pose`: the coordinates q on the constraint manifold as a function of some independent coordinates, for
       `state`; make it an eqx.Module with its lengths as arrays, so that gradients move q with the lengths.
     - `units`: those of all its figures, `rx.units.SI` where they are m, kg, s and N, `rx.units.MM_TONNE` where they are
@@ -77,6 +83,7 @@ class Mechanism(AbstractSystem):
     body: AbstractBody
     joints: tuple[Stack[AbstractJoint], ...]
     couplings: tuple[Couplings, ...]
+    armature: tuple[Armature, ...]
     loads: tuple[Stack[AbstractLoad], ...]
     gravity: Float[Array, " axes"]
     pose: Callable[..., Array] | None
@@ -93,6 +100,7 @@ class Mechanism(AbstractSystem):
         couplers: Sequence[Coupler] = (),
         loads: Sequence[AbstractLoad] = (),
         gravity: Numbers | None = None,
+        armature: Mapping[str, Numbers] | None = None,
         pose: Callable[..., Array] | None = None,
         units: Units | None = None,
     ):
@@ -109,10 +117,11 @@ class Mechanism(AbstractSystem):
         at = coordinate_places(joints, groups)
         coupled = coupled_rows(couplers, at)
         own = [len(joints) + k for k in range(len(coupled))]
-        rows, source, places = _rows([*joints, *coupled], [*groups, *([own] if own else [])])
+        rows, source, places = ordered_rows([*joints, *coupled], [*groups, *([own] if own else [])])
         self._source = indices(source)
         coupler_rows = places[-1][:, 0].tolist() if own else []
         self.couplings = couplings(couplers, at, coupler_rows, self.joints, self.frame, len(names))
+        self.armature = armatures(armature or {}, at | ball_places(joints, groups), self.joints, self.frame, len(names))
         self._friction = tuple(
             members
             for kind, group in enumerate(groups)
@@ -126,12 +135,13 @@ class Mechanism(AbstractSystem):
             centres=self.frame.centre_names(names),
             bodies=tuple(names),
             joints=tuple(tuple(joints[k].name for k in group) for group in groups),
-            pushing=_pushing(joints, rows),
+            firsts=tuple((joint.name, joint.i) for joint in joints),
+            pushing=pushing_rows(joints, rows),
             units=of_model(units),
             adds=self.frame.adds,
         )
         is_large = len(rows) + self.frame.size * len(names) >= LARGE
-        self._plan, self._entries = self._matrices(is_large and not self._massless)
+        self._plan, self._entries = self._matrices(is_large and not self._massless and not self.armature)
 
     @property
     def plan(self) -> Plan | None:
@@ -141,7 +151,8 @@ class Mechanism(AbstractSystem):
         """The same mechanism with sparse matrices in `solve` and `simulate`, as from 2000 coordinates and rows on
         anyway, or with dense ones.
 
-        All other questions are answered with dense ones. Sparse ones take bodies with mass and inertia. Friction has
+        All other questions are answered with dense ones. Sparse ones take bodies with mass and inertia, and no
+        armature. Friction has
         forward derivatives alone there, and estimated contraction; motions end where a joint with dry friction halts.
 
         ??? example
@@ -150,6 +161,11 @@ class Mechanism(AbstractSystem):
             rx.solve(mechanism.sparse(), state)
             ```
         """
+        if is_sparse and self.armature:
+            raise ValueError(
+                "Sparse matrices take the mass of each body by itself, but `armature` couples bodies. Leave it out, or "
+                "solve the mechanism without `sparse()`."
+            )
         if is_sparse and self._massless:
             raise ValueError(
                 f"Sparse matrices take bodies with mass and inertia in every direction, but '{self._massless[0]}' "
@@ -189,11 +205,11 @@ class Mechanism(AbstractSystem):
 
     @property
     def constant_mass(self) -> bool:
-        return True
+        return not self.armature
 
     @property
     def diagonal_mass(self) -> bool:
-        return self.frame.diagonal_mass
+        return self.frame.diagonal_mass and not self.armature
 
     def anonymous(self) -> Self:
         return replace_fields(
@@ -247,7 +263,8 @@ class Mechanism(AbstractSystem):
         return pose.point(self.frame.vector("at", at))
 
     def mass(self, q: Array, t: Array) -> Float[Array, "n n"]:
-        return self.frame.mass(self.body)
+        own = self.frame.mass(self.body)
+        return own + armature_mass(self.armature, self.joints, self.poses(q), len(own)) if self.armature else own
 
     def poses(self, q: Array) -> Any:
         """Poses of all bodies and of the ground, which is last, stacked."""
@@ -310,7 +327,14 @@ class Mechanism(AbstractSystem):
             force = force.at[loads.i].add(on_i.force).at[loads.j].add(on_j.force)
             moment = moment.at[loads.i].add(on_i.moment).at[loads.j].add(on_j.moment)
         weight = (self.body.mass[:, None] * self.gravity).ravel()  # at the centres of mass, whose velocities come first
-        return self.frame.load(self.body, motion, force, moment).at[: weight.size].add(weight)
+        load = self.frame.load(self.body, motion, force, moment).at[: weight.size].add(weight)
+        if not self.armature:
+            return load
+
+        def along(s: Array) -> Any:
+            return self.poses(self.retract(state.q, s * state.qd))
+
+        return load - armature_load(self.armature, self.joints, along, state.qd)
 
     def retract(self, q: Array, d: Array) -> Array:
         return self.frame.retract(q, d)
@@ -330,7 +354,7 @@ class Mechanism(AbstractSystem):
 
     def __str__(self) -> str:
         """A table of its bodies and joints; its size inside of transformations, and of several or without names."""
-        parts = self.body, self.joints, self._friction, self.loads, self.gravity
+        parts = self.body, self.joints, self._friction, self.loads, self.gravity, self.armature
         is_one = getattr(self.body.mass, "ndim", None) == 1
         if not (self.names.bodies and is_one and are_known(eqx.filter(parts, eqx.is_array))):
             return repr(self)
@@ -372,29 +396,3 @@ def _reactions(joints: Sequence[AbstractJoint], frame: AbstractFrame) -> Axis:
     on = [(joint.name, joint.j if joint.i == GROUND else joint.i) for joint in joints]
     names = (f"{name} {part} on {body}" for name, body in on for part, _ in frame.reaction)
     return Axis(tuple(names), tuple(kind for _, kind in frame.reaction) * len(joints))
-
-
-def _pushing(joints: Sequence[AbstractJoint], rows: Axis) -> tuple[int, ...]:
-    """Rows whose contacts push alone."""
-    return tuple(rows.labels.index(f"{joint.name}.{row}") for joint in joints for row in joint.pushing)
-
-
-def _rows(
-    joints: Sequence[AbstractJoint | CoupledRow], groups: Sequence[Sequence[int]]
-) -> tuple[Axis, np.ndarray, list[np.ndarray]]:
-    """The rows, force-type first and in the order of the joints; and where the rows come from and go to.
-
-    The residuals of all kinds of joints, one after the other, are taken in the order `source`, shape (m,); the rows
-    of the members of each kind are `places`, shape (members, rows) each.
-    """
-    flat = [(k, column) for group in groups for k in group for column in range(len(joints[k].row_kinds))]
-    given = sorted(range(len(flat)), key=lambda position: flat[position])
-    source = [p for wanted in ("force", "moment") for p in given if _kind(joints, flat[p]) == wanted]
-    row_of = {flat[position]: row for row, position in enumerate(source)}
-    places = [np.array([[row_of[k, c] for c in range(len(joints[k].row_kinds))] for k in group]) for group in groups]
-    names = tuple(f"{joints[k].name}.{joints[k].row_kinds[column][0]}" for k, column in row_of)
-    return Axis(names, tuple(joints[k].row_kinds[column][1] for k, column in row_of)), np.array(source), places
-
-
-def _kind(joints: Sequence[AbstractJoint | CoupledRow], place: tuple[int, int]) -> str:
-    return joints[place[0]].row_kinds[place[1]][1]

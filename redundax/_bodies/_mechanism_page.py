@@ -10,6 +10,7 @@ import numpy as np
 from .._system._names import Names
 from .._system._units import StatedUnits, with_unit
 from .._tools._table import WIDTH, Group, figures, group, page
+from ._armature import Armature
 from ._body import GROUND
 from ._joint_friction import FrictionMembers
 from ._stack import Stack
@@ -25,6 +26,7 @@ def mechanism_page(
     friction: Sequence[FrictionMembers],
     loads: Sequence[Stack],
     gravity: Any,
+    armature: Sequence[Armature],
     couplers: Sequence[tuple[str, str, str]],
 ) -> str:
     """The page of a mechanism with names whose numbers are known; of couplers name, kind and coordinates."""
@@ -37,9 +39,11 @@ def mechanism_page(
         for load in loads
         for place in _places(names, load)
     ]
+    rotors = [words for each in armature for words in each.words(names, joints)]
     head = [
         f"Mechanism with {len(names.coordinates)} coordinates, {len(names.rows)} rows{stated}",
         *textwrap.wrap(f"Loads: {', '.join(acting) or 'none'}", WIDTH, max_lines=2, placeholder=" ..."),
+        *textwrap.wrap(f"Armature: {', '.join(rotors)}" if rotors else "", WIDTH, max_lines=2, placeholder=" ..."),
     ]
     return "\n".join([*head, *page([_bodies(names, body)], [_joints(names, joints, friction, couplers)], _MORE)])
 

@@ -4,7 +4,9 @@ Arrays carry no unit, but their size gives them away. Of a joint whose contacts 
 
     c_moment L^2 / c_force = (L / b)^2,   L a length of the mechanism,
 
-is 1e-3 for b = 30 L and 1e6 for b = L / 1000, and no part misses its place by L or by a full turn.
+is 1e-3 for b = 30 L and 1e6 for b = L / 1000. No part misses its place by L / 4 or a quarter of a radian. A misfit is
+more than a millionth of what the loads of the mechanism make joints give way, which as many times both are; without
+misfit, compliance is mere weights, up to 1000, or joints give way by less than L.
 """
 
 import dataclasses
@@ -17,17 +19,23 @@ from jaxtyping import Array
 from .._system._axis import Axis
 from .._system._names import Names
 from .._system._units import StatedUnits
+from .._tools._module import is_concrete
 from ._closure import AbstractClosure, Elasticity
 
 _LEAST, _MOST = 1e-3, 1e6
+_SHARE, _TURN = 0.25, 0.25  # of the length, and rad: the largest misfit
+_LOST, _WEIGHT = 1e-6, 1e3
 _IN_M, _IN_MM = StatedUnits(1.0), StatedUnits(1e3, mass=1e-3)
 _checked: WeakValueDictionary[int, AbstractClosure] = WeakValueDictionary()
 
 
-def check_units(names: Names, length: Array, closure: AbstractClosure, given: Elasticity, stacklevel: int) -> None:
+def check_units(
+    names: Names, length: Array, closure: AbstractClosure, given: Elasticity, multipliers: Array, stacklevel: int
+) -> None:
     """Warn, once for each closure, where its concrete values look as if they were in other units.
 
-    `length` is that of the factorised mechanism, and `given` what the closure gave at its state.
+    `length` is that of the factorised mechanism, `given` what the closure gave at its state, and `multipliers` those of
+    the solution, which may be traced.
     """
     if _checked.get(id(closure)) is closure:
         return
@@ -35,9 +43,13 @@ def check_units(names: Names, length: Array, closure: AbstractClosure, given: El
     if float(length) == 1.0:  # stands for a mechanism without a length of its own
         return
     compliance, misfit, scale = _diagonal(np.asarray(given.compliance)), np.asarray(given.misfit), np.asarray(length)
-    for problem in (_of_compliance(names, compliance, scale), _of_misfit(names, misfit, scale)):
-        if problem:
-            warnings.warn(f"{problem}; if the figures are meant, ignore this warning.", stacklevel=stacklevel + 1)
+    problems = (
+        _of_compliance(names, compliance, scale),
+        _of_stiffness(names, (compliance, misfit), np.asarray(multipliers), scale) if is_concrete(multipliers) else "",
+        _of_misfit(names, misfit, scale),
+    )
+    for problem in filter(None, problems):
+        warnings.warn(f"{problem}; if the figures are meant, ignore this warning.", stacklevel=stacklevel + 1)
 
 
 def _diagonal(compliance: np.ndarray) -> np.ndarray:
@@ -65,15 +77,47 @@ def _of_compliance(names: Names, compliance: np.ndarray, length: np.ndarray) -> 
     )
 
 
+def _of_stiffness(
+    names: Names, given: tuple[np.ndarray, np.ndarray], multipliers: np.ndarray, length: np.ndarray
+) -> str:
+    """Of compliance and misfit, which only weigh against each other, and multipliers of their solution."""
+    (compliance, misfit), rows, of = given, names.rows, names.units.of
+    forces = np.abs(multipliers[~rows.angular & np.isfinite(multipliers)])
+    soft = ~rows.angular & (compliance > 0)
+    load = forces.max(initial=0.0)
+    if not (load > 0 and soft.any()):
+        return ""
+    middle, most = np.median(compliance[soft]), np.abs(misfit[~rows.angular]).max(initial=0.0)
+    if most > 0:
+        is_lost, why = most < _LOST * middle * load, "A misfit of {:.2g} {} is nothing beside"
+    else:
+        is_lost, why = (
+            middle > _WEIGHT and middle * load > length,
+            "The length of the mechanism, {:.2g} {}, is less than",
+        )
+    if not is_lost:
+        return ""
+    per_force = f" {of('linear')}/{of('force')}" if str(names.units) else ""
+    less = why.format(most or length, of("linear")).replace(" ,", ",").replace("  ", " ")
+    return (
+        "Argument `W` looks as if it were stiffness, or in other units than the system: force-type rows have "
+        f"{middle:.2g}{per_force} in the median, most {_largest(rows, compliance, soft)}. {less} the deflection "
+        f"{f'{middle * load:.2g} ' + of('linear')}".rstrip()
+        + " by the largest joint load. Give stiffness to "
+        "`from_stiffness`, or compliance in the units of the model"
+    )
+
+
 def _of_misfit(names: Names, misfit: np.ndarray, length: np.ndarray) -> str:
     rows = names.rows
-    large = np.abs(misfit) > np.where(rows.angular, 2 * np.pi, length)
+    large = np.abs(misfit) > np.where(rows.angular, _TURN, _SHARE * length)
     if not large.any():
         return ""
     return (
         "Argument `misfit` looks as if it were in other units than the system: it has "
-        f"{_largest(rows, misfit, large)}, more than the length {_of_length(names, length)} of the mechanism or a full "
-        f"turn. Give {_remedy(names.units, _IN_MM, _IN_M)}, `units=rx.units.Units(angle=57.2958)` for degrees"
+        f"{_largest(rows, misfit, large)}, more than {_SHARE:g} of the length {_of_length(names, length)} of the "
+        f"mechanism or {_TURN:g} rad. Give {_remedy(names.units, _IN_MM, _IN_M)}, "
+        "`units=rx.units.Units(angle=57.2958)` for degrees"
     )
 
 

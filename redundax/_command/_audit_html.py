@@ -17,9 +17,10 @@ _CAPTION = "Joints, not bodies: green where the load is unique, red where it is 
 _STYLE = """
 body { font: 1rem/1.5 system-ui, sans-serif; color: #1a1a1a; background: #fff; margin: 0; padding: 1rem; }
 h1 { font-size: 1.3rem; margin: 0 0 .5rem; overflow-wrap: anywhere; }
-main { display: flex; flex-wrap: wrap; gap: 1rem; } figure { flex: 1 1 26rem; min-width: 0; margin: 0; }
-pre { flex: 1 1 44rem; min-width: 0; margin: 0; font-size: .8rem; overflow-x: auto; } img { max-width: 100%; }
+main { display: flex; flex-wrap: wrap; gap: 1rem; } figure { flex: 1 1 40rem; min-width: 0; margin: 0; }
+pre { flex: 0 1 auto; max-width: 100%; margin: 0; font-size: .8rem; overflow-x: auto; } img { max-width: 100%; }
 figcaption { font-size: .9rem; color: #444; }
+@media (max-width: 95rem) { figure { order: -1; flex-basis: 100%; } }
 """
 
 

@@ -86,12 +86,19 @@ def rate_noise(motion: ScaledMotion, kept: Float[Array, ""]) -> Float[Array, ""]
 def singularity_of(
     system: AbstractSystem, state: State, motion: ScaledMotion, parts: Split, position: Array, scales: Scaling
 ) -> Decision:
-    """Whether P Phi'' along the velocity with a motion w added is other than without, -P gamma.
+    """Whether P Phi'' along the velocity with a motion w added is other than without, -P gamma."""
+    return singularity_by(_along_probe(system, state, motion, parts, scales), motion, parts, position, scales)
+
+
+def singularity_by(
+    bend: Float[Array, " m"], motion: ScaledMotion, parts: Split, position: Array, scales: Scaling
+) -> Decision:
+    """The same, given D^-1 Phi'' along the `probe`.
 
     Rounding moves Phi'' itself, the range of P by as much of K^+ Phi'', and a state off the manifold does too.
     """
     rounding = max(motion.gamma.size, motion.qd.size) * float(jnp.finfo(motion.qd.dtype).eps)
-    changed, _ = _bends(system, state, motion, parts, scales)
+    changed, _ = _bends(bend, motion, parts, scales)
     return Decision(changed / (_ROUNDING * (rounding + position)))
 
 
@@ -105,7 +112,8 @@ def independence_of(
     holds = kept / _POINTS
 
     def beside() -> Array:
-        changed, bend = _bends(system, state, motion, _without_weakest(parts), scales)
+        others = _without_weakest(parts)
+        changed, bend = _bends(_along_probe(system, state, motion, others, scales), motion, others, scales)
         found = jnp.where(bend < CLEAR * _POINTS, jnp.inf, changed / (_BENDS * _POINTS))
         return jnp.where(holds < CLEAR, jnp.maximum(holds, found), holds)
 
@@ -127,22 +135,33 @@ def _without_weakest(parts: Split) -> Split:
     return Split(inverse - jnp.outer(v, u), jnp.outer(u, u), parts.motion + jnp.outer(v / size, v / size))
 
 
-def _bends(
-    system: AbstractSystem, state: State, motion: ScaledMotion, parts: Split, scales: Scaling
-) -> tuple[Array, Array]:
-    """What a motion w added to the velocity changes of P Phi'', relative to its terms, and of Phi'', to the size.
+def probe(motion: ScaledMotion, parts: Split, scales: Scaling) -> Float[Array, " n"]:
+    """The velocity with a motion w added.
 
     A direction of no symmetry sees a quadratic form that is not zero, and where time enters that the rank changes with
     it.
     """
+    return scales.coordinates * (motion.qd + _speed(motion, scales) * _uneven(parts.motion, motion.qd))
+
+
+def _speed(motion: ScaledMotion, scales: Scaling) -> Float[Array, ""]:
     speed = jnp.max(jnp.abs(motion.qd)) + motion.reached
-    speed = jnp.where(speed > 0, speed, scales.size)
-    rate = scales.coordinates * (motion.qd + speed * _uneven(parts.motion, motion.qd))
-    bend = second_derivative(system, state, rate, jnp.ones_like(state.t)) / scales.rows
+    return jnp.where(speed > 0, speed, scales.size)
+
+
+def _along_probe(
+    system: AbstractSystem, state: State, motion: ScaledMotion, parts: Split, scales: Scaling
+) -> Float[Array, " m"]:
+    """D^-1 Phi'' along it."""
+    return second_derivative(system, state, probe(motion, parts, scales), jnp.ones_like(state.t)) / scales.rows
+
+
+def _bends(bend: Float[Array, " m"], motion: ScaledMotion, parts: Split, scales: Scaling) -> tuple[Array, Array]:
+    """What the probe changes of P Phi'', relative to its terms, and of Phi'', to the size."""
     added = bend + motion.gamma
     changed = jnp.max(jnp.abs(parts.stress @ added))
     terms = sum(jnp.max(jnp.abs(part)) for part in (bend, motion.gamma, parts.inverse @ bend))
-    whole = (2 * speed) ** 2 / scales.size
+    whole = (2 * _speed(motion, scales)) ** 2 / scales.size
     return changed / (terms + whole), jnp.max(jnp.abs(added)) / whole
 
 

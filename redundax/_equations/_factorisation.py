@@ -26,13 +26,13 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
 from ._branch import Branch
-from ._evidence import ScaledMotion, Violation, independence_of, rate_noise, singularity_of, violation_of
-from ._kinematics import second_order
+from ._evidence import Violation, independence_of, rate_noise, singularity_of, violation_of
 from ._rank import Spectrum, Split, split
 from ._response import AbstractSolvedFactorisation, Pick, Response
 from ._restricted_inverse import restricted_inverse
 from ._scaled_equations import reached_by, refined, residual_of
-from ._scaling import Scaling, largest_violation, scaling
+from ._scaled_kinematics import check_shapes, scaled_kinematics
+from ._scaling import Scaling, largest_violation
 
 
 class Factorisation(AbstractSolvedFactorisation):
@@ -278,13 +278,10 @@ def factorised(system: AbstractSystem, state: State, rank: ArrayLike | None) -> 
 
 @compiled
 def _factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | None) -> Factorisation:
-    matrix = system.jacobian(state.q, state.t)
-    motion, explicit, turned = second_order(system, state)
+    scaled, matrix, position, scales, motion, _ = kinematics = scaled_kinematics(system, state)
+    coordinate_scale, row_scale, length, size = scales
     mass, load = system.mass(state.q, state.t), system.load(state)
-    _check_shapes(system, matrix, mass, load)
-    coordinate_scale, row_scale, length, size = scaling(system, state, matrix, turned)
-    scaled = matrix * coordinate_scale / row_scale[:, None]
-    position = jnp.max(jnp.abs(motion.value) / row_scale) / size
+    check_shapes(system, load=load)
     parts, spectrum = split(scaled, position, rank)
     scaled_mass = coordinate_scale[:, None] * mass * coordinate_scale
     freedom = matrix.shape[1] - spectrum.rank
@@ -292,11 +289,8 @@ def _factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | Non
     response, determinacy = restricted_inverse(scaled_mass, parts.motion, freedom, spectrum.kept, zero)
     force, gamma = coordinate_scale * load, motion.gamma / row_scale
     a, mu = refined(scaled, scaled_mass, parts.inverse, response, (force, gamma))
-    qd = state.qd / coordinate_scale
-    centripetal = jnp.max(jnp.abs(qd)) ** 2 / size
-    reached = reached_by(scaled_mass, force, a, size)
-    found = ScaledMotion(qd, motion.rate / row_scale, gamma, explicit / row_scale, a, reached)
-    scales = Scaling(coordinate_scale, row_scale, length, size)
+    found = kinematics.moving(state, a, reached_by(scaled_mass, force, a, size))
+    centripetal = jnp.max(jnp.abs(found.qd)) ** 2 / size
     kept = spectrum.kept if rank is None else jnp.full_like(spectrum.kept, jnp.inf)
     evidence = {
         "violation": violation_of(found, parts.stress, position, size),
@@ -330,14 +324,3 @@ def _factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | Non
 
 def _finite(*arrays: Array) -> Array:
     return jnp.all(jnp.concatenate([jnp.isfinite(array).ravel() for array in arrays]))
-
-
-def _check_shapes(system: AbstractSystem, jacobian: Array, mass: Array, load: Array) -> None:
-    n, m = len(system.coordinates), len(system.rows)
-    wanted = (("constraint", jacobian[:, 0], (m,)), ("mass", mass, (n, n)), ("load", load, (n,)))
-    for name, value, shape in wanted:
-        if value.shape != shape:
-            raise ValueError(
-                f"Argument `{name}` of the system must give shape {shape}, as its coordinates and rows say, but gives "
-                f"{value.shape}. Change what it returns, or `coordinates` and `rows`."
-            )

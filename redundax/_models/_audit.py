@@ -11,15 +11,14 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
 from .._analysis._release import Release, releases
-from .._equations._factorisation import Factorisation
-from .._equations._factorize import factorize_dense
-from .._equations._rank import Spectrum
+from .._equations._evidence import ScaledMotion, probe, singularity_by
+from .._equations._rank import Spectrum, Split, split
+from .._equations._scaled_kinematics import ScaledKinematics, scaled_kinematics
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
@@ -231,35 +230,47 @@ def _regular(here: Look, others: Sequence[Look]) -> Look:
     return next((look for look in (here, *others) if not look.is_singular), here)
 
 
-class _Evidence(NamedTuple):
-    """What an audit takes from a `Factorisation`."""
+class _Decided(NamedTuple):
+    """The rank and what it decides, the motion at the state, and along what bends tell whether it is singular."""
 
     spectrum: Spectrum
     is_ambiguous: Array
-    is_singular: Array
-    stress: Array
-    blur: Array
+    parts: Split
+    motion: ScaledMotion
+    probe: Array
+
+
+_kinematics = compiled(scaled_kinematics)
 
 
 @compiled
-def _evidence(factor: Factorisation) -> _Evidence:
-    misfit = jnp.maximum(factor.noise, factor.violation.position)
-    blur = jnp.minimum(100 * misfit / factor.least_kept, _MOST_BLUR)
-    return _Evidence(factor.spectrum, factor.spectrum.ambiguous, factor.singular_position, factor.split.stress, blur)
+def _decided(at: ScaledKinematics, state: State, rank: Array | None) -> _Decided:
+    parts, spectrum = split(at.scaled, at.position, rank)
+    motion = at.moving(state, jnp.zeros_like(state.qd), jnp.zeros_like(at.position))
+    return _Decided(spectrum, spectrum.ambiguous, parts, motion, probe(motion, parts, at.scales))
+
+
+@compiled
+def _is_singular(found: _Decided, at: ScaledKinematics, probed: ScaledKinematics) -> Array:
+    bend = -probed.motion.gamma / at.scales.rows
+    return singularity_by(bend, found.motion, found.parts, at.position, at.scales).is_yes
 
 
 def _look(system: AbstractSystem, state: State, digits: float) -> Look:
-    factor = factorize_dense(system, state)
-    found = jax.device_get(_evidence(factor))
-    is_clear = True
+    """The constraints alone decide, so that masses, loads and friction need no program."""
+    system = system.whole.anonymous().without_friction()
+    at = _kinematics(system, state)
+    found, is_clear = _decided(at, state, None), True
     if digits > found.spectrum.tolerance:
-        count, least, most = (int(np.sum(found.spectrum.singular_values > digits * by)) for by in (1, _NEAR, 1 / _NEAR))
+        known = np.asarray(found.spectrum.singular_values)
+        count, least, most = (int(np.sum(known > digits * by)) for by in (1, _NEAR, 1 / _NEAR))
         is_clear = least == most
         if found.is_ambiguous or count != found.spectrum.rank:
-            factor = factorize_dense(system, state, on_device(np.asarray(count)))
-            found = jax.device_get(_evidence(factor))
+            found = _decided(at, state, on_device(np.asarray(count)))
+    probed = _kinematics(system, State(state.q, found.probe, state.t))
     values, rank = np.append(found.spectrum.singular_values, 0.0), int(found.spectrum.rank)
-    rows, columns = factor.jacobian.shape
+    rows, columns = at.jacobian.shape
+    misfit = max(max(rows, columns) * float(np.finfo(values.dtype).eps), float(at.position))
     return Look(
         rank,
         redundancy=rows - rank,
@@ -267,11 +278,11 @@ def _look(system: AbstractSystem, state: State, digits: float) -> Look:
         kept=float(values[rank - 1]) if rank else np.inf,
         dropped=float(values[rank]) if rank < values.size else 0.0,
         is_decided=is_clear and not bool(found.is_ambiguous),
-        is_singular=bool(found.is_singular),
-        stress=np.asarray(found.stress),
-        blur=float(found.blur),
+        is_singular=bool(_is_singular(found, at, probed)),
+        stress=np.asarray(found.parts.stress),
+        blur=min(100 * misfit / min(float(found.spectrum.kept), 1.0), _MOST_BLUR),
         digits=digits,
-        scales=np.asarray(factor.scaling.rows),
+        scales=np.asarray(at.scales.rows),
     )
 
 

@@ -19,12 +19,10 @@ from .._bodies._space._joints import AngleDriver, Fixed, Free, Prismatic, Revolu
 from .._bodies._space._placement import Placement
 from .._bodies._space._rotation import as_quaternion
 from .._tools._optional import optional
-from ._joint_loads import carried_armature, joint_loads
+from ._joint_loads import COORDINATES, armature, carried_armature, joint_loads
 from ._plan import Link, Plan
 from ._read import LEAST
 from ._tree import Tie
-
-_COORDINATES = {"hinge": "angle", "slide": "travel"}
 
 
 def mechanism_of(plan: Plan) -> tuple[Mechanism, list[str]]:
@@ -36,8 +34,8 @@ def mechanism_of(plan: Plan) -> tuple[Mechanism, list[str]]:
     for loop in plan.tree.loops:
         (i, on_i), (j, on_j) = (_placed(plan, data, end) for end in (loop.second, loop.first))
         joints.append((Fixed if loop.kind == "weld" else Spherical)(loop.name, i, j, on_i=on_i, on_j=on_j))
-    single = [link for link in plan.links if link.kind in _COORDINATES]
-    by_joint = {link.joint: f"{link.name}.{_COORDINATES[link.kind]}" for link in single}
+    single = [link for link in plan.links if link.kind in COORDINATES]
+    by_joint = {link.joint: f"{link.name}.{COORDINATES[link.kind]}" for link in single}
     couplers = [
         Coupler(tie.name, by_joint[tie.first], by_joint[tie.second], polynomial=tie.polynomial)
         for tie in plan.tree.ties
@@ -50,7 +48,8 @@ def mechanism_of(plan: Plan) -> tuple[Mechanism, list[str]]:
     weightless = [link.child for link in plan.links if not plan.is_between(link) and not bodies[link.child].mass]
     if weightless:
         notes.append(f"bodies without mass in the file: {', '.join(weightless)}; what they carry is found all the same")
-    return Mechanism(movers, joints, couplers=couplers, loads=loads, gravity=gravity), notes
+    parts: dict[str, Any] = {"couplers": couplers, "loads": loads, "armature": armature(plan, data)}
+    return Mechanism(movers, joints, **parts, gravity=gravity), notes
 
 
 def position_of(plan: Plan, mechanism: Mechanism, positions: np.ndarray) -> np.ndarray:
@@ -124,7 +123,7 @@ def _joint(plan: Plan, data: Any, bodies: dict, link: Link) -> Any:
     if link.kind == "free":
         return Free(link.name, link.child, link.parent)
     where: dict[str, Any] = {"point": data.xanchor[link.joint].copy()}
-    if link.kind in _COORDINATES:
+    if link.kind in COORDINATES:
         where["axis"] = data.xaxis[link.joint].copy()
         where |= _dry_friction(float(plan.model.dof_frictionloss[plan.model.jnt_dofadr[link.joint]]), link)
     kind = {"ball": Spherical, "slide": Prismatic, "hinge": Revolute}[link.kind]

@@ -1,8 +1,7 @@
 """What acts in the joints of a model: springs, dampers and armature
 
-Armature a adds a (J v')  J^T to the equations, with the joint's rate J v. Of a joint on the ground that turns, this is
-an inertia a about its axis, which the body carries wherever it is. Between bodies that both move it would couple them
-in the mass matrix, which here has a block for each body: it is left out, and told.
+Of a joint on the ground that turns, armature is an inertia about its axis, which the body carries wherever it is: the
+mass matrix stays constant. Of other hinges, balls and slides it is that of the mechanism.
 """
 
 from typing import Any
@@ -18,6 +17,8 @@ from .._bodies._space._pose import Motion, Wrench
 from .._bodies._space._rotation import rotation
 from ._plan import Link, Plan
 
+COORDINATES = {"hinge": "angle", "slide": "travel"}
+
 
 def joint_loads(plan: Plan, data: Any, bodies: dict) -> tuple[list[Any], list[str]]:
     """Springs and dampers of joints, and what else acts in them, which is left out, a line each."""
@@ -25,9 +26,8 @@ def joint_loads(plan: Plan, data: Any, bodies: dict) -> tuple[list[Any], list[st
     for link in plan.links:
         dof = int(model.jnt_dofadr[link.joint])
         stiffness, damping = float(model.jnt_stiffness[link.joint]), float(model.dof_damping[dof])
-        armature = model.dof_armature[dof] and carried_armature(plan, data, link) is None
         friction = link.kind not in ("hinge", "slide") and model.dof_frictionloss[dof]
-        lost = {"armature (between bodies that move)": armature, "dry friction": friction}
+        lost = {"armature": link.kind == "free" and model.dof_armature[dof], "dry friction": friction}
         for what, name, at in (("springs", "jnt_stiffnesspoly", link.joint), ("dampers", "dof_dampingpoly", dof)):
             lost[f"what is not linear in the {what}"] = np.any(getattr(model, name, np.zeros(model.nv))[at])
         if stiffness or damping:
@@ -46,6 +46,16 @@ def carried_armature(plan: Plan, data: Any, link: Link) -> np.ndarray | None:
         return None
     axis = data.xaxis[link.joint]
     return armature * (np.outer(axis, axis) if link.kind == "hinge" else np.eye(3))
+
+
+def armature(plan: Plan, data: Any) -> dict[str, float]:
+    """That of coordinates of joints or of balls, by their names, which no body carries."""
+    found = {}
+    for link in plan.links:
+        value = float(plan.model.dof_armature[plan.model.jnt_dofadr[link.joint]])
+        if value and link.kind != "free" and carried_armature(plan, data, link) is None:
+            found[f"{link.name}.{COORDINATES[link.kind]}" if link.kind in COORDINATES else link.name] = value
+    return found
 
 
 def _spring(plan: Plan, data: Any, bodies: dict, link: Link, stiffness: float, damping: float) -> Any:

@@ -114,8 +114,8 @@ def load_model(path: str | pathlib.Path, closures: str | pathlib.Path | None = N
     """A mechanism in space, closed, from a file of MJCF (.xml) or URDF; it needs `redundax[models]`.
 
     Constraints that MuJoCo makes soft, `connect`, `weld` and `joint`, are ideal here. Bodies that the file fixes to
-    others are one with them. Springs, damping and gravity act, and armature of joints that turn on the ground; contact,
-    limits of joints, sensors, forces of drives and meshes are left out, as `notes` of the result say.
+    others are one with them. Springs, damping, gravity and armature act; contact, limits of joints, sensors, forces of
+    drives and meshes are left out, as `notes` of the result say.
 
     ??? example
 

@@ -10,7 +10,7 @@ Bounds are given by name: {"A.x": (lower, upper)}.
 
 import abc
 from collections.abc import Mapping, Sequence
-from typing import cast
+from typing import Any, cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -43,12 +43,23 @@ def bounds_in_words(bounds: str, parameters: Sequence[str], box: np.ndarray) -> 
     return "\n  ".join([f"{bounds}:", *(f"{within}: {by_joint(names)}" for within, names in alike.items())])
 
 
-def _pairs(box: Box) -> Box:
-    return {name: (float(lower), float(upper)) for name, (lower, upper) in box.items()}
+def _pairs(box: Any) -> Box:
+    try:
+        return {name: (float(lower), float(upper)) for name, (lower, upper) in box.items()}
+    except (AttributeError, TypeError, ValueError) as error:
+        raise ValueError(
+            f"Argument `box` must give the least and the largest value by name, but is {box!r}. Write "
+            '{"A.x": (-40.0, 40.0)}, say.'
+        ) from error
 
 
-def _numbers(sizes: Mapping[str, float]) -> Mapping[str, float]:
-    return {name: float(size) for name, size in sizes.items()}
+def _numbers(sizes: Any) -> Mapping[str, float]:
+    try:
+        return {name: float(size) for name, size in sizes.items()}
+    except (AttributeError, TypeError, ValueError) as error:
+        raise ValueError(
+            f'Argument `sizes` must give a number by name, but is {sizes!r}. Write {{"A.x": 40.0}}, say.'
+        ) from error
 
 
 class AbstractBounds(eqx.Module):
@@ -239,6 +250,11 @@ def _closed(
 
 def _box(argument: str, box: Box, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Indices among the names, lower and upper bounds."""
+    if not names:
+        raise ValueError(
+            f"Argument `{argument}` must bound self-stress, but there is none: no constraint is redundant here, and "
+            "joint loads are unique without bounds. Use `rx.solve`."
+        )
     if not box:
         raise ValueError(
             f"Argument `{argument}` must have keys among {', '.join(names) or 'none'}, but has none. Add one."

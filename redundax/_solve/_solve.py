@@ -126,7 +126,7 @@ def solve(
         solution = solve_factorised(system.anonymous(), state, factor, chosen, solver, x0, sense)
         concrete = all(map(is_concrete, jax.tree.leaves((factor, chosen))))
         if chosen is not None and isinstance(closure, Compliance | ElasticJoints) and concrete:
-            check_units(system.names, factor.length, closure, chosen, stacklevel=2)
+            check_units(system.names, factor.length, closure, chosen, solution.multipliers, stacklevel=2)
     solution = replace_fields(solution, names=system.names, state=state, joint_coordinates=system.joint_coordinates)
     return thrown(solution, throw, system, state, factor, RESULTS.successful)
 

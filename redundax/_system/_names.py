@@ -77,6 +77,7 @@ class Names:
     - `centres`: positions of the centres of mass, which come first in `q`, where that has no names of its own.
     - `bodies`: those that move, in order.
     - `joints`: of each stack of joints of one kind.
+    - `firsts`: of each joint by name its body i, on which friction is told.
     - `pushing`: indices of the rows whose multiplier is positive where contacts push, as teeth do.
     - `units`: those that the model states.
     - `adds`: whether velocities are rates of positions, which then have the names of coordinates.
@@ -90,6 +91,7 @@ class Names:
     centres: Axis = _NONE
     bodies: tuple[str, ...] = ()
     joints: tuple[tuple[str, ...], ...] = ()
+    firsts: tuple[tuple[str, str], ...] = ()
     pushing: tuple[int, ...] = ()
     units: StatedUnits = UNSTATED
     adds: bool = True
@@ -112,6 +114,11 @@ class Names:
         parts = entries(self.axes, ("acceleration", "multipliers", "friction"))
         friction = ("friction moment" if angular else "friction force" for angular in self.slips.angular)
         return Axis(tuple(each.name for each in parts), (*self.coordinates.kinds, *self.rows.kinds, *friction))
+
+    def on(self, slip: str) -> str:
+        """The body on which the friction of a slip acts as it is told; none of a system without joints."""
+        firsts = dict(self.firsts)
+        return firsts.get(slip, firsts.get(slip.rpartition(".")[0], ""))
 
     def anonymous(self) -> "Names":
         """The same kinds without names."""

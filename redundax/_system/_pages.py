@@ -10,7 +10,7 @@ import numpy as np
 
 from .._tools._table import WIDTH, Group, figures, group
 from ._axis import Axis
-from ._names import QUANTITIES, Names
+from ._names import QUANTITIES, Names, Quantity
 from ._results import RESULTS, result_codes
 from ._units import with_unit
 
@@ -49,7 +49,7 @@ def values_of(names: Names, *arrays: tuple[str, Any]) -> list[Group]:
         units = [_heading(array, angular, names) if len(x) == len(axis) or not angular else "" for array, x in arrays]
         return (*units, "") if alone else ("", *units)
 
-    labels = [quantity.pattern.format(label) if alone else label for label in axis.labels]
+    labels = _labels(quantity, names) if alone else axis.labels
     columns = [figures(np.asarray(values)) + [""] * (len(axis) - len(values)) for _, values in arrays]
     return by_unit(axis, heading, labels, *columns)
 
@@ -76,7 +76,14 @@ def ranges_of(names: Names, array: str, values: Any, samples: str = "") -> list[
     def heading(angular: bool) -> tuple[str, ...]:
         return (_heading(array, angular, names), "least", "largest", *last)
 
-    return by_unit(axis, heading, [quantity.pattern.format(label) for label in axis.labels], *columns)
+    return by_unit(axis, heading, _labels(quantity, names), *columns)
+
+
+def _labels(quantity: Quantity, names: Names) -> list[str]:
+    """Names of entries; of friction also the body on which it is told."""
+    slips = {label: names.on(label) for label in names.slips.labels} if quantity.axis == "slip" else {}
+    on = {label: f" (on {body})" for label, body in slips.items() if body}
+    return [quantity.pattern.format(label) + on.get(label, "") for label in names.axes[quantity.axis].labels]
 
 
 def _ends(values: Any) -> list[list[str]]:

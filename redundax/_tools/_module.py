@@ -22,16 +22,24 @@ T = TypeVar("T")
 Numbers = ArrayLike | Sequence[Any]
 
 
-def as_float(value: Numbers) -> Array:
-    """`value` as a floating-point array; the dtype follows the input, integers take the default."""
+def as_float(value: Numbers, argument: str = "") -> Array:
+    """`value` as a floating-point array; the dtype follows the input, integers take the default.
+
+    Where it is none the error names the `argument`, if that is known.
+    """
     if isinstance(value, jax.Array) and is_concrete(value) and value.dtype == jnp.result_type(value, float):
         return value
-    return on_device(floats(value))
+    return on_device(floats(value, argument))
 
 
-def floats(value: Numbers) -> np.ndarray | Array:
+def floats(value: Numbers, argument: str = "") -> np.ndarray | Array:
     """`value` as floating-point numbers: in NumPy, which compiles nothing, where they are known, else traced."""
     array = numpy_of(value).asarray(value)
+    if array.dtype.kind in "OSU":  # objects and words
+        raise ValueError(
+            f"{f'Argument `{argument}`' if argument else 'A figure'} must be a number, or a list of numbers, but is "
+            f"{value!r}. Give it without a unit: `units=` of a mechanism states that of all."
+        )
     return array.astype(jnp.result_type(array, float))
 
 

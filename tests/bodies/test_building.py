@@ -286,6 +286,13 @@ BAD = {
         lambda: rx.solve(one_body(pin(), pin(name="B")), STATE, closure=rx.Compliance(np.zeros(4))),
         ["holds rigid", "Give compliance", "Rows in self-stress: A (x, y), B (x, y)."],
     ),
+    "a unit in a mass": (lambda: rx.Body("a", "20 kg", 1.0), ["`mass`", "'20 kg'", "`units=`"]),
+    "a unit in an inertia in space": (
+        lambda: rx.spatial.Body("a", 1.0, ("1 kg m^2", 1.0, 1.0)),
+        ["`inertia`", "'1 kg m^2'", "`units=`"],
+    ),
+    "words for a point": (lambda: rx.Revolute("A", "a", G, ("x", "y"), (0, 0)), ["('x', 'y')", "`units=`"]),
+    "words for gravity": (lambda: rx.Mechanism([BODY], [PLATE], gravity=("0", "-g")), ["`gravity`", "'-g'"]),
     "closure in other units": (
         lambda: rx.solve(one_body(PLATE), STATE, closure=rx.Compliance([1e-5, 1e-5, 1e-9])),
         ["`W`", "1e-05 in", "P.x", "1e-09, most", "P.angle", "units=rx.units.Units(length=1000.0, mass=0.001)"],
@@ -295,8 +302,20 @@ BAD = {
         ["`W`", "mm/N", "units=rx.units.Units(length=0.001, mass=1000.0)` for data in m and N"],
     ),
     "misfit in other units": (
-        lambda: rx.solve(one_body(PLATE), STATE, closure=rx.Compliance([1e-8, 1e-8, 1e-6], [0.0, 3.0, 0.0])),
-        ["`misfit`", "P.y (3)", "units=rx.units.Units(length=1000.0, mass=0.001)"],
+        lambda: rx.solve(one_body(PLATE), STATE, closure=rx.Compliance([1e-8, 1e-8, 1e-6], [0.0, 0.6, 0.0])),
+        ["`misfit`", "P.y (0.6)", "units=rx.units.Units(length=1000.0, mass=0.001)"],
+    ),
+    "misfit in degrees": (
+        lambda: rx.solve(one_body(PLATE), STATE, closure=rx.Compliance([1e-8, 1e-8, 1e-6], [0.0, 0.0, 0.5])),
+        ["`misfit`", "P.angle (0.5)", "0.25 rad", "`units=rx.units.Units(angle=57.2958)` for degrees"],
+    ),
+    "stiffness for compliance": (
+        lambda: rx.solve(one_body(PLATE), STATE, closure=rx.Compliance([1e8, 2e8, 1e6])),
+        ["`W`", "stiffness", "P.y (2e+08)", "`from_stiffness`"],
+    ),
+    "stiffness for compliance of parts that do not fit": (
+        lambda: rx.solve(one_body(PLATE), STATE, closure=rx.Compliance([1e7, 1e7, 1e6], [0.0, 1e-4, 0.0])),
+        ["`W`", "stiffness", "`from_stiffness`"],
     ),
     "friction at rest": (
         lambda: rx.solve(one_body(pin(pin_radius=1.0, friction=rx.Coulomb(0.1))), STATE),

@@ -198,6 +198,15 @@ def test_own_closures_give_a_number_or_a_vector():
         rx.solve(system, state, closure=Own(jnp.zeros(13)))
 
 
+def test_suspect_units_are_no_matter_where_a_solution_alone_is_traced():
+    """Its friction, say: mechanism and closure are known."""
+    guides = [rx.Revolute(name, "a", "ground", (x, 0), (x, 0)) for name, x in (("B", -0.5), ("C", 0.5))]
+    mechanism = rx.Mechanism([rx.Body("a", 1.0, 1.0)], guides, gravity=(0.0, -9.81))
+    state, joints = rx.State(jnp.zeros(3), jnp.zeros(3)), rx.Compliance(jnp.full(4, 1e-8))
+    found = jax.vmap(lambda x0: rx.solve(mechanism, state, closure=joints, x0=x0).multipliers)(jnp.zeros((2, 7)))
+    np.testing.assert_allclose(found[:, jnp.array([1, 3])], np.full((2, 2), -9.81 / 2), rtol=1e-9)
+
+
 def test_data_in_wrong_units_are_told_once():
     system, state, *_ = data("wojtyra2020")
     W, misfit = in_other(MILLIMETRES, system)

@@ -18,6 +18,7 @@ from redundax._models._examine import examine
 
 mujoco = pytest.importorskip("mujoco")
 pytest.importorskip("yaml")
+velocity_of_bodies = pytest.importorskip("ideal_loops").velocity_of_bodies
 
 FOUR_BAR = """
 <mujoco>
@@ -284,14 +285,8 @@ def test_springs_dampers_and_armature_act_as_in_mujoco(write):
     data, velocity = mujoco.MjData(theirs), np.array([0.8, -0.3, 0.5, 1.2, -0.7, 0.4, -0.6, 0.9])
     data.qpos[:], data.qvel[:] = np.concatenate([np.ravel(at[name]) for name in "ASKL"]), velocity
     mujoco.mj_forward(theirs, data)
-    names, system = model.mechanism.names.bodies, model.mechanism
-    q, spins, speeds = model.guess(at), {}, {}
-    for name in names:
-        body, rates = theirs.body(name).id, np.zeros(6)
-        mujoco.mj_objectVelocity(theirs, data, mujoco.mjtObj.mjOBJ_BODY, body, rates, 0)
-        spins[name], speeds[name] = data.xmat[body].reshape(3, 3).T @ rates[:3], rates[3:]
-    guess = np.concatenate([np.ravel([each[name] for name in names]) for each in (speeds, spins)])
-    state = rx.State(q, jnp.asarray(guess))
+    q, system = model.guess(at), model.mechanism
+    state = rx.State(q, jnp.asarray(velocity_of_bodies(theirs, data, system.names.bodies)))
     np.testing.assert_allclose(system.jacobian(q, state.t) @ state.qd, 0.0, atol=1e-12)
     solution = rx.solve(system, state)
     np.testing.assert_allclose([solution["A.angle''"], solution["S.travel''"]], data.qacc[:2], rtol=1e-9)
@@ -299,12 +294,12 @@ def test_springs_dampers_and_armature_act_as_in_mujoco(write):
     np.testing.assert_allclose(spin, data.qacc[-3:], rtol=1e-9)
 
 
-def test_armature_between_bodies_that_move_and_dry_friction_of_balls_are_told(write):
-    text = ARM.replace('name="T"', 'name="T" armature="0.1"')
-    assert "armature (between bodies that move) of T" in rx.load_model(write("arm.xml", text)).notes
-    ball = """<mujoco><worldbody><body name="a"><joint name="K" type="ball" frictionloss="1"/>
-      <geom size="0.1" pos="1 0 0"/></body></worldbody></mujoco>"""
-    assert "dry friction of K" in rx.load_model(write("ball.xml", ball)).notes
+def test_dry_friction_of_balls_and_armature_of_what_floats_are_told(write):
+    ball = """<mujoco><worldbody><body name="a"><joint name="K" type="ball" frictionloss="1" armature="1"/>
+      <geom size="0.1" pos="1 0 0"/></body><body name="b"><joint name="F" type="free" armature="0.1"/>
+      <geom size="0.1"/></body></worldbody></mujoco>"""
+    notes = rx.load_model(write("ball.xml", ball)).notes
+    assert "dry friction of K" in notes and "armature of F" in notes
 
 
 NOT_LINEAR = """<mujoco><worldbody>

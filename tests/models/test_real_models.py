@@ -14,8 +14,9 @@ import redundax as rx
 from redundax._bodies._space._rotation import rotation
 from redundax._models._audit import audit
 
-mujoco = pytest.importorskip("mujoco")
+pytest.importorskip("mujoco")
 pytest.importorskip("yaml")
+IdealLoops = pytest.importorskip("ideal_loops").IdealLoops
 
 FOLDER = pathlib.Path(__file__).parents[3] / "shared" / "models"
 FILES = {
@@ -223,51 +224,24 @@ class Dependent:
         self.redundancy, self.parts = group.redundancy, {row.rpartition(".")[0] for row in group.rows}
 
 
-WEIGHTS = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))  # of central differences of eighth order
-STEP = 1e-3
-
-
 @pytest.mark.parametrize("name", ["fourbar", "robotiq_2f85", "robot_delta"])
 def test_accelerations_and_drive_forces_are_those_of_mujoco_with_ideal_loops(name):
-    """N^T M N z = -N^T (c + M p), qdd = p + N z with the null space N of the loops in the joint coordinates of MuJoCo.
-
-    Joints on the spin of a part between two hinges on one axis have accelerations of rounding and are left out.
-    """
+    """Joints on the spin of a part between two hinges on one axis have accelerations of rounding and are left out."""
     model = rx.load_model(FOLDER / FILES[name])
-    tree, positions = model.tree, model.positions
-    theirs, slopes = tree.model, lambda at: tree.system(at)[1]
-    theirs.opt.disableflags |= sum(
-        getattr(mujoco.mjtDisableBit, f"mjDSBL_{word}") for word in ("CONTACT", "EQUALITY", "LIMIT", "ACTUATION")
-    )
-    for bound in (theirs.body_mass, theirs.body_inertia):
-        bound[bound < 3e-14] = 0.0
-    motion = np.linalg.svd(slopes(positions))[2][np.linalg.matrix_rank(slopes(positions), tol=1e-9) :].T
-    velocity = motion @ np.random.default_rng(0).normal(size=motion.shape[1])
-    along = [
-        weight
-        * (slopes(tree.moved(positions, k * STEP * velocity)) - slopes(tree.moved(positions, -k * STEP * velocity)))
-        for k, weight in WEIGHTS
-    ]
-    data, mass = mujoco.MjData(theirs), np.zeros((theirs.nv, theirs.nv))
-    data.qpos[:], data.qvel[:] = positions, velocity
-    mujoco.mj_forward(theirs, data)
-    mujoco.mj_fullM(theirs, data, mass)
-    prescribed = -np.linalg.lstsq(slopes(positions), sum(along) @ velocity / STEP, rcond=1e-9)[0]
-    inert, passive = motion.T @ mass @ motion, data.qfrc_passive - data.qfrc_bias - mass @ prescribed
-
-    def ideal(applied):
-        return prescribed + motion @ np.linalg.solve(inert, motion.T @ (passive + applied))
-
+    tree, positions, theirs = model.tree, model.positions, model.tree.model
+    truth = IdealLoops(tree, positions)
+    velocity = truth.velocity
     names = [theirs.joint(k).name for k in range(theirs.njnt)]
     rates = {f"{joint}.angle": float(velocity[k]) for k, joint in enumerate(names)}
     state = rx.assemble(model.mechanism, model.state.q, rates=rates)
     solution = rx.solve(model.mechanism, state)
     judged = [k for k, joint in enumerate(names) if not joint.startswith("closedloop")]
-    ours, expected = np.array([float(solution[f"{names[k]}.angle''"]) for k in judged]), ideal(0.0)[judged]
-    np.testing.assert_allclose(ours, expected, atol=1e-9 * np.abs(ideal(0.0)).max())
+    ours, expected = np.array([float(solution[f"{names[k]}.angle''"]) for k in judged]), truth.accelerations()
+    np.testing.assert_allclose(ours, expected[judged], atol=1e-9 * np.abs(expected).max())
     drives = tree.drives(positions)[1] if theirs.nu else np.eye(theirs.nv)[:1]
-    wanted = np.random.default_rng(1).normal(size=len(drives)) * np.abs(passive).max()
-    found = drive_forces(model.mechanism, state, ideal(drives.T @ wanted)[judged] - ours, judged, drives, names)
+    wanted = np.random.default_rng(1).normal(size=len(drives)) * np.abs(truth.passive).max()
+    more = truth.accelerations(drives.T @ wanted)[judged] - ours
+    found = drive_forces(model.mechanism, state, more, judged, drives, names)
     np.testing.assert_allclose(found, wanted, rtol=1e-9)
 
 

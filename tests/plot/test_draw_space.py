@@ -509,6 +509,10 @@ def test_arrows_of_a_page_are_to_scale():
     np.testing.assert_allclose(sides, sides[0])  # one scale for all axes
     assert max(scene.aspectratio[axis] for axis in "xyz") == pytest.approx(1.6)
     assert figure.layout.scene.xaxis.title.text == "x (m)"
+    assert all(scene[f"{axis}axis"].showbackground is False for axis in "xyz")  # walls hide the ends of names
+    (names,) = (trace for trace in figure.data if trace.mode == "text")
+    sides = dict(zip(names.text, names.textposition, strict=True))
+    assert {sides[name] for name in HEIGHTS} == {"top right"} and sides["<i>door</i>"] == "bottom left"
     eye, (e, a) = figure.layout.scene.camera.eye, np.radians([25.0, -40.0])
     towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
     np.testing.assert_allclose([eye.x, eye.y, eye.z] / np.linalg.norm([eye.x, eye.y, eye.z]), towards, atol=1e-12)

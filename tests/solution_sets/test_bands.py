@@ -378,6 +378,16 @@ def test_arguments_that_do_not_fit_are_refused(pair, outputs, bounds, words):
         rx.band(*pair(), outputs, bounds)
 
 
+def test_bounds_without_redundancy_or_names_say_what_to_do():
+    pin = rx.Revolute("A", "a", "ground", (0.0, 0.0), (0.0, 0.0))
+    pair = rx.Mechanism([rx.Body("a", 1.0, 1.0)], [pin]), rx.State(jnp.zeros(3), jnp.zeros(3))
+    with pytest.raises(ValueError, match="no constraint is redundant here"):
+        rx.band(*pair, "A.x", rx.AmplitudeBox({"A.x": (0.0, 1.0)}))
+    for bounds, given in ((rx.PreloadNorm, 10.0), (rx.PreloadBox, {"A.x": 5.0}), (rx.AmplitudeBox, [(0.0, 1.0)])):
+        with pytest.raises(ValueError, match=r"must give .* by name, but is"):
+            bounds(given)
+
+
 def test_preload_that_leaves_self_stress_open_names_rows_that_close_it():
     pins = [rx.Revolute(name, "a", "ground", (x, 0.0), (x, 0.0)) for name, x in (("B", -0.5), ("C", 0.5))]
     plate = rx.Fixed("P", "a", "ground", (0.0, 0.0), (0.0, 0.0))

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import redundax as rx
+from redundax._system._pages import values_of
 
 SCREEN, WIDTH = 33, 100
 NEWTON, METRE = 0.224808943, 39.3700787  # lbf, in
@@ -93,6 +94,20 @@ def test_a_solution_is_a_table_with_units(name, length, metre, force, newton):
     assert row(text, "rod.phi") == ["0", "0", "-15"]
     np.testing.assert_allclose(float(row(text, "A.y")[0]), -2.5 * newton, rtol=1e-5)
     assert on_a_screen(text)
+
+
+def test_friction_is_told_with_the_body_on_which_it_acts():
+    """That of a pin by its joint, and of both pins of a cross."""
+    pin = rx.Revolute("A", "rod", rx.GROUND, (0, 0), (0, 0), pin_radius=0.01, friction=rx.Coulomb(0.1))
+    names = rx.Mechanism([rx.Body("rod", 1.0, 1.0)], [pin]).names
+    assert [each.rows for each in values_of(names, ("friction", [0.25]))][-1] == [("tau A (on rod)", "0.25")]
+    shaft = rx.spatial.Body("shaft", 1.0, (1.0, 1.0, 1.0))
+    bearing = {"pin_radius": 0.01, "bearing_length": 0.05, "thrust_radius": 0.01, "friction": rx.Coulomb(0.1)}
+    cross = rx.spatial.Universal("K", rx.GROUND, shaft, (0, 0, 0), (1, 0, 0), (0, 1, 0), **bearing)
+    names = rx.Mechanism([shaft], [cross]).names
+    assert {label: names.on(label) for label in names.slips.labels} == dict.fromkeys(
+        ("K.angle_1", "K.angle_2"), "ground"
+    )
 
 
 def test_a_state_is_a_table():

@@ -50,6 +50,7 @@ class AbstractJoint(AbstractBetweenBodies):
     row_kinds: eqx.AbstractClassVar[tuple[Row, ...]]
     frame: ClassVar[AbstractFrame] = PLANE
     pushing: ClassVar[tuple[str, ...]] = ()
+    has_spin: ClassVar[bool] = False  # whether it leaves all turns in space free, which have no coordinate
     name: eqx.AbstractVar[str]
 
     @abc.abstractmethod

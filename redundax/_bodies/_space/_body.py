@@ -54,7 +54,7 @@ class Body(AbstractBody):
         position: Numbers = (0.0, 0.0, 0.0),
         orientation: Numbers = (1.0, 0.0, 0.0, 0.0),
     ):
-        self.name, self.mass, self.inertia = name, as_float(mass), as_float(inertia)
+        self.name, self.mass, self.inertia = name, as_float(mass, "mass"), as_float(inertia, "inertia")
         self.centre, self.position = (
             SPACE.vector(argument, value) for argument, value in (("centre", centre), ("position", position))
         )

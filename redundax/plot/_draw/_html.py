@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
 _ACROSS = 420.0  # points of print that the mechanism is across
+_FEW = 12  # names in letters of usual size
 _LONGEST = 70.0  # points, of the longest arrow
 _COLOURS = {"self-stress": "#0072B2", "load": "#D55E00", "applied": INK}
 
@@ -176,11 +177,9 @@ def _traces(plotly: Any, moment: _Moment, point: float, names: bool) -> list[Any
         texts += [(span.mean(axis=0), f"<i>{name}</i>") for name, span in zip(stage.names, stage.spans, strict=True)]
         x, y, z = np.array([place for place, _ in texts]).T
         text = [word for _, word in texts]
-        out.append(
-            plotly.Scatter3d(
-                x=x, y=y, z=z, text=text, mode="text", textposition="top right", hoverinfo="skip", showlegend=False
-            )
-        )  # fmt: skip
+        sides = ["top right"] * len(stage.joints) + ["bottom left"] * len(stage.names)  # apart in the middle of a body
+        look = {"textposition": sides, "textfont": {"size": 12 if len(text) <= _FEW else 10}}
+        out.append(plotly.Scatter3d(x=x, y=y, z=z, text=text, mode="text", hoverinfo="skip", showlegend=False, **look))
     return out
 
 
@@ -240,9 +239,15 @@ def _layout(moments: list[_Moment], point: float) -> dict[str, Any]:
     ]
     every = np.concatenate([every, np.array(tips).reshape(-1, 3)])
     low, high = every.min(axis=0) - 40.0 * point, every.max(axis=0) + 40.0 * point
-    unit = stage.units.of("linear")
+    share, unit = (high - low) / (high - low).max(), stage.units.of("linear")
     axes = {
-        f"{axis}axis": {"title": {"text": f"{axis} ({unit})" if unit else axis}, "range": [low[k], high[k]]}
+        f"{axis}axis": {
+            "title": {"text": f"{axis} ({unit})" if unit else axis},
+            "range": [low[k], high[k]],
+            "nticks": int(2 + 5 * share[k]),
+            "showbackground": False,  # walls would hide the ends of long names
+            "gridcolor": "#dddddd",
+        }
         for k, axis in enumerate("xyz")
     }
     towards, up = 1.8 * stage.view.axes[2], np.eye(3)[stage.view.vertical]
@@ -251,7 +256,7 @@ def _layout(moments: list[_Moment], point: float) -> dict[str, Any]:
         "up": dict(zip("xyz", up.tolist(), strict=True)),
         "projection": {"type": "orthographic"},
     }
-    sides = 1.6 * (high - low) / (high - low).max()  # so that the longest fits, of a flat mechanism too
+    sides = 1.6 * share  # so that the longest fits, of a flat mechanism too
     return {
         "scene": {
             **axes,

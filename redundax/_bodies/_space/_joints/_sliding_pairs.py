@@ -125,6 +125,7 @@ class Spherical(AbstractSlidingJoint):
 
     row_kinds: ClassVar[tuple[Row, ...]] = (*RADIAL, AXIAL)
     slip_kinds: ClassVar[tuple[Row, ...]] = (("bend_1", "angular"), ("bend_2", "angular"), ("twist", "angular"))
+    has_spin: ClassVar[bool] = True
     ball_radius: Float[Array, ""] | None
     friction: AbstractFrictionModel | None
     contact: AbstractContact

@@ -1,0 +1,35 @@
+"""The order of the rows of a mechanism: force-type rows of all joints, then their moment-type rows, Eq. (61)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .._system._axis import Axis
+from ._coupler import CoupledRow
+from ._joints import AbstractJoint
+
+
+def pushing_rows(joints: Sequence[AbstractJoint], rows: Axis) -> tuple[int, ...]:
+    """Rows whose contacts push alone."""
+    return tuple(rows.labels.index(f"{joint.name}.{row}") for joint in joints for row in joint.pushing)
+
+
+def ordered_rows(
+    joints: Sequence[AbstractJoint | CoupledRow], groups: Sequence[Sequence[int]]
+) -> tuple[Axis, np.ndarray, list[np.ndarray]]:
+    """The rows, force-type first and in the order of the joints; and where the rows come from and go to.
+
+    The residuals of all kinds of joints, one after the other, are taken in the order `source`, shape (m,); the rows
+    of the members of each kind are `places`, shape (members, rows) each.
+    """
+    flat = [(k, column) for group in groups for k in group for column in range(len(joints[k].row_kinds))]
+    given = sorted(range(len(flat)), key=lambda position: flat[position])
+    source = [p for wanted in ("force", "moment") for p in given if _kind(joints, flat[p]) == wanted]
+    row_of = {flat[position]: row for row, position in enumerate(source)}
+    places = [np.array([[row_of[k, c] for c in range(len(joints[k].row_kinds))] for k in group]) for group in groups]
+    names = tuple(f"{joints[k].name}.{joints[k].row_kinds[column][0]}" for k, column in row_of)
+    return Axis(names, tuple(joints[k].row_kinds[column][1] for k, column in row_of)), np.array(source), places
+
+
+def _kind(joints: Sequence[AbstractJoint | CoupledRow], place: tuple[int, int]) -> str:
+    return joints[place[0]].row_kinds[place[1]][1]

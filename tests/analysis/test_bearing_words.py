@@ -1,0 +1,47 @@
+"""Releases in the words of bearings: of hand-made releases, and of a shaft whose thrust two bearings share."""
+
+import pytest
+
+import redundax as rx
+from redundax._analysis._bearing_words import bearing_words
+from redundax._analysis._release import Release
+
+HINGE = ("radial_1", "radial_2", "axial", "bend_1", "bend_2")
+ROWS = (*(f"{joint}.{row}" for joint in ("top", "mid bearing") for row in HINGE), "A.x", "A.y")
+
+
+@pytest.mark.parametrize(
+    ("freed", "words"),
+    [
+        (["mid bearing.axial"], "let mid bearing slide along its axis (floating bearing)"),
+        (["top.bend_1", "top.bend_2"], "let top tilt (self-aligning bearing)"),
+        (
+            ["top.bend_2", "top.axial", "top.bend_1"],
+            "let top slide along its axis and tilt (floating and self-aligning bearing)",
+        ),
+        (
+            [f"top.{row}" for row in HINGE] + ["mid bearing.radial_1", "mid bearing.radial_2"],
+            "leave top out; let mid bearing give way across its axis",
+        ),
+        (["top.bend_1"], ""),
+        (["top.axial", "mid bearing.radial_1"], ""),
+        (["A.x"], ""),
+    ],
+)
+def test_words_of_releases(freed, words):
+    release = Release(tuple((row.rpartition(".")[0], {row: 1.0}) for row in freed), 0.5)
+    assert bearing_words(release, ROWS) == words
+
+
+@pytest.mark.slow
+def test_an_analysis_says_which_bearing_is_to_float():
+    """A locating bearing and one that aligns itself but holds the thrust too."""
+    shaft = rx.spatial.Body("shaft", 2.0, inertia=(0.1, 0.1, 0.01))
+    axis = {"axis": (0.0, 0.0, 1.0)}
+    joints = [
+        rx.spatial.Revolute("hinge", shaft, "ground", point=(0, 0, 0), **axis),
+        rx.spatial.PointOnPlane("thrust", shaft, "ground", point=(0, 0, 1), **axis),
+    ]
+    mechanism = rx.Mechanism([shaft], joints)
+    page = str(rx.analyze(mechanism, rx.assemble(mechanism, rates={"hinge.angle": 1.0})))
+    assert "In words of bearings: " in page and "slide along its axis (floating bearing)" in " ".join(page.split())
