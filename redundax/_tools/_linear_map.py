@@ -27,9 +27,13 @@ def krylov_solution(
 ) -> Float[Array, " p"]:
     """The solution of product(x) = right to rounding, by GMRES; its derivatives are those of a linear solution."""
     rtol = 10 * float(jnp.finfo(right.dtype).eps)
-    return jax.scipy.sparse.linalg.gmres(
-        product, right, tol=rtol, restart=min(_RESTART, right.size), maxiter=_CYCLES, solve_method="incremental"
-    )[0]
+
+    def solved(product: Callable[[Array], Array], right: Array) -> Array:  # GMRES looks at the size of the right side
+        return jax.scipy.sparse.linalg.gmres(
+            product, right, tol=rtol, restart=min(_RESTART, right.size), maxiter=_CYCLES, solve_method="incremental"
+        )[0]
+
+    return jax.lax.custom_linear_solve(product, right, solved, transpose_solve=solved)
 
 
 def spectral_radius(product: Callable[[Float[Array, " p"]], Float[Array, " p"]], like: Float[Array, " p"]) -> Array:

@@ -117,6 +117,14 @@ def test_forward_derivatives_of_friction_are_those_of_differences():
 
 
 @pytest.mark.slow
+def test_reverse_derivatives_of_friction_are_those_of_differences():
+    friction, x, true = friction_and_differences()
+    pull = jnp.cos(jnp.arange(len(true)))
+    found = jax.vjp(friction, x)[1](pull)[0]
+    np.testing.assert_allclose(found, pull @ true, rtol=1e-8, atol=1e-8 * np.abs(true).max())
+
+
+@pytest.mark.slow
 def test_motions_with_friction_are_those_of_dense_matrices():
     mechanism, _ = rack(1)
     state = mechanism.state(np.pi / 2, rate=-2.0)
