@@ -141,8 +141,8 @@ class Mechanism(AbstractSystem):
         """The same mechanism with sparse matrices in `solve` and `simulate`, as from 2000 coordinates and rows on
         anyway, or with dense ones.
 
-        All other questions are answered with dense ones. Sparse ones take bodies with mass and inertia. Friction has
-        forward derivatives alone there, and estimated contraction; motions end where a joint with dry friction halts.
+        All other questions are answered with dense ones. Sparse ones take bodies with mass and inertia. Contraction of
+        friction is estimated there, not bounded.
 
         ??? example
 
