@@ -152,8 +152,7 @@ class Mechanism(AbstractSystem):
         anyway, or with dense ones.
 
         All other questions are answered with dense ones. Sparse ones take bodies with mass and inertia, and no
-        armature. Friction has
-        forward derivatives alone there, and estimated contraction; motions end where a joint with dry friction halts.
+        armature. Contraction of friction is estimated there, not bounded.
 
         ??? example
 

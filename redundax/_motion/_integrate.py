@@ -74,6 +74,9 @@ def integrate(
     ended = _ended(done, found == rank)
     ended = RESULTS.where(begin.result == RESULTS.successful, ended, begin.result)
     q, qd, acceleration, multipliers, friction, sense, memory = solved
+    if isinstance(factor, SparseFactorisation):  # gradients that close it may not settle
+        open_ = jnp.isfinite(acceleration).all(axis=1) & ~jnp.isfinite(multipliers).all(axis=1) & ~done.rests
+        ended = RESULTS.where((ended == RESULTS.successful) & jnp.any(open_), RESULTS.ambiguous_closure, ended)
     return Trajectory(
         jnp.where(ordered, ts, given),
         q,

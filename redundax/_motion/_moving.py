@@ -87,7 +87,7 @@ class Linear(NamedTuple):
     - `load`, `directions`: Q and E, shape (n,) and (n, p).
     - `rate`: slip rates, shape (p,); their rates of change are `slip` + `yields` tau, shape (p,) and (p, p).
 
-    Of a large mechanism `directions` and `yields` are maps.
+    Of a large mechanism `directions`, `yields` and what unit friction causes are maps.
     """
 
     response: LinearResponse
@@ -101,6 +101,19 @@ class Linear(NamedTuple):
     def is_large(self) -> bool:
         """Whether what unit friction causes is known by products alone."""
         return isinstance(self.yields, LinearMap)
+
+    def by_matrices(self, system: AbstractSystem, state: State, wanted: Bool[Array, ""]) -> "Linear":
+        """With matrices for maps where they are wanted, which costs one solution for each friction; else with zeros."""
+        if not self.is_large:
+            return self
+
+        def formed() -> tuple[Response, Array]:
+            unit = self.response.unit.columns(self.rate.size, self.rate.dtype)
+            return unit, jax.vmap(lambda a: along_slips(system, state, a), 1, 1)(unit.acceleration)
+
+        none = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(formed))
+        unit, yields = jax.lax.cond(wanted, formed, lambda: none)
+        return self._replace(response=LinearResponse(self.response.free, unit), yields=yields)
 
 
 class Solved(NamedTuple):
@@ -258,7 +271,9 @@ class Equations(eqx.Module):
         """Friction forces, those that hold the joints that stick and those of the law; NaN where none are found."""
         contraction, size = jnp.zeros_like(law.state.t), jnp.ones_like(linear.rate)
         holding, passed = jnp.zeros_like(linear.rate), None
-        if self.has_sense and not linear.is_large:  # none stick there
+        if self.has_sense and linear.is_large:
+            holding, passed = self._held_by_maps(law.state, linear)
+        elif self.has_sense:
             holding, passed = jax.lax.cond(jnp.any(self.sticking), lambda: self._holding(linear), lambda: _none(linear))
         rows = load_rows(self.system.friction)
         if rows.size == 0:
@@ -321,6 +336,20 @@ class Equations(eqx.Module):
         offset = linear.slip + self.speed / self.scaling.size * linear.rate
         return -inverse @ offset, slides - inverse @ linear.yields @ slides
 
+    def _held_by_maps(self, state: State, linear: Linear) -> tuple[Float[Array, " p"], LinearMap]:
+        """`_holding` of a large mechanism, where matrices are formed while joints stick alone."""
+        stick = self.sticking
+        whole = linear.by_matrices(self.system, state, jnp.any(stick))
+        offset = linear.slip + self.speed / self.scaling.size * linear.rate
+
+        def held() -> tuple[Array, Array]:
+            inverse = self._inverse(whole, stick)
+            return -inverse @ offset, inverse @ whole.yields
+
+        none = jnp.zeros_like(offset), jnp.zeros_like(whole.yields)
+        holding, against = jax.lax.cond(jnp.any(stick), held, lambda: none)
+        return holding, LinearMap(_passed, (stick, against))
+
     def _inverse(self, linear: Linear, stick: Bool[Array, " p"]) -> Float[Array, "p p"]:
         """Least friction of joints that stick by slip accelerations that it causes."""
         both = stick[:, None] & stick
@@ -350,6 +379,12 @@ class Equations(eqx.Module):
 def _none(linear: Linear) -> tuple[Float[Array, " p"], Float[Array, "p p"]]:
     """Nothing sticks."""
     return jnp.zeros_like(linear.rate), jnp.eye(linear.rate.size, dtype=linear.rate.dtype)
+
+
+def _passed(stick: Bool[Array, " p"], against: Float[Array, "p p"], tau: Float[Array, " p"]) -> Float[Array, " p"]:
+    """Friction of joints that slip, and what holds the others against it."""
+    tau = jnp.where(stick, 0.0, tau)
+    return tau - jax.lax.cond(jnp.any(stick), lambda: against @ tau, lambda: jnp.zeros_like(tau))
 
 
 def rechart(system: AbstractSystem, y: Moving) -> tuple[Moving, Bool[Array, ""]]:

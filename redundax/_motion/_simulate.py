@@ -101,8 +101,8 @@ def simulate(
     release derivatives are NaN, take differences there. A mechanism at rest stays there until its loads let it
     go, which is asked at 100 instants up to `t1`; it ends as `RESULTS.stuck` if none does.
 
-    Of large mechanisms, whose matrices are sparse, motions end as `RESULTS.joint_sticks` where a joint stops whose
-    friction depends on the sense of slip: which joints stick there is not decided.
+    Of large mechanisms, whose matrices are sparse, matrices of friction are formed at stops and while joints stick:
+    cost grows with the square of their number there, and with its cube while some stick and others slip.
 
     Internal states of friction (`Dahl`, `LuGre`) start as in `state`, at zero if it holds none.
 

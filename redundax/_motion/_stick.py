@@ -59,8 +59,8 @@ def mode_of(equations: Equations, state: State, linear: Linear, wanted: Bool[Arr
     slows = jnp.abs(linear.rate) <= slow / equations.slip_size
     still = sensed & (equations.whole(slows) | equations.sticking)
     if linear.is_large:
-        slides = jnp.where(sensed, jnp.sign(linear.rate), 1.0)
-        return Mode(slides, linear.rate, jnp.zeros((), bool), ~jnp.any(still))
+        wanted = wanted & jnp.any(still)
+        linear = linear.by_matrices(equations.system, state, wanted)
     tau, decided = _sticking_friction(equations, state, linear, still, wanted)
     acceleration = linear.slip + linear.yields @ tau
     parts = jnp.abs(linear.slip) + jnp.abs(linear.yields) @ jnp.abs(tau)

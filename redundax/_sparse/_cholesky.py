@@ -9,13 +9,16 @@ calls that XLA runs side by side can wait for each other for good on few cores, 
 other. Rows that are left out have the row of I.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ._plan import Plan
+
+T = TypeVar("T")
 
 
 class Fronts(NamedTuple):
@@ -27,6 +30,30 @@ class Fronts(NamedTuple):
 
 def factor(plan: Plan, entries: Float[Array, " size"]) -> tuple[Fronts, ...]:
     """The factor of the matrix with these entries; NaN where it is not positive definite."""
+
+    def kept(own: Array, border: Array) -> tuple[Fronts, Array]:
+        one = jnp.broadcast_to(jnp.eye(own.shape[-1], dtype=own.dtype), own.shape)
+        inverse = jax.lax.linalg.triangular_solve(own, one, left_side=True, lower=True)
+        border = border @ inverse.swapaxes(1, 2)
+        return Fronts(inverse, border), border
+
+    return _eliminated(plan, entries, kept)
+
+
+def pivots_of(plan: Plan, entries: Float[Array, " size"]) -> Float[Array, " m"]:
+    """Diagonal of L alone, by row."""
+
+    def kept(own: Array, border: Array) -> tuple[Array, Array]:
+        border = jax.lax.linalg.triangular_solve(own, border, left_side=False, lower=True, transpose_a=True)
+        return jnp.diagonal(own, axis1=1, axis2=2).ravel(), border
+
+    return jnp.concatenate(_eliminated(plan, entries, kept))[plan.position]
+
+
+def _eliminated(
+    plan: Plan, entries: Float[Array, " size"], kept: Callable[[Array, Array], tuple[T, Array]]
+) -> tuple[T, ...]:
+    """What is kept of each height, given L and A_qp, and with it B."""
     found, begin = [], 0
     left = jnp.zeros(0, entries.dtype)
     for level in plan.levels:
@@ -37,18 +64,24 @@ def factor(plan: Plan, entries: Float[Array, " size"]) -> tuple[Fronts, ...]:
             fronts = fronts.at[level.target].add(left[level.source])
         fronts = fronts.reshape(count, p + q, p + q)
         begin += size
-        one = jnp.eye(p, dtype=entries.dtype)
-        own = jnp.linalg.cholesky(fronts[:, :p, :p] + level.pad[:, :, None] * one, symmetrize_input=False)
-        inverse = jax.lax.linalg.triangular_solve(own, jnp.broadcast_to(one, own.shape), left_side=True, lower=True)
-        border = fronts[:, p:, :p] @ inverse.swapaxes(1, 2)
+        padding = level.pad[:, :, None] * jnp.eye(p, dtype=entries.dtype)
+        own = jnp.linalg.cholesky(fronts[:, :p, :p] + padding, symmetrize_input=False)
+        part, border = kept(own, fronts[:, p:, :p])
         rest = fronts[:, p:, p:] - border @ border.swapaxes(1, 2)
         left = jnp.concatenate([left, rest.ravel()])
-        found.append(Fronts(inverse, border))
+        found.append(part)
     return tuple(found)
 
 
 def solution(plan: Plan, found: tuple[Fronts, ...], right: Float[Array, "m c"]) -> Float[Array, "m c"]:
-    """What the factored matrix makes to the columns on the right."""
+    """What the factored matrix makes to the columns on the right, one after the other: products of batches of small
+    matrices with few columns take longer than with one each."""
+    if right.shape[1] == 1:
+        return _solution(plan, found, right)
+    return jax.lax.map(lambda column: _solution(plan, found, column[:, None])[:, 0], right.T).T
+
+
+def _solution(plan: Plan, found: tuple[Fronts, ...], right: Float[Array, "m c"]) -> Float[Array, "m c"]:
     columns = right.shape[1]
     none = jnp.zeros((1, columns), right.dtype)
     below, forward = jnp.concatenate([right, none])[plan.own], []

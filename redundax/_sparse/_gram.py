@@ -19,7 +19,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ._cholesky import Fronts, factor, pivots, solution
+from ._cholesky import Fronts, factor, pivots, pivots_of, solution
 from ._rows import Rows
 
 _SHIFT = 0.75  # power of the rounding: t
@@ -55,8 +55,9 @@ class Gram(eqx.Module):
             if not refines:
                 return solution(plan, self.fronts, right)
 
-            def step(_: Array, mu: Array) -> Array:
-                return mu + solution(plan, self.fronts, right - product(mu))
+            def step(k: Array, mu: Array) -> Array:
+                left = jax.lax.cond(k > 0, lambda: right - product(mu), lambda: right)
+                return mu + solution(plan, self.fronts, left)
 
             return jax.lax.fori_loop(0, 2, step, jnp.zeros_like(right))
 
@@ -80,7 +81,11 @@ class Gram(eqx.Module):
 
     def across(self, y: Float[Array, "m c"]) -> Float[Array, "m c"]:
         """N^T y, on O."""
-        return (1 - self.kept)[:, None] * (y - self.rows.gram(self.solution(y)))
+
+        def found() -> Array:
+            return (1 - self.kept)[:, None] * (y - self.rows.gram(self.solution(y)))
+
+        return jax.lax.cond(jnp.any(self.kept == 0), found, lambda: jnp.zeros_like(y))
 
 
 def gram(rows: Rows, kept: Float[Array, " m"]) -> Gram:
@@ -96,7 +101,7 @@ def rank_pivots(rows: Rows) -> tuple[Float[Array, " m"], Float[Array, " m"], flo
     diagonal = rows.plan.beside[:, 0]
 
     def shifted(t: Array) -> Array:
-        return pivots(rows.plan, factor(rows.plan, entries.at[diagonal].add(t))) ** 2
+        return pivots_of(rows.plan, entries.at[diagonal].add(t)) ** 2
 
     once, twice = jax.lax.map(shifted, shift * jnp.asarray([1.0, 2.0], entries.dtype))  # one factor after the other
     return 2 * once - twice, (twice - once) / shift, shift

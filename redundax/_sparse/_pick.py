@@ -20,7 +20,7 @@ from ._gram import Gram
 from ._rows import Rows
 
 _WEIGHT = 0.4  # power of the rounding: e
-_STEPS = 12
+_STEPS, _FAILED = 60, 1e-10  # at most; a residual that is no solution
 
 
 class Compliance(eqx.Module):
@@ -53,12 +53,15 @@ class Picking(eqx.Module):
     fronts: tuple[Fronts, ...]
 
     def response(self, misfit: Float[Array, "m c"]) -> Float[Array, "m c"]:
-        """G d times the size of W."""
+        """G d times the size of W, column by column; nothing is computed where there is no self-stress or misfit."""
+        if misfit.shape[1] > 1:
+            return jax.lax.map(lambda column: self.response(column[:, None])[:, 0], misfit.T).T
 
         def found() -> Array:
             return self.gram.stress(self._inverse(self.gram.across(misfit)))
 
-        return jax.lax.cond(jnp.any(self.gram.kept == 0), found, lambda: jnp.zeros_like(misfit))
+        some = jnp.any(self.gram.kept == 0) & jnp.any(misfit != 0)
+        return jax.lax.cond(some, found, lambda: jnp.zeros_like(misfit))
 
     def _inverse(self, right: Float[Array, "m c"]) -> Float[Array, "m c"]:
         others, plan = (1 - self.gram.kept)[:, None], self.gram.rows.plan
@@ -92,8 +95,9 @@ def picking(gram: Gram, compliance: Compliance) -> tuple[Picking, Float[Array, "
 
 
 def _conjugate_gradients(product: Callable, near: Callable, right: Float[Array, "m c"]) -> Float[Array, "m c"]:
-    """The solution of product(z) = right, each column by itself; written so that both stand in a program once."""
-    least = (float(jnp.finfo(right.dtype).eps) * jnp.linalg.norm(right, axis=0)) ** 2
+    """The solution of product(z) = right, or NaN; both stand in a program once."""
+    size = jnp.sum(right**2, axis=0)
+    least = float(jnp.finfo(right.dtype).eps) ** 2 * size
 
     def goes_on(carry: _Gradients) -> Array:
         return (carry.steps < _STEPS) & jnp.any(jnp.sum(carry.left**2, axis=0) > least)
@@ -108,7 +112,9 @@ def _conjugate_gradients(product: Callable, near: Callable, right: Float[Array, 
 
     none = jnp.zeros_like(right)
     start = _Gradients(none, right, none, jnp.zeros_like(right[0]), jnp.zeros((), int))
-    return jax.lax.while_loop(goes_on, step, start).z
+    end = jax.lax.while_loop(goes_on, step, start)
+    failed = max(_FAILED, 1e3 * float(jnp.finfo(right.dtype).eps))
+    return jnp.where(jnp.sum(end.left**2, axis=0) <= failed**2 * size, end.z, jnp.nan)
 
 
 class _Gradients(NamedTuple):

@@ -7,8 +7,8 @@ what separates the pieces below; its border is what eliminating its own joints t
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-_LEAF = 24  # rows of a leaf, at most: batches of small dense factors
-_FRONT = 48  # rows of several separators in one front, at most: fewer heights, which cost compilation
+_LEAF = 16  # rows of a leaf, at most: batches of small dense factors
+_FRONT = 24  # rows of several separators in one front, at most: fewer heights, which cost compilation
 
 
 class Front(NamedTuple):

@@ -6,6 +6,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.typing import DTypeLike
 from jaxtyping import Array, Float, PyTree
 
 _RESTART, _CYCLES = 30, 10  # directions that GMRES keeps, and how often it starts anew
@@ -18,8 +19,20 @@ class LinearMap(eqx.Module):
     function: Callable[..., Any] = eqx.field(static=True)
     given: tuple[PyTree, ...]
 
-    def __matmul__(self, vector: Float[Array, " p"]) -> Any:
-        return self.function(*self.given, vector)
+    def __matmul__(self, other: Any) -> Any:
+        """What it makes of a vector, or of what another map makes."""
+        if isinstance(other, LinearMap):
+            return LinearMap(_after, (self, other))
+        return self.function(*self.given, other)
+
+    def columns(self, count: int, dtype: DTypeLike) -> Any:
+        """Its matrix, or those of each part of what it gives, by the images of unit vectors one after the other."""
+        images = jax.lax.map(lambda unit: self @ unit, jnp.eye(count, dtype=dtype))
+        return jax.tree.map(jnp.transpose, images)
+
+
+def _after(outer: LinearMap, inner: LinearMap, vector: Float[Array, " p"]) -> Any:
+    return outer @ (inner @ vector)
 
 
 def krylov_solution(
@@ -27,9 +40,13 @@ def krylov_solution(
 ) -> Float[Array, " p"]:
     """The solution of product(x) = right to rounding, by GMRES; its derivatives are those of a linear solution."""
     rtol = 10 * float(jnp.finfo(right.dtype).eps)
-    return jax.scipy.sparse.linalg.gmres(
-        product, right, tol=rtol, restart=min(_RESTART, right.size), maxiter=_CYCLES, solve_method="incremental"
-    )[0]
+
+    def solved(product: Callable[[Array], Array], right: Array) -> Array:  # GMRES looks at the size of the right side
+        return jax.scipy.sparse.linalg.gmres(
+            product, right, tol=rtol, restart=min(_RESTART, right.size), maxiter=_CYCLES, solve_method="incremental"
+        )[0]
+
+    return jax.lax.custom_linear_solve(product, right, solved, transpose_solve=solved)
 
 
 def spectral_radius(product: Callable[[Float[Array, " p"]], Float[Array, " p"]], like: Float[Array, " p"]) -> Array:
