@@ -19,7 +19,7 @@ T = TypeVar("T", bound=PyTree)
 
 _CHUNK = 4096  # samples at most for a core, four times as many where cores share a device and its loops
 _NUMBERS = 2**21  # that go into a chunk and come out of it, at most
-_INSIDE = 2**17  # numbers of one kind, as of matrices, within a chunk: a MiB of them, as the cache of a core holds
+_INSIDE = 2**16  # numbers of one kind, as of matrices, within a chunk: half a MiB of them, as the cache of a core holds
 _ACCELERATOR = 64, 16  # times as many elsewhere than on CPUs, for threads by the thousand
 
 
