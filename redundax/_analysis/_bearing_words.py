@@ -28,13 +28,16 @@ def best_in_words(releases: Sequence[Release], rows: Sequence[str]) -> list[str]
 def bearing_words(release: Release, rows: Sequence[str]) -> str:
     """What to do to each joint, of all the `rows` of a mechanism.
 
-    "" where some are not those of joints in space, or free one direction of two across an axis, as no bearing does.
+    "" where some are not those of joints in space, or free one direction of two across an axis, or one oblique to both,
+    as no bearing does.
     """
     freed: dict[str, list[str]] = {}
     for _, shares in release.directions:
-        for row in shares:
-            joint, _, own = row.rpartition(".")
-            freed.setdefault(joint, []).append(own)
+        row, *others = shares
+        joint, _, own = row.rpartition(".")
+        if others or not any(own in rows for rows in _FREED):
+            return ""
+        freed.setdefault(joint, []).append(own)
     told = [_of_joint(joint, own, rows) for joint, own in freed.items()]
     return "; ".join(told) if all(told) else ""
 

@@ -75,13 +75,20 @@ def armature_load(
 
 
 def armatures(
-    given: Mapping[str, Numbers],
+    given: Mapping[str, Numbers] | None,
     places: dict[str, Place],
     joints: Sequence[Stack],
     frame: AbstractFrame,
     count: int,
 ) -> tuple[Armature, ...]:
     """The armature by names of coordinates or ball joints, of a mechanism of `count` bodies."""
+    if given is None:
+        return ()
+    if not isinstance(given, Mapping):
+        raise ValueError(
+            f"Argument `armature` must give inertia by the name of a joint coordinate, but is {given!r}. Write "
+            '{"hinge.angle": 0.02}, say.'
+        )
     alike: dict[tuple[int, int], list[tuple[int, Array]]] = {}
     for name, value in given.items():
         index_of("armature", name, list(places), " of joint coordinates or ball joints")

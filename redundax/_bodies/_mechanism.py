@@ -121,7 +121,7 @@ class Mechanism(AbstractSystem):
         self._source = indices(source)
         coupler_rows = places[-1][:, 0].tolist() if own else []
         self.couplings = couplings(couplers, at, coupler_rows, self.joints, self.frame, len(names))
-        self.armature = armatures(armature or {}, at | ball_places(joints, groups), self.joints, self.frame, len(names))
+        self.armature = armatures(armature, at | ball_places(joints, groups), self.joints, self.frame, len(names))
         self._friction = tuple(
             members
             for kind, group in enumerate(groups)
@@ -151,8 +151,8 @@ class Mechanism(AbstractSystem):
         """The same mechanism with sparse matrices in `solve` and `simulate`, as from 2000 coordinates and rows on
         anyway, or with dense ones.
 
-        All other questions are answered with dense ones. Sparse ones take bodies with mass and inertia, and no
-        armature. Contraction of friction is estimated there, not bounded.
+        All other questions are answered with dense ones. Sparse ones take bodies with mass and inertia, no armature,
+        and in motions no dry sleeves, balls and plates. Contraction of friction is estimated there, not bounded.
 
         ??? example
 

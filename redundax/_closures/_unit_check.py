@@ -32,14 +32,15 @@ _checked: WeakValueDictionary[int, AbstractClosure] = WeakValueDictionary()
 def check_units(
     names: Names, length: Array, closure: AbstractClosure, given: Elasticity, multipliers: Array, stacklevel: int
 ) -> None:
-    """Warn, once for each closure, where its concrete values look as if they were in other units.
+    """Warn, once for each closure whose loads are known, where its concrete values look as if they were in other units.
 
     `length` is that of the factorised mechanism, `given` what the closure gave at its state, and `multipliers` those of
     the solution, which may be traced.
     """
     if _checked.get(id(closure)) is closure:
         return
-    _checked[id(closure)] = closure
+    if is_concrete(multipliers):
+        _checked[id(closure)] = closure
     if float(length) == 1.0:  # stands for a mechanism without a length of its own
         return
     compliance, misfit, scale = _diagonal(np.asarray(given.compliance)), np.asarray(given.misfit), np.asarray(length)

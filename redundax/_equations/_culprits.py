@@ -35,7 +35,9 @@ def thrown(out: Out, throw: bool | None, system: AbstractSystem, state: State, f
 
 
 def culprits(system: AbstractSystem, state: State, factor: Any, result: RESULTS) -> str:
-    """A sentence with the names, on concrete values, or nothing where names do not help."""
+    """A sentence with the names, on concrete values, or nothing where names do not help or nothing is factorised."""
+    if factor is None:
+        return ""
     if result == RESULTS.violated_constraints:
         return _rows(system, np.asarray(along_motion(system, state).value), "Violated rows")
     if result == RESULTS.inadmissible_velocity:

@@ -102,7 +102,8 @@ def simulate(
     go, which is asked at 100 instants up to `t1`; it ends as `RESULTS.stuck` if none does.
 
     Of large mechanisms, whose matrices are sparse, matrices of friction are formed at stops and while joints stick:
-    cost grows with the square of their number there, and with its cube while some stick and others slip.
+    cost grows with the square of their number there, and with its cube while some stick and others slip. Dry sleeves,
+    balls and plates need dense matrices: `mechanism.sparse(False)`.
 
     Internal states of friction (`Dahl`, `LuGre`) start as in `state`, at zero if it holds none.
 

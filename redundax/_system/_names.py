@@ -115,10 +115,10 @@ class Names:
         friction = ("friction moment" if angular else "friction force" for angular in self.slips.angular)
         return Axis(tuple(each.name for each in parts), (*self.coordinates.kinds, *self.rows.kinds, *friction))
 
-    def on(self, slip: str) -> str:
-        """The body on which the friction of a slip acts as it is told; none of a system without joints."""
+    def carriers(self, slips: Sequence[str]) -> list[str]:
+        """The bodies on which the friction of slips acts as it is told; "" of a system without joints."""
         firsts = dict(self.firsts)
-        return firsts.get(slip, firsts.get(slip.rpartition(".")[0], ""))
+        return [firsts.get(slip, firsts.get(slip.rpartition(".")[0], "")) for slip in slips]
 
     def anonymous(self) -> "Names":
         """The same kinds without names."""

@@ -81,8 +81,8 @@ def ranges_of(names: Names, array: str, values: Any, samples: str = "") -> list[
 
 def _labels(quantity: Quantity, names: Names) -> list[str]:
     """Names of entries; of friction also the body on which it is told."""
-    slips = {label: names.on(label) for label in names.slips.labels} if quantity.axis == "slip" else {}
-    on = {label: f" (on {body})" for label, body in slips.items() if body}
+    slips = names.slips.labels if quantity.axis == "slip" else ()
+    on = {label: f" (on {body})" for label, body in zip(slips, names.carriers(slips), strict=True) if body}
     return [quantity.pattern.format(label) + on.get(label, "") for label in names.axes[quantity.axis].labels]
 
 

@@ -85,7 +85,10 @@ class RESULTS(eqx.Enumeration):
         "The linear equations (7) were not solved: their residual is too large. The declared rank may be too low, or "
         "masses and geometry differ in size by too much for this precision."
     )
-    not_finite = "The result is not finite: look for NaN or infinity in the state, parameters, loads or `closure`."
+    not_finite = (
+        "The result is not finite: look for NaN or infinity in the state, parameters, loads or `closure`, and for "
+        "guides that their sliders have left."
+    )
     friction_at_rest = (
         "A joint with friction is at rest, where Coulomb friction can take any value up to its bound. Ask `rx.band` "
         "what its joints may carry while it stands, `rx.sticking` whether it stays at rest and `rx.limit_load` what "

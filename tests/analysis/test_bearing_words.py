@@ -33,6 +33,13 @@ def test_words_of_releases(freed, words):
     assert bearing_words(release, ROWS) == words
 
 
+def test_an_oblique_direction_is_no_bearing():
+    """One direction of a pin in the plane, as of a parallelogram; one of two across an axis in space."""
+    for rows in (("A.x", "A.y"), ("top.bend_1", "top.bend_2")):
+        release = Release(((rows[0].rpartition(".")[0], dict.fromkeys(rows, 0.7)),), 0.5)
+        assert bearing_words(release, ROWS) == ""
+
+
 @pytest.mark.slow
 def test_an_analysis_says_which_bearing_is_to_float():
     """A locating bearing and one that aligns itself but holds the thrust too."""

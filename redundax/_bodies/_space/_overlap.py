@@ -37,11 +37,11 @@ class Overlap(eqx.Module):
     guide: Float[Array, "2"]
 
     def __init__(self, slider: Numbers, guide: Numbers):
-        self.slider, self.guide = as_float(slider), as_float(guide)
+        self.slider, self.guide = as_float(slider, "slider"), as_float(guide, "guide")
         for name, ends in (("slider", self.slider), ("guide", self.guide)):
-            if ends.shape != (2,) or (is_concrete(ends) and not np.diff(np.asarray(ends)) > 0):
+            if ends.shape != (2,) or (is_concrete(ends) and not 0 < np.diff(np.asarray(ends)) < np.inf):
                 raise ValueError(
-                    f"Argument `{name}` must be two positions along the axis, the smaller one first, but is {ends}. "
+                    f"Argument `{name}` must be two finite positions along the axis, the smaller first, but is {ends}. "
                     "Give both ends, m."
                 )
 
