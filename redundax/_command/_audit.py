@@ -156,8 +156,8 @@ def _heading(path: str, about: dict[str, Any]) -> list[str]:
     lines = [f"{path}: {about['bodies']} {'body' if about['bodies'] == 1 else 'bodies'}; {', '.join(counts)}"]
     if about["misfit_in_file"] > _OPEN:
         lines.append(
-            f"The file's pose does not close its loops (off by {about['misfit_in_file']:.1g} m or rad). Joints were "
-            f"moved to close them, to {about['misfit']:.1g}."
+            f"The position of the file does not close its loops (off by {about['misfit_in_file']:.1g} m or rad). "
+            f"Joints were moved to close them, to {about['misfit']:.1g}."
         )
     return lines
 

@@ -118,7 +118,8 @@ class Audit:
     """What an audit finds at a position, `here`, and at others; joints, dependent groups and drives are those of
     `regular`, where motions of the joints start.
 
-    - `directions`: what rows are along there, in world axes; `idle`: bodies that can move while drives rest.
+    - `directions`: what rows are along there, in world axes; `idle`: bodies that can move while drives rest, if some
+      cannot.
     - `repairs`: what the file can say; `along`: the self-stress wherever the joints were moved.
     """
 

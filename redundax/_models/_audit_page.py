@@ -69,7 +69,8 @@ def _verdict(found: Audit, about: Mapping[str, Any], allowed: int) -> Iterator[s
         )
         return
     if missing:
-        yield f"NOT DECIDED: {listed(missing)} {'is' if len(missing) == 1 else 'are'} not taken over. Without it:"
+        are, them = ("is", "it") if len(missing) == 1 else ("are", "them")
+        yield f"UNDECIDED: {listed(missing)} {are} not taken over. Without {them}:"
     if not found.is_decided:
         yield "UNDECIDED: the positions below do not agree, or are not clear."
     elif redundancy:
@@ -152,14 +153,16 @@ def _positions(found: Audit) -> Iterator[str]:
     elif here.is_singular:
         yield (
             f"The position of the file is singular: redundancy {here.redundancy} and freedom {here.freedom} there, but "
-            f"{redundancy} and {freedom} at {count} others. What is said here is so at the first of them."
+            f"{redundancy} and {freedom} at {count} other{'s' * (count > 1)}. What is said here is so at "
+            f"{'the first of them' if count > 1 else 'that one'}."
         )
     elif not freedom:
         yield "It cannot move."
     else:
         moved = found.travel if found.travel and found.travel.ranges else None
         if redundancy or moved:
-            same = f"Same at {count} other poses" if count else "No other pose was found to compare with"
+            many = f"{count} other position{'s' * (count > 1)}"
+            same = f"Same at {many}" if count else "No other position was found to compare with"
             yield f"{same}{'' if not moved or moved.singular else ' and along the motion'}."
     if found.travel and found.travel.singular:
         yield _singular(found.travel)
@@ -184,7 +187,7 @@ def _idle(found: Audit, drives: Drives) -> str:
     if not drives.idle:
         return ""
     count = f" {drives.idle} independent motion{'s are' if drives.idle > 1 else ' is'} left to no drive"
-    if not 0 < len(found.idle) < len(found.parts):
+    if not found.idle:
         return f"{count}."
     return f"{count}: with drives at rest, {listed(found.idle)} can still move."
 

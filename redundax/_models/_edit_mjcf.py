@@ -25,7 +25,14 @@ ROWS = {
     "weld": ("radial_1", "radial_2", "axial", "bend_1", "bend_2", "twist"),
 }
 TURNS = ("bend_1", "bend_2", "twist")
-_FREE = {"limited": "false", "stiffness": "0", "damping": "0", "armature": "0", "frictionloss": "0"}
+_FREE = {
+    "limited": "false",
+    "stiffness": "0",
+    "damping": "0",
+    "springdamper": "0 0",
+    "armature": "0",
+    "frictionloss": "0",
+}
 _ANY = ("name", "class", "active", "solref", "solimp")  # attributes of any loop
 _EXACT = 1e-9  # misfit of a weld in the file whose anchor a connect can take over, m or rad
 
@@ -152,8 +159,8 @@ def _change(source: Source, model: Model, edit: Edit) -> str:
         element = _joint(source, model, edit.target)
         more = tag_of("joint", _freed(source, model, edit.target, edit.rows[0].rpartition(".")[2]))
         _insert(source, element, more)
-        body = model.tree.model.body(int(model.tree.model.jnt_bodyid[edit.target.joint])).name
-        where = "" if element.get("name") else f" in body {body}"
+        body = int(model.tree.model.jnt_bodyid[edit.target.joint])
+        where = "" if element.get("name") else f" in body {model.tree.model.body(body).name or body}"
         return f"{more} before {source.text(element)}{where}"
     element = _equality(source, model, edit.name)
     if edit.how == "delete" or not isinstance(edit.target, Loop):
@@ -214,18 +221,27 @@ def _in_defaults(element: Element) -> bool:
 def _joint(source: Source, model: Model, link: Link) -> Element:
     theirs = model.tree.model
     name, body = theirs.joint(link.joint).name, int(theirs.jnt_bodyid[link.joint])
-    for element in source.root.all():
-        if element.tag != "body":
-            continue
-        joints = list(_joints(element))
-        if name:
-            found = [child for child in joints if child.get("name") == name]
-        else:
-            place = link.joint - int(theirs.body_jntadr[body])
-            found = joints[place : place + 1] if element.get("name") == theirs.body(body).name else []
-        if found:
-            return found[0]
+    bodies = [each for each in source.root.all() if each.tag == "body"]
+    if name:
+        found = [joint for each in bodies for joint in _joints(each) if joint.get("name") == name]
+    else:
+        place = link.joint - int(theirs.body_jntadr[body])
+        found = [joint for each in _same(bodies, theirs, body) for joint in [*_joints(each)][place : place + 1]]
+    if found:
+        return found[0]
     raise ValueError(f"The joint '{link.name}' is not in '{model.path}' itself. Change the file that it includes.")
+
+
+def _same(bodies: Sequence[Element], theirs: Any, body: int) -> list[Element]:
+    """The element of a body: by name, or by its place where all bodies of the model stand in the file, as named."""
+    if name := theirs.body(body).name:
+        return [each for each in bodies if each.get("name") == name]
+    written = [(each.get("name"), [joint.get("name") for joint in _joints(each)]) for each in bodies]
+    joints: list[list[str]] = [[] for _ in range(theirs.nbody)]
+    for joint in range(theirs.njnt):
+        joints[theirs.jnt_bodyid[joint]].append(theirs.joint(joint).name)
+    read = [(theirs.body(k).name, joints[k]) for k in range(1, theirs.nbody)]
+    return [bodies[body - 1]] if written == read else []
 
 
 def _joints(element: Element) -> Iterator[Element]:

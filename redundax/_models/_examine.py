@@ -56,7 +56,7 @@ def _ranked(group: Group, way: Along, found: Audit) -> Group:
 
 
 def _idle(model: Model, positions: np.ndarray, freedom: int) -> tuple[str, ...]:
-    """Bodies that can move while all drives rest."""
+    """Bodies that can move while all drives rest, if some cannot."""
     tree, plan = model.tree, model.plan
     names, rates = tree.drives(positions)
     if not freedom or not names:
@@ -70,7 +70,7 @@ def _idle(model: Model, positions: np.ndarray, freedom: int) -> tuple[str, ...]:
         mujoco.mj_jacBody(tree.model, data, both[0], both[1], body)
         if np.abs(both @ motion).max(initial=0.0) > _REST * tree.size:
             moving.append(plan.body_names[body])
-    return tuple(moving)
+    return tuple(moving) if len(moving) < len(plan.movers) else ()
 
 
 def agreed(here: Drives, others: list[Drives]) -> Drives:

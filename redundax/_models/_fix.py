@@ -62,12 +62,24 @@ def fix(model: Model, found: Audit, file: pathlib.Path, wanted: Sequence[str] = 
         return Fix((), (), redundancy, freedom, (why if redundancy else "nothing is redundant.",))
     files, more = says.write(model, edits, file)
     left, expected = _figures(file), (redundancy - sum(len(edit.rows) for edit in edits), freedom)
-    notes = [f"{expected} were expected, so look at the copy before you use it."] if left != expected else []
+    notes = [*_unfreed(wanted, edits)]
+    if left != expected:
+        figures = "redundancy {} and freedom {}".format(*expected)
+        notes.append(f"{figures} were expected, so look at the copy before you use it.")
     if left[0] and not wanted:
         notes.append(f"{says.name} cannot say what would take off the rest: {says.lacks}.")
     notes += [more] if more else []
     notes += [*_warned(model, found, edits, worst)]
     return Fix(files, tuple(in_words(edits, found.directions)), *left, tuple(notes), _changes(model.path, file))
+
+
+def _unfreed(wanted: Sequence[str], edits: Sequence[Edit]) -> Iterable[str]:
+    """Rows that were named and stay."""
+    freed = {row for edit in edits for row in edit.rows}
+    kept = [row for row in dict.fromkeys(wanted) if row not in freed]
+    if kept:
+        are, they = ("is", "it") if len(kept) == 1 else ("are", "they")
+        yield f"{listed(kept, len(kept))} {are} not freed: {they} would add a motion."
 
 
 def _warned(model: Model, found: Audit, edits: Sequence[Edit], worst: Choice | None) -> Iterable[str]:

@@ -1,10 +1,11 @@
-"""Which changes of a file take off redundancy, add no motion, and come near none along the motion
+"""Which changes of a file take off redundancy, add no motion, and come near none along the motion if that can be
 
 With N an orthonormal basis of the self-stress, freeing the rows R adds no motion iff N_R has full rank, and
 
     margin = |det N_R N_R^T|^(1 / 2|R|)
 
-is 0 where the copy could move, and at most 1. It is looked at wherever the motion of the joints led. Of changes
+is 0 where the copy could move, and at most 1. It is looked at wherever the motion of the joints led; where no changes
+stay clear of 0 all along, those are taken that do at the first position, and said to move freely elsewhere. Of changes
 that are made one after the other, N of what those before leave is N times the null space of their N_R.
 """
 

@@ -58,7 +58,7 @@ def _told(choice: Choice, repair: Repair, found: Audit, k: int, lines: Lines) ->
         if k == 0
         else f"  <- --release {shlex.quote(','.join(rows))}"
         if len(rows) <= _MOST
-        else ""
+        else "  <- its rows for --release are in --json"
     )
     yield from wrapped(
         f"{'- ' if k == 0 else '- or: '}{words}{after}{poor}{how}", initial_indent="  ", subsequent_indent="    "

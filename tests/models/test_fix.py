@@ -10,7 +10,7 @@ import redundax as rx
 from redundax import __main__ as command
 from redundax._command._copy import check_copy
 from redundax._command._file import FileError
-from redundax._models._edit_mjcf import mjcf_moves, write_mjcf
+from redundax._models._edit_mjcf import mjcf_lines, mjcf_moves, write_mjcf
 from redundax._models._examine import examine
 from redundax._models._fix import fix
 from redundax._models._read import closures_of, read
@@ -165,6 +165,38 @@ def test_keyframes_of_included_files_are_told(write, tmp_path):
     model = rx.load_model(write("framed.xml", f'{before}<include file="keys.xml"/>{after}'))
     written = write_mjcf(model, mjcf_moves(model)[:1], tmp_path / "copy.xml")
     assert written == ((tmp_path / "copy.xml",), "Take 2 keyframes out of the included files: they count fewer joints.")
+
+
+UNNAMED = """<mujoco>{}<worldbody>
+  <body><joint/><geom size="0.1"/><frame><body><joint/><joint axis="1 0 0"/><geom size="0.1"/></body></frame>
+    <body><joint/><geom size="0.1"/></body></body>
+  <body name="last"><body><joint/><geom size="0.1"/></body><geom size="0.1"/></body></worldbody></mujoco>"""
+
+
+def test_joints_of_bodies_without_a_name_are_found_by_their_place(write, tmp_path):
+    """MuJoCo reads the copy: the joint more is in the body that is meant. What is included hides the place."""
+    model = rx.load_model(write("unnamed.xml", UNNAMED.format("")))
+    edits = [edit for edit in mjcf_moves(model) if edit.rows[0].endswith(".axial")]
+    assert len(edits) == 5
+    for edit, (body, before) in zip(edits, ((1, 0), (2, 1), (2, 2), (3, 3), (5, 4)), strict=True):
+        write_mjcf(model, [edit], tmp_path / "copy.xml")
+        copy = mujoco.MjModel.from_xml_path(str(tmp_path / "copy.xml"))
+        assert (int(copy.joint(before).bodyid[0]), copy.joint(before).name) == (body, edit.rows[0].replace(".", " "))
+        assert mjcf_lines(model, [edit])[0].endswith(f" in body {body}")
+    write("more.xml", "<mujoco><worldbody><body><joint/><geom size='0.1'/></body></worldbody></mujoco>")
+    model = rx.load_model(write("unnamed.xml", UNNAMED.format('<include file="more.xml"/>')))
+    for edit in mjcf_moves(model):
+        with pytest.raises(ValueError, match=r"is not in '.*' itself"):
+            write_mjcf(model, [edit], tmp_path / "copy.xml")
+
+
+def test_what_is_freed_has_no_spring_of_the_defaults(write, tmp_path):
+    more = '<default><joint axis="0 1 0" springdamper="0.1 1" armature="1"/></default>'
+    model = rx.load_model(write("sprung.xml", UNNAMED.format(more)))
+    write_mjcf(model, mjcf_moves(model)[:1], tmp_path / "copy.xml")
+    copy = mujoco.MjModel.from_xml_path(str(tmp_path / "copy.xml"))
+    for values in (copy.jnt_stiffness, copy.dof_damping, copy.dof_armature):
+        assert values[0] == 0 and (values[1:] > 0).all()
 
 
 @pytest.mark.slow

@@ -121,7 +121,7 @@ def test_the_exit_status_follows_what_is_allowed_and_the_page_says_what_is_redun
     assert status == 0
     assert "REDUNDANT by 1, allowed 1: accepted: 1 constraint repeats what others already enforce" in out
     words = " ".join(out.split())
-    assert "Same at 3 other poses and along the motion." in words
+    assert "Same at 3 other positions and along the motion." in words
     assert "as the file counts" in words and "joint limits" not in words and "Drives" not in words
     assert "Known: loads in the plane across (0 1 0)" in words
     assert "how a sideways load, along (0 1 0), splits between A, B, C and D." in words

@@ -1,6 +1,7 @@
 """What the audit proposes: verdicts and repairs that hold in MuJoCo, wherever the model moves."""
 
 import contextlib
+import dataclasses
 import difflib
 import io
 import json
@@ -10,9 +11,12 @@ import pytest
 
 import redundax as rx
 from redundax import __main__ as command
+from redundax._models import _fix
+from redundax._models._audit_page import audit_page
 from redundax._models._examine import _idle, examine
 from redundax._models._fix import fix
 from redundax._models._read import closures_of, read
+from redundax._models._repair_page import mended
 from redundax._models._stress import Stress
 from redundax._models._tree import tree_of
 
@@ -159,6 +163,29 @@ def test_rows_that_are_not_there_are_told_with_those_of_the_joint(four_bar, fold
             fix(model, found, folder / "copy.xml", [row])
 
 
+def test_a_row_that_was_named_and_stays_is_told(four_bar, folder, monkeypatch):
+    """Two slides along parallel axes: what is between would slide by itself."""
+    model, found = four_bar
+    made = fix(model, found, folder / "copy.xml", ["A.axial", "B.axial"])
+    assert made.freed == ("B slides along its axis (0 1 0)",) and (made.redundancy, made.freedom) == (0, 1)
+    assert "A.axial is not freed: it would add a motion." in made.notes
+    made = fix(model, found, folder / "copy.xml", ["A.axial", "B.axial", "C.axial"])
+    assert "A.axial and B.axial are not freed: they would add a motion." in made.notes
+    monkeypatch.setattr(_fix, "_figures", lambda file: (1, 2))
+    made = fix(model, found, folder / "copy.xml")
+    assert made.notes[0].startswith("redundancy 0 and freedom 1 were expected, so look at the copy")
+
+
+def test_positions_are_counted_and_rows_that_are_many_are_left_to_the_data(four_bar, door):
+    for count, told in ((1, "Same at 1 other position and"), (2, "Same at 2 other positions and")):
+        found = dataclasses.replace(four_bar[1], others=four_bar[1].others[:count])
+        assert told in audit_page(found, {}, lines={}, language="MJCF")
+    found = door[1]
+    assert len(found.repairs[0].choices[1].rows) > 4
+    told = " ".join(" ".join(mended(found, {}, "MJCF")).split())
+    assert told.endswith("<- its rows for --release are in --json")
+
+
 def test_a_mended_door_stays_as_rigid_as_it_was(door, folder):
     """Hinges on one axis are coupled in place of a weld, which is soft, and a point that repeats them is left out: the
     heavy leaf hangs on its own hinge."""
@@ -193,9 +220,14 @@ def test_a_dead_point_that_cannot_be_left_is_told_and_not_mended(folder):
 def test_a_model_without_loops_or_of_which_some_are_left_out_is_told_at_once(folder):
     arm = '<mujoco><worldbody><body><joint name="A"/><geom size="0.1"/></body></worldbody>{}</mujoco>'
     tied = (
-        '<tendon><fixed name="t"><joint joint="A" coef="1"/></fixed></tendon><equality><tendon tendon1="t"/></equality>'
+        '<tendon><fixed name="t"><joint joint="A" coef="1"/></fixed></tendon>'
+        '<equality><tendon tendon1="t"/>{}</equality>'
     )
-    for more, first in (("", "NOT REDUNDANT: no loops"), (tied, "NOT DECIDED: constraint 'mjEQ_TENDON' is not taken")):
+    for more, first in (
+        ("", "NOT REDUNDANT: no loops"),
+        (tied.format(""), "UNDECIDED: constraint 'mjEQ_TENDON' is not taken over. Without it:"),
+        (tied.format('<tendon name="u" tendon1="t"/>'), "are not taken over. Without them:"),
+    ):
         (folder / "arm.xml").write_text(arm.format(more))
         assert first in run(folder / "arm.xml")[1]
 
@@ -208,6 +240,11 @@ def test_bodies_that_move_while_drives_rest_are_told(folder):
     (folder / "swings.xml").write_text(f"<mujoco><worldbody>{bodies}</worldbody>{drive}</mujoco>")
     model = rx.load_model(folder / "swings.xml")
     assert _idle(model, model.positions, 3) == ("b", "c")
+    sum_of_turns = '<tendon><fixed name="t"><joint joint="A" coef="1"/><joint joint="B" coef="1"/></fixed></tendon>'
+    drive = f'{sum_of_turns}<actuator><motor tendon="t"/></actuator>'
+    (folder / "swings.xml").write_text(f"<mujoco><worldbody>{bodies}</worldbody>{drive}</mujoco>")
+    model = rx.load_model(folder / "swings.xml")
+    assert _idle(model, model.positions, 3) == ()  # all can move, which needs no list
 
 
 def test_a_folder_is_no_model(folder):
