@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq, minimize
+from scipy.optimize import brentq, minimize, minimize_scalar
 
 import redundax as rx
 
@@ -100,6 +100,38 @@ def test_a_collar_pulled_beside_its_shaft_wedges_itself():
     ]
     assert np.isfinite(found[0].upper) and np.isinf(found[1].upper)
     limits(found[0], *(s * brentq(lambda f: 0.2 * pressed((1, 0), (0, -0.1 * f)) - f, 1e-3, 99.0) for s in (-1, 1)))
+
+
+@pytest.mark.slow
+def test_a_sleeve_that_turns_where_friction_along_it_presses_it():
+    """A foot beside the shaft bears friction along it, which bends it: c / R = sqrt((mu N(f))^2 - f^2), most over f.
+
+    It turns, though its friction is not square to the shaft at the limit.
+    """
+    side, arm, foot = np.array([18.0, 24.0, 0.0]), np.array([0.0, 0.0, 0.07]), np.array([0.1, 0.0, 0.0])
+    body = rs.Body("body", MASS, (0.1, 0.1, 0.1))
+    joints = [sleeve(body), rs.PointOnPlane("foot", body, rx.GROUND, point=foot, axis=Z)]
+    mechanism = rx.Mechanism([body], joints, loads=[rs.AppliedForce("body", side, on_i=arm)])
+
+    def squared(f):
+        moment = np.cross(arm, side) + np.cross(foot, [0.0, 0.0, -f])
+        return (MU * pressed(side[:2], moment[:2])) ** 2 - f**2
+
+    best = minimize_scalar(lambda f: -squared(f), bounds=(-20.0, 20.0), method="bounded", options={"xatol": 1e-10})
+    assert abs(best.x) > 0.2 * np.sqrt(-best.fun)
+    found = rx.limit_load(mechanism, rx.assemble(mechanism), {"body.phi_z": 1.0})
+    most = RADIUS * np.sqrt(-best.fun)
+    limits(found, -most, most)
+    np.testing.assert_allclose(found.friction[1], [-most, best.x], atol=1e-3 * most / RADIUS)  # a flat extreme
+    assert found.slips == (("sleeve.angle",), ("sleeve.angle",))
+    np.testing.assert_allclose(found.motion, [[0, 0, 0, 0, 0, -1], [0, 0, 0, 0, 0, 1]], atol=1e-9)
+
+
+def test_a_ball_without_load_holds_nothing():
+    found = rx.limit_load(*alone(ball, (0, 0, 0)), {"body.phi_z": 1.0})
+    np.testing.assert_allclose([found.lower, found.upper], 0, atol=1e-9)
+    assert found.slips == (("ball.twist",), ("ball.twist",))
+    np.testing.assert_allclose(found.motion, [[0, 0, 0, 0, 0, -1], [0, 0, 0, 0, 0, 1]], atol=1e-9)
 
 
 # Bands of two joints that press each other, by brute force ------------------------------------

@@ -206,7 +206,7 @@ def band(
     - `samples`: random cases that are looked at where the band is not exact, beside vertices.
     - `starts`, `seed`: random initial loads for each of them, where the number of solutions is not proved.
     - `nodes`: linear programmes at most for each extreme at rest; a few times as many where sleeves, balls or plates
-      rest.
+      rest, which can take tens of seconds.
     - `sense`, `rank`, `factor`: as in `solve`; joints at rest that are given a sense begin to slip.
 
     **Raises:** as `solution_family`; `ValueError` where bounds or outputs do not fit the system.

@@ -149,7 +149,8 @@ def limit_load(
     - `system`, `state`: concrete values, at rest; not inside `jit` or `vmap`.
     - `load`: generalised forces by name of coordinate, N or N m, or an array of shape (n,).
     - `bounds`: what is known of preload, misfit or compliance, as of `band`; or a closure, for the loads that it picks.
-    - `nodes`: linear programmes at most for each end; a few times as many where sleeves, balls or plates rest.
+    - `nodes`: linear programmes at most for each end; a few times as many where sleeves, balls or plates rest,
+      which can take tens of seconds.
     - `rank`, `factor`: as in `solve`.
 
     **Returns:** a `types.LimitLoad`.
@@ -296,15 +297,9 @@ def _way(
 ) -> tuple[tuple[str, ...], np.ndarray]:
     """Names of the joints that slip, and velocities of power 1, as far as joints below their limits let it move."""
     held = _left(found.programme, x)[: len(start.slips)] > _AT_LIMIT
-    rests = start.slips[held]
-    if start.directions is not None:  # a joint whose slips share one friction slips against it, and not across
-        bounded, velocities = found.programme.bounded(x), np.asarray(start.directions.arms)[:, None] * start.slips
-        for ball in found.programme.balls:
-            if not held[ball[0]]:
-                along = bounded[ball] / np.linalg.norm(bounded[ball])
-                rests = np.concatenate([rests, velocities[ball] - np.outer(along, along @ velocities[ball])])
-    _, sizes, basis = np.linalg.svd(rests) if len(rests) else (0, np.zeros(0), np.eye(len(own)))
-    free = basis[np.sum(sizes > NONE * np.abs(start.slips).max(initial=0.0)) :]
+    free = _free(start, np.concatenate([start.slips[held], *_across(start, found.programme, x, held)]))
+    if not len(free):  # friction that holds most has a part across the only slip
+        free = _free(start, start.slips[held])
     drives = free @ own
     power, turns = drives @ drives, np.where(system.slips.angular, np.asarray(factor.length), 1.0)
     if power > NONE * (own @ own):
@@ -315,6 +310,23 @@ def _way(
         velocities = np.full(len(system.coordinates), np.nan)
     names = itertools.compress(system.slips.labels, (rates > _SLIPS * rates.max(initial=0.0)) & ~held)
     return tuple(names), velocities
+
+
+def _across(start: ReducedForce, programme: Programme, x: np.ndarray, held: np.ndarray) -> list[np.ndarray]:
+    """Slips across the friction of each joint at its limit: where slips share one friction, they are against it."""
+    if start.directions is None:
+        return []
+    bounded, velocities = programme.bounded(x), np.asarray(start.directions.arms)[:, None] * start.slips
+    sizes = {ball[0]: np.linalg.norm(bounded[ball]) for ball in programme.balls}
+    loaded = [ball for ball in programme.balls if not held[ball[0]] and sizes[ball[0]] > _AT_LIMIT]
+    along = [bounded[ball] / sizes[ball[0]] for ball in loaded]
+    return [velocities[ball] - np.outer(u, u @ velocities[ball]) for ball, u in zip(loaded, along, strict=True)]
+
+
+def _free(start: ReducedForce, rests: np.ndarray) -> np.ndarray:
+    """A basis of the motions without some slips, row by row."""
+    _, sizes, basis = np.linalg.svd(rests) if len(rests) else (0, np.zeros(0), np.eye(len(start.load)))
+    return basis[np.sum(sizes > NONE * np.abs(start.slips).max(initial=0.0)) :]
 
 
 def _left(programme: Programme, x: np.ndarray) -> np.ndarray:
