@@ -53,15 +53,14 @@ class Picking(eqx.Module):
     fronts: tuple[Fronts, ...]
 
     def response(self, misfit: Float[Array, "m c"]) -> Float[Array, "m c"]:
-        """G d times the size of W, column by column; nothing is computed where there is no self-stress or misfit."""
+        """G d times the size of W, column by column; nothing is computed where there is no self-stress."""
         if misfit.shape[1] > 1:
             return jax.lax.map(lambda column: self.response(column[:, None])[:, 0], misfit.T).T
 
         def found() -> Array:
             return self.gram.stress(self._inverse(self.gram.across(misfit)))
 
-        some = jnp.any(self.gram.kept == 0) & jnp.any(misfit != 0)
-        return jax.lax.cond(some, found, lambda: jnp.zeros_like(misfit))
+        return jax.lax.cond(jnp.any(self.gram.kept == 0), found, lambda: jnp.zeros_like(misfit))
 
     def _inverse(self, right: Float[Array, "m c"]) -> Float[Array, "m c"]:
         others, plan = (1 - self.gram.kept)[:, None], self.gram.rows.plan

@@ -510,7 +510,7 @@ def test_arrows_of_a_page_are_to_scale():
     assert max(scene.aspectratio[axis] for axis in "xyz") == pytest.approx(1.6)
     assert figure.layout.scene.xaxis.title.text == "x (m)"
     assert all(scene[f"{axis}axis"].showbackground is False for axis in "xyz")  # walls hide the ends of names
-    (names,) = (trace for trace in figure.data if trace.mode == "text")
+    (names,) = (trace for trace in figure.data if getattr(trace, "mode", None) == "text")
     sides = dict(zip(names.text, names.textposition, strict=True))
     assert {sides[name] for name in HEIGHTS} == {"top right"} and sides["<i>door</i>"] == "bottom left"
     eye, (e, a) = figure.layout.scene.camera.eye, np.radians([25.0, -40.0])
