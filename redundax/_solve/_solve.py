@@ -30,7 +30,7 @@ from .._system._names import ByName, vector
 from .._system._results import RESULTS, first_failure, is_one_of
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._chunks import batched_with, in_chunks
+from .._tools._chunks import in_chunks, with_derivative_of
 from .._tools._compilation import compiled
 from .._tools._module import Numbers, as_float, is_concrete, no_classes, replace_fields
 from ._reduced import Reduced, reduce
@@ -172,20 +172,6 @@ def _solved(
     return _solution(factor, end, root, contraction, solver.tolerance(state.qd.dtype), result)
 
 
-@eqx.filter_custom_jvp
-def _solved_at_each(*arguments: Any) -> Solution:
-    """`_solved_at`; a batch in which the constraints change goes chunk after chunk: matrices stay in the cache."""
-    system, state, *_ = arguments
-    rows = jax.lax.stop_gradient(system.constraint(state.q, state.t))
-    return in_chunks(_solved_at, *arguments, inside=rows.size * state.qd.size, changing=rows)
-
-
-@_solved_at_each.def_jvp
-def _solved_at_each_jvp(primals: tuple, tangents: tuple) -> tuple:
-    out, change = eqx.filter_jvp(_solved_at, primals, tangents)
-    return batched_with(out, eqx.filter(primals, eqx.is_array)), change
-
-
 def _solved_at(
     system: AbstractSystem,
     state: State,
@@ -200,16 +186,12 @@ def _solved_at(
     return solve_factorised(system.anonymous(), state, factor, chosen, solver, x0, sense)
 
 
-@eqx.filter_custom_jvp
-def _end_in_chunks(*arguments: Any) -> tuple[Response, Root, Array, RESULTS]:
-    """`_end` in chunks; its derivative is that of `_end`, which has a rule where it iterates."""
-    return in_chunks(_end, *arguments)
-
-
-@_end_in_chunks.def_jvp
-def _end_in_chunks_jvp(primals: tuple, tangents: tuple) -> tuple:
-    out, change = eqx.filter_jvp(_end, primals, tangents)
-    return batched_with(out, eqx.filter(primals, eqx.is_array)), change
+@with_derivative_of(_solved_at)
+def _solved_at_each(*arguments: Any) -> Solution:
+    """`_solved_at`; a batch in which the constraints change goes chunk after chunk: matrices stay in the cache."""
+    system, state, *_ = arguments
+    rows = jax.lax.stop_gradient(system.constraint(state.q, state.t))
+    return in_chunks(_solved_at, *arguments, inside=rows.size * state.qd.size, changing=rows)
 
 
 def _end(
@@ -251,6 +233,12 @@ def _end(
     # What friction is given only names a failure, so a sweep of accelerations alone does not compute it.
     result = first_failure((*checks, (good | given, RESULTS.not_finite), *friction_checks))
     return end, eqx.tree_at(lambda root: root.tau, root, tau), contraction, result
+
+
+@with_derivative_of(_end)
+def _end_in_chunks(*arguments: Any) -> tuple[Response, Root, Array, RESULTS]:
+    """`_end` in chunks."""
+    return in_chunks(_end, *arguments)
 
 
 @jax.custom_jvp

@@ -85,26 +85,42 @@ def _closed(function: Callable[..., T], *arguments: PyTree) -> Callable[..., T]:
     return eqx.filter_closure_convert(lambda *given: function(*given), *arguments)
 
 
+def with_derivative_of(function: Callable[..., T]) -> Callable[[Callable[..., T]], Callable[..., T]]:
+    """Gives a way to the same as `function`, in chunks, the derivative of that, which has rules of its own within."""
+
+    def given(run: Callable[..., T]) -> Callable[..., T]:
+        run = eqx.filter_custom_jvp(run)
+
+        @run.def_jvp
+        def _(primals: tuple, tangents: tuple) -> tuple:
+            out, change = eqx.filter_jvp(function, primals, tangents)
+            return _alike(out, eqx.filter(primals, eqx.is_array)), change
+
+        return run
+
+    return given
+
+
 @jax.custom_jvp
-def batched_with(out: T, given: PyTree) -> T:
+def _alike(out: T, given: PyTree) -> T:
     """`out`, batched in every entry where any of `given` is, as `in_chunks` returns it: arrays to arrays.
 
     JAX takes the entries of a function and of its rule for a derivative to be batched alike.
     """
-    return _batched_with(out, given)
+    return _batched_alike(out, given)
 
 
-@batched_with.defjvp
-def _batched_with_jvp(primals: tuple, tangents: tuple) -> tuple:
-    return batched_with(*primals), tangents[0]
+@_alike.defjvp
+def _alike_jvp(primals: tuple, tangents: tuple) -> tuple:
+    return _alike(*primals), tangents[0]
 
 
 @jax.custom_batching.custom_vmap
-def _batched_with(out: T, given: PyTree) -> T:
+def _batched_alike(out: T, given: PyTree) -> T:
     return out
 
 
-@_batched_with.def_vmap
+@_batched_alike.def_vmap
 def _(size: int, batched: list, out: T, given: PyTree) -> tuple[T, PyTree]:
     whole = jax.tree.map(lambda x, is_one: x if is_one else jnp.broadcast_to(x, (size, *x.shape)), out, batched[0])
     return whole, jax.tree.map(lambda _: True, out)
