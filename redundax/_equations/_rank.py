@@ -173,8 +173,12 @@ def _decide_by_products(
 
     for _ in range(_STEPS):
         inverse, image = step(inverse, image)
-    more = batch_any(begun ** (2**_STEPS) > _noise(scaled))
-    inverse, image = jax.lax.cond(more, step, lambda *ended: ended, inverse, image)
+    more = begun ** (2**_STEPS) > _noise(scaled)
+
+    def once_more(*ended: Array) -> tuple[Array, ...]:
+        return tuple(jnp.where(more, new, old) for new, old in zip(step(*ended), ended, strict=True))
+
+    inverse, image = jax.lax.cond(batch_any(more), once_more, lambda *ended: ended, inverse, image)
     between = _between(_symmetric(one - image))
     stress = _stress_of(image)
     inverse = inverse - inverse @ stress

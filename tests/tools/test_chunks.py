@@ -199,7 +199,7 @@ def test_numbers_that_a_function_of_the_user_holds_may_be_of_the_batch():
 
 @pytest.mark.slow
 def test_derivatives_through_a_chunked_batch(monkeypatch):
-    monkeypatch.setattr(_chunks, "limits", lambda: (2, 2**21))
+    monkeypatch.setattr(_chunks, "limits", lambda: (2, 2**21, 2**17))
     h = jnp.linspace(-50.0, 50.0, 5)
     crank = eqx.filter_jit(lambda h: jnp.sum(jax.vmap(lambda h: solve(h).acceleration[8])(h)))
     along = jnp.ones(5)
