@@ -118,6 +118,7 @@ def test_the_paper_s_mechanism_against_its_own_matrices():
 
 
 @pytest.mark.parametrize("mu", [0.5, 2.0])
+@pytest.mark.slow
 def test_the_rod_on_an_elastic_floor_does_so(mu):
     """The elastic contact, integrated: loads beside the solution vibrate or run away at the rate found."""
     compliance, a0 = 1e-9, np.pi / 3

@@ -172,6 +172,7 @@ def test_the_shape_of_a_cam_has_derivatives():
     np.testing.assert_allclose(slope, expected, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_redundant_couplers_are_found_and_closed():
     """A third coupler round a ring of three is redundant: 2 x 3 = 6; a closure on rows settles it."""
     wheels = [rs.Body(name, 1.0, (0.1, 0.1, 0.2), position=(k, 0, 0)) for k, name in enumerate("abc")]

@@ -35,6 +35,7 @@ def pressed(force, moment, pin):
     return MU * (RADIUS * ends + THRUST * abs(axial))
 
 
+@pytest.mark.slow
 def test_each_pin_has_the_friction_of_its_own_load():
     """And work of friction is what the kinetic energy lacks."""
     mechanism = hung()

@@ -138,6 +138,7 @@ def test_models_are_of_the_speed_and_against_the_velocity(name):
 
 @pytest.mark.parametrize("make", [sleeve, ball, plate])
 @pytest.mark.parametrize("model", [rx.Coulomb(MU), rx.LuGre(0.3, 0.1, 0.2, 300.0, damping=0.5)])
+@pytest.mark.slow
 def test_no_change_of_friction_exceeds_its_bound(make, model):
     """And a change along the loads reaches it."""
     mechanism, random = make(model), np.random.default_rng(3)
@@ -193,6 +194,7 @@ def test_a_plate_holds_a_ball_of_force_and_moment(share):
 
 
 @pytest.mark.parametrize("share", [1 - 1e-6, 1 + 1e-3])
+@pytest.mark.slow
 def test_two_plates_hold_a_moment_by_force_and_spin(share):
     """Each has half of the weight and slides at an arm and spins: mu N / 2 times |(arm, R)|."""
     arm, radius = 0.4, 0.1
@@ -207,6 +209,7 @@ def test_two_plates_hold_a_moment_by_force_and_spin(share):
 
 
 @pytest.mark.parametrize("share", ROUNDED)
+@pytest.mark.slow
 def test_a_sleeve_on_a_thread_slips_along_it_alone(share):
     """One freedom: of friction what is along the thread counts, mu N |(R, pitch / 2 pi)| against the moment."""
     lead, body = 0.03, rs.Body("body", MASS, (0.1, 0.1, 0.15))

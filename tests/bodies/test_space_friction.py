@@ -41,6 +41,7 @@ LOADS = {
 }
 
 
+@pytest.mark.slow
 def test_a_rotor_is_slowed():
     mechanism, state = rotor()
     found, pressed = rx.solve(mechanism, state), LOADS["at both ends"][1]
@@ -66,6 +67,7 @@ def test_models_are_of_surfaces_at_the_pin():
     np.testing.assert_allclose(rx.solve(*rotor(friction=model))["tau pin"], -RADIUS * force, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_derivatives_by_the_size_of_a_bearing():
     """Of mu (pin_radius (|N1| + |N2|) + thrust_radius |F_axial|), built anew."""
     state = rotor()[1]

@@ -124,6 +124,7 @@ def test_coordinates_are_zero_at_the_reference_pose_and_move_with_the_joint(kind
 
 
 @pytest.mark.parametrize("kind", ["Fixed", "Revolute", "Prismatic"])
+@pytest.mark.slow
 def test_no_false_closure_half_a_turn_away(kind):
     """Rows that vanish at a half turn would let assembly end there: all axes come back to where they were."""
     body = rs.Body("a", 1.0, (1.0, 1.0, 1.0))
@@ -134,6 +135,7 @@ def test_no_false_closure_half_a_turn_away(kind):
         np.testing.assert_allclose((found[1:3] @ found[1:3]) / (found @ found), 0, atol=1e-24)
 
 
+@pytest.mark.slow
 def test_a_screw_travels_by_its_pitch():
     nut = rs.Body("nut", 2.0, (0.1, 0.1, 0.2))
     mechanism = rx.Mechanism([nut], [rs.Screw("S", nut, "ground", (0, 0, 0), pitch=0.3)], gravity=(0, 0, -9.81))
@@ -179,6 +181,7 @@ def wheel(name, place=(0.0, 0.0, 0.0), **options):
     return rs.Body(name, 1.0, (0.1, 0.1, 0.2), position=place, **options)
 
 
+@pytest.mark.slow
 def test_spur_wheels_turn_by_their_teeth_and_press_tangentially():
     a, b = wheel("a"), wheel("b", (0.08, 0, 0))
     joints = [rs.Revolute("A", a, "ground", (0, 0, 0)), rs.Revolute("B", b, "ground", (0.08, 0, 0))]

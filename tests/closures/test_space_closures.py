@@ -289,6 +289,7 @@ def test_another_centre_of_mass_is_no_misfit():
     np.testing.assert_allclose(found, 1e-3 * np.eye(15)[axial], atol=1e-15)
 
 
+@pytest.mark.slow
 def test_a_planar_press_built_in_space_has_the_planar_loads():
     """Two guides of a ram on a crank: the loads in the plane under the same compliance and misfit."""
     names, masses, inertias = ("crank", "rod", "ram"), (2.0, 1.5, 10.0), (0.01, 0.02, 0.3)

@@ -166,6 +166,7 @@ def test_a_neighbour_that_fails_is_told_by_the_line_that_imports_it(file):
     assert "line 2, fails with SyntaxError" in error and "(neighbour_of_mine.py, line 5)" in error
 
 
+@pytest.mark.slow
 def test_a_file_called_like_a_module_does_not_replace_it(file):
     for name in ("json", "redundax"):  # the second time the file has been loaded before
         own, module = file.with_name(f"{name}.py"), sys.modules[name]

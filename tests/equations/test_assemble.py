@@ -173,6 +173,7 @@ def test_misfit_is_told_by_size_and_joint():
     np.testing.assert_allclose(solution.acceleration[-3:], crank_acceleration(1.0, 0.3, 3), rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_derivatives_and_batches_on_points_of_few_digits():
     """Each centre moves by half the crank's end, or all of it; the plate does not turn."""
     mechanism, position = plate(8, *PLATES["three cranks, turned"])
@@ -212,6 +213,7 @@ def test_arms_that_are_rounding_are_no_length_of_a_mechanism():
         np.testing.assert_allclose(rx.factorize(mechanism, state).length, np.sqrt(0.8 / 12.0), rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_bodies_in_space_turn_by_half_a_turn_and_more():
     """Angles beyond what one displacement reaches, at either side of half a turn and given by whole turns more; the
     quaternion is (cos, 0, 0, sin) of half the angle, and moves with it."""

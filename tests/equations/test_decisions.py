@@ -169,6 +169,7 @@ def test_closures_without_compliance(redundancy, cases):
     assert all(right(given[k], solution, k, rng) for k in chosen)
 
 
+@pytest.mark.slow
 def test_compliances_over_sixteen_decades():
     rng, given = np.random.default_rng(5), []
     for _ in range(2000):

@@ -408,6 +408,7 @@ def test_without_lasting_self_stress_there_is_no_band():
 # Transformations -----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_batches_studies_and_derivatives_refuse_it():
     case = CASES["flat parallelogram"]
     system, _ = case.build(0)

@@ -133,6 +133,7 @@ def test_state_is_the_exact_one(name):
     assert close(case.state.t, float(truth.t), 0.0)
 
 
+@pytest.mark.slow
 def test_massless_bodies_leave_the_mass_matrix_singular():
     singular = {name for name in CASES if np.linalg.det(factors(name).mass) == 0}
     assert singular == {"swing on massless rods", "doubled four-bar, massless couplers"}

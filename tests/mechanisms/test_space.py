@@ -102,6 +102,7 @@ def test_sarrus_folds_as_its_energy_says():
 
 
 @pytest.mark.parametrize(("other", "fork"), [(0.5, 0.0), (0.3, 0.0), (0.5, np.pi / 2), (0.3, 0.7)])
+@pytest.mark.slow
 def test_cardan_shaft_turns_in_closed_form(other, fork):
     drive = rx.mechanisms.double_cardan(0.5, other, fork)
     for angle in (0.4, -1.0):

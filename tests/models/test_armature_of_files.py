@@ -47,6 +47,7 @@ def load(tmp_path):
     return loaded
 
 
+@pytest.mark.slow
 def test_armature_between_bodies_that_move_acts_as_in_mujoco_and_constrains_nothing(load):
     """Of hinges, slides and balls, in loops and outside, turning and coupled."""
     before, name, after = GEARED.partition('<body name="cart"')

@@ -42,7 +42,8 @@ def lever(angle):
     return CENTRE[0] * np.cos(angle) - CENTRE[1] * np.sin(angle)
 
 
-@pytest.mark.parametrize("chart", ["quaternion", pytest.param("matrix", marks=slow)])
+@pytest.mark.parametrize("chart", ["quaternion", "matrix"])
+@slow
 def test_a_door_swings_as_a_pendulum(chart):
     """k = 5; the chart is kept to rounding, its coordinates are not as many as its velocities."""
     case = registry.door(chart)

@@ -96,6 +96,7 @@ def test_leaning_door_swings_as_a_pendulum():
     assert np.max(np.abs(motion["hinge 1.angle"] - true.y[0])) < 1e-8
 
 
+@pytest.mark.slow
 def test_angles_of_joints_go_on_from_the_first():
     """A door that spins about an upright axis by more than a turn between outputs."""
     door, at, rate = rx.mechanisms.door(lean=0.0, width=0.9, thickness=0.05), 0.5, -9.0

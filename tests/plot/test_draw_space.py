@@ -448,6 +448,7 @@ def motion():
     return mechanism, rx.simulate(mechanism, turning, 0.4, ts=np.linspace(0.0, 0.4, 3))
 
 
+@pytest.mark.slow
 def test_frames_have_one_view_and_keep_what_stands(motion):
     film = rx.plot.animate(*motion)
     limits, fixed = set(), []

@@ -14,6 +14,7 @@ every_structure = pytest.mark.parametrize(
 
 
 @every_structure
+@pytest.mark.slow
 def test_random_trees_and_loops(number, bodies):
     rng = np.random.default_rng([7, number])
     structure, judged = space.draw(rng, bodies), 0

@@ -203,7 +203,8 @@ def random_agreement(recipe, number, samples) -> set:
     return met
 
 
-@pytest.mark.parametrize("recipe", ["loop, doubled pin", pytest.param("gears and frames", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("recipe", ["loop, doubled pin", "gears and frames"])
+@pytest.mark.slow
 def test_words_and_figures_of_random_mechanisms_agree(recipe):
     assert random_agreement(recipe, 0, 3) >= {UNIQUE, ZERO, NOT_UNIQUE}
 

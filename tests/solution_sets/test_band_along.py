@@ -67,6 +67,7 @@ def test_the_rope_of_an_incline_has_hysteresis():
     assert path.exact.all()
 
 
+@pytest.mark.slow
 def test_states_in_one_array_are_the_same():
     mechanism, states = drawn_block()
     stacked = jax.tree.map(lambda *x: jnp.stack(x), *states, rx.State([np.nan] * 3, [0.0] * 3, 9.0))
@@ -164,6 +165,7 @@ def test_the_screw_of_a_lift_with_tight_pins_has_hysteresis():
     assert np.all(path.exact[1])
 
 
+@pytest.mark.slow
 def test_a_lift_at_rest_may_carry_all_that_it_carries_as_it_rises_and_falls():
     """Friction in proportion to loads: that of a slow motion is one of those which are possible at rest."""
     mechanism, states = lift(rx.Coulomb(0.2))
@@ -183,6 +185,7 @@ def lifted(_, own, t, rate):
     return rx.Wrench(jnp.zeros(2), jnp.zeros(())), own.wrench(jnp.stack([jnp.zeros_like(t), rate * t]), jnp.zeros(2))
 
 
+@pytest.mark.slow
 def test_a_load_that_grows_lets_go_at_its_limit():
     """A block between two walls that push with 60 N at most is pulled up, ever more."""
     mu, weight, most, rate = 0.3, 2.0 * G, 60.0, 12.0
@@ -228,6 +231,7 @@ def test_blocks_of_which_one_slides():
     assert words == ["left.x increases, partly at rest", "left.x decreases, partly at rest", "rests"]
 
 
+@pytest.mark.slow
 def test_states_without_solution_are_told():
     """Friction this large jams the paper's mechanism in motion."""
     mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.15)

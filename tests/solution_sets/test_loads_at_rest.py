@@ -93,6 +93,7 @@ def test_a_block_is_pulled_loose_before_a_larger_pull_jams_it(angle):
     assert end < found.looked[1] <= again
 
 
+@pytest.mark.slow
 def test_a_load_that_just_excludes_zero():
     system, state, _ = paper()
     bands = [
@@ -330,7 +331,8 @@ def test_bands_at_rest_hold_what_brute_force_finds(name):
         stands(brute, solutions[:, state.qd.size :])
 
 
-@pytest.mark.parametrize("kind", [pytest.param("misfit", marks=pytest.mark.slow), "compliance"])
+@pytest.mark.parametrize("kind", ["misfit", "compliance"])
+@pytest.mark.slow
 def test_bands_under_joints_that_give_way_hold_what_brute_force_finds(kind):
     system, state, limits = press(rx.AppliedForce("crank", moment=24.0))
     rows, random, count = list(system.names.rows.labels), np.random.default_rng(2), 2000
@@ -421,6 +423,7 @@ def test_a_block_that_rests_under_one_that_slides():
     assert rx.band(*block_on_a_block(0.05), "tau foot", rx.MinimumNorm()).stands == "no"  # 0.05 * 7 < 0.3 * 2
 
 
+@pytest.mark.slow
 def test_bands_at_rest_are_the_same_in_other_units():
     system, state, _ = paper()
     units = rx.units.Units(length=1e3, mass=1e-3)

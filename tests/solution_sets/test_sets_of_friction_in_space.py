@@ -167,6 +167,7 @@ def extremes(function):
     return out
 
 
+@pytest.mark.slow
 def test_the_band_of_a_door_that_opens():
     mechanism, state = open_door(SPIN)
     found = rx.band(mechanism, state, "door.phi_z''", rx.AmplitudeBox(BOX))

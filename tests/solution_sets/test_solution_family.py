@@ -71,6 +71,7 @@ def test_every_solution_is_found_and_counted(z):
     agree(found, str(FOUR), z)
 
 
+@pytest.mark.slow
 def test_one_curve_goes_through_all_its_folds():
     """At mu_rho = 0.1445 the solutions are one closed curve with four folds, whatever the amplitudes looked at."""
     coarse, fine = family(FOUR, -40.0, 40.0), family(FOUR, -40.0, 40.0, 161)
@@ -109,7 +110,8 @@ def dense(mu_rho, rho0, gain, sense) -> np.ndarray:
     return np.array(sorted(found, key=lambda tau: tau[0])).reshape(-1, 4)
 
 
-@pytest.mark.parametrize("rate", [1, pytest.param(-1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("rate", [1, -1])
+@pytest.mark.slow
 def test_one_amplitude_is_searched_as_well_as_many(rate):
     """The family at one amplitude, `frictional_solutions` there, and a search of its own in NumPy."""
     counts = []

@@ -312,6 +312,7 @@ def tried(figures):
 
 
 @pytest.mark.parametrize("coupling", [0.0, 0.1])
+@pytest.mark.slow
 def test_coupled_slips_as_a_linear_programme_and_all_patterns_tried(coupling):
     seen = set()
     for seed in range(20):

@@ -262,7 +262,8 @@ def plain_mechanism(strength):
     return mechanism, rx.assemble(mechanism, [0.5, 0.1, 0.3], rates={"a.phi": 2.0})
 
 
-@pytest.mark.parametrize("make", [plain_system, slow(plain_mechanism)])
+@pytest.mark.parametrize("make", [plain_system, plain_mechanism])
+@pytest.mark.slow
 def test_plain_functions_pass_through_jax_transformations(make):
     """As part of systems that are arguments; other parameters compile nothing new, and can be differentiated."""
     (one, state), (other, state_there) = make(1.5), make(2.5)

@@ -53,6 +53,7 @@ def fold(phi, mu_rho):
     return rx.solve(mechanism, mechanism.state(phi=phi, rate=1.0)).stats.fold * mu_rho
 
 
+@pytest.mark.slow
 def test_the_fold_does_not_depend_on_the_friction_asked_for():
     shares = np.array([0.9, 0.9999, 1.0001, 1.001, 1.01, 1.1, 1.3, 2.0, 5.0])
     phis = np.array([0.6, 1.2])

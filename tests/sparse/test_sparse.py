@@ -137,6 +137,7 @@ def rack(loops, twice):
     return rx.Mechanism([*bodies], [*joints, *second], gravity=(0.0, -9.81), pose=pose), [pin[0] for pin in pins[::3]]
 
 
+@pytest.mark.slow
 def test_many_loops_with_pins_twice_over_are_right_to_the_last_digits():
     loops = 60
     (single, _), (double, doubled) = rack(loops, False), rack(loops, True)
@@ -158,6 +159,7 @@ def test_many_loops_with_pins_twice_over_are_right_to_the_last_digits():
     )
 
 
+@pytest.mark.slow
 def test_derivatives_in_both_modes_are_those_of_dense_matrices():
     mechanism = rx.mechanisms.parallelogram(5)
     m = len(mechanism.rows)
@@ -318,6 +320,7 @@ def test_single_precision_decides_the_rank(float32):
 
 
 @pytest.mark.parametrize("where", ["in the plane", "in space"])
+@pytest.mark.slow
 def test_elastic_joints_twice_over_share_as_by_dense_matrices(where):
     if where == "in space":
         mechanism, state = ladder(2, twice=True)

@@ -64,6 +64,7 @@ def swept(mechanism, pins, state, misfit, mu=MU):
     return (force - slopes.T @ lam) / mass, lam, tau
 
 
+@pytest.mark.slow
 def test_friction_of_many_joints_is_that_of_sweeps_on_dense_equations():
     mechanism, pins = rack(40)
     state = mechanism.state(0.8, rate=1.0)
@@ -80,6 +81,7 @@ def test_friction_of_many_joints_is_that_of_sweeps_on_dense_equations():
         np.testing.assert_allclose(np.asarray(found.friction[k])[order], tau, atol=1e-10 * np.abs(tau).max())
 
 
+@pytest.mark.slow
 def test_friction_beyond_sweeps_is_followed_from_zero_friction_to_the_end_or_a_fold():
     for mu_rho, result in ((0.2, rx.RESULTS.successful), (0.5, rx.RESULTS.no_solution_found)):
         mechanism = rx.mechanisms.n_four_bar(2, mu_rho=mu_rho)
@@ -109,6 +111,7 @@ def friction_and_differences():
     return friction, x, np.stack([difference(k) for k in range(3)], axis=1)
 
 
+@pytest.mark.slow
 def test_forward_derivatives_of_friction_are_those_of_differences():
     friction, x, true = friction_and_differences()
     change = jnp.array([0.7, -0.4, 0.5])

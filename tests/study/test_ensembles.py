@@ -32,6 +32,7 @@ def blocks():
         return rx.ensemble(run, samples, system=block(0.04)[0], percentiles=PERCENTILES, chunk=4)
 
 
+@pytest.mark.slow
 def test_bands_over_friction_are_those_of_the_closed_form(blocks):
     truth = np.percentile([[where(mu, t) for t in TIMES] for mu in MUS], PERCENTILES, axis=0)
     found = blocks.q_band.sel(coordinate="0", percentile=[*PERCENTILES])

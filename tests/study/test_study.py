@@ -346,6 +346,7 @@ def check_spread(found):
     np.testing.assert_allclose(found["crank"], falls, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_four_devices_share_the_samples(tmp_path):
     check_spread(ended(begin(tmp_path / "spread.nc")))
 

@@ -104,6 +104,7 @@ def test_the_guide_holds_the_bead_against_weight_and_coriolis_force():
     np.testing.assert_allclose(there["motor moment on rod"], 0.002 * 1e6 / 9 * moment, rtol=1e-11)
 
 
+@pytest.mark.slow
 def test_forces_of_a_batch_with_a_sample_without_solution_leave_gradients_alone():
     mechanism, _ = paper()
 

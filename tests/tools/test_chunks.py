@@ -34,6 +34,7 @@ def test_a_batch_in_chunks_is_the_batch(monkeypatch):
     jax.clear_caches()
 
 
+@pytest.mark.slow
 def test_a_batch_of_states_in_chunks_is_that_of_its_states(monkeypatch):
     """Three matrices of 144 entries a chunk; the last chunk reaches back."""
     angles = jnp.linspace(0.3, 1.2, 10)

@@ -259,6 +259,7 @@ def length_of(folder, unit):
 
 
 @other_press
+@pytest.mark.slow
 def test_study_of_a_file(press, unit):
     one, other = (command("study", f"{press / u}/press.py:press", "--samples", 5) for u in ("m, kg", unit))
     assert words(one) == words(other)
