@@ -44,6 +44,7 @@ class Gram(eqx.Module):
         """`solution` without refinement and derivatives."""
         return solution(self.rows.plan, self.fronts, self.kept[:, None] * right)
 
+    @eqx.filter_jit  # traced once, for the many places that it stands in
     def solution(self, right: Float[Array, "m c"], *, refines: bool = True) -> Float[Array, "m c"]:
         """S_II^-1 y_I, zero on O."""
         kept, plan = self.kept[:, None], self.rows.plan
