@@ -19,7 +19,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ._cholesky import Fronts, factor, pivots, pivots_of, solution
+from ._cholesky import Fronts, factor, factor_diagonal, pivots, solution
 from ._rows import Rows
 
 _SHIFT = 0.75  # power of the rounding: t
@@ -102,7 +102,7 @@ def rank_pivots(rows: Rows) -> tuple[Float[Array, " m"], Float[Array, " m"], flo
     diagonal = rows.plan.beside[:, 0]
 
     def shifted(t: Array) -> Array:
-        return pivots_of(rows.plan, entries.at[diagonal].add(t)) ** 2
+        return factor_diagonal(rows.plan, entries.at[diagonal].add(t)) ** 2
 
     once, twice = jax.lax.map(shifted, shift * jnp.asarray([1.0, 2.0], entries.dtype))  # one factor after the other
     return 2 * once - twice, (twice - once) / shift, shift
