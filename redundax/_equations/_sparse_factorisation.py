@@ -48,9 +48,8 @@ class SparsePick(AbstractPick):
     softest: Float[Array, ""]
 
     def __call__(self, multipliers: Float[Array, "m ..."]) -> Float[Array, "m ..."]:
-        mu = multipliers.reshape(len(multipliers), -1) * self.row_scale[:, None]
-        picked = mu - self.stress.response(self.stress.compliance.times(mu))
-        return (picked / self.row_scale[:, None]).reshape(multipliers.shape)
+        columns = multipliers.reshape(len(multipliers), -1)
+        return self.columns(columns, jnp.zeros_like(self.row_scale)).reshape(multipliers.shape)
 
     def closed(self, multipliers: Array, misfit: Array) -> tuple[Array, Array]:
         mu = self.row_scale * multipliers
@@ -59,6 +58,12 @@ class SparsePick(AbstractPick):
         found = self.stress.response(jnp.stack([-pulled, own], axis=1))
         picked = mu + found[:, 0]
         return picked / self.row_scale, (picked + found[:, 1]) / self.row_scale
+
+    def columns(self, multipliers: Array, misfit: Array) -> Array:
+        mu = self.row_scale[:, None] * multipliers
+        off = misfit / self.row_scale / self.stress.compliance.size
+        off = (-self.stress.compliance.times(mu)).at[:, 0].add(off)
+        return (mu + self.stress.response(off)) / self.row_scale[:, None]
 
     def caused(self, misfit: Array, rows: Int[Array, " l"] | None = None) -> Array:
         scaled = (misfit / self.row_scale)[:, None]

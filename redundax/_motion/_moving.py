@@ -211,7 +211,7 @@ class Equations(eqx.Module):
         if closed:
             compliance, misfit = elasticity(self.closure, system, state)
             pick, _ = factor.close(compliance)
-            lam = pick(lam).at[:, 0].add(pick.caused(misfit))
+            lam = pick.columns(lam, misfit)
         slip = directions.T @ a
         if self.has_sense:
             slip = slip.at[:, 0].add(-slip_gamma(system, state))
@@ -226,7 +226,7 @@ class Equations(eqx.Module):
         if closed:
             compliance, misfit = elasticity(self.closure, system, state)
             pick, _ = factor.close(compliance)
-            lam = pick(lam).at[:, 0].add(pick.caused(misfit))
+            lam = pick.columns(lam, misfit)
         unit = friction_response(system, state, factor, pick)
         slip = along_slips(system, state, a[:, 0])
         if self.has_sense:

@@ -40,8 +40,8 @@ def factor(plan: Plan, entries: Float[Array, " size"]) -> tuple[Fronts, ...]:
     return _eliminated(plan, entries, kept)
 
 
-def pivots_of(plan: Plan, entries: Float[Array, " size"]) -> Float[Array, " m"]:
-    """Diagonal of L alone, by row."""
+def factor_diagonal(plan: Plan, entries: Float[Array, " size"]) -> Float[Array, " m"]:
+    """Diagonal of L, by row, without the factor."""
 
     def kept(own: Array, border: Array) -> tuple[Array, Array]:
         border = jax.lax.linalg.triangular_solve(own, border, left_side=False, lower=True, transpose_a=True)
@@ -102,6 +102,6 @@ def _solution(plan: Plan, found: tuple[Fronts, ...], right: Float[Array, "m c"])
 
 
 def pivots(plan: Plan, found: tuple[Fronts, ...]) -> Float[Array, " m"]:
-    """Diagonal of L, by row."""
+    """Diagonal of L, by row, of a factor that stands."""
     parts = [jnp.diagonal(fronts.inverse, axis1=1, axis2=2).ravel() for fronts in found]
     return 1 / jnp.concatenate(parts)[plan.position]

@@ -19,7 +19,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ._cholesky import Fronts, factor, pivots, pivots_of, solution
+from ._cholesky import Fronts, factor, factor_diagonal, pivots, solution
 from ._rows import Rows
 
 _SHIFT = 0.75  # power of the rounding: t
@@ -44,6 +44,7 @@ class Gram(eqx.Module):
         """`solution` without refinement and derivatives."""
         return solution(self.rows.plan, self.fronts, self.kept[:, None] * right)
 
+    @eqx.filter_jit  # traced once, for the many places that it stands in
     def solution(self, right: Float[Array, "m c"], *, refines: bool = True) -> Float[Array, "m c"]:
         """S_II^-1 y_I, zero on O."""
         kept, plan = self.kept[:, None], self.rows.plan
@@ -101,7 +102,7 @@ def rank_pivots(rows: Rows) -> tuple[Float[Array, " m"], Float[Array, " m"], flo
     diagonal = rows.plan.beside[:, 0]
 
     def shifted(t: Array) -> Array:
-        return pivots_of(rows.plan, entries.at[diagonal].add(t)) ** 2
+        return factor_diagonal(rows.plan, entries.at[diagonal].add(t)) ** 2
 
     once, twice = jax.lax.map(shifted, shift * jnp.asarray([1.0, 2.0], entries.dtype))  # one factor after the other
     return 2 * once - twice, (twice - once) / shift, shift

@@ -55,8 +55,11 @@ class Picking(eqx.Module):
     def response(self, misfit: Float[Array, "m c"]) -> Float[Array, "m c"]:
         """G d times the size of W, column by column; nothing is computed where there is no self-stress."""
         if misfit.shape[1] > 1:
-            return jax.lax.map(lambda column: self.response(column[:, None])[:, 0], misfit.T).T
+            return jax.lax.map(lambda column: self._response(column[:, None])[:, 0], misfit.T).T
+        return self._response(misfit)
 
+    @eqx.filter_jit  # traced once, for the many places that it stands in
+    def _response(self, misfit: Float[Array, "m 1"]) -> Float[Array, "m 1"]:
         def found() -> Array:
             return self.gram.stress(self._inverse(self.gram.across(misfit)))
 
