@@ -207,7 +207,7 @@ def gradients(loops: int, repeats: int) -> Iterator[str]:
 
     reverse = diffrax.RecursiveCheckpointAdjoint()
     ones, one = jax.numpy.ones(loops + 1), jax.numpy.ones(())
-    step = 1e-3
+    step = 1e-4
     by_length = (truth(1 + step, 1.0) - truth(1 - step, 1.0)) / (2 * step)
     by_mass = (truth(1.0, 1 + step) - truth(1.0, 1 - step)) / (2 * step) / (loops + 1)
     value = jax.jit(lambda x, m: angle(x, m, reverse))
