@@ -14,6 +14,7 @@ from jaxtyping import Array, Float
 
 from .._system._axis import Axis
 from .._system._state import State
+from .._system._system import Path
 from .._tools._module import Numbers, as_float
 
 
@@ -90,6 +91,10 @@ class AbstractFrame(eqx.Module):
     @abc.abstractmethod
     def poses(self, centres: Any, q: Float[Array, "..."]) -> Any:
         """Poses of all bodies and of the ground, which is last, stacked."""
+
+    def path(self, centres: Any, q: Float[Array, "..."], rate: Float[Array, " n"]) -> Path | None:
+        """Poses along q [+] s rate, where these have a form of their own."""
+        return None
 
     @abc.abstractmethod
     def motions(self, body: Any, state: State) -> Any:

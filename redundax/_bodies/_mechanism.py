@@ -20,7 +20,7 @@ from .._system._axis import Axis, join
 from .._system._friction import AbstractFriction
 from .._system._names import Names, index_of
 from .._system._state import State
-from .._system._system import AbstractSystem
+from .._system._system import AbstractSystem, Path
 from .._system._units import Units, of_model
 from .._tools._compilation import compiled
 from .._tools._module import (
@@ -271,9 +271,20 @@ class Mechanism(AbstractSystem):
         return self.frame.poses(self.frame.centres(self.body), q)
 
     def constraint(self, q: Array, t: Array) -> Float[Array, " m"]:
-        body = self.poses(q)
-        coupled = [each.residuals(self.joints, body) for each in self.couplings]
-        return self.of_rows([*_residuals(self.joints, body, t), *coupled])
+        return self.constraint_at(self.poses(q), t)
+
+    def path(self, q: Array, rate: Array) -> Path | None:
+        return self.frame.path(self.frame.centres(self.body), q, rate)
+
+    def constraint_at(self, poses: Any, t: Array) -> Float[Array, " m"]:
+        coupled = [each.residuals(self.joints, poses) for each in self.couplings]
+        return self.of_rows([*_residuals(self.joints, poses, t), *coupled])
+
+    def slips_at(self, poses: Any, t: Array) -> Float[Array, " p"]:
+        return jnp.concatenate([group.slip_at(poses) for group in self.friction])
+
+    def slip_directions(self, poses: Any, t: Array) -> Float[Array, "n p"]:
+        return jnp.concatenate([group.directions_at(poses) for group in self.friction], axis=1)
 
     def jacobian(self, q: Array, t: Array) -> Float[Array, "m n"]:
         """Joint by joint: each reads the coordinates of two bodies."""

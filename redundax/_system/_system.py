@@ -9,7 +9,7 @@ entries while the chart q may have more.
 
 import abc
 from collections.abc import Callable, Sequence
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import equinox as eqx
 import jax
@@ -27,6 +27,14 @@ from ._names import Names
 from ._pages import notes, values_of
 from ._state import State
 from ._units import Units, of_model
+
+
+class Path(NamedTuple):
+    """Poses of bodies, their rates, and the rates of these along the field of rates q' = d/dr (q [+] r qd)."""
+
+    poses: Any
+    rate: Any
+    bend: Any
 
 
 class AbstractSystem(eqx.Module):
@@ -90,6 +98,22 @@ class AbstractSystem(eqx.Module):
     @abc.abstractmethod
     def retract(self, q: Float[Array, "..."], d: Float[Array, " n"]) -> Float[Array, "..."]:
         """q [+] d: the position reached from q by the displacement d."""
+
+    def path(self, q: Float[Array, "..."], rate: Float[Array, " n"]) -> Path | None:
+        """Poses of bodies along q [+] s rate, where constraints and slips are known as functions of them."""
+        return None
+
+    def constraint_at(self, poses: Any, t: Float[Array, ""]) -> Float[Array, " m"]:
+        """`constraint` at poses of bodies, where there is a path."""
+        raise NotImplementedError
+
+    def slips_at(self, poses: Any, t: Float[Array, ""]) -> Float[Array, " p"]:
+        """Slips of all friction groups at poses of bodies, where there is a path."""
+        raise NotImplementedError
+
+    def slip_directions(self, poses: Any, t: Float[Array, ""]) -> Float[Array, "n p"]:
+        """E of all friction groups at poses of bodies, where there is a path."""
+        raise NotImplementedError
 
     @property
     def plan(self) -> Plan | None:

@@ -24,6 +24,24 @@ def cross_matrix(v: Float[Any, "*some 3"]) -> Any:
     return numpy_of(v).einsum("...i,ijk->...jk", v, _UNIT.astype(v.dtype))
 
 
+def cross(a: Float[Array, "*some 3"], b: Float[Array, "*some 3"]) -> Float[Array, "*some 3"]:
+    """a x b, which compiles to less than `jnp.cross`."""
+    (a1, a2, a3), (b1, b2, b3) = ([v[..., k] for k in range(3)] for v in (a, b))
+    return jnp.stack([a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1], axis=-1)
+
+
+def times(matrix: Float[Array, "*some 3 3"], vector: Float[Array, "*some 3"]) -> Float[Array, "*some 3"]:
+    """A v by columns, which XLA computes where it is read, as it does no product of matrices."""
+    x, y, z = (matrix[..., k] * vector[..., k, None] for k in range(3))
+    return x + y + z
+
+
+def multiplied(a: Float[Array, "*some 3 3"], b: Float[Array, "*some 3 3"]) -> Float[Array, "*some 3 3"]:
+    """A B likewise."""
+    x, y, z = (a[..., :, k, None] * b[..., k, None, :] for k in range(3))
+    return x + y + z
+
+
 def rotation(p: Float[Any, "*some 4"]) -> Any:
     """Rotation matrix R of a quaternion of any length."""
     xp = numpy_of(p)
