@@ -104,6 +104,10 @@ class AbstractFrame(eqx.Module):
     def retract(self, q: Float[Array, "..."], d: Float[Array, " n"]) -> Float[Array, "..."]:
         """q [+] d."""
 
+    def displacement(self, base: Float[Array, "..."], q: Float[Array, "..."]) -> tuple[Array, Array] | None:
+        """d with base [+] d nearest to q, and whether there is one, where it has a form of its own."""
+        return None
+
     @abc.abstractmethod
     def reference(self, body: Any) -> Float[Array, "..."]:
         """The position q of bodies at their reference poses."""

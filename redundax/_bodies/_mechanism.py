@@ -276,6 +276,12 @@ class Mechanism(AbstractSystem):
     def path(self, q: Array, rate: Array) -> Path | None:
         return self.frame.path(self.frame.centres(self.body), q, rate)
 
+    def displacement(self, base: Array, q: Array) -> tuple[Array, Array] | None:
+        return self.frame.displacement(base, q)
+
+    def velocity(self, q: Array, rate: Array) -> Array:
+        return self.frame.velocity(q, rate)
+
     def constraint_at(self, poses: Any, t: Array) -> Float[Array, " m"]:
         coupled = [each.residuals(self.joints, poses) for each in self.couplings]
         return self.of_rows([*_residuals(self.joints, poses, t), *coupled])

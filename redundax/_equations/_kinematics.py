@@ -95,11 +95,10 @@ def _second(
     `value_at` is the same at poses of bodies."""
     path = system.path(state.q, rate)
     if path is not None:
-        poses, slope, bend = path
         (phi, slope), (_, bend) = jax.jvp(
             lambda poses, slope, t: jax.jvp(value_at, (poses, t), (slope, time)),
-            (poses, slope, state.t),
-            (slope, bend, time),
+            (path.poses, path.rate, state.t),
+            (path.rate, path.bend, time),
         )
         return AlongMotion(phi, slope, -bend)
     still, along = (jnp.zeros_like(rate), state.t), (rate, time)
@@ -139,11 +138,19 @@ def third_order(system: AbstractSystem, state: State) -> tuple[Float[Array, "m n
 
 def chart_rate(system: AbstractSystem, state: State) -> Float[Array, "..."]:
     """q', the rate of the coordinates: the derivative of q [+] s qd at s = 0."""
-    zero = jnp.zeros_like(state.t)
+    path, zero = system.path(state.q, state.qd), jnp.zeros_like(state.t)
+    if path is not None:
+        return path.chart
     return jax.jvp(lambda s: system.retract(state.q, s * state.qd), (zero,), (jnp.ones_like(zero),))[1]
 
 
-def chart_inverse(system: AbstractSystem, base: Array, d: Array, change: Array) -> Float[Array, " n"]:
+def velocity(system: AbstractSystem, q: Array, rate: Array) -> Float[Array, " n"]:
+    """The velocity at which positions have a rate, by least squares."""
+    own = system.velocity(q, rate)
+    return _inverse(system, q, jnp.zeros(len(system.coordinates), q.dtype), rate) if own is None else own
+
+
+def _inverse(system: AbstractSystem, base: Array, d: Array, change: Array) -> Float[Array, " n"]:
     """The change of d that changes base [+] d by a given one, by least squares."""
     slope = jax.jacfwd(lambda e: system.retract(base, e))(d).reshape(-1, d.size)
     return jax.scipy.linalg.solve(slope.T @ slope, slope.T @ change.ravel(), assume_a="pos")
@@ -152,12 +159,16 @@ def chart_inverse(system: AbstractSystem, base: Array, d: Array, change: Array) 
 def displacement(
     system: AbstractSystem, base: Float[Array, "..."], q: Float[Array, "..."]
 ) -> tuple[Float[Array, " n"], Float[Array, ""]]:
-    """d with base [+] d nearest to q, by Gauss-Newton, and its last relative change, as large turns need not settle."""
+    """d with base [+] d nearest to q; by Gauss-Newton with its last relative change, as large turns need not settle,
+    where it has no form of its own."""
     if system.adds:
         return q - base, jnp.zeros((), q.dtype)
+    own = system.displacement(base, q)
+    if own is not None:
+        return own[0], jnp.where(own[1], 0.0, jnp.inf)
 
     def step(_: Array, found: tuple[Array, Array]) -> tuple[Array, Array]:
-        change = chart_inverse(system, base, found[0], q - system.retract(base, found[0]))
+        change = _inverse(system, base, found[0], q - system.retract(base, found[0]))
         return found[0] + change, change
 
     none = jnp.zeros(len(system.coordinates), q.dtype)

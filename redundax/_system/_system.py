@@ -30,8 +30,9 @@ from ._units import Units, of_model
 
 
 class Path(NamedTuple):
-    """Poses of bodies, their rates, and the rates of these along the field of rates q' = d/dr (q [+] r qd)."""
+    """q', the field d/dr (q [+] r qd) at r = 0; poses of bodies, their rates, and the rates of these along the field."""
 
+    chart: Float[Array, "..."]
     poses: Any
     rate: Any
     bend: Any
@@ -101,6 +102,14 @@ class AbstractSystem(eqx.Module):
 
     def path(self, q: Float[Array, "..."], rate: Float[Array, " n"]) -> Path | None:
         """Poses of bodies along q [+] s rate, where constraints and slips are known as functions of them."""
+        return None
+
+    def displacement(self, base: Float[Array, "..."], q: Float[Array, "..."]) -> tuple[Array, Array] | None:
+        """d with base [+] d nearest to q, and whether there is one, where it has a form of its own."""
+        return None
+
+    def velocity(self, q: Float[Array, "..."], rate: Float[Array, "..."]) -> Float[Array, " n"] | None:
+        """The velocity at which positions have a rate, nearest to it, where it has a form of its own."""
         return None
 
     def constraint_at(self, poses: Any, t: Float[Array, ""]) -> Float[Array, " m"]:

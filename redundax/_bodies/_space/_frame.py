@@ -20,7 +20,7 @@ from ..._system._system import Path
 from ..._tools._module import numpy_of, on_device, replace_fields
 from .._frame import AbstractFrame
 from ._pose import Motion, Pose
-from ._rotation import angular_velocity, cross, rotation, times, turned
+from ._rotation import angular_velocity, between, cross, product, rotation, times, turned
 
 
 class Space(AbstractFrame):
@@ -72,13 +72,15 @@ class Space(AbstractFrame):
 
     def path(self, centres: Array, q: Array, rate: Array) -> Path:
         """R' = R [omega]x and R'' = R [omega]x [omega]x, x'' = 0."""
-        pose = self.poses(centres, q)
+        pose, (_, p) = self.poses(centres, q), _parts(q)
+        v, spin = jnp.split(rate, 2)
+        chart = jnp.concatenate([v, product(p, spin.reshape(-1, 3) / 2, 0.0).ravel()])
         v, omega = (_with_ground(part.reshape(-1, 3)) for part in jnp.split(rate, 2))
         turn = cross(pose.axes, omega[:, None])
         bend = cross(turn, omega[:, None])
         none = jnp.zeros_like(pose.centre)
         moved, bent = (-times(axes, pose.centre) for axes in (turn, bend))
-        return Path(pose, Pose(v + moved, turn, none), Pose(bent, bend, none))
+        return Path(chart, pose, Pose(v + moved, turn, none), Pose(bent, bend, none))
 
     def motions(self, body: Any, state: State) -> Motion:
         pose = self.poses(body.centre, state.q)
@@ -90,6 +92,13 @@ class Space(AbstractFrame):
         x, p = _parts(q)
         shift, turn = jnp.split(d, 2)
         return jnp.concatenate([x.ravel() + shift, turned(p, turn.reshape(-1, 3)).ravel()])
+
+    def displacement(self, base: Array, q: Array) -> tuple[Array, Array]:
+        """By conj(p) p', whose scalar part half a turn makes zero."""
+        (x, p), (there, turned) = _parts(base), _parts(q)
+        w, v = jnp.split(between(p, turned), [1], axis=-1)
+        found = jnp.all(w > 0)
+        return jnp.concatenate([(there - x).ravel(), (2 * v / jnp.where(w > 0, w, 1.0)).ravel()]), found
 
     def reference(self, body: Any) -> Array:
         given = body.position, body.orientation, body.centre

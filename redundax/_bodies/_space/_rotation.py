@@ -71,8 +71,12 @@ def turned(p: Float[Array, "*some 4"], d: Float[Array, "*some 3"]) -> Float[Arra
 
 def angular_velocity(p: Float[Array, "*some 4"], rate: Float[Array, "*some 4"]) -> Float[Array, "*some 3"]:
     """omega in body axes: 2 conj(p) p' / |p|^2."""
-    conjugate = p * jnp.array([1.0, -1.0, -1.0, -1.0], p.dtype)
-    return 2 * product(conjugate, rate[..., 1:], rate[..., :1])[..., 1:] / jnp.sum(p * p, axis=-1, keepdims=True)
+    return 2 * between(p, rate)[..., 1:] / jnp.sum(p * p, axis=-1, keepdims=True)
+
+
+def between(p: Float[Array, "*some 4"], other: Float[Array, "*some 4"]) -> Float[Array, "*some 4"]:
+    """conj(p) p', the turn from one to another."""
+    return product(p * np.array([1.0, -1.0, -1.0, -1.0], p.dtype), other[..., 1:], other[..., :1])
 
 
 def quaternion(matrix: Float[Any, "3 3"]) -> Any:
