@@ -24,22 +24,20 @@ def cross_matrix(v: Float[Any, "*some 3"]) -> Any:
     return numpy_of(v).einsum("...i,ijk->...jk", v, _UNIT.astype(v.dtype))
 
 
-def cross(a: Float[Array, "*some 3"], b: Float[Array, "*some 3"]) -> Float[Array, "*some 3"]:
+def cross(a: Float[Any, "*some 3"], b: Float[Any, "*some 3"]) -> Any:
     """a x b, which compiles to less than `jnp.cross`."""
     (a1, a2, a3), (b1, b2, b3) = ([v[..., k] for k in range(3)] for v in (a, b))
-    return jnp.stack([a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1], axis=-1)
+    return numpy_of(a, b).stack([a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1], axis=-1)
 
 
 def times(matrix: Float[Array, "*some 3 3"], vector: Float[Array, "*some 3"]) -> Float[Array, "*some 3"]:
-    """A v by columns, which XLA computes where it is read, as it does no product of matrices."""
-    x, y, z = (matrix[..., k] * vector[..., k, None] for k in range(3))
-    return x + y + z
+    """A v as a sum, which XLA computes along with what is read and what reads it, as it does no product of matrices."""
+    return jnp.sum(matrix * vector[..., None, :], axis=-1)
 
 
 def multiplied(a: Float[Array, "*some 3 3"], b: Float[Array, "*some 3 3"]) -> Float[Array, "*some 3 3"]:
     """A B likewise."""
-    x, y, z = (a[..., :, k, None] * b[..., k, None, :] for k in range(3))
-    return x + y + z
+    return jnp.sum(a[..., :, :, None] * b[..., None, :, :], axis=-2)
 
 
 def rotation(p: Float[Any, "*some 4"]) -> Any:
@@ -60,7 +58,7 @@ def product(p: Float[Any, "*some 4"], u: Float[Any, "*some 3"], w: Any = 1.0) ->
     """The quaternion product p (w, u)."""
     xp = numpy_of(p, u)
     scalar = w * p[..., :1] - xp.sum(p[..., 1:] * u, axis=-1, keepdims=True)
-    vector = w * p[..., 1:] + p[..., :1] * u + xp.cross(p[..., 1:], u)
+    vector = w * p[..., 1:] + p[..., :1] * u + cross(p[..., 1:], u)
     return xp.concatenate([scalar, vector], axis=-1)
 
 
