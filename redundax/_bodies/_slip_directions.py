@@ -16,7 +16,8 @@ def scattered(
     bodies = jnp.arange(poses.r.shape[0] - 1)[:, None, None]
     on_i, on_j = jnp.split(own, 2, axis=-1)
     each = [
-        jnp.where((end == bodies)[..., None], part, 0.0) for end, part in ((joints.i[:, None], on_i), (joints.j[:, None], on_j))
+        jnp.where((end == bodies)[..., None], part, 0.0)
+        for end, part in ((joints.i[:, None], on_i), (joints.j[:, None], on_j))
     ]
     whole = jnp.moveaxis(each[0] + each[1], -1, 1)  # bodies, velocities, joints, slips
     axes = len(frame.linear)

@@ -14,28 +14,19 @@ from jaxtyping import Array, Float
 
 from ..._tools._module import Numbers, floats, is_concrete, numpy_of
 
-_UNIT = np.zeros((3, 3, 3))  # the rotations d x
-for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-    _UNIT[_i, _k, _j], _UNIT[_i, _j, _k] = 1.0, -1.0
 
-
-def cross_matrix(v: Float[Any, "*some 3"]) -> Any:
-    """[v]x, which makes v x u of u."""
-    return numpy_of(v).einsum("...i,ijk->...jk", v, _UNIT.astype(v.dtype))
-
-
-def cross(a: Float[Any, "*some 3"], b: Float[Any, "*some 3"]) -> Any:
+def cross(a: Float[Any, "*#some 3"], b: Float[Any, "*#some 3"]) -> Any:
     """a x b, which compiles to less than `jnp.cross`."""
     (a1, a2, a3), (b1, b2, b3) = ([v[..., k] for k in range(3)] for v in (a, b))
     return numpy_of(a, b).stack([a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1], axis=-1)
 
 
-def times(matrix: Float[Array, "*some 3 3"], vector: Float[Array, "*some 3"]) -> Float[Array, "*some 3"]:
+def times(matrix: Float[Any, "*#some 3 3"], vector: Float[Any, "*#some 3"]) -> Float[Array, "*some 3"]:
     """A v as a sum, which XLA computes along with what is read and what reads it, as it does no product of matrices."""
     return jnp.sum(matrix * vector[..., None, :], axis=-1)
 
 
-def multiplied(a: Float[Array, "*some 3 3"], b: Float[Array, "*some 3 3"]) -> Float[Array, "*some 3 3"]:
+def multiplied(a: Float[Any, "*#some 3 3"], b: Float[Any, "*#some 3 3"]) -> Float[Array, "*some 3 3"]:
     """A B likewise."""
     return jnp.sum(a[..., :, :, None] * b[..., None, :, :], axis=-2)
 
