@@ -121,7 +121,9 @@ class FrictionMembers(eqx.Module):
         labels = self.slips.labels[:: max(1, len(self.slips) // len(self.rows))]
         return [label if self.is_scalar else label.rpartition(".")[0] for label in labels]
 
-    def of(self, joints: Sequence[Stack], frame: AbstractFrame, centres: Array | None) -> AbstractFriction:
+    def of(
+        self, joints: Sequence[Stack], frame: AbstractFrame, centres: Array | None
+    ) -> "JointFriction | VectorFriction":
         """The friction group, given the stacks of joints, and frame and centres of the bodies."""
         stack = joints[self.kind]
         some = stack if self.members is None else stack.take(self.members)

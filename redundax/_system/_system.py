@@ -30,7 +30,7 @@ from ._units import Units, of_model
 
 
 class Path(NamedTuple):
-    """q', the field d/dr (q [+] r qd) at r = 0; poses of bodies, their rates, and the rates of these along the field."""
+    """q', the field d/dr (q [+] r qd) at r = 0; poses of bodies, their rates, and the rates of these along it."""
 
     chart: Float[Array, "..."]
     poses: Any
