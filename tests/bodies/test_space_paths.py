@@ -29,7 +29,9 @@ def test_poses_along_a_motion():
 
     @jax.jit
     def at(q):
-        return mechanism.constraint(q, jnp.zeros(())), jnp.concatenate([group.slip(q, jnp.zeros(())) for group in mechanism.friction])
+        return mechanism.constraint(q, jnp.zeros(())), jnp.concatenate(
+            [group.slip(q, jnp.zeros(())) for group in mechanism.friction]
+        )
 
     turn = jax.jit(lambda q, d: mechanism.retract(q, d))
     before, now, after = ([np.asarray(x) for x in at(turn(q, s * qd))] for s in (-h, 0.0, h))

@@ -15,10 +15,10 @@ from jaxtyping import Array, Float
 from ..._tools._module import Numbers, floats, is_concrete, numpy_of
 
 
-def cross(a: Float[Any, "*#some 3"], b: Float[Any, "*#some 3"]) -> Any:
+def cross(a: Float[Any, "*#some 3"], b: Float[Any, "*#some 3"]) -> Float[Array, "*some 3"]:
     """a x b, which compiles to less than `jnp.cross`."""
     (a1, a2, a3), (b1, b2, b3) = ([v[..., k] for k in range(3)] for v in (a, b))
-    return numpy_of(a, b).stack([a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1], axis=-1)
+    return jnp.stack([a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1], axis=-1)
 
 
 def times(matrix: Float[Any, "*#some 3 3"], vector: Float[Any, "*#some 3"]) -> Float[Array, "*some 3"]:
@@ -49,7 +49,7 @@ def product(p: Float[Any, "*some 4"], u: Float[Any, "*some 3"], w: Any = 1.0) ->
     """The quaternion product p (w, u)."""
     xp = numpy_of(p, u)
     scalar = w * p[..., :1] - xp.sum(p[..., 1:] * u, axis=-1, keepdims=True)
-    vector = w * p[..., 1:] + p[..., :1] * u + cross(p[..., 1:], u)
+    vector = w * p[..., 1:] + p[..., :1] * u + (np.cross if xp is np else cross)(p[..., 1:], u)
     return xp.concatenate([scalar, vector], axis=-1)
 
 
