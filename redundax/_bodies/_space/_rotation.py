@@ -63,7 +63,7 @@ def angular_velocity(p: Float[Array, "*some 4"], rate: Float[Array, "*some 4"]) 
     return 2 * between(p, rate)[..., 1:] / jnp.sum(p * p, axis=-1, keepdims=True)
 
 
-def between(p: Float[Array, "*some 4"], other: Float[Array, "*some 4"]) -> Float[Array, "*some 4"]:
+def between(p: Float[Any, "*some 4"], other: Float[Any, "*some 4"]) -> Any:
     """conj(p) p', the turn from one to another."""
     return product(p * np.array([1.0, -1.0, -1.0, -1.0], p.dtype), other[..., 1:], other[..., :1])
 
