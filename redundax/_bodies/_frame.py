@@ -14,6 +14,7 @@ from jaxtyping import Array, Float
 
 from .._system._axis import Axis
 from .._system._state import State
+from .._system._system import Path
 from .._tools._module import Numbers, as_float
 
 
@@ -91,6 +92,10 @@ class AbstractFrame(eqx.Module):
     def poses(self, centres: Any, q: Float[Array, "..."]) -> Any:
         """Poses of all bodies and of the ground, which is last, stacked."""
 
+    def path(self, centres: Any, q: Float[Array, "..."], rate: Float[Array, " n"]) -> Path | None:
+        """Poses along q [+] s rate, where these have a form of their own."""
+        return None
+
     @abc.abstractmethod
     def motions(self, body: Any, state: State) -> Any:
         """The same with their rates, as loads are given them."""
@@ -98,6 +103,10 @@ class AbstractFrame(eqx.Module):
     @abc.abstractmethod
     def retract(self, q: Float[Array, "..."], d: Float[Array, " n"]) -> Float[Array, "..."]:
         """q [+] d."""
+
+    def displacement(self, base: Float[Array, "..."], q: Float[Array, "..."]) -> tuple[Array, Array] | None:
+        """d with base [+] d nearest to q, and whether there is one, where it has a form of its own."""
+        return None
 
     @abc.abstractmethod
     def reference(self, body: Any) -> Float[Array, "..."]:

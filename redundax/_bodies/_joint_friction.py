@@ -19,6 +19,8 @@ from .._tools._module import as_functions, replace_fields, tree_take
 from ._frame import AbstractFrame
 from ._friction_model import AbstractFrictionModel
 from ._joints import AbstractJoint
+from ._joints._base import slopes
+from ._slip_directions import scattered
 from ._stack import Stack, indices, kinds, stacked
 from ._vector_friction import VectorFriction
 
@@ -56,7 +58,16 @@ class JointFriction(AbstractFriction):
         return tuple(joint(k) for k in range(len(self.slips)))
 
     def slip(self, q: Array, t: Array) -> Array:
-        return self.joints.over(lambda joint, i, j: joint.slip(i, j), self.frame.poses(self.centres, q))
+        return self.slip_at(self.frame.poses(self.centres, q))
+
+    def slip_at(self, poses: Any) -> Float[Array, " p"]:
+        """`slip` at poses of all bodies."""
+        return self.joints.over(lambda joint, i, j: joint.slip(i, j), poses)
+
+    def directions_at(self, poses: Any) -> Float[Array, "n p"]:
+        """E at poses of all bodies."""
+        own = self.joints.over(lambda joint, i, j: slopes(lambda i, j: joint.slip(i, j)[None], i, j), poses)
+        return scattered(self.frame, self.joints, own, poses)
 
     def force(self, loads: Array, rate: Array, sense: Array, memory: PyTree, state: State) -> Array:
         return eqx.filter_vmap(lambda model, *args: model.force(*args))(
@@ -110,7 +121,9 @@ class FrictionMembers(eqx.Module):
         labels = self.slips.labels[:: max(1, len(self.slips) // len(self.rows))]
         return [label if self.is_scalar else label.rpartition(".")[0] for label in labels]
 
-    def of(self, joints: Sequence[Stack], frame: AbstractFrame, centres: Array | None) -> AbstractFriction:
+    def of(
+        self, joints: Sequence[Stack], frame: AbstractFrame, centres: Array | None
+    ) -> "JointFriction | VectorFriction":
         """The friction group, given the stacks of joints, and frame and centres of the bodies."""
         stack = joints[self.kind]
         some = stack if self.members is None else stack.take(self.members)

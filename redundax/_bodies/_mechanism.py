@@ -17,10 +17,9 @@ from jaxtyping import Array, Float, Int, Shaped
 
 from .._sparse._plan import Plan
 from .._system._axis import Axis, join
-from .._system._friction import AbstractFriction
 from .._system._names import Names, index_of
 from .._system._state import State
-from .._system._system import AbstractSystem
+from .._system._system import AbstractSystem, Path
 from .._system._units import Units, of_model
 from .._tools._compilation import compiled
 from .._tools._module import (
@@ -39,7 +38,8 @@ from ._coordinate import ball_places, coordinate_places
 from ._coupler import Coupler, Couplings, coupled_rows, couplings
 from ._frame import AbstractFrame
 from ._joint_coordinates import JointCoordinates
-from ._joint_friction import FrictionMembers, friction_members
+from ._joint_friction import FrictionMembers, JointFriction, friction_members
+from ._joint_rows import joint_axis, reaction_axis, residuals, slopes
 from ._joints import AbstractJoint
 from ._loads import AbstractLoad
 from ._mechanism_page import mechanism_page
@@ -48,6 +48,7 @@ from ._pattern import LARGE, Pattern, dense
 from ._pins import warn_of_large_pins
 from ._row_order import ordered_rows, pushing_rows
 from ._stack import Stack, indices, stacked, stacks
+from ._vector_friction import VectorFriction
 
 
 class Mechanism(AbstractSystem):
@@ -130,8 +131,8 @@ class Mechanism(AbstractSystem):
         self._names = Names(
             self.frame.coordinates(names),
             rows,
-            joint_coordinates=_joint_coordinates([joints[k] for group in groups for k in group]),
-            reactions=_reactions([joints[k] for group in groups for k in group], self.frame),
+            joint_coordinates=joint_axis([joints[k] for group in groups for k in group]),
+            reactions=reaction_axis([joints[k] for group in groups for k in group], self.frame),
             centres=self.frame.centre_names(names),
             bodies=tuple(names),
             joints=tuple(tuple(joints[k].name for k in group) for group in groups),
@@ -192,7 +193,7 @@ class Mechanism(AbstractSystem):
         return (pattern.plan(), None) if is_sparse else (None, indices(pattern.entries()))
 
     @property
-    def friction(self) -> tuple[AbstractFriction, ...]:
+    def friction(self) -> tuple[JointFriction | VectorFriction, ...]:
         """Friction of the joints that have some, model by model."""
         centres = self.frame.centres(self.body)
         return tuple(members.of(self.joints, self.frame, centres) for members in self._friction)
@@ -271,14 +272,31 @@ class Mechanism(AbstractSystem):
         return self.frame.poses(self.frame.centres(self.body), q)
 
     def constraint(self, q: Array, t: Array) -> Float[Array, " m"]:
-        body = self.poses(q)
-        coupled = [each.residuals(self.joints, body) for each in self.couplings]
-        return self.of_rows([*_residuals(self.joints, body, t), *coupled])
+        return self.constraint_at(self.poses(q), t)
+
+    def path(self, q: Array, rate: Array) -> Path | None:
+        return self.frame.path(self.frame.centres(self.body), q, rate)
+
+    def displacement(self, base: Array, q: Array) -> tuple[Array, Array] | None:
+        return self.frame.displacement(base, q)
+
+    def velocity(self, q: Array, rate: Array) -> Array:
+        return self.frame.velocity(q, rate)
+
+    def constraint_at(self, poses: Any, t: Array) -> Float[Array, " m"]:
+        coupled = [each.residuals(self.joints, poses) for each in self.couplings]
+        return self.of_rows([*residuals(self.joints, poses, t), *coupled])
+
+    def slips_at(self, poses: Any, t: Array) -> Float[Array, " p"]:
+        return jnp.concatenate([group.slip_at(poses) for group in self.friction])
+
+    def slip_directions(self, poses: Any, t: Array) -> Float[Array, "n p"]:
+        return jnp.concatenate([group.directions_at(poses) for group in self.friction], axis=1)
 
     def jacobian(self, q: Array, t: Array) -> Float[Array, "m n"]:
         """Joint by joint: each reads the coordinates of two bodies."""
         body = self.poses(q)
-        own = _slopes(self.joints, body, t)
+        own = slopes(self.joints, body, t)
         if self._plan is not None:
             return dense(self._plan, self._on_plan(own, body))
         flat = jnp.concatenate([jnp.zeros(1, q.dtype), *(slope.ravel() for slope in own)])
@@ -289,7 +307,7 @@ class Mechanism(AbstractSystem):
 
     def by_bodies(self, q: Array, t: Array) -> tuple[Array, Array]:
         body = self.poses(q)
-        return self._on_plan(_slopes(self.joints, body, t), body), self.frame.masses(self.body)
+        return self._on_plan(slopes(self.joints, body, t), body), self.frame.masses(self.body)
 
     def _on_plan(self, own: Sequence[Array], body: Any) -> Float[Array, "e v"]:
         each = [*own, *(coupled.slopes(self.joints, body) for coupled in self.couplings)]
@@ -361,16 +379,6 @@ class Mechanism(AbstractSystem):
         return mechanism_page(self.names, *parts, couplers)
 
 
-@eqx.filter_jit  # traced once for all derivatives in all programs
-def _residuals(joints: tuple[Stack, ...], bodies: Any, t: Array) -> list[Array]:
-    return [stack.over(lambda joint, i, j: joint.residual(i, j, t), bodies) for stack in joints]
-
-
-@eqx.filter_jit
-def _slopes(joints: tuple[Stack, ...], bodies: Any, t: Array) -> list[Array]:
-    return [stack.over(lambda joint, i, j: joint.jacobian(i, j, t), bodies) for stack in joints]
-
-
 @compiled
 def _along(
     pose: Callable[..., Array], values: tuple[Array, ...], rates: tuple[Array, ...], names: tuple[str, ...]
@@ -382,16 +390,3 @@ def _along(
         return pose(*values[:positional], **dict(zip(names, values[positional:], strict=True)))
 
     return jax.jvp(position, values, rates)
-
-
-def _joint_coordinates(joints: Sequence[AbstractJoint]) -> Axis:
-    """Those of all joints that have some, which friction opposes where they have it."""
-    named = [(f"{joint.name}.{name}", kind) for joint in joints for name, kind in joint.coordinate_kinds]
-    return Axis(tuple(name for name, _ in named), tuple(kind for _, kind in named))
-
-
-def _reactions(joints: Sequence[AbstractJoint], frame: AbstractFrame) -> Axis:
-    """Force and moment of each joint on its body i, or on body j where i is the ground."""
-    on = [(joint.name, joint.j if joint.i == GROUND else joint.i) for joint in joints]
-    names = (f"{name} {part} on {body}" for name, body in on for part, _ in frame.reaction)
-    return Axis(tuple(names), tuple(kind for _, kind in frame.reaction) * len(joints))

@@ -8,7 +8,7 @@ slip s(q, t) gives in the same way its rate and its direction E = (ds/dq)^T.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -37,6 +37,9 @@ def along_motion(system: AbstractSystem, state: State) -> AlongMotion:
 def constraint_rate(system: AbstractSystem, state: State) -> Float[Array, " m"]:
     """Phi_q qd + Phi_t."""
     zero, one = jnp.zeros_like(state.t), jnp.ones_like(state.t)
+    path = system.path(state.q, state.qd)
+    if path is not None:
+        return jax.jvp(system.constraint_at, (path.poses, state.t), (path.rate, one))[1]
 
     def value(s: Array) -> Array:
         return system.constraint(system.retract(state.q, s * state.qd), state.t + s)
@@ -77,13 +80,27 @@ def second_order(system: AbstractSystem, state: State) -> tuple[AlongMotion, Flo
 
 def _along(system: AbstractSystem, state: State, rate: Array, time: Array) -> AlongMotion:
     """Phi, Phi' and -Phi'' at constant rate and t' = time."""
-    return _second(system, system.constraint, state, rate, time)
+    return _second(system, system.constraint, system.constraint_at, state, rate, time)
 
 
 def _second(
-    system: AbstractSystem, value: Callable[[Array, Array], Array], state: State, rate: Array, time: Array
+    system: AbstractSystem,
+    value: Callable[[Array, Array], Array],
+    value_at: Callable[[Any, Array], Array],
+    state: State,
+    rate: Array,
+    time: Array,
 ) -> AlongMotion:
-    """A function of position and time, its first and minus its second derivative at constant rate and t' = time."""
+    """A function of position and time, its first and minus its second derivative at constant rate and t' = time;
+    `value_at` is the same at poses of bodies."""
+    path = system.path(state.q, rate)
+    if path is not None:
+        (phi, slope), (_, bend) = jax.jvp(
+            lambda poses, slope, t: jax.jvp(value_at, (poses, t), (slope, time)),
+            (path.poses, path.rate, state.t),
+            (path.rate, path.bend, time),
+        )
+        return AlongMotion(phi, slope, -bend)
     still, along = (jnp.zeros_like(rate), state.t), (rate, time)
 
     def first(d: Array, t: Array) -> tuple[Array, Array]:
@@ -121,11 +138,19 @@ def third_order(system: AbstractSystem, state: State) -> tuple[Float[Array, "m n
 
 def chart_rate(system: AbstractSystem, state: State) -> Float[Array, "..."]:
     """q', the rate of the coordinates: the derivative of q [+] s qd at s = 0."""
-    zero = jnp.zeros_like(state.t)
+    path, zero = system.path(state.q, state.qd), jnp.zeros_like(state.t)
+    if path is not None:
+        return path.chart
     return jax.jvp(lambda s: system.retract(state.q, s * state.qd), (zero,), (jnp.ones_like(zero),))[1]
 
 
-def chart_inverse(system: AbstractSystem, base: Array, d: Array, change: Array) -> Float[Array, " n"]:
+def velocity(system: AbstractSystem, q: Array, rate: Array) -> Float[Array, " n"]:
+    """The velocity at which positions have a rate, by least squares."""
+    own = system.velocity(q, rate)
+    return _inverse(system, q, jnp.zeros(len(system.coordinates), q.dtype), rate) if own is None else own
+
+
+def _inverse(system: AbstractSystem, base: Array, d: Array, change: Array) -> Float[Array, " n"]:
     """The change of d that changes base [+] d by a given one, by least squares."""
     slope = jax.jacfwd(lambda e: system.retract(base, e))(d).reshape(-1, d.size)
     return jax.scipy.linalg.solve(slope.T @ slope, slope.T @ change.ravel(), assume_a="pos")
@@ -134,12 +159,16 @@ def chart_inverse(system: AbstractSystem, base: Array, d: Array, change: Array) 
 def displacement(
     system: AbstractSystem, base: Float[Array, "..."], q: Float[Array, "..."]
 ) -> tuple[Float[Array, " n"], Float[Array, ""]]:
-    """d with base [+] d nearest to q, by Gauss-Newton, and its last relative change, as large turns need not settle."""
+    """d with base [+] d nearest to q; by Gauss-Newton with its last relative change, as large turns need not settle,
+    where it has no form of its own."""
     if system.adds:
         return q - base, jnp.zeros((), q.dtype)
+    own = system.displacement(base, q)
+    if own is not None:
+        return own[0], jnp.where(own[1], 0.0, jnp.inf)
 
     def step(_: Array, found: tuple[Array, Array]) -> tuple[Array, Array]:
-        change = chart_inverse(system, base, found[0], q - system.retract(base, found[0]))
+        change = _inverse(system, base, found[0], q - system.retract(base, found[0]))
         return found[0] + change, change
 
     none = jnp.zeros(len(system.coordinates), q.dtype)
@@ -168,6 +197,9 @@ def between(system: AbstractSystem, first: State, second: State, s: Float[Array,
 
 def slip_motion(system: AbstractSystem, state: State) -> tuple[Float[Array, " p"], Float[Array, "n p"]]:
     """Slip rates and slip directions E of all friction groups: F = E tau, rate = E^T qd + s_t."""
+    path = system.path(state.q, state.qd)
+    if path is not None:
+        return slip_rate(system, state), system.slip_directions(path.poses, state.t)
 
     def slip(d: Array, t: Array) -> Array:
         return _slips(system, system.retract(state.q, d), t)
@@ -179,6 +211,9 @@ def slip_motion(system: AbstractSystem, state: State) -> tuple[Float[Array, " p"
 
 def slip_rate(system: AbstractSystem, state: State) -> Float[Array, " p"]:
     """E^T qd + s_t."""
+    path = system.path(state.q, state.qd)
+    if path is not None:
+        return jax.jvp(system.slips_at, (path.poses, state.t), (path.rate, jnp.ones_like(state.t)))[1]
     return jax.jvp(
         lambda d, t: _slips(system, system.retract(state.q, d), t),
         (jnp.zeros_like(state.qd), state.t),
@@ -199,7 +234,8 @@ def slip_force(system: AbstractSystem, state: State, tau: Float[Array, " p"]) ->
 
 def slip_gamma(system: AbstractSystem, state: State) -> Float[Array, " p"]:
     """gamma of the slips: the slip rates change by E^T qdd - gamma."""
-    return _second(system, lambda q, t: _slips(system, q, t), state, state.qd, jnp.ones_like(state.t)).gamma
+    one = jnp.ones_like(state.t)
+    return _second(system, lambda q, t: _slips(system, q, t), system.slips_at, state, state.qd, one).gamma
 
 
 def _slips(system: AbstractSystem, q: Array, t: Array) -> Float[Array, " p"]:

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
-from .._equations._kinematics import chart_inverse
+from .._equations._kinematics import velocity
 from .._tools._module import stop_gradient
 from ._held_rank import AnyHeldFactorisation, factorize_held
 from ._moving import Context, Equations, Moving, rechart, tolerance_of
@@ -196,7 +196,7 @@ def _relative(error: Moving, dt: Array, equations: Equations, before: Carried, a
 
     system, off = equations.system, error.q
     if not system.adds:
-        off = chart_inverse(system, after.start[1].q, jnp.zeros_like(error.qd), off)
+        off = velocity(system, after.start[1].q, off)
     position = counted(off, sizes.size * sizes.coordinates, blur * (1 + shift**2))
     return Moving(
         position if system.adds else jnp.full_like(error.q, jnp.max(position)),

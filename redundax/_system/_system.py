@@ -9,7 +9,7 @@ entries while the chart q may have more.
 
 import abc
 from collections.abc import Callable, Sequence
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import equinox as eqx
 import jax
@@ -27,6 +27,15 @@ from ._names import Names
 from ._pages import notes, values_of
 from ._state import State
 from ._units import Units, of_model
+
+
+class Path(NamedTuple):
+    """q', the field d/dr (q [+] r qd) at r = 0; poses of bodies, their rates, and the rates of these along it."""
+
+    chart: Float[Array, "..."]
+    poses: Any
+    rate: Any
+    bend: Any
 
 
 class AbstractSystem(eqx.Module):
@@ -90,6 +99,30 @@ class AbstractSystem(eqx.Module):
     @abc.abstractmethod
     def retract(self, q: Float[Array, "..."], d: Float[Array, " n"]) -> Float[Array, "..."]:
         """q [+] d: the position reached from q by the displacement d."""
+
+    def path(self, q: Float[Array, "..."], rate: Float[Array, " n"]) -> Path | None:
+        """Poses of bodies along q [+] s rate, where constraints and slips are known as functions of them."""
+        return None
+
+    def displacement(self, base: Float[Array, "..."], q: Float[Array, "..."]) -> tuple[Array, Array] | None:
+        """d with base [+] d nearest to q, and whether there is one, where it has a form of its own."""
+        return None
+
+    def velocity(self, q: Float[Array, "..."], rate: Float[Array, "..."]) -> Float[Array, " n"] | None:
+        """The velocity at which positions have a rate, nearest to it, where it has a form of its own."""
+        return None
+
+    def constraint_at(self, poses: Any, t: Float[Array, ""]) -> Float[Array, " m"]:
+        """`constraint` at poses of bodies, where there is a path."""
+        raise NotImplementedError
+
+    def slips_at(self, poses: Any, t: Float[Array, ""]) -> Float[Array, " p"]:
+        """Slips of all friction groups at poses of bodies, where there is a path."""
+        raise NotImplementedError
+
+    def slip_directions(self, poses: Any, t: Float[Array, ""]) -> Float[Array, "n p"]:
+        """E of all friction groups at poses of bodies, where there is a path."""
+        raise NotImplementedError
 
     @property
     def plan(self) -> Plan | None:

@@ -12,13 +12,15 @@ from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from ..._system._state import State
+from ..._system._system import Path
 from ..._tools._module import numpy_of, on_device, replace_fields
 from .._frame import AbstractFrame
 from ._pose import Motion, Pose
-from ._rotation import angular_velocity, rotation, turned
+from ._rotation import angular_velocity, between, cross, product, rotation, times, turned
 
 
 class Space(AbstractFrame):
@@ -63,23 +65,40 @@ class Space(AbstractFrame):
     def poses(self, centres: Any, q: Array) -> Pose:
         x, p = _parts(q)
         axes = rotation(p)
-        r = x - jnp.einsum("bij,bj->bi", axes, centres)
-        ground = (jnp.zeros((1, 3), q.dtype), jnp.eye(3, dtype=q.dtype)[None], jnp.zeros((1, 3), q.dtype))
+        r = x - times(axes, centres)
+        none = np.zeros((1, 3), q.dtype)
+        ground = (none, np.eye(3, dtype=q.dtype)[None], none)  # constants, which XLA knows to be the same
         return Pose(*(jnp.concatenate(pair) for pair in zip((r, axes, centres), ground, strict=True)))
+
+    def path(self, centres: Array, q: Array, rate: Array) -> Path:
+        """R' = R [omega]x and R'' = R [omega]x [omega]x, x'' = 0."""
+        pose, (_, p) = self.poses(centres, q), _parts(q)
+        v, spin = jnp.split(rate, 2)
+        chart = jnp.concatenate([v, product(p, spin.reshape(-1, 3) / 2, 0.0).ravel()])
+        v, omega = (_with_ground(part.reshape(-1, 3)) for part in jnp.split(rate, 2))
+        turn = cross(pose.axes, omega[:, None])
+        bend = cross(turn, omega[:, None])
+        none = jnp.zeros_like(pose.centre)
+        moved, bent = (-times(axes, pose.centre) for axes in (turn, bend))
+        return Path(chart, pose, Pose(v + moved, turn, none), Pose(bent, bend, none))
 
     def motions(self, body: Any, state: State) -> Motion:
         pose = self.poses(body.centre, state.q)
-        v, omega = (
-            jnp.concatenate([part.reshape(-1, 3), jnp.zeros((1, 3), part.dtype)]) for part in jnp.split(state.qd, 2)
-        )
-        omega = jnp.einsum("bij,bj->bi", pose.axes, omega)
-        arm = jnp.einsum("bij,bj->bi", pose.axes, pose.centre)
-        return Motion(pose, v - jnp.cross(omega, arm), omega)
+        v, omega = (_with_ground(part.reshape(-1, 3)) for part in jnp.split(state.qd, 2))
+        omega = times(pose.axes, omega)
+        return Motion(pose, v - cross(omega, times(pose.axes, pose.centre)), omega)
 
     def retract(self, q: Array, d: Array) -> Array:
         x, p = _parts(q)
         shift, turn = jnp.split(d, 2)
         return jnp.concatenate([x.ravel() + shift, turned(p, turn.reshape(-1, 3)).ravel()])
+
+    def displacement(self, base: Array, q: Array) -> tuple[Array, Array]:
+        """By conj(p) p', whose scalar part half a turn makes zero."""
+        (x, p), (there, turned) = _parts(base), _parts(q)
+        w, v = jnp.split(between(p, turned), [1], axis=-1)
+        found = jnp.all(w > 0)
+        return jnp.concatenate([(there - x).ravel(), (2 * v / jnp.where(w > 0, w, 1.0)).ravel()]), found
 
     def reference(self, body: Any) -> Array:
         given = body.position, body.orientation, body.centre
@@ -107,12 +126,10 @@ class Space(AbstractFrame):
     def load(self, body: Any, motion: Motion, force: Array, moment: Array) -> Array:
         pose, omega = jax.tree.map(lambda x: x[:-1], (motion.pose, motion.angular_velocity))
         force, moment = force[:-1], moment[:-1]
-        arm = jnp.einsum("bij,bj->bi", pose.axes, pose.centre)
-        about, spin = (
-            jnp.einsum("bij,bi->bj", pose.axes, vector) for vector in (moment - jnp.cross(arm, force), omega)
-        )
-        momentum = body.inertia * spin if self.is_principal else jnp.einsum("bij,bj->bi", body.inertia, spin)
-        return jnp.concatenate([force.ravel(), (about - jnp.cross(spin, momentum)).ravel()])
+        arm, back = times(pose.axes, pose.centre), jnp.swapaxes(pose.axes, -1, -2)
+        about, spin = (times(back, vector) for vector in (moment - cross(arm, force), omega))
+        momentum = body.inertia * spin if self.is_principal else times(body.inertia, spin)
+        return jnp.concatenate([force.ravel(), (about - cross(spin, momentum)).ravel()])
 
     def reactions(self, pose: Pose, by_row: Array, point: Array) -> tuple[Array, Array, Array]:
         force, moment = jnp.split(by_row, 2)
@@ -121,6 +138,11 @@ class Space(AbstractFrame):
 
     def along(self, axes: Array, force: Array, moment: Array) -> Array:
         return jnp.concatenate([axes.T @ force, axes.T @ moment])
+
+
+def _with_ground(vectors: Array) -> Array:
+    """Vectors of bodies, and zero of the ground."""
+    return jnp.concatenate([vectors, jnp.zeros((1, 3), vectors.dtype)])
 
 
 def _parts(q: Array) -> tuple[Array, Array]:

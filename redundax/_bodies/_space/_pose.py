@@ -5,9 +5,10 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ._rotation import cross_matrix
+from ._rotation import cross, times
 
 
 class Pose(eqx.Module):
@@ -39,17 +40,18 @@ class Pose(eqx.Module):
 
     def rotate(self, v: Float[Array, "3"]) -> Float[Array, "3"]:
         """Global components of the local vector v: R v."""
-        return self.axes @ v
+        return times(self.axes, v)
 
     def local(self, x: Float[Array, "3"]) -> Float[Array, "3"]:
         """Position in the local frame of the global point x: R^T (x - r)."""
-        return self.axes.T @ (x - self.r)
+        return times(self.axes.T, x - self.r)
 
     def unit_rates(self) -> "Pose":
         """Rates of a pose as the centre of mass moves along the global axes, and the body turns about its own."""
-        turns = self.axes @ cross_matrix(jnp.eye(3, dtype=self.r.dtype))
+        one = np.eye(3, dtype=self.r.dtype)
+        turns = cross(self.axes, one[:, None])
         none = jnp.zeros_like(turns)
-        r = jnp.concatenate([jnp.eye(3, dtype=self.r.dtype), -turns @ self.centre])
+        r = jnp.concatenate([one, -times(turns, self.centre)])
         return Pose(r, jnp.concatenate([none, turns]), jnp.zeros_like(r))
 
 

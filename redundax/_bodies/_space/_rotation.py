@@ -14,14 +14,21 @@ from jaxtyping import Array, Float
 
 from ..._tools._module import Numbers, floats, is_concrete, numpy_of
 
-_UNIT = np.zeros((3, 3, 3))  # the rotations d x
-for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-    _UNIT[_i, _k, _j], _UNIT[_i, _j, _k] = 1.0, -1.0
+
+def cross(a: Float[Any, "*#some 3"], b: Float[Any, "*#some 3"]) -> Float[Array, "*some 3"]:
+    """a x b, which compiles to less than `jnp.cross`."""
+    (a1, a2, a3), (b1, b2, b3) = ([v[..., k] for k in range(3)] for v in (a, b))
+    return jnp.stack([a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1], axis=-1)
 
 
-def cross_matrix(v: Float[Any, "*some 3"]) -> Any:
-    """[v]x, which makes v x u of u."""
-    return numpy_of(v).einsum("...i,ijk->...jk", v, _UNIT.astype(v.dtype))
+def times(matrix: Float[Any, "*#some 3 3"], vector: Float[Any, "*#some 3"]) -> Float[Array, "*some 3"]:
+    """A v as a sum, which XLA computes along with what is read and what reads it, as it does no product of matrices."""
+    return jnp.sum(matrix * vector[..., None, :], axis=-1)
+
+
+def multiplied(a: Float[Any, "*#some 3 3"], b: Float[Any, "*#some 3 3"]) -> Float[Array, "*some 3 3"]:
+    """A B likewise."""
+    return jnp.sum(a[..., :, :, None] * b[..., None, :, :], axis=-2)
 
 
 def rotation(p: Float[Any, "*some 4"]) -> Any:
@@ -42,7 +49,7 @@ def product(p: Float[Any, "*some 4"], u: Float[Any, "*some 3"], w: Any = 1.0) ->
     """The quaternion product p (w, u)."""
     xp = numpy_of(p, u)
     scalar = w * p[..., :1] - xp.sum(p[..., 1:] * u, axis=-1, keepdims=True)
-    vector = w * p[..., 1:] + p[..., :1] * u + xp.cross(p[..., 1:], u)
+    vector = w * p[..., 1:] + p[..., :1] * u + (np.cross if xp is np else cross)(p[..., 1:], u)
     return xp.concatenate([scalar, vector], axis=-1)
 
 
@@ -53,8 +60,12 @@ def turned(p: Float[Array, "*some 4"], d: Float[Array, "*some 3"]) -> Float[Arra
 
 def angular_velocity(p: Float[Array, "*some 4"], rate: Float[Array, "*some 4"]) -> Float[Array, "*some 3"]:
     """omega in body axes: 2 conj(p) p' / |p|^2."""
-    conjugate = p * jnp.array([1.0, -1.0, -1.0, -1.0], p.dtype)
-    return 2 * product(conjugate, rate[..., 1:], rate[..., :1])[..., 1:] / jnp.sum(p * p, axis=-1, keepdims=True)
+    return 2 * between(p, rate)[..., 1:] / jnp.sum(p * p, axis=-1, keepdims=True)
+
+
+def between(p: Float[Any, "*some 4"], other: Float[Any, "*some 4"]) -> Any:
+    """conj(p) p', the turn from one to another."""
+    return product(p * np.array([1.0, -1.0, -1.0, -1.0], p.dtype), other[..., 1:], other[..., :1])
 
 
 def quaternion(matrix: Float[Any, "3 3"]) -> Any:

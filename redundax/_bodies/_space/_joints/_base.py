@@ -24,6 +24,7 @@ from .._body import Body
 from .._frame import SPACE
 from .._placement import Placement, at_reference, placed
 from .._pose import Pose
+from .._rotation import multiplied, times
 
 
 class AbstractJoint(AbstractAnyJoint):
@@ -66,8 +67,9 @@ class Relative(NamedTuple):
     @classmethod
     def between(cls, placed: Any, i: Pose, j: Pose) -> "Relative":
         """That of a joint or load with `point_i`, `axes_i`, `point_j` and `axes_j`."""
-        axes = j.axes @ placed.axes_j
-        return cls(axes.T @ (i.point(placed.point_i) - j.point(placed.point_j)), axes.T @ (i.axes @ placed.axes_i))
+        back = multiplied(j.axes, placed.axes_j).T
+        offset = i.point(placed.point_i) - j.point(placed.point_j)
+        return cls(times(back, offset), multiplied(back, multiplied(i.axes, placed.axes_i)))
 
     @property
     def shift(self) -> Float[Array, "2"]:
@@ -120,7 +122,7 @@ def _spin(turn: Float[Array, "3 3"]) -> Float[Array, "3"]:
 @_spin.defjvp
 def _spin_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
     """[omega]x = T' T^T, whose derivatives are those of the angular velocity."""
-    rate = tangents[0] @ primals[0].T
+    rate = multiplied(tangents[0], primals[0].T)
     omega = jnp.stack([rate[2, 1] - rate[1, 2], rate[0, 2] - rate[2, 0], rate[1, 0] - rate[0, 1]]) / 2
     return jnp.zeros(3, omega.dtype), omega
 

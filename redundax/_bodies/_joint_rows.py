@@ -1,0 +1,38 @@
+"""Residuals and slopes of all joints, kind by kind, and the names of what joints have."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+from jaxtyping import Array
+
+from .._system._axis import Axis
+from ._body import GROUND
+from ._frame import AbstractFrame
+from ._joints import AbstractJoint
+from ._stack import Stack
+
+
+@eqx.filter_jit  # traced once for all derivatives in all programs
+def residuals(joints: tuple[Stack, ...], bodies: Any, t: Array) -> list[Array]:
+    """Residuals of all joints, (joints, rows) each."""
+    return [stack.over(lambda joint, i, j: joint.residual(i, j, t), bodies) for stack in joints]
+
+
+@eqx.filter_jit
+def slopes(joints: tuple[Stack, ...], bodies: Any, t: Array) -> list[Array]:
+    """Their slopes by the velocities of both bodies, (joints, rows, columns) each."""
+    return [stack.over(lambda joint, i, j: joint.jacobian(i, j, t), bodies) for stack in joints]
+
+
+def joint_axis(joints: Sequence[AbstractJoint]) -> Axis:
+    """Those of all joints that have some, which friction opposes where they have it."""
+    named = [(f"{joint.name}.{name}", kind) for joint in joints for name, kind in joint.coordinate_kinds]
+    return Axis(tuple(name for name, _ in named), tuple(kind for _, kind in named))
+
+
+def reaction_axis(joints: Sequence[AbstractJoint], frame: AbstractFrame) -> Axis:
+    """Force and moment of each joint on its body i, or on body j where i is the ground."""
+    on = [(joint.name, joint.j if joint.i == GROUND else joint.i) for joint in joints]
+    names = (f"{name} {part} on {body}" for name, body in on for part, _ in frame.reaction)
+    return Axis(tuple(names), tuple(kind for _, kind in frame.reaction) * len(joints))
