@@ -52,7 +52,9 @@ class AbstractPick(eqx.Module):
         picked = self(multipliers)
         return picked, picked + self.caused(misfit)
 
-    def columns(self, multipliers: Float[Array, "m c"], misfit: Float[Array, " m"]) -> Float[Array, "m c"]:
+    def columns(
+        self, multipliers: Float[Array, "m c"], misfit: Float[Array, " m"] | Float[Array, ""]
+    ) -> Float[Array, "m c"]:
         """(I - G W) lam of each column, with G d added to the first."""
         return self(multipliers).at[:, 0].add(self.caused(misfit))
 
