@@ -157,6 +157,7 @@ def lifted_by_hand(b):
     return -2.0 * slope * (9.81 + bend * rate**2) / (0.4 + 2.0 * slope**2)
 
 
+@pytest.mark.slow
 def test_a_cam_lifts_by_a_polynomial():
     found = lifted(jnp.asarray(0.03))
     np.testing.assert_allclose(found["F.travel"], 0.01 + 0.02 * 0.8 + 0.03 * 0.64, rtol=1e-12)

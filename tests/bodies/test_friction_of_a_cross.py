@@ -66,6 +66,7 @@ def test_bristles_of_the_pins_bend_apart():
 
 
 @pytest.mark.parametrize(("moment", "verdict"), [(0.99, "must stick"), (1.01, "must slip")])
+@pytest.mark.slow
 def test_a_pin_gives_way_by_itself(moment, verdict):
     """Pulled along the normal of the cross by 500 N a pin holds mu R 500 N, whatever holds the other."""
     body = rs.Body("body", MASS, (0.03, 0.04, 0.05))

@@ -129,6 +129,7 @@ MODELS = {
 
 
 @pytest.mark.parametrize("name", MODELS)
+@pytest.mark.slow
 def test_models_are_of_the_speed_and_against_the_velocity(name):
     model, size = MODELS[name]
     mechanism = plate(model)
@@ -186,6 +187,7 @@ def holds(mechanism, share):
 
 
 @pytest.mark.parametrize("share", ROUNDED)
+@pytest.mark.slow
 def test_a_plate_holds_a_ball_of_force_and_moment(share):
     """|(F_1, F_2, M / R)| up to mu N, wherever it points."""
     push = share * MU * WEIGHT * np.array([2.0, -3.0, 6.0]) / 7

@@ -211,6 +211,7 @@ def test_the_law_of_a_user_through_reversals():
 
 
 @pytest.mark.parametrize(("contact", "radius"), [(Bounded(), 0.15), (OnRollers(), np.inf)])
+@pytest.mark.slow
 def test_a_bound_of_a_users_law_proves_that_its_solution_is_the_only_one(contact, radius):
     """Beside the centre of mass friction presses the guide: by mu (0.1 m + 0.05 m) / 0.05 m of itself at most."""
     block = slider((0.0, 0.0, -WEIGHT), mu=SHARE, contact=contact, point=(0.0, 0.1, 0.05))
@@ -239,6 +240,7 @@ def test_bad_input_says_what_to_do(name):
         build()
 
 
+@pytest.mark.slow
 def test_what_does_not_press_needs_no_size():
     only = rs.EndContacts(axial=False, bend=False)
     rotor(bearing_length=None, thrust_radius=None, contact=only)

@@ -224,7 +224,9 @@ class Dependent:
         self.redundancy, self.parts = group.redundancy, {row.rpartition(".")[0] for row in group.rows}
 
 
-@pytest.mark.parametrize("name", ["fourbar", "robotiq_2f85", "robot_delta"])
+@pytest.mark.parametrize(
+    "name", ["fourbar", *(pytest.param(name, marks=pytest.mark.slow) for name in ("robotiq_2f85", "robot_delta"))]
+)
 def test_accelerations_and_drive_forces_are_those_of_mujoco_with_ideal_loops(name):
     """Joints on the spin of a part between two hinges on one axis have accelerations of rounding and are left out."""
     model = rx.load_model(FOLDER / FILES[name])

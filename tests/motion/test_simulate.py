@@ -254,6 +254,7 @@ DISORDER = {  # end, and times, from 0
 }
 
 
+@pytest.mark.slow
 def test_times_that_no_motion_runs_through():
     """Refused by the name of the argument; traced ones end as a result, alone in their batch."""
     system, state = pendulum(0.7, 1.3)

@@ -38,6 +38,7 @@ def judged(recipe: str, number: int, seed: int, size: int, scales: Scales) -> fu
     masses=st.floats(0, 3),
     compliances=st.floats(0, 4),
 )
+@pytest.mark.slow
 def test_no_answer_violates_a_law(recipe, number, seed, friction, masses, compliances):
     report = judged(recipe, number, seed, SIZE, Scales(friction=friction, masses=masses, compliances=compliances))
     found = {law: places for law, places in report.violations.items() if law != "false flag"}

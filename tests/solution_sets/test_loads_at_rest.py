@@ -33,6 +33,7 @@ def block_between_walls(mu=0.3, mass=2.0):
     return mechanism, rx.State(jnp.zeros(3), jnp.zeros(3))
 
 
+@pytest.mark.slow
 def test_a_block_between_walls():
     mechanism, rest = block_between_walls()
     weight, most, mu = 2.0 * G, 60.0, 0.3
@@ -83,6 +84,7 @@ def test_a_screw_like_incline_locks_itself_where_its_angles_exceed_a_right_one()
 
 
 @pytest.mark.parametrize("angle", [1.0, np.radians(74.7), np.radians(80)])
+@pytest.mark.slow
 def test_a_block_is_pulled_loose_before_a_larger_pull_jams_it(angle):
     """It stands up to mu W / (b + mu c), and where mu c > b again from mu W / (mu c - b) on."""
     mu, weight, b, c = 0.3, 3.0 * G, np.cos(angle), np.sin(angle)
@@ -148,6 +150,7 @@ def test_a_ladder():
         assert sorted(np.abs([bands.lower[k], bands.upper[k]])) == pytest.approx([low, high], rel=1e-11)
 
 
+@pytest.mark.slow
 def test_a_wedge_under_a_load():
     """H = W (tan(a + phi) + tan phi) raises the load, H = W (tan(a - phi) - tan phi) lowers it; smooth guide."""
     a, mu, load = 0.25, 0.1, 500.0
@@ -299,10 +302,10 @@ CASES = {
 }
 
 
-slow = [pytest.param(name, marks=pytest.mark.slow) for name in ("press", "five cranks")]
+slow = [pytest.param(name, marks=pytest.mark.slow) for name in ("paper", "three cranks", "press", "five cranks")]
 
 
-@pytest.mark.parametrize("name", ["paper", "carriage", "three cranks", *slow])
+@pytest.mark.parametrize("name", ["carriage", *slow])
 def test_bands_at_rest_hold_what_brute_force_finds(name):
     make, size = CASES[name]
     system, state, limits = make()

@@ -177,6 +177,7 @@ def test_the_band_of_a_door_that_opens():
     np.testing.assert_allclose(one["door.phi_z''"], slowing((0.0, 0.0)), rtol=1e-11)
 
 
+@pytest.mark.slow
 def test_whether_a_door_stays_open():
     mechanism, state = open_door(0.0)
     found = rx.sticking(mechanism, state, rx.AmplitudeBox(BOX))

@@ -46,6 +46,7 @@ def limits(found, lower, upper):
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.7, 2.0, 4.0])
+@pytest.mark.slow
 def test_a_block_on_a_plane_pushed_from_the_side(turn):
     """mu N whatever the direction, and it sets out that way."""
     along = np.array([np.cos(turn), np.sin(turn)])
@@ -127,6 +128,7 @@ def test_a_sleeve_that_turns_where_friction_along_it_presses_it():
     np.testing.assert_allclose(found.motion, [[0, 0, 0, 0, 0, -1], [0, 0, 0, 0, 0, 1]], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_ball_without_load_holds_nothing():
     found = rx.limit_load(*alone(ball, (0, 0, 0)), {"body.phi_z": 1.0})
     np.testing.assert_allclose([found.lower, found.upper], 0, atol=1e-9)

@@ -311,6 +311,7 @@ def test_a_closed_chain_of_parallel_hinges_in_space_has_three_redundant_constrai
     assert (factor.redundancy, factor.freedom) == (3, links - 3)
 
 
+@pytest.mark.slow
 def test_single_precision_decides_the_rank(float32):
     mechanism = rx.mechanisms.doubled_four_bar().sparse()
     factor = rx.factorize(mechanism, mechanism.state(0.7, rate=2.0))

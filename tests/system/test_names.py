@@ -87,6 +87,7 @@ def test_the_wall_holds_a_beam():
     assert float(solution["W moment on beam"]) == solution.reactions[2]
 
 
+@pytest.mark.slow
 def test_the_guide_holds_the_bead_against_weight_and_coriolis_force():
     r, rates = jnp.array([0.5, 0.7, 0.9]), jnp.array([-1.0, 2.0])
     solve = jax.jit(jax.vmap(jax.vmap(lambda r, rate: rx.solve(bead(), bead_state(r, rate)), (None, 0)), (0, None)))
@@ -151,6 +152,7 @@ def test_gradients_of_named_entries_are_those_in_closed_form():
     np.testing.assert_allclose(slope, W**2, rtol=1e-11)
 
 
+@pytest.mark.slow
 def test_sample_without_solution_leaves_gradients_of_joint_coordinates_alone():
     mechanism, _ = paper()
 

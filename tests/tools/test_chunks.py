@@ -157,6 +157,7 @@ def test_moments_that_forces_of_friction_alone_cause(joints, share, force):
     np.testing.assert_allclose(root.tau, wanted, rtol=1e-13)
 
 
+@pytest.mark.slow
 def test_many_joints_of_weak_and_strong_friction_in_one_batch():
     """Twelve joints against 50 digits; friction is proved to contract strongly in the first two samples alone.
 

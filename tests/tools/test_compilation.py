@@ -25,7 +25,8 @@ def applied(function, x):
     return function(x)
 
 
-@pytest.mark.parametrize("name", ["wojtyra2020", pytest.param("slider_crank", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["wojtyra2020", "slider_crank"])
+@pytest.mark.slow
 def test_a_call_by_itself_agrees_with_an_optimised_program(name):
     mechanism = MECHANISMS[name]()
     state = mechanism.state(phi=0.7, rate=1.3)

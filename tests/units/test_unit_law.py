@@ -351,7 +351,8 @@ def shapes(folder, unit, **options):
 
 
 @other_press
-@pytest.mark.parametrize("state", [0, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("state", [0, 1])
+@pytest.mark.slow
 def test_pictures(press, unit, state):
     one, other = (shapes(press, u, self_stress=state) for u in ("m, kg", unit))
     assert [gid for gid, _ in one] == [gid for gid, _ in other]
