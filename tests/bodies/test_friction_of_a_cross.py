@@ -54,6 +54,7 @@ def test_each_pin_has_the_friction_of_its_own_load():
     np.testing.assert_allclose(lost, expected[0] * 2.0 + expected[1] * -3.0, rtol=1e-11)
 
 
+@pytest.mark.slow
 def test_bristles_of_the_pins_bend_apart():
     mechanism = hung(rx.Dahl(MU, 300.0))
     start = rx.assemble(mechanism, positions=ANGLES, rates=RATES)

@@ -126,6 +126,7 @@ def running(mechanism, rate=10.0, **guess):
     return rx.assemble(mechanism, {"wheel.x": 0.06, **guess}, rates={"pinion.phi": rate})
 
 
+@pytest.mark.slow
 def test_forces_of_a_pair_by_name():
     mechanism = pair()
     found = rx.solve(mechanism, running(mechanism))
@@ -264,6 +265,7 @@ def test_efficiency_of_a_pair():
     np.testing.assert_allclose(found["tau mesh"], -0.06 * mean_arm((20, 40), MODULE) * tooth, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_rack_and_its_loss_by_hand():
     arm, base = 0.0021, 0.02 * np.cos(ALPHA)
     tooth = 2.0 / (base + 0.1 * arm)

@@ -113,6 +113,7 @@ def launched(mechanism, x, y, spin):
 
 
 @pytest.mark.parametrize(("arm", "pressed"), [(0.1, WEIGHT), (0.2, WEIGHT * 4 / 3)])
+@pytest.mark.slow
 def test_a_plate_slides_and_spins(arm, pressed):
     """A weight beyond a side of the plate presses the other side from below."""
     mechanism = plate(rx.Coulomb(MU), arm)

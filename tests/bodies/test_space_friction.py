@@ -132,6 +132,7 @@ def test_a_twisted_block_is_slowed():
 
 
 @pytest.mark.parametrize("pull", [5.0, 5e5])
+@pytest.mark.slow
 def test_a_drawer_jams_however_hard_it_is_pulled(pull):
     """At an arm a to the side and up 2 mu a / L of the pull is friction."""
     jams, arm = LENGTH / (2 * 0.1), (0.0, 0.06, 0.08)
@@ -173,6 +174,7 @@ def test_moments_that_raise_and_lower_a_load(flank, mu, hand):
 
 
 @pytest.mark.parametrize(("share", "verdict"), [(1 - 1e-6, "must slip"), (1 + 1e-6, "must stick")])
+@pytest.mark.slow
 def test_a_screw_locks_itself_from_the_angle_of_its_lead_on(share, verdict):
     nut = jack(0.0, share * np.tan(LEAD))
     found = rx.sticking(nut, rx.assemble(nut))

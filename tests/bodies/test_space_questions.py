@@ -43,6 +43,7 @@ def test_a_band_over_misfits_is_that_of_three_springs(hung):
     np.testing.assert_allclose([found.lower, found.upper], [-WEIGHT - reach, -WEIGHT + reach], rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_spread_of_loads_by_tolerances_is_the_linear_one(hung):
     """A turn of the middle hinge alone makes bending moments that a gap does not, and the other way round."""
     mechanism, state = hung

@@ -76,6 +76,7 @@ def plain():
     return mechanism, state, closure, rx.solve(mechanism, state, closure=closure)
 
 
+@pytest.mark.slow
 def test_it_is_the_least_complementary_energy_of_seats(plain):
     """Wrenches of the hinges on bodies j that balance the inertia, w^T C w / 2 - w^T v0 least, in NumPy."""
     mechanism, state, _, solution = plain

@@ -45,6 +45,7 @@ def test_a_gif_has_all_frames_at_their_rate(motion, tmp_path):
         assert abs(picture.width - width) < 2 and abs(picture.height - height) < 2
 
 
+@pytest.mark.slow
 def test_frames_have_one_scale_and_no_text_on_another(motion):
     mechanism, trajectory = motion
     film = rx.plot.animate(mechanism, trajectory)

@@ -147,6 +147,7 @@ def lift_state(phi, rate, t):
 NAMES = ["screw.distance", "F0.y", "tau F0"]
 
 
+@pytest.mark.slow
 def test_the_screw_of_a_lift_with_tight_pins_has_hysteresis():
     """Power: F d|x|/dt = W dy/dt + M sum |relative rates|; those are 2 of pins M, 1 of F and H, for each scissor."""
     moment = 0.02 * 400.0
@@ -212,6 +213,7 @@ def test_a_load_that_grows_lets_go_at_its_limit():
 # What has no band, or rests in part --------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_blocks_of_which_one_slides():
     """On the level floor both rub with mu m g where they slide, and with nothing where nothing pushes them."""
     guide = {"normal": (0.0, 1.0), "friction": rx.Coulomb(MU), "guide_length": 0.1}

@@ -246,6 +246,7 @@ def test_with_friction_against_a_dense_sweep(what):
     are_solutions(system, state, 11, [*found.lower_solution, *found.upper_solution])
 
 
+@pytest.mark.slow
 def test_compliance_over_decades_is_searched_evenly_by_its_logarithm():
     """Friction with a peak at loads that a thousandth of the range of w gives.
 
@@ -321,6 +322,7 @@ def test_bands_tell_where_there_is_no_solution():
     assert impossible.empty and not impossible.exact.any()
 
 
+@pytest.mark.slow
 def test_many_bounds_are_told_together_where_they_are_equal():
     door = rx.mechanisms.door()
     hinges, state = [f"hinge {k}" for k in (1, 2, 3)], rx.assemble(door)

@@ -68,6 +68,7 @@ def incline(angle, mu, mass=3.0):
     return mechanism, rx.State(jnp.zeros(3), jnp.zeros(3))
 
 
+@pytest.mark.slow
 def test_a_push_on_an_incline():
     angle, mu, weight = 0.3, 0.4, 3.0 * G
     found = rx.limit_load(*incline(angle, mu), {"block.x": 1.0})
@@ -77,6 +78,7 @@ def test_a_push_on_an_incline():
     assert found.outer_upper == pytest.approx(found.upper, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_screw_like_incline_locks_itself_where_its_angles_exceed_a_right_one():
     found = rx.limit_load(*incline(1.1, 1.0), {"block.x": 1.0})  # 1.1 + pi / 4 > pi / 2
     assert found.upper == np.inf
@@ -417,6 +419,7 @@ def block_on_a_block(mu_below):
     return mechanism, rx.State(jnp.zeros(6), jnp.zeros(6).at[0].set(1.0))
 
 
+@pytest.mark.slow
 def test_a_block_that_rests_under_one_that_slides():
     bands = rx.band(*block_on_a_block(0.2), ["tau foot", "tau slide", "above.x''", "below.x''"], rx.MinimumNorm())
     push = 0.3 * 2.0 * G  # of the sliding block on the other; 0.2 * 7 * G holds more

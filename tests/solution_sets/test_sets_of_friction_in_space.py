@@ -56,6 +56,7 @@ def test_the_number_of_solutions(mu, rate):
 
 
 @pytest.mark.parametrize("arm", [(0.0, 0.0), (0.06, 0.08)])
+@pytest.mark.slow
 def test_how_hard_a_block_pushed_from_the_side_can_be_pulled(arm):
     """At an arm to the side and up the pull presses the guide too."""
     mechanism, rest = block(0.2, beside=np.zeros(3), moment=np.zeros(3), force=np.array([0.0, 40.0, -30.0]))

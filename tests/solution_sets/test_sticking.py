@@ -164,6 +164,7 @@ def held_is_an_equilibrium(found, mechanism, state, k):
     return np.abs(residual).max() < 1e-8 and np.all(np.abs(tau) <= limit * (1 + 1e-9))
 
 
+@pytest.mark.slow
 def test_a_held_state_is_an_equilibrium_with_friction_below_its_limit():
     mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.08)
     state = mechanism.state(phi=np.pi / 4, rate=0.0)

@@ -30,6 +30,7 @@ def test_a_motion_of_many_loops_is_that_of_a_pendulum():
     assert motion.stats.energy_error < 1e-7
 
 
+@pytest.mark.slow
 def test_what_a_motion_holds_keeps_its_derivatives():
     def held_on(mass):
         mechanism = rx.mechanisms.doubled_four_bar(coupler_mass=(mass, 1.0)).sparse()

@@ -166,6 +166,7 @@ def test_sample_without_solution_leaves_gradients_of_joint_coordinates_alone():
     assert slope[0] != 0
 
 
+@pytest.mark.slow
 def test_names_of_a_motion_are_those_in_closed_form():
     """The bead starts at r with r' = 0: r = r_p + A cosh(w t) + B sinh(w t), r_p = g sin(phi + w t) / (2 w^2)."""
     motion = rx.simulate(bead(), bead_state(rate=0.0), 0.3, ts=jnp.linspace(0.0, 0.3, 7))
@@ -215,6 +216,7 @@ def test_band_of_a_joint_coordinate_is_that_of_the_body():
     assert bands.lower[0] == bands.lower[1] < bands.upper[0] == bands.upper[1]
 
 
+@pytest.mark.slow
 def test_study_takes_names_from_its_results():
     system = bead()
     found = rx.study(lambda r: rx.solve(system, bead_state(r)), {"r": np.array([0.5, 0.7])}, chunk=2)
