@@ -11,7 +11,8 @@ which joints stick (`_stick`).
 
 Where a joint has several slips with one friction h is the velocity of its surfaces, or their acceleration, along the
 direction in which they slide as the step begins, or in which they are let go: that of what holds them. Beyond a stop
-friction goes on as before it. Steps that end against that direction must pass a stop (`ends_well`). After a release
+friction goes on as before it. Steps that end against that direction must pass a stop (`ends_well`), and Newton's method
+stays within them, as friction turns the slip ever faster about a stop and h' is of its rounding there. After a release
 friction turns the slip v at a rate of mu N / (m |v|), which nothing bounds as v begins. Steps are as long as the error
 of v across allows, which starts as a rounding of |v|; that of its derivative starts as one of the derivative, and grows
 as much. So derivatives past such a release are lost, and NaN.
@@ -147,7 +148,7 @@ def locate(
 
     `event` says whether there is one: a batch looks where there is none.
     """
-    fixed = stop_gradient(equations)
+    fixed, last = stop_gradient(equations), t
     reverses, go = jnp.any(bracket.against > 0), is_released(fixed, bracket.there)
     joint = jnp.where(reverses, jnp.argmax(bracket.against), jnp.argmax(go))
     free = ~reverses & jnp.any(go)
@@ -174,6 +175,9 @@ def locate(
             dt = jnp.where(slope != 0, -h / jnp.where(slope != 0, slope, 1.0), 0.0)
             first = jnp.where(free, bracket.low, bracket.high) - t
             dt = jnp.where(count == 0, first, jnp.where(free & (count == 1), width, dt))
+            if equations.directions is not None:
+                within = jnp.clip(dt, last - 2**_HALVINGS * width - t, last - t)
+                dt = jnp.where(free, dt, dt + jax.lax.stop_gradient(within - dt))
             return _Ahead(jnp.where(event, dt, 0.0), h, slope)
 
         y, (dt, h, slope) = _stepped((equations, context), (begins, begin), t, y, ahead)
