@@ -25,7 +25,7 @@ def slopes(joints: tuple[Stack, ...], bodies: Any, t: Array) -> list[Array]:
     return [stack.over(lambda joint, i, j: joint.jacobian(i, j, t), bodies) for stack in joints]
 
 
-def joint_axis(joints: Sequence[AbstractJoint]) -> Axis:
+def coordinate_axis(joints: Sequence[AbstractJoint]) -> Axis:
     """Those of all joints that have some, which friction opposes where they have it."""
     named = [(f"{joint.name}.{name}", kind) for joint in joints for name, kind in joint.coordinate_kinds]
     return Axis(tuple(name for name, _ in named), tuple(kind for _, kind in named))

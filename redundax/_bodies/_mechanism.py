@@ -39,7 +39,7 @@ from ._coupler import Coupler, Couplings, coupled_rows, couplings
 from ._frame import AbstractFrame
 from ._joint_coordinates import JointCoordinates
 from ._joint_friction import FrictionMembers, JointFriction, friction_members
-from ._joint_rows import joint_axis, reaction_axis, residuals, slopes
+from ._joint_rows import coordinate_axis, reaction_axis, residuals, slopes
 from ._joints import AbstractJoint
 from ._loads import AbstractLoad
 from ._mechanism_page import mechanism_page
@@ -131,7 +131,7 @@ class Mechanism(AbstractSystem):
         self._names = Names(
             self.frame.coordinates(names),
             rows,
-            joint_coordinates=joint_axis([joints[k] for group in groups for k in group]),
+            joint_coordinates=coordinate_axis([joints[k] for group in groups for k in group]),
             reactions=reaction_axis([joints[k] for group in groups for k in group], self.frame),
             centres=self.frame.centre_names(names),
             bodies=tuple(names),

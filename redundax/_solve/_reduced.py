@@ -130,6 +130,7 @@ def reduce(
     law = Law(system.friction, rate, senses, state)
     rows = load_rows(system.friction)
     angular_loads = jnp.asarray(system.rows.angular)[rows]
+    # By matrices the rows alone cost less than all, which accelerations do not need; a sparse response is one or none.
     rho0 = picked[rows] + pick.caused(given, rows) if system.plan is None else with_misfit[rows]
     problem = FrictionProblem.make(rho0, response.gain(rows), law, angular_loads)
     return Reduced(pick, definiteness, response, rows, problem, motion, *ends)

@@ -87,8 +87,8 @@ class Motion(NamedTuple):
 
     def point_velocity(self, s: Float[Array, "3"]) -> Float[Array, "3"]:
         """Global velocity of the point s of the local frame."""
-        return self.velocity + jnp.cross(self.angular_velocity, self.pose.rotate(s))
+        return self.velocity + cross(self.angular_velocity, self.pose.rotate(s))
 
     def wrench(self, force: Float[Array, "3"], s: Float[Array, "3"]) -> Wrench:
         """Wrench of a force in global components at the point s of the local frame."""
-        return Wrench(force, jnp.cross(self.pose.rotate(s), force))
+        return Wrench(force, cross(self.pose.rotate(s), force))

@@ -19,6 +19,7 @@ from .._body import Body
 from .._joints._base import Relative
 from .._placement import Placement, at_reference, between_points, placed
 from .._pose import Motion, Wrench
+from .._rotation import cross
 from ._base import AbstractLoad
 
 _ROUNDING = 1e-6  # of figures of few digits
@@ -191,14 +192,14 @@ class Bushing(AbstractLoad):
     def wrenches(self, i: Motion, j: Motion, t: Array) -> tuple[Wrench, Wrench]:
         relative, axes = Relative.between(self, i.pose, j.pose), j.pose.axes @ self.axes_j
         end = i.pose.point(self.point_i)
-        speed = i.point_velocity(self.point_i) - j.velocity - jnp.cross(j.angular_velocity, end - j.pose.r)
+        speed = i.point_velocity(self.point_i) - j.velocity - cross(j.angular_velocity, end - j.pose.r)
         force = -axes @ (self.translation @ relative.offset + self.translation_damping @ (axes.T @ speed))
         r, spin = relative.rotation, axes.T @ (i.angular_velocity - j.angular_velocity)
-        rate = spin - jnp.cross(r, spin) / 2 + r * (r @ spin) / 4
+        rate = spin - cross(r, spin) / 2 + r * (r @ spin) / 4
         stress = self.rotation @ r + self.rotation_damping @ rate
-        moment = -axes @ (stress + jnp.cross(r, stress) / 2 + r * (r @ stress) / 4)
+        moment = -axes @ (stress + cross(r, stress) / 2 + r * (r @ stress) / 4)
         on_i, arm_j = i.wrench(force, self.point_i), end - j.pose.r
-        return Wrench(force, on_i.moment + moment), Wrench(-force, -jnp.cross(arm_j, force) - moment)
+        return Wrench(force, on_i.moment + moment), Wrench(-force, -cross(arm_j, force) - moment)
 
 
 def _stores(argument: str, value: Numbers) -> Float[Array, "3 3"]:
