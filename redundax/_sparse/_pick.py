@@ -1,26 +1,29 @@
-"""The closure (W, d) on a large mechanism: mu + N z with N^T (W (mu + N z) - d) = 0.
+"""The closure (W, d) on a large mechanism: x = G d, the self-stress with N^T (W x - d) = 0, from
 
-N^T W N, of one unknown for each redundant row, is never formed: conjugate gradients solve it, led by
+    W x + S_:I nu = d,   S_I: x = 0
 
-    N^T W N  near  e ((S + e W)^-1)_OO ^-1     for small e,
+With the factor of S + e W for small e, whose rows all count, x is found by
 
-whose error is e over the least eigenvalue of S, so that a few steps reach rounding. W couples rows of one joint.
+    c = e (S + e W)^-1 (d - W x),   c <- c - (S + e W)^-1 S c  until S c is rounding,   x <- x + c
+
+The second takes e / (l + e) of what is in c of each eigenvalue l of S by W, and all of a self-stress; the first loses
+eps / e of it to rounding, which the next pass finds again. N is never formed. W couples rows of one joint.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from ._cholesky import Fronts, factor, pivots, solution
 from ._gram import Gram
 from ._rows import Rows
 
 _WEIGHT = 0.4  # power of the rounding: e
-_STEPS, _FAILED = 60, 1e-10  # at most; a residual that is no solution
+_STEPS = 30  # after which x is final where c is found
+_ROUNDING = 10  # times eps: S c of a self-stress
 
 
 class Compliance(eqx.Module):
@@ -61,24 +64,63 @@ class Picking(eqx.Module):
     @eqx.filter_jit  # traced once, for the many places that it stands in
     def _response(self, misfit: Float[Array, "m 1"]) -> Float[Array, "m 1"]:
         def found() -> Array:
-            return self.gram.stress(self._inverse(self.gram.across(misfit)))
+            right = misfit, 0.0 * misfit  # both linear, which a transpose asks for
+            return jax.lax.custom_linear_solve(self._product, right, self._solved, symmetric=True)[0]
 
         return jax.lax.cond(jnp.any(self.gram.kept == 0), found, lambda: jnp.zeros_like(misfit))
 
-    def _inverse(self, right: Float[Array, "m c"]) -> Float[Array, "m c"]:
-        others, plan = (1 - self.gram.kept)[:, None], self.gram.rows.plan
+    def _product(self, unknowns: tuple[Array, Array]) -> tuple[Array, Array]:
+        """W x + S_:I nu and S_I: x; nu itself in place of the latter on O."""
+        (x, nu), kept = unknowns, self.gram.kept[:, None]
+        forces = self.compliance.times(x) + self.gram.rows.gram(kept * nu)
+        return forces, kept * self.gram.rows.gram(x) + (1 - kept) * nu
 
-        def product(z: Array) -> Array:
-            inside = self.gram.across(self.compliance.times(self.gram.stress(z)))
-            return inside + (1 - others) * z
+    def _solved(self, _: object, right: tuple[Array, Array]) -> tuple[Array, Array]:
+        misfit, uneven = right
+        even = jax.lax.cond(jnp.any(uneven != 0), lambda: self.gram.solution(uneven), lambda: jnp.zeros_like(uneven))
+        x = even + self._picked(misfit - self.compliance.times(even))
+        left = self.gram.solution(misfit - self.compliance.times(x))
+        return x, left + (1 - self.gram.kept)[:, None] * uneven
 
-        def near(right: Array) -> Array:
-            return others * _weight(right) * solution(plan, self.fronts, right) + (1 - others) * right
+    def _picked(self, misfit: Float[Array, "m 1"]) -> Float[Array, "m 1"]:
+        """x."""
+        rows, weight = self.gram.rows, _weight(misfit)
+        rounding = _ROUNDING * float(jnp.finfo(misfit.dtype).eps)
 
-        def solved(product: Callable, right: Array) -> Array:
-            return _conjugate_gradients(product, near, right)
+        def largest(x: Array) -> Array:
+            return jnp.max(jnp.abs(x))
 
-        return jax.lax.custom_linear_solve(product, right, solved, symmetric=True)
+        def step(now: _Pass) -> _Pass:
+            x = now.x + jnp.where(now.ends, now.c, 0.0)
+            c = jnp.where(now.ends, 0.0, now.c)
+            right = jnp.where(now.ends, weight * (misfit - self.compliance.times(x)), -now.strain)
+            c = c + solution(rows.plan, self.fronts, right)
+            strain = rows.gram(c)
+            size, scale = largest(strain), rounding * (largest(misfit) + largest(x + c))
+            ends = (size <= scale) | (~now.ends & (size > now.size / 2))
+            last = jnp.where(now.ends, largest(now.c), now.last)
+            small = largest(c) ** 2 <= scale * jnp.maximum(last, largest(c))
+            found = ends & (small | (now.steps >= _STEPS))
+            return _Pass(x, c, strain, size, last, ends, found, now.steps + 1)
+
+        none, true = jnp.zeros_like(misfit), jnp.asarray(True)
+        zero, count = jnp.zeros((), misfit.dtype), jnp.zeros((), int)
+        start = _Pass(none, none, none, zero, zero, true, ~true, count)
+        end = jax.lax.while_loop(lambda now: ~now.found & (now.steps < 2 * _STEPS), step, start)
+        return jnp.where(end.ends, end.x + end.c, jnp.nan)
+
+
+class _Pass(NamedTuple):
+    """x, c, S c and its size, the size of the last c, whether c is found, and x, and steps so far."""
+
+    x: Float[Array, "m 1"]
+    c: Float[Array, "m 1"]
+    strain: Float[Array, "m 1"]
+    size: Float[Array, ""]
+    last: Float[Array, ""]
+    ends: Bool[Array, ""]
+    found: Bool[Array, ""]
+    steps: Int[Array, ""]
 
 
 def picking(gram: Gram, compliance: Compliance) -> tuple[Picking, Float[Array, ""]]:
@@ -94,43 +136,6 @@ def picking(gram: Gram, compliance: Compliance) -> tuple[Picking, Float[Array, "
     fronts = jax.lax.stop_gradient(fronts)
     least = jnp.min(jnp.where(gram.kept > 0, 1.0, pivots(rows.plan, fronts) ** 2 / weight))
     return Picking(gram, compliance, fronts), least
-
-
-def _conjugate_gradients(product: Callable, near: Callable, right: Float[Array, "m c"]) -> Float[Array, "m c"]:
-    """The solution of product(z) = right, or NaN; both stand in a program once."""
-    size = jnp.sum(right**2, axis=0)
-    least = float(jnp.finfo(right.dtype).eps) ** 2 * size
-
-    def goes_on(carry: _Gradients) -> Array:
-        return (carry.steps < _STEPS) & jnp.any(jnp.sum(carry.left**2, axis=0) > least)
-
-    def step(carry: _Gradients) -> _Gradients:
-        ahead = near(carry.left)
-        energy = jnp.sum(carry.left * ahead, axis=0)
-        along = ahead + _ratio(energy, carry.energy) * carry.along
-        image = product(along)
-        length = _ratio(energy, jnp.sum(along * image, axis=0))
-        return _Gradients(carry.z + length * along, carry.left - length * image, along, energy, carry.steps + 1)
-
-    none = jnp.zeros_like(right)
-    start = _Gradients(none, right, none, jnp.zeros_like(right[0]), jnp.zeros((), int))
-    end = jax.lax.while_loop(goes_on, step, start)
-    failed = max(_FAILED, 1e3 * float(jnp.finfo(right.dtype).eps))
-    return jnp.where(jnp.sum(end.left**2, axis=0) <= failed**2 * size, end.z, jnp.nan)
-
-
-class _Gradients(NamedTuple):
-    """Solution, residual, direction, energy of the last residual, and steps so far."""
-
-    z: Array
-    left: Array
-    along: Array
-    energy: Array
-    steps: Array
-
-
-def _ratio(part: Array, whole: Array) -> Array:
-    return jnp.where(whole > 0, part / jnp.where(whole > 0, whole, 1.0), 0.0)
 
 
 def _weight(like: Array) -> float:
