@@ -64,23 +64,23 @@ class Picking(eqx.Module):
     @eqx.filter_jit  # traced once, for the many places that it stands in
     def _response(self, misfit: Float[Array, "m 1"]) -> Float[Array, "m 1"]:
         def found() -> Array:
-            right = misfit, 0.0 * misfit  # both linear, which a transpose asks for
-            return jax.lax.custom_linear_solve(self._product, right, self._solved, symmetric=True)[0]
+            right = jnp.concatenate([misfit, jnp.zeros_like(misfit)], axis=1)
+            return jax.lax.custom_linear_solve(self._product, right, self._solved, symmetric=True)[:, :1]
 
         return jax.lax.cond(jnp.any(self.gram.kept == 0), found, lambda: jnp.zeros_like(misfit))
 
-    def _product(self, unknowns: tuple[Array, Array]) -> tuple[Array, Array]:
+    def _product(self, unknowns: Float[Array, "m 2"]) -> Float[Array, "m 2"]:
         """W x + S_:I nu and S_I: x; nu itself in place of the latter on O."""
-        (x, nu), kept = unknowns, self.gram.kept[:, None]
-        forces = self.compliance.times(x) + self.gram.rows.gram(kept * nu)
-        return forces, kept * self.gram.rows.gram(x) + (1 - kept) * nu
+        kept, (x, nu) = self.gram.kept[:, None], jnp.split(unknowns, 2, axis=1)
+        of_x, of_nu = jnp.split(self.gram.rows.gram(jnp.concatenate([x, kept * nu], axis=1)), 2, axis=1)
+        return jnp.concatenate([self.compliance.times(x) + of_nu, kept * of_x + (1 - kept) * nu], axis=1)
 
-    def _solved(self, _: object, right: tuple[Array, Array]) -> tuple[Array, Array]:
-        misfit, uneven = right
+    def _solved(self, _: object, right: Float[Array, "m 2"]) -> Float[Array, "m 2"]:
+        misfit, uneven = jnp.split(right, 2, axis=1)
         even = jax.lax.cond(jnp.any(uneven != 0), lambda: self.gram.solution(uneven), lambda: jnp.zeros_like(uneven))
         x = even + self._picked(misfit - self.compliance.times(even))
-        left = self.gram.solution(misfit - self.compliance.times(x))
-        return x, left + (1 - self.gram.kept)[:, None] * uneven
+        nu = self.gram.solution(misfit - self.compliance.times(x))
+        return jnp.concatenate([x, nu + (1 - self.gram.kept)[:, None] * uneven], axis=1)
 
     def _picked(self, misfit: Float[Array, "m 1"]) -> Float[Array, "m 1"]:
         """x."""
