@@ -248,48 +248,53 @@ class Equations(eqx.Module):
 
         Surfaces that slide against the directions `along` have friction as if they still slid the other way.
         """
-        tau, contraction, size = linear.rate, jnp.zeros_like(state.t), jnp.ones_like(linear.rate)
+        tau, problem = linear.rate, None
         if self.system.friction:
             rate, sense = linear.rate, self.sense
             if self.directions is not None:
                 sense = sense if along is None else jnp.where(self.directions.directed, along, sense)
                 rate = jnp.where(self.directions.directed & self.is_none(rate), 0.0, rate)
                 rate = rate if along is None else self.directions.past(rate, along)
-            law = Law(self.system.friction, rate, sense, state)
-            tau, contraction, size = self._friction(law, linear, start)
+            tau, problem = self._friction(Law(self.system.friction, rate, sense, state), linear, start)
         acceleration, multipliers = linear.response.at(tau)
         power = self._power(state, linear.load + linear.directions @ tau, multipliers)
         if linear.is_large:
             caused = along_slips(self.system, state, acceleration - linear.response.free.acceleration)
         else:
             caused = linear.yields @ tau
+        contraction, size = jnp.zeros_like(state.t), jnp.ones_like(linear.rate)
+        if problem is not None:
+            rho, size = multipliers[load_rows(self.system.friction)], problem.friction_size
+            contraction = problem.contraction(rho) if linear.is_large else problem.contraction_anywhere()
         return Solved(acceleration, multipliers, tau, linear.slip + caused, power, contraction, size)
 
     def _friction(
         self, law: Law, linear: Linear, start: Array | None
-    ) -> tuple[Float[Array, " p"], Float[Array, ""], Float[Array, " p"]]:
-        """Friction forces, those that hold the joints that stick and those of the law; NaN where none are found."""
-        contraction, size = jnp.zeros_like(law.state.t), jnp.ones_like(linear.rate)
+    ) -> tuple[Float[Array, " p"], FrictionProblem | None]:
+        """Friction forces, those that hold the joints that stick and those of the law, NaN where none are found; and
+        the equations of the latter."""
+        system, stick, whole = self.system, self.sticking, linear
         holding, passed = jnp.zeros_like(linear.rate), None
-        if self.has_sense and linear.is_large:
-            holding, passed = self._held_by_maps(law.state, linear)
-        elif self.has_sense:
-            holding, passed = jax.lax.cond(jnp.any(self.sticking), lambda: self._holding(linear), lambda: _none(linear))
-        rows = load_rows(self.system.friction)
+        if self.has_sense:
+            whole = linear.by_matrices(system, law.state, jnp.any(stick))
+            none = holding, jnp.zeros_like(whole.yields)
+            holding, against = jax.lax.cond(jnp.any(stick), lambda: self._holding(whole), lambda: none)
+            if linear.is_large:
+                passed = LinearMap(_passed, (stick, against))
+            else:
+                passed = jnp.where(stick, 0.0, jnp.eye(stick.size, dtype=against.dtype) - against)
+        rows = load_rows(system.friction)
         if rows.size == 0:
-            tau = law(law.rate[:0])
+            tau, problem = law(law.rate[:0]), None
         else:
-            gain = linear.response.gain(rows)
-            rho0 = linear.response.free.multipliers[rows] + gain @ holding
-            gain = gain if passed is None else gain @ passed
+            rho0, gain = linear.response.free.multipliers[rows], linear.response.gain(rows)
+            if passed is not None:
+                rho0, gain = rho0 + whole.response.gain(rows) @ holding, gain @ passed
             begin = law(rho0) if start is None else start
-            problem = FrictionProblem.make(rho0, gain, law, jnp.asarray(self.system.rows.angular)[rows])
-            problem = problem.sized_at(begin)
-            size = problem.friction_size
+            problem = FrictionProblem.make(rho0, gain, law, jnp.asarray(system.rows.angular)[rows]).sized_at(begin)
             root = closed_root(problem, begin, self.solver)
-            contraction = problem.contraction(root.tau) if problem.is_large else problem.contraction_anywhere()
             tau = jnp.where(self.solver.result(root.progress) == RESULTS.successful, root.tau, jnp.nan)
-        return tau if passed is None else holding + passed @ tau, contraction, size
+        return tau if passed is None else holding + passed @ tau, problem
 
     def whole(self, flags: Bool[Array, " p"]) -> Bool[Array, " p"]:
         """For each slip whether it is so for all that share its friction."""
@@ -325,30 +330,14 @@ class Equations(eqx.Module):
         return jnp.where(blocked, jnp.inf, jnp.where(blocked, 1.0, own))
 
     def _holding(self, linear: Linear) -> tuple[Float[Array, " p"], Float[Array, "p p"]]:
-        """tau = holding + passed tau_law: what holds the joints that stick, and the friction of the others.
+        """tau = holding + (I - against) tau_law: what holds the joints that stick, and the friction of the others.
 
         The slip accelerations A = E^T A_tau of unit friction are symmetric positive semidefinite; where several joints
         stick that need not, the least holding friction is taken, as of contacts equally compliant. What is left of
         slip rates dies away.
         """
-        stick = self.sticking
-        inverse, slides = self._inverse(linear, stick), jnp.diag(1.0 - stick)
-        offset = linear.slip + self.speed / self.scaling.size * linear.rate
-        return -inverse @ offset, slides - inverse @ linear.yields @ slides
-
-    def _held_by_maps(self, state: State, linear: Linear) -> tuple[Float[Array, " p"], LinearMap]:
-        """`_holding` of a large mechanism, where matrices are formed while joints stick alone."""
-        stick = self.sticking
-        whole = linear.by_matrices(self.system, state, jnp.any(stick))
-        offset = linear.slip + self.speed / self.scaling.size * linear.rate
-
-        def held() -> tuple[Array, Array]:
-            inverse = self._inverse(whole, stick)
-            return -inverse @ offset, inverse @ whole.yields
-
-        none = jnp.zeros_like(offset), jnp.zeros_like(whole.yields)
-        holding, against = jax.lax.cond(jnp.any(stick), held, lambda: none)
-        return holding, LinearMap(_passed, (stick, against))
+        inverse = self._inverse(linear, self.sticking)
+        return -inverse @ (linear.slip + self.speed / self.scaling.size * linear.rate), inverse @ linear.yields
 
     def _inverse(self, linear: Linear, stick: Bool[Array, " p"]) -> Float[Array, "p p"]:
         """Least friction of joints that stick by slip accelerations that it causes."""
@@ -374,11 +363,6 @@ class Equations(eqx.Module):
             return y.qd @ self.system.mass(y.q, t) @ y.qd / 2
         own = y.qd[self.system.plan.columns]
         return jnp.einsum("bi,bij,bj->", own, self.system.by_bodies(y.q, t)[1], own) / 2
-
-
-def _none(linear: Linear) -> tuple[Float[Array, " p"], Float[Array, "p p"]]:
-    """Nothing sticks."""
-    return jnp.zeros_like(linear.rate), jnp.eye(linear.rate.size, dtype=linear.rate.dtype)
 
 
 def _passed(stick: Bool[Array, " p"], against: Float[Array, "p p"], tau: Float[Array, " p"]) -> Float[Array, " p"]:

@@ -212,7 +212,7 @@ def _end(
         given = jnp.asarray(True)
     else:
         root, stress = _solve_friction(factor, reduced, reduced.problem, solver, x0, is_open=chosen is None)
-        contraction = reduced.problem.contraction(root.tau)
+        contraction = reduced.problem.contraction(reduced.problem.loads(root.tau))
         friction_checks = _checks(reduced, stress, root, solver)
         given = jnp.isfinite(reduced.end_size(reduced.problem.law(reduced.problem.rho0), None))
     end = reduced.response.at(root.tau, stress)

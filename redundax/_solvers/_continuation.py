@@ -81,7 +81,7 @@ class Continuation(AbstractSolver):
         def attempt(search: _Search) -> _Search:
             here = problem.sized_at(jnp.where(search.arrived, search.root.tau, problem.friction_size))
             tau, progress = iterate(lambda tau: newton.update(here, tau), search.root.tau, rtol, self.max_steps)
-            settled = search.arrived | (problem.contraction(tau) < 1)
+            settled = search.arrived | (problem.contraction(problem.loads(tau)) < 1)
             settled = progress.converged(rtol) & settled
             path = _follow(problem, ~settled & ~search.arrived, self.max_path)
             tau = jnp.where(path.arrived, path.here[:-1] * problem.friction_size, tau)
@@ -113,7 +113,7 @@ class FirstAttempt(AbstractSolver):
         if problem.is_large:
             return Mixing(self.rtol).run(problem, start)
         root = Newton(self.rtol, self.max_steps).run(problem, start)
-        kept = root.progress.converged(self.tolerance(start.dtype)) & (problem.contraction(root.tau) < 1)
+        kept = root.progress.converged(self.tolerance(start.dtype)) & (problem.contraction(problem.loads(root.tau)) < 1)
         return Root(root.tau, root.progress, jnp.where(kept, jnp.inf, 0.0))
 
     def result(self, progress: Progress) -> RESULTS:

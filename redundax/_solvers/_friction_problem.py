@@ -185,15 +185,15 @@ class FrictionProblem(eqx.Module):
         slope = self.slope(rho)
         return jnp.eye(slope.shape[0], dtype=slope.dtype) - slope
 
-    def contraction(self, tau: Float[Array, " p"]) -> Float[Array, ""]:
-        """Upper bound of the spectral radius of one sweep's derivative at tau: below 1 sweeps contract there.
+    def contraction(self, rho: Float[Array, " l"]) -> Float[Array, ""]:
+        """Upper bound of the spectral radius of one sweep's derivative at loads: below 1 sweeps contract there.
 
         Of a large scene it is an estimate.
         """
         if self.is_large:
-            rho, size = self.loads(tau), self.friction_size
-            return spectral_radius(lambda y: self.along(rho, size * y) / size, tau)
-        matrix = jnp.abs(self.slope(self.loads(tau)))
+            size = self.friction_size
+            return spectral_radius(lambda y: self.along(rho, size * y) / size, size)
+        matrix = jnp.abs(self.slope(rho))
         return _radius_bound(matrix * self.friction_size / self.friction_size[:, None])
 
     def contraction_anywhere(self) -> Float[Array, ""]:

@@ -28,7 +28,7 @@ _SHORTEST, _NEAR, _ON_THE_WAY = 1e-3, 0.5, 1e-6  # step; change of friction in o
 class Mixing(AbstractSolver):
     """Sweeps, then mixing along the branch from zero friction; `first` is the first step along it.
 
-    With 1 it begins with all of the friction from the start that is given.
+    With 1 it mixes at once, with all of the friction and from the start that is given.
     """
 
     rtol: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
@@ -37,6 +37,8 @@ class Mixing(AbstractSolver):
 
     def run(self, problem: FrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
         rtol, infinite = self.tolerance(start.dtype), jnp.full((), jnp.inf, start.dtype)
+        if self.first == 1:
+            return self._followed(problem, start, rtol)
 
         def sweep(tau: Array) -> tuple[Array, Array, Array]:
             new = problem.law(problem.loads(tau))

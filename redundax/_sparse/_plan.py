@@ -10,7 +10,7 @@ from typing import Any
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Array, Bool, Int
+from jaxtyping import Array, Bool, UInt
 
 from .._tools._module import on_device
 from ._tree import Front, tree
@@ -25,9 +25,9 @@ class Level(eqx.Module):
     """
 
     pad: Bool[Array, "fronts p"]
-    border: Int[Array, "fronts q"]
-    source: Int[Array, " updates"]
-    target: Int[Array, " updates"]
+    border: UInt[Array, "fronts q"]
+    source: UInt[Array, " updates"]
+    target: UInt[Array, " updates"]
 
 
 class Plan(eqx.Module):
@@ -43,17 +43,17 @@ class Plan(eqx.Module):
     - `levels`: from the leaves to the roots.
     """
 
-    source: Int[Array, " e"]
-    row: Int[Array, " e"]
-    body: Int[Array, " e"]
-    columns: Int[Array, "bodies s"]
-    first: Int[Array, " pairs"]
-    second: Int[Array, " pairs"]
-    place: Int[Array, " pairs"]
-    mates: Int[Array, "m j"]
-    beside: Int[Array, "m j"]
-    own: Int[Array, " places"]
-    position: Int[Array, " m"]
+    source: UInt[Array, " e"]
+    row: UInt[Array, " e"]
+    body: UInt[Array, " e"]
+    columns: UInt[Array, "bodies s"]
+    first: UInt[Array, " pairs"]
+    second: UInt[Array, " pairs"]
+    place: UInt[Array, " pairs"]
+    mates: UInt[Array, "m j"]
+    beside: UInt[Array, "m j"]
+    own: UInt[Array, " places"]
+    position: UInt[Array, " m"]
     levels: tuple[Level, ...]
 
     @property
@@ -206,4 +206,4 @@ def _entries(level: Level) -> int:
 
 
 def _indices(values: np.ndarray) -> Array:
-    return on_device(np.asarray(values, np.int32))
+    return on_device(np.asarray(values, np.uint32))  # without sign, they count from the front and need no test of it

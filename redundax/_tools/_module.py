@@ -13,7 +13,7 @@ import jax.core
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Integer
 
 T = TypeVar("T")
 
@@ -156,7 +156,7 @@ def _without_derivative_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Arr
     return without_derivative(*primals), tangents[1] * jnp.where(primals[0], jnp.nan, 1.0)
 
 
-def tree_take(stacked: T, members: Int[Array, "..."]) -> T:
+def tree_take(stacked: T, members: Integer[Array, "..."]) -> T:
     """Some members of what is stacked; the indices, ours, are in bounds, and nothing is traced that checks them."""
     return jax.tree.map(
         lambda x: jnp.asarray(x).at[members].get(mode="promise_in_bounds", wrap_negative_indices=False), stacked
