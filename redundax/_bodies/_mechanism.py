@@ -142,7 +142,7 @@ class Mechanism(AbstractSystem):
             adds=self.frame.adds,
         )
         is_large = len(rows) + self.frame.size * len(names) >= LARGE
-        self._plan, self._entries = self._matrices(is_large and not self._massless and not self.armature)
+        self._plan, self._entries = self._matrices(is_large and not self.armature)
 
     @property
     def plan(self) -> Plan | None:
@@ -152,8 +152,8 @@ class Mechanism(AbstractSystem):
         """The same mechanism with sparse matrices in `solve` and `simulate`, as from 2000 coordinates and rows on
         anyway, or with dense ones.
 
-        All other questions are answered with dense ones. Sparse ones take bodies with mass and inertia, no armature,
-        and in motions no dry sleeves, balls and plates. Contraction of friction is estimated there, not bounded.
+        All other questions are answered with dense ones. Sparse ones take no armature, and in motions
+        no dry sleeves, balls and plates. Contraction of friction is estimated there, not bounded.
 
         ??? example
 
@@ -166,22 +166,14 @@ class Mechanism(AbstractSystem):
                 "Sparse matrices take the mass of each body by itself, but `armature` couples bodies. Leave it out, or "
                 "solve the mechanism without `sparse()`."
             )
-        if is_sparse and self._massless:
-            raise ValueError(
-                f"Sparse matrices take bodies with mass and inertia in every direction, but '{self._massless[0]}' "
-                "lacks some. Give it a little, or solve the mechanism without `sparse()`."
-            )
         plan, entries = self._matrices(is_sparse)
         return replace_fields(self, _plan=plan, _entries=entries)
 
     @property
-    def _massless(self) -> list[str]:
-        """Bodies known to lack mass or inertia."""
+    def _massless(self) -> list[bool]:
+        """Which bodies are known to lack mass or inertia."""
         masses = self.frame.masses(self.body)
-        if not is_concrete(masses):
-            return []
-        least = np.linalg.eigvalsh(np.asarray(masses))[:, 0]
-        return [name for name, value in zip(self.names.bodies, least, strict=True) if not value > 0]
+        return list(np.linalg.eigvalsh(np.asarray(masses))[:, 0] <= 0) if is_concrete(masses) else []
 
     @property
     def whole(self) -> Self:
@@ -190,7 +182,7 @@ class Mechanism(AbstractSystem):
     def _matrices(self, is_sparse: bool) -> tuple[Plan | None, Int[Array, "m n"] | None]:
         """The plan of sparse matrices, or the entries of dense ones."""
         pattern = Pattern(self.joints, self.rows_of_joints, self.couplings, self.frame, self.body.mass.shape[0])
-        return (pattern.plan(), None) if is_sparse else (None, indices(pattern.entries()))
+        return (pattern.plan(self._massless), None) if is_sparse else (None, indices(pattern.entries()))
 
     @property
     def friction(self) -> tuple[JointFriction | VectorFriction, ...]:

@@ -37,9 +37,9 @@ class Pattern:
         self.of_joints = sum(row.size for row, _ in slopes[: len(bodies)])
         self.columns = np.array([frame.columns(k, count) for k in range(count)])
 
-    def plan(self) -> Plan:
-        """That of its sparse matrices."""
-        return plan(self.owners, (self.row, self.body), self.columns)
+    def plan(self, massless: Sequence[bool]) -> Plan:
+        """That of its sparse matrices, given which bodies lack mass."""
+        return plan(self.owners, (self.row, self.body), self.columns, massless)
 
     def entries(self) -> np.ndarray:
         """Where the Jacobian, (m, n), finds its entries among the slopes of joints, after a zero."""

@@ -7,8 +7,6 @@ metric of M^-1: units do not matter to it. What rounding makes of them grows wit
 different size; a pivot that is neither rounding nor clearly more leaves the rank undecided.
 """
 
-from typing import cast
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -18,7 +16,6 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._sparse._gram import Gram, gram, rank_pivots
 from .._sparse._pick import Compliance, Picking, picking, scaled_compliance
-from .._sparse._plan import Plan
 from .._sparse._rows import Rows
 from .._system._decision import CLEAR, Decision
 from .._system._results import RESULTS, first_failure
@@ -30,8 +27,10 @@ from ._kinematics import second_derivative, second_order
 from ._rank import Spectrum
 from ._response import AbstractPick, AbstractSolvedFactorisation, Response, total
 from ._scaling import Scaling, largest_violation, length_of, scales_of
+from ._sparse_rows import rows_of, unit_rows
 
 _RANK = 0.575  # power of the rounding: squares of pivots, 1e-9 in float64, from which rows count
+_LIGHT = 1e-5  # what a pass must take of each error of a
 _POWER = 8  # steps of inverse iteration for the least singular value
 
 
@@ -96,6 +95,7 @@ class SparseFactorisation(AbstractSolvedFactorisation):
     spectrum: Spectrum
     violation: Violation
     finite: Bool[Array, ""]
+    determinacy: Decision
     singularity: Decision
     acceleration: Float[Array, " n"]
     multipliers: Float[Array, " m"]
@@ -161,6 +161,8 @@ class SparseFactorisation(AbstractSolvedFactorisation):
             (~(contradiction.is_yes & (violation.prescribed > blur)), RESULTS.inconsistent_constraints),
             (~contradiction.is_yes, RESULTS.inadmissible_velocity),
             (contradiction.is_no, RESULTS.ambiguous_constraints),
+            (~self.determinacy.is_no, RESULTS.indeterminate_acceleration),
+            (self.determinacy.is_yes, RESULTS.ambiguous_mass),
             (~self.singularity.is_yes, RESULTS.singular_position),
             (self.singularity.is_no, RESULTS.ambiguous_position),
             (self.residual <= 10 * blur, RESULTS.unsolved),
@@ -207,22 +209,6 @@ def closed(stress: Gram, row_scale: Array, entries: Float[Array, "m j"]) -> tupl
     return SparsePick(found, row_scale, softest), Decision(jnp.where(least >= 0, least, 0.0) / noise)
 
 
-def rows_of(system: AbstractSystem, state: State) -> tuple[Rows, Array]:
-    """Rows as they are, and the mass of each body."""
-    slopes, masses = system.by_bodies(state.q, state.t)
-    if system.diagonal_mass:
-        inverse = jnp.eye(masses.shape[1]) / jnp.diagonal(masses, axis1=1, axis2=2)[:, None]
-    else:
-        inverse = jnp.linalg.inv(masses)
-    return Rows(cast(Plan, system.plan), slopes, inverse), masses
-
-
-def unit_rows(rows: Rows) -> Float[Array, " m"]:
-    """D that makes the diagonal of S 1."""
-    diagonal = jax.lax.stop_gradient(rows.diagonal())
-    return jnp.sqrt(jnp.where(diagonal > 0, diagonal, 1.0))
-
-
 def sparse_factorised(system: AbstractSystem, state: State, rank: ArrayLike | None) -> SparseFactorisation:
     """The equations of a system with a plan at a state."""
     return _factorised(system.anonymous().without_friction(), state, None if rank is None else jnp.asarray(rank))
@@ -250,6 +236,7 @@ def _factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | Non
         spectrum=spectrum,
         violation=violation,
         finite=jnp.isfinite(total(state.q, state.qd, state.t, *motion, rows.slopes, rows.inverse_mass, load)),
+        determinacy=Decision((1 - jax.lax.stop_gradient(stress).left_by_mass()) / _LIGHT),
         singularity=_singularity(system, position, spectrum, reached, *evidence[:4], evidence[-1]),
         acceleration=a[:, 0],
         multipliers=mu[:, 0] / row_scale,
@@ -354,7 +341,10 @@ def _evidence(
     pulled = (
         rows.accelerations(jnp.stack([load, rows.transposed(mu[:, None])[:, 0]], axis=1)) / scales.coordinates[:, None]
     )
-    unbalanced = pulled[:, 0] - pulled[:, 1] - own
+    inertial = own
+    if rows.mass is not None:
+        inertial = rows.accelerations(rows.inertia_force(a[:, None]))[:, 0] / scales.coordinates
+    unbalanced = pulled[:, 0] - pulled[:, 1] - inertial
     residual = jnp.maximum(ratio(missed, *sizes, free), ratio(unbalanced, pulled, own, sizes[2]))
     return violation, jnp.where(noise > 0, noise, 1.0), reached, residual
 

@@ -13,7 +13,8 @@ from jaxtyping import Array, Float, Int
 
 from .._equations._kinematics import AlongMotion, along_motion
 from .._equations._response import AbstractFactorisation, AbstractPick, Response
-from .._equations._sparse_factorisation import closed, rows_of, unit_rows
+from .._equations._sparse_factorisation import closed
+from .._equations._sparse_rows import rows_of, unit_rows
 from .._sparse._gram import Gram, gram, rank_pivots
 from .._sparse._plan import Plan
 from .._sparse._rows import Rows
@@ -28,13 +29,14 @@ class SparseHeld(eqx.Module):
 
     - `kept`: 1 for rows that count, else 0, shape (m,).
     - `row_scale`: D, shape (m,).
-    - `inverse_mass`: of each body, shape (bodies, s, s).
+    - `inverse_mass`, `mass`: of each body as in `Rows`, shape (bodies, s, s).
     - `least`: the least pivot when rows were chosen.
     """
 
     kept: Float[Array, " m"]
     row_scale: Float[Array, " m"]
     inverse_mass: Float[Array, "bodies s s"]
+    mass: Float[Array, "bodies s s"] | None
     least: Float[Array, ""]
 
 
@@ -88,14 +90,14 @@ class SparseHeldFactorisation(AbstractFactorisation[Array]):
         some = jnp.any(stress.kept == 0)
         left = jnp.min(stress.pivots) < _LEFT * held.least
         kept, least = jax.lax.cond(some & left, chosen, lambda: (held.kept, held.least))
-        renewed = SparseHeld(kept, held.row_scale, held.inverse_mass, least)
+        renewed = SparseHeld(kept, held.row_scale, held.inverse_mass, held.mass, least)
         return renewed, jax.lax.cond(some, excess, lambda: none)
 
 
 def factorize_sparse(system: AbstractSystem, state: State, held: SparseHeld) -> SparseHeldFactorisation:
     """Assemble and factorise at a state."""
     slopes, _ = system.by_bodies(state.q, state.t)
-    rows = Rows(cast(Plan, system.plan), slopes, held.inverse_mass).scaled(held.row_scale)
+    rows = Rows(cast(Plan, system.plan), slopes, held.inverse_mass, held.mass).scaled(held.row_scale)
     return SparseHeldFactorisation(held, along_motion(system, state), gram(rows, held.kept))
 
 
@@ -104,7 +106,7 @@ def hold_sparse(system: AbstractSystem, state: State, rank: Int[Array, ""]) -> t
     rows, _ = rows_of(system, state)
     row_scale = unit_rows(rows)
     kept, least = _largest(jax.lax.stop_gradient(rows.scaled(row_scale)), rank)
-    return SparseHeld(kept, row_scale, rows.inverse_mass, least), jnp.sum(kept).astype(int)
+    return SparseHeld(kept, row_scale, rows.inverse_mass, rows.mass, least), jnp.sum(kept).astype(int)
 
 
 def _largest(rows: Rows, rank: Array) -> tuple[Float[Array, " m"], Float[Array, ""]]:

@@ -12,17 +12,26 @@ where its pivot p is zero. The factor of S + t I exists at any rank, with
 whose rounding is that of 1 + |x|^2. The order is that of elimination, so N is sparse where the self-stress is local.
 
 Derivatives in both modes are those of S_II itself, by the rule of a linear solution; the choice of rows has none.
+
+Where bodies lack mass, (7) is solved with M + A for M, A some mass of theirs, and again for what that leaves of
+f - M a: the error of a, among motions that the rows allow, falls each time by A over M + A. Where it does not, some
+motion has no mass, and (14) does not hold.
 """
+
+import functools
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ._cholesky import Fronts, factor, factor_diagonal, pivots, solution
 from ._rows import Rows
 
 _SHIFT = 0.75  # power of the rounding: t
+_ROUNDING, _PASSES = 10, 100  # changes that are rounding, and passes with M + A at most
+_POWERS = 20  # of what a pass leaves of the error
 
 
 class Gram(eqx.Module):
@@ -68,8 +77,60 @@ class Gram(eqx.Module):
         self, force: Float[Array, "n c"], gamma: Float[Array, "m c"], *, refines: bool = True
     ) -> tuple[Array, Array]:
         """a and mu."""
+        if self.rows.mass is not None:
+            right = jnp.concatenate([force, self.kept[:, None] * gamma])
+            found = jax.lax.custom_linear_solve(self._balance, right, self._balanced, symmetric=True)
+            return found[: len(force)], found[len(force) :]
         mu = self.solution(self.rows.times(self.rows.accelerations(force)) - gamma, refines=refines)
         return self.rows.accelerations(force - self.rows.transposed(mu)), mu
+
+    def _balance(self, unknowns: Float[Array, "u c"]) -> Float[Array, "u c"]:
+        """M a + B_I^T mu and B_I a; mu itself in place of the latter on O."""
+        kept, rows, (a, mu) = self.kept[:, None], self.rows, self._parted(unknowns)
+        forces = rows.inertia_force(a) + rows.transposed(kept * mu)
+        return jnp.concatenate([forces, kept * rows.times(a) + (1 - kept) * mu])
+
+    def _balanced(self, _: object, right: Float[Array, "u c"]) -> Float[Array, "u c"]:
+        least = _ROUNDING * float(jnp.finfo(right.dtype).eps)
+
+        def goes_on(now: _Passes) -> Array:
+            better = (now.change < now.before) | (now.change > least**0.5)
+            return (now.passes < 2) | ((now.passes < _PASSES) & (now.change > least) & better)
+
+        def again(now: _Passes) -> _Passes:
+            added = self._nearly(right - self._balance(now.found))
+            found = now.found + added
+            parts = zip(self._parted(added), self._parted(found), strict=True)
+            change = functools.reduce(jnp.maximum, (_relative(*part) for part in parts))
+            return _Passes(found, change, now.change, now.passes + 1)
+
+        zero = jnp.zeros((), right.dtype)
+        return jax.lax.while_loop(goes_on, again, _Passes(0.0 * right, zero, zero, jnp.zeros((), int))).found
+
+    def _nearly(self, right: Float[Array, "u c"]) -> Float[Array, "u c"]:
+        """The solution with M + A."""
+        (force, gamma), kept = self._parted(right), self.kept[:, None]
+        mu = self.near(self.rows.times(self.rows.accelerations(force)) - gamma)
+        a = self.rows.accelerations(force - self.rows.transposed(mu))
+        return jnp.concatenate([a, mu + (1 - kept) * gamma])
+
+    def _parted(self, unknowns: Float[Array, "u c"]) -> tuple[Array, Array]:
+        return unknowns[: -self.rows.count], unknowns[-self.rows.count :]
+
+    def left_by_mass(self) -> Float[Array, ""]:
+        """How much of the error of a the slowest motion keeps in a pass: 1 where it has no mass, 0 where all do."""
+        if self.rows.mass is None:
+            return jnp.zeros((), self.kept.dtype)
+        count = self.rows.plan.columns.size + self.rows.count
+        start = jnp.cos(jnp.arange(count, dtype=self.kept.dtype) ** 2)[:, None]
+
+        def power(_: Array, carry: tuple[Array, Array]) -> tuple[Array, Array]:
+            error, _ = carry
+            error = error - self._nearly(self._balance(error))
+            size = jnp.max(jnp.abs(self._parted(error)[0]))
+            return error / jnp.where(size > 0, size, 1.0), size
+
+        return jax.lax.fori_loop(0, _POWERS, power, (start, jnp.zeros((), start.dtype)))[1]
 
     def nearest(self, off: Float[Array, "m c"]) -> Float[Array, "n c"]:
         """The change of least M-norm by which the rows that count change as much."""
@@ -87,6 +148,21 @@ class Gram(eqx.Module):
             return (1 - self.kept)[:, None] * (y - self.rows.gram(self.solution(y)))
 
         return jax.lax.cond(jnp.any(self.kept == 0), found, lambda: jnp.zeros_like(y))
+
+
+def _relative(change: Array, whole: Array) -> Array:
+    """The largest change of a column, relative to the largest entry of it."""
+    change, size = (jnp.max(jnp.abs(x), axis=0) for x in (change, whole))
+    return jnp.max(change / jnp.where(size > 0, size, 1.0))
+
+
+class _Passes(NamedTuple):
+    """a and mu, how much they changed in the last pass and in that before, relative, and passes so far."""
+
+    found: Float[Array, "u c"]
+    change: Float[Array, ""]
+    before: Float[Array, ""]
+    passes: Int[Array, ""]
 
 
 def gram(rows: Rows, kept: Float[Array, " m"]) -> Gram:

@@ -41,6 +41,7 @@ class Plan(eqx.Module):
     - `beside`: where the entries of a row with its mates go, as `place`, beyond the last for none or said twice.
     - `own`, `position`: the rows owned by all fronts, level by level, m for none; and where each row is among them.
     - `levels`: from the leaves to the roots.
+    - `massless`: which bodies lack mass or inertia, shape (bodies,); `None` if none do.
     """
 
     source: UInt[Array, " e"]
@@ -55,6 +56,7 @@ class Plan(eqx.Module):
     own: UInt[Array, " places"]
     position: UInt[Array, " m"]
     levels: tuple[Level, ...]
+    massless: Bool[Array, " bodies"] | None
 
     @property
     def size(self) -> int:
@@ -62,8 +64,14 @@ class Plan(eqx.Module):
         return sum(_entries(level) for level in self.levels)
 
 
-def plan(joints: Sequence[np.ndarray], slopes: tuple[np.ndarray, np.ndarray], columns: np.ndarray) -> Plan:
-    """The plan for the rows of each joint, the row and the body of each slope, the ground last, and `columns`."""
+def plan(
+    joints: Sequence[np.ndarray],
+    slopes: tuple[np.ndarray, np.ndarray],
+    columns: np.ndarray,
+    massless: Sequence[bool] = (),
+) -> Plan:
+    """The plan for the rows of each joint, the row and the body of each slope, the ground last, `columns`, and which
+    bodies lack mass."""
     source = np.flatnonzero(slopes[1] < len(columns))
     row, body = (each[source] for each in slopes)
     m = sum(rows.size for rows in joints)
@@ -92,6 +100,7 @@ def plan(joints: Sequence[np.ndarray], slopes: tuple[np.ndarray, np.ndarray], co
         own=_indices(layout.padded),
         position=_indices(layout.position[:-1]),
         levels=layout.levels(),
+        massless=on_device(np.array(massless)) if any(massless) else None,
     )
 
 

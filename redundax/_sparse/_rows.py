@@ -1,5 +1,7 @@
 """The Jacobian of a mechanism by rows and bodies, B, and its mass by bodies, M: products, none of them dense."""
 
+from typing import cast
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -11,12 +13,14 @@ class Rows(eqx.Module):
     """B and M^-1.
 
     - `slopes`: entries of B as in `Plan`, shape (e, s).
-    - `inverse_mass`: of each body, shape (bodies, s, s).
+    - `inverse_mass`: of each body, shape (bodies, s, s); with more mass for those that lack some.
+    - `mass`: M of each body where some lack mass, else `None`.
     """
 
     plan: Plan
     slopes: Float[Array, "e s"]
     inverse_mass: Float[Array, "bodies s s"]
+    mass: Float[Array, "bodies s s"] | None = None
 
     @property
     def count(self) -> int:
@@ -25,7 +29,7 @@ class Rows(eqx.Module):
 
     def scaled(self, row_scale: Float[Array, " m"]) -> "Rows":
         """D^-1 B for B."""
-        return Rows(self.plan, self.slopes / row_scale[self.plan.row][:, None], self.inverse_mass)
+        return Rows(self.plan, self.slopes / row_scale[self.plan.row][:, None], self.inverse_mass, self.mass)
 
     def times(self, v: Float[Array, "n c"]) -> Float[Array, "m c"]:
         """B v."""
@@ -42,6 +46,10 @@ class Rows(eqx.Module):
     def accelerations(self, force: Float[Array, "n c"]) -> Float[Array, "n c"]:
         """M^-1 f."""
         return self._of_bodies(self.inverse_mass @ force[self.plan.columns])
+
+    def inertia_force(self, a: Float[Array, "n c"]) -> Float[Array, "n c"]:
+        """M a, where some bodies lack mass."""
+        return self._of_bodies(cast(Array, self.mass) @ a[self.plan.columns])
 
     def gram(self, mu: Float[Array, "m c"]) -> Float[Array, "m c"]:
         """S mu = B M^-1 B^T mu."""
