@@ -173,7 +173,7 @@ class Mechanism(AbstractSystem):
     def _massless(self) -> list[bool]:
         """Which bodies are known to lack mass or inertia."""
         masses = self.frame.masses(self.body)
-        return list(np.linalg.eigvalsh(np.asarray(masses))[:, 0] <= 0) if is_concrete(masses) else []
+        return (np.linalg.eigvalsh(np.asarray(masses))[:, 0] <= 0).tolist() if is_concrete(masses) else []
 
     @property
     def whole(self) -> Self:

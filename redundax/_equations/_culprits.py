@@ -47,7 +47,7 @@ def culprits(system: AbstractSystem, state: State, factor: Any, result: RESULTS)
         return rates or _rows(system, np.asarray(factor.contradicting(factor.gamma)), "N^T gamma in rows")
     if result == RESULTS.inconsistent_constraints:
         return _rows(system, np.asarray(explicit_gamma(system, state)), "Rows that prescribe an acceleration")
-    if result == RESULTS.indeterminate_acceleration:
+    if result == RESULTS.indeterminate_acceleration and isinstance(factor, Factorisation):
         return f" Free without mass: {', '.join(_massless(system, factor))}."
     if result == RESULTS.indeterminate_closure:
         rows = np.flatnonzero(~np.asarray(factor.unique_multipliers))

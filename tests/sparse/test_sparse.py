@@ -243,9 +243,22 @@ def test_other_questions_are_answered_by_dense_matrices():
     )
 
 
-def test_what_sparse_matrices_do_not_take_is_told():
-    with pytest.raises(ValueError, match="but 'crank 1' lacks some"):
-        rx.mechanisms.swing().sparse()
+def test_bodies_without_mass_are_taken_where_every_motion_has_some():
+    swing = rx.mechanisms.swing(rods=5, length=2.0)
+    state = swing.state(-1.2, rate=0.5)
+    dense, sparse = (rx.solve(each, state) for each in (swing, swing.sparse()))
+    turns = np.asarray(sparse.acceleration)[2:15:3]
+    np.testing.assert_allclose(turns, -9.81 / 2.0 * np.cos(-1.2), rtol=1e-11)
+    np.testing.assert_allclose(sparse.multipliers, dense.multipliers, atol=1e-10 * np.abs(dense.multipliers).max())
+    assert sparse.stats.redundancy == 3
+    bodies = [rx.Body("rod", 1.0, 1 / 12), rx.Body("wheel", 0.0, 0.0)]
+    pins = [
+        rx.Revolute("A", "rod", "ground", (-0.5, 0.0), (0.0, 0.0)),
+        rx.Revolute("B", "wheel", "rod", (0.0, 0.0), (0.5, 0.0)),
+    ]
+    loose = rx.Mechanism(bodies, pins, gravity=(0.0, -9.81)).sparse()
+    with pytest.raises(RuntimeError, match="accelerations are not unique"):
+        rx.solve(loose, rx.State(jnp.array([0.5, 0.0, 0.0, 1.0, 0.0, 0.0]), jnp.zeros(6), 0.0))
 
 
 def ladder(loops, twice=False):
