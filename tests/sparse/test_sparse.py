@@ -247,7 +247,7 @@ def test_bodies_without_mass_are_taken_where_every_motion_has_some():
     swing = rx.mechanisms.swing(rods=5, length=2.0)
     state = swing.state(-1.2, rate=0.5)
     dense, sparse = (rx.solve(each, state) for each in (swing, swing.sparse()))
-    turns = np.asarray(sparse.acceleration)[2:15:3]
+    turns = np.asarray(sparse.acceleration)[12:17]
     np.testing.assert_allclose(turns, -9.81 / 2.0 * np.cos(-1.2), rtol=1e-11)
     np.testing.assert_allclose(sparse.multipliers, dense.multipliers, atol=1e-10 * np.abs(dense.multipliers).max())
     assert sparse.stats.redundancy == 3
