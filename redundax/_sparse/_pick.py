@@ -4,10 +4,11 @@
 
 With the factor of S + e W for small e, whose rows all count, x is found by
 
-    c = e (S + e W)^-1 (d - W x),   c <- c - (S + e W)^-1 S c  until S c is rounding,   x <- x + c
+    c = e (S + e W)^-1 (d - W x),   c <- c - y  with  S y = S c,   x <- x + c
 
-The second takes e / (l + e) of what is in c of each eigenvalue l of S by W, and all of a self-stress; the first loses
-eps / e of it to rounding, which the next pass finds again. N is never formed. W couples rows of one joint.
+The first takes e / (l + e) of what d has along each eigenvalue l of S by W, which is all of a self-stress, but for
+eps / e that rounding takes and the next pass finds. The second takes the rest, by conjugate gradients that the same
+factor leads: a few steps. N is never formed. W couples rows of one joint.
 """
 
 from typing import NamedTuple
@@ -22,7 +23,7 @@ from ._gram import Gram
 from ._rows import Rows
 
 _WEIGHT = 0.4  # power of the rounding: e
-_STEPS = 30  # after which x is final where c is found
+_STEPS = 60  # after which x is final where c is found, and twice as many at most
 _ROUNDING = 10  # times eps: S c of a self-stress
 
 
@@ -92,35 +93,45 @@ class Picking(eqx.Module):
 
         def step(now: _Pass) -> _Pass:
             x = now.x + jnp.where(now.ends, now.c, 0.0)
-            c = jnp.where(now.ends, 0.0, now.c)
-            right = jnp.where(now.ends, weight * (misfit - self.compliance.times(x)), -now.strain)
-            c = c + solution(rows.plan, self.fronts, right)
-            strain = rows.gram(c)
-            size, scale = largest(strain), rounding * (largest(misfit) + largest(x + c))
-            ends = (size <= scale) | (~now.ends & (size > now.size / 2))
+            right = jnp.where(now.ends, weight * (misfit - self.compliance.times(x)), now.left)
+            found = solution(rows.plan, self.fronts, right)
+            energy = jnp.sum(right * found)
+            along = found + jnp.where(now.ends, 0.0, _ratio(energy, now.energy)) * now.along
+            image = rows.gram(along)
+            length = _ratio(energy, jnp.sum(along * image))
+            c = jnp.where(now.ends, found, now.c - length * along)
+            left = jnp.where(now.ends, image, now.left - length * image)
+            along = jnp.where(now.ends, 0.0, along)
+            scale = rounding * (largest(misfit) + largest(x + c))
+            ends = largest(left) <= scale
             last = jnp.where(now.ends, largest(now.c), now.last)
-            small = largest(c) ** 2 <= scale * jnp.maximum(last, largest(c))
-            found = ends & (small | (now.steps >= _STEPS))
-            return _Pass(x, c, strain, size, last, ends, found, now.steps + 1)
+            found = ends & ((largest(c) ** 2 <= scale * jnp.maximum(last, largest(c))) | (now.steps >= _STEPS))
+            return _Pass(x, c, left, along, energy, last, ends, found, now.steps + 1)
 
         none, true = jnp.zeros_like(misfit), jnp.asarray(True)
         zero, count = jnp.zeros((), misfit.dtype), jnp.zeros((), int)
-        start = _Pass(none, none, none, zero, zero, true, ~true, count)
+        start = _Pass(none, none, none, none, zero, zero, true, ~true, count)
         end = jax.lax.while_loop(lambda now: ~now.found & (now.steps < 2 * _STEPS), step, start)
         return jnp.where(end.ends, end.x + end.c, jnp.nan)
 
 
 class _Pass(NamedTuple):
-    """x, c, S c and its size, the size of the last c, whether c is found, and x, and steps so far."""
+    """x, c, S c, direction and energy of the last step, the size of the last c, whether c is found, and x, and steps
+    so far."""
 
     x: Float[Array, "m 1"]
     c: Float[Array, "m 1"]
-    strain: Float[Array, "m 1"]
-    size: Float[Array, ""]
+    left: Float[Array, "m 1"]
+    along: Float[Array, "m 1"]
+    energy: Float[Array, ""]
     last: Float[Array, ""]
     ends: Bool[Array, ""]
     found: Bool[Array, ""]
     steps: Int[Array, ""]
+
+
+def _ratio(part: Array, whole: Array) -> Array:
+    return jnp.where(whole > 0, part / jnp.where(whole > 0, whole, 1.0), 0.0)
 
 
 def picking(gram: Gram, compliance: Compliance) -> tuple[Picking, Float[Array, ""]]:
