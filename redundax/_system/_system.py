@@ -116,11 +116,11 @@ class AbstractSystem(eqx.Module):
         """`constraint` at poses of bodies, where there is a path."""
         raise NotImplementedError
 
-    def slips_at(self, poses: Any, t: Float[Array, ""]) -> Float[Array, " p"]:
-        """Slips of all friction groups at poses of bodies, where there is a path."""
+    def slips_at(self, poses: Any) -> Float[Array, " p"]:
+        """Slips of all friction groups at poses of bodies, where there is a path: no functions of time."""
         raise NotImplementedError
 
-    def slip_directions(self, poses: Any, t: Float[Array, ""]) -> Float[Array, "n p"]:
+    def slip_directions(self, poses: Any) -> Float[Array, "n p"]:
         """E of all friction groups at poses of bodies, where there is a path."""
         raise NotImplementedError
 

@@ -14,7 +14,6 @@ from jaxtyping import Array, Float
 
 from ..._tools._module import Numbers, floats, is_concrete, numpy_of
 
-
 _SKEW = np.cross(np.eye(3), np.eye(3)[:, None])  # times v it gives [v]x
 
 
@@ -38,9 +37,9 @@ def _next(v: Float[Any, "*some 3"]) -> Float[Array, "*some 3"]:
     return jnp.concatenate([v[..., 1:], v[..., :1]], axis=-1)
 
 
-def skew(v: Float[Array, "*some 3"]) -> Float[Array, "*some 3 3"]:
+def skew(v: Float[Any, "*some 3"]) -> Any:
     """[v]x."""
-    return times(_SKEW.astype(v.dtype), v[..., None, :])
+    return _by(_SKEW, v)
 
 
 def times(matrix: Float[Any, "*#some 3 3"], vector: Float[Any, "*#some 3"]) -> Float[Array, "*some 3"]:
@@ -48,7 +47,9 @@ def times(matrix: Float[Any, "*#some 3 3"], vector: Float[Any, "*#some 3"]) -> F
     return jnp.sum(matrix * vector[..., None, :], axis=-1)
 
 
-def multiplied(a: Float[Any, "*#some 3 3"], b: Float[Any, "*#some 3 3"]) -> Float[Array, "*some 3 3"]:
+def multiplied(
+    a: Float[Any, "*#some rows inner"], b: Float[Any, "*#some inner columns"]
+) -> Float[Array, "*some rows columns"]:
     """A B likewise."""
     return jnp.sum(a[..., :, :, None] * b[..., None, :, :], axis=-2)
 
@@ -66,7 +67,8 @@ def product(p: Float[Any, "*some 4"], u: Float[Any, "*some 3"], w: Any = 1.0) ->
     return w * p + numpy_of(p, u).sum(_by(_G, p) * u[..., :, None], axis=-2)
 
 
-def _by(table: np.ndarray, p: Float[Any, "*some 4"]) -> Any:
+def _by(table: np.ndarray, p: Float[Any, "*some size"]) -> Any:
+    """The matrix that a table of numbers makes of a vector."""
     return numpy_of(p).sum(table.astype(p.dtype) * p[..., None, None, :], axis=-1)
 
 

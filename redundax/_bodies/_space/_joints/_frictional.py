@@ -115,10 +115,11 @@ class AbstractPressedJoint(AbstractContactJoint):
 
     def load(self, multipliers: Float[Array, " rows"]) -> ContactLoad:
         """What the multipliers are for the contact."""
-        own = {name: multipliers[row] for row, (name, _) in enumerate(self.row_kinds)}
-        zero = jnp.zeros((), multipliers.dtype)
-        radial, bend = (jnp.stack([own.get(f"{name}_{k}", zero) for k in (1, 2)]) for name in ("radial", "bend"))
-        return ContactLoad(radial, own.get("axial", zero), bend, own.get("twist", zero))
+        row, none = {name: k for k, (name, _) in enumerate(self.row_kinds)}, jnp.zeros(2, multipliers.dtype)
+        axial, twist = (multipliers[row[name]] if name in row else none[0] for name in ("axial", "twist"))
+        first = [row.get(f"{name}_1") for name in ("radial", "bend")]
+        radial, bend = (none if k is None else multipliers[k : k + 2] for k in first)
+        return ContactLoad(radial, axial, bend, twist)
 
 
 class AbstractFrictionalJoint(AbstractPressedJoint):
