@@ -14,13 +14,12 @@ from jaxtyping import Array, Float
 
 from ..._tools._module import Numbers, floats, is_concrete, numpy_of
 
-_SKEW = np.cross(np.eye(3), np.eye(3)[:, None])  # times v it gives [v]x
-
 
 def _table(sign: int) -> np.ndarray:
     """What times p gives E or G."""
     table = np.zeros((3, 4, 4))
-    table[:, 0, 1:], table[:, 1:, 0], table[:, 1:, 1:] = -np.eye(3), np.eye(3), sign * _SKEW
+    one = np.eye(3)
+    table[:, 0, 1:], table[:, 1:, 0], table[:, 1:, 1:] = -one, one, sign * np.cross(one, one[:, None])
     return table
 
 
@@ -37,9 +36,9 @@ def _next(v: Float[Any, "*some 3"]) -> Float[Array, "*some 3"]:
     return jnp.concatenate([v[..., 1:], v[..., :1]], axis=-1)
 
 
-def skew(v: Float[Any, "*some 3"]) -> Any:
-    """[v]x."""
-    return _by(_SKEW, v)
+def skew(v: Float[Array, "*some 3"]) -> Float[Array, "*some 3 3"]:
+    """[v]x, whose rows are those of the unit matrix times v."""
+    return cross(np.eye(3, dtype=v.dtype), v[..., None, :])
 
 
 def times(matrix: Float[Any, "*#some 3 3"], vector: Float[Any, "*#some 3"]) -> Float[Array, "*some 3"]:

@@ -98,12 +98,24 @@ class Relative(NamedTuple):
     @property
     def angle(self) -> Float[Array, ""]:
         """Turn about the axis, from -pi to pi."""
-        return jnp.arctan2(*self.twist)
+        return _angle(*self.twist)
 
     def angle_from(self, angle: Array) -> Float[Array, ""]:
         """Turn about the axis beyond an angle of any number of turns, from -pi to pi."""
         (sine, cosine), s, c = self.twist, jnp.sin(angle), jnp.cos(angle)
-        return jnp.arctan2(sine * c - cosine * s, cosine * c + sine * s)
+        return _angle(sine * c - cosine * s, cosine * c + sine * s)
+
+
+@jax.custom_jvp
+def _angle(sine: Float[Array, ""], cosine: Float[Array, ""]) -> Float[Array, ""]:
+    return jnp.arctan2(sine, cosine)
+
+
+@_angle.defjvp
+def _angle_jvp(primals: tuple[Array, Array], tangents: tuple[Array, Array]) -> tuple[Array, Array]:
+    """(c s' - s c') / (s^2 + c^2), which compiles to less than the derivative of `arctan2`."""
+    (sine, cosine), (by_sine, by_cosine) = primals, tangents
+    return _angle(*primals), (cosine * by_sine - sine * by_cosine) / (sine * sine + cosine * cosine)
 
 
 @jax.custom_jvp
