@@ -21,10 +21,10 @@ class Positions(NamedTuple):
     relatives: tuple[Any, ...]
 
     @classmethod
-    def path(cls, joints: tuple[Stack, ...], poses: Any) -> list["Positions"]:
-        """Positions, their rates and the rates of these, from stacked poses with theirs."""
-        seen = [stack.over(lambda joint, i, j: joint.relatives(i, j), poses) for stack in joints]
-        orders = [jax.tree.map(lambda x, k=k: x[:, k], poses) for k in range(3)]
+    def path(cls, joints: tuple[Stack, ...], poses: Any, along: Any) -> list["Positions"]:
+        """Positions, their rates and the rates of these, from poses, and stacked poses with theirs."""
+        seen = [stack.over(lambda joint, i, j: joint.relatives(i, j), along) for stack in joints]
+        orders = [poses, *(jax.tree.map(lambda x, k=k: x[:, k], along) for k in (1, 2))]
         return [cls(poses, tuple(each and each[k] for each in seen)) for k, poses in enumerate(orders)]
 
 

@@ -276,7 +276,7 @@ class Mechanism(AbstractSystem):
 
     def path(self, q: Array, rate: Array) -> Path | None:
         found = self.frame.path(self.frame.centres(self.body), q, rate)
-        return None if found is None else Path(found[0], *Positions.path(self.joints, found[1]))
+        return None if found is None else Path(found[0], *Positions.path(self.joints, self.poses(q), found[1]))
 
     def displacement(self, base: Array, q: Array) -> tuple[Array, Array] | None:
         return self.frame.displacement(base, q)
