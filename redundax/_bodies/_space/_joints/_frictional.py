@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...._tools._module import as_float, positive
+from ...._tools._module import Numbers, as_float, floats, optional_float, positive
 from ..._friction_model import AbstractFrictionModel
 from ..._joints._base import check_friction
 from .._contact import AbstractContact, ContactLoad, ContactSize
@@ -130,3 +130,13 @@ class AbstractFrictionalJoint(AbstractPressedJoint):
     @abc.abstractmethod
     def slip(self, i: Pose, j: Pose) -> Float[Array, ""]:
         """Displacement of body i relative to body j that friction opposes; "linear" or "angular" by `slip_kind`."""
+
+
+def pin_bearing(
+    pin_radius: Numbers | None, bearing_length: Numbers | None, thrust_radius: Numbers | None
+) -> tuple[Array | None, Array | None, Array | None]:
+    """Radius of a pin, length of its bearing and the normal load of a unit axial force, as far as they are given."""
+    share = None
+    if thrust_radius is not None and pin_radius is not None:
+        share = as_float(floats(thrust_radius) / floats(pin_radius))
+    return optional_float(pin_radius), optional_float(bearing_length), share
