@@ -84,18 +84,9 @@ def papers(mu_rho: float | None = None) -> Problem:
 
 def rubbing() -> tuple[Problem, Problem]:
     """A four-bar whose dry pins stop and turn round five times in 1 s, in the plane and built in space."""
-    (a, b, c, d), ground = (0.2, 0.5, 0.4, 0.5), rx.GROUND
-    bodies = [rx.Body(name, 2 * size, size**3 / 6) for name, size in (("crank", a), ("coupler", b), ("rocker", c))]
-    pins = [
-        ("A", "crank", ground, (-a / 2, 0.0), (0.0, 0.0)),
-        ("B", "coupler", "crank", (-b / 2, 0.0), (a / 2, 0.0)),
-        ("C", "rocker", "coupler", (c / 2, 0.0), (b / 2, 0.0)),
-        ("D", "rocker", ground, (-c / 2, 0.0), (d, 0.0)),
-    ]
-    joints, gravity = [rx.Revolute(*pin, 0.01, rx.Coulomb(0.2)) for pin in pins], np.array([0.0, -GRAVITY])
+    (bodies, joints), gravity = spaces.rods(rx.Coulomb(0.2)), np.array([0.0, -GRAVITY])
     planar = rx.Mechanism(bodies, joints, gravity=gravity)
-    guess = [0.05, 0.08, 0.3, 0.3, 0.6, 0.2, 1.0, 0.4, 1.3]
-    state = rx.assemble(planar, guess, positions={"crank.phi": 1.0}, rates={"crank.phi": 5.0})
+    state = spaces.swinging(planar)
     there = rx.State(spaces.position_in_space(state.q), spaces.velocity_in_space(state.qd))
     ends = [
         ("rubbing four-bar, 1 s", planar, state),

@@ -10,7 +10,6 @@ from jaxtyping import Array, Float, Int
 
 from ._frame import AbstractFrame
 from ._joints import AbstractJoint
-from ._joints._base import slopes
 from ._stack import Stack
 
 Place = tuple[int, int, int, str]  # stack, column, member and kind of a coordinate
@@ -36,7 +35,7 @@ class Coordinate(eqx.Module):
             if self.column == SPIN:
                 none, one = jnp.zeros((3, 3), i.axes.dtype), jnp.eye(3, dtype=i.axes.dtype)
                 return jnp.concatenate([none, one, none, -i.axes.T @ j.axes], axis=1)
-            return slopes(lambda i, j: joint.coordinates(i, j)[self.column : self.column + 1], i, j)
+            return joint.by_velocities(lambda i, j: joint.coordinates(i, j)[self.column : self.column + 1], i, j)
 
         found = some.over(of_one, bodies)
         return found.reshape(-1, found.shape[-1])

@@ -14,7 +14,6 @@ from jaxtyping import Array, Float
 
 from .._system._axis import Axis
 from .._system._state import State
-from .._system._system import Path
 from .._tools._module import Numbers, as_float
 
 
@@ -92,8 +91,9 @@ class AbstractFrame(eqx.Module):
     def poses(self, centres: Any, q: Float[Array, "..."]) -> Any:
         """Poses of all bodies and of the ground, which is last, stacked."""
 
-    def path(self, centres: Any, q: Float[Array, "..."], rate: Float[Array, " n"]) -> Path | None:
-        """Poses along q [+] s rate, where these have a form of their own."""
+    def path(self, centres: Any, q: Float[Array, "..."], rate: Float[Array, " n"]) -> tuple[Array, Any] | None:
+        """q', and stacked poses of all bodies with their rates and the rates of these along q [+] s rate, where they
+        have a form of their own."""
         return None
 
     @abc.abstractmethod

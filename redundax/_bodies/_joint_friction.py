@@ -19,7 +19,6 @@ from .._tools._module import as_functions, replace_fields, tree_take
 from ._frame import AbstractFrame
 from ._friction_model import AbstractFrictionModel
 from ._joints import AbstractJoint
-from ._joints._base import slopes
 from ._slip_directions import scattered
 from ._stack import Stack, indices, kinds, stacked
 from ._vector_friction import VectorFriction
@@ -60,13 +59,15 @@ class JointFriction(AbstractFriction):
     def slip(self, q: Array, t: Array) -> Array:
         return self.slip_at(self.frame.poses(self.centres, q))
 
-    def slip_at(self, poses: Any) -> Float[Array, " p"]:
-        """`slip` at poses of all bodies."""
-        return self.joints.over(lambda joint, i, j: joint.slip(i, j), poses)
+    def slip_at(self, poses: Any, relative: Any = None) -> Float[Array, " p"]:
+        """`slip` at poses of all bodies, or at what the joints are functions of."""
+        return self.joints.over(lambda joint, i, j: joint.slip(i, j), poses, relative)
 
     def directions_at(self, poses: Any) -> Float[Array, "n p"]:
         """E at poses of all bodies."""
-        own = self.joints.over(lambda joint, i, j: slopes(lambda i, j: joint.slip(i, j)[None], i, j), poses)
+        own = self.joints.over(
+            lambda joint, i, j: joint.by_velocities(lambda *ends: joint.slip(*ends)[None], i, j), poses
+        )
         return scattered(self.frame, self.joints, own, poses)
 
     def force(self, loads: Array, rate: Array, sense: Array, memory: PyTree, state: State) -> Array:
@@ -120,6 +121,11 @@ class FrictionMembers(eqx.Module):
         """Names of the joints."""
         labels = self.slips.labels[:: max(1, len(self.slips) // len(self.rows))]
         return [label if self.is_scalar else label.rpartition(".")[0] for label in labels]
+
+    def of_stack(self, parts: Sequence[Any]) -> Any:
+        """What these joints have, of parts that the stacks of joints have; None where theirs is."""
+        own = parts[self.kind]
+        return own if own is None or self.members is None else tree_take(own, self.members)
 
     def of(
         self, joints: Sequence[Stack], frame: AbstractFrame, centres: Array | None

@@ -1,9 +1,10 @@
 """Residuals and slopes of all joints, kind by kind, and the names of what joints have."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 from jaxtyping import Array
 
 from .._system._axis import Axis
@@ -13,10 +14,27 @@ from ._joints import AbstractJoint
 from ._stack import Stack
 
 
+class Positions(NamedTuple):
+    """Poses of all bodies; and for each stack of joints what the poses of bodies i have seen, `None` if nothing."""
+
+    poses: Any
+    relatives: tuple[Any, ...]
+
+    @classmethod
+    def path(cls, joints: tuple[Stack, ...], poses: Any, along: Any) -> list["Positions"]:
+        """Positions, their rates and the rates of these, from poses, and stacked poses with theirs."""
+        seen = [stack.over(lambda joint, i, j: joint.relatives(i, j), along) for stack in joints]
+        orders = [poses, *(jax.tree.map(lambda x, k=k: x[:, k], along) for k in (1, 2))]
+        return [cls(poses, tuple(each and each[k] for each in seen)) for k, poses in enumerate(orders)]
+
+
 @eqx.filter_jit  # traced once for all derivatives in all programs
-def residuals(joints: tuple[Stack, ...], bodies: Any, t: Array) -> list[Array]:
+def residuals(joints: tuple[Stack, ...], at: Positions, t: Array) -> list[Array]:
     """Residuals of all joints, (joints, rows) each."""
-    return [stack.over(lambda joint, i, j: joint.residual(i, j, t), bodies) for stack in joints]
+    return [
+        stack.over(lambda joint, i, j: joint.residual(i, j, t), at.poses, relative)
+        for stack, relative in zip(joints, at.relatives, strict=True)
+    ]
 
 
 @eqx.filter_jit

@@ -39,7 +39,7 @@ from ._coupler import Coupler, Couplings, coupled_rows, couplings
 from ._frame import AbstractFrame
 from ._joint_coordinates import JointCoordinates
 from ._joint_friction import FrictionMembers, JointFriction, friction_members
-from ._joint_rows import coordinate_axis, reaction_axis, residuals, slopes
+from ._joint_rows import Positions, coordinate_axis, reaction_axis, residuals, slopes
 from ._joints import AbstractJoint
 from ._loads import AbstractLoad
 from ._mechanism_page import mechanism_page
@@ -264,10 +264,11 @@ class Mechanism(AbstractSystem):
         return self.frame.poses(self.frame.centres(self.body), q)
 
     def constraint(self, q: Array, t: Array) -> Float[Array, " m"]:
-        return self.constraint_at(self.poses(q), t)
+        return self.constraint_at(Positions(self.poses(q), (None,) * len(self.joints)), t)
 
     def path(self, q: Array, rate: Array) -> Path | None:
-        return self.frame.path(self.frame.centres(self.body), q, rate)
+        found = self.frame.path(self.frame.centres(self.body), q, rate)
+        return None if found is None else Path(found[0], *Positions.path(self.joints, self.poses(q), found[1]))
 
     def displacement(self, base: Array, q: Array) -> tuple[Array, Array] | None:
         return self.frame.displacement(base, q)
@@ -275,15 +276,16 @@ class Mechanism(AbstractSystem):
     def velocity(self, q: Array, rate: Array) -> Array:
         return self.frame.velocity(q, rate)
 
-    def constraint_at(self, poses: Any, t: Array) -> Float[Array, " m"]:
-        coupled = [each.residuals(self.joints, poses) for each in self.couplings]
-        return self.of_rows([*residuals(self.joints, poses, t), *coupled])
+    def constraint_at(self, at: Positions, t: Array) -> Float[Array, " m"]:
+        coupled = [each.residuals(self.joints, at.poses) for each in self.couplings]
+        return self.of_rows([*residuals(self.joints, at, t), *coupled])
 
-    def slips_at(self, poses: Any, t: Array) -> Float[Array, " p"]:
-        return jnp.concatenate([group.slip_at(poses) for group in self.friction])
+    def slips_at(self, at: Positions) -> Float[Array, " p"]:
+        parts = zip(self.friction, self._friction, strict=True)
+        return jnp.concatenate([group.slip_at(at.poses, members.of_stack(at.relatives)) for group, members in parts])
 
-    def slip_directions(self, poses: Any, t: Array) -> Float[Array, "n p"]:
-        return jnp.concatenate([group.directions_at(poses) for group in self.friction], axis=1)
+    def slip_directions(self, at: Positions) -> Float[Array, "n p"]:
+        return jnp.concatenate([group.directions_at(at.poses) for group in self.friction], axis=1)
 
     def jacobian(self, q: Array, t: Array) -> Float[Array, "m n"]:
         """Joint by joint: each reads the coordinates of two bodies."""

@@ -38,9 +38,13 @@ class Stack(eqx.Module, Generic[E]):
     i: Int[Array, " size"]
     j: Int[Array, " size"]
 
-    def over(self, function: Callable[[E, Any, Any], Any], bodies: Any) -> Any:
-        """`function(element, i, j)` of every element and of what its bodies i and j have among all, the ground last."""
-        return eqx.filter_vmap(function)(self.element, tree_take(bodies, self.i), tree_take(bodies, self.j))
+    def over(self, function: Callable[[E, Any, Any], Any], bodies: Any, relative: Any = None) -> Any:
+        """`function(element, i, j)` of every element and of what its bodies i and j have among all, the ground last;
+        `relative` is what the poses of the bodies i have seen, if it is known."""
+        on_i, on_j = tree_take(bodies, self.i), tree_take(bodies, self.j)
+        if relative is not None:
+            on_i = replace_fields(on_i, seen=relative)
+        return eqx.filter_vmap(function)(self.element, on_i, on_j)
 
     def take(self, members: Int[Array, " some"]) -> "Stack[E]":
         """The stack of the given members."""

@@ -19,7 +19,6 @@ from .._system._state import State
 from .._tools._module import replace_fields, tree_take
 from ._frame import AbstractFrame
 from ._friction_model import AbstractFrictionModel
-from ._joints._base import slopes
 from ._slip_directions import scattered
 from ._stack import Stack
 
@@ -74,13 +73,13 @@ class VectorFriction(AbstractFriction):
     def slip(self, q: Array, t: Array) -> Array:
         return self.slip_at(self.frame.poses(self.centres, q))
 
-    def slip_at(self, poses: Any) -> Float[Array, " p"]:
-        """`slip` at poses of all bodies."""
-        return self.joints.over(lambda joint, i, j: joint.slip(i, j), poses).ravel()
+    def slip_at(self, poses: Any, relative: Any = None) -> Float[Array, " p"]:
+        """`slip` at poses of all bodies, or at what the joints are functions of."""
+        return self.joints.over(lambda joint, i, j: joint.slip(i, j), poses, relative).ravel()
 
     def directions_at(self, poses: Any) -> Float[Array, "n p"]:
         """E at poses of all bodies."""
-        own = self.joints.over(lambda joint, i, j: slopes(joint.slip, i, j), poses)
+        own = self.joints.over(lambda joint, i, j: joint.by_velocities(joint.slip, i, j), poses)
         return scattered(self.frame, self.joints, own, poses)
 
     def force(self, loads: Array, rate: Array, sense: Array, memory: PyTree, state: State) -> Array:

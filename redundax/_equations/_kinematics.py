@@ -199,7 +199,8 @@ def slip_motion(system: AbstractSystem, state: State) -> tuple[Float[Array, " p"
     """Slip rates and slip directions E of all friction groups: F = E tau, rate = E^T qd + s_t."""
     path = system.path(state.q, state.qd)
     if path is not None:
-        return slip_rate(system, state), system.slip_directions(path.poses, state.t)
+        directions = system.slip_directions(path.poses)
+        return state.qd @ directions, directions
 
     def slip(d: Array, t: Array) -> Array:
         return _slips(system, system.retract(state.q, d), t)
@@ -213,7 +214,7 @@ def slip_rate(system: AbstractSystem, state: State) -> Float[Array, " p"]:
     """E^T qd + s_t."""
     path = system.path(state.q, state.qd)
     if path is not None:
-        return jax.jvp(system.slips_at, (path.poses, state.t), (path.rate, jnp.ones_like(state.t)))[1]
+        return jax.jvp(system.slips_at, (path.poses,), (path.rate,))[1]
     return jax.jvp(
         lambda d, t: _slips(system, system.retract(state.q, d), t),
         (jnp.zeros_like(state.qd), state.t),
@@ -234,8 +235,14 @@ def slip_force(system: AbstractSystem, state: State, tau: Float[Array, " p"]) ->
 
 def slip_gamma(system: AbstractSystem, state: State) -> Float[Array, " p"]:
     """gamma of the slips: the slip rates change by E^T qdd - gamma."""
-    one = jnp.ones_like(state.t)
-    return _second(system, lambda q, t: _slips(system, q, t), system.slips_at, state, state.qd, one).gamma
+    return _second(
+        system,
+        lambda q, t: _slips(system, q, t),
+        lambda poses, t: system.slips_at(poses),
+        state,
+        state.qd,
+        jnp.ones_like(state.t),
+    ).gamma
 
 
 def _slips(system: AbstractSystem, q: Array, t: Array) -> Float[Array, " p"]:

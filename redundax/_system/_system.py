@@ -112,15 +112,15 @@ class AbstractSystem(eqx.Module):
         """The velocity at which positions have a rate, nearest to it, where it has a form of its own."""
         return None
 
-    def constraint_at(self, poses: Any, t: Float[Array, ""]) -> Float[Array, " m"]:
+    def constraint_at(self, at: Any, t: Float[Array, ""]) -> Float[Array, " m"]:
         """`constraint` at poses of bodies, where there is a path."""
         raise NotImplementedError
 
-    def slips_at(self, poses: Any, t: Float[Array, ""]) -> Float[Array, " p"]:
-        """Slips of all friction groups at poses of bodies, where there is a path."""
+    def slips_at(self, at: Any) -> Float[Array, " p"]:
+        """Slips of all friction groups at poses of bodies, where there is a path: no functions of time."""
         raise NotImplementedError
 
-    def slip_directions(self, poses: Any, t: Float[Array, ""]) -> Float[Array, "n p"]:
+    def slip_directions(self, at: Any) -> Float[Array, "n p"]:
         """E of all friction groups at poses of bodies, where there is a path."""
         raise NotImplementedError
 

@@ -3,6 +3,8 @@ of a whole batch."""
 
 import contextlib
 import dataclasses
+import functools
+import operator
 import os
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
@@ -213,16 +215,17 @@ def unit(v: Numbers) -> Array:
 
 
 @jax.custom_jvp
-def safe_norm(v: Float[Array, " n"]) -> Float[Array, ""]:
-    """|v| with derivative 0 at v = 0; `hypot` has a spurious value there and sqrt NaN."""
-    return jnp.sqrt(sum(v[k] * v[k] for k in range(v.shape[0])))  # not `v @ v`: a batch lays entries side by side
+def safe_norm(v: Float[Array, "n *columns"]) -> Float[Array, "*columns"]:
+    """|v| with derivative 0 at v = 0, column by column; `hypot` has a spurious value there and sqrt NaN."""
+    entries = [v[k] for k in range(v.shape[0])]  # not `v @ v`: a batch lays entries side by side
+    return jnp.sqrt(functools.reduce(operator.add, [x * x for x in entries]))
 
 
 @safe_norm.defjvp
 def _safe_norm_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
     v, size = primals[0], safe_norm(*primals)  # d|v| = v . dv / |v|
     divisor = jnp.where(size > 0, size, 1.0)
-    return size, sum((v[k] / divisor * tangents[0][k] for k in range(v.shape[0])), jnp.zeros_like(size))
+    return size, functools.reduce(operator.add, [v[k] / divisor * tangents[0][k] for k in range(v.shape[0])])
 
 
 @jax.custom_batching.custom_vmap

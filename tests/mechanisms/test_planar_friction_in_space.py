@@ -35,28 +35,14 @@ def test_planar_friction(name):
     assert close([friction[label] for label in planar.slips.labels], first.friction, 1e-11)
 
 
-def rods(friction):
-    """Bodies and pins of a four-bar of rods of 2 kg/m: crank 0.2, coupler 0.5, rocker 0.4 and ground 0.5 m."""
-    (a, b, c, d), ground = (0.2, 0.5, 0.4, 0.5), rx.GROUND
-    bodies = [rx.Body(name, 2 * size, size**3 / 6) for name, size in (("crank", a), ("coupler", b), ("rocker", c))]
-    pins = [
-        ("A", "crank", ground, (-a / 2, 0.0), (0.0, 0.0)),
-        ("B", "coupler", "crank", (-b / 2, 0.0), (a / 2, 0.0)),
-        ("C", "rocker", "coupler", (c / 2, 0.0), (b / 2, 0.0)),
-        ("D", "rocker", ground, (-c / 2, 0.0), (d, 0.0)),
-    ]
-    return bodies, [rx.Revolute(*pin, 0.01, friction) for pin in pins]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("model", [rx.Coulomb(0.2), rx.Stribeck(0.3, 0.2, 1e-3, 5.0), rx.LuGre(0.3, 0.2, 1e-2, 300.0)])
 def test_planar_stick_slip(model):
     """Reversals of single joints are at the same times: all that follows hangs on them."""
-    bodies, pins = rods(model)
+    bodies, pins = spaces.rods(model)
     gravity = np.array([0.0, -9.81])
     planar, mechanism = rx.Mechanism(bodies, pins, gravity=gravity), spaces.lifted(bodies, pins, gravity)
-    guess = [0.05, 0.08, 0.3, 0.3, 0.6, 0.2, 1.0, 0.4, 1.3]
-    state = rx.assemble(planar, guess, positions={"crank.phi": 1.0}, rates={"crank.phi": 5.0})
+    state = spaces.swinging(planar)
     times = np.linspace(0.0, 1.0, 6)
     first = rx.simulate(planar, state, 1.0, ts=times, rtol=1e-10)
     second = rx.simulate(mechanism, in_space(state), 1.0, ts=times, rtol=1e-10)

@@ -137,6 +137,25 @@ def _lifted(joint) -> spatial.AbstractJoint:
     return kind(joint.name, joint.i, joint.j, on_i=places[0], on_j=places[1], **rubs)
 
 
+def rods(friction: rx.AbstractFrictionModel) -> tuple[list[rx.Body], list[rx.Revolute]]:
+    """Bodies and pins of a planar four-bar of rods of 2 kg/m: crank 0.2, coupler 0.5, rocker 0.4 and ground 0.5 m."""
+    (a, b, c, d), ground = (0.2, 0.5, 0.4, 0.5), rx.GROUND
+    bodies = [rx.Body(name, 2 * size, size**3 / 6) for name, size in (("crank", a), ("coupler", b), ("rocker", c))]
+    pins = [
+        ("A", "crank", ground, (-a / 2, 0.0), (0.0, 0.0)),
+        ("B", "coupler", "crank", (-b / 2, 0.0), (a / 2, 0.0)),
+        ("C", "rocker", "coupler", (c / 2, 0.0), (b / 2, 0.0)),
+        ("D", "rocker", ground, (-c / 2, 0.0), (d, 0.0)),
+    ]
+    return bodies, [rx.Revolute(*pin, 0.01, friction) for pin in pins]
+
+
+def swinging(mechanism: rx.Mechanism) -> rx.State:
+    """A state of the planar mechanism of `rods`, its crank at 5 rad/s."""
+    guess = [0.05, 0.08, 0.3, 0.3, 0.6, 0.2, 1.0, 0.4, 1.3]
+    return rx.assemble(mechanism, guess, positions={"crank.phi": 1.0}, rates={"crank.phi": 5.0})
+
+
 def position_in_space(q: np.ndarray) -> np.ndarray:
     """Centres of mass and quaternions of a planar position, (..., 7 bodies)."""
     count = np.shape(q)[-1] // 3

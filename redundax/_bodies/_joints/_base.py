@@ -59,7 +59,19 @@ class AbstractJoint(AbstractBetweenBodies):
 
     def jacobian(self, i: Any, j: Any, t: Float[Array, ""]) -> Float[Array, "rows columns"]:
         """Derivatives of the residual by the velocities of body i, then of body j; the poses with axes."""
-        return slopes(lambda i, j: self.residual(i, j, t), i, j)
+        return self.by_velocities(lambda i, j: self.residual(i, j, t), i, j)
+
+    def by_velocities(self, function: Callable[[Any, Any], Array], i: Any, j: Any) -> Float[Array, "values columns"]:
+        """Derivatives of a function of the poses of both bodies by the velocities of body i, then of body j."""
+
+        def by(of_one: Callable[[Any], Array], pose: Any) -> Array:
+            return jax.vmap(lambda rate: jax.jvp(of_one, (pose,), (rate,))[1], out_axes=1)(pose.unit_rates())
+
+        return jnp.concatenate([by(lambda i: function(i, j), i), by(lambda j: function(i, j), j)], axis=1)
+
+    def relatives(self, i: Any, j: Any) -> Any:
+        """What the pose of body i can have `seen`, its rate and the rate of this, from poses with theirs; or None."""
+        return None
 
     @property
     def law(self) -> AbstractFrictionModel | None:
@@ -74,15 +86,6 @@ class AbstractJoint(AbstractBetweenBodies):
     def coordinates(self, i: Any, j: Any) -> Float[Array, " coordinates"]:
         """Its coordinates, one for each of `coordinate_kinds`, at poses with axes."""
         return jnp.zeros(0)
-
-
-def slopes(function: Callable[[Any, Any], Array], i: Any, j: Any) -> Float[Array, "values columns"]:
-    """Derivatives of a function of two poses by the velocities of body i, then of body j."""
-
-    def by(of_one: Callable[[Any], Array], pose: Any) -> Array:
-        return jax.vmap(lambda rate: jax.jvp(of_one, (pose,), (rate,))[1], out_axes=1)(pose.unit_rates())
-
-    return jnp.concatenate([by(lambda i: function(i, j), i), by(lambda j: function(i, j), j)], axis=1)
 
 
 class AbstractFrictionalJoint(AbstractJoint):

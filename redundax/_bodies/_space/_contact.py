@@ -8,13 +8,18 @@ guide. At both ends N is that of the plane where the load is planar; the additiv
 """
 
 import abc
+import functools
+import operator
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..._tools._module import safe_norm
+
+_COUPLE = np.array([[-1, 1], [1, -1]])  # forces at both ends, columns, by moments about y and x over their distance
 
 
 class ContactLoad(NamedTuple):
@@ -122,9 +127,9 @@ class EndContacts(AbstractContact):
     def normal_load(self, load: ContactLoad, size: ContactSize) -> Array:
         half = load.radial / 2 if self.radial else jnp.zeros_like(load.radial)
         if not self.bend or size.length is None:
-            return 2 * safe_norm(half) + _beside(self, load, size)
-        couple = jnp.stack([-load.bend[1], load.bend[0]]) / size.length
-        return safe_norm(half + couple) + safe_norm(half - couple) + _beside(self, load, size)
+            return _total(self, load, size, 2 * safe_norm(half))
+        couple = load.bend[::-1, None] * (_COUPLE.astype(half.dtype) / size.length)
+        return _total(self, load, size, *safe_norm(half[:, None] + couple))
 
 
 class AdditiveContact(AbstractContact):
@@ -154,23 +159,20 @@ class AdditiveContact(AbstractContact):
         return _needs_size(self)
 
     def normal_load(self, load: ContactLoad, size: ContactSize) -> Array:
-        total = _beside(self, load, size)
-        if self.radial:
-            total = total + safe_norm(load.radial)
-        if self.bend and size.length is not None:
-            total = total + safe_norm(load.bend) / size.length
-        return total
+        radial = [safe_norm(load.radial)] if self.radial else []
+        bend = [safe_norm(load.bend) / size.length] if self.bend and size.length is not None else []
+        return _total(self, load, size, *radial, *bend)
 
 
 def _needs_size(contact: EndContacts | AdditiveContact) -> tuple[str, ...]:
     return tuple(term for term in ("axial", "bend", "twist") if getattr(contact, term))
 
 
-def _beside(contact: EndContacts | AdditiveContact, load: ContactLoad, size: ContactSize) -> Array:
-    """The terms of axial force and twisting moment."""
-    total = jnp.zeros_like(load.axial)
+def _total(contact: EndContacts | AdditiveContact, load: ContactLoad, size: ContactSize, *across: Array) -> Array:
+    """Sum of terms of the load square to the axis, and of those of axial force and twisting moment."""
+    terms = list(across)
     if contact.axial and size.share is not None:
-        total = total + size.share * jnp.abs(load.axial)
+        terms.append(size.share * jnp.abs(load.axial))
     if contact.twist and size.twist_radius is not None:
-        total = total + jnp.abs(load.twist) / size.twist_radius
-    return total
+        terms.append(jnp.abs(load.twist) / size.twist_radius)
+    return functools.reduce(operator.add, terms) if terms else jnp.zeros_like(load.axial)

@@ -16,11 +16,10 @@ import numpy as np
 from jaxtyping import Array
 
 from ..._system._state import State
-from ..._system._system import Path
 from ..._tools._module import numpy_of, on_device, replace_fields
 from .._frame import AbstractFrame
 from ._pose import Motion, Pose
-from ._rotation import angular_velocity, between, cross, product, rotation, times, turned
+from ._rotation import angular_velocity, between, cross, multiplied, product, rotation, skew, times, turned
 
 
 class Space(AbstractFrame):
@@ -70,17 +69,19 @@ class Space(AbstractFrame):
         ground = (none, np.eye(3, dtype=q.dtype)[None], none)  # constants, which XLA knows to be the same
         return Pose(*(jnp.concatenate(pair) for pair in zip((r, axes, centres), ground, strict=True)))
 
-    def path(self, centres: Array, q: Array, rate: Array) -> Path:
+    def path(self, centres: Array, q: Array, rate: Array) -> tuple[Array, Pose]:
         """R' = R [omega]x and R'' = R [omega]x [omega]x, x'' = 0."""
-        pose, (_, p) = self.poses(centres, q), _parts(q)
-        v, spin = jnp.split(rate, 2)
-        chart = jnp.concatenate([v, product(p, spin.reshape(-1, 3) / 2, 0.0).ravel()])
-        v, omega = (_with_ground(part.reshape(-1, 3)) for part in jnp.split(rate, 2))
-        turn = cross(pose.axes, omega[:, None])
-        bend = cross(turn, omega[:, None])
-        none = jnp.zeros_like(pose.centre)
-        moved, bent = (-times(axes, pose.centre) for axes in (turn, bend))
-        return Path(chart, pose, Pose(v + moved, turn, none), Pose(bent, bend, none))
+        (x, p), (v, omega) = _parts(q), (part.reshape(-1, 3) for part in jnp.split(rate, 2))
+        chart = jnp.concatenate([v.ravel(), product(p, omega / 2, 0.0).ravel()])
+        axes, spin = rotation(p), skew(omega)
+        turn = multiplied(axes, spin)
+        axes = jnp.stack([axes, turn, multiplied(turn, spin)], axis=1)
+        r = jnp.stack([x, v, jnp.zeros_like(v)], axis=1) - times(axes, centres[:, None])
+        none, one = np.zeros((1, 3, 3), q.dtype), np.zeros((1, 3, 3, 3), q.dtype)
+        one[0, 0] = np.eye(3)
+        ground = (none, one, none)
+        at_rest = jnp.pad(centres[:, None], ((0, 0), (0, 2), (0, 0)))
+        return chart, Pose(*(jnp.concatenate(pair) for pair in zip((r, axes, at_rest), ground, strict=True)))
 
     def motions(self, body: Any, state: State) -> Motion:
         pose = self.poses(body.centre, state.q)

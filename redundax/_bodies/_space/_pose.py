@@ -1,6 +1,6 @@
 """Poses of bodies in space, their rates, and wrenches on them."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -29,6 +29,7 @@ class Pose(eqx.Module):
     r: Float[Array, "*bodies 3"]
     axes: Float[Array, "*bodies 3 3"]
     centre: Float[Array, "*bodies 3"]
+    seen: Any = None  # placement of a joint on this body i as that on body j sees it, for one that has formed it
 
     def __getitem__(self, body: Int[Array, "*some"] | int) -> "Pose":
         """Poses of some bodies out of stacked ones."""

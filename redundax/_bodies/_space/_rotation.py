@@ -1,9 +1,9 @@
 """Rotations by quaternions p = (w, v), of which only the direction counts
 
-    R = I + 2 (w [v]x + [v]x [v]x) / |p|^2,   p [+] d = p (1, d/2) / |(1, d/2)|,   p' = p (0, omega) / 2
+    R = E G^T / |p|^2,   E, G = (-v, w I +- [v]x),   p (0, u) = G^T u,   p [+] d = p (1, d/2) / |(1, d/2)|
 
-with the displacement d and the angular velocity omega in body axes. The length of p stays; a displacement turns by
-2 arctan(|d| / 2), so by less than half a turn.
+and p' = p (0, omega) / 2, with the displacement d and the angular velocity omega in body axes. The length of p stays; a
+displacement turns by 2 arctan(|d| / 2), so by less than half a turn.
 """
 
 from typing import Any
@@ -15,10 +15,30 @@ from jaxtyping import Array, Float
 from ..._tools._module import Numbers, floats, is_concrete, numpy_of
 
 
+def _table(sign: int) -> np.ndarray:
+    """What times p gives E or G."""
+    table = np.zeros((3, 4, 4))
+    one = np.eye(3)
+    table[:, 0, 1:], table[:, 1:, 0], table[:, 1:, 1:] = -one, one, sign * np.cross(one, one[:, None])
+    return table
+
+
+_E, _G = _table(1), _table(-1)
+
+
 def cross(a: Float[Any, "*#some 3"], b: Float[Any, "*#some 3"]) -> Float[Array, "*some 3"]:
     """a x b, which compiles to less than `jnp.cross`."""
-    (a1, a2, a3), (b1, b2, b3) = ([v[..., k] for k in range(3)] for v in (a, b))
-    return jnp.stack([a2 * b3 - a3 * b2, a3 * b1 - a1 * b3, a1 * b2 - a2 * b1], axis=-1)
+    return _next(a * _next(b) - _next(a) * b)
+
+
+def _next(v: Float[Any, "*some 3"]) -> Float[Array, "*some 3"]:
+    """Components y, z and x."""
+    return jnp.concatenate([v[..., 1:], v[..., :1]], axis=-1)
+
+
+def skew(v: Float[Array, "*some 3"]) -> Float[Array, "*some 3 3"]:
+    """[v]x, whose rows are those of the unit matrix times v."""
+    return cross(np.eye(3, dtype=v.dtype), v[..., None, :])
 
 
 def times(matrix: Float[Any, "*#some 3 3"], vector: Float[Any, "*#some 3"]) -> Float[Array, "*some 3"]:
@@ -26,7 +46,9 @@ def times(matrix: Float[Any, "*#some 3 3"], vector: Float[Any, "*#some 3"]) -> F
     return jnp.sum(matrix * vector[..., None, :], axis=-1)
 
 
-def multiplied(a: Float[Any, "*#some 3 3"], b: Float[Any, "*#some 3 3"]) -> Float[Array, "*some 3 3"]:
+def multiplied(
+    a: Float[Any, "*#some rows inner"], b: Float[Any, "*#some inner columns"]
+) -> Float[Array, "*some rows columns"]:
     """A B likewise."""
     return jnp.sum(a[..., :, :, None] * b[..., None, :, :], axis=-2)
 
@@ -35,22 +57,18 @@ def rotation(p: Float[Any, "*some 4"]) -> Any:
     """Rotation matrix R of a quaternion of any length."""
     xp = numpy_of(p)
     p = xp.asarray(p)
-    products = p[..., :, None] * p[..., None, :] * (2 / xp.sum(p * p, axis=-1))[..., None, None]
-    (xx, yy, zz), (xy, yz, zx) = ([products[..., a, b] for a, b in ab] for ab in (_SQUARES, _PAIRS))
-    wx, wy, wz = (products[..., 0, k] for k in (1, 2, 3))
-    rows = ((1 - yy - zz, xy - wz, zx + wy), (xy + wz, 1 - zz - xx, yz - wx), (zx - wy, yz + wx, 1 - xx - yy))
-    return xp.stack([xp.stack(row, axis=-1) for row in rows], axis=-2)
-
-
-_SQUARES, _PAIRS = ((1, 1), (2, 2), (3, 3)), ((1, 2), (2, 3), (3, 1))
+    e, g = (_by(table, p) for table in (_E, _G))
+    return xp.sum(e[..., :, None, :] * g[..., None, :, :], axis=-1) / xp.sum(p * p, axis=-1)[..., None, None]
 
 
 def product(p: Float[Any, "*some 4"], u: Float[Any, "*some 3"], w: Any = 1.0) -> Any:
     """The quaternion product p (w, u)."""
-    xp = numpy_of(p, u)
-    scalar = w * p[..., :1] - xp.sum(p[..., 1:] * u, axis=-1, keepdims=True)
-    vector = w * p[..., 1:] + p[..., :1] * u + (np.cross if xp is np else cross)(p[..., 1:], u)
-    return xp.concatenate([scalar, vector], axis=-1)
+    return w * p + numpy_of(p, u).sum(_by(_G, p) * u[..., :, None], axis=-2)
+
+
+def _by(table: np.ndarray, p: Float[Any, "*some size"]) -> Any:
+    """The matrix that a table of numbers makes of a vector."""
+    return numpy_of(p).sum(table.astype(p.dtype) * p[..., None, None, :], axis=-1)
 
 
 def turned(p: Float[Array, "*some 4"], d: Float[Array, "*some 3"]) -> Float[Array, "*some 4"]:

@@ -1,22 +1,21 @@
-"""What a joint in space is, and one that sits at a point and axis of both bodies
+"""What a joint in space is, and one that sits at a point and axis of both bodies.
 
-    offset = A_j^T R_j^T (p_i - p_j),   turn = A_j^T R_j^T R_i A_i
-
-p and A are its point and its axes, z along its own axis, on each body: the placement of body i as body j's sees it.
-Rows are in the axes on body j. Their multipliers are minus the force and moment on body i; rows of turns have the
-relative angular velocity omega as their rate where the joint is closed, so that these multipliers are moments; that of
-`ConstantVelocity`, whose shafts are at an angle, has omega . (z_i + z_j) / (1 + z_i . z_j).
+It is a function of the placement of body i as that of body j sees it, in the axes on body j. Its multipliers are minus
+the force and moment on body i; rows of turns have the relative angular velocity omega as their rate where the joint is
+closed, so that these multipliers are moments; that of `ConstantVelocity`, whose shafts are at an angle, has omega .
+(z_i + z_j) / (1 + z_i . z_j).
 """
 
 import abc
-from typing import Any, ClassVar, NamedTuple
+from collections.abc import Callable
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...._tools._module import Numbers
+from ...._tools._module import Numbers, replace_fields
 from ..._frame import AbstractFrame
 from ..._friction_model import AbstractFrictionModel
 from ..._joints import AbstractJoint as AbstractAnyJoint
@@ -24,7 +23,7 @@ from .._body import Body
 from .._frame import SPACE
 from .._placement import Placement, at_reference, placed
 from .._pose import Pose
-from .._rotation import multiplied, times
+from ._relative import Relative
 
 
 class AbstractJoint(AbstractAnyJoint):
@@ -56,75 +55,6 @@ class AbstractJoint(AbstractAnyJoint):
     @abc.abstractmethod
     def residual(self, i: Pose, j: Pose, t: Float[Array, ""]) -> Float[Array, " rows"]:
         """Constraint residual, one entry for each of `row_kinds`."""
-
-
-class Relative(NamedTuple):
-    """Offset and turn of a joint's placement on body i from that on body j, in the axes on j."""
-
-    offset: Float[Array, "3"]
-    turn: Float[Array, "3 3"]
-
-    @classmethod
-    def between(cls, placed: Any, i: Pose, j: Pose) -> "Relative":
-        """That of a joint or load with `point_i`, `axes_i`, `point_j` and `axes_j`."""
-        back = multiplied(j.axes, placed.axes_j).T
-        offset = i.point(placed.point_i) - j.point(placed.point_j)
-        return cls(times(back, offset), multiplied(back, multiplied(i.axes, placed.axes_i)))
-
-    @property
-    def shift(self) -> Float[Array, "2"]:
-        """Offset square to the axis."""
-        return self.offset[:2]
-
-    @property
-    def travel(self) -> Float[Array, ""]:
-        """Offset along the axis."""
-        return self.offset[2]
-
-    @property
-    def tilt(self) -> Float[Array, "2"]:
-        """Tilt of the axis about x and y: 2 tan(half the angle), about the axis of the tilt."""
-        x, y, z = self.turn[:, 2]
-        return jnp.stack([-y, x]) * (2 / (1 + z))
-
-    @property
-    def rotation(self) -> Float[Array, "3"]:
-        """Turn about x, y and z: 2 tan(half the angle), about the axis of the turn."""
-        (_, xy, xz), (yx, _, yz), (zx, zy, _) = self.turn
-        return jnp.stack([zy - yz, xz - zx, yx - xy]) * (2 / (1 + jnp.trace(self.turn)))
-
-    @property
-    def spin(self) -> Float[Array, "3"]:
-        """Zero, with the relative angular velocity as its rate: not that of any coordinates."""
-        return _spin(self.turn)
-
-    @property
-    def twist(self) -> tuple[Array, Array]:
-        """Sine and cosine of the turn about the axis, both times the same positive number."""
-        return self.turn[1, 0] - self.turn[0, 1], self.turn[0, 0] + self.turn[1, 1]
-
-    @property
-    def angle(self) -> Float[Array, ""]:
-        """Turn about the axis, from -pi to pi."""
-        return jnp.arctan2(*self.twist)
-
-    def angle_from(self, angle: Array) -> Float[Array, ""]:
-        """Turn about the axis beyond an angle of any number of turns, from -pi to pi."""
-        (sine, cosine), s, c = self.twist, jnp.sin(angle), jnp.cos(angle)
-        return jnp.arctan2(sine * c - cosine * s, cosine * c + sine * s)
-
-
-@jax.custom_jvp
-def _spin(turn: Float[Array, "3 3"]) -> Float[Array, "3"]:
-    return jnp.zeros(3, turn.dtype)
-
-
-@_spin.defjvp
-def _spin_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
-    """[omega]x = T' T^T, whose derivatives are those of the angular velocity."""
-    rate = multiplied(tangents[0], primals[0].T)
-    omega = jnp.stack([rate[2, 1] - rate[1, 2], rate[0, 2] - rate[2, 0], rate[1, 0] - rate[0, 1]]) / 2
-    return jnp.zeros(3, omega.dtype), omega
 
 
 class AbstractPlacedJoint(AbstractJoint):
@@ -206,7 +136,22 @@ class AbstractPlacedJoint(AbstractJoint):
 
     def relative(self, i: Pose, j: Pose) -> Relative:
         """The placement on body i as that on body j sees it."""
-        return Relative.between(self, i, j)
+        return Relative.between(self, i, j) if i.seen is None else i.seen
+
+    def relatives(self, i: Pose, j: Pose) -> tuple[Relative, Relative, Relative]:
+        """That, its rate and the rate of this, from poses with theirs."""
+        return Relative.along(self, i, j)
+
+    def by_velocities(self, function: Callable[[Any, Any], Array], i: Pose, j: Pose) -> Float[Array, "values columns"]:
+        seen, rates = Relative.moved(self, i, j)
+        none = jax.tree.map(jnp.zeros_like, i.unit_rates())
+        by_i, by_j = (
+            jax.tree.map(lambda *parts: jnp.concatenate(parts), *pair)
+            for pair in ((i.unit_rates(), none), (none, j.unit_rates()))
+        )
+        both = replace_fields(i, seen=seen), j
+        each = jax.vmap(lambda *rate: jax.jvp(function, both, rate)[1], out_axes=1)
+        return each(replace_fields(by_i, seen=rates), by_j)
 
 
 def refuse_friction(name: str, friction: object) -> None:

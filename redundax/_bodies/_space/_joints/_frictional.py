@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...._tools._module import as_float, positive
+from ...._tools._module import Numbers, as_float, floats, optional_float, positive
 from ..._friction_model import AbstractFrictionModel
 from ..._joints._base import check_friction
 from .._contact import AbstractContact, ContactLoad, ContactSize
@@ -115,10 +115,11 @@ class AbstractPressedJoint(AbstractContactJoint):
 
     def load(self, multipliers: Float[Array, " rows"]) -> ContactLoad:
         """What the multipliers are for the contact."""
-        own = {name: multipliers[row] for row, (name, _) in enumerate(self.row_kinds)}
-        zero = jnp.zeros((), multipliers.dtype)
-        radial, bend = (jnp.stack([own.get(f"{name}_{k}", zero) for k in (1, 2)]) for name in ("radial", "bend"))
-        return ContactLoad(radial, own.get("axial", zero), bend, own.get("twist", zero))
+        row, none = {name: k for k, (name, _) in enumerate(self.row_kinds)}, jnp.zeros(2, multipliers.dtype)
+        axial, twist = (multipliers[row[name]] if name in row else none[0] for name in ("axial", "twist"))
+        first = [row.get(f"{name}_1") for name in ("radial", "bend")]
+        radial, bend = (none if k is None else multipliers[k : k + 2] for k in first)
+        return ContactLoad(radial, axial, bend, twist)
 
 
 class AbstractFrictionalJoint(AbstractPressedJoint):
@@ -129,3 +130,13 @@ class AbstractFrictionalJoint(AbstractPressedJoint):
     @abc.abstractmethod
     def slip(self, i: Pose, j: Pose) -> Float[Array, ""]:
         """Displacement of body i relative to body j that friction opposes; "linear" or "angular" by `slip_kind`."""
+
+
+def pin_bearing(
+    pin_radius: Numbers | None, bearing_length: Numbers | None, thrust_radius: Numbers | None
+) -> tuple[Array | None, Array | None, Array | None]:
+    """Radius of a pin, length of its bearing and the normal load of a unit axial force, as far as they are given."""
+    share = None
+    if thrust_radius is not None and pin_radius is not None:
+        share = as_float(floats(thrust_radius) / floats(pin_radius))
+    return optional_float(pin_radius), optional_float(bearing_length), share

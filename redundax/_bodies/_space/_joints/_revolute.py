@@ -8,14 +8,14 @@ from typing import ClassVar, cast
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...._tools._module import Numbers, as_float, floats, optional_float
+from ...._tools._module import Numbers
 from ..._friction_model import AbstractFrictionModel
 from ..._joints._base import Row
 from .._body import Body
 from .._contact import AbstractContact, ContactSize, EndContacts
 from .._placement import Placement, at_reference
 from .._pose import Pose
-from ._frictional import AbstractFrictionalJoint
+from ._frictional import AbstractFrictionalJoint, pin_bearing
 from ._rows import ANGLE, AXIAL, BEND, RADIAL
 
 _ENDS = EndContacts()
@@ -68,10 +68,7 @@ class Revolute(AbstractFrictionalJoint):
         contact: AbstractContact = _ENDS,
     ):
         self.place(name, i, j, at_reference(name, point, axis, mark), on_i, on_j)
-        self.pin_radius, self.bearing_length = optional_float(pin_radius), optional_float(bearing_length)
-        self.thrust_share = None
-        if thrust_radius is not None and pin_radius is not None:
-            self.thrust_share = as_float(floats(thrust_radius) / floats(pin_radius))
+        self.pin_radius, self.bearing_length, self.thrust_share = pin_bearing(pin_radius, bearing_length, thrust_radius)
         by_term = {"axial": ("thrust_radius", thrust_radius), "bend": ("bearing_length", bearing_length)}
         self.rub(friction, contact, {"pin_radius": pin_radius}, by_term)
 

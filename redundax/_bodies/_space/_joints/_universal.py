@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-from ...._tools._module import Numbers, as_float, floats, is_concrete, optional_float
+from ...._tools._module import Numbers, is_concrete
 from ..._friction_model import AbstractFrictionModel
 from ..._joints._base import Row
 from .._body import Body
@@ -19,7 +19,7 @@ from .._contact import AbstractContact, ContactLoad, ContactSize, EndContacts
 from .._placement import Placement, at_reference
 from .._pose import Pose
 from .._rotation import axes_along
-from ._frictional import AbstractContactJoint
+from ._frictional import AbstractContactJoint, pin_bearing
 from ._rows import AXIAL, RADIAL, TWIST
 
 _ENDS = EndContacts()
@@ -88,10 +88,7 @@ class Universal(AbstractContactJoint):
             _check_pins(name, axis_i, axis_j)
         given = at_reference(name, point, axis_i, axis_j), at_reference(name, point, axis_j, axis_i)
         self.place_both(name, i, j, given, (on_i, on_j))
-        self.pin_radius, self.bearing_length = optional_float(pin_radius), optional_float(bearing_length)
-        self.thrust_share = None
-        if thrust_radius is not None and pin_radius is not None:
-            self.thrust_share = as_float(floats(thrust_radius) / floats(pin_radius))
+        self.pin_radius, self.bearing_length, self.thrust_share = pin_bearing(pin_radius, bearing_length, thrust_radius)
         by_term = {"axial": ("thrust_radius", thrust_radius), "bend": ("bearing_length", bearing_length)}
         self.rub(friction, contact, {"pin_radius": pin_radius}, by_term)
 
