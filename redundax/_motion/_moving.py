@@ -176,12 +176,12 @@ class Equations(eqx.Module):
         return self.instant(t, y, context)[0]
 
     def instant(
-        self, t: Array, y: Moving, context: Context, felt: tuple[Array, Array] | None = None
+        self, t: Array, y: Moving, context: Context, felt: Float[Array, " p"] | None = None
     ) -> tuple[Moving, Float[Array, " p"], Float[Array, " p"]]:
-        """y', the rates of the slip rates, and the slip rates; friction of some joints by slip rates of its own."""
+        """y', the rates of the slip rates, and the slip rates; with friction by other slip rates, if given."""
         state = y.at(t)
         linear = self.linear(state, context.held, closed=self.loaded)
-        own = linear if felt is None else linear._replace(rate=jnp.where(felt[0], felt[1], linear.rate))
+        own = linear if felt is None else linear._replace(rate=felt)
         solved = self.solved(state, own, context.tau, context.along)
         base, event = jax.tree.map(jnp.zeros_like, (y.base, y.event))
         memory = list(memory_rates(self.system.friction, linear.rate, state))

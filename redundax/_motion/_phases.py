@@ -131,8 +131,10 @@ def _phase(now: PhaseState, equations: Equations, options: Options) -> PhaseStat
     )
     if released is None:
         return done
-    release = Release(equations, done.t, done.y, carried.context, released)
-    return _beyond(done, set_out(release, onward, options.end, options.ts, options.tolerance), options)
+    release = Release(
+        equations.with_sense(onward.sense), done.t, done.y, carried.context._replace(along=onward.sense), released
+    )
+    return _beyond(done, set_out(release, options.end, options.ts, options.tolerance), options)
 
 
 def _beyond(done: PhaseState, onward: Onward, options: Options) -> PhaseState:
@@ -145,6 +147,7 @@ def _beyond(done: PhaseState, onward: Onward, options: Options) -> PhaseState:
         path=jax.tree.map(lambda new, old: jnp.where(_like(here, new), new, old), onward.path, done.path),
         senses=jnp.where(here[:, None], done.sense, done.senses),
         rests=done.rests & ~here,
+        steps=done.steps + (onward.t > done.t),
         going=done.going & (onward.t < options.end),
     )
 

@@ -1,21 +1,21 @@
 """The first moments after joints with several slips and one friction are let go by loads that change.
 
-With the velocity w of their surfaces, 0 at the release and 0 its rate of change, the motion is
+With the slip rates w, of joints let go 0 at the release t0 as their rates of change are, the motion is
 
-    y' = f(t, y, w),   w' = F(t, y, w),   w(t0) = 0,   F(t0) = 0
+    y' = f(t, y, w),   w' = F(t, y, w),   w(t0) = w0
 
 where friction turns w at a rate of mu N / (m |w|), which nothing bounds as w begins. But one solution leaves w = 0, and
 it is smooth: w goes where the loads pull, turned by what the friction gives way. It is found by collocation, by one
 polynomial over a span of time h whose slopes meet the equations at its start, its end and between (Lobatto),
 
-    y_i = y_0 + h sum_j a_ij f_j,   w_i = h sum_j a_ij F_j
+    y_i = y0 + h sum_j a_ij f_j,   w_i = w0 + h sum_j a_ij F_j
 
-by Newton's method on the w_i, which alone are stiff, dw = (1 - h a dF/dw)^-1 (h a F - w); the rest follows by
-iteration. The error falls with the last terms of the slopes; h does until these are below the tolerance, and no other
-event is passed. Ordinary steps go on from there, where friction turns the slip at a rate that h bounds.
+by Newton's method on the w_i, which alone are stiff, dw = (1 - h a dF/dw)^-1 (w0 + h a F - w); the rest follows by
+iteration. h is as long as the last terms of the slopes are below the tolerance, and no other event is passed. Ordinary
+steps go on from there, where friction turns the slip at a rate that h bounds.
 
-Derivatives pass the iteration at the h and the inverse found, which they do not change. Where no h is found the motion
-goes on from the release by ordinary steps, and derivatives, which they lose, are NaN.
+Derivatives pass the iteration at the h and the inverse found, which do not change its end. Where no h is found the
+motion goes on from the release by ordinary steps, and derivatives, which they lose, are NaN.
 """
 
 from typing import NamedTuple, cast
@@ -29,37 +29,31 @@ from numpy.polynomial import legendre
 
 from .._system._directions import Directions
 from .._tools._module import batch_any, stop_gradient, without_derivative
-from ._moving import Context, Equations, Moving, rechart, tolerance_of
+from ._moving import NONE, Context, Equations, Moving, rechart, tolerance_of
 from ._project import project
 from ._slip import has_event
-from ._stick import Mode
 
-# Nodes after the first; iterations, and spans that are tried.
-_NODES, _SWEEPS, _SPANS = 8, 10, 12
-# Change of slip, relative to it, after which the iteration has settled, at least so many roundings.
-_SETTLED = 1e-9, 1e4
+# Degree of the slopes, iterations, and spans that are tried.
+_DEGREE, _SWEEPS, _SPANS = 8, 10, 12
 
 
-def _lobatto(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Nodes in [-1, 1] with both ends, coefficients in Legendre polynomials by values there, and powers of their
-    integrals from -1."""
-    last = np.eye(count + 1)[count]
-    nodes = np.concatenate([[-1.0], np.sort(legendre.legroots(legendre.legder(last)).real), [1.0]])
-    values = np.linalg.inv(legendre.legvander(nodes, count))
-    powers = np.zeros((count + 2, count + 1))
-    for k, one in enumerate(np.eye(count + 1)):
-        whole = legendre.leg2poly(legendre.legint(one, lbnd=-1))
-        powers[: whole.size, k] = whole
-    return nodes, values, powers @ values
+def _lobatto(degree: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Nodes in [-1, 1] with both ends; coefficients in Legendre polynomials, and powers of integrals from -1, by values
+    there."""
+    within = legendre.legroots(legendre.legder(np.eye(degree + 1)[degree]))
+    nodes = np.concatenate([[-1.0], np.sort(within.real), [1.0]])
+    coefficients = np.linalg.inv(legendre.legvander(nodes, degree))
+    integrals = [legendre.leg2poly(legendre.legint(values, lbnd=-1)) for values in coefficients.T]
+    return nodes, coefficients, np.array(integrals).T
 
 
-_AT, _VALUES, _INTEGRALS = _lobatto(_NODES)
-# Twice a, nodes as parts of the span, and the last coefficients.
-_TABLEAU, _TIMES, _LAST = np.vander(_AT, _NODES + 2, increasing=True) @ _INTEGRALS, (_AT + 1) / 2, _VALUES[-2:]
+_NODES, _COEFFICIENTS, _INTEGRALS = _lobatto(_DEGREE)
+# As parts of the span: times of the nodes, and a.
+_TIMES, _WEIGHTS = (_NODES + 1) / 2, np.vander(_NODES, _DEGREE + 2, increasing=True) @ _INTEGRALS / 2
 
 
 class Release(NamedTuple):
-    """When and where joints let go set out: which, and what stays the same for a while."""
+    """When and where joints are let go: which, and what stays the same for a while."""
 
     equations: Equations
     t: Array
@@ -69,7 +63,7 @@ class Release(NamedTuple):
 
 
 class Onward(NamedTuple):
-    """How it goes on: from when, where and how; and the path up to there at the times asked for."""
+    """From when and where the motion goes on, in which senses; and the path up to there at the times asked for."""
 
     t: Array
     y: Moving
@@ -77,154 +71,127 @@ class Onward(NamedTuple):
     path: Moving
 
 
-class _Found(NamedTuple):
-    """A span h, f and w at its nodes, the inverse of Newton's method; the error by the tolerance, and whether all is
-    good."""
+class _Course(NamedTuple):
+    """A span h, f and w at its nodes, and the inverse of Newton's method; the error by the tolerance."""
 
     span: Array
     slopes: Float[Array, "nodes size"]
     rates: Float[Array, "nodes p"]
     inverse: Float[Array, "unknowns unknowns"]
     error: Array
-    good: Bool[Array, ""]
 
 
-def set_out(release: Release, mode: Mode, end: Array, ts: Float[Array, " times"], tolerance: Array) -> Onward:
-    """The motion from a release of joints with several slips on, for a while; as it is where there is none."""
-    t, y, joints = release.t, release.y, release.joints
-    release = release._replace(
-        equations=release.equations.with_sense(mode.sense),
-        context=release.context._replace(along=jax.lax.stop_gradient(mode.sense)),
-    )
+def set_out(release: Release, end: Array, ts: Float[Array, " times"], tolerance: Array) -> Onward:
+    """The motion from a release on, for a while; where it is if there is none."""
+    t, y, sense = release.t, release.y, release.equations.sense
+    none = Onward(t, y, sense, jax.tree.map(lambda x: jnp.broadcast_to(x, (ts.size, *x.shape)), y))
+    wanted = jnp.any(release.joints)
 
-    none = Onward(t, y, mode.sense, jax.tree.map(lambda x: jnp.broadcast_to(x, (ts.size, *x.shape)), y))
-    return jax.lax.cond(batch_any(jnp.any(joints)), lambda: _begun(release, end, ts, tolerance), lambda: none)
+    def begun() -> Onward:
+        course = _longest(stop_gradient(release), jax.lax.stop_gradient(end), tolerance)
+        course = jax.lax.fori_loop(0, _SWEEPS, lambda _, now: _swept(release, now, renews=False), course)
+        goes = wanted & (course.error <= 1)
+        then = jnp.where(course.span < end - t, t + course.span, end)
+        path = _along(release, course, jnp.append(ts, then))
+        there = rechart(release.equations.system, jax.tree.map(lambda x: x[-1], path))[0]
+        there = project(release.equations.system, then, there, release.context.held)
+        then, there = jax.tree.map(lambda a, b: jnp.where(goes, a, b), (then, there), (t, y))
+        then, there = jax.tree.map(lambda x: without_derivative(wanted & ~goes, x), (then, there))
+        turned = jnp.where(goes, _directions(release, course), sense)
+        return Onward(then, there, turned, jax.tree.map(lambda x: x[:-1], path))
 
-
-def _begun(release: Release, end: Array, ts: Float[Array, " times"], tolerance: Array) -> Onward:
-    equations, t, y, _, joints = release
-    found = _longest(stop_gradient(release), jax.lax.stop_gradient(end), tolerance)
-    flat, unravel = jax.flatten_util.ravel_pytree(y)
-
-    def sweep(carry: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], None]:
-        slopes, slip = _slopes(release, found.span, *carry)
-        return (slopes, carry[1] + _correction(found.inverse, found.span, slip, carry[1])), None
-
-    (slopes, rates), _ = jax.lax.scan(sweep, (found.slopes, found.rates), None, length=_SWEEPS)
-    at = 2 * (ts - t) / jnp.where(found.span > 0, found.span, 1.0) - 1
-    weights = jnp.vander(jnp.where(jnp.abs(at) < 1.1, at, 0.0), _NODES + 2, increasing=True) @ jnp.asarray(_INTEGRALS, flat.dtype)
-    path = jax.vmap(unravel)(flat + found.span / 2 * weights @ slopes)
-    then = jnp.where(found.span < end - t, t + found.span, jnp.where(found.good, end, t))
-    goes, lost = jnp.any(joints) & found.good, jnp.any(joints) & ~found.good
-    there = jax.tree.map(lambda a, b: jnp.where(goes, a, b), _last(release, found.span, slopes), y)
-    then, there = jax.tree.map(lambda x: without_derivative(lost, x), (then, there))
-    return Onward(then, there, jnp.where(goes, _turned(release, rates[-1]), equations.sense), path)
+    return jax.lax.cond(batch_any(wanted), begun, lambda: none)
 
 
-def _turned(release: Release, rates: Float[Array, " p"]) -> Float[Array, " p"]:
-    """The senses, of joints let go the directions of w."""
-    directions = cast(Directions, release.equations.directions)
-    return jnp.where(release.joints, directions.unit(directions.arms * rates), release.equations.sense)
+def _longest(release: Release, end: Array, tolerance: Array) -> _Course:
+    """The longest of some spans that do; a span of 0 if none does."""
+    equations, wanted = release.equations, jnp.any(release.joints)
+    zero, size = jnp.zeros_like(release.t), jax.flatten_util.ravel_pytree(release.y)[0].size
+    slopes, rates = (jnp.zeros((_DEGREE + 1, size), zero.dtype) for size in (size, release.joints.size))
+    none = _Course(zero, slopes, rates, jnp.eye(rates.size, dtype=zero.dtype), jnp.where(wanted, jnp.inf, zero))
 
-
-def _last(release: Release, span: Array, slopes: Float[Array, "nodes size"]) -> Moving:
-    """y at the end of a span."""
-    (equations, t, y, context, _), (flat, unravel) = release, jax.flatten_util.ravel_pytree(release.y)
-    y = unravel(flat + span / 2 * jnp.asarray(_TABLEAU[-1], flat.dtype) @ slopes)
-    return project(equations.system, t + span, rechart(equations.system, y)[0], context.held)
-
-
-def _slopes(
-    release: Release, span: Array, slopes: Float[Array, "nodes size"], rates: Float[Array, "nodes p"]
-) -> tuple[Float[Array, "nodes size"], Float[Array, "nodes p"]]:
-    """f, and F of joints let go, at all nodes by f there before and w."""
-    (equations, t, _, context, joints), (flat, unravel) = release, jax.flatten_util.ravel_pytree(release.y)
-
-    def node(t: Array, flat: Array, rate: Array) -> tuple[Array, Array]:
-        slope, slip, _ = equations.instant(t, unravel(flat), context, felt=(joints, rate))
-        return jax.flatten_util.ravel_pytree(slope)[0], jnp.where(joints, slip, 0.0)
-
-    there = flat + span / 2 * jnp.asarray(_TABLEAU, flat.dtype) @ slopes
-    slopes, slip = jax.vmap(node)(t + span * jnp.asarray(_TIMES, flat.dtype), there, rates)
-    return slopes, slip.at[0].set(0.0)
-
-
-def _correction(
-    inverse: Float[Array, "unknowns unknowns"],
-    span: Array,
-    slip: Float[Array, "nodes p"],
-    rates: Float[Array, "nodes p"],
-) -> Float[Array, "nodes p"]:
-    """dw, by the inverse in units of the squares of times since the release."""
-    squares = jnp.asarray(_TIMES[1:, None] ** 2, slip.dtype)
-    off = (span / 2 * jnp.asarray(_TABLEAU, slip.dtype) @ slip - rates)[1:] / squares
-    return jnp.zeros_like(rates).at[1:].set((inverse @ off.ravel()).reshape(off.shape) * squares)
-
-
-def _longest(release: Release, end: Array, tolerance: Array) -> _Found:
-    """The longest of some spans over which the polynomial is as good as the tolerance, and no other event is passed."""
-    (equations, t, y, _, joints), zero = release, jnp.zeros_like(release.t)
-    size, wanted = jax.flatten_util.ravel_pytree(y)[0].size, jnp.any(joints)
-    slopes, rates = (jnp.zeros((_NODES + 1, size), t.dtype) for size in (size, joints.size))
-    none = _Found(zero, slopes, rates, jnp.eye(_NODES * joints.size, dtype=t.dtype), zero, ~wanted)
-
-    def attempt(carry: tuple[_Found, Array]) -> tuple[_Found, Array]:
+    def attempt(carry: tuple[_Course, Array]) -> tuple[_Course, Array]:
         before, count = carry
-        shrink = 0.8 * jnp.where(before.error > 1, before.error, 1.0) ** (-1 / _NODES)
-        shrink = jnp.where(count > 0, jnp.clip(jnp.where(jnp.isfinite(shrink), shrink, 0.0), 0.1, 0.5), 1.0)
-        return _over(release, none._replace(span=before.span * shrink), tolerance), count + 1
+        shrink = jnp.where(before.error > 1, jnp.clip(0.8 * before.error ** (-1 / _DEGREE), 0.1, 0.5), 0.5)
+        return _over(
+            release, none._replace(span=before.span * jnp.where(count == 0, 1.0, shrink)), tolerance
+        ), count + 1
 
-    span = jnp.minimum(end - t, equations.scaling.size / equations.speed)
-    begin = none._replace(span=jnp.where(wanted, span, zero)), jnp.zeros((), int)
-    found, _ = jax.lax.while_loop(lambda carry: ~carry[0].good & (carry[1] < _SPANS), attempt, begin)
-    return jax.tree.map(lambda a, b: jnp.where(found.good, a, b), found, none._replace(good=found.good))
+    def goes_on(carry: tuple[_Course, Array]) -> Bool[Array, ""]:
+        course, count = carry
+        return ~(course.error <= 1) & (count < _SPANS)
+
+    begin = none._replace(span=jnp.minimum(end - release.t, equations.scaling.size / equations.speed))
+    found, _ = jax.lax.while_loop(goes_on, attempt, (begin, jnp.zeros((), int)))
+    return jax.tree.map(lambda a, b: jnp.where(wanted & (found.error <= 1), a, b), found, none)
 
 
-def _over(release: Release, given: _Found, tolerance: Array) -> _Found:
-    """What is found over a span."""
-    (equations, _, y, _, joints), span = release, given.span
-    directions, tableau = cast(Directions, equations.directions), jnp.asarray(_TABLEAU, span.dtype)
-    sizes, unknowns = _sizes(equations, y), given.inverse.shape[0]
-    squares = np.repeat(_TIMES[1:] ** 2, joints.size)
-    ratio = jnp.asarray(squares / squares[:, None], span.dtype)
-    every = jnp.broadcast_to(jnp.eye(joints.size)[:, None], (joints.size, *given.rates.shape))
+def _over(release: Release, given: _Course, tolerance: Array) -> _Course:
+    """The course over a span, with its error: NaN where there is none, infinite where an event is passed."""
+    equations, joints = release.equations, release.joints
+    directions, sizes = cast(Directions, equations.directions), _sizes(equations, release.y)
+    slow = 100 * tolerance_of(NONE, given.span) * equations.speed / directions.reach(equations.slip_size)
+    begin = given._replace(rates=given.rates + jnp.where(joints, slow * equations.sense / directions.arms, 0.0))
 
-    def surface(rates: Array) -> Array:
-        return jnp.linalg.norm(jnp.where(joints, directions.arms * rates, 0.0), axis=1)[1:]
+    def sweep(course: _Course, _: None) -> tuple[_Course, Array]:
+        after = _swept(release, course, renews=True)
+        return after, jnp.max(jnp.abs(after.slopes - course.slopes) / sizes)
 
-    def sweep(carry: tuple[_Found, Array], count: Array) -> tuple[tuple[_Found, Array], None]:
-        before, _ = carry
+    course, changes = jax.lax.scan(sweep, begin, length=_SWEEPS)
+    last = jnp.asarray(_COEFFICIENTS[-2:], given.span.dtype) @ course.slopes
+    error = given.span * jnp.maximum(changes[-1], jnp.max(jnp.abs(last) / sizes)) / tolerance
+    then = release.t + given.span
+    state = jax.tree.map(lambda x: x[0], _along(release, course, then[None])).at(then)
+    turned = _directions(release, course)
+    linear = equations.linear(state, release.context.held, closed=equations.loaded)
+    none = jnp.any(joints & jnp.any(jax.vmap(equations.is_none)(course.rates[1:]), axis=0))
+    event = none | has_event(equations.with_sense(turned), state, linear, turned)
+    return course._replace(error=jnp.where(event, jnp.inf, error))
 
-        def told(rates: Array) -> tuple[Array, Array]:
-            return _slopes(release, span, before.slopes, rates)[::-1]
 
-        slip, changes, slopes = jax.vmap(
-            lambda one: jax.jvp(told, (before.rates,), (one,), has_aux=True), out_axes=(None, 0, None)
+def _swept(release: Release, course: _Course, *, renews: bool) -> _Course:
+    """The next f and w at the nodes; with a new inverse, if so."""
+    (equations, t, y, context, joints), span = release, course.span
+    (flat, unravel), weights = jax.flatten_util.ravel_pytree(y), span * jnp.asarray(_WEIGHTS, span.dtype)
+    every = jnp.eye(joints.size, dtype=span.dtype)
+
+    def node(at: tuple[Array, Array, Array]) -> tuple[Array, ...]:
+        def told(felt: Array) -> tuple[Array, tuple[Array, Array]]:
+            slope, slip, rate = equations.instant(at[0], unravel(at[1]), context, felt)
+            return slip, (jax.flatten_util.ravel_pytree(slope)[0], rate)
+
+        if not renews:
+            slip, (slope, rate) = told(at[2])
+            return slope, rate, slip
+        slip, changes, (slope, rate) = jax.vmap(
+            lambda one: jax.jvp(told, (at[2],), (one,), has_aux=True), out_axes=(None, 1, None)
         )(every)
-        coupled = span / 2 * tableau[1:, None, 1:, None] * jnp.moveaxis(changes[:, 1:], 0, 2).swapaxes(0, 1)
-        inverse = jnp.linalg.inv(jnp.eye(unknowns, dtype=span.dtype) - coupled.reshape(unknowns, unknowns) * ratio)
-        along = jax.vmap(lambda v: directions.along(v, equations.sense))(span / 2 * tableau @ slip)
-        straight = jnp.where(joints, along * equations.sense / directions.arms, 0.0)
-        rates = jnp.where(count == 0, straight, before.rates + _correction(inverse, span, slip, before.rates))
-        turned = jnp.max(surface(rates - before.rates) / surface(rates)) / tolerance_of(_SETTLED, span)
-        moved = span * jnp.max(jnp.abs(slopes - before.slopes) / sizes) / tolerance
-        off = jnp.maximum(turned, moved)
-        return (before._replace(slopes=slopes, rates=rates, inverse=inverse), off), None
+        return slope, rate, slip, changes
 
-    (found, off), _ = jax.lax.scan(sweep, (given, jnp.zeros_like(span)), jnp.arange(_SWEEPS))
-    error = span * jnp.max(jnp.abs(jnp.asarray(_LAST, span.dtype) @ found.slopes) / sizes) / tolerance
-    none = jnp.any(equations.is_none(found.rates[1]) & joints)
-    good = (off <= 1) & (error <= 1) & ~none & ~_passes_event(release, found)
-    return found._replace(error=error, good=good)
+    times = t + span * jnp.asarray(_TIMES, span.dtype)
+    slopes, rate, slip, *changes = jax.lax.map(node, (times, flat + weights @ course.slopes, course.rates))
+    slip = slip.at[0].set(jnp.where(joints, 0.0, slip[0]))
+    inverse = course.inverse
+    if renews:
+        coupled = jnp.einsum("ij,jpq->ipjq", weights, changes[0]).reshape(inverse.shape)
+        inverse = jnp.linalg.inv(jnp.eye(inverse.shape[0], dtype=span.dtype) - coupled)
+    off = jnp.where(joints, 0.0, rate[0]) + weights @ slip - course.rates
+    rates = course.rates + (inverse @ off.ravel()).reshape(off.shape)
+    return course._replace(slopes=slopes, rates=rates, inverse=inverse)
 
 
-def _passes_event(release: Release, found: _Found) -> Bool[Array, ""]:
-    """Whether another event has happened by the end."""
-    _, t, _, context, _ = release
-    state = _last(release, found.span, found.slopes).at(t + found.span)
-    turned = _turned(release, found.rates[-1])
-    equations = release.equations.with_sense(turned)
-    return has_event(equations, state, equations.linear(state, context.held, closed=equations.loaded), turned)
+def _along(release: Release, course: _Course, times: Float[Array, " times"]) -> Moving:
+    """y at times of the span; of no account elsewhere."""
+    flat, unravel = jax.flatten_util.ravel_pytree(release.y)
+    at = 2 * (times - release.t) / jnp.where(course.span > 0, course.span, 1.0) - 1
+    powers = jnp.vander(jnp.where(jnp.abs(at) < 1.1, at, 0.0), _DEGREE + 2, increasing=True)
+    return jax.vmap(unravel)(flat + course.span / 2 * powers @ jnp.asarray(_INTEGRALS, flat.dtype) @ course.slopes)
+
+
+def _directions(release: Release, course: _Course) -> Float[Array, " p"]:
+    """The senses at the end; of joints let go the directions of w."""
+    directions = cast(Directions, release.equations.directions)
+    return jnp.where(release.joints, directions.unit(directions.arms * course.rates[-1]), release.equations.sense)
 
 
 def _sizes(equations: Equations, y: Moving) -> Float[Array, " size"]:
