@@ -153,7 +153,6 @@ def _swept(release: Release, course: _Course, *, renews: bool) -> _Course:
     """The next f and w at the nodes; with a new inverse, if so."""
     (equations, t, y, context, joints), span = release, course.span
     (flat, unravel), weights = jax.flatten_util.ravel_pytree(y), span * jnp.asarray(_WEIGHTS, span.dtype)
-    every = jnp.eye(joints.size, dtype=span.dtype)
 
     def node(at: tuple[Array, Array, Array]) -> tuple[Array, ...]:
         def told(felt: Array) -> tuple[Array, tuple[Array, Array]]:
@@ -161,15 +160,13 @@ def _swept(release: Release, course: _Course, *, renews: bool) -> _Course:
             return slip, (jax.flatten_util.ravel_pytree(slope)[0], rate)
 
         if not renews:
-            slip, (slope, rate) = told(at[2])
-            return slope, rate, slip
-        slip, changes, (slope, rate) = jax.vmap(
-            lambda one: jax.jvp(told, (at[2],), (one,), has_aux=True), out_axes=(None, 1, None)
-        )(every)
-        return slope, rate, slip, changes
+            slip, aside = told(at[2])
+            return slip, *aside
+        slip, change, aside = jax.linearize(told, at[2], has_aux=True)
+        return slip, *aside, jax.vmap(change, out_axes=1)(jnp.eye(joints.size, dtype=span.dtype))
 
     times = t + span * jnp.asarray(_TIMES, span.dtype)
-    slopes, rate, slip, *changes = jax.lax.map(node, (times, flat + weights @ course.slopes, course.rates))
+    slip, slopes, rate, *changes = jax.lax.map(node, (times, flat + weights @ course.slopes, course.rates))
     slip = slip.at[0].set(jnp.where(joints, 0.0, slip[0]))
     inverse = course.inverse
     if renews:
