@@ -35,6 +35,8 @@ from ._slip import has_event
 
 # Degree of the slopes, iterations, and spans that are tried.
 _DEGREE, _SWEEPS, _SPANS = 8, 10, 12
+# Least tolerance, in roundings.
+_ROUNDINGS = 100.0
 
 
 def _lobatto(degree: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -86,6 +88,7 @@ def set_out(release: Release, end: Array, ts: Float[Array, " times"], tolerance:
     t, y, sense = release.t, release.y, release.equations.sense
     none = Onward(t, y, sense, jax.tree.map(lambda x: jnp.broadcast_to(x, (ts.size, *x.shape)), y))
     wanted = jnp.any(release.joints)
+    tolerance = jnp.maximum(tolerance, _ROUNDINGS * jnp.finfo(t.dtype).eps)
 
     def begun() -> Onward:
         course = _longest(stop_gradient(release), jax.lax.stop_gradient(end), tolerance)
