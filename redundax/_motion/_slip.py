@@ -12,10 +12,8 @@ which joints stick (`_stick`).
 Where a joint has several slips with one friction h is the velocity of its surfaces, or their acceleration, along the
 direction in which they slide as the step begins, or in which they are let go: that of what holds them. Beyond a stop
 friction goes on as before it. Steps that end against that direction must pass a stop (`ends_well`), and Newton's method
-stays within them, as friction turns the slip ever faster about a stop and h' is of its rounding there. After a release
-friction turns the slip v at a rate of mu N / (m |v|), which nothing bounds as v begins. Steps are as long as the error
-of v across allows, which starts as a rounding of |v|; that of its derivative starts as one of the derivative, and grows
-as much. So derivatives past such a release are lost, and NaN.
+stays within them, as friction turns the slip ever faster about a stop and h' is of its rounding there. The first
+moments after a release are those of `_release`.
 
 A mechanism at rest is looked at from time to time: loads that change may let it go.
 """
