@@ -133,8 +133,8 @@ def _over(release: Release, given: _Course, tolerance: Array) -> _Course:
     """The course over a span, with its error: NaN where there is none, infinite where an event is passed."""
     equations, joints = release.equations, release.joints
     directions, sizes = cast(Directions, equations.directions), _sizes(equations, release.y)
-    slow = 100 * tolerance_of(NONE, given.span) * equations.speed / directions.reach(equations.slip_size)
-    begin = given._replace(rates=given.rates + jnp.where(joints, slow * equations.sense / directions.arms, 0.0))
+    slow = tolerance_of(NONE, given.span) * equations.speed / directions.reach(equations.slip_size)
+    begin = given._replace(rates=given.rates + jnp.where(joints, 100 * slow * equations.sense / directions.arms, 0.0))
 
     def sweep(course: _Course, _: None) -> tuple[_Course, Array]:
         after = _swept(release, course, renews=True)
@@ -147,8 +147,9 @@ def _over(release: Release, given: _Course, tolerance: Array) -> _Course:
     state = jax.tree.map(lambda x: x[0], _along(release, course, then[None])).at(then)
     turned = _directions(release, course)
     linear = equations.linear(state, release.context.held, closed=equations.loaded)
-    none = jnp.any(joints & jnp.any(jax.vmap(equations.is_none)(course.rates[1:]), axis=0))
-    event = none | has_event(equations.with_sense(turned), state, linear, turned)
+    ahead = jax.vmap(lambda rate: directions.along(rate, equations.sense))(course.rates[1:])
+    stops = jnp.any(joints & jnp.any(ahead <= slow, axis=0))
+    event = stops | has_event(equations.with_sense(turned), state, linear, turned)
     return course._replace(error=jnp.where(event, jnp.inf, error))
 
 
