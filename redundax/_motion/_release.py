@@ -34,7 +34,7 @@ from ._project import project
 from ._slip import has_event
 
 # Degree of the slopes, iterations, and spans that are tried.
-_DEGREE, _SWEEPS, _SPANS = 8, 10, 12
+_DEGREE, _SWEEPS, _SPANS = 8, 10, 16
 # Least tolerance, in roundings.
 _ROUNDINGS = 100.0
 
@@ -116,9 +116,8 @@ def _longest(release: Release, end: Array, tolerance: Array) -> _Course:
     def attempt(carry: tuple[_Course, Array]) -> tuple[_Course, Array]:
         before, count = carry
         shrink = jnp.where(before.error > 1, jnp.clip(0.8 * before.error ** (-1 / _DEGREE), 0.1, 0.5), 0.5)
-        return _over(
-            release, none._replace(span=before.span * jnp.where(count == 0, 1.0, shrink)), tolerance
-        ), count + 1
+        given = none._replace(span=before.span * jnp.where(count == 0, 1.0, shrink))
+        return _over(release, given, tolerance), count + 1
 
     def goes_on(carry: tuple[_Course, Array]) -> Bool[Array, ""]:
         course, count = carry
@@ -130,7 +129,7 @@ def _longest(release: Release, end: Array, tolerance: Array) -> _Course:
 
 
 def _over(release: Release, given: _Course, tolerance: Array) -> _Course:
-    """The course over a span, with its error: NaN where there is none, infinite where an event is passed."""
+    """The course over a span, with its error: NaN where there is none or an event is passed."""
     equations, joints = release.equations, release.joints
     directions, sizes = cast(Directions, equations.directions), _sizes(equations, release.y)
     slow = tolerance_of(NONE, given.span) * equations.speed / directions.reach(equations.slip_size)
@@ -150,7 +149,7 @@ def _over(release: Release, given: _Course, tolerance: Array) -> _Course:
     ahead = jax.vmap(lambda rate: directions.along(rate, equations.sense))(course.rates[1:])
     stops = jnp.any(joints & jnp.any(ahead <= slow, axis=0))
     event = stops | has_event(equations.with_sense(turned), state, linear, turned)
-    return course._replace(error=jnp.where(event, jnp.inf, error))
+    return course._replace(error=jnp.where(event, jnp.nan, error))
 
 
 def _swept(release: Release, course: _Course, *, renews: bool) -> _Course:
