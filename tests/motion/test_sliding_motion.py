@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from truth.sliding import Slider, let_go, slide
 
 import redundax as rx
@@ -36,13 +37,13 @@ def sleeve(inertia, **pushed):
     return rx.Mechanism([body], [joint], loads=[rs.LoadFunction("body", loads, parameters=push)])
 
 
-def plate(force=(0.0, 0.0), mu=MU, **pushed):
-    """A plate on a horizontal table, of equal inertia about all axes."""
+def plate(force=(0.0, 0.0), mu=MU, load=None, **pushed):
+    """A plate on a horizontal table, of equal inertia about all axes; with a load of its own, if given."""
     body = rs.Body("plate", MASS, (SPUN, SPUN, SPUN))
     sizes = {"plate_length": 0.3, "spin_radius": SPIN, "friction": rx.Coulomb(mu)}
     joint = rs.Planar("joint", body, rx.GROUND, point=(0, 0, 0), axis=(0, 0, 1), **sizes)
-    push = given(force=(*force, -WEIGHT), **pushed)
-    return rx.Mechanism([body], [joint], loads=[rs.LoadFunction("plate", loads, parameters=push)])
+    push = rs.LoadFunction("plate", loads, parameters=given(force=(*force, -WEIGHT), **pushed))
+    return rx.Mechanism([body], [joint], loads=[push if load is None else load])
 
 
 def ran(mechanism, slips, start, rates, times):
@@ -151,6 +152,28 @@ def test_a_load_that_grows_lets_a_plate_go_its_way():
     np.testing.assert_allclose(run.sense[-1], [0.6, 0.8, 0.0], rtol=0, atol=1e-12)
     assert np.all(run.sense[0] == 0.0)
     assert run.stats.steps < 10
+
+
+def swings(i, j, t, p):
+    force = p * jnp.sin(t) * jnp.array([0.6, 0.8, 0.0]) - WEIGHT * jnp.array([0.0, 0.0, 1.0])
+    return rs.Wrench(force, jnp.zeros(3)), rs.Wrench(jnp.zeros(3), jnp.zeros(3))
+
+
+def test_a_load_that_hardly_exceeds_the_limit_and_falls_lets_a_plate_go_and_stop():
+    """m v' = F sin t - f from sin t0 = f / F on; it moves for less than 0.07 s."""
+    most = 1.0002 * LIMIT
+    mechanism = plate(load=rs.LoadFunction("plate", swings, parameters=np.array(most)))
+    start = np.arcsin(LIMIT / most)
+
+    def speed(t):
+        return (most * (np.cos(start) - np.cos(t)) - LIMIT * (t - start)) / MASS
+
+    stop = brentq(speed, np.pi - start, 1.7, xtol=1e-15)
+    way = most * (np.cos(start) * (stop - start) - np.sin(stop) + np.sin(start)) - LIMIT * (stop - start) ** 2 / 2
+    run, slips, _ = ran(mechanism, ON_TABLE, (0, 0, 0), (0, 0, 0), np.array([1.5, 2.0]))
+    np.testing.assert_allclose(slips, [[0, 0, 0], np.array([0.6, 0.8, 0.0]) * way / MASS], rtol=0, atol=1e-12)
+    assert run.result == rx.RESULTS.stuck
+    np.testing.assert_allclose(run.stats.end, stop, rtol=0, atol=1e-5)
 
 
 # Loads that turn as they grow -------------------------------------------------------------------
