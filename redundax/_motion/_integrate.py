@@ -64,7 +64,10 @@ def integrate(
         held = held_by(system, state, factor.scaling, factor.split.stress, singular=singular)
     equations = _equations(system, state, factor, closure, stabilisation, t1)
     first = 0.01 * factor.scaling.size / equations.speed if dt0 is None else dt0
-    options = Options(solver, rtol is None, _controller(rtol, first), adjoint, meter, max_steps, first, t1, ts)
+    tolerance = jnp.asarray(1e-8, first.dtype) if rtol is None else rtol
+    options = Options(
+        solver, rtol is None, _controller(rtol, first), adjoint, meter, max_steps, tolerance, first, t1, ts
+    )
     begin = _start(equations, state, factor, held)
     result = RESULTS.where(ordered, begin.result, RESULTS.times_out_of_order)
     begin = eqx.tree_at(lambda begin: begin.result, begin, result)

@@ -175,11 +175,14 @@ class Equations(eqx.Module):
         """
         return self.instant(t, y, context)[0]
 
-    def instant(self, t: Array, y: Moving, context: Context) -> tuple[Moving, Float[Array, " p"], Float[Array, " p"]]:
-        """y', the rates of the slip rates, and the slip rates."""
+    def instant(
+        self, t: Array, y: Moving, context: Context, felt: Float[Array, " p"] | None = None
+    ) -> tuple[Moving, Float[Array, " p"], Float[Array, " p"]]:
+        """y', the rates of the slip rates, and the slip rates; with friction by other slip rates, if given."""
         state = y.at(t)
         linear = self.linear(state, context.held, closed=self.loaded)
-        solved = self.solved(state, linear, context.tau, context.along)
+        own = linear if felt is None else linear._replace(rate=felt)
+        solved = self.solved(state, own, context.tau, context.along)
         base, event = jax.tree.map(jnp.zeros_like, (y.base, y.event))
         memory = list(memory_rates(self.system.friction, linear.rate, state))
         slope = Moving(chart_rate(self.system, state), base, solved.acceleration, solved.power, event, memory)

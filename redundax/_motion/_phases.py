@@ -14,6 +14,7 @@ from jaxtyping import Array, Bool, Float, Int
 from .._tools._module import batch_any
 from ._held_rank import AnyHeld
 from ._moving import Context, Equations, Moving
+from ._release import Onward, Release, set_out
 from ._slip import bracket_event, is_released, locate
 from ._stepper import Carried, Diagnostics, Stepper
 from ._stick import Mode
@@ -21,7 +22,7 @@ from ._times import within
 
 
 class Options(NamedTuple):
-    """Arguments of diffrax, the end of the motion, and the times asked for."""
+    """Arguments of diffrax, the tolerance of a step, the end of the motion, and the times asked for."""
 
     solver: diffrax.AbstractSolver
     constant: bool
@@ -29,6 +30,7 @@ class Options(NamedTuple):
     adjoint: diffrax.AbstractAdjoint
     meter: diffrax.AbstractProgressMeter
     max_steps: int
+    tolerance: Array
     first: Array
     end: Array
     ts: Float[Array, " times"]
@@ -102,12 +104,13 @@ def _phase(now: PhaseState, equations: Equations, options: Options) -> PhaseStat
     (path, last), (_, stop) = cast(tuple[Moving, Moving], solution.ys), cast(list, solution.ts)
     t, y = stop[0], jax.tree.map(lambda x: x[0], last)
     carried = cast(Carried, solution.solver_state)
-    stopped, onward = jnp.zeros((), bool), Mode(now.sense, carried.context.tau, now.resting, now.decided)
+    onward = Mode(now.sense, carried.context.tau, now.resting, now.decided)
+    stopped, released = jnp.zeros((), bool), None
     if equations.has_sense:
         happened = solution.result == diffrax.RESULTS.event_occurred
-        t, y, onward, stopped = _stopped(now, equations, options.end, happened, t, y, carried, onward)
+        t, y, onward, stopped, released = _stopped(now, equations, options.end, happened, t, y, carried, onward)
     here = (options.ts >= now.t) & (options.ts <= t)
-    return PhaseState(
+    done = PhaseState(
         t=t,
         y=y._replace(qd=jnp.where(onward.resting, 0.0, y.qd)),
         sense=onward.sense,
@@ -126,6 +129,27 @@ def _phase(now: PhaseState, equations: Equations, options: Options) -> PhaseStat
         rejected=now.rejected + solution.stats["num_rejected_steps"],
         phases=now.phases + ~now.resting,
     )
+    if released is None:
+        return done
+    release = Release(
+        equations.with_sense(onward.sense), done.t, done.y, carried.context._replace(along=onward.sense), released
+    )
+    return _beyond(done, set_out(release, options.end, options.ts, options.tolerance), options)
+
+
+def _beyond(done: PhaseState, onward: Onward, options: Options) -> PhaseState:
+    """What the motion is after the first moments past a release."""
+    here = (options.ts > done.t) & (options.ts <= onward.t)
+    return done._replace(
+        t=onward.t,
+        y=onward.y,
+        sense=onward.sense,
+        path=jax.tree.map(lambda new, old: jnp.where(_like(here, new), new, old), onward.path, done.path),
+        senses=jnp.where(here[:, None], done.sense, done.senses),
+        rests=done.rests & ~here,
+        steps=done.steps + (onward.t > done.t),
+        going=done.going & (onward.t < options.end),
+    )
 
 
 def _stopped(
@@ -137,8 +161,9 @@ def _stopped(
     y: Moving,
     carried: Carried,
     onward: Mode,
-) -> tuple[Array, Moving, Mode, Bool[Array, ""]]:
-    """Where an event of the last step ends a phase, or loads end a rest, how it goes on there, and whether they do."""
+) -> tuple[Array, Moving, Mode, Bool[Array, ""], Bool[Array, " p"] | None]:
+    """Where an event of the last step ends a phase, or loads end a rest, how it goes on there, whether they do, and
+    which joints with several slips are let go."""
     rests = now.resting & now.going
     (first, start), last = carried.start, y.at(jnp.where(now.resting, end, t))
     before = jax.tree.map(lambda a, b: jnp.where(now.resting, a, b), y.at(t), start.at(first))
@@ -149,10 +174,11 @@ def _stopped(
     stopped = jnp.where(now.resting, ~there.resting, happened)
     event = stopped & ~moves
     goes_on = onward._replace(resting=now.resting & ~moves, decided=now.decided & (there.decided | ~moves))
-    t, y, onward = jax.lax.cond(
-        event, lambda: locate(equations, bracket, t, y, carried.context, event), lambda: (t, y, goes_on)
+    none = None if equations.directions is None else jnp.zeros(now.sense.shape, bool)
+    t, y, onward, released = jax.lax.cond(
+        event, lambda: locate(equations, bracket, t, y, carried.context, event), lambda: (t, y, goes_on, none)
     )
-    return t, y._replace(event=jnp.zeros_like(t)), onward, stopped
+    return t, y._replace(event=jnp.zeros_like(t)), onward, stopped, released
 
 
 def _like(mask: Array, x: Array) -> Array:

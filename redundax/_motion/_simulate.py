@@ -97,8 +97,8 @@ def simulate(
 
     Where friction depends on the sense of slip, instants at which a joint comes to a stop or is let go are located as
     events, with their derivatives. Which joints stick is decided for all together: a joint at its bound may be held by
-    others. Sleeves, balls and plates in space stop, stick and are let go as wholes, in any direction; past their
-    release derivatives are NaN, take differences there. A mechanism at rest stays there until its loads let it
+    others. Sleeves, balls and plates in space stop, stick and are let go as wholes, in any direction; derivatives
+    are NaN past a release that loads touch without growing. A mechanism at rest stays there until its loads let it
     go, which is asked at 100 instants up to `t1`; it ends as `RESULTS.stuck` if none does.
 
     Of large mechanisms, whose matrices are sparse, matrices of friction are formed at stops and while joints stick:

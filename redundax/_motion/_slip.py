@@ -12,10 +12,8 @@ which joints stick (`_stick`).
 Where a joint has several slips with one friction h is the velocity of its surfaces, or their acceleration, along the
 direction in which they slide as the step begins, or in which they are let go: that of what holds them. Beyond a stop
 friction goes on as before it. Steps that end against that direction must pass a stop (`ends_well`), and Newton's method
-stays within them, as friction turns the slip ever faster about a stop and h' is of its rounding there. After a release
-friction turns the slip v at a rate of mu N / (m |v|), which nothing bounds as v begins. Steps are as long as the error
-of v across allows, which starts as a rounding of |v|; that of its derivative starts as one of the derivative, and grows
-as much. So derivatives past such a release are lost, and NaN.
+stays within them, as friction turns the slip ever faster about a stop and h' is of its rounding there. The first
+moments after a release are those of `_release`.
 
 A mechanism at rest is looked at from time to time: loads that change may let it go.
 """
@@ -33,7 +31,7 @@ from jaxtyping import Array, Bool, Float
 from .._equations._kinematics import between
 from .._system._directions import Directions
 from .._system._state import State
-from .._tools._module import stop_gradient, without_derivative
+from .._tools._module import stop_gradient
 from ._moving import NONE, Context, Equations, Linear, Moving, rechart, tolerance_of
 from ._project import project
 from ._stick import Mode, mode_of, next_mode
@@ -143,8 +141,9 @@ class _Looking(NamedTuple):
 
 def locate(
     equations: Equations, bracket: Bracket, t: Array, y: Moving, context: Context, event: Bool[Array, ""]
-) -> tuple[Array, Moving, Mode]:
-    """The event of the bracket, from (t, y) after it, and how it goes on from there.
+) -> tuple[Array, Moving, Mode, Bool[Array, " p"] | None]:
+    """The event of the bracket, from (t, y) after it, how it goes on from there, and which joints with several slips
+    are let go.
 
     `event` says whether there is one: a batch looks where there is none.
     """
@@ -197,9 +196,8 @@ def locate(
     if equations.directions is not None:  # what is left of slip has a direction
         qd = equations.with_sense(onward.sense).halted(y.at(t), context.held)
         y = y._replace(qd=jnp.where(event, qd, y.qd))
-        none = event & free & jnp.any(go & equations.directions.directed)
-        t, y = jax.tree.map(lambda x: without_derivative(none, x), (t, y))
-    return t, y, onward
+        return t, y, onward, event & free & go & equations.directions.directed
+    return t, y, onward, None
 
 
 def _let_go(equations: Equations, state: State, context: Context) -> Float[Array, " p"]:

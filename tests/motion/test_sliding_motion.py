@@ -6,7 +6,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from truth.sliding import Slider, slide
+from scipy.optimize import brentq
+from truth.sliding import Slider, let_go, slide
 
 import redundax as rx
 
@@ -36,13 +37,13 @@ def sleeve(inertia, **pushed):
     return rx.Mechanism([body], [joint], loads=[rs.LoadFunction("body", loads, parameters=push)])
 
 
-def plate(force=(0.0, 0.0), mu=MU, **pushed):
-    """A plate on a horizontal table, of equal inertia about all axes."""
+def plate(force=(0.0, 0.0), mu=MU, load=None, **pushed):
+    """A plate on a horizontal table, of equal inertia about all axes; with a load of its own, if given."""
     body = rs.Body("plate", MASS, (SPUN, SPUN, SPUN))
     sizes = {"plate_length": 0.3, "spin_radius": SPIN, "friction": rx.Coulomb(mu)}
     joint = rs.Planar("joint", body, rx.GROUND, point=(0, 0, 0), axis=(0, 0, 1), **sizes)
-    push = given(force=(*force, -WEIGHT), **pushed)
-    return rx.Mechanism([body], [joint], loads=[rs.LoadFunction("plate", loads, parameters=push)])
+    push = rs.LoadFunction("plate", loads, parameters=given(force=(*force, -WEIGHT), **pushed))
+    return rx.Mechanism([body], [joint], loads=[push if load is None else load])
 
 
 def ran(mechanism, slips, start, rates, times):
@@ -147,9 +148,99 @@ def test_a_load_that_grows_lets_a_plate_go_its_way():
     times = np.array([0.5, 1.0, 1.6, 1.8, 2.0, 2.1])
     run, slips, _ = ran(plate(growth=(1.2, 1.6, 0.0)), ON_TABLE, (0, 0, 0), (0, 0, 0), times)
     way = 2.0 * np.maximum(times - 1.5, 0.0) ** 3 / (6 * MASS)
-    np.testing.assert_allclose(slips, way[:, None] * [0.6, 0.8, 0.0], rtol=0, atol=1e-8)
-    np.testing.assert_allclose(run.sense[-1], [0.6, 0.8, 0.0], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(slips, way[:, None] * [0.6, 0.8, 0.0], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(run.sense[-1], [0.6, 0.8, 0.0], rtol=0, atol=1e-12)
     assert np.all(run.sense[0] == 0.0)
+    assert run.stats.steps < 10
+
+
+def swings(i, j, t, p):
+    force = p * jnp.sin(t) * jnp.array([0.6, 0.8, 0.0]) - WEIGHT * jnp.array([0.0, 0.0, 1.0])
+    return rs.Wrench(force, jnp.zeros(3)), rs.Wrench(jnp.zeros(3), jnp.zeros(3))
+
+
+def test_a_load_that_hardly_exceeds_the_limit_and_falls_lets_a_plate_go_and_stop():
+    """m v' = F sin t - f from sin t0 = f / F on; it moves for less than 0.07 s."""
+    most = 1.0002 * LIMIT
+    mechanism = plate(load=rs.LoadFunction("plate", swings, parameters=np.array(most)))
+    start = np.arcsin(LIMIT / most)
+
+    def speed(t):
+        return (most * (np.cos(start) - np.cos(t)) - LIMIT * (t - start)) / MASS
+
+    stop = brentq(speed, np.pi - start, 1.7, xtol=1e-15)
+    way = most * (np.cos(start) * (stop - start) - np.sin(stop) + np.sin(start)) - LIMIT * (stop - start) ** 2 / 2
+    run, slips, _ = ran(mechanism, ON_TABLE, (0, 0, 0), (0, 0, 0), np.array([1.5, 2.0]))
+    np.testing.assert_allclose(slips, [[0, 0, 0], np.array([0.6, 0.8, 0.0]) * way / MASS], rtol=0, atol=1e-12)
+    assert run.result == rx.RESULTS.stuck
+    np.testing.assert_allclose(run.stats.end, stop, rtol=0, atol=1e-5)
+
+
+# Loads that turn as they grow -------------------------------------------------------------------
+
+
+def turning(i, j, t, p):
+    """A force that grows, turns and springs to the start, and a moment that grows: p = (mu, growth, ...)."""
+    force = jnp.array([p[1] * t, p[2] * t**2, -WEIGHT]) - p[3] * jnp.array([1.0, 2.0, 0.0]) * i.pose.r
+    return rs.Wrench(force, p[4] * t * jnp.array([0.0, 0.0, 1.0])), rs.Wrench(jnp.zeros(3), jnp.zeros(3))
+
+
+TURNING, LATER = np.array([MU, 1.5, 0.9, 3.0, 0.02]), np.array([1.5, 1.6, 1.8, 2.2])  # let go at 1.4856 s
+
+
+def turning_plate(parameters, adjoint):
+    """Slips and rates of a plate on a table, and the motion."""
+    body = rs.Body("plate", MASS, (SPUN, SPUN, SPUN))
+    sizes = {"plate_length": 0.3, "spin_radius": SPIN, "friction": rx.Coulomb(parameters[0])}
+    joint = rs.Planar("joint", body, rx.GROUND, point=(0, 0, 0), axis=(0, 0, 1), **sizes)
+    mechanism = rx.Mechanism([body], [joint], loads=[rs.LoadFunction("plate", turning, parameters=parameters)])
+    options = {"ts": LATER, "rtol": 1e-10, "max_phases": 3, "adjoint": adjoint, "throw": False}
+    run = rx.simulate(mechanism, rx.State(mechanism.reference, jnp.zeros(6)), LATER[-1], **options)
+    return jnp.stack([run[f"joint.{slip}{mark}"] for mark in ("", "'") for slip in ON_TABLE], axis=1), run.stats.steps
+
+
+def turning_truth(parameters):
+    mu, growth, bends, spring, moment = parameters
+
+    def push(s, t):
+        return np.array([growth * t, bends * t**2, moment * t]) - spring * np.array([1.0, 2.0, 0.0]) * s
+
+    slider = Slider(np.array([MASS, MASS, SPUN]), np.array([1.0, 1.0, SPIN]), mu * WEIGHT, push)
+    truth = let_go(slider, 10.0, LATER)
+    return np.concatenate([truth.slips, truth.rates], axis=1)
+
+
+def turning_slope(weights):
+    """Derivative of the truth along parameters."""
+    step = 1e-4
+    near, far = (
+        turning_truth(TURNING + k * step * weights) - turning_truth(TURNING - k * step * weights) for k in (1, 2)
+    )
+    return (8 * near - far) / (12 * step)
+
+
+def test_a_load_that_turns_lets_a_plate_go_and_slopes_pass_the_release():
+    parameters, slopes = jnp.asarray(TURNING), np.diag(TURNING)
+    along = jax.jit(
+        lambda p: jax.jvp(lambda p: turning_plate(p, diffrax.ForwardMode()), (parameters,), (p,), has_aux=True)
+    )
+    for direction in slopes:
+        found, slope, steps = along(jnp.asarray(direction))
+        want = turning_slope(direction)
+        assert np.all(np.abs(slope - want) < 1e-6 * np.max(np.abs(want), axis=0))
+    np.testing.assert_allclose(found, turning_truth(TURNING), rtol=0, atol=1e-10)
+    assert steps < 100
+
+
+def test_gradients_pass_the_release_by_a_load_that_turns():
+    """Beside a plate that stays."""
+    weights = np.random.default_rng(0).normal(size=(LATER.size, 6))
+    adjoint = diffrax.RecursiveCheckpointAdjoint()
+    both = jnp.asarray([TURNING, [10 * MU, *TURNING[1:]]])
+    gradient = jax.jit(jax.vmap(jax.grad(lambda p: jnp.sum(weights * turning_plate(p, adjoint)[0]))))(both)
+    want = np.array([np.sum(weights * turning_slope(direction)) for direction in np.diag(TURNING)]) / TURNING
+    np.testing.assert_allclose(gradient[0], want, rtol=1e-6)
+    assert np.all(gradient[1] == 0.0)
 
 
 # Balls ----------------------------------------------------------------------------------------
@@ -207,8 +298,8 @@ def test_where_a_plate_stops_and_how_that_depends_on_mu():
     np.testing.assert_allclose(slope, -way / np.asarray(mu)[:, None], rtol=1e-6)
 
 
-def test_a_plate_that_is_let_go_has_no_derivatives_beyond():
-    """Moved by g (t - t0)^3 / (6 m) from t0 = mu N / g on: the value is right, and no wrong slope beside it."""
+def test_where_plates_are_that_are_let_go_and_how_that_depends_on_mu():
+    """Moved by g (t - t0)^3 / (6 m) from t0 = mu N / g on, if they are let go at all, for many mu at once."""
     growth, end = 2.0, 2.0
 
     def moved(mu):
@@ -216,7 +307,8 @@ def test_a_plate_that_is_let_go_has_no_derivatives_beyond():
         options = {"ts": [end], "max_phases": 3, "adjoint": diffrax.ForwardMode()}
         return rx.simulate(mechanism, rx.State(mechanism.reference, jnp.zeros(6)), end, throw=False, **options).q[0, :2]
 
-    where, slope = jax.jit(lambda x: jax.jvp(moved, (x,), (jnp.ones_like(x),)))(jnp.asarray(MU))
-    way = growth * (end - LIMIT / growth) ** 3 / (6 * MASS)
-    np.testing.assert_allclose(where, way * np.array([0.6, 0.8]), rtol=1e-5)
-    assert np.all(np.isnan(slope))
+    mu = np.array([0.05, 0.1, 0.13, 0.2])
+    where, slope = jax.jit(jax.vmap(lambda x: jax.jvp(moved, (x,), (jnp.ones_like(x),))))(jnp.asarray(mu))
+    left = np.maximum(end - mu * WEIGHT / growth, 0.0)[:, None]
+    np.testing.assert_allclose(where, growth * left**3 / (6 * MASS) * [0.6, 0.8], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(slope, -WEIGHT * left**2 / (2 * MASS) * [0.6, 0.8], rtol=1e-8, atol=1e-12)

@@ -2,7 +2,8 @@
 stop.
 
 At rest it stays while |Q / a| <= f; it sets out along n with W (Q / a - f n) = lambda n, W = a^2 / m, lambda > 0. The
-equations are stiff where v is small. None of the library's code is used.
+equations are stiff where v is small. A load that grows lets it go at t0 along n = Q / a f, where
+|v| n . W^-1 n = n . Q' / a (t - t0)^2 / 2 at first. None of the library's code is used.
 """
 
 from collections.abc import Callable
@@ -81,3 +82,20 @@ def _until_stop(slider: Slider, t: float, y: np.ndarray, end: float):
     moves.terminal, moves.direction = True, -1
     options = {"method": "LSODA", "rtol": 1e-12, "atol": 1e-15}
     return solve_ivp(slider.rates, (t, end), y, events=[moves], dense_output=True, **options)
+
+
+def let_go(slider: Slider, latest: float, times: np.ndarray) -> Slide:
+    """The motion from rest, after loads that let it go before the latest time; at the times asked for, all of them
+    later. The stop is the release."""
+    rest, after = np.zeros(len(slider.arms)), 2e-4
+
+    def pull(t: float) -> np.ndarray:
+        return slider.load(rest, t) / slider.arms
+
+    start = brentq(lambda t: float(np.linalg.norm(pull(t))) - slider.limit, 0.0, latest, xtol=1e-15, rtol=1e-15)
+    along, grows = pull(start) / slider.limit, (pull(start + 1e-4) - pull(start - 1e-4)) / 2e-4
+    speed = along @ grows / (along @ (along * slider.mass / slider.arms**2)) * after**2 / 2
+    begin, options = np.concatenate([rest, speed * along]), {"method": "Radau", "rtol": 1e-11, "atol": 1e-14}
+    run = solve_ivp(slider.rates, (start + after, times[-1]), begin, t_eval=times, **options)
+    slips, speeds = np.split(run.y.T, 2, axis=1)
+    return Slide(slips, speeds / slider.arms, [start])

@@ -1,0 +1,205 @@
+"""The first moments after joints with several slips and one friction are let go by loads that change.
+
+With the slip rates w, of joints let go 0 at the release t0 as their rates of change are, the motion is
+
+    y' = f(t, y, w),   w' = F(t, y, w),   w(t0) = w0
+
+where friction turns w at a rate of mu N / (m |w|), which nothing bounds as w begins. But one solution leaves w = 0, and
+it is smooth: w goes where the loads pull, turned by what the friction gives way. It is found by collocation, by one
+polynomial over a span of time h whose slopes meet the equations at its start, its end and between (Lobatto),
+
+    y_i = y0 + h sum_j a_ij f_j,   w_i = w0 + h sum_j a_ij F_j
+
+by Newton's method on the w_i, which alone are stiff, dw = (1 - h a dF/dw)^-1 (w0 + h a F - w); the rest follows by
+iteration. h is as long as the last terms of the slopes are below the tolerance, and no other event is passed. Ordinary
+steps go on from there, where friction turns the slip at a rate that h bounds.
+
+Derivatives pass the iteration at the h and the inverse found, which do not change its end. Where no h is found the
+motion goes on from the release by ordinary steps, and derivatives, which they lose, are NaN.
+"""
+
+from typing import NamedTuple, cast
+
+import jax
+import jax.flatten_util
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+from numpy.polynomial import legendre
+
+from .._system._directions import Directions
+from .._tools._module import batch_any, stop_gradient, without_derivative
+from ._moving import NONE, Context, Equations, Moving, rechart, tolerance_of
+from ._project import project
+from ._slip import has_event
+
+# Degree of the slopes, iterations, and spans that are tried.
+_DEGREE, _SWEEPS, _SPANS = 8, 10, 16
+# Least tolerance, in roundings.
+_ROUNDINGS = 100.0
+
+
+def _lobatto(degree: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Nodes in [-1, 1] with both ends; coefficients in Legendre polynomials, and powers of integrals from -1, by values
+    there."""
+    within = legendre.legroots(legendre.legder(np.eye(degree + 1)[degree]))
+    nodes = np.concatenate([[-1.0], np.sort(within.real), [1.0]])
+    coefficients = np.linalg.inv(legendre.legvander(nodes, degree))
+    integrals = [legendre.leg2poly(legendre.legint(values, lbnd=-1)) for values in coefficients.T]
+    return nodes, coefficients, np.array(integrals).T
+
+
+_NODES, _COEFFICIENTS, _INTEGRALS = _lobatto(_DEGREE)
+# As parts of the span: times of the nodes, and a.
+_TIMES, _WEIGHTS = (_NODES + 1) / 2, np.vander(_NODES, _DEGREE + 2, increasing=True) @ _INTEGRALS / 2
+
+
+class Release(NamedTuple):
+    """When and where joints are let go: which, and what stays the same for a while."""
+
+    equations: Equations
+    t: Array
+    y: Moving
+    context: Context
+    joints: Bool[Array, " p"]
+
+
+class Onward(NamedTuple):
+    """From when and where the motion goes on, in which senses; and the path up to there at the times asked for."""
+
+    t: Array
+    y: Moving
+    sense: Float[Array, " p"]
+    path: Moving
+
+
+class _Course(NamedTuple):
+    """A span h, f and w at its nodes, and the inverse of Newton's method; the error by the tolerance."""
+
+    span: Array
+    slopes: Float[Array, "nodes size"]
+    rates: Float[Array, "nodes p"]
+    inverse: Float[Array, "unknowns unknowns"]
+    error: Array
+
+
+def set_out(release: Release, end: Array, ts: Float[Array, " times"], tolerance: Array) -> Onward:
+    """The motion from a release on, for a while; where it is if there is none."""
+    t, y, sense = release.t, release.y, release.equations.sense
+    none = Onward(t, y, sense, jax.tree.map(lambda x: jnp.broadcast_to(x, (ts.size, *x.shape)), y))
+    wanted = jnp.any(release.joints)
+    tolerance = jnp.maximum(tolerance, _ROUNDINGS * jnp.finfo(t.dtype).eps)
+
+    def begun() -> Onward:
+        course = _longest(stop_gradient(release), jax.lax.stop_gradient(end), tolerance)
+        course = jax.lax.fori_loop(0, _SWEEPS, lambda _, now: _swept(release, now, renews=False), course)
+        goes = wanted & (course.error <= 1)
+        then = jnp.where(course.span < end - t, t + course.span, end)
+        path = _along(release, course, jnp.append(ts, then))
+        there = rechart(release.equations.system, jax.tree.map(lambda x: x[-1], path))[0]
+        there = project(release.equations.system, then, there, release.context.held)
+        then, there = jax.tree.map(lambda a, b: jnp.where(goes, a, b), (then, there), (t, y))
+        then, there = jax.tree.map(lambda x: without_derivative(wanted & ~goes, x), (then, there))
+        turned = jnp.where(goes, _directions(release, course), sense)
+        return Onward(then, there, turned, jax.tree.map(lambda x: x[:-1], path))
+
+    return jax.lax.cond(batch_any(wanted), begun, lambda: none)
+
+
+def _longest(release: Release, end: Array, tolerance: Array) -> _Course:
+    """The longest of some spans that do; a span of 0 if none does."""
+    equations, wanted = release.equations, jnp.any(release.joints)
+    zero, size = jnp.zeros_like(release.t), jax.flatten_util.ravel_pytree(release.y)[0].size
+    slopes, rates = (jnp.zeros((_DEGREE + 1, size), zero.dtype) for size in (size, release.joints.size))
+    none = _Course(zero, slopes, rates, jnp.eye(rates.size, dtype=zero.dtype), jnp.where(wanted, jnp.inf, zero))
+
+    def attempt(carry: tuple[_Course, Array]) -> tuple[_Course, Array]:
+        before, count = carry
+        shrink = jnp.where(before.error > 1, jnp.clip(0.8 * before.error ** (-1 / _DEGREE), 0.1, 0.5), 0.5)
+        given = none._replace(span=before.span * jnp.where(count == 0, 1.0, shrink))
+        return _over(release, given, tolerance), count + 1
+
+    def goes_on(carry: tuple[_Course, Array]) -> Bool[Array, ""]:
+        course, count = carry
+        return ~(course.error <= 1) & (count < _SPANS)
+
+    begin = none._replace(span=jnp.minimum(end - release.t, equations.scaling.size / equations.speed))
+    found, _ = jax.lax.while_loop(goes_on, attempt, (begin, jnp.zeros((), int)))
+    return jax.tree.map(lambda a, b: jnp.where(wanted & (found.error <= 1), a, b), found, none)
+
+
+def _over(release: Release, given: _Course, tolerance: Array) -> _Course:
+    """The course over a span, with its error: NaN where there is none or an event is passed."""
+    equations, joints = release.equations, release.joints
+    directions, sizes = cast(Directions, equations.directions), _sizes(equations, release.y)
+    slow = tolerance_of(NONE, given.span) * equations.speed / directions.reach(equations.slip_size)
+    begin = given._replace(rates=given.rates + jnp.where(joints, 100 * slow * equations.sense / directions.arms, 0.0))
+
+    def sweep(course: _Course, _: None) -> tuple[_Course, Array]:
+        after = _swept(release, course, renews=True)
+        return after, jnp.max(jnp.abs(after.slopes - course.slopes) / sizes)
+
+    course, changes = jax.lax.scan(sweep, begin, length=_SWEEPS)
+    last = jnp.asarray(_COEFFICIENTS[-2:], given.span.dtype) @ course.slopes
+    error = given.span * jnp.maximum(changes[-1], jnp.max(jnp.abs(last) / sizes)) / tolerance
+    then = release.t + given.span
+    state = jax.tree.map(lambda x: x[0], _along(release, course, then[None])).at(then)
+    turned = _directions(release, course)
+    linear = equations.linear(state, release.context.held, closed=equations.loaded)
+    ahead = jax.vmap(lambda rate: directions.along(rate, equations.sense))(course.rates[1:])
+    stops = jnp.any(joints & jnp.any(ahead <= slow, axis=0))
+    event = stops | has_event(equations.with_sense(turned), state, linear, turned)
+    return course._replace(error=jnp.where(event, jnp.nan, error))
+
+
+def _swept(release: Release, course: _Course, *, renews: bool) -> _Course:
+    """The next f and w at the nodes; with a new inverse, if so."""
+    (equations, t, y, context, joints), span = release, course.span
+    (flat, unravel), weights = jax.flatten_util.ravel_pytree(y), span * jnp.asarray(_WEIGHTS, span.dtype)
+
+    def node(at: tuple[Array, Array, Array]) -> tuple[Array, ...]:
+        def told(felt: Array) -> tuple[Array, tuple[Array, Array]]:
+            slope, slip, rate = equations.instant(at[0], unravel(at[1]), context, felt)
+            return slip, (jax.flatten_util.ravel_pytree(slope)[0], rate)
+
+        if not renews:
+            slip, aside = told(at[2])
+            return slip, *aside
+        slip, change, aside = jax.linearize(told, at[2], has_aux=True)
+        return slip, *aside, jax.vmap(change, out_axes=1)(jnp.eye(joints.size, dtype=span.dtype))
+
+    times = t + span * jnp.asarray(_TIMES, span.dtype)
+    slip, slopes, rate, *changes = jax.lax.map(node, (times, flat + weights @ course.slopes, course.rates))
+    slip = slip.at[0].set(jnp.where(joints, 0.0, slip[0]))
+    inverse = course.inverse
+    if renews:
+        coupled = jnp.einsum("ij,jpq->ipjq", weights, changes[0]).reshape(inverse.shape)
+        inverse = jnp.linalg.inv(jnp.eye(inverse.shape[0], dtype=span.dtype) - coupled)
+    off = jnp.where(joints, 0.0, rate[0]) + weights @ slip - course.rates
+    rates = course.rates + (inverse @ off.ravel()).reshape(off.shape)
+    return course._replace(slopes=slopes, rates=rates, inverse=inverse)
+
+
+def _along(release: Release, course: _Course, times: Float[Array, " times"]) -> Moving:
+    """y at times of the span; of no account elsewhere."""
+    flat, unravel = jax.flatten_util.ravel_pytree(release.y)
+    at = 2 * (times - release.t) / jnp.where(course.span > 0, course.span, 1.0) - 1
+    powers = jnp.vander(jnp.where(jnp.abs(at) < 1.1, at, 0.0), _DEGREE + 2, increasing=True)
+    return jax.vmap(unravel)(flat + course.span / 2 * powers @ jnp.asarray(_INTEGRALS, flat.dtype) @ course.slopes)
+
+
+def _directions(release: Release, course: _Course) -> Float[Array, " p"]:
+    """The senses at the end; of joints let go the directions of w."""
+    directions = cast(Directions, release.equations.directions)
+    return jnp.where(release.joints, directions.unit(directions.arms * course.rates[-1]), release.equations.sense)
+
+
+def _sizes(equations: Equations, y: Moving) -> Float[Array, " size"]:
+    """Sizes of velocities and internal states, of which errors are relative; infinite of the rest, that follows."""
+    sizes = jax.tree.map(lambda x: jnp.full_like(x, jnp.inf), y)
+    memory = [
+        jax.tree.map(jnp.broadcast_to, group.memory_size(), jax.tree.map(jnp.shape, own)) if own is not None else None
+        for own, group in zip(y.memory, equations.system.friction, strict=True)
+    ]
+    sizes = sizes._replace(qd=equations.speed * equations.scaling.coordinates, memory=memory)
+    return jax.flatten_util.ravel_pytree(sizes)[0]
