@@ -402,10 +402,8 @@ def test_millimetres(name):
 # Derivatives --------------------------------------------------------------------------------
 
 BY = {
-    "bricard by length": (lambda x: rx.mechanisms.bricard(length=x), 1.1, "A.angle", 0.3),
-    "bricard by mass": (lambda x: rx.mechanisms.bricard(mass=x), 1.3, "A.angle", 0.3),
+    "bricard by length and mass": (lambda x: rx.mechanisms.bricard(length=x, mass=x**2), 1.1, "A.angle", 0.3),
     "sarrus by length": (lambda x: rx.mechanisms.sarrus(length=x), 0.3, "platform.z", None),
-    "bennett by twist": (lambda x: rx.mechanisms.bennett(twist=x), 0.6, "A.angle", 0.2),
     "cardan by angle": (lambda x: rx.mechanisms.double_cardan(x, 0.4), 0.5, "inlet.angle", 0.4),
     "door by width": (lambda x: rx.mechanisms.door(width=x), 0.9, "hinge 1.angle", 0.4),
 }
@@ -416,14 +414,13 @@ def test_derivatives_are_those_of_differences(name):
     """With the mechanism assembled anew."""
     make, at, coordinate, place = BY[name]
 
-    @jax.jit
     def accelerations(x):
         mechanism = make(x)
         positions = None if place is None else {coordinate: place}
         state = rx.assemble(mechanism, rates={coordinate: 1.3}, positions=positions)
         return rx.solve(mechanism, state).acceleration
 
-    slope, h = jax.jit(jax.jacfwd(accelerations))(at), 1e-5
-    difference = (accelerations(at + h) - accelerations(at - h)) / (2 * h)
-    assert np.max(np.abs(difference)) > 1e-3 or "mass" in name
+    both, h = jax.jit(lambda x: jax.jvp(accelerations, (x,), (1.0,))), 1e-5
+    slope, difference = both(at)[1], (both(at + h)[0] - both(at - h)[0]) / (2 * h)
+    assert np.max(np.abs(difference)) > 1e-3
     assert np.max(np.abs(slope - difference)) <= 1e-7 * (1 + np.max(np.abs(slope)))

@@ -58,9 +58,8 @@ def test_a_block_slips_and_sticks_where_the_closed_form_does():
     np.testing.assert_array_equal(stays.q[:, 0], 0.1)
 
 
-@pytest.mark.parametrize("step", [150.0, 200.0, 300.0])
 @slow
-def test_a_reversal_soon_after_the_start_of_a_long_step(step):
+def test_a_reversal_soon_after_the_start_of_a_long_step(step=300.0):
     """Under 1.5 N - t against 1 N it slips from 0 to 1 s, by t^2 / 4 - t^3 / 6, sticks to 2.5 s, and slips back."""
     system, state = block(0.1, 0.0, lambda t: 1.5 - t)
     run = rx.simulate(system, state, step, ts=[1.0, 2.0, step], rtol=None, dt0=step)

@@ -30,7 +30,7 @@ def judged(recipe: str, number: int, seed: int, size: int, scales: Scales) -> fu
 @pytest.mark.parametrize(
     "recipe", [pytest.param(name, marks=() if name == "smooth" else pytest.mark.slow) for name in RECIPES]
 )
-@settings(max_examples=3, derandomize=True, database=None)
+@settings(max_examples=2, derandomize=True, database=None)
 @given(
     number=st.integers(0, 1000),
     seed=st.integers(0, 1000),
