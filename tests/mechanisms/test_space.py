@@ -44,7 +44,7 @@ def test_counts(name, place):
 
 @pytest.mark.slow
 def test_every_hinge_more_repeats_five_constraints():
-    for count in (1, 2, 4):
+    for count in (1, 3):
         door = rx.mechanisms.door(np.linspace(0.2, 1.8, count))
         assert rx.solve(door, rx.assemble(door)).stats.redundancy == 5 * (count - 1)
 
@@ -216,9 +216,9 @@ def test_planar_accelerations_and_unique_loads(name):
 
 
 @pytest.mark.slow
-@every_plane
-def test_planar_motion(name):
-    planar, mechanism, state = both(name)
+def test_planar_motion():
+    """Of pins and guides, these twice."""
+    planar, mechanism, state = both("slider-crank, two guides")
     times = np.linspace(0.0, 2.0, 11)
     first = rx.simulate(planar, state, 2.0, ts=times, rtol=1e-11)
     second = rx.simulate(mechanism, in_space(state), 2.0, ts=times, rtol=1e-11)
