@@ -206,7 +206,7 @@ def random_agreement(recipe, number, samples) -> set:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("recipe", RECIPES)
+@pytest.mark.parametrize("recipe", [recipe for recipe in RECIPES if recipe not in ("large", "many cranks")])
 def test_words_and_figures_of_random_mechanisms_agree(recipe):
     wanted = {UNIQUE, ZERO, NOT_UNIQUE} if recipe in ("loop, doubled pin", "gears and frames") else {NOT_UNIQUE}
     assert random_agreement(recipe, 0, 3) >= wanted
