@@ -18,6 +18,9 @@ _FLAGS = (
     "--xla_backend_optimization_level=0",
     "--xla_cpu_use_fusion_emitters=false",
     "--xla_cpu_parallel_codegen_split_count=1",
+    # Nor are loops run often enough to pay for a look at what each repeats: a tenth of the time of motions.
+    "--xla_disable_hlo_passes=while-loop-simplifier,while-loop-invariant-code-motion,"
+    "while-loop-expensive-invariant-code-motion",
 )
 _given = os.environ.get("XLA_FLAGS", "").split()
 _names = {flag.split("=")[0] for flag in _given}
