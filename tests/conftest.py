@@ -18,10 +18,15 @@ _FLAGS = (
     "--xla_backend_optimization_level=0",
     "--xla_cpu_use_fusion_emitters=false",
     "--xla_cpu_parallel_codegen_split_count=1",
+    # Nor are loops run often enough to pay for a look at what each repeats: a tenth of the time of motions.
+    "--xla_disable_hlo_passes=while-loop-simplifier,while-loop-invariant-code-motion,"
+    "while-loop-expensive-invariant-code-motion",
 )
 _given = os.environ.get("XLA_FLAGS", "").split()
 _names = {flag.split("=")[0] for flag in _given}
 os.environ["XLA_FLAGS"] = " ".join([*_given, *(flag for flag in _FLAGS if flag.split("=")[0] not in _names)])
+# Nor does anyone read where in the source an instruction of a program comes from, a tenth of the time.
+os.environ.setdefault("JAX_TRACEBACK_IN_LOCATIONS_LIMIT", "0")
 # The tests run in a process for each core; threads of OpenBLAS beside them wait by spinning, 50 times slower.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ["REDUNDAX_CACHE"] = "off"  # tests leave the user's folder alone
@@ -56,7 +61,7 @@ hypothesis.settings.register_profile("redundax", deadline=None)
 if hypothesis.settings.get_current_profile_name() == "default":
     hypothesis.settings.load_profile("redundax")
 
-MAPS = 8_000  # memory maps that a process may hold before a module, about 2 GB of programs; Linux allows 65,530
+MAPS = 16_000  # memory maps that a process may hold before a module, about 3 GB of programs; Linux allows 65,530
 SLOW_TIMEOUT = 1800  # seconds; must stay below `faulthandler_timeout` in pyproject.toml
 
 
@@ -70,7 +75,7 @@ def pytest_configure(config: pytest.Config) -> None:
     if getattr(config, "cache", None) is None:  # `-p no:cacheprovider`
         return
     os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(config.cache.mkdir("jax")))
-    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.1")
+    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")  # most are of one operation, and all share
     jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])
     jax.config.update(
         "jax_persistent_cache_min_compile_time_secs",

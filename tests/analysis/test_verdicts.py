@@ -10,14 +10,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from mechanisms import CASES
+from mechanisms import CASES, MORE
 
 import redundax as rx
 from redundax._analysis._release import releases
 from redundax._bodies._reactions import joint_outputs
 
 UNIQUE, ZERO, NO_CHANGE, NOT_UNIQUE, UNDECIDED = rx.Verdict
-QUICK = ("wojtyra2020",)
 
 
 @functools.cache
@@ -44,9 +43,7 @@ def kinds(system) -> np.ndarray:
     return np.array([*system.coordinates.kinds, *system.rows.kinds, *(f"friction {kind}" for kind in slips)])
 
 
-@pytest.mark.parametrize(
-    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in CASES]
-)
+@pytest.mark.parametrize("name", [name for name in CASES if name not in MORE])
 @pytest.mark.parametrize("friction", [False, True])
 @pytest.mark.slow
 def test_no_wrong_verdict_along_the_family(name, friction):

@@ -38,6 +38,7 @@ def over(names):
 
 
 every_case = over(CASES)
+every_kind = over(name for name in CASES if name not in mechanisms.MORE)
 free = [name for name, case in CASES.items() if case.freedom]
 with_and_without_friction = pytest.mark.parametrize("friction", [False, True], ids=["smooth", "friction"])
 
@@ -233,7 +234,7 @@ def by_name(mechanism, found):
     return dict(zip(names, values.tolist(), strict=True))
 
 
-@every_case
+@every_kind
 @with_and_without_friction
 def test_order_of_bodies_and_joints_does_not_matter(name, friction):
     case = CASES[name]
@@ -390,7 +391,7 @@ def test_the_parallel_branch_is_right_flat_and_beside(count, masses):
 # Arguments ----------------------------------------------------------------------------------
 
 
-@every_case
+@every_kind
 @with_and_without_friction
 def test_all_numbers_may_be_tracers(name, friction):
     case = CASES[name]

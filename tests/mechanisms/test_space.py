@@ -44,7 +44,7 @@ def test_counts(name, place):
 
 @pytest.mark.slow
 def test_every_hinge_more_repeats_five_constraints():
-    for count in (1, 2, 4):
+    for count in (1, 3):
         door = rx.mechanisms.door(np.linspace(0.2, 1.8, count))
         assert rx.solve(door, rx.assemble(door)).stats.redundancy == 5 * (count - 1)
 
@@ -216,9 +216,9 @@ def test_planar_accelerations_and_unique_loads(name):
 
 
 @pytest.mark.slow
-@every_plane
-def test_planar_motion(name):
-    planar, mechanism, state = both(name)
+def test_planar_motion():
+    """Of pins and guides, these twice."""
+    planar, mechanism, state = both("slider-crank, two guides")
     times = np.linspace(0.0, 2.0, 11)
     first = rx.simulate(planar, state, 2.0, ts=times, rtol=1e-11)
     second = rx.simulate(mechanism, in_space(state), 2.0, ts=times, rtol=1e-11)
@@ -402,10 +402,8 @@ def test_millimetres(name):
 # Derivatives --------------------------------------------------------------------------------
 
 BY = {
-    "bricard by length": (lambda x: rx.mechanisms.bricard(length=x), 1.1, "A.angle", 0.3),
-    "bricard by mass": (lambda x: rx.mechanisms.bricard(mass=x), 1.3, "A.angle", 0.3),
+    "bricard by length and mass": (lambda x: rx.mechanisms.bricard(length=x, mass=x**2), 1.1, "A.angle", 0.3),
     "sarrus by length": (lambda x: rx.mechanisms.sarrus(length=x), 0.3, "platform.z", None),
-    "bennett by twist": (lambda x: rx.mechanisms.bennett(twist=x), 0.6, "A.angle", 0.2),
     "cardan by angle": (lambda x: rx.mechanisms.double_cardan(x, 0.4), 0.5, "inlet.angle", 0.4),
     "door by width": (lambda x: rx.mechanisms.door(width=x), 0.9, "hinge 1.angle", 0.4),
 }
@@ -416,14 +414,13 @@ def test_derivatives_are_those_of_differences(name):
     """With the mechanism assembled anew."""
     make, at, coordinate, place = BY[name]
 
-    @jax.jit
     def accelerations(x):
         mechanism = make(x)
         positions = None if place is None else {coordinate: place}
         state = rx.assemble(mechanism, rates={coordinate: 1.3}, positions=positions)
         return rx.solve(mechanism, state).acceleration
 
-    slope, h = jax.jit(jax.jacfwd(accelerations))(at), 1e-5
-    difference = (accelerations(at + h) - accelerations(at - h)) / (2 * h)
-    assert np.max(np.abs(difference)) > 1e-3 or "mass" in name
+    both, h = jax.jit(lambda x: jax.jvp(accelerations, (x,), (1.0,))), 1e-5
+    slope, difference = both(at)[1], (both(at + h)[0] - both(at - h)[0]) / (2 * h)
+    assert np.max(np.abs(difference)) > 1e-3
     assert np.max(np.abs(slope - difference)) <= 1e-7 * (1 + np.max(np.abs(slope)))

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 
 QUICK = ("loop, doubled pin", "smooth")
 SLOW = [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in RECIPES]
+LARGER = "large", "many cranks"  # joints as in the others, more of them: slow in exact numbers
 SIZE = 500  # large enough for the compiler to split a batch among threads
 
 
@@ -30,7 +31,7 @@ def judged(recipe: str, number: int, seed: int, size: int, scales: Scales) -> fu
 @pytest.mark.parametrize(
     "recipe", [pytest.param(name, marks=() if name == "smooth" else pytest.mark.slow) for name in RECIPES]
 )
-@settings(max_examples=3, derandomize=True, database=None)
+@settings(max_examples=2, derandomize=True, database=None)
 @given(
     number=st.integers(0, 1000),
     seed=st.integers(0, 1000),
@@ -60,7 +61,7 @@ def test_projector_and_inverse_satisfy_penrose(recipe):
 
 
 @pytest.mark.parametrize("closure", ["physical", "minimum norm"])
-@pytest.mark.parametrize("recipe", SLOW)
+@pytest.mark.parametrize("recipe", [one for one, name in zip(SLOW, RECIPES, strict=True) if name not in LARGER])
 def test_answers_are_near_those_of_50_digits(recipe, closure):
     """As near as the exact answer stays under rounding of the data.
 

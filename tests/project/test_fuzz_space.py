@@ -9,7 +9,7 @@ import redundax as rx
 SAMPLES = 4
 every_structure = pytest.mark.parametrize(
     ("number", "bodies"),
-    [(0, 2), *(pytest.param(k, 2 + k % 4, marks=pytest.mark.slow) for k in range(1, 14))],
+    [(0, 2), *(pytest.param(k, 2 + k % 4, marks=pytest.mark.slow) for k in range(1, 8))],
 )
 
 

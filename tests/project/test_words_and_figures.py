@@ -17,7 +17,7 @@ from fuzzing import fuzz
 from fuzzing.library import mechanisms
 from fuzzing.recipes import RECIPES
 from fuzzing.samples import Scales, raw_numbers
-from mechanisms import CASES
+from mechanisms import CASES, MORE
 from registry import EVERYTHING, case
 
 import redundax as rx
@@ -177,8 +177,10 @@ def test_a_joint_listed_twice_is_looked_at_beyond_its_first_derivative():
 
 # The law --------------------------------------------------------------------------------------------
 
-SYSTEMS = {name: lambda name=name: (case(name).system, case(name).state) for name in EVERYTHING}
-SYSTEMS |= {name: lambda one=one: (one.rubbing, one.state) for name, one in CASES.items()}
+SYSTEMS = {
+    name: lambda name=name: (case(name).system, case(name).state) for name in EVERYTHING if "with friction" not in name
+}
+SYSTEMS |= {name: lambda one=one: (one.rubbing, one.state) for name, one in CASES.items() if name not in MORE}
 SYSTEMS |= {"lift": lift, "pendulum on two pins": pendulum_on_two_pins, "wheels": wheels}
 QUICK = ("lift", "pendulum on two pins", "slider_crank")
 
@@ -203,17 +205,11 @@ def random_agreement(recipe, number, samples) -> set:
     return met
 
 
-@pytest.mark.parametrize("recipe", ["loop, doubled pin", "gears and frames"])
 @pytest.mark.slow
+@pytest.mark.parametrize("recipe", [recipe for recipe in RECIPES if recipe not in ("large", "many cranks")])
 def test_words_and_figures_of_random_mechanisms_agree(recipe):
-    assert random_agreement(recipe, 0, 3) >= {UNIQUE, ZERO, NOT_UNIQUE}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("number", range(2))
-@pytest.mark.parametrize("recipe", RECIPES)
-def test_words_and_figures_of_many_random_mechanisms_agree(recipe, number):
-    assert NOT_UNIQUE in random_agreement(recipe, number, 6)
+    wanted = {UNIQUE, ZERO, NOT_UNIQUE} if recipe in ("loop, doubled pin", "gears and frames") else {NOT_UNIQUE}
+    assert random_agreement(recipe, 0, 3) >= wanted
 
 
 # The report ------------------------------------------------------------------------------------------

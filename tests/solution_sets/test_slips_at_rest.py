@@ -45,7 +45,7 @@ def limits(found, lower, upper):
     np.testing.assert_allclose([found.outer_lower, found.outer_upper], [lower, upper], rtol=1e-6)
 
 
-@pytest.mark.parametrize("turn", [0.0, 0.7, 2.0, 4.0])
+@pytest.mark.parametrize("turn", [0.0, 4.0])
 @pytest.mark.slow
 def test_a_block_on_a_plane_pushed_from_the_side(turn):
     """mu N whatever the direction, and it sets out that way."""

@@ -46,9 +46,7 @@ def star(arms):
     return [(-1, 0), *((0, k) for k in range(1, arms)), *((-1, k) for k in range(1, arms))]
 
 
-@pytest.mark.parametrize(
-    ("pairs", "bodies"), [(chain(40), 40), (grid(6), 36), (star(30), 30), ([*chain(3), (3, 4)], 5)]
-)
+@pytest.mark.parametrize(("pairs", "bodies"), [(grid(6), 36), (star(30), 30), ([*chain(3), (3, 4)], 5)])
 def test_a_factor_on_a_plan_solves_what_numpy_solves(pairs, bodies):
     rows, whole, masses = rows_of_pairs(pairs, bodies)
     mass = np.zeros((3 * bodies, 3 * bodies))
@@ -73,7 +71,6 @@ def test_the_plan_of_a_chain_is_linear_in_its_length():
 
 
 def mechanisms():
-    yield "four-bars", rx.mechanisms.n_four_bar(3), lambda m: m.state(0.8, rate=1.0)
     yield "cranks", rx.mechanisms.parallelogram(6), lambda m: m.state(0.8, rate=1.0)
     yield "in space", rx.mechanisms.bricard(), lambda m: rx.assemble(m)
     yield "frictional", rx.mechanisms.wojtyra2020(mu_rho=0.01), lambda m: m.state(phi=0.8, rate=1.0)

@@ -128,22 +128,13 @@ def test_reverse_derivatives_of_friction_are_those_of_differences():
 
 
 @pytest.mark.slow
-def test_motions_with_friction_are_those_of_dense_matrices():
+def test_a_motion_with_friction_is_that_of_dense_matrices():
+    """Pins twice over, which stop on the way and turn back."""
     mechanism, _ = rack(1)
-    state = mechanism.state(np.pi / 2, rate=-2.0)
-    dense, found = (rx.simulate(each, state, 0.3, ts=[0.1, 0.3]) for each in (mechanism.sparse(False), mechanism))
-    for name in ("q", "qd", "acceleration", "multipliers", "friction"):
-        true = np.asarray(getattr(dense, name))
-        np.testing.assert_allclose(getattr(found, name), true, rtol=0, atol=1e-9 * np.abs(true).max())
-    assert found.stats.energy_error < 1e-8
-
-
-@pytest.mark.slow
-def test_a_motion_in_which_joints_stop_is_that_of_dense_matrices():
-    mechanism = rx.mechanisms.n_four_bar(1, mu_rho=0.02)
     state = mechanism.state(0.8, rate=0.2)
-    dense, found = (rx.simulate(each, state, 0.1, ts=[0.01, 0.1]) for each in (mechanism, mechanism.sparse()))
+    dense, found = (rx.simulate(each, state, 0.3, ts=[0.03, 0.3]) for each in (mechanism.sparse(False), mechanism))
     assert dense.stats.phases == found.stats.phases == 2
     for name in ("q", "qd", "acceleration", "multipliers", "friction", "sense"):
         true = np.asarray(getattr(dense, name))
-        np.testing.assert_allclose(getattr(found, name), true, rtol=0, atol=1e-8 * np.abs(true).max())
+        np.testing.assert_allclose(getattr(found, name), true, rtol=0, atol=1e-9 * np.abs(true).max())
+    assert found.stats.energy_error < 1e-8

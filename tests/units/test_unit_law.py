@@ -30,7 +30,14 @@ UNITS = {
 FAST = ("wojtyra2020 with friction",)
 SLOW = ("armless", "bead", "pendulum", "door", "carriage", "massless", "parallelogram", "slider_crank with friction")
 every_unit = pytest.mark.parametrize("unit", UNITS)
-every_system = pytest.mark.parametrize("name", [*FAST, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)])
+# Metres or inches take one way through the code: all other systems in two units, one of all kinds and one of angles.
+every_system = pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        *((name, unit) for name in FAST for unit in UNITS),
+        *(pytest.param(name, unit, marks=pytest.mark.slow) for name in SLOW for unit in ("mrad", "km, g, h")),
+    ],
+)
 PARTNERS = {"linear": "angular", "angular": "linear", "force": "moment", "moment": "force"}
 
 
@@ -103,7 +110,6 @@ STRAIGHT = "bead", "massless"  # constraints that turn no angle and do not bend:
 
 
 @every_system
-@every_unit
 def test_solutions(name, unit):
     here, there, units = both(name, unit)
     one, other = (rx.solve(*at, closure=unit_free(*at), throw=False) for at in (here, there))
@@ -113,7 +119,6 @@ def test_solutions(name, unit):
 
 
 @every_system
-@every_unit
 def test_verdicts(name, unit):
     here, there, units = both(name, unit)
     one, other = (rx.analyze(*at, closure=unit_free(*at)) for at in (here, there))
@@ -144,7 +149,6 @@ def freed(release):
 
 
 @every_system
-@every_unit
 def test_default_ranges(name, unit):
     here, there, units = both(name, unit)
     for pivot in rx.analyze(*here).pivots[:2]:
