@@ -27,7 +27,8 @@ class LinearMap(eqx.Module):
 
     def columns(self, count: int, dtype: DTypeLike) -> Any:
         """Its matrix, or those of each part of what it gives, by the images of unit vectors one after the other."""
-        images = jax.lax.map(lambda unit: self @ unit, jnp.eye(count, dtype=dtype))
+        image = jax.checkpoint(lambda unit: self @ unit)  # or reverse mode keeps what each has on the way
+        images = jax.lax.map(image, jnp.eye(count, dtype=dtype))
         return jax.tree.map(jnp.transpose, images)
 
 
