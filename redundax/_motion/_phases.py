@@ -77,7 +77,9 @@ def run(start: PhaseState, equations: Equations, options: Options, max_phases: i
 
     if not equations.has_sense:
         return _phase(start, equations, options)
-    return jax.lax.fori_loop(0, max_phases, phase, start)
+    # Of a large mechanism reverse mode forms a phase anew: checkpoints of all steps of all phases would not fit.
+    one = phase if equations.system.plan is None else jax.checkpoint(phase, prevent_cse=False)
+    return jax.lax.fori_loop(0, max_phases, one, start)
 
 
 def _phase(now: PhaseState, equations: Equations, options: Options) -> PhaseState:

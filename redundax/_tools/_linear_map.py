@@ -10,6 +10,7 @@ from jax.typing import DTypeLike
 from jaxtyping import Array, Float, PyTree
 
 _RESTART, _CYCLES = 30, 10  # directions that GMRES keeps, and how often it starts anew
+_ROUNDING = 1e3  # of products, by which a solution may miss
 _POWERS, _LAST = 8, 4  # of a map, and those whose growth is its spectral radius
 
 
@@ -40,7 +41,7 @@ def krylov_solution(
     product: Callable[[Float[Array, " p"]], Float[Array, " p"]], right: Float[Array, " p"]
 ) -> Float[Array, " p"]:
     """The solution of product(x) = right to rounding, by GMRES; its derivatives are those of a linear solution."""
-    rtol = 10 * float(jnp.finfo(right.dtype).eps)
+    rtol = _ROUNDING * float(jnp.finfo(right.dtype).eps)
 
     def solved(product: Callable[[Array], Array], right: Array) -> Array:  # GMRES looks at the size of the right side
         return jax.scipy.sparse.linalg.gmres(
