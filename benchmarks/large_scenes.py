@@ -8,7 +8,8 @@ accelerations and motions. With every third pin twice over the minimum norm halv
 `friction` has pins that rub, a third of them twice over, and 100 values of h; its error is that against dense
 matrices. `ladder` is the same row of parallelograms in space, with 3 redundant constraints a loop. `gradients` are
 those of the crank angle after 1 s of 100 loops, by the length of the cranks in forward mode and by the masses of all
-cranks in reverse mode, against those of the pendulum.
+cranks in reverse mode, against those of the pendulum; and with friction after 0.1 s by the friction of all 402 pins in
+reverse mode, against differences of values.
 
 Motions are run to an error of 1e-6 in the crank angle: redundax with the largest tolerance that reaches it, peers with
 as many steps as they need, doubled each time, or ">" where a run takes longer than the limit before. Times of
@@ -34,6 +35,7 @@ import diffrax  # noqa: E402
 import equinox as eqx  # noqa: E402
 import jax  # noqa: E402
 import numpy as np  # noqa: E402
+from jax.typing import ArrayLike  # noqa: E402
 
 import redundax as rx  # noqa: E402
 from benchmarks.motions import _exudyn, _mujoco  # noqa: E402
@@ -44,10 +46,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PHI, T1, ERROR = 0.8, 1.0, 1e-6
+RUBS = 0.1  # end of the motion with friction
 
 
-def rack(loops: int, **rubs: Any) -> tuple[rx.Mechanism, list[str]]:
-    """N-four-bar with every third pin twice over, and these; with friction of its pins where it is given."""
+def rack(loops: int, mu: ArrayLike | None = None) -> tuple[rx.Mechanism, list[str]]:
+    """N-four-bar with every third pin twice over, and these; with friction of its pins, one or each, where given."""
     rod = {"mass": 1.0, "inertia": 1 / 12}
     bodies = [rx.Body(f"{kind}{k}", **rod) for kind, count in (("c", loops + 1), ("b", loops)) for k in range(count)]
     pins = [(f"A{k}", f"c{k}", "ground", (-0.5, 0.0), (float(k), 0.0)) for k in range(loops + 1)]
@@ -56,7 +59,13 @@ def rack(loops: int, **rubs: Any) -> tuple[rx.Mechanism, list[str]]:
         pins.append((f"C{k}", f"b{k}", f"c{k + 1}", (0.5, 0.0), (0.5, 0.0)))
     doubled = [pin[0] for pin in pins[::3]]
     pins += [(f"{pin[0]}'", *pin[1:]) for pin in pins[::3]]
-    joints = [rx.Revolute(*pin, **rubs) for pin in pins]
+    if mu is None:
+        joints = [rx.Revolute(*pin) for pin in pins]
+    else:
+        each = jax.numpy.broadcast_to(mu, len(pins))
+        joints = [
+            rx.Revolute(*pin, friction=rx.Coulomb(mu), pin_radius=0.1) for pin, mu in zip(pins, each, strict=True)
+        ]
     pose = rx.mechanisms.n_four_bar(loops).pose
     return rx.Mechanism(bodies, joints, gravity=(0.0, -GRAVITY), pose=pose), doubled
 
@@ -159,7 +168,7 @@ def solves(loops: int, repeats: int) -> Solve:
 
 def frictions(loops: int, repeats: int) -> str:
     """A line of the table on friction."""
-    mechanism, _ = rack(loops, friction=rx.Coulomb(0.1), pin_radius=0.1)
+    mechanism, _ = rack(loops, 0.1)
     state, hs = mechanism.state(PHI, rate=1.0), np.linspace(-20.0, 20.0, 100)
 
     @eqx.filter_jit
@@ -219,6 +228,25 @@ def gradients(loops: int, repeats: int) -> Iterator[str]:
         first, more, (_, found) = timed(partial(run, one, ones), repeats)
         error = float(np.max(np.abs(np.asarray(found) / true - 1)))
         yield f"{name:14} {first:8.1f} {more:8.3f} {more / seconds:7.2f} {error:8.0e}"
+
+
+def gradients_by_friction(loops: int, repeats: int) -> Iterator[str]:
+    """Lines of the table on gradients of a motion with friction."""
+
+    def angle(mu: jax.Array) -> jax.Array:
+        mechanism = rack(loops, mu)[0].sparse()
+        return rx.simulate(mechanism, mechanism.state(PHI, rate=1.0), RUBS, ts=[RUBS], rtol=1e-8).q[0, crank(loops)]
+
+    mu = np.full(len(rack(loops)[0].joint_names), 0.1)
+    along, step = 0.1 * np.cos(np.arange(mu.size)), 1e-3
+    value, backward = jax.jit(angle), jax.jit(jax.value_and_grad(angle))
+    first, seconds, _ = timed(lambda: value(mu), repeats)
+    yield f"with friction  {first:8.1f} {seconds:8.3f} {1.0:7.2f}"
+    ends = [float(value(mu + k * step * along)) for k in (-2, -1, 1, 2)]
+    true = (ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / (12 * step)
+    first, more, (_, found) = timed(lambda: backward(mu), repeats)
+    error = abs(float(found @ along) / true - 1)
+    yield f"by all friction {first:7.1f} {more:8.3f} {more / seconds:7.2f} {error:8.0e}"
 
 
 def motions(loops: int, repeats: int, limit: float) -> Iterator[Motion]:
@@ -306,7 +334,7 @@ def main() -> None:
             print(ladders(loops, given.repeats), flush=True)
     if "gradients" in given.only:
         print(f"\n{'100 loops':14} {'first s':>8} {'s':>8} {'ratio':>7} {'error':>8}")
-        for line in gradients(100, given.repeats):
+        for line in (*gradients(100, given.repeats), *gradients_by_friction(100, given.repeats)):
             print(line, flush=True)
     if "motions" in given.only:
         print(f"\n{'loops':>6} {'motion of 1 s':14} {'first s':>8} {'s':>10} {'steps':>8} {'ms/step':>9} {'error':>8}")
