@@ -23,7 +23,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
@@ -62,10 +62,8 @@ def rack(loops: int, mu: ArrayLike | None = None) -> tuple[rx.Mechanism, list[st
     if mu is None:
         joints = [rx.Revolute(*pin) for pin in pins]
     else:
-        each = jax.numpy.broadcast_to(mu, len(pins))
-        joints = [
-            rx.Revolute(*pin, friction=rx.Coulomb(mu), pin_radius=0.1) for pin, mu in zip(pins, each, strict=True)
-        ]
+        rubs = map(rx.Coulomb, jax.numpy.broadcast_to(mu, len(pins)))
+        joints = [rx.Revolute(*pin, friction=rub, pin_radius=0.1) for pin, rub in zip(pins, rubs, strict=True)]
     pose = rx.mechanisms.n_four_bar(loops).pose
     return rx.Mechanism(bodies, joints, gravity=(0.0, -GRAVITY), pose=pose), doubled
 
@@ -237,7 +235,7 @@ def gradients_by_friction(loops: int, repeats: int) -> Iterator[str]:
         mechanism = rack(loops, mu)[0].sparse()
         return rx.simulate(mechanism, mechanism.state(PHI, rate=1.0), RUBS, ts=[RUBS], rtol=1e-8).q[0, crank(loops)]
 
-    mu = np.full(len(rack(loops)[0].joint_names), 0.1)
+    mu = np.full(len(rack(loops, 0.1)[0].slips.labels), 0.1)
     along, step = 0.1 * np.cos(np.arange(mu.size)), 1e-3
     value, backward = jax.jit(angle), jax.jit(jax.value_and_grad(angle))
     first, seconds, _ = timed(lambda: value(mu), repeats)
