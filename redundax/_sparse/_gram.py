@@ -26,6 +26,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from .._tools._linear_map import spectral_radius
 from ._cholesky import Fronts, factor, factor_diagonal, pivots, solution
 from ._rows import Rows
 
@@ -121,16 +122,12 @@ class Gram(eqx.Module):
         """How much of the error of a the slowest motion keeps in a pass: 1 where it has no mass, 0 where all do."""
         if self.rows.mass is None:
             return jnp.zeros((), self.kept.dtype)
-        count = self.rows.plan.columns.size + self.rows.count
-        start = jnp.cos(jnp.arange(count, dtype=self.kept.dtype) ** 2)[:, None]
+        like = jnp.zeros(self.rows.plan.columns.size + self.rows.count, self.kept.dtype)
 
-        def power(_: Array, carry: tuple[Array, Array]) -> tuple[Array, Array]:
-            error, _ = carry
-            error = error - self._nearly(self._balance(error))
-            size = jnp.max(jnp.abs(self._parted(error)[0]))
-            return error / jnp.where(size > 0, size, 1.0), size
+        def left(error: Array) -> Array:
+            return error - self._nearly(self._balance(error[:, None]))[:, 0]
 
-        return jax.lax.fori_loop(0, _POWERS, power, (start, jnp.zeros((), start.dtype)))[1]
+        return spectral_radius(left, like, powers=_POWERS, last=1)
 
     def nearest(self, off: Float[Array, "m c"]) -> Float[Array, "n c"]:
         """The change of least M-norm by which the rows that count change as much."""

@@ -94,12 +94,12 @@ class Picking(eqx.Module):
         def step(now: _Pass) -> _Pass:
             x = now.x + jnp.where(now.ends, now.c, 0.0)
             right = jnp.where(now.ends, weight * (misfit - self.compliance.times(x)), now.left)
-            found = solution(rows.plan, self.fronts, right)
-            energy = jnp.sum(right * found)
-            along = found + jnp.where(now.ends, 0.0, _ratio(energy, now.energy)) * now.along
+            ahead = solution(rows.plan, self.fronts, right)
+            energy = jnp.sum(right * ahead)
+            along = ahead + jnp.where(now.ends, 0.0, _ratio(energy, now.energy)) * now.along
             image = rows.gram(along)
             length = _ratio(energy, jnp.sum(along * image))
-            c = jnp.where(now.ends, found, now.c - length * along)
+            c = jnp.where(now.ends, ahead, now.c - length * along)
             left = jnp.where(now.ends, image, now.left - length * image)
             along = jnp.where(now.ends, 0.0, along)
             scale = rounding * (largest(misfit) + largest(x + c))

@@ -51,8 +51,14 @@ def krylov_solution(
     return jax.lax.custom_linear_solve(product, right, solved, transpose_solve=solved)
 
 
-def spectral_radius(product: Callable[[Float[Array, " p"]], Float[Array, " p"]], like: Float[Array, " p"]) -> Array:
-    """An estimate, no bound: how much powers of the map let a vector of numbers without pattern grow."""
+def spectral_radius(
+    product: Callable[[Float[Array, " p"]], Float[Array, " p"]],
+    like: Float[Array, " p"],
+    *,
+    powers: int = _POWERS,
+    last: int = _LAST,
+) -> Array:
+    """An estimate, no bound: how much the last of some powers of the map let a vector without pattern grow."""
     start = jnp.cos(jnp.arange(like.size, dtype=like.dtype) ** 2)
 
     def powered(vector: Array, _: None) -> tuple[Array, Array]:
@@ -60,5 +66,5 @@ def spectral_radius(product: Callable[[Float[Array, " p"]], Float[Array, " p"]],
         size = jnp.linalg.norm(image)
         return jnp.where(size > 0, image / jnp.where(size > 0, size, 1.0), 0.0), size
 
-    sizes = jax.lax.scan(powered, start / jnp.linalg.norm(start), None, length=_POWERS)[1]
-    return jnp.prod(sizes[-_LAST:]) ** (1 / _LAST)
+    sizes = jax.lax.scan(powered, start / jnp.linalg.norm(start), None, length=powers)[1]
+    return jnp.prod(sizes[-last:]) ** (1 / last)
