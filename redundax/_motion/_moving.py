@@ -9,11 +9,13 @@ A is the work of loads, friction and drivers, so that T - A, with T the kinetic 
 motion of any system. Forces of constraints that do not move do no work.
 """
 
-from typing import Any, NamedTuple
+from functools import partial
+from typing import Any, NamedTuple, cast
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, PyTree
 
 from .._closures._closure import AbstractClosure, elasticity
@@ -22,6 +24,7 @@ from .._equations._kinematics import (
     along_slips,
     chart_rate,
     displacement,
+    slip_force,
     slip_gamma,
     slip_motion,
     slip_rate,
@@ -35,8 +38,10 @@ from .._system._friction import load_rows, memory_rates
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._least_solution import least_solution
 from .._tools._linear_map import LinearMap
 from ._held_rank import AnyHeld, AnyHeldFactorisation, factorize_held
+from ._held_sparse import SparseHeldFactorisation
 from ._stabilisation import AbstractStabilisation
 
 
@@ -87,7 +92,8 @@ class Linear(NamedTuple):
     - `load`, `directions`: Q and E, shape (n,) and (n, p).
     - `rate`: slip rates, shape (p,); their rates of change are `slip` + `yields` tau, shape (p,) and (p, p).
 
-    Of a large mechanism `directions`, `yields` and what unit friction causes are maps.
+    Of a large mechanism `directions`, `yields` and what unit friction causes are maps, and `mobility` is a size of
+    `yields`, as lengths, were its bodies free.
     """
 
     response: LinearResponse
@@ -96,24 +102,12 @@ class Linear(NamedTuple):
     rate: Float[Array, " p"]
     slip: Float[Array, " p"]
     yields: Any
+    mobility: Array | None = None
 
     @property
     def is_large(self) -> bool:
         """Whether what unit friction causes is known by products alone."""
         return isinstance(self.yields, LinearMap)
-
-    def by_matrices(self, system: AbstractSystem, state: State, wanted: Bool[Array, ""]) -> "Linear":
-        """With matrices for maps where they are wanted, which costs one solution for each friction; else with zeros."""
-        if not self.is_large:
-            return self
-
-        def formed() -> tuple[Response, Array]:
-            unit = self.response.unit.columns(self.rate.size, self.rate.dtype)
-            return unit, jax.vmap(lambda a: along_slips(system, state, a), 1, 1)(unit.acceleration)
-
-        none = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(formed))
-        unit, yields = jax.lax.cond(wanted, formed, lambda: none)
-        return self._replace(response=LinearResponse(self.response.free, unit), yields=yields)
 
 
 class Solved(NamedTuple):
@@ -204,7 +198,7 @@ class Equations(eqx.Module):
         system, once = self.system, factor is None and not closed
         factor = factorize_held(system, state, held) if factor is None else factor
         if system.plan is not None and system.friction:
-            return self._linear_map(state, factor, closed=closed)
+            return self._linear_map(state, cast(SparseHeldFactorisation, factor), closed=closed)
         load, rate, directions = system.load(state), state.qd[:0], jnp.zeros((state.qd.size, 0), state.qd.dtype)
         if system.friction:
             rate, directions = slip_motion(system, state)
@@ -221,7 +215,7 @@ class Equations(eqx.Module):
         response = LinearResponse(Response(a[:, 0], lam[:, 0]), Response(a[:, 1:], lam[:, 1:]))
         return Linear(response, load, directions, rate, slip[:, 0], slip[:, 1:])
 
-    def _linear_map(self, state: State, factor: AnyHeldFactorisation, *, closed: bool) -> Linear:
+    def _linear_map(self, state: State, factor: SparseHeldFactorisation, *, closed: bool) -> Linear:
         """`linear` of a large mechanism."""
         system, load = self.system, self.system.load(state)
         a, lam = factor.respond(load[:, None], self.stabilisation.gamma(factor.motion)[:, None])
@@ -230,7 +224,7 @@ class Equations(eqx.Module):
             compliance, misfit = elasticity(self.closure, system, state)
             pick, _ = factor.close(compliance)
             lam = pick.columns(lam, misfit)
-        unit = friction_response(system, state, factor, pick)
+        unit, unclosed = (friction_response(system, state, factor, choice) for choice in (pick, None))
         slip = along_slips(system, state, a[:, 0])
         if self.has_sense:
             slip = slip - slip_gamma(system, state)
@@ -240,8 +234,14 @@ class Equations(eqx.Module):
             friction_forces(system, state),
             slip_rate(system, state),
             slip,
-            slip_accelerations(system, state, unit),
+            slip_accelerations(system, state, unclosed),
+            self._mobility(state, factor),
         )
+
+    def _mobility(self, state: State, factor: SparseHeldFactorisation) -> Float[Array, ""]:
+        some = self.slip_size * jnp.cos(jnp.arange(self.slip_size.size, dtype=state.q.dtype) ** 2)
+        free = factor.gram.rows.accelerations(slip_force(self.system, state, some)[:, None])[:, 0]
+        return jnp.linalg.norm(self.slip_size * along_slips(self.system, state, free)) / jnp.linalg.norm(some)
 
     @eqx.filter_jit
     def solved(
@@ -276,23 +276,28 @@ class Equations(eqx.Module):
     ) -> tuple[Float[Array, " p"], FrictionProblem | None]:
         """Friction forces, those that hold the joints that stick and those of the law, NaN where none are found; and
         the equations of the latter."""
-        system, stick, whole = self.system, self.sticking, linear
+        system, stick = self.system, self.sticking
         holding, passed = jnp.zeros_like(linear.rate), None
         if self.has_sense:
-            whole = linear.by_matrices(system, law.state, jnp.any(stick))
-            none = holding, jnp.zeros_like(whole.yields)
-            holding, against = jax.lax.cond(jnp.any(stick), lambda: self._holding(whole), lambda: none)
+            pull = linear.slip + self.speed / self.scaling.size * linear.rate  # what is left of slip rates dies away
             if linear.is_large:
-                passed = LinearMap(_passed, (stick, against))
+                inverse = self.inverse(linear, stick)
+                holding = jax.lax.cond(jnp.any(stick), lambda: -(inverse @ pull), lambda: holding)
+                passed = LinearMap(_passed, (stick, inverse, linear.yields))
             else:
-                passed = jnp.where(stick, 0.0, jnp.eye(stick.size, dtype=against.dtype) - against)
+                none = jnp.zeros_like(linear.yields)
+                inverse = jax.lax.cond(jnp.any(stick), lambda: self.inverse(linear, stick), lambda: none)
+                holding = -inverse @ pull
+                passed = jnp.where(stick, 0.0, jnp.eye(stick.size, dtype=none.dtype) - inverse @ linear.yields)
         rows = load_rows(system.friction)
         if rows.size == 0:
             tau, problem = law(law.rate[:0]), None
         else:
             rho0, gain = linear.response.free.multipliers[rows], linear.response.gain(rows)
             if passed is not None:
-                rho0, gain = rho0 + whole.response.gain(rows) @ holding, gain @ passed
+                held = partial(jax.lax.cond, jnp.any(stick)) if linear.is_large else lambda yes, no: yes()
+                rho0 = rho0 + held(lambda: gain @ holding, lambda: jnp.zeros_like(rho0))
+                gain = gain @ passed
             begin = law(rho0) if start is None else start
             problem = FrictionProblem.make(rho0, gain, law, jnp.asarray(system.rows.angular)[rows]).sized_at(begin)
             root = closed_root(problem, begin, self.solver)
@@ -323,33 +328,19 @@ class Equations(eqx.Module):
     def halted(self, state: State, held: AnyHeld) -> Float[Array, " n"]:
         """Velocities after an impulse of friction that leaves joints that stick no slip."""
         linear = self.linear(state, held, closed=False)
-        return state.qd - linear.response.unit.acceleration @ (self._inverse(linear, self.sticking) @ linear.rate)
+        return state.qd - linear.response.unit.acceleration @ (self.inverse(linear, self.sticking) @ linear.rate)
 
-    def yielding(self, linear: Linear) -> Float[Array, " p"]:
-        """Slip acceleration of each joint by its own unit friction; infinite where constraints leave it no slip."""
-        own = jnp.diagonal(linear.yields)
-        size = own * self.slip_size**2
-        blocked = size <= 10 * jnp.finfo(own.dtype).eps * jnp.max(size)
-        return jnp.where(blocked, jnp.inf, jnp.where(blocked, 1.0, own))
-
-    def _holding(self, linear: Linear) -> tuple[Float[Array, " p"], Float[Array, "p p"]]:
-        """tau = holding + (I - against) tau_law: what holds the joints that stick, and the friction of the others.
-
-        The slip accelerations A = E^T A_tau of unit friction are symmetric positive semidefinite; where several joints
-        stick that need not, the least holding friction is taken, as of contacts equally compliant. What is left of
-        slip rates dies away.
+    def inverse(self, linear: Linear, stick: Bool[Array, " p"], rounding: ArrayLike = 0.0) -> Any:
+        """From slip accelerations of joints that stick to the least friction, as of contacts equally compliant, that
+        causes them: a matrix, shape (p, p), or a map, which takes a rounding of accelerations, as lengths, for none.
+        A = E^T A_tau is symmetric positive semidefinite.
         """
-        inverse = self._inverse(linear, self.sticking)
-        return -inverse @ (linear.slip + self.speed / self.scaling.size * linear.rate), inverse @ linear.yields
-
-    def _inverse(self, linear: Linear, stick: Bool[Array, " p"]) -> Float[Array, "p p"]:
-        """Least friction of joints that stick by slip accelerations that it causes."""
-        both = stick[:, None] & stick
-        matrix = jnp.where(both, linear.yields, 0.0)
-        size = jnp.sqrt(self.yielding(linear))
+        scale = jnp.where(stick, self.slip_size, 0.0)
+        if linear.is_large:
+            return LinearMap(_least_friction, (scale, linear.yields, linear.mobility, rounding))
+        matrix = scale[:, None] * linear.yields * scale
         rtol = max(_DEPENDENT, 100 * float(jnp.finfo(matrix.dtype).eps))
-        inverse = jnp.linalg.pinv(matrix / size[:, None] / size, rtol=rtol, hermitian=True)
-        return jnp.where(both, inverse / size[:, None] / size, 0.0)
+        return scale[:, None] * jnp.linalg.pinv(matrix, rtol=rtol, hermitian=True) * scale
 
     def _power(self, state: State, force: Array, multipliers: Array) -> Float[Array, ""]:
         one, system = jnp.ones_like(state.t), self.system
@@ -368,10 +359,16 @@ class Equations(eqx.Module):
         return jnp.einsum("bi,bij,bj->", own, self.system.by_bodies(y.q, t)[1], own) / 2
 
 
-def _passed(stick: Bool[Array, " p"], against: Float[Array, "p p"], tau: Float[Array, " p"]) -> Float[Array, " p"]:
+def _least_friction(
+    scale: Array, yields: LinearMap, mobility: Array, rounding: ArrayLike, change: Array
+) -> Float[Array, " p"]:
+    return scale * least_solution(lambda force: scale * (yields @ (scale * force)), scale * change, mobility, rounding)
+
+
+def _passed(stick: Bool[Array, " p"], inverse: LinearMap, yields: LinearMap, tau: Array) -> Float[Array, " p"]:
     """Friction of joints that slip, and what holds the others against it."""
     tau = jnp.where(stick, 0.0, tau)
-    return tau - jax.lax.cond(jnp.any(stick), lambda: against @ tau, lambda: jnp.zeros_like(tau))
+    return tau - jax.lax.cond(jnp.any(stick), lambda: inverse @ (yields @ tau), lambda: jnp.zeros_like(tau))
 
 
 def rechart(system: AbstractSystem, y: Moving) -> tuple[Moving, Bool[Array, ""]]:

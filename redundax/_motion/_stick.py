@@ -15,12 +15,16 @@ Joints that slip have the friction of their sense, lo = hi. Where a joint has se
 takes the place of the interval, and its surfaces start to slide against their friction.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._solvers._gauss_seidel import Swept, gauss_seidel
+from .._equations._kinematics import along_slips
+from .._equations._response import Response
+from .._solvers._active_set import active_set
+from .._solvers._gauss_seidel import gauss_seidel
 from .._system._friction import friction_force, load_rows
 from .._system._state import State
 from .._tools._module import stop_gradient
@@ -60,18 +64,15 @@ def mode_of(equations: Equations, state: State, linear: Linear, wanted: Bool[Arr
     still = sensed & (equations.whole(slows) | equations.sticking)
     if linear.is_large:
         wanted = wanted & jnp.any(still)
-        linear = linear.by_matrices(equations.system, state, wanted)
-    tau, decided = _sticking_friction(equations, state, linear, still, wanted)
-    acceleration = linear.slip + linear.yields @ tau
-    parts = jnp.abs(linear.slip) + jnp.abs(linear.yields) @ jnp.abs(tau)
-    size = jnp.max(jnp.where(still, parts * equations.slip_size, 0.0))
+    tau, caused, change, decided = _sticking_friction(equations, state, linear, still, wanted)
+    acceleration = linear.slip + change.value
+    size = jnp.max(jnp.where(still, (jnp.abs(linear.slip) + change.parts) * equations.slip_size, 0.0))
     sticks = still & equations.whole(jnp.abs(acceleration) * equations.slip_size <= held * size)
     begins, goes = equations.sense_of(linear.rate, acceleration)
     sense = jnp.where(still, jnp.where(sticks, 0.0, begins), goes)
-    scale = equations.scaling.coordinates
-    free, unit = linear.response.free.acceleration, linear.response.unit.acceleration
-    moved = jnp.abs(free + unit @ tau)
-    whole = jnp.abs(free) + jnp.abs(unit) @ jnp.abs(tau)
+    scale, free = equations.scaling.coordinates, linear.response.free.acceleration
+    moved = jnp.abs(free + caused.value)
+    whole = jnp.abs(free) + caused.parts
     rests = jnp.max(jnp.abs(state.qd) / scale) <= slow
     least = tolerance_of(_ROUNDING, slow) * equations.speed**2 / equations.scaling.size
     stays = jnp.max(moved / scale) <= jnp.maximum(held * jnp.max(whole / scale), least)
@@ -79,25 +80,85 @@ def mode_of(equations: Equations, state: State, linear: Linear, wanted: Bool[Arr
     return Mode(jnp.where(sensed, sense, 1.0), tau, rests & stays & jnp.any(sticks), decided)
 
 
+class Change(NamedTuple):
+    """What friction adds, and the sum of its parts; of a large mechanism the former's size."""
+
+    value: Array
+    parts: Array
+
+
+class Holding(NamedTuple):
+    """Friction of the conditions above, what it adds to accelerations and to those of slips; if it it was found."""
+
+    tau: Float[Array, " p"]
+    caused: Change
+    slip: Change
+    found: Bool[Array, ""]
+
+
 def _sticking_friction(
     equations: Equations, state: State, linear: Linear, still: Bool[Array, " p"], wanted: Bool[Array, ""]
-) -> Swept:
-    """tau of the conditions above, and whether it was found."""
+) -> Holding:
     friction, rows = equations.system.friction, load_rows(equations.system.friction)
-    yielding = equations.yielding(linear)
-    rho0, gain = (part.multipliers[rows] for part in (linear.response.free, linear.response.unit))
-    pull = jnp.abs(linear.slip) * equations.slip_size
-    reverses = jnp.isinf(yielding) & (pull > tolerance_of(_HELD, pull) * jnp.max(pull))  # whatever its friction
-    yielding = jnp.where(reverses, jnp.finfo(pull.dtype).tiny, yielding)
+    rho0, sizes = linear.response.free.multipliers[rows], equations.slip_size
     senses = [jnp.where(still, sense, jnp.sign(linear.rate)) for sense in (1.0, -1.0)]
     rate, directions = linear.rate, equations.directions
     if directions is not None:  # at rest, so that senses count
         rate = jnp.where(directions.directed & still, 0.0, rate)
 
-    def bounds(tau: Array) -> tuple[Array, Array]:
-        rho = rho0 + gain @ tau
-        one, two = (friction_force(friction, rho, rate, sense, state) for sense in senses)
+    def limits(caused: Array) -> tuple[Array, Array]:
+        one, two = (friction_force(friction, rho0 + caused, rate, sense, state) for sense in senses)
         return jnp.minimum(one, two), jnp.maximum(one, two)
 
-    enough, weight = tolerance_of(_SETTLED, linear.rate), 1 / equations.slip_size
-    return gauss_seidel(bounds, linear.slip, linear.yields, yielding, weight, enough, wanted, directions)
+    enough = tolerance_of(_SETTLED, linear.rate)
+    if linear.is_large:
+        return _of_large(equations, state, linear, still, limits, wanted)
+    gain, unit = linear.response.unit.multipliers[rows], linear.response.unit.acceleration
+    yielding = _yielding(equations, linear)
+    pull = jnp.abs(linear.slip) * sizes
+    reverses = jnp.isinf(yielding) & (pull > tolerance_of(_HELD, pull) * jnp.max(pull))  # whatever its friction
+    yielding = jnp.where(reverses, jnp.finfo(pull.dtype).tiny, yielding)
+    tau, settled = gauss_seidel(
+        lambda tau: limits(gain @ tau), linear.slip, linear.yields, yielding, 1 / sizes, enough, wanted, directions
+    )
+    caused, slip = (Change(matrix @ tau, jnp.abs(matrix) @ jnp.abs(tau)) for matrix in (unit, linear.yields))
+    return Holding(tau, caused, slip, settled)
+
+
+def _of_large(
+    equations: Equations,
+    state: State,
+    linear: Linear,
+    still: Bool[Array, " p"],
+    limits: Callable[[Float[Array, " l"]], tuple[Float[Array, " p"], Float[Array, " p"]]],
+    wanted: Bool[Array, ""],
+) -> Holding:
+    rows = load_rows(equations.system.friction)
+
+    def caused(tau: Array) -> tuple[Response, Array]:
+        response = linear.response.unit @ tau
+        return response, along_slips(equations.system, state, response.acceleration)
+
+    def hold(joints: Array, change: Array, rounding: Array) -> Array:
+        return equations.inverse(linear, joints, rounding) @ change
+
+    active = active_set(
+        caused,
+        lambda multipliers: limits(multipliers[rows]),
+        hold,
+        linear.slip,
+        still,
+        equations.slip_size,
+        (tolerance_of(_HELD, linear.rate), tolerance_of(_SETTLED, linear.rate)),
+        wanted,
+    )
+    changes = [Change(x, jnp.abs(x)) for x in (active.caused.acceleration, active.acceleration - linear.slip)]
+    return Holding(active.tau, changes[0], changes[1], active.settled)
+
+
+def _yielding(equations: Equations, linear: Linear) -> Float[Array, " p"]:
+    """Slip acceleration of each joint by its own unit friction; infinite where constraints leave it no slip."""
+    own = jnp.diagonal(linear.yields)
+    size = own * equations.slip_size**2
+    blocked = size <= 10 * jnp.finfo(own.dtype).eps * jnp.max(size)
+    return jnp.where(blocked, jnp.inf, jnp.where(blocked, 1.0, own))

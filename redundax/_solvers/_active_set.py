@@ -1,0 +1,95 @@
+"""Friction of many joints that stick or start to slip: what it causes is known by products alone.
+
+The conditions are those of `_gauss_seidel`.
+
+Each joint is held, alpha_j = 0, or at one of its limits. In turn
+
+- friction of the joints that are held changes so that alpha is zero there, by the least that does it;
+- a joint that is held by more than its limits goes to that limit, one that slips although it is held to the limit
+  against its slip, and one at a limit that would slip the other way is held.
+
+It ends where no joint changes, and limits follow the loads no further.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from .._equations._response import Response
+
+_TURNS = 200
+
+
+class ActiveSet(NamedTuple):
+    """Friction and what it causes, accelerations of the mechanism and of its slips, and whether they are found."""
+
+    tau: Float[Array, " p"]
+    caused: Response
+    acceleration: Float[Array, " p"]
+    settled: Bool[Array, ""]
+
+
+class _Turn(NamedTuple):
+    """Where it is: `side` is -1 of joints at their lower limit, 1 at the upper, 0 of those that are held."""
+
+    found: ActiveSet
+    side: Float[Array, " p"]
+    holds: Bool[Array, ""]
+    turns: Int[Array, ""]
+
+
+def active_set(
+    caused: Callable[[Float[Array, " p"]], tuple[Response, Float[Array, " p"]]],
+    limits: Callable[[Float[Array, " m"]], tuple[Float[Array, " p"], Float[Array, " p"]]],
+    hold: Callable[[Bool[Array, " p"], Float[Array, " p"], Float[Array, ""]], Float[Array, " p"]],
+    free: Float[Array, " p"],
+    still: Bool[Array, " p"],
+    sizes: Float[Array, " p"],
+    tolerance: tuple[float, float],
+    wanted: Bool[Array, ""],
+) -> ActiveSet:
+    """Friction of the conditions above; none where it is not wanted.
+
+    **Arguments:**
+
+    - `caused`: what friction causes, and A tau.
+    - `limits`: lo and hi at the multipliers that friction causes.
+    - `hold`: the least friction of some joints that gives them accelerations, known to a rounding as lengths.
+    - `free`: alpha_0.
+    - `still`: joints that may be held; of the others lo is hi.
+    - `sizes`: the lengths by which slips are made lengths.
+    - `tolerance`: of accelerations that are zero, relative to their parts, and of friction, to the largest limit.
+    """
+    zero, enough = tolerance
+
+    def turn(now: _Turn) -> _Turn:
+        tau = now.found.tau
+        response, change = caused(tau)
+        alpha = free + change
+        low, high = limits(response.multipliers)
+        size = jnp.max(jnp.maximum(jnp.abs(low), jnp.abs(high)) / sizes)
+        parts = jnp.max(jnp.where(still, (jnp.abs(free) + jnp.abs(change)) * sizes, 0.0))
+        slips = jnp.abs(alpha) * sizes > zero * parts
+        least = enough * size * sizes
+        beyond = (tau > high + least) * 1.0 - (tau < low - least)
+        held = jnp.where(beyond != 0, beyond, jnp.where(slips, -jnp.sign(alpha), 0.0))
+        stays = jnp.where(slips & (now.side * alpha > 0) & still, 0.0, now.side)
+        side = jnp.where(now.side == 0, held, stays)
+        at = jnp.where(side < 0, low, jnp.where(side > 0, high, tau))
+        same = jnp.all(side == now.side) & jnp.all(jnp.abs(at - tau) <= least)
+        settled = ~now.holds & same
+        pulled = jnp.any((now.side == 0) & (jnp.abs(alpha) * sizes > enough * parts))
+        more = jax.lax.cond(
+            now.holds & pulled, lambda: hold(now.side == 0, -alpha, enough * parts), lambda: jnp.zeros_like(tau)
+        )
+        after = jnp.where(now.holds, tau + more, jnp.where(settled, tau, at))
+        side = jnp.where(now.holds, now.side, side)
+        return _Turn(ActiveSet(after, response, alpha, settled), side, ~now.holds, now.turns + 1)
+
+    none, true = jnp.zeros_like(free), jnp.ones((), bool)
+    nothing = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(caused, none)[0])
+    begin = _Turn(ActiveSet(none, nothing, free, ~true), jnp.where(still, 0.0, 1.0), true, jnp.zeros((), int))
+    return jax.lax.while_loop(lambda now: wanted & ~now.found.settled & (now.turns < _TURNS), turn, begin).found

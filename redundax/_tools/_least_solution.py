@@ -1,0 +1,110 @@
+"""The least solution of equations whose symmetric positive semidefinite matrix A is known by its products alone.
+
+    x = A^+ b:   x + A v = 0,   A x = b - (what no x meets)
+
+x is sought among A b, A (A b), ... and so has no part that A does not see; it leaves the least misfit. It ends where
+that is none, or where no other direction is found. The equations with the
+multipliers v are symmetric, and their derivatives, of one rank, are those of a linear solution.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax.typing import ArrayLike
+from jaxtyping import Array, Bool, Float, Int
+
+_KEPT, _CYCLES = 60, 20  # directions of a cycle at most, and cycles
+_ROUNDING = 1e3  # of products, by which a solution may miss
+_UNSEEN = 1e-8, 1e2  # an image relative to the largest, at least so many roundings, that is none
+
+
+def least_solution(
+    product: Callable[[Float[Array, " p"]], Float[Array, " p"]],
+    right: Float[Array, " p"],
+    size: Float[Array, ""],
+    rounding: ArrayLike = 0.0,
+) -> Float[Array, " p"]:
+    """A^+ b, NaN where it is not found; `size` is one of A, `rounding` that of b."""
+    size, rounding = jax.lax.stop_gradient((size, rounding))
+
+    def both(unknowns: tuple[Array, Array]) -> tuple[Array, Array]:
+        x, v = unknowns
+        return x + product(v), product(x)
+
+    def solved(_: object, right: tuple[Array, Array]) -> tuple[Array, Array]:
+        given, b = right
+        x = _found(product, b, size, rounding)
+        v = _found(product, given - x, size, 0.0)
+        return jax.lax.cond(jnp.any(given != 0), lambda: given - product(v), lambda: x), v
+
+    return jax.lax.custom_linear_solve(both, (jnp.zeros_like(right), right), solved, symmetric=True)[0]
+
+
+class _Search(NamedTuple):
+    """Orthonormal directions V, and Q and R with A V = Q R; what is left of b; what is multiplied next, and how often
+    something was; the largest image of a unit vector; and whether no other direction is seen."""
+
+    directions: Float[Array, "k p"]
+    images: Float[Array, "k p"]
+    triangle: Float[Array, "k k"]
+    misfit: Float[Array, " p"]
+    ahead: Float[Array, " p"]
+    products: Int[Array, ""]
+    largest: Float[Array, ""]
+    ends: Bool[Array, ""]
+
+
+class _Found(NamedTuple):
+    """The solution so far, what is left of b, and cycles; whether that is all."""
+
+    x: Float[Array, " p"]
+    misfit: Float[Array, " p"]
+    cycles: Int[Array, ""]
+    ends: Bool[Array, ""]
+
+
+def _found(product: Callable, right: Array, size: Array, rounding: ArrayLike) -> Float[Array, " p"]:
+    kept, eps = min(_KEPT, right.size), float(jnp.finfo(right.dtype).eps)
+    unseen = max(_UNSEEN[0], _UNSEEN[1] * eps)
+    enough = jnp.maximum(_ROUNDING * eps * jnp.linalg.norm(right), rounding)
+
+    def onward(now: _Search) -> _Search:
+        k, starts = jnp.maximum(now.products - 1, 0), now.products == 0
+        image = product(now.ahead)
+        largest = jnp.maximum(now.largest, jnp.linalg.norm(image))
+        directions = jnp.where(starts, now.directions, now.directions.at[k].set(now.ahead))
+        unit, length, along = _across(image, now.images)
+        goes = ~starts & (length > unseen * largest)
+        images = jnp.where(goes, now.images.at[k].set(unit), now.images)
+        column = jnp.where(goes, along.at[k].set(length), 0.0)
+        triangle = jnp.where(goes, now.triangle.at[:, k].set(column), now.triangle)
+        misfit = now.misfit - jnp.where(goes, unit @ now.misfit, 0.0) * unit
+        ahead, length, _ = _across(image, directions)
+        ends = (length <= unseen * largest) | ~(jnp.linalg.norm(misfit) > enough)
+        return _Search(directions, images, triangle, misfit, ahead, now.products + 1, largest, ends)
+
+    def cycle(now: _Found) -> _Found:
+        none = jnp.zeros((kept, right.size), right.dtype)
+        ahead, _, _ = _across(now.misfit, none)
+        start = _Search(
+            none, none, jnp.eye(kept, dtype=right.dtype), now.misfit, ahead, jnp.zeros((), int), size, now.ends
+        )
+        end = jax.lax.while_loop(lambda now: ~now.ends & (now.products <= kept), onward, start)
+        parts = jax.scipy.linalg.solve_triangular(end.triangle, end.images @ now.misfit)
+        ends = ~(jnp.linalg.norm(end.misfit) > enough) | (end.ends & (end.products == 1))
+        return _Found(now.x + parts @ end.directions, end.misfit, now.cycles + 1, ends)
+
+    start = _Found(0.0 * right, right, jnp.zeros((), int), ~(jnp.linalg.norm(right) > enough))
+    end = jax.lax.while_loop(lambda now: ~now.ends & (now.cycles < _CYCLES), cycle, start)
+    return jnp.where(end.ends, end.x, jnp.nan)
+
+
+def _across(vector: Array, units: Array) -> tuple[Float[Array, " p"], Float[Array, ""], Float[Array, " k"]]:
+    """The unit vector along the part of a vector across others, the length of that, and its parts along the others."""
+    along = units @ vector
+    across = vector - along @ units
+    again = units @ across
+    across, length = across - again @ units, jnp.linalg.norm(across)
+    return across / jnp.where(length > 0, length, 1.0), length, along + again
