@@ -359,10 +359,14 @@ class Equations(eqx.Module):
         return jnp.einsum("bi,bij,bj->", own, self.system.by_bodies(y.q, t)[1], own) / 2
 
 
+def _scaled(scale: Float[Array, " p"], yields: LinearMap, force: Float[Array, " p"]) -> Float[Array, " p"]:
+    return scale * (yields @ (scale * force))
+
+
 def _least_friction(
-    scale: Array, yields: LinearMap, mobility: Array, rounding: ArrayLike, change: Array
+    scale: Float[Array, " p"], yields: LinearMap, mobility: Array, rounding: ArrayLike, change: Float[Array, " p"]
 ) -> Float[Array, " p"]:
-    return scale * least_solution(lambda force: scale * (yields @ (scale * force)), scale * change, mobility, rounding)
+    return scale * least_solution(LinearMap(_scaled, (scale, yields)), scale * change, mobility, rounding)
 
 
 def _passed(stick: Bool[Array, " p"], inverse: LinearMap, yields: LinearMap, tau: Array) -> Float[Array, " p"]:

@@ -1,45 +1,55 @@
 """The least solution of equations whose symmetric positive semidefinite matrix A is known by its products alone.
 
-    x = A^+ b:   x + A v = 0,   A x = b - (what no x meets)
+    x = A^+ b:   the least of those that leave the least misfit b - A x
 
 x is sought among A b, A (A b), ... and so has no part that A does not see; it leaves the least misfit. It ends where
-that is none, or where no other direction is found. The equations with the
-multipliers v are symmetric, and their derivatives, of one rank, are those of a linear solution.
+that is none, or where no other direction is found. Where A x = b, and goes on to hold as A changes at one rank,
+
+    x' = A^+ (b' - A' x - A w) + w,   w = A' A^+ x
 """
 
 from collections.abc import Callable
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
+
+from ._linear_map import LinearMap
 
 _KEPT, _CYCLES = 60, 20  # directions of a cycle at most, and cycles
 _ROUNDING = 1e3  # of products, by which a solution may miss
 _UNSEEN = 1e-8, 1e2  # an image relative to the largest, at least so many roundings, that is none
 
 
+@eqx.filter_custom_jvp
 def least_solution(
-    product: Callable[[Float[Array, " p"]], Float[Array, " p"]],
-    right: Float[Array, " p"],
-    size: Float[Array, ""],
-    rounding: ArrayLike = 0.0,
+    matrix: LinearMap, right: Float[Array, " p"], size: Float[Array, ""], rounding: ArrayLike = 0.0
 ) -> Float[Array, " p"]:
     """A^+ b, NaN where it is not found; `size` is one of A, `rounding` that of b."""
-    size, rounding = jax.lax.stop_gradient((size, rounding))
+    return _found(lambda x: matrix @ x, right, size, rounding)
 
-    def both(unknowns: tuple[Array, Array]) -> tuple[Array, Array]:
-        x, v = unknowns
-        return x + product(v), product(x)
 
-    def solved(_: object, right: tuple[Array, Array]) -> tuple[Array, Array]:
-        given, b = right
-        x = _found(product, b, size, rounding)
-        v = _found(product, given - x, size, 0.0)
-        return jax.lax.cond(jnp.any(given != 0), lambda: given - product(v), lambda: x), v
+@least_solution.def_jvp
+def _(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
+    (matrix, right, size, *_), (change, moved, *_) = primals, tangents
+    found = least_solution(*primals)
+    multipliers = least_solution(matrix, found, size)
 
-    return jax.lax.custom_linear_solve(both, (jnp.zeros_like(right), right), solved, symmetric=True)[0]
+    def changed(x: Array) -> Array:
+        return eqx.filter_jvp(lambda matrix: matrix @ x, (matrix,), (change,))[1]
+
+    def product(x: Array) -> Array:
+        return matrix @ x
+
+    def solved(_: object, right: Array) -> Array:
+        return _found(product, right, size, 0.0)
+
+    across = changed(multipliers)
+    right = (0.0 if moved is None else moved) - changed(found) - product(across)
+    return found, jax.lax.custom_linear_solve(product, right, solved, symmetric=True) + across
 
 
 class _Search(NamedTuple):
