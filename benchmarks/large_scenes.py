@@ -9,7 +9,8 @@ accelerations and motions. With every third pin twice over the minimum norm halv
 matrices. `ladder` is the same row of parallelograms in space, with 3 redundant constraints a loop. `gradients` are
 those of the crank angle after 1 s of 100 loops, by the length of the cranks in forward mode and by the masses of all
 cranks in reverse mode, against those of the pendulum; and with friction after 0.1 s by the friction of all 402 pins in
-reverse mode, against differences of values.
+reverse mode, against differences of values. `sticking` has a pendulum on each coupler of cranks that friction holds;
+all stop within moments, one after the other, where each would alone.
 
 Motions are run to an error of 1e-6 in the crank angle: redundax with the largest tolerance that reaches it, peers with
 as many steps as they need, doubled each time, or ">" where a run takes longer than the limit before. Times of
@@ -25,7 +26,8 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+ROOT = pathlib.Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
 
 from benchmarks._devices import prepare
 
@@ -36,6 +38,7 @@ import equinox as eqx  # noqa: E402
 import jax  # noqa: E402
 import numpy as np  # noqa: E402
 from jax.typing import ArrayLike  # noqa: E402
+from truth import swings  # noqa: E402
 
 import redundax as rx  # noqa: E402
 from benchmarks.motions import _exudyn, _mujoco  # noqa: E402
@@ -247,6 +250,19 @@ def gradients_by_friction(loops: int, repeats: int) -> Iterator[str]:
     yield f"by all friction {first:7.1f} {more:8.3f} {more / seconds:7.2f} {error:8.0e}"
 
 
+def stickings(loops: int) -> str:
+    """A line of the table on stick and slip."""
+    mechanism, state = swings.swings(loops)
+    run = partial(rx.simulate, mechanism.sparse(), state, T1, ts=[T1], max_phases=loops + 5, rtol=1e-9, throw=False)
+    first, seconds, motion = timed(run, 1)
+    angles = [swings.stop(mu)[1] for mu in swings.frictions(loops)]
+    error = np.max(np.abs(np.asarray(motion.q)[0, -loops:] - angles))
+    stops = int(motion.stats.phases)
+    return (
+        f"{loops:7} {len(mechanism.slips):6} {stops:6} {first:8.1f} {seconds:8.2f} {seconds / stops:8.3f} {error:8.0e}"
+    )
+
+
 def motions(loops: int, repeats: int, limit: float) -> Iterator[Motion]:
     """Lines of the last table."""
     mechanism = rx.mechanisms.n_four_bar(loops).sparse(loops >= 10)  # where that is faster in motions
@@ -303,7 +319,7 @@ def figure(solves: list[tuple[int, float]], motions: list[tuple[int, str, float,
     return out
 
 
-TABLES = ("solves", "friction", "ladder", "gradients", "motions")
+TABLES = ("solves", "friction", "sticking", "ladder", "gradients", "motions")
 
 
 def main() -> None:
@@ -326,6 +342,10 @@ def main() -> None:
         print(f"\n{'joints':>7} {'first s':>8} {'ms':>9} {'100 h, ms':>10} {'us/joint':>9} {'passes':>6} {'error':>8}")
         for loops in (10, 40, 100, 250):
             print(frictions(loops, given.repeats), flush=True)
+    if "sticking" in given.only:
+        print(f"\n{'loops':>7} {'joints':>6} {'stops':>6} {'first s':>8} {'s':>8} {'s/stop':>8} {'error':>8}")
+        for loops in (10, 20, 40):
+            print(stickings(loops), flush=True)
     if "ladder" in given.only:
         print(f"\n{'bodies':>7} {'redundancy':>11} {'':>8} {'first s':>8} {'ms':>9} {'error':>8}")
         for loops in (5, 25, 100, 250):

@@ -101,16 +101,17 @@ def simulate(
     are NaN past a release that loads touch without growing. A mechanism at rest stays there until its loads let it
     go, which is asked at 100 instants up to `t1`; it ends as `RESULTS.stuck` if none does.
 
-    Of large mechanisms, whose matrices are sparse, matrices of friction are formed at stops and while joints stick:
-    cost grows with the square of their number there, and with its cube while some stick and others slip. Dry sleeves,
-    balls and plates need dense matrices: `mechanism.sparse(False)`.
+    Of large mechanisms, whose matrices are sparse, friction that holds joints is sought among as many directions as
+    they have freedoms, each of which costs one solution. Dry sleeves, balls and plates need dense matrices:
+    `mechanism.sparse(False)`.
 
     Internal states of friction (`Dahl`, `LuGre`) start as in `state`, at zero if it holds none.
 
     Where the frictional equations may have several solutions the motion follows its branch, and stops where that ends.
 
     **Returns:** a `Trajectory`. The motion passes singular positions on the branch that its velocity lies on. Where
-    more joints stick than need to while others move, their friction is the least that holds; it is NaN at rest. Where
+    more joints stick than need to while others move, their friction is the least that holds, as of contacts equally
+    compliant; it is NaN at rest. Where
     teeth pull at any of the times its `pulling` names them, and a warning does as in `solve`.
 
     **Raises:** `ValueError` for arguments that do not fit; `RuntimeError` with the message of the result where `throw`

@@ -29,7 +29,19 @@ def least_solution(
     matrix: LinearMap, right: Float[Array, " p"], size: Float[Array, ""], rounding: ArrayLike = 0.0
 ) -> Float[Array, " p"]:
     """A^+ b, NaN where it is not found; `size` is one of A, `rounding` that of b."""
-    return _found(lambda x: matrix @ x, right, size, rounding)
+    return _inverse(matrix, right, size, rounding)
+
+
+def _inverse(matrix: LinearMap, right: Array, size: Array, rounding: ArrayLike) -> Float[Array, " p"]:
+    """A^+ b, of which derivatives by b alone are right."""
+
+    def product(x: Array) -> Array:
+        return matrix @ x
+
+    def solved(_: object, right: Array) -> Array:
+        return _found(product, right, size, rounding)
+
+    return jax.lax.custom_linear_solve(product, right, solved, symmetric=True)
 
 
 @least_solution.def_jvp
@@ -39,17 +51,15 @@ def _(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
     multipliers = least_solution(matrix, found, size)
 
     def changed(x: Array) -> Array:
-        return eqx.filter_jvp(lambda matrix: matrix @ x, (matrix,), (change,))[1]
-
-    def product(x: Array) -> Array:
-        return matrix @ x
-
-    def solved(_: object, right: Array) -> Array:
-        return _found(product, right, size, 0.0)
+        return _or_zero(eqx.filter_jvp(lambda matrix: matrix @ x, (matrix,), (change,))[1], x)
 
     across = changed(multipliers)
-    right = (0.0 if moved is None else moved) - changed(found) - product(across)
-    return found, jax.lax.custom_linear_solve(product, right, solved, symmetric=True) + across
+    right = _or_zero(moved, found) - changed(found) - matrix @ across
+    return found, _inverse(matrix, right, size, 0.0) + across
+
+
+def _or_zero(tangent: Array | None, like: Array) -> Array:
+    return jnp.zeros_like(like) if tangent is None else tangent
 
 
 class _Search(NamedTuple):

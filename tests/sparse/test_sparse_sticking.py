@@ -1,0 +1,52 @@
+"""Stick and slip of a large mechanism: pendulums that stop one after the other on cranks at rest."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from truth.swings import frictions, stop, swings
+
+import redundax as rx
+from redundax._equations._factorize import factorize
+from redundax._motion._held_rank import hold
+from redundax._motion._integrate import _equations
+
+
+@pytest.mark.slow
+def test_pendulums_on_a_mechanism_that_sticks_stop_as_each_alone():
+    loops = 3
+    mechanism, state = swings(loops)
+    motion = rx.simulate(mechanism.sparse(), state, 1.0, ts=[0.9], rtol=1e-9, throw=False)
+    times, angles = zip(*(stop(mu) for mu in frictions(loops)), strict=True)
+    assert motion.result == rx.RESULTS.stuck
+    assert motion.stats.phases == loops
+    assert motion.stats.end == pytest.approx(max(times), abs=1e-8)
+    start, end = (np.asarray(q)[-(3 * loops + 1) :] for q in (state.q, motion.q[0]))
+    np.testing.assert_allclose(end, [*start[:-loops], *angles], atol=1e-8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", [jax.jvp, jax.vjp])
+def test_derivatives_of_holding_friction_are_those_of_dense_matrices(mode):
+    loops = 1
+
+    def solved(sparse, x):
+        mechanism, state = swings(loops, frictions(loops) * x[0])
+        mechanism = eqx.tree_at(lambda m: m.body.mass, mechanism, mechanism.body.mass.at[0].multiply(x[1]))
+        mechanism = mechanism.sparse(sparse)
+        factor = factorize(mechanism, state)
+        equations = _equations(mechanism, state, factor, rx.MinimumNorm(), rx.Projection(), jnp.asarray(1.0))
+        equations = equations.with_sense(jnp.zeros_like(equations.sense).at[-loops:].set(-1.0))
+        held, _ = hold(mechanism, state, factor.scaling, factor.spectrum.rank, singular=False)
+        found = equations.solved(state, equations.linear(state, held), None)
+        return jnp.concatenate([found.tau, found.acceleration, found.multipliers])
+
+    x, change = jnp.ones(2), jnp.array([0.7, -0.4])
+    true = jax.jvp(lambda x: solved(False, x), (x,), (change,))[1]
+    if mode is jax.jvp:
+        found = jax.jvp(lambda x: solved(True, x), (x,), (change,))[1]
+    else:
+        pull = jnp.cos(jnp.arange(true.size))
+        found, true = jax.vjp(lambda x: solved(True, x), x)[1](pull)[0] @ change, pull @ true
+    np.testing.assert_allclose(found, true, atol=1e-10 * np.abs(true).max())
