@@ -27,7 +27,8 @@ from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
+sys.path.insert(0, str(ROOT))
+sys.path.insert(1, str(ROOT / "tests" / "support"))
 
 from benchmarks._devices import prepare
 
