@@ -50,3 +50,25 @@ def test_derivatives_of_holding_friction_are_those_of_dense_matrices(mode):
         pull = jnp.cos(jnp.arange(true.size))
         found, true = jax.vjp(lambda x: solved(True, x), x)[1](pull)[0] @ change, pull @ true
     np.testing.assert_allclose(found, true, atol=1e-10 * np.abs(true).max())
+
+
+def sizes(jaxpr):
+    for equation in jaxpr.eqns:
+        yield from (variable.aval.size for variable in equation.outvars)
+        for inner in jax.tree.leaves(equation.params, is_leaf=lambda x: hasattr(x, "jaxpr") or hasattr(x, "eqns")):
+            inner = getattr(inner, "jaxpr", inner)
+            yield from sizes(inner) if hasattr(inner, "eqns") else ()
+
+
+@pytest.mark.slow
+def test_no_array_of_a_motion_grows_with_the_square_of_the_mechanism():
+    def largest(loops):
+        mechanism, state = swings(loops)
+        arrays, rest = eqx.partition((mechanism.sparse(), state), eqx.is_array)
+
+        def moved(arrays):
+            return rx.simulate(*eqx.combine(arrays, rest), 1.0, ts=[1.0], throw=False).q
+
+        return max(sizes(jax.make_jaxpr(moved)(arrays).jaxpr))
+
+    assert largest(40) < 2.5 * largest(20)
