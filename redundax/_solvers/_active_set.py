@@ -8,7 +8,9 @@ Each joint is held, alpha_j = 0, or at one of its limits. In turn
 - a joint that is held by more than its limits goes to that limit, one that slips although it is held to the limit
   against its slip, and one at a limit that would slip the other way is held.
 
-It ends where no joint changes, and limits follow the loads no further.
+It ends where no joint changes, and limits follow the loads no further. Joints of which not all need be held could take
+turns for ever. Where that lasts, friction goes no further than the first limit that it meets, and where it meets none
+one joint is held again, that which would slip most the other way: what Gauss's principle makes least falls each time.
 """
 
 from collections.abc import Callable
@@ -20,7 +22,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._equations._response import Response
 
-_TURNS = 200
+_TURNS, _AT_ONCE = 1000, 40  # turns at most, and those in which all joints change at once
 
 
 class ActiveSet(NamedTuple):
@@ -33,11 +35,13 @@ class ActiveSet(NamedTuple):
 
 
 class _Turn(NamedTuple):
-    """Where it is: `side` is -1 of joints at their lower limit, 1 at the upper, 0 of those that are held."""
+    """Where it is: `side` is -1 of joints at their lower limit, 1 at the upper, 0 of those that are held; whether it is
+    their turn, and whether friction last changed as much as it should."""
 
     found: ActiveSet
     side: Float[Array, " p"]
     holds: Bool[Array, ""]
+    whole: Bool[Array, ""]
     turns: Int[Array, ""]
 
 
@@ -73,23 +77,30 @@ def active_set(
         size = jnp.max(jnp.maximum(jnp.abs(low), jnp.abs(high)) / sizes)
         parts = jnp.max(jnp.where(still, (jnp.abs(free) + jnp.abs(change)) * sizes, 0.0))
         slips = jnp.abs(alpha) * sizes > zero * parts
-        least = enough * size * sizes
-        beyond = (tau > high + least) * 1.0 - (tau < low - least)
-        held = jnp.where(beyond != 0, beyond, jnp.where(slips, -jnp.sign(alpha), 0.0))
-        stays = jnp.where(slips & (now.side * alpha > 0) & still, 0.0, now.side)
-        side = jnp.where(now.side == 0, held, stays)
-        at = jnp.where(side < 0, low, jnp.where(side > 0, high, tau))
-        same = jnp.all(side == now.side) & jnp.all(jnp.abs(at - tau) <= least)
-        settled = ~now.holds & same
-        pulled = jnp.any((now.side == 0) & (jnp.abs(alpha) * sizes > enough * parts))
-        more = jax.lax.cond(
-            now.holds & pulled, lambda: hold(now.side == 0, -alpha, enough * parts), lambda: jnp.zeros_like(tau)
+        least, is_held, slow = enough * size * sizes, now.side == 0, now.turns >= _AT_ONCE
+        above, below = (
+            jnp.where(slow, tau >= high - least, tau > high + least) * 1.0,
+            jnp.where(slow, tau <= low + least, tau < low - least) * 1.0,
         )
-        after = jnp.where(now.holds, tau + more, jnp.where(settled, tau, at))
-        side = jnp.where(now.holds, now.side, side)
-        return _Turn(ActiveSet(after, response, alpha, settled), side, ~now.holds, now.turns + 1)
+        beyond = above - below
+        held = jnp.where(beyond != 0, beyond, jnp.where(slips & now.whole, -jnp.sign(alpha), 0.0))
+        back = jnp.where(slips & (now.side * alpha > 0) & still, jnp.abs(alpha) * sizes, 0.0)
+        back = jnp.where(slow, (back == jnp.max(back)) & now.whole, True) & (back > 0)
+        asked = jnp.where(is_held, held, jnp.where(back, 0.0, now.side))
+        at = jnp.where(asked < 0, low, jnp.where(asked > 0, high, tau))
+        settled = ~now.holds & now.whole & jnp.all(asked == now.side) & jnp.all(jnp.abs(at - tau) <= least)
+        pulled = jnp.any(is_held & (jnp.abs(alpha) * sizes > enough * parts))
+        more = jax.lax.cond(
+            now.holds & pulled, lambda: hold(is_held, -alpha, enough * parts), lambda: jnp.zeros_like(tau)
+        )
+        room = jnp.where(more > 0, high - tau, low - tau) / jnp.where(more == 0, 1.0, more)
+        part = jnp.clip(jnp.min(jnp.where(is_held & (more != 0), room, 1.0)), 0.0, 1.0)
+        part = jnp.where(slow, part, 1.0)
+        after = jnp.where(now.holds, tau + part * more, jnp.where(settled, tau, at))
+        side, whole = jnp.where(now.holds, now.side, asked), jnp.where(now.holds, part == 1, now.whole)
+        return _Turn(ActiveSet(after, response, alpha, settled), side, ~now.holds, whole, now.turns + 1)
 
     none, true = jnp.zeros_like(free), jnp.ones((), bool)
     nothing = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(caused, none)[0])
-    begin = _Turn(ActiveSet(none, nothing, free, ~true), jnp.where(still, 0.0, 1.0), true, jnp.zeros((), int))
+    begin = _Turn(ActiveSet(none, nothing, free, ~true), jnp.where(still, 0.0, 1.0), true, true, jnp.zeros((), int))
     return jax.lax.while_loop(lambda now: wanted & ~now.found.settled & (now.turns < _TURNS), turn, begin).found
