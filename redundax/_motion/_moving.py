@@ -201,7 +201,7 @@ class Equations(eqx.Module):
 
         `closed` says whether the multipliers are the closure's, or some.
         """
-        system, once = self.system, factor is None and not closed
+        system = self.system
         factor = factorize_held(system, state, held) if factor is None else factor
         if system.plan is not None and system.friction:
             return self._linear_map(state, factor, closed=closed)
@@ -210,7 +210,7 @@ class Equations(eqx.Module):
             rate, directions = slip_motion(system, state)
         gamma = self.stabilisation.gamma(factor.motion)
         columns = jnp.concatenate([load[:, None], directions], axis=1)
-        a, lam = factor.respond(columns, jnp.pad(gamma[:, None], ((0, 0), (0, rate.size))), once=once)
+        a, lam = factor.respond(columns, jnp.pad(gamma[:, None], ((0, 0), (0, rate.size))))
         if closed:
             compliance, misfit = elasticity(self.closure, system, state)
             pick, _ = factor.close(compliance)

@@ -137,8 +137,10 @@ def simulate(
     if system.plan is None:
         factor = factorised(*fixed, rank)
         mass = factor.mass if is_concrete(factor.mass) else system.mass(state.q, state.t)
+        known = is_concrete(factor.spectrum.rank)
+        width = len(system.rows) - int(factor.spectrum.rank) if known else None
     else:
-        factor, mass = sparse_factorised(*fixed, rank), np.eye(1)
+        factor, mass, width = sparse_factorised(*fixed, rank), np.eye(1), None
     trajectory = integrate(
         anonymous,
         state,
@@ -154,6 +156,7 @@ def simulate(
         max_phases,
         diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint,
         diffrax.TextProgressMeter() if progress else diffrax.NoProgressMeter(),
+        width=width,
         singular=is_concrete(mass) and _singular(np.asarray(mass)),
     )
     trajectory = replace_fields(trajectory, names=system.names, joint_coordinates=system.joint_coordinates)
