@@ -71,10 +71,6 @@ class HeldPick(AbstractPick):
     def __call__(self, multipliers: Array) -> Array:
         return multipliers - self.root @ (self.root.T @ (self.compliance @ multipliers))
 
-    def columns(self, multipliers: Array, misfit: Array) -> Array:
-        strain = (self.compliance @ multipliers).at[:, 0].add(-misfit)
-        return multipliers - self.root @ (self.root.T @ strain)
-
     def caused(self, misfit: Array, rows: Array | None = None) -> Array:
         return (self.root if rows is None else self.root[rows]) @ times(self.root.T, misfit)
 
