@@ -355,7 +355,7 @@ class Equations(eqx.Module):
         one, system = jnp.ones_like(state.t), self.system
         _, driven = jax.jvp(lambda t: system.constraint(state.q, t), (state.t,), (one,))
         power = state.qd @ force + driven @ multipliers
-        if system.plan is not None:
+        if system.plan is not None or system.constant_mass:
             return power
         _, mass_rate = jax.jvp(system.mass, (state.q, state.t), (chart_rate(system, state), one))
         return power + state.qd @ mass_rate @ state.qd / 2
