@@ -9,7 +9,8 @@ many combinations of rows as the rank r, and they are independent wherever no se
 On the manifold X spans the self-stress with N0^T X = I, and U (B a - g) = 0 says the same as B a = g, whatever N0. Off
 it, where the stages of a Runge-Kutta step lie, the redundant rows contradict the others by as much as the state is off;
 held combinations leave them out, where a rank decided anew would count them as independent. R is positive definite: one
-Cholesky factorisation a stage and no singular value decomposition. D makes the diagonal of B M^-1 B^T about 1.
+Cholesky factorisation a stage and no singular value decomposition. D makes the diagonal of B M^-1 B^T about 1. Off the
+manifold N0^T X is I up to the square of how far it is, and N0^T mu is 0 up to as much of what the rows contradict.
 
 Under the compliance W and misfit d of a closure, both scaled,
 
