@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 # On two-core CPUs independent LAPACK calls in one compiled step can wait for each other, see tests/conftest.py.
-_SCHEDULER = "--xla_cpu_enable_concurrency_optimized_scheduler"
+_SCHEDULER, _IN_ORDER = "--xla_cpu_scheduler_type", "CPU_SCHEDULER_TYPE_MEMORY_OPTIMIZED"
 
 
 def prepare(devices: int = 1) -> None:
@@ -14,7 +14,7 @@ def prepare(devices: int = 1) -> None:
     They share a pool of threads, of which not all may wait for LAPACK calls of the others.
     """
     if _SCHEDULER not in os.environ.get("XLA_FLAGS", ""):
-        os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {_SCHEDULER}=false".strip()
+        os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {_SCHEDULER}={_IN_ORDER}".strip()
     if devices > 1:
         os.environ.setdefault("PJRT_NPROC", str(2 * devices))
         import jax

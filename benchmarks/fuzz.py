@@ -15,7 +15,7 @@ import sys
 import time
 
 # Independent batched LAPACK calls can wait for good on two-core CPUs under the other scheduler (see tests/conftest.py).
-os.environ.setdefault("XLA_FLAGS", "--xla_cpu_enable_concurrency_optimized_scheduler=false")
+os.environ.setdefault("XLA_FLAGS", "--xla_cpu_scheduler_type=CPU_SCHEDULER_TYPE_MEMORY_OPTIMIZED")
 
 import jax
 import numpy as np

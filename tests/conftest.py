@@ -14,7 +14,7 @@ import sys
 # - The tests spend most of their time in compiling programs that run for milliseconds. Without
 #   optimisation, with XLA's older code generator and in one piece that takes a third of the time.
 _FLAGS = (
-    "--xla_cpu_enable_concurrency_optimized_scheduler=false",
+    "--xla_cpu_scheduler_type=CPU_SCHEDULER_TYPE_MEMORY_OPTIMIZED",
     "--xla_backend_optimization_level=0",
     "--xla_cpu_use_fusion_emitters=false",
     "--xla_cpu_parallel_codegen_split_count=1",

@@ -1,23 +1,24 @@
 """The index-1 equations (7) along a motion, with the rank and the row combinations held.
 
-With rows scaled by D, B = D^-1 Phi_q, and P0 a projector near the self-stress of B, U = I - P0 picks as many
-combinations of rows as the rank r, and they are independent wherever no self-stress lies in their span:
+With rows scaled by D, B = D^-1 Phi_q, and N0 an orthonormal basis near the self-stress of B, U = I - N0 N0^T picks as
+many combinations of rows as the rank r, and they are independent wherever no self-stress lies in their span:
 
-    R = U B M^-1 B^T U + P0,
-    a = M^-1 (f - B^T mu),   mu = U R^-1 U (B M^-1 f - g)                 so that U (B a - g) = 0.
+    R = B M^-1 B^T + N0 N0^T,   X = R^-1 N0,
+    a = M^-1 (f - B^T mu),   mu = R^-1 (I - N0 X^T) (B M^-1 f - g)            so that U (B a - g) = 0.
 
-On the manifold U (B a - g) = 0 says the same as B a = g, whatever P0. Off it, where the stages of a Runge-Kutta step
-lie, the redundant rows contradict the others by as much as the state is off; held combinations leave them out, where a
-rank decided anew would count them as independent. R is positive definite: one Cholesky factorisation a stage and no
-singular value decomposition. D makes the diagonal of B M^-1 B^T about 1.
+On the manifold X spans the self-stress with N0^T X = I, and U (B a - g) = 0 says the same as B a = g, whatever N0. Off
+it, where the stages of a Runge-Kutta step lie, the redundant rows contradict the others by as much as the state is off;
+held combinations leave them out, where a rank decided anew would count them as independent. R is positive definite: one
+Cholesky factorisation a stage and no singular value decomposition. D makes the diagonal of B M^-1 B^T about 1. Off the
+manifold N0^T X is I up to the square of how far it is, and N0^T mu is 0 up to as much of what the rows contradict.
 
-The self-stress at the state follows from P0 too: X = P0 - U R^-1 U B M^-1 B^T P0 spans it, and under the compliance W
-and misfit d of a closure, both scaled,
+Under the compliance W and misfit d of a closure, both scaled,
 
-    mu + G (d - W mu),   G = X (X^T W X + w U)^-1 X^T.
+    mu + G (d - W mu),   G = X (X^T W X)^-1 X^T = H H^T,   H = X L^-T,   L L^T = X^T W X.
 
-For W = I this G is the orthogonal projector onto the self-stress, which is held from there on: it follows the motion
-and keeps its rank without a decision.
+For W = I this H is an orthonormal basis of the self-stress, which is held from there on: it follows the motion and
+keeps its rank without a decision. Where the rank is traced, so that N0 has no shape, the projector N0 N0^T stands for
+N0, and X^T W X + w U for X^T W X.
 
 Where M is singular, M + B^T B and f + B^T g stand for M and f: the same solutions, positive definite iff (14).
 """
@@ -31,7 +32,7 @@ from jaxtyping import Array, Float, Int
 
 from .._equations._kinematics import AlongMotion, along_motion
 from .._equations._rank import split
-from .._equations._response import AbstractFactorisation, Pick, Response
+from .._equations._response import AbstractFactorisation, AbstractPick, Response, times, total
 from .._equations._scaling import Scaling
 from .._system._state import State
 from .._system._system import AbstractSystem
@@ -41,16 +42,41 @@ from ._held_sparse import SparseHeld, SparseHeldFactorisation, factorize_sparse,
 class Held(eqx.Module):
     """What is held while the motion goes on.
 
-    - `projector`: P0, shape (m, m).
+    - `basis`: N0, shape (m, k), or the projector N0 N0^T, shape (m, m).
     - `row_scale`: D, shape (m,).
     - `inverse_mass`: M^-1, shape (n, n), where it is constant and regular; of a diagonal M its diagonal, shape (n,).
     - `singular`: whether M may be singular.
     """
 
-    projector: Float[Array, "m m"]
+    basis: Float[Array, "m k"]
     row_scale: Float[Array, " m"]
     inverse_mass: Float[Array, "n n"] | Float[Array, " n"] | None
     singular: bool = eqx.field(static=True)
+
+    @property
+    def projector(self) -> Float[Array, "m m"]:
+        """N0 N0^T."""
+        return self.basis if _is_projector(self.basis) else self.basis @ self.basis.T
+
+
+class HeldPick(AbstractPick):
+    """The pick by a root of G.
+
+    - `root`: H, shape (m, k).
+    - `compliance`: W, shape (m, m).
+    """
+
+    root: Float[Array, "m k"]
+    compliance: Float[Array, "m m"]
+
+    def __call__(self, multipliers: Array) -> Array:
+        return multipliers - self.root @ (self.root.T @ (self.compliance @ multipliers))
+
+    def caused(self, misfit: Array, rows: Array | None = None) -> Array:
+        return (self.root if rows is None else self.root[rows]) @ times(self.root.T, misfit)
+
+    def bound(self, misfit: Array) -> Array:
+        return total(self.root @ self.root.T) * total(misfit)
 
 
 class HeldFactorisation(AbstractFactorisation[Array]):
@@ -60,8 +86,8 @@ class HeldFactorisation(AbstractFactorisation[Array]):
     - `rows`: B, shape (m, n).
     - `motion`: Phi, its rate and gamma, not scaled.
     - `inverse_mass`, `response`: M^-1, shape (n, n) or its diagonal, and M^-1 B^T, shape (n, m).
-    - `gram`: B M^-1 B^T, shape (m, m).
-    - `factor`, `whitening`: the lower Cholesky factor L of R, and L^-1 for more than one solve; shape (m, m).
+    - `factor`: the lower Cholesky factor of R, shape (m, m).
+    - `stress`: X, shape (m, k).
     """
 
     held: Held
@@ -69,48 +95,32 @@ class HeldFactorisation(AbstractFactorisation[Array]):
     motion: AlongMotion
     inverse_mass: Float[Array, "n n"] | Float[Array, " n"]
     response: Float[Array, "n m"]
-    gram: Float[Array, "m m"]
     factor: Float[Array, "m m"]
-    whitening: Float[Array, "m m"]
+    stress: Float[Array, "m k"]
 
     @property
     def pivots(self) -> Float[Array, " m"]:
-        """Diagonal of L."""
+        """Diagonal of the factor."""
         return jnp.diagonal(self.factor)
 
-    def respond(
-        self, forces: Float[Array, "n p"], gamma: Float[Array, "m p"] | None = None, *, once: bool = False
-    ) -> Response:
-        """As of any factorisation, with U (B a - D^-1 gamma) = 0; `once` says that nothing else is asked of it."""
+    def respond(self, forces: Float[Array, "n p"], gamma: Float[Array, "m p"] | None = None) -> Response:
+        """As of any factorisation, with U (B a - D^-1 gamma) = 0."""
         scale = self.held.row_scale[:, None]
         gamma = jnp.zeros((len(self.rows), forces.shape[1]), forces.dtype) if gamma is None else gamma / scale
         if self.held.singular:
             forces = forces + self.rows.T @ gamma
         free = _times(self.inverse_mass, forces)
-        mu = self.held_inverse(self.rows @ free - gamma, once=once)
+        mu = self.held_inverse(self.rows @ free - gamma)
         return Response(free - self.response @ mu, mu / scale)
 
-    def held_inverse(self, residual: Float[Array, "m ..."], *, once: bool = False) -> Float[Array, "m ..."]:
-        """U R^-1 U of a scaled residual; M^-1 B^T times it is the least change that meets the held rows."""
-        projector = self.held.projector
-        inside = residual - projector @ residual
-        if once:
-            mu = jax.scipy.linalg.cho_solve((self.factor, True), inside)
-        else:
-            mu = self.whitening.T @ (self.whitening @ inside)
-        return mu - projector @ mu
+    def held_inverse(self, residual: Float[Array, "m ..."]) -> Float[Array, "m ..."]:
+        """R^-1 (I - N0 X^T) of a scaled residual; M^-1 B^T times it is the least change that meets the held rows."""
+        return _solved(self.factor, residual - self.held.basis @ (self.stress.T @ residual))
 
-    def close(self, compliance: Float[Array, "m m"]) -> tuple[Pick, Array]:
+    def close(self, compliance: Float[Array, "m m"]) -> tuple[HeldPick, Array]:
         """As of any factorisation; the evidence is |B^T X|."""
-        scale = self.held.row_scale
-        response, excess = self.stress_response(compliance / scale[:, None] / scale)
-        return Pick(response / scale[:, None] / scale, compliance, passes=1), excess
-
-    def stress_response(self, compliance: Float[Array, "m m"] | None) -> tuple[Float[Array, "m m"], Float[Array, ""]]:
-        """G of scaled rows under a scaled compliance, I if None; and |B^T X|."""
-        projector = self.held.projector
-        spanned = projector - self.held_inverse(self.gram @ projector)
-        return _spanned_response(spanned, projector, compliance), jnp.max(jnp.abs(self.rows.T @ spanned))
+        stress = self.stress / self.held.row_scale[:, None]
+        return HeldPick(_root(stress, self.held.basis, compliance), compliance), self._excess
 
     def nearest(self, off: Float[Array, " m"]) -> Float[Array, " n"]:
         """The least change by which the held rows change as much."""
@@ -118,8 +128,12 @@ class HeldFactorisation(AbstractFactorisation[Array]):
 
     def renewed(self, held: Any) -> tuple[Held, Float[Array, ""]]:
         """The same rank held by the self-stress found here, and how much the rows that it leaves out contribute."""
-        projector, excess = jax.lax.stop_gradient(self.stress_response(None))
-        return eqx.tree_at(lambda held: held.projector, held, projector), excess
+        basis, excess = jax.lax.stop_gradient((_orthonormal(self.stress, self.held.basis), self._excess))
+        return eqx.tree_at(lambda held: held.basis, held, basis), excess
+
+    @property
+    def _excess(self) -> Float[Array, ""]:
+        return jnp.max(jnp.abs(self.rows.T @ self.stress), initial=0.0)
 
 
 AnyHeld = Held | SparseHeld
@@ -137,17 +151,24 @@ def factorize_held(system: AbstractSystem, state: State, held: AnyHeld) -> AnyHe
         mass = system.mass(state.q, state.t)
         inverse_mass = _inverse(mass + rows.T @ rows if held.singular else mass)
     response = _times(inverse_mass, rows.T)
-    gram = rows @ response
-    out = jnp.eye(gram.shape[0], dtype=gram.dtype) - held.projector
-    factor, whitening = _whitening(out @ gram @ out + held.projector)
-    return HeldFactorisation(held, rows, along_motion(system, state), inverse_mass, response, gram, factor, whitening)
+    factor = jnp.linalg.cholesky(rows @ response + held.projector, symmetrize_input=False)
+    stress = _solved(factor, held.basis)
+    return HeldFactorisation(held, rows, along_motion(system, state), inverse_mass, response, factor, stress)
 
 
-def _whitening(matrix: Array) -> tuple[Array, Array]:
-    """The Cholesky factor L, and L^-1: two LAPACK calls, which a batch pays for one by one."""
+def _is_projector(basis: Array) -> bool:
+    return basis.shape[0] == basis.shape[1]
+
+
+def _solved(factor: Array, right: Array) -> Array:
+    """R^-1 of columns, by the Cholesky factor of R."""
+    return jax.scipy.linalg.cho_solve((factor, True), right) if right.size else right
+
+
+def _whitening(matrix: Array) -> Array:
+    """The inverse of the lower Cholesky factor: two LAPACK calls, which a batch pays for one by one."""
     factor = jnp.linalg.cholesky(matrix, symmetrize_input=False)
-    one = jnp.eye(matrix.shape[0], dtype=matrix.dtype)
-    return factor, jax.scipy.linalg.solve_triangular(factor, one, lower=True)
+    return jax.scipy.linalg.solve_triangular(factor, jnp.eye(matrix.shape[0], dtype=matrix.dtype), lower=True)
 
 
 def _times(inverse_mass: Array, force: Float[Array, "n p"]) -> Float[Array, "n p"]:
@@ -156,37 +177,59 @@ def _times(inverse_mass: Array, force: Float[Array, "n p"]) -> Float[Array, "n p
 
 
 def _inverse(matrix: Array) -> Array:
-    _, whitening = _whitening((matrix + matrix.T) / 2)
+    whitening = _whitening((matrix + matrix.T) / 2)
     return whitening.T @ whitening
 
 
-def _spanned_response(spanned: Array, projector: Array, compliance: Array | None) -> Float[Array, "m m"]:
-    """X (X^T W X + w (I - P))^-1 X^T for an X that spans the self-stress with X P = X."""
+def _root(spanned: Array, basis: Array, compliance: Array | None) -> Float[Array, "m k"]:
+    """H of an X that spans the self-stress, with X P = X where the projector P is given for a basis; W = I if None."""
+    if not basis.shape[1]:
+        return spanned
     inside = spanned.T @ (spanned if compliance is None else compliance @ spanned)
-    size = jnp.trace(inside) / (2 * jnp.maximum(jnp.trace(projector), 1.0))
+    if not _is_projector(basis):
+        return spanned @ _whitening(inside).T
+    size = jnp.trace(inside) / (2 * jnp.maximum(jnp.trace(basis), 1.0))
     size = jnp.where(size > 0, size, 1.0)
-    kept = jnp.eye(inside.shape[0], dtype=inside.dtype) - projector
-    half = _whitening(inside / size + kept)[1] @ spanned.T
-    return half.T @ half / size
+    kept = jnp.eye(inside.shape[0], dtype=inside.dtype) - basis
+    return spanned @ _whitening(inside / size + kept).T / jnp.sqrt(size)
+
+
+def _orthonormal(spanned: Array, basis: Array) -> Float[Array, "m k"]:
+    """A basis of what X spans, or the projector onto it, as the one that is given."""
+    root = _root(spanned, basis, None)
+    return root @ root.T if _is_projector(basis) else root
+
+
+def _basis_of(projector: Float[Array, "m m"], width: int | None) -> Float[Array, "m k"]:
+    """An orthonormal basis of so many columns, or the projector itself."""
+    m = len(projector)
+    return projector if width is None or width == m else jnp.linalg.eigh(projector)[1][:, m - width :]
 
 
 def hold(
-    system: AbstractSystem, state: State, scale: Scaling, rank: Int[Array, ""], *, singular: bool
+    system: AbstractSystem, state: State, scale: Scaling, rank: Int[Array, ""], width: int | None, *, singular: bool
 ) -> tuple[AnyHeld, Int[Array, ""]]:
-    """Hold a rank at a state, and the rank found there; `singular` says whether M may be singular."""
+    """Hold a rank at a state, and the rank found there; `width` is m - rank where that is no traced number, and
+    `singular` says whether M may be singular."""
     if system.plan is not None:
         return hold_sparse(system, state, rank)
     matrix = system.jacobian(state.q, state.t)
     position = jnp.max(jnp.abs(system.constraint(state.q, state.t)) / scale.rows) / scale.size
     parts, spectrum = split(matrix * scale.coordinates / scale.rows[:, None], position, rank)
     found = jnp.sum(spectrum.singular_values > spectrum.tolerance)
-    return held_by(system, state, scale, parts.stress, singular=singular), found
+    return held_by(system, state, scale, parts.stress, width, singular=singular), found
 
 
 def held_by(
-    system: AbstractSystem, state: State, scale: Scaling, stress: Float[Array, "m m"], *, singular: bool
+    system: AbstractSystem,
+    state: State,
+    scale: Scaling,
+    stress: Float[Array, "m m"],
+    width: int | None,
+    *,
+    singular: bool,
 ) -> Held:
-    """Hold the rank that the projector onto the self-stress of the scaled rows has; `singular` as in `hold`."""
+    """Hold the rank that the projector onto the self-stress of the scaled rows has; the rest as in `hold`."""
     matrix, mass = system.jacobian(state.q, state.t), system.mass(state.q, state.t)
     if singular:  # rows as heavy as M, so that M + B^T B is well conditioned
         heavy = jnp.trace(mass) / mass.shape[0] / jnp.mean(jnp.sum(matrix**2, axis=1))
@@ -198,7 +241,8 @@ def held_by(
         inverse_mass = _inverse(mass + 0.0 * stress[0, 0])  # two LAPACK calls side by side can hang
     row_scale = jnp.sqrt(jnp.sum(matrix.T * _times(inverse_mass, matrix.T), axis=0))
     row_scale = jnp.where(row_scale > 0, row_scale, 1.0)
-    projector = _spanned_response((row_scale / scale.rows)[:, None] * stress, stress, None)
-    held = jax.lax.stop_gradient((projector, row_scale))
+    basis = _basis_of(stress, width)
+    basis = _orthonormal((row_scale / scale.rows)[:, None] * basis, basis)
+    held = jax.lax.stop_gradient((basis, row_scale))
     constant = system.constant_mass and not singular
     return Held(*held, inverse_mass if constant else None, singular)

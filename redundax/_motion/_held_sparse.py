@@ -55,10 +55,8 @@ class SparseHeldFactorisation(AbstractFactorisation[Array]):
         """Diagonal of the factor."""
         return self.gram.pivots
 
-    def respond(
-        self, forces: Float[Array, "n p"], gamma: Float[Array, "m p"] | None = None, *, once: bool = False
-    ) -> Response:
-        """As of any factorisation; `once` makes no difference."""
+    def respond(self, forces: Float[Array, "n p"], gamma: Float[Array, "m p"] | None = None) -> Response:
+        """As of any factorisation."""
         scale = self.held.row_scale[:, None]
         gamma = jnp.zeros((scale.size, forces.shape[1]), forces.dtype) if gamma is None else gamma / scale
         a, mu = self.gram.respond(forces, gamma, refines=False)

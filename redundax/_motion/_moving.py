@@ -195,7 +195,7 @@ class Equations(eqx.Module):
 
         `closed` says whether the multipliers are the closure's, or some.
         """
-        system, once = self.system, factor is None and not closed
+        system = self.system
         factor = factorize_held(system, state, held) if factor is None else factor
         if system.plan is not None and system.friction:
             return self._linear_map(state, cast(SparseHeldFactorisation, factor), closed=closed)
@@ -204,7 +204,7 @@ class Equations(eqx.Module):
             rate, directions = slip_motion(system, state)
         gamma = self.stabilisation.gamma(factor.motion)
         columns = jnp.concatenate([load[:, None], directions], axis=1)
-        a, lam = factor.respond(columns, jnp.pad(gamma[:, None], ((0, 0), (0, rate.size))), once=once)
+        a, lam = factor.respond(columns, jnp.pad(gamma[:, None], ((0, 0), (0, rate.size))))
         if closed:
             compliance, misfit = elasticity(self.closure, system, state)
             pick, _ = factor.close(compliance)
@@ -346,7 +346,7 @@ class Equations(eqx.Module):
         one, system = jnp.ones_like(state.t), self.system
         _, driven = jax.jvp(lambda t: system.constraint(state.q, t), (state.t,), (one,))
         power = state.qd @ force + driven @ multipliers
-        if system.plan is not None:
+        if system.plan is not None or system.constant_mass:
             return power
         _, mass_rate = jax.jvp(system.mass, (state.q, state.t), (chart_rate(system, state), one))
         return power + state.qd @ mass_rate @ state.qd / 2

@@ -133,7 +133,6 @@ def simulate(
     t1 = as_float(t1).astype(state.qd.dtype)
     given = (_evenly(state.t, t1) if ts is None else as_float(ts)).astype(t1.dtype)
     check_times(state.t, t1, given)
-    anonymous = system.anonymous()
     fixed = stop_gradient((system, state))  # it only decides how to compute
     if system.plan is None:
         factor = factorised(*fixed, rank)
@@ -141,7 +140,7 @@ def simulate(
     else:
         factor, mass = sparse_factorised(*fixed, rank), np.eye(1)
     trajectory = integrate(
-        anonymous,
+        system.anonymous(),
         state,
         factor,
         t1,
@@ -155,6 +154,7 @@ def simulate(
         max_phases,
         diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint,
         diffrax.TextProgressMeter() if progress else diffrax.NoProgressMeter(),
+        width=_width(system, factor.spectrum.rank),
         singular=is_concrete(mass) and _singular(np.asarray(mass)),
     )
     trajectory = replace_fields(trajectory, names=system.names, joint_coordinates=system.joint_coordinates)
@@ -204,6 +204,11 @@ def _chart_message(state: State, what: str) -> str:
         f"Argument `state` must have a `q` that the system's retraction takes and gives back, but for `q` of shape "
         f"{state.q.shape} it {what}. Give the position as the constraints take it; use jax.vmap for many motions."
     )
+
+
+def _width(system: AbstractSystem, rank: Array) -> int | None:
+    """How many rows are redundant; None where that is a traced number, or matrices are sparse."""
+    return len(system.rows) - int(rank) if system.plan is None and is_concrete(rank) else None
 
 
 def _singular(mass: np.ndarray) -> bool:

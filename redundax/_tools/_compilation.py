@@ -17,11 +17,12 @@ import jax.core
 P = ParamSpec("P")
 T = TypeVar("T")
 
-_LIGHT: dict[str, bool | int] = {
+_LIGHT: dict[str, bool | int | str] = {
     "xla_cpu_use_fusion_emitters": False,  # the older code generator
-    "xla_cpu_enable_concurrency_optimized_scheduler": False,  # LAPACK calls side by side can wait for good on few cores
+    # LAPACK calls side by side can wait for good on few cores, and small ones take longer for the change of threads.
+    "xla_cpu_scheduler_type": "CPU_SCHEDULER_TYPE_MEMORY_OPTIMIZED",
 }
-_QUICK: dict[str, bool | int] = {
+_QUICK: dict[str, bool | int | str] = {
     **_LIGHT,
     "xla_backend_optimization_level": 0,
     "xla_llvm_disable_expensive_passes": True,
@@ -61,7 +62,7 @@ def compiled(function: Callable[P, T], *, runs_long: bool = False) -> Callable[P
 
 
 @functools.cache
-def quick_options(runs_long: bool = False) -> dict[str, bool | int]:
+def quick_options(runs_long: bool = False) -> dict[str, bool | int | str]:
     """Options of `jax.jit`, as far as this XLA knows them; none but for CPUs."""
     options = _LIGHT if runs_long else _QUICK
     if jax.default_backend() != "cpu":
@@ -71,7 +72,7 @@ def quick_options(runs_long: bool = False) -> dict[str, bool | int]:
     return {name: value for name, value in options.items() if _are_known({name: value})}
 
 
-def _are_known(options: dict[str, bool | int]) -> bool:
+def _are_known(options: dict[str, bool | int | str]) -> bool:
     try:
         jax.jit(lambda: 0, compiler_options=options).lower().compile()
     except jax.errors.JaxRuntimeError:
