@@ -38,7 +38,7 @@ def test_derivatives_of_holding_friction_are_those_of_dense_matrices(mode):
         factor = factorize(mechanism, state)
         equations = _equations(mechanism, state, factor, rx.MinimumNorm(), rx.Projection(), jnp.asarray(1.0))
         equations = equations.with_sense(jnp.zeros_like(equations.sense).at[-loops:].set(-1.0))
-        held, _ = hold(mechanism, state, factor.scaling, factor.spectrum.rank, singular=False)
+        held, _ = hold(mechanism, state, factor.scaling, factor.spectrum.rank, None, singular=False)
         found = equations.solved(state, equations.linear(state, held), None)
         return jnp.concatenate([found.tau, found.acceleration, found.multipliers])
 
