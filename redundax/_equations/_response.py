@@ -73,15 +73,13 @@ class Pick(AbstractPick):
     """The pick by matrices.
 
     - `response`, `compliance`: G and W, shape (m, m).
-    - `passes`: how often it is taken; the second is refinement.
     """
 
     response: Float[Array, "m m"]
     compliance: Float[Array, "m m"]
-    passes: int = eqx.field(static=True, default=2)
 
     def __call__(self, multipliers: Array) -> Array:
-        for _ in range(self.passes):
+        for _ in range(2):  # the second is refinement
             multipliers = multipliers - self.response @ (self.compliance @ multipliers)
         return multipliers
 

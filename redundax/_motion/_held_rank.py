@@ -42,7 +42,7 @@ from ._held_sparse import SparseHeld, SparseHeldFactorisation, factorize_sparse,
 class Held(eqx.Module):
     """What is held while the motion goes on.
 
-    - `basis`: N0, shape (m, k), or the projector N0 N0^T, shape (m, m).
+    - `basis`: N0, shape (m, k); where it has m columns the projector N0 N0^T.
     - `row_scale`: D, shape (m,).
     - `inverse_mass`: M^-1, shape (n, n), where it is constant and regular; of a diagonal M its diagonal, shape (n,).
     - `singular`: whether M may be singular.
@@ -200,16 +200,22 @@ def _orthonormal(spanned: Array, basis: Array) -> Float[Array, "m k"]:
     return root @ root.T if _is_projector(basis) else root
 
 
-def _basis_of(projector: Float[Array, "m m"], width: int | None) -> Float[Array, "m k"]:
+def _basis_of(projector: Float[Array, "m m"], redundancy: int | None) -> Float[Array, "m k"]:
     """An orthonormal basis of so many columns, or the projector itself."""
     m = len(projector)
-    return projector if width is None or width == m else jnp.linalg.eigh(projector)[1][:, m - width :]
+    return projector if redundancy is None or redundancy == m else jnp.linalg.eigh(projector)[1][:, m - redundancy :]
 
 
 def hold(
-    system: AbstractSystem, state: State, scale: Scaling, rank: Int[Array, ""], width: int | None, *, singular: bool
+    system: AbstractSystem,
+    state: State,
+    scale: Scaling,
+    rank: Int[Array, ""],
+    redundancy: int | None,
+    *,
+    singular: bool,
 ) -> tuple[AnyHeld, Int[Array, ""]]:
-    """Hold a rank at a state, and the rank found there; `width` is m - rank where that is no traced number, and
+    """Hold a rank at a state, and the rank found there; `redundancy` is m - rank where that is no traced number, and
     `singular` says whether M may be singular."""
     if system.plan is not None:
         return hold_sparse(system, state, rank)
@@ -217,7 +223,7 @@ def hold(
     position = jnp.max(jnp.abs(system.constraint(state.q, state.t)) / scale.rows) / scale.size
     parts, spectrum = split(matrix * scale.coordinates / scale.rows[:, None], position, rank)
     found = jnp.sum(spectrum.singular_values > spectrum.tolerance)
-    return held_by(system, state, scale, parts.stress, width, singular=singular), found
+    return held_by(system, state, scale, parts.stress, redundancy, singular=singular), found
 
 
 def held_by(
@@ -225,11 +231,12 @@ def held_by(
     state: State,
     scale: Scaling,
     stress: Float[Array, "m m"],
-    width: int | None,
+    redundancy: int | None,
     *,
     singular: bool,
 ) -> Held:
     """Hold the rank that the projector onto the self-stress of the scaled rows has; the rest as in `hold`."""
+    basis = _basis_of(stress, redundancy)
     matrix, mass = system.jacobian(state.q, state.t), system.mass(state.q, state.t)
     if singular:  # rows as heavy as M, so that M + B^T B is well conditioned
         heavy = jnp.trace(mass) / mass.shape[0] / jnp.mean(jnp.sum(matrix**2, axis=1))
@@ -238,10 +245,9 @@ def held_by(
         own = jnp.diagonal(mass)
         inverse_mass = 1 / jnp.where(own > 0, own, jnp.nan)
     else:
-        inverse_mass = _inverse(mass + 0.0 * stress[0, 0])  # two LAPACK calls side by side can hang
+        inverse_mass = _inverse(mass + 0.0 * jnp.sum(basis))  # two LAPACK calls side by side can hang
     row_scale = jnp.sqrt(jnp.sum(matrix.T * _times(inverse_mass, matrix.T), axis=0))
     row_scale = jnp.where(row_scale > 0, row_scale, 1.0)
-    basis = _basis_of(stress, width)
     basis = _orthonormal((row_scale / scale.rows)[:, None] * basis, basis)
     held = jax.lax.stop_gradient((basis, row_scale))
     constant = system.constant_mass and not singular

@@ -1,6 +1,7 @@
 """The compiled part of `simulate`: the start, the phases of the motion, and what is given at the times asked for."""
 
 from functools import partial
+from typing import Any
 
 import diffrax
 import equinox as eqx
@@ -34,7 +35,12 @@ from ._times import in_order, within
 from ._trajectory import Trajectory, TrajectoryStats
 
 
-@partial(compiled, runs_long=True)
+def has_plan(system: AbstractSystem, *_: Any, **__: Any) -> bool:
+    """Whether matrices are sparse."""
+    return system.plan is not None
+
+
+@partial(compiled, runs_long=True, is_large=has_plan)
 def integrate(
     system: AbstractSystem,
     state: State,
@@ -51,11 +57,11 @@ def integrate(
     adjoint: diffrax.AbstractAdjoint,
     meter: diffrax.AbstractProgressMeter,
     *,
-    width: int | None,
+    redundancy: int | None,
     singular: bool,
 ) -> Trajectory:
-    """The motion, given the factorisation at the start; `width` is how many rows are redundant there, if it is known
-    before the program, and `singular` says whether M may be."""
+    """The motion, given the factorisation at the start; `redundancy` is how many rows are redundant there, None where
+    that is a traced number, and `singular` says whether M may be."""
     ordered, given = in_order(state.t, t1, ts), ts
     t1, ts = (jnp.where(ordered, t, state.t) for t in (t1, within(state.t, t1, ts)))
     state = eqx.tree_at(lambda state: state.q, state, jnp.where(ordered, state.q, jnp.nan))
@@ -63,7 +69,7 @@ def integrate(
     if isinstance(factor, SparseFactorisation):
         held, _ = hold_sparse(system, state, rank)
     else:
-        held = held_by(system, state, factor.scaling, factor.split.stress, width, singular=singular)
+        held = held_by(system, state, factor.scaling, factor.split.stress, redundancy, singular=singular)
     equations = _equations(system, state, factor, closure, stabilisation, t1)
     first = 0.01 * factor.scaling.size / equations.speed if dt0 is None else dt0
     tolerance = jnp.asarray(1e-8, first.dtype) if rtol is None else rtol
@@ -75,7 +81,7 @@ def integrate(
     begin = eqx.tree_at(lambda begin: begin.result, begin, result)
     before = _before(begin, _moving(equations, state), state.t, held, ts)
     done = run(before, equations, options, max_phases)
-    solved, found = _solved(equations, done, ts, rank, width, singular)
+    solved, found = _solved(equations, done, ts, rank, redundancy, singular)
     ended = _ended(done, found == rank)
     ended = RESULTS.where(begin.result == RESULTS.successful, ended, begin.result)
     q, qd, acceleration, multipliers, friction, sense, memory = solved
@@ -190,7 +196,7 @@ def _before(begin: _Start, y: Moving, t: Array, held: AnyHeld, ts: Array) -> Pha
 
 
 def _solved(
-    equations: Equations, done: PhaseState, ts: Array, rank: Array, width: int | None, singular: bool
+    equations: Equations, done: PhaseState, ts: Array, rank: Array, redundancy: int | None, singular: bool
 ) -> tuple[tuple, Array]:
     """Position, velocity, acceleration, multipliers and friction at times; and the rank found at the end."""
     system = equations.system
@@ -198,7 +204,7 @@ def _solved(
     def at(point: tuple[Array, Moving, Array, Array]) -> tuple[tuple, Array]:
         t, y, sense, resting = point
         there = equations.with_sense(sense)
-        held, found = hold(system, y.at(t), equations.scaling, rank, width, singular=singular)
+        held, found = hold(system, y.at(t), equations.scaling, rank, redundancy, singular=singular)
         y, _ = rechart(system, y)
         if equations.stabilisation.projects:
             y = jax.tree.map(lambda a, b: jnp.where(resting, a, b), y, project(system, t, y, held))

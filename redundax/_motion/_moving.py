@@ -9,7 +9,6 @@ A is the work of loads, friction and drivers, so that T - A, with T the kinetic 
 motion of any system. Forces of constraints that do not move do no work.
 """
 
-from functools import partial
 from typing import Any, NamedTuple, cast
 
 import equinox as eqx
@@ -93,7 +92,7 @@ class Linear(NamedTuple):
     - `rate`: slip rates, shape (p,); their rates of change are `slip` + `yields` tau, shape (p,) and (p, p).
 
     Of a large mechanism `directions`, `yields` and what unit friction causes are maps, and `mobility` is a size of
-    `yields`, as lengths, were its bodies free.
+    `yields`, as lengths, were its bodies free; with some mass for those that lack it.
     """
 
     response: LinearResponse
@@ -295,8 +294,10 @@ class Equations(eqx.Module):
         else:
             rho0, gain = linear.response.free.multipliers[rows], linear.response.gain(rows)
             if passed is not None:
-                held = partial(jax.lax.cond, jnp.any(stick)) if linear.is_large else lambda yes, no: yes()
-                rho0 = rho0 + held(lambda: gain @ holding, lambda: jnp.zeros_like(rho0))
+                if linear.is_large:
+                    rho0 = rho0 + jax.lax.cond(jnp.any(stick), lambda: gain @ holding, lambda: jnp.zeros_like(rho0))
+                else:
+                    rho0 = rho0 + gain @ holding
                 gain = gain @ passed
             begin = law(rho0) if start is None else start
             problem = FrictionProblem.make(rho0, gain, law, jnp.asarray(system.rows.angular)[rows]).sized_at(begin)
@@ -335,12 +336,25 @@ class Equations(eqx.Module):
         causes them: a matrix, shape (p, p), or a map, which takes a rounding of accelerations, as lengths, for none.
         A = E^T A_tau is symmetric positive semidefinite.
         """
-        scale = jnp.where(stick, self.slip_size, 0.0)
         if linear.is_large:
+            scale = jnp.where(stick, self.slip_size, 0.0)
             return LinearMap(_least_friction, (scale, linear.yields, linear.mobility, rounding))
-        matrix = scale[:, None] * linear.yields * scale
-        rtol = max(_DEPENDENT, 100 * float(jnp.finfo(matrix.dtype).eps))
-        return scale[:, None] * jnp.linalg.pinv(matrix, rtol=rtol, hermitian=True) * scale
+        yielding = self.yielding(linear)
+        scale = jnp.where(stick, 1 / jnp.sqrt(yielding), 0.0)
+        matrix, one = scale[:, None] * linear.yields * scale, jnp.eye(stick.size, dtype=scale.dtype)
+        inverse = jnp.linalg.pinv(matrix, rtol=max(_DEPENDENT, 100 * float(jnp.finfo(one.dtype).eps)), hermitian=True)
+        weight = (scale / self.slip_size) ** 2
+        weight = jnp.where(scale > 0, weight / jnp.max(weight, initial=jnp.finfo(one.dtype).tiny), 1.0)
+        idle = one - inverse @ matrix  # what slips do not see
+        least = inverse - jnp.linalg.solve(idle * weight @ idle + one - idle, idle * weight @ inverse)
+        return scale[:, None] * least * scale
+
+    def yielding(self, linear: Linear) -> Float[Array, " p"]:
+        """Slip acceleration of each joint by its own unit friction; infinite where constraints leave it no slip."""
+        own = jnp.diagonal(linear.yields)
+        size = own * self.slip_size**2
+        blocked = size <= 10 * jnp.finfo(own.dtype).eps * jnp.max(size)
+        return jnp.where(blocked, jnp.inf, jnp.where(blocked, 1.0, own))
 
     def _power(self, state: State, force: Array, multipliers: Array) -> Float[Array, ""]:
         one, system = jnp.ones_like(state.t), self.system

@@ -111,8 +111,8 @@ def simulate(
 
     **Returns:** a `Trajectory`. The motion passes singular positions on the branch that its velocity lies on. Where
     more joints stick than need to while others move, their friction is the least that holds, as of contacts equally
-    compliant; it is NaN at rest. Where
-    teeth pull at any of the times its `pulling` names them, and a warning does as in `solve`.
+    compliant; it is NaN at rest. Where teeth pull at any of the times its `pulling` names them, and a warning does as
+    in `solve`.
 
     **Raises:** `ValueError` for arguments that do not fit; `RuntimeError` with the message of the result where `throw`
     says so.
@@ -154,7 +154,7 @@ def simulate(
         max_phases,
         diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint,
         diffrax.TextProgressMeter() if progress else diffrax.NoProgressMeter(),
-        width=_width(system, factor.spectrum.rank),
+        redundancy=_redundancy(system, factor.spectrum.rank),
         singular=is_concrete(mass) and _singular(np.asarray(mass)),
     )
     trajectory = replace_fields(trajectory, names=system.names, joint_coordinates=system.joint_coordinates)
@@ -206,7 +206,7 @@ def _chart_message(state: State, what: str) -> str:
     )
 
 
-def _width(system: AbstractSystem, rank: Array) -> int | None:
+def _redundancy(system: AbstractSystem, rank: Array) -> int | None:
     """How many rows are redundant; None where that is a traced number, or matrices are sparse."""
     return len(system.rows) - int(rank) if system.plan is None and is_concrete(rank) else None
 

@@ -23,7 +23,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._equations._kinematics import along_slips
 from .._equations._response import Response
-from .._solvers._active_set import active_set
+from .._solvers._active_set import active_set, size_of_parts
 from .._solvers._gauss_seidel import gauss_seidel
 from .._system._friction import friction_force, load_rows
 from .._system._state import State
@@ -66,7 +66,7 @@ def mode_of(equations: Equations, state: State, linear: Linear, wanted: Bool[Arr
         wanted = wanted & jnp.any(still)
     tau, caused, change, decided = _sticking_friction(equations, state, linear, still, wanted)
     acceleration = linear.slip + change.value
-    size = jnp.max(jnp.where(still, (jnp.abs(linear.slip) + change.parts) * equations.slip_size, 0.0))
+    size = size_of_parts(jnp.abs(linear.slip) + change.parts, equations.slip_size, still, held)
     sticks = still & equations.whole(jnp.abs(acceleration) * equations.slip_size <= held * size)
     begins, goes = equations.sense_of(linear.rate, acceleration)
     sense = jnp.where(still, jnp.where(sticks, 0.0, begins), goes)
@@ -88,7 +88,7 @@ class Change(NamedTuple):
 
 
 class Holding(NamedTuple):
-    """Friction of the conditions above, what it adds to accelerations and to those of slips; if it it was found."""
+    """Friction of the conditions above, what it adds to accelerations and to those of slips, and if it was found."""
 
     tau: Float[Array, " p"]
     caused: Change
@@ -114,7 +114,7 @@ def _sticking_friction(
     if linear.is_large:
         return _of_large(equations, state, linear, still, limits, wanted)
     gain, unit = linear.response.unit.multipliers[rows], linear.response.unit.acceleration
-    yielding = _yielding(equations, linear)
+    yielding = equations.yielding(linear)
     pull = jnp.abs(linear.slip) * sizes
     reverses = jnp.isinf(yielding) & (pull > tolerance_of(_HELD, pull) * jnp.max(pull))  # whatever its friction
     yielding = jnp.where(reverses, jnp.finfo(pull.dtype).tiny, yielding)
@@ -154,11 +154,3 @@ def _of_large(
     )
     changes = [Change(x, jnp.abs(x)) for x in (active.caused.acceleration, active.acceleration - linear.slip)]
     return Holding(active.tau, changes[0], changes[1], active.settled)
-
-
-def _yielding(equations: Equations, linear: Linear) -> Float[Array, " p"]:
-    """Slip acceleration of each joint by its own unit friction; infinite where constraints leave it no slip."""
-    own = jnp.diagonal(linear.yields)
-    size = own * equations.slip_size**2
-    blocked = size <= 10 * jnp.finfo(own.dtype).eps * jnp.max(size)
-    return jnp.where(blocked, jnp.inf, jnp.where(blocked, 1.0, own))

@@ -9,8 +9,9 @@ Each joint is held, alpha_j = 0, or at one of its limits. In turn
   against its slip, and one at a limit that would slip the other way is held.
 
 It ends where no joint changes, and limits follow the loads no further. Joints of which not all need be held could take
-turns for ever. Where that lasts, friction goes no further than the first limit that it meets, and where it meets none
-one joint is held again, that which would slip most the other way: what Gauss's principle makes least falls each time.
+turns for ever. After some turns friction goes no further than the first limit that it meets, and where it meets none
+one joint is held again, that which would slip most the other way: for given limits, what Gauss's principle makes least
+does not rise.
 """
 
 from collections.abc import Callable
@@ -22,7 +23,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._equations._response import Response
 
-_TURNS, _AT_ONCE = 1000, 40  # turns at most, and those in which all joints change at once
+_TURNS = 1000  # at most
+_ROUNDING = 1e2  # of accelerations
 
 
 class ActiveSet(NamedTuple):
@@ -36,12 +38,13 @@ class ActiveSet(NamedTuple):
 
 class _Turn(NamedTuple):
     """Where it is: `side` is -1 of joints at their lower limit, 1 at the upper, 0 of those that are held; whether it is
-    their turn, and whether friction last changed as much as it should."""
+    their turn, whether friction last changed as much as it should, and whether all is finite."""
 
     found: ActiveSet
     side: Float[Array, " p"]
     holds: Bool[Array, ""]
     whole: Bool[Array, ""]
+    finite: Bool[Array, ""]
     turns: Int[Array, ""]
 
 
@@ -54,6 +57,7 @@ def active_set(
     sizes: Float[Array, " p"],
     tolerance: tuple[float, float],
     wanted: Bool[Array, ""],
+    at_once: int = 40,
 ) -> ActiveSet:
     """Friction of the conditions above; none where it is not wanted.
 
@@ -65,7 +69,9 @@ def active_set(
     - `free`: alpha_0.
     - `still`: joints that may be held; of the others lo is hi.
     - `sizes`: the lengths by which slips are made lengths.
-    - `tolerance`: of accelerations that are zero, relative to their parts, and of friction, to the largest limit.
+    - `tolerance`: of accelerations that are zero, relative to the largest sum of their parts, and of friction, to the
+      largest limit.
+    - `at_once`: turns in which all joints change that ask for it.
     """
     zero, enough = tolerance
 
@@ -75,32 +81,61 @@ def active_set(
         alpha = free + change
         low, high = limits(response.multipliers)
         size = jnp.max(jnp.maximum(jnp.abs(low), jnp.abs(high)) / sizes)
-        parts = jnp.max(jnp.where(still, (jnp.abs(free) + jnp.abs(change)) * sizes, 0.0))
+        parts = size_of_parts(jnp.abs(free) + jnp.abs(change), sizes, still, zero)
         slips = jnp.abs(alpha) * sizes > zero * parts
-        least, is_held, slow = enough * size * sizes, now.side == 0, now.turns >= _AT_ONCE
-        above, below = (
-            jnp.where(slow, tau >= high - least, tau > high + least) * 1.0,
-            jnp.where(slow, tau <= low + least, tau < low - least) * 1.0,
-        )
-        beyond = above - below
+        least, is_held, slow = enough * size * sizes, now.side == 0, now.turns >= at_once
+        meets = slow & (high - low > 4 * least)  # limits that are apart
+        above = jnp.where(meets, tau >= high - least, tau > high + least)
+        below = jnp.where(meets, tau <= low + least, tau < low - least)
+        beyond = above * 1.0 - below
         held = jnp.where(beyond != 0, beyond, jnp.where(slips & now.whole, -jnp.sign(alpha), 0.0))
         back = jnp.where(slips & (now.side * alpha > 0) & still, jnp.abs(alpha) * sizes, 0.0)
         back = jnp.where(slow, (back == jnp.max(back)) & now.whole, True) & (back > 0)
         asked = jnp.where(is_held, held, jnp.where(back, 0.0, now.side))
         at = jnp.where(asked < 0, low, jnp.where(asked > 0, high, tau))
-        settled = ~now.holds & now.whole & jnp.all(asked == now.side) & jnp.all(jnp.abs(at - tau) <= least)
-        pulled = jnp.any(is_held & (jnp.abs(alpha) * sizes > enough * parts))
-        more = jax.lax.cond(
-            now.holds & pulled, lambda: hold(is_held, -alpha, enough * parts), lambda: jnp.zeros_like(tau)
+        settled = (
+            jnp.all(jnp.isfinite(alpha))
+            & ~now.holds
+            & now.whole
+            & jnp.all(asked == now.side)
+            & jnp.all(jnp.abs(at - tau) <= least)
         )
-        room = jnp.where(more > 0, high - tau, low - tau) / jnp.where(more == 0, 1.0, more)
-        part = jnp.clip(jnp.min(jnp.where(is_held & (more != 0), room, 1.0)), 0.0, 1.0)
-        part = jnp.where(slow, part, 1.0)
+        holds = now.holds & jnp.any(is_held & (jnp.abs(alpha) * sizes > enough * parts))
+        more = jax.lax.cond(
+            holds, lambda: hold(is_held, jnp.where(holds, -alpha, 0.0), enough * parts), lambda: jnp.zeros_like(tau)
+        )
+        part = _part_within(tau, more, low, high, is_held & meets)
         after = jnp.where(now.holds, tau + part * more, jnp.where(settled, tau, at))
         side, whole = jnp.where(now.holds, now.side, asked), jnp.where(now.holds, part == 1, now.whole)
-        return _Turn(ActiveSet(after, response, alpha, settled), side, ~now.holds, whole, now.turns + 1)
+        return _Turn(
+            ActiveSet(after, response, alpha, settled),
+            side,
+            ~now.holds,
+            whole,
+            jnp.all(jnp.isfinite(after + alpha)),
+            now.turns + 1,
+        )
 
     none, true = jnp.zeros_like(free), jnp.ones((), bool)
     nothing = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(caused, none)[0])
-    begin = _Turn(ActiveSet(none, nothing, free, ~true), jnp.where(still, 0.0, 1.0), true, true, jnp.zeros((), int))
-    return jax.lax.while_loop(lambda now: wanted & ~now.found.settled & (now.turns < _TURNS), turn, begin).found
+    begin = _Turn(
+        ActiveSet(none, nothing, free, ~true), jnp.where(still, 0.0, 1.0), true, true, true, jnp.zeros((), int)
+    )
+    return jax.lax.while_loop(
+        lambda now: wanted & ~now.found.settled & now.finite & (now.turns < _TURNS), turn, begin
+    ).found
+
+
+def _part_within(tau: Array, more: Array, low: Array, high: Array, counted: Array) -> Float[Array, ""]:
+    """How much of a change of friction some joints can take."""
+    room = jnp.where(more > 0, high - tau, low - tau) / jnp.where(more == 0, 1.0, more)
+    return jnp.clip(jnp.min(jnp.where(counted & (more != 0), room, 1.0)), 0.0, 1.0)
+
+
+def size_of_parts(
+    parts: Float[Array, " p"], sizes: Float[Array, " p"], still: Bool[Array, " p"], zero: float
+) -> Float[Array, ""]:
+    """The largest of joints that may be held, as a length, of which a part `zero` is none; beside much larger ones of
+    other joints at least their rounding."""
+    rounding = _ROUNDING * float(jnp.finfo(parts.dtype).eps) / zero
+    return jnp.max(parts * sizes * jnp.where(still, 1.0, rounding))

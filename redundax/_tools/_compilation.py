@@ -17,12 +17,12 @@ import jax.core
 P = ParamSpec("P")
 T = TypeVar("T")
 
-_LIGHT: dict[str, bool | int | str] = {
-    "xla_cpu_use_fusion_emitters": False,  # the older code generator
-    # LAPACK calls side by side can wait for good on few cores, and small ones take longer for the change of threads.
-    "xla_cpu_scheduler_type": "CPU_SCHEDULER_TYPE_MEMORY_OPTIMIZED",
-}
-_QUICK: dict[str, bool | int | str] = {
+Options = dict[str, bool | int | str]
+
+# LAPACK calls side by side can wait for good on few cores, and small ones take longer for the change of threads.
+_IN_ORDER: Options = {"xla_cpu_scheduler_type": "CPU_SCHEDULER_TYPE_MEMORY_OPTIMIZED"}
+_LIGHT: Options = {**_IN_ORDER, "xla_cpu_use_fusion_emitters": False}  # the older code generator
+_QUICK: Options = {
     **_LIGHT,
     "xla_backend_optimization_level": 0,
     "xla_llvm_disable_expensive_passes": True,
@@ -36,16 +36,19 @@ def is_single() -> bool:
     return _single.value
 
 
-def compiled(function: Callable[P, T], *, runs_long: bool = False) -> Callable[P, T]:
+def compiled(
+    function: Callable[P, T], *, runs_long: bool = False, is_large: Callable[..., bool] = lambda *_, **__: False
+) -> Callable[P, T]:
     """`eqx.filter_jit`, compiled in little time and run at once where no argument is traced.
 
-    One that `runs_long`, such as a motion, is optimised all the same, by the code generator that takes less time.
+    One that `runs_long`, such as a motion, is optimised all the same, by the code generator that takes less time: the
+    older one, but for large programs, of which `is_large` tells by the arguments.
     """
     inside = eqx.filter_jit(function)
 
     @functools.cache
-    def outside() -> Callable[P, T]:
-        options = quick_options(runs_long)
+    def outside(large: bool) -> Callable[P, T]:
+        options = quick_options(runs_long, large)
         return eqx.filter_jit(function, compiler_options=options)  # pyright: ignore[reportCallIssue]
 
     @functools.wraps(function)
@@ -54,7 +57,7 @@ def compiled(function: Callable[P, T], *, runs_long: bool = False) -> Callable[P
             return inside(*arguments, **named)
         try:
             with jax.core.eval_context(), _single(True):
-                return outside()(*arguments, **named)
+                return outside(is_large(*arguments, **named))(*arguments, **named)
         except jax.errors.UnexpectedTracerError:  # a function of the user holds a traced number
             return inside(*arguments, **named)
 
@@ -62,9 +65,9 @@ def compiled(function: Callable[P, T], *, runs_long: bool = False) -> Callable[P
 
 
 @functools.cache
-def quick_options(runs_long: bool = False) -> dict[str, bool | int | str]:
+def quick_options(runs_long: bool = False, large: bool = False) -> Options:
     """Options of `jax.jit`, as far as this XLA knows them; none but for CPUs."""
-    options = _LIGHT if runs_long else _QUICK
+    options = _IN_ORDER if large else _LIGHT if runs_long else _QUICK
     if jax.default_backend() != "cpu":
         return {}
     if _are_known(options):
@@ -72,7 +75,7 @@ def quick_options(runs_long: bool = False) -> dict[str, bool | int | str]:
     return {name: value for name, value in options.items() if _are_known({name: value})}
 
 
-def _are_known(options: dict[str, bool | int | str]) -> bool:
+def _are_known(options: Options) -> bool:
     try:
         jax.jit(lambda: 0, compiler_options=options).lower().compile()
     except jax.errors.JaxRuntimeError:

@@ -28,7 +28,7 @@ _UNSEEN = 1e-8, 1e2  # an image relative to the largest, at least so many roundi
 def least_solution(
     matrix: LinearMap, right: Float[Array, " p"], size: Float[Array, ""], rounding: ArrayLike = 0.0
 ) -> Float[Array, " p"]:
-    """A^+ b, NaN where it is not found; `size` is one of A, `rounding` that of b."""
+    """A^+ b, NaN where it is not found; `size` is one of A, `rounding` that of b. Derivatives are of first order."""
     return _inverse(matrix, right, size, rounding)
 
 
@@ -63,8 +63,8 @@ def _or_zero(tangent: Array | None, like: Array) -> Array:
 
 
 class _Search(NamedTuple):
-    """Orthonormal directions V, and Q and R with A V = Q R; what is left of b; what is multiplied next, and how often
-    something was; the largest image of a unit vector; and whether no other direction is seen."""
+    """Orthonormal directions V, and Q and R with A V = Q R; what is left of b; what is multiplied next, and how
+    many products there were; the largest image of a unit vector; and whether no other direction is seen."""
 
     directions: Float[Array, "k p"]
     images: Float[Array, "k p"]
@@ -76,7 +76,7 @@ class _Search(NamedTuple):
     ends: Bool[Array, ""]
 
 
-class _Found(NamedTuple):
+class _Cycles(NamedTuple):
     """The solution so far, what is left of b, and cycles; whether that is all."""
 
     x: Float[Array, " p"]
@@ -105,7 +105,7 @@ def _found(product: Callable, right: Array, size: Array, rounding: ArrayLike) ->
         ends = (length <= unseen * largest) | ~(jnp.linalg.norm(misfit) > enough)
         return _Search(directions, images, triangle, misfit, ahead, now.products + 1, largest, ends)
 
-    def cycle(now: _Found) -> _Found:
+    def cycle(now: _Cycles) -> _Cycles:
         none = jnp.zeros((kept, right.size), right.dtype)
         ahead, _, _ = _across(now.misfit, none)
         start = _Search(
@@ -114,9 +114,9 @@ def _found(product: Callable, right: Array, size: Array, rounding: ArrayLike) ->
         end = jax.lax.while_loop(lambda now: ~now.ends & (now.products <= kept), onward, start)
         parts = jax.scipy.linalg.solve_triangular(end.triangle, end.images @ now.misfit)
         ends = ~(jnp.linalg.norm(end.misfit) > enough) | (end.ends & (end.products == 1))
-        return _Found(now.x + parts @ end.directions, end.misfit, now.cycles + 1, ends)
+        return _Cycles(now.x + parts @ end.directions, end.misfit, now.cycles + 1, ends)
 
-    start = _Found(0.0 * right, right, jnp.zeros((), int), ~(jnp.linalg.norm(right) > enough))
+    start = _Cycles(0.0 * right, right, jnp.zeros((), int), ~(jnp.linalg.norm(right) > enough))
     end = jax.lax.while_loop(lambda now: ~now.ends & (now.cycles < _CYCLES), cycle, start)
     return jnp.where(end.ends, end.x, jnp.nan)
 

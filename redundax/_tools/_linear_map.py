@@ -6,7 +6,6 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.typing import DTypeLike
 from jaxtyping import Array, Float, PyTree
 
 _RESTART, _CYCLES = 30, 10  # directions that GMRES keeps, and how often it starts anew
@@ -25,12 +24,6 @@ class LinearMap(eqx.Module):
         if isinstance(other, LinearMap):
             return LinearMap(_after, (self, other))
         return self.function(*self.given, other)
-
-    def columns(self, count: int, dtype: DTypeLike) -> Any:
-        """Its matrix, or those of each part of what it gives, by the images of unit vectors one after the other."""
-        image = jax.checkpoint(lambda unit: self @ unit)  # or reverse mode keeps what each has on the way
-        images = jax.lax.map(image, jnp.eye(count, dtype=dtype))
-        return jax.tree.map(jnp.transpose, images)
 
 
 def _after(outer: LinearMap, inner: LinearMap, vector: Float[Array, " p"]) -> Any:
