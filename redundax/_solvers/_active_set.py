@@ -85,21 +85,15 @@ def active_set(
         slips = jnp.abs(alpha) * sizes > zero * parts
         least, is_held, slow = enough * size * sizes, now.side == 0, now.turns >= at_once
         meets = slow & (high - low > 4 * least)  # limits that are apart
-        above = jnp.where(meets, tau >= high - least, tau > high + least)
-        below = jnp.where(meets, tau <= low + least, tau < low - least)
-        beyond = above * 1.0 - below
+        margin = jnp.where(meets, -least, least)
+        beyond = (tau > high + margin) * 1.0 - (tau < low - margin)
         held = jnp.where(beyond != 0, beyond, jnp.where(slips & now.whole, -jnp.sign(alpha), 0.0))
         back = jnp.where(slips & (now.side * alpha > 0) & still, jnp.abs(alpha) * sizes, 0.0)
         back = jnp.where(slow, (back == jnp.max(back)) & now.whole, True) & (back > 0)
         asked = jnp.where(is_held, held, jnp.where(back, 0.0, now.side))
         at = jnp.where(asked < 0, low, jnp.where(asked > 0, high, tau))
-        settled = (
-            jnp.all(jnp.isfinite(alpha))
-            & ~now.holds
-            & now.whole
-            & jnp.all(asked == now.side)
-            & jnp.all(jnp.abs(at - tau) <= least)
-        )
+        stays = (asked == now.side) & (jnp.abs(at - tau) <= least) & jnp.isfinite(alpha)
+        settled = ~now.holds & now.whole & jnp.all(stays)
         holds = now.holds & jnp.any(is_held & (jnp.abs(alpha) * sizes > enough * parts))
         more = jax.lax.cond(
             holds, lambda: hold(is_held, jnp.where(holds, -alpha, 0.0), enough * parts), lambda: jnp.zeros_like(tau)
