@@ -287,6 +287,12 @@ def motions(loops: int, repeats: int, limit: float) -> Iterator[Motion]:
         yield Motion(loops, name, 0.0, seconds, steps, error)
 
 
+def show(row: object) -> None:
+    """Print a line, and forget its programs: a process may hold so many memory maps."""
+    print(row, flush=True)
+    jax.clear_caches()
+
+
 def _memory() -> float:
     """GB that this process has had at most."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
@@ -337,19 +343,19 @@ def main() -> None:
               f"{'redundancy':>10} {'GB':>8}")  # fmt: skip
         for loops in given.loops:
             rows["solves"].append(solves(loops, given.repeats))
-            print(rows["solves"][-1], flush=True)
+            show(rows["solves"][-1])
     if "friction" in given.only:
         print(f"\n{'joints':>7} {'first s':>8} {'ms':>9} {'100 h, ms':>10} {'us/joint':>9} {'passes':>6} {'error':>8}")
         for loops in (10, 40, 100, 250):
-            print(frictions(loops, given.repeats), flush=True)
+            show(frictions(loops, given.repeats))
     if "sticking" in given.only:
         print(f"\n{'loops':>7} {'joints':>6} {'stops':>6} {'first s':>8} {'s':>8} {'s/stop':>8} {'error':>8}")
         for loops in (10, 20, 40):
-            print(stickings(loops), flush=True)
+            show(stickings(loops))
     if "ladder" in given.only:
         print(f"\n{'bodies':>7} {'redundancy':>11} {'':>8} {'first s':>8} {'ms':>9} {'error':>8}")
         for loops in (5, 25, 100, 250):
-            print(ladders(loops, given.repeats), flush=True)
+            show(ladders(loops, given.repeats))
     if "gradients" in given.only:
         print(f"\n{'100 loops':14} {'first s':>8} {'s':>8} {'ratio':>7} {'error':>8}")
         for line in (*gradients(100, given.repeats), *gradients_by_friction(100, given.repeats)):
@@ -359,7 +365,7 @@ def main() -> None:
         for loops in given.loops:
             for row in motions(loops, given.repeats, given.limit):
                 rows["motions"].append(row)
-                print(row, flush=True)
+                show(row)
     if rows["solves"] and rows["motions"]:
         points = (
             [(row.loops, row.seconds) for row in rows["solves"]],
