@@ -1,5 +1,7 @@
 """Stick and slip of a large mechanism: pendulums that stop one after the other on cranks at rest."""
 
+from functools import partial
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -11,6 +13,7 @@ import redundax as rx
 from redundax._equations._factorize import factorize
 from redundax._motion._held_rank import hold
 from redundax._motion._integrate import _equations
+from redundax._motion._stick import next_mode
 
 
 @pytest.mark.slow
@@ -26,6 +29,13 @@ def test_pendulums_on_a_mechanism_that_sticks_stop_as_each_alone():
     np.testing.assert_allclose(end, [*start[:-loops], *angles], rtol=0, atol=1e-8)
 
 
+def moving(mechanism, state):
+    """The equations of motion, the state, and what is held from there on."""
+    factor = factorize(mechanism, state)
+    equations = _equations(mechanism, state, factor, rx.MinimumNorm(), rx.Projection(), jnp.asarray(1.0))
+    return equations, state, hold(mechanism, state, factor.scaling, factor.spectrum.rank, None, singular=False)[0]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("mode", [jax.jvp, jax.vjp])
 def test_derivatives_of_holding_friction_are_those_of_dense_matrices(mode):
@@ -35,10 +45,8 @@ def test_derivatives_of_holding_friction_are_those_of_dense_matrices(mode):
         mechanism, state = swings(loops, frictions(loops) * x[0])
         mechanism = eqx.tree_at(lambda m: m.body.mass, mechanism, mechanism.body.mass.at[0].multiply(x[1]))
         mechanism = mechanism.sparse(sparse)
-        factor = factorize(mechanism, state)
-        equations = _equations(mechanism, state, factor, rx.MinimumNorm(), rx.Projection(), jnp.asarray(1.0))
+        equations, state, held = moving(mechanism, state)
         equations = equations.with_sense(jnp.zeros_like(equations.sense).at[-loops:].set(-1.0))
-        held, _ = hold(mechanism, state, factor.scaling, factor.spectrum.rank, None, singular=False)
         found = equations.solved(state, equations.linear(state, held), None)
         return jnp.concatenate([found.tau, found.acceleration, found.multipliers])
 
@@ -72,3 +80,26 @@ def test_no_array_of_a_motion_grows_with_the_square_of_the_mechanism():
         return max(sizes(jax.make_jaxpr(moved)(arrays).jaxpr))
 
     assert largest(40) < 2.5 * largest(20)
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+def test_pins_of_a_rigid_triangle_on_a_moving_crank_stick(sparse):
+    """They cannot slip, so that what they would is rounding."""
+    rod, tip = {"mass": 1.0, "inertia": 1 / 12}, 3**0.5 / 2
+    bodies = [rx.Body(name, **rod) for name in ("crank", "base", "left", "right")]
+    pin = partial(rx.Revolute, friction=rx.Coulomb(0.2), pin_radius=0.05)
+    joints = [
+        pin("A", "crank", "ground", (-0.5, 0.0), (0.0, 0.0)),
+        rx.Fixed("B", "base", "crank", (-0.5, 0.0), (0.5, 0.0)),
+        pin("C", "left", "base", (-0.5, 0.0), (-0.5, 0.0)),
+        pin("D", "right", "base", (-0.5, 0.0), (0.5, 0.0)),
+        pin("E", "left", "right", (0.5, 0.0), (0.5, 0.0)),
+    ]
+    mechanism = rx.Mechanism(bodies, joints, gravity=(0.0, -9.81)).sparse(sparse)
+    turns = np.array([0.0, 0.0, np.pi / 3, 2 * np.pi / 3])
+    middles = np.array([(0.5, 0.0), (1.5, 0.0), (1.25, tip / 2), (1.75, tip / 2)])
+    rates = 2.0 * np.stack([-middles[:, 1], middles[:, 0]], axis=1)
+    state = rx.State(np.concatenate([middles.ravel(), turns]), np.append(rates.ravel(), np.full(4, 2.0)), 0.0)
+    found = jax.jit(lambda state: next_mode(*moving(mechanism, state), jnp.asarray(True)))(state)
+    assert found.decided
+    np.testing.assert_array_equal(found.sense, [1.0, 0.0, 0.0, 0.0])
