@@ -37,6 +37,7 @@ import diffrax  # noqa: E402
 import equinox as eqx  # noqa: E402
 import jax  # noqa: E402
 import numpy as np  # noqa: E402
+import racks  # noqa: E402
 from jax.typing import ArrayLike  # noqa: E402
 from truth import swings  # noqa: E402
 
@@ -54,14 +55,8 @@ RUBS = 0.1  # end of the motion with friction
 
 def rack(loops: int, mu: ArrayLike | None = None) -> tuple[rx.Mechanism, list[str]]:
     """N-four-bar with every third pin twice over, and these; with friction of its pins, one or each, where given."""
-    rod = {"mass": 1.0, "inertia": 1 / 12}
-    bodies = [rx.Body(f"{kind}{k}", **rod) for kind, count in (("c", loops + 1), ("b", loops)) for k in range(count)]
-    pins = [(f"A{k}", f"c{k}", "ground", (-0.5, 0.0), (float(k), 0.0)) for k in range(loops + 1)]
-    for k in range(loops):
-        pins.append((f"B{k}", f"b{k}", f"c{k}", (-0.5, 0.0), (0.5, 0.0)))
-        pins.append((f"C{k}", f"b{k}", f"c{k + 1}", (0.5, 0.0), (0.5, 0.0)))
-    doubled = [pin[0] for pin in pins[::3]]
-    pins += [(f"{pin[0]}'", *pin[1:]) for pin in pins[::3]]
+    bodies, pins = racks.parts(loops)
+    doubled = [pin[0].removesuffix("'") for pin in pins if pin[0].endswith("'")]
     if mu is None:
         joints = [rx.Revolute(*pin) for pin in pins]
     else:

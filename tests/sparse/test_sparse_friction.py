@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import racks
 
 import redundax as rx
 
@@ -13,15 +14,8 @@ MU, RADIUS = 0.1, 0.2
 
 def rack(loops, mu=MU):
     """Cranks of 1 m and 1 kg, neighbours joined by couplers, pins rubbing, those of every third joint twice over."""
-    rod, rubs = {"mass": 1.0, "inertia": 1 / 12}, {"friction": rx.Coulomb(mu), "pin_radius": RADIUS}
-    bodies = [*(rx.Body(f"c{k}", **rod) for k in range(loops + 1)), *(rx.Body(f"b{k}", **rod) for k in range(loops))]
-    pins = [(f"A{k}", f"c{k}", "ground", (-0.5, 0.0), (float(k), 0.0)) for k in range(loops + 1)]
-    for k in range(loops):
-        pins += [
-            (f"B{k}", f"b{k}", f"c{k}", (-0.5, 0.0), (0.5, 0.0)),
-            (f"C{k}", f"b{k}", f"c{k + 1}", (0.5, 0.0), (0.5, 0.0)),
-        ]
-    pins += [(f"{pin[0]}'", *pin[1:]) for pin in pins[::3]]
+    rubs = {"friction": rx.Coulomb(mu), "pin_radius": RADIUS}
+    bodies, pins = racks.parts(loops)
     pose = rx.mechanisms.n_four_bar(loops).pose
     mechanism = rx.Mechanism(bodies, [rx.Revolute(*pin, **rubs) for pin in pins], gravity=(0.0, -9.81), pose=pose)
     return mechanism.sparse(), pins

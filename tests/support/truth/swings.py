@@ -9,6 +9,7 @@ with a the acceleration of its centre. While the cranks stand still each swings 
 
 import jax.numpy as jnp
 import numpy as np
+import racks
 from jax.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
@@ -27,14 +28,8 @@ def swings(loops: int, mu: ArrayLike | None = None) -> tuple[rx.Mechanism, rx.St
 
     Angles of the pendulums stand last in q.
     """
-    counts = {"c": loops + 1, "b": loops, "p": loops}
-    rod = {"mass": 1.0, "inertia": 1 / 12}
-    bodies = [rx.Body(f"{kind}{k}", **rod) for kind, count in counts.items() for k in range(count)]
-    pins = [(f"A{k}", f"c{k}", "ground", (-0.5, 0.0), (float(k), 0.0)) for k in range(loops + 1)]
-    for k in range(loops):
-        pins.append((f"B{k}", f"b{k}", f"c{k}", (-0.5, 0.0), (0.5, 0.0)))
-        pins.append((f"C{k}", f"b{k}", f"c{k + 1}", (0.5, 0.0), (0.5, 0.0)))
-    pins += [(f"{pin[0]}'", *pin[1:]) for pin in pins[::3]]
+    bodies, pins = racks.parts(loops)
+    bodies += racks.rods("p", loops)
     rubs = [rx.Coulomb(MU)] * len(pins)
     for k, each in enumerate(jnp.asarray(frictions(loops) if mu is None else mu)):
         pins.append((f"P{k}", f"p{k}", f"b{k}", (0.0, ARM), (0.0, 0.0)))
