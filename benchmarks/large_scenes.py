@@ -18,6 +18,7 @@ redundax are medians of calls after the first; compilation stands by itself.
 """
 
 import argparse
+import itertools
 import pathlib
 import resource
 import sys
@@ -210,7 +211,7 @@ def gradients(loops: int, repeats: int) -> Iterator[str]:
         slope = GRAVITY * (weight / 2 + loops) / (weight / 3 + loops) / length
         return crank_angle(slope, np.pi / 2, -1.0, T1)
 
-    reverse = diffrax.RecursiveCheckpointAdjoint()
+    reverse = diffrax.RecursiveCheckpointAdjoint(64)
     ones, one = jax.numpy.ones(loops + 1), jax.numpy.ones(())
     step = 1e-4
     by_length = (truth(1 + step, 1.0) - truth(1 - step, 1.0)) / (2 * step)
@@ -229,18 +230,18 @@ def gradients(loops: int, repeats: int) -> Iterator[str]:
 def gradients_by_friction(loops: int, repeats: int) -> Iterator[str]:
     """Lines of the table on gradients of a motion with friction."""
 
-    def angle(mu: jax.Array) -> jax.Array:
+    def angle(mu: jax.Array, rtol: float) -> jax.Array:
         mechanism = rack(loops, mu)[0].sparse()
-        return rx.simulate(mechanism, mechanism.state(PHI, rate=1.0), RUBS, ts=[RUBS], rtol=1e-8).q[0, crank(loops)]
+        return rx.simulate(mechanism, mechanism.state(PHI, rate=1.0), RUBS, ts=[RUBS], rtol=rtol).q[0, crank(loops)]
 
     mu = np.full(len(rack(loops, 0.1)[0].slips.labels), 0.1)
-    along, step = 0.1 * np.cos(np.arange(mu.size)), 1e-3
+    along, step = 0.1 * np.cos(np.arange(mu.size)), 1e-2
     value, backward = jax.jit(angle), jax.jit(jax.value_and_grad(angle))
-    first, seconds, _ = timed(lambda: value(mu), repeats)
+    first, seconds, _ = timed(lambda: value(mu, 1e-8), repeats)
     yield f"with friction  {first:8.1f} {seconds:8.3f} {1.0:7.2f}"
-    ends = [float(value(mu + k * step * along)) for k in (-2, -1, 1, 2)]
+    ends = [float(value(mu + k * step * along, 1e-12)) for k in (-2, -1, 1, 2)]
     true = (ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / (12 * step)
-    first, more, (_, found) = timed(lambda: backward(mu), repeats)
+    first, more, (_, found) = timed(lambda: backward(mu, 1e-8), repeats)
     error = abs(float(found @ along) / true - 1)
     yield f"by all friction {first:7.1f} {more:8.3f} {more / seconds:7.2f} {error:8.0e}"
 
@@ -353,7 +354,7 @@ def main() -> None:
             show(ladders(loops, given.repeats))
     if "gradients" in given.only:
         print(f"\n{'100 loops':14} {'first s':>8} {'s':>8} {'ratio':>7} {'error':>8}")
-        for line in (*gradients(100, given.repeats), *gradients_by_friction(100, given.repeats)):
+        for line in itertools.chain(gradients(100, given.repeats), gradients_by_friction(100, given.repeats)):
             print(line, flush=True)
     if "motions" in given.only:
         print(f"\n{'loops':>6} {'motion of 1 s':14} {'first s':>8} {'s':>10} {'steps':>8} {'ms/step':>9} {'error':>8}")
