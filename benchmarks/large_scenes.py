@@ -211,7 +211,7 @@ def gradients(loops: int, repeats: int) -> Iterator[str]:
         slope = GRAVITY * (weight / 2 + loops) / (weight / 3 + loops) / length
         return crank_angle(slope, np.pi / 2, -1.0, T1)
 
-    reverse = diffrax.RecursiveCheckpointAdjoint(64)
+    reverse = diffrax.RecursiveCheckpointAdjoint(32)
     ones, one = jax.numpy.ones(loops + 1), jax.numpy.ones(())
     step = 1e-4
     by_length = (truth(1 + step, 1.0) - truth(1 - step, 1.0)) / (2 * step)

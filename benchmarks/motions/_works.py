@@ -141,7 +141,7 @@ def compilation() -> dict[str, Programs]:
         start = rx.State(problem.state.q, rate * problem.state.qd)
         return rx.simulate(problem.mechanism, start, T1, ts=[T1], rtol=1e-7, adjoint=adjoint, throw=False).q[0, 8]
 
-    onward, back = partial(angle, diffrax.ForwardMode()), partial(angle, diffrax.RecursiveCheckpointAdjoint(64))
+    onward, back = partial(angle, diffrax.ForwardMode()), partial(angle, diffrax.RecursiveCheckpointAdjoint(32))
     return {
         "motion": of_function(back, rate),
         "motion, derivative forward": of_function(jax.jacfwd(onward), rate),

@@ -4,7 +4,6 @@ Without friction, or with friction that knows no sense, there is one phase. The 
 the motion can be differentiated in reverse mode; those that no sample of a batch needs are passed over.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple, cast
 
 import diffrax
@@ -79,7 +78,7 @@ def run(start: PhaseState, equations: Equations, options: Options, max_phases: i
 
     if not equations.has_sense:
         return _phase(start, equations, options)
-    return jax.lax.fori_loop(0, max_phases, _anew(equations, phase), start)
+    return jax.lax.fori_loop(0, max_phases, phase, start)
 
 
 def _phase(now: PhaseState, equations: Equations, options: Options) -> PhaseState:
@@ -177,16 +176,13 @@ def _stopped(
     event = stopped & ~moves
     goes_on = onward._replace(resting=now.resting & ~moves, decided=now.decided & (there.decided | ~moves))
     none = None if equations.directions is None else jnp.zeros(now.sense.shape, bool)
-    located = _anew(equations, locate)
+    located = locate  # of a large mechanism formed anew in reverse mode: what it keeps on the way would not fit
+    if equations.system.plan is not None:
+        located = eqx.filter_checkpoint(locate, prevent_cse=False)
     t, y, onward, released = jax.lax.cond(
         event, lambda: located(equations, bracket, t, y, carried.context, event), lambda: (t, y, goes_on, none)
     )
     return t, y._replace(event=jnp.zeros_like(t)), onward, stopped, released
-
-
-def _anew(equations: Equations, function: Callable) -> Callable:
-    """The function, formed anew in reverse mode of a large mechanism: what it keeps on the way would not fit."""
-    return function if equations.system.plan is None else eqx.filter_checkpoint(function, prevent_cse=False)
 
 
 def _like(mask: Array, x: Array) -> Array:

@@ -39,9 +39,9 @@ if TYPE_CHECKING:
     import diffrax
 
 _MINIMUM_NORM, _PROJECTION = MinimumNorm(), Projection()
-# Steps that reverse mode keeps: up to 2,100 steps each is taken twice, up to 50,000 three times. diffrax would keep 446
-# for the most steps allowed, and fill memory for each of them, taken or not.
-_CHECKPOINTS = 64
+# Steps that reverse mode keeps: motions of up to 560 steps are computed anew once, up to 6,500 twice. diffrax keeps 446
+# for the most steps allowed, and fills memory for each of them, taken or not.
+_CHECKPOINTS = 32
 
 
 def simulate(
@@ -93,8 +93,8 @@ def simulate(
     - `max_phases`: phases at most; where friction depends on the sense of slip each stop, release and rest begins one.
       Reverse mode takes time and memory for each, reached or not.
     - `rank`: declared rank of the constraint Jacobian; decided at the start if not given. It is held over the motion.
-    - `adjoint`: how derivatives are taken, `diffrax.RecursiveCheckpointAdjoint(checkpoints=64)` (reverse mode) if not
-      given: more checkpoints save time in motions of more than 2,100 steps, and take memory in all;
+    - `adjoint`: how derivatives are taken, `diffrax.RecursiveCheckpointAdjoint(checkpoints=32)` (reverse mode) if not
+      given: more checkpoints save time in motions of more than 560 steps, and take memory in all;
       `diffrax.ForwardMode()` for `jax.jvp` and `jax.jacfwd`.
     - `throw`: whether to raise an error unless the result is successful; by default outside of `jit` and `vmap`.
     - `progress`: whether to print progress.

@@ -60,7 +60,7 @@ def test_motions_are_those_of_dense_matrices(case):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("mode", "adjoint"), [(jax.jacfwd, diffrax.ForwardMode()), (jax.jacrev, diffrax.RecursiveCheckpointAdjoint(64))]
+    ("mode", "adjoint"), [(jax.jacfwd, diffrax.ForwardMode()), (jax.jacrev, diffrax.RecursiveCheckpointAdjoint(32))]
 )
 def test_derivatives_of_a_motion_are_those_of_its_pendulum(mode, adjoint):
     loops, t1, step = 4, 0.3, 1e-4
