@@ -143,7 +143,16 @@ class _Path:
 
     def range_of(self, points: list[_Point], at: np.ndarray, dof: int) -> tuple[float, float]:
         """The least and the largest position of a joint along a path, also between steps, where it turns round."""
-        return self._end(points, at, dof, 1.0), self._end(points, at, dof, -1.0)
+        low, high = (self._within(self._end(points, at, dof, sign), dof) for sign in (1.0, -1.0))
+        return low, high
+
+    def _within(self, end: float, dof: int) -> float:
+        """The limit of a joint where an end passes it by no more than a step may."""
+        joint = int(self.tree.model.dof_jntid[dof])
+        if joint not in self.limited:
+            return end
+        inside = float(np.clip(end, *self.tree.model.jnt_range[joint]))
+        return inside if abs(end - inside) <= DIGITS else end
 
     def _end(self, points: list[_Point], at: np.ndarray, dof: int, sign: float) -> float:
         k = int(np.argmin(sign * at))
