@@ -137,11 +137,11 @@ def compilation() -> dict[str, Programs]:
     """Programs of the paper's motion and of its derivatives by the rate at the start, compiled without a cache."""
     problem, rate = papers(), jnp.ones(())
 
-    def angle(adjoint: diffrax.AbstractAdjoint, rate: jax.Array) -> jax.Array:
+    def angle(adjoint: diffrax.AbstractAdjoint | None, rate: jax.Array) -> jax.Array:
         start = rx.State(problem.state.q, rate * problem.state.qd)
         return rx.simulate(problem.mechanism, start, T1, ts=[T1], rtol=1e-7, adjoint=adjoint, throw=False).q[0, 8]
 
-    onward, back = partial(angle, diffrax.ForwardMode()), partial(angle, diffrax.RecursiveCheckpointAdjoint(32))
+    onward, back = partial(angle, diffrax.ForwardMode()), partial(angle, None)
     return {
         "motion": of_function(back, rate),
         "motion, derivative forward": of_function(jax.jacfwd(onward), rate),

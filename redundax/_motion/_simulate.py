@@ -39,8 +39,8 @@ if TYPE_CHECKING:
     import diffrax
 
 _MINIMUM_NORM, _PROJECTION = MinimumNorm(), Projection()
-# Steps that reverse mode keeps: motions of up to 560 steps are computed anew once, up to 6,500 twice. diffrax keeps 446
-# for the most steps allowed, and fills memory for each of them, taken or not.
+# Steps that reverse mode keeps: phases of more are computed anew once more, of more than 560 twice, of 6,500 three times.
+# diffrax keeps 446 for the most steps allowed, and fills memory for each of them, taken or not.
 _CHECKPOINTS = 32
 
 
@@ -94,7 +94,7 @@ def simulate(
       Reverse mode takes time and memory for each, reached or not.
     - `rank`: declared rank of the constraint Jacobian; decided at the start if not given. It is held over the motion.
     - `adjoint`: how derivatives are taken, `diffrax.RecursiveCheckpointAdjoint(checkpoints=32)` (reverse mode) if not
-      given: more checkpoints save time in motions of more than 560 steps, and take memory in all;
+      given: more checkpoints save time where a phase has more steps, and take memory in all;
       `diffrax.ForwardMode()` for `jax.jvp` and `jax.jacfwd`.
     - `throw`: whether to raise an error unless the result is successful; by default outside of `jit` and `vmap`.
     - `progress`: whether to print progress.
