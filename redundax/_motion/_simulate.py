@@ -39,8 +39,8 @@ if TYPE_CHECKING:
     import diffrax
 
 _MINIMUM_NORM, _PROJECTION = MinimumNorm(), Projection()
-# Steps that reverse mode keeps: phases of more are computed anew once more, of more than 560 twice, of 6,500 three times.
-# diffrax keeps 446 for the most steps allowed, and fills memory for each of them, taken or not.
+# Steps that reverse mode keeps: a phase of more is computed anew once, of more than 560 twice, of more than 6,500 three
+# times. diffrax keeps 446 for the most steps allowed, and fills memory for each of them, taken or not.
 _CHECKPOINTS = 32
 
 
