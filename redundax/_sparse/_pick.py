@@ -4,7 +4,7 @@
 
 With the factor of S + e W for small e, whose rows all count, x is found by
 
-    c = e (S + e W)^-1 (d - W x),   c <- c - y  with  S y = S c,   x <- x + c
+    c = e (S + e W)^-1 (d - W x),   c <- c - y  with  S y = S (x + c),   x <- x + c
 
 The first takes e / (l + e) of what d has along each eigenvalue l of S by W, which is all of a self-stress, but for
 eps / e that rounding takes and the next pass finds. The second takes the rest, by conjugate gradients that the same
@@ -24,7 +24,7 @@ from ._rows import Rows
 
 _WEIGHT = 0.4  # power of the rounding: e
 _STEPS = 60  # after which x is final where c is found, and twice as many at most
-_ROUNDING = 10  # times eps: S c of a self-stress
+_ROUNDING = 10  # times eps: S x of a self-stress
 
 
 class Compliance(eqx.Module):
@@ -97,7 +97,7 @@ class Picking(eqx.Module):
             ahead = solution(rows.plan, self.fronts, right)
             energy = jnp.sum(right * ahead)
             along = ahead + jnp.where(now.ends, 0.0, _ratio(energy, now.energy)) * now.along
-            image = rows.gram(along)
+            image = rows.gram(jnp.where(now.ends, x + ahead, along))
             length = _ratio(energy, jnp.sum(along * image))
             c = jnp.where(now.ends, ahead, now.c - length * along)
             left = jnp.where(now.ends, image, now.left - length * image)
@@ -116,7 +116,7 @@ class Picking(eqx.Module):
 
 
 class _Pass(NamedTuple):
-    """x, c, S c, direction and energy of the last step, the size of the last c, whether c is found, and x, and steps
+    """x, c, S (x + c), direction and energy of the last step, the size of the last c, whether c is found, and x, and steps
     so far."""
 
     x: Float[Array, "m 1"]
