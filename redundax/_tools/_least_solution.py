@@ -3,9 +3,12 @@
     x = A^+ b:   the least of those that leave the least misfit b - A x
 
 x is sought among A b, A (A b), ... and so has no part that A does not see; it leaves the least misfit. It ends where
-that is none, or where no other direction is found. Where A x = b, and goes on to hold as A changes at one rank,
+that is none, or where no other direction is found. Where A x = b, and goes on to hold as A changes at one rank, x is
+that of
 
-    x' = A^+ (b' - A' x - A w) + w,   w = A' A^+ x
+    x + A y = 0,   A x = b
+
+whose derivatives of any order are right, whichever y is taken.
 """
 
 from collections.abc import Callable
@@ -28,38 +31,40 @@ _UNSEEN = 1e-8, 1e2  # an image relative to the largest, at least so many roundi
 def least_solution(
     matrix: LinearMap, right: Float[Array, " p"], size: Float[Array, ""], rounding: ArrayLike = 0.0
 ) -> Float[Array, " p"]:
-    """A^+ b, NaN where it is not found; `size` is one of A, `rounding` that of b. Derivatives are of first order."""
-    return _inverse(matrix, right, size, rounding)
-
-
-def _inverse(matrix: LinearMap, right: Array, size: Array, rounding: ArrayLike) -> Float[Array, " p"]:
-    """A^+ b, of which derivatives by b alone are right."""
-
-    def product(x: Array) -> Array:
-        return matrix @ x
-
-    def solved(_: object, right: Array) -> Array:
-        return _found(product, right, size, rounding)
-
-    return jax.lax.custom_linear_solve(product, right, solved, symmetric=True)
+    """A^+ b, NaN where it is not found; `size` is one of A, `rounding` that of b."""
+    return _solution(matrix, right, size, rounding, derives=False)
 
 
 @least_solution.def_jvp
 def _(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
-    (matrix, right, size, *_), (change, moved, *_) = primals, tangents
-    found = least_solution(*primals)
-    multipliers = least_solution(matrix, found, size)
-
-    def changed(x: Array) -> Array:
-        return _or_zero(eqx.filter_jvp(lambda matrix: matrix @ x, (matrix,), (change,))[1], x)
-
-    across = changed(multipliers)
-    right = _or_zero(moved, found) - changed(found) - matrix @ across
-    return found, _inverse(matrix, right, size, 0.0) + across
+    return eqx.filter_jvp(_solution, primals, tangents)
 
 
-def _or_zero(tangent: Array | None, like: Array) -> Array:
-    return jnp.zeros_like(like) if tangent is None else tangent
+def _solution(
+    matrix: LinearMap, right: Array, size: Array, rounding: ArrayLike = 0.0, *, derives: bool = True
+) -> Float[Array, " p"]:
+    """x; y is sought for derivatives alone."""
+
+    def product(unknowns: Array) -> Array:
+        x, y = unknowns
+        return jnp.stack([x + matrix @ y, matrix @ x])
+
+    def solved(rights: Array, roundings: Array) -> Array:
+        def onward(right: Array, rounding: Array) -> tuple[Array, Array]:
+            found = _found(matrix.__matmul__, right, size, rounding)
+            return -found, found
+
+        _, found = jax.lax.scan(onward, rights[1] - matrix @ rights[0], roundings)
+        return jnp.zeros_like(rights).at[: roundings.size].set(found).at[0].add(rights[0])
+
+    both = jnp.zeros(2, right.dtype).at[0].set(rounding)
+    return jax.lax.custom_linear_solve(
+        product,
+        jnp.stack([jnp.zeros_like(right), right]),
+        lambda _, rights: solved(rights, both if derives else both[:1]),
+        lambda _, rights: solved(rights, both),
+        symmetric=True,
+    )[0]
 
 
 class _Search(NamedTuple):

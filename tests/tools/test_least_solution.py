@@ -57,3 +57,18 @@ def test_its_derivatives_follow_the_range_of_the_matrix(mode):
     true = span @ np.linalg.solve(span.T @ span, given)
     np.testing.assert_allclose(found(0.3), true.real, rtol=1e-12)
     np.testing.assert_allclose(mode(found)(0.3), true.imag / step, rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("outer", [jax.jacfwd, jax.jacrev])
+@pytest.mark.parametrize("inner", [jax.jacfwd, jax.jacrev])
+def test_its_second_derivatives_follow_the_range_of_the_matrix(outer, inner):
+    def found(s):
+        span, given = basis(s, jnp), jnp.asarray([1.0, 2.0, 3.0]) * jnp.cos(s)
+        return least_solution(LinearMap(of_span, (span,)), span @ given, jnp.ones(()))
+
+    def true(s):
+        span, given = basis(s, jnp), jnp.asarray([1.0, 2.0, 3.0]) * jnp.cos(s)
+        return span @ jnp.linalg.solve(span.T @ span, given)
+
+    expected = jax.jvp(lambda s: jax.jvp(true, (s,), (1.0,))[1], (0.3,), (1.0,))[1]
+    np.testing.assert_allclose(outer(inner(found))(0.3), expected, rtol=0, atol=1e-11 * np.abs(expected).max())
