@@ -116,8 +116,8 @@ class Picking(eqx.Module):
 
 
 class _Pass(NamedTuple):
-    """x, c, S (x + c), direction and energy of the last step, the size of the last c, whether c is found, and x, and steps
-    so far."""
+    """x, c, S (x + c), direction and energy of the last step, the size of the last c, whether c is found, and x, and
+    steps so far."""
 
     x: Float[Array, "m 1"]
     c: Float[Array, "m 1"]
