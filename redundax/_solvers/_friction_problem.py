@@ -23,7 +23,8 @@ from .._system._directions import directions_of
 from .._system._friction import AbstractFriction, friction_force, largest_changes, memories, slip_kinds
 from .._system._state import State
 from .._tools._by_number import combine
-from .._tools._linear_map import LinearMap, krylov_solution, spectral_radius
+from .._tools._krylov import krylov_solution
+from .._tools._linear_map import LinearMap, spectral_radius
 from .._tools._module import replace_fields, stop_gradient
 
 # Powers of a matrix that the bound of its spectral radius takes.

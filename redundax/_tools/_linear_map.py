@@ -8,8 +8,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-_RESTART, _CYCLES = 30, 10  # directions that GMRES keeps, and how often it starts anew
-_ROUNDING = 1e3  # of products, by which a solution may miss
 _POWERS, _LAST = 8, 4  # of a map, and those whose growth is its spectral radius
 
 
@@ -28,20 +26,6 @@ class LinearMap(eqx.Module):
 
 def _after(outer: LinearMap, inner: LinearMap, vector: Float[Array, " p"]) -> Any:
     return outer @ (inner @ vector)
-
-
-def krylov_solution(
-    product: Callable[[Float[Array, " p"]], Float[Array, " p"]], right: Float[Array, " p"]
-) -> Float[Array, " p"]:
-    """The solution of product(x) = right to rounding, by GMRES; its derivatives are those of a linear solution."""
-    rtol = _ROUNDING * float(jnp.finfo(right.dtype).eps)
-
-    def solved(product: Callable[[Array], Array], right: Array) -> Array:  # GMRES looks at the size of the right side
-        return jax.scipy.sparse.linalg.gmres(
-            product, right, tol=rtol, restart=min(_RESTART, right.size), maxiter=_CYCLES, solve_method="incremental"
-        )[0]
-
-    return jax.lax.custom_linear_solve(product, right, solved, transpose_solve=solved)
 
 
 def spectral_radius(
