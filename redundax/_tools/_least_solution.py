@@ -42,19 +42,22 @@ def _solution(
         x, y = unknowns
         return jnp.stack([x + matrix @ y, matrix @ x])
 
-    def solved(rights: Array, roundings: Array) -> Array:
+    def sought(right: Array, rounding: ArrayLike) -> Float[Array, " p"]:
+        return least_misfit(matrix.__matmul__, right, size, rounding, in_range=True)
+
+    def value(_: object, rights: Array) -> Array:  # x for none on the right of the first
+        return jnp.zeros_like(rights).at[0].set(sought(rights[1], rounding))
+
+    def both(_: object, rights: Array) -> Array:
         def onward(right: Array, rounding: Array) -> tuple[Array, Array]:
-            found = least_misfit(matrix.__matmul__, right, size, rounding, in_range=True)
+            found = sought(right, rounding)
             return -found, found
 
+        roundings = jnp.zeros(2, right.dtype).at[0].set(rounding)
         _, found = jax.lax.scan(onward, rights[1] - matrix @ rights[0], roundings)
-        return jnp.zeros_like(rights).at[: roundings.size].set(found).at[0].add(rights[0])
+        return found.at[0].add(rights[0])
 
-    both = jnp.zeros(2, right.dtype).at[0].set(rounding)
+    rights = jnp.stack([jnp.zeros_like(right), right])
     return jax.lax.custom_linear_solve(
-        product,
-        jnp.stack([jnp.zeros_like(right), right]),
-        lambda _, rights: solved(rights, both if derives else both[:1]),
-        lambda _, rights: solved(rights, both),
-        symmetric=True,
+        product, rights, both if derives else value, transpose_solve=both, symmetric=True
     )[0]
