@@ -21,6 +21,7 @@ from .._system._decision import CLEAR, Decision
 from .._system._results import RESULTS, first_failure
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._by_number import sum_few
 from .._tools._compilation import compiled
 from ._evidence import Violation, ratio
 from ._kinematics import second_derivative, second_order
@@ -255,8 +256,7 @@ def _scaling(system: AbstractSystem, rows: Rows, masses: Array, turned: Array) -
     plan, angular = rows.plan, jnp.asarray(system.coordinates.angular)
     turns = angular[plan.columns[plan.body]]
     square = still.slopes**2
-    zero = jnp.zeros(rows.count, square.dtype)
-    parts = tuple(zero.at[plan.row].add(jnp.sum(jnp.where(mask, square, 0.0), axis=1)) for mask in (~turns, turns))
+    parts = tuple(sum_few(jnp.where(mask, square, 0.0).reshape(rows.count, -1)) for mask in (~turns, turns))
     diagonal = jnp.diagonal(masses, axis1=1, axis2=2)
     turning = angular[plan.columns]
     inertia, heft = (jnp.sum(jnp.where(mask, diagonal, 0.0)) for mask in (turning, ~turning))

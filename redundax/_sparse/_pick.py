@@ -18,6 +18,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from .._tools._by_number import sum_few
 from ._cholesky import Fronts, factor, pivots, solution
 from ._gram import Gram
 from ._rows import Rows
@@ -37,7 +38,7 @@ class Compliance(eqx.Module):
     def times(self, mu: Float[Array, "m c"]) -> Float[Array, "m c"]:
         """W mu / size."""
         padded = jnp.concatenate([mu, jnp.zeros((1, mu.shape[1]), mu.dtype)])
-        return jnp.sum(self.entries[:, :, None] * padded[self.rows.plan.mates], axis=1)
+        return sum_few(self.entries[:, :, None] * padded[self.rows.plan.mates], axis=1)
 
 
 def scaled_compliance(rows: Rows, entries: Float[Array, "m j"], row_scale: Float[Array, " m"]) -> Compliance:
@@ -91,6 +92,8 @@ class Picking(eqx.Module):
         def largest(x: Array) -> Array:
             return jnp.max(jnp.abs(x))
 
+        size = largest(misfit)
+
         def step(now: _Pass) -> _Pass:
             x = now.x + jnp.where(now.ends, now.c, 0.0)
             right = jnp.where(now.ends, weight * (misfit - self.compliance.times(x)), now.left)
@@ -102,28 +105,30 @@ class Picking(eqx.Module):
             c = jnp.where(now.ends, ahead, now.c - length * along)
             left = jnp.where(now.ends, image, now.left - length * image)
             along = jnp.where(now.ends, 0.0, along)
-            scale = rounding * (largest(misfit) + largest(x + c))
+            change = largest(c)
+            scale = rounding * (size + largest(x) + change)
             ends = largest(left) <= scale
-            last = jnp.where(now.ends, largest(now.c), now.last)
-            found = ends & ((largest(c) ** 2 <= scale * jnp.maximum(last, largest(c))) | (now.steps >= _STEPS))
-            return _Pass(x, c, left, along, energy, last, ends, found, now.steps + 1)
+            last = jnp.where(now.ends, now.change, now.last)
+            found = ends & ((change**2 <= scale * jnp.maximum(last, change)) | (now.steps >= _STEPS))
+            return _Pass(x, c, left, along, energy, change, last, ends, found, now.steps + 1)
 
         none, true = jnp.zeros_like(misfit), jnp.asarray(True)
         zero, count = jnp.zeros((), misfit.dtype), jnp.zeros((), int)
-        start = _Pass(none, none, none, none, zero, zero, true, ~true, count)
+        start = _Pass(none, none, none, none, zero, zero, zero, true, ~true, count)
         end = jax.lax.while_loop(lambda now: ~now.found & (now.steps < 2 * _STEPS), step, start)
         return jnp.where(end.ends, end.x + end.c, jnp.nan)
 
 
 class _Pass(NamedTuple):
-    """x, c, S (x + c), direction and energy of the last step, the size of the last c, whether c is found, and x, and
-    steps so far."""
+    """x, c, S (x + c), direction and energy of the last step, the size of c, that of the last c that was found, whether
+    c is found, and x, and steps so far."""
 
     x: Float[Array, "m 1"]
     c: Float[Array, "m 1"]
     left: Float[Array, "m 1"]
     along: Float[Array, "m 1"]
     energy: Float[Array, ""]
+    change: Float[Array, ""]
     last: Float[Array, ""]
     ends: Bool[Array, ""]
     found: Bool[Array, ""]

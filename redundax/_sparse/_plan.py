@@ -1,6 +1,6 @@
 """What the pattern of a mechanism alone decides: where the entries of its Jacobian go, and the order of elimination.
 
-The Jacobian B is held as slopes, shape (e, s): one row of it by the s velocities of one moving body each. Its product
+The Jacobian B is held as slopes, shape (m, w, s): each row by the s velocities of at most w moving bodies. Its product
 S = B M^-1 B^T has entries where two rows share a body. They are summed straight into the fronts, dense matrices of
 the own and the border rows of each front of `_tree`; fronts of one height are padded to one shape.
 """
@@ -33,8 +33,8 @@ class Level(eqx.Module):
 class Plan(eqx.Module):
     """Pattern and order.
 
-    - `source`: slopes of moving bodies, among those that joints give, shape (e,).
-    - `row`, `body`: of each, shape (e,).
+    - `source`: slopes of each row by moving bodies, of those that joints give, beyond the last for none, shape (m, w).
+    - `body`: that of each, shape (m, w).
     - `columns`: velocities of each body, shape (bodies, s).
     - `first`, `second`, `place`: pairs of slopes that give an entry of S, and where it goes, shape (pairs,).
     - `mates`: the rows of the joint of each row, itself first, m for none, shape (m, j).
@@ -44,9 +44,8 @@ class Plan(eqx.Module):
     - `massless`: which bodies lack mass or inertia, shape (bodies,); `None` if none do.
     """
 
-    source: UInt[Array, " e"]
-    row: UInt[Array, " e"]
-    body: UInt[Array, " e"]
+    source: UInt[Array, "m w"]
+    body: UInt[Array, "m w"]
     columns: UInt[Array, "bodies s"]
     first: UInt[Array, " pairs"]
     second: UInt[Array, " pairs"]
@@ -72,9 +71,10 @@ def plan(
 ) -> Plan:
     """The plan for the rows of each joint, the row and the body of each slope, the ground last, `columns`, and which
     bodies lack mass."""
-    source = np.flatnonzero(slopes[1] < len(columns))
-    row, body = (each[source] for each in slopes)
     m = sum(rows.size for rows in joints)
+    source = _by_row(slopes[0], slopes[1] < len(columns), m)
+    used = np.flatnonzero(source < slopes[0].size)
+    row, body = (each[source.ravel()[used]] for each in slopes)
     owner = np.empty(m, int)
     mates = np.full((m, max(rows.size for rows in joints)), m)
     for joint, rows in enumerate(joints):
@@ -87,14 +87,14 @@ def plan(
     fronts = tree([sorted(each) for each in bodies], [rows.size for rows in joints])
     layout = _Layout(fronts, joints, m)
     first, second = _pairs(row, body, layout.order)
+    place = layout.places(row[first], row[second])
     return Plan(
         source=_indices(source),
-        row=_indices(row),
-        body=_indices(body),
+        body=_indices(np.append(slopes[1], 0)[source]),
         columns=_indices(columns),
-        first=_indices(first),
-        second=_indices(second),
-        place=_indices(layout.places(row[first], row[second])),
+        first=_indices(used[first]),
+        second=_indices(used[second]),
+        place=_indices(place),
         mates=_indices(mates),
         beside=_indices(layout.beside(mates)),
         own=_indices(layout.padded),
@@ -196,6 +196,16 @@ def _padded(parts: Sequence[np.ndarray], group: np.ndarray, none: int) -> np.nda
     for at, k in enumerate(group):
         out[at, : parts[k].size] = parts[k]
     return out
+
+
+def _by_row(row: np.ndarray, moves: np.ndarray, m: int) -> np.ndarray:
+    """The slopes of each row that move, the number of all for none."""
+    moving = np.flatnonzero(moves)
+    moving = moving[np.argsort(row[moving], kind="stable")]
+    count = np.bincount(row[moving], minlength=m)
+    found = np.full((m, count.max(initial=1)), row.size)
+    found[row[moving], np.arange(moving.size) - np.repeat(np.cumsum(count) - count, count)] = moving
+    return found
 
 
 def _pairs(row: np.ndarray, body: np.ndarray, order: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

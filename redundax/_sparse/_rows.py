@@ -6,19 +6,20 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._tools._by_number import sum_few
 from ._plan import Plan
 
 
 class Rows(eqx.Module):
     """B and M^-1.
 
-    - `slopes`: entries of B as in `Plan`, shape (e, s).
+    - `slopes`: entries of B as in `Plan`, zero for none, shape (m, w, s).
     - `inverse_mass`: of each body, shape (bodies, s, s); with more mass for those that lack some.
     - `mass`: M of each body where some lack mass, else `None`.
     """
 
     plan: Plan
-    slopes: Float[Array, "e s"]
+    slopes: Float[Array, "m w s"]
     inverse_mass: Float[Array, "bodies s s"]
     mass: Float[Array, "bodies s s"] | None = None
 
@@ -29,17 +30,16 @@ class Rows(eqx.Module):
 
     def scaled(self, row_scale: Float[Array, " m"]) -> "Rows":
         """D^-1 B for B."""
-        return Rows(self.plan, self.slopes / row_scale[self.plan.row][:, None], self.inverse_mass, self.mass)
+        return Rows(self.plan, self.slopes / row_scale[:, None, None], self.inverse_mass, self.mass)
 
     def times(self, v: Float[Array, "n c"]) -> Float[Array, "m c"]:
         """B v."""
-        own = v[self.plan.columns[self.plan.body]]
-        each = jnp.sum(self.slopes[:, :, None] * own, axis=1)
-        return jnp.zeros((self.count, v.shape[1]), each.dtype).at[self.plan.row].add(each)
+        own = v[self.plan.columns][self.plan.body]
+        return sum_few((self.slopes[..., None] * own).reshape(self.count, -1, v.shape[1]), axis=1)
 
     def transposed(self, mu: Float[Array, "m c"]) -> Float[Array, "n c"]:
         """B^T mu."""
-        each = self.slopes[:, :, None] * mu[self.plan.row][:, None]
+        each = self.slopes[..., None] * mu[:, None, None]
         own = jnp.zeros((*self.plan.columns.shape, mu.shape[1]), each.dtype).at[self.plan.body].add(each)
         return self._of_bodies(own)
 
@@ -61,27 +61,25 @@ class Rows(eqx.Module):
         A row can have slopes of one body twice. Where they leave no more than rounding of each other, as where a row
         says nothing, it is that of slopes that do not.
         """
-        plan, each = self.plan, self._of_pairs()
-        row, other = plan.row[plan.first], plan.row[plan.second]
-        whole, apart = (
-            jnp.zeros(self.count, each.dtype).at[row].add(jnp.where(mask, each, 0.0))
-            for mask in (row == other, plan.first == plan.second)
-        )
+        body = self.plan.body
+        each = sum_few(self.slopes[:, :, None] * self._moved()[:, None])
+        whole = sum_few(jnp.where(body[:, :, None] == body[:, None], each, 0.0).reshape(self.count, -1))
+        apart = sum_few(jnp.diagonal(each, axis1=1, axis2=2))
         return jnp.where(whole > float(jnp.finfo(each.dtype).eps) ** 0.5 * apart, whole, apart)
 
     def entries(self, kept: Float[Array, " m"], beside: Float[Array, "m j"] | None = None) -> Float[Array, " size"]:
         """S in the fronts of the plan, with the row of I for rows that do not count; `beside`, among rows of a joint,
         is added."""
-        plan = self.plan
-        each = self._of_pairs() * (kept[plan.row[plan.first]] * kept[plan.row[plan.second]])
+        plan, (_, w, s) = self.plan, self.slopes.shape
+        pairs = self.slopes.reshape(-1, s)[plan.first] * self._moved().reshape(-1, s)[plan.second]
+        each = sum_few(pairs) * (kept[plan.first // w] * kept[plan.second // w])
         found = jnp.zeros(plan.size, each.dtype).at[plan.place].add(each)
         found = found.at[plan.beside[:, 0]].add(1 - kept)
         return found if beside is None else found.at[plan.beside].add(beside, mode="drop")
 
-    def _of_pairs(self) -> Float[Array, " pairs"]:
-        """What each pair of slopes of one body adds to S."""
-        moved = jnp.einsum("ejk,ek->ej", self.inverse_mass[self.plan.body], self.slopes)
-        return jnp.sum(self.slopes[self.plan.first] * moved[self.plan.second], axis=1)
+    def _moved(self) -> Float[Array, "m w s"]:
+        """What each slope accelerates of its body."""
+        return sum_few(self.inverse_mass[self.plan.body] * self.slopes[:, :, None])
 
     def _of_bodies(self, own: Float[Array, "bodies s c"]) -> Float[Array, "n c"]:
         columns = self.plan.columns

@@ -75,19 +75,19 @@ def tree(bodies: Sequence[Sequence[int]], rows: Sequence[int]) -> list[Front]:
 
 
 def _dissect(graph: _Graph, part: set[int], own: list[list[int]], parents: list[int]) -> int:
-    """Append the fronts of a connected part, what separates its pieces last; and the number of that."""
+    """Append the fronts of a connected part, what separates its pieces last; and the number of that.
+
+    All pieces are parted further, or none, so that the fronts of one height are alike.
+    """
     between, pieces, small = set(), [part], []
     while pieces:
-        piece = max(pieces, key=graph.weight)
-        separator = _separator(graph, piece) if graph.weight(piece) > _LEAF else set()
-        if separator and between and graph.weight(between | separator) > _FRONT:
+        parted = [(piece, _separator(graph, piece) if graph.weight(piece) > _LEAF else set()) for piece in pieces]
+        whole = between.union(*(separator for _, separator in parted))
+        if between and between < whole and graph.weight(whole) > _FRONT:
             break
-        pieces.remove(piece)
-        if separator:
-            between |= separator
-            pieces += graph.components(piece - separator)
-        else:
-            small.append(piece)
+        between = whole
+        small += [piece for piece, separator in parted if not separator]
+        pieces = [each for piece, separator in parted if separator for each in graph.components(piece - separator)]
     if not between:
         between, small = part, []
     children = [_dissect(graph, piece, own, parents) for piece in (*small, *pieces)]

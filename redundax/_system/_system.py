@@ -135,7 +135,7 @@ class AbstractSystem(eqx.Module):
         return self
 
     def by_bodies(self, q: Float[Array, "..."], t: Float[Array, ""]) -> tuple[Array, Array]:
-        """Where there is a plan, the Jacobian's slopes on it, (e, s), and the mass of each body, (bodies, s, s)."""
+        """Where there is a plan, the Jacobian's slopes on it, (m, w, s), and the mass of each body, (bodies, s, s)."""
         raise NotImplementedError
 
     @property

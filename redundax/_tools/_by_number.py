@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 
 FEW = 6  # unknowns, at most
 _ENTRIES = 12  # of a vector that is reduced, at most
+_TERMS = 24  # of a sum along an axis, at most
 
 
 def rows(matrix: Array) -> list[list[Array]]:
@@ -27,6 +28,13 @@ def dot(a: list, b: list) -> Any:
 def combine(pair: Callable[[Array, Array], Array], whole: Callable[[Array], Array], vector: Array) -> Array:
     """The entries combined pair by pair, of many by `whole`."""
     return functools.reduce(pair, vector) if 0 < vector.size <= _ENTRIES else whole(vector)
+
+
+def sum_few(array: Array, axis: int = -1) -> Array:
+    """The sum along a short axis, term by term: XLA would add entry by entry."""
+    if not 0 < array.shape[axis] <= _TERMS:
+        return jnp.sum(array, axis)
+    return functools.reduce(jnp.add, jnp.unstack(array, axis=axis))
 
 
 def solve_few(matrix: Float[Array, "p p"], right: Float[Array, " p"]) -> Float[Array, " p"]:

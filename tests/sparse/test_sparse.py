@@ -22,12 +22,12 @@ def rows_of_pairs(pairs, bodies, rows=2, size=3):
     body = np.repeat(np.where(np.array(pairs) < 0, bodies, pairs), rows, axis=0).ravel()
     columns = np.arange(size * bodies).reshape(bodies, size)
     found = plan(joints, (row, body), columns)
-    slopes = RNG.normal(size=(found.row.size, size))
-    whole = np.zeros((rows * len(pairs), size * bodies))
-    np.add.at(whole, (np.asarray(found.row)[:, None], columns[np.asarray(found.body)]), slopes)
+    each = np.append(RNG.normal(size=(row.size, size)), np.zeros((1, size)), axis=0)
+    whole, moving = np.zeros((rows * len(pairs), size * bodies)), body < bodies
+    np.add.at(whole, (row[moving][:, None], columns[body[moving]]), each[:-1][moving])
     half = RNG.normal(size=(bodies, size, size))
     masses = half @ half.transpose(0, 2, 1) + np.eye(size)
-    return Rows(found, jnp.asarray(slopes), jnp.linalg.inv(masses)), whole, masses
+    return Rows(found, jnp.asarray(each[np.asarray(found.source)]), jnp.linalg.inv(masses)), whole, masses
 
 
 def chain(length):
