@@ -39,7 +39,7 @@ class _Graph:
         while found[-1]:
             new = {body for joint in found[-1] for body in self.bodies[joint]} - bodies
             bodies |= new
-            found.append(sorted({k for body in new for k in self.joints[body]} & part - seen))
+            found.append(sorted(({k for body in new for k in self.joints[body]} & part) - seen))
             seen |= set(found[-1])
         return found[:-1]
 
