@@ -303,11 +303,10 @@ class Mechanism(AbstractSystem):
         body = self.poses(q)
         return self._on_plan(slopes(self.joints, body, t), body), self.frame.masses(self.body)
 
-    def _on_plan(self, own: Sequence[Array], body: Any) -> Float[Array, "m w v"]:
+    def _on_plan(self, own: Sequence[Array], body: Any) -> Float[Array, "m w s"]:
         each = [*own, *(coupled.slopes(self.joints, body) for coupled in self.couplings)]
-        none = jnp.zeros((1, self.frame.size))
-        slopes = jnp.concatenate([*(slope.reshape(-1, self.frame.size) for slope in each), none])
-        return tree_take(slopes, cast(Plan, self._plan).source)
+        slopes = jnp.concatenate([slope.reshape(-1, self.frame.size) for slope in each])
+        return tree_take(jnp.pad(slopes, ((0, 1), (0, 0))), cast(Plan, self._plan).source)
 
     @property
     def joint_coordinates(self) -> JointCoordinates:

@@ -57,7 +57,7 @@ def _slopes(rows: np.ndarray, bodies: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return row, body
 
 
-def dense(plan: Plan, slopes: Float[Array, "m w v"]) -> Float[Array, "m n"]:
+def dense(plan: Plan, slopes: Float[Array, "m w s"]) -> Float[Array, "m n"]:
     """The Jacobian whole."""
     row = jnp.arange(len(slopes))[:, None, None]
     return jnp.zeros((len(slopes), plan.columns.size), slopes.dtype).at[row, plan.columns[plan.body]].add(slopes)

@@ -6,12 +6,12 @@ The rank is found once and held (`_held_rank`); each step is projected (`_steppe
 friction at the times asked for are computed with the held rank; at regular positions they are those of `solve`.
 """
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import jax
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from .._closures._closure import AbstractClosure, MinimumNorm, for_motion
 from .._equations._culprits import thrown
@@ -23,7 +23,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import (
     Numbers,
-    as_float,
+    floats,
     is_concrete,
     no_classes,
     numpy_of,
@@ -126,7 +126,7 @@ def simulate(
     from ._integrate import integrate
 
     no_classes(closure=closure, solver=solver, stabilisation=stabilisation, adjoint=adjoint)
-    positive("max_phases", as_float(max_phases))
+    positive("max_phases", floats(max_phases))
     solver = diffrax.Dopri8() if solver is None else solver
     _check(system, state, rtol, dt0, max_steps)
     if rtol is not None and not isinstance(solver, diffrax.AbstractAdaptiveSolver):
@@ -134,8 +134,8 @@ def simulate(
             f"Argument `rtol` must be None with {type(solver).__name__}, which does not estimate its error, but it is "
             "given. Give `rtol=None` and a constant step `dt0`, or another solver."
         )
-    t1 = as_float(t1).astype(state.qd.dtype)
-    given = (_evenly(state.t, t1) if ts is None else as_float(ts)).astype(t1.dtype)
+    t1 = floats(t1).astype(state.qd.dtype)
+    given = (_evenly(state.t, t1) if ts is None else floats(ts)).astype(t1.dtype)
     check_times(state.t, t1, given)
     fixed = stop_gradient((system, state))  # it only decides how to compute
     if system.plan is None:
@@ -147,13 +147,13 @@ def simulate(
         system.anonymous(),
         state,
         factor,
-        t1,
-        given,
+        cast(Array, t1),
+        cast(Array, given),
         for_motion(closure, system, state),
         solver,
         stabilisation,
-        None if rtol is None else as_float(rtol),
-        None if dt0 is None else as_float(dt0),
+        None if rtol is None else cast(Array, floats(rtol)),
+        None if dt0 is None else cast(Array, floats(dt0)),
         max_steps,
         max_phases,
         diffrax.RecursiveCheckpointAdjoint(_CHECKPOINTS) if adjoint is None else adjoint,
@@ -165,10 +165,10 @@ def simulate(
     return thrown(trajectory, throw, system, state, factor, RESULTS.successful, RESULTS.stuck)
 
 
-def _evenly(start: Array, end: Array) -> Float[Array, "101"]:
+def _evenly(start: Array, end: np.ndarray | Array) -> np.ndarray | Array:
     """Times from start to end."""
     first, last = map(numpy_of(start, end).asarray, (start, end))
-    return as_float(first + (last - first) * np.linspace(0.0, 1.0, 101, dtype=end.dtype))
+    return first + (last - first) * np.linspace(0.0, 1.0, 101, dtype=end.dtype)
 
 
 def _check(system: AbstractSystem, state: State, rtol: ArrayLike | None, dt0: ArrayLike | None, max_steps: int) -> None:
@@ -188,7 +188,7 @@ def _check(system: AbstractSystem, state: State, rtol: ArrayLike | None, dt0: Ar
         _check_chart(system, state)
     for name, value in (("rtol", rtol), ("dt0", dt0), ("max_steps", max_steps)):
         if value is not None:
-            positive(name, as_float(value))
+            positive(name, floats(value))
     if rtol is None and dt0 is None:
         raise ValueError("Argument `dt0` must be given where `rtol` is None, but it is None: it is the constant step.")
 

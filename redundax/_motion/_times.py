@@ -7,20 +7,22 @@ Times that rounding puts beyond an end count as that end.
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
-from .._tools._compilation import compiled
-from .._tools._module import is_concrete
+from .._tools._module import is_concrete, numpy_of
 
 _ROUNDINGS = 10
 
+Times = np.ndarray | np.floating | Array
 
-@compiled
-def in_order(start: Array, end: Array, ts: Float[Array, " times"]) -> Bool[Array, ""]:
+
+def in_order(start: Times, end: Times, ts: Times) -> np.bool_ | Array:
     """Whether all are finite and follow each other."""
-    early, late = start - _slack(start, end), end + _slack(start, end)
-    times = jnp.concatenate([early[None], ts, late[None]])
-    return (start <= end) & jnp.all(jnp.isfinite(times)) & jnp.all(times[:-1] <= times[1:])
+    numpy = numpy_of(start, end, ts)
+    start, end, ts = map(numpy.asarray, (start, end, ts))
+    slack = _slack(start, end)
+    times = numpy.hstack([start - slack, ts, end + slack])
+    return (start <= end) & numpy.all(numpy.isfinite(times)) & numpy.all(times[:-1] <= times[1:])
 
 
 def within(start: Array, end: Array, ts: Float[Array, " times"]) -> Float[Array, " times"]:
@@ -29,7 +31,7 @@ def within(start: Array, end: Array, ts: Float[Array, " times"]) -> Float[Array,
     return jnp.where(ts > end, end, ts)
 
 
-def check_times(start: Array, end: Array, ts: Array) -> None:
+def check_times(start: Times, end: Times, ts: Times) -> None:
     """Refuse times that no motion runs through; those that are traced give a result of their own."""
     if ts.ndim != 1 or ts.size == 0:
         raise ValueError(
@@ -39,12 +41,13 @@ def check_times(start: Array, end: Array, ts: Array) -> None:
     ordered = in_order(start, end, ts)
     if not is_concrete(ordered) or ordered:
         return
+    start, end, times = map(np.asarray, (start, end, ts))
     if not (start <= end and np.isfinite(start) and np.isfinite(end)):
         raise ValueError(
             f"Argument `t1` must be a finite time not before that of `state`, {start}, but is {end}. "
             "Motions run forward: give the earlier state."
         )
-    slack, times = _slack(start, end), np.asarray(ts)
+    slack = _slack(start, end)
     beyond = times[~((times >= start - slack) & (times <= end + slack))]
     wrong = [*(f"{t} lies elsewhere" for t in beyond), "some follow later ones"][0]
     raise ValueError(
@@ -53,5 +56,6 @@ def check_times(start: Array, end: Array, ts: Array) -> None:
     )
 
 
-def _slack(start: Array, end: Array) -> Array:
-    return _ROUNDINGS * jnp.finfo(end.dtype).eps * jnp.maximum(jnp.abs(start), jnp.abs(end))
+def _slack(start: Times, end: Times) -> Times:
+    numpy = numpy_of(start, end)
+    return _ROUNDINGS * numpy.finfo(end.dtype).eps * numpy.maximum(numpy.abs(start), numpy.abs(end))

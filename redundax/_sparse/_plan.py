@@ -33,10 +33,12 @@ class Level(eqx.Module):
 class Plan(eqx.Module):
     """Pattern and order.
 
-    - `source`: slopes of each row by moving bodies, of those that joints give, beyond the last for none, shape (m, w).
-    - `body`: that of each, shape (m, w).
+    - `source`: where each row finds its slopes by moving bodies among those that joints give, beyond the last for
+      none, shape (m, w).
+    - `body`: that of each, for none the first of the row, shape (m, w).
     - `columns`: velocities of each body, shape (bodies, s).
-    - `first`, `second`, `place`: pairs of slopes that give an entry of S, and where it goes, shape (pairs,).
+    - `first`, `second`, `place`: pairs of slopes, counted row by row, that give an entry of S, and where it goes,
+      shape (pairs,).
     - `mates`: the rows of the joint of each row, itself first, m for none, shape (m, j).
     - `beside`: where the entries of a row with its mates go, as `place`, beyond the last for none or said twice.
     - `own`, `position`: the rows owned by all fronts, level by level, m for none; and where each row is among them.
@@ -87,14 +89,13 @@ def plan(
     fronts = tree([sorted(each) for each in bodies], [rows.size for rows in joints])
     layout = _Layout(fronts, joints, m)
     first, second = _pairs(row, body, layout.order)
-    place = layout.places(row[first], row[second])
     return Plan(
         source=_indices(source),
-        body=_indices(np.append(slopes[1], 0)[source]),
+        body=_indices(np.append(slopes[1], 0)[np.where(source < slopes[0].size, source, source[:, :1])]),
         columns=_indices(columns),
         first=_indices(used[first]),
         second=_indices(used[second]),
-        place=_indices(place),
+        place=_indices(layout.places(row[first], row[second])),
         mates=_indices(mates),
         beside=_indices(layout.beside(mates)),
         own=_indices(layout.padded),

@@ -35,7 +35,7 @@ class Rows(eqx.Module):
     def times(self, v: Float[Array, "n c"]) -> Float[Array, "m c"]:
         """B v."""
         own = v[self.plan.columns][self.plan.body]
-        return sum_few((self.slopes[..., None] * own).reshape(self.count, -1, v.shape[1]), axis=1)
+        return sum_few((self.slopes[..., None] * own).reshape(self.count, self.slopes[0].size, v.shape[1]), axis=1)
 
     def transposed(self, mu: Float[Array, "m c"]) -> Float[Array, "n c"]:
         """B^T mu."""

@@ -45,10 +45,11 @@ class _Graph:
 
     def components(self, part: set[int]) -> Iterator[set[int]]:
         left = set(part)
-        while left:
-            found = {k for layer in self.layers(min(left), left) for k in layer}
-            left -= found
-            yield found
+        for start in sorted(part):
+            if start in left:
+                found = {k for layer in self.layers(start, left) for k in layer}
+                left -= found
+                yield found
 
     def weight(self, joints: Sequence[int] | set[int]) -> int:
         return sum(self.rows[k] for k in joints)
@@ -77,13 +78,13 @@ def tree(bodies: Sequence[Sequence[int]], rows: Sequence[int]) -> list[Front]:
 def _dissect(graph: _Graph, part: set[int], own: list[list[int]], parents: list[int]) -> int:
     """Append the fronts of a connected part, what separates its pieces last; and the number of that.
 
-    All pieces are parted further, or none, so that the fronts of one height are alike.
+    All pieces that are not small are parted further, or none, so that the fronts of one height are alike.
     """
     between, pieces, small = set(), [part], []
     while pieces:
         parted = [(piece, _separator(graph, piece) if graph.weight(piece) > _LEAF else set()) for piece in pieces]
         whole = between.union(*(separator for _, separator in parted))
-        if between and between < whole and graph.weight(whole) > _FRONT:
+        if between and graph.weight(whole) > _FRONT:
             break
         between = whole
         small += [piece for piece, separator in parted if not separator]

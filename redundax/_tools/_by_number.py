@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 FEW = 6  # unknowns, at most
 _ENTRIES = 12  # of a vector that is reduced, at most
-_TERMS = 24  # of a sum along an axis, at most
+_TERMS = 24  # of a sum along an axis, at most: four bodies in space
 
 
 def rows(matrix: Array) -> list[list[Array]]:
@@ -31,7 +31,7 @@ def combine(pair: Callable[[Array, Array], Array], whole: Callable[[Array], Arra
 
 
 def sum_few(array: Array, axis: int = -1) -> Array:
-    """The sum along a short axis, term by term: XLA would add entry by entry."""
+    """The sum along a short axis as one of whole arrays; XLA's own loops over the axis for every entry of the sum."""
     if not 0 < array.shape[axis] <= _TERMS:
         return jnp.sum(array, axis)
     return functools.reduce(jnp.add, jnp.unstack(array, axis=axis))

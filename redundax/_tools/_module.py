@@ -199,7 +199,7 @@ def not_negative(name: str, value: Array) -> None:
         raise ValueError(f"Argument `{name}` must not be negative, but is {value}. Give a number from 0 on.")
 
 
-def positive(name: str, value: Array) -> None:
+def positive(name: str, value: Array | np.ndarray) -> None:
     """Refuse a number that is not positive; one that is NaN gives results that say so."""
     if is_concrete(value) and np.any(np.asarray(value) <= 0):
         raise ValueError(f"Argument `{name}` must be positive, but is {value}. Give a number above 0.")

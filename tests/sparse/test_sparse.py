@@ -223,8 +223,11 @@ def test_couplers_that_hold_a_body_twice_have_the_rank_of_their_sum(ratio, rank,
         rx.Revolute("h2", "B", "A", (0.0, 0.0), (0.0, 0.0)),
     ]
     coupler = rx.Coupler("c", "h2.angle", "h1.angle", ratio=ratio)
-    mechanism = rx.Mechanism(bodies, pins, couplers=[coupler]).sparse()
-    factor = rx.factorize(mechanism, rx.State(np.zeros(6), np.zeros(6)))
+    dense = rx.Mechanism(bodies, pins, couplers=[coupler])
+    mechanism, state = dense.sparse(), rx.State(np.zeros(6), np.zeros(6))
+    found, true = (each.jacobian(state.q, state.t) for each in (mechanism, dense))
+    np.testing.assert_allclose(found, true, rtol=0, atol=1e-15)
+    factor = rx.factorize(mechanism, state)
     assert factor.result == rx.RESULTS.successful
     assert factor.spectrum.rank == rank
     rows = factor.gram.rows
@@ -239,6 +242,13 @@ def test_other_questions_are_answered_by_dense_matrices():
     np.testing.assert_array_equal(
         mechanism.sparse().sparse(False).jacobian(state.q, state.t), mechanism.jacobian(state.q, state.t)
     )
+
+
+def test_the_jacobian_on_a_plan_is_that_of_dense_matrices():
+    mechanism = rx.mechanisms.bricard()
+    state = rx.assemble(mechanism)
+    dense, sparse = (each.jacobian(state.q, state.t) for each in (mechanism, mechanism.sparse()))
+    np.testing.assert_allclose(sparse, dense, rtol=0, atol=1e-15)
 
 
 def test_bodies_without_mass_are_taken_where_every_motion_has_some():
