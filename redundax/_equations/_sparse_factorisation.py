@@ -256,7 +256,7 @@ def _scaling(system: AbstractSystem, rows: Rows, masses: Array, turned: Array) -
     plan, angular = rows.plan, jnp.asarray(system.coordinates.angular)
     turns = angular[plan.columns[plan.body]]
     square = still.slopes**2
-    parts = tuple(sum_few(jnp.where(mask, square, 0.0).reshape(rows.count, -1)) for mask in (~turns, turns))
+    parts = tuple(sum_few(sum_few(jnp.where(mask, square, 0.0))) for mask in (~turns, turns))
     diagonal = jnp.diagonal(masses, axis1=1, axis2=2)
     turning = angular[plan.columns]
     inertia, heft = (jnp.sum(jnp.where(mask, diagonal, 0.0)) for mask in (turning, ~turning))

@@ -32,7 +32,7 @@ from .._tools._module import (
     stop_gradient,
 )
 from ._stabilisation import AbstractStabilisation, Projection
-from ._times import check_times
+from ._times import Times, check_times
 from ._trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -134,8 +134,8 @@ def simulate(
             f"Argument `rtol` must be None with {type(solver).__name__}, which does not estimate its error, but it is "
             "given. Give `rtol=None` and a constant step `dt0`, or another solver."
         )
-    t1 = floats(t1).astype(state.qd.dtype)
-    given = (_evenly(state.t, t1) if ts is None else floats(ts)).astype(t1.dtype)
+    t1 = cast(Array, floats(t1).astype(state.qd.dtype))
+    given = cast(Array, (_evenly(state.t, t1) if ts is None else floats(ts)).astype(t1.dtype))
     check_times(state.t, t1, given)
     fixed = stop_gradient((system, state))  # it only decides how to compute
     if system.plan is None:
@@ -147,8 +147,8 @@ def simulate(
         system.anonymous(),
         state,
         factor,
-        cast(Array, t1),
-        cast(Array, given),
+        t1,
+        given,
         for_motion(closure, system, state),
         solver,
         stabilisation,
@@ -165,7 +165,7 @@ def simulate(
     return thrown(trajectory, throw, system, state, factor, RESULTS.successful, RESULTS.stuck)
 
 
-def _evenly(start: Array, end: np.ndarray | Array) -> np.ndarray | Array:
+def _evenly(start: Times, end: Times) -> Times:
     """Times from start to end."""
     first, last = map(numpy_of(start, end).asarray, (start, end))
     return first + (last - first) * np.linspace(0.0, 1.0, 101, dtype=end.dtype)

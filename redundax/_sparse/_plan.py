@@ -192,7 +192,7 @@ class _Layout:
 
 
 def _padded(parts: Sequence[np.ndarray], group: np.ndarray, none: int) -> np.ndarray:
-    """Rows of some fronts side by side."""
+    """Some of the parts, one below the other."""
     out = np.full((group.size, max(parts[k].size for k in group)), none)
     for at, k in enumerate(group):
         out[at, : parts[k].size] = parts[k]
@@ -203,10 +203,8 @@ def _by_row(row: np.ndarray, moves: np.ndarray, m: int) -> np.ndarray:
     """The slopes of each row that move, the number of all for none."""
     moving = np.flatnonzero(moves)
     moving = moving[np.argsort(row[moving], kind="stable")]
-    count = np.bincount(row[moving], minlength=m)
-    found = np.full((m, count.max(initial=1)), row.size)
-    found[row[moving], np.arange(moving.size) - np.repeat(np.cumsum(count) - count, count)] = moving
-    return found
+    parts = np.split(moving, np.searchsorted(row[moving], np.arange(1, m)))
+    return _padded(parts, np.arange(m), row.size)
 
 
 def _pairs(row: np.ndarray, body: np.ndarray, order: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -35,7 +35,7 @@ class Rows(eqx.Module):
     def times(self, v: Float[Array, "n c"]) -> Float[Array, "m c"]:
         """B v."""
         own = v[self.plan.columns][self.plan.body]
-        return sum_few((self.slopes[..., None] * own).reshape(self.count, self.slopes[0].size, v.shape[1]), axis=1)
+        return sum_few(sum_few(self.slopes[..., None] * own, axis=2), axis=1)
 
     def transposed(self, mu: Float[Array, "m c"]) -> Float[Array, "n c"]:
         """B^T mu."""
@@ -63,7 +63,7 @@ class Rows(eqx.Module):
         """
         body = self.plan.body
         each = sum_few(self.slopes[:, :, None] * self._moved()[:, None])
-        whole = sum_few(jnp.where(body[:, :, None] == body[:, None], each, 0.0).reshape(self.count, -1))
+        whole = sum_few(sum_few(jnp.where(body[:, :, None] == body[:, None], each, 0.0)))
         apart = sum_few(jnp.diagonal(each, axis1=1, axis2=2))
         return jnp.where(whole > float(jnp.finfo(each.dtype).eps) ** 0.5 * apart, whole, apart)
 

@@ -61,7 +61,7 @@ def tree(bodies: Sequence[Sequence[int]], rows: Sequence[int]) -> list[Front]:
     own: list[list[int]] = []
     parents: list[int] = []
     for part in graph.components(set(range(len(rows)))):
-        _dissect(graph, part, own, parents)
+        _dissect(graph, part, _separator(graph, part), own, parents)
     place = {joint: k for k, joints in enumerate(own) for joint in joints}
     borders: list[set[int]] = [set() for _ in own]
     levels = [0] * len(own)
@@ -75,23 +75,23 @@ def tree(bodies: Sequence[Sequence[int]], rows: Sequence[int]) -> list[Front]:
     return [Front(*each) for each in zip(own, order, parents, levels, strict=True)]
 
 
-def _dissect(graph: _Graph, part: set[int], own: list[list[int]], parents: list[int]) -> int:
+def _dissect(graph: _Graph, part: set[int], separator: set[int], own: list[list[int]], parents: list[int]) -> int:
     """Append the fronts of a connected part, what separates its pieces last; and the number of that.
 
     All pieces that are not small are parted further, or none, so that the fronts of one height are alike.
     """
-    between, pieces, small = set(), [part], []
+    between, pieces, small = set(), [(part, separator)], []
     while pieces:
-        parted = [(piece, _separator(graph, piece) if graph.weight(piece) > _LEAF else set()) for piece in pieces]
-        whole = between.union(*(separator for _, separator in parted))
+        whole = between.union(*(separator for _, separator in pieces))
         if between and graph.weight(whole) > _FRONT:
             break
         between = whole
-        small += [piece for piece, separator in parted if not separator]
-        pieces = [each for piece, separator in parted if separator for each in graph.components(piece - separator)]
+        small += [each for each in pieces if not each[1]]
+        parts = [each for piece, separator in pieces if separator for each in graph.components(piece - separator)]
+        pieces = [(each, _separator(graph, each)) for each in parts]
     if not between:
         between, small = part, []
-    children = [_dissect(graph, piece, own, parents) for piece in (*small, *pieces)]
+    children = [_dissect(graph, piece, separator, own, parents) for piece, separator in (*small, *pieces)]
     own.append(sorted(between))
     parents.append(-1)
     for child in children:
@@ -100,7 +100,9 @@ def _dissect(graph: _Graph, part: set[int], own: list[list[int]], parents: list[
 
 
 def _separator(graph: _Graph, part: set[int]) -> set[int]:
-    """Joints that part about one half of a part from the other; none where it has no halves."""
+    """Joints that part about one half of a part from the other; none where it is small or has no halves."""
+    if graph.weight(part) <= _LEAF:
+        return set()
     layers = graph.layers(graph.layers(min(part), part)[-1][0], part)
     half, reached, middle = graph.weight(part) / 2, 0, 0
     for middle, layer in enumerate(layers[:-1]):

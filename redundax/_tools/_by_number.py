@@ -11,8 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 FEW = 6  # unknowns, at most
-_ENTRIES = 12  # of a vector that is reduced, at most
-_TERMS = 24  # of a sum along an axis, at most: four bodies in space
+_ENTRIES = 12  # of a vector, or along an axis, that are reduced, at most
 
 
 def rows(matrix: Array) -> list[list[Array]]:
@@ -32,7 +31,7 @@ def combine(pair: Callable[[Array, Array], Array], whole: Callable[[Array], Arra
 
 def sum_few(array: Array, axis: int = -1) -> Array:
     """The sum along a short axis as one of whole arrays; XLA's own loops over the axis for every entry of the sum."""
-    if not 0 < array.shape[axis] <= _TERMS:
+    if not 0 < array.shape[axis] <= _ENTRIES:
         return jnp.sum(array, axis)
     return functools.reduce(jnp.add, jnp.unstack(array, axis=axis))
 
