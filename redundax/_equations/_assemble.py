@@ -30,11 +30,28 @@ from .._system._names import ByName, Names, index_of, vector
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
-from .._tools._module import as_float, check_position, floats, is_concrete, numpy_of, on_device, stop_gradient
+from .._tools._module import (
+    as_float,
+    check_position,
+    floats,
+    is_concrete,
+    numpy_of,
+    on_device,
+    replace_fields,
+    stop_gradient,
+)
 from ._guess import ask_for_radians, check_finite
-from ._kinematics import second_order
-from ._rank import split
-from ._scaling import Scaling, largest_violation, scaling
+from ._kinematics import displacement, second_order
+from ._pseudoinverse import (
+    DensePseudoinverse,
+    SparsePseudoinverse,
+    SparseRows,
+    dense_pseudoinverse,
+    sparse_pseudoinverse,
+    sparse_rows,
+)
+from ._scaling import Scaling, largest_violation, scaling_at
+from ._sparse_descent import sparse_descent
 
 _POLISHING_STEPS, _PASSES = 4, 3
 
@@ -217,17 +234,30 @@ class _Closing(eqx.Module):
     scale: Scaling
     row_scale: Float[Array, " rows"]
 
+    def moved(self, q: Array, d: Array) -> Array:
+        """q [+] S d."""
+        return self.system.retract(q, self.scale.coordinates * d)
+
     def residual(self, d: Array) -> Array:
-        q = self.system.retract(self.guess.q, self.scale.coordinates * d)
+        return self.residual_at(self.moved(self.guess.q, d))
+
+    def residual_at(self, q: Array) -> Array:
         given = _given(self.system, q, self.guess.t, self.held)
         given = _beside(self.system, given, self.positions, self.held)
-        rows = jnp.concatenate([self.system.constraint(q, self.guess.t), given])
-        return rows / self.row_scale / self.scale.size
+        return jnp.concatenate([self.system.constraint(q, self.guess.t), given]) / self.row_scale
 
-    def inverse(self, d: Array) -> tuple[Array, Array]:
-        """K^+ of the residual at the decided rank, and the least singular value that it inverts."""
-        parts, spectrum = split(jax.jacfwd(self.residual)(d), jnp.max(jnp.abs(self.residual(d))), None)
-        return parts.inverse, spectrum.kept
+    def rows(self, q: Array) -> SparseRows:
+        """K of a large mechanism, at a position."""
+        given = _given_rows(self.system, State(q, self.guess.qd, self.guess.t), self.held)
+        given = given * self.scale.coordinates / self.row_scale[len(self.scale.rows) :, None]
+        return sparse_rows(self.system, q, self.guess.t, self.scale, given)
+
+    def inverse(self, d: Array) -> DensePseudoinverse | SparsePseudoinverse:
+        """K^+ of the residual."""
+        violation = jnp.max(jnp.abs(self.residual(d))) / self.scale.size
+        if self.system.plan is None:
+            return dense_pseudoinverse(jax.jacfwd(self.residual)(d), violation)
+        return sparse_pseudoinverse(self.rows(self.moved(self.guess.q, d)), violation)
 
 
 class _Closed(NamedTuple):
@@ -242,38 +272,54 @@ def _descent(closing: _Closing) -> Float[Array, " n"]:
     """A displacement to where the residual is least."""
     import optimistix as optx  # here, as its import takes time that few need
 
-    start = jnp.zeros_like(closing.guess.qd)
+    size, start = closing.scale.size, jnp.zeros_like(closing.guess.qd)
     solver = optx.LevenbergMarquardt(rtol=1e-8, atol=1e-8)
-    return optx.least_squares(lambda d, _: closing.residual(d), solver, start, max_steps=500, throw=False).value
+    found = optx.least_squares(lambda d, _: closing.residual(d) / size, solver, start, max_steps=500, throw=False)
+    return found.value
 
 
 def _closing(system: AbstractSystem, guess: State, held: Array, positions: Array) -> _Closing:
-    scale = scaling(system, guess, system.jacobian(guess.q, guess.t))
+    scale = scaling_at(system, guess)
     row_scale = jnp.concatenate([scale.rows, _held_scale(system, held, scale)])
     return _Closing(system, guess, held, positions, scale, row_scale)
 
 
-def _nearer(system: AbstractSystem, guess: State, held: Array, positions: Array) -> State:
-    """The end of the passes in space; elsewhere the guess, from which one reaches as far."""
+def _begun(system: AbstractSystem, guess: State, held: Array, positions: Array) -> _Closing:
+    """The problem about the end of the passes in space, of a large mechanism about that of its descent; elsewhere about
+    the guess, from which one reaches as far."""
+    closing = _closing(system, guess, held, positions)
+    if system.plan is not None:
+        still = stop_gradient(closing)
+        size = still.scale.size
+        reached = sparse_descent(
+            still.guess.q,
+            lambda q: still.residual_at(q) / size,
+            still.rows,
+            lambda q, d: still.moved(q, size * d),
+        )
+        away, _ = displacement(system, still.guess.q, reached)
+        return replace_fields(closing, guess=State(system.retract(guess.q, away), guess.qd, guess.t))
     if system.adds:
-        return guess
+        return closing
 
     def moved(_: Array, q: Array) -> Array:
         closing = stop_gradient(_closing(system, State(q, guess.qd, guess.t), held, positions))
-        return system.retract(q, closing.scale.coordinates * _descent(closing))
+        return closing.moved(q, _descent(closing))
 
-    return State(jax.lax.fori_loop(0, _PASSES, moved, guess.q), guess.qd, guess.t)
+    q = jax.lax.fori_loop(0, _PASSES, moved, guess.q)
+    return _closing(system, State(q, guess.qd, guess.t), held, positions)
 
 
 @eqx.filter_custom_jvp
 def _closed(closing: _Closing) -> _Closed:
     """A displacement d with K^+ r(d) = 0; its derivative is dd = -K^+ dr, the smallest that keeps it so."""
-    d = _descent(closing) if closing.system.adds else jnp.zeros_like(closing.guess.qd)  # else it is at its end
+    begins = closing.system.adds and closing.system.plan is None  # else it is at its end
+    d = _descent(closing) if begins else jnp.zeros_like(closing.guess.qd)
 
     def polished(_: Array, carry: _Closed) -> _Closed:
-        inverse, weakest = closing.inverse(carry.d)
-        step = -inverse @ closing.residual(carry.d)
-        return _Closed(carry.d + step, jnp.max(jnp.abs(step)), jnp.minimum(carry.weakest, weakest))
+        inverse = closing.inverse(carry.d)
+        step = -inverse(closing.residual(carry.d))
+        return _Closed(carry.d + step, jnp.max(jnp.abs(step)), jnp.minimum(carry.weakest, inverse.kept))
 
     infinite = jnp.full((), jnp.inf, d.dtype)
     return jax.lax.fori_loop(0, _POLISHING_STEPS, polished, _Closed(d, infinite, infinite))
@@ -283,46 +329,55 @@ def _closed(closing: _Closing) -> _Closed:
 def _closed_jvp(primals: tuple, tangents: tuple) -> tuple:
     closed = _closed(*primals)
     _, change = eqx.filter_jvp(lambda closing: closing.residual(closed.d), primals, tangents)
-    moved = None if change is None else -primals[0].inverse(closed.d)[0] @ change  # None where nothing in r moves
+    moved = None if change is None else -primals[0].inverse(closed.d)(change)  # None where nothing in r moves
     none = jnp.zeros_like(closed.step)
     return closed, eqx.tree_at(lambda closed: closed.d, _Closed(none, none, none), moved)
 
 
 def _position(system: AbstractSystem, guess: State, held: Array, positions: Array) -> tuple[Array, _Misfit]:
-    guess = _nearer(system, guess, held, positions)
-    closing = _closing(system, guess, held, positions)
+    closing = _begun(system, guess, held, positions)
     d, step, weakest = _closed(closing)
-    relative, scale = jnp.abs(closing.residual(d)), closing.scale
+    left = jnp.abs(closing.residual(d))
+    relative = left / closing.scale.size
     settled = step <= jnp.maximum(jnp.max(relative), _tolerance(d))
-    misfit = _misfit(relative * closing.row_scale * scale.size, relative, settled, weakest, _tolerance(d))
-    return system.retract(guess.q, scale.coordinates * d), misfit
+    misfit = _misfit(left * closing.row_scale, relative, settled, weakest, _tolerance(d))
+    return closing.moved(closing.guess.q, d), misfit
 
 
 def _velocity(system: AbstractSystem, state: State, driven: Array, rates: Array) -> tuple[Array, _Misfit]:
-    matrix = system.jacobian(state.q, state.t)
     motion, _, turned = second_order(system, state)
-    scale = scaling(system, state, matrix, turned)
+    scale = scaling_at(system, state, turned)
     row_scale = jnp.concatenate([scale.rows, _held_scale(system, driven, scale)])
-    still = jnp.zeros_like(state.qd)
-    slopes = jax.jacfwd(lambda d: _given(system, system.retract(state.q, d), state.t, driven))(still)
-    own = jnp.eye(still.size, dtype=still.dtype)[driven]  # of another chart too, whose positions are none of these
-    slopes = jnp.where((driven < still.size)[:, None], own, slopes)
-    rows = jnp.concatenate([matrix, slopes])
+    slopes = _given_rows(system, state, driven)
     misfit = jnp.concatenate([motion.rate, slopes @ state.qd - rates]) / row_scale
-    rows = rows * scale.coordinates / row_scale[:, None]
+    slopes = slopes * scale.coordinates / row_scale[len(scale.rows) :, None]
     drift = jnp.max(jnp.abs(motion.value) / scale.rows) / scale.size
-    parts, spectrum = split(rows, drift, None)
-    change = -parts.inverse @ misfit
+    if system.plan is None:
+        own = system.jacobian(state.q, state.t) * scale.coordinates / scale.rows[:, None]
+        inverse = dense_pseudoinverse(jnp.concatenate([own, slopes]), drift)
+    else:
+        inverse = sparse_pseudoinverse(sparse_rows(system, state.q, state.t, scale, slopes), drift)
+    change = -inverse(misfit)
     guess = state.qd / scale.coordinates
     velocity = guess + change
-    given = (jnp.max(jnp.abs(guess)) + jnp.max(jnp.abs(misfit))) / jnp.minimum(spectrum.kept, 1.0)
+    given = (jnp.max(jnp.abs(guess)) + jnp.max(jnp.abs(misfit))) / jnp.minimum(inverse.kept, 1.0)
     rests = jnp.max(jnp.abs(velocity)) <= 10 * velocity.size * jnp.finfo(velocity.dtype).eps * given
     velocity = velocity - jnp.where(rests, stop_gradient(velocity), 0.0)  # the rounding of none, which has no direction
     qd = scale.coordinates * velocity
     speed = jnp.max(jnp.abs(velocity)) + jnp.max(jnp.abs(misfit))
-    left = jnp.abs(misfit + rows @ change)
+    left = jnp.abs(misfit + inverse.times(change))
     relative = left / jnp.where(speed > 0, speed, 1.0)
     return qd, _misfit(left * row_scale, relative, jnp.asarray(True), jnp.asarray(jnp.inf), _tolerance(qd))
+
+
+def _given_rows(system: AbstractSystem, state: State, which: Array) -> Float[Array, "h n"]:
+    """How given values, of those of `_axis`, change with the coordinates."""
+    still = jnp.zeros_like(state.qd)
+    if not which.size:
+        return jnp.zeros((0, still.size), still.dtype)
+    slopes = jax.jacrev(lambda d: _given(system, system.retract(state.q, d), state.t, which))(still)
+    own = which[:, None] == jnp.arange(still.size)  # of another chart too, whose positions are none of these
+    return jnp.where((which < still.size)[:, None], own.astype(still.dtype), slopes)
 
 
 def _misfit(size: Array, relative: Array, settled: Array, weakest: Array, rounding: float) -> _Misfit:

@@ -9,15 +9,17 @@ depends on them.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
+from .._sparse._plan import Plan
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._by_number import sum_few
 from ._kinematics import second_order
 
 
@@ -47,6 +49,34 @@ def scaling(
     length = _length(*jax.lax.stop_gradient((jacobian, turned, mass)), system)
     columns = jnp.where(system.coordinates.angular, 1 / length, 1.0).astype(jacobian.dtype)
     return scales_of(system, jnp.linalg.norm(jax.lax.stop_gradient(jacobian) * columns, axis=1), columns, length)
+
+
+def sparse_scaling(
+    system: AbstractSystem,
+    slopes: Float[Array, "m w s"],
+    masses: Float[Array, "bodies s s"],
+    turned: Float[Array, " m"],
+) -> Scaling:
+    """The same of a large system, by bodies."""
+    slopes, masses, turned = jax.lax.stop_gradient((slopes, masses, turned))
+    plan, angular = cast(Plan, system.plan), jnp.asarray(system.coordinates.angular)
+    turning = angular[plan.columns]
+    turns, square = turning[plan.body], slopes**2
+    parts = tuple(sum_few(sum_few(jnp.where(mask, square, 0.0))) for mask in (~turns, turns))
+    diagonal = jnp.diagonal(masses, axis1=1, axis2=2)
+    inertia, heft = (jnp.sum(jnp.where(mask, diagonal, 0.0)) for mask in (turning, ~turning))
+    length = length_of(system, lambda mask: tuple(jnp.sum(part[mask]) for part in parts), turned, (inertia, heft))
+    norms = jnp.sqrt(parts[0] + parts[1] / length**2)
+    columns = jnp.where(system.coordinates.angular, 1 / length, 1.0).astype(norms.dtype)
+    return scales_of(system, norms, columns, length)
+
+
+def scaling_at(system: AbstractSystem, state: State, turned: Float[Array, " m"] | None = None) -> Scaling:
+    """The scales at a state, of a system of any size."""
+    if system.plan is None:
+        return scaling(system, state, system.jacobian(state.q, state.t), turned)
+    turned = second_order(system, state)[2] if turned is None else turned
+    return sparse_scaling(system, *system.by_bodies(state.q, state.t), turned)
 
 
 def scales_of(

@@ -21,16 +21,15 @@ from .._system._decision import CLEAR, Decision
 from .._system._results import RESULTS, first_failure
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._by_number import sum_few
 from .._tools._compilation import compiled
 from ._evidence import Violation, ratio
 from ._kinematics import second_derivative, second_order
 from ._rank import Spectrum
 from ._response import AbstractPick, AbstractSolvedFactorisation, Response, total
-from ._scaling import Scaling, largest_violation, length_of, scales_of
+from ._scaling import Scaling, largest_violation, sparse_scaling
 from ._sparse_rows import rows_of, unit_rows
 
-_RANK = 0.575  # power of the rounding: squares of pivots, 1e-9 in float64, from which rows count
+RANK = 0.575  # power of the rounding: squares of pivots, 1e-9 in float64, from which rows count
 _LIGHT = 1e-5  # what a pass must take of each error of a
 _POWER = 8  # steps of inverse iteration for the least singular value
 
@@ -220,14 +219,14 @@ def _factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | Non
     rows, masses = rows_of(system, state)
     load = system.load(state)
     motion, explicit, turned = second_order(system, state)
-    scales = _scaling(system, rows, masses, turned)
+    scales = sparse_scaling(system, rows.slopes, masses, turned)
     position = jnp.max(jnp.abs(motion.value) / scales.rows) / scales.size
     row_scale = unit_rows(rows)
     scaled = rows.scaled(row_scale)
-    kept, spectrum = _decided(scaled, jax.lax.stop_gradient(position), rank)
+    kept, spectrum = decided(scaled, jax.lax.stop_gradient(position), rank)
     stress = gram(scaled, kept)
     a, mu = stress.respond(load[:, None], (motion.gamma / row_scale)[:, None])
-    spectrum = _with_least(spectrum, stress)
+    spectrum = with_least(spectrum, stress)
     evidence = jax.lax.stop_gradient((stress, row_scale, scales, motion, explicit, load, a[:, 0], mu[:, 0], state))
     violation, noise, reached, residual = _evidence(masses, position, spectrum, *evidence)
     return SparseFactorisation(
@@ -250,27 +249,11 @@ def _factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | Non
     )
 
 
-def _scaling(system: AbstractSystem, rows: Rows, masses: Array, turned: Array) -> Scaling:
-    """As `scaling`, from the rows by bodies."""
-    still, masses, turned = jax.lax.stop_gradient((rows, masses, turned))
-    plan, angular = rows.plan, jnp.asarray(system.coordinates.angular)
-    turns = angular[plan.columns[plan.body]]
-    square = still.slopes**2
-    parts = tuple(sum_few(sum_few(jnp.where(mask, square, 0.0))) for mask in (~turns, turns))
-    diagonal = jnp.diagonal(masses, axis1=1, axis2=2)
-    turning = angular[plan.columns]
-    inertia, heft = (jnp.sum(jnp.where(mask, diagonal, 0.0)) for mask in (turning, ~turning))
-    length = length_of(system, lambda mask: tuple(jnp.sum(part[mask]) for part in parts), turned, (inertia, heft))
-    norms = jnp.sqrt(parts[0] + parts[1] / length**2)
-    columns = jnp.where(system.coordinates.angular, 1 / length, 1.0).astype(norms.dtype)
-    return scales_of(system, norms, columns, length)
-
-
-def _decided(rows: Rows, violation: Array, rank: Array | None) -> tuple[Float[Array, " m"], Spectrum]:
+def decided(rows: Rows, violation: Array, rank: Array | None) -> tuple[Float[Array, " m"], Spectrum]:
     """Which rows count, and the evidence."""
     squares, growth, shift = rank_pivots(rows)
     eps, off = float(jnp.finfo(squares.dtype).eps), (30 * violation) ** 2
-    tolerance, noise = eps**_RANK + off, growth * (10 * eps + off)
+    tolerance, noise = eps**RANK + off, growth * (10 * eps + off)
     ordered = jnp.sort(squares)[::-1]
     if rank is None:
         counts = squares > jnp.maximum(tolerance, noise)
@@ -293,7 +276,7 @@ def _decided(rows: Rows, violation: Array, rank: Array | None) -> tuple[Float[Ar
     )
 
 
-def _with_least(spectrum: Spectrum, stress: Gram) -> Spectrum:
+def with_least(spectrum: Spectrum, stress: Gram) -> Spectrum:
     """With the least singular value of the rows that count for `kept`, by inverse iteration."""
     stress = jax.lax.stop_gradient(stress)
     start = stress.kept * jnp.asarray(np.cos(np.arange(stress.kept.size) ** 2), stress.kept.dtype)

@@ -57,15 +57,15 @@ PLATES = {
 }
 
 
-@pytest.mark.parametrize("digits", DIGITS)
+@pytest.mark.parametrize(("digits", "sparse"), [*((digits, False) for digits in DIGITS), (16, True), (6, True)])
 @pytest.mark.parametrize("case", PLATES)
-def test_points_of_few_digits_keep_rank_and_accelerations(case, digits):
+def test_points_of_few_digits_keep_rank_and_accelerations(case, digits, sparse):
     mechanism, position = plate(digits, *PLATES[case])
     cranks, phi = len(PLATES[case][3]), 1.0
     guess = position(phi) + 0.02 * np.sin(3.0 * np.arange(position(phi).size))
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
-        state = rx.assemble(mechanism, guess, positions={"c0.phi": phi}, rates={"c0.phi": 1.0})
+        state = rx.assemble(mechanism.sparse(sparse), guess, positions={"c0.phi": phi}, rates={"c0.phi": 1.0})
     solution = rx.solve(mechanism, state)
     assert int(solution.stats.spectrum.rank) == 3 * cranks + 2
     unit = 10.0 ** (3 - digits) + 1e-12
@@ -174,9 +174,11 @@ def test_misfit_is_told_by_size_and_joint():
 
 
 @pytest.mark.slow
-def test_derivatives_and_batches_on_points_of_few_digits():
+@pytest.mark.parametrize("sparse", [False, True])
+def test_derivatives_and_batches_on_points_of_few_digits(sparse):
     """Each centre moves by half the crank's end, or all of it; the plate does not turn."""
     mechanism, position = plate(8, *PLATES["three cranks, turned"])
+    mechanism = mechanism.sparse(sparse)
 
     def assembled(phi):
         return rx.assemble(mechanism, position(1.0), positions={"c0.phi": phi}).q
@@ -192,12 +194,13 @@ def test_derivatives_and_batches_on_points_of_few_digits():
 
 
 @pytest.mark.parametrize("gap", [1e-4, 1e-2])
-def test_parts_that_do_not_fit_are_refused(gap):
+@pytest.mark.parametrize("sparse", [False, True])
+def test_parts_that_do_not_fit_are_refused(gap, sparse):
     """Four collinear pins that fix a rod twice, one of them beside its place."""
     joints = [
         rx.Revolute(f"R{k}", "rod", "ground", (x, 0.0), (x + gap * (k == 2), 0.0)) for k, x in enumerate((0, 1, 2))
     ]
-    rod = rx.Mechanism([rx.Body("rod", 1.0, 1.0)], joints)
+    rod = rx.Mechanism([rx.Body("rod", 1.0, 1.0)], joints).sparse(sparse)
     with pytest.raises(RuntimeError, match="No position"):
         rx.assemble(rod, [0.0, 0.0, 0.0])
     assert np.isnan(rx.assemble(rod, [0.0, 0.0, 0.0], throw=False).q).all()

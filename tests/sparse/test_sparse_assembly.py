@@ -1,0 +1,71 @@
+"""Assembly of large mechanisms: as by dense matrices where both can, and of a thousand loops."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import redundax as rx
+from tests.sparse.test_sparse import ladder
+
+
+def planar():
+    mechanism = rx.mechanisms.doubled_four_bar()
+    return mechanism, mechanism.state(0.8, rate=1.0)
+
+
+@pytest.mark.parametrize("case", [planar, lambda: ladder(2, twice=True)], ids=["plane", "space"])
+def test_assembly_is_that_of_dense_matrices(case):
+    """With the one freedom given, of a joint, the state is one; the velocity follows its rate."""
+    mechanism, state = case()
+    angle = next(name for name in mechanism.names.joint_coordinates.labels if name.endswith(".angle"))
+    numbers = jnp.asarray(np.random.default_rng(3).normal(size=(2, state.qd.size)))
+    guess = mechanism.retract(state.q, 0.03 * numbers[0]), state.qd + 0.1 * numbers[1]
+    given = {"positions": {angle: 0.75}, "rates": {angle: 2.0}}
+    dense, sparse = (rx.assemble(each, *guess, **given) for each in (mechanism, mechanism.sparse()))
+    np.testing.assert_allclose(sparse.q, dense.q, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(sparse.qd, dense.qd, rtol=0, atol=1e-12)
+    free = rx.assemble(mechanism.sparse(), *guess)
+    assert np.abs(mechanism.constraint(free.q, free.t)).max() < 1e-12
+    assert np.abs(mechanism.jacobian(free.q, free.t) @ free.qd).max() < 1e-12
+
+
+def test_what_contradicts_is_named():
+    mechanism, state = ladder(2)
+    given = {"A0.angle": 0.7, "A1.angle": 0.8}
+    for what in ("positions", "rates"):
+        with pytest.raises(RuntimeError, match=r"A0\.angle as given, A1\.angle as given"):
+            rx.assemble(mechanism.sparse(), state.q, **{what: given})
+    state = rx.assemble(
+        mechanism.sparse(), state.q, positions=dict.fromkeys(given, 0.7), rates=dict.fromkeys(given, 1.0)
+    )
+    assert np.isfinite(state.qd).all()
+
+
+@pytest.mark.parametrize("pin", ["D", "B2"])
+def test_derivatives_by_a_point_are_those_of_dense_matrices(pin):
+    """Also of one of two couplers' points, which no position can follow: by least squares."""
+    mechanism, state = planar()
+    member = mechanism.names.joints[0].index(pin)
+
+    def assembled(x, each):
+        moved = eqx.tree_at(lambda m: m.joints[0].element.point_j, each, replace_fn=lambda p: p.at[member, 0].add(x))
+        found = rx.assemble(moved, state.q, state.qd, throw=False)
+        return jnp.concatenate([found.q, found.qd])
+
+    sparse = mechanism.sparse()
+    dense, forward = (jax.jacfwd(assembled)(0.0, each) for each in (mechanism, sparse))
+    assert np.abs(dense).max() > 0.1
+    np.testing.assert_allclose(forward, dense, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(jax.jacrev(assembled)(0.0, sparse), forward, rtol=0, atol=1e-10)
+
+
+def test_a_thousand_loops_close_at_the_angle_given():
+    mechanism = rx.mechanisms.n_four_bar(1000)
+    assert mechanism.plan is not None
+    truth = mechanism.state(0.85, rate=2.0)
+    guess = mechanism.state(0.8).q + 0.01 * np.cos(np.arange(truth.q.size))
+    found = rx.assemble(mechanism, guess, positions={"crank 1.phi": 0.85}, rates={"crank 1.phi": 2.0})
+    np.testing.assert_allclose(found.q, truth.q, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(found.qd, truth.qd, rtol=0, atol=1e-11)
