@@ -18,7 +18,7 @@ from ..._tools._module import Numbers
 from ._arguments import check, positions
 from ._arrows import FORCES, LOADS, Arrow, Arrows
 from ._artists import artist_of
-from ._draw import framed, joint_labels, new_axes, smaller
+from ._draw import framed, joint_labels, legible, new_axes, smaller
 from ._key import draw_key
 from ._labels import place
 from ._pen import Pen
@@ -162,7 +162,7 @@ def _painter(artist: Artist, figure: Any, frames: list[_Frame], names: bool, sca
     stage = frames[0].stage
     axes = new_axes(artist, sized, points, stage, groups, _STRIP)
     point, head = framed(artist, axes, points, stage, [*groups, applied], scale, _STRIP)
-    small = smaller(stage.spacing(), point)
+    small, shows_names = smaller(stage.spacing, point), names and legible(stage, point)
     draw_key(Pen(axes, point), groups, stage)
     left, ceiling = axes.get_xlim()[0], axes.get_ylim()[1] - head * point
     at = (left + 8.0 * point, ceiling + 0.5 * _STRIP * point)
@@ -178,7 +178,7 @@ def _painter(artist: Artist, figure: Any, frames: list[_Frame], names: bool, sca
         clock.set_text(f"t = {frame.t:.3f} {stage.units.of('time')}".rstrip())
         shown = [dataclasses.replace(loads, arrows=frame.loads), dataclasses.replace(applied, arrows=frame.applied)]
         artist.paint(pen, frame.stage, shown)
-        place(pen, joint_labels(pen, frame.stage) if names else [], ceiling)
+        place(pen, joint_labels(pen, frame.stage) if shows_names else [], ceiling)
         return []
 
     return update

@@ -123,6 +123,7 @@ def draw_arrows(pen: Pen, scene: Scene, groups: list[Arrows]) -> list[Label]:
     labels: list[Label] = []
     drawn: list[tuple[np.ndarray, np.ndarray]] = []
     turns: list[np.ndarray] = []
+    guides = [joint.on_i for joint in scene.joints if joint.axis is not None]
     force, moment = scene.units.of("force"), scene.units.of("moment")
     for group in groups:
         look = group.look
@@ -136,12 +137,16 @@ def draw_arrows(pen: Pen, scene: Scene, groups: list[Arrows]) -> list[Label]:
                 labels.append(at_tip(pen, tail, vector, each, look, text.format(quantity(each.size, force))))
             if each.moment:
                 at = each.at if np.any(each.force) else each.spot
-                radius = TURN + 6.0 * sum(np.hypot(*(at - other)) < 4.0 * pen.point for other in turns)
-                radius += 6.0 * any(j.axis is not None and np.hypot(*(j.on_i - at)) < pen.point for j in scene.joints)
+                radius = TURN + 6.0 * _near(at, turns, 4.0 * pen.point) + 6.0 * (_near(at, guides, pen.point) > 0)
                 turns.append(at)
                 pen.turn(at, radius, each.moment > 0, z=ARROW_Z + 0.1, gid=f"{look.gid} moment {name}", **style)
                 labels.append(_at_turn(pen, at, radius, each, look, text.format(quantity(each.moment, moment))))
     return labels
+
+
+def _near(at: np.ndarray, places: list[np.ndarray], distance: float) -> int:
+    """How many places are nearer than a distance."""
+    return int(np.sum(np.hypot(*(np.array(places).reshape(-1, 2) - at).T) < distance))
 
 
 def value_text(each: Arrow) -> str:
@@ -161,13 +166,14 @@ def _colour(look: Look) -> str:
 def beside(pen: Pen, at: np.ndarray, vector: np.ndarray, drawn: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
     """The tail of an arrow: the joint, or beside it where the arrow would lie on other ones."""
     length = np.hypot(*vector)
-    unit, covered = vector / length, 0
-    for place, other in drawn:
-        start, end = sorted([(place - at) @ unit, (place + other - at) @ unit])
-        aligned = abs(other @ unit) > 0.97 * np.hypot(*other) and abs((place - at) @ across(unit)) < 4.0 * pen.point
-        covered += aligned and end > 2.0 * pen.point and start < length - 2.0 * pen.point
+    unit = vector / length
+    places, others = np.array(drawn).reshape(-1, 2, 2).swapaxes(0, 1)
+    ends = (places - at) @ unit, (places + others - at) @ unit
+    overlaps = (np.maximum(*ends) > 2.0 * pen.point) & (np.minimum(*ends) < length - 2.0 * pen.point)
+    aligned = np.abs(others @ unit) > 0.97 * np.hypot(*others.T)
+    covered = overlaps & aligned & (np.abs((places - at) @ across(unit)) < 4.0 * pen.point)
     drawn.append((at, vector))
-    return at + across(unit) * 6.0 * pen.point * covered
+    return at + across(unit) * 6.0 * pen.point * np.sum(covered)
 
 
 def at_tip(pen: Pen, tail: np.ndarray, vector: np.ndarray, each: Arrow, look: Look, text: str) -> Label:

@@ -12,32 +12,33 @@ from ._style import BAR, BLOCK, BODY_Z, PIN, body_colour, dark
 
 def draw_bodies(pen: Pen, scene: Scene) -> list[np.ndarray]:
     """Draw all bodies and return their outlines, each (corners, 2)."""
-    spans = [_span(pen, scene, body) for body in range(scene.ground)]
+    spans, sliders = _spans(pen, scene), {joint.i for joint in scene.joints if joint.axis is not None}
+    symbols = np.array([spot for joint in scene.joints for spot in (joint.spot, joint.on_i)]).reshape(-1, 2)
     outlines = []
-    for body, span in enumerate(spans):
-        slides = any(joint.i == body and joint.axis is not None for joint in scene.joints)
+    for body, (span, alike) in enumerate(zip(spans, _alike(spans, pen.point), strict=True)):
         # Bodies that cover each other lie like plates on a pin: each later one is narrower.
-        above = sum(_alike(span, other, pen.point) for other in spans[body + 1 :])
-        width = (BAR if len(span) > 1 or slides else 1.7 * BAR) + 3.0 * above
+        above = sum(other > body for other in alike)
+        width = (BAR if len(span) > 1 or body in sliders else 1.7 * BAR) + 3.0 * above
         outline = hull((span[:, None] + width * pen.point * circle(48)).reshape(-1, 2))
         colour, z = body_colour(body, scene.ground), BODY_Z + 0.6 * body / scene.ground
-        if any(_alike(span, other, pen.point) for other in spans[:body]):
+        if above < len(alike):
             pen.polygon(outline, "white", "none", z)
         pen.polygon(outline, colour, dark(colour), z, opacity=0.4, gid=f"body {scene.names[body]}")
         pen.cover_path(outline, 3.0, OUTLINE)
         outlines.append(outline)
-        _centre_of_mass(pen, scene, body, dark(colour))
+        if not np.any(np.hypot(*(symbols - scene.centres[body]).T) < (PIN + 5.0) * pen.point):
+            _centre_of_mass(pen, scene.centres[body], dark(colour))
     return outlines
 
 
-def _span(pen: Pen, scene: Scene, body: int) -> np.ndarray:
-    """Corners of what a body spans: its points and the guides that it carries."""
-    points = [*scene.joint_points(body)]
+def _spans(pen: Pen, scene: Scene) -> list[np.ndarray]:
+    """Corners of what each body spans: its points and the guides that it carries."""
+    points = [[*scene.joint_points(body)] for body in range(scene.ground)]
     for joint in scene.joints:
-        if joint.j == body and joint.axis is not None:
+        if joint.axis is not None and joint.j < scene.ground:
             reach = guide_reach(joint.length, pen.point) * joint.axis
-            points += [joint.on_i - reach, joint.on_i + reach]
-    return hull(np.array(points))
+            points[joint.j] += [joint.on_i - reach, joint.on_i + reach]
+    return [hull(np.array(each)) for each in points]
 
 
 def guide_reach(length: float | None, point: float) -> float:
@@ -50,11 +51,7 @@ def block_length(length: float | None, point: float) -> float:
     return float(np.clip((length or 0.0) / point, BLOCK[0], 90.0))
 
 
-def _centre_of_mass(pen: Pen, scene: Scene, body: int, colour: str) -> None:
-    centre = scene.centres[body]
-    symbols = [joint.spot for joint in scene.joints] + [joint.on_i for joint in scene.joints]
-    if any(np.hypot(*(centre - spot)) < (PIN + 5.0) * pen.point for spot in symbols):
-        return
+def _centre_of_mass(pen: Pen, centre: np.ndarray, colour: str) -> None:
     radius = 2.8
     pen.circle(centre, radius, edge=colour, z=BODY_Z + 0.65, linewidth=0.8)
     for start in (0.0, np.pi):
@@ -64,11 +61,20 @@ def _centre_of_mass(pen: Pen, scene: Scene, body: int, colour: str) -> None:
     pen.cover(centre, radius, OUTLINE)
 
 
-def _alike(one: np.ndarray, other: np.ndarray, point: float) -> bool:
-    if len(one) != len(other):
-        return False
-    gaps = np.hypot(*(one[:, None] - other[None]).transpose(2, 0, 1))
-    return bool(np.all(gaps.min(axis=1) < 3.0 * point))
+def _alike(spans: list[np.ndarray], point: float) -> list[list[int]]:
+    """For each of the spans, which others have as many corners, and one beside each of its own."""
+    corners, near = np.concatenate(spans), 3.0 * point
+    owner = np.repeat(np.arange(len(spans)), [len(span) for span in spans])
+
+    def covers(span: np.ndarray, other: np.ndarray) -> bool:
+        gaps = np.hypot(*(span[:, None] - other[None]).transpose(2, 0, 1))
+        return len(span) == len(other) and bool(np.all(gaps.min(axis=1) < near))
+
+    found = []
+    for body, span in enumerate(spans):
+        others = np.unique(owner[np.hypot(*(corners - span[0]).T) < near])
+        found.append([int(k) for k in others if k != body and covers(span, spans[k])])
+    return found
 
 
 def hull(points: np.ndarray) -> np.ndarray:

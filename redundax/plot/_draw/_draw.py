@@ -29,6 +29,7 @@ _PAD = np.array([34.0, 34.0])  # points between the mechanism and the edge of th
 _WIDER = np.array([26.0, 0.0])  # points more for values of loads
 _ROOM = np.array([330.0, 280.0])  # points, of the mechanism in a new figure unless it is dense
 _SPACING = 40.0  # points between joints, below which symbols are drawn smaller
+_LEGIBLE = 4.0  # points between joints, below which nothing is named
 _COMPARABLE = 4.0  # applied forces over joint loads, above which they have no common scale
 _SIZES = (380.0, 200.0), (930.0, 620.0)  # points, least and largest width and height of a new figure
 
@@ -55,7 +56,8 @@ def draw(
     joint starts at the joint and is what the joint does to its **body i**: -lam for a revolute joint, +lam along the
     normal for a translational one, and in general -(d residual / d pose_i)^T lam, moments about the joint's point on
     body i. Moments are circular arrows, counterclockwise where positive, with their values. Loads below 1e-4
-    of the largest are left out, and so are values and, in very dense pictures, names that would cover other ones.
+    of the largest are left out, and so are values and, in very dense pictures, names that would cover other ones; where
+    joints are nearer than 4 points of print to each other, all names and values are.
     Applied forces are black, to the scale of `multipliers` where these are given and not four times smaller.
     Gears in mesh are their pitch circles with the line of action; their arrow starts at the pitch point. Couplings of
     angles look like gears, or belts where both bodies turn in the same sense; neither's force is there.
@@ -105,12 +107,14 @@ def draw(
 
         axes = new_axes(artist, pyplot.figure, stage.points(), stage, groups)
     point, head = framed(artist, axes, stage.points(), stage, [*groups, applied], scale)
-    small = smaller(stage.spacing(), point)
+    small = smaller(stage.spacing, point)
     pen = Pen(axes, point * small, small)
     ceiling = axes.get_ylim()[1] - head * point
     artist.surround(pen, stage, stage.points(), ceiling)
     outlines, values = artist.paint(pen, stage, [*groups, applied])
     draw_key(Pen(axes, point), groups, stage)
+    if not legible(stage, point):
+        return axes
     named = [*joint_labels(pen, stage, not_unique(report)), *_body_labels(pen, stage, outlines)] if names else []
     place(pen, [*named, *values], ceiling)
     return axes
@@ -122,7 +126,7 @@ def new_axes(
     """Axes of a figure that is made in a size that suits the points, with a strip of some points of print for more."""
     left, lower, right, upper = artist.margins
     spread = np.ptp(points, axis=0)
-    point = min(max(*(spread / _ROOM)), stage.spacing() / (1.4 * _SPACING)) or 1.0
+    point = min(max(*(spread / _ROOM)), stage.spacing / (1.4 * _SPACING)) or 1.0
     reach = 1.2 * LONGEST if groups else 0.0
     head = key_height(groups, stage, np.inf) + strip
     wanted = spread / point + 2 * _pad(groups) + reach + [left + right, head + lower + upper]
@@ -144,7 +148,7 @@ def framed(
     artist.dress(axes, stage)
     room = _room(axes)
     head = key_height(groups[:-1], stage, float(room[0])) + strip
-    return _frame(axes, points, stage.spacing(), groups, room, head, scale), head
+    return _frame(axes, points, stage.spacing, groups, room, head, scale), head
 
 
 def _pad(groups: list[Arrows]) -> np.ndarray:
@@ -154,6 +158,11 @@ def _pad(groups: list[Arrows]) -> np.ndarray:
 def smaller(spacing: float, point: float) -> float:
     """Factor for all symbols where joints, at their usual spacing, are near to each other on paper."""
     return float(np.clip(spacing / (_SPACING * point), 0.4, 1.0))
+
+
+def legible(stage: Stage, point: float) -> bool:
+    """Whether joints are far enough from each other on paper for texts to belong to one."""
+    return stage.spacing >= _LEGIBLE * point
 
 
 def _room(axes: Any) -> np.ndarray:
@@ -207,28 +216,27 @@ def _set_scales(groups: list[Arrows], longest: float, scale: float | None) -> No
 
 def joint_labels(pen: Pen, stage: Stage, not_unique: frozenset[str] | None = None) -> list[Label]:
     """One label for all joints at a place; red with a question mark where a load is not unique."""
-    doubtful = not_unique or frozenset()
-    places: list[tuple[np.ndarray, list[str], float]] = []
-    for joint in stage.joints:
-        clearance = PIN + 2.5 if joint.axis is None else BLOCK[1] / 2 + 4.0
-        for k, (spot, found, wide) in enumerate(places):
-            if np.hypot(*(spot - joint.spot)) < 2.0 * pen.point:
-                found.append(joint.name)
-                places[k] = (spot, found, max(wide, clearance))
-                break
-        else:
-            places.append((joint.spot, [joint.name], clearance))
-    return [
-        Label(
-            ", ".join(f"{name}?" if name in doubtful else name for name in found if name),
-            f"joint name {found[0]}",
-            *around(pen, spot, wide),
-            weight="bold",
-            colour=dark(LOAD, 0.8) if doubtful.intersection(found) else INK,
+    doubtful, labels = not_unique or frozenset(), []
+    spots = np.array([joint.spot for joint in stage.joints]).reshape(-1, 2)
+    left = np.ones(len(spots), bool)
+    for first, spot in enumerate(spots):
+        here = left & left[first] & (np.hypot(*(spots - spot).T) < 2.0 * pen.point)
+        left &= ~here
+        found = [stage.joints[k] for k in np.flatnonzero(here).tolist()]
+        names = [joint.name for joint in found if joint.name]
+        if not names:
+            continue
+        wide = max(PIN + 2.5 if joint.axis is None else BLOCK[1] / 2 + 4.0 for joint in found)
+        labels.append(
+            Label(
+                ", ".join(f"{name}?" if name in doubtful else name for name in names),
+                f"joint name {found[0].name}",
+                *around(pen, spot, wide),
+                weight="bold",
+                colour=dark(LOAD, 0.8) if doubtful.intersection(names) else INK,
+            )
         )
-        for spot, found, wide in places
-        if any(found)
-    ]
+    return labels
 
 
 def _body_labels(pen: Pen, stage: Stage, outlines: list[np.ndarray]) -> list[Label]:

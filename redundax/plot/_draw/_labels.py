@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ._coverage import Coverage
 from ._pen import HARD, Pen, circle
 from ._style import FONT, GROUND, INK, LABEL_Z
 
@@ -64,24 +65,34 @@ def place(pen: Pen, labels: list[Label], ceiling: float) -> None:
     texts = [_text(pen, label) for label in labels]
     sizes = [_size(pen, text) for text in texts]
     candidates = [_candidates(label, size, pen.point) for label, size in zip(labels, sizes, strict=True)]
-    fixed = [_costs(found, size, boxes, lower, upper) for found, size in zip(candidates, sizes, strict=True)]
+    drawn = Coverage(boxes, lower, upper)
+    fixed = [_costs(found, size, drawn, lower, upper) for found, size in zip(candidates, sizes, strict=True)]
+    reach = np.array(
+        [
+            [*(centres.min(axis=0) - size / 2), *(centres.max(axis=0) + size / 2)]
+            for (centres, _), size in zip(candidates, sizes, strict=True)
+        ]
+    ).reshape(-1, 4)
     # Joints, then bodies, and among them those first that have few good places; then values.
     freedom = [
         int((cost < cost.min() + 10.0).sum()) * (label.rank < 2) for cost, label in zip(fixed, labels, strict=True)
     ]
     order = sorted(range(len(labels)), key=lambda k: (labels[k].rank, freedom[k]))
-    chosen: list[np.ndarray | None] = [None] * len(labels)
+    taken = np.full((len(labels), 4), np.nan)  # the boxes of texts; NaN of those that have no place
     for _ in range(4):
         for k in order:
-            centres = candidates[k][0]
-            others = [(place, sizes[o]) for o, place in enumerate(chosen) if o != k and place is not None]
-            taken = np.array([[*(c - s / 2), *(c + s / 2), _TEXT] for c, s in others]).reshape(-1, 5)
-            covered = _overlap(centres, sizes[k], taken)
+            centres, near = (
+                candidates[k][0],
+                np.all((taken[:, :2] < reach[k, 2:]) & (taken[:, 2:] > reach[k, :2]), axis=1),
+            )
+            near[k] = False
+            covered = _overlap(centres, sizes[k], taken[near])
             best = int(np.argmin(fixed[k] + covered))
             crowded = covered[best] > 0 or fixed[k][best] > labels[k].patience
-            chosen[k] = None if crowded else centres[best]
-    for label, text, size, centre in zip(labels, texts, sizes, chosen, strict=True):
-        if centre is None:
+            taken[k] = np.nan if crowded else [*(centres[best] - sizes[k] / 2), *(centres[best] + sizes[k] / 2)]
+    for label, text, size, box in zip(labels, texts, sizes, taken, strict=True):
+        centre = (box[:2] + box[2:]) / 2
+        if np.isnan(centre[0]):
             text.remove()
             continue
         text.set_position(tuple(centre * pen.point))
@@ -127,22 +138,21 @@ def _candidates(label: Label, size: np.ndarray, point: float) -> tuple[np.ndarra
 
 
 def _costs(
-    candidates: tuple[np.ndarray, np.ndarray], size: np.ndarray, boxes: np.ndarray, lower: np.ndarray, upper: np.ndarray
+    candidates: tuple[np.ndarray, np.ndarray], size: np.ndarray, drawn: Coverage, lower: np.ndarray, upper: np.ndarray
 ) -> np.ndarray:
     centres, costs = candidates
-    near = np.all((boxes[:, 2:4] > centres.min(axis=0) - size) & (boxes[:, :2] < centres.max(axis=0) + size), axis=1)
     outside = np.maximum(lower - (centres - size / 2), 0) + np.maximum(centres + size / 2 - upper, 0)
-    return costs + _overlap(centres, size, boxes[near]) + 1e4 * outside.sum(axis=1)
+    return costs + drawn.of(centres, size) + 1e4 * outside.sum(axis=1)
 
 
 def _overlap(centres: np.ndarray, size: np.ndarray, boxes: np.ndarray) -> np.ndarray:
-    """Weighted area that a text of `size` at each of the centres shares with the boxes (boxes, 5)."""
+    """Weighted area that a text of `size` at each of the centres shares with other texts' boxes (texts, 4)."""
     shared = np.ones((len(centres), len(boxes)))
     for axis in (0, 1):
         middle, half = centres[:, axis, None], size[axis] / 2
         overlap = np.minimum(middle + half, boxes[:, 2 + axis]) - np.maximum(middle - half, boxes[:, axis])
         shared *= np.maximum(overlap, 0.0)
-    return shared @ boxes[:, 4]
+    return _TEXT * shared.sum(axis=1)
 
 
 def _leader(pen: Pen, label: Label, centre: np.ndarray, size: np.ndarray) -> None:

@@ -7,6 +7,8 @@ index after the last body. Joints without points of their own (drivers, coupling
 """
 
 import dataclasses
+import functools
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -85,14 +87,18 @@ class Scene:
 
     def joint_points(self, body: int) -> np.ndarray:
         """Points of a moving body by which it is connected, and its centre of mass, shape (points, 2)."""
-        points = [self.centres[body]]
+        return np.array(self._connections[body])
+
+    @functools.cached_property
+    def _connections(self) -> list[list[np.ndarray]]:
+        """`joint_points` of all bodies."""
+        points = [[centre] for centre in self.centres]
         for joint in self.joints:
-            points += [joint.on_i] * (joint.i == body)
-            if joint.j == body:
-                points.append(joint.on_j if joint.axis is None else joint.on_i)
+            points[joint.i].append(joint.on_i)
+            points[joint.j].append(joint.on_j if joint.axis is None else joint.on_i)
         for load in self.loads:
-            points += [load.on_i] * (load.i == body)
-        return np.array(points)
+            points[load.i].append(load.on_i)
+        return points
 
     def points(self) -> np.ndarray:
         """All points that must be in the picture, shape (points, 2)."""
@@ -103,6 +109,7 @@ class Scene:
         ends += [end for load in self.loads for end in (load.on_i, load.on_j)]
         return np.array([*self.centres[: self.ground], *ends])
 
+    @functools.cached_property
     def spacing(self) -> float:
         """Median distance of a joint's place from the next one; infinite where there is one place only."""
         return spacing(np.array([joint.spot for joint in self.joints]))
@@ -115,9 +122,13 @@ class Scene:
 
 def spacing(spots: np.ndarray) -> float:
     """Median distance of a place (2,) from the next one; infinite where there is one place only."""
-    gaps = np.hypot(*(spots[:, None] - spots[None]).transpose(2, 0, 1))
-    gaps = np.where(gaps > 1e-6 * gaps.max(), gaps, np.inf).min(axis=1)
-    return float(np.median(gaps))
+    least = 1e-6 * float(np.linalg.norm(np.ptp(spots, axis=0))) if len(spots) else 0.0
+
+    def gap(spot: np.ndarray) -> float:
+        others = np.sqrt(np.sum((spots - spot) ** 2, axis=1))
+        return float(np.min(others, where=others > least, initial=np.inf))
+
+    return float(np.median([gap(spot) for spot in spots])) if len(spots) else np.inf
 
 
 def scene(mechanism: Mechanism, state: State) -> Scene:
@@ -125,11 +136,12 @@ def scene(mechanism: Mechanism, state: State) -> Scene:
     body = poses(state.q)
     r, phi = np.asarray(body.r, float), np.asarray(body.phi, float)
     joints = [joint for group in range(len(mechanism.joints)) for joint in _joints(mechanism, group, r, phi)]
+    pins = by_body([joint for joint in joints if joint.kind is Revolute])
     return Scene(
         names=mechanism.names.bodies,
         centres=r,
-        joints=tuple(_at_pin(joint, joints, r) for joint in joints),
-        loads=tuple(load for stack in mechanism.loads for load in _loads(mechanism, stack, state, r, phi, joints)),
+        joints=tuple(_at_pin(joint, pins, r) for joint in joints),
+        loads=tuple(load for stack in mechanism.loads for load in _loads(mechanism, stack, state, r, phi, pins)),
         gravity=np.asarray(mechanism.gravity, float),
         units=mechanism.names.units,
     )
@@ -171,7 +183,7 @@ def _joints(mechanism: Mechanism, group: int, r: np.ndarray, phi: np.ndarray) ->
     ]
 
 
-def _at_pin(joint: Joint, joints: list[Joint], r: np.ndarray) -> Joint:
+def _at_pin(joint: Joint, pins: dict[int, list[Joint]], r: np.ndarray) -> Joint:
     """Joints without points at the pins of their bodies, joints between two distant points halfway."""
     if joint.mesh is not None:
         return dataclasses.replace(joint, spot=joint.mesh.pitch, on_j=joint.mesh.on_j, axis=None)
@@ -180,20 +192,34 @@ def _at_pin(joint: Joint, joints: list[Joint], r: np.ndarray) -> Joint:
     if joint.pointed:
         return dataclasses.replace(joint, spot=(joint.on_i + joint.on_j) / 2)
     if joint.kind is AngleCoupling:
-        ends = [pin(body, len(r) - 1, joints) for body in (joint.i, joint.j)]
+        ends = [pin(body, len(r) - 1, pins) for body in (joint.i, joint.j)]
         on_i, on_j = (r[body] if end is None else end for body, end in zip((joint.i, joint.j), ends, strict=True))
         return dataclasses.replace(joint, on_i=on_i, on_j=on_j, spot=(on_i + on_j) / 2)
-    spot = pin(joint.i, joint.j, joints)
+    spot = pin(joint.i, joint.j, pins)
     if spot is None or (joint.kind is not AngleDriver and joint.j != len(r) - 1):
         spot = (joint.on_i + joint.on_j) / 2
     return dataclasses.replace(joint, spot=spot)
 
 
-def pin(i: int, j: int, joints: list[Joint]) -> np.ndarray | None:
+def by_body(joints: Sequence[Any]) -> dict[int, list[Any]]:
+    """The joints of each body, in order."""
+    found: dict[int, list[Any]] = {}
+    for joint in joints:
+        for body in {joint.i, joint.j}:
+            found.setdefault(body, []).append(joint)
+    return found
+
+
+def joining(i: int, j: int, joints: dict[int, list[Any]]) -> Any:
+    """A joint of the bodies i and j, else the first of i; `None` if there is none."""
+    own = joints.get(i, [])
+    return next((joint for joint in own if j in (joint.i, joint.j)), own[0] if own else None)
+
+
+def pin(i: int, j: int, pins: dict[int, list[Joint]]) -> np.ndarray | None:
     """Where the bodies i and j are pinned together, else where i is pinned to anything."""
-    pins = [joint for joint in joints if joint.kind is Revolute and i in (joint.i, joint.j)]
-    pins.sort(key=lambda joint: j not in (joint.i, joint.j))
-    return pins[0].on_i if pins else None
+    found = joining(i, j, pins)
+    return None if found is None else found.on_i
 
 
 def pitch_circles(joint: Joint) -> list[tuple[np.ndarray, float]]:
@@ -210,7 +236,7 @@ def pitch_circles(joint: Joint) -> list[tuple[np.ndarray, float]]:
 
 
 def _loads(
-    mechanism: Mechanism, stack: Any, state: State, r: np.ndarray, phi: np.ndarray, joints: list[Joint]
+    mechanism: Mechanism, stack: Any, state: State, r: np.ndarray, phi: np.ndarray, pins: dict[int, list[Joint]]
 ) -> list[Load]:
     kind, ground = type(stack.element), len(r) - 1
     bodies_i, bodies_j = np.asarray(stack.i), np.asarray(stack.j)
@@ -223,7 +249,7 @@ def _loads(
             for k in range(len(bodies_i))
         ]
     if kind is TorsionSpring:
-        spots = [pin(int(i), int(j), joints) for i, j in zip(bodies_i, bodies_j, strict=True)]
+        spots = [pin(int(i), int(j), pins) for i, j in zip(bodies_i, bodies_j, strict=True)]
         spots = [r[i] if spot is None else spot for i, spot in zip(bodies_i, spots, strict=True)]
         return [Load(kind, int(i), spot, spot, False) for i, spot in zip(bodies_i, spots, strict=True)]
     return _applied(mechanism, stack, state, r, phi)

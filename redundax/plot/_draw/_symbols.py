@@ -68,7 +68,7 @@ def _supports(pen: Pen, scene: Scene) -> list[tuple[np.ndarray, np.ndarray]]:
     ]
     ends += [(load.on_j, load.i) for load in scene.loads if load.to_ground]
     for point, body in ends:
-        if any(np.hypot(*(point - other)) < pen.point for other, _ in found):
+        if found and np.any(np.hypot(*(np.array([other for other, _ in found]) - point).T) < pen.point):
             continue
         towards = scene.joint_points(body).mean(axis=0) - point
         towards = towards / max(np.hypot(*towards), 1e-300)

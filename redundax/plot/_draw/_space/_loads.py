@@ -1,7 +1,6 @@
 """Applied loads in space as they are drawn: springs, and forces and moments of the others at this state."""
 
 import dataclasses
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +9,7 @@ from ...._bodies._mechanism import Mechanism
 from ...._bodies._reactions import load_wrenches
 from ...._bodies._space._loads import AppliedForce, Bushing, SpringDamper, TorsionSpring
 from ...._system._state import State
+from .._scene import joining
 from ._fields import field, points_of
 from ._joint import SpaceJoint
 
@@ -38,9 +38,9 @@ def space_loads(
     stack: Any,
     state: State,
     bodies: tuple[np.ndarray, np.ndarray, np.ndarray],
-    joints: Sequence[SpaceJoint],
+    joints: dict[int, list[SpaceJoint]],
 ) -> list[SpaceLoad]:
-    """Loads of a stack; `bodies` are origins, axes and centres of mass, the ground's last."""
+    """Loads of a stack; `bodies` are origins, axes and centres of mass, the ground's last, `joints` those of each."""
     r, axes, centres = bodies
     element, i, j, ground = stack.element, np.asarray(stack.i), np.asarray(stack.j), len(r) - 1
     if not isinstance(element, _SPRINGS):
@@ -56,12 +56,10 @@ def space_loads(
     return out
 
 
-def _pin(i: int, j: int, joints: Sequence[SpaceJoint], centres: np.ndarray) -> np.ndarray:
+def _pin(i: int, j: int, joints: dict[int, list[SpaceJoint]], centres: np.ndarray) -> np.ndarray:
     """Where two bodies are joined, else where one of them is joined to anything."""
-    alike = sorted(
-        (joint for joint in joints if i in (joint.i, joint.j)), key=lambda joint: j not in (joint.i, joint.j)
-    )
-    return alike[0].place if alike else centres[min(i, j)]
+    found = joining(i, j, joints)
+    return centres[min(i, j)] if found is None else found.place
 
 
 def _applied(

@@ -47,10 +47,10 @@ def paint(pen: Pen, scene: SpaceScene) -> list[np.ndarray]:
     pen.axes.add_artist(collection)
     _cover(pen, scene, made)
     _centres(pen, scene)
-    return [
-        hull(np.concatenate([scene.view.flat(solid.corners) for solid in made if solid.name == f"body {name}"]))
-        for name in scene.names
-    ]
+    corners: dict[str, list[np.ndarray]] = {}
+    for solid in made:
+        corners.setdefault(solid.name, []).append(scene.view.flat(solid.corners))
+    return [hull(np.concatenate(corners[f"body {name}"])) for name in scene.names]
 
 
 def draw_axes(pen: Pen, scene: SpaceScene, places: np.ndarray, ceiling: float) -> None:
@@ -100,8 +100,9 @@ def _cover(pen: Pen, scene: SpaceScene, made: list[Solid]) -> None:
 
 def _centres(pen: Pen, scene: SpaceScene) -> None:
     """Centres of mass, where no joint is."""
+    spots = np.array([joint.spot for joint in scene.joints]).reshape(-1, 2)
     for centre in scene.view.flat(scene.centres):
-        if all(np.hypot(*(centre - joint.spot)) > 12.0 * pen.point for joint in scene.joints):
+        if np.all(np.hypot(*(spots - centre).T) > 12.0 * pen.point):
             pen.circle(centre, 2.4, edge=INK, z=PIN_Z, linewidth=0.8)
             pen.line(centre + np.outer([-2.4, 2.4], [pen.point, 0.0]), INK, PIN_Z, linewidth=0.8)
             pen.line(centre + np.outer([-2.4, 2.4], [0.0, pen.point]), INK, PIN_Z, linewidth=0.8)

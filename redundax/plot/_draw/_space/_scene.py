@@ -5,14 +5,17 @@ i, or on body j where body i is the ground.
 """
 
 import dataclasses
+import functools
 from collections.abc import Mapping
 
 import numpy as np
 
 from ...._bodies._mechanism import Mechanism
+from ...._bodies._space._pose import Pose
 from ...._system._state import State
 from ...._system._units import StatedUnits
-from .._scene import spacing
+from ...._tools._compilation import compiled
+from .._scene import by_body, spacing
 from ._fields import field, points_of
 from ._joint import SpaceJoint
 from ._loads import SpaceLoad, space_loads
@@ -64,6 +67,7 @@ class SpaceScene:
         ends = [end for each in (*self.joints, *self.loads) for end in (each.on_i, each.on_j)]
         return np.concatenate([*self.spans, np.array(ends).reshape(-1, 3)])
 
+    @functools.cached_property
     def spacing(self) -> float:
         """Median distance of a joint from the next one, as it is seen."""
         return spacing(np.array([joint.spot for joint in self.joints]))
@@ -78,24 +82,35 @@ def space_scene(
     sides: Mapping[str, np.ndarray] | None = None,
 ) -> SpaceScene:
     """The scene of a mechanism at a state; `shapes` are corners in local frames, by body."""
-    pose = mechanism.frame.motions(mechanism.body, state).pose
+    pose = _poses(mechanism.anonymous(), state)
     r, axes, centre = (np.asarray(x, float) for x in (pose.r, pose.axes, pose.centre))
     centres = (r + np.einsum("bij,bj->bi", axes, centre))[:-1]
     joints = [
         joint for group in range(len(mechanism.joints)) for joint in _joints(mechanism, group, r, axes, centres, view)
     ]
+    of_body = by_body(joints)
     loads = tuple(
-        load for stack in mechanism.loads for load in space_loads(mechanism, stack, state, (r, axes, centres), joints)
+        load for stack in mechanism.loads for load in space_loads(mechanism, stack, state, (r, axes, centres), of_body)
     )
+    loaded: dict[int, list[SpaceLoad]] = {}
+    for load in loads:
+        loaded.setdefault(load.i, []).append(load)
     names = mechanism.names.bodies
     spans = tuple(
-        r[k] + np.asarray(shapes[name], float) @ axes[k].T if name in shapes else _span(k, centres[k], joints, loads)
+        r[k] + np.asarray(shapes[name], float) @ axes[k].T
+        if name in shapes
+        else _span(k, centres[k], of_body.get(k, []), loaded.get(k, []))
         for k, name in enumerate(names)
     )
     acceleration = np.asarray(mechanism.gravity, float)
     return SpaceScene(
         names, centres, spans, tuple(joints), loads, acceleration, mechanism.names.units, view, not_unique, sides or {}
     )
+
+
+@compiled
+def _poses(mechanism: Mechanism, state: State) -> Pose:
+    return mechanism.frame.motions(mechanism.body, state).pose
 
 
 def joint_places(mechanism: Mechanism, state: State) -> np.ndarray:
@@ -131,12 +146,12 @@ def _joints(
     return out
 
 
-def _span(body: int, centre: np.ndarray, joints: list[SpaceJoint], loads: tuple[SpaceLoad, ...]) -> np.ndarray:
-    """Points by which a moving body is connected, and its centre of mass."""
+def _span(body: int, centre: np.ndarray, joints: list[SpaceJoint], loads: list[SpaceLoad]) -> np.ndarray:
+    """Points by which a moving body is connected, with its joints and loads, and its centre of mass."""
     points = [centre, *(joint.on_i for joint in joints if joint.i == body)]
     for joint in joints:
         if joint.j == body:  # what slides along an axis of the body is where it slides
             along = joint.axes_j[:, 2] * ((joint.on_i - joint.on_j) @ joint.axes_j[:, 2])
             slides = np.linalg.norm(joint.on_i - joint.on_j - along) <= 1e-6 * np.linalg.norm(along)
             points.append(joint.on_i if slides else joint.on_j)
-    return np.array([*points, *(load.on_i for load in loads if load.i == body)])
+    return np.array([*points, *(load.on_i for load in loads)])

@@ -30,13 +30,15 @@ class Solid:
 
     def normals(self) -> np.ndarray:
         """Unit normals of the faces, outward, (faces, 3)."""
-        out, middle = [], self.corners.mean(axis=0)
-        for face in self.faces:
-            around = self.corners[list(face)]
-            normal = np.cross(around, np.roll(around, -1, axis=0)).sum(axis=0)
-            normal = normal / max(float(np.linalg.norm(normal)), 1e-300)
-            out.append(-normal if normal @ (around.mean(axis=0) - middle) < 0 else normal)
-        return np.array(out)
+        out, middle = np.empty((len(self.faces), 3)), self.corners.mean(axis=0)
+        number = np.array([len(face) for face in self.faces])
+        for corners in np.unique(number):
+            around = self.corners[np.array([face for face in self.faces if len(face) == corners])]
+            normal = np.cross(around, np.roll(around, -1, axis=1)).sum(axis=1)
+            normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+            inward = np.sum(normal * (around.mean(axis=1) - middle), axis=1) < 0
+            out[number == corners] = np.where(inward[:, None], -normal, normal)
+        return out
 
     def triangles(self) -> np.ndarray:
         """Corners of triangles that cover the faces, (triangles, 3)."""

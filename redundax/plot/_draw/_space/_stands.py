@@ -26,7 +26,7 @@ def stands(scene: SpaceScene, point: float) -> list[Solid]:
         own, away = joint.on_i if joint.i == scene.ground else joint.on_j, sides[joint.name]
         is_rail, lift = joint.kind in _RAILS and joint.j == scene.ground, 3.0 * (joint.kind in _TABLES)
         for at in rail_ends(scene, joint, point) if is_rail else (own,):
-            if all(np.linalg.norm(at - other) >= point for other in found):
+            if np.all(np.linalg.norm(np.array(found).reshape(-1, 3) - at, axis=1) >= point):
                 found.append(at)
                 out += _stand(at + lift * point * away, away, point * (0.7 if is_rail else 1.0))
     for load in scene.loads:
