@@ -7,6 +7,7 @@ point of contact for a translational one; with j for i that on body j, which is 
 as from a coupling of angles. The moment about another point p is that about r_i less (p - r_i) x force.
 """
 
+from collections.abc import Iterator
 from typing import Any
 
 import jax
@@ -30,13 +31,24 @@ def joint_wrenches(mechanism: Mechanism, state: State, multipliers: np.ndarray) 
 def joint_outputs(mechanism: Mechanism, state: State) -> tuple[list[str], np.ndarray]:
     """Names of the reactions of all joints, and their coefficients of the multipliers, shape (outputs, m)."""
     out = []
+    for rows, by_row in _by_joint(mechanism, state):
+        wrench = np.zeros((len(by_row), len(mechanism.rows)))
+        wrench[:, rows] = by_row
+        out.append(wrench)
+    return list(mechanism.names.reactions.labels), np.concatenate(out)
+
+
+def reactions(mechanism: Mechanism, state: State, multipliers: np.ndarray) -> np.ndarray:
+    """The reactions of `joint_outputs`, (outputs,), joint by joint."""
+    return np.concatenate([by_row @ multipliers[rows] for rows, by_row in _by_joint(mechanism, state)])
+
+
+def _by_joint(mechanism: Mechanism, state: State) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Rows of each joint, and the coefficients of its reactions."""
     found = jax.device_get(_reactions(mechanism.joint_coordinates, state))
     for all_rows, parts in zip(mechanism.rows_of_joints, found, strict=True):
         for rows, by_row, reads in zip(all_rows, *parts, strict=True):
-            wrench = np.zeros((len(by_row), len(mechanism.rows)))
-            wrench[:, rows] = np.where(reads, by_row, 0.0)
-            out.append(wrench)
-    return list(mechanism.names.reactions.labels), np.concatenate(out)
+            yield rows, np.where(reads, by_row, 0.0)
 
 
 def load_wrenches(mechanism: Mechanism, stack: Any, state: State) -> tuple[Any, Any]:

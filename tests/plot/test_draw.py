@@ -16,6 +16,7 @@ import redundax as rx
 from redundax._bodies._reactions import joint_wrenches
 from redundax.plot._draw import draw
 from redundax.plot._draw._arrows import Arrow, on_bodies
+from redundax.plot._draw._coverage import Coverage
 from redundax.plot._draw._scene import scene
 
 matplotlib.use("Agg")
@@ -475,3 +476,29 @@ def test_float32(float32, axes):
     state = mechanism.state(phi=0.8, rate=1.0)
     draw(mechanism, state, axes=axes, multipliers=rx.solve(mechanism, state).multipliers, self_stress=0)
     assert overlapping(axes) == []
+
+
+def test_what_a_text_covers_is_the_overlap_with_every_box():
+    """Exactly where its edges are on lines of the grid; elsewhere, that of boxes spread over a cell."""
+    random = np.random.default_rng(4)
+    corners = np.sort(random.uniform(-10.0, 60.0, (40, 2, 2)), axis=1)
+    boxes = np.column_stack([corners.reshape(40, 4), random.uniform(1.0, 20.0, 40)])
+    drawn = Coverage(boxes, np.array([-3.0, 2.0]), np.array([45.0, 41.0]))
+
+    def overlap(centre, size):
+        lower, upper = np.maximum(boxes[:, :2], centre - size / 2), np.minimum(boxes[:, 2:4], centre + size / 2)
+        return np.prod(np.maximum(upper - lower, 0.0), axis=1) @ boxes[:, 4]
+
+    size = np.array([6.0, 4.0])
+    centres = np.array([[0.0, 4.0], [20.0, 30.0], [42.0, 39.0]])
+    np.testing.assert_allclose(drawn.of(centres, size), [overlap(centre, size) for centre in centres], rtol=1e-12)
+    between = centres[1] + np.array([0.3, 0.6])
+    assert abs(drawn.of(between[None], size)[0] / overlap(between, size) - 1.0) < 0.05
+
+
+def test_where_joints_are_nearer_than_texts_none_is_named():
+    few, many = (rx.mechanisms.n_four_bar(loops) for loops in (30, 300))
+    for mechanism, named in ((few, True), (many, False)):
+        axes = draw(mechanism, mechanism.state(0.8), axes=Figure(figsize=(9, 3)).add_subplot())
+        assert bool(artists(axes, "joint name ")) == named
+        assert len(artists(axes, "body crank ")) == len([name for name in mechanism.names.bodies if "crank" in name])

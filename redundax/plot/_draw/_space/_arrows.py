@@ -10,7 +10,7 @@ import dataclasses
 import numpy as np
 
 from ...._bodies._mechanism import Mechanism
-from ...._bodies._reactions import joint_outputs
+from ...._bodies._reactions import reactions
 from ...._system._state import State
 from .._arrows import Arrow, Arrows, InSpace, Look, at_tip, beside, kept, line_width, value_text
 from .._labels import PATIENCE, Label, around
@@ -34,8 +34,7 @@ def space_arrow(
 
 def joint_arrows(scene: SpaceScene, mechanism: Mechanism, state: State, multipliers: np.ndarray) -> list[Arrow]:
     """Loads of the joints on their bodies i, or j where i is the ground, at the joint's point, without rounding."""
-    _, by_row = joint_outputs(mechanism, state)
-    wrenches = (by_row @ multipliers).reshape(-1, 2, 3)
+    wrenches = reactions(mechanism, state, multipliers).reshape(-1, 2, 3)
     largest = max(float(np.linalg.norm(scene.space_points().max(axis=0) - scene.space_points().min(axis=0))), 1e-300)
     size = float(np.max(np.linalg.norm(wrenches, axis=2) / np.array([1.0, largest]), initial=0.0))
     out = []
