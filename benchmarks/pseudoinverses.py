@@ -276,7 +276,7 @@ def _programs(case: Case, batch: int) -> Iterable[tuple[str, Callable, Callable 
     for name, route in ROUTES.items():
         yield name, partial(route, one), None if name in ALONE else partial(route, many)
     system, state = _library.build(case)
-    system = system.anonymous()
+    system = system.anonymous
     one, many = (jax.tree.map(lambda x, count=count: jnp.repeat(x[None], count, 0), state) for count in (1, batch))
     for name, route in _COMPILED.items():
         yield name, partial(route, system, one), partial(route, system, many)

@@ -127,7 +127,7 @@ def _factorised(system: rx.AbstractSystem, state: rx.State) -> tuple:
 
 def factorised(case: Case, system: rx.AbstractSystem, state: rx.State) -> Outcome:
     """Accelerations of `factorize`, and its multipliers less their self-stress P lam."""
-    system = system.anonymous()
+    system = system.anonymous
     (acceleration, multipliers, found, result), seconds = timed(lambda: _factorised(system, state))
     values = {"acceleration": acceleration, "multipliers": multipliers, "friction": np.zeros(0)}
     values = {part: np.asarray(value, np.float64) for part, value in values.items()}
@@ -149,7 +149,7 @@ def in_units(case: Case, system: rx.AbstractSystem, state: rx.State) -> Outcome:
 
 def in_batch(cases: Sequence[Case], built: Sequence[tuple]) -> list[Outcome]:
     """All cases of the same structure in one call."""
-    whole = [(system.anonymous(), state, senses(case)) for case, (system, state) in zip(cases, built, strict=True)]
+    whole = [(system.anonymous, state, senses(case)) for case, (system, state) in zip(cases, built, strict=True)]
     parts = [eqx.partition(one, eqx.is_array) for one in whole]
     stack = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(arrays for arrays, _ in parts))
 

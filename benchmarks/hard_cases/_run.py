@@ -80,7 +80,7 @@ def _in_batches(cases: Sequence[Case], built: Sequence[tuple]) -> dict[Case, Out
     groups: dict = {}
     for case, pair in zip(cases, built, strict=True):
         if "vmap" in case.routes:
-            leaves, tree = jax.tree.flatten((pair[0].anonymous(), pair[1]))
+            leaves, tree = jax.tree.flatten((pair[0].anonymous, pair[1]))
             key = tree, tuple(np.shape(leaf) for leaf in leaves), case.sense
             groups.setdefault(key, []).append((case, pair))
     found = {}

@@ -224,7 +224,7 @@ def _narrow(system: AbstractSystem, states: list[State], smallest: np.ndarray, r
     """Minima of the singular value that decides the rank, between the states."""
     from scipy.optimize import fminbound
 
-    anonymous, last = system.anonymous(), len(states) - 1
+    anonymous, last = system.anonymous, len(states) - 1
 
     def at(place: float) -> tuple[State, Spectrum]:
         first = min(int(place), last - 1)

@@ -71,7 +71,7 @@ def analyze(
     """
     no_classes(closure=closure)
     system, factor = dense_at(system, state, rank, factor)
-    found, here = jax.device_get((_evidence(factor), position(system.anonymous(), state, factor)))
+    found, here = jax.device_get((_evidence(factor), position(system.anonymous, state, factor)))
     lost = _undetermined(system, state, factor, closure)
     singular, decided = bool(found.singular_position), bool(found.local)
     rows, unique = np.array(system.rows.labels), found.unique_multipliers & (decided or not singular)

@@ -44,7 +44,7 @@ def other_solutions(
     amplitude = np.abs(multipliers * as_forces).max() / np.abs(stress * as_forces).max(axis=1)
     amplitudes = np.outer(np.where(amplitude > 0, amplitude, 1.0), _AMPLITUDES)
     added = jnp.asarray(amplitudes[:, :, None] * stress[:, None])
-    return np.asarray(_solved(system.anonymous(), state, factor, solution, added, sense))
+    return np.asarray(_solved(system.anonymous, state, factor, solution, added, sense))
 
 
 @compiled

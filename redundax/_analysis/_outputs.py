@@ -38,7 +38,7 @@ def outputs(system: AbstractSystem, state: State) -> dict[str, tuple[list[str], 
 
 def joint_accelerations(system: AbstractSystem, state: State) -> tuple[np.ndarray, np.ndarray]:
     """Accelerations of the joint coordinates: coefficients of [qdd; lam; tau], (c, n + m + p), and their rest (c,)."""
-    slopes, rest = (np.asarray(part, float) for part in _joint_accelerations(system.anonymous(), state))
+    slopes, rest = (np.asarray(part, float) for part in _joint_accelerations(system.anonymous, state))
     return np.pad(slopes, ((0, 0), (0, len(system.rows) + len(system.slips)))), rest
 
 

@@ -131,7 +131,7 @@ def stability(
     if factor.branch is not None:  # what is stiff here is soft beside it
         raise RuntimeError(RESULTS[RESULTS.singular_position])
     given = elasticity(closure, system, state)
-    figures = _figures(system.anonymous(), state, factor, solution.multipliers, given, slips)
+    figures = _figures(system.anonymous, state, factor, solution.multipliers, given, slips)
     compliance, response = (np.asarray(x, float) for x in figures)
     size, axes = np.linalg.eigh(compliance)
     soft = size > _RIGID * size[-1]

@@ -152,7 +152,7 @@ def family(
 ) -> Family:
     """The figures of the family, given N, a solution, NaN where there is none, and how to find others."""
     given = on_device(stress), solution.friction
-    figures = jax.device_get(_figures(system.anonymous(), state, factor, chosen, *given, sense))
+    figures = jax.device_get(_figures(system.anonymous, state, factor, chosen, *given, sense))
     mass, jacobian, length, determinate = jax.device_get(
         (factor.mass, factor.jacobian, factor.length, factor.determinate)
     )

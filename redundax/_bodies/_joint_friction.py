@@ -44,8 +44,9 @@ class JointFriction(AbstractFriction):
         """Where normal loads are seminorms, and the model proportional to them."""
         return self.model.is_proportional and self.joints.element.has_convex_load
 
+    @property
     def anonymous(self) -> Self:
-        return replace_fields(self, slips=self.slips.anonymous())
+        return replace_fields(self, slips=self.slips.anonymous)
 
     def apart(self, memory: PyTree) -> tuple[tuple[AbstractFriction, PyTree], ...]:
         def joint(k: int) -> tuple[AbstractFriction, PyTree]:

@@ -203,14 +203,16 @@ class Mechanism(AbstractSystem):
     def diagonal_mass(self) -> bool:
         return self.frame.diagonal_mass and not self.armature
 
+    @property
     def anonymous(self) -> Self:
         return replace_fields(
             self,
-            _names=self._names.anonymous(),
+            _names=self._names.anonymous,
             pose=None,
-            _friction=tuple(replace_fields(f, slips=f.slips.anonymous()) for f in self._friction),
+            _friction=tuple(replace_fields(f, slips=f.slips.anonymous) for f in self._friction),
         )
 
+    @property
     def without_friction(self) -> Self:
         return replace_fields(self, _friction=())
 

@@ -58,8 +58,9 @@ class VectorFriction(AbstractFriction):
         """As the joints have."""
         return eqx.filter_vmap(lambda joint: joint.arms)(self.joints.element).ravel()
 
+    @property
     def anonymous(self) -> Self:
-        return replace_fields(self, slips=self.slips.anonymous())
+        return replace_fields(self, slips=self.slips.anonymous)
 
     def apart(self, memory: PyTree) -> tuple[tuple[AbstractFriction, PyTree], ...]:
         def joint(k: int) -> tuple[AbstractFriction, PyTree]:

@@ -71,7 +71,7 @@ class AsBuilt(AbstractClosure):
     actual: AbstractSystem
 
     def __init__(self, closure: AbstractClosure, actual: AbstractSystem):
-        self.closure, self.actual = closure, actual.anonymous()
+        self.closure, self.actual = closure, actual.anonymous
 
     def by_place(self, system: AbstractSystem) -> "AsBuilt":
         return replace_fields(self, closure=self.closure.by_place(system))

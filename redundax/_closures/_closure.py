@@ -72,8 +72,8 @@ def elasticity(closure: AbstractClosure, system: AbstractSystem, state: State) -
 
     Outside of transformations they have the same shapes for every closure, so that no program is compiled for one.
     """
-    given = jax.tree.leaves(eqx.filter((closure, state, system), eqx.is_array))
-    return _elasticity(closure.by_place(system), system.anonymous(), state, whole=all(map(is_concrete, given)))
+    whole = all(map(is_concrete, jax.tree.leaves((closure, state, system))))
+    return _elasticity(closure.by_place(system), system.anonymous, state, whole=whole)
 
 
 @compiled

@@ -120,7 +120,7 @@ def assemble(
     given = (xp.stack([xp.zeros(()), *map(floats, values.values())])[1:] for values in (positions, rates))
     q, qd, t, at, rate = (on_device(xp.asarray(value, dtype)) for value in (*guess, *given))
     held, driven = (on_device(np.array(indices, int)) for indices in (held, driven))
-    state, off, slow = _assemble(system.anonymous(), State(q, qd, t), held, at, driven, rate)
+    state, off, slow = _assemble(system.anonymous, State(q, qd, t), held, at, driven, rate)
     if is_concrete(off.refused) and is_concrete(slow.refused):
         off, slow = jax.device_get((off, slow))
         if off.refused and throw is not False:

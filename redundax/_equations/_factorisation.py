@@ -273,7 +273,7 @@ class Factorisation(AbstractSolvedFactorisation):
 
 def factorised(system: AbstractSystem, state: State, rank: ArrayLike | None) -> Factorisation:
     """The equations at a state, decided by singular values."""
-    return _factorised(system.anonymous().without_friction(), state, None if rank is None else jnp.asarray(rank))
+    return _factorised(system.anonymous.without_friction, state, None if rank is None else jnp.asarray(rank))
 
 
 @compiled

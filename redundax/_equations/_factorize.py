@@ -56,7 +56,7 @@ def factorize(system: AbstractSystem, state: State, rank: ArrayLike | None = Non
 
 def factorize_dense(system: AbstractSystem, state: State, rank: ArrayLike | None = None) -> Factorisation:
     """`factorize` with dense matrices."""
-    system = system.whole.anonymous().without_friction()
+    system = system.whole.anonymous.without_friction
     factor = factorised(system, state, rank)
     return _continued(system, state, factor, rank) if is_concrete(factor.residual) else factor
 

@@ -211,7 +211,7 @@ def closed(stress: Gram, row_scale: Array, entries: Float[Array, "m j"]) -> tupl
 
 def sparse_factorised(system: AbstractSystem, state: State, rank: ArrayLike | None) -> SparseFactorisation:
     """The equations of a system with a plan at a state."""
-    return _factorised(system.anonymous().without_friction(), state, None if rank is None else jnp.asarray(rank))
+    return _factorised(system.anonymous.without_friction, state, None if rank is None else jnp.asarray(rank))
 
 
 @compiled

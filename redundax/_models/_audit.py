@@ -259,7 +259,7 @@ def _is_singular(found: _Decided, at: ScaledKinematics, probed: ScaledKinematics
 
 def _look(system: AbstractSystem, state: State, digits: float) -> Look:
     """The constraints alone decide, so that masses, loads and friction need no program."""
-    system = system.whole.anonymous().without_friction()
+    system = system.whole.anonymous.without_friction
     at = _kinematics(system, state)
     found, is_clear = _decided(at, state, None), True
     if digits > found.spectrum.tolerance:

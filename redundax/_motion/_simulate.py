@@ -144,7 +144,7 @@ def simulate(
     else:
         factor, mass = sparse_factorised(*fixed, rank), np.eye(1)
     trajectory = integrate(
-        system.anonymous(),
+        system.anonymous,
         state,
         factor,
         t1,

@@ -95,7 +95,7 @@ def drive(system: AbstractSystem, state: State, factor: Factorisation) -> Reduce
     slips, p = system.slips, len(system.slips)
     size, directions = state.qd.size + len(system.rows), directions_of(system.friction)
     ways, turns = velocity_basis(system, factor), np.where(slips.angular, length, 1.0)
-    loads = np.asarray(_slip_motion(system.anonymous(), state)[1]) if p else np.zeros((a.size, 0))
+    loads = np.asarray(_slip_motion(system.anonymous, state)[1]) if p else np.zeros((a.size, 0))
     moved = loads.T @ ways
     reach = np.linalg.norm(moved, axis=1) * turns
     moved = np.where((reach > none * reach.max(initial=0.0))[:, None], moved, 0.0)

@@ -82,7 +82,7 @@ def solution_set(
     closure: AbstractClosure = _MINIMUM_NORM,
 ) -> SolutionSet:
     """The set of solutions, given self-stress states."""
-    return _solution_set(system.anonymous(), state, factor, stress, sense, elasticity(closure, system, state))
+    return _solution_set(system.anonymous, state, factor, stress, sense, elasticity(closure, system, state))
 
 
 @compiled

@@ -73,7 +73,7 @@ def frictional_solutions(
         return [first]
     factors = start_factors(sum(group.rows.size for group in system.friction), starts, seed)
     slips, chosen = senses(system.slips, sense), elasticity(closure, system, state)
-    guesses, found, size = _guesses(system.anonymous(), state, factor, chosen, slips, factors)
+    guesses, found, size = _guesses(system.anonymous, state, factor, chosen, slips, factors)
     order, rtol = np.argsort(np.asarray(size)), 100 * jnp.finfo(size.dtype).eps * jnp.maximum(size, 1.0)
     batch = [
         solve(system, state, x0=guesses[k], **options, solver=Newton(rtol[k]), throw=False) for k in order if found[k]

@@ -123,7 +123,7 @@ def solve(
         else:
             factor = factorisation_at(system, state, rank, factor)
         chosen = None if closure is None else elasticity(closure, system, state)
-        solution = solve_factorised(system.anonymous(), state, factor, chosen, solver, x0, sense)
+        solution = solve_factorised(system.anonymous, state, factor, chosen, solver, x0, sense)
         concrete = all(map(is_concrete, jax.tree.leaves((factor, chosen))))
         if chosen is not None and isinstance(closure, Compliance | ElasticJoints) and concrete:
             check_units(system.names, factor.length, closure, chosen, solution.multipliers, stacklevel=2)
@@ -183,7 +183,7 @@ def _solved_at(
 ) -> Solution:
     """The solution at a state that is not factorised yet."""
     factor, chosen = factorisation_at(system, state, rank, None), elasticity(closure, system, state)
-    return solve_factorised(system.anonymous(), state, factor, chosen, solver, x0, sense)
+    return solve_factorised(system.anonymous, state, factor, chosen, solver, x0, sense)
 
 
 @with_derivative_of(_solved_at)

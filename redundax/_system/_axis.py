@@ -65,6 +65,7 @@ class Axis:
         """The names, or the indices as text where there are none."""
         return self.names if self.names is not None else tuple(str(i) for i in range(len(self)))
 
+    @property
     def anonymous(self) -> "Axis":
         """The same kinds without names, so that compiled programs do not depend on names."""
         return Axis(None, self.kinds)

@@ -84,6 +84,7 @@ class AbstractFriction(eqx.Module):
     def memory_rate(self, rate: Float[Array, " p"], memory: PyTree, state: State) -> PyTree:
         """Rate of change of the internal state; `None` without one."""
 
+    @property
     @abc.abstractmethod
     def anonymous(self) -> Self:
         """The same group without names."""
@@ -162,8 +163,9 @@ class Friction(AbstractFriction):
         """Taken to be so: what the function does with the sense is not known."""
         return True
 
+    @property
     def anonymous(self) -> Self:
-        return replace_fields(self, slips=self.slips.anonymous())
+        return replace_fields(self, slips=self.slips.anonymous)
 
     def slip(self, q: Array, t: Array) -> Array:
         return self._slip(q, t, self.parameters)

@@ -120,9 +120,10 @@ class Names:
         firsts = dict(self.firsts)
         return [firsts.get(slip, firsts.get(slip.rpartition(".")[0], "")) for slip in slips]
 
+    @property
     def anonymous(self) -> "Names":
         """The same kinds without names."""
-        coordinates, rows, slips, joints, reactions, centres = (axis.anonymous() for axis in self.axes.values())
+        coordinates, rows, slips, joints, reactions, centres = (axis.anonymous for axis in self.axes.values())
         return Names(coordinates, rows, slips, joints, reactions, centres, adds=self.adds)
 
     def with_slips(self, slips: Axis) -> "Names":

@@ -181,10 +181,12 @@ class AbstractSystem(eqx.Module):
         """Coordinates that joints have; none unless a system says so."""
         return NoJointCoordinates()
 
+    @property
     @abc.abstractmethod
     def anonymous(self) -> Self:
         """The same system without names: what compiled programs are keyed on."""
 
+    @property
     def without_friction(self) -> Self:
         """The same without friction, which a factorisation does not read, where it can be left out."""
         return self
@@ -298,11 +300,13 @@ class System(AbstractSystem):
     def diagonal_mass(self) -> bool:
         return not callable(self._mass) and self._mass.ndim == 1
 
+    @property
     def anonymous(self) -> Self:
         return replace_fields(
-            self, _names=self._names.anonymous(), friction=tuple(group.anonymous() for group in self.friction)
+            self, _names=self._names.anonymous, friction=tuple(group.anonymous for group in self.friction)
         )
 
+    @property
     def without_friction(self) -> Self:
         return replace_fields(self, friction=())
 

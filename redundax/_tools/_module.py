@@ -29,7 +29,7 @@ def as_float(value: Numbers, argument: str = "") -> Array:
 
     Where it is none the error names the `argument`, if that is known.
     """
-    if isinstance(value, jax.Array) and is_concrete(value) and value.dtype == jnp.result_type(value, float):
+    if isinstance(value, jax.Array) and is_concrete(value) and value.dtype == _float_type(value):
         return value
     return on_device(floats(value, argument))
 
@@ -42,7 +42,18 @@ def floats(value: Numbers, argument: str = "") -> np.ndarray | Array:
             f"{f'Argument `{argument}`' if argument else 'A figure'} must be a number, or a list of numbers, but is "
             f"{value!r}. Give it without a unit: `units=` of a mechanism states that of all."
         )
-    return array.astype(jnp.result_type(array, float))
+    return array.astype(_float_type(array))
+
+
+def _float_type(array: np.ndarray | Array) -> np.dtype:
+    if isinstance(array, np.ndarray):
+        return _float_types(array.dtype, jax.config.jax_enable_x64)  # pyright: ignore[reportAttributeAccessIssue]
+    return jnp.result_type(array, float)
+
+
+@functools.cache
+def _float_types(dtype: np.dtype, _wide: bool) -> np.dtype:  # as JAX takes tens of microseconds to say
+    return jnp.result_type(np.empty(0, dtype), float)
 
 
 def numpy_of(*values: Any) -> Any:
@@ -144,7 +155,7 @@ def replace_fields(module: T, **fields: Any) -> T:
 
 def stop_gradient(tree: T) -> T:
     """The same without derivatives; numbers that a user's own function or model holds stay numbers."""
-    return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if eqx.is_array(x) else x, tree)
+    return jax.tree.map(lambda x: x if is_concrete(x) else jax.lax.stop_gradient(x), tree)
 
 
 @jax.custom_jvp

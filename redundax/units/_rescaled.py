@@ -66,8 +66,9 @@ class Rescaled(AbstractSystem):
     def diagonal_mass(self) -> bool:
         return self.inner.diagonal_mass
 
+    @property
     def anonymous(self) -> Self:
-        return replace_fields(self, inner=self.inner.anonymous())
+        return replace_fields(self, inner=self.inner.anonymous)
 
     def mass(self, q: Array, t: Array) -> Float[Array, "n n"]:
         inner = self.inner.mass(q, t / self.units.time)
@@ -88,7 +89,7 @@ class Rescaled(AbstractSystem):
     @property
     def joint_coordinates(self) -> AbstractJointCoordinates:
         """Those of the inner system, in the new units."""
-        return _RescaledJoints(self.inner.joint_coordinates, self.inner.anonymous(), self.units)
+        return _RescaledJoints(self.inner.joint_coordinates, self.inner.anonymous, self.units)
 
     def retract(self, q: Array, d: Array) -> Array:
         return self.inner.retract(q, d / self._scale)
@@ -172,8 +173,9 @@ class _RescaledFriction(AbstractFriction):
         """As the friction of the inner system."""
         return self.inner.has_convex_limits
 
+    @property
     def anonymous(self) -> Self:
-        return replace_fields(self, inner=self.inner.anonymous(), system=self.system.anonymous())
+        return replace_fields(self, inner=self.inner.anonymous, system=self.system.anonymous)
 
     def slip(self, q: Array, t: Array) -> Array:
         return self.units.of(self.slips) * self.inner.slip(q, t / self.units.time)

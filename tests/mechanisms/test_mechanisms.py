@@ -517,7 +517,7 @@ import redundax as rx
 def seconds(loops):
     mechanism = rx.mechanisms.n_four_bar(loops)
     state = mechanism.state(0.9, rate=1.0)
-    mechanism = mechanism.anonymous()
+    mechanism = mechanism.anonymous
     jax.clear_caches()
     start = time.process_time()
     traced = eqx.filter_jit(lambda system, state: rx.solve(system, state)).lower(mechanism, state)

@@ -467,7 +467,7 @@ def test_wrong_state_and_mechanism(axes):
     with pytest.raises(ValueError, match="must have finite coordinates"):
         draw(case.smooth, rx.State(np.full(12, np.nan), np.zeros(12)), axes=axes)
     with pytest.raises(ValueError, match="must have its names, but is anonymous"):
-        draw(case.smooth.anonymous(), case.state, axes=axes)
+        draw(case.smooth.anonymous, case.state, axes=axes)
 
 
 @pytest.mark.slow

@@ -309,7 +309,7 @@ def test_what_is_printed():
     assert rx.RESULTS[off.result] in " ".join(str(off).split())
     shapes = jax.tree.map(jnp.shape, (off, pendulum))
     assert (
-        "float" not in "".join(map(str, shapes)) and str(pendulum.anonymous()) == "Mechanism with 3 coordinates, 2 rows"
+        "float" not in "".join(map(str, shapes)) and str(pendulum.anonymous) == "Mechanism with 3 coordinates, 2 rows"
     )
 
 

@@ -141,7 +141,7 @@ def test_no_unit_is_shown_where_none_is_stated():
 
 
 def test_units_compile_nothing_anew_and_a_traced_factor_states_none():
-    one, other = (pendulum(units)[0].anonymous() for units in (None, MODELS["mm, t"]))
+    one, other = (pendulum(units)[0].anonymous for units in (None, MODELS["mm, t"]))
     assert jax.tree.structure(one) == jax.tree.structure(other)
 
     def traced(u):

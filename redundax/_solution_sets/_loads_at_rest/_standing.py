@@ -103,7 +103,7 @@ def _balance(
         return unknowns.forces.times(drives, start.load), unknowns._replace(acceleration=still)
     resting = np.array(have_sense(system.friction))
     resting = resting & np.asarray(law.is_open) if law is not None else resting
-    directions, gamma = (np.asarray(x) for x in _slips(system.anonymous(), state))
+    directions, gamma = (np.asarray(x) for x in _slips(system.anonymous, state))
     return unknowns.acceleration.times(directions[:, resting].T, -gamma[resting]), unknowns
 
 

@@ -117,7 +117,7 @@ def solve(problem: Problem, units: rx.units.Units | None = None) -> Answers:
     slips = [name for group in mechanism.friction for name in group.slips.names or ()]
     order = [slips.index(f"joint {k}") for k in problem.structure.frictional]
     closure = jnp.asarray(problem.compliance), jnp.asarray(problem.misfit)
-    solution = _solve(mechanism.anonymous(), problem.state, *closure, units)
+    solution = _solve(mechanism.anonymous, problem.state, *closure, units)
     return Answers.of(solution, order)
 
 
@@ -134,6 +134,6 @@ def _inverse(mechanism: rx.Mechanism, state: rx.State) -> tuple[Any, Any, Any]:
 
 def inverse(problem: Problem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """P, and the accelerations and multipliers that unit forces cause, the columns of A^+ but for self-stress."""
-    mechanism = mechanisms(problem.structure, problem.parameters).anonymous()
+    mechanism = mechanisms(problem.structure, problem.parameters).anonymous
     stress, acceleration, multipliers = (np.asarray(x) for x in _inverse(mechanism, problem.state))
     return stress, acceleration, multipliers

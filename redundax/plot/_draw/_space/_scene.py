@@ -82,7 +82,7 @@ def space_scene(
     sides: Mapping[str, np.ndarray] | None = None,
 ) -> SpaceScene:
     """The scene of a mechanism at a state; `shapes` are corners in local frames, by body."""
-    pose = _poses(mechanism.anonymous(), state)
+    pose = _poses(mechanism.anonymous, state)
     r, axes, centre = (np.asarray(x, float) for x in (pose.r, pose.axes, pose.centre))
     centres = (r + np.einsum("bij,bj->bi", axes, centre))[:-1]
     joints = [
