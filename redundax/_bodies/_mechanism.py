@@ -149,8 +149,9 @@ class Mechanism(AbstractSystem):
         return self._plan
 
     def sparse(self, is_sparse: bool = True) -> Self:
-        """The same mechanism with sparse matrices in `solve` and `simulate`, as from 2000 coordinates and rows on
-        anyway, or with dense ones.
+        """The same mechanism with sparse matrices in `assemble`, `solve` and `simulate`, or with dense ones.
+
+        From 2000 coordinates and rows on they are sparse anyway.
 
         All other questions are answered with dense ones. Sparse ones take no armature, and in motions
         no dry sleeves, balls and plates. Contraction of friction is estimated there, not bounded.

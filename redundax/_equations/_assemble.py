@@ -10,11 +10,12 @@ Points of few digits leave a misfit where constraints are redundant. The steps t
 points allow: the rank is that of a tolerance above the misfit, so no step closes it along a direction that only the
 rounding of the points constrains.
 
+Of a large mechanism the factor of a sparse matrix makes these steps (`_sparse_descent`, `_pseudoinverse`).
+
 In space d turns a body by less than half a turn. Passes of Levenberg-Marquardt, each about the position that the one
 before found, take it farther, and Newton steps finish from there.
 """
 
-import warnings
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -23,7 +24,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from .._system._axis import Axis, join
 from .._system._names import ByName, Names, index_of, vector
@@ -41,7 +42,8 @@ from .._tools._module import (
     stop_gradient,
 )
 from ._guess import ask_for_radians, check_finite
-from ._kinematics import displacement, second_order
+from ._kinematics import second_order, velocity
+from ._misfit import Misfit, check_rows, misfit_of, tell, tolerance
 from ._pseudoinverse import (
     DensePseudoinverse,
     SparsePseudoinverse,
@@ -50,7 +52,7 @@ from ._pseudoinverse import (
     sparse_pseudoinverse,
     sparse_rows,
 )
-from ._scaling import Scaling, largest_violation, scaling_at
+from ._scaling import Scaling, scaling_at
 from ._sparse_descent import sparse_descent
 
 _POLISHING_STEPS, _PASSES = 4, 3
@@ -124,10 +126,10 @@ def assemble(
     if is_concrete(off.refused) and is_concrete(slow.refused):
         off, slow = jax.device_get((off, slow))
         if off.refused and throw is not False:
-            _check_rows(system, q, t)
-        _tell("position", off, (*system.rows.labels, *(f"{name} as given" for name in positions)), throw)
+            check_rows(system, q, t)
+        tell("position", off, (*system.rows.labels, *(f"{name} as given" for name in positions)), throw)
         if slow.refused or not off.beyond.any():  # what the position misses the velocity does too
-            _tell("velocity", slow, (*system.rows.labels, *(f"{name} as given" for name in rates)), throw)
+            tell("velocity", slow, (*system.rows.labels, *(f"{name} as given" for name in rates)), throw)
     return state
 
 
@@ -155,59 +157,6 @@ def _given(system: AbstractSystem, q: Array, t: Array, held: Array) -> Array:
     return jnp.concatenate([own, system.joint_coordinates.positions(State(q, none, t))])[held]
 
 
-class _Misfit(NamedTuple):
-    """What a position or velocity leaves of rows and given values, shape (m + h,).
-
-    - `size`: of each, in its own unit.
-    - `relative`: the same relative to the mechanism.
-    - `beyond`: which are beyond rounding.
-    - `refused`: whether this is not the nearest that can be, or farther than `solve` takes.
-    - `weakest`: the least singular value that it relies on, relative to the largest.
-    """
-
-    size: Float[Array, " rows"]
-    relative: Float[Array, " rows"]
-    beyond: Bool[Array, " rows"]
-    refused: Bool[Array, ""]
-    weakest: Float[Array, ""]
-
-
-def _check_rows(system: AbstractSystem, q: Array, t: Array) -> None:
-    """Name the rows that have no value at the guess."""
-    values = np.asarray(system.constraint(q, t))
-    lost = [name for name, value in zip(system.rows.labels, values, strict=True) if not np.isfinite(value)]
-    if lost:
-        raise RuntimeError(
-            f"No position is found, as rows have no value at the guess: {', '.join(lost)}. Give another guess; of a "
-            "joint whose axes on both bodies are opposite, turn one round."
-        )
-
-
-def _tell(what: str, misfit: _Misfit, labels: tuple[str, ...], throw: bool | None) -> None:
-    """Raise what cannot be met, or warn of what is met by rounding alone or not exactly."""
-    failing = sorted(np.flatnonzero(misfit.beyond), key=lambda k: not labels[k].endswith(" as given"))
-    if misfit.refused and throw is not False:
-        raise RuntimeError(
-            f"No {what} satisfies the constraints near the guess. What cannot be met together: "
-            f"{', '.join(labels[k] for k in failing)}. Give a better guess, or change given values or lengths."
-        )
-    worst, told = int(np.argmax(misfit.relative)), ""
-    if failing and not misfit.refused:
-        told = (
-            f"The constraints cannot be met exactly: the nearest {what} misses {labels[worst]} by "
-            f"{misfit.size[worst]:.2g} in its unit, {misfit.relative[worst]:.1g} relative to the mechanism. "
-            "Give redundant points and values with all digits, unless they are measured."
-        )
-    elif misfit.weakest < largest_violation(misfit.relative.dtype) and not misfit.refused:
-        told = (
-            f"The constraints fix the {what} along one direction so weakly, by a singular value of "
-            f"{misfit.weakest:.1g}, that it may be the rounding of points of few digits. Give redundant points with "
-            "all digits, or declare the `rank` to `solve`."
-        )
-    if told:
-        warnings.warn(told, stacklevel=3)
-
-
 @compiled
 def _assemble(
     system: AbstractSystem,
@@ -216,7 +165,7 @@ def _assemble(
     positions: Float[Array, " h"],
     driven: Int[Array, " d"],
     rates: Float[Array, " d"],
-) -> tuple[State, _Misfit, _Misfit]:
+) -> tuple[State, Misfit, Misfit]:
     """State, and the misfits of its position and of its velocity."""
     q, off = _position(system, guess, held, positions)
     qd, slow = _velocity(system, State(q, guess.qd, guess.t), driven, rates)
@@ -285,8 +234,11 @@ def _closing(system: AbstractSystem, guess: State, held: Array, positions: Array
 
 
 def _begun(system: AbstractSystem, guess: State, held: Array, positions: Array) -> _Closing:
-    """The problem about the end of the passes in space, of a large mechanism about that of its descent; elsewhere about
-    the guess, from which one reaches as far."""
+    """The position problem about where Newton steps begin.
+
+    That is the end of the descent of a large mechanism, and of the passes in space; elsewhere the guess, from which
+    a displacement reaches as far.
+    """
     closing = _closing(system, guess, held, positions)
     if system.plan is not None:
         still = stop_gradient(closing)
@@ -297,8 +249,7 @@ def _begun(system: AbstractSystem, guess: State, held: Array, positions: Array) 
             still.rows,
             lambda q, d: still.moved(q, size * d),
         )
-        away, _ = displacement(system, still.guess.q, reached)
-        return replace_fields(closing, guess=State(system.retract(guess.q, away), guess.qd, guess.t))
+        return replace_fields(closing, guess=State(_carried(guess.q, system, reached), guess.qd, guess.t))
     if system.adds:
         return closing
 
@@ -308,6 +259,22 @@ def _begun(system: AbstractSystem, guess: State, held: Array, positions: Array) 
 
     q = jax.lax.fori_loop(0, _PASSES, moved, guess.q)
     return _closing(system, State(q, guess.qd, guess.t), held, positions)
+
+
+@eqx.filter_custom_jvp
+def _carried(guess: Array, system: AbstractSystem, reached: Array) -> Array:
+    """The position reached; its derivative is that of the guess, velocity by velocity."""
+    return reached
+
+
+@_carried.def_jvp
+def _carried_jvp(primals: tuple, tangents: tuple) -> tuple:
+    (guess, system, reached), (change, *_) = primals, tangents
+    if change is None or system.adds:
+        return reached, change
+    rate = velocity(system, guess, change)
+    zero, one = jnp.zeros((), reached.dtype), jnp.ones((), reached.dtype)
+    return reached, jax.jvp(lambda s: system.retract(reached, s * rate), (zero,), (one,))[1]
 
 
 @eqx.filter_custom_jvp
@@ -334,17 +301,17 @@ def _closed_jvp(primals: tuple, tangents: tuple) -> tuple:
     return closed, eqx.tree_at(lambda closed: closed.d, _Closed(none, none, none), moved)
 
 
-def _position(system: AbstractSystem, guess: State, held: Array, positions: Array) -> tuple[Array, _Misfit]:
+def _position(system: AbstractSystem, guess: State, held: Array, positions: Array) -> tuple[Array, Misfit]:
     closing = _begun(system, guess, held, positions)
     d, step, weakest = _closed(closing)
     left = jnp.abs(closing.residual(d))
     relative = left / closing.scale.size
-    settled = step <= jnp.maximum(jnp.max(relative), _tolerance(d))
-    misfit = _misfit(left * closing.row_scale, relative, settled, weakest, _tolerance(d))
+    settled = step <= jnp.maximum(jnp.max(relative), tolerance(d))
+    misfit = misfit_of(left * closing.row_scale, relative, settled, weakest, tolerance(d))
     return closing.moved(closing.guess.q, d), misfit
 
 
-def _velocity(system: AbstractSystem, state: State, driven: Array, rates: Array) -> tuple[Array, _Misfit]:
+def _velocity(system: AbstractSystem, state: State, driven: Array, rates: Array) -> tuple[Array, Misfit]:
     motion, _, turned = second_order(system, state)
     scale = scaling_at(system, state, turned)
     row_scale = jnp.concatenate([scale.rows, _held_scale(system, driven, scale)])
@@ -359,15 +326,15 @@ def _velocity(system: AbstractSystem, state: State, driven: Array, rates: Array)
         inverse = sparse_pseudoinverse(sparse_rows(system, state.q, state.t, scale, slopes), drift)
     change = -inverse(misfit)
     guess = state.qd / scale.coordinates
-    velocity = guess + change
+    found = guess + change
     given = (jnp.max(jnp.abs(guess)) + jnp.max(jnp.abs(misfit))) / jnp.minimum(inverse.kept, 1.0)
-    rests = jnp.max(jnp.abs(velocity)) <= 10 * velocity.size * jnp.finfo(velocity.dtype).eps * given
-    velocity = velocity - jnp.where(rests, stop_gradient(velocity), 0.0)  # the rounding of none, which has no direction
-    qd = scale.coordinates * velocity
-    speed = jnp.max(jnp.abs(velocity)) + jnp.max(jnp.abs(misfit))
+    rests = jnp.max(jnp.abs(found)) <= 10 * found.size * jnp.finfo(found.dtype).eps * given
+    found = found - jnp.where(rests, stop_gradient(found), 0.0)  # the rounding of none, which has no direction
+    qd = scale.coordinates * found
+    speed = jnp.max(jnp.abs(found)) + jnp.max(jnp.abs(misfit))
     left = jnp.abs(misfit + inverse.times(change))
     relative = left / jnp.where(speed > 0, speed, 1.0)
-    return qd, _misfit(left * row_scale, relative, jnp.asarray(True), jnp.asarray(jnp.inf), _tolerance(qd))
+    return qd, misfit_of(left * row_scale, relative, jnp.asarray(True), jnp.asarray(jnp.inf), tolerance(qd))
 
 
 def _given_rows(system: AbstractSystem, state: State, which: Array) -> Float[Array, "h n"]:
@@ -375,20 +342,11 @@ def _given_rows(system: AbstractSystem, state: State, which: Array) -> Float[Arr
     still = jnp.zeros_like(state.qd)
     if not which.size:
         return jnp.zeros((0, still.size), still.dtype)
-    slopes = jax.jacrev(lambda d: _given(system, system.retract(state.q, d), state.t, which))(still)
+    derivative = jax.jacfwd if system.plan is None else jax.jacrev  # of many coordinates few are given
+    slopes = derivative(lambda d: _given(system, system.retract(state.q, d), state.t, which))(still)
     own = which[:, None] == jnp.arange(still.size)  # of another chart too, whose positions are none of these
     return jnp.where((which < still.size)[:, None], own.astype(still.dtype), slopes)
 
 
-def _misfit(size: Array, relative: Array, settled: Array, weakest: Array, rounding: float) -> _Misfit:
-    beyond = ~(relative <= rounding)
-    near = jnp.all(relative <= max(rounding, largest_violation(relative.dtype)))
-    return stop_gradient(_Misfit(size, relative, beyond, jnp.any(beyond) & ~(settled & near), weakest))
-
-
 def _held_scale(system: AbstractSystem, held: Array, scale: Scaling) -> Array:
     return jnp.where(jnp.asarray(_axis(system.names).angular)[held], 1 / scale.length, 1.0)
-
-
-def _tolerance(d: Array) -> float:
-    return 1000 * d.size * float(jnp.finfo(d.dtype).eps)

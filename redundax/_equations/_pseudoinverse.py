@@ -26,7 +26,7 @@ from .._system._system import AbstractSystem
 from .._tools._krylov import least_misfit
 from ._rank import split
 from ._scaling import Scaling
-from ._sparse_factorisation import RANK, decided, with_least
+from ._sparse_rank import LEAST, decided, with_least
 
 _ROUNDING = 1e3  # of N^T r
 
@@ -143,14 +143,24 @@ class SparsePseudoinverse(eqx.Module):
 
 def sparse_pseudoinverse(rows: SparseRows, violation: Float[Array, ""]) -> SparsePseudoinverse:
     """That of the rows at a relative violation."""
-    kept, spectrum = decided(rows.own, jax.lax.stop_gradient(violation), None)
+    kept, spectrum, _ = decided(rows.own, jax.lax.stop_gradient(violation), None)
     stress = gram(rows.own, kept)
     free, inner = rows.given.T, jnp.zeros((0, 0), kept.dtype)
     if rows.given.size:
         free = free - _nearest(rows, stress, rows.of_given)
-        least = float(jnp.finfo(kept.dtype).eps) ** RANK + (30 * violation) ** 2
-        inner = split(rows.given @ free, least / 30, None)[0].inverse
+        inner = _inner(rows.given, free, violation)
     return SparsePseudoinverse(rows, stress, free, inner, with_least(spectrum, stress).kept)
+
+
+def _inner(given: Float[Array, "h n"], free: Float[Array, "n h"], violation: Array) -> Float[Array, "h h"]:
+    """(H Z H^T)^+: of values that constraints determine, rounding beside H H^T, zero."""
+    length = jnp.linalg.norm(given, axis=1)
+    length = jax.lax.stop_gradient(jnp.where(length > 0, length, 1.0))
+    square = given @ free / length[:, None] / length
+    least = float(jnp.finfo(square.dtype).eps) ** LEAST + (30 * violation) ** 2
+    beside_one = jax.scipy.linalg.block_diag(square, jnp.ones((1, 1), square.dtype))
+    parts, _ = split(beside_one, least / 30, None)  # which takes 30 times a violation for none
+    return parts.inverse[:-1, :-1] / length[:, None] / length
 
 
 def _nearest(rows: SparseRows, stress: Gram, r: Float[Array, "m c"]) -> Float[Array, "n c"]:

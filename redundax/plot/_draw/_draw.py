@@ -29,7 +29,7 @@ _PAD = np.array([34.0, 34.0])  # points between the mechanism and the edge of th
 _WIDER = np.array([26.0, 0.0])  # points more for values of loads
 _ROOM = np.array([330.0, 280.0])  # points, of the mechanism in a new figure unless it is dense
 _SPACING = 40.0  # points between joints, below which symbols are drawn smaller
-_LEGIBLE = 4.0  # points between joints, below which nothing is named
+_FEW, _LEGIBLE = 100, 4.0  # joints, and points between more of them below which nothing is named
 _COMPARABLE = 4.0  # applied forces over joint loads, above which they have no common scale
 _SIZES = (380.0, 200.0), (930.0, 620.0)  # points, least and largest width and height of a new figure
 
@@ -57,7 +57,7 @@ def draw(
     normal for a translational one, and in general -(d residual / d pose_i)^T lam, moments about the joint's point on
     body i. Moments are circular arrows, counterclockwise where positive, with their values. Loads below 1e-4
     of the largest are left out, and so are values and, in very dense pictures, names that would cover other ones; where
-    joints are nearer than 4 points of print to each other, all names and values are.
+    a hundred joints and more are nearer than 4 points of print to each other, all names and values are.
     Applied forces are black, to the scale of `multipliers` where these are given and not four times smaller.
     Gears in mesh are their pitch circles with the line of action; their arrow starts at the pitch point. Couplings of
     angles look like gears, or belts where both bodies turn in the same sense; neither's force is there.
@@ -161,8 +161,8 @@ def smaller(spacing: float, point: float) -> float:
 
 
 def legible(stage: Stage, point: float) -> bool:
-    """Whether joints are far enough from each other on paper for texts to belong to one."""
-    return stage.spacing >= _LEGIBLE * point
+    """Whether joints are few, or far enough from each other on paper for texts to belong to one."""
+    return len(stage.joints) <= _FEW or stage.spacing >= _LEGIBLE * point
 
 
 def _room(axes: Any) -> np.ndarray:

@@ -1,8 +1,8 @@
 """Names placed so that they cover nothing
 
-    cost = sum of weight * overlap over all that is drawn + distance from the preferred place
+    cost = sum of weight * overlap over all that is drawn (`_coverage`) + distance from the preferred place
 
-over candidates around each name's object, greedily in the order of the names and then twice more with all others
+over candidates around each name's object, greedily in the order of the names and then three times more with all others
 placed. A name that would still cover another one is left out. Everything is measured in points of print.
 """
 
@@ -57,6 +57,8 @@ def around(
 
 def place(pen: Pen, labels: list[Label], ceiling: float) -> None:
     """Put the labels where they are out of the way, and below the height `ceiling`."""
+    if not labels:
+        return
     axes = pen.axes
     lower, upper = np.array([axes.get_xlim(), axes.get_ylim()]).T / pen.point
     upper[1] = ceiling / pen.point

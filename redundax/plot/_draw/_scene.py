@@ -112,7 +112,7 @@ class Scene:
     @functools.cached_property
     def spacing(self) -> float:
         """Median distance of a joint's place from the next one; infinite where there is one place only."""
-        return spacing(np.array([joint.spot for joint in self.joints]))
+        return spacing(np.array([joint.spot for joint in self.joints]), self.points())
 
     @property
     def weight(self) -> float:
@@ -120,9 +120,9 @@ class Scene:
         return float(np.hypot(*self.gravity))
 
 
-def spacing(spots: np.ndarray) -> float:
-    """Median distance of a place (2,) from the next one; infinite where there is one place only."""
-    least = 1e-6 * float(np.linalg.norm(np.ptp(spots, axis=0))) if len(spots) else 0.0
+def spacing(spots: np.ndarray, points: np.ndarray) -> float:
+    """Median distance of a place from the next one, in a picture of points; infinite where there is one place only."""
+    least = 1e-6 * float(np.linalg.norm(np.ptp(points, axis=0)))
 
     def gap(spot: np.ndarray) -> float:
         others = np.sqrt(np.sum((spots - spot) ** 2, axis=1))

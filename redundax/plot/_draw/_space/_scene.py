@@ -70,7 +70,7 @@ class SpaceScene:
     @functools.cached_property
     def spacing(self) -> float:
         """Median distance of a joint from the next one, as it is seen."""
-        return spacing(np.array([joint.spot for joint in self.joints]))
+        return spacing(np.array([joint.spot for joint in self.joints]), self.points())
 
 
 def space_scene(

@@ -57,8 +57,8 @@ def best_view(places: Sequence[np.ndarray], gravity: np.ndarray, given: Any = No
 
 
 def _openness(view: View, points: np.ndarray) -> float:
-    """How well points, some of very many, are told apart, with a preference for the usual views, which come first."""
-    points = points[:: len(points) // _POINTS + 1]
+    """How well points, of many a sample, are told apart, with a preference for the usual views, which come first."""
+    points = points[:: -(-len(points) // _POINTS)]
     gaps = np.linalg.norm(points[:, None] - points[None], axis=2)
     size = gaps.max() or 1.0
     flat = view.flat(points)
