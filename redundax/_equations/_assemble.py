@@ -101,7 +101,8 @@ def assemble(
     q = system.reference if q is None else q
     q = vector("q", q, system.coordinates, " of coordinates") if isinstance(q, Mapping) else as_float(q)
     qd, t = vector("qd", qd, system.coordinates, " of coordinates"), as_float(t)
-    dtype, labels = jnp.result_type(q, qd), _axis(system.names).labels
+    own = {x.dtype for x in jax.tree.leaves(system) if eqx.is_inexact_array(x)}
+    dtype, labels = jnp.result_type(q, qd, *own), _axis(system.names).labels
     held = [index_of("positions", name, labels, " of coordinates") for name in positions]
     driven = [index_of("rates", name, labels, " of coordinates") for name in rates]
     if system.adds:

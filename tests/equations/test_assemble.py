@@ -243,6 +243,15 @@ def test_bodies_in_space_turn_by_half_a_turn_and_more(sparse):
         np.testing.assert_allclose(rate[k], speed / 2 * np.array([-p[k, 3], 0, 0, p[k, 0]]), atol=1e-10)
 
 
+@pytest.mark.parametrize("sparse", [False, True])
+def test_guesses_of_single_precision_take_that_of_the_mechanism(sparse):
+    mechanism = rx.mechanisms.doubled_four_bar().sparse(sparse)
+    truth = mechanism.state(0.8)
+    found = rx.assemble(mechanism, np.asarray(truth.q, np.float32), np.zeros(12, np.float32))
+    assert found.q.dtype == found.qd.dtype == np.float64
+    assert np.abs(mechanism.constraint(found.q, found.t)).max() < 1e-14
+
+
 def test_rows_without_a_value_at_the_guess_are_named():
     """A hinge whose axes are opposite has no tilt; that at its own place and the others are not blamed."""
     wheel, at = rx.spatial.Body("wheel", 1.0, (0.1, 0.1, 0.2)), rx.spatial.Placement
