@@ -38,7 +38,6 @@ def sparse_descent(
     moved: Callable[[Array, Array], Array],
 ) -> Float[Array, "..."]:
     """A position where the residual is least, from q; `rows` gives K at a position, and `moved` q [+] S d."""
-
     eps = float(jnp.finfo(q.dtype).eps)
     settled, least = max(_SETTLED, 10 * eps), eps**_LEAST
 

@@ -151,10 +151,8 @@ def _moments(
 def _point(stage: SpaceScene) -> float:
     """Size of a point of print in the model, smaller where joints are dense."""
     size = float(np.linalg.norm(np.ptp(stage.space_points(), axis=0))) or 1.0
-    return min(
-        size / _ACROSS,
-        max(spacing(np.array([joint.place for joint in stage.joints]), stage.space_points()) / 45.0, size / 1500.0),
-    )
+    apart = spacing(np.array([joint.place for joint in stage.joints]), stage.space_points())
+    return min(size / _ACROSS, max(apart / 45.0, size / 1500.0))
 
 
 def _set_scales(moments: list[_Moment], point: float, scale: float | None) -> None:

@@ -83,10 +83,8 @@ def place(pen: Pen, labels: list[Label], ceiling: float) -> None:
     taken = np.full((len(labels), 4), np.nan)  # the boxes of texts; NaN of those that have no place
     for _ in range(4):
         for k in order:
-            centres, near = (
-                candidates[k][0],
-                np.all((taken[:, :2] < reach[k, 2:]) & (taken[:, 2:] > reach[k, :2]), axis=1),
-            )
+            centres = candidates[k][0]
+            near = np.all((taken[:, :2] < reach[k, 2:]) & (taken[:, 2:] > reach[k, :2]), axis=1)
             near[k] = False
             covered = _overlap(centres, sizes[k], taken[near])
             best = int(np.argmin(fixed[k] + covered))
