@@ -15,10 +15,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from .._sparse._cholesky import factor, solution
+from .._sparse._gram import SHIFT
 from ._pseudoinverse import SparseRows
 
 _STEPS, _SETTLED = 500, 1e-8
-_LEAST = 0.75  # power of the rounding: l, from which on the factor exists at any rank
 
 
 class _Reached(NamedTuple):
@@ -39,7 +39,7 @@ def sparse_descent(
 ) -> Float[Array, "..."]:
     """A position where the residual is least, from q; `rows` gives K at a position, and `moved` q [+] S d."""
     eps = float(jnp.finfo(q.dtype).eps)
-    settled, least = max(_SETTLED, 10 * eps), eps**_LEAST
+    settled, least = max(_SETTLED, 10 * eps), eps**SHIFT
 
     def goes_on(now: _Reached) -> Array:
         return (now.steps < _STEPS) & (now.change > settled) & jnp.all(jnp.isfinite(now.residual))

@@ -30,7 +30,7 @@ from .._tools._linear_map import spectral_radius
 from ._cholesky import Fronts, factor, factor_diagonal, pivots, solution
 from ._rows import Rows
 
-_SHIFT = 0.75  # power of the rounding: t
+SHIFT = 0.75  # power of the rounding: t, from which on the factor of S + t I exists at any rank
 _ROUNDING, _PASSES = 10, 100  # changes that are rounding, and passes with M + A at most
 _POWERS = 20  # of what a pass leaves of the error
 
@@ -170,7 +170,7 @@ def gram(rows: Rows, kept: Float[Array, " m"]) -> Gram:
 def rank_pivots(rows: Rows) -> tuple[Float[Array, " m"], Float[Array, " m"], float]:
     """Squares p of the pivots of S, 1 + |x|^2 of each, and t; right where t (1 + |x|^2) is less than p."""
     rows = jax.lax.stop_gradient(rows)
-    shift = float(jnp.finfo(rows.slopes.dtype).eps) ** _SHIFT
+    shift = float(jnp.finfo(rows.slopes.dtype).eps) ** SHIFT
     entries = rows.entries(jnp.ones(rows.count, rows.slopes.dtype))
     diagonal = rows.plan.beside[:, 0]
 

@@ -57,7 +57,7 @@ def draw(
     normal for a translational one, and in general -(d residual / d pose_i)^T lam, moments about the joint's point on
     body i. Moments are circular arrows, counterclockwise where positive, with their values. Loads below 1e-4
     of the largest are left out, and so are values and, in very dense pictures, names that would cover other ones; where
-    a hundred joints and more are nearer than 4 points of print to each other, all names and values are.
+    more than a hundred joints are nearer than 4 points of print to each other, all names and values are.
     Applied forces are black, to the scale of `multipliers` where these are given and not four times smaller.
     Gears in mesh are their pitch circles with the line of action; their arrow starts at the pitch point. Couplings of
     angles look like gears, or belts where both bodies turn in the same sense; neither's force is there.
