@@ -103,3 +103,5 @@ from ._system._results import RESULTS as RESULTS
 from ._system._state import State as State
 from ._system._system import AbstractSystem as AbstractSystem
 from ._system._system import System as System
+from ._tools._errors import NoSolutionError as NoSolutionError
+from ._tools._errors import RedundaxError as RedundaxError

@@ -21,6 +21,7 @@ from .._system._names import ByName
 from .._system._state import State, states_of
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
+from .._tools._errors import RedundaxError
 from ._analyze import analyze, orthonormal
 from ._outputs import plain
 from ._release import Release, determinant
@@ -180,7 +181,7 @@ def analyze_along(
     """
     each = states_of(states)
     if len(each) < 2:
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `states` must hold two finite states at least, but has {len(each)}. "
             "Simulate longer, or give more states."
         )

@@ -36,6 +36,7 @@ from .._system._results import RESULTS, is_one_of
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
+from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import no_classes
 
 _RIGID = 1e-13  # 1/s and compliance, relative to the largest, that are rounding
@@ -123,13 +124,13 @@ def stability(
     """
     no_classes(closure=closure)
     if not is_one_of(solution.result, RESULTS.successful):
-        raise ValueError(
+        raise RedundaxError(
             "Argument `solution` must be successful, but ended with another result. Solve with `throw=True` to see why."
         )
     system, factor = dense_at(system, state, rank, factor)
     slips = senses(system.slips, sense)
     if factor.branch is not None:  # what is stiff here is soft beside it
-        raise RuntimeError(RESULTS[RESULTS.singular_position])
+        raise NoSolutionError(RESULTS[RESULTS.singular_position])
     given = elasticity(closure, system, state)
     figures = _figures(system.anonymous, state, factor, solution.multipliers, given, slips)
     compliance, response = (np.asarray(x, float) for x in figures)

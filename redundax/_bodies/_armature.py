@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from .._system._names import Names, index_of
+from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, is_concrete, numpy_of, on_device
 from ._coordinate import SPIN, Coordinate, Place
 from ._frame import AbstractFrame
@@ -85,7 +86,7 @@ def armatures(
     if given is None:
         return ()
     if not isinstance(given, Mapping):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `armature` must give inertia by the name of a joint coordinate, but is {given!r}. Write "
             '{"hinge.angle": 0.02}, say.'
         )
@@ -106,7 +107,7 @@ def armatures(
 
 def _checked(name: str, value: Array) -> Array:
     if value.shape != () or (is_concrete(value) and not 0 <= np.asarray(value) < np.inf):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `armature` must hold a number for '{name}' that is not negative, but holds {value}. Give the "
             "inertia of the rotor times the square of its gear ratio, kg m^2, or of a travel a mass, kg."
         )

@@ -7,6 +7,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._tools._errors import RedundaxError
 from .._tools._module import as_float, is_concrete
 from ._frame import AbstractFrame
 from ._plane import PLANE
@@ -63,12 +64,12 @@ class Body(AbstractBody):
 def check_amount(argument: str, name: str, value: Array) -> None:
     """Refuse a mass or moment of inertia that is no number or negative."""
     if value.shape != ():
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `{argument}` of body '{name}' must be a number, but has shape {value.shape}. "
             "Make one `Body` for each."
         )
     if is_concrete(value) and not np.asarray(value) >= 0:
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `{argument}` of '{name}' must not be negative, but is {float(value)}. Zero is allowed "
             "where the constraints leave the coordinate no freedom of its own, condition (14)."
         )

@@ -22,6 +22,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from .._system._names import Names, index_of
+from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, is_concrete, numpy_of, on_device
 from ._coordinate import Coordinate, Place
 from ._frame import AbstractFrame
@@ -61,10 +62,10 @@ class Coupler(eqx.Module):
     ):
         self.name, self.first, self.second = name, first, second
         if (ratio is None) == (polynomial is None):
-            raise ValueError(f"Coupler '{name}' must have either `ratio` or `polynomial`. Give one of both.")
+            raise RedundaxError(f"Coupler '{name}' must have either `ratio` or `polynomial`. Give one of both.")
         given = as_float(polynomial if ratio is None else ratio)  # pyright: ignore[reportArgumentType]
         if given.ndim != (1 if ratio is None else 0):
-            raise ValueError(
+            raise RedundaxError(
                 f"Coupler '{name}' must have a number as `ratio` or a list of coefficients as `polynomial`, but has "
                 f"one of shape {given.shape}. Give `polynomial=(0.0, 2.0)` for twice, say."
             )

@@ -14,6 +14,7 @@ from jaxtyping import Array, Float
 
 from .._system._axis import Axis
 from .._system._state import State
+from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float
 
 
@@ -55,7 +56,7 @@ class AbstractFrame(eqx.Module):
         """A vector in global components, zero where none is given."""
         array = as_float(np.zeros(len(self.linear)) if value is None else value, argument)
         if array.shape != (len(self.linear),):
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `{argument}` must have {len(self.linear)} components in a {self.word} mechanism, but has "
                 f"shape {array.shape}. Give ({', '.join(self.linear)})."
             )

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, as_functions, floats, tracing
 
 
@@ -16,7 +17,7 @@ def law_of_time(value: Callable[[Array], Array] | Numbers, argument: str | None 
         return as_functions(value)
     number = floats(value)
     if number.shape:
-        raise ValueError(
+        raise RedundaxError(
             f"Argument {f'`{argument}`' if argument else '`angle` or `distance`'} of a driver must be a function of "
             f"time or a number, but has shape {number.shape}. Give coefficients as `rx.Polynomial`."
         )
@@ -29,7 +30,7 @@ def check_law(argument: str, name: str, law: Callable[[Array], Array]) -> None:
         given = jax.eval_shape(law, jax.ShapeDtypeStruct((), jnp.result_type(float)))
     shapes = [leaf.shape for leaf in jax.tree.leaves(given)]
     if shapes != [()]:
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `{argument}` of the driver '{name}' must give a number at a time, but gives {shapes or None}. "
             "Give a function of time, a number, or `rx.Polynomial`."
         )

@@ -22,6 +22,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem, Path
 from .._system._units import Units, of_model
 from .._tools._compilation import compiled
+from .._tools._errors import RedundaxError
 from .._tools._module import (
     Numbers,
     as_functions,
@@ -163,7 +164,7 @@ class Mechanism(AbstractSystem):
             ```
         """
         if is_sparse and self.armature:
-            raise ValueError(
+            raise RedundaxError(
                 "Sparse matrices take the mass of each body by itself, but `armature` couples bodies. Leave it out, or "
                 "solve the mechanism without `sparse()`."
             )
@@ -227,14 +228,14 @@ class Mechanism(AbstractSystem):
         - `t`: time.
         """
         if self.pose is None:
-            raise ValueError(
+            raise RedundaxError(
                 "Argument `pose` of the mechanism must be given to use `state`, but it is None. "
                 "Use `rx.assemble`, which closes the mechanism from a guess."
             )
         names, given = tuple(named), tuple(floats(x) for x in (*coordinates, *named.values()))
         rates = tuple(rate) if isinstance(rate, tuple | list) else (rate,)
         if len(rates) != len(given):
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `rate` must hold a rate for each of the {len(given)} independent coordinates, "
                 f"but holds {len(rates)}. Give a tuple with as many."
             )

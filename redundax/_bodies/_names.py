@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+from .._tools._errors import RedundaxError
 from ._body import GROUND, AbstractBody
 from ._coupler import Coupler
 from ._joints import AbstractJoint
@@ -15,12 +16,14 @@ def check_kinds(bodies: Any, joints: Any, loads: Any) -> None:
     """Refuse what stands in the wrong list, or in none."""
     for (what, kind), elements in zip(_LISTS, (bodies, joints, loads), strict=True):
         if not isinstance(elements, Sequence):
-            raise ValueError(f"Argument `{what}` must be a list, but is {_words(elements)}. Put it in brackets: [...].")
+            raise RedundaxError(
+                f"Argument `{what}` must be a list, but is {_words(elements)}. Put it in brackets: [...]."
+            )
         for element in elements:
             if not isinstance(element, kind):
                 fitting = kind.__name__ if kind is not AbstractBody else "Body"
                 right = [f"Put it among `{other}`." for other, fit in _LISTS if isinstance(element, fit)]
-                raise ValueError(
+                raise RedundaxError(
                     f"Argument `{what}` must hold {what}, but holds {_words(element)}. "
                     f"{' '.join(right) or f'Leave it out, or make it an `rx.{fitting}`.'}"
                 )
@@ -32,7 +35,7 @@ def check_frames(bodies: Sequence[AbstractBody], elements: Sequence[AbstractJoin
     for element in (*bodies, *elements):
         if type(element.frame) is not frame:
             here = "rx.spatial" if frame.word == "spatial" else "rx"
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `bodies`: a mechanism must be all planar or all spatial, but {_words(bodies[0])} is "
                 f"{frame.word} and {_words(element)} {element.frame.word}. Take all parts from `{here}`."
             )
@@ -56,29 +59,31 @@ def check_names(
     for what, names in (("bodies", list(bodies)), ("joints", [each.name for each in (*joints, *couplers)])):
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `{what}` must have different names, but {twice} occur more than once. Rename them."
             )
         if not names:
-            raise ValueError(f"Argument `{what}` must hold at least one element, but is empty. Add one.")
+            raise RedundaxError(f"Argument `{what}` must hold at least one element, but is empty. Add one.")
     if GROUND in bodies:
-        raise ValueError(f"Argument `bodies` must not hold a body named '{GROUND}': that is the fixed base.")
+        raise RedundaxError(f"Argument `bodies` must not hold a body named '{GROUND}': that is the fixed base.")
     known = {*bodies, GROUND}
     for what, elements in (("joints", joints), ("loads", loads)):
         for element in elements:
             label = getattr(element, "name", type(element).__name__)
             for body in (element.i, element.j):
                 if body not in known:
-                    raise ValueError(
+                    raise RedundaxError(
                         f"Argument `{what}`: '{label}' connects '{body}', which is no body of the mechanism. "
                         f"The bodies are {sorted(known)}."
                     )
             if element.i == element.j:
-                raise ValueError(
+                raise RedundaxError(
                     f"Argument `{what}`: '{label}' must connect two different bodies, but connects "
                     f"'{element.i}' with itself. Correct `i` or `j`."
                 )
     used = {body for joint in joints for body in (joint.i, joint.j)}
     loose = [body for body in bodies if body not in used]
     if loose:
-        raise ValueError(f"Argument `bodies`: {loose} have no joint. Connect them, or leave them out of the mechanism.")
+        raise RedundaxError(
+            f"Argument `bodies`: {loose} have no joint. Connect them, or leave them out of the mechanism."
+        )

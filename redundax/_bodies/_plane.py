@@ -6,6 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from .._system._state import State
+from .._tools._errors import RedundaxError
 from .._tools._module import check_position, moved
 from ._frame import AbstractFrame
 from ._pose import Motion, Pose, poses
@@ -46,7 +47,7 @@ class Plane(AbstractFrame):
         return rate
 
     def reference(self, body: Any) -> Array:
-        raise ValueError(
+        raise RedundaxError(
             "Argument `q` must be given for a planar mechanism, whose bodies have no reference poses. Give a guess, "
             'as in {"crank.phi": 0.5}.'
         )

@@ -18,6 +18,7 @@ from .._bodies._mechanism import Mechanism
 from .._system._names import index_of
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._errors import RedundaxError
 from .._tools._module import as_float, replace_fields
 from ._closure import AbstractClosure
 
@@ -41,7 +42,7 @@ def misfit(system: AbstractSystem, actual: AbstractSystem, state: State) -> Floa
     - `state`: position and time.
     """
     if system.rows.kinds != actual.rows.kinds:
-        raise ValueError(
+        raise RedundaxError(
             "Argument `actual` must have the constraint rows of `system`, but has others. Change the lengths and "
             "angles of its parts only."
         )

@@ -25,6 +25,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._system._units import Units
 from .._tools._compilation import compiled
+from .._tools._errors import RedundaxError
 from .._tools._module import as_float, is_concrete, on_device, optional_float, positive
 
 
@@ -84,7 +85,7 @@ def _elasticity(closure: AbstractClosure, system: AbstractSystem, state: State, 
         return Elasticity(compliance, jnp.broadcast_to(misfit, (m,)) if whole else misfit)
     compliance, misfit = (jnp.asarray(x, state.qd.dtype) for x in closure.compliance(system, state))
     if compliance.shape != (m, m) or misfit.shape not in ((), (m,)):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `closure` must give a compliance of shape (m, m) = ({m}, {m}) and a misfit that is a number or "
             f"has shape ({m},), but gives {compliance.shape} and {misfit.shape}. Change what its `compliance` returns."
         )
@@ -157,7 +158,7 @@ class MinimumNorm(AbstractClosure):
         n, m = len(system.coordinates), len(system.rows)
         h = jnp.zeros((), state.qd.dtype) if self.h is None else self.h
         if h.shape not in ((), (n + m,)):
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `h` must be a number or have shape (n + m,) = ({n + m},), but has {h.shape}. "
                 "Give one number for all, or that many."
             )
@@ -208,14 +209,14 @@ class Compliance(AbstractClosure):
             self.misfit = _figures({} if misfit is None else misfit)
             return
         if self.W.ndim not in (1, 2) or self.W.shape[0] != self.W.shape[-1]:
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `W` must have shape (m,) or (m, m), but has {self.W.shape}. "
                 "Give one compliance for each row, or a matrix."
             )
         size = self.W.shape[-1]
         self.misfit = on_device(np.zeros(size, self.W.dtype)) if misfit is None else _figures(misfit)
         if not isinstance(self.misfit, dict) and self.misfit.shape != (size,):
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `misfit` must have one entry for each of the {size} rows of `W`, but has shape "
                 f"{self.misfit.shape}. Give 0 for rows that fit."
             )
@@ -257,7 +258,7 @@ class Compliance(AbstractClosure):
         if isinstance(self.W, dict) or isinstance(self.misfit, dict):
             return self.by_place(system).compliance(system, state)
         if self.W.shape[-1] != m:
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `W` must have one entry for each of the {m} constraint rows, but has {self.W.shape[-1]}. "
                 "The rows are those of `system.rows`."
             )
@@ -296,7 +297,7 @@ def check_compliance(W: np.ndarray, argument: str = "Argument `W`") -> None:
     diagonal = W if W.ndim == 1 else np.diag(W)
     negative = np.flatnonzero(diagonal < 0)
     if negative.size:
-        raise ValueError(
+        raise RedundaxError(
             f"{argument} must not be negative, but its diagonal is {diagonal[negative[0]]:.4g} in row {negative[0]}. "
             "A compliance is at least 0: check the sign."
         )
@@ -306,14 +307,14 @@ def check_compliance(W: np.ndarray, argument: str = "Argument `W`") -> None:
     scaled, rounding = W / size[:, None] / size, np.sqrt(np.finfo(W.dtype).eps)
     i, j = np.unravel_index(np.argmax(np.abs(scaled - scaled.T)), W.shape)
     if np.abs(scaled - scaled.T)[i, j] > rounding * np.max(np.abs(scaled)):
-        raise ValueError(
+        raise RedundaxError(
             f"{argument} must be symmetric, but W[{i}, {j}] = {W[i, j]:.4g} and W[{j}, {i}] = {W[j, i]:.4g}. "
             "Give both entries of a pair, or (W + W.T) / 2."
         )
     values, vectors = np.linalg.eigh(scaled)
     if values[0] < -rounding * values[-1]:
         rows = np.flatnonzero(np.abs(vectors[:, 0]) > 0.3 * np.max(np.abs(vectors[:, 0])))
-        raise ValueError(
+        raise RedundaxError(
             f"{argument} must be positive semidefinite, but scaled to a unit diagonal it has the eigenvalue "
             f"{values[0]:.4g} along rows {rows.tolist()}. Correct its entries between these rows: joints store energy "
             "under any load."

@@ -30,6 +30,7 @@ from .._system._names import index_of
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._system._units import Units
+from .._tools._errors import RedundaxError
 from .._tools._module import is_concrete
 from ._closure import AbstractClosure
 from ._joint_compliance import AbstractJointCompliance, JointCompliance
@@ -95,7 +96,7 @@ class ElasticJoints(AbstractClosure):
         names = [name for members in mechanism.names.joints for name in members]
         given = {joint.joint: joint for joint in joints}
         if len(given) < len(joints):
-            raise ValueError("Argument `joints` must name each joint once, but names some twice. Leave one out.")
+            raise RedundaxError("Argument `joints` must name each joint once, but names some twice. Leave one out.")
         for name in given:
             index_of("joints", name, names, " of joints")
         units, number, stacks = Units() if units is None else units, 0, []
@@ -122,7 +123,7 @@ class ElasticJoints(AbstractClosure):
         """A, A C, A v0 and the number of the joint, row by row."""
         sizes = [seats.number.shape for seats in self.seats]
         if not isinstance(system, Mechanism) or [stack.i.shape for stack in system.joints] != sizes:
-            raise ValueError(
+            raise RedundaxError(
                 "Argument `closure` must be made with the mechanism that is solved, but its joints are others. "
                 "For the same mechanism in other units give `rx.units.closure_in_units(closure)`."
             )
@@ -144,7 +145,7 @@ def _check_space(joints: Sequence[AbstractJointCompliance], frame: AbstractFrame
     wrong = [joint.joint for joint in joints if joint.space.word != frame.word]
     if wrong:
         place = "rx.spatial" if frame.word == "spatial" else "rx"
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `joints` must hold those of a {frame.word} mechanism, but that of joint '{wrong[0]}' is not. "
             f"Give `{place}.JointCompliance`."
         )
@@ -153,7 +154,7 @@ def _check_space(joints: Sequence[AbstractJointCompliance], frame: AbstractFrame
 def _pair(name: str, figures: ArrayLike | tuple[ArrayLike, ...]) -> tuple[ArrayLike, ...]:
     given = figures if isinstance(figures, tuple) else (figures,)
     if len(given) not in (1, 2):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `joints` must have one compliance for '{name}', or a pair of that of translation and that of "
             f"rotation, but has {len(given)}. Put those of the axes in a list: {list(given)}."
         )
@@ -169,7 +170,7 @@ def _on_i(given: AbstractJointCompliance, stack: Stack, k: int, bodies: tuple[st
     if is_concrete(stack.i) and is_concrete(stack.j):
         ends = int(np.asarray(stack.i)[k]), int(np.asarray(stack.j)[k])
         if body not in ends:
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `frame` of joint '{given.joint}' must be one of the bodies that it connects, "
                 f"{[(*bodies, GROUND)[end] for end in ends]}, but is '{given.frame}'. Name one of them."
             )

@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from .._bodies._frame import AbstractFrame
 from .._bodies._plane import PLANE
+from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, as_matrix, floats, is_concrete, numpy_of, on_device
 from ._closure import check_compliance, inverse
 
@@ -43,7 +44,7 @@ class AbstractJointCompliance(eqx.Module):
         meanings = (f"turns {turns} by forces {shifts}", f"shifts {shifts}, then turns {turns}")
         for name, value, shape, meaning in zip(("coupling", "misfit"), (cross, gap), shapes, meanings, strict=True):
             if value.shape != shape:
-                raise ValueError(
+                raise RedundaxError(
                     f"Argument `{name}` of joint '{joint}' must have shape {shape}, {meaning}, but has {value.shape}. "
                     "Give all of them, 0 for those that are not there."
                 )

@@ -31,6 +31,7 @@ from .._system._names import ByName, Names, index_of, vector
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
+from .._tools._errors import RedundaxError
 from .._tools._module import (
     as_float,
     check_position,
@@ -108,7 +109,7 @@ def assemble(
     if system.adds:
         check_position(q, n)
     elif any(index < n for index in held) and q.shape != (n,):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `positions` needs a chart with one coordinate for each of the {n} velocities, but `q` has "
             f"shape {q.shape}. Give coordinates of joints, or `q` itself."
         )

@@ -11,6 +11,7 @@ from .._system._pushing import warn_of_pulling
 from .._system._results import RESULTS, is_one_of
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._errors import NoSolutionError
 from .._tools._module import is_concrete
 from ._factorisation import Factorisation, factorised
 from ._kinematics import along_motion, explicit_gamma, slip_motion
@@ -29,7 +30,7 @@ def thrown(out: Out, throw: bool | None, system: AbstractSystem, state: State, f
     if traced:
         return out.result.error_if(out, jnp.all(jnp.stack([out.result != one for one in good])))
     if not is_one_of(out.result, *good):
-        raise RuntimeError(RESULTS[out.result] + culprits(system, state, factor, out.result))
+        raise NoSolutionError(RESULTS[out.result] + culprits(system, state, factor, out.result))
     warn_of_pulling(out.names, out.multipliers, stacklevel=3)
     return out
 

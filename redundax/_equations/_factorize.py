@@ -20,6 +20,7 @@ from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
+from .._tools._errors import RedundaxError
 from .._tools._module import is_concrete, on_device, replace_fields, stop_gradient
 from ._branch import Branch, lacking, lost_rows
 from ._evidence import ScaledMotion, singularity_of
@@ -86,14 +87,14 @@ def factorisation_at(system: AbstractSystem, state: State, rank: ArrayLike | Non
         return factorize(system, state, rank)
     shape = len(system.rows), len(system.coordinates)
     if factor.shape != shape or rank is not None:
-        raise ValueError(
+        raise RedundaxError(
             "Argument `factor` must be what `factorize` gives for this system at this state, with a Jacobian of shape "
             f"{shape}, and takes no `rank` beside it, but has {factor.shape} and `rank` is {rank}. "
             "Give `rank` to `factorize`, and no `factor` of another system."
         )
     pairs = (state.q, factor.state.q), (state.qd, factor.state.qd), (state.t, factor.state.t)
     if not all(np.array_equal(*pair, equal_nan=True) for pair in pairs if all(map(is_concrete, pair))):
-        raise ValueError(
+        raise RedundaxError(
             "Argument `factor` must be what `factorize` gives at this state, but comes from another. "
             "Factorise at this state, or leave it out."
         )

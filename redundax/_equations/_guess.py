@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 from jax.typing import ArrayLike
 
+from .._tools._errors import RedundaxError
 from .._tools._module import is_concrete
 
 
@@ -15,7 +16,7 @@ def check_finite(labels: Sequence[str], **arguments: ArrayLike | Mapping[str, Ar
     for argument, value in arguments.items():
         wrong = [name for name, number in _numbers(labels, value).items() if not math.isfinite(number)]
         if wrong or (not isinstance(value, Mapping) and is_concrete(value) and not np.all(np.isfinite(value))):
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `{argument}` must be finite, but has NaN or infinity{' for ' if wrong else ''}"
                 f"{', '.join(wrong)}. Give a number."
             )

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._system._system import AbstractSystem
+from .._tools._errors import NoSolutionError
 from .._tools._module import stop_gradient
 from ._scaling import largest_violation
 
@@ -34,7 +35,7 @@ def check_rows(system: AbstractSystem, q: Array, t: Array) -> None:
     values = np.asarray(system.constraint(q, t))
     lost = [name for name, value in zip(system.rows.labels, values, strict=True) if not np.isfinite(value)]
     if lost:
-        raise RuntimeError(
+        raise NoSolutionError(
             f"No position is found, as rows have no value at the guess: {', '.join(lost)}. Give another guess; of a "
             "joint whose axes on both bodies are opposite, turn one round."
         )
@@ -44,7 +45,7 @@ def tell(what: str, misfit: Misfit, labels: tuple[str, ...], throw: bool | None)
     """Raise what cannot be met, or warn of what is met by rounding alone or not exactly."""
     failing = sorted(np.flatnonzero(misfit.beyond), key=lambda k: not labels[k].endswith(" as given"))
     if misfit.refused and throw is not False:
-        raise RuntimeError(
+        raise NoSolutionError(
             f"No {what} satisfies the constraints near the guess. What cannot be met together: "
             f"{', '.join(labels[k] for k in failing)}. Give a better guess, or change given values or lengths."
         )

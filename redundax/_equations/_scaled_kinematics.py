@@ -7,6 +7,7 @@ from jaxtyping import Array, Float
 
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._errors import RedundaxError
 from ._evidence import ScaledMotion
 from ._kinematics import AlongMotion, second_order
 from ._scaling import Scaling, scaling
@@ -47,7 +48,7 @@ def check_shapes(system: AbstractSystem, **given: Array) -> None:
     for name, value in given.items():
         shape = wanted[name]
         if value.shape != shape:
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `{name}` of the system must give shape {shape}, as its coordinates and rows say, but gives "
                 f"{value.shape}. Change what it returns, or `coordinates` and `rows`."
             )

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from typing import Any
 from xml.etree import ElementTree
 
+from .._tools._errors import RedundaxError
 from .._tools._optional import optional
 
 _AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
@@ -23,8 +24,8 @@ def add_closed_loops(mujoco: Any, spec: Any, path: pathlib.Path, closures: pathl
     """Add the loops and drives of the file `closures` to the specification of the file `path`, and say in a line each
     which joints are replaced or driven that there are not."""
 
-    def refuse(why: str) -> ValueError:
-        return ValueError(f"Argument `closures`: '{closures}' {why}.")
+    def refuse(why: str) -> RedundaxError:
+        return RedundaxError(f"Argument `closures`: '{closures}' {why}.")
 
     loops = loops_in(closures)
     pairs, kinds = loops.get("closed_loop") or [], loops.get("type") or []
@@ -62,8 +63,8 @@ def transmissions(path: pathlib.Path) -> list[str]:
 def loops_in(closures: pathlib.Path) -> dict[str, Any]:
     """What a file of loops holds."""
 
-    def refuse(why: str) -> ValueError:
-        return ValueError(f"Argument `closures`: '{closures}' {why}.")
+    def refuse(why: str) -> RedundaxError:
+        return RedundaxError(f"Argument `closures`: '{closures}' {why}.")
 
     yaml = optional("yaml", "models")
     try:
@@ -83,7 +84,7 @@ def document(path: pathlib.Path) -> Any:
     try:
         return ElementTree.parse(path, parser)
     except (ElementTree.ParseError, ValueError) as error:
-        raise ValueError(f"Argument `path`: '{path}' is no well-formed XML: {error}. Correct the file.") from error
+        raise RedundaxError(f"Argument `path`: '{path}' is no well-formed XML: {error}. Correct the file.") from error
 
 
 def children(path: pathlib.Path) -> dict[str, str]:
@@ -92,7 +93,7 @@ def children(path: pathlib.Path) -> dict[str, str]:
     return {joint.get("name", ""): child.get("link", "") for joint in joints for child in joint.findall("child")}
 
 
-def _replaced(mujoco: Any, spec: Any, name: str, kind: str, refuse: Callable[[str], ValueError]) -> list[str]:
+def _replaced(mujoco: Any, spec: Any, name: str, kind: str, refuse: Callable[[str], RedundaxError]) -> list[str]:
     """Replace a joint by one that is freer; what is to be said, where there is no such joint."""
     joint, axes = spec.joint(str(name)), str(kind).removeprefix("UJOINT_")
     if kind not in ("SPHERICAL", "FIXED") and (axes == kind or len(axes) != 2 or not set(axes) <= set(_AXES)):
@@ -109,7 +110,7 @@ def _replaced(mujoco: Any, spec: Any, name: str, kind: str, refuse: Callable[[st
 
 
 def _close(
-    mujoco: Any, spec: Any, pair: list[str], kind: str, frames: dict[str, str], refuse: Callable[[str], ValueError]
+    mujoco: Any, spec: Any, pair: list[str], kind: str, frames: dict[str, str], refuse: Callable[[str], RedundaxError]
 ) -> None:
     for name in pair:
         body = spec.body(frames.get(name, name))

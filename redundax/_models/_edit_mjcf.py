@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._bodies._space._placement import Placement
+from .._tools._errors import RedundaxError
 from .._tools._optional import optional
 from ._model import Model
 from ._plan import Link
@@ -229,7 +230,7 @@ def _joint(source: Source, model: Model, link: Link) -> Element:
         found = [joint for each in _same(bodies, theirs, body) for joint in [*_joints(each)][place : place + 1]]
     if found:
         return found[0]
-    raise ValueError(f"The joint '{link.name}' is not in '{model.path}' itself. Change the file that it includes.")
+    raise RedundaxError(f"The joint '{link.name}' is not in '{model.path}' itself. Change the file that it includes.")
 
 
 def _same(bodies: Sequence[Element], theirs: Any, body: int) -> list[Element]:
@@ -263,7 +264,7 @@ def _equality(source: Source, model: Model, name: str) -> Element:
     for element, own in zip(elements, unique(names, ()), strict=True):
         if own == name:
             return element
-    raise ValueError(f"The loop '{name}' is not in '{model.path}' itself. Change the file that it includes.")
+    raise RedundaxError(f"The loop '{name}' is not in '{model.path}' itself. Change the file that it includes.")
 
 
 def _ends(element: Element) -> tuple[str, str]:

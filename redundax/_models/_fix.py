@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from .._tools._errors import RedundaxError
 from ._audit import Audit
 from ._choice import USABLE, Choice, in_words, listed
 from ._edit_mjcf import Edit
@@ -115,13 +116,13 @@ def _changes(before: pathlib.Path, after: pathlib.Path) -> tuple[str, ...]:
 def _wanted(moves: Iterable[Edit], wanted: Sequence[str], rows: Sequence[str], says: Language) -> list[Edit]:
     for row in wanted:
         if row not in rows:
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `release` names '{row}', which is no row of the model. {_rows_there(row, rows)}"
             )
     some = [move for move in moves if set(move.rows) <= set(wanted)]
     missing = set(wanted) - {row for move in some for row in move.rows}
     if missing:
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `release`: {sorted(missing)} cannot be freed in {says.name}: {says.lacks}. Choose other rows."
         )
     return some

@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 from .._bodies._mechanism import Mechanism
 from .._equations._assemble import assemble
 from .._system._state import State
+from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import Numbers
 from ._build import mechanism_of, position_of
 from ._plan import Plan
@@ -72,13 +73,13 @@ class Model:
         places = {link.name: link for link in self.plan.links}
         for name, value in positions.items():
             if name not in places:
-                raise ValueError(
+                raise RedundaxError(
                     f"Argument `positions` names '{name}', which is no joint of the model. It has {sorted(places)}."
                 )
             link = places[name]
             start, size = model.jnt_qposadr[link.joint], {"free": 7, "ball": 4}.get(link.kind, 1)
             if np.size(value) != size:
-                raise ValueError(
+                raise RedundaxError(
                     f"Argument `positions` must hold {size} for the {link.kind} '{name}', but holds {np.size(value)}. "
                     "Give as many."
                 )
@@ -144,12 +145,12 @@ def load_model(path: str | pathlib.Path, closures: str | pathlib.Path | None = N
     tree, more = tree_of(model)
     plan = Plan(tree)
     if not plan.links:
-        raise ValueError(f"Argument `path`: '{path}' has no joints, so nothing that moves. Add some.")
+        raise RedundaxError(f"Argument `path`: '{path}' has no joints, so nothing that moves. Add some.")
     misfits, (positions, left) = tree.misfits(model.qpos0), tree.closed()
     if left > _OPEN:
         worst = sorted(tree.misfits(positions).items(), key=lambda item: -item[1])
         told = ", ".join(f"'{name}' by {misfit:.2g}" for name, misfit in worst[:4] if misfit > _OPEN)
-        raise RuntimeError(
+        raise NoSolutionError(
             f"The loops of '{path}' cannot be closed: the nearest position leaves open {told} (m or rad). "
             "Correct lengths, anchors or loops."
         )

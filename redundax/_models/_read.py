@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from .._tools._errors import RedundaxError
 from .._tools._optional import optional
 from ._closed_loops import add_closed_loops, add_drives, transmissions
 from ._tree import WITHOUT
@@ -59,9 +60,11 @@ def read(path: pathlib.Path, closures: pathlib.Path | None) -> tuple[Any, list[s
     """MuJoCo's model of a file of MJCF or URDF, and what of it is left out, a line each."""
     mujoco = optional("mujoco", "models")
     if not path.is_file():
-        raise ValueError(f"Argument `path`: there is no file '{path}'. Check the path and the folder that you are in.")
+        raise RedundaxError(
+            f"Argument `path`: there is no file '{path}'. Check the path and the folder that you are in."
+        )
     if path.suffix.lower() not in (".xml", ".mjcf", ".urdf"):
-        raise ValueError(f"Argument `path` must end in .xml, .mjcf or .urdf, but is '{path}'. Rename the file.")
+        raise RedundaxError(f"Argument `path` must end in .xml, .mjcf or .urdf, but is '{path}'. Rename the file.")
     with _silent(mujoco):
         return _read(mujoco, path, closures)
 
@@ -95,7 +98,7 @@ def _read(mujoco: Any, path: pathlib.Path, closures: pathlib.Path | None) -> tup
     for what, of in _NUMBERS.items():
         values = getattr(model, what)
         if not np.all(np.abs(values) < _LARGEST):
-            raise ValueError(f"Argument `path`: '{path}' has {of} that are no numbers, or beyond all. Correct them.")
+            raise RedundaxError(f"Argument `path`: '{path}' has {of} that are no numbers, or beyond all. Correct them.")
     return model, notes
 
 
@@ -175,6 +178,6 @@ def _compiled(spec: Any, path: pathlib.Path, notes: list[str]) -> Any:
         raise _unreadable(path, error) from error
 
 
-def _unreadable(path: pathlib.Path, error: Exception) -> ValueError:
+def _unreadable(path: pathlib.Path, error: Exception) -> RedundaxError:
     why = " ".join(str(error).split()).rstrip(".") or type(error).__name__
-    return ValueError(f"Argument `path`: '{path}' cannot be read: {why}. Correct the file.")
+    return RedundaxError(f"Argument `path`: '{path}' cannot be read: {why}. Correct the file.")

@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from xml.parsers import expat
 from xml.sax.saxutils import quoteattr
 
+from .._tools._errors import RedundaxError
+
 
 @dataclasses.dataclass(eq=False)
 class Element:
@@ -44,7 +46,9 @@ class Source:
         try:
             parser.Parse(self.content, True)
         except (expat.ExpatError, ValueError) as error:
-            raise ValueError(f"Argument `path`: '{path}' is no well-formed XML: {error}. Correct the file.") from error
+            raise RedundaxError(
+                f"Argument `path`: '{path}' is no well-formed XML: {error}. Correct the file."
+            ) from error
 
     def _declared(self, _: str, encoding: str | None, __: int) -> None:
         self._encoding = encoding or self._encoding
@@ -72,7 +76,7 @@ class Source:
                 quote = sign
             elif sign == ord(">"):
                 return k + 1
-        raise ValueError(f"Argument `path`: '{self._path}' is no well-formed XML. Correct the file.")
+        raise RedundaxError(f"Argument `path`: '{self._path}' is no well-formed XML. Correct the file.")
 
     def text(self, element: Element) -> str:
         """The first tag of an element, as it is written."""

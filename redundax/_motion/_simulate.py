@@ -21,6 +21,7 @@ from .._system._friction import have_direction
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._errors import RedundaxError
 from .._tools._module import (
     Numbers,
     floats,
@@ -130,7 +131,7 @@ def simulate(
     solver = diffrax.Dopri8() if solver is None else solver
     _check(system, state, rtol, dt0, max_steps)
     if rtol is not None and not isinstance(solver, diffrax.AbstractAdaptiveSolver):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `rtol` must be None with {type(solver).__name__}, which does not estimate its error, but it is "
             "given. Give `rtol=None` and a constant step `dt0`, or another solver."
         )
@@ -174,13 +175,13 @@ def _evenly(start: Times, end: Times) -> Times:
 def _check(system: AbstractSystem, state: State, rtol: ArrayLike | None, dt0: ArrayLike | None, max_steps: int) -> None:
     """Refuse what cannot be integrated."""
     if system.plan is not None and have_direction(system.friction).any():
-        raise ValueError(
+        raise RedundaxError(
             "Argument `system` must have no dry friction of sleeves, balls or plates where matrices are sparse, but "
             "has. Simulate `mechanism.sparse(False)`."
         )
     n = len(system.coordinates)
     if state.qd.shape != (n,) or (system.adds and state.q.shape != (n,)):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `state` must have one entry for each of the {n} coordinates, but its `q` has shape "
             f"{state.q.shape} and its `qd` {state.qd.shape}. Use jax.vmap for many motions."
         )
@@ -190,7 +191,9 @@ def _check(system: AbstractSystem, state: State, rtol: ArrayLike | None, dt0: Ar
         if value is not None:
             positive(name, floats(value))
     if rtol is None and dt0 is None:
-        raise ValueError("Argument `dt0` must be given where `rtol` is None, but it is None: it is the constant step.")
+        raise RedundaxError(
+            "Argument `dt0` must be given where `rtol` is None, but it is None: it is the constant step."
+        )
 
 
 def _check_chart(system: AbstractSystem, state: State) -> None:
@@ -198,9 +201,9 @@ def _check_chart(system: AbstractSystem, state: State) -> None:
     try:
         shape = jax.eval_shape(system.retract, state.q, state.qd).shape
     except (TypeError, ValueError, IndexError) as error:
-        raise ValueError(_chart_message(state, f"raises: {error}")) from error
+        raise RedundaxError(_chart_message(state, f"raises: {error}")) from error
     if shape != state.q.shape:
-        raise ValueError(_chart_message(state, f"gives shape {shape}"))
+        raise RedundaxError(_chart_message(state, f"gives shape {shape}"))
 
 
 def _chart_message(state: State, what: str) -> str:

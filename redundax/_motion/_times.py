@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._tools._errors import RedundaxError
 from .._tools._module import is_concrete, numpy_of
 
 _ROUNDINGS = 10
@@ -34,7 +35,7 @@ def within(start: Array, end: Array, ts: Float[Array, " times"]) -> Float[Array,
 def check_times(start: Times, end: Times, ts: Times) -> None:
     """Refuse times that no motion runs through; those that are traced give a result of their own."""
     if ts.ndim != 1 or ts.size == 0:
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `ts` must be a vector of one time or more, but has shape {ts.shape}. "
             "Give `ts=[t1]` for the end of the motion alone."
         )
@@ -43,14 +44,14 @@ def check_times(start: Times, end: Times, ts: Times) -> None:
         return
     start, end, times = map(np.asarray, (start, end, ts))
     if not (start <= end and np.isfinite(start) and np.isfinite(end)):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `t1` must be a finite time not before that of `state`, {start}, but is {end}. "
             "Motions run forward: give the earlier state."
         )
     slack = _slack(start, end)
     beyond = times[~((times >= start - slack) & (times <= end + slack))]
     wrong = [*(f"{t} lies elsewhere" for t in beyond), "some follow later ones"][0]
-    raise ValueError(
+    raise RedundaxError(
         f"Argument `ts` must hold times in ascending order from that of `state`, {start}, to `t1`, {end}, but {wrong}. "
         "Sort them, and leave out what lies beyond."
     )

@@ -4,6 +4,7 @@ import textwrap
 
 import numpy as np
 
+from .._tools._errors import RedundaxError
 from ._compare import Comparison, digits
 from ._printed import ROUNDINGS, SWAPPED
 from ._tables import Table
@@ -193,7 +194,7 @@ def _notes3(comparison: Comparison) -> str:
 def _notes4(comparison: Comparison) -> str:
     table, placement = comparison.table, comparison.placement
     if placement is None:
-        raise ValueError(
+        raise RedundaxError(
             "Argument `comparison` must place the rows, but its `placement` is None. Use the comparison of Table 4."
         )
     guide, crank = table.entries.index("K.angle"), table.entries.index("1.phi''")

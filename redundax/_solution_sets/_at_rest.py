@@ -23,6 +23,7 @@ from .._system._directions import Directions, directions_of
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
+from .._tools._errors import RedundaxError
 
 T = TypeVar("T")
 
@@ -80,14 +81,14 @@ def drive(system: AbstractSystem, state: State, factor: Factorisation) -> Reduce
     """What drives a system at rest; `ValueError` where it does not rest."""
     length, angular = np.asarray(factor.length), np.asarray(system.coordinates.angular)
     if not is_still(system, state, factor):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `state` must be at rest, but has velocities up to {_largest_rate(system, state, factor):.3g}. "
             "Take `qd = 0`, or `simulate` to where it comes to rest."
         )
     none = max(NONE, 100 * float(np.finfo(factor.load.dtype).eps))
     a, mass, load = (np.asarray(x, float) for x in (factor.acceleration, factor.mass, factor.load))
     if np.abs(factor.gamma).max(initial=0.0) > none * np.abs(factor.jacobian @ a).max(initial=0.0):
-        raise ValueError(
+        raise RedundaxError(
             "Argument `state` must be free to stay at rest, but a driver accelerates the mechanism. "
             "Lock the driver, or choose another time `t`."
         )

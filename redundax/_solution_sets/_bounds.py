@@ -23,6 +23,7 @@ from .._system._names import by_joint, index_of
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import on_device
 from ._cases import AbstractCases, Affine, Fractional, self_stress_of
 from ._solution_set import SolutionSet
@@ -47,7 +48,7 @@ def _pairs(box: Any) -> Box:
     try:
         return {name: (float(lower), float(upper)) for name, (lower, upper) in box.items()}
     except (AttributeError, TypeError, ValueError) as error:
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `box` must give the least and the largest value by name, but is {box!r}. Write "
             '{"A.x": (-40.0, 40.0)}, say.'
         ) from error
@@ -57,7 +58,7 @@ def _numbers(sizes: Any) -> Mapping[str, float]:
     try:
         return {name: float(size) for name, size in sizes.items()}
     except (AttributeError, TypeError, ValueError) as error:
-        raise ValueError(
+        raise RedundaxError(
             f'Argument `sizes` must give a number by name, but is {sizes!r}. Write {{"A.x": 40.0}}, say.'
         ) from error
 
@@ -188,7 +189,7 @@ class ComplianceBox(AbstractBounds):
     def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Fractional:
         rows, lower, upper = _box("box", self.box, report.rows)
         if lower.min(initial=0.0) < 0:
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `box` must not hold negative compliances, but holds {lower.min():.4g}. Give at least 0."
             )
         compliance, misfit = elasticity(self.closure, system, state)
@@ -239,7 +240,7 @@ def _closed(
     compliance, misfit = elasticity(closure, system, state)
     _check_apart(compliance, solutions)
     if not (np.all(np.isfinite(compliance)) and np.all(np.isfinite(misfit))):
-        raise RuntimeError(RESULTS[RESULTS.not_finite])
+        raise NoSolutionError(RESULTS[RESULTS.not_finite])
     stress, free, unit = solutions.stress, solutions.response.free.multipliers, solutions.response.unit.multipliers
     check_definite(np.asarray(stress.T @ compliance @ stress))
     each, others = jnp.eye(len(free), dtype=free.dtype)[:, rows], jnp.broadcast_to(misfit, free.shape).at[rows].set(0.0)
@@ -251,12 +252,12 @@ def _closed(
 def _box(argument: str, box: Box, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Indices among the names, lower and upper bounds."""
     if not names:
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `{argument}` must bound self-stress, but there is none: no constraint is redundant here, and "
             "joint loads are unique without bounds. Use `rx.solve`."
         )
     if not box:
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `{argument}` must have keys among {', '.join(names) or 'none'}, but has none. Add one."
         )
     found = [index_of(argument, name, names) for name in box]
@@ -264,7 +265,7 @@ def _box(argument: str, box: Box, names: tuple[str, ...]) -> tuple[np.ndarray, n
     right = (values[:, 0] <= values[:, 1]) & np.isfinite(values).all(axis=1)
     if not right.all():
         wrong = ", ".join(name for name, good in zip(box, right, strict=True) if not good)
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `{argument}` must hold finite bounds (lower, upper) that increase, but those of {wrong} do not. "
             "Put the smaller one first."
         )
@@ -306,7 +307,7 @@ def _by_pivots(
     if len(chosen) < stress.shape[1]:
         each = stress / np.linalg.norm(stress, axis=0)
         left = each @ np.linalg.svd(each[rows[chosen]])[2][len(chosen) :].T
-        raise ValueError(
+        raise RedundaxError(
             "Argument `bounds` must bound every self-stress state, but the rows given leave "
             f"{left.shape[1]} of {stress.shape[1]} without bounds. "
             f"Add bounds of {', '.join(report.rows[row] for row in _independent(left))}, say."
@@ -323,7 +324,7 @@ def _check_given(report: Report, rows: np.ndarray, solutions: SolutionSet) -> No
     """Refuse bounds on multipliers that have no value at a singular position."""
     none = [report.rows[row] for row in rows if solutions.undetermined is not None and solutions.undetermined[row]]
     if none:
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `bounds` must bound multipliers that have a value, but at this singular position {none} have "
             "none. Leave them out, or move the state."
         )
@@ -336,7 +337,7 @@ def _check_apart(compliance: Array, solutions: SolutionSet) -> None:
     lost = np.asarray(solutions.undetermined)
     lasting = np.any(np.asarray(solutions.stress) != 0, axis=1) & ~lost
     if np.any(np.asarray(compliance)[np.ix_(lasting, lost)]):
-        raise ValueError(
+        raise RedundaxError(
             "Argument `bounds` must have a compliance that leaves loads without a value alone, but at this singular "
             "position it couples self-stress with them. Move the state beside the position."
         )
@@ -365,4 +366,4 @@ def check_definite(matrix: np.ndarray) -> None:
     scale = np.sqrt(np.abs(np.diag(matrix)))
     scaled = matrix / np.where(scale > 0, scale, 1.0)[:, None] / np.where(scale > 0, scale, 1.0)
     if not np.linalg.eigvalsh(scaled)[0] > 1e-12:
-        raise RuntimeError(RESULTS[RESULTS.indeterminate_closure])
+        raise NoSolutionError(RESULTS[RESULTS.indeterminate_closure])

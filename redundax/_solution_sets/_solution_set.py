@@ -23,6 +23,7 @@ from .._solvers._friction_problem import FrictionProblem, Law
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
+from .._tools._errors import RedundaxError
 
 _MINIMUM_NORM = MinimumNorm()
 
@@ -53,7 +54,7 @@ class SolutionSet(eqx.Module):
     def problem(self, base: Float[Array, " m"], unit: Float[Array, "m p"]) -> FrictionProblem:
         """tau = law(base[rows] + unit[rows] tau)."""
         if self.law is None:
-            raise ValueError(
+            raise RedundaxError(
                 "Argument `system` must have friction here, but it has none. "
                 "Without friction `solve` is all that is needed."
             )

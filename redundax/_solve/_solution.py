@@ -15,6 +15,7 @@ from .._system._pages import further, notes, numbers_of, outcome, ranges_of, val
 from .._system._pushing import in_words, pulling
 from .._system._results import RESULTS, is_one_of
 from .._system._state import State
+from .._tools._errors import RedundaxError
 from .._tools._table import are_known, page
 
 
@@ -142,7 +143,9 @@ class Solution(AbstractNamed):
     @property
     def _at(self) -> State:
         if self.state is None:
-            raise ValueError("This solution does not know its state: it does not come from `solve`. Index its arrays.")
+            raise RedundaxError(
+                "This solution does not know its state: it does not come from `solve`. Index its arrays."
+            )
         return self.state
 
     def __str__(self) -> str:

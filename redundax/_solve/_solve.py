@@ -32,6 +32,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._chunks import in_chunks, with_derivative_of
 from .._tools._compilation import compiled
+from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, is_concrete, no_classes, replace_fields
 from ._reduced import Reduced, reduce
 from ._solution import Solution, Stats
@@ -106,7 +107,7 @@ def solve(
     if system.plan is not None and closure is not None:
         solver = of_large(solver)
     if closure is None and not (isinstance(solver, Newton) and x0 is not None):
-        raise ValueError(
+        raise RedundaxError(
             "Argument `closure` may be None only with `solver=Newton()` and an initial guess `x0`: without a "
             "closure the end point of (38) is chosen by `x0`. Give both, or a closure such as `MinimumNorm()`."
         )
@@ -313,7 +314,7 @@ def _open_newton(
 def _kept(x0: Array | None, state: State) -> Array:
     """The multipliers in x0 = [qdd; lam], a number if they are equal."""
     if x0 is None:
-        raise ValueError(
+        raise RedundaxError(
             "Argument `x0` must be given with `closure=None`, but it is None. Give an initial guess [qdd; lam]."
         )
     return x0[state.qd.size :] if x0.ndim else x0
@@ -347,7 +348,7 @@ def _solution(
 def _check_state(system: AbstractSystem, state: State) -> None:
     n = len(system.coordinates)
     if state.qd.shape != (n,):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `state` must have a velocity `qd` of shape ({n},), but it has {state.qd.shape}. "
             "Use jax.vmap to solve at many states."
         )
@@ -357,7 +358,7 @@ def _vector(name: str, value: Numbers, size: int, what: str) -> Array:
     """`value`, checked: a number stands for that many equal entries, and stays one until they are needed."""
     array = as_float(value)
     if array.shape not in ((), (size,)):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `{name}` must be a number or have shape ({size},) for {what}, but has {array.shape}. "
             "Give one number for all, or that many."
         )

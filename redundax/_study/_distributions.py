@@ -9,6 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from .._tools._errors import RedundaxError
 from .._tools._module import Numbers
 
 _BITS = 30  # of the Sobol points
@@ -48,7 +49,9 @@ class Normal(AbstractDistribution):
     def __init__(self, mean: Numbers, std: Numbers):
         self.nominal, self.std = _pair("mean", mean, "std", std)
         if not np.all(self.std > 0):
-            raise ValueError(f"Argument `std` must be positive, but is {std}. What does not vary belongs into `build`.")
+            raise RedundaxError(
+                f"Argument `std` must be positive, but is {std}. What does not vary belongs into `build`."
+            )
 
     def quantile(self, u: np.ndarray) -> np.ndarray:
         from scipy.special import ndtri
@@ -73,7 +76,7 @@ class Uniform(AbstractDistribution):
     def __init__(self, low: Numbers, high: Numbers):
         self.low, self.high = _pair("low", low, "high", high)
         if not np.all(self.low < self.high):
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `high` must be above `low`, but they are {high} and {low}. Swap them, or widen the range."
             )
         self.nominal = (self.low + self.high) / 2
@@ -87,7 +90,7 @@ def check_distributions(parameters: Mapping[str, AbstractDistribution], rest: st
     """Refuse parameters without a distribution; `rest` says what to do with what has none."""
     wrong = [name for name, one in parameters.items() if not isinstance(one, AbstractDistribution)]
     if wrong or not parameters:
-        raise ValueError(
+        raise RedundaxError(
             "Argument `parameters` must hold a `Normal` or `Uniform` for each parameter, but holds "
             f"{f'something else for {wrong}' if wrong else 'none'}. {rest}"
         )
@@ -97,7 +100,7 @@ def check_power(name: str, count: int, least: int = 2) -> None:
     """Refuse a number of Sobol points that is no power of two."""
     if count < least or count & (count - 1):
         near = max(least, 2 ** count.bit_length())
-        raise ValueError(f"Argument `{name}` must give a power of two points, but gives {count}. {near} is one.")
+        raise RedundaxError(f"Argument `{name}` must give a power of two points, but gives {count}. {near} is one.")
 
 
 def sobol(parameters: Mapping[str, AbstractDistribution], samples: int, seed: int) -> dict[str, np.ndarray]:
@@ -125,10 +128,10 @@ def _pair(first: str, one: Numbers, second: str, other: Numbers) -> tuple[np.nda
         a, b = np.broadcast_arrays(*values)
     except ValueError:
         shapes = f"{values[0].shape} and {values[1].shape}"
-        raise ValueError(
+        raise RedundaxError(
             f"Arguments `{first}` and `{second}` must have one shape, but have {shapes}. Give both for every entry."
         ) from None
     for name, value in ((first, a), (second, b)):
         if not np.all(np.isfinite(value)):
-            raise ValueError(f"Argument `{name}` must be finite, but is {value}. Look for NaN or infinity in it.")
+            raise RedundaxError(f"Argument `{name}` must be finite, but is {value}. Look for NaN or infinity in it.")
     return a, b

@@ -18,6 +18,7 @@ from .._motion._trajectory import Trajectory
 from .._system._names import KEPT
 from .._system._results import result_codes
 from .._system._system import AbstractSystem
+from .._tools._errors import RedundaxError
 from .._tools._module import Numbers
 from ._distributions import AbstractDistribution, check_power, sobol
 from ._layout import SAMPLE, outcomes
@@ -113,7 +114,7 @@ def _drawn(
     if drawn:
         check_power("samples" if fixed else "size", count)
     if len(percentiles) < 2 or not all(0 <= value <= 100 for value in percentiles):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `percentiles` must hold two or more from 0 to 100, but is {percentiles}. Give 5 and 95, say."
         )
     return drawn, count
@@ -123,13 +124,13 @@ def _named(data: "xarray.Dataset", system: AbstractSystem) -> "xarray.Dataset":
     """The motions with one time, and names and units along the other dimensions."""
     missing = [name for name in ("t", *KEPT, "sense", "result") if name not in data]
     if missing:
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `run` must give a `Trajectory`, but its result has no {', '.join(missing)}. "
             "Return what `simulate` gives."
         )
     times = data["t"].values
     if times.ndim != 2 or not np.array_equal(times, np.broadcast_to(times[0], times.shape), equal_nan=True):
-        raise ValueError("Argument `run` must give all motions at the same times. Give `ts` to `simulate`.")
+        raise RedundaxError("Argument `run` must give all motions at the same times. Give `ts` to `simulate`.")
     unit = system.names.units.of("time")
     clock = {"units": unit} if unit else {}
     motions = data.drop_vars("t").assign_coords(time=("time", times[0], clock))
@@ -137,7 +138,7 @@ def _named(data: "xarray.Dataset", system: AbstractSystem) -> "xarray.Dataset":
     for name, quantity in KEPT.items():
         size, chart = len(system.names.axes[quantity.axis]), name == "q" and not system.adds
         if data[name].shape[2] != size and not chart:
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `system` must be the one whose motions `run` gives, but has {size} {quantity.axis}s where "
                 f"they have {data[name].shape[2]}. Give the one that `run` simulates."
             )

@@ -24,6 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import Numbers, as_float
 from ._distributions import AbstractDistribution, check_distributions, check_power, sobol
 from ._identification import Ends, Identification, Shapes, Space, identified, restore
@@ -87,7 +88,7 @@ def identify(
     except TypeError as error:
         if "forward-mode" not in str(error):
             raise
-        raise ValueError(
+        raise RedundaxError(
             "Argument `predict` must be differentiable in forward mode, but is not. Give `simulate` the argument "
             "`adjoint=diffrax.ForwardMode()`."
         ) from error
@@ -99,7 +100,7 @@ def identify(
     space = Space(shapes, np.asarray(middle), np.asarray(scale))
     out = identified(Ends(*map(np.asarray, found)), space, elsewhere)
     if out.problem and throw:
-        raise RuntimeError(out.problem)
+        raise NoSolutionError(out.problem)
     return out
 
 
@@ -115,13 +116,13 @@ def _checked(
     check_power("starts", starts, least=1)
     data, sigma = as_float(measured), as_float(noise)
     if not bool(jnp.all(jnp.isfinite(data))):
-        raise ValueError(
+        raise RedundaxError(
             "Argument `measured` must be finite. Leave out of it, and of what `predict` gives, what is missing."
         )
     if not bool(jnp.all((sigma > 0) & jnp.isfinite(sigma))):
-        raise ValueError(f"Argument `noise` must be positive and finite, but is {noise}. Give a standard deviation.")
+        raise RedundaxError(f"Argument `noise` must be positive and finite, but is {noise}. Give a standard deviation.")
     if sigma.shape not in ((), data.shape):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `noise` must be a number or have the shape of `measured`, {data.shape}, but has {sigma.shape}. "
             "Give one standard deviation for all, or one for each."
         )
@@ -145,7 +146,7 @@ def _searches(
     def residual(u: Array) -> tuple[Array, Array]:
         given = jnp.asarray(predict(**restore(shapes, middle + scale * u)))
         if given.shape != data.shape:
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `measured` must have the shape that `predict` gives, {given.shape}, but has {data.shape}. "
                 "Let `predict` give what was measured, at the same times."
             )

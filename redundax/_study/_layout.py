@@ -18,6 +18,7 @@ from .._system._names import KEPT, Names
 from .._system._results import RESULTS, flags
 from .._system._system import AbstractSystem
 from .._system._units import UNSTATED, StatedUnits
+from .._tools._errors import RedundaxError
 from .._tools._module import replace_fields
 
 SAMPLE = "sample"
@@ -69,7 +70,7 @@ def layout(samples: Mapping[str, np.ndarray], outputs: Any, system: AbstractSyst
     units = UNSTATED if names is None else names.units
     found = {name: _variable(name, leaf, axes, units) for name, leaf in _leaves(outputs).items()}
     if not found:
-        raise ValueError(
+        raise RedundaxError(
             "Argument `run` must return arrays, but returns none. Return the quantities that you want to know."
         )
     used = {dim for variable in (given | found).values() for dim in variable.dims}
@@ -79,15 +80,17 @@ def layout(samples: Mapping[str, np.ndarray], outputs: Any, system: AbstractSyst
         labels[f"{dim}_kind"] = (dim, axes[dim].kinds)
     for name in found:
         if not name or "/" in name:
-            raise ValueError(
+            raise RedundaxError(
                 "Argument `run` must return a dict of arrays or a `Solution`, with names that are not empty and hold "
                 f"no slash, but one array is called {name!r}. Rename it."
             )
         if name in given:
-            raise ValueError(f"No output may be called {name!r}, as samples are. Choose another name.")
+            raise RedundaxError(f"No output may be called {name!r}, as samples are. Choose another name.")
     for name in (*given, *found):
         if name in used | {SAMPLE, *labels}:
-            raise ValueError(f"No samples or outputs may be called {name!r}, as a dimension is. Choose another name.")
+            raise RedundaxError(
+                f"No samples or outputs may be called {name!r}, as a dimension is. Choose another name."
+            )
     return Layout({**given, **found}, labels, len(next(iter(samples.values()))))
 
 
@@ -127,7 +130,7 @@ def _variable(name: str, leaf: Any, axes: Mapping[str, Axis], units: StatedUnits
         attrs = flags(leaf.dtype)
     shape, dtype = tuple(leaf.shape), np.dtype(leaf.dtype)
     if not storable(dtype):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `run` must return real numbers of at least 32 bits, but {name!r} has dtype {dtype}. "
             "Convert it, say with `astype(float)`."
         )

@@ -9,6 +9,7 @@ from jax.experimental import multihost_utils
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, PyTree
 
+from .._tools._errors import RedundaxError
 from .._tools._module import cores
 
 
@@ -37,7 +38,7 @@ def check_threads(mesh: Mesh | None) -> None:
     given = os.environ.get("PJRT_NPROC") or os.environ.get("NPROC")
     threads = int(given) if given and given.isdigit() else cores()
     if count > 1 and threads < 2 * count:
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `mesh` has {count} CPU devices of this process, but XLA's pool of {threads} threads could leave "
             f"them waiting for each other. Start Python anew with the environment variable PJRT_NPROC={2 * count}."
         )
@@ -61,7 +62,7 @@ def of_first(value: int) -> int:
 def refuse(problem: str) -> None:
     """Raise in every process where process 0 has a problem."""
     if of_first(bool(problem)):
-        raise ValueError(problem or "Process 0 refused the study: its error says why.")
+        raise RedundaxError(problem or "Process 0 refused the study: its error says why.")
 
 
 def meet(place: str) -> None:

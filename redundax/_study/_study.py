@@ -16,6 +16,7 @@ import numpy as np
 from jax.sharding import Mesh
 
 from .._system._system import AbstractSystem
+from .._tools._errors import RedundaxError
 from .._tools._module import Numbers
 from .._tools._optional import optional
 from .._tools._progress import progress as told
@@ -83,7 +84,9 @@ def study(
     optional("xarray")
     given = _given(samples)
     if chunk < 1:
-        raise ValueError(f"Argument `chunk` must be at least 1, but is {chunk}. Leave it out unless memory runs short.")
+        raise RedundaxError(
+            f"Argument `chunk` must be at least 1, but is {chunk}. Leave it out unless memory runs short."
+        )
     one = jax.jit(lambda sample: run(**sample))  # traced once, for the shapes
     plan = layout(given, jax.eval_shape(one, {name: values[0] for name, values in given.items()}), system)
     check_threads(mesh)
@@ -110,13 +113,13 @@ def _given(samples: Mapping[str, Numbers]) -> dict[str, np.ndarray]:
     given = {name: np.asarray(values) for name, values in samples.items()}
     sizes = {name: values.shape[:1] for name, values in given.items()}
     if len(set(sizes.values())) != 1 or not all(size and size[0] for size in sizes.values()):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `samples` must hold arrays of one length, at least 1, but holds {sizes or 'none'}. What is the "
             "same for all samples belongs into `run`."
         )
     for name, values in given.items():
         if not storable(values.dtype):
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `samples` must hold real numbers of at least 32 bits, but {name!r} has "
                 f"dtype {values.dtype}. Convert it, say with `astype(float)`."
             )
@@ -127,7 +130,7 @@ def _opened(path: Path | None, plan: Layout, given: Mapping[str, np.ndarray]) ->
     if path is None:
         return Memory(plan)
     if path.suffix != ".nc" or not path.parent.is_dir():
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `path` must end in .nc and lie in a folder that exists, but is {path}. "
             "Make the folder, or choose another."
         )

@@ -25,6 +25,7 @@ from .._system._named import AbstractNamed
 from .._system._names import QUANTITIES
 from .._system._results import RESULTS, is_one_of, result_codes
 from .._system._system import AbstractSystem
+from .._tools._errors import NoSolutionError, RedundaxError
 from ._distributions import AbstractDistribution, check_distributions, check_power, entries, sobol
 from ._layout import SAMPLE, named, outcomes
 from ._study import study
@@ -121,7 +122,7 @@ def tolerance_study(
     inputs = [name for one in parameters for name in entries(one, parameters[one].shape)]
     solved = _solved(data, linear.names)
     if solved.sum() <= len(inputs):
-        raise RuntimeError(
+        raise NoSolutionError(
             f"Only {solved.sum()} of {solved.size} samples have a solution: too few for the shares of {len(inputs)} "
             "parameters. Take narrower distributions, or more samples."
         )
@@ -138,9 +139,11 @@ def _check(parameters: Mapping[str, AbstractDistribution], samples: int, percent
     check_power("samples", samples)
     lost = sorted(set(parameters) & _TAKEN)
     if lost:
-        raise ValueError(f"Argument `parameters` must not hold {lost}, which are names of statistics. Choose others.")
+        raise RedundaxError(
+            f"Argument `parameters` must not hold {lost}, which are names of statistics. Choose others."
+        )
     if not all(0 <= value <= 100 for value in percentiles) or not len(percentiles):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `percentiles` must lie between 0 and 100, but is {percentiles}. Give them in per cent."
         )
 
@@ -162,7 +165,7 @@ def _linear(run: Callable[..., Any], parameters: Mapping[str, AbstractDistributi
     shapes = named(jax.eval_shape(lambda vector: run(**restore(vector)), flat))
     names = [name for name, value in shapes.items() if jnp.issubdtype(value.dtype, jnp.floating)]
     if not names:
-        raise ValueError(
+        raise RedundaxError(
             "Argument `build` must return arrays of real numbers, but returns none. "
             "Return the quantities that you want to know."
         )
@@ -177,14 +180,14 @@ def _linear(run: Callable[..., Any], parameters: Mapping[str, AbstractDistributi
     gradient, (nominal, results) = jax.jit(jax.jacfwd(outputs, has_aux=True))(flat)
     for result in results:
         if not is_one_of(result, RESULTS.successful):
-            raise RuntimeError(f"At the means of the parameters there is no solution. {RESULTS[result]}")
+            raise NoSolutionError(f"At the means of the parameters there is no solution. {RESULTS[result]}")
     lost = sorted(set(names) & _TAKEN)
     if lost:
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `build` must not call outputs {lost}, which are names of statistics. Choose others."
         )
     if not np.all(np.isfinite(nominal)):
-        raise RuntimeError(
+        raise NoSolutionError(
             "At the means of the parameters there is no solution: outputs of `build` are not finite. Choose others."
         )
     return _Linear(names, np.asarray(nominal), np.asarray(gradient))

@@ -10,6 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .._tools._errors import RedundaxError
+
 
 @dataclasses.dataclass(frozen=True)
 class Axis:
@@ -33,13 +35,13 @@ class Axis:
 
     def __post_init__(self) -> None:
         if self.names is not None and len(self.names) != len(self.kinds):
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `names` must have one name for each of the {len(self.kinds)} entries, "
                 f"but has {len(self.names)}. Give as many."
             )
         if self.names is not None and len(set(self.names)) != len(self.names):
             twice = sorted({name for name in self.names if self.names.count(name) > 1})
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `names` must name each entry once, but {twice} occur more than once. Rename them."
             )
 
@@ -47,7 +49,7 @@ class Axis:
         """Refuse kinds that are not allowed on this axis."""
         wrong = sorted(set(self.kinds) - set(allowed))
         if wrong:
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `{argument}` must hold {' or '.join(map(repr, allowed))}, but holds {wrong}. "
                 "Use these words alone."
             )
@@ -75,7 +77,7 @@ def axis(names: Sequence[str] | None, kinds: Sequence[str] | str, size: int) -> 
     """An axis of `size` entries; one kind may be given for all."""
     kinds = (kinds,) * size if isinstance(kinds, str) else tuple(kinds)
     if len(kinds) != size:
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `kinds` must have {size} entries, but has {len(kinds)}. Give one for each, or one word for all."
         )
     return Axis(None if names is None else tuple(names), kinds)

@@ -19,6 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
+from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, as_functions, as_parameters, replace_fields
 from ._axis import Axis, join
 from ._state import State
@@ -144,13 +145,13 @@ class Friction(AbstractFriction):
         self._slip, self._force, self._memory_rate = map(as_functions, (slip, force, memory_rate))
         self._memory = jax.tree.map(as_float, memory)
         if (memory is None) != (memory_rate is None):
-            raise ValueError(
+            raise RedundaxError(
                 "Arguments `memory` and `memory_rate` must be given together, but one is None. "
                 "Give the sizes of the internal state and its rate of change."
             )
         self.rows = jnp.asarray(rows, dtype=int)
         if isinstance(kinds, str):
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `kinds` must hold one kind for each slip, as in ['{kinds}'], but is '{kinds}'. "
                 "Put it in a list."
             )
@@ -196,7 +197,7 @@ def slip_kinds(groups: Sequence[AbstractFriction]) -> Axis:
 def memories(groups: Sequence[AbstractFriction], state: State) -> tuple[PyTree, ...]:
     """Internal states of all groups at a state, zero if it holds none."""
     if state.memory and len(state.memory) != len(groups):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `state` must have a memory for each of {len(groups)} friction groups, but has "
             f"{len(state.memory)}. Leave `memory` out to start from zero."
         )

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import equinox as eqx
 from jaxtyping import Array, Float
 
+from .._tools._errors import RedundaxError
 from ._export import dataset_of, frame_of
 from ._joint_coordinates import AbstractJointCoordinates
 from ._names import QUANTITIES, Entry, Names, entries, index_of
@@ -29,7 +30,9 @@ class AbstractNamed(eqx.Module):
     def entries(self) -> tuple[Entry, ...]:
         """All entries that have names; positions have some where velocities are their rates."""
         if self.names is None:
-            raise ValueError("This result has no names: it does not come from `solve` or `simulate`. Index its arrays.")
+            raise RedundaxError(
+                "This result has no names: it does not come from `solve` or `simulate`. Index its arrays."
+            )
         chart = "" if self.names.adds else "q"
         return tuple(entries(self.names.axes, [array for array in QUANTITIES if array != chart], self.names.units))
 

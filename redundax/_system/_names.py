@@ -21,6 +21,7 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
+from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float
 from ._axis import Axis
 from ._units import UNSTATED, StatedUnits
@@ -170,7 +171,7 @@ def unit_of(kind: str, units: StatedUnits) -> str:
     return units.of(kind, 2 if kind in ("linear", "angular") else 0)
 
 
-class UnknownName(ValueError, KeyError):
+class UnknownName(RedundaxError, KeyError):
     """A name that nothing has; the message gives near ones."""
 
     def __str__(self) -> str:  # of a KeyError it is quoted
@@ -194,7 +195,7 @@ def index_of(argument: str, name: str, known: Sequence[str], what: str = "") -> 
     """Index of a name among those known; `ValueError` where there are none or several."""
     found = indices_of(argument, name, known, what)
     if len(found) > 1:
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `{argument}` must name one entry, but {name!r} names {len(found)}. Rename one, or index arrays."
         )
     return found[0]
@@ -223,7 +224,7 @@ def vector(argument: str, value: ByName, axis: Axis, what: str) -> Array:
         return as_float(found)
     array = as_float(value)
     if array.shape not in ((), (len(axis),)):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `{argument}` must be a number, have shape ({len(axis)},){what}, or give numbers by name, but "
             f"has shape {array.shape}. Give one number for all, or that many."
         )

@@ -6,6 +6,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._tools._errors import RedundaxError
 from .._tools._module import is_concrete
 from ._names import Names
 
@@ -17,7 +18,7 @@ def pulling(names: Names | None, multipliers: Float[Array | np.ndarray, "*batch 
     if names is None or not names.pushing:
         return ()
     if not is_concrete(multipliers):
-        raise ValueError(
+        raise RedundaxError(
             "What pulls is told where numbers are known, not inside of transformations. Look at the signs of the "
             f"multipliers {', '.join(names.rows.labels[row] for row in names.pushing)} there."
         )

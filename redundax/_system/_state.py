@@ -8,6 +8,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PyTree
 
+from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float
 from .._tools._table import are_known, figures, group, page
 
@@ -61,7 +62,7 @@ def states_of(states: State | Sequence[State]) -> list[State]:
     if not isinstance(states, State):
         return _some(list(states))
     if states.qd.ndim != 2 or not states.q.shape[:1] == states.t.shape == states.qd.shape[:1]:
-        raise ValueError(
+        raise RedundaxError(
             "Argument `states` must hold several states, each array with an axis for them in front, but has `q` of "
             f"shape {states.q.shape}, `qd` of {states.qd.shape} and `t` of {states.t.shape}. "
             "Use `Trajectory.states`, or the call for one state."
@@ -73,5 +74,5 @@ def states_of(states: State | Sequence[State]) -> list[State]:
 
 def _some(states: list[State]) -> list[State]:
     if not states:
-        raise ValueError("Argument `states` must hold finite states, but has none. Simulate longer, or give states.")
+        raise RedundaxError("Argument `states` must hold finite states, but has none. Simulate longer, or give states.")
     return states

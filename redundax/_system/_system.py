@@ -18,6 +18,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PyTree
 
 from .._sparse._plan import Plan
+from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, as_functions, as_parameters, moved, replace_fields
 from .._tools._table import are_known, page
 from ._axis import Axis, axis
@@ -146,7 +147,7 @@ class AbstractSystem(eqx.Module):
     @property
     def reference(self) -> Float[Array, "..."]:
         """The position q that the system is described at, where it is described at one."""
-        raise ValueError(
+        raise RedundaxError(
             "Argument `q` must be given, as the system is described at no position of its own. Give a guess of it."
         )
 
@@ -253,12 +254,12 @@ class System(AbstractSystem):
         if n is None:
             n = _count(coordinates) if callable(self._mass) else self._mass.shape[0]
         if n is None:
-            raise ValueError(
+            raise RedundaxError(
                 "Argument `n` must be given where `mass` is a function and `coordinates` one word. "
                 "Give the number of velocities."
             )
         if not callable(self._mass) and self._mass.shape not in ((n,), (n, n)):
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `mass` must have shape ({n},) or ({n}, {n}), but has {self._mass.shape}. "
                 "Give one mass for each coordinate, or a matrix."
             )
@@ -273,20 +274,20 @@ class System(AbstractSystem):
         rows.check("rows", ("force", "moment"))
         self._names = Names(coordinates, rows, units=of_model(units), adds=retraction is None)
         if not len(self.rows):
-            raise ValueError(
+            raise RedundaxError(
                 "Argument `constraint` must give at least one residual, but gives none. "
                 "Return an array with one entry for each constraint."
             )
 
     def _trial_rows(self, n: int) -> int:
         if self._retraction is not None:
-            raise ValueError(
+            raise RedundaxError(
                 "Argument `m` must be given where a `retraction` is given and `rows` is one word. "
                 "Give the number of constraints."
             )
         value = jax.eval_shape(lambda q, t: self._constraint(q, t, self.parameters), jnp.zeros(n), jnp.zeros(()))
         if value.ndim != 1:
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `constraint` must return a vector of residuals, but returns shape {value.shape}. "
                 "Return `jnp.array([...])` or `jnp.stack([...])`."
             )

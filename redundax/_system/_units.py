@@ -17,6 +17,7 @@ from collections.abc import Mapping
 import equinox as eqx
 from jaxtyping import Array, Float
 
+from .._tools._errors import RedundaxError
 from .._tools._module import as_float, is_concrete, numpy_of
 from .._tools._table import are_known
 from ._axis import Axis
@@ -139,7 +140,7 @@ def of_model(units: Units | None) -> StatedUnits:
     """Those of a model whose figures are in `units`, as factors from SI; none where a factor is traced."""
     stated = StatedUnits() if units is None else StatedUnits(1.0).in_units(units)
     if not math.isclose(stated.angle, 1.0, rel_tol=1e-6):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `units` must leave angles in radians, but has {stated.angle:.4g} in one. "
             "Leave `angle` out: positions are computed from radians."
         )

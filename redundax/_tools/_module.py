@@ -17,6 +17,8 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Integer
 
+from ._errors import RedundaxError
+
 T = TypeVar("T")
 
 
@@ -38,7 +40,7 @@ def floats(value: Numbers, argument: str = "") -> np.ndarray | Array:
     """`value` as floating-point numbers: in NumPy, which compiles nothing, where they are known, else traced."""
     array = numpy_of(value).asarray(value)
     if array.dtype.kind in "OSU":  # objects and words
-        raise ValueError(
+        raise RedundaxError(
             f"{f'Argument `{argument}`' if argument else 'A figure'} must be a number, or a list of numbers, but is "
             f"{value!r}. Give it without a unit: `units=` of a mechanism states that of all."
         )
@@ -114,7 +116,7 @@ def tracing(argument: str) -> Iterator[None]:
         jax.errors.TracerArrayConversionError,
         jax.errors.TracerIntegerConversionError,
     ) as error:
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `{argument}` must be a function that JAX can trace, but math.sin, np.sin, float() or an `if` in "
             "it wants a known number. Write it with jax.numpy: jnp.sin, jnp.where."
         ) from error
@@ -124,7 +126,7 @@ def no_classes(**arguments: Any) -> None:
     """Refuse a class where one of its objects is wanted."""
     for name, value in arguments.items():
         if isinstance(value, type):
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `{name}` must be an object, but is the class {value.__name__}. "
                 f"Write `{value.__name__}(...)`, with its arguments if it needs some."
             )
@@ -139,7 +141,7 @@ def moved(q: Array, d: Array) -> Array:
 def check_position(q: Array, n: int) -> None:
     """Refuse a position that is not one number for each of n coordinates."""
     if q.shape != (n,):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `q` must have shape ({n},), one number for each coordinate, but has {q.shape}. Give them in "
             "the order of `system.coordinates`, and use jax.vmap for many positions."
         )
@@ -180,7 +182,7 @@ def as_vector(value: Numbers) -> Float[Array, "2"]:
     """A planar vector."""
     array = as_float(value)
     if array.shape != (2,):
-        raise ValueError(
+        raise RedundaxError(
             f"Arguments such as `point_i` or `force` must be two components (x, y), but one has shape {array.shape}. "
             "Give a pair of numbers."
         )
@@ -191,7 +193,7 @@ def as_matrix(what: str, value: Numbers, size: int) -> Float[Array, "size size"]
     """A square matrix, given whole, by its diagonal or as one number for all of that."""
     array = floats(value)
     if array.shape not in ((), (size,), (size, size)):
-        raise ValueError(
+        raise RedundaxError(
             f"{what} must be a number or have shape ({size},) or ({size}, {size}), but has {array.shape}. Give one "
             "number for all directions, one for each, or a matrix."
         )
@@ -201,19 +203,19 @@ def as_matrix(what: str, value: Numbers, size: int) -> Float[Array, "size size"]
 def one_number(name: str, value: Array) -> None:
     """Refuse several numbers for one."""
     if value.shape != ():
-        raise ValueError(f"Argument `{name}` must be a number, but has shape {value.shape}. Make one part for each.")
+        raise RedundaxError(f"Argument `{name}` must be a number, but has shape {value.shape}. Make one part for each.")
 
 
 def not_negative(name: str, value: Array) -> None:
     """Refuse a negative number; one that is NaN gives results that say so."""
     if is_concrete(value) and np.any(np.asarray(value) < 0):
-        raise ValueError(f"Argument `{name}` must not be negative, but is {value}. Give a number from 0 on.")
+        raise RedundaxError(f"Argument `{name}` must not be negative, but is {value}. Give a number from 0 on.")
 
 
 def positive(name: str, value: Array | np.ndarray) -> None:
     """Refuse a number that is not positive; one that is NaN gives results that say so."""
     if is_concrete(value) and np.any(np.asarray(value) <= 0):
-        raise ValueError(f"Argument `{name}` must be positive, but is {value}. Give a number above 0.")
+        raise RedundaxError(f"Argument `{name}` must be positive, but is {value}. Give a number above 0.")
 
 
 def unit(v: Numbers) -> Array:
@@ -221,7 +223,7 @@ def unit(v: Numbers) -> Array:
     v = floats(as_vector(v))
     size = numpy_of(v).linalg.norm(v)
     if is_concrete(size) and not size > 0:
-        raise ValueError("Argument `normal` must not be zero: it gives the direction of a line, but is (0, 0).")
+        raise RedundaxError("Argument `normal` must not be zero: it gives the direction of a line, but is (0, 0).")
     return on_device(v / size)
 
 

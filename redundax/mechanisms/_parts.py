@@ -16,20 +16,21 @@ from jaxtyping import Array, Float
 from .._bodies._body import GROUND, Body
 from .._bodies._friction_model import Coulomb
 from .._bodies._joints import Revolute, Translational
+from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, floats, numpy_of
 
 
 def at_least(name: str, value: int, least: int, fix: str) -> None:
     """Refuse a count below `least`."""
     if value < least:
-        raise ValueError(f"Argument `{name}` must be at least {least}, but is {value}. {fix}")
+        raise RedundaxError(f"Argument `{name}` must be at least {least}, but is {value}. {fix}")
 
 
 def each(name: str, value: Numbers, count: int, what: str) -> Float[np.ndarray | Array, " count"]:
     """One number for each of `count` parts; a single number stands for all."""
     array = floats(value)
     if array.shape not in ((), (count,)):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `{name}` must be a number or have {count} entries, one for each {what}, but has shape "
             f"{array.shape}. Give one number for all, or that many."
         )

@@ -20,6 +20,7 @@ from .._bodies._joints import GearPair, Revolute
 from .._bodies._loads import AppliedForce
 from .._bodies._mechanism import Mechanism
 from .._system._units import Units
+from .._tools._errors import RedundaxError
 from .._tools._module import as_float, floats
 from ._parts import Numbers, at_least, coulomb, point, rubbing, spread, uniform_disc
 
@@ -88,7 +89,7 @@ def planetary(
     at_least("planets", planets, 1, "Give the number of planets.")
     ring_teeth = sun_teeth + 2 * planet_teeth
     if (sun_teeth + ring_teeth) % planets:
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `planets` must divide the {sun_teeth + ring_teeth} teeth of sun and ring together, but is "
             f"{planets}: else the teeth of the planets do not fit. Change a number of teeth."
         )

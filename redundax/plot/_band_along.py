@@ -8,6 +8,7 @@ import numpy as np
 from .._solution_sets._band._band_along import BandPath
 from .._system._names import index_of
 from .._system._units import with_unit
+from .._tools._errors import RedundaxError
 from ._solution_sets import COLOURS, finish, new_figure
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ def _across(path: BandPath, against: str | None) -> tuple[int | None, np.ndarray
         return path.leading, path.t, with_unit("time", path.time_unit)
     found = index_of("against", against, path.coordinates.labels, " of coordinates")
     if np.isnan(path.q[:, found]).any():
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `against` must name a coordinate that has {against!r} as its rate, but none has. Name one of a "
             "joint, such as 'hinge.angle', or leave it out: the bands are drawn over time."
         )

@@ -26,6 +26,7 @@ from .._system._names import Names
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._system._units import Units
+from .._tools._errors import RedundaxError
 from .._tools._module import replace_fields
 
 
@@ -249,7 +250,7 @@ class _RescaledClosure(AbstractClosure):
 
     def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
         if not isinstance(system, Rescaled):
-            raise ValueError(
+            raise RedundaxError(
                 "Argument `closure` comes from `closure_in_units` and must go with a system of `in_units`, but the "
                 "system is none. Give the closure that it was made from."
             )

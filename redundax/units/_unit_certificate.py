@@ -16,6 +16,7 @@ from .._analysis._report import Report
 from .._analysis._verdict import Verdict
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._errors import RedundaxError
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,7 +84,7 @@ def unit_certificate(system: AbstractSystem, state: State) -> UnitCertificate:
     """
     report = analyze(system, state)
     if report.problem:
-        raise ValueError(f"Argument `state` must be one that can be analysed, but: {report.problem}")
+        raise RedundaxError(f"Argument `state` must be one that can be analysed, but: {report.problem}")
     dependent = set(report.unit_dependent)
     read = [name for name in report.friction_reads if name in dependent]
     kinds = dict(zip(system.rows.labels, system.rows.kinds, strict=True))

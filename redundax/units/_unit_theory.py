@@ -19,6 +19,7 @@ from jaxtyping import Array, Float
 
 from .._system._axis import Axis
 from .._system._units import Units
+from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float
 
 
@@ -105,7 +106,7 @@ def _axes(dependent: Sequence[str], independent: Sequence[str]) -> tuple[Axis, A
 def _coefficients(eta: Numbers, dependent: Axis, independent: Axis) -> Array:
     array = as_float(eta)
     if array.shape != (len(dependent), len(independent)):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `eta` must have a row for each of {len(dependent)} dependent rows and a column for each of "
             f"{len(independent)} independent ones, but has shape {array.shape}. "
             "`Report.dependencies` gives such coefficients."

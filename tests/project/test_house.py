@@ -21,8 +21,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-MAX_FILE_LINES = 400
-MAX_FUNCTION_LINES = 60  # without the docstring
+MAX_FILE_LINES = 600
+MAX_FUNCTION_LINES = 80  # without the docstring
 MAX_IMPORT_SECONDS = 20.0
 
 # Kept out of `import redundax`: heavy, or needed by one optional part only.
@@ -268,7 +268,7 @@ def has_no_super(package: Package) -> list[str]:
 
 
 def classes_are_abstract_or_final(package: Package) -> list[str]:
-    """A class of the package that another one inherits from is named Abstract..."""
+    """A class that another one inherits from is named Abstract..., or is an error: these are caught by kind."""
     defined = {node.name for module in package.modules.values() for node in module.walk(ast.ClassDef)}
     complaints = []
     for module in package.modules.values():
@@ -276,7 +276,7 @@ def classes_are_abstract_or_final(package: Package) -> list[str]:
             for base in node.bases:
                 base = base.value if isinstance(base, ast.Subscript) else base
                 name = (dotted_path(base) or "").rpartition(".")[2]
-                if name in defined and not name.lstrip("_").startswith("Abstract"):
+                if name in defined and not name.lstrip("_").startswith("Abstract") and not name.endswith("Error"):
                     complaints.append(module.at(node, f"`{node.name}` extends the final `{name}`"))
     return complaints
 
@@ -355,6 +355,16 @@ def errors_say_what_to_do(package: Package) -> list[str]:
     return complaints
 
 
+def errors_are_its_own(package: Package) -> list[str]:
+    """What the package refuses can be told from a crash by the kind of the error."""
+    return [
+        module.at(node, f"`raise {name}`: raise RedundaxError, or NoSolutionError")
+        for module in package.modules.values()
+        for node in module.walk(ast.Raise)
+        if isinstance(node.exc, ast.Call) and (name := dotted_path(node.exc.func)) in ("ValueError", "RuntimeError")
+    ]
+
+
 def exports_are_explicit(package: Package) -> list[str]:
     """An `__init__` imports as `X as X`; the package's own defines no public name itself."""
     complaints = []
@@ -411,6 +421,7 @@ RULES: list[Rule] = [
     has_docstrings,
     has_examples,
     errors_say_what_to_do,
+    errors_are_its_own,
     exports_are_explicit,
     is_short,
 ]
@@ -539,6 +550,7 @@ BREAKS: list[tuple[Rule, str, dict[str, str]]] = [
     (errors_say_what_to_do, "_a.py:1: the message names nothing", {"_a": "raise ValueError('Wrong. Mend it.')"}),
     (errors_say_what_to_do, "what helps: `x` is {}.", {"_a": "raise TypeError(f'`x` is {x}.')"}),
     (errors_say_what_to_do, "what helps", {"_a": "raise ValueError('`x` is ' + y)"}),
+    (errors_are_its_own, "_a.py:1: `raise ValueError`", {"_a": "raise ValueError('`x` is 1. Give 2.')"}),
     (exports_are_explicit, "`f`", {"__init__": "from ._a import f"}),
     (exports_are_explicit, "`f`", {"__init__": "from ._a import f as g"}),
     (exports_are_explicit, "`f`", {"_g/__init__": "from ._a import f"}),
@@ -546,7 +558,7 @@ BREAKS: list[tuple[Rule, str, dict[str, str]]] = [
     (exports_are_explicit, "`f`", {"__init__": "def f(): ..."}),
     (exports_are_explicit, "`LIMIT`", {"__init__": "LIMIT: int = 3"}),
     (is_short, "_a.py:2: `_f`", {"_a": _LONG_FUNCTION}),
-    (is_short, "_a.py:1: 401 lines", {"_a": "x = 1\n" * (MAX_FILE_LINES + 1)}),
+    (is_short, "_a.py:1: 601 lines", {"_a": "x = 1\n" * (MAX_FILE_LINES + 1)}),
 ]  # fmt: skip
 
 

@@ -26,6 +26,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ..._tools._errors import RedundaxError
 from ..._tools._module import (
     Numbers,
     as_float,
@@ -50,7 +51,7 @@ def whole(value: Numbers) -> Int[Array, "..."]:
         return value
     array = np.asarray(value)
     if not np.issubdtype(array.dtype, np.integer):
-        raise ValueError(
+        raise RedundaxError(
             f"Arguments such as `teeth` or `flank` must be whole numbers, but one is {value}. Give integers."
         )
     return on_device(array.astype(np.int32))
@@ -112,12 +113,12 @@ def check_mesh(mesh: AbstractMesh) -> None:
     for name in ("module", "pressure_angle"):
         positive(name, getattr(mesh, name))
     if is_concrete(mesh.pressure_angle) and np.asarray(mesh.pressure_angle) >= np.pi / 2:
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `pressure_angle` of '{mesh.name}' must be below pi / 2, but is {mesh.pressure_angle}. Give "
             "radians, pi / 9 for 20 degrees."
         )
     if is_concrete(mesh.flank) and abs(int(mesh.flank)) != 1:
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `flank` of '{mesh.name}' must be 1 or -1, but is {mesh.flank}. Give 1 where the force on its "
             "teeth turns body i counterclockwise."
         )
@@ -188,7 +189,7 @@ class GearPair(AbstractMesh):
         check_mesh(self)
         given = np.asarray(self.teeth)
         if given.shape != (2,) or given[0] <= 0 or given[1] == 0 or (given[1] < 0 and given.sum() >= 0):
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `teeth` of '{self.name}' must be two numbers, the first positive, and of a ring, which is "
                 f"negative, larger than the other, but is {given}. Name the ring as `j`."
             )

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ..._tools._errors import RedundaxError
 from ..._tools._module import as_float, as_vector, numpy_of, optional_float, unit
 from .._friction_model import AbstractFrictionModel
 from .._pose import Pose, perpendicular
@@ -63,7 +64,7 @@ class RackAndPinion(AbstractMesh):
     def __check_init__(self) -> None:
         check_mesh(self)
         if np.shape(self.teeth) != () or np.asarray(self.teeth) <= 0:
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `teeth` of '{self.name}' must be a positive number, that of the pinion, but is {self.teeth}."
                 " Give one for the pinion, which is body i."
             )

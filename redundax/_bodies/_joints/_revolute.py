@@ -10,6 +10,7 @@ from typing import ClassVar, cast
 import equinox as eqx
 from jaxtyping import Array, Float
 
+from ..._tools._errors import RedundaxError
 from ..._tools._module import as_vector, optional_float, safe_norm
 from .._friction_model import AbstractFrictionModel
 from .._pose import Pose
@@ -48,7 +49,7 @@ class Revolute(AbstractFrictionalJoint):
 
     def __check_init__(self) -> None:
         if self.friction is not None and self.pin_radius is None:
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `pin_radius` of the revolute joint '{self.name}' must be given where the joint has "
                 "friction, but it is None: friction acts at that radius. Give 1.0 where mu stands for mu times radius."
             )

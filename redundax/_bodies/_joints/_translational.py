@@ -11,6 +11,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..._tools._errors import RedundaxError
 from ..._tools._module import as_float, as_vector, optional_float, unit
 from .._friction_model import AbstractFrictionModel
 from .._pose import Pose, perpendicular
@@ -59,7 +60,7 @@ class Translational(AbstractFrictionalJoint):
 
     def __check_init__(self) -> None:
         if self.friction is not None and self.guide_length is None:
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `guide_length` of the translational joint '{self.name}' must be given where the joint "
                 "has friction, but it is None: the guide moment presses the slider's two ends."
             )

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..._tools._errors import RedundaxError
 from ..._tools._module import Numbers, as_float, is_concrete, on_device
 from .._body import AbstractBody, check_amount
 from .._frame import AbstractFrame
@@ -74,7 +75,7 @@ class Body(AbstractBody):
 
 def _check_inertia(name: str, inertia: Array) -> None:
     if inertia.shape not in ((3,), (3, 3)):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `inertia` of body '{name}' must be principal values (3,) or a matrix (3, 3), but has shape "
             f"{inertia.shape}. Give three numbers about the centre of mass."
         )
@@ -82,13 +83,13 @@ def _check_inertia(name: str, inertia: Array) -> None:
         return
     value = np.asarray(inertia)
     if value.ndim == 2 and np.abs(value - value.T).max() > 1e-9 * np.abs(value).max():
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `inertia` of body '{name}' must be symmetric, but is {value.tolist()}. Give products of inertia "
             "twice, with one sign."
         )
     principal = np.sort(np.linalg.eigvalsh(value) if value.ndim == 2 else value)
     if principal[0] < -1e-9 * abs(principal[2]):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `inertia` of body '{name}' must have no negative principal value, but has {principal.tolist()}."
             " Was it taken about the centre of mass?"
         )

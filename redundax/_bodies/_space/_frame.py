@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array
 
 from ..._system._state import State
+from ..._tools._errors import RedundaxError
 from ..._tools._module import numpy_of, on_device, replace_fields
 from .._frame import AbstractFrame
 from ._pose import Motion, Pose
@@ -55,7 +56,7 @@ class Space(AbstractFrame):
 
     def check(self, q: Array, n: int) -> None:
         if q.shape != (n // 6 * 7,):
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `q` must have shape ({n // 6 * 7},), the positions of all centres of mass and then all "
                 f"quaternions (w, x, y, z), but has {q.shape}. Leave it out of `assemble` to start from the reference "
                 "poses, and use jax.vmap for many positions."

@@ -8,6 +8,7 @@ from jaxtyping import Array
 from ..._system._joint_coordinates import joint_reactions
 from ..._system._names import index_of
 from ..._system._state import State
+from ..._tools._errors import RedundaxError
 from ..._tools._module import tree_take
 from .._mechanism import Mechanism
 from ._frame import SPACE
@@ -45,9 +46,9 @@ def joint_wrench(
     component of that name in the joint's axes where body i is not the ground.
     """
     if frame not in FRAMES:
-        raise ValueError(f"Argument `frame` must be one of {FRAMES}, but is {frame!r}. Name one of them.")
+        raise RedundaxError(f"Argument `frame` must be one of {FRAMES}, but is {frame!r}. Name one of them.")
     if mechanism.frame.word != SPACE.word:
-        raise ValueError(
+        raise RedundaxError(
             "Argument `mechanism` must be one of `rx.spatial`, but is planar. Read the loads of its joints from "
             'the solution, as in `solution["A force x on rod"]`.'
         )

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..._tools._errors import RedundaxError
 from ..._tools._module import Numbers, as_float, is_concrete, optional_float
 
 
@@ -40,7 +41,7 @@ class Overlap(eqx.Module):
         self.slider, self.guide = as_float(slider, "slider"), as_float(guide, "guide")
         for name, ends in (("slider", self.slider), ("guide", self.guide)):
             if ends.shape != (2,) or (is_concrete(ends) and not 0 < np.diff(np.asarray(ends)) < np.inf):
-                raise ValueError(
+                raise RedundaxError(
                     f"Argument `{name}` must be two finite positions along the axis, the smaller first, but is {ends}. "
                     "Give both ends, m."
                 )

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import equinox as eqx
 from jaxtyping import Array, Float
 
+from ..._tools._errors import RedundaxError
 from ..._tools._module import Numbers, numpy_of, on_device, replace_fields
 from .._body import GROUND, name_of
 from ._body import Body
@@ -57,7 +58,7 @@ def at_reference(
     if point is not None:
         return Placement(point, (0.0, 0.0, 1.0) if axis is None else axis, mark)
     if axis is not None or mark is not None:
-        raise ValueError(
+        raise RedundaxError(
             f"{what.capitalize()} '{joint}' has a global direction without a global point, so that it would count for "
             "nothing. Give `point` too, or the direction in the `Placement` on each body."
         )
@@ -76,7 +77,7 @@ def placed(
     name, counts = f"{what} '{joint}'", [sum(each is not None for each in pair) for pair in (given, own)]
     if sorted(counts) != [0, 2]:
         has = "neither" if not any(counts) else "both" if all(counts) else "only one of two"
-        raise ValueError(
+        raise RedundaxError(
             f"{what.capitalize()} '{joint}' must be given by global points at the reference pose or by `on_i` and "
             f"`on_j`, but has {has}. Give one kind, and all of it."
         )
@@ -98,7 +99,7 @@ def _local(name: str, which: str, body: Body | str, at: Placement) -> Placement:
     if isinstance(body, str):
         if body == GROUND:
             return at
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `{which}` of {name} must be the body itself where a global point or axis is given, but is its "
             f"name '{body}'. Give the `Body`, whose reference pose is needed."
         )

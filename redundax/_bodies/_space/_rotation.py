@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..._tools._errors import RedundaxError
 from ..._tools._module import Numbers, floats, is_concrete, numpy_of
 
 
@@ -109,13 +110,13 @@ def as_quaternion(argument: str, value: Numbers) -> Any:
         if is_concrete(array) and (
             np.abs(array @ array.T - np.eye(3)).max() > 1e-6 or np.linalg.det(np.asarray(array)) < 0
         ):
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `{argument}` must be a rotation matrix, but its columns are no right-handed orthonormal "
                 "axes. Give the body's axes in global components as columns."
             )
         return quaternion(xp.asarray(array))
     if array.shape != (4,) or (is_concrete(array) and not np.any(np.asarray(array))):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `{argument}` must be a quaternion (w, x, y, z) or a rotation matrix (3, 3), but is "
             f"{array.tolist() if is_concrete(array) else array.shape}. Give (1, 0, 0, 0) for none."
         )
@@ -129,7 +130,7 @@ def axes_along(argument: str, axis: Any, mark: Any | None = None) -> Any:
     xp = numpy_of(axis, given)
     for which, vector in ((argument, axis), ("mark", given)):
         if vector.shape != (3,) or (is_concrete(vector) and not 0 < np.linalg.norm(np.asarray(vector)) < np.inf):
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `{which}` must have three finite components that are not all zero, but is {vector}. Give a "
                 "direction, as in (0, 0, 1)."
             )
@@ -137,7 +138,7 @@ def axes_along(argument: str, axis: Any, mark: Any | None = None) -> Any:
     other = xp.eye(3)[xp.argmin(xp.round(xp.abs(z), 6))] if mark is None else given  # rounding decides nothing
     x = other - (other @ z) * z
     if is_concrete(x) and not np.linalg.norm(np.asarray(x)) > 1e-6 * np.linalg.norm(np.asarray(other)):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `mark` must not be along the axis {np.asarray(axis).tolist()}, but is {given}. Give a direction "
             "square to it."
         )

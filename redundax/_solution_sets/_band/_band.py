@@ -33,6 +33,7 @@ from ..._system._results import RESULTS
 from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._system._units import with_unit
+from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._module import no_classes
 from ..._tools._table import figures, group, page
 from .._at_rest import is_still
@@ -221,7 +222,7 @@ def band(
     matrix, unique = wanted.matrix, wanted.unique
     _check_values(wanted.names, matrix, solutions)
     if not report.pivots and report.undetermined:
-        raise ValueError(
+        raise RedundaxError(
             "Argument `state` must be one with a self-stress that lasts beside it, but is at a singular position where "
             "all vanishes: its accelerations are unique, and the loads that it touches have no value. Use `solve`."
         )
@@ -265,15 +266,15 @@ def _at_rest(
 ) -> Bands:
     """The bands of a mechanism whose joints rest, or some of them."""
     if report.problem:
-        raise RuntimeError(report.problem)
+        raise NoSolutionError(report.problem)
     if is_still(system, state, factor):
         state = State(state.q, state.qd, state.t)  # bristles that bend let it move, so they do not count
     solutions = solution_set(system, state, factor, jnp.asarray(report.self_stress), senses(system.slips, sense))
     turns = np.where(system.slips.angular, np.asarray(factor.length), 1.0)
     if np.any(factor.motion_of(cast(Law, solutions.law).rate * turns).is_undecided):
-        raise RuntimeError(RESULTS[RESULTS.ambiguous_rest] + culprits(system, state, factor, RESULTS.ambiguous_rest))
+        raise NoSolutionError(RESULTS[RESULTS.ambiguous_rest] + culprits(system, state, factor, RESULTS.ambiguous_rest))
     if solutions.undetermined is not None:
-        raise RuntimeError(RESULTS[RESULTS.singular_position])
+        raise NoSolutionError(RESULTS[RESULTS.singular_position])
     wanted = _wanted(system, state, outputs, report)
     cases = cases_of(bounds, system, state, report, solutions)
     lower, upper, stands = bands_at_rest(system, state, factor, solutions, cases, wanted.matrix, nodes, wanted.asked)
@@ -348,7 +349,7 @@ def _wanted(system: AbstractSystem, state: State, outputs: Sequence[str] | str |
     known, unknowns, joints = named_outputs(system, state), system.names.unknowns, system.names.joint_coordinates
     names = known["acceleration"][0] if outputs is None else [outputs] if isinstance(outputs, str) else [*outputs]
     if not names:
-        raise ValueError(
+        raise RedundaxError(
             "Argument `outputs` must hold names of outputs, but holds none. Give None for all accelerations."
         )
     asked = len(names)
@@ -378,7 +379,7 @@ def _check_values(names: tuple[str, ...], matrix: np.ndarray, solutions: Solutio
     lost = np.isnan(evaluated(matrix, solutions.shown(np.zeros(matrix.shape[1]))))
     if lost.any():
         none = ", ".join(name for name, gone in zip(names, lost, strict=True) if gone)
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `outputs` must have values at this state, but it is at a singular position where {none} have "
             "none: they are unbounded beside it, or their limit is not known. Leave them out, or move the state."
         )

@@ -33,6 +33,7 @@ from ..._system._results import RESULTS
 from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._system._units import with_unit
+from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._module import Numbers, as_float, no_classes, on_device, replace_fields
 from .._bounds import check_definite
 from .._solution_set import SolutionSet, solution_set
@@ -269,10 +270,10 @@ def solutions_of(
 ) -> SolutionSet:
     """The set of solutions with all self-stress of a report; raises where there is a problem or a joint rests."""
     if report.problem:
-        raise RuntimeError(report.problem)
+        raise NoSolutionError(report.problem)
     if report.at_rest:
         result = RESULTS.friction_at_rest
-        raise RuntimeError(RESULTS[result] + culprits(system, state, factor, result))
+        raise NoSolutionError(RESULTS[result] + culprits(system, state, factor, result))
     return solution_set(system, state, factor, on_device(report.self_stress), senses(system.slips, sense), closure)
 
 
@@ -280,7 +281,7 @@ def _chosen(report: Report, along: Sequence[str] | str | None) -> list[int]:
     pivots = report.pivots
     if along is None:
         if len(pivots) > 2:
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `along` must name one or two of the {len(pivots)} self-stress states, but is not given. "
                 f"They are those of {', '.join(pivots)}."
             )
@@ -288,7 +289,7 @@ def _chosen(report: Report, along: Sequence[str] | str | None) -> list[int]:
     along = [along] if isinstance(along, str) else list(along)
     places = [index_of("along", name, pivots, " of self-stress states, `analyze(...).pivots`") for name in along]
     if not 1 <= len(set(places)) == len(places) <= 2:
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `along` must name one or two different self-stress states, of {', '.join(pivots) or 'none'}, "
             f"but is {along}. Take them from `analyze(...).pivots`."
         )
@@ -309,13 +310,13 @@ def _measure(
 def _axes(stress: np.ndarray, z: Numbers | Sequence[Numbers]) -> tuple[np.ndarray, ...]:
     axes = (z,) if len(stress) == 1 else tuple(z)  # pyright: ignore[reportArgumentType]
     if len(axes) != len(stress):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `z` must hold one array for each of {len(stress)} states, but holds {len(axes)}. "
             "Give as many arrays, or name fewer states in `along`."
         )
     out = tuple(np.asarray(as_float(axis), float) for axis in axes)  # pyright: ignore[reportArgumentType]
     if any(axis.ndim != 1 or not axis.size or np.any(np.diff(axis) <= 0) for axis in out):
-        raise ValueError(
+        raise RedundaxError(
             "Argument `z` must hold increasing amplitudes, but some do not increase. "
             "Sort them, and drop those that occur twice."
         )

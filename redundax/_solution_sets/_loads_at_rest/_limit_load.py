@@ -27,6 +27,7 @@ from ..._system._pushing import in_words, pulling
 from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._tools._compilation import compiled
+from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._module import no_classes
 from .._at_rest import NONE, ReducedForce, drive, velocity_basis
 from .._bounds import AbstractBounds, bounds_in_words, cases_of
@@ -162,12 +163,12 @@ def limit_load(
     system, factor = dense_at(system, state, rank, factor)
     report = analyze(system, state, factor=factor)
     if report.problem:
-        raise RuntimeError(report.problem)
+        raise NoSolutionError(report.problem)
     force = np.asarray(vector("load", load, system.coordinates, " of coordinates"), float)
     start, ways = drive(system, state, factor), velocity_basis(system, factor)
     own = force @ ways
     if not np.linalg.norm(own) > NONE * np.linalg.norm(force):
-        raise ValueError(
+        raise RedundaxError(
             "Argument `load` must drive a motion that the joints leave, but does none. "
             "Name a coordinate that moves; what holds a locked mechanism is a multiplier, which `band` bounds."
         )

@@ -32,6 +32,7 @@ from ..._equations._factorize import dense_at
 from ..._solve._all_solutions import start_factors
 from ..._system._state import State
 from ..._system._system import AbstractSystem
+from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._module import no_classes
 from .._at_rest import LIMIT, Ends, ReducedForce, drive
 from .._bounds import AbstractBounds, cases_of
@@ -88,9 +89,9 @@ def sticking(
     senses = jnp.asarray(start.sense)
     report = analyze(system, state, sense=senses, factor=factor)
     if report.problem:
-        raise RuntimeError(report.problem)
+        raise NoSolutionError(report.problem)
     if report.freedom < 1:
-        raise ValueError("Argument `system` must have a freedom to stick or slip, but has none. Release a lock.")
+        raise RedundaxError("Argument `system` must have a freedom to stick or slip, but has none. Release a lock.")
     solutions = solution_set(system, state, factor, jnp.asarray(report.self_stress), senses)
     cases = cases_of(bounds, system, state, report, solutions)
     single = proved_single(solutions, cases, report)

@@ -14,6 +14,7 @@ import numpy as np
 from ..._bodies._mechanism import Mechanism
 from ..._motion._trajectory import Trajectory
 from ..._system._state import State
+from ..._tools._errors import RedundaxError
 from ..._tools._module import Numbers
 from ._arguments import check, positions
 from ._arrows import FORCES, LOADS, Arrow, Arrows
@@ -105,12 +106,12 @@ def check_motion(mechanism: Mechanism, trajectory: Trajectory) -> None:
     """Refuse a motion that has no frame of this mechanism."""
     n = positions(mechanism)
     if trajectory.q.ndim != 2 or trajectory.q.shape[1] != n:
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `trajectory` must be one motion of the mechanism, with q of shape (times, {n}), but has "
             f"{trajectory.q.shape}. Take one of a batch with `jax.tree.map(lambda x: x[0], batch)`."
         )
     if not np.any(np.all(np.isfinite(trajectory.q), axis=1)):
-        raise ValueError(
+        raise RedundaxError(
             "Argument `trajectory` must have at least one position that is finite, but has none. "
             "Look at the `result` of the motion."
         )
@@ -119,10 +120,10 @@ def check_motion(mechanism: Mechanism, trajectory: Trajectory) -> None:
 def _checked(mechanism: Mechanism, trajectory: Trajectory, path: str | Path | None, fps: int) -> Path | None:
     check_motion(mechanism, trajectory)
     if not fps > 0:
-        raise ValueError(f"Argument `fps` must be positive, but is {fps}. Give frames a second: 25, say.")
+        raise RedundaxError(f"Argument `fps` must be positive, but is {fps}. Give frames a second: 25, say.")
     target = None if path is None else Path(path)
     if target is not None and (target.suffix not in (".gif", ".html") or not target.resolve().parent.is_dir()):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `path` must end in .gif or .html and lie in a folder that exists, but is {path}. "
             "Leave it out to write no file."
         )

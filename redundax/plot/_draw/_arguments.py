@@ -7,6 +7,7 @@ import numpy as np
 from ..._analysis._analyze import analyze
 from ..._bodies._mechanism import Mechanism
 from ..._system._state import State
+from ..._tools._errors import RedundaxError
 from ._arrows import LOADS, SMOOTH, STRESSES, Arrows
 from ._stage import Artist
 
@@ -29,14 +30,16 @@ def load_groups(
 def check(mechanism: Any, scale: float | None) -> None:
     """Refuse what cannot be drawn."""
     if not isinstance(mechanism, Mechanism):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `mechanism` must be a `Mechanism`, but is a {type(mechanism).__name__}, "
             "which has no bodies and joints to draw. Build it with `rx.Mechanism`."
         )
     if not mechanism.names.bodies:
-        raise ValueError("Argument `mechanism` must have its names, but is anonymous. Draw the one it was made from.")
+        raise RedundaxError(
+            "Argument `mechanism` must have its names, but is anonymous. Draw the one it was made from."
+        )
     if scale is not None and not scale > 0:
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `scale` must be positive, the length on the drawing of a force of 1, but is {scale}. "
             "Leave it out for one that fits."
         )
@@ -51,11 +54,11 @@ def check_state(mechanism: Mechanism, state: State) -> None:
     """Refuse a state that is not one of this mechanism."""
     n = positions(mechanism)
     if state.q.shape != (n,):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `state` must have q of shape ({n},), but has {state.q.shape}. Give one state, of this mechanism."
         )
     if not np.all(np.isfinite(state.q)):
-        raise ValueError(
+        raise RedundaxError(
             "Argument `state` must have finite coordinates, but its q holds NaN or infinity. "
             "Look at the `result` of what made it."
         )
@@ -65,13 +68,13 @@ def _vector(argument: str, values: Any, mechanism: Mechanism) -> np.ndarray:
     vector, m = np.asarray(values, float), len(mechanism.rows)
     if vector.shape != (m,):
         has = f"has {vector.shape[0]}" if vector.ndim == 1 else f"has shape {vector.shape}"
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `{argument}` must have one entry for each of the {m} rows, but {has}. "
             "Give 0 where there is no load."
         )
     if not np.all(np.isfinite(vector)):
         row = mechanism.rows.labels[int(np.argmin(np.isfinite(vector)))]
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `{argument}` must be finite, but its entry '{row}' is {vector[~np.isfinite(vector)][0]}. "
             "A solution's multipliers are NaN where its `result` is not successful."
         )
@@ -83,7 +86,7 @@ def _stress(mechanism: Mechanism, state: State, given: Any) -> np.ndarray:
         return _vector("self_stress", given, mechanism)
     states = analyze(mechanism, state).self_stress
     if given != int(given) or not -len(states) <= given < len(states):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `self_stress` must be an index below {len(states)}, the number of self-stress states here, "
             f"or a vector, but is {given}. Count from 0."
         )

@@ -11,6 +11,7 @@ from ..._bodies._plane import Plane
 from ..._bodies._reactions import joint_wrenches
 from ..._bodies._space._loads import AppliedForce
 from ..._system._state import State
+from ..._tools._errors import RedundaxError
 from ._arrows import Arrow, Arrows, draw_arrows, on_bodies
 from ._bodies import draw_bodies
 from ._labels import Label
@@ -104,7 +105,7 @@ def artist_of(
     if isinstance(mechanism.frame, Plane):
         for argument, value in (("view", view), ("shapes", shapes)):
             if value is not None:
-                raise ValueError(
+                raise RedundaxError(
                     f"Argument `{argument}` must be left out for a planar mechanism, but is {value}. It is for "
                     "mechanisms of `rx.spatial`."
                 )
@@ -131,7 +132,7 @@ def _checked(mechanism: Mechanism, shapes: Mapping[str, Any]) -> dict[str, np.nd
         array = np.asarray(corners, float)
         if name not in bodies or array.ndim != 2 or array.shape[1] != 3 or len(array) < 2:
             known = f"has shape {array.shape}" if name in bodies else f"there is no such body among {', '.join(bodies)}"
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `shapes` must hold corners (corners, 3) in the local frame of a body, but for '{name}' "
                 f'{known}. Give {{"{bodies[0]}": corners}}; the body drawn is their convex hull.'
             )

@@ -15,6 +15,7 @@ from ..._analysis._report import Report
 from ..._bodies._mechanism import Mechanism
 from ..._motion._trajectory import Trajectory
 from ..._system._state import State
+from ..._tools._errors import RedundaxError
 from ..._tools._module import Numbers
 from ..._tools._optional import optional
 from ._animate import check_motion, finite_times
@@ -106,14 +107,14 @@ def html(
 def _checked(mechanism: Mechanism, motion: State | Trajectory, path: str | Path | None, scale: float | None) -> Any:
     check(mechanism, scale)
     if mechanism.frame.word != "spatial":
-        raise ValueError(
+        raise RedundaxError(
             "Argument `mechanism` must be of `rx.spatial` bodies, but is planar. Use `rx.plot.animate`, which writes "
             "HTML of planar motions."
         )
     check_state(mechanism, motion) if isinstance(motion, State) else check_motion(mechanism, motion)
     target = None if path is None else Path(path)
     if target is not None and (target.suffix != ".html" or not target.resolve().parent.is_dir()):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `path` must end in .html and lie in a folder that exists, but is {path}. Leave it out to write "
             "no file."
         )

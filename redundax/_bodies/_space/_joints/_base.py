@@ -15,6 +15,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ...._tools._errors import RedundaxError
 from ...._tools._module import Numbers, replace_fields
 from ..._frame import AbstractFrame
 from ..._friction_model import AbstractFrictionModel
@@ -157,7 +158,7 @@ class AbstractPlacedJoint(AbstractJoint):
 def refuse_friction(name: str, friction: object) -> None:
     """Friction of joints that know none."""
     if friction is not None:
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `friction` of joint '{name}' must be left out, but is {type(friction).__name__}: joints of its "
             "kind know none. Revolutes, sliders, screws, sleeves, balls, plates and crosses do. Give one of these, or "
             "a force of the velocity by `rx.spatial.LoadFunction`."

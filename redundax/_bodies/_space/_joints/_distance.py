@@ -6,6 +6,7 @@ from typing import ClassVar
 import equinox as eqx
 from jaxtyping import Array, Float
 
+from ...._tools._errors import RedundaxError
 from ...._tools._module import Numbers, as_float, positive, safe_norm
 from ..._friction_model import AbstractFrictionModel
 from ..._joints._base import Row
@@ -63,7 +64,7 @@ class Distance(AbstractJoint):
         self.point_i, self.point_j = place.on_i.point, place.on_j.point
         if distance is None:
             if point_i is None or point_j is None:
-                raise ValueError(
+                raise RedundaxError(
                     f"Argument `distance` of joint '{name}' must be given where its points are given in local "
                     "frames, but is None. Give a length."
                 )

@@ -8,6 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ...._tools._errors import RedundaxError
 from ...._tools._module import Numbers, as_float, floats, optional_float, positive
 from ..._friction_model import AbstractFrictionModel
 from ..._joints._base import check_friction
@@ -54,7 +55,7 @@ class AbstractContactJoint(AbstractPlacedJoint):
         """
         check_friction(self.name, friction)
         if not isinstance(contact, AbstractContact):
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `contact` of joint '{self.name}' must be a contact law, but is {contact!r}. Give "
                 "`rx.spatial.EndContacts()`, say."
             )
@@ -64,14 +65,14 @@ class AbstractContactJoint(AbstractPlacedJoint):
                 positive(name, as_float(value))
         for name, value in needed.items():
             if friction is not None and value is None:
-                raise ValueError(
+                raise RedundaxError(
                     f"Argument `{name}` of joint '{self.name}' must be given where it has friction, but is None: its "
                     "surfaces slide there. Give a length."
                 )
         for term in contact.terms if friction is not None and friction.depends_on_load else ():
             name, value = by_term.get(term, ("", 0.0))
             if value is None:
-                raise ValueError(
+                raise RedundaxError(
                     f"Argument `{name}` of joint '{self.name}' must be given where it has friction, but is None: its "
                     f"{term} load presses at that size. Give a length, or leave the term out, as in "
                     f"`contact=rx.spatial.{type(contact).__name__}({term}=False)`."
@@ -105,7 +106,7 @@ class AbstractPressedJoint(AbstractContactJoint):
         if self.overlap is None:
             return load, size
         if ends is None:
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `ends` must be the poses of both bodies of joint '{self.name}', but is None: its contact is "
                 "as long as its parts overlap. Give a pair of `rx.spatial.Pose`."
             )

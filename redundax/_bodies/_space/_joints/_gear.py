@@ -25,6 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ...._tools._errors import RedundaxError
 from ...._tools._module import Numbers, as_float, is_concrete
 from ..._friction_model import AbstractFrictionModel
 from ..._joints import whole
@@ -97,7 +98,7 @@ class Gear(AbstractPlacedJoint):
             self.axes = _word(name, axes)
             return
         if axes is not None:
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `axes` of joint '{name}' must be left out where points and axes are given, but is {axes!r}: "
                 "they say it. Leave it out."
             )
@@ -127,7 +128,7 @@ def _teeth(name: str, teeth: tuple[int, int]) -> Int[Array, "2"]:
     numbers = whole(teeth)
     given = np.asarray(numbers)
     if given.shape != (2,) or not np.all(given) or (given.min() < 0 and not given.sum() < 0 < given.max()):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `teeth` of joint '{name}' must be two whole numbers that are not 0, of which that of a ring is "
             f"negative and the larger, but is {teeth}. Give (20, 60), or (20, -60) for a ring."
         )
@@ -136,7 +137,7 @@ def _teeth(name: str, teeth: tuple[int, int]) -> Int[Array, "2"]:
 
 def _word(name: str, axes: Axes | None) -> Axes:
     if axes is not None and axes not in get_args(Axes):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `axes` of joint '{name}' must be one of {get_args(Axes)}, but is {axes!r}. Name one."
         )
     return axes or "parallel"
@@ -145,7 +146,7 @@ def _word(name: str, axes: Axes | None) -> Axes:
 def _arrangement(name: str, on_i: tuple[Array, Array], on_j: tuple[Array, Array], teeth: Array) -> Axes:
     """How axes lie, given global points and axes of wheels that can mesh there."""
     if not all(map(is_concrete, (*on_i, *on_j))):
-        raise ValueError(
+        raise RedundaxError(
             f"Points and axes of joint '{name}' must be known numbers, but are traced. Give `on_i`, `on_j` and `axes`."
         )
     line = np.asarray(on_j[0]) - np.asarray(on_i[0])
@@ -154,7 +155,7 @@ def _arrangement(name: str, on_i: tuple[Array, Array], on_j: tuple[Array, Array]
     sine = np.linalg.norm(normal)
     if sine <= _PARALLEL:
         if not np.linalg.norm(np.cross(z_i, line)) > _PARALLEL * reach:
-            raise ValueError(
+            raise RedundaxError(
                 f"Arguments `point_i` and `point_j` of joint '{name}' must be apart where axes are parallel, but are "
                 "on one line along them. Give the middles of the wheels."
             )
@@ -164,7 +165,7 @@ def _arrangement(name: str, on_i: tuple[Array, Array], on_j: tuple[Array, Array]
     radii = np.array([line @ z_j, -line @ z_i]) / sine
     across = radii * np.asarray(teeth)[::-1]
     if not (np.all(radii) and abs(across[0] - across[1]) <= _FEW_DIGITS * np.abs(across).max()):
-        raise ValueError(
+        raise RedundaxError(
             f"Arguments `point_i` and `point_j` of joint '{name}' must be the middles of the pitch circles of bevel "
             f"wheels, whose radii are as {np.asarray(teeth).tolist()}, but those that touch have radii "
             f"{radii.tolist()}. Move the points along the axes; both axes point away from the apex."

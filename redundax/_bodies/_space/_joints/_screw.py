@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ...._tools._errors import RedundaxError
 from ...._tools._module import Numbers, as_float, is_concrete, one_number, optional_float
 from ..._friction_model import AbstractFrictionModel
 from ..._joints._base import Row
@@ -84,7 +85,7 @@ class Screw(AbstractFrictionalJoint):
         self.pitch, self.flank_angle = as_float(pitch), as_float(flank_angle)
         one_number("pitch", self.pitch)
         if is_concrete(self.pitch) and not np.asarray(self.pitch):
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `pitch` of joint '{name}' must not be 0. Make a joint without travel a `Revolute`."
             )
         self.thread_radius, self.bearing_length = optional_float(thread_radius), optional_float(bearing_length)

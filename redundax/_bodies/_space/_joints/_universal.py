@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
+from ...._tools._errors import RedundaxError
 from ...._tools._module import Numbers, is_concrete
 from ..._friction_model import AbstractFrictionModel
 from ..._joints._base import Row
@@ -156,7 +157,7 @@ def _check_pins(name: str, axis_i: Numbers, axis_j: Numbers) -> None:
     """Refuse pins that are not square to each other, and directions that are none."""
     one, other = (axes_along(argument, axis)[:, 2] for argument, axis in (("axis_i", axis_i), ("axis_j", axis_j)))
     if is_concrete(one) and is_concrete(other) and abs(float(one @ other)) > _SQUARE:
-        raise ValueError(
+        raise RedundaxError(
             f"Arguments `axis_i` and `axis_j` of joint '{name}' must be square to each other, but have an angle of "
             f"{np.arccos(float(one @ other)):.6g} rad. Give the directions of the two pins of the cross."
         )

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ...._tools._errors import RedundaxError
 from ...._tools._module import Numbers, as_float, as_matrix, is_concrete, one_number
 from ..._loads._spring import AbstractSpringDamper
 from .._body import Body
@@ -209,7 +210,7 @@ def _stores(argument: str, value: Numbers) -> Float[Array, "3 3"]:
         given = np.asarray(matrix)
         size = np.abs(given).max()
         if np.abs(given - given.T).max() > _ROUNDING * size or np.linalg.eigvalsh(given).min() < -_ROUNDING * size:
-            raise ValueError(
+            raise RedundaxError(
                 f"Argument `{argument}` of a bushing must be symmetric without negative principal values, but is "
                 f"{given.tolist()}: it would give energy. Write other laws as `rx.spatial.LoadFunction`."
             )

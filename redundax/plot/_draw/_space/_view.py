@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from ...._tools._errors import RedundaxError
+
 _POINTS = 400
 _ELEVATIONS = (22.0, 30.0, 42.0)
 _AZIMUTHS = (-60.0, -50.0, -35.0, -70.0, 25.0, 40.0, 55.0, -120.0, -140.0, 120.0, 140.0)
@@ -40,7 +42,7 @@ def checked_view(given: Any) -> tuple[float, float]:
     """Elevation and azimuth as they were given."""
     array = np.asarray(given, float)
     if array.shape != (2,) or not np.all(np.isfinite(array)):
-        raise ValueError(
+        raise RedundaxError(
             f"Argument `view` must be elevation and azimuth in degrees, but is {given}. Give (25, -60), say, or leave "
             "it out for one that shows all joints."
         )
