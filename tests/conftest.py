@@ -34,8 +34,9 @@ os.environ["REDUNDAX_CACHE"] = "off"  # tests leave the user's folder alone
 import beartype.typing  # noqa: F401 (the expression below needs it loaded)
 import hypothesis
 import jax
+import jaxtyping
+import numpy as np
 import pytest
-from jaxtyping import install_import_hook
 
 jax.config.update("jax_enable_x64", True)
 
@@ -50,7 +51,8 @@ if "redundax" in sys.modules:
 # `Self` means nothing to it and is let through; an int may stand for a float, as pyright allows.
 # REDUNDAX_CHECKS=off leaves it out, which takes a fifth of the time; the default run checks.
 if os.environ.get("REDUNDAX_CHECKS", "on") != "off":
-    install_import_hook(
+    jaxtyping.Array = jax.Array | np.ndarray | np.generic  # functions of known numbers run on those of NumPy
+    jaxtyping.install_import_hook(
         "redundax",
         "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True, "
         "hint_overrides=beartype.FrozenDict({beartype.typing.Self: object})))",

@@ -31,8 +31,8 @@ from .._system._names import ByName, senses
 from .._system._results import RESULTS, is_one_of
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._compilation import compiled
 from .._tools._module import no_classes
+from .._tools._numbers import on_numbers
 from ._others import other_solutions
 from ._outputs import outputs
 from ._position import position
@@ -43,6 +43,7 @@ from ._verdict import Family, Judged, family, judge
 _MINIMUM_NORM = MinimumNorm()
 
 
+@partial(on_numbers, jit=False)
 def analyze(
     system: AbstractSystem,
     state: State,
@@ -131,7 +132,7 @@ class _Evidence(NamedTuple):
     row_scale: Array
 
 
-@compiled
+@on_numbers
 def _evidence(factor: Factorisation) -> _Evidence:
     return _Evidence(*(getattr(factor, name) for name in _Evidence._fields))
 

@@ -8,8 +8,6 @@ little of these solutions: at a joint that stands there twice, or one without lo
 
 from typing import cast
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -19,10 +17,10 @@ from .._solve._reduced import reduce
 from .._solve._solution import Solution
 from .._solvers._friction_problem import FrictionProblem
 from .._solvers._solver import Newton
-from .._system._results import RESULTS
+from .._system._results import RESULTS, differs
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._compilation import compiled
+from .._tools._numbers import each, on_numbers, xp
 
 _AMPLITUDES = 0.5, -2.0, 10.0  # a small one, and some that turn the loads of joints around
 
@@ -43,11 +41,11 @@ def other_solutions(
     as_forces = np.where(system.rows.angular, 1 / np.asarray(factor.length), 1.0)
     amplitude = np.abs(multipliers * as_forces).max() / np.abs(stress * as_forces).max(axis=1)
     amplitudes = np.outer(np.where(amplitude > 0, amplitude, 1.0), _AMPLITUDES)
-    added = jnp.asarray(amplitudes[:, :, None] * stress[:, None])
+    added = xp.asarray(amplitudes[:, :, None] * stress[:, None])
     return np.asarray(_solved(system.anonymous, state, factor, solution, added, sense))
 
 
-@compiled
+@on_numbers
 def _solved(
     system: AbstractSystem, state: State, factor: Factorisation, solution: Solution, added: Array, sense: Array | None
 ) -> Array:
@@ -60,7 +58,7 @@ def _solved(
         stress = present + added
         moved = problem.at(problem.rho0 + stress[reduced.rows])
         root = newton.run(moved, solution.friction)
-        found = jnp.concatenate([*reduced.response.at(root.tau, stress), root.tau])
-        return jnp.where(newton.result(root.progress) == RESULTS.successful, found, jnp.nan)
+        found = xp.concatenate([*reduced.response.at(root.tau, stress), root.tau])
+        return xp.where(~differs(newton.result(root.progress), RESULTS.successful), found, xp.nan)
 
-    return jax.vmap(jax.vmap(one))(added)
+    return each(lambda some: each(one, some), added)

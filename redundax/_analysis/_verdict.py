@@ -29,7 +29,6 @@ from collections.abc import Callable
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -40,8 +39,8 @@ from .._solve._solution import Solution
 from .._system._friction import have_sense
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._compilation import compiled
 from .._tools._module import on_device
+from .._tools._numbers import on_numbers, xp
 from ._outputs import sizes
 
 _STRUCTURAL = 1e-10  # relative size of a coefficient that is rounding
@@ -168,7 +167,7 @@ def family(
     )
 
 
-@compiled
+@on_numbers
 def _figures(
     system: AbstractSystem,
     state: State,
@@ -183,30 +182,30 @@ def _figures(
     rows = stress[reduced.rows]
     out = {"stress": stress, "stress_rows": rows}
     if reduced.problem is None or closed.problem is None:
-        nothing = jnp.zeros((0, 0))
-        none = {"slope": jnp.zeros((0, stress.shape[1])), "reads": nothing}
+        nothing = xp.zeros((0, 0))
+        none = {"slope": xp.zeros((0, stress.shape[1])), "reads": nothing}
         size = stress.shape[0] + state.qd.size
-        none |= {"response": jnp.zeros((size, 0)), "gamma": nothing, "closed_gamma": nothing}
-        return {**out, **none, "rests": jnp.zeros((), bool)}
+        none |= {"response": xp.zeros((size, 0)), "gamma": nothing, "closed_gamma": nothing}
+        return {**out, **none, "rests": xp.zeros((), bool)}
     law = reduced.problem.law
     slope = law.slope(closed.problem.loads(friction))
-    identity = jnp.eye(friction.size, dtype=slope.dtype)
-    reached = jnp.any(law.largest_changes(rows) > 0, axis=1)
+    identity = xp.eye(friction.size, dtype=slope.dtype)
+    reached = xp.any(law.largest_changes(rows) > 0, axis=1)
     return {
         **out,
-        "response": jnp.concatenate(reduced.response.unit),
-        "slope": jnp.linalg.solve(identity - slope @ reduced.problem.gain, _change_of_loads(slope, rows)),
+        "response": xp.concatenate(reduced.response.unit),
+        "slope": xp.linalg.solve(identity - slope @ reduced.problem.gain, _change_of_loads(slope, rows)),
         "gamma": law.largest_changes(reduced.problem.gain),
         "closed_gamma": law.largest_changes(closed.problem.gain),
-        "reads": law.largest_changes(jnp.eye(reduced.rows.size)) > 0,
-        "rests": jnp.any(law.is_open & np.array(have_sense(system.friction)) & reached),
+        "reads": law.largest_changes(xp.eye(reduced.rows.size)) > 0,
+        "rests": xp.any(law.is_open & np.array(have_sense(system.friction)) & reached),
     }
 
 
 def _change_of_loads(slope: Array, rows: Array) -> Float[Array, "p k"]:
     """J N_R; where changes of the loads cancel, as those of |rho_1 + 2 rho_2| along (2, -1), rounding moves nothing."""
     moved = slope @ rows
-    return jnp.where(jnp.abs(moved) > _STATIONARY * (jnp.abs(slope) @ jnp.abs(rows)), moved, 0.0)
+    return xp.where(xp.abs(moved) > _STATIONARY * (xp.abs(slope) @ xp.abs(rows)), moved, 0.0)
 
 
 def _loose(mass: np.ndarray, jacobian: np.ndarray, determinate: bool) -> np.ndarray:

@@ -19,6 +19,7 @@ from jaxtyping import Array, Float, Int
 
 from .._system._joint_coordinates import AbstractJointCoordinates, JointMotion
 from .._system._state import State
+from .._tools._numbers import entries_set, of_model, xp
 from ._frame import AbstractFrame
 from ._joints import AbstractJoint
 from ._stack import Stack
@@ -69,31 +70,35 @@ class JointCoordinates(AbstractJointCoordinates):
         return jnp.concatenate([jnp.zeros(0, poses.r.dtype), *parts])
 
     def reactions(self, state: State, multipliers: Array) -> Array:
-        given, out = jnp.isfinite(multipliers), []
-        sorted_rows = jnp.zeros_like(multipliers).at[self.source]
-        flat, lost = sorted_rows.set(jnp.where(given, multipliers, 0.0)), sorted_rows.set(jnp.where(given, 0.0, 1.0))
-        for by_row, reads in self.by_row(state):
-            size, _, rows = by_row.shape
+        given, out = xp.isfinite(multipliers), []
+        none, source = xp.zeros_like(multipliers), xp.asarray(self.source)
+        flat, lost = (
+            entries_set(none, source, x) for x in (xp.where(given, multipliers, 0.0), xp.where(given, 0.0, 1.0))
+        )
+        for matrix, reads in coefficients(self, state):
+            size, _, rows = matrix.shape
             (own, flat), (gone, lost) = ((x[: size * rows].reshape(size, rows), x[size * rows :]) for x in (flat, lost))
-            out.append((jnp.einsum("swr,sr->sw", by_row, own), jnp.einsum("swr,sr->sw", reads, gone) > 0))
-        found, lost = (jnp.concatenate([part.ravel() for part in parts]) for parts in zip(*out, strict=True))
-        return jnp.where(lost | ~jnp.any(given), jnp.sum(multipliers), found)
+            out.append((xp.einsum("swr,sr->sw", matrix, own), xp.einsum("swr,sr->sw", reads, gone) > 0))
+        found, lost = (xp.concatenate([part.ravel() for part in parts]) for parts in zip(*out, strict=True))
+        return xp.where(lost | ~xp.any(given), xp.sum(multipliers), found)
 
-    def by_row(self, state: State) -> list[tuple[Array, Array]]:
-        """For each stack the reactions by the multipliers of each joint's own rows, (size, 3 or in space 6, rows), and
-        which of them are more than rounding."""
-        body = self.frame.poses(self.centres, state.q)
-        is_ground = jnp.arange(body.r.shape[0]) == body.r.shape[0] - 1
-        return [
-            joints.over(lambda joint, i, j: _of_one(self.frame, joint, i, j, state.t), (body, is_ground))
-            for joints in self.joints
-        ]
+
+@of_model
+def coefficients(of: JointCoordinates, state: State) -> list[tuple[Array, Array]]:
+    """For each stack the reactions by the multipliers of each joint's own rows, (size, 3 or in space 6, rows), and
+    which of them are more than rounding."""
+    body = of.frame.poses(of.centres, state.q)
+    is_ground = jnp.arange(body.r.shape[0]) == body.r.shape[0] - 1
+    return [
+        joints.over(lambda joint, i, j: _of_one(of.frame, joint, i, j, state.t), (body, is_ground))
+        for joints in of.joints
+    ]
 
 
 def _of_one(
     frame: AbstractFrame, joint: AbstractJoint, i: tuple[Any, Array], j: tuple[Any, Array], t: Array
 ) -> tuple[Array, Array]:
-    """`JointCoordinates.by_row` of a joint, given poses of its bodies and whether they are those of the ground."""
+    """`coefficients` of a joint, given poses of its bodies and whether they are those of the ground."""
     (pose_i, is_ground), pose_j = i, j[0]
     origin = jnp.zeros(len(frame.linear), pose_i.r.dtype)
     on_i, on_j = jnp.split(joint.jacobian(pose_i, pose_j, t).T, 2)

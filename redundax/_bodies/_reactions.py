@@ -15,7 +15,7 @@ import numpy as np
 
 from .._system._state import State
 from .._tools._compilation import compiled
-from ._joint_coordinates import JointCoordinates
+from ._joint_coordinates import coefficients
 from ._mechanism import Mechanism
 from ._pose import poses
 from ._stack import Stack
@@ -31,24 +31,24 @@ def joint_wrenches(mechanism: Mechanism, state: State, multipliers: np.ndarray) 
 def joint_outputs(mechanism: Mechanism, state: State) -> tuple[list[str], np.ndarray]:
     """Names of the reactions of all joints, and their coefficients of the multipliers, shape (outputs, m)."""
     out = []
-    for rows, by_row in _by_joint(mechanism, state):
-        wrench = np.zeros((len(by_row), len(mechanism.rows)))
-        wrench[:, rows] = by_row
+    for rows, matrix in _by_joint(mechanism, state):
+        wrench = np.zeros((len(matrix), len(mechanism.rows)))
+        wrench[:, rows] = matrix
         out.append(wrench)
     return list(mechanism.names.reactions.labels), np.concatenate(out)
 
 
 def reactions(mechanism: Mechanism, state: State, multipliers: np.ndarray) -> np.ndarray:
     """The reactions of `joint_outputs`, (outputs,), joint by joint."""
-    return np.concatenate([by_row @ multipliers[rows] for rows, by_row in _by_joint(mechanism, state)])
+    return np.concatenate([matrix @ multipliers[rows] for rows, matrix in _by_joint(mechanism, state)])
 
 
 def _by_joint(mechanism: Mechanism, state: State) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Rows of each joint, and the coefficients of its reactions."""
-    found = jax.device_get(_reactions(mechanism.joint_coordinates, state))
+    found = jax.device_get(coefficients(mechanism.joint_coordinates, state))
     for all_rows, parts in zip(mechanism.rows_of_joints, found, strict=True):
-        for rows, by_row, reads in zip(all_rows, *parts, strict=True):
-            yield rows, np.where(reads, by_row, 0.0)
+        for rows, matrix, reads in zip(all_rows, *parts, strict=True):
+            yield rows, np.where(reads, matrix, 0.0)
 
 
 def load_wrenches(mechanism: Mechanism, stack: Any, state: State) -> tuple[Any, Any]:
@@ -67,8 +67,3 @@ def _on_i(joints: tuple[Stack, ...], state: State) -> list[Any]:
     """Force and moment about the origin of each body i by the multipliers of its joint's rows, (size, 3, rows)."""
     body = poses(state.q).with_axes()
     return [stack.over(lambda joint, i, j: -joint.jacobian(i, j, state.t).T[:3], body) for stack in joints]
-
-
-@compiled
-def _reactions(joints: JointCoordinates, state: State) -> list[Any]:
-    return joints.by_row(state)

@@ -10,10 +10,10 @@ for any particular lam_p. W = I, d = h is the paper's (9), (12) with h, and d = 
 
 import abc
 from collections.abc import Mapping
+from functools import partial
 from typing import Any, NamedTuple, cast
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
@@ -27,6 +27,7 @@ from .._system._units import Units
 from .._tools._compilation import compiled
 from .._tools._errors import RedundaxError
 from .._tools._module import as_float, is_concrete, on_device, optional_float, positive
+from .._tools._numbers import are_known, are_numbers, as_numbers, of_model, xp
 
 
 class AbstractClosure(eqx.Module):
@@ -73,23 +74,29 @@ def elasticity(closure: AbstractClosure, system: AbstractSystem, state: State) -
 
     Outside of transformations they have the same shapes for every closure, so that no program is compiled for one.
     """
-    whole = all(map(is_concrete, jax.tree.leaves((closure, state, system))))
-    return _elasticity(closure.by_place(system), system.anonymous, state, whole=whole)
-
-
-@compiled
-def _elasticity(closure: AbstractClosure, system: AbstractSystem, state: State, *, whole: bool) -> Elasticity:
-    m = len(system.rows)
+    whole, closure = are_known(closure, state, system), closure.by_place(system)
     if system.plan is not None:
-        compliance, misfit = (jnp.asarray(x, state.qd.dtype) for x in closure.by_joint(system, state))
-        return Elasticity(compliance, jnp.broadcast_to(misfit, (m,)) if whole else misfit)
-    compliance, misfit = (jnp.asarray(x, state.qd.dtype) for x in closure.compliance(system, state))
+        return _by_joint(closure, system.anonymous, state, whole=whole)
+    m, dtype = len(system.rows), state.qd.dtype
+    given = (closure.compliance if closure.is_constant else partial(_at_state, closure))(system.anonymous, state)
+    compliance, misfit = (xp.asarray(x, dtype) for x in (as_numbers(given) if are_numbers(state) else given))
     if compliance.shape != (m, m) or misfit.shape not in ((), (m,)):
         raise RedundaxError(
             f"Argument `closure` must give a compliance of shape (m, m) = ({m}, {m}) and a misfit that is a number or "
             f"has shape ({m},), but gives {compliance.shape} and {misfit.shape}. Change what its `compliance` returns."
         )
-    return Elasticity(compliance, jnp.broadcast_to(misfit, (m,)) if whole else misfit)
+    return Elasticity(compliance, xp.broadcast_to(misfit, (m,)) if whole else misfit)
+
+
+@of_model
+def _at_state(closure: AbstractClosure, system: AbstractSystem, state: State) -> tuple[Array, Array]:
+    return closure.compliance(system, state)
+
+
+@compiled
+def _by_joint(closure: AbstractClosure, system: AbstractSystem, state: State, *, whole: bool) -> Elasticity:
+    compliance, misfit = (jnp.asarray(x, state.qd.dtype) for x in closure.by_joint(system, state))
+    return Elasticity(compliance, jnp.broadcast_to(misfit, (len(system.rows),)) if whole else misfit)
 
 
 class _Constant(AbstractClosure):
@@ -124,7 +131,7 @@ def for_motion(closure: AbstractClosure, system: AbstractSystem, state: State) -
 
 def minimum_norm(m: int, dtype: DTypeLike) -> Elasticity:
     """That of the Moore-Penrose pick for m rows."""
-    return Elasticity(jnp.eye(m, dtype=dtype), jnp.zeros((), dtype))
+    return Elasticity(xp.eye(m, dtype=dtype), xp.zeros((), dtype))
 
 
 class MinimumNorm(AbstractClosure):
@@ -156,7 +163,7 @@ class MinimumNorm(AbstractClosure):
 
     def _misfit(self, system: AbstractSystem, state: State) -> Array:
         n, m = len(system.coordinates), len(system.rows)
-        h = jnp.zeros((), state.qd.dtype) if self.h is None else self.h
+        h = xp.zeros((), state.qd.dtype) if self.h is None else self.h
         if h.shape not in ((), (n + m,)):
             raise RedundaxError(
                 f"Argument `h` must be a number or have shape (n + m,) = ({n + m},), but has {h.shape}. "
@@ -167,9 +174,9 @@ class MinimumNorm(AbstractClosure):
     def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
         m, misfit = len(system.rows), self._misfit(system, state)
         if self.units is None:
-            return jnp.eye(m, dtype=misfit.dtype), misfit
+            return xp.eye(m, dtype=misfit.dtype), misfit
         scale = self.units.of_force(system.rows)
-        return jnp.diag(scale**2), scale * misfit
+        return xp.diag(scale**2), scale * misfit
 
     def by_joint(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
         scale = jnp.ones(len(system.rows)) if self.units is None else self.units.of_force(system.rows)
@@ -262,7 +269,7 @@ class Compliance(AbstractClosure):
                 f"Argument `W` must have one entry for each of the {m} constraint rows, but has {self.W.shape[-1]}. "
                 "The rows are those of `system.rows`."
             )
-        W = jnp.diag(self.W) if self.W.ndim == 1 else self.W
+        W = xp.diag(self.W) if self.W.ndim == 1 else self.W
         if self.units is None:
             return W, self.misfit
         scale = self.units.of(system.rows)

@@ -11,6 +11,7 @@ frame of a body that the joint connects, the one on which the seat sits, and tur
 """
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any, cast
 
 import equinox as eqx
@@ -32,6 +33,7 @@ from .._system._system import AbstractSystem
 from .._system._units import Units
 from .._tools._errors import RedundaxError
 from .._tools._module import is_concrete
+from .._tools._numbers import as_numbers, on_numbers, xp
 from ._closure import AbstractClosure
 from ._joint_compliance import AbstractJointCompliance, JointCompliance
 from ._joint_compliance_in_space import JointCompliance as SpatialJointCompliance
@@ -99,15 +101,8 @@ class ElasticJoints(AbstractClosure):
             raise RedundaxError("Argument `joints` must name each joint once, but names some twice. Leave one out.")
         for name in given:
             index_of("joints", name, names, " of joints")
-        units, number, stacks = Units() if units is None else units, 0, []
-        for stack, members in zip(mechanism.joints, mechanism.names.joints, strict=True):
-            seats = []
-            for k, name in enumerate(members):
-                seat = given.get(name, kind(name))
-                seats.append(_seat(seat, stack, k, _on_i(seat, stack, k, mechanism.names.bodies), units, number))
-                number += 1
-            stacks.append(stacked(seats))
-        self.seats = tuple(stacks)
+        units = Units() if units is None else units
+        self.seats = seats_of(given, kind, mechanism.joints, mechanism.names, units)
 
     def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
         a, bent, misfit, joint = self._rows(system, state)
@@ -151,6 +146,20 @@ def _check_space(joints: Sequence[AbstractJointCompliance], frame: AbstractFrame
         )
 
 
+@partial(on_numbers, jit=False)
+def seats_of(given: dict, kind: Any, joints: Any, names: Any, units: Units) -> tuple:
+    """The seats of all joints."""
+    number, stacks = 0, []
+    for stack, members in zip(joints, names.joints, strict=True):
+        seats = []
+        for k, name in enumerate(members):
+            seat = given[name] if name in given else as_numbers(kind(name))
+            seats.append(_seat(seat, stack, k, _on_i(seat, stack, k, names.bodies), units, number))
+            number += 1
+        stacks.append(stacked(seats))
+    return tuple(stacks)
+
+
 def _pair(name: str, figures: ArrayLike | tuple[ArrayLike, ...]) -> tuple[ArrayLike, ...]:
     given = figures if isinstance(figures, tuple) else (figures,)
     if len(given) not in (1, 2):
@@ -164,7 +173,7 @@ def _pair(name: str, figures: ArrayLike | tuple[ArrayLike, ...]) -> tuple[ArrayL
 def _on_i(given: AbstractJointCompliance, stack: Stack, k: int, bodies: tuple[str, ...]) -> Bool[Array, ""]:
     """Whether the frame is that of body i of the k-th joint of the stack; otherwise it is that of body j."""
     if given.frame is None:
-        return jnp.asarray(True)
+        return xp.asarray(True)
     index = {name: position for position, name in enumerate((*bodies, GROUND))}
     body = index.get(given.frame, -1)
     if is_concrete(stack.i) and is_concrete(stack.j):
@@ -180,11 +189,11 @@ def _on_i(given: AbstractJointCompliance, stack: Stack, k: int, bodies: tuple[st
 def _seat(given: AbstractJointCompliance, stack: Stack, k: int, on_i: Array, units: Units, number: int) -> _Seat:
     """The seat of the k-th joint of the stack in the units of the mechanism."""
     linear, angular = len(given.space.linear), len(given.space.angular)
-    scale = jnp.concatenate([jnp.full(linear, units.length), jnp.full(angular, units.angle)])
+    scale = xp.concatenate([xp.full(linear, units.length), xp.full(angular, units.angle)])
     point, axes = (
-        jnp.where(on_i, *(getattr(stack.element, f"{what}_{end}", {k: otherwise})[k] for end in "ij"))
-        for what, otherwise in (("point", jnp.zeros(linear)), ("axes", jnp.eye(linear)))
+        xp.where(on_i, *(getattr(stack.element, f"{what}_{end}", {k: otherwise})[k] for end in "ij"))
+        for what, otherwise in (("point", xp.zeros(linear)), ("axes", xp.eye(linear)))
     )
     point = point if given.point is None else given.point / units.length
     compliance = units.energy * given.compliance / (scale[:, None] * scale)
-    return _Seat(compliance, given.misfit / scale, point, axes, on_i, jnp.asarray(number))
+    return _Seat(compliance, given.misfit / scale, point, axes, on_i, xp.asarray(number))

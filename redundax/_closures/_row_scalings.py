@@ -11,6 +11,7 @@ the axes in which the constraints are written and with the points whose coordina
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from .._equations._kinematics import model_at
 from .._equations._scaling import scaling
 from .._system._state import State
 from .._system._system import AbstractSystem
@@ -45,8 +46,8 @@ class UnitConsistent(AbstractClosure):
     """
 
     def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
-        matrix = system.jacobian(state.q, state.t)
-        scales = scaling(system, state, matrix)
+        model = model_at(system, state)
+        matrix, scales = model.jacobian, scaling(system, model)
         some = jnp.abs(matrix * scales.coordinates / scales.rows[:, None]) > _ZERO
         logs = jnp.where(some, jnp.log(jnp.where(some, jnp.abs(matrix), 1.0)), 0.0)
         counts = some.astype(matrix.dtype)

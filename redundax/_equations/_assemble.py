@@ -17,14 +17,15 @@ before found, take it farther, and Newton steps finish from there.
 """
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from .._system._axis import Axis, join
 from .._system._names import ByName, Names, index_of, vector
@@ -42,8 +43,9 @@ from .._tools._module import (
     replace_fields,
     stop_gradient,
 )
+from .._tools._numbers import custom_jvp, fori_loop, of_model, on_numbers, take, while_loop, xp
 from ._guess import ask_for_radians, check_finite
-from ._kinematics import second_order, velocity
+from ._kinematics import along_motion, model_at, velocity
 from ._misfit import Misfit, check_rows, misfit_of, tell, tolerance
 from ._pseudoinverse import (
     DensePseudoinverse,
@@ -53,10 +55,12 @@ from ._pseudoinverse import (
     sparse_pseudoinverse,
     sparse_rows,
 )
-from ._scaling import Scaling, scaling_at
+from ._scaling import Scaling, scaling, scaling_at
 from ._sparse_descent import sparse_descent
 
 _POLISHING_STEPS, _PASSES = 4, 3
+_DESCENT_STEPS, _SETTLED = 500, 1e-8  # at most, and relative changes that end it: Newton steps that follow square them
+_LEAST_DAMPING, _MOST_DAMPING = 1e-10, 1e20  # less leaves redundant rows no factor; at the most no step descends
 
 
 def assemble(
@@ -103,7 +107,7 @@ def assemble(
     q = vector("q", q, system.coordinates, " of coordinates") if isinstance(q, Mapping) else as_float(q)
     qd, t = vector("qd", qd, system.coordinates, " of coordinates"), as_float(t)
     own = {x.dtype for x in jax.tree.leaves(system) if eqx.is_inexact_array(x)}
-    dtype, labels = jnp.result_type(q, qd, *own), _axis(system.names).labels
+    dtype, labels = xp.result_type(q, qd, *own), _axis(system.names).labels
     held = [index_of("positions", name, labels, " of coordinates") for name in positions]
     driven = [index_of("rates", name, labels, " of coordinates") for name in rates]
     if system.adds:
@@ -118,13 +122,14 @@ def assemble(
         check_finite(system.coordinates.labels, **numbers, positions=positions, rates=rates)
     angles = {name for name, angular in zip(labels, _axis(system.names).angular.tolist(), strict=True) if angular}
     ask_for_radians(angles, system.coordinates.labels if system.adds else (), q, positions)
-    xp = numpy_of(numbers, positions, rates)  # NumPy, which compiles nothing, where all is known
-    finite = xp.all(xp.stack([xp.all(xp.isfinite(value)) for value in numbers.values()]))
-    guess = xp.where(finite, q, xp.nan), xp.broadcast_to(qd, (n,)), t
-    given = (xp.stack([xp.zeros(()), *map(floats, values.values())])[1:] for values in (positions, rates))
-    q, qd, t, at, rate = (on_device(xp.asarray(value, dtype)) for value in (*guess, *given))
+    np_ = numpy_of(numbers, positions, rates)  # NumPy, which compiles nothing, where all is known
+    finite = np_.all(np_.stack([np_.all(np_.isfinite(value)) for value in numbers.values()]))
+    guess = np_.where(finite, q, np_.nan), np_.broadcast_to(qd, (n,)), t
+    given = (np_.stack([np_.zeros(()), *map(floats, values.values())])[1:] for values in (positions, rates))
+    q, qd, t, at, rate = (on_device(np_.asarray(value, dtype)) for value in (*guess, *given))
     held, driven = (on_device(np.array(indices, int)) for indices in (held, driven))
-    state, off, slow = _assemble(system.anonymous, State(q, qd, t), held, at, driven, rate)
+    given = system.anonymous.without_friction, State(q, qd, t), held, at, driven, rate
+    state, off, slow = (_assembled_dense if system.plan is None else _assembled_large)(*given)
     if is_concrete(off.refused) and is_concrete(slow.refused):
         off, slow = jax.device_get((off, slow))
         if off.refused and throw is not False:
@@ -145,22 +150,21 @@ def _beside(system: AbstractSystem, given: Array, wanted: Array, held: Array) ->
     gap = given - wanted
     if system.adds or not held.size:
         return gap
-    whole = 2 * jnp.pi * system.radian
-    turns = jnp.where(jnp.asarray(_axis(system.names).angular)[held], jnp.round(gap / whole), 0.0)
+    whole = 2 * xp.pi * system.radian
+    turns = xp.where(take(_axis(system.names).angular, held), xp.round(gap / whole), 0.0)
     return gap - whole * turns
 
 
 def _given(system: AbstractSystem, q: Array, t: Array, held: Array) -> Array:
     """Values of the coordinates that are held, of those of `_axis`."""
     if not held.size:
-        return jnp.zeros(0, q.dtype)
-    none = jnp.zeros(len(system.coordinates), q.dtype)
+        return xp.zeros(0, q.dtype)
+    none = xp.zeros(len(system.coordinates), q.dtype)
     own = q if q.shape == none.shape else none  # of another chart no coordinate is held
-    return jnp.concatenate([own, system.joint_coordinates.positions(State(q, none, t))])[held]
+    return xp.concatenate([own, system.joint_coordinates.positions(State(q, none, t))])[held]
 
 
-@compiled
-def _assemble(
+def _assembled(
     system: AbstractSystem,
     guess: State,
     held: Int[Array, " h"],
@@ -170,9 +174,27 @@ def _assemble(
 ) -> tuple[State, Misfit, Misfit]:
     """State, and the misfits of its position and of its velocity."""
     q, off = _position(system, guess, held, positions)
-    qd, slow = _velocity(system, State(q, guess.qd, guess.t), driven, rates)
+    qd, slow = _velocity(system, replace_fields(guess, q=q), driven, rates)
     failed = off.refused | slow.refused
-    return State(jnp.where(failed, jnp.nan, q), jnp.where(failed, jnp.nan, qd), guess.t), off, slow
+    return replace_fields(guess, q=xp.where(failed, xp.nan, q), qd=xp.where(failed, xp.nan, qd)), off, slow
+
+
+_assembled_dense, _assembled_large = on_numbers(_assembled), compiled(_assembled)
+
+
+@of_model
+def closing_at(system: AbstractSystem, q: Array, d: Array, t: Array) -> tuple[Array, Array, Array]:
+    """q [+] d, and there Phi and all coordinates that can be given, with their slopes by d."""
+    none = jnp.zeros(len(system.coordinates), q.dtype)
+
+    def values(d: Array) -> tuple[Array, Array]:
+        at = system.retract(q, d)
+        own = at if at.shape == none.shape else none
+        joints = system.joint_coordinates.positions(State(at, none, t))
+        return jnp.concatenate([system.constraint(at, t), own, joints]), at
+
+    slopes, (found, at) = jax.jacfwd(lambda d: (lambda v: (v[0], v))(values(d)), has_aux=True)(d)
+    return at, found, slopes
 
 
 class _Closing(eqx.Module):
@@ -185,29 +207,49 @@ class _Closing(eqx.Module):
     scale: Scaling
     row_scale: Float[Array, " rows"]
 
+    def linearised(self, d: Array) -> tuple[Array, Array]:
+        """The residual at q [+] S d and its slope, of dense matrices."""
+        m, step = len(self.system.rows), self.scale.coordinates * d
+        which = xp.concatenate([np.arange(m), m + self.held])
+        _, values, slopes = closing_at(self.system, self.guess.q, step, self.guess.t)
+        values, slopes = take(values, which), take(slopes, which)
+        given = _beside(self.system, values[m:], self.positions, self.held)
+        residual = xp.concatenate([values[:m], given]) / self.row_scale
+        return residual, slopes * self.scale.coordinates / self.row_scale[:, None]
+
     def moved(self, q: Array, d: Array) -> Array:
         """q [+] S d."""
-        return self.system.retract(q, self.scale.coordinates * d)
+        step = self.scale.coordinates * d
+        if self.system.adds:
+            return q + step
+        if self.system.plan is not None:
+            return self.system.retract(q, step)
+        return closing_at(self.system, q, step, self.guess.t)[0]
 
     def residual(self, d: Array) -> Array:
+        """r(d)."""
+        if self.system.plan is None:
+            return self.linearised(d)[0]
         return self.residual_at(self.moved(self.guess.q, d))
 
     def residual_at(self, q: Array) -> Array:
+        """The same of a large mechanism, at a position."""
         given = _given(self.system, q, self.guess.t, self.held)
         given = _beside(self.system, given, self.positions, self.held)
-        return jnp.concatenate([self.system.constraint(q, self.guess.t), given]) / self.row_scale
+        return xp.concatenate([self.system.constraint(q, self.guess.t), given]) / self.row_scale
 
     def rows(self, q: Array) -> SparseRows:
         """K of a large mechanism, at a position."""
-        given = _given_rows(self.system, State(q, self.guess.qd, self.guess.t), self.held)
+        given = _given_rows(self.system, replace_fields(self.guess, q=q), self.held)
         given = given * self.scale.coordinates / self.row_scale[len(self.scale.rows) :, None]
         return sparse_rows(self.system, q, self.guess.t, self.scale, given)
 
     def inverse(self, d: Array) -> DensePseudoinverse | SparsePseudoinverse:
         """K^+ of the residual."""
-        violation = jnp.max(jnp.abs(self.residual(d))) / self.scale.size
         if self.system.plan is None:
-            return dense_pseudoinverse(jax.jacfwd(self.residual)(d), violation)
+            residual, slopes = self.linearised(d)
+            return dense_pseudoinverse(slopes, xp.max(xp.abs(residual)) / self.scale.size)
+        violation = xp.max(xp.abs(self.residual(d))) / self.scale.size
         return sparse_pseudoinverse(self.rows(self.moved(self.guess.q, d)), violation)
 
 
@@ -219,19 +261,56 @@ class _Closed(NamedTuple):
     weakest: Float[Array, ""]
 
 
-def _descent(closing: _Closing) -> Float[Array, " n"]:
-    """A displacement to where the residual is least."""
-    import optimistix as optx  # here, as its import takes time that few need
+class _Descent(NamedTuple):
+    """u = d / size, the residual there and its slope, the damping, the number of steps, and whether it is the end."""
 
-    size, start = closing.scale.size, jnp.zeros_like(closing.guess.qd)
-    solver = optx.LevenbergMarquardt(rtol=1e-8, atol=1e-8)
-    found = optx.least_squares(lambda d, _: closing.residual(d) / size, solver, start, max_steps=500, throw=False)
-    return found.value
+    u: Float[Array, " n"]
+    residual: Float[Array, " rows"]
+    slope: Float[Array, "rows n"]
+    damping: Float[Array, ""]
+    steps: Int[Array, ""] | int
+    ended: Bool[Array, ""] | bool
+
+
+def _descent(closing: _Closing) -> Float[Array, " n"]:
+    """A displacement to where the residual is least, by the method of Levenberg and Marquardt,
+
+        (J^T J + s I) du = -J^T r,
+
+    where the damping s falls after steps that lower |r|^2 as J says, and grows after others.
+    """
+    size, one = closing.scale.size, xp.eye(closing.guess.qd.size, dtype=closing.guess.qd.dtype)
+
+    def at(u: Array) -> tuple[Array, Array]:
+        residual, slope = closing.linearised(size * u)
+        return residual / size, slope
+
+    def step(now: _Descent) -> _Descent:
+        u, residual, slope, damping, steps, _ = now
+        change = -xp.linalg.solve(slope.T @ slope + damping * one, slope.T @ residual)
+        ahead, its_slope = at(u + change)
+        square, less = xp.sum(residual**2), xp.sum(residual**2) - xp.sum(ahead**2)
+        said = square - xp.sum((residual + slope @ change) ** 2)
+        good, better = less > 0, less > 0.01 * said
+        small = xp.all(xp.abs(change) <= _SETTLED * (1 + xp.abs(u))) & (xp.abs(less) <= _SETTLED * (1 + square))
+        damping = xp.where(less > 0.9 * said, damping / 4, xp.where(better, damping, damping * 4))
+        return _Descent(
+            u=xp.where(good, u + change, u),
+            residual=xp.where(good, ahead, residual),
+            slope=xp.where(good, its_slope, slope),
+            damping=xp.maximum(damping, _LEAST_DAMPING),
+            steps=steps + 1,
+            ended=small | ~(damping < _MOST_DAMPING) | ~xp.isfinite(square),
+        )
+
+    start = xp.zeros_like(closing.guess.qd)
+    begin = _Descent(start, *at(start), xp.ones_like(size), 0 * size, size != size)
+    return size * while_loop(lambda now: ~now.ended & (now.steps < _DESCENT_STEPS), step, begin).u
 
 
 def _closing(system: AbstractSystem, guess: State, held: Array, positions: Array) -> _Closing:
     scale = scaling_at(system, guess)
-    row_scale = jnp.concatenate([scale.rows, _held_scale(system, held, scale)])
+    row_scale = xp.concatenate([scale.rows, _held_scale(system, held, scale)])
     return _Closing(system, guess, held, positions, scale, row_scale)
 
 
@@ -251,19 +330,19 @@ def _begun(system: AbstractSystem, guess: State, held: Array, positions: Array) 
             still.rows,
             lambda q, d: still.moved(q, size * d),
         )
-        return replace_fields(closing, guess=State(_carried(guess.q, system, reached), guess.qd, guess.t))
+        return replace_fields(closing, guess=replace_fields(guess, q=_carried(guess.q, system, reached)))
     if system.adds:
         return closing
 
-    def moved(_: Array, q: Array) -> Array:
-        closing = stop_gradient(_closing(system, State(q, guess.qd, guess.t), held, positions))
+    def moved(_: Any, q: Array) -> Array:
+        closing = stop_gradient(_closing(system, replace_fields(guess, q=q), held, positions))
         return closing.moved(q, _descent(closing))
 
-    q = jax.lax.fori_loop(0, _PASSES, moved, guess.q)
-    return _closing(system, State(q, guess.qd, guess.t), held, positions)
+    q = fori_loop(0, _PASSES, moved, guess.q)
+    return _closing(system, replace_fields(guess, q=q), held, positions)
 
 
-@eqx.filter_custom_jvp
+@partial(custom_jvp, make=eqx.filter_custom_jvp)
 def _carried(guess: Array, system: AbstractSystem, reached: Array) -> Array:
     """The position reached; its derivative is that of the guess, velocity by velocity."""
     return reached
@@ -275,23 +354,23 @@ def _carried_jvp(primals: tuple, tangents: tuple) -> tuple:
     if change is None or system.adds:
         return reached, change
     rate = velocity(system, guess, change)
-    zero, one = jnp.zeros((), reached.dtype), jnp.ones((), reached.dtype)
+    zero, one = xp.zeros((), reached.dtype), xp.ones((), reached.dtype)
     return reached, jax.jvp(lambda s: system.retract(reached, s * rate), (zero,), (one,))[1]
 
 
-@eqx.filter_custom_jvp
+@partial(custom_jvp, make=eqx.filter_custom_jvp)
 def _closed(closing: _Closing) -> _Closed:
     """A displacement d with K^+ r(d) = 0; its derivative is dd = -K^+ dr, the smallest that keeps it so."""
     begins = closing.system.adds and closing.system.plan is None  # else it is at its end
-    d = _descent(closing) if begins else jnp.zeros_like(closing.guess.qd)
+    d = _descent(closing) if begins else xp.zeros_like(closing.guess.qd)
 
-    def polished(_: Array, carry: _Closed) -> _Closed:
+    def polished(_: Any, carry: _Closed) -> _Closed:
         inverse = closing.inverse(carry.d)
         step = -inverse(closing.residual(carry.d))
-        return _Closed(carry.d + step, jnp.max(jnp.abs(step)), jnp.minimum(carry.weakest, inverse.kept))
+        return _Closed(carry.d + step, xp.max(xp.abs(step)), xp.minimum(carry.weakest, inverse.kept))
 
-    infinite = jnp.full((), jnp.inf, d.dtype)
-    return jax.lax.fori_loop(0, _POLISHING_STEPS, polished, _Closed(d, infinite, infinite))
+    infinite = xp.full((), xp.inf, d.dtype)
+    return fori_loop(0, _POLISHING_STEPS, polished, _Closed(d, infinite, infinite))
 
 
 @_closed.def_jvp
@@ -299,56 +378,60 @@ def _closed_jvp(primals: tuple, tangents: tuple) -> tuple:
     closed = _closed(*primals)
     _, change = eqx.filter_jvp(lambda closing: closing.residual(closed.d), primals, tangents)
     moved = None if change is None else -primals[0].inverse(closed.d)(change)  # None where nothing in r moves
-    none = jnp.zeros_like(closed.step)
+    none = xp.zeros_like(closed.step)
     return closed, eqx.tree_at(lambda closed: closed.d, _Closed(none, none, none), moved)
 
 
 def _position(system: AbstractSystem, guess: State, held: Array, positions: Array) -> tuple[Array, Misfit]:
     closing = _begun(system, guess, held, positions)
     d, step, weakest = _closed(closing)
-    left = jnp.abs(closing.residual(d))
+    left = xp.abs(closing.residual(d))
     relative = left / closing.scale.size
-    settled = step <= jnp.maximum(jnp.max(relative), tolerance(d))
+    settled = step <= xp.maximum(xp.max(relative), tolerance(d))
     misfit = misfit_of(left * closing.row_scale, relative, settled, weakest, tolerance(d))
     return closing.moved(closing.guess.q, d), misfit
 
 
 def _velocity(system: AbstractSystem, state: State, driven: Array, rates: Array) -> tuple[Array, Misfit]:
-    motion, _, turned = second_order(system, state)
-    scale = scaling_at(system, state, turned)
-    row_scale = jnp.concatenate([scale.rows, _held_scale(system, driven, scale)])
-    slopes = _given_rows(system, state, driven)
-    misfit = jnp.concatenate([motion.rate, slopes @ state.qd - rates]) / row_scale
-    slopes = slopes * scale.coordinates / row_scale[len(scale.rows) :, None]
-    drift = jnp.max(jnp.abs(motion.value) / scale.rows) / scale.size
     if system.plan is None:
-        own = system.jacobian(state.q, state.t) * scale.coordinates / scale.rows[:, None]
-        inverse = dense_pseudoinverse(jnp.concatenate([own, slopes]), drift)
+        model = model_at(system, state)
+        motion, scale = model.motion, scaling(system, model)
+        own = model.jacobian * scale.coordinates / scale.rows[:, None]
+    else:
+        motion, scale, own = along_motion(system, state), scaling_at(system, state), None
+    row_scale = xp.concatenate([scale.rows, _held_scale(system, driven, scale)])
+    slopes = _given_rows(system, state, driven)
+    misfit = xp.concatenate([motion.rate, slopes @ state.qd - rates]) / row_scale
+    slopes = slopes * scale.coordinates / row_scale[len(scale.rows) :, None]
+    drift = xp.max(xp.abs(motion.value) / scale.rows) / scale.size
+    if own is not None:
+        inverse = dense_pseudoinverse(xp.concatenate([own, slopes]), drift)
     else:
         inverse = sparse_pseudoinverse(sparse_rows(system, state.q, state.t, scale, slopes), drift)
     change = -inverse(misfit)
     guess = state.qd / scale.coordinates
     found = guess + change
-    given = (jnp.max(jnp.abs(guess)) + jnp.max(jnp.abs(misfit))) / jnp.minimum(inverse.kept, 1.0)
-    rests = jnp.max(jnp.abs(found)) <= 10 * found.size * jnp.finfo(found.dtype).eps * given
-    found = found - jnp.where(rests, stop_gradient(found), 0.0)  # the rounding of none, which has no direction
+    given = (xp.max(xp.abs(guess)) + xp.max(xp.abs(misfit))) / xp.minimum(inverse.kept, 1.0)
+    rests = xp.max(xp.abs(found)) <= 10 * found.size * xp.finfo(found.dtype).eps * given
+    found = found - xp.where(rests, stop_gradient(found), 0.0)  # the rounding of none, which has no direction
     qd = scale.coordinates * found
-    speed = jnp.max(jnp.abs(found)) + jnp.max(jnp.abs(misfit))
-    left = jnp.abs(misfit + inverse.times(change))
-    relative = left / jnp.where(speed > 0, speed, 1.0)
-    return qd, misfit_of(left * row_scale, relative, jnp.asarray(True), jnp.asarray(jnp.inf), tolerance(qd))
+    speed = xp.max(xp.abs(found)) + xp.max(xp.abs(misfit))
+    left = xp.abs(misfit + inverse.times(change))
+    relative = left / xp.where(speed > 0, speed, 1.0)
+    return qd, misfit_of(left * row_scale, relative, xp.asarray(True), xp.asarray(xp.inf), tolerance(qd))
 
 
 def _given_rows(system: AbstractSystem, state: State, which: Array) -> Float[Array, "h n"]:
     """How given values, of those of `_axis`, change with the coordinates."""
-    still = jnp.zeros_like(state.qd)
+    still = xp.zeros_like(state.qd)
     if not which.size:
-        return jnp.zeros((0, still.size), still.dtype)
-    derivative = jax.jacfwd if system.plan is None else jax.jacrev  # of many coordinates few are given
-    slopes = derivative(lambda d: _given(system, system.retract(state.q, d), state.t, which))(still)
-    own = which[:, None] == jnp.arange(still.size)  # of another chart too, whose positions are none of these
-    return jnp.where((which < still.size)[:, None], own.astype(still.dtype), slopes)
+        return xp.zeros((0, still.size), still.dtype)
+    if system.plan is None:
+        return closing_at(system, state.q, still, state.t)[2][len(system.rows) :][which]
+    slopes = jax.jacrev(lambda d: _given(system, system.retract(state.q, d), state.t, which))(still)
+    own = which[:, None] == xp.arange(still.size)  # of another chart too, whose positions are none of these
+    return xp.where((which < still.size)[:, None], own.astype(still.dtype), slopes)
 
 
 def _held_scale(system: AbstractSystem, held: Array, scale: Scaling) -> Array:
-    return jnp.where(jnp.asarray(_axis(system.names).angular)[held], 1 / scale.length, 1.0)
+    return xp.where(take(_axis(system.names).angular, held), 1 / scale.length, 1.0)

@@ -25,13 +25,13 @@ along the motions that are left. It does not at rest, where C is zero, nor where
 from typing import NamedTuple
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from .._system._decision import CLEAR, Decision
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._numbers import xp
 from ._evidence import ratio
 from ._kinematics import third_order
 from ._rank import Split, split
@@ -106,7 +106,7 @@ class Lacking(NamedTuple):
     def contradiction(self, a: Float[Array, " n"]) -> Decision:
         """Whether accelerations contradict the rows along lasting self-stress."""
         left = self.parts.stress @ (self.wanted - self.matrix @ a)[len(self.bend) :]
-        return Decision(ratio(left, jnp.abs(self.turn) @ jnp.abs(a), self.bend) / (10 * self.blur))
+        return Decision(ratio(left, xp.abs(self.turn) @ xp.abs(a), self.bend) / (10 * self.blur))
 
 
 def lacking(
@@ -121,26 +121,26 @@ def lacking(
     """K and g with the rows that they lack; `noise` is that of K and that of the velocity."""
     rate, third = third_order(system, state)
     turn = rate * scales.coordinates / scales.rows[:, None]
-    size = _positive(jnp.linalg.norm(turn))
+    size = _positive(xp.linalg.norm(turn))
     turn, bend = turn / size, third / scales.rows / (3 * size)
     rows, wanted = parts.stress @ turn, -parts.stress @ bend
     seen = rows @ parts.motion
-    largest = _positive(jnp.linalg.norm(seen))
+    largest = _positive(xp.linalg.norm(seen))
     blur = noise[0] / kept + noise[1] / (scales.size * size)
     found, spectrum = split(seen / largest, blur / largest, None)
     inverse, local = found.inverse / largest, parts.stress - parts.stress @ found.stress
-    clear = jnp.where(spectrum.decision.is_yes, 0.0, 0.5 * CLEAR)
+    clear = xp.where(spectrum.decision.is_yes, 0.0, 0.5 * CLEAR)
     own = parts.inverse - inverse @ (rows @ parts.inverse)
     return Lacking(
-        matrix=jnp.concatenate([equations[0], rows]),
-        wanted=jnp.concatenate([equations[1], wanted]),
-        inverse=jnp.concatenate([own, inverse], axis=1),
+        matrix=xp.concatenate([equations[0], rows]),
+        wanted=xp.concatenate([equations[1], wanted]),
+        inverse=xp.concatenate([own, inverse], axis=1),
         size=size,
         parts=Split(own, parts.stress - local, parts.motion @ found.motion),
         local=local,
         states=spectrum.rank,
-        decision=Decision(jnp.where(spectrum.rank > 0, spectrum.decision.margin, clear)),
-        kept=kept * jnp.where(spectrum.rank > 0, jnp.minimum(largest * spectrum.kept, 1.0), 1.0),
+        decision=Decision(xp.where(spectrum.rank > 0, spectrum.decision.margin, clear)),
+        kept=kept * xp.where(spectrum.rank > 0, xp.minimum(largest * spectrum.kept, 1.0), 1.0),
         blur=blur,
         turn=turn,
         bend=bend,
@@ -149,12 +149,12 @@ def lacking(
 
 def lost_rows(more: Lacking, stress: Float[Array, "m m"], noise: Float[Array, ""]) -> Bool[Array, " m"]:
     """Rows of the local self-stress, and those that any self-stress, of the projector `stress`, couples with them."""
-    linked = jnp.abs(stress) > noise
+    linked = xp.abs(stress) > noise
     for _ in range(len(stress).bit_length()):
         linked = linked.astype(stress.dtype) @ linked.astype(stress.dtype) > 0
-    touched = (jnp.linalg.norm(more.local, axis=1) > jnp.minimum(100 * more.blur, 1e-3)) & (more.states > 0)
-    return jnp.any(linked & touched, axis=1) | touched
+    touched = (xp.linalg.norm(more.local, axis=1) > xp.minimum(100 * more.blur, 1e-3)) & (more.states > 0)
+    return xp.any(linked & touched, axis=1) | touched
 
 
 def _positive(size: Array) -> Array:
-    return jnp.where(size > 0, size, 1.0)
+    return xp.where(size > 0, size, 1.0)

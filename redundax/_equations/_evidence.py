@@ -13,8 +13,6 @@ derivative.
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -22,6 +20,7 @@ from .._system._decision import CLEAR, Decision
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import batch_any
+from .._tools._numbers import cond, xp
 from ._kinematics import second_derivative
 from ._rank import Split
 from ._scaling import Scaling
@@ -65,7 +64,7 @@ class ScaledMotion(NamedTuple):
 
 def violation_of(motion: ScaledMotion, stress: Float[Array, "m m"], position: Array, size: Array) -> Violation:
     """Consistency of a state whose position violates the constraints by `position`."""
-    sizes = motion.gamma, motion.acceleration, jnp.max(jnp.abs(motion.qd)) ** 2 / size
+    sizes = motion.gamma, motion.acceleration, xp.max(xp.abs(motion.qd)) ** 2 / size
     return Violation(
         position,
         ratio(motion.rate, motion.qd, motion.reached),
@@ -76,11 +75,11 @@ def violation_of(motion: ScaledMotion, stress: Float[Array, "m m"], position: Ar
 
 def rate_noise(motion: ScaledMotion, kept: Float[Array, ""]) -> Float[Array, ""]:
     """What rounding and violation can make of a slip rate that is zero; more than zero."""
-    rounding = 10 * jnp.finfo(motion.qd.dtype).eps
-    magnified = jnp.maximum(10.0, 1 / jnp.minimum(kept, 1.0))
-    own = rounding * jnp.max(jnp.abs(motion.qd)) + jnp.max(jnp.abs(motion.rate))
+    rounding = 10 * xp.finfo(motion.qd.dtype).eps
+    magnified = xp.maximum(10.0, 1 / xp.minimum(kept, 1.0))
+    own = rounding * xp.max(xp.abs(motion.qd)) + xp.max(xp.abs(motion.rate))
     noise = magnified * own + rounding * motion.reached
-    return jnp.where(noise > 0, noise, 1.0)
+    return xp.where(noise > 0, noise, 1.0)
 
 
 def singularity_of(
@@ -97,7 +96,7 @@ def singularity_by(
 
     Rounding moves Phi'' itself, the range of P by as much of K^+ Phi'', and a state off the manifold does too.
     """
-    rounding = max(motion.gamma.size, motion.qd.size) * float(jnp.finfo(motion.qd.dtype).eps)
+    rounding = max(motion.gamma.size, motion.qd.size) * float(xp.finfo(motion.qd.dtype).eps)
     changed, _ = _bends(bend, motion, parts, scales)
     return Decision(changed / (_ROUNDING * (rounding + position)))
 
@@ -114,10 +113,10 @@ def independence_of(
     def beside() -> Array:
         others = _without_weakest(parts)
         changed, bend = _bends(_along_probe(system, state, motion, others, scales), motion, others, scales)
-        found = jnp.where(bend < CLEAR * _POINTS, jnp.inf, changed / (_BENDS * _POINTS))
-        return jnp.where(holds < CLEAR, jnp.maximum(holds, found), holds)
+        found = xp.where(bend < CLEAR * _POINTS, xp.inf, changed / (_BENDS * _POINTS))
+        return xp.where(holds < CLEAR, xp.maximum(holds, found), holds)
 
-    return Decision(jax.lax.cond(batch_any(holds < CLEAR), beside, lambda: holds))
+    return Decision(cond(batch_any(holds < CLEAR), beside, lambda: holds))
 
 
 def _without_weakest(parts: Split) -> Split:
@@ -126,13 +125,13 @@ def _without_weakest(parts: Split) -> Split:
     Steps of the power method find them, from the largest column.
     """
     inverse = parts.inverse
-    v = inverse[:, jnp.argmax(jnp.linalg.norm(inverse, axis=0))]
+    v = inverse[:, xp.argmax(xp.linalg.norm(inverse, axis=0))]
     v = inverse @ (v @ inverse)
     u = v @ inverse
-    u = u / jnp.linalg.norm(u)
+    u = u / xp.linalg.norm(u)
     v = inverse @ u
-    size = jnp.linalg.norm(v)
-    return Split(inverse - jnp.outer(v, u), jnp.outer(u, u), parts.motion + jnp.outer(v / size, v / size))
+    size = xp.linalg.norm(v)
+    return Split(inverse - xp.outer(v, u), xp.outer(u, u), parts.motion + xp.outer(v / size, v / size))
 
 
 def probe(motion: ScaledMotion, parts: Split, scales: Scaling) -> Float[Array, " n"]:
@@ -145,24 +144,24 @@ def probe(motion: ScaledMotion, parts: Split, scales: Scaling) -> Float[Array, "
 
 
 def _speed(motion: ScaledMotion, scales: Scaling) -> Float[Array, ""]:
-    speed = jnp.max(jnp.abs(motion.qd)) + motion.reached
-    return jnp.where(speed > 0, speed, scales.size)
+    speed = xp.max(xp.abs(motion.qd)) + motion.reached
+    return xp.where(speed > 0, speed, scales.size)
 
 
 def _along_probe(
     system: AbstractSystem, state: State, motion: ScaledMotion, parts: Split, scales: Scaling
 ) -> Float[Array, " m"]:
     """D^-1 Phi'' along it."""
-    return second_derivative(system, state, probe(motion, parts, scales), jnp.ones_like(state.t)) / scales.rows
+    return second_derivative(system, state, probe(motion, parts, scales), xp.ones_like(state.t)) / scales.rows
 
 
 def _bends(bend: Float[Array, " m"], motion: ScaledMotion, parts: Split, scales: Scaling) -> tuple[Array, Array]:
     """What the probe changes of P Phi'', relative to its terms, and of Phi'', to the size."""
     added = bend + motion.gamma
-    changed = jnp.max(jnp.abs(parts.stress @ added))
-    terms = sum(jnp.max(jnp.abs(part)) for part in (bend, motion.gamma, parts.inverse @ bend))
+    changed = xp.max(xp.abs(parts.stress @ added))
+    terms = sum(xp.max(xp.abs(part)) for part in (bend, motion.gamma, parts.inverse @ bend))
     whole = (2 * _speed(motion, scales)) ** 2 / scales.size
-    return changed / (terms + whole), jnp.max(jnp.abs(added)) / whole
+    return changed / (terms + whole), xp.max(xp.abs(added)) / whole
 
 
 def _uneven(projector: Array, along: Array) -> Array:
@@ -171,16 +170,16 @@ def _uneven(projector: Array, along: Array) -> Array:
     The column of the largest pivot, added with the sign of what is there, keeps it from being rounding; turned so that
     it does not point against a vector, with which it could cancel.
     """
-    numbers, pivot = np.arange(1.0, len(projector) + 1), jnp.argmax(jnp.diagonal(projector))
-    mixed = projector @ jnp.asarray(np.cos(numbers**2), projector.dtype)
-    mixed = mixed + jnp.where(mixed[pivot] < 0, -2.0, 2.0) * projector[pivot]
-    largest = jnp.max(jnp.abs(mixed))
-    turned = jnp.where(mixed @ along < 0, -1.0, 1.0)
-    return turned * mixed / jnp.where(largest > 0, largest, 1.0)
+    numbers, pivot = np.arange(1.0, len(projector) + 1), xp.argmax(xp.diagonal(projector))
+    mixed = projector @ xp.asarray(np.cos(numbers**2), projector.dtype)
+    mixed = mixed + xp.where(mixed[pivot] < 0, -2.0, 2.0) * projector[pivot]
+    largest = xp.max(xp.abs(mixed))
+    turned = xp.where(mixed @ along < 0, -1.0, 1.0)
+    return turned * mixed / xp.where(largest > 0, largest, 1.0)
 
 
 def ratio(part: Array, *sizes: Array) -> Array:
     """Largest entry of `part` relative to the sum of the largest of `sizes`, at most 1; 0 if all are 0."""
-    largest = jnp.max(jnp.abs(part))
-    whole = sum(jnp.max(jnp.abs(size)) for size in sizes)
-    return jnp.where(largest > 0, largest / jnp.maximum(largest, whole), largest)
+    largest = xp.max(xp.abs(part))
+    whole = sum(xp.max(xp.abs(size)) for size in sizes)
+    return xp.where(largest > 0, largest / xp.maximum(largest, whole), largest)

@@ -15,8 +15,6 @@ condition (14), rank [M Phi_q^T] = n, holds. No matrix is multiplied with its tr
 number is that of K, not its square. One step of iterative refinement follows, which keeps mass ratios harmless.
 """
 
-import jax
-import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
@@ -24,14 +22,15 @@ from .._system._decision import Decision
 from .._system._results import RESULTS, first_failure
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._compilation import compiled
+from .._tools._module import replace_fields
+from .._tools._numbers import on_numbers, stop_gradient, xp
 from ._branch import Branch
 from ._evidence import Violation, independence_of, rate_noise, singularity_of, violation_of
 from ._rank import Spectrum, Split, split
 from ._response import AbstractSolvedFactorisation, Pick, Response
 from ._restricted_inverse import restricted_inverse
 from ._scaled_equations import reached_by, refined, residual_of
-from ._scaled_kinematics import check_shapes, scaled_kinematics
+from ._scaled_kinematics import scaled_kinematics
 from ._scaling import Scaling, largest_violation
 
 
@@ -109,17 +108,17 @@ class Factorisation(AbstractSolvedFactorisation):
         The noise is the rounding of the velocities and what violates the constraints of them, magnified by the
         Jacobian as in a part that the others hold still.
         """
-        return Decision(jnp.abs(rates) / self.rate_noise)
+        return Decision(xp.abs(rates) / self.rate_noise)
 
     @property
     def least_kept(self) -> Float[Array, ""]:
         """sigma_r / sigma_1, or a bound below it."""
-        return jnp.minimum(self.spectrum.kept, 1.0)
+        return xp.minimum(self.spectrum.kept, 1.0)
 
     @property
     def noise(self) -> float:
         """Rounding of a decomposition of K, relative to sigma_1."""
-        return max(self.jacobian.shape) * float(jnp.finfo(self.gamma.dtype).eps)
+        return max(self.jacobian.shape) * float(xp.finfo(self.gamma.dtype).eps)
 
     @property
     def redundancy(self) -> Int[Array, ""]:
@@ -144,7 +143,7 @@ class Factorisation(AbstractSolvedFactorisation):
     @property
     def self_stress(self) -> Float[Array, "m m"]:
         """Orthogonal projector P = N N^T onto the self-stress states null(Phi_q^T), in the units of the multipliers."""
-        return self.stress_response(jnp.eye(self.gamma.size, dtype=self.gamma.dtype))[0]
+        return self.stress_response(xp.eye(self.gamma.size, dtype=self.gamma.dtype))[0]
 
     @property
     def unique_multipliers(self) -> Bool[Array, " m"]:
@@ -157,7 +156,7 @@ class Factorisation(AbstractSolvedFactorisation):
     @property
     def in_self_stress(self) -> Bool[Array, " m"]:
         """Which rows of P are not zero."""
-        return jnp.linalg.norm(self.split.stress, axis=1) > 100 * self.noise / self.least_kept
+        return xp.linalg.norm(self.split.stress, axis=1) > 100 * self.noise / self.least_kept
 
     @property
     def contradiction(self) -> Decision:
@@ -168,7 +167,7 @@ class Factorisation(AbstractSolvedFactorisation):
     def _consistent(self) -> Float[Array, ""]:
         """What the violation of the state and the rounding of P make of P gamma."""
         blur = self.noise + self.violation.position
-        return jnp.minimum(5 / self.least_kept, 120) * blur + 10 * (self.violation.velocity + self._beside)
+        return xp.minimum(5 / self.least_kept, 120) * blur + 10 * (self.violation.velocity + self._beside)
 
     @property
     def _beside(self) -> Float[Array, ""] | float:
@@ -192,7 +191,7 @@ class Factorisation(AbstractSolvedFactorisation):
     @property
     def lost_digits(self) -> Float[Array, ""]:
         """Decimal digits that accelerations and multipliers lose to the smallest kept singular value."""
-        return -jnp.log10(self.least_kept)
+        return -xp.log10(self.least_kept)
 
     @property
     def checks(self) -> tuple[tuple[Bool[Array, ""], RESULTS], ...]:
@@ -227,7 +226,7 @@ class Factorisation(AbstractSolvedFactorisation):
 
     def respond(self, forces: Float[Array, "n p"], gamma: Float[Array, "m p"] | None = None) -> Response:
         coordinate_scale, row_scale = self._coordinate_scale[:, None], self.row_scale[:, None]
-        gamma = jnp.zeros((self.gamma.size, forces.shape[1]), forces.dtype) if gamma is None else gamma / row_scale
+        gamma = xp.zeros((self.gamma.size, forces.shape[1]), forces.dtype) if gamma is None else gamma / row_scale
         a, mu = refined(
             self.scaled, self.scaled_mass, self.split.inverse, self.response, (coordinate_scale * forces, gamma)
         )
@@ -250,7 +249,7 @@ class Factorisation(AbstractSolvedFactorisation):
         if self.branch is None:
             return None
         lost, lasting = self.branch.lost, self.in_self_stress & ~self.branch.lost
-        coupled = jnp.any((compliance != 0) & lost & lasting[:, None])
+        coupled = xp.any((compliance != 0) & lost & lasting[:, None])
         return lost | (lasting & (coupled | ~self.branch.alone))
 
     def apparent_mass(self) -> Float[Array, "m m"]:
@@ -258,8 +257,8 @@ class Factorisation(AbstractSolvedFactorisation):
 
         M a + Phi_q^T lam = 0, Phi_q a = g; of g in the range of Phi_q, and one solution of many for lam.
         """
-        none = jnp.zeros((self._coordinate_scale.size, self.gamma.size), self.gamma.dtype)
-        return -self.respond(none, jnp.eye(self.gamma.size, dtype=none.dtype)).multipliers
+        none = xp.zeros((self._coordinate_scale.size, self.gamma.size), self.gamma.dtype)
+        return -self.respond(none, xp.eye(self.gamma.size, dtype=none.dtype)).multipliers
 
     def stress_response(self, compliance: Float[Array, "m m"]) -> tuple[Float[Array, "m m"], Decision]:
         """G = N (N^T W N)^-1 N^T: self-stress caused by a misfit under the compliance W; and whether N^T W N > 0."""
@@ -273,25 +272,24 @@ class Factorisation(AbstractSolvedFactorisation):
 
 def factorised(system: AbstractSystem, state: State, rank: ArrayLike | None) -> Factorisation:
     """The equations at a state, decided by singular values."""
-    return _factorised(system.anonymous.without_friction, state, None if rank is None else jnp.asarray(rank))
+    return _factorised(system.anonymous.without_friction, state, None if rank is None else xp.asarray(rank))
 
 
-@compiled
+@on_numbers
 def _factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | None) -> Factorisation:
-    scaled, matrix, position, scales, motion, _ = kinematics = scaled_kinematics(system, state)
+    kinematics = scaled_kinematics(system, state)
+    scaled, matrix, position, scales, motion, _, mass, load = kinematics
     coordinate_scale, row_scale, length, size = scales
-    mass, load = system.mass(state.q, state.t), system.load(state)
-    check_shapes(system, load=load)
     parts, spectrum = split(scaled, position, rank)
     scaled_mass = coordinate_scale[:, None] * mass * coordinate_scale
     freedom = matrix.shape[1] - spectrum.rank
-    zero = jnp.zeros((), matrix.dtype)
+    zero = xp.zeros((), matrix.dtype)
     response, determinacy = restricted_inverse(scaled_mass, parts.motion, freedom, spectrum.kept, zero)
     force, gamma = coordinate_scale * load, motion.gamma / row_scale
     a, mu = refined(scaled, scaled_mass, parts.inverse, response, (force, gamma))
     found = kinematics.moving(state, a, reached_by(scaled_mass, force, a, size))
-    centripetal = jnp.max(jnp.abs(found.qd)) ** 2 / size
-    kept = spectrum.kept if rank is None else jnp.full_like(spectrum.kept, jnp.inf)
+    centripetal = xp.max(xp.abs(found.qd)) ** 2 / size
+    kept = spectrum.kept if rank is None else xp.full_like(spectrum.kept, xp.inf)
     evidence = {
         "violation": violation_of(found, parts.stress, position, size),
         "determinacy": determinacy,
@@ -301,7 +299,7 @@ def _factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | Non
         "rate_noise": rate_noise(found, spectrum.kept),
     }
     return Factorisation(
-        state=State(state.q, state.qd, state.t),
+        state=replace_fields(state, memory=()),
         jacobian=matrix,
         gamma=motion.gamma,
         mass=mass,
@@ -318,9 +316,9 @@ def _factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | Non
         _size=size,
         _coordinate_scale=coordinate_scale,
         row_scale=row_scale,
-        **jax.lax.stop_gradient(evidence),
+        **stop_gradient(evidence),
     )
 
 
 def _finite(*arrays: Array) -> Array:
-    return jnp.all(jnp.concatenate([jnp.isfinite(array).ravel() for array in arrays]))
+    return xp.all(xp.concatenate([xp.isfinite(array).ravel() for array in arrays]))

@@ -10,7 +10,6 @@ import functools
 import operator
 from typing import Any, cast
 
-import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool
@@ -19,9 +18,9 @@ from .._system._decision import CLEAR
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._compilation import compiled
 from .._tools._errors import RedundaxError
-from .._tools._module import is_concrete, on_device, replace_fields, stop_gradient
+from .._tools._module import is_concrete, replace_fields
+from .._tools._numbers import on_numbers, stop_gradient, xp
 from ._branch import Branch, lacking, lost_rows
 from ._evidence import ScaledMotion, singularity_of
 from ._factorisation import Factorisation, factorised
@@ -34,6 +33,7 @@ AnyFactorisation = Factorisation | SparseFactorisation
 _NEAR = 0.575  # power of the rounding, 1e-9 in float64: relative singular values that are none where it is singular
 
 
+@functools.partial(on_numbers, jit=False)
 def factorize(system: AbstractSystem, state: State, rank: ArrayLike | None = None) -> AnyFactorisation:
     """Factorise the equations (7) of a system at a state, at a singular position with the rows that they lack there.
 
@@ -68,7 +68,7 @@ def _continued(system: AbstractSystem, state: State, factor: Factorisation, rank
     values = np.asarray(spectrum.singular_values)
     least = float(np.finfo(values.dtype).eps) ** _NEAR
     if rank is None and (spectrum.kept.item() < least or spectrum.decision.margin.item() < CLEAR):
-        near = factorised(system, state, on_device(np.asarray(np.sum(values > least))))
+        near = factorised(system, state, xp.asarray(np.sum(values > least)))
     if not near.singularity.margin.item() >= CLEAR:  # nor where it is NaN
         return factor
     found, branch, is_trusted = _on_branch(system, state, near)
@@ -110,18 +110,18 @@ def dense_at(
     return system, cast(Factorisation, factor)
 
 
-@compiled
+@on_numbers
 def _on_branch(
     system: AbstractSystem, state: State, factor: Factorisation
 ) -> tuple[Factorisation, Branch, Bool[Array, ""]]:
     """A factorisation at a singular position with the rows that lack there; its branch; whether all checks pass."""
     n, m, scales, values = *factor.jacobian.shape[::-1], factor.scaling, factor.spectrum.singular_values
     force, gamma = scales.coordinates * factor.load, factor.gamma / scales.rows
-    beside = jnp.max(jnp.where(jnp.arange(values.size) < factor.spectrum.rank, 0.0, values))
+    beside = xp.max(xp.where(xp.arange(values.size) < factor.spectrum.rank, 0.0, values))
     position = factor.violation.position + beside
     noise = factor.noise + position, factor.rate_noise
     more = lacking(system, state, (factor.scaled, gamma), factor.split, scales, factor.least_kept, noise)
-    mass, zero = factor.scaled_mass, jnp.zeros((), force.dtype)
+    mass, zero = factor.scaled_mass, xp.zeros((), force.dtype)
     freedom = n - factor.spectrum.rank - more.states
     response, determinacy = restricted_inverse(mass, more.parts.motion, freedom, more.kept, zero)
     a, mu = refined(more.matrix, mass, more.inverse, response, (force, more.wanted))
@@ -132,15 +132,15 @@ def _on_branch(
         "touching": singularity_of(system, state, found, more.parts, position, scales),
         "contradiction": more.contradiction(a),
     }
-    lasting = jnp.linalg.norm(more.parts.stress, axis=1) > noise[0] / more.kept
+    lasting = xp.linalg.norm(more.parts.stress, axis=1) > noise[0] / more.kept
     lost = lost_rows(more, factor.split.stress, noise[0] / factor.least_kept)
     growth = mu[m:] / more.size / scales.rows
     branch = Branch(
-        beside, more.states, growth=growth, lost=lost, alone=~jnp.any(lasting & ~lost), **stop_gradient(evidence)
+        beside, more.states, growth=growth, lost=lost, alone=~xp.any(lasting & ~lost), **stop_gradient(evidence)
     )
     decides = functools.reduce(operator.and_, (passed for passed, _ in branch.checks))
-    branch = replace_fields(branch, count=jnp.where(decides, branch.count, 0))
-    centripetal = jnp.max(jnp.abs(qd)) ** 2 / scales.size
+    branch = replace_fields(branch, count=xp.where(decides, branch.count, 0))
+    centripetal = xp.max(xp.abs(qd)) ** 2 / scales.size
     found = replace_fields(
         factor,
         spectrum=replace_fields(factor.spectrum, kept=stop_gradient(more.kept)),
@@ -155,12 +155,12 @@ def _on_branch(
     return found, branch, found.result == RESULTS.successful
 
 
-@compiled
+@on_numbers
 def _last_alone(system: AbstractSystem, state: State, factor: Factorisation, lost: Array) -> Array:
     """Whether the self-stress of the rows that are not lost lasts without these."""
     scales, position, gamma = factor.scaling, factor.violation.position, factor.gamma / factor.row_scale
-    parts, spectrum = split(jnp.where(lost[:, None], 0.0, factor.scaled), position, None)
-    stress = jnp.where(lost | lost[:, None], 0.0, parts.stress)
+    parts, spectrum = split(xp.where(lost[:, None], 0.0, factor.scaled), position, None)
+    stress = xp.where(lost | lost[:, None], 0.0, parts.stress)
     a, qd = factor.acceleration / scales.coordinates, state.qd / scales.coordinates
     reached = reached_by(factor.scaled_mass, scales.coordinates * factor.load, a, scales.size)
     found = ScaledMotion(qd, 0.0 * gamma, gamma, 0.0 * gamma, a, reached)

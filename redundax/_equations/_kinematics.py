@@ -17,6 +17,7 @@ from jaxtyping import Array, Float
 
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._numbers import of_model
 
 _GAUSS_NEWTON = 6  # steps, whose error is squared each time from a turn of a radian on
 
@@ -27,6 +28,28 @@ class AlongMotion(NamedTuple):
     value: Float[Array, " m"]
     rate: Float[Array, " m"]
     gamma: Float[Array, " m"]
+
+
+class Model(NamedTuple):
+    """What the equations take of a system at a state.
+
+    - `jacobian`, `mass`, `load`: Phi_q, M and Q.
+    - `motion`, `explicit`, `turned`: those of `second_order`.
+    """
+
+    jacobian: Float[Array, "m n"]
+    mass: Float[Array, "n n"]
+    load: Float[Array, " n"]
+    motion: AlongMotion
+    explicit: Float[Array, " m"]
+    turned: Float[Array, " m"]
+
+
+@of_model
+def model_at(system: AbstractSystem, state: State) -> Model:
+    """All of it by one program."""
+    jacobian = system.jacobian(state.q, state.t)
+    return Model(jacobian, system.mass(state.q, state.t), system.load(state), *second_order(system, state))
 
 
 def along_motion(system: AbstractSystem, state: State) -> AlongMotion:
@@ -57,6 +80,7 @@ def explicit_gamma(system: AbstractSystem, state: State) -> Float[Array, " m"]:
     return -jax.jvp(rate, (state.t,), (one,))[1]
 
 
+@of_model
 def second_derivative(
     system: AbstractSystem, state: State, rate: Float[Array, " n"], time: Array
 ) -> Float[Array, " m"]:
@@ -122,6 +146,7 @@ def change_of_jacobian(
     return jax.jvp(lambda d, t: system.jacobian(system.retract(state.q, d), t), still, along)[1]
 
 
+@of_model
 def third_order(system: AbstractSystem, state: State) -> tuple[Float[Array, "m n"], Float[Array, " m"]]:
     """The rate of Phi_q along the motion, and Phi''' along its constant rate, t' = 1.
 
@@ -195,6 +220,7 @@ def between(system: AbstractSystem, first: State, second: State, s: Float[Array,
     return State(system.retract(first.q, d), qd, first.t + s * span, jax.tree.map(linear, first.memory, second.memory))
 
 
+@of_model
 def slip_motion(system: AbstractSystem, state: State) -> tuple[Float[Array, " p"], Float[Array, "n p"]]:
     """Slip rates and slip directions E of all friction groups: F = E tau, rate = E^T qd + s_t."""
     path = system.path(state.q, state.qd)

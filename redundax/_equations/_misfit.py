@@ -3,13 +3,13 @@
 import warnings
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._system._system import AbstractSystem
 from .._tools._errors import NoSolutionError
 from .._tools._module import stop_gradient
+from .._tools._numbers import xp
 from ._scaling import largest_violation
 
 
@@ -69,10 +69,10 @@ def tell(what: str, misfit: Misfit, labels: tuple[str, ...], throw: bool | None)
 def misfit_of(size: Array, relative: Array, settled: Array, weakest: Array, rounding: float) -> Misfit:
     """The misfit of rows by their sizes; `settled` says whether it is the least."""
     beyond = ~(relative <= rounding)
-    near = jnp.all(relative <= max(rounding, largest_violation(relative.dtype)))
-    return stop_gradient(Misfit(size, relative, beyond, jnp.any(beyond) & ~(settled & near), weakest))
+    near = xp.all(relative <= max(rounding, largest_violation(relative.dtype)))
+    return stop_gradient(Misfit(size, relative, beyond, xp.any(beyond) & ~(settled & near), weakest))
 
 
 def tolerance(d: Array) -> float:
     """What rounding leaves of as many coordinates."""
-    return 1000 * d.size * float(jnp.finfo(d.dtype).eps)
+    return 1000 * d.size * float(xp.finfo(d.dtype).eps)

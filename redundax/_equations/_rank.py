@@ -39,6 +39,7 @@ from .._system._decision import CLEAR, Decision
 from .._tools._chunks import in_chunks
 from .._tools._compilation import is_single
 from .._tools._module import batch_any
+from .._tools._numbers import are_numbers, cond, custom_jvp, stop_gradient, xp
 
 _DELTA = 0.45  # power of the rounding: large enough that the Cholesky factor exists, else as small as can be
 _LARGE = 24  # rows and columns from which products take much less time than a decomposition
@@ -97,14 +98,14 @@ def split(
     along the motion, v the misfit itself, and now and then many times smaller. The tolerance is 30 times both; what
     is kept must lie 10 times above it, and what is dropped below 30 v and rounding, or the rank is ambiguous.
     """
-    still, violation = jax.lax.stop_gradient((scaled, violation))
-    rank = None if rank is None else jnp.asarray(rank, int)
+    still, violation = stop_gradient((scaled, violation))
+    rank = None if rank is None else xp.asarray(rank, int)
     tolerance = 30 * (_noise(still) + violation)
     alone = _decide_by_svd if is_single() or min(scaled.shape) < _LARGE else None
     found = in_chunks(_decide, still, violation, tolerance, rank, alone=alone)
     values = _relative(_singular_values(still))
     dropped = _largest_dropped(values, found.rank)
-    gap = jnp.where(dropped > 0, _smallest_kept(values, found.rank) / jnp.where(dropped > 0, dropped, 1.0), jnp.inf)
+    gap = xp.where(dropped > 0, _smallest_kept(values, found.rank) / xp.where(dropped > 0, dropped, 1.0), xp.inf)
     return _following(scaled, found.parts), Spectrum(values, found.rank, tolerance, gap, found.decision, found.kept)
 
 
@@ -114,44 +115,50 @@ def _decide(scaled: Array, violation: Array, tolerance: Array, rank: Array | Non
     found, proved = _decide_by_products(scaled, violation, tolerance, rank)
 
     def decomposed() -> _Decided:
-        unproved = jnp.where(proved, 0.0, scaled)
+        unproved = xp.where(proved, 0.0, scaled)
         by_svd = _decide_by_svd(unproved, violation, tolerance, rank)
-        return jax.tree.map(lambda a, b: jnp.where(proved, a, b), found, by_svd)
+        return jax.tree.map(lambda a, b: xp.where(proved, a, b), found, by_svd)
 
-    return jax.lax.cond(batch_any(~proved), decomposed, lambda: found)
+    return cond(batch_any(~proved), decomposed, lambda: found)
 
 
-@jax.custom_batching.custom_vmap
 def _singular_values(scaled: Array) -> Array:
-    return jnp.linalg.svd(scaled, full_matrices=False)[1]  # the decomposition that decides, once more
+    return (_values if are_numbers(scaled) else _values_each)(scaled)
 
 
-@_singular_values.def_vmap
+def _values(scaled: Array) -> Array:
+    return xp.linalg.svd(scaled, full_matrices=False)[1]  # the decomposition that decides, once more
+
+
+_values_each = jax.custom_batching.custom_vmap(_values)
+
+
+@_values_each.def_vmap
 def _of_each(_size: int, _batched: list[bool], scaled: Array) -> tuple[Array, bool]:
     # One after the other: batched, it could run beside another LAPACK call, and both can hang.
     return jax.lax.map(lambda one: jnp.linalg.svd(one, compute_uv=False), scaled), True
 
 
 def _relative(values: Array) -> Array:
-    return values / jnp.maximum(values[0], jnp.finfo(values.dtype).tiny)
+    return values / xp.maximum(values[0], xp.finfo(values.dtype).tiny)
 
 
 def _smallest_kept(values: Array, rank: Array) -> Array:
-    return jnp.where(rank > 0, values[jnp.clip(rank - 1, 0)], jnp.inf)
+    return xp.where(rank > 0, values[xp.maximum(rank - 1, 0)], xp.inf)
 
 
 def _largest_dropped(values: Array, rank: Array) -> Array:
-    return jnp.append(values, jnp.zeros((), values.dtype))[jnp.clip(rank, 0, values.size)]
+    return xp.append(values, xp.zeros((), values.dtype))[xp.clip(rank, 0, values.size)]
 
 
 def _noise(scaled: Array) -> float:
     """Rounding of a decomposition, relative to sigma_1."""
-    return max(scaled.shape) * float(jnp.finfo(scaled.dtype).eps)
+    return max(scaled.shape) * float(xp.finfo(scaled.dtype).eps)
 
 
 def _rounding(scaled: Array) -> float:
     """What a decomposition leaves of a singular value that is zero, relative to sigma_1."""
-    return 10 * float(jnp.finfo(scaled.dtype).eps)
+    return 10 * float(xp.finfo(scaled.dtype).eps)
 
 
 def _decide_by_products(
@@ -159,9 +166,9 @@ def _decide_by_products(
 ) -> tuple[_Decided, Bool[Array, ""]]:
     """The decision by multiplication alone, and whether its bounds prove it."""
     m, n = scaled.shape
-    one, eps = jnp.eye(m, dtype=scaled.dtype), float(jnp.finfo(scaled.dtype).eps)
+    one, eps = xp.eye(m, dtype=scaled.dtype), float(xp.finfo(scaled.dtype).eps)
     size, gram = _gram(scaled)
-    factor = jnp.linalg.cholesky(gram + eps**_DELTA * one)
+    factor = xp.linalg.cholesky(gram + eps**_DELTA * one)
     half = jax.lax.linalg.triangular_solve(factor, one, lower=True)
     inverse = (scaled.T / size @ half.T) @ half
     image = scaled @ inverse
@@ -176,20 +183,20 @@ def _decide_by_products(
     more = begun ** (2**_STEPS) > _noise(scaled)
 
     def once_more(*ended: Array) -> tuple[Array, ...]:
-        return tuple(jnp.where(more, new, old) for new, old in zip(step(*ended), ended, strict=True))
+        return tuple(xp.where(more, new, old) for new, old in zip(step(*ended), ended, strict=True))
 
-    inverse, image = jax.lax.cond(batch_any(more), once_more, lambda *ended: ended, inverse, image)
+    inverse, image = cond(batch_any(more), once_more, lambda *ended: ended, inverse, image)
     between = _between(_symmetric(one - image))
     stress = _stress_of(image)
     inverse = inverse - inverse @ stress
-    motion = _symmetric(jnp.eye(n, dtype=scaled.dtype) - inverse @ scaled)
+    motion = _symmetric(xp.eye(n, dtype=scaled.dtype) - inverse @ scaled)
     largest = _largest(size, gram, 1)
     kept = 1 / (largest * _largest(*_gram(inverse), 2))
-    found = m - jnp.round(jnp.sum(jnp.diagonal(stress))).astype(int)
+    found = m - xp.round(xp.sum(xp.diagonal(stress))).astype(int)
     parts = _without_rounding(scaled, inverse, stress, motion, found, kept)
     proved = (
         (between <= _noise(scaled) / kept)
-        & (jnp.linalg.norm(parts.stress @ scaled) <= (_rounding(scaled) + violation) * largest)
+        & (xp.linalg.norm(parts.stress @ scaled) <= (_rounding(scaled) + violation) * largest)
         & (kept >= 10 * tolerance)
         & (True if rank is None else found == rank)
     )
@@ -198,19 +205,19 @@ def _decide_by_products(
 
 def _between(projector: Array) -> Array:
     """Sum of lambda (1 - lambda) over the eigenvalues, which lie between 0 and 1: 0 of a projector."""
-    return jnp.sum(jnp.diagonal(projector)) - jnp.sum(projector**2)
+    return xp.sum(xp.diagonal(projector)) - xp.sum(projector**2)
 
 
 def _stress_of(image: Array) -> Array:
     """P from K K^+, with what rounding left in it of the range of K taken out once more."""
-    stress = _symmetric(jnp.eye(len(image), dtype=image.dtype) - image)
+    stress = _symmetric(xp.eye(len(image), dtype=image.dtype) - image)
     return stress - 2 * _symmetric(stress @ image)
 
 
 def _gram(matrix: Array) -> tuple[Array, Array]:
     """|A|_F^2, or 1 if it is zero, and A A^T over it."""
-    size = jnp.sum(matrix**2)
-    size = jnp.where(size > 0, size, 1.0)
+    size = xp.sum(matrix**2)
+    size = xp.where(size > 0, size, 1.0)
     return size, matrix @ (matrix.T / size)
 
 
@@ -218,7 +225,7 @@ def _largest(size: Array, gram: Array, squares: int) -> Array:
     """A bound above the largest singular value, from A A^T; it is at most r^(1/2^(squares + 2)) too large."""
     for _ in range(squares):
         gram = gram @ gram
-    return jnp.sqrt(size) * jnp.sum(gram**2) ** (0.25 / 2**squares)
+    return xp.sqrt(size) * xp.sum(gram**2) ** (0.25 / 2**squares)
 
 
 def _symmetric(matrix: Array) -> Array:
@@ -227,24 +234,24 @@ def _symmetric(matrix: Array) -> Array:
 
 def _decide_by_svd(scaled: Array, violation: Array, tolerance: Array, rank: Array | None) -> _Decided:
     """The decision by singular value decomposition."""
-    u, sigma, vt = jnp.linalg.svd(scaled, full_matrices=False)
+    u, sigma, vt = xp.linalg.svd(scaled, full_matrices=False)
     values = _relative(sigma)
-    found = jnp.sum(values > tolerance) if rank is None else rank
+    found = xp.sum(values > tolerance) if rank is None else rank
     kept = _smallest_kept(values, found)
     if rank is None:
         dropped = _largest_dropped(values, found)
-        explained = CLEAR * (_rounding(scaled) + 30 * violation) / jnp.where(dropped > 0, dropped, 1.0)
-        margin = jnp.minimum(kept / tolerance, jnp.where(dropped > 0, explained, jnp.inf))
+        explained = CLEAR * (_rounding(scaled) + 30 * violation) / xp.where(dropped > 0, dropped, 1.0)
+        margin = xp.minimum(kept / tolerance, xp.where(dropped > 0, explained, xp.inf))
     else:
         possible = (rank >= 0) & (rank <= values.size)
-        margin = jnp.where(possible, CLEAR * kept / (3 * _noise(scaled)), 0.0)
-    counted = jnp.arange(sigma.size) < found
-    inverse = vt.T @ (jnp.where(counted, 1 / jnp.where(counted, sigma, 1.0), 0.0)[:, None] * u.T)
-    stress, motion = (jnp.eye(side.shape[0], dtype=u.dtype) - (side * counted) @ side.T for side in (u, vt.T))
+        margin = xp.where(possible, CLEAR * kept / (3 * _noise(scaled)), 0.0)
+    counted = xp.arange(sigma.size) < found
+    inverse = vt.T @ (xp.where(counted, 1 / xp.where(counted, sigma, 1.0), 0.0)[:, None] * u.T)
+    stress, motion = (xp.eye(side.shape[0], dtype=u.dtype) - (side * counted) @ side.T for side in (u, vt.T))
     product = _stress_of(scaled @ (2 * inverse - inverse @ (scaled @ inverse)))
-    left, other = (jnp.linalg.norm(projector @ scaled) for projector in (stress, product))
+    left, other = (xp.linalg.norm(projector @ scaled) for projector in (stress, product))
     # A decomposition leaves ten roundings, products, as batches take them, one over `kept`.
-    stress = jnp.where(other <= 2 * left, product, stress)
+    stress = xp.where(other <= 2 * left, product, stress)
     return _Decided(_without_rounding(scaled, inverse, stress, motion, found, kept), found, kept, Decision(margin))
 
 
@@ -252,13 +259,13 @@ def _without_rounding(scaled: Array, inverse: Array, stress: Array, motion: Arra
     """The split; rows and columns of projectors that are rounding are zero, as a soft row would magnify them."""
 
     def cleaned(projector: Array) -> Array:
-        true = (jnp.linalg.norm(projector, axis=1) > _noise(scaled) / kept) & (rank < projector.shape[0])
-        return jnp.where(true[:, None] & true, projector, 0.0)
+        true = (xp.linalg.norm(projector, axis=1) > _noise(scaled) / kept) & (rank < projector.shape[0])
+        return xp.where(true[:, None] & true, projector, 0.0)
 
     return Split(inverse, cleaned(stress), cleaned(motion))
 
 
-@jax.custom_jvp
+@custom_jvp
 def _following(scaled: Array, parts: Split) -> Split:
     """The split with its derivative at constant rank."""
     return parts

@@ -17,12 +17,12 @@ import abc
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from .._system._decision import Decision
 from .._tools._by_number import combine
 from .._tools._linear_map import LinearMap
+from .._tools._numbers import take, xp
 
 Evidence = TypeVar("Evidence")
 
@@ -84,7 +84,7 @@ class Pick(AbstractPick):
         return multipliers
 
     def caused(self, misfit: Array, rows: Array | None = None) -> Array:
-        return times(self.response if rows is None else self.response[rows], misfit)
+        return times(self.response if rows is None else take(self.response, rows), misfit)
 
     def bound(self, misfit: Array) -> Array:
         return total(self.response) * total(misfit)
@@ -140,7 +140,7 @@ class LinearResponse(eqx.Module):
         """K, what unit friction causes in the multipliers of these rows, (l, p) or a map."""
         if isinstance(self.unit, LinearMap):
             return LinearMap(_loads, (self.unit, rows))
-        return self.unit.multipliers[rows]
+        return take(self.unit.multipliers, rows)
 
 
 def _loads(unit: LinearMap, rows: Array, tau: Array) -> Array:
@@ -149,9 +149,9 @@ def _loads(unit: LinearMap, rows: Array, tau: Array) -> Array:
 
 def times(matrix: Float[Array, "d m"], vector: Float[Array, " m"] | Float[Array, ""]) -> Float[Array, " d"]:
     """matrix @ vector; a number stands for m equal ones, so that a batch of numbers stays one."""
-    return matrix @ vector if vector.ndim else jnp.sum(matrix, axis=1) * vector
+    return matrix @ vector if vector.ndim else xp.sum(matrix, axis=1) * vector
 
 
 def total(*arrays: Array) -> Float[Array, ""]:
     """Sum of the sizes of all entries, which a NaN does not pass by."""
-    return jnp.asarray(sum(combine(jnp.add, jnp.sum, jnp.abs(array).ravel()) for array in arrays))
+    return xp.asarray(sum(combine(xp.add, xp.sum, xp.abs(array).ravel()) for array in arrays))

@@ -20,18 +20,18 @@ a batch alone; the decision beside it says so.
 """
 
 import jax
-import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from .._system._decision import CLEAR, Decision
 from .._tools._chunks import in_chunks
 from .._tools._module import batch_any
+from .._tools._numbers import cond, custom_jvp, solve_triangular, xp
 
 _STEPS = 2  # of refinement
 _SETTLED = 0.01  # of a direction that tr(G A) may miss
 
 
-@jax.custom_jvp
+@custom_jvp
 def restricted_inverse(
     matrix: Float[Array, "n n"],
     projector: Float[Array, "n n"],
@@ -53,54 +53,54 @@ def _inverse(matrix: Array, projector: Array, dimension: Array, kept: Array, aft
 
     def of_several() -> tuple[Array, Array]:
         several = _of_several_directions(matrix, projector, dimension, kept, after)
-        return jax.tree.map(lambda a, b: jnp.where(dimension > 1, a, b), several, one)
+        return jax.tree.map(lambda a, b: xp.where(dimension > 1, a, b), several, one)
 
-    inverse, margin = jax.lax.cond(batch_any(dimension > 1), of_several, lambda: one)
+    inverse, margin = cond(batch_any(dimension > 1), of_several, lambda: one)
     none = dimension <= 0
-    decision = Decision(jnp.where(none, jnp.inf, margin))
-    return jnp.where(decision.is_yes & ~none, inverse, 0.0), decision
+    decision = Decision(xp.where(none, xp.inf, margin))
+    return xp.where(decision.is_yes & ~none, inverse, 0.0), decision
 
 
 def _of_one_direction(matrix: Array, projector: Array, kept: Array) -> tuple[Array, Array]:
     """The inverse on the direction that the column of the largest pivot has, and the margin of its energy."""
     v = _largest_column(projector)
-    beside = jnp.where(v != 0, 1 - v**2, 0.0)
-    energy, noise = _energy(matrix, v, beside, 2 * jnp.abs(v) * beside, kept)
-    return jnp.outer(v, v) / jnp.where(energy > 0, energy, 1.0), energy / noise
+    beside = xp.where(v != 0, 1 - v**2, 0.0)
+    energy, noise = _energy(matrix, v, beside, 2 * xp.abs(v) * beside, kept)
+    return xp.outer(v, v) / xp.where(energy > 0, energy, 1.0), energy / noise
 
 
 def _of_several_directions(
     matrix: Array, projector: Array, dimension: Array, kept: Array, after: Array
 ) -> tuple[Array, Array]:
     """The inverse on two directions or more, and the margin of the least energy."""
-    one = jnp.eye(matrix.shape[0], dtype=matrix.dtype)
-    rounding = matrix.shape[0] * jnp.finfo(matrix.dtype).eps
+    one = xp.eye(matrix.shape[0], dtype=matrix.dtype)
+    rounding = matrix.shape[0] * xp.finfo(matrix.dtype).eps
     restricted = projector @ matrix @ projector
-    weight = jnp.trace(restricted) / jnp.maximum(dimension, 1)
-    weight = jnp.where(weight > 0, weight, 1.0)
+    weight = xp.trace(restricted) / xp.maximum(dimension, 1)
+    weight = xp.where(weight > 0, weight, 1.0)
     regular = restricted / weight + (one - projector)
-    shift = rounding * jnp.diag(jnp.diagonal(regular))  # without it a direction without energy often has no factor
-    factor = jnp.linalg.cholesky(regular + shift + 0.0 * after)
-    half = jax.scipy.linalg.solve_triangular(factor, projector, lower=True)
+    shift = rounding * xp.diag(xp.diagonal(regular))  # without it a direction without energy often has no factor
+    factor = xp.linalg.cholesky(regular + shift + 0.0 * after)
+    half = solve_triangular(factor, projector, lower=True)
     start = half.T @ half / weight
 
     inverse, image = start, matrix @ start
     for _ in range(_STEPS):
         inverse = inverse + inverse @ (one - image)
         image = matrix @ inverse
-    v, others = _largest_column(start), jnp.abs(one - projector)
-    beside = jnp.where(jnp.any(projector != 0, axis=1), jnp.diagonal(others), 0.0)
-    energy, noise = _energy(matrix, v, beside, others @ jnp.abs(v), kept)
-    margin = jnp.where(jnp.all(jnp.isfinite(factor)), energy / noise, 0.0)  # no factor: an energy below zero
-    settled = jnp.abs(jnp.trace(image) - dimension) <= _SETTLED
-    return inverse, jnp.where(settled, margin, jnp.minimum(margin, 0.5 * CLEAR))
+    v, others = _largest_column(start), xp.abs(one - projector)
+    beside = xp.where(xp.any(projector != 0, axis=1), xp.diagonal(others), 0.0)
+    energy, noise = _energy(matrix, v, beside, others @ xp.abs(v), kept)
+    margin = xp.where(xp.all(xp.isfinite(factor)), energy / noise, 0.0)  # no factor: an energy below zero
+    settled = xp.abs(xp.trace(image) - dimension) <= _SETTLED
+    return inverse, xp.where(settled, margin, xp.minimum(margin, 0.5 * CLEAR))
 
 
 def _largest_column(matrix: Array) -> Array:
     """The column of the largest diagonal entry of a symmetric matrix, as a unit vector; zero if it is."""
-    column = matrix[jnp.argmax(jnp.diagonal(matrix))]
-    size = jnp.linalg.norm(column)
-    return column / jnp.where(size > 0, size, 1.0)
+    column = matrix[xp.argmax(xp.diagonal(matrix))]
+    size = xp.linalg.norm(column)
+    return column / xp.where(size > 0, size, 1.0)
 
 
 def _energy(matrix: Array, v: Array, beside: Array, turned: Array, kept: Array) -> tuple[Array, Array]:
@@ -109,19 +109,19 @@ def _energy(matrix: Array, v: Array, beside: Array, turned: Array, kept: Array) 
     Entries of v are tilted by up to a rounding over `kept`, but not those that stand alone, a zero row of I - P, or
     have no part in the subspace: `beside` is the diagonal of I - P, 0 for the latter, and `turned` is |I - P| |v|.
     """
-    rounding = matrix.shape[0] * jnp.finfo(matrix.dtype).eps
-    sizes = jnp.minimum(100 * beside, 1.0) * jnp.abs(jnp.diagonal(matrix))
-    tilt = (rounding / jnp.minimum(kept, 1.0)) ** 2 * jnp.minimum(100 * jnp.sum(turned**2), 1.0)
-    noise = 10 * (rounding * (jnp.abs(v) @ (jnp.abs(matrix) @ jnp.abs(v))) + tilt * jnp.sum(sizes))
-    return v @ (matrix @ v), jnp.where(noise > 0, noise, 1.0)
+    rounding = matrix.shape[0] * xp.finfo(matrix.dtype).eps
+    sizes = xp.minimum(100 * beside, 1.0) * xp.abs(xp.diagonal(matrix))
+    tilt = (rounding / xp.minimum(kept, 1.0)) ** 2 * xp.minimum(100 * xp.sum(turned**2), 1.0)
+    noise = 10 * (rounding * (xp.abs(v) @ (xp.abs(matrix) @ xp.abs(v))) + tilt * xp.sum(sizes))
+    return v @ (matrix @ v), xp.where(noise > 0, noise, 1.0)
 
 
 @restricted_inverse.defjvp
 def _restricted_inverse_jvp(primals: tuple, tangents: tuple) -> tuple:
     d_matrix, d_projector = tangents[:2]
     inverse, decision = out = restricted_inverse(*primals)
-    matrix = jnp.where(decision.is_yes, primals[0], 0.0)
+    matrix = xp.where(decision.is_yes, primals[0], 0.0)
     part = d_projector @ inverse
     part = part - inverse @ (matrix @ part)
     change = part + part.T - inverse @ d_matrix @ inverse
-    return out, (change, jax.tree.map(jnp.zeros_like, decision))
+    return out, (change, jax.tree.map(xp.zeros_like, decision))

@@ -1,8 +1,8 @@
 """The solution of (7) in scaled variables, and what it leaves and reaches."""
 
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._tools._numbers import xp
 from ._evidence import ratio
 
 
@@ -15,7 +15,7 @@ def residual_of(
 ) -> Float[Array, ""]:
     """Largest residual of both blocks of (7), relative to their terms, and to the accelerations without constraints."""
     (force, gamma), (a, mu) = wanted, found
-    return jnp.maximum(
+    return xp.maximum(
         ratio(gamma - matrix @ a, gamma, a, centripetal, _unconstrained(mass, force)),
         ratio(force - mass @ a - matrix.T @ mu, force, mass @ a, mu, mass * centripetal),
     )
@@ -25,13 +25,13 @@ def reached_by(
     mass: Float[Array, "n n"], force: Float[Array, " n"], a: Float[Array, " n"], size: Float[Array, ""]
 ) -> Float[Array, ""]:
     """The velocity that accelerations, or those without constraints, reach over the size of the mechanism."""
-    return jnp.sqrt(size * (jnp.max(jnp.abs(a)) + _unconstrained(mass, force)))
+    return xp.sqrt(size * (xp.max(xp.abs(a)) + _unconstrained(mass, force)))
 
 
 def _unconstrained(mass: Float[Array, "n n"], force: Float[Array, " n"]) -> Float[Array, ""]:
     """The size of accelerations without constraints, of the mean inertia; none without inertia."""
-    inertia = jnp.sum(jnp.diagonal(mass)) / force.size
-    return jnp.where(inertia > 0, jnp.max(jnp.abs(force)) / jnp.where(inertia > 0, inertia, 1.0), 0.0)
+    inertia = xp.sum(xp.diagonal(mass)) / force.size
+    return xp.where(inertia > 0, xp.max(xp.abs(force)) / xp.where(inertia > 0, inertia, 1.0), 0.0)
 
 
 def refined(

@@ -2,14 +2,14 @@
 
 from typing import NamedTuple
 
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._errors import RedundaxError
+from .._tools._numbers import xp
 from ._evidence import ScaledMotion
-from ._kinematics import AlongMotion, second_order
+from ._kinematics import AlongMotion, model_at
 from ._scaling import Scaling, scaling
 
 
@@ -22,6 +22,8 @@ class ScaledKinematics(NamedTuple):
     scales: Scaling
     motion: AlongMotion
     explicit: Float[Array, " m"]
+    mass: Float[Array, "n n"]
+    load: Float[Array, " n"]
 
     def moving(self, state: State, acceleration: Float[Array, " n"], reached: Float[Array, ""]) -> ScaledMotion:
         """The motion of a state with a scaled acceleration, and the velocity that this reaches."""
@@ -32,13 +34,13 @@ class ScaledKinematics(NamedTuple):
 
 def scaled_kinematics(system: AbstractSystem, state: State) -> ScaledKinematics:
     """Those of a system at a state."""
-    matrix = system.jacobian(state.q, state.t)
-    check_shapes(system, constraint=matrix[:, 0], mass=system.mass(state.q, state.t))
-    motion, explicit, turned = second_order(system, state)
-    scales = scaling(system, state, matrix, turned)
+    model = model_at(system, state)
+    matrix, motion = model.jacobian, model.motion
+    check_shapes(system, constraint=matrix[:, 0], mass=model.mass, load=model.load)
+    scales = scaling(system, model)
     scaled = matrix * scales.coordinates / scales.rows[:, None]
-    position = jnp.max(jnp.abs(motion.value) / scales.rows) / scales.size
-    return ScaledKinematics(scaled, matrix, position, scales, motion, explicit)
+    position = xp.max(xp.abs(motion.value) / scales.rows) / scales.size
+    return ScaledKinematics(scaled, matrix, position, scales, motion, model.explicit, model.mass, model.load)
 
 
 def check_shapes(system: AbstractSystem, **given: Array) -> None:

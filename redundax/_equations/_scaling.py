@@ -11,8 +11,6 @@ depends on them.
 from collections.abc import Callable
 from typing import Any, NamedTuple, cast
 
-import jax
-import jax.numpy as jnp
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
@@ -20,7 +18,8 @@ from .._sparse._plan import Plan
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._by_number import sum_few
-from ._kinematics import second_order
+from .._tools._numbers import stop_gradient, take, xp
+from ._kinematics import Model, model_at, second_order
 
 
 class Scaling(NamedTuple):
@@ -37,18 +36,15 @@ class Scaling(NamedTuple):
 
 def largest_violation(dtype: DTypeLike) -> float:
     """How far off the manifold a state may be, relative to the size of the mechanism: 1e-6 in float64."""
-    return float(jnp.finfo(dtype).eps) ** 0.375
+    return float(xp.finfo(dtype).eps) ** 0.375
 
 
-def scaling(
-    system: AbstractSystem, state: State, jacobian: Float[Array, "m n"], turned: Float[Array, " m"] | None = None
-) -> Scaling:
-    """The scales of the Jacobian of a system; `turned` is that of `second_order` where it is there already."""
-    turned = second_order(system, state)[2] if turned is None else turned
-    mass = jnp.diagonal(system.mass(state.q, state.t))
-    length = _length(*jax.lax.stop_gradient((jacobian, turned, mass)), system)
-    columns = jnp.where(system.coordinates.angular, 1 / length, 1.0).astype(jacobian.dtype)
-    return scales_of(system, jnp.linalg.norm(jax.lax.stop_gradient(jacobian) * columns, axis=1), columns, length)
+def scaling(system: AbstractSystem, model: Model) -> Scaling:
+    """The scales of a system from its figures at a state."""
+    jacobian, turned, mass = stop_gradient((model.jacobian, model.turned, xp.diagonal(model.mass)))
+    length = _length(jacobian, turned, mass, system)
+    columns = xp.where(system.coordinates.angular, 1 / length, 1.0).astype(jacobian.dtype)
+    return scales_of(system, xp.linalg.norm(jacobian * columns, axis=1), columns, length)
 
 
 def sparse_scaling(
@@ -58,25 +54,24 @@ def sparse_scaling(
     turned: Float[Array, " m"],
 ) -> Scaling:
     """The same of a large system, by bodies."""
-    slopes, masses, turned = jax.lax.stop_gradient((slopes, masses, turned))
-    plan, angular = cast(Plan, system.plan), jnp.asarray(system.coordinates.angular)
-    turning = angular[plan.columns]
+    slopes, masses, turned = stop_gradient((slopes, masses, turned))
+    plan, angular = cast(Plan, system.plan), xp.asarray(system.coordinates.angular)
+    turning = take(angular, plan.columns)
     turns, square = turning[plan.body], slopes**2
-    parts = tuple(sum_few(sum_few(jnp.where(mask, square, 0.0))) for mask in (~turns, turns))
-    diagonal = jnp.diagonal(masses, axis1=1, axis2=2)
-    inertia, heft = (jnp.sum(jnp.where(mask, diagonal, 0.0)) for mask in (turning, ~turning))
-    length = length_of(system, lambda mask: tuple(jnp.sum(part[mask]) for part in parts), turned, (inertia, heft))
-    norms = jnp.sqrt(parts[0] + parts[1] / length**2)
-    columns = jnp.where(system.coordinates.angular, 1 / length, 1.0).astype(norms.dtype)
+    parts = tuple(sum_few(sum_few(xp.where(mask, square, 0.0))) for mask in (~turns, turns))
+    diagonal = xp.diagonal(masses, axis1=1, axis2=2)
+    inertia, heft = (xp.sum(xp.where(mask, diagonal, 0.0)) for mask in (turning, ~turning))
+    length = length_of(system, lambda mask: tuple(xp.sum(part[mask]) for part in parts), turned, (inertia, heft))
+    norms = xp.sqrt(parts[0] + parts[1] / length**2)
+    columns = xp.where(system.coordinates.angular, 1 / length, 1.0).astype(norms.dtype)
     return scales_of(system, norms, columns, length)
 
 
-def scaling_at(system: AbstractSystem, state: State, turned: Float[Array, " m"] | None = None) -> Scaling:
+def scaling_at(system: AbstractSystem, state: State) -> Scaling:
     """The scales at a state, of a system of any size."""
     if system.plan is None:
-        return scaling(system, state, system.jacobian(state.q, state.t), turned)
-    turned = second_order(system, state)[2] if turned is None else turned
-    return sparse_scaling(system, *system.by_bodies(state.q, state.t), turned)
+        return scaling(system, model_at(system, state))
+    return sparse_scaling(system, *system.by_bodies(state.q, state.t), second_order(system, state)[2])
 
 
 def scales_of(
@@ -84,21 +79,21 @@ def scales_of(
 ) -> Scaling:
     """The scales of rows of these norms, angles as lengths."""
     rows = system.rows.angular
-    largest = jnp.where(rows, *(jnp.max(norms * mask, initial=0.0) for mask in (rows, ~rows)))
-    largest = jnp.where(largest > 0, largest, 1.0)
-    floor = 100 * jnp.finfo(norms.dtype).eps * largest
-    return Scaling(columns, jnp.where(norms > floor, norms, largest), length, length * system.radian)
+    largest = xp.where(rows, *(xp.max(norms * mask, initial=0.0) for mask in (rows, ~rows)))
+    largest = xp.where(largest > 0, largest, 1.0)
+    floor = 100 * xp.finfo(norms.dtype).eps * largest
+    return Scaling(columns, xp.where(norms > floor, norms, largest), length, length * system.radian)
 
 
 def _length(jacobian: Array, turned: Array, mass: Array, system: AbstractSystem) -> Float[Array, ""]:
     square, angular = jacobian**2, system.coordinates.angular
     if not angular.any():
-        return _radius(jnp.sum(square, axis=1), turned) / jnp.asarray(system.radian, square.dtype)
+        return _radius(xp.sum(square, axis=1), turned) / xp.asarray(system.radian, square.dtype)
 
     def parts(rows: Any) -> tuple[Array, Array]:
-        return jnp.sum(square[rows][:, ~angular]), jnp.sum(square[rows][:, angular])
+        return xp.sum(square[rows][:, ~angular]), xp.sum(square[rows][:, angular])
 
-    return length_of(system, parts, turned, (jnp.sum(mass[angular]), jnp.sum(mass[~angular])))
+    return length_of(system, parts, turned, (xp.sum(mass[angular]), xp.sum(mass[~angular])))
 
 
 def length_of(
@@ -116,13 +111,13 @@ def length_of(
     """
     moment, (inertia, heft) = system.rows.angular, amounts
     some = (inertia > 0) & (heft > 0)
-    length = jnp.where(some, jnp.sqrt(inertia / jnp.where(some, heft, 1.0)), 1.0).astype(turned.dtype)
-    bends = jnp.sum((jnp.asarray(system.radian) * turned[~moment]) ** 2)
+    length = xp.where(some, xp.sqrt(inertia / xp.where(some, heft, 1.0)), 1.0).astype(turned.dtype)
+    bends = xp.sum((xp.asarray(system.radian) * turned[~moment]) ** 2)
     for mask, extra in ((moment, 0.0), (~moment, bends)):  # the last that has both parts wins
         linear_part, angular_part = parts(mask)
         angular_part = angular_part + extra
-        both = (linear_part > 0) & (angular_part > jnp.finfo(turned.dtype).eps ** 1.5 * length**2 * linear_part)
-        length = jnp.where(both, jnp.sqrt(angular_part / jnp.where(both, linear_part, 1.0)), length)
+        both = (linear_part > 0) & (angular_part > xp.finfo(turned.dtype).eps ** 1.5 * length**2 * linear_part)
+        length = xp.where(both, xp.sqrt(angular_part / xp.where(both, linear_part, 1.0)), length)
     return length
 
 
@@ -131,5 +126,5 @@ def _radius(square: Array, bends: Array) -> Float[Array, ""]:
 
     Straight rows alone have none; their Jacobian is the same wherever a state is, and it is 1.
     """
-    curvature = jnp.sqrt(jnp.mean(jnp.where(square > 0, bends**2 / jnp.where(square > 0, square, 1.0), 0.0)))
-    return jnp.where(curvature > 0, 1 / jnp.where(curvature > 0, curvature, 1.0), 1.0)
+    curvature = xp.sqrt(xp.mean(xp.where(square > 0, bends**2 / xp.where(square > 0, square, 1.0), 0.0)))
+    return xp.where(curvature > 0, 1 / xp.where(curvature > 0, curvature, 1.0), 1.0)

@@ -10,6 +10,7 @@ Bounds are given by name: {"A.x": (lower, upper)}.
 
 import abc
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any, cast
 
 import equinox as eqx
@@ -25,6 +26,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import on_device
+from .._tools._numbers import entries_set, on_numbers, xp
 from ._cases import AbstractCases, Affine, Fractional, self_stress_of
 from ._solution_set import SolutionSet
 
@@ -233,6 +235,7 @@ def one_case(closure: AbstractClosure, system: AbstractSystem, state: State, sol
     return _affine((), nothing, nothing, solutions, start, response, unit)
 
 
+@partial(on_numbers, jit=False)
 def _closed(
     closure: AbstractClosure, system: AbstractSystem, state: State, solutions: SolutionSet, rows: np.ndarray
 ) -> tuple[Array, Array, Array]:
@@ -243,8 +246,11 @@ def _closed(
         raise NoSolutionError(RESULTS[RESULTS.not_finite])
     stress, free, unit = solutions.stress, solutions.response.free.multipliers, solutions.response.unit.multipliers
     check_definite(np.asarray(stress.T @ compliance @ stress))
-    each, others = jnp.eye(len(free), dtype=free.dtype)[:, rows], jnp.broadcast_to(misfit, free.shape).at[rows].set(0.0)
-    wanted = jnp.concatenate([(others - compliance @ free)[:, None], each, -compliance @ unit], axis=1)
+    each, others = (
+        xp.eye(len(free), dtype=free.dtype)[:, rows],
+        entries_set(xp.broadcast_to(misfit, free.shape), rows, 0.0),
+    )
+    wanted = xp.concatenate([(others - compliance @ free)[:, None], each, -compliance @ unit], axis=1)
     caused = self_stress_of(stress, compliance, wanted)
     return free + caused[:, 0], caused[:, 1 : 1 + len(rows)], unit + caused[:, 1 + len(rows) :]
 

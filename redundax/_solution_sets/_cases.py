@@ -24,6 +24,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._tools._compilation import compiled
+from .._tools._numbers import xp
 
 _WIDEST = 1e6  # ratio of compliances up to which the scale is one of logarithms
 
@@ -137,7 +138,7 @@ def self_stress_of(
     stress: Float[Array, "m k"], compliance: Float[Array, "m m"], misfit: Float[Array, "m c"]
 ) -> Float[Array, "m c"]:
     """N (N^T W N)^-1 N^T d: the self-stress that each column of misfits causes under a compliance."""
-    return stress @ jnp.linalg.solve(stress.T @ compliance @ stress, stress.T @ misfit)
+    return stress @ xp.linalg.solve(stress.T @ compliance @ stress, stress.T @ misfit)
 
 
 def corners(cases: AbstractCases) -> Float[np.ndarray, "vertices q"]:

@@ -22,8 +22,8 @@ from .._solve._reduced import reduce
 from .._solvers._friction_problem import FrictionProblem, Law
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._compilation import compiled
 from .._tools._errors import RedundaxError
+from .._tools._numbers import on_numbers, xp
 
 _MINIMUM_NORM = MinimumNorm()
 
@@ -86,12 +86,12 @@ def solution_set(
     return _solution_set(system.anonymous, state, factor, stress, sense, elasticity(closure, system, state))
 
 
-@compiled
+@on_numbers
 def _solution_set(
     system: AbstractSystem, state: State, factor: Factorisation, stress: Array, sense: Array | None, chosen: Elasticity
 ) -> SolutionSet:
     reduced = reduce(system, state, factor, chosen, sense=sense)
-    problem, none = reduced.problem, jnp.zeros(0, bool)
+    problem, none = reduced.problem, xp.zeros(0, bool)
     if problem is None:
         return SolutionSet(reduced.response, stress.T, None, reduced.rows, none, none, reduced.undetermined)
     kinds = problem.angular_loads, problem.angular_slips

@@ -18,8 +18,6 @@ coefficients depends on the batch.
 from typing import cast
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
@@ -32,6 +30,7 @@ from .._system._decision import Decision
 from .._system._friction import have_direction, load_rows
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._numbers import cond, take, xp
 
 
 class Reduced(eqx.Module):
@@ -58,9 +57,9 @@ class Reduced(eqx.Module):
     def depends_on_undetermined(self) -> Bool[Array, ""]:
         """Whether friction depends on multipliers that are none here."""
         if self.undetermined is None or self.problem is None:
-            return jnp.zeros((), bool)
-        reads = self.problem.law.largest_changes(jnp.eye(self.rows.size, dtype=self.free_size.dtype)) > 0
-        return jnp.any(reads & self.undetermined[self.rows])
+            return xp.zeros((), bool)
+        reads = self.problem.law.largest_changes(xp.eye(self.rows.size, dtype=self.free_size.dtype)) > 0
+        return xp.any(reads & take(self.undetermined, self.rows))
 
     def end_size(
         self, tau: Float[Array, " p"], stress: Float[Array, " m"] | None, end: Response | None = None
@@ -85,13 +84,13 @@ class Reduced(eqx.Module):
         law = problem.law
 
         def depends() -> tuple[Bool[Array, ""], Bool[Array, ""]]:
-            loads = problem.loads(tau) + (0.0 if stress is None else stress[self.rows])
-            moving = eqx.tree_at(lambda law: law.sense, law, jnp.where(law.is_open, 1.0, law.sense))
+            loads = problem.loads(tau) + (0.0 if stress is None else take(stress, self.rows))
+            moving = eqx.tree_at(lambda law: law.sense, law, xp.where(law.is_open, 1.0, law.sense))
             lacking = law.is_open & (moving(loads) != law(loads))
-            return jnp.any(lacking & motion.is_no), jnp.any(lacking)
+            return xp.any(lacking & motion.is_no), xp.any(lacking)
 
-        none = jnp.zeros((), bool)
-        return jax.lax.cond(jnp.any(law.is_open), depends, lambda: (none, none))
+        none = xp.zeros((), bool)
+        return cond(xp.any(law.is_open), depends, lambda: (none, none))
 
 
 def reduce(
@@ -112,8 +111,8 @@ def reduce(
     free_size = total(factor.acceleration, picked) + pick.bound(given)
     ends = free_size, factor.undetermined(compliance)
     if not system.friction:
-        none = Response(jnp.zeros((state.qd.size, 0), picked.dtype), jnp.zeros((picked.size, 0), picked.dtype))
-        return Reduced(pick, definiteness, LinearResponse(free, none), jnp.zeros(0, int), None, None, *ends)
+        none = Response(xp.zeros((state.qd.size, 0), picked.dtype), xp.zeros((picked.size, 0), picked.dtype))
+        return Reduced(pick, definiteness, LinearResponse(free, none), xp.zeros(0, int), None, None, *ends)
     if system.plan is None:
         rate, directions = slip_motion(system, state)
         acceleration, multipliers = factor.respond(directions)
@@ -121,24 +120,24 @@ def reduce(
     else:
         rate, unit = slip_rate(system, state), friction_response(system, state, factor, pick)
     response = LinearResponse(free, unit)
-    angular_slips = jnp.asarray(system.slips.angular)
-    motion = factor.motion_of(rate * jnp.where(angular_slips, factor.length, 1.0))
+    angular_slips = xp.asarray(system.slips.angular)
+    motion = factor.motion_of(rate * xp.where(angular_slips, factor.length, 1.0))
     directed = have_direction(system.friction)
     senses = _sense(rate, motion, sense, directed)
     if directed.any():  # rounding has a direction, rest has none
-        rate = jnp.where(directed & motion.is_no, 0.0, rate)
+        rate = xp.where(directed & motion.is_no, 0.0, rate)
     law = Law(system.friction, rate, senses, state)
     rows = load_rows(system.friction)
-    angular_loads = jnp.asarray(system.rows.angular)[rows]
+    angular_loads = take(xp.asarray(system.rows.angular), rows)
     # By matrices the rows alone cost less than all, which accelerations do not need; a sparse response is one or none.
-    rho0 = picked[rows] + pick.caused(given, rows) if system.plan is None else with_misfit[rows]
+    rho0 = take(picked, rows) + pick.caused(given, rows) if system.plan is None else take(with_misfit, rows)
     problem = FrictionProblem.make(rho0, response.gain(rows), law, angular_loads)
     return Reduced(pick, definiteness, response, rows, problem, motion, *ends)
 
 
 def _sense(rate: Array, motion: Decision, sense: Array | None, directed: np.ndarray) -> Array:
     """Sign of the slip rates of joints that move, or of the given sense, or that as a direction."""
-    given = 0.0 if sense is None else jnp.sign(sense.astype(rate.dtype))
+    given = 0.0 if sense is None else xp.sign(sense.astype(rate.dtype))
     if sense is not None and directed.any():
-        given = jnp.where(directed, sense, given)
-    return jnp.where(motion.is_yes, jnp.sign(rate), given)
+        given = xp.where(directed, sense, given)
+    return xp.where(motion.is_yes, xp.sign(rate), given)

@@ -10,7 +10,6 @@ from typing import Any
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool
 
@@ -27,13 +26,13 @@ from .._solvers._open_newton import open_root
 from .._solvers._open_problem import OpenProblem
 from .._solvers._solver import AbstractSolver, Newton, Root, closed_root, of_large
 from .._system._names import ByName, vector
-from .._system._results import RESULTS, first_failure, is_one_of
+from .._system._results import RESULTS, differs, first_failure, is_one_of
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._chunks import in_chunks, with_derivative_of
-from .._tools._compilation import compiled
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, is_concrete, no_classes, replace_fields
+from .._tools._numbers import custom_jvp, on_numbers, stop_gradient, take, xp
 from ._reduced import Reduced, reduce
 from ._solution import Solution, Stats
 
@@ -43,6 +42,7 @@ _OF_ITERATION = (RESULTS.diverged, RESULTS.no_contraction, RESULTS.max_steps_rea
 _OF_FRICTION = (RESULTS.friction_at_rest, RESULTS.ambiguous_rest, *_OF_ITERATION)
 
 
+@functools.partial(on_numbers, jit=False)
 def solve(
     system: AbstractSystem,
     state: State,
@@ -159,7 +159,7 @@ def _is_settled(solution: Solution) -> bool:
     return float(solution.stats.fold) > 0 or not is_one_of(solution.result, RESULTS.successful, *_OF_FRICTION)
 
 
-@compiled
+@on_numbers
 def _solved(
     solver: AbstractSolver,
     system: AbstractSystem,
@@ -191,7 +191,7 @@ def _solved_at(
 def _solved_at_each(*arguments: Any) -> Solution:
     """`_solved_at`; a batch in which the constraints change goes chunk after chunk: matrices stay in the cache."""
     system, state, *_ = arguments
-    rows = jax.lax.stop_gradient(system.constraint(state.q, state.t))
+    rows = stop_gradient(system.constraint(state.q, state.t))
     return in_chunks(_solved_at, *arguments, inside=rows.size * state.qd.size, changing=rows)
 
 
@@ -210,17 +210,17 @@ def _end(
     reduced = reduce(system, state, factor, closing, kept=kept, sense=sense)
     if reduced.problem is None:
         root, stress, contraction, friction_checks = _loadless(state.qd[:0]), None, 0.0 * state.t, ()
-        given = jnp.asarray(True)
+        given = xp.asarray(True)
     else:
         root, stress = _solve_friction(factor, reduced, reduced.problem, solver, x0, is_open=chosen is None)
         contraction = reduced.problem.contraction(reduced.problem.loads(root.tau))
         friction_checks = _checks(reduced, stress, root, solver)
-        given = jnp.isfinite(reduced.end_size(reduced.problem.law(reduced.problem.rho0), None))
+        given = xp.isfinite(reduced.end_size(reduced.problem.law(reduced.problem.rho0), None))
     end = reduced.response.at(root.tau, stress)
-    finite = jnp.isfinite(reduced.end_size(root.tau, stress, end))
+    finite = xp.isfinite(reduced.end_size(root.tau, stress, end))
     checks = (
         *factor.checks,
-        (jnp.isfinite(jnp.sum(closing.compliance)), RESULTS.not_finite),
+        (xp.isfinite(xp.sum(closing.compliance)), RESULTS.not_finite),
         (~reduced.definiteness.is_no, RESULTS.indeterminate_closure),
         (reduced.definiteness.is_yes, RESULTS.ambiguous_closure),
         *(() if reduced.undetermined is None else ((~reduced.depends_on_undetermined, RESULTS.unbounded_friction),)),
@@ -242,10 +242,10 @@ def _end_in_chunks(*arguments: Any) -> tuple[Response, Root, Array, RESULTS]:
     return in_chunks(_end, *arguments)
 
 
-@jax.custom_jvp
+@custom_jvp
 def _figure(good: Bool[Array, ""] | Bool[Array, " d"], x: Array) -> Array:
     """x, or NaN where it is not to be given."""
-    return jnp.where(good, x, jnp.nan)
+    return xp.where(good, x, xp.nan)
 
 
 @_figure.defjvp
@@ -278,13 +278,13 @@ def _checks(reduced: Reduced, stress: Array | None, root: Root, solver: Abstract
     return (
         (~rests, RESULTS.friction_at_rest),
         (~unclear, RESULTS.ambiguous_rest),
-        *((ended != failure, failure) for failure in _OF_ITERATION),
+        *((differs(ended, failure), failure) for failure in _OF_ITERATION),
     )
 
 
 def _loadless(tau: Array) -> Root:
     """Friction that needs no iteration."""
-    return Root(tau, Progress.done(tau.dtype), jnp.full((), jnp.inf, tau.dtype))
+    return Root(tau, Progress.done(tau.dtype), xp.full((), xp.inf, tau.dtype))
 
 
 def _open_newton(
@@ -292,15 +292,15 @@ def _open_newton(
 ) -> tuple[Root, Array]:
     """Newton (38) from x0; `reduced` is at minimum norm, with the self-stress of x0 added."""
     pick, rows = reduced.pick, reduced.rows
-    particular = jnp.concatenate([factor.acceleration, pick(factor.multipliers)])
-    basis = jnp.concatenate(reduced.response.unit)
-    axes = jnp.linalg.svd(jax.lax.stop_gradient(basis), full_matrices=False)[2].T
+    particular = xp.concatenate([factor.acceleration, pick(factor.multipliers)])
+    basis = xp.concatenate(reduced.response.unit)
+    axes = xp.linalg.svd(stop_gradient(basis), full_matrices=False)[2].T
     basis = basis @ axes
-    unit = jnp.eye(factor.multipliers.size, dtype=basis.dtype)
+    unit = xp.eye(factor.multipliers.size, dtype=basis.dtype)
     open_problem = OpenProblem(
         problem,
         rows,
-        projector=jax.vmap(pick.caused, out_axes=1)(unit[rows]),
+        projector=jax.vmap(pick.caused, out_axes=1)(take(unit, rows)),
         balance=jax.vmap(factor.in_balance, out_axes=1)(unit),
         axes=axes,
         gram=basis.T @ basis,
@@ -308,7 +308,7 @@ def _open_newton(
         first=_loads(x0, factor, rows),
     )
     end = open_root(open_problem, solver.tolerance(basis.dtype), solver.max_steps)
-    return Root(end.tau, end.progress, jnp.full((), jnp.inf, basis.dtype)), end.stress
+    return Root(end.tau, end.progress, xp.full((), xp.inf, basis.dtype)), end.stress
 
 
 def _kept(x0: Array | None, state: State) -> Array:
@@ -322,7 +322,7 @@ def _kept(x0: Array | None, state: State) -> Array:
 
 def _loads(x0: Array, factor: AnyFactorisation, rows: Array) -> Array:
     """The loads in x0."""
-    return x0[factor.acceleration.size + rows] if x0.ndim else jnp.broadcast_to(x0, rows.shape)
+    return x0[factor.acceleration.size + rows] if x0.ndim else xp.broadcast_to(x0, rows.shape)
 
 
 def _solution(

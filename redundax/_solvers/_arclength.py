@@ -8,11 +8,11 @@ ends intersect there to 1e-9; so no solution just below a fold at s > 1 is stepp
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
+
+from .._tools._numbers import entries_set, fori_loop, while_loop, xp
 
 _FIRST, _LONGEST, _SHORTEST = 0.05, 1e3, 1e-9  # arclength steps, for y of size 1
 _CORRECTIONS = 4
@@ -46,7 +46,7 @@ class Path(NamedTuple):
 
 def bordered_matrix(slope: Float[Array, "e d"], row: Float[Array, " d"]) -> Float[Array, "d d"]:
     """[H_x; row]."""
-    return jnp.concatenate([slope, row[None]])
+    return xp.concatenate([slope, row[None]])
 
 
 def follow(
@@ -65,21 +65,21 @@ def follow(
     def advance(path: Path) -> Path:
         guess = path.here + path.step * path.tangent
 
-        def correct(_: Array, carry: tuple[Array, Array]) -> tuple[Array, Array]:
+        def correct(_: Any, carry: tuple[Array, Array]) -> tuple[Array, Array]:
             x, _ = carry
-            off = jnp.append(residual(x), path.tangent @ (x - guess))
-            change = jnp.linalg.solve(bordered_matrix(slope(x), path.tangent), off)
+            off = xp.append(residual(x), path.tangent @ (x - guess))
+            change = xp.linalg.solve(bordered_matrix(slope(x), path.tangent), off)
             return x - change, change
 
-        x, change = jax.lax.fori_loop(0, _CORRECTIONS, correct, (guess, guess))
-        last = jnp.zeros_like(x).at[-1].set(1.0)
-        tangent = jnp.linalg.solve(bordered_matrix(slope(x), path.tangent), last)
-        tangent = tangent / jnp.linalg.norm(tangent)
-        reach = 1 + jnp.linalg.norm(x)
-        close = jnp.linalg.norm(change) <= jnp.minimum(1e-6 * reach, 0.1 * path.step)
-        close = close & (jnp.linalg.norm(x - guess) <= 0.5 * path.step)
+        x, change = fori_loop(0, _CORRECTIONS, correct, (guess, guess))
+        last = entries_set(xp.zeros_like(x), -1, 1.0)
+        tangent = xp.linalg.solve(bordered_matrix(slope(x), path.tangent), last)
+        tangent = tangent / xp.linalg.norm(tangent)
+        reach = 1 + xp.linalg.norm(x)
+        close = xp.linalg.norm(change) <= xp.minimum(1e-6 * reach, 0.1 * path.step)
+        close = close & (xp.linalg.norm(x - guess) <= 0.5 * path.step)
         turn = tangent @ path.tangent
-        good = close & (turn > jnp.where(path.step > _KINK * reach, _STRAIGHT, 0.0))
+        good = close & (turn > xp.where(path.step > _KINK * reach, _STRAIGHT, 0.0))
         inside = (x[-1] > 0) & (x[-1] < 1)
         good = good & (inside | (path.step <= _FIRST * reach))  # short steps end it, so that interpolation is near
         return _accepted(path, x, tangent, turn, good, reach)
@@ -89,16 +89,16 @@ def follow(
 
     begin = Path(
         here=start,
-        tangent=direction / jnp.linalg.norm(direction),
-        step=jnp.full((), _FIRST, start.dtype),
-        fold=jnp.zeros((), start.dtype),
+        tangent=direction / xp.linalg.norm(direction),
+        step=xp.full((), _FIRST, start.dtype),
+        fold=xp.zeros((), start.dtype),
         before_fold=start,
-        steps=jnp.zeros((), int),
-        arrived=jnp.zeros((), bool),
-        returned=jnp.zeros((), bool),
-        ended=~jnp.all(jnp.isfinite(start)) | ~jnp.all(jnp.isfinite(direction)),
+        steps=xp.zeros((), int),
+        arrived=xp.zeros((), bool),
+        returned=xp.zeros((), bool),
+        ended=~xp.all(xp.isfinite(start)) | ~xp.all(xp.isfinite(direction)),
     )
-    return jax.lax.while_loop(going, advance, begin)
+    return while_loop(going, advance, begin)
 
 
 def _accepted(path: Path, x: Array, tangent: Array, turn: Array, good: Array, reach: Array) -> Path:
@@ -109,21 +109,21 @@ def _accepted(path: Path, x: Array, tangent: Array, turn: Array, good: Array, re
     good = good & (passed | ~turned)
     arrived, returned = good & (s1 >= 1), good & (s1 <= 0)
     beyond = arrived | returned
-    share = jnp.where(beyond, (arrived - s0) / jnp.where(beyond, s1 - s0, 1.0), 1.0)
-    here = jnp.where(good, path.here + share * (x - path.here), path.here)
-    top = s0 + slope0 * (turn * (s1 - s0) - path.step * slope1) / jnp.where(passed, turn * slope0 - slope1, 1.0)
-    fold = jnp.maximum(path.fold, jnp.where(passed, jnp.maximum(top, s0), here[-1]))
-    to_fold = path.step * slope0 / jnp.where(turned, slope0 - slope1, 1.0)  # where s is a parabola
-    step = path.step * jnp.where(good, jnp.where(turn > 0.5 * (1 + _STRAIGHT), 2.0, 1.0), 0.5)
-    step = jnp.where(turned, jnp.maximum(0.99 * to_fold, 0.5 * _KINK * reach), step)
-    step = jnp.where(passed, _FIRST * reach, step)
-    far = jnp.linalg.norm(here)
+    share = xp.where(beyond, (arrived - s0) / xp.where(beyond, s1 - s0, 1.0), 1.0)
+    here = xp.where(good, path.here + share * (x - path.here), path.here)
+    top = s0 + slope0 * (turn * (s1 - s0) - path.step * slope1) / xp.where(passed, turn * slope0 - slope1, 1.0)
+    fold = xp.maximum(path.fold, xp.where(passed, xp.maximum(top, s0), here[-1]))
+    to_fold = path.step * slope0 / xp.where(turned, slope0 - slope1, 1.0)  # where s is a parabola
+    step = path.step * xp.where(good, xp.where(turn > 0.5 * (1 + _STRAIGHT), 2.0, 1.0), 0.5)
+    step = xp.where(turned, xp.maximum(0.99 * to_fold, 0.5 * _KINK * reach), step)
+    step = xp.where(passed, _FIRST * reach, step)
+    far = xp.linalg.norm(here)
     return Path(
         here=here,
-        tangent=jnp.where(good, tangent, path.tangent),
-        step=jnp.minimum(step, _LONGEST * (1 + far)),
+        tangent=xp.where(good, tangent, path.tangent),
+        step=xp.minimum(step, _LONGEST * (1 + far)),
         fold=fold,
-        before_fold=jnp.where(passed, path.here, path.before_fold),
+        before_fold=xp.where(passed, path.here, path.before_fold),
         steps=path.steps + 1,
         arrived=arrived,
         returned=returned,

@@ -19,12 +19,11 @@ In large scenes nothing is proved: sweeps that settle are taken, and else the br
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._system._results import RESULTS
+from .._system._results import RESULTS, chosen
 from .._tools._module import optional_float
+from .._tools._numbers import are_numbers, while_loop, xp
 from ._arclength import Path, follow
 from ._friction_problem import FrictionProblem
 from ._iterate import Progress, iterate, run_unless
@@ -66,6 +65,8 @@ class Continuation(AbstractSolver):
         def search(rho0: Array, start: Array) -> Root:
             return self._searched(problem.at(rho0), start)
 
+        if are_numbers(problem.rho0, start):  # a batch alone gains by what comes first
+            return self._searched(problem, start)
         root = quick_sweeps(problem, start, rtol, in_batch=in_batch)
         return run_unless(root.progress.converged(rtol), root, search, problem.rho0, start)
 
@@ -79,24 +80,24 @@ class Continuation(AbstractSolver):
         newton, rtol = Newton(self.rtol, self.max_steps), self.tolerance(start.dtype)
 
         def attempt(search: _Search) -> _Search:
-            here = problem.sized_at(jnp.where(search.arrived, search.root.tau, problem.friction_size))
+            here = problem.sized_at(xp.where(search.arrived, search.root.tau, problem.friction_size))
             tau, progress = iterate(lambda tau: newton.update(here, tau), search.root.tau, rtol, self.max_steps)
             settled = search.arrived | (problem.contraction(problem.loads(tau)) < 1)
             settled = progress.converged(rtol) & settled
             path = _follow(problem, ~settled & ~search.arrived, self.max_path)
-            tau = jnp.where(path.arrived, path.here[:-1] * problem.friction_size, tau)
+            tau = xp.where(path.arrived, path.here[:-1] * problem.friction_size, tau)
             steps = search.root.progress.steps + path.steps + progress.steps
             progress = eqx.tree_at(lambda progress: progress.steps, progress, steps)
-            fold = jnp.where(settled, jnp.inf, jnp.where(search.arrived, search.root.fold, path.fold))
+            fold = xp.where(settled, xp.inf, xp.where(search.arrived, search.root.fold, path.fold))
             return _Search(Root(tau, progress, fold), path.arrived, ~path.arrived)
 
-        no = jnp.zeros((), bool)
-        begin = _Search(Root(start, Progress.begin(start.dtype), jnp.full((), jnp.inf, start.dtype)), no, no)
-        return jax.lax.while_loop(lambda search: ~search.ended, attempt, begin).root
+        no = xp.zeros((), bool)
+        begin = _Search(Root(start, Progress.begin(start.dtype), xp.full((), xp.inf, start.dtype)), no, no)
+        return while_loop(lambda search: ~search.ended, attempt, begin).root
 
     def result(self, progress: Progress) -> RESULTS:
         converged = progress.converged(self.tolerance(progress.residual.dtype))
-        return RESULTS.where(converged, RESULTS.successful, RESULTS.no_solution_found)
+        return chosen(converged, RESULTS.successful, RESULTS.no_solution_found)
 
 
 class FirstAttempt(AbstractSolver):
@@ -114,7 +115,7 @@ class FirstAttempt(AbstractSolver):
             return Mixing(self.rtol).run(problem, start)
         root = Newton(self.rtol, self.max_steps).run(problem, start)
         kept = root.progress.converged(self.tolerance(start.dtype)) & (problem.contraction(problem.loads(root.tau)) < 1)
-        return Root(root.tau, root.progress, jnp.where(kept, jnp.inf, 0.0))
+        return Root(root.tau, root.progress, xp.where(kept, xp.inf, 0.0))
 
     def result(self, progress: Progress) -> RESULTS:
         return Continuation(self.rtol).result(progress)
@@ -139,8 +140,8 @@ def _follow(problem: FrictionProblem, wanted: Bool[Array, ""], max_path: int) ->
         rho = problem.loads(size * x[:-1])
         by_y = problem.slope(rho) * size / size[:, None]
         by_s = -problem.law(rho) / size
-        return jnp.concatenate([jnp.eye(size.size, dtype=x.dtype) - x[-1] * by_y, by_s[:, None]], axis=1)
+        return xp.concatenate([xp.eye(size.size, dtype=x.dtype) - x[-1] * by_y, by_s[:, None]], axis=1)
 
-    first = jnp.append(problem.law(problem.rho0) / size, 1.0)
-    wanted = wanted & jnp.all(jnp.isfinite(problem.gain))
-    return follow(residual, slope, jnp.zeros_like(first), first, wanted, max_path)
+    first = xp.append(problem.law(problem.rho0) / size, 1.0)
+    wanted = wanted & xp.all(xp.isfinite(problem.gain))
+    return follow(residual, slope, xp.zeros_like(first), first, wanted, max_path)

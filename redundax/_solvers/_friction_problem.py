@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
 from .._system._directions import directions_of
@@ -26,6 +25,7 @@ from .._tools._by_number import combine
 from .._tools._krylov import krylov_solution
 from .._tools._linear_map import LinearMap, spectral_radius
 from .._tools._module import replace_fields, stop_gradient
+from .._tools._numbers import are_known, are_numbers, fori_loop, of_model, xp
 
 # Powers of a matrix that the bound of its spectral radius takes.
 _POWERS = 6
@@ -41,7 +41,14 @@ class Law(eqx.Module):
     memory: tuple[PyTree, ...] | None = None  # that of `state` if not given
 
     def __call__(self, loads: Float[Array, " l"]) -> Float[Array, " p"]:
+        return _linearised(self, loads)[0] if self._is_known(loads) else self.force(loads)
+
+    def force(self, loads: Float[Array, " l"]) -> Float[Array, " p"]:
+        """The same, traced."""
         return friction_force(self.groups, loads, self.rate, self.sense, self.state, self.memory)
+
+    def _is_known(self, loads: Float[Array, " l"]) -> bool:
+        return are_numbers(loads, self.rate, self.sense) and are_known(self.groups)
 
     @property
     def is_open(self) -> Bool[Array, " p"]:
@@ -53,8 +60,8 @@ class Law(eqx.Module):
         self, loads: Float[Array, " l"], either: Bool[Array, " p"]
     ) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
         """Least and largest friction of slips that may have either sense; of the others that of their own."""
-        one, two = (replace_fields(self, sense=jnp.where(either, sense, self.sense))(loads) for sense in (1.0, -1.0))
-        return jnp.minimum(one, two), jnp.maximum(one, two)
+        one, two = (replace_fields(self, sense=xp.where(either, sense, self.sense))(loads) for sense in (1.0, -1.0))
+        return xp.minimum(one, two), xp.maximum(one, two)
 
     def apart(self) -> "Law":
         """The same law, joint by joint."""
@@ -68,7 +75,13 @@ class Law(eqx.Module):
 
     def slope(self, loads: Float[Array, " l"]) -> Float[Array, "p l"]:
         """Derivative of the friction forces with respect to the loads, F_lam of Eq. (35) reduced."""
-        return jax.jacfwd(self)(loads)
+        return _linearised(self, loads)[1] if self._is_known(loads) else jax.jacfwd(self.force)(loads)
+
+
+@of_model
+def _linearised(law: Law, loads: Float[Array, " l"]) -> tuple[Float[Array, " p"], Float[Array, "p l"]]:
+    """Friction and its slope, which numbers ask for together."""
+    return law.force(loads), jax.jacfwd(law.force)(loads)
 
 
 class Sizes(NamedTuple):
@@ -80,16 +93,16 @@ class Sizes(NamedTuple):
     @classmethod
     def of(cls, entries: Float[Array, " d"], angular: Bool[Array, " d"]) -> "Sizes":
         """The largest entry of each kind, 1 if there is none but zeros."""
-        largest = (_largest(jnp.where(kind, entries, 0.0)) for kind in (~angular, angular))
-        return cls(*(jnp.where(size > 0, size, 1.0) for size in largest))
+        largest = (_largest(xp.where(kind, entries, 0.0)) for kind in (~angular, angular))
+        return cls(*(xp.where(size > 0, size, 1.0) for size in largest))
 
     def at(self, angular: Bool[Array, " d"]) -> Float[Array, " d"]:
         """The size of each entry's kind."""
-        return jnp.where(angular, self.angular, self.linear)
+        return xp.where(angular, self.angular, self.linear)
 
     def larger(self, other: "Sizes") -> "Sizes":
         """The larger of both, kind by kind."""
-        return Sizes(*map(jnp.maximum, self, other))
+        return Sizes(*map(xp.maximum, self, other))
 
 
 class FrictionProblem(eqx.Module):
@@ -122,14 +135,14 @@ class FrictionProblem(eqx.Module):
         angular_loads: Bool[Array, " l"],
     ) -> "FrictionProblem":
         """The problem, given which loads are moments."""
-        angular_slips = jnp.asarray(slip_kinds(law.groups).angular)
+        angular_slips = xp.asarray(slip_kinds(law.groups).angular)
         given, effect, friction = stop_gradient((rho0, gain, law))
-        first = jnp.abs(friction(given))
+        first = xp.abs(friction(given))
         friction_sizes = Sizes.of(first, angular_slips)
         unsized = _nothing(first, angular_slips) | _nothing(first, ~angular_slips)
-        loads = jnp.abs(given)
+        loads = xp.abs(given)
         if not isinstance(gain, LinearMap):
-            loads = jnp.maximum(loads, _caused(effect, angular_slips, friction_sizes))
+            loads = xp.maximum(loads, _caused(effect, angular_slips, friction_sizes))
         load_sizes = Sizes.of(loads, angular_loads)
         return cls(rho0, gain, law, angular_loads, angular_slips, load_sizes, friction_sizes, unsized)
 
@@ -155,7 +168,7 @@ class FrictionProblem(eqx.Module):
     def sized_at(self, tau: Float[Array, " p"]) -> "FrictionProblem":
         """The same problem, its sizes at least those of the friction tau; sizes have no derivatives."""
         tau, gain = stop_gradient((tau, self.gain))
-        friction = self.friction_sizes.larger(Sizes.of(jnp.abs(tau), self.angular_slips))
+        friction = self.friction_sizes.larger(Sizes.of(xp.abs(tau), self.angular_slips))
         if self.is_large:
             return replace_fields(self, friction_sizes=friction)
         caused = _caused(gain, self.angular_slips, friction)
@@ -168,6 +181,8 @@ class FrictionProblem(eqx.Module):
 
     def slope(self, rho: Float[Array, " l"]) -> Float[Array, "p p"]:
         """law'(rho) K, the derivative of one sweep."""
+        if are_numbers(rho, self.gain):
+            return self.law.slope(rho) @ self.gain
         return jax.vmap(lambda column: jax.jvp(self.law, (rho,), (column,))[1], in_axes=1, out_axes=1)(self.gain)
 
     def along(self, rho: Float[Array, " l"], change: Float[Array, " p"]) -> Float[Array, " p"]:
@@ -179,12 +194,12 @@ class FrictionProblem(eqx.Module):
         if self.is_large:
             size = self.friction_size
             return size * krylov_solution(lambda y: y - self.along(rho, size * y) / size, right / size)
-        return jnp.linalg.solve(self.root_slope(rho), right)
+        return xp.linalg.solve(self.root_slope(rho), right)
 
     def root_slope(self, rho: Float[Array, " l"]) -> Float[Array, "p p"]:
         """I - law'(rho) K."""
         slope = self.slope(rho)
-        return jnp.eye(slope.shape[0], dtype=slope.dtype) - slope
+        return xp.eye(slope.shape[0], dtype=slope.dtype) - slope
 
     def contraction(self, rho: Float[Array, " l"]) -> Float[Array, ""]:
         """Upper bound of the spectral radius of one sweep's derivative at loads: below 1 sweeps contract there.
@@ -194,7 +209,7 @@ class FrictionProblem(eqx.Module):
         if self.is_large:
             size = self.friction_size
             return spectral_radius(lambda y: self.along(rho, size * y) / size, size)
-        matrix = jnp.abs(self.slope(rho))
+        matrix = xp.abs(self.slope(rho))
         return _radius_bound(matrix * self.friction_size / self.friction_size[:, None])
 
     def contraction_anywhere(self) -> Float[Array, ""]:
@@ -203,18 +218,18 @@ class FrictionProblem(eqx.Module):
         None is known of a large scene.
         """
         if self.is_large:
-            return jnp.full((), jnp.inf, self.rho0.dtype)
+            return xp.full((), xp.inf, self.rho0.dtype)
         law, gain = stop_gradient((self.law, self.gain))
         bound = _radius_bound(law.largest_changes(gain))
-        return jnp.where(jnp.isnan(bound), jnp.inf, bound)
+        return xp.where(xp.isnan(bound), xp.inf, bound)
 
     def change_of_friction(self, change: Float[Array, " p"]) -> Float[Array, ""]:
         """Largest change of tau, relative to the size of its kind."""
-        return jnp.max(jnp.abs(change) / self.friction_size)
+        return xp.max(xp.abs(change) / self.friction_size)
 
     def change_of_load(self, change: Float[Array, " l"]) -> Float[Array, ""]:
         """Largest change of rho, relative to the size of its kind."""
-        return jnp.max(jnp.abs(change) / self.load_size)
+        return xp.max(xp.abs(change) / self.load_size)
 
 
 def _radius_bound(matrix: Float[Array, "p p"]) -> Float[Array, ""]:
@@ -223,25 +238,25 @@ def _radius_bound(matrix: Float[Array, "p p"]) -> Float[Array, ""]:
     Collatz and Wielandt: max_i (A v)_i / v_i over positive v; powers of A bring it down to the spectral radius.
     """
 
-    def powered(_: Array, vector: Array) -> Array:
+    def powered(_: Any, vector: Array) -> Array:
         image = matrix @ vector
-        size = jnp.max(image)
-        return jnp.where(size > 0, image / jnp.where(size > 0, size, 1.0), vector) + 1e-3
+        size = xp.max(image)
+        return xp.where(size > 0, image / xp.where(size > 0, size, 1.0), vector) + 1e-3
 
-    vector = jax.lax.fori_loop(0, _POWERS, powered, jnp.ones_like(matrix[0]))
-    return jnp.max(matrix @ vector / vector)
+    vector = fori_loop(0, _POWERS, powered, xp.ones_like(matrix[0]))
+    return xp.max(matrix @ vector / vector)
 
 
 def _caused(gain: Array, angular: Array, friction: Sizes) -> Array:
     """Bound of the loads that friction of these sizes causes: |K| times the sizes."""
-    linear, angles = (jnp.sum(jnp.where(kind, jnp.abs(gain), 0.0), axis=1) for kind in (~angular, angular))
+    linear, angles = (xp.sum(xp.where(kind, xp.abs(gain), 0.0), axis=1) for kind in (~angular, angular))
     return linear * friction.linear + angles * friction.angular
 
 
 def _nothing(size: Array, kind: Array) -> Array:
     """Whether there are sizes of this kind, and all are 0."""
-    return jnp.any(kind) & (_largest(jnp.where(kind, size, 0.0)) == 0)
+    return xp.any(kind) & (_largest(xp.where(kind, size, 0.0)) == 0)
 
 
 def _largest(size: Array) -> Array:
-    return combine(jnp.maximum, lambda size: jnp.max(size, initial=0.0), size)
+    return combine(xp.maximum, lambda size: xp.max(size, initial=0.0), size)

@@ -10,11 +10,11 @@ from typing import TypeVar
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 from jax.typing import DTypeLike
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from .._system._results import RESULTS
+from .._system._results import RESULTS, chosen
+from .._tools._numbers import stop_gradient, while_loop, xp
 
 Y = TypeVar("Y", bound=PyTree)
 
@@ -41,13 +41,13 @@ class Progress(eqx.Module):
     @classmethod
     def begin(cls, dtype: DTypeLike) -> "Progress":
         """Before the first iteration."""
-        infinite, none = jnp.full((), jnp.inf, dtype), jnp.zeros((), int)
+        infinite, none = xp.full((), xp.inf, dtype), xp.zeros((), int)
         return cls(none, infinite, infinite, infinite, none)
 
     @classmethod
     def done(cls, dtype: DTypeLike) -> "Progress":
         """Where nothing has to be iterated."""
-        zero, none = jnp.zeros((), dtype), jnp.zeros((), int)
+        zero, none = xp.zeros((), dtype), xp.zeros((), int)
         return cls(none, zero, zero, zero, none)
 
     def after(self, residual: Float[Array, ""], step: Float[Array, ""]) -> "Progress":
@@ -57,13 +57,13 @@ class Progress(eqx.Module):
             self.steps + 1,
             residual,
             step,
-            jnp.where(better, residual, self.best),
-            jnp.where(better, 0, self.stalled + 1),
+            xp.where(better, residual, self.best),
+            xp.where(better, 0, self.stalled + 1),
         )
 
     def unfinished(self, rtol: Float[Array, ""], max_steps: int) -> Bool[Array, ""]:
         """Whether to go on: not converged, finite, neither stalled nor out of steps."""
-        finite = jnp.isfinite(self.residual) & jnp.isfinite(self.step)
+        finite = xp.isfinite(self.residual) & xp.isfinite(self.step)
         going = finite & ~self.converged(rtol) & (self.stalled < _PATIENCE) & (self.steps < max_steps)
         return going | (self.steps == 0)
 
@@ -72,15 +72,15 @@ class Progress(eqx.Module):
 
         Near a fold the step is the residual magnified; there it tells how many digits rounding leaves.
         """
-        at_rounding = (self.stalled >= 3) & (self.step <= jnp.sqrt(jnp.finfo(rtol.dtype).eps))
+        at_rounding = (self.stalled >= 3) & (self.step <= xp.sqrt(xp.finfo(rtol.dtype).eps))
         return (self.residual <= rtol) & ((self.step <= rtol) | at_rounding)
 
     def result(self, rtol: Float[Array, ""]) -> RESULTS:
         """The outcome as a value."""
-        finite = jnp.isfinite(self.residual) & jnp.isfinite(self.step)
-        failure = RESULTS.where(self.stalled < _PATIENCE, RESULTS.max_steps_reached, RESULTS.no_contraction)
-        failure = RESULTS.where(finite, failure, RESULTS.diverged)
-        return RESULTS.where(self.converged(rtol), RESULTS.successful, failure)
+        finite = xp.isfinite(self.residual) & xp.isfinite(self.step)
+        failure = chosen(self.stalled < _PATIENCE, RESULTS.max_steps_reached, RESULTS.no_contraction)
+        failure = chosen(finite, failure, RESULTS.diverged)
+        return chosen(self.converged(rtol), RESULTS.successful, failure)
 
 
 def iterate(
@@ -104,14 +104,14 @@ def iterate(
     def body(carry: tuple[Y, Progress]) -> tuple[Y, Progress]:
         y, progress = carry
         y, residual, step = update(y)
-        return y, progress.after(*jax.lax.stop_gradient((residual, step)))
+        return y, progress.after(*stop_gradient((residual, step)))
 
     if not bounded:
-        return jax.lax.while_loop(unfinished, body, first)
+        return while_loop(unfinished, body, first)
 
     def masked(carry: tuple[Y, Progress], _: None) -> tuple[tuple[Y, Progress], None]:
         on = unfinished(carry)
-        return jax.tree.map(lambda new, old: jnp.where(on, new, old), body(carry), carry), None
+        return jax.tree.map(lambda new, old: xp.where(on, new, old), body(carry), carry), None
 
     return jax.lax.scan(masked, first, None, length=max_steps)[0]
 
@@ -124,6 +124,6 @@ def run_unless(done: Bool[Array, ""], end: Y, search: Callable[..., Y], *operand
     """
 
     def body(carry: tuple[Array, Y]) -> tuple[Array, Y]:
-        return jnp.ones_like(carry[0]), search(*(jnp.where(carry[0], jnp.nan, x) for x in operands))
+        return xp.ones_like(carry[0]), search(*(xp.where(carry[0], xp.nan, x) for x in operands))
 
-    return jax.lax.while_loop(lambda carry: ~carry[0], body, (done, end))[1]
+    return while_loop(lambda carry: ~carry[0], body, (done, end))[1]

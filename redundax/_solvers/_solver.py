@@ -14,13 +14,14 @@ from typing import TypeVar
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
+from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from .._system._results import RESULTS
 from .._tools._by_number import solve_few
 from .._tools._chunks import in_chunks
 from .._tools._module import optional_float
+from .._tools._numbers import custom_jvp, known, xp
 from ._friction_problem import FrictionProblem
 from ._iterate import Progress, iterate
 
@@ -55,10 +56,10 @@ class AbstractSolver(eqx.Module):
     def result(self, progress: Progress) -> RESULTS:
         """The outcome as a value."""
 
-    def tolerance(self, dtype: jnp.dtype) -> Float[Array, ""]:
+    def tolerance(self, dtype: DTypeLike) -> Float[Array, ""]:
         """`rtol`, at least 10 times the rounding of the dtype; 100 times if not given."""
-        eps = jnp.finfo(dtype).eps
-        return jnp.asarray(100 * eps if self.rtol is None else jnp.maximum(self.rtol, 10 * eps), dtype)
+        eps = xp.finfo(dtype).eps
+        return xp.asarray(100 * eps if self.rtol is None else xp.maximum(known(self.rtol), 10 * eps), dtype)
 
 
 # Tolerance in large scenes, in roundings: what solutions by sparse matrices leave of each other.
@@ -69,7 +70,7 @@ def of_large(solver: Solver) -> Solver:
     """The same solver with the tolerance of large scenes, where it is given none."""
     if solver.rtol is not None:
         return solver
-    rtol = jnp.asarray(_LARGE * jnp.finfo(float).eps)
+    rtol = xp.asarray(_LARGE * xp.finfo(float).eps)
     return eqx.tree_at(lambda solver: solver.rtol, solver, rtol, is_leaf=lambda x: x is None)
 
 
@@ -102,8 +103,8 @@ class FixedPoint(AbstractSolver):
         rtol, updates = self.tolerance(start.dtype), -(-self.max_steps // _SWEEPS)
         tau, progress = iterate(lambda tau: self.update(problem, tau), start, rtol, updates)
         progress = eqx.tree_at(lambda progress: progress.steps, progress, _SWEEPS * progress.steps)
-        tau = jnp.where(progress.converged(rtol), self._finished(problem, tau), tau)
-        return Root(tau, progress, jnp.full((), jnp.inf, start.dtype))
+        tau = xp.where(progress.converged(rtol), self._finished(problem, tau), tau)
+        return Root(tau, progress, xp.full((), xp.inf, start.dtype))
 
     def _finished(self, problem: FrictionProblem, tau: Array) -> Array:
         """One Newton step: slow sweeps stop at a small change while the error is many times larger."""
@@ -150,7 +151,7 @@ class Newton(AbstractSolver):
     def run(self, problem: FrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
         rtol = self.tolerance(start.dtype)
         tau, progress = iterate(lambda tau: self.update(problem, tau), start, rtol, self.max_steps)
-        return Root(tau, progress, jnp.full((), jnp.inf, start.dtype))
+        return Root(tau, progress, xp.full((), xp.inf, start.dtype))
 
     def result(self, progress: Progress) -> RESULTS:
         return progress.result(self.tolerance(progress.residual.dtype))
@@ -163,7 +164,7 @@ class Newton(AbstractSolver):
         return tau + change, problem.change_of_friction(residual), problem.change_of_load(problem.gain @ change)
 
 
-@eqx.filter_custom_jvp
+@functools.partial(custom_jvp, make=eqx.filter_custom_jvp)
 def closed_root(problem: FrictionProblem, start: Float[Array, " p"], solver: AbstractSolver) -> Root:
     """Friction forces under a closure; their derivative is implicit."""
 
@@ -178,8 +179,8 @@ def _closed_root_jvp(primals: tuple, tangents: tuple) -> tuple:
     problem, start, solver = primals
     root = closed_root(problem, start, solver)
     _, explicit = eqx.filter_jvp(lambda p: p.law(p.loads(root.tau)), (problem,), (tangents[0],))
-    explicit = jnp.zeros_like(root.tau) if explicit is None else explicit  # of a law that reads none of what changes
+    explicit = xp.zeros_like(root.tau) if explicit is None else explicit  # of a law that reads none of what changes
     rho = problem.loads(root.tau)
     tau_dot = problem.solution(rho, explicit) if problem.is_large else solve_few(problem.root_slope(rho), explicit)
-    still = jax.tree.map(lambda x: jnp.zeros_like(x) if eqx.is_inexact_array(x) else None, root)
+    still = jax.tree.map(lambda x: xp.zeros_like(x) if eqx.is_inexact_array(x) else None, root)
     return root, eqx.tree_at(lambda root: root.tau, still, tau_dot)

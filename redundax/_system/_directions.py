@@ -9,10 +9,10 @@ import itertools
 from collections.abc import Sequence
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from .._tools._numbers import xp
 from ._friction import AbstractFriction
 
 
@@ -43,30 +43,30 @@ class Directions(eqx.Module):
 
     def every(self, flags: Bool[Array, " p"]) -> Bool[Array, " p"]:
         """For each slip whether it is so for all slips of its joint."""
-        return jnp.all(flags | ~self.same, axis=1)
+        return xp.all(flags | ~self.same, axis=1)
 
     def any(self, flags: Bool[Array, " p"]) -> Bool[Array, " p"]:
         """For each slip whether it is so for any slip of its joint."""
-        return jnp.any(flags & self.same, axis=1)
+        return xp.any(flags & self.same, axis=1)
 
     def unit(self, surface: Float[Array, " p"]) -> Float[Array, " p"]:
         """Unit directions, joint by joint, of velocities or forces of the surfaces; 0 where they are."""
-        largest = jnp.max(jnp.where(self.same, jnp.abs(surface), 0.0), axis=1)
-        scaled = surface / jnp.where(largest > 0, largest, 1.0)
-        squared = jnp.sum(jnp.where(self.same, scaled**2, 0.0), axis=1)
-        return scaled / jnp.sqrt(jnp.where(squared > 0, squared, 1.0))
+        largest = xp.max(xp.where(self.same, xp.abs(surface), 0.0), axis=1)
+        scaled = surface / xp.where(largest > 0, largest, 1.0)
+        squared = xp.sum(xp.where(self.same, scaled**2, 0.0), axis=1)
+        return scaled / xp.sqrt(xp.where(squared > 0, squared, 1.0))
 
     def along(self, rate: Float[Array, " p"], direction: Float[Array, " p"]) -> Float[Array, " p"]:
         """Part of the velocity of each joint's surfaces along a unit direction."""
-        return jnp.sum(jnp.where(self.same, self.arms * rate * direction, 0.0), axis=1)
+        return xp.sum(xp.where(self.same, self.arms * rate * direction, 0.0), axis=1)
 
     def reach(self, sizes: Float[Array, " p"]) -> Float[Array, " p"]:
         """The largest size of a slip by unit velocity of its joint's surfaces."""
-        return jnp.max(jnp.where(self.same, sizes / self.arms, 0.0), axis=1)
+        return xp.max(xp.where(self.same, sizes / self.arms, 0.0), axis=1)
 
     def past(self, rate: Float[Array, " p"], direction: Float[Array, " p"]) -> Float[Array, " p"]:
         """Slip rates with those turned round that are against a direction: so friction goes on smoothly past a stop."""
-        return jnp.where(self.directed & (self.along(rate, direction) < 0), -rate, rate)
+        return xp.where(self.directed & (self.along(rate, direction) < 0), -rate, rate)
 
 
 def directions_of(groups: Sequence[AbstractFriction]) -> Directions | None:
@@ -77,6 +77,6 @@ def directions_of(groups: Sequence[AbstractFriction]) -> Directions | None:
         if directed:
             starts = range(first, first + count, group.width)
             joints += [tuple(range(start, start + group.width)) for start in starts]
-        arms.append(group.arms if directed else jnp.ones(count))
+        arms.append(group.arms if directed else xp.ones(count))
         first += count
-    return Directions(jnp.concatenate(arms), tuple(joints)) if joints else None
+    return Directions(xp.concatenate(arms), tuple(joints)) if joints else None

@@ -21,6 +21,7 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, as_functions, as_parameters, replace_fields
+from .._tools._numbers import of_model, xp
 from ._axis import Axis, join
 from ._state import State
 
@@ -28,6 +29,7 @@ from ._state import State
 class AbstractFriction(eqx.Module):
     """One group of friction forces of the same law."""
 
+    is_model = True
     rows: eqx.AbstractVar[Int[Array, "..."]]
     slips: eqx.AbstractVar[Axis]
 
@@ -186,7 +188,7 @@ class Friction(AbstractFriction):
 
 def load_rows(groups: Sequence[AbstractFriction]) -> Int[Array, " l"]:
     """Indices of all multipliers that the laws read, group after group."""
-    return jnp.concatenate([group.rows.ravel() for group in groups])
+    return xp.concatenate([xp.asarray(group.rows).ravel() for group in groups])
 
 
 def slip_kinds(groups: Sequence[AbstractFriction]) -> Axis:
@@ -216,6 +218,7 @@ def _by_group(groups: Sequence[AbstractFriction], slips: Float[Array, " p"]) -> 
     return [slips[first:last] for first, last in itertools.pairwise(ends)]
 
 
+@of_model
 def largest_changes(
     groups: Sequence[AbstractFriction], loads: Float[Array, "l columns"], rate: Float[Array, " p"], state: State
 ) -> Float[Array, "p columns"]:

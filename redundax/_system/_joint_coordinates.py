@@ -21,6 +21,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._tools._compilation import compiled
 from .._tools._module import replace_fields
+from .._tools._numbers import on_numbers
 from ._state import State
 
 
@@ -34,6 +35,8 @@ class JointMotion(eqx.Module):
 
 class AbstractJointCoordinates(eqx.Module):
     """The coordinates and reactions of the joints of a system, in the order of the names of both."""
+
+    is_model = True
 
     @property
     @abc.abstractmethod
@@ -91,7 +94,14 @@ def joint_reactions(
     joints: AbstractJointCoordinates | None, state: State, multipliers: Array, *, times: bool = False
 ) -> Float[Array, "*batch r"]:
     """Their reactions, likewise."""
+    if not times and multipliers.ndim == 1:
+        return _at_state(joints or NoJointCoordinates(), state, multipliers)
     return _everywhere("reactions", joints or NoJointCoordinates(), state, multipliers, times)
+
+
+@on_numbers
+def _at_state(joints: AbstractJointCoordinates, state: State, multipliers: Array) -> Array:
+    return joints.reactions(state, multipliers)
 
 
 @compiled

@@ -4,9 +4,11 @@ from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import equinox as eqx
+import numpy as np
 from jaxtyping import Array, Float
 
 from .._tools._errors import RedundaxError
+from .._tools._module import is_concrete, on_device
 from ._export import dataset_of, frame_of
 from ._joint_coordinates import AbstractJointCoordinates
 from ._names import QUANTITIES, Entry, Names, entries, index_of
@@ -43,7 +45,8 @@ class AbstractNamed(eqx.Module):
 
     def entry(self, entry: Entry) -> Float[Array, "..."]:
         """The same, given one of `entries`."""
-        return attrgetter(entry.array)(self)[..., entry.index]
+        array = attrgetter(entry.array)(self)
+        return on_device(np.asarray(array)[..., entry.index]) if is_concrete(array) else array[..., entry.index]
 
     def to_pandas(self) -> "pandas.DataFrame":
         """All entries as columns by name: one row for each sample of a batch, or for each time of a motion.

@@ -12,6 +12,8 @@ import jax
 import numpy as np
 from jaxtyping import Array, Bool
 
+from .._tools._numbers import is_number
+
 
 class RESULTS(eqx.Enumeration):
     """How a solve ended, with a message that names the cause and a way out.
@@ -149,11 +151,22 @@ class RESULTS(eqx.Enumeration):
     __members__ = tuple(name for name in vars() if not name.startswith("__"))  # last, after all of them
 
 
+def chosen(flag: Bool[Array, ""], yes: RESULTS, no: RESULTS) -> RESULTS:
+    """One of two results."""
+    return (yes if flag else no) if is_number(flag) else RESULTS.where(flag, yes, no)
+
+
+def differs(one: RESULTS, other: RESULTS) -> Bool[Array, ""]:
+    """Whether two results differ."""
+    values = jax.tree.leaves((one, other))
+    return np.not_equal(*values) if all(map(is_number, values)) else one != other
+
+
 def first_failure(checks: Sequence[tuple[Bool[Array, ""], RESULTS]]) -> RESULTS:
     """The result of the first check that did not pass, or `RESULTS.successful`."""
     result = RESULTS.successful
     for passed, failure in reversed(checks):
-        result = RESULTS.where(passed, result, failure)
+        result = chosen(passed, result, failure)
     return result
 
 

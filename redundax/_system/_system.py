@@ -42,6 +42,7 @@ class Path(NamedTuple):
 class AbstractSystem(eqx.Module):
     """Mass, constraints, load and friction of a constrained system, with the names and kinds of its axes."""
 
+    is_model = True  # its numbers are read by programs alone
     _names: eqx.AbstractVar[Names]
     friction: eqx.AbstractVar[tuple[AbstractFriction, ...]]
 

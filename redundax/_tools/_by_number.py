@@ -7,8 +7,9 @@ import functools
 from collections.abc import Callable
 from typing import Any
 
-import jax.numpy as jnp
 from jaxtyping import Array, Float
+
+from ._numbers import xp
 
 FEW = 6  # unknowns, at most
 _ENTRIES = 12  # of a vector, or along an axis, that are reduced, at most
@@ -32,15 +33,15 @@ def combine(pair: Callable[[Array, Array], Array], whole: Callable[[Array], Arra
 def sum_few(array: Array, axis: int = -1) -> Array:
     """The sum along a short axis as one of whole arrays; XLA's own loops over the axis for every entry of the sum."""
     if not 0 < array.shape[axis] <= _ENTRIES:
-        return jnp.sum(array, axis)
-    return functools.reduce(jnp.add, jnp.unstack(array, axis=axis))
+        return xp.sum(array, axis)
+    return functools.reduce(xp.add, xp.unstack(array, axis=axis))
 
 
 def solve_few(matrix: Float[Array, "p p"], right: Float[Array, " p"]) -> Float[Array, " p"]:
     """The solution of matrix x = right, by elimination with partial pivoting; of many unknowns by LAPACK."""
     if not 0 < right.size <= FEW:
-        return jnp.linalg.solve(matrix, right)
-    return jnp.stack(eliminate(rows(matrix), list(right), pivots=True)[0])
+        return xp.linalg.solve(matrix, right)
+    return xp.stack(eliminate(rows(matrix), list(right), pivots=True)[0])
 
 
 def eliminate(matrix: list[list[Array]], *rights: list[Array], pivots: bool) -> list[list[Array]]:
@@ -49,8 +50,8 @@ def eliminate(matrix: list[list[Array]], *rights: list[Array], pivots: bool) -> 
     table = [[*row, *entries] for row, *entries in zip(matrix, *rights, strict=True)]
     for k in range(p):
         for i in range(k + 1, p) if pivots else ():
-            larger = jnp.abs(table[i][k]) > jnp.abs(table[k][k])
-            both = [(jnp.where(larger, b, a), jnp.where(larger, a, b)) for a, b in zip(table[k], table[i], strict=True)]
+            larger = xp.abs(table[i][k]) > xp.abs(table[k][k])
+            both = [(xp.where(larger, b, a), xp.where(larger, a, b)) for a, b in zip(table[k], table[i], strict=True)]
             table[k], table[i] = map(list, zip(*both, strict=True))
         for i in range(k + 1, p):
             ratio = table[i][k] / table[k][k]

@@ -14,6 +14,7 @@ from jaxtyping import PyTree
 
 from ._compilation import is_single
 from ._module import cores
+from ._numbers import are_numbers, custom_jvp
 
 T = TypeVar("T", bound=PyTree)
 
@@ -50,7 +51,7 @@ def in_chunks(
     - `changing`: arrays of which one must change with the sample, or the batch runs at once: what its samples share is
       computed once then, and not in every chunk.
     """
-    if is_single():
+    if is_single() or are_numbers(arguments):
         return (alone or function)(*arguments)
     closed = [_closed(way, *arguments) for way in (function, alone) if way]
     arrays, rest = eqx.partition((closed, arguments, changing), eqx.is_array)
@@ -89,7 +90,7 @@ def with_derivative_of(function: Callable[..., T]) -> Callable[[Callable[..., T]
     """Gives a way to the same as `function`, in chunks, the derivative of that, which has rules of its own within."""
 
     def given(run: Callable[..., T]) -> Callable[..., T]:
-        run = eqx.filter_custom_jvp(run)
+        run = custom_jvp(run, eqx.filter_custom_jvp)
 
         @run.def_jvp
         def _(primals: tuple, tangents: tuple) -> tuple:

@@ -18,6 +18,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Integer
 
 from ._errors import RedundaxError
+from ._numbers import are_numbers
 
 T = TypeVar("T")
 
@@ -241,12 +242,16 @@ def _safe_norm_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array
     return size, functools.reduce(operator.add, [v[k] / divisor * tangents[0][k] for k in range(v.shape[0])])
 
 
-@jax.custom_batching.custom_vmap
 def batch_any(flag: Bool[Array, ""]) -> Bool[Array, ""]:
     """Whether it is so for any sample of a batch; a condition that does not depend on the sample is not a selection."""
+    return flag if are_numbers(flag) else _batch_any(flag)
+
+
+@jax.custom_batching.custom_vmap
+def _batch_any(flag: Array) -> Array:
     return flag
 
 
-@batch_any.def_vmap
+@_batch_any.def_vmap
 def _any_in_batch(size: int, batched: list[bool], flag: Bool[Array, " size"]) -> tuple[Bool[Array, ""], bool]:
-    return batch_any(jnp.any(flag, axis=0)), False
+    return _batch_any(jnp.any(flag, axis=0)), False

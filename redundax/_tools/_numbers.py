@@ -1,0 +1,290 @@
+"""Known numbers are computed, not compiled: functions that run on NumPy's arrays and are traced with JAX's.
+
+`xp` has the functions of both. Each looks at its arguments: of NumPy's arrays and Python's numbers alone it is NumPy's
+and gives NumPy's, of any array of JAX it is JAX's. So one text of an equation serves a call on known numbers, whose
+arguments a door (`on_numbers`) has turned into NumPy's, and a program, in which they are traced. What is the model's
+(`of_model`), that a user writes for JAX, is a compiled program where numbers are known, and gives NumPy's arrays again.
+
+`Array` in annotations stands for either. Here alone stands what differs: loops, branches, entries set, derivatives
+given by hand, factors that do not exist.
+"""
+
+import functools
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import equinox as eqx
+import jax
+import jax.core
+import jax.numpy as jnp
+import numpy as np
+
+T = TypeVar("T")
+
+_SEQUENCE, _OF_JAX, _OTHER = range(3)
+_kinds: dict[type, int] = {}  # of types, as JAX's own check takes longer
+
+
+def is_number(x: Any) -> bool:
+    """Whether it is no array of JAX, nor a list or tuple of such."""
+    kind = _kinds.get(type(x))
+    if kind is None:
+        own = type(x)
+        of_jax = issubclass(own, jax.Array | jax.core.Tracer)
+        kind = _SEQUENCE if issubclass(own, list | tuple) else _OF_JAX if of_jax else _OTHER
+        _kinds[own] = kind
+    return all(map(is_number, x)) if kind == _SEQUENCE else kind == _OTHER
+
+
+def is_model(x: Any) -> bool:
+    """Whether it is a part of the model, whose numbers programs alone read."""
+    return getattr(x, "is_model", False)
+
+
+def are_numbers(*trees: Any) -> bool:
+    """Whether no leaf is an array of JAX, but for those of a model, of which none is traced."""
+    leaves = jax.tree.leaves(trees, is_leaf=is_model)
+    return all(are_known(x) if is_model(x) else is_number(x) for x in leaves)
+
+
+def are_known(*trees: Any) -> bool:
+    """Whether no leaf is traced."""
+    return not any(isinstance(x, jax.core.Tracer) for x in jax.tree.leaves(trees))
+
+
+# What NumPy refuses and JAX answers ----------------------------------------------------------------------
+
+
+def _default_float() -> np.dtype:
+    return np.dtype(np.float64 if jax.config.jax_enable_x64 else np.float32)  # pyright: ignore
+
+
+def _made(function: Callable[..., Any], place: int) -> Callable[..., Any]:
+    """A function that makes an array, in JAX's default precision where none is given at the `place`."""
+
+    def run(*arguments: Any, **named: Any) -> Any:
+        if len(arguments) <= place and named.get("dtype") is None:
+            named["dtype"] = _default_float()
+        return function(*arguments, **named)
+
+    return run
+
+
+def _asarray(x: Any, dtype: Any = None) -> Any:
+    if dtype is None and not isinstance(x, np.ndarray | np.generic):
+        array = np.asarray(x)
+        return array.astype(_default_float()) if array.dtype == np.float64 else array
+    return np.asarray(x, dtype)
+
+
+def _full(shape: Any, value: Any, dtype: Any = None) -> Any:
+    return np.full(shape, value, _asarray(value).dtype if dtype is None else dtype)
+
+
+def _or_nan(function: Callable[..., Any], none: Callable[..., Any]) -> Callable[..., Any]:
+    """NaN where LAPACK finds no factor, as JAX gives it."""
+
+    @functools.wraps(function)
+    def run(a: Any, *more: Any, **named: Any) -> Any:
+        try:
+            return function(a, *more, **named)
+        except np.linalg.LinAlgError:
+            return none(a, *more, **named)
+
+    return run
+
+
+def _no_svd(a: np.ndarray, full_matrices: bool = True, compute_uv: bool = True) -> Any:
+    (m, n), s = a.shape, min(a.shape)
+    shapes = ((m, m if full_matrices else s), (s,), (n if full_matrices else s, n))
+    found = tuple(np.full(shape, np.nan, a.dtype) for shape in shapes)
+    return found if compute_uv else found[1]
+
+
+def _nan_like(a: np.ndarray, *_: Any) -> np.ndarray:
+    return np.full_like(a, np.nan)
+
+
+_OF_NUMPY = {
+    "zeros": _made(np.zeros, 1),
+    "ones": _made(np.ones, 1),
+    "eye": _made(np.eye, 3),
+    "linspace": _made(np.linspace, 5),
+    "full": _full,
+    "asarray": _asarray,
+    "array": _asarray,
+    "unstack": lambda x, axis=0: tuple(np.moveaxis(x, axis, 0)),
+    "svd": _or_nan(np.linalg.svd, _no_svd),
+    "cholesky": _or_nan(np.linalg.cholesky, _nan_like),
+    "inv": _or_nan(np.linalg.inv, _nan_like),
+    "solve": _or_nan(np.linalg.solve, lambda a, b: np.full_like(b, np.inf)),
+    "eigh": _or_nan(np.linalg.eigh, lambda a: (np.full(len(a), np.nan, a.dtype), _nan_like(a))),
+    "eigvalsh": _or_nan(np.linalg.eigvalsh, lambda a: np.full(len(a), np.nan, a.dtype)),
+}
+
+
+class _Namespace:
+    """The functions of two modules by the kind of their arguments."""
+
+    def __init__(self, of_numbers: Any, traced: Any):
+        self._of_numbers, self._traced = of_numbers, traced
+
+    def __getattr__(self, name: str) -> Any:  # once for each name
+        one, two = _OF_NUMPY.get(name) or getattr(self._of_numbers, name), getattr(self._traced, name)
+        if isinstance(one, type) or not callable(one):  # types and constants
+            found = one
+        else:
+
+            def found(*arguments: Any, **named: Any) -> Any:
+                known = all(map(is_number, arguments)) and (not named or all(map(is_number, named.values())))
+                return (one if known else two)(*arguments, **named)
+
+        setattr(self, name, found)
+        return found
+
+
+xp: Any = _Namespace(np, jnp)
+xp.linalg = _Namespace(np.linalg, jnp.linalg)
+
+
+# What both have in other words ---------------------------------------------------------------------------
+
+
+def while_loop(going: Callable[[T], Any], body: Callable[[T], T], start: T) -> T:
+    """`jax.lax.while_loop`."""
+    if not are_numbers(start):
+        return jax.lax.while_loop(going, body, start)
+    while going(start):
+        start = body(start)
+    return start
+
+
+def fori_loop(first: int, last: int, body: Callable[[Any, T], T], start: T) -> T:
+    """`jax.lax.fori_loop`."""
+    if not are_numbers(start):
+        return jax.lax.fori_loop(first, last, body, start)
+    for k in range(first, last):
+        start = body(k, start)
+    return start
+
+
+def cond(flag: Any, yes: Callable[..., T], no: Callable[..., T], *operands: Any) -> T:
+    """`jax.lax.cond`."""
+    if not is_number(flag):
+        return jax.lax.cond(flag, yes, no, *operands)
+    return (yes if flag else no)(*operands)
+
+
+def each(function: Callable[[Any], Any], samples: Any) -> Any:
+    """A function of one array for every one along the first axis: `jax.vmap`."""
+    if not is_number(samples):
+        return jax.vmap(function)(samples)
+    return np.stack([function(x) for x in samples])
+
+
+def stop_gradient(tree: T) -> T:
+    """The same without derivatives; known numbers stay what they are."""
+    return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if isinstance(x, jax.core.Tracer) else x, tree)
+
+
+def entries_set(x: Any, places: Any, values: Any) -> Any:
+    """x with entries set."""
+    if not (is_number(x) and is_number(values) and is_number(places)):
+        return jnp.asarray(x).at[places].set(values)
+    x = np.array(x)
+    x[places] = values
+    return x
+
+
+def take(x: Any, places: Any) -> Any:
+    """x[places], of known entries at places that are traced too."""
+    return x[places] if is_number(places) else jnp.asarray(x)[places]
+
+
+def solve_triangular(a: Any, b: Any, *, lower: bool) -> Any:
+    """`jax.scipy.linalg.solve_triangular`."""
+    if not (is_number(a) and is_number(b)):
+        return jax.scipy.linalg.solve_triangular(a, b, lower=lower)
+    return xp.linalg.solve(a, b) if np.all(np.isfinite(a)) else np.full_like(b, np.nan)
+
+
+class custom_jvp:
+    """A function with a derivative given by hand, which numbers do not ask for; `make` is JAX's or Equinox's."""
+
+    def __init__(self, function: Callable[..., Any], make: Callable[..., Any] = jax.custom_jvp):
+        self.function, self.traced = function, make(function)
+        functools.update_wrapper(self, function)
+
+    def defjvp(self, rule: Callable[..., Any]) -> Callable[..., Any]:
+        """Gives the derivative."""
+        (getattr(self.traced, "def_jvp", None) or self.traced.defjvp)(rule)
+        return rule
+
+    def_jvp = defjvp
+
+    def __call__(self, *arguments: Any) -> Any:
+        return (self.function if are_numbers(arguments) else self.traced)(*arguments)
+
+
+# Doors ---------------------------------------------------------------------------------------------------
+
+
+def known(x: Any) -> Any:
+    """NumPy's array of one that is not traced."""
+    return x if isinstance(x, jax.core.Tracer) else np.asarray(x)
+
+
+def as_numbers(tree: T) -> T:
+    """JAX's arrays as NumPy's, but for those of a model."""
+    return jax.tree.map(lambda x: np.asarray(x) if isinstance(x, jax.Array) else x, tree, is_leaf=is_model)
+
+
+def as_arrays(tree: T) -> T:
+    """NumPy's arrays as JAX's, at once, even where something else is traced."""
+    leaves, structure = jax.tree.flatten(tree)
+    places = [k for k, x in enumerate(leaves) if isinstance(x, np.ndarray | np.generic)]
+    with jax.core.eval_context():
+        for k, x in zip(places, jax.device_put([np.asarray(leaves[k]) for k in places]), strict=True):
+            leaves[k] = x
+    return jax.tree.unflatten(structure, leaves)
+
+
+def on_numbers(function: Callable[..., Any], *, jit: bool = True) -> Callable[..., Any]:
+    """A function that runs on NumPy's arrays where all its arguments are known, and gives JAX's; else it is traced."""
+    traced = eqx.filter_jit(function) if jit else function
+
+    @functools.wraps(function)
+    def run(*arguments: Any, **named: Any) -> Any:
+        given = arguments, named
+        if not are_known(given):
+            return traced(*arguments, **named)
+        if are_numbers(given):  # behind a door
+            return function(*arguments, **named)
+        with np.errstate(all="ignore"):
+            out = function(*as_numbers(arguments), **as_numbers(named))
+        return as_arrays(out)
+
+    return run
+
+
+def of_model(function: Callable[..., Any]) -> Callable[..., Any]:
+    """What of a model is a program of its own where numbers are known, and part of another where some are traced."""
+
+    @functools.cache
+    def program() -> Callable[..., Any]:
+        from ._compilation import quick_options  # here, as it tries options out
+
+        return eqx.filter_jit(function, compiler_options=quick_options())
+
+    @functools.wraps(function)
+    def run(*arguments: Any) -> Any:
+        if not are_known(arguments):
+            return function(*arguments)
+        try:
+            with jax.core.eval_context():
+                out = program()(*arguments)
+        except jax.errors.UnexpectedTracerError:  # a function of the user holds a traced number
+            return function(*arguments)
+        return as_numbers(out) if are_numbers(arguments) else out
+
+    return run
