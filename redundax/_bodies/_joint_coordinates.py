@@ -19,7 +19,7 @@ from jaxtyping import Array, Float, Int
 
 from .._system._joint_coordinates import AbstractJointCoordinates, JointMotion
 from .._system._state import State
-from .._tools._numbers import entries_set, of_model, xp
+from .._tools._numbers import entries_set, known, of_model, xp
 from ._frame import AbstractFrame
 from ._joints import AbstractJoint
 from ._stack import Stack
@@ -71,7 +71,7 @@ class JointCoordinates(AbstractJointCoordinates):
 
     def reactions(self, state: State, multipliers: Array) -> Array:
         given, out = xp.isfinite(multipliers), []
-        none, source = xp.zeros_like(multipliers), xp.asarray(self.source)
+        none, source = xp.zeros_like(multipliers), known(self.source)
         flat, lost = (
             entries_set(none, source, x) for x in (xp.where(given, multipliers, 0.0), xp.where(given, 0.0, 1.0))
         )

@@ -33,7 +33,7 @@ from .._system._system import AbstractSystem
 from .._system._units import Units
 from .._tools._errors import RedundaxError
 from .._tools._module import is_concrete
-from .._tools._numbers import as_numbers, on_numbers, xp
+from .._tools._numbers import as_numbers, known, on_numbers, xp
 from ._closure import AbstractClosure
 from ._joint_compliance import AbstractJointCompliance, JointCompliance
 from ._joint_compliance_in_space import JointCompliance as SpatialJointCompliance
@@ -195,5 +195,5 @@ def _seat(given: AbstractJointCompliance, stack: Stack, k: int, on_i: Array, uni
         for what, otherwise in (("point", xp.zeros(linear)), ("axes", xp.eye(linear)))
     )
     point = point if given.point is None else given.point / units.length
-    compliance = units.energy * given.compliance / (scale[:, None] * scale)
+    compliance = known(units.energy) * given.compliance / (scale[:, None] * scale)
     return _Seat(compliance, given.misfit / scale, point, axes, on_i, xp.asarray(number))

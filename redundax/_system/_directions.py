@@ -12,7 +12,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .._tools._numbers import xp
+from .._tools._numbers import known, xp
 from ._friction import AbstractFriction
 
 
@@ -77,6 +77,6 @@ def directions_of(groups: Sequence[AbstractFriction]) -> Directions | None:
         if directed:
             starts = range(first, first + count, group.width)
             joints += [tuple(range(start, start + group.width)) for start in starts]
-        arms.append(group.arms if directed else xp.ones(count))
+        arms.append(known(group.arms) if directed else xp.ones(count))
         first += count
     return Directions(xp.concatenate(arms), tuple(joints)) if joints else None

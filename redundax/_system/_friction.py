@@ -21,7 +21,7 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, as_functions, as_parameters, replace_fields
-from .._tools._numbers import of_model, xp
+from .._tools._numbers import known, of_model, xp
 from ._axis import Axis, join
 from ._state import State
 
@@ -188,7 +188,7 @@ class Friction(AbstractFriction):
 
 def load_rows(groups: Sequence[AbstractFriction]) -> Int[Array, " l"]:
     """Indices of all multipliers that the laws read, group after group."""
-    return xp.concatenate([xp.asarray(group.rows).ravel() for group in groups])
+    return xp.concatenate([known(group.rows).ravel() for group in groups])
 
 
 def slip_kinds(groups: Sequence[AbstractFriction]) -> Axis:
