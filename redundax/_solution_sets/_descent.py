@@ -1,16 +1,15 @@
 """A search for extremes of outputs over sets of cases, where friction depends on the case.
 
 1. All solutions that a search finds at many cases (`sample`); the best are starts.
-2. BFGS on theta = lower + (upper - lower) sin^2 u, whose derivative vanishes at the ends of the box, with tau(theta) by
-   Newton's method from the tau of the start. Limits on multipliers enter by an augmented Lagrangian (Powell, Hestenes,
-   Rockafellar), and what is left beyond them is taken back on the line to the start.
+2. Sequential quadratic programming (SciPy's SLSQP) within the box and the limits on multipliers, with tau(theta) by
+   Newton's method from the tau of the start; what is left beyond the limits is taken back on the line to the start.
 3. Friction laws have corners, such as |N_1| + |N_2| of a guide at N_1 = 0, and extremes lie there: random steps follow,
    of a size that grows with success and shrinks without.
 
 Every value is attained by a solution within the limits, so that what is found lies inside the true band.
 """
 
-from collections.abc import Callable
+import functools
 from typing import NamedTuple
 
 import jax
@@ -19,14 +18,16 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._solve._all_solutions import search
-from .._solvers._solver import Newton, Root, closed_root
+from .._solvers._continuation import Continuation
+from .._solvers._solver import AbstractSolver, Newton, closed_root
 from .._tools._compilation import compiled
+from ._at_rest import in_batches
 from ._cases import AbstractCases
 from ._solution_set import SolutionSet
 
-_MARGIN = 0.01  # of the box, by which starts are moved inside: at its ends sin^2 is stationary
-_STEPS = 60  # of BFGS
-_ROUNDS, _WEIGHT = 8, 100.0  # of the augmented Lagrangian
+_STEPS = 25  # of sequential quadratic programming
+_NOWHERE = 1e6  # cost of a case without a solution; others are of size 1
+_BATCH = 256  # cases of one call of a program
 _BACK = 30  # halvings of the way back to the start
 _TRIES, _TRIED = 60, 24  # rounds of random steps, and steps in each
 _RADIUS, _GROWN, _SHRUNK = 0.02, 1.5, 0.6  # their first size, relative to the box, and how it changes
@@ -59,18 +60,29 @@ def within(good: Array | np.ndarray, excess: Array | np.ndarray) -> np.ndarray:
     return np.asarray(good) & (np.asarray(excess) <= WITHIN)
 
 
-@compiled
 def sample(
     solutions: SolutionSet, cases: AbstractCases, theta: Float[Array, "s q"], factors: Float[Array, "starts l"]
 ) -> Found:
-    """Solutions found at many cases; arrays (s, starts + 1, ...)."""
+    """Solutions found at many cases; arrays (s, starts + 1, ...).
 
+    Where Newton's method settles all of them, no program is compiled that follows the branch from zero friction.
+    """
+    found = _sample(solutions, cases, theta, factors, Continuation().first)
+    if np.all(np.asarray(found.good)[:, 0]):
+        return found
+    return _sample(solutions, cases, theta, factors, Continuation())
+
+
+@compiled
+def _sample(
+    solutions: SolutionSet, cases: AbstractCases, theta: Array, factors: Array, default: AbstractSolver
+) -> Found:
     def one(theta: Array) -> Found:
         base, unit = cases.chosen(theta)
         if solutions.law is None:
             tau, good = jnp.zeros((1, 0), base.dtype), jnp.ones(1, bool)
         else:
-            tau, good = search(solutions.problem(base, unit), factors)
+            tau, good = search(solutions.problem(base, unit), factors, default)
         return jax.vmap(lambda tau, good: _found(solutions, cases, theta, tau, good))(tau, good)
 
     return jax.vmap(one)(theta)
@@ -83,88 +95,104 @@ def _found(solutions: SolutionSet, cases: AbstractCases, theta: Array, tau: Arra
     return Found(theta, tau, values, excess, good & jnp.all(jnp.isfinite(values)))
 
 
+def improve(solutions: SolutionSet, cases: AbstractCases, costs: np.ndarray, found: Found) -> Found:
+    """From each solution found a case with less cost^T [qdd; lam; tau]; costs (b, x) of size 1 over the box.
+
+    All starts go on together on NumPy's arrays; one program answers for cases by the batch, another for slopes.
+    """
+    lower, upper = np.asarray(cases.lower), np.asarray(cases.upper)
+    tau, random = np.asarray(found.tau), np.random.default_rng(0)
+
+    def least(theta: np.ndarray) -> tuple[Found, np.ndarray]:
+        """Of cases (b, tries, q) the best for each start, and its merit."""
+        b, tries, q = theta.shape
+        begin = np.repeat(tau, tries, axis=0)
+        tried = in_batches(lambda *own: _solved(solutions, cases, *own), _BATCH, theta.reshape(b * tries, q), begin)
+        value = np.sum(np.repeat(costs, tries, axis=0) * tried.values, axis=1)
+        value = np.where(tried.excess <= WITHIN, value, 1e3 * (1 + tried.excess))
+        merit = np.where(tried.good, value, np.inf).reshape(b, tries)
+        best = np.arange(b) * tries + np.argmin(merit, axis=1)
+        return Found(*(part[best] for part in tried)), merit.min(axis=1)
+
+    starts = np.asarray(found.theta)
+    ends = np.stack([_descend(solutions, cases, *start) for start in zip(costs, starts, tau, strict=True)])
+    way = np.append(1 - 0.5 ** np.arange(_BACK), 1.0)[:, None]  # from the start to the end
+    now, merit = least(starts[:, None] + way * (ends - starts)[:, None])
+    radius = np.full(len(starts), _RADIUS)
+    for _ in range(_TRIES):
+        step = (radius[:, None, None] * (upper - lower)) * random.standard_normal((len(starts), _TRIED, lower.size))
+        ahead, its_merit = least(np.clip(now.theta[:, None] + step, lower, upper))
+        better = its_merit < merit
+        pairs = zip(ahead, now, strict=True)
+        now = Found(*(np.where(better.reshape(-1, *[1] * (new.ndim - 1)), new, old) for new, old in pairs))
+        merit, radius = np.where(better, its_merit, merit), radius * np.where(better, _GROWN, _SHRUNK)
+    return now
+
+
 @compiled
-def improve(
-    solutions: SolutionSet,
-    cases: AbstractCases,
-    costs: Float[Array, "b x"],
-    theta: Float[Array, "b q"],
-    tau: Float[Array, "b p"],
+def _solved(
+    solutions: SolutionSet, cases: AbstractCases, theta: Float[Array, "b q"], tau: Float[Array, "b p"]
 ) -> Found:
-    """From each start (theta, tau) a case with less costs^T [qdd; lam; tau], costs of size 1 over the box."""
-    return jax.vmap(lambda *start: _improve(solutions, cases, *start))(costs, theta, tau)
+    """The solution of each case, (b, q), by Newton's method from a friction, (b, p)."""
+    return jax.vmap(lambda *start: _at(solutions, cases, *start))(theta, tau)
 
 
-def _improve(solutions: SolutionSet, cases: AbstractCases, cost: Array, theta: Array, tau: Array) -> Found:
-    @jax.jit  # traced once
-    def at(theta: Array, tau: Array) -> Found:
-        root = _root(solutions, cases, theta, tau)
-        good = jnp.array(True) if root is None else root.progress.converged(Newton().tolerance(tau.dtype))
-        return _found(solutions, cases, theta, tau if root is None else jnp.where(good, root.tau, tau), good)
-
-    def merit(found: Found) -> Array:
-        inside = jnp.where(found.excess <= WITHIN, cost @ found.values, 1e3 * (1 + found.excess))
-        return jnp.where(found.good, inside, jnp.inf)
-
-    def best(found: Found) -> Found:
-        return jax.tree.map(lambda x: x[jnp.argmin(jax.vmap(merit)(found))], found)
-
-    end = _descend(solutions, cases, at, cost, theta, tau)
-    way = jnp.append(1 - 0.5 ** jnp.arange(_BACK, dtype=theta.dtype), 1.0)  # from the start to the end
-    found = best(jax.vmap(lambda share: at(theta + share * (end - theta), tau))(way))
-
-    def round_(carry: tuple[Found, Array], key: Array) -> tuple[tuple[Found, Array], None]:
-        found, radius = carry
-        step = radius * (cases.upper - cases.lower) * jax.random.normal(key, (_TRIED, theta.size), theta.dtype)
-        place, tau = jnp.clip(found.theta + step, cases.lower, cases.upper), jnp.asarray(found.tau)
-        tried = best(jax.vmap(lambda theta: at(theta, tau))(place))
-        better = merit(tried) < merit(found)
-        found = jax.tree.map(lambda new, old: jnp.where(better, new, old), tried, found)
-        return (found, radius * jnp.where(better, _GROWN, _SHRUNK)), None
-
-    radius = jnp.full((), _RADIUS, theta.dtype)
-    return jax.lax.scan(round_, (found, radius), jax.random.split(jax.random.key(0), _TRIES))[0][0]
+def _at(solutions: SolutionSet, cases: AbstractCases, theta: Array, tau: Array) -> Found:
+    good = jnp.array(True)
+    if solutions.law is not None:
+        problem = solutions.problem(*cases.chosen(theta)).sized_at(tau)
+        root = closed_root(problem, tau, Newton())
+        good = root.progress.converged(Newton().tolerance(tau.dtype))
+        tau = jnp.where(good, root.tau, tau)
+    return _found(solutions, cases, theta, tau, good)
 
 
-def _root(solutions: SolutionSet, cases: AbstractCases, theta: Array, tau: Array) -> Root | None:
-    """Friction of a case, by Newton's method from tau; None without friction."""
-    if solutions.law is None:
-        return None
-    problem = solutions.problem(*cases.chosen(theta)).sized_at(tau)
-    return closed_root(problem, tau, Newton())
+@compiled
+def _with_slopes(solutions: SolutionSet, cases: AbstractCases, theta: Array, tau: Array) -> tuple[Array, Array, Array]:
+    """[qdd; lam; tau] and the excess over each limit, of one case; their slopes by it; whether it has a solution."""
+    n, m = solutions.response.free.acceleration.size, solutions.stress.shape[0]
+
+    def figures(theta: Array) -> tuple[Array, tuple[Array, Array]]:
+        found = _at(solutions, cases, theta, tau)
+        values = jnp.asarray(found.values)
+        both = jnp.concatenate([values, cases.excess(values[n : n + m])])
+        return both, (both, jnp.asarray(found.good))
+
+    slopes, (both, good) = jax.jacfwd(figures, has_aux=True)(theta)
+    return both, slopes, good
 
 
 def _descend(
-    solutions: SolutionSet,
-    cases: AbstractCases,
-    at: Callable[[Array, Array], Found],
-    cost: Array,
-    theta: Array,
-    tau: Array,
-) -> Array:
-    """theta by BFGS and the augmented Lagrangian."""
-    import optimistix as optx  # here, as its import takes time that few need
+    solutions: SolutionSet, cases: AbstractCases, cost: np.ndarray, theta: np.ndarray, tau: np.ndarray
+) -> np.ndarray:
+    """The case where the cost is least nearby, by sequential quadratic programming on shares of the box."""
+    from scipy.optimize import minimize  # here, as its import takes time that few need
 
-    n, m = solutions.response.free.acceleration.size, solutions.stress.shape[0]
-    span = cases.upper - cases.lower
-    share = jnp.where(span > 0, (theta - cases.lower) / jnp.where(span > 0, span, 1.0), 0.5)
-    start = jnp.arcsin(jnp.sqrt(jnp.clip(share, _MARGIN, 1 - _MARGIN)))
+    lower, span, x = np.asarray(cases.lower), np.asarray(cases.upper) - np.asarray(cases.lower), cost.size
 
-    def case(u: Array) -> Array:
-        return cases.lower + span * jnp.sin(u) ** 2
+    @functools.lru_cache(maxsize=2)
+    def at(share: bytes) -> tuple[np.ndarray, np.ndarray, bool]:
+        both, slopes, good = jax.device_get(_with_slopes(solutions, cases, lower + span * np.frombuffer(share), tau))
+        return both, slopes * span, bool(good) and bool(np.all(np.isfinite(slopes)))
 
-    def over(found: Found) -> Array:
-        return cases.excess(jnp.asarray(found.values)[n : n + m])
+    def merit(share: np.ndarray) -> tuple[float, np.ndarray]:
+        both, slopes, good = at(share.tobytes())
+        return (cost @ both[:x], cost @ slopes[:x]) if good else (_NOWHERE, np.zeros(share.size))
 
-    def lagrangian(u: Array, multipliers: Array) -> Array:
-        found = at(case(u), tau)
-        push = jnp.sum(jnp.maximum(0.0, multipliers + _WEIGHT * over(found)) ** 2 - multipliers**2) / (2 * _WEIGHT)
-        return jnp.where(found.good, cost @ found.values + push, 1e6)
-
-    def round_(carry: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], None]:
-        u, multipliers = carry
-        u = optx.minimise(lagrangian, optx.BFGS(1e-12, 1e-12), u, multipliers, max_steps=_STEPS, throw=False).value
-        return (u, jnp.maximum(0.0, multipliers + _WEIGHT * over(at(case(u), tau)))), None
-
-    none = jnp.zeros_like(cases.excess(solutions.response.free.multipliers))
-    return case(jax.lax.scan(round_, (start, none), None, length=_ROUNDS if none.size else 1)[0][0])
+    limits = {
+        "type": "ineq",
+        "fun": lambda share: np.nan_to_num(-at(share.tobytes())[0][x:], nan=-1.0),
+        "jac": lambda share: np.nan_to_num(-at(share.tobytes())[1][x:]),
+    }
+    begin = np.where(span > 0, (theta - lower) / np.where(span > 0, span, 1.0), 0.5)
+    has_limits = np.size(at(begin.tobytes())[0]) > x
+    end = minimize(
+        merit,
+        begin,
+        jac=True,
+        bounds=[(0.0, 1.0)] * begin.size,
+        constraints=[limits] if has_limits else [],
+        method="SLSQP",
+        options={"maxiter": _STEPS, "ftol": 1e-10},
+    )
+    return lower + span * np.clip(np.nan_to_num(end.x, nan=0.5), 0.0, 1.0)

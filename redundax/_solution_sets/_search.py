@@ -20,7 +20,6 @@ from ._solution_set import SolutionSet
 _CORNERS = 8  # entries of a case up to which all vertices of the box are looked at
 _VERTICES = 16  # compliances up to which all vertices are, where that is exact
 _SEEDS = 3  # starts for each extreme
-_BATCH = 32  # starts that are improved at once: one compiled program
 _APART = 0.1  # least distance of starts, relative to the box
 
 
@@ -94,11 +93,15 @@ class Search:
             return found
         spread, size = np.ptp(values, axis=0), np.abs(values).max(axis=0)
         moving = np.flatnonzero(~unique & (spread > 1e-12 * size))
-        starts = []
+        costs, starts = [], []
         for k in moving:
             for cost in (1 / spread[k], -1 / spread[k]):
-                starts += [(cost * matrix[k], start) for start in self._starts(found, cost * values[:, k])]
-        better = self._improved(found, starts)
+                own = self._starts(found, cost * values[:, k])
+                starts += own
+                costs += [cost * matrix[k]] * len(own)
+        if not starts:
+            return found
+        better = improve(self.solutions, self.cases, np.array(costs), Found(*(part[starts] for part in found)))
         return Found(*(np.concatenate(pair) for pair in zip(found, better, strict=True)))
 
     def sample(self, samples: int, seed: int) -> Array:
@@ -123,18 +126,6 @@ class Search:
             if len(chosen) == _SEEDS:
                 break
         return chosen
-
-    def _improved(self, found: Found, starts: list[tuple[np.ndarray, int]]) -> Found:
-        parts = [Found(*(part[:0] for part in found))]
-        for first in range(0, len(starts), _BATCH):
-            own = starts[first : first + _BATCH]
-            padded = [*own, *(own[-1:] * (_BATCH - len(own)))]
-            costs = on_device(np.array([cost for cost, _ in padded]))
-            at = np.array([start for _, start in padded])
-            theta, tau = on_device(found.theta[at]), on_device(found.tau[at])
-            better = jax.device_get(improve(self.solutions, self.cases, costs, theta, tau))
-            parts.append(Found(*(part[: len(own)] for part in better)))
-        return Found(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
 def best(found: Found, matrix: np.ndarray, unique: np.ndarray, sign: float) -> Extreme:

@@ -18,7 +18,7 @@ from .._equations._factorisation import Factorisation
 from .._equations._factorize import dense_at
 from .._solvers._continuation import Continuation
 from .._solvers._friction_problem import FrictionProblem
-from .._solvers._solver import Newton, Root
+from .._solvers._solver import AbstractSolver, Newton, Root
 from .._system._names import ByName, senses
 from .._system._results import RESULTS, is_one_of
 from .._system._state import State
@@ -88,7 +88,7 @@ def _guesses(
     """[qdd; lam] of what the search ends with, which of them are solutions that differ, and their largest friction."""
     reduced = reduce(system, state, factor, chosen, sense=sense)
     problem = cast(FrictionProblem, reduced.problem)
-    tau, found = search(problem, factors)
+    tau, found = search(problem, factors, Continuation())
     ends = jax.vmap(lambda tau: jnp.concatenate(reduced.response.at(tau)))(tau)
     return ends, found, jnp.max(jnp.abs(tau / problem.friction_size), axis=1)
 
@@ -101,14 +101,17 @@ def start_factors(loads: int, starts: int, seed: int) -> Float[Array, "starts l"
 
 
 def search(
-    problem: FrictionProblem, factors: Float[Array, "starts l"]
+    problem: FrictionProblem, factors: Float[Array, "starts l"], default: AbstractSolver
 ) -> tuple[Float[Array, "starts+1 p"], Bool[Array, " starts+1"]]:
-    """Where the default solver and Newton's method from random loads end, and which ends are solutions that differ."""
+    """Where a solver and Newton's method from random loads end, and which ends are solutions that differ.
+
+    The `default` may be the first attempt of one, whose fold is 0 where it does not settle the matter.
+    """
     if not problem.rho0.size:  # friction independent of load, (24)
         return problem.law(problem.rho0)[None], jnp.ones(1, bool)
-    default, newton = Continuation(), Newton()
+    newton = Newton()
     first = default.run(problem, problem.law(problem.rho0))
-    good = default.result(first.progress) == RESULTS.successful
+    good = (default.result(first.progress) == RESULTS.successful) & (first.fold > 0)
     if not len(factors):
         return first.tau[None], good[None]
 

@@ -17,6 +17,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..._solve._all_solutions import search
 from ..._solvers._arclength import bordered_matrix, follow
+from ..._solvers._continuation import Continuation
 from ..._solvers._friction_problem import FrictionProblem
 from ..._solvers._solver import Newton
 from ..._tools._compilation import compiled
@@ -51,7 +52,7 @@ def search_along(
     if solutions.law is None:
         one = (len(z), 1 + len(factors))
         return jnp.zeros((*one, 0)), jnp.zeros(one, bool).at[:, 0].set(True)
-    return jax.vmap(lambda z: search(_at(solutions, z), factors))(z)
+    return jax.vmap(lambda z: search(_at(solutions, z), factors, Continuation()))(z)
 
 
 @compiled
