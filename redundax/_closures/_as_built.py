@@ -42,11 +42,11 @@ def misfit(system: AbstractSystem, actual: AbstractSystem, state: State) -> Floa
       matter.
     - `state`: position and time.
 
-    Rows are in the axes of `system`, however axes of `actual` tilt and whatever its marks are. What marks on the two
-    bodies say of each other is read where a joint holds the turn about its axis, as fixed joints, sliders, screws and
-    drivers do: give these a `mark` on both bodies.
+    In space rows are along the axes of `system`, however axes of `actual` tilt, and whatever its marks are. Joints that
+    hold the turn about their axis, such as fixed joints, sliders, screws and drivers, read the mark on one body against
+    that on the other: tilt these with a `mark` on both.
 
-    **Raises** `RedundaxError`, naming the body, joint or row, where `actual` is another mechanism.
+    **Raises:** `RedundaxError`, by the name of a body, joint or row, where `actual` is another mechanism.
     """
     check_comparable(system, actual)
     if not (isinstance(actual, Mechanism) and isinstance(system, Mechanism)):

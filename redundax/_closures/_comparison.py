@@ -32,17 +32,20 @@ from .._tools._module import is_concrete, replace_fields, tree_take
 
 def check_comparable(nominal: AbstractSystem, actual: AbstractSystem) -> None:
     """Refuse what is not the same system with other lengths and angles, by names where both have some."""
-    if (
-        isinstance(nominal, Mechanism)
-        and isinstance(actual, Mechanism)
-        and nominal.names.joints
-        and actual.names.joints
-    ):
-        _check_same(*([f"body '{name}'" for name in each.names.bodies] for each in (nominal, actual)))
-        _check_same(_joints(nominal), _joints(actual))
-        _check_senses(nominal, actual)
+    if isinstance(nominal, Mechanism) and isinstance(actual, Mechanism):
+        _check_parts(nominal, actual)
     named = nominal.rows.names is not None and actual.rows.names is not None
     _check_same(*(_rows(each.rows, named) for each in (nominal, actual)))
+
+
+def _check_parts(nominal: Mechanism, actual: Mechanism) -> None:
+    pair = nominal, actual
+    if not all(each.names.joints for each in pair):
+        return
+    known = all(map(is_concrete, [index for each in pair for stack in each.joints for index in (stack.i, stack.j)]))
+    _check_same(*([f"body '{name}'" for name in each.names.bodies] for each in pair))
+    _check_same(*(_joints(each, known) for each in pair))
+    _check_senses(nominal, actual)
 
 
 def _check_same(nominal: Sequence[str], actual: Sequence[str]) -> None:
@@ -54,11 +57,10 @@ def _check_same(nominal: Sequence[str], actual: Sequence[str]) -> None:
             )
 
 
-def _joints(mechanism: Mechanism) -> list[str]:
-    """Kind, name and bodies of all joints, in the order in which they were given."""
+def _joints(mechanism: Mechanism, known: bool) -> list[str]:
+    """Kind, name and, where they are known, bodies of all joints, in the order in which they were given."""
     bodies, words = (*mechanism.names.bodies, GROUND), {}
     for stack, names in zip(mechanism.joints, mechanism.names.joints, strict=True):
-        known = is_concrete(stack.i) and is_concrete(stack.j)
         ends = np.stack([stack.i, stack.j], axis=1).tolist() if known else [()] * len(names)
         for name, pair in zip(names, ends, strict=True):
             between = " and ".join(f"'{bodies[end]}'" for end in pair)
@@ -75,11 +77,11 @@ def _check_senses(nominal: Mechanism, actual: Mechanism) -> None:
     """Refuse axes and normals that point the other way, which would turn the sign of rows."""
     there = _directions(actual)
     for key, direction in _directions(nominal).items():
-        if key in there and not direction @ there[key] > 0:
+        if key in there and direction @ there[key] <= 0:
             raise RedundaxError(
-                f"Argument `actual` must have joints whose axes and normals point as those of `system`, but joint "
-                f"'{key[0]}' has one on body {key[1]} that is a right angle or more from that of `system`. Give it, "
-                "and that on the other body, in the other sense, if it is the same joint."
+                "Argument `actual` must have joints whose axes and normals point as those of `system`, but joint "
+                f"'{key[0]}' has one on body {key[1]} that is a right angle or more from that of `system`. If it is "
+                "the same line, turn it round on both bodies."
             )
 
 

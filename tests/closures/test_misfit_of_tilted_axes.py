@@ -219,7 +219,9 @@ def hinge(name, i="a", j=G, kind=rs.Revolute, axis_i=(0, 0, 1), axis_j=(0, 0, 1)
 
 
 def slot(normal):
-    return rx.Mechanism([rx.Body("a", 1.0, 1.0)], [rx.PinInSlot("S", "a", G, (0, 0), (0, 0), normal=normal)])
+    return rx.Mechanism(
+        [rx.Body("a", 1.0, 1.0)], [rx.PinInSlot("S", "a", G, point_i=(0, 0), point_j=(0, 0), normal=normal)]
+    )
 
 
 A, B = hinge("A"), hinge("B")
@@ -274,9 +276,7 @@ def test_systems_of_other_rows_are_refused_by_name():
 
 
 def test_axes_of_the_other_sense_have_no_misfit_where_they_are_traced():
-    def found(z):
-        nominal = machine_of(A)
-        actual = machine_of(hinge("A", axis_j=(0, 0.1, z)))
-        return rx.misfit(nominal, actual, rx.State(nominal.reference, jnp.zeros(6)))
-
-    assert np.isnan(jax.jit(found)(-1.0)[:2]).all()
+    nominal = machine_of(A)
+    found = jax.jit(lambda actual: rx.misfit(nominal, actual, rx.State(nominal.reference, jnp.zeros(6))))
+    assert np.isnan(found(machine_of(hinge("A", axis_j=(0, 0.1, -1))))[:2]).all()
+    np.testing.assert_allclose(found(machine_of(hinge("A", axis_j=(0, 1e-3, 1)))), [0, 0, 0, 1e-3, 0], rtol=1e-6)
