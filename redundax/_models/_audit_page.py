@@ -42,18 +42,18 @@ def audit_page(
     - `about`: what is to be said of the file; `language`: its kind; `lines`: what to write in it, by rows freed.
     - `allowed`: redundancy that is no fault; `everything`: all releases that were found, too.
     """
-    first = [*_verdict(found, about, allowed)]
+    first, where = [*_verdict(found, about, allowed)], about.get("position", "the state given")
     if not found.is_stuck:
         first += [
-            *_positions(found),
-            *(_drives(found, found.drives) if found.drives and found.drives.names else ()),
+            *_positions(found, where),
+            *(_drives(found, found.drives, where) if found.drives and found.drives.names else ()),
         ]
     text = ["\n".join(line for each in first for line in wrapped(each))]
     if not found.is_stuck and found.is_decided:
         text += ["\n".join(mended(found, lines, language))]
         text += ["\n".join(all_releases(found, language))] if everything else []
-        text += ["\n".join(_joints(found))]
-    figures = [*_figures(found)]
+        text += ["\n".join(_joints(found, where))]
+    figures = [*_figures(found, everything)]
     text.append("\n".join(line for each in figures for line in wrapped(each, subsequent_indent="  ")))
     return "\n\n".join(each for each in text if each)
 
@@ -143,16 +143,16 @@ def _span(found: Audit, rows: Sequence[str], words: Sequence[str]) -> np.ndarray
     return np.array([_signed(each) for each in along.T[sizes > _SPAN]]).reshape(-1, 3)
 
 
-def _positions(found: Audit) -> Iterator[str]:
+def _positions(found: Audit, where: str) -> Iterator[str]:
     redundancy, freedom = found.figures
     here, count = found.here, len(found.others)
     if not found.is_decided:
-        yield f"Here: redundancy {here.redundancy}, freedom {here.freedom} ({_gap(here)})."
+        yield f"At {where}: redundancy {here.redundancy}, freedom {here.freedom} ({_gap(here)})."
         others = ", ".join(f"{look.redundancy} and {look.freedom} ({_gap(look)})" for look in found.others)
         yield f"Redundancy and freedom at others: {others or 'none found'}."
     elif here.is_singular:
         yield (
-            f"The position of the file is singular: redundancy {here.redundancy} and freedom {here.freedom} there, but "
+            f"{_capital(where)} is singular: redundancy {here.redundancy} and freedom {here.freedom} there, but "
             f"{redundancy} and {freedom} at {count} other{'s' * (count > 1)}. What is said here is so at "
             f"{'the first of them' if count > 1 else 'that one'}."
         )
@@ -161,11 +161,32 @@ def _positions(found: Audit) -> Iterator[str]:
     else:
         moved = found.travel if found.travel and found.travel.ranges else None
         if redundancy or moved:
-            many = f"{count} other position{'s' * (count > 1)}"
+            far = f", {_of_them(found.outside, count)} outside joint limits" if found.outside else ""
+            many = f"{count} other position{'s' * (count > 1)}{far}"
             same = f"Same at {many}" if count else "No other position was found to compare with"
-            yield f"{same}{'' if not moved or moved.singular else ' and along the motion'}."
+            on = f"{',' * bool(far)} and along the motion" if moved and moved.moved and not moved.singular else ""
+            yield f"{same}{on}."
+        if moved and not moved.moved:
+            yield f"No motion was looked at: {_unmoved(moved)}."
     if found.travel and found.travel.singular:
         yield _singular(found.travel)
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _of_them(some: int, count: int) -> str:
+    return "all of them" if some == count > 1 else "" if count == 1 else f"{some} of them"
+
+
+def _unmoved(travel: Travel) -> str:
+    """Why no joint could be moved."""
+    names = listed(list(travel.ranges))
+    if not travel.stops:
+        return f"{names} could not be moved, as the loops would not close"
+    stops = listed([f"{joint} at {limit:.4g}" for joint, limit in travel.stops])
+    return f"{names} cannot move, as joints are at their limits: {stops} (rad or m, as the file counts)"
 
 
 def _singular(travel: Travel) -> str:
@@ -177,10 +198,11 @@ def _singular(travel: Travel) -> str:
     return f"The motion passes singular positions, near which loads grow without bound: {', '.join(places)}{left}."
 
 
-def _drives(found: Audit, drives: Drives) -> Iterator[str]:
-    yield f"{_shared(drives)}{_idle(found, drives)}"
+def _drives(found: Audit, drives: Drives, where: str) -> Iterator[str]:
+    yield f"{' '.join(_shared(found, drives))}{_idle(found, drives)}"
     if drives.dead:
-        yield f"This position is a dead point of {listed(drives.dead)}: here their forces are not determined."
+        forces = "its force is" if len(drives.dead) == 1 else "their forces are"
+        yield f"{_capital(where)} is a dead point of {listed(drives.dead)}: there {forces} not determined."
 
 
 def _idle(found: Audit, drives: Drives) -> str:
@@ -192,27 +214,45 @@ def _idle(found: Audit, drives: Drives) -> str:
     return f"{count}: with drives at rest, {listed(found.idle)} can still move."
 
 
-def _shared(drives: Drives) -> str:
-    count = len(drives.names)
+def _shared(found: Audit, drives: Drives) -> Iterator[str]:
+    """What the motion determines of the forces of drives: of those that move nothing, and of the others."""
+    moving = [name for name in drives.names if name not in drives.locked]
+    head = f"Drive{'s' * (len(drives.names) > 1)}"
     if not drives.is_decided:
-        return f"Drives ({', '.join(drives.names)}): UNDECIDED which of their forces are unique."
-    if drives.loose:
-        return (
-            f"Drives: {count}, which is {drives.redundancy} more than they can move independently. The motion does not "
-            f"determine the forces of {', '.join(drives.loose)}: they can work against each other, and your controller "
-            "decides how they share."
+        what = "which of their forces are" if len(drives.names) > 1 else "whether its force is"
+        yield f"{head} ({listed(drives.names)}): UNDECIDED {what} unique."
+        return
+    if drives.locked:
+        work, they, their = (
+            ("works", "it moves", "its force loads")
+            if len(drives.locked) == 1
+            else ("work", "they move", "their forces load")
         )
-    return f"Drives: the motion determines the force of each ({', '.join(drives.names)})."
+        against = "parts that cannot move" if found.figures[1] else "a locked mechanism"
+        yield f"{head}: {listed(drives.locked)} {work} against {against}: {they} nothing, and {their} joints alone."
+    shared = [name for name in drives.loose if name not in drives.locked]
+    others = "The others" if drives.locked else head
+    if shared:
+        more = drives.redundancy - len(drives.locked)
+        yield (
+            f"{others}: {len(moving)}, which is {more} more than they can move independently. The motion does not "
+            f"determine the forces of {listed(shared)}: they can work against each other, and your controller decides "
+            "how they share."
+        )
+    elif len(moving) > 1:
+        yield f"{others}: the motion determines the force of each ({', '.join(moving)})."
+    elif moving:
+        yield f"{'The other' if drives.locked else head}: the motion determines the force of {moving[0]}."
 
 
-def _joints(found: Audit) -> Iterator[str]:
+def _joints(found: Audit, where: str) -> Iterator[str]:
     """Which loads are unique; joints of which the same is to be said together."""
     if not any(part.loose or part.here_alone for part in found.parts):
         return
     told: dict[tuple[str, ...], list[str]] = {}
     for part in found.parts:
         told.setdefault(_cells(part), []).append(part.name)
-    cells = [("kind", "forces", "moments", "not unique", "unique at this position alone"), *told]
+    cells = [("kind", "forces", "moments", "not unique", "unique here alone"), *told]
     shown = [k for k in range(5) if k != 4 or any(row[4] for row in told)]
     widths = [max(len(row[k]) for row in cells) for k in shown]
     yield "Joint loads, without friction: how many are unique"
@@ -223,6 +263,8 @@ def _joints(found: Audit) -> Iterator[str]:
     used = {row.partition("_")[0] for part in found.parts for row in part.loose}
     notes = [f"{row}: {what}" for row, what in _ROWS.items() if row in used]
     notes += ["*: one combination of those named is unique"] if any(_is_mixed(part) for part in found.parts) else []
+    here = where if found.regular is found.here else "the first of the other positions"
+    notes += [f"here alone: at {here}, and not at others"] if 4 in shown else []
     yield from wrapped("; ".join(notes))
 
 
@@ -237,25 +279,46 @@ def _cells(part: Part) -> tuple[str, ...]:
     return part.kind, force, moment, loose or "-", ", ".join(part.here_alone)
 
 
-def _figures(found: Audit) -> Iterator[str]:
+def _figures(found: Audit, everything: bool) -> Iterator[str]:
     redundancy, freedom = found.figures
     look = found.regular
     yield (
         f"Figures: {len(found.rows)} constraints (rows), {look.rank} of them independent (rank), redundancy "
-        f"{redundancy}; freedom {freedom}: {freedom or 'no'} independent motion{'s' * (freedom != 1)}, spins of single "
-        f"parts counted. Of the matrix of constraints: {_gap(look)}."
+        f"{redundancy}; freedom {freedom}: {freedom or 'no'} independent motion{'s' * (freedom != 1)}"
+        f"{_spins(found)}. Of the matrix of constraints: {_gap(look)}."
     )
-    moved = found.travel
-    if moved and moved.ranges and not found.is_stuck:
-        named = list(moved.ranges.items())
-        ways = ", ".join(f"{name} from {low:+.3g} to {high:+.3g}" for name, (low, high) in named[:_MOST])
-        more = f", and {len(named) - _MOST} more" if len(named) > _MOST else ""
-        limits = " within joint limits" if moved.is_limited else ""
-        start = "; what has brackets from the start" if any(name.endswith("]") for name, _ in named) else ""
-        yield (
-            f"Moved{limits}: {ways}{more} (rad or m, as the file counts{start}). Of the matrix of loops on the way, in "
-            f"joint coordinates: smallest singular value kept {moved.least:.1e}."
-        )
+    if found.travel and found.travel.moved and not found.is_stuck:
+        yield _moved(found.travel, len(found.travel.moved) if everything else _MOST)
+
+
+def _spins(found: Audit) -> str:
+    """Which of the motions turn one part alone."""
+    count, freedom = len(found.spins), found.figures[1]
+    if not count:
+        return ""
+    names = listed([" with ".join(each) for each in found.spins])
+    these = "this one turns a part" if count == freedom == 1 else f"{count} of them turn{'s' * (count == 1)} single parts"
+    rest = f"; the other {freedom - count} move more" if freedom > count else ""
+    return f", {these} between others, and nothing else ({names}){rest}"
+
+
+def _moved(travel: Travel, most: int) -> str:
+    """How far joints were moved, and what stopped them."""
+    ways = [f"{name} from {_at(travel.ranges[name][0])} to {_at(travel.ranges[name][1])}" for name in travel.moved]
+    more = f", and {len(ways) - most} more" if len(ways) > most else ""
+    stays = [name for name in travel.ranges if name not in travel.moved]
+    not_moved = f"; {listed(stays)} could not be moved" if stays else ""
+    stops = [f"{joint} at {_at(limit)}" for joint, limit in travel.stops]
+    limits = f", as far as limits allow ({listed(stops, most + 1)})" if stops else ""
+    start = "; what has brackets from the start" if any(name.endswith("]") for name in travel.moved) else ""
+    return (
+        f"Moved{limits}: {', '.join(ways[:most])}{more}{not_moved} (rad or m, as the file counts{start}). Of the matrix "
+        f"of loops on the way, in joint coordinates: smallest singular value kept {travel.least:.1e}."
+    )
+
+
+def _at(position: float) -> str:
+    return f"{position:+.3g}" if position else "0"
 
 
 def _gap(look: Look) -> str:

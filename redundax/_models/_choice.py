@@ -1,6 +1,7 @@
 """Changes of a file that take off redundancy, in words and as data."""
 
 import dataclasses
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -11,6 +12,7 @@ from ._plan import Link
 
 LEAST = 1e-3  # margins: of what adds no motion
 USABLE = 0.02  # and of what stays clear of it along the motion
+_NUMBER = re.compile(r"(\d+)", re.ASCII)
 _WORDS = {  # a direction of a joint that is freed
     "radial_1": "slides across its axis along",
     "radial_2": "slides across its axis along",
@@ -77,8 +79,31 @@ def vector(along: np.ndarray) -> str:
     return f"({' '.join(f'{0.0 if abs(x) < 5e-4 else x:.3g}' for x in along)})"
 
 
+def series(names: Sequence[str]) -> list[str]:
+    """Names, those that differ by a number that counts on together: "leg 1 to leg 6" for three or more."""
+    left, told = dict.fromkeys(names), []
+    while left:
+        run = max((_run(left, part) for part in range(len(_NUMBER.split(next(iter(left)))) // 2)), key=len, default=[])
+        run = run if len(run) > 2 else [next(iter(left))]
+        told.append(f"{run[0]} to {run[-1]}" if len(run) > 2 else run[0])
+        left = {name: None for name in left if name not in run}
+    return told
+
+
+def _run(names: Mapping[str, None], part: int) -> list[str]:
+    """The first of some names and those that count on from it by one of its numbers."""
+    name, run = next(iter(names)), []
+    while name in names:
+        run.append(name)
+        parts = _NUMBER.split(name)
+        parts[2 * part + 1] = f"{int(parts[2 * part + 1]) + 1:0{len(parts[2 * part + 1])}}"
+        name = "".join(parts)
+    return run
+
+
 def listed(names: Sequence[str], most: int = 6) -> str:
     """Names as a sentence has them: "A, B and C"; of many the first alone."""
+    names = series(names)
     if len(names) > most:
         names = [*names[: most - 1], f"{len(names) - most + 1} more"]
     return " and ".join(part for part in (", ".join(names[:-1]), *names[-1:]) if part)

@@ -39,7 +39,7 @@ _NUMBERS = {  # of a model, and of what they are
 }
 _LEFT_OUT = {  # of a specification, and what to call it
     "sensors": "sensors",
-    "keys": "keyframes",
+    "keys": "",  # `_start` reads them
     "pairs": "contact pairs",
     "excludes": "exclusions of contact",
     "skins": "skins",
@@ -114,7 +114,7 @@ def _stripped(mujoco: Any, spec: Any) -> list[str]:
     shapes = [geom for geom in spec.geoms if geom.meshname or geom.hfieldname]  # primitives are fitted to meshes too
     for what in _LEFT_OUT:
         found = list(getattr(spec, what))
-        notes += [f"{_LEFT_OUT[what]}: {len(found)}"] if found else []
+        notes += [f"{_LEFT_OUT[what]}: {len(found)}"] if found and _LEFT_OUT[what] else []
         for each in found:
             spec.delete(each)
     for what in ("actuators", "tendons"):

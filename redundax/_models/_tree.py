@@ -12,7 +12,7 @@ from .._tools._optional import optional
 
 WITHOUT = "; the figures are without it"
 _STEPS, _STARTS, _ENOUGH, _LONGEST = 200, 20, 5, 0.3  # the longest step: rad, and the share of the model's size
-_CLOSED = 1e-13  # a misfit relative to the size of the model, by rounding of some ten products
+CLOSED = 1e-13  # a misfit relative to the size of the model, by rounding of some ten products
 OPEN = 1e-4  # likewise: files of four digits close to that, and what misses by more does not close
 DIGITS = 1e-6  # relative: numbers of a file may have no more digits, so that less tells nothing
 _STILL = 1e-12  # steps that lead nowhere
@@ -182,7 +182,7 @@ class Tree:
         for _ in range(steps if self.loops or self.ties else 0):
             residual, slope = self.system(positions)
             left = float(np.abs(residual).max()) / self.size
-            if left < _CLOSED:
+            if left < CLOSED:
                 break
             step = -np.linalg.lstsq(slope, residual, rcond=rcond)[0]
             length = float(np.abs(step / self.scale()).max())
