@@ -7,9 +7,9 @@ import numpy as np
 
 from .._tools._table import WIDTH
 from ._audit import Audit, Look, Part
-from ._choice import listed, vector
+from ._choice import listed, series, vector
 from ._drives import Drives
-from ._repair_page import Lines, all_releases, mended, wrapped
+from ._repair_page import VECTOR, Lines, all_releases, kept_together, mended, told_alike, wrapped
 from ._travel import Travel
 from ._tree import WITHOUT
 
@@ -42,7 +42,7 @@ def audit_page(
     - `about`: what is to be said of the file; `language`: its kind; `lines`: what to write in it, by rows freed.
     - `allowed`: redundancy that is no fault; `everything`: all releases that were found, too.
     """
-    first, where = [*_verdict(found, about, allowed)], about.get("position", "the state given")
+    first, where = [*_verdict(found, about, allowed, everything)], about.get("position", "the state given")
     if not found.is_stuck:
         first += [
             *_positions(found, where),
@@ -50,15 +50,15 @@ def audit_page(
         ]
     text = ["\n".join(line for each in first for line in wrapped(each))]
     if not found.is_stuck and found.is_decided:
-        text += ["\n".join(mended(found, lines, language))]
+        text += ["\n".join(mended(found, lines, language, everything))]
         text += ["\n".join(all_releases(found, language))] if everything else []
-        text += ["\n".join(_joints(found, where))]
+        text += ["\n".join(_joints(found, where, everything))]
     figures = [*_figures(found, everything)]
     text.append("\n".join(line for each in figures for line in wrapped(each, subsequent_indent="  ")))
     return "\n\n".join(each for each in text if each)
 
 
-def _verdict(found: Audit, about: Mapping[str, Any], allowed: int) -> Iterator[str]:
+def _verdict(found: Audit, about: Mapping[str, Any], allowed: int, everything: bool) -> Iterator[str]:
     redundancy = found.figures[0]
     missing = [note.partition(" is left out")[0] for note in about.get("left_out", ()) if note.endswith(WITHOUT)]
     if found.is_stuck:
@@ -80,7 +80,7 @@ def _verdict(found: Audit, about: Mapping[str, Any], allowed: int) -> Iterator[s
             f"REDUNDANT by {redundancy}{accepted}: {redundancy} {what} what others already enforce, so that parts are "
             "held twice."
         )
-        yield from _unknown(found)
+        yield from _unknown(found, everything)
         yield (
             "A simulator prints one of many such loads: do not size parts or train controllers by them. The motion is "
             "right, unless those joints have friction."
@@ -91,16 +91,23 @@ def _verdict(found: Audit, about: Mapping[str, Any], allowed: int) -> Iterator[s
         yield "NOT REDUNDANT: no constraint repeats others. Every joint load of this model is unique."
 
 
-def _unknown(found: Audit) -> Iterator[str]:
-    """Which loads are not unique: groups of the same joints together."""
+def _unknown(found: Audit, everything: bool) -> Iterator[str]:
+    """Which loads are not unique: groups of the same joints together, and those once that are alike."""
     rows: dict[tuple[str, ...], list[str]] = {}
     for group in found.groups:
         joints = tuple(dict.fromkeys(row.rpartition(".")[0] or row for row in group.rows))
         rows.setdefault(joints, []).extend(group.rows)
+    kinds = {part.name: part.kind for part in found.parts}
+    split = {joints: _split(found, own) for joints, own in rows.items()}
+    alike = kept_together(
+        list(rows), lambda joints: (*(kinds[name] for name in joints), VECTOR.sub("", split[joints])), everything
+    )
     told: dict[str, list[str]] = {}
-    for joints, own in rows.items():
-        told.setdefault(_split(found, own), []).append(f"between {listed(joints)}")
-    planar = all(what.startswith(_SIDEWAYS) for what in told) and len(told) == 1
+    for joints, *others in alike:
+        own = ", each in directions of its own" if any(split[each] != split[joints] for each in others) else ""
+        more = told_alike(others, list)
+        told.setdefault(split[joints], []).append(f"between {listed(joints)}{more}{own}")
+    planar = len(set(split.values())) == 1 and next(iter(told)).startswith(_SIDEWAYS)
     known = f"Known: loads in the plane across {next(iter(told))[len(_SIDEWAYS) :]}, in world axes. " if planar else ""
     for what, between in told.items():
         verb = ", splits" if what.startswith(_SIDEWAYS) else " split"
@@ -240,12 +247,12 @@ def _shared(found: Audit, drives: Drives) -> Iterator[str]:
             "how they share."
         )
     elif len(moving) > 1:
-        yield f"{others}: the motion determines the force of each ({', '.join(moving)})."
+        yield f"{others}: the motion determines the force of each ({', '.join(series(moving))})."
     elif moving:
         yield f"{'The other' if drives.locked else head}: the motion determines the force of {moving[0]}."
 
 
-def _joints(found: Audit, where: str) -> Iterator[str]:
+def _joints(found: Audit, where: str, everything: bool) -> Iterator[str]:
     """Which loads are unique; joints of which the same is to be said together."""
     if not any(part.loose or part.here_alone for part in found.parts):
         return
@@ -259,7 +266,7 @@ def _joints(found: Audit, where: str) -> Iterator[str]:
     for row, names in zip(cells, (["joints"], *told.values()), strict=True):
         start = "".join(f"{row[k]:{width}}  " for k, width in zip(shown, widths, strict=True))
         indent = " " * (len(start) if len(start) < WIDTH - 30 else 8)
-        yield from wrapped(start + ", ".join(names), subsequent_indent=indent)
+        yield from wrapped(start + ", ".join(names if everything else series(names)), subsequent_indent=indent)
     used = {row.partition("_")[0] for part in found.parts for row in part.loose}
     notes = [f"{row}: {what}" for row, what in _ROWS.items() if row in used]
     notes += ["*: one combination of those named is unique"] if any(_is_mixed(part) for part in found.parts) else []
@@ -297,6 +304,8 @@ def _spins(found: Audit) -> str:
     if not count:
         return ""
     names = listed([" with ".join(each) for each in found.spins])
+    if len({len(each) for each in found.spins}) == 1:
+        names = " with ".join(listed(part) for part in zip(*found.spins, strict=True))
     these = "this one turns a part" if count == freedom == 1 else f"{count} of them turn{'s' * (count == 1)} single parts"
     rest = f"; the other {freedom - count} move more" if freedom > count else ""
     return f", {these} between others, and nothing else ({names}){rest}"
@@ -304,7 +313,10 @@ def _spins(found: Audit) -> str:
 
 def _moved(travel: Travel, most: int) -> str:
     """How far joints were moved, and what stopped them."""
-    ways = [f"{name} from {_at(travel.ranges[name][0])} to {_at(travel.ranges[name][1])}" for name in travel.moved]
+    alike: dict[str, list[str]] = {}
+    for name in travel.moved:
+        alike.setdefault(f"from {_at(travel.ranges[name][0])} to {_at(travel.ranges[name][1])}", []).append(name)
+    ways = [f"{name} {way}" for way, names in alike.items() for name in series(names)]
     more = f", and {len(ways) - most} more" if len(ways) > most else ""
     stays = [name for name in travel.ranges if name not in travel.moved]
     not_moved = f"; {listed(stays)} could not be moved" if stays else ""

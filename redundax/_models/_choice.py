@@ -37,6 +37,11 @@ class Choice:
         return tuple(row for edit in self.edits for row in edit.rows)
 
     @property
+    def where(self) -> str:
+        """The position where the margin is least; the motion may not have led away from the first."""
+        return f"{self.at[0]} = {self.at[1]:.3g}" if self.at[0] else "this very position"
+
+    @property
     def is_usable(self) -> bool:
         """Whether the copy stays clear of a further motion wherever the joints were moved."""
         return self.margin > USABLE

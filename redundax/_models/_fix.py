@@ -88,7 +88,7 @@ def _unfreed(wanted: Sequence[str], edits: Sequence[Edit]) -> Iterable[str]:
 def _warned(model: Model, found: Audit, edits: Sequence[Edit], worst: Choice | None) -> Iterable[str]:
     """What a reader would take for granted of a copy, and must not."""
     if worst and worst.margin <= USABLE:
-        yield f"It moves freely near {worst.at[0]} = {worst.at[1]:.4g}: not usable over the full motion."
+        yield f"It moves freely near {worst.where}: not usable over the full motion."
     is_play = all(edit.how not in ("delete", "couple") for edit in edits)
     built, other = ("has this play", "has none") if is_play else ("is built like this", "is not")
     yield (
