@@ -23,6 +23,7 @@ from .._models._examine import examine
 from .._models._fix import Fix, fix
 from .._models._model import Model, load_model
 from .._models._repair import language
+from .._models._repair_page import wrapped
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._progress import stage
@@ -44,7 +45,10 @@ def audit_file(arguments: argparse.Namespace) -> int:
         warnings.simplefilter("always", UserWarning)
         system, state, found, about, mended, says, lines = _found(arguments)
     told = list(dict.fromkeys(str(each.message) for each in caught if each.category is UserWarning))
-    heading = [*_heading(arguments.system, about, arguments.keyframe is not None), *(f"warning: {each}" for each in told)]
+    heading = [
+        *_heading(arguments.system, about, arguments.keyframe is not None),
+        *(f"warning: {each}" for each in told),
+    ]
     page = audit_page(found, about, lines=lines, language=says, allowed=arguments.allow, everything=arguments.all)
     rest = [*_next(arguments, found), *_notes(about)]
     text = "\n".join([*heading, "", page, *([""] if rest else []), *rest])
@@ -163,7 +167,7 @@ def _heading(path: str, about: dict[str, Any], asked: bool) -> list[str]:
         for kind, names in about[part].items()
     ]
     lines = [f"{path}: {about['bodies']} {'body' if about['bodies'] == 1 else 'bodies'}; {', '.join(counts)}"]
-    return [*lines, *_position(about, asked)]
+    return [*lines, *(line for each in _position(about, asked) for line in wrapped(each))]
 
 
 def _position(about: dict[str, Any], asked: bool) -> Iterator[str]:
@@ -182,8 +186,10 @@ def _position(about: dict[str, Any], asked: bool) -> Iterator[str]:
             f"close them{how}: {names} (rad or m)."
         )
     if about["outside_limits"]:
-        names = listed([f"{x['joint']} at {x['position']:.4g}, limit {x['limit']:.4g}" for x in about["outside_limits"]])
-        yield f"Outside joint limits there: {names} (rad or m). What moves them is looked at all the same."
+        names = listed(
+            [f"{x['joint']} at {x['position']:.4g}, limit {x['limit']:.4g}" for x in about["outside_limits"]]
+        )
+        yield f"Outside joint limits there: {names} (rad or m). Motions lead no farther beyond."
     if keys:
         yield f"Keyframe{'s' * (len(keys) > 1)} of the file: {listed(keys)}; --keyframe NAME begins from one."
 

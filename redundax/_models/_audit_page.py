@@ -192,8 +192,15 @@ def _unmoved(travel: Travel) -> str:
     names = listed(list(travel.ranges))
     if not travel.stops:
         return f"{names} could not be moved, as the loops would not close"
-    stops = listed([f"{joint} at {limit:.4g}" for joint, limit in travel.stops])
-    return f"{names} cannot move, as joints are at their limits: {stops} (rad or m, as the file counts)"
+    return f"limits of joints keep {names} in place: {listed(_limits(travel))} (rad or m, as the file counts)"
+
+
+def _limits(travel: Travel) -> list[str]:
+    """Those that stopped joints, joint by joint."""
+    limits: dict[str, list[float]] = {}
+    for joint, limit in travel.stops:
+        limits.setdefault(joint, []).append(limit)
+    return [f"{joint} at {' and '.join(map(_at, sorted(own)))}" for joint, own in limits.items()]
 
 
 def _singular(travel: Travel) -> str:
@@ -230,13 +237,11 @@ def _shared(found: Audit, drives: Drives) -> Iterator[str]:
         yield f"{head} ({listed(drives.names)}): UNDECIDED {what} unique."
         return
     if drives.locked:
-        work, they, their = (
-            ("works", "it moves", "its force loads")
-            if len(drives.locked) == 1
-            else ("work", "they move", "their forces load")
-        )
-        against = "parts that cannot move" if found.figures[1] else "a locked mechanism"
-        yield f"{head}: {listed(drives.locked)} {work} against {against}: {they} nothing, and {their} joints alone."
+        one = len(drives.locked) == 1
+        what = f"move{'s' * one} nothing, as what {'it acts' if one else 'they act'} on is held"
+        if not found.figures[1]:
+            what = f"work{'s' * one} against a locked mechanism"
+        yield f"{head}: {listed(drives.locked)} {what}: {'its force loads' if one else 'their forces load'} joints alone."
     shared = [name for name in drives.loose if name not in drives.locked]
     others = "The others" if drives.locked else head
     if shared:
@@ -306,7 +311,9 @@ def _spins(found: Audit) -> str:
     names = listed([" with ".join(each) for each in found.spins])
     if len({len(each) for each in found.spins}) == 1:
         names = " with ".join(listed(part) for part in zip(*found.spins, strict=True))
-    these = "this one turns a part" if count == freedom == 1 else f"{count} of them turn{'s' * (count == 1)} single parts"
+    these = (
+        "this one turns a part" if count == freedom == 1 else f"{count} of them turn{'s' * (count == 1)} single parts"
+    )
     rest = f"; the other {freedom - count} move more" if freedom > count else ""
     return f", {these} between others, and nothing else ({names}){rest}"
 
@@ -320,8 +327,7 @@ def _moved(travel: Travel, most: int) -> str:
     more = f", and {len(ways) - most} more" if len(ways) > most else ""
     stays = [name for name in travel.ranges if name not in travel.moved]
     not_moved = f"; {listed(stays)} could not be moved" if stays else ""
-    stops = [f"{joint} at {_at(limit)}" for joint, limit in travel.stops]
-    limits = f", as far as limits allow ({listed(stops, most + 1)})" if stops else ""
+    limits = f", as far as limits allow ({listed(_limits(travel), most + 1)})" if travel.stops else ""
     start = "; what has brackets from the start" if any(name.endswith("]") for name in travel.moved) else ""
     return (
         f"Moved{limits}: {', '.join(ways[:most])}{more}{not_moved} (rad or m, as the file counts{start}). Of the matrix "

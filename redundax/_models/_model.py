@@ -16,7 +16,7 @@ from .._tools._module import Numbers
 from ._build import mechanism_of, position_of
 from ._plan import Plan
 from ._read import closures_of, read
-from ._start import Limit, Start, keyframes, start
+from ._start import Limit, Start, keyframes, outside, start
 from ._tree import OPEN, WITHOUT, Tree, tree_of
 
 _CLOSED = 1e-12  # a misfit relative to the size of the model, by rounding alone
@@ -99,7 +99,8 @@ class Model:
         return jnp.asarray(position_of(self.plan, self.mechanism, chosen))
 
     def elsewhere(self, count: int = 3) -> list[State]:
-        """States at rest at other positions of the joints, chosen at random, always the same; fewer if not found.
+        """States at rest at other positions of the joints, chosen at random, always the same, within limits of joints if
+        such are found; fewer if not found.
 
         **Arguments:**
 
@@ -109,7 +110,7 @@ class Model:
 
     def beside(self, count: int) -> list[tuple[np.ndarray, State]]:
         """The states of `elsewhere`, with the positions of the joints as the file counts them."""
-        found = self.tree.elsewhere(self.positions, self.left, count)
+        found = self.tree.elsewhere(self.positions, self.left, count, lambda at: not outside(self.plan, at))
         return [(positions, _state(self.plan, self.mechanism, positions)) for positions in found]
 
     @property

@@ -8,8 +8,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from .._analysis._release import Release
 from .._tools._table import WIDTH
-from ._audit import Audit
+from ._audit import Audit, Group
 from ._choice import USABLE, Choice, Repair, in_words, listed, vector
 
 Alike = TypeVar("Alike")
@@ -31,9 +32,10 @@ def mended(found: Audit, lines: Lines, language: str, everything: bool = False) 
         return
     if not language:
         yield "To mend it, free what each line names, if your hardware has that play:"
-        for group in found.groups:
-            ways = [_together([row for _, shares in each.directions for row in shares]) for each in group.releases[:2]]
-            yield from wrapped(f"- {' or: '.join(ways)}", initial_indent="  ", subsequent_indent="    ")
+        for group, *others in kept_together(found.groups, lambda each: _group_form(each, found), everything):
+            ways = [_together(_freed_by(each)) for each in group.releases[:2]]
+            more = told_alike(others, lambda each: [row.rpartition(".")[0] for row in each.rows])
+            yield from wrapped(f"- {' or: '.join(ways)}{more}", initial_indent="  ", subsequent_indent="    ")
         return
     yield "To mend it, take the line that matches your hardware (directions in world axes):"
     alike = kept_together(found.repairs, lambda each: _form(each, found), everything)
@@ -62,7 +64,9 @@ def told_alike(others: Sequence[Alike], joints: Callable[[Alike], Sequence[str]]
     """How many more are as the one that is told, by the first joint of each."""
     if not others:
         return ""
-    return f", and alike {len(others)} more times (with {listed([joints(each)[0] for each in others])}; --all tells each)"
+    return (
+        f", and alike {len(others)} more times (with {listed([joints(each)[0] for each in others])}; --all tells each)"
+    )
 
 
 def _joints_of(repair: Repair) -> list[str]:
@@ -70,15 +74,28 @@ def _joints_of(repair: Repair) -> list[str]:
 
 
 def _form(repair: Repair, found: Audit) -> Any:
-    """What repairs that are alike have in common: kinds of joints and rows, in any direction."""
+    """What repairs that are alike have in common: kinds of joints and what their changes free, in any direction."""
+    choices = [
+        (each.is_usable, [(edit.how, _rows_form(edit.rows, found)) for edit in each.edits]) for each in repair.choices
+    ]
+    return str((repair.redundancy, _rows_form(repair.rows, found), choices, _rows_form(repair.rest, found)))
+
+
+def _group_form(group: Group, found: Audit) -> Any:
+    """As `_form`, of groups of rows."""
+    freed = [_rows_form(_freed_by(each), found) for each in group.releases[:2]]
+    return str((group.redundancy, _rows_form(group.rows, found), freed))
+
+
+def _rows_form(rows: Sequence[str], found: Audit) -> list[tuple[str, str]]:
+    """Kinds of joints, and their rows without the number that tells one direction from another."""
     kinds = {part.name: part.kind for part in found.parts}
+    parts = (row.rpartition(".") for row in rows)
+    return sorted({(kinds.get(name, ""), own.partition("_")[0]) for name, _, own in parts})
 
-    def form(rows: Sequence[str]) -> tuple:
-        parts = (row.rpartition(".") for row in rows)
-        return tuple(sorted((kinds.get(name, ""), own.partition("_")[0]) for name, _, own in parts))
 
-    choices = ((each.is_usable, tuple((edit.how, form(edit.rows)) for edit in each.edits)) for each in repair.choices)
-    return repair.redundancy, tuple(sorted(kinds.get(name, "") for name in _joints_of(repair))), (*choices,), form(repair.rest)
+def _freed_by(release: Release) -> list[str]:
+    return [row for _, shares in release.directions for row in shares]
 
 
 def _told(choice: Choice, repair: Repair, found: Audit, k: int, lines: Lines) -> Iterator[str]:

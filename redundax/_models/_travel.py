@@ -25,7 +25,9 @@ _CORRECTIONS = 20  # of a step
 _HELD = 1e-9  # rates that loops and joints feel
 _DRIVEN = 1e3  # joints that are driven lead
 _HALVED = 6  # times a step that a limit stops: to within 2e-3 of it
-_MOTION = 1e-3  # rad, or the share of the model's size: a range that is less is no motion, but what loops and steps give
+_MOTION = (
+    1e-3  # rad, or the share of the model's size: a range that is less is no motion, but what loops and steps give
+)
 _SETTLED = 30.0  # see `resolution`
 
 

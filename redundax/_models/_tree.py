@@ -4,6 +4,7 @@ Loops are closed by truncated Gauss-Newton steps in the positions of the joints,
 so that bodies stay in their joints and joints of no loop where they are, however far the file is from closed.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -85,7 +86,9 @@ class Tree:
         start = (self.model.qpos0 if start is None else start).copy()
         found = self.descend(start)
         if self.misfit(start) <= DIGITS and self._distance(start, found[0]) > _NEAR:
-            found = self.descend(start, rcond=DIGITS / _NEAR)  # such a misfit is that of digits, which moves no joint far
+            found = self.descend(
+                start, rcond=DIGITS / _NEAR
+            )  # such a misfit is that of digits, which moves no joint far
         return found if only_near or found[1] <= OPEN else self._nearest(start, found)
 
     def _nearest(self, start: np.ndarray, found: tuple[np.ndarray, float]) -> tuple[np.ndarray, float]:
@@ -139,10 +142,12 @@ class Tree:
             body = int(self.model.body_parentid[body])
         return found
 
-    def elsewhere(self, positions: np.ndarray, left: float, count: int) -> list[np.ndarray]:
+    def elsewhere(
+        self, positions: np.ndarray, left: float, count: int, is_within: Callable[[np.ndarray], bool] | None = None
+    ) -> list[np.ndarray]:
         """Other positions that close the loops as well as these do, or as the digits of the file allow, from random
-        displacements along the motions; fewer where they are not found."""
-        random, found, scale = np.random.default_rng(1), [], self.scale()
+        displacements along the motions, those first that are within limits; fewer where they are not found."""
+        random, found, beyond, scale = np.random.default_rng(1), [], [], self.scale()
         _, values, basis = np.linalg.svd(self.system(positions)[1] * scale)
         free = basis[int(np.sum(values > DIGITS * values.max(initial=0.0))) :]
         for trial in range(4 * count):
@@ -151,10 +156,10 @@ class Tree:
             start = self.moved(positions, reach * scale * way / np.abs(way).max())
             other, misfit = self.descend(start)
             if misfit <= max(10 * left, DIGITS / 10) and np.abs(other - positions).max() > 1e-3 * reach:
-                found.append(other)
+                (found if is_within is None or is_within(other) else beyond).append(other)
             if len(found) == count:
                 break
-        return found
+        return (found + beyond)[:count]
 
     def motion(self, positions: np.ndarray, freedom: int) -> tuple[np.ndarray, float]:
         """Velocities of the joints, relative to `scale`, that the loops leave, (nv, freedom); and the smallest singular
@@ -174,9 +179,7 @@ class Tree:
             rates[k, data.moment_colind[entries]] = data.actuator_moment.ravel()[entries]
         return tuple(model.actuator(k).name or f"drive {k + 1}" for k in range(model.nu)), rates
 
-    def descend(
-        self, positions: np.ndarray, steps: int = _STEPS, rcond: float = DIGITS
-    ) -> tuple[np.ndarray, float]:
+    def descend(self, positions: np.ndarray, steps: int = _STEPS, rcond: float = DIGITS) -> tuple[np.ndarray, float]:
         """Positions that close the loops, from these on, and the largest misfit left, relative to the size."""
         left = 0.0
         for _ in range(steps if self.loops or self.ties else 0):
