@@ -241,7 +241,8 @@ def _shared(found: Audit, drives: Drives) -> Iterator[str]:
         what = f"move{'s' * one} nothing, as what {'it acts' if one else 'they act'} on is held"
         if not found.figures[1]:
             what = f"work{'s' * one} against a locked mechanism"
-        yield f"{head}: {listed(drives.locked)} {what}: {'its force loads' if one else 'their forces load'} joints alone."
+        loads = "its force loads" if one else "their forces load"
+        yield f"{head}: {listed(drives.locked)} {what}: {loads} joints alone."
     shared = [name for name in drives.loose if name not in drives.locked]
     others = "The others" if drives.locked else head
     if shared:
@@ -330,8 +331,8 @@ def _moved(travel: Travel, most: int) -> str:
     limits = f", as far as limits allow ({listed(_limits(travel), most + 1)})" if travel.stops else ""
     start = "; what has brackets from the start" if any(name.endswith("]") for name in travel.moved) else ""
     return (
-        f"Moved{limits}: {', '.join(ways[:most])}{more}{not_moved} (rad or m, as the file counts{start}). Of the matrix "
-        f"of loops on the way, in joint coordinates: smallest singular value kept {travel.least:.1e}."
+        f"Moved{limits}: {', '.join(ways[:most])}{more}{not_moved} (rad or m, as the file counts{start}). Of the "
+        f"matrix of loops on the way, in joint coordinates: smallest singular value kept {travel.least:.1e}."
     )
 
 

@@ -142,8 +142,8 @@ def _rows_there(row: str, rows: Sequence[str]) -> str:
 
 
 def _figures(model: Model, file: pathlib.Path) -> tuple[int, int]:
-    """Redundancy and freedom of a copy of a model, in the coordinates of its joints; as of the model itself, where it is
-    regular: the rank at a singular position is lower than at others."""
+    """Redundancy and freedom of a copy of a model, in the coordinates of its joints; as of the model itself where it is
+    regular: at a singular position the rank is lower than at others."""
     tree, _ = tree_of(read(file, closures_of(file, None))[0])
     positions, left = tree.closed(_same_position(model, Plan(tree)))
     rank = 0

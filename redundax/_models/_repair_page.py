@@ -27,7 +27,7 @@ def wrapped(text: str, **how: Any) -> list[str]:
 
 
 def mended(found: Audit, lines: Lines, language: str, everything: bool = False) -> Iterator[str]:
-    """What to do: two ways at most for what belongs together, once for all that is alike unless everything is wanted."""
+    """What to do: two ways at most for what belongs together; what is alike once, or all of it if wanted."""
     if not found.figures[0]:
         return
     if not language:
@@ -87,11 +87,12 @@ def _group_form(group: Group, found: Audit) -> Any:
     return str((group.redundancy, _rows_form(group.rows, found), freed))
 
 
-def _rows_form(rows: Sequence[str], found: Audit) -> list[tuple[str, str]]:
+def _rows_form(rows: Sequence[str], found: Audit) -> list[tuple[str, list[str]]]:
     """Kinds of joints, and their rows without the number that tells one direction from another."""
-    kinds = {part.name: part.kind for part in found.parts}
-    parts = (row.rpartition(".") for row in rows)
-    return sorted({(kinds.get(name, ""), own.partition("_")[0]) for name, _, own in parts})
+    kinds, joints = {part.name: part.kind for part in found.parts}, {}
+    for name, _, own in (row.rpartition(".") for row in rows):
+        joints.setdefault(name, set()).add(own.partition("_")[0])
+    return sorted((kinds.get(name, ""), sorted(own)) for name, own in joints.items())
 
 
 def _freed_by(release: Release) -> list[str]:

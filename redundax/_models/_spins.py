@@ -40,7 +40,7 @@ def spins(plan: Plan, positions: np.ndarray, freedom: int) -> tuple[tuple[str, .
 
 
 def _velocities(plan: Plan, positions: np.ndarray) -> np.ndarray:
-    """Of the bodies that move, at the origin of the world and about its axes, by the velocities of joints, (b, 6, nv)."""
+    """Of the bodies that move, at the origin of the world and about its axes, by those of joints, (bodies, 6, nv)."""
     mujoco, model, data = optional("mujoco", "models"), plan.model, plan.tree.at(positions)
     found = np.zeros((len(plan.movers), 6, model.nv))
     for own, body in zip(found, plan.movers, strict=True):
@@ -68,7 +68,7 @@ def _pairs(plan: Plan, joined: Iterable[tuple[int, int]]) -> list[tuple[int, int
     """Movers that are joined, by their places among these."""
     place = {body: k for k, body in enumerate(plan.movers)}
     pairs = ((place[one], place[other]) for one, other in joined if one in place and other in place)
-    return list(dict.fromkeys(tuple(sorted(pair)) for pair in pairs))
+    return list(dict.fromkeys((min(pair), max(pair)) for pair in pairs))
 
 
 def _beside(some: tuple[int, ...], joined: Iterable[tuple[int, int]], plan: Plan) -> set[int]:

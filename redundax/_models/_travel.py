@@ -1,10 +1,10 @@
 """Whether redundancy stays as it is along motions of the joints
 
 Independent joints, those that are driven first, are moved to both sides, in steps that close the loops, within the
-limits of the joints, which the last steps, halved, come near. With G the derivative of the loops by the joints and r its rank, the r-th singular value of G is 0
-where the rank is lower. So it is followed, and minima that stand out are narrowed down by golden sections: they are
-singular positions, or come very near one, where the value all but vanishes beside those of the steps around it. Joints
-that move no loop in itself change nothing, and rest.
+limits of the joints, which the last steps, halved, come near. With G the derivative of the loops by the joints and r
+its rank, the r-th singular value of G is 0 where the rank is lower. So it is followed, and minima that stand out are
+narrowed down by golden sections: they are singular positions, or come very near one, where the value all but vanishes
+beside those of the steps around it. Joints that move no loop in itself change nothing, and rest.
 """
 
 import dataclasses
@@ -228,7 +228,7 @@ def travel(tree: Tree, positions: np.ndarray, freedom: int, left: float = 0.0) -
     felt = [
         (leader, way) for leader, way in zip(leaders.tolist(), ways.T, strict=True) if np.any(np.abs(way[held]) > _HELD)
     ]
-    settled = resolution(left) * tree.scale()
+    settled = (resolution(left) * tree.scale()).tolist()
     count = int(np.clip(_STEPS // (2 * max(len(felt), 1)), 6, _LONGEST / _STEP))
     for leader, way in sorted(felt, key=lambda each: each[0]):
         points, place = path.both_ways(path.at(positions, way), count)

@@ -83,7 +83,7 @@ class Tree:
         """Joint positions that close all loops as well as the digits of the file allow, by the least steps from those
         given, or those of the file; and the largest misfit left, relative to the size of the model. Where that does not
         close them, and not `only_near`, they are the nearest found otherwise."""
-        start = (self.model.qpos0 if start is None else start).copy()
+        start = np.array(self.model.qpos0 if start is None else start)
         found = self.descend(start)
         if self.misfit(start) <= DIGITS and self._distance(start, found[0]) > _NEAR:
             found = self.descend(
