@@ -223,9 +223,16 @@ def _idle(found: Audit, drives: Drives) -> str:
     if not drives.idle:
         return ""
     count = f" {drives.idle} independent motion{'s are' if drives.idle > 1 else ' is'} left to no drive"
-    if not found.idle:
-        return f"{count}."
-    return f"{count}: with drives at rest, {listed(found.idle)} can still move."
+    spins = f"{len(found.spins)} of them spins of single parts" if drives.idle > 1 else "a spin of a single part"
+    if drives.idle == len(found.spins):
+        spins = "spins of single parts" if drives.idle > 1 else spins
+        return (
+            f"{count}: {spins}, {'which move' if drives.idle > 1 else 'which moves'} nothing else ({_spinning(found)})."
+        )
+    some = f", {spins}" if found.spins else ""
+    return (
+        f"{count}{some}: with drives at rest, {listed(found.idle)} can still move." if found.idle else f"{count}{some}."
+    )
 
 
 def _shared(found: Audit, drives: Drives) -> Iterator[str]:
@@ -309,14 +316,18 @@ def _spins(found: Audit) -> str:
     count, freedom = len(found.spins), found.figures[1]
     if not count:
         return ""
-    names = listed([" with ".join(each) for each in found.spins])
-    if len({len(each) for each in found.spins}) == 1:
-        names = " with ".join(listed(part) for part in zip(*found.spins, strict=True))
     these = (
         "this one turns a part" if count == freedom == 1 else f"{count} of them turn{'s' * (count == 1)} single parts"
     )
     rest = f"; the other {freedom - count} move more" if freedom > count else ""
-    return f", {these} between others, and nothing else ({names}){rest}"
+    return f", {these} between others, and nothing else ({_spinning(found)}){rest}"
+
+
+def _spinning(found: Audit) -> str:
+    """Names of what spins, alike ones together."""
+    if len({len(each) for each in found.spins}) == 1:
+        return " with ".join(listed(part) for part in zip(*found.spins, strict=True))
+    return listed([" with ".join(each) for each in found.spins])
 
 
 def _moved(travel: Travel, most: int) -> str:

@@ -99,8 +99,8 @@ class Model:
         return jnp.asarray(position_of(self.plan, self.mechanism, chosen))
 
     def elsewhere(self, count: int = 3) -> list[State]:
-        """States at rest at other positions of the joints, at random, always the same; those first that are within limits
-        of joints, and fewer if not found.
+        """States at rest at other positions of the joints, at random, always the same; those within limits of joints
+        first, and fewer if not found.
 
         **Arguments:**
 

@@ -144,8 +144,8 @@ MOTORS = "".join(
         (parallelogram(), "Drive: the motion determines the force of m."),
         (
             parallelogram(body=WHEEL, loop=HELD, drives=MOTORS),
-            "Drives: n moves nothing, as what it acts on is held: its force loads joints alone. The others: 2, which is "
-            "1 more than they can move independently. The motion does not determine the forces of m and o:",
+            "Drives: n moves nothing, as what it acts on is held: its force loads joints alone. The others: 2, which "
+            "is 1 more than they can move independently. The motion does not determine the forces of m and o:",
         ),
         (
             parallelogram(body=WHEEL, loop=HELD, drives=MOTORS.replace("knee", "W")),
