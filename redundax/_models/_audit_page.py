@@ -316,11 +316,8 @@ def _spins(found: Audit) -> str:
     count, freedom = len(found.spins), found.figures[1]
     if not count:
         return ""
-    these = (
-        "this one turns a part" if count == freedom == 1 else f"{count} of them turn{'s' * (count == 1)} single parts"
-    )
-    rest = f"; the other {freedom - count} move more" if freedom > count else ""
-    return f", {these} between others, and nothing else ({_spinning(found)}){rest}"
+    only = f"{count} of which only spin{'s a part' if count == 1 else ' single parts'} between others"
+    return f", {only} ({_spinning(found)}), so {freedom - count or 'none'} without"
 
 
 def _spinning(found: Audit) -> str:
