@@ -168,7 +168,7 @@ def _positions(found: Audit, where: str) -> Iterator[str]:
     else:
         moved = found.travel if found.travel and found.travel.ranges else None
         if redundancy or moved:
-            far = f", {_of_them(found.outside, count)} outside joint limits" if found.outside else ""
+            far = f", {_of_them(found.outside, count)}outside joint limits" if found.outside else ""
             many = f"{count} other position{'s' * (count > 1)}{far}"
             same = f"Same at {many}" if count else "No other position was found to compare with"
             on = f"{',' * bool(far)} and along the motion" if moved and moved.moved and not moved.singular else ""
@@ -184,7 +184,7 @@ def _capital(text: str) -> str:
 
 
 def _of_them(some: int, count: int) -> str:
-    return "all of them" if some == count > 1 else "" if count == 1 else f"{some} of them"
+    return "" if count == 1 else f"{'all' if some == count else some} of them "
 
 
 def _unmoved(travel: Travel) -> str:

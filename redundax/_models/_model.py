@@ -166,7 +166,7 @@ def load_model(
     plan = Plan(tree)
     if not plan.links:
         raise RedundaxError(f"Argument `path`: '{path}' has no joints, so nothing that moves. Add some.")
-    keys = keyframes(path, model)
+    keys = keyframes(model)
     first = start(plan, keys, keyframe)
     _check_closed(path, tree, first)
     _tell_misfit(path, tree.misfits(first.positions), first.left)

@@ -3,7 +3,6 @@
 The first is taken that closes by least steps and is within the limits of joints; failing that the first that closes.
 """
 
-import pathlib
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -39,16 +38,12 @@ class Start(NamedTuple):
     outside: tuple[Limit, ...]
 
 
-def keyframes(path: pathlib.Path, model: Any) -> dict[str, np.ndarray]:
-    """Positions of joints that the keyframes of a file give, by their names; those of another model are left out."""
+def keyframes(model: Any) -> dict[str, np.ndarray]:
+    """Positions of joints that the keyframes of a model give, by their names."""
     mujoco, found = optional("mujoco", "models"), {}
-    if path.suffix.lower() == ".urdf" or not model.nq:
-        return found
-    for number, key in enumerate(mujoco.MjSpec.from_file(str(path)).keys, 1):
-        positions = np.array(key.qpos, float)
-        if positions.size == model.nq and np.all(np.isfinite(positions)):
-            mujoco.mj_normalizeQuat(model, positions)
-            found[key.name or f"keyframe {number}"] = positions
+    for key in range(model.nkey):
+        found[model.key(key).name] = positions = model.key_qpos[key].copy()
+        mujoco.mj_normalizeQuat(model, positions)
     return found
 
 

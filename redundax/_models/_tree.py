@@ -82,13 +82,11 @@ class Tree:
     def closed(self, start: np.ndarray | None = None, *, only_near: bool = False) -> tuple[np.ndarray, float]:
         """Joint positions that close all loops as well as the digits of the file allow, by the least steps from those
         given, or those of the file; and the largest misfit left, relative to the size of the model. Where that does not
-        close them, and not `only_near`, they are the nearest found otherwise."""
+        close them, and not `only_near`, they are the nearest found otherwise. A misfit of digits moves no joint far."""
         start = np.array(self.model.qpos0 if start is None else start)
         found = self.descend(start)
         if self.misfit(start) <= DIGITS and self._distance(start, found[0]) > _NEAR:
-            found = self.descend(
-                start, rcond=DIGITS / _NEAR
-            )  # such a misfit is that of digits, which moves no joint far
+            found = self.descend(start, rcond=DIGITS / _NEAR)
         return found if only_near or found[1] <= OPEN else self._nearest(start, found)
 
     def _nearest(self, start: np.ndarray, found: tuple[np.ndarray, float]) -> tuple[np.ndarray, float]:
@@ -102,7 +100,8 @@ class Tree:
             closed += [self._drawn(other, start)] if other[1] <= OPEN else []
             if len(closed) == _ENOUGH:
                 break
-        return min(closed, key=lambda each: self._distance(start, each[0])) if closed else found
+        best = [each for each in closed if each[1] <= max(found[1], DIGITS)]
+        return min(best, key=lambda each: self._distance(start, each[0]), default=found)
 
     def _drawn(self, found: tuple[np.ndarray, float], start: np.ndarray) -> tuple[np.ndarray, float]:
         """From a closed position, one that is closed as well and nearer to another, by steps along the motions."""

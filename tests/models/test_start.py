@@ -161,6 +161,13 @@ def test_a_keyframe_that_nearly_closes_is_closed_and_one_without_a_name_has_its_
     assert abs(model.positions[0] - 0.5) < 2e-3
 
 
+def test_keyframes_that_count_other_joints_are_none(load):
+    """One of a part that was added later, one of numbers that are none, and names that are there already."""
+    keys = f'<key {FILE}/><key name="keyframe 1" {FILE}/><key name="short" qpos="0 0 0"/><key name="c" ctrl=""/>'
+    model = load(BAR.format(limits="", ball="", keys=keys))
+    assert model.keyframes == ("keyframe 1", "keyframe 1 (2)")
+
+
 def test_how_far_a_ball_is_turned_is_held_against_its_limit(load):
     turned = f'<key name="far" qpos="0 0 0 {np.cos(0.4)} 0 {-np.sin(0.4)} 0"/>'
     model = load(BAR.format(limits="", ball='range="0 0.7"', keys=turned), keyframe="far")

@@ -226,8 +226,8 @@ def test_an_audit_tells_spins_from_the_freedoms_of_the_rest(audit):
     text = hexapod(3)
     out = " ".join(audit(text)[0].split())
     assert (
-        "freedom 6: 6 independent motions, 3 of which only spin single parts between others (leg1 to leg3), so 3 without."
-        in out
+        "freedom 6: 6 independent motions, 3 of which only spin single parts between others (leg1 to leg3), so 3 "
+        "without." in out
     )
     found = json.loads(audit(text, "--json")[0])
     assert (found["freedom"], found["freedom_without_spins"]) == (6, 3)
