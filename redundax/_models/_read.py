@@ -146,12 +146,12 @@ def _keep_positions(mujoco: Any, spec: Any) -> None:
     """Keep of keyframes what they say of joints, under a name each, and none that counts other joints."""
     sizes = {mujoco.mjtJoint.mjJNT_FREE: 7, mujoco.mjtJoint.mjJNT_BALL: 4}
     size = sum(sizes.get(joint.type, 1) for joint in spec.joints)
-    names = [key.name or f"keyframe {number}" for number, key in enumerate(spec.keys, 1)]
-    for name, key in zip(unique(names, ()), list(spec.keys), strict=True):
+    taken, keys = [key.name for key in spec.keys if key.name], list(spec.keys)
+    for name, key in zip(unique([f"keyframe {k}" for k in range(1, len(keys) + 1)], taken), keys, strict=True):
         if len(key.qpos) != size or not np.all(np.isfinite(key.qpos)):
             spec.delete(key)
             continue
-        key.name = name
+        key.name = key.name or name
         for what in ("qvel", "act", "ctrl", "mpos", "mquat"):
             setattr(key, what, [])
 

@@ -165,7 +165,7 @@ def test_keyframes_that_count_other_joints_are_none(load):
     """One of a part that was added later, one of numbers that are none, and names that are there already."""
     keys = f'<key {FILE}/><key name="keyframe 1" {FILE}/><key name="short" qpos="0 0 0"/><key name="c" ctrl=""/>'
     model = load(BAR.format(limits="", ball="", keys=keys))
-    assert model.keyframes == ("keyframe 1", "keyframe 1 (2)")
+    assert model.keyframes == ("keyframe 1 (2)", "keyframe 1")
 
 
 def test_how_far_a_ball_is_turned_is_held_against_its_limit(load):
