@@ -2,7 +2,7 @@
 
 import dataclasses
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -85,23 +85,26 @@ def vector(along: np.ndarray) -> str:
 
 
 def series(names: Sequence[str]) -> list[str]:
-    """Names, those that differ by a number that counts on together: "leg 1 to leg 6" for three or more."""
+    """Names, those that differ by numbers that count on together: "leg 1 to leg 6" for three or more."""
     left, told = dict.fromkeys(names), []
     while left:
-        run = max((_run(left, part) for part in range(len(_NUMBER.split(next(iter(left)))) // 2)), key=len, default=[])
-        run = run if len(run) > 2 else [next(iter(left))]
-        told.append(f"{run[0]} to {run[-1]}" if len(run) > 2 else run[0])
+        name = next(iter(left))
+        numbers = range(1, len(_NUMBER.split(name)), 2)
+        run = max((_run(left, name, places) for places in (*([k] for k in numbers), numbers)), key=len)
+        run = run if len(run) > 2 else [name]
+        told.append(f"{run[0]} to {run[-1]}" if len(run) > 1 else name)
         left = {name: None for name in left if name not in run}
     return told
 
 
-def _run(names: Mapping[str, None], part: int) -> list[str]:
-    """The first of some names and those that count on from it by one of its numbers."""
-    name, run = next(iter(names)), []
-    while name in names:
+def _run(names: Container[str], name: str, places: Sequence[int]) -> list[str]:
+    """A name and those of some names that count on from it, by its numbers at these places."""
+    run = []
+    while name in names and name not in run:
         run.append(name)
         parts = _NUMBER.split(name)
-        parts[2 * part + 1] = f"{int(parts[2 * part + 1]) + 1:0{len(parts[2 * part + 1])}}"
+        for k in places:
+            parts[k] = f"{int(parts[k]) + 1:0{len(parts[k])}}"
         name = "".join(parts)
     return run
 

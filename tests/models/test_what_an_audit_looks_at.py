@@ -276,6 +276,7 @@ def test_alike_parts_are_told_once_with_how_many(audit, radial):
         (["x08", "x09", "x10", "x12"], "x08 to x10 and x12"),
         (["k2", "k1", "k3"], "k2, k1 and k3"),
         (["n1", "n3", "n5"], "n1, n3 and n5"),
+        (["pin 1 ~ 1", "pin 2 ~ 2", "pin 3 ~ 3"], "pin 1 ~ 1 to pin 3 ~ 3"),
     ],
 )
 def test_names_that_count_on_stand_together(names, told):
