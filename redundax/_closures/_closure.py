@@ -90,7 +90,7 @@ def elasticity(closure: AbstractClosure, system: AbstractSystem, state: State) -
 
 @of_model
 def _at_state(closure: AbstractClosure, system: AbstractSystem, state: State) -> tuple[Array, Array]:
-    return closure.compliance(system, state)
+    return tuple(jnp.asarray(x, state.qd.dtype) for x in closure.compliance(system, state))  # pyright: ignore
 
 
 @compiled

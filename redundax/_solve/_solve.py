@@ -10,6 +10,7 @@ from typing import Any
 
 import equinox as eqx
 import jax
+import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool
 
@@ -32,7 +33,17 @@ from .._system._system import AbstractSystem
 from .._tools._chunks import in_chunks, with_derivative_of
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, is_concrete, no_classes, replace_fields
-from .._tools._numbers import custom_jvp, on_numbers, stop_gradient, take, xp
+from .._tools._numbers import (
+    are_known,
+    are_numbers,
+    as_arrays,
+    as_numbers,
+    custom_jvp,
+    on_numbers,
+    stop_gradient,
+    take,
+    xp,
+)
 from ._reduced import Reduced, reduce
 from ._solution import Solution, Stats
 
@@ -42,7 +53,6 @@ _OF_ITERATION = (RESULTS.diverged, RESULTS.no_contraction, RESULTS.max_steps_rea
 _OF_FRICTION = (RESULTS.friction_at_rest, RESULTS.ambiguous_rest, *_OF_ITERATION)
 
 
-@functools.partial(on_numbers, jit=False)
 def solve(
     system: AbstractSystem,
     state: State,
@@ -115,21 +125,37 @@ def solve(
         x0 = _vector("x0", x0, n + m, "[qdd; lam]").astype(state.qd.dtype)
     if sense is not None:
         sense = vector("sense", sense, system.slips, " of slips")
-    traced = not all(map(is_concrete, jax.tree.leaves((system, state, rank))))
-    if closure is not None and factor is None and system.plan is None and traced:
-        solution = _solved_at_each(system, state, rank, closure, solver, x0, sense)
+    given = system, state, rank, closure, solver, x0, sense
+    if closure is not None and factor is None and system.plan is None and not are_known(system, state, rank):
+        solution = _solved_at_each(*given)
     else:
-        if closure is None:
-            system, factor = dense_at(system, state, rank, factor)
-        else:
-            factor = factorisation_at(system, state, rank, factor)
-        chosen = None if closure is None else elasticity(closure, system, state)
-        solution = solve_factorised(system.anonymous, state, factor, chosen, solver, x0, sense)
-        concrete = all(map(is_concrete, jax.tree.leaves((factor, chosen))))
-        if chosen is not None and isinstance(closure, Compliance | ElasticJoints) and concrete:
+        known = are_known(given, factor) and system.plan is None
+        with np.errstate(all="ignore"):
+            solution, factor, chosen = _answer(*(as_numbers((*given, factor)) if known else (*given, factor)))
+        if chosen is not None and isinstance(closure, Compliance | ElasticJoints) and are_known(factor, chosen):
             check_units(system.names, factor.length, closure, chosen, solution.multipliers, stacklevel=2)
+        solution = as_arrays(solution) if known and not are_numbers(state) else solution
     solution = replace_fields(solution, names=system.names, state=state, joint_coordinates=system.joint_coordinates)
     return thrown(solution, throw, system, state, factor, RESULTS.successful)
+
+
+def _answer(
+    system: AbstractSystem,
+    state: State,
+    rank: ArrayLike | None,
+    closure: AbstractClosure | None,
+    solver: AbstractSolver,
+    x0: Array | None,
+    sense: Array | None,
+    factor: AnyFactorisation | None,
+) -> tuple[Solution, AnyFactorisation, Elasticity | None]:
+    """The solution, and the factorisation and closure that it rests on."""
+    if closure is None:
+        system, factor = dense_at(system, state, rank, factor)
+    else:
+        factor = factorisation_at(system, state, rank, factor)
+    chosen = None if closure is None else elasticity(closure, system, state)
+    return solve_factorised(system.anonymous, state, factor, chosen, solver, x0, sense), factor, chosen
 
 
 def solve_factorised(
