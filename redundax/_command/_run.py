@@ -12,6 +12,7 @@ from ._arguments import argument_parser
 from ._audit import audit_file
 from ._cache import keep_programs
 from ._file import FileError, blaming, check_target, load
+from ._output import tell
 from ._own import COMMANDS
 from ._page import first_page
 from ._tables import tables_as_json, tables_as_text
@@ -38,7 +39,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         with blaming(arguments.system):
             return COMMANDS[arguments.command](*load(arguments.system), arguments)
     except FileError as error:
-        print(f"redundax: {error}", file=sys.stderr)
+        tell(f"redundax: {error}")
         return 2
     except BrokenPipeError:  # the reader, `head` say, has gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

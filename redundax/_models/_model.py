@@ -2,6 +2,7 @@
 
 import dataclasses
 import pathlib
+import warnings
 from collections.abc import Mapping
 
 import jax.numpy as jnp
@@ -13,10 +14,12 @@ from .._equations._assemble import assemble
 from .._system._state import State
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import Numbers
+from .._tools._words import listed
 from ._build import mechanism_of, position_of
+from ._closed_loops import closures_of
 from ._plan import Plan
-from ._read import closures_of, read
-from ._tree import WITHOUT, Tree, tree_of
+from ._read import read
+from ._tree import Tree, missing_of, tree_of
 
 _CLOSED, _OPEN = 1e-12, 1e-4  # misfits relative to the size of the model: by rounding alone, and more than digits lack
 
@@ -103,7 +106,7 @@ class Model:
     @property
     def is_whole(self) -> bool:
         """Whether all that the file constrains is in the mechanism."""
-        return not any(note.endswith(WITHOUT) for note in self.notes)
+        return not missing_of(self.notes)
 
     @property
     def tree(self) -> Tree:
@@ -137,8 +140,22 @@ def load_model(path: str | pathlib.Path, closures: str | pathlib.Path | None = N
       links or joints, whose frames coincide (`type` 6d) or have one origin (3d); `joint_name` and `joint_type`, joints
       that become SPHERICAL, UJOINT_XY or FIXED. By default the file beside it of the same name that ends in .yaml.
 
-    **Raises:** `ValueError` for a file that cannot be read, `RuntimeError` for loops that do not close.
+    **Raises:** `ValueError` for a file that cannot be read, `RuntimeError` for loops that do not close. It warns where
+    something is left out that may constrain.
     """
+    model = model_of(path, closures)
+    if missing := missing_of(model.notes):
+        are = "is" if len(missing) == 1 else "are"
+        warnings.warn(
+            f"Of '{path}' {listed(missing)} {are} left out, which may constrain: what is found is so without. See "
+            "`notes` of the model.",
+            stacklevel=2,
+        )
+    return model
+
+
+def model_of(path: str | pathlib.Path, closures: str | pathlib.Path | None = None) -> Model:
+    """The model of a file; `notes` alone say what is left out."""
     path = pathlib.Path(path)
     loops = closures_of(path, closures)
     model, notes = read(path, loops)

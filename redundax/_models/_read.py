@@ -6,6 +6,7 @@ do not matter; of bodies whose mass only they would give the mass is 0.
 
 import contextlib
 import pathlib
+import tempfile
 import warnings
 from collections.abc import Iterator
 from typing import Any
@@ -14,10 +15,14 @@ import numpy as np
 
 from .._tools._errors import RedundaxError
 from .._tools._optional import optional
-from ._closed_loops import add_closed_loops, add_drives, transmissions
+from ._closed_loops import add_closed_loops, add_drives, loops_in, transmissions
+from ._foreign import known_part
+from ._formats import MODELS, check_content, document, not_a_model, not_in_utf8
 from ._tree import WITHOUT
+from ._urdf import check_urdf, unread
 
 LEAST = 1e-14  # kg and kg m^2: less is no mass at all, which MuJoCo takes for no moving body
+_MOST_BODIES = 20_000  # MuJoCo reads them in 20 s, and four times as many in sixteen times that
 _LARGEST = 1e30  # of any number of a model, in its units
 _NUMBERS = {  # of a model, and of what they are
     "body_pos": "positions of bodies",
@@ -48,14 +53,6 @@ _LEFT_OUT = {  # of a specification, and what to call it
 }
 
 
-def closures_of(path: pathlib.Path, given: str | pathlib.Path | None) -> pathlib.Path | None:
-    """The file of the loops of a URDF: the one given, or that beside it, if there is one."""
-    beside = path.with_suffix(".yaml")
-    if given is not None:
-        return pathlib.Path(given)
-    return beside if path.suffix.lower() == ".urdf" and beside.is_file() else None
-
-
 def read(path: pathlib.Path, closures: pathlib.Path | None) -> tuple[Any, list[str]]:
     """MuJoCo's model of a file of MJCF or URDF, and what of it is left out, a line each."""
     mujoco = optional("mujoco", "models")
@@ -63,36 +60,52 @@ def read(path: pathlib.Path, closures: pathlib.Path | None) -> tuple[Any, list[s
         raise RedundaxError(
             f"Argument `path`: there is no file '{path}'. Check the path and the folder that you are in."
         )
-    if path.suffix.lower() not in (".xml", ".mjcf", ".urdf"):
-        raise RedundaxError(f"Argument `path` must end in .xml, .mjcf or .urdf, but is '{path}'. Rename the file.")
-    with _silent(mujoco):
-        return _read(mujoco, path, closures)
+    if path.suffix.lower() not in MODELS:
+        what = not_a_model(path) or f"must end in {', '.join(MODELS[:-1])} or {MODELS[-1]}. Rename the file"
+        raise RedundaxError(f"Argument `path`: '{path}' {what}.")
+    content = check_content(path)
+    if (size := max(content.count(b"<body"), content.count(b"<link"))) > _MOST_BODIES:
+        raise RedundaxError(
+            f"Argument `path`: '{path}' has {size} bodies, which MuJoCo would read for minutes, and whose matrices of "
+            f"constraints no machine holds: {_MOST_BODIES} at most. Cut out the part whose loops you ask for."
+        )
+    with _silent(mujoco) as warned:
+        try:
+            model, notes = _read(mujoco, path, closures)
+            bytes(model.names).decode()
+        except UnicodeDecodeError as error:
+            what = not_in_utf8(content) or "names files that are not in UTF-8. Save them in UTF-8"
+            raise RedundaxError(f"Argument `path`: '{path}' {what}.") from error
+    if any("'NaN'" in text for text in warned):
+        raise RedundaxError(f"Argument `path`: '{path}' has a number that is nan. Correct it.")
+    return model, notes
 
 
 @contextlib.contextmanager
-def _silent(mujoco: Any) -> Iterator[None]:
-    """No warnings of MuJoCo, on the screen or in a file of its own: what is wrong is told, and bodies without mass are
-    not."""
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(lambda _: None)
+def _silent(mujoco: Any) -> Iterator[list[str]]:
+    """No warnings of MuJoCo, on the screen or in a file of its own: they are collected."""
+    before, warned = mujoco.get_mju_user_warning(), []
+    mujoco.set_mju_user_warning(lambda text: warned.append(str(text)))
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)
-            yield
+            yield warned
     finally:
         mujoco.set_mju_user_warning(before)
 
 
 def _read(mujoco: Any, path: pathlib.Path, closures: pathlib.Path | None) -> tuple[Any, list[str]]:
-    try:
-        spec = mujoco.MjSpec.from_file(str(path))
-    except (ValueError, RuntimeError, UnicodeError) as error:
-        raise _unreadable(path, error) from error
-    notes = []
+    root = document(path) if path.suffix.lower() == ".urdf" else None
+    if root is not None:
+        check_urdf(path, root)
+    spec, notes = specification(mujoco, path)
+    _check_weights(spec, path)
+    loops = {} if closures is None else loops_in(closures)
     if closures is not None:
         notes += add_closed_loops(mujoco, spec, path, closures)
-    if path.suffix.lower() == ".urdf" and not spec.actuators:
-        notes += add_drives(mujoco, spec, transmissions(path))
+    if root is not None:
+        notes += unread(path, root, loops.get("closed_loop") or [])
+        notes += add_drives(mujoco, spec, transmissions(path)) if not spec.actuators else []
     notes += _stripped(mujoco, spec)
     model = _compiled(spec, path, notes)
     for what, of in _NUMBERS.items():
@@ -102,6 +115,34 @@ def _read(mujoco: Any, path: pathlib.Path, closures: pathlib.Path | None) -> tup
     return model, notes
 
 
+def specification(mujoco: Any, path: pathlib.Path) -> tuple[Any, list[str]]:
+    """What MuJoCo makes of a file, without what it does not know and what constrains nothing, and what that is."""
+    try:
+        return mujoco.MjSpec.from_file(str(path)), []
+    except (ValueError, RuntimeError) as error:
+        if not ("plugin" in str(error) or "'default'" in str(error)):
+            raise _unreadable(path, error) from error
+        with tempfile.TemporaryDirectory() as folder:
+            try:
+                copy, notes = known_part(path, pathlib.Path(folder))
+                return mujoco.MjSpec.from_file(str(copy)), notes
+            except (ValueError, RuntimeError, OSError) as other:
+                raise _unreadable(path, error) from other
+
+
+def _check_weights(spec: Any, path: pathlib.Path) -> None:
+    """Refuse masses and inertias that no body has, which MuJoCo takes for none where it is told least ones."""
+    for body in spec.bodies:
+        inertia = np.concatenate([body.inertia, body.fullinertia[:3] if np.isfinite(body.fullinertia[0]) else []])
+        for what, values in (("mass", np.array([body.mass])), ("inertia", inertia)):
+            wrong = values[~((values >= 0) & (values < _LARGEST))]
+            if wrong.size:
+                raise RedundaxError(
+                    f"Argument `path`: '{path}' gives '{_name(body)}' the {what} {wrong[0]:g}. Give a positive number, "
+                    "or 0 for a body that weighs nothing."
+                )
+
+
 def _stripped(mujoco: Any, spec: Any) -> list[str]:
     """Delete what needs other files or constrains nothing, and say so."""
     notes = []
@@ -109,7 +150,8 @@ def _stripped(mujoco: Any, spec: Any) -> list[str]:
         kinds = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD, mujoco.mjtEq.mjEQ_JOINT
         if equality.type not in kinds or not equality.active:
             why = f"its kind is not taken over{WITHOUT}" if equality.active else "it is not active"
-            notes.append(f"constraint '{equality.name or equality.type.name}' is left out: {why}")
+            kind = equality.type.name.removeprefix("mjEQ_").lower()
+            notes.append(f"constraint '{equality.name or kind}' is left out: {why}")
             spec.delete(equality)
     shapes = [geom for geom in spec.geoms if geom.meshname or geom.hfieldname]  # primitives are fitted to meshes too
     for what in _LEFT_OUT:
@@ -179,5 +221,12 @@ def _compiled(spec: Any, path: pathlib.Path, notes: list[str]) -> Any:
 
 
 def _unreadable(path: pathlib.Path, error: Exception) -> RedundaxError:
-    why = " ".join(str(error).split()).rstrip(".") or type(error).__name__
-    return RedundaxError(f"Argument `path`: '{path}' cannot be read: {why}. Correct the file.")
+    why, advice = " ".join(str(error).split()).rstrip(".,") or type(error).__name__, "Correct the file"
+    if "unrecognized" in why or "plugin" in why:
+        advice = "If the file is right for another version or program, take that out in a copy"
+    elif "depth" in why.lower():
+        advice = "Shorten chains of bodies in bodies to fewer than 500, or split the model"
+    elif "Error opening file" in why:
+        advice = "Put the file that it includes there, or name it by its path from the model"
+    version = optional("mujoco", "models").__version__
+    return RedundaxError(f"Argument `path`: '{path}' cannot be read by MuJoCo {version}: {why}. {advice}.")

@@ -4,6 +4,7 @@ Loops are closed by truncated Gauss-Newton steps in the positions of the joints,
 however far the file is from closed.
 """
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -247,6 +248,11 @@ def tree_of(model: Any) -> tuple[Tree, list[str]]:
         part._replace(name=name) for part, name in zip(parts, unique([part.name for part in parts], ()), strict=True)
     ]
     return Tree(model, parts[: len(loops)], parts[len(loops) :]), notes
+
+
+def missing_of(notes: Iterable[str]) -> list[str]:
+    """Of what is left out, that which constrains."""
+    return [note.partition(" is left out")[0] for note in notes if note.endswith(WITHOUT)]
 
 
 def root_of(model: Any, body: int) -> int:
