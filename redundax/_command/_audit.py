@@ -83,7 +83,9 @@ class _Found(NamedTuple):
 def _found(arguments: argparse.Namespace) -> _Found:
     path = arguments.system
     kind = pathlib.Path(path).suffix.lower()
-    if pathlib.Path(path).is_dir():
+    if "://" in path:
+        raise FileError(f"'{path}' is an address. Fetch the file first, and name it.")
+    if path and pathlib.Path(path).is_dir():
         raise FileError(f"'{path}' is a folder. Name an .xml or .urdf file, or FILE.py:NAME.")
     if what := not_a_model(path):
         raise FileError(f"'{path}' {ended(what)}")

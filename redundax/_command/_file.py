@@ -107,7 +107,10 @@ def _no_name(argument: str) -> str:
         return f"'{file}' is a model. Type `redundax audit {file}`, or load it in Python by rx.load_model."
     if what := not_a_model(file):
         return f"'{file}' {ended(what)}"
-    return f"'{argument}' must have the form FILE.py:NAME, as in crane.py:mechanism. Put a colon and a name after the file."
+    return (
+        f"'{argument}' must have the form FILE.py:NAME, as in crane.py:mechanism. "
+        "Put a colon and a name behind the file."
+    )
 
 
 def _pair(path: str, name: str, value: Any, module: ModuleType) -> tuple[AbstractSystem, State]:

@@ -49,17 +49,24 @@ def add_closed_loops(mujoco: Any, spec: Any, path: pathlib.Path, closures: pathl
             raise refuse(
                 f"must have a `{other}` for each `{key}`, but has {len(types)} for {len(values)}. Make them as many"
             )
-    fixed = children(path)
-    for name, kind in zip(_names("joint_name", names, refuse), _names("joint_type", replaced, refuse), strict=True):
+    fixed, names = children(path), _names("joint_name", names, refuse)
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise refuse(f"names the joint {short(twice)} twice under `joint_name`. Name it once")
+    for name, kind in zip(names, _names("joint_type", replaced, refuse), strict=True):
         _replace(mujoco, spec, name, kind.upper(), fixed, refuse)
     frames = {name: child for name, child in fixed.items() if spec.body(name) is None}
     for pair, kind in zip(pairs, _names("type", kinds, refuse), strict=True):
         if not isinstance(pair, list) or len(pair) != 2 or kind.lower() not in ("3d", "6d"):
             raise refuse(f"has the loop {short(pair)} of type {short(kind)}. Give two frames, and the type 3d or 6d")
         _close(mujoco, spec, _names("closed_loop", pair, refuse), kind.lower(), frames, refuse)
+    driven, known = _names("name_mot", driven, refuse), [each.name for each in spec.joints if each.name]
+    for name in driven:
+        if name not in known:
+            hint = did_you_mean(name, known) or f"There are {', '.join(known[:_MOST])}"
+            raise refuse(f"drives the joint {short(name)}, which is no joint that moves. {hint}")
     others = [short(key) for key in loops if key not in KEYS]
     unread = [f"of '{closures}': {', '.join(others[:_MOST])}"] if others else []
-    return [*unread, *add_drives(mujoco, spec, _names("name_mot", driven, refuse))]
+    return [*unread, *add_drives(mujoco, spec, driven)]
 
 
 def add_drives(mujoco: Any, spec: Any, names: list[str]) -> list[str]:
@@ -67,12 +74,7 @@ def add_drives(mujoco: Any, spec: Any, names: list[str]) -> list[str]:
     for name in names:
         if spec.joint(name) is not None:
             spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=name)
-    known = [each.name for each in spec.joints if each.name]
-    return [
-        f"drive of '{name}': there is no such joint. {did_you_mean(name, known)}".rstrip()
-        for name in names
-        if name not in known
-    ]
+    return [f"drive of '{name}': there is no such joint" for name in names if spec.joint(name) is None]
 
 
 def transmissions(path: pathlib.Path) -> list[str]:
@@ -85,10 +87,7 @@ def loops_in(closures: pathlib.Path) -> dict[str, Any]:
     """What a file of loops holds."""
     yaml, refuse = optional("yaml", "models"), _refuser(closures)
     if not closures.is_file():  # to read what is a pipe or a device may last for ever
-        what = (
-            "is a folder, or no file to be read. Name a file" if closures.exists() else "is not there. Check the path"
-        )
-        raise refuse(what)
+        raise refuse("is no file. Name a file" if closures.exists() else "is not there. Check the path")
     try:
         content = closures.read_bytes()
     except OSError as error:
@@ -104,9 +103,9 @@ def loops_in(closures: pathlib.Path) -> dict[str, Any]:
         place = f"line {error.problem_mark.line + 1}: " if error.problem_mark else ""
         raise refuse(f"is no YAML: {place}{' '.join(str(error.problem).split())}. Correct it") from error
     except yaml.reader.ReaderError as error:
-        raise refuse(f"is no YAML: {not_in_utf8(content) or ' '.join(str(error).split())}. Save it anew") from error
+        raise refuse(f"{not_in_utf8(content) or 'is no text'}. Save it in UTF-8") from error
     except (ValueError, OverflowError) as error:  # of numbers and dates
-        raise refuse(f"holds a number or date that is none: {error}. Put names in quotes") from error
+        raise refuse("holds a number or date that is none. Put names in quotes") from error
     if not isinstance(loops, dict):
         held = "is empty" if loops is None else f"holds {short(loops)}"
         raise refuse(f"must have the keys `closed_loop` and `type`, but {held}. Add them")
@@ -177,11 +176,8 @@ def _replace(
     if joint is None:
         known = [each.name for each in spec.joints if each.name]
         if name in joints:
-            raise refuse(
-                f"replaces the joint {short(name)}, which is fixed, planar, or replaced before. Make it a revolute "
-                "one, and name it once"
-            )
-        hint = did_you_mean(name, known) or f"There are {', '.join(known[:_MOST])}. "
+            raise refuse(f"replaces the joint {short(name)}, which is fixed or planar. Make it a revolute one")
+        hint = did_you_mean(name, known) or f"There are {', '.join(known[:_MOST])}"
         raise refuse(f"replaces the joint {short(name)}, which is not in the model. {hint}")
     body = joint.parent
     spec.delete(joint)
@@ -194,6 +190,7 @@ def _replace(
 def _close(
     mujoco: Any, spec: Any, pair: list[str], kind: str, frames: dict[str, str], refuse: Callable[[str], RedundaxError]
 ) -> None:
+    carriers = []
     for name in pair:
         body = spec.body(frames.get(name, name))
         if body is None:
@@ -202,7 +199,17 @@ def _close(
             raise refuse(f"closes a loop at {short(name)}, which is no link or joint of the model. {hint}")
         if spec.site(name) is None:
             body.add_site(name=name)
+        carriers.append(_carrier(body))
+    if carriers[0] is carriers[1] or carriers[0].name == carriers[1].name:
+        raise refuse(f"closes a loop between {short(pair[0])} and {short(pair[1])}, which are one body. Correct a name")
     equality = spec.add_equality(name=f"{'weld' if kind == '6d' else 'connect'} {' ~ '.join(pair)}")
     equality.type = mujoco.mjtEq.mjEQ_WELD if kind == "6d" else mujoco.mjtEq.mjEQ_CONNECT
     equality.objtype = mujoco.mjtObj.mjOBJ_SITE
     equality.name1, equality.name2 = pair
+
+
+def _carrier(body: Any) -> Any:
+    """The body with joints that carries a body fixed to it, or the ground."""
+    while not list(body.joints) and body.parent is not None and body.name != "world":
+        body = body.parent
+    return body

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 from xml.parsers import expat
 
 from .._tools._errors import RedundaxError
-from .._tools._words import short
+from .._tools._words import did_you_mean, ended, short
 
 MODELS = (".xml", ".mjcf", ".urdf")
 _READ = "MJCF (.xml) and URDF (.urdf) are read"
@@ -64,7 +64,7 @@ def check_content(path: pathlib.Path) -> bytes:
     """Refuse a file that is no XML of a model, and return what it holds."""
 
     def refuse(why: str) -> RedundaxError:
-        return RedundaxError(f"Argument `path`: '{path}' {why}.")
+        return RedundaxError(f"Argument `path`: '{path}' {ended(why)}")
 
     try:
         content = path.read_bytes()
@@ -84,8 +84,8 @@ def check_content(path: pathlib.Path) -> bytes:
     if root in _PARTS:
         raise refuse(f"is a part of MJCF, <{root}>. Name the file that includes it")
     if root not in _ROOTS:
-        what = f"is no model: its first element is <{root}>. Name a file of MJCF or URDF"
-        raise refuse(not_a_model(f"model.{root}") or what)
+        hint = did_you_mean(root, _ROOTS) or "Name a file of MJCF or URDF"
+        raise refuse(not_a_model(f"model.{root}") or f"is no model: its first element is <{root}>. {hint}")
     if ending not in _ROOTS[root]:
         kind = "URDF" if root == "robot" else "MJCF"
         raise refuse(f"holds {kind}, by its first element <{root}>. Rename it to end in {_ROOTS[root][0]}")
@@ -112,19 +112,19 @@ def encoding_of(content: bytes) -> str:
 
 
 def not_in_utf8(content: bytes) -> str:
-    """Where bytes are not in UTF-8, and what to do; nothing if they are."""
+    """Where bytes are not in UTF-8; nothing if they are."""
     try:
         content.decode("utf-8")
     except UnicodeDecodeError as error:
         line, declared = content.count(b"\n", 0, error.start) + 1, encoding_of(content)
         as_said = f", but in {declared} as it says" if declared.upper() not in ("", "UTF-8", "UTF8") else ""
-        return f"is not in UTF-8{as_said}: see line {line}. Save it in UTF-8, and have its first line say so"
+        return f"is not in UTF-8{as_said}: see line {line}"
     return ""
 
 
 def _advice(content: bytes) -> str:
     wrong = not_in_utf8(content)
-    return f"It {wrong}" if wrong else "Correct the file"
+    return f"It {wrong}. Save it in UTF-8" if wrong else "Correct the file"
 
 
 def _first_element(content: bytes) -> str:

@@ -6,6 +6,7 @@ do not matter; of bodies whose mass only they would give the mass is 0.
 
 import contextlib
 import pathlib
+import re
 import tempfile
 import warnings
 from collections.abc import Iterator
@@ -15,6 +16,7 @@ import numpy as np
 
 from .._tools._errors import RedundaxError
 from .._tools._optional import optional
+from .._tools._words import did_you_mean, ended
 from ._closed_loops import add_closed_loops, add_drives, loops_in, transmissions
 from ._foreign import known_part
 from ._formats import MODELS, check_content, document, not_a_model, not_in_utf8
@@ -42,6 +44,7 @@ _NUMBERS = {  # of a model, and of what they are
     "actuator_gear": "gears of drives",
     "wrap_prm": "coefficients of tendons",
 }
+_LEAVING = ("plugin", "'default'", "decoder")  # words of errors that a copy mends, the last of endings like .mjcf
 _LEFT_OUT = {  # of a specification, and what to call it
     "sensors": "sensors",
     "keys": "keyframes",
@@ -74,8 +77,10 @@ def read(path: pathlib.Path, closures: pathlib.Path | None) -> tuple[Any, list[s
             model, notes = _read(mujoco, path, closures)
             bytes(model.names).decode()
         except UnicodeDecodeError as error:
-            what = not_in_utf8(content) or "names files that are not in UTF-8. Save them in UTF-8"
-            raise RedundaxError(f"Argument `path`: '{path}' {what}.") from error
+            what = not_in_utf8(content) or "includes a file that is not in UTF-8"
+            raise RedundaxError(
+                f"Argument `path`: '{path}' {what}. Save it in UTF-8, and have its first line say so."
+            ) from error
     if any("'NaN'" in text for text in warned):
         raise RedundaxError(f"Argument `path`: '{path}' has a number that is nan. Correct it.")
     return model, notes
@@ -118,16 +123,18 @@ def _read(mujoco: Any, path: pathlib.Path, closures: pathlib.Path | None) -> tup
 def specification(mujoco: Any, path: pathlib.Path) -> tuple[Any, list[str]]:
     """What MuJoCo makes of a file, without what it does not know and what constrains nothing, and what that is."""
     try:
-        return mujoco.MjSpec.from_file(str(path)), []
+        spec = mujoco.MjSpec.from_file(str(path))
+        if not spec.plugins:
+            return spec, []
     except (ValueError, RuntimeError) as error:
-        if not ("plugin" in str(error) or "'default'" in str(error)):
+        if not any(word in str(error) for word in _LEAVING):
             raise _unreadable(path, error) from error
-        with tempfile.TemporaryDirectory() as folder:
-            try:
-                copy, notes = known_part(path, pathlib.Path(folder))
-                return mujoco.MjSpec.from_file(str(copy)), notes
-            except (ValueError, RuntimeError, OSError) as other:
-                raise _unreadable(path, error) from other
+    with tempfile.TemporaryDirectory() as folder:
+        copy, notes = known_part(path, pathlib.Path(folder))
+        try:
+            return mujoco.MjSpec.from_file(str(copy)), notes
+        except (ValueError, RuntimeError) as error:
+            raise _unreadable(path, error) from error
 
 
 def _check_weights(spec: Any, path: pathlib.Path) -> None:
@@ -222,11 +229,19 @@ def _compiled(spec: Any, path: pathlib.Path, notes: list[str]) -> Any:
 
 def _unreadable(path: pathlib.Path, error: Exception) -> RedundaxError:
     why, advice = " ".join(str(error).split()).rstrip(".,") or type(error).__name__, "Correct the file"
-    if "unrecognized" in why or "plugin" in why:
-        advice = "If the file is right for another version or program, take that out in a copy"
+    if "parse error" in why and "depth" not in why.lower():
+        try:
+            document(path)
+        except RedundaxError as better:  # with the place
+            return better
+    if "unrecognized" in why:
+        advice = "Correct it; if the file is right for another version or program, take that out in a copy"
     elif "depth" in why.lower():
         advice = "Shorten chains of bodies in bodies to fewer than 500, or split the model"
     elif "Error opening file" in why:
         advice = "Put the file that it includes there, or name it by its path from the model"
+    elif unknown := re.search("unknown element '([^']*)'", why):
+        names = re.findall(r'name="([^"]*)"', path.read_text(encoding="utf-8", errors="replace"))
+        advice = f"{advice}. {did_you_mean(unknown[1], names)}".rstrip()
     version = optional("mujoco", "models").__version__
-    return RedundaxError(f"Argument `path`: '{path}' cannot be read by MuJoCo {version}: {why}. {advice}.")
+    return RedundaxError(f"Argument `path`: '{path}' cannot be read by MuJoCo {version}: {why}. {ended(advice)}")

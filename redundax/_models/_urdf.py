@@ -52,7 +52,8 @@ def check_urdf(path: pathlib.Path, root: Any) -> None:
             )
         parent, child = (_end(joint, end) for end in ("parent", "child"))
         if kind == "floating" and parent != _GROUND:
-            raise refuse(f"{what} that floats on {short(parent)}, not on the ground. Call that link '{_GROUND}'")
+            only = f"only what floats on the ground, a link called '{_GROUND}', is read"
+            raise refuse(f"{what} that floats on {short(parent)}: {only}. Rename that link, or the type of the joint")
         for end, link in (("parent", parent), ("child", child)):
             if link not in known:
                 hint = did_you_mean(link, links) or "Correct the name, or add the link. "
@@ -181,7 +182,7 @@ def _named(element: Any, names: Any) -> list[str]:
 def _told(element: Any, links: set[str], joints: dict[str, Any]) -> str:
     own = f" {short(element.get('name'))}" if element.get("name") else ""
     ends = [name for name in _named(element, links) or _named(element, joints) if name != element.get("name")]
-    return f"{element.tag}{own}{f' of {listed(ends)}' if ends else ''}"
+    return f"<{element.tag}>{own}{f' of {listed(ends)}' if ends else ''}"
 
 
 def _end(joint: Any, end: str) -> str:
