@@ -140,7 +140,7 @@ def specification(mujoco: Any, path: pathlib.Path) -> tuple[Any, list[str]]:
 def _check_weights(spec: Any, path: pathlib.Path) -> None:
     """Refuse masses and inertias that no body has, which MuJoCo takes for none where it is told least ones."""
     for body in spec.bodies:
-        inertia = np.concatenate([body.inertia, body.fullinertia[:3] if np.isfinite(body.fullinertia[0]) else []])
+        inertia = np.concatenate([body.inertia, [] if np.isnan(body.fullinertia[0]) else body.fullinertia[:3]])
         for what, values in (("mass", np.array([body.mass])), ("inertia", inertia)):
             wrong = values[~((values >= 0) & (values < _LARGEST))]
             if wrong.size:
