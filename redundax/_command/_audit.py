@@ -20,7 +20,7 @@ from .._models._audit_page import audit_page
 from .._models._examine import examine
 from .._models._fix import Fix, fix
 from .._models._formats import MODELS, not_a_model
-from .._models._model import Model, model_of
+from .._models._model import Model, load_model
 from .._models._repair import language
 from .._system._state import State
 from .._system._system import AbstractSystem
@@ -103,7 +103,7 @@ def _found(arguments: argparse.Namespace) -> _Found:
                 return _Found(system, state, audit(system, state, _elsewhere(system, state)), {})
     with _clearly(path):
         with stage("reading the model and closing its loops"):
-            model = model_of(path, arguments.closures)
+            model = load_model(path, arguments.closures)
         _check_size(len(model.mechanism.names.bodies))
         with stage("finding what is unique"):
             found = examine(model, _POSITIONS)

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from .._tools._words import listed
 from ._edit_mjcf import ROWS, Edit
 from ._plan import Link
 
@@ -76,6 +75,13 @@ class Repair:
 def vector(along: np.ndarray) -> str:
     """A direction in world axes, as text."""
     return f"({' '.join(f'{0.0 if abs(x) < 5e-4 else x:.3g}' for x in along)})"
+
+
+def listed(names: Sequence[str], most: int = 6) -> str:
+    """Names as a sentence has them: "A, B and C"; of many the first alone."""
+    if len(names) > most:
+        names = [*names[: most - 1], f"{len(names) - most + 1} more"]
+    return " and ".join(part for part in (", ".join(names[:-1]), *names[-1:]) if part)
 
 
 def in_words(edits: Sequence[Edit], directions: Mapping[str, np.ndarray]) -> list[str]:

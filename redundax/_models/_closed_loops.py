@@ -27,14 +27,6 @@ _MOST = 8  # names that a message lists
 _ALIKE = 0.75  # of words, one of which is a slip for the other
 
 
-def closures_of(path: pathlib.Path, given: str | pathlib.Path | None) -> pathlib.Path | None:
-    """The file of the loops of a URDF: the one given, or that beside it, if there is one."""
-    if given is not None:
-        return pathlib.Path(given)
-    beside = [path.with_suffix(ending) for ending in (".yaml", ".yml")] if path.suffix.lower() == ".urdf" else []
-    return next((file for file in beside if file.is_file()), None)
-
-
 def add_closed_loops(mujoco: Any, spec: Any, path: pathlib.Path, closures: pathlib.Path) -> list[str]:
     """Add the loops and drives of the file `closures` to the specification of the file `path`, and say in a line each
     what of it is not read, and which joints are driven that there are not."""

@@ -10,10 +10,9 @@ import numpy as np
 from .._tools._errors import RedundaxError
 from ._audit import Audit
 from ._choice import USABLE, Choice, in_words, listed
-from ._closed_loops import closures_of
 from ._edit_mjcf import Edit
 from ._model import Model
-from ._read import read
+from ._read import closures_of, read
 from ._repair import Language, best_of, language
 from ._tree import tree_of
 

@@ -14,14 +14,16 @@ from .._equations._assemble import assemble
 from .._system._state import State
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import Numbers
-from .._tools._words import listed
 from ._build import mechanism_of, position_of
-from ._closed_loops import closures_of
 from ._plan import Plan
-from ._read import read
-from ._tree import Tree, missing_of, tree_of
+from ._read import closures_of, read
+from ._tree import WITHOUT, Tree, missing_of, tree_of
 
 _CLOSED, _OPEN = 1e-12, 1e-4  # misfits relative to the size of the model: by rounding alone, and more than digits lack
+
+
+class LeftOutWarning(UserWarning):
+    """Something that constrains is not in the mechanism; an audit says so in its first line."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,7 +108,7 @@ class Model:
     @property
     def is_whole(self) -> bool:
         """Whether all that the file constrains is in the mechanism."""
-        return not missing_of(self.notes)
+        return not any(note.endswith(WITHOUT) for note in self.notes)
 
     @property
     def tree(self) -> Tree:
@@ -140,26 +142,14 @@ def load_model(path: str | pathlib.Path, closures: str | pathlib.Path | None = N
       links or joints, whose frames coincide (`type` 6d) or have one origin (3d); `joint_name` and `joint_type`, joints
       that become SPHERICAL, UJOINT_XY or FIXED. By default the file beside it of the same name that ends in .yaml.
 
-    **Raises:** `ValueError` for a file that cannot be read, `RuntimeError` for loops that do not close. It warns where
-    something is left out that may constrain.
+    **Raises:** `ValueError` for a file that cannot be read, `RuntimeError` for loops that do not close. It warns of
+    what constrains and is not read.
     """
-    model = model_of(path, closures)
-    if missing := missing_of(model.notes):
-        are = "is" if len(missing) == 1 else "are"
-        warnings.warn(
-            f"Of '{path}' {listed(missing)} {are} left out, which may constrain: what is found is so without. See "
-            "`notes` of the model.",
-            stacklevel=2,
-        )
-    return model
-
-
-def model_of(path: str | pathlib.Path, closures: str | pathlib.Path | None = None) -> Model:
-    """The model of a file; `notes` alone say what is left out."""
     path = pathlib.Path(path)
     loops = closures_of(path, closures)
     model, notes = read(path, loops)
     tree, more = tree_of(model)
+    _tell_missing(path, [*more, *notes])
     plan = Plan(tree)
     if not plan.links:
         raise RedundaxError(f"Argument `path`: '{path}' has no joints, so nothing that moves. Add some.")
@@ -196,6 +186,16 @@ def _state(plan: Plan, mechanism: Mechanism, positions: np.ndarray, left: float)
     if left < _CLOSED:
         return State(q, jnp.zeros(len(mechanism.coordinates), q.dtype))
     return assemble(mechanism, q, throw=True)
+
+
+def _tell_missing(path: pathlib.Path, notes: list[str]) -> None:
+    """Warn of what constrains and is not in the mechanism."""
+    if missing := missing_of(notes):
+        warnings.warn(
+            f"'{path}' is read without {', '.join(missing)}, which may constrain: `notes` of the model say more.",
+            LeftOutWarning,
+            stacklevel=3,
+        )
 
 
 def _by_kind(named: list[tuple[str, str]]) -> dict[str, tuple[str, ...]]:

@@ -56,6 +56,14 @@ _LEFT_OUT = {  # of a specification, and what to call it
 }
 
 
+def closures_of(path: pathlib.Path, given: str | pathlib.Path | None) -> pathlib.Path | None:
+    """The file of the loops of a URDF: the one given, or that beside it, if there is one."""
+    if given is not None:
+        return pathlib.Path(given)
+    beside = [path.with_suffix(ending) for ending in (".yaml", ".yml")] if path.suffix.lower() == ".urdf" else []
+    return next((file for file in beside if file.is_file()), None)
+
+
 def read(path: pathlib.Path, closures: pathlib.Path | None) -> tuple[Any, list[str]]:
     """MuJoCo's model of a file of MJCF or URDF, and what of it is left out, a line each."""
     mujoco = optional("mujoco", "models")

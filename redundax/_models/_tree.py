@@ -4,7 +4,6 @@ Loops are closed by truncated Gauss-Newton steps in the positions of the joints,
 however far the file is from closed.
 """
 
-from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -250,11 +249,6 @@ def tree_of(model: Any) -> tuple[Tree, list[str]]:
     return Tree(model, parts[: len(loops)], parts[len(loops) :]), notes
 
 
-def missing_of(notes: Iterable[str]) -> list[str]:
-    """Of what is left out, that which constrains."""
-    return [note.partition(" is left out")[0] for note in notes if note.endswith(WITHOUT)]
-
-
 def root_of(model: Any, body: int) -> int:
     """The body with joints that this one is fixed to, or 0 for the ground, to which bodies moved from outside count."""
     root = int(model.body_weldid[body])
@@ -300,3 +294,8 @@ def unique(names: list[str], taken: Any) -> list[str]:
             own = f"{name} ({number})"
         found.append(own)
     return found
+
+
+def missing_of(notes: list[str] | tuple[str, ...]) -> list[str]:
+    """Of what is left out, that which constrains."""
+    return [note.partition(" is left out")[0] for note in notes if note.endswith(WITHOUT)]

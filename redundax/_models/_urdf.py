@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from .._tools._errors import RedundaxError
-from .._tools._words import did_you_mean, ended, listed, short
+from .._tools._words import did_you_mean, ended, short
 from ._tree import WITHOUT
 
 _KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
@@ -111,7 +111,7 @@ def unread(path: pathlib.Path, root: Any, closed: Sequence[Sequence[str]]) -> li
     held = {_end(joint, "child") for joint in root.iterfind("joint")}
     loose = [each.get("name", "") for each in root.iterfind("link") if each.get("name", "") not in held][1:]
     if loose:
-        found.append(f"links that no joint holds rest on the ground: {listed(loose)}")
+        found.append(f"links that no joint holds rest on the ground: {_listed(loose)}")
     return found
 
 
@@ -182,7 +182,11 @@ def _named(element: Any, names: Any) -> list[str]:
 def _told(element: Any, links: set[str], joints: dict[str, Any]) -> str:
     own = f" {short(element.get('name'))}" if element.get("name") else ""
     ends = [name for name in _named(element, links) or _named(element, joints) if name != element.get("name")]
-    return f"<{element.tag}>{own}{f' of {listed(ends)}' if ends else ''}"
+    return f"<{element.tag}>{own}{f' of {_listed(ends)}' if ends else ''}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join(names[:2]) + (f" and {len(names) - 2} more" if len(names) > 2 else "")
 
 
 def _end(joint: Any, end: str) -> str:

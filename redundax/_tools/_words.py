@@ -3,18 +3,11 @@
 import difflib
 import reprlib
 import unicodedata
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 _ACTING = ("Cc", "Cf", "Cs", "Zl", "Zp")  # categories of Unicode: control, format (as of direction), halves, line ends
 _SHORT = reprlib.Repr()
 _SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxdict, _SHORT.maxstring, _SHORT.maxother = 2, 4, 4, 60, 60
-
-
-def listed(names: Sequence[str], most: int = 6) -> str:
-    """Names as a sentence has them: "A, B and C"; of many the first alone."""
-    if len(names) > most:
-        names = [*names[: most - 1], f"{len(names) - most + 1} more"]
-    return " and ".join(part for part in (", ".join(names[:-1]), *names[-1:]) if part)
 
 
 def short(value: object) -> str:

@@ -10,9 +10,8 @@ import pytest
 
 import redundax
 from redundax._models._build import mechanism_of
-from redundax._models._closed_loops import closures_of
 from redundax._models._plan import Plan
-from redundax._models._read import read
+from redundax._models._read import closures_of, read
 from redundax._models._tree import tree_of
 
 pytest.importorskip("mujoco")

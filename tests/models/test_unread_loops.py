@@ -14,8 +14,7 @@ import pytest
 
 import redundax as rx
 from redundax import __main__ as command
-from redundax._models._closed_loops import closures_of
-from redundax._models._read import read
+from redundax._models._read import closures_of, read
 from redundax._models._tree import missing_of, tree_of
 
 pytest.importorskip("mujoco")
@@ -101,7 +100,7 @@ def test_a_loop_that_is_not_read_stands_in_the_first_line_and_decides_the_status
 
 
 def test_loading_a_model_without_its_loop_warns(write):
-    with pytest.warns(UserWarning, match="<loop_joint> 's' of bar and strut is left out, which may constrain"):
+    with pytest.warns(UserWarning, match="is read without <loop_joint> 's' of bar and strut, which may constrain"):
         model = rx.load_model(write(OPEN + LOOP_JOINT))
     assert not model.is_whole
 
