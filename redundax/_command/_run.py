@@ -1,5 +1,8 @@
 """From the arguments of the command to its exit status, in a process of its own or within another."""
 
+import argparse
+import contextlib
+import io
 import os
 import signal
 import sys
@@ -25,7 +28,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     - `argv`: arguments without the name of the command; those of the process if not given.
     """
-    arguments = argument_parser().parse_args(argv)
+    arguments = _parsed(argv)
     jax.config.update("jax_enable_x64", True)
     try:
         if arguments.command == "tables":
@@ -44,6 +47,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader, `head` say, has gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
+
+
+def _parsed(argv: Sequence[str] | None) -> argparse.Namespace:
+    """The arguments; what is wrong with them may repeat names of files, and is told as other messages are."""
+    told = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(told):
+            return argument_parser().parse_args(argv)
+    except SystemExit:
+        if told.getvalue():
+            tell(told.getvalue().rstrip())
+        raise
 
 
 def process() -> int:

@@ -97,7 +97,8 @@ def loops_in(closures: pathlib.Path) -> dict[str, Any]:
     except yaml.reader.ReaderError as error:
         raise refuse(f"{not_in_utf8(content) or 'is no text'}. Save it in UTF-8") from error
     except (ValueError, OverflowError) as error:  # of numbers and dates
-        raise refuse("holds a number or date that is none. Put names in quotes") from error
+        why = str(error).partition(";")[0]
+        raise refuse(f"holds a number or date that is none: {why}. Put names in quotes") from error
     if not isinstance(loops, dict):
         held = "is empty" if loops is None else f"holds {short(loops)}"
         raise refuse(f"must have the keys `closed_loop` and `type`, but {held}. Add them")

@@ -71,12 +71,12 @@ def check_content(path: pathlib.Path) -> bytes:
     except OSError as error:
         raise refuse(f"cannot be read: {error.strerror}. Check who may read it") from error
     if not content.strip():
-        raise refuse("is empty. Check whether it was saved, or exported")
+        raise refuse("is empty, without `mujoco` or `robot`. Check whether it was saved, or exported")
     for start, what, advice in _STARTS:
         if content.startswith(start):
             raise refuse(f"{what}. {advice}")
     if b"\0" in content[:4]:
-        raise refuse("is in UTF-16 or UTF-32, or no text. Save it in UTF-8")
+        raise refuse(f"is in UTF-16 or UTF-32, or no text: it begins with {short(content[:4])}. Save it in UTF-8")
     root = _first_element(content)
     if not root:
         raise refuse(f"holds no XML: it begins with {short(content[:30])}. Name a file of MJCF or URDF")

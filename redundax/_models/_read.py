@@ -73,7 +73,7 @@ def read(path: pathlib.Path, closures: pathlib.Path | None) -> tuple[Any, list[s
         )
     if path.suffix.lower() not in MODELS:
         what = not_a_model(path) or f"must end in {', '.join(MODELS[:-1])} or {MODELS[-1]}. Rename the file"
-        raise RedundaxError(f"Argument `path`: '{path}' {what}.")
+        raise RedundaxError(f"Argument `path`: '{path}' {what.partition('. ')[0]}. {ended(what.partition('. ')[2])}")
     content = check_content(path)
     if (size := max(content.count(b"<body"), content.count(b"<link"))) > _MOST_BODIES:
         raise RedundaxError(

@@ -108,6 +108,9 @@ def unread(path: pathlib.Path, root: Any, closed: Sequence[Sequence[str]]) -> li
             one, two = joint.get("type"), joints[other].get("type")
             if one != "fixed" and not {one, two} <= set(_SINGLE):
                 found.append(f"mimic of {name} by {other} is left out: it couples {one} and {two} joints{WITHOUT}")
+    empty = [name for name, joint in joints.items() if _is_empty(joint)]
+    if empty:
+        found.append(f"limits of {_listed(empty)}, which leave no travel: taken as none, not as a lock")
     held = {_end(joint, "child") for joint in root.iterfind("joint")}
     loose = [each.get("name", "") for each in root.iterfind("link") if each.get("name", "") not in held][1:]
     if loose:
@@ -117,6 +120,17 @@ def unread(path: pathlib.Path, root: Any, closed: Sequence[Sequence[str]]) -> li
 
 def _joints(root: Any) -> dict[str, Any]:
     return {each.get("name", ""): each for each in root.iterfind("joint")}
+
+
+def _is_empty(joint: Any) -> bool:
+    """Whether limits that are given leave a joint no travel; those that are no numbers are told by MuJoCo."""
+    limit = joint.find("limit")
+    if limit is None or joint.get("type") not in ("revolute", "prismatic"):
+        return False
+    try:
+        return float(limit.get("lower", "-inf")) >= float(limit.get("upper", "inf"))
+    except ValueError:
+        return False
 
 
 def _carriers(joints: dict[str, Any]) -> dict[str, str]:

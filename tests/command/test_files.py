@@ -202,6 +202,12 @@ def test_signs_that_act_on_a_terminal_are_shown_as_codes(file):
     assert error.endswith("RuntimeError: red \\x1b[31m, turned \\u202e, tab \t, gr\xfcn, half \\udc80\n")
 
 
+def test_wrong_arguments_are_told_as_codes_too(capsys):
+    with pytest.raises(SystemExit):
+        main(["audit", "x.xml", "\x1b[31m.xml"])
+    assert capsys.readouterr().err.endswith("unrecognized arguments: \\x1b[31m.xml\n")
+
+
 def test_a_stream_without_a_letter_is_given_its_code(monkeypatch):
     stream = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
     monkeypatch.setattr(sys, "stdout", stream)

@@ -40,7 +40,7 @@ def write(tmp_path):
     ("name", "content", "told"),
     [
         ("a.xml", "", "is empty"),
-        ("a.xml", gzip.compress(PLAIN.encode()), "is compressed. Unpack it"),
+        ("a.xml", gzip.compress(PLAIN.encode(), mtime=0), "is compressed. Unpack it"),
         ("a.xml", "version https://git-lfs.github.com/spec/v1\n", "Run `git lfs pull`"),
         ("a.xml", PLAIN.encode("utf-16"), "is in UTF-16. Save it in UTF-8"),
         (

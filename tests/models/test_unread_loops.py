@@ -212,3 +212,10 @@ def test_a_mimic_that_couples_more_than_single_displacements_is_told(write):
         "</joint>", '<mimic joint="q"/></joint>', 1
     )
     assert missing_of(taken(write(tied))[1]) == ["mimic of p by q"]
+
+
+def test_limits_without_travel_are_told_to_be_no_lock(write):
+    limited = OPEN.replace('"q" type="continuous"', '"q" type="revolute"').replace("</joint>", "{}</joint>", 2)
+    for limit, told in (('lower="0" upper="0"', True), ('lower="-1" upper="1"', False), ('effort="1"', False)):
+        notes = taken(write(limited.format("", f"<limit {limit}/>")))[1]
+        assert ("limits of q, which leave no travel: taken as none, not as a lock" in notes) == told
