@@ -20,7 +20,7 @@ from .._tools._words import did_you_mean, ended
 from ._closed_loops import add_closed_loops, add_drives, loops_in, transmissions
 from ._foreign import known_part
 from ._formats import MODELS, check_content, document, not_a_model, not_in_utf8
-from ._tree import WITHOUT
+from ._tree import WITHOUT, unique
 from ._urdf import check_urdf, unread
 
 LEAST = 1e-14  # kg and kg m^2: less is no mass at all, which MuJoCo takes for no moving body
@@ -47,7 +47,6 @@ _NUMBERS = {  # of a model, and of what they are
 _LEAVING = ("plugin", "'default'", "decoder")  # words of errors that a copy mends, the last of endings like .mjcf
 _LEFT_OUT = {  # of a specification, and what to call it
     "sensors": "sensors",
-    "keys": "keyframes",
     "pairs": "contact pairs",
     "excludes": "exclusions of contact",
     "skins": "skins",
@@ -180,6 +179,7 @@ def _stripped(mujoco: Any, spec: Any) -> list[str]:
     for actuator in spec.actuators:
         if actuator.trntype == mujoco.mjtTrn.mjTRN_BODY:  # holds by contact
             spec.delete(actuator)
+    _keep_positions(mujoco, spec)
     if shapes:
         notes.append(f"{_shapes(shapes)} from meshes")
         lighter = dict.fromkeys(_name(geom.parent) for geom in shapes if _weighs(spec, geom))
@@ -197,6 +197,20 @@ def _stripped(mujoco: Any, spec: Any) -> list[str]:
     if spec.geoms:
         notes.append(f"contact of {_shapes(spec.geoms)}")
     return notes
+
+
+def _keep_positions(mujoco: Any, spec: Any) -> None:
+    """Keep of keyframes what they say of joints, under a name each, and none that counts other joints."""
+    sizes = {mujoco.mjtJoint.mjJNT_FREE: 7, mujoco.mjtJoint.mjJNT_BALL: 4}
+    size = sum(sizes.get(joint.type, 1) for joint in spec.joints)
+    taken, keys = [key.name for key in spec.keys if key.name], list(spec.keys)
+    for name, key in zip(unique([f"keyframe {k}" for k in range(1, len(keys) + 1)], taken), keys, strict=True):
+        if len(key.qpos) != size or not np.all(np.isfinite(key.qpos)):
+            spec.delete(key)
+            continue
+        key.name = key.name or name
+        for what in ("qvel", "act", "ctrl", "mpos", "mquat"):
+            setattr(key, what, [])
 
 
 def _weighs(spec: Any, geom: Any) -> bool:
