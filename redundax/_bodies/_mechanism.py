@@ -28,6 +28,7 @@ from .._tools._module import (
     as_functions,
     floats,
     is_concrete,
+    numpy_of,
     on_device,
     replace_fields,
     tree_take,
@@ -327,10 +328,11 @@ class Mechanism(AbstractSystem):
         return tree_take(jnp.concatenate(flat), self._source)
 
     @property
-    def rows_of_joints(self) -> list[np.ndarray]:
-        """Row indices of the joints of each stack, (joints, rows); concrete values."""
-        sizes = [(len(joints.i), len(joints.element.row_kinds)) for joints in self.joints]
-        flat = np.split(np.argsort(np.asarray(self._source)), np.cumsum([size * rows for size, rows in sizes]))[:-1]
+    def rows_of_joints(self) -> list[Any]:
+        """Row indices of the joints of each stack, (joints, rows); traced where the mechanism is."""
+        sizes, xp = [(len(joints.i), len(joints.element.row_kinds)) for joints in self.joints], numpy_of(self._source)
+        places = xp.argsort(xp.asarray(self._source))
+        flat = xp.split(places, np.cumsum([size * rows for size, rows in sizes]))[:-1]
         return [part.reshape(size) for part, size in zip(flat, sizes, strict=True)]
 
     def load(self, state: State) -> Float[Array, " n"]:

@@ -134,7 +134,7 @@ def write_mjcf(model: Model, edits: Sequence[Edit], file: pathlib.Path) -> Writt
     for key in keys:
         source.remove(key)
     file.write_bytes(source.changed())
-    notes = [f"It is without {_keyframes(keys)} of the file, made for fewer joints."] if keys else []
+    notes = [f"It is without {_keyframes(keys)} of the file, which count fewer joints."] if keys else []
     included = specification(optional("mujoco", "models"), file)[0].keys if is_longer else []
     notes += [f"Take {_keyframes(included)} out of the included files: they count fewer joints."] if included else []
     return Written((file,), " ".join(notes))

@@ -93,6 +93,15 @@ def test_where_least_steps_lead_nowhere_the_nearest_position_is_taken_and_told(l
     assert model.moved["A"] == pytest.approx(angle, abs=1e-9) and set(model.moved) == {"A", "B"}
 
 
+def test_a_keyframe_that_closes_goes_before_random_positions(load):
+    """The links of the arm are square to each other there: 3, 4 and 5 dm."""
+    angle = np.arccos(0.8)
+    key = f'<keyframe><key name="bent" qpos="{-angle} {np.pi / 2} 0.3 0.1"/></keyframe></mujoco>'
+    model = load(STRETCHED.replace("</mujoco>", key))
+    assert (model.keyframe, model.is_near, model.moved) == ("bent", True, {})
+    np.testing.assert_allclose(model.positions, [-angle, np.pi / 2, 0.3, 0.1], atol=1e-12)
+
+
 def test_of_all_that_closes_the_nearest_is_found(load):
     """The goal turns with a wheel, so that there is a whole curve of positions that close."""
     text = STRETCHED.replace(
