@@ -4,7 +4,6 @@ import argparse
 import contextlib
 import json
 import pathlib
-import sys
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
@@ -21,20 +20,23 @@ from .._models._audit_page import audit_page
 from .._models._choice import listed
 from .._models._examine import examine
 from .._models._fix import Fix, fix
+from .._models._formats import MODELS, not_a_model
 from .._models._model import Model, load_model
 from .._models._repair import language
 from .._models._repair_page import wrapped
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._progress import stage
+from .._tools._words import ended, printable
 from ._audit_html import check_pictures, write_page
-from ._copy import MODELS, check_copy
-from ._families import show
+from ._copy import check_copy
 from ._file import FileError, blaming, load
+from ._output import show, tell
 
 _POSITIONS = 3  # beside that of the file
 _REACH = 0.3  # of them, rad or lengths of the mechanism
 _MOST = 4  # joints named
+_MANY, _TOO_MANY = 150, 3000  # bodies: about a minute of work; 2.6 GB a matrix
 
 
 def audit_file(arguments: argparse.Namespace) -> int:
@@ -58,10 +60,10 @@ def audit_file(arguments: argparse.Namespace) -> int:
         else text
     )
     if mended:
-        print(mended, file=sys.stderr)
+        tell(str(mended))
     if arguments.html:
-        write_page(arguments.html, f"Audit of {arguments.system}", text, system, state, found)
-        print(f"written: {arguments.html}", file=sys.stderr)
+        write_page(arguments.html, printable(f"Audit of {arguments.system}"), printable(text), system, state, found)
+        tell(f"written: {arguments.html}")
     return _status(found, about.get("whole", True), arguments.allow)
 
 
@@ -85,22 +87,31 @@ class _Found(NamedTuple):
 
 def _found(arguments: argparse.Namespace) -> _Found:
     path = arguments.system
-    if pathlib.Path(path).is_dir():
+    kind = pathlib.Path(path).suffix.lower()
+    if "://" in path:
+        raise FileError(f"'{path}' is an address. Fetch the file first, and name it.")
+    if path and pathlib.Path(path).is_dir():
         raise FileError(f"'{path}' is a folder. Name an .xml or .urdf file, or FILE.py:NAME.")
+    if what := not_a_model(path):
+        raise FileError(f"'{path}' {ended(what)}")
+    if ":" not in path and kind not in (*MODELS, ".py"):
+        raise FileError(f"'{path}' must be a model, {', '.join(MODELS)}, or FILE.py:NAME. Check its ending.")
     if arguments.release and not arguments.fix:
         raise FileError("Argument `--release` says what `--fix` is to free. Give --fix FILE too.")
-    if arguments.keyframe is not None and pathlib.Path(path).suffix.lower() not in MODELS:
+    if arguments.keyframe is not None and kind not in MODELS:
         raise FileError("Argument `--keyframe` names a position of an MJCF file. Leave it out.")
     if arguments.fix:
         with _clearly(path):
             check_copy(path, arguments.closures, arguments.fix)
-    if pathlib.Path(path).suffix.lower() not in MODELS:
+    if kind not in MODELS:
         with blaming(path):
             system, state = load(path)
             with stage("finding what is unique"):
                 return _Found(system, state, audit(system, state, _elsewhere(system, state)), {})
     with _clearly(path):
-        model = load_model(path, arguments.closures, keyframe=arguments.keyframe)
+        with stage("reading the model and closing its loops"):
+            model = load_model(path, arguments.closures, keyframe=arguments.keyframe)
+        _check_size(len(model.mechanism.names.bodies))
         with stage("finding what is unique"):
             found = examine(model, _POSITIONS)
         mended = fix(model, found, arguments.fix, arguments.release) if arguments.fix else None
@@ -108,6 +119,18 @@ def _found(arguments: argparse.Namespace) -> _Found:
         for edit in (edit for each in found.repairs for choice in each.choices for edit in choice.edits):
             lines[edit.rows] = says.lines(model, [edit])
         return _Found(model.mechanism, model.state, found, _about(model), mended, says.name, lines)
+
+
+def _check_size(bodies: int) -> None:
+    """Tell early how large a model is, or refuse it."""
+    size = 8 * (6 * bodies) ** 2 / 1e9
+    if bodies > _TOO_MANY:
+        raise FileError(
+            f"{bodies} bodies that move: an audit has matrices of {size:.0f} GB, several at once. Cut out the part "
+            "whose loops you ask for, or fix to each other what need not move."
+        )
+    if bodies > _MANY:
+        tell(f"redundax: {bodies} bodies that move: matrices of {size:.1g} GB, and minutes to hours.")
 
 
 @contextlib.contextmanager
@@ -197,7 +220,8 @@ def _position(about: dict[str, Any], asked: bool) -> Iterator[str]:
 def _notes(about: dict[str, Any]) -> list[str]:
     """What the model here is without."""
     soft = ["Loops are taken as rigid, where MuJoCo has springs."] if about.get("loops") else []
-    return [*soft, *(f"left out: {note}" for note in about.get("left_out", ()))]
+    notes = [" ".join(note.split()) for note in about.get("left_out", ())]
+    return [*soft, *(note if " is left out" in note else f"left out: {note}" for note in notes)]
 
 
 def _next(arguments: argparse.Namespace, found: Audit) -> list[str]:

@@ -2,7 +2,6 @@
 
 import dataclasses
 import pathlib
-import sys
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
@@ -19,6 +18,7 @@ from .._system._system import AbstractSystem
 from .._tools._progress import stage
 from ..plot import _solution_sets as plots
 from ._file import writing
+from ._output import tell
 
 
 def report_with_families(
@@ -50,9 +50,4 @@ def draw_families(families: Sequence[SolutionFamily], file: pathlib.Path) -> Non
         target = file if number == 0 else file.with_stem(f"{file.stem}_{number}")
         with writing(target):
             plots.family(family).savefig(target)
-        print(f"drawn: {target}", file=sys.stderr)
-
-
-def show(text: str) -> None:
-    """Print, so that a reader has it at once."""
-    print(text, flush=True)
+        tell(f"drawn: {target}")

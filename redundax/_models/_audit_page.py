@@ -85,6 +85,8 @@ def _verdict(found: Audit, about: Mapping[str, Any], allowed: int, everything: b
             "A simulator prints one of many such loads: do not size parts or train controllers by them. The motion is "
             "right, unless those joints have friction."
         )
+    elif missing:
+        yield "Nothing is redundant in what was read, which does not say that nothing is."
     elif about and not about.get("loops"):
         yield "NOT REDUNDANT: no loops (no connect, weld or joint equality was found), so there is nothing to check."
     else:

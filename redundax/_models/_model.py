@@ -17,10 +17,14 @@ from ._build import mechanism_of, position_of
 from ._plan import Plan
 from ._read import closures_of, read
 from ._start import Limit, Start, keyframes, outside, start
-from ._tree import OPEN, WITHOUT, Tree, tree_of
+from ._tree import OPEN, WITHOUT, Tree, missing_of, tree_of
 
 _CLOSED = 1e-12  # a misfit relative to the size of the model, by rounding alone
 _MOVED = 1e-9  # rad, or the share of the model's size: what rounding of a misfit moves, where joints have some leverage
+
+
+class LeftOutWarning(UserWarning):
+    """Something that constrains is not in the mechanism; an audit says so in its first line."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -157,12 +161,14 @@ def load_model(
       that become SPHERICAL, UJOINT_XY or FIXED. By default the file beside it of the same name that ends in .yaml.
     - `keyframe`: the name of the keyframe to begin from, of a file of MJCF.
 
-    **Raises:** `ValueError` for a file that cannot be read, `RuntimeError` for loops that do not close.
+    **Raises:** `ValueError` for a file that cannot be read, `RuntimeError` for loops that do not close. It warns of
+    what constrains and is not read.
     """
     path = pathlib.Path(path)
     loops = closures_of(path, closures)
     model, notes = read(path, loops)
     tree, more = tree_of(model)
+    _tell_missing(path, [*more, *notes])
     plan = Plan(tree)
     if not plan.links:
         raise RedundaxError(f"Argument `path`: '{path}' has no joints, so nothing that moves. Add some.")
@@ -226,6 +232,16 @@ def _tell_misfit(path: pathlib.Path, misfits: dict[str, float], left: float) -> 
         warnings.warn(
             f"The loops of '{path}' close to {misfits[worst]:.1g} m or rad only, '{worst}' worst: numbers of the file "
             "have few digits. Give it all digits, unless they are measured.",
+            stacklevel=3,
+        )
+
+
+def _tell_missing(path: pathlib.Path, notes: list[str]) -> None:
+    """Warn of what constrains and is not in the mechanism."""
+    if missing := missing_of(notes):
+        warnings.warn(
+            f"'{path}' is read without {', '.join(missing)}, which may constrain: `notes` of the model say more.",
+            LeftOutWarning,
             stacklevel=3,
         )
 

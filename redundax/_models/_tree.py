@@ -354,3 +354,8 @@ def unique(names: list[str], taken: Any) -> list[str]:
             own = f"{name} ({number})"
         found.append(own)
     return found
+
+
+def missing_of(notes: list[str] | tuple[str, ...]) -> list[str]:
+    """Of what is left out, that which constrains."""
+    return [note.partition(" is left out")[0] for note in notes if note.endswith(WITHOUT)]

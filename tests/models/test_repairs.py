@@ -225,7 +225,7 @@ def test_a_model_without_loops_or_of_which_some_are_left_out_is_told_at_once(fol
     )
     for more, first in (
         ("", "NOT REDUNDANT: no loops"),
-        (tied.format(""), "UNDECIDED: constraint 'mjEQ_TENDON' is not taken over. Without it:"),
+        (tied.format(""), "UNDECIDED: constraint 'tendon' is not taken over. Without it:"),
         (tied.format('<tendon name="u" tendon1="t"/>'), "are not taken over. Without them:"),
     ):
         (folder / "arm.xml").write_text(arm.format(more))
