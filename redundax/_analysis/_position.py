@@ -14,7 +14,7 @@ of them do, each by one matrix of the size of K.
 from collections.abc import Iterator
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Array, Bool, Float
 
 from .._equations._factorisation import Factorisation
 from .._equations._kinematics import change_of_jacobian
@@ -69,7 +69,7 @@ def _changes(
         yield stress.T @ change, float(np.abs(change).max())
 
 
-def _basis(projector: Float[np.ndarray, "d d"], rank: int) -> Float[np.ndarray, "d r"]:
+def _basis(projector: Float[Array, "d d"], rank: int) -> Float[np.ndarray, "d r"]:
     """An orthonormal basis of no symmetry of the range of a projector."""
     random = np.random.default_rng(11).normal(size=(len(projector), rank))
     return np.linalg.qr(np.asarray(projector, float) @ random)[0]
