@@ -24,7 +24,9 @@ from .._tools._compilation import compiled
 from .._tools._module import on_device
 
 _CHANGES = 1e-4  # relative change of a projector that is more than the blur of a state beside the manifold
-_IDLE = 2  # motions in a row that show no more: one of them does by chance with odds of `_CHANGES`, both with its square
+_IDLE = (
+    2  # motions in a row that show no more: one of them does by chance with odds of `_CHANGES`, both with its square
+)
 
 _change = compiled(change_of_jacobian)
 
