@@ -140,7 +140,7 @@ def _evidence(factor: Factorisation) -> _Evidence:
 def _position(system: AbstractSystem, state: State, factor: Factorisation, found: _Evidence) -> tuple[int, np.ndarray]:
     """How many self-stress states are there here alone, and which multipliers are unique here alone, (m,)."""
     if not found.singular_position:
-        return 0, unique_only_here(system, state, factor, found.unique_multipliers)
+        return 0, unique_only_here(system, state, factor, np.asarray(found.unique_multipliers))
     return int(found.local) or local_self_stress(system, state, factor), np.zeros(len(found.row_scale), bool)
 
 

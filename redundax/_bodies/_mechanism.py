@@ -184,10 +184,10 @@ class Mechanism(AbstractSystem):
             return self
         if (size := len(self.rows) + len(self.coordinates)) > LARGEST_DENSE:
             raise RedundaxError(
-                f"Argument `system` must have at most {LARGEST_DENSE} coordinates and rows in all for what dense matrices "
-                f"answer, but has {size}. `assemble`, `solve` and `simulate` answer by sparse ones, and `factorize` tells "
-                "rank, redundancy, freedom and which multipliers are unique. `mechanism.sparse(False)` takes dense ones "
-                "all the same, with much time and memory."
+                f"Argument `system` must have at most {LARGEST_DENSE} coordinates and rows in all for what dense "
+                f"matrices answer, but has {size}. `assemble`, `solve` and `simulate` answer by sparse ones, and "
+                "`factorize` tells rank, redundancy, freedom and which multipliers are unique. "
+                "`mechanism.sparse(False)` takes dense ones all the same, with much time and memory."
             )
         return self.sparse(False)
 
