@@ -208,7 +208,7 @@ def orthonormal(row_scale: np.ndarray, stress: np.ndarray) -> np.ndarray:
 
 def _echelon(projector: np.ndarray, row_scale: np.ndarray, k: int, unique: np.ndarray) -> np.ndarray:
     """Basis of the self-stress in reduced echelon form, shape (k, m), given the projector of scaled multipliers."""
-    vectors, pivots = np.linalg.eigh(projector)[1][:, len(projector) - k :].T if k else projector[:0], []
+    vectors, pivots = np.linalg.eigh(projector)[1][:, len(projector) - k :].T if k else 0.0 * projector[:0], []
     for state in range(k):
         size = np.abs(vectors[state:]).max(axis=0)
         pivot = int(np.argmax(size > 0.1 * size.max()))
