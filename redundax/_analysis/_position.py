@@ -24,9 +24,7 @@ from .._tools._compilation import compiled
 from .._tools._module import on_device
 
 _CHANGES = 1e-4  # relative change of a projector that is more than the blur of a state beside the manifold
-_IDLE = (
-    2  # motions in a row that show no more: one of them does by chance with odds of `_CHANGES`, both with its square
-)
+_IDLE = 2  # motions in a row that show no more: one by chance with odds of `_CHANGES`, both with its square
 
 _change = compiled(change_of_jacobian)
 
@@ -72,6 +70,6 @@ def _changes(
 
 
 def _basis(projector: Float[Array, "d d"], rank: int) -> Float[np.ndarray, "d r"]:
-    """An orthonormal basis of no symmetry of the range of a projector."""
-    random = np.random.default_rng(11).normal(size=(len(projector), rank))
+    """An orthonormal basis of no symmetry of the range of a projector; none where a declared rank is impossible."""
+    random = np.random.default_rng(11).normal(size=(len(projector), max(rank, 0)))
     return np.linalg.qr(np.asarray(projector, float) @ random)[0]
