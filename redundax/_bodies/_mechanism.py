@@ -46,7 +46,7 @@ from ._joints import AbstractJoint
 from ._loads import AbstractLoad
 from ._mechanism_page import mechanism_page
 from ._names import check_frames, check_kinds, check_names
-from ._pattern import LARGE, Pattern, dense
+from ._pattern import LARGE, LARGEST_DENSE, Pattern, dense
 from ._pins import warn_of_large_pins
 from ._row_order import ordered_rows, pushing_rows
 from ._stack import Stack, indices, stacked, stacks
@@ -155,8 +155,9 @@ class Mechanism(AbstractSystem):
 
         From 2000 coordinates and rows on they are sparse anyway.
 
-        All other questions are answered with dense ones. Sparse ones take no armature, and in motions
-        no dry sleeves, balls and plates. Contraction of friction is estimated there, not bounded.
+        All other questions are answered with dense ones, up to 6000 coordinates and rows in all. Sparse ones take no
+        armature, and in motions no dry sleeves, balls and plates. Contraction of friction is estimated there, not
+        bounded.
 
         ??? example
 
@@ -180,7 +181,16 @@ class Mechanism(AbstractSystem):
 
     @property
     def whole(self) -> Self:
-        return self if self._plan is None else self.sparse(False)
+        if self._plan is None:
+            return self
+        if (size := len(self.rows) + len(self.coordinates)) > LARGEST_DENSE:
+            raise RedundaxError(
+                f"Argument `system` must have at most {LARGEST_DENSE} coordinates and rows in all for what dense "
+                f"matrices answer, but has {size}. `assemble`, `solve` and `simulate` answer by sparse ones, and "
+                "`factorize` tells rank, redundancy, freedom and which multipliers are unique. "
+                "`mechanism.sparse(False)` takes dense ones all the same, with much time and memory."
+            )
+        return self.sparse(False)
 
     def _matrices(self, is_sparse: bool) -> tuple[Plan | None, Int[Array, "m n"] | None]:
         """The plan of sparse matrices, or the entries of dense ones."""

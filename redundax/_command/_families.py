@@ -12,7 +12,7 @@ from .._analysis._report import Report
 from .._closures._closure import AbstractClosure
 from .._equations._factorisation import Factorisation
 from .._equations._factorize import dense_at
-from .._solution_sets._family._solution_family import SolutionFamily, solution_family
+from .._solution_sets._family._solution_family import SolutionFamily, families_of
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._progress import stage
@@ -37,11 +37,11 @@ def report_with_families(
     if report.problem:
         return report, []
     z = None if amplitude is None else np.linspace(-amplitude, amplitude, samples)
-    options = {"z": z, "closure": closure, "samples": samples, "watch": watch, "factor": factor}
     try:
-        return report, [solution_family(system, state, along=name, **options) for name in report.pivots]
+        found = families_of(system, state, report, factor, closure=closure, z=z, samples=samples, watch=watch)
     except RuntimeError as error:
         return dataclasses.replace(report, problem=str(error)), []
+    return report, found
 
 
 def draw_families(families: Sequence[SolutionFamily], file: pathlib.Path) -> None:

@@ -39,6 +39,7 @@ from .._tools._numbers import (
     as_arrays,
     as_numbers,
     custom_jvp,
+    each,
     on_numbers,
     stop_gradient,
     take,
@@ -326,8 +327,8 @@ def _open_newton(
     open_problem = OpenProblem(
         problem,
         rows,
-        projector=jax.vmap(pick.caused, out_axes=1)(take(unit, rows)),
-        balance=jax.vmap(factor.in_balance, out_axes=1)(unit),
+        projector=each(pick.caused, take(unit, rows)).T,
+        balance=each(factor.in_balance, unit).T,
         axes=axes,
         gram=basis.T @ basis,
         pull=times(basis.T, x0) - basis.T @ particular,

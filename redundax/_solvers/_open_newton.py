@@ -26,13 +26,14 @@ Where friction is proved to contract strongly `_quick_newton` takes the same ste
 only where it fails.
 """
 
+import functools
 from typing import NamedTuple
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._tools._compilation import is_single
+from .._tools._numbers import are_numbers, custom_jvp, take, xp
 from ._iterate import iterate, run_unless
 from ._open_problem import OpenEnd, OpenProblem
 from ._quick_newton import quick_newton
@@ -52,7 +53,7 @@ def first_step(open_problem: OpenProblem) -> OpenIterate:
     problem, rho = open_problem.problem, open_problem.first
     slope = problem.law.slope(rho)
     residual = problem.law(rho) + slope @ (problem.rho0 - rho)
-    still = OpenIterate(jnp.zeros_like(open_problem.pull), rho, jnp.zeros_like(rho))
+    still = OpenIterate(xp.zeros_like(open_problem.pull), rho, xp.zeros_like(rho))
     return _step(open_problem, still, slope, residual, open_problem.pull)
 
 
@@ -61,7 +62,7 @@ def update(open_problem: OpenProblem, y: OpenIterate) -> tuple[OpenIterate, Arra
     problem = open_problem.problem
     law = problem.law(y.rho)
     residual = law - y.tau
-    new = _step(open_problem, y, problem.law.slope(y.rho), residual, jnp.zeros_like(residual))
+    new = _step(open_problem, y, problem.law.slope(y.rho), residual, xp.zeros_like(residual))
     return new, problem.change_of_friction(residual), problem.change_of_load(new.rho - y.rho)
 
 
@@ -69,14 +70,14 @@ def _step(open_problem: OpenProblem, y: OpenIterate, slope: Array, residual: Arr
     p = residual.size
     stress, axes, gram = open_problem.stress, open_problem.axes, open_problem.gram
     lower = axes - slope @ (open_problem.problem.gain @ axes)
-    size = jnp.trace(gram) / p
-    matrix = jnp.block([[gram / size, -lower.T], [lower, size * slope @ stress @ slope.T]])
-    step = jnp.linalg.solve(matrix, jnp.concatenate([pull / size, residual]))
+    size = xp.trace(gram) / p
+    matrix = xp.block([[gram / size, -lower.T], [lower, size * slope @ stress @ slope.T]])
+    step = xp.linalg.solve(matrix, xp.concatenate([pull / size, residual]))
     tau, w = y.tau + axes @ step[:p], y.w - slope.T @ (size * step[p:])
     return OpenIterate(tau, open_problem.problem.loads(tau) + stress @ w, w)
 
 
-@eqx.filter_custom_jvp
+@functools.partial(custom_jvp, make=eqx.filter_custom_jvp)
 def open_root(open_problem: OpenProblem, rtol: Float[Array, ""], max_steps: int) -> OpenEnd:
     """End of Newton (38) from x0; the derivative goes through the iterations."""
 
@@ -85,7 +86,7 @@ def open_root(open_problem: OpenProblem, rtol: Float[Array, ""], max_steps: int)
         given = eqx.tree_at(lambda given: (given.problem, given.first), open_problem, changed)
         return _run(given, rtol, max_steps, bounded=False)
 
-    if is_single():
+    if is_single() or are_numbers(open_problem):
         return _run(open_problem, rtol, max_steps, bounded=False)
     end = quick_newton(open_problem, rtol, max_steps)
     return run_unless(end.progress.converged(rtol), end, run, open_problem.problem.rho0, open_problem.first)
@@ -102,12 +103,12 @@ def _run(open_problem: OpenProblem, rtol: Array, max_steps: int, *, bounded: boo
         lambda y: update(open_problem, y), first_step(open_problem), rtol, max_steps, bounded=bounded
     )
     stress = open_problem.balance @ (open_problem.projector @ end.w)  # w is much larger than what is left of it
-    tau = jnp.where(progress.converged(rtol), _finished(open_problem, stress, end.tau), end.tau)
+    tau = xp.where(progress.converged(rtol), _finished(open_problem, stress, end.tau), end.tau)
     return OpenEnd(tau, stress, progress)
 
 
 def _finished(open_problem: OpenProblem, stress: Array, tau: Array) -> Array:
     """One step at the same self-stress: the law held to rounding of the loads as they were before they balanced."""
     problem = open_problem.problem
-    kept = eqx.tree_at(lambda problem: problem.rho0, problem, problem.rho0 + stress[open_problem.rows])
+    kept = eqx.tree_at(lambda problem: problem.rho0, problem, problem.rho0 + take(stress, open_problem.rows))
     return Newton().update(kept, tau)[0]

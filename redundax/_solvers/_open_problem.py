@@ -3,6 +3,7 @@
 import equinox as eqx
 from jaxtyping import Array, Float, Int
 
+from .._tools._numbers import take
 from ._friction_problem import FrictionProblem
 from ._iterate import Progress
 
@@ -32,7 +33,7 @@ class OpenProblem(eqx.Module):
     @property
     def stress(self) -> Float[Array, "l l"]:
         """S = P[rows, rows]."""
-        return self.projector[self.rows]
+        return take(self.projector, self.rows)
 
 
 class OpenEnd(eqx.Module):
