@@ -12,7 +12,6 @@ derivative.
 
 from typing import NamedTuple
 
-import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -21,6 +20,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import batch_any
 from .._tools._numbers import cond, xp
+from .._tools._value import value
 from ._kinematics import second_derivative
 from ._rank import Split
 from ._scaling import Scaling
@@ -30,7 +30,8 @@ _POINTS = 1e-6  # of the size of a mechanism: what points of few digits make of 
 _BENDS = 100  # times as much they make of its second derivative
 
 
-class Violation(eqx.Module):
+@value
+class Violation:
     """How far the state and the prescribed motion are from being consistent, free of units.
 
     - `position`: largest |Phi|, relative to the size of the mechanism.

@@ -23,6 +23,7 @@ from .._system._decision import Decision
 from .._tools._by_number import combine
 from .._tools._linear_map import LinearMap
 from .._tools._numbers import take, xp
+from .._tools._value import value
 
 Evidence = TypeVar("Evidence")
 
@@ -122,7 +123,8 @@ class AbstractSolvedFactorisation(AbstractFactorisation[Decision]):
         """Multipliers that have no value, whatever `close` picks; None where the position is regular."""
 
 
-class LinearResponse(eqx.Module):
+@value
+class LinearResponse:
     """x_0 and X: `free`, the response to load and misfit, and `unit`, that to unit friction, p columns; of a large
     mechanism a map from friction forces to a response."""
 

@@ -31,9 +31,11 @@ from .._system._friction import have_direction, load_rows
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._numbers import cond, take, xp
+from .._tools._value import value
 
 
-class Reduced(eqx.Module):
+@value
+class Reduced:
     """The equations (25) of a system at a state under a closure, reduced to the friction forces.
 
     - `pick`, `definiteness`: the closure, and the decision whether it determines the multipliers.

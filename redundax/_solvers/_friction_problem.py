@@ -14,7 +14,6 @@ and contraction is estimated, not bounded.
 
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 from jaxtyping import Array, Bool, Float, PyTree
 
@@ -26,12 +25,14 @@ from .._tools._krylov import krylov_solution
 from .._tools._linear_map import LinearMap, spectral_radius
 from .._tools._module import replace_fields, stop_gradient
 from .._tools._numbers import are_known, are_numbers, fori_loop, of_model, xp
+from .._tools._value import value
 
 # Powers of a matrix that the bound of its spectral radius takes.
 _POWERS = 6
 
 
-class Law(eqx.Module):
+@value
+class Law:
     """The friction laws of all groups at a state, as a function of the loads alone."""
 
     groups: tuple[AbstractFriction, ...]
@@ -77,6 +78,10 @@ class Law(eqx.Module):
         """Derivative of the friction forces with respect to the loads, F_lam of Eq. (35) reduced."""
         return _linearised(self, loads)[1] if self._is_known(loads) else jax.jacfwd(self.force)(loads)
 
+    def linearised(self, loads: Float[Array, " l"]) -> tuple[Float[Array, " p"], Float[Array, "p l"]]:
+        """Both."""
+        return _linearised(self, loads) if self._is_known(loads) else (self.force(loads), self.slope(loads))
+
 
 @of_model
 def _linearised(law: Law, loads: Float[Array, " l"]) -> tuple[Float[Array, " p"], Float[Array, "p l"]]:
@@ -105,7 +110,8 @@ class Sizes(NamedTuple):
         return Sizes(*map(xp.maximum, self, other))
 
 
-class FrictionProblem(eqx.Module):
+@value
+class FrictionProblem:
     """tau = law(rho0 + K tau), with the sizes that make residuals comparable.
 
     - `rho0`, `gain`: loads without friction, shape (l,), and K, shape (l, p), or its products.
@@ -184,6 +190,13 @@ class FrictionProblem(eqx.Module):
         if are_numbers(rho, self.gain):
             return self.law.slope(rho) @ self.gain
         return jax.vmap(lambda column: jax.jvp(self.law, (rho,), (column,))[1], in_axes=1, out_axes=1)(self.gain)
+
+    def linearised(self, rho: Float[Array, " l"]) -> tuple[Float[Array, " p"], Float[Array, "p p"]]:
+        """law(rho) and law'(rho) K, which known numbers ask for together."""
+        if are_numbers(rho, self.gain):
+            force, slope = self.law.linearised(rho)
+            return force, slope @ self.gain
+        return self.law(rho), self.slope(rho)
 
     def along(self, rho: Float[Array, " l"], change: Float[Array, " p"]) -> Float[Array, " p"]:
         """law'(rho) K change."""

@@ -8,13 +8,13 @@ says nothing.
 from collections.abc import Callable
 from typing import TypeVar
 
-import equinox as eqx
 import jax
 from jax.typing import DTypeLike
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from .._system._results import RESULTS, chosen
 from .._tools._numbers import stop_gradient, while_loop, xp
+from .._tools._value import value
 
 Y = TypeVar("Y", bound=PyTree)
 
@@ -22,7 +22,8 @@ Y = TypeVar("Y", bound=PyTree)
 _PATIENCE = 20
 
 
-class Progress(eqx.Module):
+@value
+class Progress:
     """How an iteration went.
 
     - `steps`: iterations done.

@@ -22,13 +22,15 @@ from .._tools._by_number import solve_few
 from .._tools._chunks import in_chunks
 from .._tools._module import optional_float
 from .._tools._numbers import custom_jvp, known, xp
+from .._tools._value import value
 from ._friction_problem import FrictionProblem
 from ._iterate import Progress, iterate
 
 Solver = TypeVar("Solver", bound="AbstractSolver")
 
 
-class Root(eqx.Module):
+@value
+class Root:
     """Where a solver ended.
 
     - `tau`: friction forces, shape (p,).
@@ -159,8 +161,13 @@ class Newton(AbstractSolver):
     def update(self, problem: FrictionProblem, tau: Array) -> tuple[Array, Array, Array]:
         """Next tau, relative residual and relative change of loads."""
         rho = problem.loads(tau)
-        residual = tau - problem.law(rho)
-        change = -problem.solution(rho, residual)
+        if problem.is_large:
+            residual = tau - problem.law(rho)
+            change = -problem.solution(rho, residual)
+        else:
+            force, slope = problem.linearised(rho)
+            residual = tau - force
+            change = -xp.linalg.solve(xp.eye(tau.size, dtype=tau.dtype) - slope, residual)
         return tau + change, problem.change_of_friction(residual), problem.change_of_load(problem.gain @ change)
 
 

@@ -1,0 +1,33 @@
+"""Small immutable values that travel through programs, as Equinox's modules do, but whose fields are read at once.
+
+An attribute of a module takes a microsecond, a method ten, which numbers feel where a program does not.
+"""
+
+import dataclasses
+from typing import Any, TypeVar, dataclass_transform
+
+import jax
+
+T = TypeVar("T")
+
+
+@dataclass_transform(frozen_default=True)
+def value(cls: type[T]) -> type[T]:
+    """A frozen dataclass whose fields are the children of a pytree."""
+    cls = dataclasses.dataclass(frozen=True, eq=False)(cls)
+    names = tuple(field.name for field in dataclasses.fields(cls))  # pyright: ignore[reportArgumentType]
+    keys = tuple(map(jax.tree_util.GetAttrKey, names))
+
+    def flatten(x: Any) -> tuple[list[Any], None]:
+        return [getattr(x, name) for name in names], None
+
+    def flatten_with_keys(x: Any) -> tuple[list[Any], None]:
+        return list(zip(keys, flatten(x)[0], strict=True)), None
+
+    def unflatten(_: None, children: Any) -> Any:
+        new = object.__new__(cls)
+        new.__dict__.update(zip(names, children, strict=True))
+        return new
+
+    jax.tree_util.register_pytree_with_keys(cls, flatten_with_keys, unflatten, flatten)
+    return cls
