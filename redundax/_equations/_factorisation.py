@@ -15,6 +15,8 @@ condition (14), rank [M Phi_q^T] = n, holds. No matrix is multiplied with its tr
 number is that of K, not its square. One step of iterative refinement follows, which keeps mass ratios harmless.
 """
 
+import functools
+
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
@@ -275,7 +277,7 @@ def factorised(system: AbstractSystem, state: State, rank: ArrayLike | None) -> 
     return _factorised(system.anonymous.without_friction, state, None if rank is None else xp.asarray(rank))
 
 
-@on_numbers
+@functools.partial(on_numbers, repeats=True)
 def _factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | None) -> Factorisation:
     kinematics = scaled_kinematics(system, state)
     scaled, matrix, position, scales, motion, _, mass, load = kinematics

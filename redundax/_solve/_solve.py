@@ -186,7 +186,7 @@ def _is_settled(solution: Solution) -> bool:
     return float(solution.stats.fold) > 0 or not is_one_of(solution.result, RESULTS.successful, *_OF_FRICTION)
 
 
-@on_numbers
+@functools.partial(on_numbers, repeats=True)
 def _solved(
     solver: AbstractSolver,
     system: AbstractSystem,

@@ -9,6 +9,7 @@ arguments a door (`on_numbers`) has turned into NumPy's, and a program, in which
 given by hand, factors that do not exist.
 """
 
+import collections
 import functools
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -18,6 +19,8 @@ import jax
 import jax.core
 import jax.numpy as jnp
 import numpy as np
+
+from ._compilation import compiled, quick_options
 
 T = TypeVar("T")
 
@@ -249,15 +252,27 @@ def as_arrays(tree: T) -> T:
     return jax.tree.unflatten(structure, leaves)
 
 
-def on_numbers(function: Callable[..., Any], *, jit: bool = True) -> Callable[..., Any]:
-    """A function that runs on NumPy's arrays where all its arguments are known, and gives JAX's; else it is traced."""
-    traced = eqx.filter_jit(function) if jit else function
+# Calls of one structure after which a program takes over, which compiles for as long as a few hundred take.
+OFTEN = 300
+
+
+def on_numbers(function: Callable[..., Any], *, jit: bool = True, repeats: bool = False) -> Callable[..., Any]:
+    """A function that runs on NumPy's arrays where all its arguments are known, and gives JAX's; else it is traced.
+
+    One that `repeats` is a program of its own from call `OFTEN` on with arguments of one structure.
+    """
+    traced, program, calls = eqx.filter_jit(function) if jit else function, compiled(function), collections.Counter()
 
     @functools.wraps(function)
     def run(*arguments: Any, **named: Any) -> Any:
         given = arguments, named
         if not are_known(given):
             return traced(*arguments, **named)
+        if repeats:
+            calls[key := _structure(given)] += 1
+            if calls[key] > OFTEN:
+                out = program(*arguments, **named)
+                return as_numbers(out) if are_numbers(given) else out
         if are_numbers(given):  # behind a door
             return function(*arguments, **named)
         with np.errstate(all="ignore"):
@@ -267,14 +282,18 @@ def on_numbers(function: Callable[..., Any], *, jit: bool = True) -> Callable[..
     return run
 
 
+def _structure(tree: Any) -> tuple[Any, ...]:
+    """What a program is keyed by."""
+    leaves, structure = jax.tree.flatten(tree)
+    return structure, *((np.shape(x), x.dtype) if eqx.is_array(x) else x for x in leaves)
+
+
 def of_model(function: Callable[..., Any]) -> Callable[..., Any]:
     """What of a model is a program of its own where numbers are known, and part of another where some are traced."""
 
     @functools.cache
     def program() -> Callable[..., Any]:
-        from ._compilation import quick_options  # here, as it tries options out
-
-        return eqx.filter_jit(function, compiler_options=quick_options())
+        return eqx.filter_jit(function, compiler_options=quick_options())  # pyright: ignore[reportCallIssue]
 
     @functools.wraps(function)
     def run(*arguments: Any) -> Any:
