@@ -66,7 +66,7 @@ def main() -> None:
     jax.config.update("jax_enable_compilation_cache", False)
     rows: list[Row] = []
     programs: dict[str, Programs] = {}
-    for name in arguments.only or works:
+    for name in arguments.only or _WORKS:
         print(f"{name} ...", file=sys.stderr, flush=True)
         if name == _COMPILATION:
             programs = _costs.compilation()

@@ -62,8 +62,8 @@ def study(
     - `chunk`: number of samples that are on the devices at once; rounded up to a multiple of their number.
     - `path`: a netCDF file, ".nc", to which every chunk is written, so that memory does not grow with N. A study that
       was stopped goes on where it stopped if it is called again in the same way. So that `run` cannot have changed
-      meanwhile, the first chunk is computed again and compared; what is in the file is compared with check sums. Room
-      on the disk is taken for all samples at the start.
+      meanwhile, the first chunk is computed again and compared. Numbers in the file are compared with check sums, names
+      and units with those of this call. Room on the disk is taken for all samples at the start.
     - `mesh`: devices over which the samples of a chunk are spread, along all axes of the mesh; JAX's default device
       if not given. The mesh may span processes (`jax.distributed`) that all make the same call: process 0 writes,
       and all read the file at the end. For the cores of a CPU let each be a device, by

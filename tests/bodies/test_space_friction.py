@@ -238,7 +238,7 @@ BAD = {
 @pytest.mark.parametrize("name", BAD)
 def test_bad_input_says_what_to_do(name):
     build, words = BAD[name]
-    with pytest.raises(ValueError, match=words):
+    with pytest.raises(rx.RedundaxError, match=words):
         build()
 
 

@@ -402,7 +402,7 @@ def test_rounding_of_an_axis_does_not_turn_the_joint(axis):
     ],
 )  # fmt: skip
 def test_bad_input_says_what_to_do(make, words):
-    with pytest.raises(ValueError, match=words):
+    with pytest.raises(rx.RedundaxError, match=words):
         make(rs.Body("a", 1.0, (1.0, 1.0, 1.0)))
 
 

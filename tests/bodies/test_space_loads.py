@@ -275,5 +275,5 @@ def test_loads_that_say_too_little_or_too_much_are_refused():
         (lambda: rs.LoadFunction("a", lambda i, j, t, p: np.sin(i.velocity)), "`function` must be a function that JAX"),
         (lambda: rx.Mechanism([A], [rs.Spherical("A", A, G, (0, 0, 0))], loads=[rx.AppliedForce("a")]), "all spatial"),
     ):
-        with pytest.raises(ValueError, match=words):
+        with pytest.raises(rx.RedundaxError, match=words):
             bad()

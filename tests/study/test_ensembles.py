@@ -86,7 +86,7 @@ def test_pictures_say_what_is_missing(blocks):
     assert figure.get_suptitle() == "7 motions: 6 successful, 1 violated constraints"
     assert all(any(part.get_hatch() for part in axes.collections) for axes in figure.axes)
     assert len(rx.plot.ensemble(blocks).axes) == 1  # the other position does not vary
-    with pytest.raises(ValueError, match=r"Argument `outputs` must hold names .* but holds 'z'"):
+    with pytest.raises(rx.RedundaxError, match=r"Argument `outputs` must hold names .* but holds 'z'"):
         rx.plot.ensemble(blocks, ["z"])
 
 
@@ -138,5 +138,5 @@ def stub(rate, t=(0.0, 1.0), n=2):
 )
 def test_errors_name_argument_and_fix(given, message):
     options = {"run": stub, "system": pendulum(0.7, 1.0)[0], "size": 2, **given}
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(rx.RedundaxError, match=message):
         rx.ensemble(options.pop("run"), {"rate": rx.Uniform(0.9, 1.1)}, **options)
