@@ -228,7 +228,7 @@ def unit(v: Numbers) -> Array:
 
 
 @jax.custom_jvp
-def safe_norm(v: Float[Array, "n *columns"]) -> Float[Array, "*columns"]:
+def safe_norm(v: Float[Array, "n *columns"]) -> Float[Array, "*columns"]:  # noqa: F821 (axes are no names)
     """|v| with derivative 0 at v = 0, column by column; `hypot` has a spurious value there and sqrt NaN."""
     entries = [v[k] for k in range(v.shape[0])]  # not `v @ v`: a batch lays entries side by side
     return jnp.sqrt(functools.reduce(operator.add, [x * x for x in entries]))
