@@ -134,7 +134,7 @@ class Newton(AbstractSolver):
 
         ```python
         rx.solve(mechanism, state, solver=rx.Newton())
-        rx.solve(mechanism, state, closure=None, solver=rx.Newton(), x0=100.0)  # (38)
+        rx.solve(mechanism, state, closure=None, solver=rx.Newton(), x0=100.0)  # Eq. (38)
         ```
 
     **Arguments:**
