@@ -6,8 +6,6 @@ import re
 from collections import Counter
 from pathlib import Path
 
-import pytest
-
 import redundax as rx
 
 PAGES = Path(__file__).parents[2] / "docs" / "pages"
@@ -32,21 +30,6 @@ def test_every_page_and_notebook_is_linked():
     assert set(re.findall(r"\]\((\w+\.md)\)", index)) == pages - {"index.md"}
     notebooks = {path.stem for path in (PAGES.parents[1] / "notebooks").glob("*.ipynb")}
     assert set(re.findall(r"^\| `(\w+)` \|", index, re.M)) == notebooks
-
-
-CODE = [
-    pytest.param(block, id=f"{page.stem} {k}")
-    for page in sorted(PAGES.glob("*.md"))
-    for k, block in enumerate(re.findall(r"```python\n(.*?)```", page.read_text(), re.S))
-]
-
-
-@pytest.mark.parametrize("block", CODE)
-def test_code_of_the_pages_runs(block, tmp_path, monkeypatch):
-    if "load_model" in block:
-        pytest.importorskip("mujoco")
-    monkeypatch.chdir(tmp_path)  # some write files
-    exec(compile(block, "page", "exec"), {})
 
 
 def test_nothing_that_users_read_has_a_coined_word():
