@@ -62,7 +62,8 @@ def test_example_runs(block, tmp_path, monkeypatch, capsys):
     for value, told in steps(block, scene):
         if told is not None:
             np.testing.assert_allclose(figures(value), figures(told), rtol=2e-3, atol=1e-9)  # of three digits
-    for name, made in scene.items():
+    made_of = {} if "throw=False" in block else scene  # that shows a solve without solution
+    for name, made in made_of.items():
         if isinstance(made, rx.types.Solution | rx.types.Trajectory | jax.Array):
             assert not np.isnan(figures(getattr(made, "acceleration", made))).any(), name
     assert not re.search(r"\bnan\b", capsys.readouterr().out, re.IGNORECASE)
