@@ -102,8 +102,8 @@ class File:
         if wrong:
             self.close()
             self.problem = (
-                f"Argument `path`: {self._path} was changed or damaged, or another version wrote it: {wrong} are not "
-                "as they were written. Delete the file, or give another path, and the study begins anew."
+                f"Argument `path`: {self._path} was changed or damaged, or another version wrote it: it is not as it "
+                f"was written at {wrong}. Delete the file, or give another path, and the study begins anew."
             )
             return
         if self.done < self._layout.size:
@@ -118,7 +118,7 @@ class File:
         wrong = [name for name in sorted(found.keys() | new.keys()) if found.get(name) != new.get(name)]
         if not isinstance(found.get(_DONE), int):
             wrong.append(_DONE)
-        return ", ".join(wrong)
+        return ", ".join(wrong[:3]) + f" and {len(wrong) - 3} more" * (len(wrong) > 3)
 
     def _create(self, fingerprint: str) -> None:
         try:

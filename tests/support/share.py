@@ -8,7 +8,8 @@ the clone does not know the number, the commit's hash says it.
 
 Changed is what differs from the commit HOURS ago, where the clone has one. A test file goes with it if it changed
 itself, or if its folder, its name or its imports name a changed part of the package, of the tests' support or of the
-repository. These are at most a share more, files that changed themselves first: who changes all waits for the turns.
+repository. These are at most half a share more, files that changed themselves first: who changes all waits for the
+turns.
 """
 
 import argparse
@@ -69,7 +70,7 @@ def chosen(root: Path, of: int) -> tuple[list[str], str]:
         file for file in (root / "tests").rglob("test_*.py") if "mark.slow" in file.read_text(encoding="utf8")
     )
     paths, number = changed(root), turn(root, of)
-    parts, most = parts_of(paths), len(every) // of
+    parts, most = parts_of(paths), len(every) // (2 * of)
     own = [file for file in every if file.relative_to(root).as_posix() in paths]
     touched = [*own, *(file for file in every if file not in own and names_of(file) & parts)]
     taken = {*touched[:most], *every[number::of]}
