@@ -185,22 +185,26 @@ def analyze_along(
             f"Argument `states` must hold two finite states at least, but has {len(each)}. "
             "Simulate longer, or give more states."
         )
-    reports = tuple(analyze(system, state, closure=closure, sense=sense, rank=rank) for state in each)
+    system, reports, row_scales = system.whole, [], []
+    for state in each:
+        factor = factorize_dense(system, state, rank)
+        reports.append(analyze(system, state, closure=closure, sense=sense, factor=factor))
+        row_scales.append(np.asarray(factor.row_scale))
     ranks, t = np.array([report.rank for report in reports]), np.array([float(state.t) for state in each])
     most = int(ranks.max())
     smallest = np.array([report.singular_values[max(most - 1, 0)] for report in reports])
     return MotionReport(
         t=t,
-        reports=reports,
+        reports=tuple(reports),
         rank=ranks,
         smallest=smallest,
         changes=_changes(t, reports),
         narrow=_narrow(system, each, smallest, most) if most else (),
-        releases=_releases(system, each, reports, rank),
+        releases=_releases(reports, row_scales),
     )
 
 
-def _changes(t: np.ndarray, reports: tuple[Report, ...]) -> tuple[Change, ...]:
+def _changes(t: np.ndarray, reports: list[Report]) -> tuple[Change, ...]:
     out = []
     for k, (before, after) in enumerate(zip(map(_said, reports[:-1]), map(_said, reports[1:]), strict=True)):
         for name in before:
@@ -253,16 +257,11 @@ def _between(
     return state, factorize_dense(system, state, rank).spectrum
 
 
-def _releases(
-    system: AbstractSystem, states: list[State], reports: tuple[Report, ...], rank: ArrayLike | None
-) -> tuple[Release, ...]:
+def _releases(reports: list[Report], row_scales: list[np.ndarray]) -> tuple[Release, ...]:
     """All releases advised somewhere, by their least determinant."""
     if len({report.redundancy for report in reports}) > 1:
         return ()
-    bases = [
-        orthonormal(np.asarray(factorize_dense(system, state, rank).row_scale), report.self_stress)
-        for state, report in zip(states, reports, strict=True)
-    ]
+    bases = [orthonormal(scale, report.self_stress) for report, scale in zip(reports, row_scales, strict=True)]
     best: dict[tuple[str, ...], Release] = {}
     for advised in [release.directions for report in reports for release in report.releases]:
         least = min(determinant(advised, basis, reports[0].rows) for basis in bases)

@@ -35,7 +35,7 @@ from .._tools._compilation import compiled
 from .._tools._module import no_classes
 from ._others import other_solutions
 from ._outputs import outputs
-from ._position import position
+from ._position import local_self_stress, unique_only_here
 from ._release import Release, releases
 from ._report import Report
 from ._verdict import Family, Judged, family, judge
@@ -71,9 +71,10 @@ def analyze(
     """
     no_classes(closure=closure)
     system, factor = dense_at(system, state, rank, factor)
-    found, here = jax.device_get((_evidence(factor), position(system.anonymous, state, factor)))
+    found = jax.device_get(_evidence(factor))
     lost = _undetermined(system, state, factor, closure)
     singular, decided = bool(found.singular_position), bool(found.local)
+    local, here = _position(system.anonymous, state, factor, found)
     rows, unique = np.array(system.rows.labels), found.unique_multipliers & (decided or not singular)
     reads = np.unique(np.concatenate([np.zeros(0, int), *(np.ravel(group.rows) for group in system.friction)]))
     redundancy = rows.size - int(found.spectrum.rank)
@@ -97,9 +98,9 @@ def analyze(
         groups=tuple(tuple(str(rows[k]) for k in group) for group in groups),
         unit_dependent=tuple(str(rows[k]) for group in groups if len({kinds[k] for k in group}) > 1 for k in group),
         unique_multipliers=tuple(str(name) for name in rows[unique]),
-        unique_only_here=tuple(str(name) for name in rows[here.unique_only_here & (not singular)]),
+        unique_only_here=tuple(str(name) for name in rows[here]),
         singular_position=singular,
-        local_self_stress=int(here.local),
+        local_self_stress=local,
         lost_digits=float(found.lost_digits),
         undetermined=tuple(str(name) for name in rows[lost]),
         unique_accelerations=bool(found.determinate) and (decided or not singular),
@@ -134,6 +135,13 @@ class _Evidence(NamedTuple):
 @compiled
 def _evidence(factor: Factorisation) -> _Evidence:
     return _Evidence(*(getattr(factor, name) for name in _Evidence._fields))
+
+
+def _position(system: AbstractSystem, state: State, factor: Factorisation, found: _Evidence) -> tuple[int, np.ndarray]:
+    """How many self-stress states are there here alone, and which multipliers are unique here alone, (m,)."""
+    if not found.singular_position:
+        return 0, unique_only_here(system, state, factor, np.asarray(found.unique_multipliers))
+    return int(found.local) or local_self_stress(system, state, factor), np.zeros(len(found.row_scale), bool)
 
 
 def _undetermined(system: AbstractSystem, state: State, factor: Factorisation, closure: AbstractClosure) -> np.ndarray:
@@ -200,7 +208,7 @@ def orthonormal(row_scale: np.ndarray, stress: np.ndarray) -> np.ndarray:
 
 def _echelon(projector: np.ndarray, row_scale: np.ndarray, k: int, unique: np.ndarray) -> np.ndarray:
     """Basis of the self-stress in reduced echelon form, shape (k, m), given the projector of scaled multipliers."""
-    vectors, pivots = np.linalg.eigh(projector)[1][:, projector.shape[0] - k :].T, []
+    vectors, pivots = np.linalg.eigh(projector)[1][:, len(projector) - k :].T if k else 0.0 * projector[:0], []
     for state in range(k):
         size = np.abs(vectors[state:]).max(axis=0)
         pivot = int(np.argmax(size > 0.1 * size.max()))

@@ -1,5 +1,6 @@
 """Releases of joints in space in the words of who chooses bearings: floating, self-aligning, or none at all."""
 
+import itertools
 import textwrap
 from collections.abc import Sequence
 
@@ -11,6 +12,11 @@ _FREED = {
     ("radial_1", "radial_2"): "give way across its axis",
     ("bend_1", "bend_2"): "tilt",
     ("twist",): "turn about its axis",
+}
+_SHAFTS = {  # of a joint of two axes, one on each body, whose moment stands on neither
+    ("axial",): "slide along its axis on its second body",
+    ("radial_1", "radial_2"): "give way across its axis on its second body",
+    ("twist",): "turn about all axes, as a ball joint",
 }
 _BEARINGS = {
     ("axial",): "floating bearing",
@@ -43,9 +49,11 @@ def bearing_words(release: Release, rows: Sequence[str]) -> str:
 
 
 def _of_joint(joint: str, freed: list[str], rows: Sequence[str]) -> str:
-    if all(row.rpartition(".")[2] in freed for row in rows if row.rpartition(".")[0] == joint):
+    own = {row.rpartition(".")[2] for row in rows if row.rpartition(".")[0] == joint}
+    if own <= set(freed):
         return f"leave {joint} out"
-    ways = [words for pair, words in _FREED.items() if set(pair) <= set(freed)]
+    words = _SHAFTS if own == {*itertools.chain(*_SHAFTS)} else _FREED
+    ways = [words[pair] for pair in words if set(pair) <= set(freed)]
     if sum(len(pair) for pair in _FREED if set(pair) <= set(freed)) < len(freed):
         return ""
     bearing = _BEARINGS.get(tuple(sorted(freed)))

@@ -63,4 +63,4 @@ def _solved(
         found = jnp.concatenate([*reduced.response.at(root.tau, stress), root.tau])
         return jnp.where(newton.result(root.progress) == RESULTS.successful, found, jnp.nan)
 
-    return jax.vmap(jax.vmap(one))(added)
+    return jax.lax.map(jax.vmap(one), added)  # one self-stress after the other: each sample holds matrices

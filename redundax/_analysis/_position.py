@@ -1,53 +1,75 @@
-"""The nature of a position: which self-stress is there at this position only, and which loads are unique only here.
+"""The nature of a position: how much self-stress is there at this position only, and which loads are unique only here.
 
-With K the scaled Jacobian, P and Z the projectors onto self-stress and motions, dK the change of K along a motion w,
+With K the scaled Jacobian, N and V bases of self-stress and motions, dK(w) the change of K along a motion w,
 
-    P dK(w) z   is zero for all motions w, z   where the rank is the same beside the position,
-    dP = -P dK K^+ - (P dK K^+)^T              is the change of the self-stress.
+    N^T dK(w) z   is zero for all motions w, z   where the rank is the same beside the position,
+    dP = -P dK K^+ - (P dK K^+)^T                is the change of the self-stress.
 
-The range of P dK(w) Z over all w is the self-stress that vanishes beside the position: to second order, so what is
-found is there at least.
+The span of N^T dK(w) V over all w is the self-stress that vanishes beside the position: to second order, so what is
+found is there at least. All of it is linear in w: the motions that show no more than those before them are a subspace,
+and unless that is the whole space, one of no symmetry is not in it. So a few motions, one after another, tell what all
+of them do, each by one matrix of the size of K.
 """
 
-from typing import NamedTuple
+from collections.abc import Iterator
 
-import jax
-import jax.numpy as jnp
-from jaxtyping import Array, Bool, Int
+import numpy as np
+from jaxtyping import Array, Bool, Float
 
 from .._equations._factorisation import Factorisation
 from .._equations._kinematics import change_of_jacobian
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
+from .._tools._module import on_device
 
 _CHANGES = 1e-4  # relative change of a projector that is more than the blur of a state beside the manifold
+_IDLE = 2  # motions in a row that show no more: one by chance with odds of `_CHANGES`, both with its square
+
+_change = compiled(change_of_jacobian)
 
 
-class Position(NamedTuple):
-    """`local`: self-stress states of this position alone; `unique_only_here`: multipliers unique here alone, (m,)."""
+def local_self_stress(system: AbstractSystem, state: State, factor: Factorisation) -> int:
+    """How many self-stress states are there at this position alone, at least; known numbers."""
+    motions, seen, counts = _basis(factor.split.motion, int(factor.freedom)), np.zeros((int(factor.redundancy), 0)), [0]
+    for bends, _ in _changes(system, state, factor, motions):
+        axes, sizes, _ = np.linalg.svd(np.hstack([seen, bends @ motions]), full_matrices=False)
+        seen = axes * sizes
+        counts.append(int(np.sum(sizes > _CHANGES * sizes[0])))
+        if counts[-1] == len(seen) or counts[-_IDLE:] == counts[-_IDLE - 1 : -1]:
+            break
+    return counts[-1]
 
-    local: Int[Array, ""]
-    unique_only_here: Bool[Array, " m"]
+
+def unique_only_here(
+    system: AbstractSystem, state: State, factor: Factorisation, unique: Bool[np.ndarray, " m"]
+) -> Bool[np.ndarray, " m"]:
+    """Which of the unique multipliers are so at this position alone; known numbers."""
+    found, largest, idle = np.zeros_like(unique), 0.0, 0
+    motions, inverse = _basis(factor.split.motion, int(factor.freedom)), np.asarray(factor.split.inverse, float)
+    for bends, size in _changes(system, state, factor, motions):
+        largest, before = max(largest, size), found
+        turned = np.linalg.norm(bends @ inverse, axis=0)
+        found = found | (unique & (turned > _CHANGES * largest))
+        idle = 0 if np.any(found & ~before) else idle + 1
+        if idle == _IDLE:
+            break
+    return found
 
 
-@compiled
-def position(system: AbstractSystem, state: State, factor: Factorisation) -> Position:
-    """The nature of the position of a state."""
-    inverse, stress, motion = factor.split
-    columns = factor.scaling.coordinates
+def _changes(
+    system: AbstractSystem, state: State, factor: Factorisation, motions: Float[np.ndarray, "n f"]
+) -> Iterator[tuple[Float[np.ndarray, "k n"], float]]:
+    """N^T dK(w) and the largest entry of dK(w), for each w of a basis; none where there is no self-stress."""
+    stress = _basis(factor.split.stress, int(factor.redundancy))
+    columns, rows = (np.asarray(scale, float) for scale in (factor.scaling.coordinates, factor.row_scale))
+    for motion in motions.T if stress.size else ():
+        along = on_device((columns * motion).astype(factor.gamma.dtype))
+        change = np.asarray(_change(system, state, along), float) * columns / rows[:, None]
+        yield stress.T @ change, float(np.abs(change).max())
 
-    def change(direction: Array) -> Array:
-        moved = change_of_jacobian(system, state, columns * direction)
-        return moved * columns / factor.row_scale[:, None]
 
-    changes = jax.vmap(change)(motion)  # the rows of Z span the motions
-    largest = jnp.max(jnp.abs(changes))
-    seen = jnp.einsum("ab,wbc,cd->awd", stress, changes, motion).reshape(stress.shape[0], -1)
-    values = jnp.linalg.svd(seen, compute_uv=False)
-    local = jnp.where(factor.singular_position, jnp.sum(values > _CHANGES * jnp.max(values, initial=0.0)), 0)
-    if factor.branch is not None:  # told apart, where `factor.split` has the others only
-        local = jnp.where(factor.branch.count > 0, factor.branch.count, local)
-    turned = jnp.einsum("ab,wbc,cd->wad", stress, changes, inverse)
-    alters = jnp.max(jnp.linalg.norm(turned, axis=1), axis=0) > _CHANGES * largest
-    return Position(local, factor.unique_multipliers & alters)
+def _basis(projector: Float[Array, "d d"], rank: int) -> Float[np.ndarray, "d r"]:
+    """An orthonormal basis of no symmetry of the range of a projector; none where a declared rank is impossible."""
+    random = np.random.default_rng(11).normal(size=(len(projector), max(rank, 0)))
+    return np.linalg.qr(np.asarray(projector, float) @ random)[0]

@@ -4,6 +4,9 @@ Releasing k directions d_s, each a combination of the rows of one joint, removes
 iff the matrix N_S with rows d_s^T N is regular: only then every self-stress state needs a released direction. Its
 determinant, with N orthonormal and free of units, ranks the choices: the larger, the farther is the released mechanism
 from a position where it gains a motion. Within one joint and kind of row the directions are the principal ones of N.
+
+Directions of which no self-stress needs two are independent groups, whose determinants multiply: where there are too
+many choices to look at all, each group is looked through by itself, and the best choices of all are made of its best.
 """
 
 import dataclasses
@@ -13,7 +16,11 @@ from collections.abc import Sequence
 import numpy as np
 
 _MOST_CHOICES = 20000
+_MOST_WORK = 10**9  # multiplications of a search among more choices, seconds
+_AT_ONCE = 2**20  # numbers in matrices whose determinants are taken together, 8 MiB
 _LISTED = 6
+_LEAST = 1e-6  # of the best determinant: a choice below adds a freedom, or as good as does
+_APART = 1e-9  # products of directions that are rounding: no self-stress needs both
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,7 +46,8 @@ class Release:
         joints: dict[str, list[str]] = {}
         for joint, shares in self.directions:
             joints.setdefault(joint, []).append(_direction(joint, shares))
-        return f"{' and '.join(_together(*each) for each in joints.items())}: {self.determinant:.3f}"
+        size = f"{self.determinant:.3f}" if self.determinant >= 1e-3 else f"{self.determinant:.1e}"
+        return f"{' and '.join(_together(*each) for each in joints.items())}: {size}"
 
 
 def _together(joint: str, directions: list[str]) -> str:
@@ -72,21 +80,60 @@ def releases(
     if not count or len(candidates) < count:
         return ()
     order = sorted(candidates, key=lambda item: -_rank(np.linalg.norm(item[2])))
-    vectors = np.stack([vector for _, _, vector in order])
+    vectors, joints = np.stack([vector for _, _, vector in order]), [joint for joint, _, _ in order]
     if _choices(len(order), count) <= _MOST_CHOICES:
-        chosen = list(itertools.combinations(range(len(order)), count))
+        best = _best(vectors, count, joints, most)
     else:
-        chosen = list({_exchanged(vectors, _greedy(vectors, first)) for first in range(len(order))})
-    sizes = np.abs(np.linalg.det(vectors[np.array(chosen)]))
+        best = [(1.0, ())]
+        for group in _independent(vectors):
+            own = _within(vectors[group])
+            pairs = itertools.product(best, _best(own, own.shape[1], [joints[k] for k in group], most))
+            best = [(size * by, (*pick, *group[list(more)])) for (size, pick), (by, more) in pairs]
+            best = sorted(best, key=lambda item: -_rank(item[0]))[:most]
+    place = {id(candidate): k for k, candidate in enumerate(candidates)}
+    picks = ((size, sorted((order[k] for k in pick), key=lambda each: place[id(each)])) for size, pick in best)
+    return tuple(Release(tuple(each[:2] for each in pick), size) for size, pick in picks)
+
+
+def _best(vectors: np.ndarray, count: int, joints: list[str], most: int) -> list[tuple[float, Sequence[int]]]:
+    """The best choices of as many rows as columns, with their determinants."""
+    if _choices(len(vectors), count) <= _MOST_CHOICES:
+        chosen = list(itertools.combinations(range(len(vectors)), count))
+    else:
+        starts = max(_MOST_WORK // (len(vectors) * count**2), most)
+        chosen = list({_exchanged(vectors, _greedy(vectors, first)) for first in range(min(len(vectors), starts))})
+    step = max(_AT_ONCE // count**2, 1)
+    parts = (chosen[start : start + step] for start in range(0, len(chosen), step))
+    sizes = np.concatenate([np.abs(np.linalg.det(vectors[np.array(part)])) for part in parts])
 
     def rank(item: tuple[float, Sequence[int]]) -> tuple[float, int]:
         size, pick = item
-        return -_rank(size), len({order[k][0] for k in pick})  # of equals those in few joints first
+        return -_rank(size), len({joints[k] for k in pick})  # of equals those in few joints first
 
     best = sorted(zip(sizes.tolist(), chosen, strict=True), key=rank)[:most]
-    place = {id(candidate): k for k, candidate in enumerate(candidates)}
-    picks = ((size, sorted((order[k] for k in pick), key=lambda each: place[id(each)])) for size, pick in best)
-    return tuple(Release(tuple(each[:2] for each in pick), size) for size, pick in picks if size > 1e-6)
+    return [(size, pick) for size, pick in best if size > _LEAST * best[0][0]]
+
+
+def _independent(vectors: np.ndarray) -> list[np.ndarray]:
+    """Groups of rows, those of one orthogonal to those of all others; of columns that are orthonormal.
+
+    What is left over, rows next to zero, spans no direction.
+    """
+    linked, left, groups = np.abs(vectors @ vectors.T) > _APART, np.ones(len(vectors), bool), []
+    while left.any():
+        group = np.arange(len(vectors)) == np.argmax(left)
+        while (more := linked[group].any(axis=0) | group).sum() > group.sum():
+            group = more
+        groups.append(np.flatnonzero(group))
+        left &= ~group
+    return [group for group in groups if np.linalg.norm(vectors[group], 2) > 0.5]
+
+
+def _within(vectors: np.ndarray) -> np.ndarray:
+    """The rows of a group by an orthonormal basis of what they span: each direction of it has singular value 1."""
+    axes, sizes, _ = np.linalg.svd(vectors, full_matrices=False)
+    kept = sizes > 0.5
+    return axes[:, kept] * sizes[kept]
 
 
 def _greedy(vectors: np.ndarray, first: int) -> list[int]:
@@ -114,7 +161,7 @@ def _exchanged(vectors: np.ndarray, picked: list[int]) -> tuple[int, ...]:
 
 def _rank(size: float | np.floating) -> float:
     """What choices are sorted by: sizes that differ by rounding are equal, so that units do not change the order."""
-    return round(float(size), 9)
+    return float(f"{size:.9g}")
 
 
 def determinant(

@@ -95,7 +95,8 @@ class Report:
     def unique_reactions(self) -> tuple[str, ...]:
         """Names of the joints whose whole reaction is unique without friction: rows are called "joint.row"."""
         joints = dict.fromkeys(row.rpartition(".")[0] for row in self.rows if "." in row)
-        free = {row.rpartition(".")[0] for row in self.rows if row not in self.unique_multipliers}
+        unique = set(self.unique_multipliers)
+        free = {row.rpartition(".")[0] for row in self.rows if row not in unique}
         return tuple(joint for joint in joints if joint not in free)
 
     @property
@@ -185,7 +186,8 @@ class Report:
             lines += [line for group in self.groups for line in columns(list(group))]
         lines.append("Without friction:")
         lines.append(f"  accelerations: {'unique' if self.unique_accelerations else 'NOT unique, (14) fails'}")
-        free = [name for name in self.rows if name not in (*self.unique_multipliers, *self.undetermined)]
+        told = {*self.unique_multipliers, *self.undetermined}
+        free = [name for name in self.rows if name not in told]
         lines += _listed("  unique multipliers:", self.unique_multipliers)
         if self.unique_only_here:
             lines += _listed("  of these unique only at this position:", self.unique_only_here)

@@ -25,6 +25,7 @@ of that closure, is below 1: the sweep then contracts in a weighted maximum norm
 
 import dataclasses
 import enum
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -139,6 +140,21 @@ class Family:
         """Spectral radius of Gamma under the closure; infinite where a law has no known bound."""
         return spectral_radius(self.closed_gamma)
 
+    @functools.cached_property
+    def touched(self) -> np.ndarray:
+        """Which slips' friction can depend on which self-stress state, shape (p, k)."""
+        touched = self.reads.astype(float) @ self.stress_rows.astype(bool) > 0
+        moves = (self.gamma > _STRUCTURAL * self.gamma.max(initial=0.0)).astype(float)
+        while not np.array_equal(more := touched | (moves @ touched > 0), touched):
+            touched = more
+        return touched
+
+    @functools.cached_property
+    def one_untouched(self) -> bool:
+        """Whether the friction that no self-stress touches is proved to have one solution."""
+        untouched = ~self.touched.any(axis=1)
+        return spectral_radius(self.gamma[np.ix_(untouched, untouched)]) < 1
+
 
 def family(
     system: AbstractSystem,
@@ -234,9 +250,7 @@ def judge(family: Family, names: list[str], outputs: np.ndarray, *, solved: bool
     driven_size = np.abs(by_unknowns) @ response_size + np.abs(by_friction)
     direct = _clean(by_multipliers @ family.stress, direct_size)
     driven = _clean(by_unknowns @ family.response + by_friction, driven_size)
-    touched = _slips_touched(family)
-    untouched = ~touched.any(axis=1)
-    depends = (direct != 0) | ((driven != 0) @ touched.astype(int) > 0)
+    depends = (direct != 0) | ((driven != 0) @ family.touched.astype(float) > 0)
     moving = direct != 0
     if solved:
         terms = direct_size + driven_size @ np.abs(family.slope)
@@ -245,7 +259,7 @@ def judge(family: Family, names: list[str], outputs: np.ndarray, *, solved: bool
             moving |= depends & _differ(family, outputs)
     known = ~np.any(np.abs(outputs[:, :n] @ family.loose) > 0, axis=1)
     lost = np.any(by_multipliers[:, family.undetermined] != 0, axis=1)
-    settled = not at_rest and spectral_radius(family.gamma[np.ix_(untouched, untouched)]) < 1
+    settled = not at_rest and family.one_untouched
     out = []
     for k, name in enumerate(names):
         alone = with_friction = _simple(bool(outputs[k].any()), bool(known[k]), bool(direct[k].any()))
@@ -272,22 +286,13 @@ def _with_friction(depends: bool, sure: bool, solved: bool, moving: bool) -> Ver
     return Verdict.NOT_UNIQUE if moving else Verdict.NO_CHANGE
 
 
-def _slips_touched(family: Family) -> np.ndarray:
-    """Which slips' friction can depend on which self-stress state, shape (p, k)."""
-    touched = family.reads.astype(int) @ (family.stress_rows != 0) > 0
-    moves = family.gamma > _STRUCTURAL * family.gamma.max(initial=0.0)
-    for _ in range(len(touched)):
-        touched = touched | (moves.astype(int) @ touched > 0)
-    return touched
-
-
 def _differ(family: Family, outputs: np.ndarray) -> np.ndarray:
     """Which outputs differ between the solution and others along each self-stress state, shape (outputs, k)."""
     others = family.others()
     change = np.nan_to_num(others - family.solution)
     found = np.nan_to_num(np.vstack([family.solution, *others]))
     size = np.abs(outputs) @ sizes(found.T, family.kinds, family.length).max(axis=1)
-    moved = np.abs(np.einsum("ox,slx->osl", outputs, change)).max(axis=2)
+    moved = np.abs(np.tensordot(outputs, change, axes=(1, 2))).max(axis=2)
     return moved > np.sqrt(np.finfo(found.dtype).eps) * size[:, None]
 
 

@@ -28,6 +28,7 @@ from .._tools._module import (
     as_functions,
     floats,
     is_concrete,
+    numpy_of,
     on_device,
     replace_fields,
     tree_take,
@@ -45,7 +46,7 @@ from ._joints import AbstractJoint
 from ._loads import AbstractLoad
 from ._mechanism_page import mechanism_page
 from ._names import check_frames, check_kinds, check_names
-from ._pattern import LARGE, Pattern, dense
+from ._pattern import LARGE, LARGEST_DENSE, Pattern, dense
 from ._pins import warn_of_large_pins
 from ._row_order import ordered_rows, pushing_rows
 from ._stack import Stack, indices, stacked, stacks
@@ -154,8 +155,9 @@ class Mechanism(AbstractSystem):
 
         From 2000 coordinates and rows on they are sparse anyway.
 
-        All other questions are answered with dense ones. Sparse ones take no armature, and in motions
-        no dry sleeves, balls and plates. Contraction of friction is estimated there, not bounded.
+        All other questions are answered with dense ones, up to 6000 coordinates and rows in all. Sparse ones take no
+        armature, and in motions no dry sleeves, balls and plates. Contraction of friction is estimated there, not
+        bounded.
 
         ??? example
 
@@ -179,7 +181,16 @@ class Mechanism(AbstractSystem):
 
     @property
     def whole(self) -> Self:
-        return self if self._plan is None else self.sparse(False)
+        if self._plan is None:
+            return self
+        if (size := len(self.rows) + len(self.coordinates)) > LARGEST_DENSE:
+            raise RedundaxError(
+                f"Argument `system` must have at most {LARGEST_DENSE} coordinates and rows in all for what dense "
+                f"matrices answer, but has {size}. `assemble`, `solve` and `simulate` answer by sparse ones, and "
+                "`factorize` tells rank, redundancy, freedom and which multipliers are unique. "
+                "`mechanism.sparse(False)` takes dense ones all the same, with much time and memory."
+            )
+        return self.sparse(False)
 
     def _matrices(self, is_sparse: bool) -> tuple[Plan | None, Int[Array, "m n"] | None]:
         """The plan of sparse matrices, or the entries of dense ones."""
@@ -327,10 +338,11 @@ class Mechanism(AbstractSystem):
         return tree_take(jnp.concatenate(flat), self._source)
 
     @property
-    def rows_of_joints(self) -> list[np.ndarray]:
-        """Row indices of the joints of each stack, (joints, rows); concrete values."""
-        sizes = [(len(joints.i), len(joints.element.row_kinds)) for joints in self.joints]
-        flat = np.split(np.argsort(np.asarray(self._source)), np.cumsum([size * rows for size, rows in sizes]))[:-1]
+    def rows_of_joints(self) -> list[Any]:
+        """Row indices of the joints of each stack, (joints, rows); traced where the mechanism is."""
+        sizes, xp = [(len(joints.i), len(joints.element.row_kinds)) for joints in self.joints], numpy_of(self._source)
+        places = xp.argsort(xp.asarray(self._source))
+        flat = xp.split(places, np.cumsum([size * rows for size, rows in sizes]))[:-1]
         return [part.reshape(size) for part, size in zip(flat, sizes, strict=True)]
 
     def load(self, state: State) -> Float[Array, " n"]:

@@ -12,6 +12,7 @@ from ._frame import AbstractFrame
 from ._stack import Stack
 
 LARGE = 2000  # coordinates and rows from which on matrices are sparse: dense ones take seconds a solve there
+LARGEST_DENSE = 6000  # coordinates and rows up to which dense ones answer in minutes and a few GB, by cubes and squares
 
 
 class Pattern:

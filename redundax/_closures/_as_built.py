@@ -18,9 +18,9 @@ from .._bodies._mechanism import Mechanism
 from .._system._names import index_of
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._errors import RedundaxError
 from .._tools._module import as_float, replace_fields
 from ._closure import AbstractClosure
+from ._comparison import check_comparable, residual_by_axes_of
 
 
 def misfit(system: AbstractSystem, actual: AbstractSystem, state: State) -> Float[Array, " m"]:
@@ -37,18 +37,22 @@ def misfit(system: AbstractSystem, actual: AbstractSystem, state: State) -> Floa
     **Arguments:**
 
     - `system`: the system as designed, whose constraints `state` satisfies.
-    - `actual`: the same system with its lengths and angles as they are; its masses, centres of mass and loads do not
+    - `actual`: the same system with its lengths and angles as they are: the same bodies and joints by the same names
+      in the same order, axes and normals in the same sense. Its masses, centres of mass, loads and friction do not
       matter.
     - `state`: position and time.
+
+    In space rows are along the axes of `system`, however axes of `actual` tilt, and whatever its marks are. Joints that
+    hold the turn about their axis, such as fixed joints, sliders, screws and drivers, read the mark on one body against
+    that on the other: tilt these with a `mark` on both.
+
+    **Raises:** `RedundaxError`, by the name of a body, joint or row, where `actual` is another mechanism.
     """
-    if system.rows.kinds != actual.rows.kinds:
-        raise RedundaxError(
-            "Argument `actual` must have the constraint rows of `system`, but has others. Change the lengths and "
-            "angles of its parts only."
-        )
-    if isinstance(actual, Mechanism) and isinstance(system, Mechanism):
-        actual = replace_fields(actual, body=system.body)  # q is where the centres of mass of these bodies are
-    return actual.constraint(state.q, state.t) - system.constraint(state.q, state.t)
+    check_comparable(system, actual)
+    if not (isinstance(actual, Mechanism) and isinstance(system, Mechanism)):
+        return actual.constraint(state.q, state.t) - system.constraint(state.q, state.t)
+    actual = replace_fields(actual, body=system.body)  # q is where the centres of mass of these bodies are
+    return residual_by_axes_of(system, actual, state.q, state.t) - system.constraint(state.q, state.t)
 
 
 class AsBuilt(AbstractClosure):
@@ -65,17 +69,18 @@ class AsBuilt(AbstractClosure):
     **Arguments:**
 
     - `closure`: the compliance, and misfit that comes on top.
-    - `actual`: the system with its lengths and angles as they are.
+    - `actual`: the system with its lengths and angles as they are, as of `misfit`.
     """
 
     closure: AbstractClosure
     actual: AbstractSystem
 
     def __init__(self, closure: AbstractClosure, actual: AbstractSystem):
-        self.closure, self.actual = closure, actual.anonymous
+        self.closure, self.actual = closure, actual
 
     def by_place(self, system: AbstractSystem) -> "AsBuilt":
-        return replace_fields(self, closure=self.closure.by_place(system))
+        check_comparable(system, self.actual)
+        return replace_fields(self, closure=self.closure.by_place(system), actual=self.actual.anonymous)
 
     def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
         W, d = self.closure.compliance(system, state)

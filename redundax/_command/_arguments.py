@@ -118,6 +118,12 @@ def _audit(commands: Any) -> argparse.ArgumentParser:
         help="loops of a URDF, as YAML; by default the file of its name that ends in .yaml, if there is one",
     )
     examination.add_argument(
+        "--keyframe",
+        metavar="NAME",
+        help="begin from a keyframe of an MJCF; by default the position of the file, or the first keyframe that closes "
+        "within joint limits where that does not",
+    )
+    examination.add_argument(
         "--allow", metavar="K", type=_whole, default=0, help="so many redundant constraints are no fault (default 0)"
     )
     examination.add_argument("--all", action="store_true", help="list all releases that were found, too")

@@ -4,7 +4,6 @@ import argparse
 import contextlib
 import json
 import pathlib
-import sys
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
@@ -18,21 +17,26 @@ from .._equations._assemble import assemble
 from .._equations._factorize import factorize_dense
 from .._models._audit import Audit, audit
 from .._models._audit_page import audit_page
+from .._models._choice import listed
 from .._models._examine import examine
 from .._models._fix import Fix, fix
+from .._models._formats import MODELS, not_a_model
 from .._models._model import Model, load_model
 from .._models._repair import language
+from .._models._repair_page import wrapped
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._progress import stage
+from .._tools._words import ended, printable
 from ._audit_html import check_pictures, write_page
-from ._copy import MODELS, check_copy
-from ._families import show
+from ._copy import check_copy
 from ._file import FileError, blaming, load
+from ._output import show, tell
 
 _POSITIONS = 3  # beside that of the file
 _REACH = 0.3  # of them, rad or lengths of the mechanism
-_OPEN = 1e-6  # loops in the file, m or rad: less need not be told
+_MOST = 4  # joints named
+_MANY, _TOO_MANY = 150, 3000  # bodies: about a minute of work; 2.6 GB a matrix
 
 
 def audit_file(arguments: argparse.Namespace) -> int:
@@ -43,7 +47,10 @@ def audit_file(arguments: argparse.Namespace) -> int:
         warnings.simplefilter("always", UserWarning)
         system, state, found, about, mended, says, lines = _found(arguments)
     told = list(dict.fromkeys(str(each.message) for each in caught if each.category is UserWarning))
-    heading = [*_heading(arguments.system, about), *(f"warning: {each}" for each in told)]
+    heading = [
+        *_heading(arguments.system, about, arguments.keyframe is not None),
+        *(f"warning: {each}" for each in told),
+    ]
     page = audit_page(found, about, lines=lines, language=says, allowed=arguments.allow, everything=arguments.all)
     rest = [*_next(arguments, found), *_notes(about)]
     text = "\n".join([*heading, "", page, *([""] if rest else []), *rest])
@@ -53,10 +60,10 @@ def audit_file(arguments: argparse.Namespace) -> int:
         else text
     )
     if mended:
-        print(mended, file=sys.stderr)
+        tell(str(mended))
     if arguments.html:
-        write_page(arguments.html, f"Audit of {arguments.system}", text, system, state, found)
-        print(f"written: {arguments.html}", file=sys.stderr)
+        write_page(arguments.html, printable(f"Audit of {arguments.system}"), printable(text), system, state, found)
+        tell(f"written: {arguments.html}")
     return _status(found, about.get("whole", True), arguments.allow)
 
 
@@ -80,20 +87,31 @@ class _Found(NamedTuple):
 
 def _found(arguments: argparse.Namespace) -> _Found:
     path = arguments.system
-    if pathlib.Path(path).is_dir():
+    kind = pathlib.Path(path).suffix.lower()
+    if "://" in path:
+        raise FileError(f"'{path}' is an address. Fetch the file first, and name it.")
+    if path and pathlib.Path(path).is_dir():
         raise FileError(f"'{path}' is a folder. Name an .xml or .urdf file, or FILE.py:NAME.")
+    if what := not_a_model(path):
+        raise FileError(f"'{path}' {ended(what)}")
+    if ":" not in path and kind not in (*MODELS, ".py"):
+        raise FileError(f"'{path}' must be a model, {', '.join(MODELS)}, or FILE.py:NAME. Check its ending.")
     if arguments.release and not arguments.fix:
         raise FileError("Argument `--release` says what `--fix` is to free. Give --fix FILE too.")
+    if arguments.keyframe is not None and kind not in MODELS:
+        raise FileError("Argument `--keyframe` names a position of an MJCF file. Leave it out.")
     if arguments.fix:
         with _clearly(path):
             check_copy(path, arguments.closures, arguments.fix)
-    if pathlib.Path(path).suffix.lower() not in MODELS:
+    if kind not in MODELS:
         with blaming(path):
             system, state = load(path)
             with stage("finding what is unique"):
                 return _Found(system, state, audit(system, state, _elsewhere(system, state)), {})
     with _clearly(path):
-        model = load_model(path, arguments.closures)
+        with stage("reading the model and closing its loops"):
+            model = load_model(path, arguments.closures, keyframe=arguments.keyframe)
+        _check_size(len(model.mechanism.names.bodies))
         with stage("finding what is unique"):
             found = examine(model, _POSITIONS)
         mended = fix(model, found, arguments.fix, arguments.release) if arguments.fix else None
@@ -101,6 +119,18 @@ def _found(arguments: argparse.Namespace) -> _Found:
         for edit in (edit for each in found.repairs for choice in each.choices for edit in choice.edits):
             lines[edit.rows] = says.lines(model, [edit])
         return _Found(model.mechanism, model.state, found, _about(model), mended, says.name, lines)
+
+
+def _check_size(bodies: int) -> None:
+    """Tell early how large a model is, or refuse it."""
+    size = 8 * (6 * bodies) ** 2 / 1e9
+    if bodies > _TOO_MANY:
+        raise FileError(
+            f"{bodies} bodies that move: an audit has matrices of {size:.0f} GB, several at once. Cut out the part "
+            "whose loops you ask for, or fix to each other what need not move."
+        )
+    if bodies > _MANY:
+        tell(f"redundax: {bodies} bodies that move: matrices of {size:.1g} GB, and minutes to hours.")
 
 
 @contextlib.contextmanager
@@ -138,14 +168,20 @@ def _about(model: Model) -> dict[str, Any]:
         "bodies": bodies,
         "joints": {kind: list(names) for kind, names in model.joints.items()},
         "loops": {kind: list(names) for kind, names in model.loops.items()},
+        "position": f"the keyframe '{model.keyframe}'" if model.keyframe else "the position of the file",
+        "keyframe": model.keyframe or None,
+        "keyframes": list(model.keyframes),
         "misfit_in_file": worst,
         "misfit": left,
+        "moved": model.moved,
+        "found_at_random": not model.is_near,
+        "outside_limits": [limit._asdict() for limit in model.outside],
         "whole": model.is_whole,
         "left_out": list(model.notes),
     }
 
 
-def _heading(path: str, about: dict[str, Any]) -> list[str]:
+def _heading(path: str, about: dict[str, Any], asked: bool) -> list[str]:
     if not about:
         return [path]
     counts = [
@@ -154,18 +190,38 @@ def _heading(path: str, about: dict[str, Any]) -> list[str]:
         for kind, names in about[part].items()
     ]
     lines = [f"{path}: {about['bodies']} {'body' if about['bodies'] == 1 else 'bodies'}; {', '.join(counts)}"]
-    if about["misfit_in_file"] > _OPEN:
-        lines.append(
-            f"The position of the file does not close its loops (off by {about['misfit_in_file']:.1g} m or rad). "
-            f"Joints were moved to close them, to {about['misfit']:.1g}."
+    return [*lines, *(line for each in _position(about, asked) for line in wrapped(each))]
+
+
+def _position(about: dict[str, Any], asked: bool) -> Iterator[str]:
+    """Which position the audit begins from, where that is not plainly that of the file within its limits."""
+    where, keys = about["position"], [key for key in about["keyframes"] if key != about["keyframe"]]
+    if about["keyframe"]:
+        why = "" if asked else ": the position of the file is outside joint limits, or does not close"
+        yield f"It begins from {where}{why}."
+    if about["moved"]:
+        far = sorted(about["moved"].items(), key=lambda each: -each[1])
+        names = listed([f"{name} by {size:.2g}" for name, size in far], _MOST)
+        how = ", from random positions, the nearest that closes" if about["found_at_random"] else ""
+        whole = f"{where[:1].upper()}{where[1:]}"
+        yield (
+            f"{whole} does not close the loops (off by {about['misfit_in_file']:.1g} m or rad). Joints were moved to "
+            f"close them{how}: {names} (rad or m)."
         )
-    return lines
+    if about["outside_limits"]:
+        names = listed(
+            [f"{x['joint']} at {x['position']:.4g}, limit {x['limit']:.4g}" for x in about["outside_limits"]]
+        )
+        yield f"Outside joint limits there: {names} (rad or m). Motions lead no farther beyond."
+    if keys:
+        yield f"Keyframe{'s' * (len(keys) > 1)} of the file: {listed(keys)}; --keyframe NAME begins from one."
 
 
 def _notes(about: dict[str, Any]) -> list[str]:
     """What the model here is without."""
     soft = ["Loops are taken as rigid, where MuJoCo has springs."] if about.get("loops") else []
-    return [*soft, *(f"left out: {note}" for note in about.get("left_out", ()))]
+    notes = [" ".join(note.split()) for note in about.get("left_out", ())]
+    return [*soft, *(note if " is left out" in note else f"left out: {note}" for note in notes)]
 
 
 def _next(arguments: argparse.Namespace, found: Audit) -> list[str]:

@@ -11,6 +11,8 @@ import tempfile
 
 import jax
 
+from ._output import tell
+
 LIMIT = 256 * 10**6  # bytes of the folder when a run starts
 
 
@@ -20,13 +22,13 @@ def keep_programs() -> None:
     if wish == "off" or getattr(jax.config, "jax_compilation_cache_dir", None):
         return
     try:
-        folder = pathlib.Path(wish).expanduser() if wish else _default_folder()
+        folder = (pathlib.Path(wish).expanduser() if wish else _default_folder()).absolute()
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
         _drop_oldest(folder)
     except (OSError, RuntimeError) as error:  # RuntimeError: of a user without a home
         if wish:
-            print(f"redundax: REDUNDAX_CACHE: no programs are kept: {error}. Choose another folder.", file=sys.stderr)
+            tell(f"redundax: REDUNDAX_CACHE: no programs are kept: {error}. Choose another folder.")
         return
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)

@@ -3,11 +3,10 @@
 import pathlib
 from collections.abc import Iterator
 
-from .._models._closed_loops import document
+from .._models._formats import MODELS, document
 from .._models._read import closures_of
 from ._file import FileError, check_target
 
-MODELS = (".xml", ".mjcf", ".urdf")
 _PICTURES = ("texture",)  # of the elements that name files, those that `texturedir` is for
 
 
@@ -58,7 +57,7 @@ def _check_named(source: pathlib.Path, file: pathlib.Path) -> None:
 
 def _named(source: pathlib.Path) -> Iterator[pathlib.Path]:
     """Files that a model names, from its folder on; what a URDF has from a package is no place."""
-    root = document(source).getroot()
+    root = document(source)
     folders = {name: text for each in root.iter("compiler") for name, text in each.attrib.items()}
     for element in root.iter():
         paths = [text for name, text in element.attrib.items() if name.startswith("file") and "://" not in text]

@@ -2,7 +2,6 @@
 
 import dataclasses
 import pathlib
-import sys
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
@@ -13,12 +12,13 @@ from .._analysis._report import Report
 from .._closures._closure import AbstractClosure
 from .._equations._factorisation import Factorisation
 from .._equations._factorize import dense_at
-from .._solution_sets._family._solution_family import SolutionFamily, solution_family
+from .._solution_sets._family._solution_family import SolutionFamily, families_of
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._progress import stage
 from ..plot import _solution_sets as plots
 from ._file import writing
+from ._output import tell
 
 
 def report_with_families(
@@ -37,11 +37,11 @@ def report_with_families(
     if report.problem:
         return report, []
     z = None if amplitude is None else np.linspace(-amplitude, amplitude, samples)
-    options = {"z": z, "closure": closure, "samples": samples, "watch": watch, "factor": factor}
     try:
-        return report, [solution_family(system, state, along=name, **options) for name in report.pivots]
+        found = families_of(system, state, report, factor, closure=closure, z=z, samples=samples, watch=watch)
     except RuntimeError as error:
         return dataclasses.replace(report, problem=str(error)), []
+    return report, found
 
 
 def draw_families(families: Sequence[SolutionFamily], file: pathlib.Path) -> None:
@@ -50,9 +50,4 @@ def draw_families(families: Sequence[SolutionFamily], file: pathlib.Path) -> Non
         target = file if number == 0 else file.with_stem(f"{file.stem}_{number}")
         with writing(target):
             plots.family(family).savefig(target)
-        print(f"drawn: {target}", file=sys.stderr)
-
-
-def show(text: str) -> None:
-    """Print, so that a reader has it at once."""
-    print(text, flush=True)
+        tell(f"drawn: {target}")

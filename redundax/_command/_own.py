@@ -7,7 +7,6 @@ import json
 import pathlib
 import platform
 import shlex
-import sys
 from importlib import metadata
 
 import numpy as np
@@ -21,8 +20,9 @@ from .._system._system import AbstractSystem
 from .._tools._progress import progress, stage
 from ..plot._page._contents import contents
 from ..plot._page._formats import write
-from ._families import draw_families, report_with_families, show
+from ._families import draw_families, report_with_families
 from ._file import writing
+from ._output import show, tell
 
 
 def _analyze(system: AbstractSystem, state: State, arguments: argparse.Namespace) -> int:
@@ -60,9 +60,9 @@ def _report(system: AbstractSystem, state: State, arguments: argparse.Namespace)
     with writing(arguments.output):
         files = write(made, arguments.output)
     for file in files:
-        print(f"written: {file}", file=sys.stderr)
+        tell(f"written: {file}")
     if report.problem:
-        print(f"redundax: {report.problem}", file=sys.stderr)
+        tell(f"redundax: {report.problem}")
     return 1 if report.problem or any(np.any(family.count == 0) for family in families) else 0
 
 

@@ -21,7 +21,8 @@ from .._tools._progress import stage
 from .._tools._table import WIDTH
 from ..mechanisms import wojtyra2020
 from ._arguments import version
-from ._families import draw_families, show
+from ._families import draw_families
+from ._output import show
 
 _ALONG, _PRELOAD, _SAMPLES = "A.x", 100.0, 201  # N
 _OUTPUTS = ("1.phi''", "4.y''", "A.x", "K.perpendicular", "L.perpendicular", "K.angle", "tau A")

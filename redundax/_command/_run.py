@@ -1,5 +1,8 @@
 """From the arguments of the command to its exit status, in a process of its own or within another."""
 
+import argparse
+import contextlib
+import io
 import os
 import signal
 import sys
@@ -12,6 +15,7 @@ from ._arguments import argument_parser
 from ._audit import audit_file
 from ._cache import keep_programs
 from ._file import FileError, blaming, check_target, load
+from ._output import tell
 from ._own import COMMANDS
 from ._page import first_page
 from ._tables import tables_as_json, tables_as_text
@@ -24,7 +28,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     - `argv`: arguments without the name of the command; those of the process if not given.
     """
-    arguments = argument_parser().parse_args(argv)
+    arguments = _parsed(argv)
     jax.config.update("jax_enable_x64", True)
     try:
         if arguments.command == "tables":
@@ -38,11 +42,23 @@ def main(argv: Sequence[str] | None = None) -> int:
         with blaming(arguments.system):
             return COMMANDS[arguments.command](*load(arguments.system), arguments)
     except FileError as error:
-        print(f"redundax: {error}", file=sys.stderr)
+        tell(f"redundax: {error}")
         return 2
     except BrokenPipeError:  # the reader, `head` say, has gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
+
+
+def _parsed(argv: Sequence[str] | None) -> argparse.Namespace:
+    """The arguments; what is wrong with them may repeat names of files, and is told as other messages are."""
+    told = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(told):
+            return argument_parser().parse_args(argv)
+    except SystemExit:
+        if told.getvalue():
+            tell(told.getvalue().rstrip())
+        raise
 
 
 def process() -> int:

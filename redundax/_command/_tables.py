@@ -1,14 +1,13 @@
 """The paper's tables, printed and computed."""
 
 import json
-import sys
 
 import numpy as np
 
 from .. import _paper
 from .._tools._progress import stage
 from ._arguments import version
-from ._families import show
+from ._output import show, tell
 
 _KEYS = ("table2", "table3", "table4")
 
@@ -33,7 +32,7 @@ def tables_as_json() -> int:
     problems = [problem for comparison in comparisons for problem in comparison.problems]
     show(json.dumps(_without_nan(rows), indent=1, allow_nan=False))
     for problem in problems:
-        print(problem, file=sys.stderr)
+        tell(problem)
     return 1 if problems else 0
 
 

@@ -29,7 +29,6 @@ from ._stress import Along
 from ._travel import Travel
 
 _MOST_BLUR = 1e-2
-_STILL = 1e-3  # rad or m: less is no motion
 _LISTED = 60  # releases of a dependent group
 _NEAR = 10.0  # times as large or small is not clearly another
 
@@ -121,6 +120,8 @@ class Audit:
     - `directions`: what rows are along there, in world axes; `idle`: bodies that can move while drives rest, if some
       cannot.
     - `repairs`: what the file can say; `along`: the self-stress wherever the joints were moved.
+    - `spins`: bodies that turn and move nothing else, as rods between two balls do, for each such freedom.
+    - `outside`: how many of the other positions are beyond limits of joints.
     """
 
     rows: tuple[str, ...]
@@ -134,6 +135,8 @@ class Audit:
     repairs: tuple[Repair, ...] = ()
     idle: tuple[str, ...] = ()
     along: Along | None = None
+    spins: tuple[tuple[str, ...], ...] = ()
+    outside: int = 0
 
     @property
     def regular(self) -> Look:
@@ -148,8 +151,7 @@ class Audit:
     @property
     def is_stuck(self) -> bool:
         """Whether it can move by its rank, but cannot be moved to another position: a dead point."""
-        spans = [high - low for low, high in self.travel.ranges.values()] if self.travel else []
-        return not self.others and self.here.freedom > 0 and max(spans, default=0.0) < _STILL
+        return not self.others and self.here.freedom > 0 and not (self.travel and self.travel.moved)
 
     @property
     def is_decided(self) -> bool:
@@ -193,6 +195,8 @@ class Audit:
             "rows": len(self.rows),
             "redundancy": self.figures[0],
             "freedom": self.figures[1],
+            "spins": [list(each) for each in self.spins],
+            "freedom_without_spins": self.figures[1] - len(self.spins),
             "decided": self.is_decided,
             "positions": looks,
             "parts": {part.name: _part_as_dict(part) for part in self.parts},
@@ -223,6 +227,8 @@ def audit(system: AbstractSystem, state: State, others: Sequence[State], digits:
     """
     here, *beside = (_look(system, each, digits) for each in (state, *others))
     shown = _regular(here, beside)
+    if here.figures == shown.figures:  # the digits of a file can pass for a rank that is lower here
+        here = shown = dataclasses.replace(here, is_singular=here.is_singular and here is shown)
     loose = np.any([~look.unique for look in (here, *beside) if look.figures == shown.figures], axis=0)
     return Audit(system.rows.labels, here, tuple(beside), _parts(system, shown, loose), _groups(system, shown))
 

@@ -7,9 +7,9 @@ import numpy as np
 
 from .._tools._table import WIDTH
 from ._audit import Audit, Look, Part
-from ._choice import listed, vector
+from ._choice import listed, series, vector
 from ._drives import Drives
-from ._repair_page import Lines, all_releases, mended, wrapped
+from ._repair_page import VECTOR, Lines, all_releases, kept_together, mended, told_alike, wrapped
 from ._travel import Travel
 from ._tree import WITHOUT
 
@@ -42,23 +42,23 @@ def audit_page(
     - `about`: what is to be said of the file; `language`: its kind; `lines`: what to write in it, by rows freed.
     - `allowed`: redundancy that is no fault; `everything`: all releases that were found, too.
     """
-    first = [*_verdict(found, about, allowed)]
+    first, where = [*_verdict(found, about, allowed, everything)], about.get("position", "the state given")
     if not found.is_stuck:
         first += [
-            *_positions(found),
-            *(_drives(found, found.drives) if found.drives and found.drives.names else ()),
+            *_positions(found, where),
+            *(_drives(found, found.drives, where) if found.drives and found.drives.names else ()),
         ]
     text = ["\n".join(line for each in first for line in wrapped(each))]
     if not found.is_stuck and found.is_decided:
-        text += ["\n".join(mended(found, lines, language))]
+        text += ["\n".join(mended(found, lines, language, everything))]
         text += ["\n".join(all_releases(found, language))] if everything else []
-        text += ["\n".join(_joints(found))]
-    figures = [*_figures(found)]
+        text += ["\n".join(_joints(found, where, everything))]
+    figures = [*_figures(found, everything)]
     text.append("\n".join(line for each in figures for line in wrapped(each, subsequent_indent="  ")))
     return "\n\n".join(each for each in text if each)
 
 
-def _verdict(found: Audit, about: Mapping[str, Any], allowed: int) -> Iterator[str]:
+def _verdict(found: Audit, about: Mapping[str, Any], allowed: int, everything: bool) -> Iterator[str]:
     redundancy = found.figures[0]
     missing = [note.partition(" is left out")[0] for note in about.get("left_out", ()) if note.endswith(WITHOUT)]
     if found.is_stuck:
@@ -80,27 +80,36 @@ def _verdict(found: Audit, about: Mapping[str, Any], allowed: int) -> Iterator[s
             f"REDUNDANT by {redundancy}{accepted}: {redundancy} {what} what others already enforce, so that parts are "
             "held twice."
         )
-        yield from _unknown(found)
+        yield from _unknown(found, everything)
         yield (
             "A simulator prints one of many such loads: do not size parts or train controllers by them. The motion is "
             "right, unless those joints have friction."
         )
+    elif missing:
+        yield "Nothing is redundant in what was read, which does not say that nothing is."
     elif about and not about.get("loops"):
         yield "NOT REDUNDANT: no loops (no connect, weld or joint equality was found), so there is nothing to check."
     else:
         yield "NOT REDUNDANT: no constraint repeats others. Every joint load of this model is unique."
 
 
-def _unknown(found: Audit) -> Iterator[str]:
-    """Which loads are not unique: groups of the same joints together."""
+def _unknown(found: Audit, everything: bool) -> Iterator[str]:
+    """Which loads are not unique: groups of the same joints together, and those once that are alike."""
     rows: dict[tuple[str, ...], list[str]] = {}
     for group in found.groups:
         joints = tuple(dict.fromkeys(row.rpartition(".")[0] or row for row in group.rows))
         rows.setdefault(joints, []).extend(group.rows)
+    kinds = {part.name: part.kind for part in found.parts}
+    split = {joints: _split(found, own) for joints, own in rows.items()}
+    alike = kept_together(
+        list(rows), lambda joints: (*(kinds[name] for name in joints), VECTOR.sub("", split[joints])), everything
+    )
     told: dict[str, list[str]] = {}
-    for joints, own in rows.items():
-        told.setdefault(_split(found, own), []).append(f"between {listed(joints)}")
-    planar = all(what.startswith(_SIDEWAYS) for what in told) and len(told) == 1
+    for joints, *others in alike:
+        own = ", each in directions of its own" if any(split[each] != split[joints] for each in others) else ""
+        more = told_alike(others, list)
+        told.setdefault(split[joints], []).append(f"between {listed(joints)}{more}{own}")
+    planar = len(set(split.values())) == 1 and next(iter(told)).startswith(_SIDEWAYS)
     known = f"Known: loads in the plane across {next(iter(told))[len(_SIDEWAYS) :]}, in world axes. " if planar else ""
     for what, between in told.items():
         verb = ", splits" if what.startswith(_SIDEWAYS) else " split"
@@ -143,16 +152,16 @@ def _span(found: Audit, rows: Sequence[str], words: Sequence[str]) -> np.ndarray
     return np.array([_signed(each) for each in along.T[sizes > _SPAN]]).reshape(-1, 3)
 
 
-def _positions(found: Audit) -> Iterator[str]:
+def _positions(found: Audit, where: str) -> Iterator[str]:
     redundancy, freedom = found.figures
     here, count = found.here, len(found.others)
     if not found.is_decided:
-        yield f"Here: redundancy {here.redundancy}, freedom {here.freedom} ({_gap(here)})."
+        yield f"At {where}: redundancy {here.redundancy}, freedom {here.freedom} ({_gap(here)})."
         others = ", ".join(f"{look.redundancy} and {look.freedom} ({_gap(look)})" for look in found.others)
         yield f"Redundancy and freedom at others: {others or 'none found'}."
     elif here.is_singular:
         yield (
-            f"The position of the file is singular: redundancy {here.redundancy} and freedom {here.freedom} there, but "
+            f"{_capital(where)} is singular: redundancy {here.redundancy} and freedom {here.freedom} there, but "
             f"{redundancy} and {freedom} at {count} other{'s' * (count > 1)}. What is said here is so at "
             f"{'the first of them' if count > 1 else 'that one'}."
         )
@@ -161,11 +170,39 @@ def _positions(found: Audit) -> Iterator[str]:
     else:
         moved = found.travel if found.travel and found.travel.ranges else None
         if redundancy or moved:
-            many = f"{count} other position{'s' * (count > 1)}"
+            far = f", {_of_them(found.outside, count)}outside joint limits" if found.outside else ""
+            many = f"{count} other position{'s' * (count > 1)}{far}"
             same = f"Same at {many}" if count else "No other position was found to compare with"
-            yield f"{same}{'' if not moved or moved.singular else ' and along the motion'}."
+            on = f"{',' * bool(far)} and along the motion" if moved and moved.moved and not moved.singular else ""
+            yield f"{same}{on}."
+        if moved and not moved.moved:
+            yield f"No motion was looked at: {_unmoved(moved)}."
     if found.travel and found.travel.singular:
         yield _singular(found.travel)
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _of_them(some: int, count: int) -> str:
+    return "" if count == 1 else f"{'all' if some == count else some} of them "
+
+
+def _unmoved(travel: Travel) -> str:
+    """Why no joint could be moved."""
+    names = listed(list(travel.ranges))
+    if not travel.stops:
+        return f"{names} could not be moved, as the loops would not close"
+    return f"limits of joints keep {names} in place: {listed(_limits(travel))} (rad or m, as the file counts)"
+
+
+def _limits(travel: Travel) -> list[str]:
+    """Those that stopped joints, joint by joint."""
+    limits: dict[str, list[float]] = {}
+    for joint, limit in travel.stops:
+        limits.setdefault(joint, []).append(limit)
+    return [f"{joint} at {' and '.join(map(_at, sorted(own)))}" for joint, own in limits.items()]
 
 
 def _singular(travel: Travel) -> str:
@@ -177,52 +214,79 @@ def _singular(travel: Travel) -> str:
     return f"The motion passes singular positions, near which loads grow without bound: {', '.join(places)}{left}."
 
 
-def _drives(found: Audit, drives: Drives) -> Iterator[str]:
-    yield f"{_shared(drives)}{_idle(found, drives)}"
+def _drives(found: Audit, drives: Drives, where: str) -> Iterator[str]:
+    yield f"{' '.join(_shared(found, drives))}{_idle(found, drives)}"
     if drives.dead:
-        yield f"This position is a dead point of {listed(drives.dead)}: here their forces are not determined."
+        forces = "its force is" if len(drives.dead) == 1 else "their forces are"
+        yield f"{_capital(where)} is a dead point of {listed(drives.dead)}: there {forces} not determined."
 
 
 def _idle(found: Audit, drives: Drives) -> str:
     if not drives.idle:
         return ""
     count = f" {drives.idle} independent motion{'s are' if drives.idle > 1 else ' is'} left to no drive"
-    if not found.idle:
-        return f"{count}."
-    return f"{count}: with drives at rest, {listed(found.idle)} can still move."
-
-
-def _shared(drives: Drives) -> str:
-    count = len(drives.names)
-    if not drives.is_decided:
-        return f"Drives ({', '.join(drives.names)}): UNDECIDED which of their forces are unique."
-    if drives.loose:
+    spins = f"{len(found.spins)} of them spins of single parts" if drives.idle > 1 else "a spin of a single part"
+    if drives.idle == len(found.spins):
+        spins = "spins of single parts" if drives.idle > 1 else spins
         return (
-            f"Drives: {count}, which is {drives.redundancy} more than they can move independently. The motion does not "
-            f"determine the forces of {', '.join(drives.loose)}: they can work against each other, and your controller "
-            "decides how they share."
+            f"{count}: {spins}, {'which move' if drives.idle > 1 else 'which moves'} nothing else ({_spinning(found)})."
         )
-    return f"Drives: the motion determines the force of each ({', '.join(drives.names)})."
+    some = f", {spins}" if found.spins else ""
+    return (
+        f"{count}{some}: with drives at rest, {listed(found.idle)} can still move." if found.idle else f"{count}{some}."
+    )
 
 
-def _joints(found: Audit) -> Iterator[str]:
+def _shared(found: Audit, drives: Drives) -> Iterator[str]:
+    """What the motion determines of the forces of drives: of those that move nothing, and of the others."""
+    moving = [name for name in drives.names if name not in drives.locked]
+    head = f"Drive{'s' * (len(drives.names) > 1)}"
+    if not drives.is_decided:
+        what = "which of their forces are" if len(drives.names) > 1 else "whether its force is"
+        yield f"{head} ({listed(drives.names)}): UNDECIDED {what} unique."
+        return
+    if drives.locked:
+        one = len(drives.locked) == 1
+        what = f"move{'s' * one} nothing, as what {'it acts' if one else 'they act'} on is held"
+        if not found.figures[1]:
+            what = f"work{'s' * one} against a locked mechanism"
+        loads = "its force loads" if one else "their forces load"
+        yield f"{head}: {listed(drives.locked)} {what}: {loads} joints alone."
+    shared = [name for name in drives.loose if name not in drives.locked]
+    others = "The others" if drives.locked else head
+    if shared:
+        more = drives.redundancy - len(drives.locked)
+        yield (
+            f"{others}: {len(moving)}, which is {more} more than they can move independently. The motion does not "
+            f"determine the forces of {listed(shared)}: they can work against each other, and your controller decides "
+            "how they share."
+        )
+    elif len(moving) > 1:
+        yield f"{others}: the motion determines the force of each ({', '.join(series(moving))})."
+    elif moving:
+        yield f"{'The other' if drives.locked else head}: the motion determines the force of {moving[0]}."
+
+
+def _joints(found: Audit, where: str, everything: bool) -> Iterator[str]:
     """Which loads are unique; joints of which the same is to be said together."""
     if not any(part.loose or part.here_alone for part in found.parts):
         return
     told: dict[tuple[str, ...], list[str]] = {}
     for part in found.parts:
         told.setdefault(_cells(part), []).append(part.name)
-    cells = [("kind", "forces", "moments", "not unique", "unique at this position alone"), *told]
+    cells = [("kind", "forces", "moments", "not unique", "unique here alone"), *told]
     shown = [k for k in range(5) if k != 4 or any(row[4] for row in told)]
     widths = [max(len(row[k]) for row in cells) for k in shown]
     yield "Joint loads, without friction: how many are unique"
     for row, names in zip(cells, (["joints"], *told.values()), strict=True):
         start = "".join(f"{row[k]:{width}}  " for k, width in zip(shown, widths, strict=True))
         indent = " " * (len(start) if len(start) < WIDTH - 30 else 8)
-        yield from wrapped(start + ", ".join(names), subsequent_indent=indent)
+        yield from wrapped(start + ", ".join(names if everything else series(names)), subsequent_indent=indent)
     used = {row.partition("_")[0] for part in found.parts for row in part.loose}
     notes = [f"{row}: {what}" for row, what in _ROWS.items() if row in used]
     notes += ["*: one combination of those named is unique"] if any(_is_mixed(part) for part in found.parts) else []
+    here = where if found.regular is found.here else "the first of the other positions"
+    notes += [f"here alone: at {here}, and not at others"] if 4 in shown else []
     yield from wrapped("; ".join(notes))
 
 
@@ -237,25 +301,53 @@ def _cells(part: Part) -> tuple[str, ...]:
     return part.kind, force, moment, loose or "-", ", ".join(part.here_alone)
 
 
-def _figures(found: Audit) -> Iterator[str]:
+def _figures(found: Audit, everything: bool) -> Iterator[str]:
     redundancy, freedom = found.figures
     look = found.regular
     yield (
         f"Figures: {len(found.rows)} constraints (rows), {look.rank} of them independent (rank), redundancy "
-        f"{redundancy}; freedom {freedom}: {freedom or 'no'} independent motion{'s' * (freedom != 1)}, spins of single "
-        f"parts counted. Of the matrix of constraints: {_gap(look)}."
+        f"{redundancy}; freedom {freedom}: {freedom or 'no'} independent motion{'s' * (freedom != 1)}"
+        f"{_spins(found)}. Of the matrix of constraints: {_gap(look)}."
     )
-    moved = found.travel
-    if moved and moved.ranges and not found.is_stuck:
-        named = list(moved.ranges.items())
-        ways = ", ".join(f"{name} from {low:+.3g} to {high:+.3g}" for name, (low, high) in named[:_MOST])
-        more = f", and {len(named) - _MOST} more" if len(named) > _MOST else ""
-        limits = " within joint limits" if moved.is_limited else ""
-        start = "; what has brackets from the start" if any(name.endswith("]") for name, _ in named) else ""
-        yield (
-            f"Moved{limits}: {ways}{more} (rad or m, as the file counts{start}). Of the matrix of loops on the way, in "
-            f"joint coordinates: smallest singular value kept {moved.least:.1e}."
-        )
+    if found.travel and found.travel.moved and not found.is_stuck:
+        yield _moved(found.travel, len(found.travel.moved) if everything else _MOST)
+
+
+def _spins(found: Audit) -> str:
+    """Which of the motions turn one part alone."""
+    count, freedom = len(found.spins), found.figures[1]
+    if not count:
+        return ""
+    only = f"{count} of which only spin{'s a part' if count == 1 else ' single parts'} between others"
+    return f", {only} ({_spinning(found)}), so {freedom - count or 'none'} without"
+
+
+def _spinning(found: Audit) -> str:
+    """Names of what spins, alike ones together."""
+    if len({len(each) for each in found.spins}) == 1:
+        return " with ".join(listed(part) for part in zip(*found.spins, strict=True))
+    return listed([" with ".join(each) for each in found.spins])
+
+
+def _moved(travel: Travel, most: int) -> str:
+    """How far joints were moved, and what stopped them."""
+    alike: dict[str, list[str]] = {}
+    for name in travel.moved:
+        alike.setdefault(f"from {_at(travel.ranges[name][0])} to {_at(travel.ranges[name][1])}", []).append(name)
+    ways = [f"{name} {way}" for way, names in alike.items() for name in series(names)]
+    more = f", and {len(ways) - most} more" if len(ways) > most else ""
+    stays = [name for name in travel.ranges if name not in travel.moved]
+    not_moved = f"; {listed(stays)} could not be moved" if stays else ""
+    limits = f", as far as limits allow ({listed(_limits(travel), most + 1)})" if travel.stops else ""
+    start = "; what has brackets from the start" if any(name.endswith("]") for name in travel.moved) else ""
+    return (
+        f"Moved{limits}: {', '.join(ways[:most])}{more}{not_moved} (rad or m, as the file counts{start}). Of the "
+        f"matrix of loops on the way, in joint coordinates: smallest singular value kept {travel.least:.1e}."
+    )
+
+
+def _at(position: float) -> str:
+    return f"{position:+.3g}" if position else "0"
 
 
 def _gap(look: Look) -> str:

@@ -1,7 +1,8 @@
 """Changes of a file that take off redundancy, in words and as data."""
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Container, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from ._plan import Link
 
 LEAST = 1e-3  # margins: of what adds no motion
 USABLE = 0.02  # and of what stays clear of it along the motion
+_NUMBER = re.compile(r"(\d+)", re.ASCII)
 _WORDS = {  # a direction of a joint that is freed
     "radial_1": "slides across its axis along",
     "radial_2": "slides across its axis along",
@@ -33,6 +35,11 @@ class Choice:
     def rows(self) -> tuple[str, ...]:
         """What they free; each takes off one redundancy."""
         return tuple(row for edit in self.edits for row in edit.rows)
+
+    @property
+    def where(self) -> str:
+        """The position where the margin is least; the motion may not have led away from the first."""
+        return f"{self.at[0]} = {self.at[1]:.3g}" if self.at[0] else "this very position"
 
     @property
     def is_usable(self) -> bool:
@@ -77,8 +84,34 @@ def vector(along: np.ndarray) -> str:
     return f"({' '.join(f'{0.0 if abs(x) < 5e-4 else x:.3g}' for x in along)})"
 
 
+def series(names: Sequence[str]) -> list[str]:
+    """Names, those that differ by numbers that count on together: "leg 1 to leg 6" for three or more."""
+    left, told = dict.fromkeys(names), []
+    while left:
+        name = next(iter(left))
+        numbers = range(1, len(_NUMBER.split(name)), 2)
+        run = max((_run(left, name, places) for places in (*([k] for k in numbers), numbers)), key=len)
+        run = run if len(run) > 2 else [name]
+        told.append(f"{run[0]} to {run[-1]}" if len(run) > 1 else name)
+        left = {name: None for name in left if name not in run}
+    return told
+
+
+def _run(names: Container[str], name: str, places: Sequence[int]) -> list[str]:
+    """A name and those of some names that count on from it, by its numbers at these places."""
+    run = []
+    while name in names and name not in run:
+        run.append(name)
+        parts = _NUMBER.split(name)
+        for k in places:
+            parts[k] = f"{int(parts[k]) + 1:0{len(parts[k])}}"
+        name = "".join(parts)
+    return run
+
+
 def listed(names: Sequence[str], most: int = 6) -> str:
     """Names as a sentence has them: "A, B and C"; of many the first alone."""
+    names = series(names)
     if len(names) > most:
         names = [*names[: most - 1], f"{len(names) - most + 1} more"]
     return " and ".join(part for part in (", ".join(names[:-1]), *names[-1:]) if part)

@@ -9,41 +9,56 @@
 as in Gepetto/example-parallel-robots.
 """
 
+import difflib
 import pathlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
-from xml.etree import ElementTree
 
 from .._tools._errors import RedundaxError
 from .._tools._optional import optional
+from .._tools._words import did_you_mean, ended, short
+from ._formats import document, not_in_utf8
 
 _AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
+KEYS = ("closed_loop", "type", "joint_name", "joint_type", "name_mot")
+_LARGEST = 10**6  # bytes: thousands of loops
+_DEEPEST = 10  # of lists in lists: loops take three
+_MOST = 8  # names that a message lists
+_ALIKE = 0.75  # of words, one of which is a slip for the other
 
 
 def add_closed_loops(mujoco: Any, spec: Any, path: pathlib.Path, closures: pathlib.Path) -> list[str]:
     """Add the loops and drives of the file `closures` to the specification of the file `path`, and say in a line each
-    which joints are replaced or driven that there are not."""
-
-    def refuse(why: str) -> RedundaxError:
-        return RedundaxError(f"Argument `closures`: '{closures}' {why}.")
-
+    what of it is not read, and which joints are driven that there are not."""
     loops = loops_in(closures)
-    pairs, kinds = loops.get("closed_loop") or [], loops.get("type") or []
-    names, replaced = loops.get("joint_name") or [], loops.get("joint_type") or []
-    if not all(isinstance(each, list) for each in (pairs, kinds, names, replaced)):
-        raise refuse("must hold lists under `closed_loop`, `type`, `joint_name` and `joint_type`. Put them in brackets")
-    if len(pairs) != len(kinds) or len(names) != len(replaced):
-        raise refuse("must have a `type` for each `closed_loop` and a `joint_type` for each `joint_name`. Add them")
-    notes = [note for each in zip(names, replaced, strict=True) for note in _replaced(mujoco, spec, *each, refuse)]
-    frames = {name: child for name, child in children(path).items() if spec.body(name) is None}
-    for pair, kind in zip(pairs, kinds, strict=True):
-        if not isinstance(pair, list) or len(pair) != 2 or str(kind).lower() not in ("3d", "6d"):
-            raise refuse(f"has the loop {pair} of type {kind}. Give two frames, and the type 3d or 6d")
-        _close(mujoco, spec, [str(name) for name in pair], str(kind).lower(), frames, refuse)
-    driven = loops.get("name_mot") or []
-    if not isinstance(driven, list):
-        raise refuse("must hold a list under `name_mot`. Put it in brackets")
-    return [*notes, *add_drives(mujoco, spec, [str(name) for name in driven])]
+    refuse = _refuser(closures)
+    pairs, kinds, names, replaced, driven = (_list(loops, key, refuse) for key in KEYS)
+    for (key, values), (other, types) in (
+        (("closed_loop", pairs), ("type", kinds)),
+        (("joint_name", names), ("joint_type", replaced)),
+    ):
+        if len(values) != len(types):
+            raise refuse(
+                f"must have a `{other}` for each `{key}`, but has {len(types)} for {len(values)}. Make them as many"
+            )
+    fixed, names = children(path), _names("joint_name", names, refuse)
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise refuse(f"names the joint {short(twice)} twice under `joint_name`. Name it once")
+    for name, kind in zip(names, _names("joint_type", replaced, refuse), strict=True):
+        _replace(mujoco, spec, name, kind.upper(), fixed, refuse)
+    frames = {name: child for name, child in fixed.items() if spec.body(name) is None}
+    for pair, kind in zip(pairs, _names("type", kinds, refuse), strict=True):
+        if not isinstance(pair, list) or len(pair) != 2 or kind.lower() not in ("3d", "6d"):
+            raise refuse(f"has the loop {short(pair)} of type {short(kind)}. Give two frames, and the type 3d or 6d")
+        _close(mujoco, spec, _names("closed_loop", pair, refuse), kind.lower(), frames, refuse)
+    driven, known = _names("name_mot", driven, refuse), [each.name for each in spec.joints if each.name]
+    for name in driven:
+        if name not in known:
+            hint = did_you_mean(name, known) or f"There are {', '.join(known[:_MOST])}"
+            raise refuse(f"drives the joint {short(name)}, which is no joint that moves. {hint}")
+    others = [short(key) for key in loops if key not in KEYS]
+    unread = [f"of '{closures}': {', '.join(others[:_MOST])}"] if others else []
+    return [*unread, *add_drives(mujoco, spec, driven)]
 
 
 def add_drives(mujoco: Any, spec: Any, names: list[str]) -> list[str]:
@@ -56,69 +71,138 @@ def add_drives(mujoco: Any, spec: Any, names: list[str]) -> list[str]:
 
 def transmissions(path: pathlib.Path) -> list[str]:
     """Names of the joints that a URDF drives by a transmission."""
-    joints = document(path).getroot().iterfind("transmission/joint")
+    joints = document(path).iterfind("transmission/joint")
     return list(dict.fromkeys(joint.get("name", "") for joint in joints))
 
 
 def loops_in(closures: pathlib.Path) -> dict[str, Any]:
     """What a file of loops holds."""
-
-    def refuse(why: str) -> RedundaxError:
-        return RedundaxError(f"Argument `closures`: '{closures}' {why}.")
-
-    yaml = optional("yaml", "models")
+    yaml, refuse = optional("yaml", "models"), _refuser(closures)
+    if not closures.is_file():  # to read what is a pipe or a device may last for ever
+        raise refuse("is no file. Name a file" if closures.exists() else "is not there. Check the path")
     try:
-        loops = yaml.safe_load(closures.read_text(encoding="utf8"))
+        content = closures.read_bytes()
     except OSError as error:
-        raise refuse(f"cannot be read: {error.strerror}. Check the path") from error
-    except (yaml.YAMLError, UnicodeError) as error:
-        raise refuse(f"is no YAML: {' '.join(str(error).split())}. Correct it") from error
+        raise refuse(f"cannot be read: {error.strerror}. Check who may read it") from error
+    if len(content) > _LARGEST:
+        raise refuse(f"has {len(content) / 1e6:.0f} MB, too much for loops. Name the file of the loops")
+    try:
+        _check_events(yaml.parse(content, Loader=yaml.SafeLoader), yaml, refuse)
+        loops = yaml.safe_load(content)
+    except RedundaxError:
+        raise
+    except yaml.MarkedYAMLError as error:
+        place = f"line {error.problem_mark.line + 1}: " if error.problem_mark else ""
+        raise refuse(f"is no YAML: {place}{' '.join(str(error.problem).split())}. Correct it") from error
+    except yaml.reader.ReaderError as error:
+        raise refuse(f"{not_in_utf8(content) or 'is no text'}. Save it in UTF-8") from error
+    except (ValueError, OverflowError) as error:  # of numbers and dates
+        why = str(error).partition(";")[0]
+        raise refuse(f"holds a number or date that is none: {why}. Put names in quotes") from error
     if not isinstance(loops, dict):
-        raise refuse("must have the keys `closed_loop` and `type`. Add them")
+        held = "is empty" if loops is None else f"holds {short(loops)}"
+        raise refuse(f"must have the keys `closed_loop` and `type`, but {held}. Add them")
+    for key in map(str, loops):
+        near = difflib.get_close_matches(key.lower(), KEYS, 1, _ALIKE)
+        if near and key not in KEYS:
+            raise refuse(f"has the key {short(key)}, which is none. Did you mean `{near[0]}`?")
+    if not any(key in loops for key in KEYS):
+        raise refuse(
+            f"has none of the keys `closed_loop`, `type`, `joint_name`, `joint_type`, `name_mot`: it has "
+            f"{', '.join(short(key) for key in [*loops][:_MOST])}. Rename it if it is not about loops"
+        )
     return loops
 
 
-def document(path: pathlib.Path) -> Any:
-    """A file of XML with its comments; MuJoCo reads some that are not well formed."""
-    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
-    try:
-        return ElementTree.parse(path, parser)
-    except (ElementTree.ParseError, ValueError) as error:
-        raise RedundaxError(f"Argument `path`: '{path}' is no well-formed XML: {error}. Correct the file.") from error
+def _check_events(events: Iterable[Any], yaml: Any, refuse: Callable[[str], RedundaxError]) -> None:
+    """Refuse what grows when it is read, is nested for ever, or is said twice, of which the first would be lost."""
+    depth, items, keys = 0, 0, []
+    for event in events:
+        if isinstance(event, yaml.AliasEvent):
+            raise refuse(f"repeats a value by *{short(event.anchor)[1:-1]}. Write the value itself")
+        starts = isinstance(event, yaml.CollectionStartEvent)
+        if depth == 1 and (starts or isinstance(event, yaml.ScalarEvent)):
+            keys += [event.value] if items % 2 == 0 and not starts else []
+            items += 1
+        depth += starts - isinstance(event, yaml.CollectionEndEvent)
+        if depth > _DEEPEST:
+            raise refuse(f"has lists in lists, more than {_DEEPEST} deep. Give pairs of names")
+    twice = next((key for key in KEYS if keys.count(key) > 1), None)
+    if twice:
+        raise refuse(f"has the key `{twice}` twice. Put all in one list")
+
+
+def _refuser(closures: pathlib.Path) -> Callable[[str], RedundaxError]:
+    def refuse(why: str) -> RedundaxError:
+        return RedundaxError(f"Argument `closures`: '{closures}' {ended(why)}")
+
+    return refuse
+
+
+def _list(loops: dict[str, Any], key: str, refuse: Callable[[str], RedundaxError]) -> list[Any]:
+    value = loops.get(key)
+    if value is not None and not isinstance(value, list):
+        raise refuse(f"must hold a list under `{key}`, but holds {short(value)}. Put it in brackets")
+    return value or []
+
+
+def _names(key: str, values: list[Any], refuse: Callable[[str], RedundaxError]) -> list[str]:
+    for value in values:
+        if not isinstance(value, str | int) or isinstance(value, bool):
+            raise refuse(f"must hold names under `{key}`, but holds {short(value)}. Put names in quotes")
+    return [str(value) for value in values]
 
 
 def children(path: pathlib.Path) -> dict[str, str]:
-    """Child link of every joint, fixed ones too, which MuJoCo does not name."""
-    joints = document(path).getroot().findall("joint")
+    """Child link of every joint of a URDF, fixed ones too, which MuJoCo does not name."""
+    joints = document(path).findall("joint")
     return {joint.get("name", ""): child.get("link", "") for joint in joints for child in joint.findall("child")}
 
 
-def _replaced(mujoco: Any, spec: Any, name: str, kind: str, refuse: Callable[[str], RedundaxError]) -> list[str]:
-    """Replace a joint by one that is freer; what is to be said, where there is no such joint."""
-    joint, axes = spec.joint(str(name)), str(kind).removeprefix("UJOINT_")
+def _replace(
+    mujoco: Any, spec: Any, name: str, kind: str, joints: dict[str, str], refuse: Callable[[str], RedundaxError]
+) -> None:
+    """Replace a joint by one that is freer."""
+    joint, axes = spec.joint(name), kind.removeprefix("UJOINT_")
     if kind not in ("SPHERICAL", "FIXED") and (axes == kind or len(axes) != 2 or not set(axes) <= set(_AXES)):
-        raise refuse(f"replaces the joint '{name}' by {kind}. Give SPHERICAL, UJOINT_XY or FIXED")
+        raise refuse(f"replaces the joint {short(name)} by {short(kind)}. Give SPHERICAL, UJOINT_XY or FIXED")
     if joint is None:
-        return [f"joint '{name}', to be replaced by {kind}: there is no such joint"]
+        known = [each.name for each in spec.joints if each.name]
+        if name in joints:
+            raise refuse(f"replaces the joint {short(name)}, which is fixed or planar. Make it a revolute one")
+        hint = did_you_mean(name, known) or f"There are {', '.join(known[:_MOST])}"
+        raise refuse(f"replaces the joint {short(name)}, which is not in the model. {hint}")
     body = joint.parent
     spec.delete(joint)
     if kind == "SPHERICAL":
         body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_BALL)
-    for axis in axes if str(kind).startswith("UJOINT_") else "":
+    for axis in axes if kind.startswith("UJOINT_") else "":
         body.add_joint(name=f"{name}_{axis}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=_AXES[axis])
-    return []
 
 
 def _close(
     mujoco: Any, spec: Any, pair: list[str], kind: str, frames: dict[str, str], refuse: Callable[[str], RedundaxError]
 ) -> None:
+    carriers = []
     for name in pair:
         body = spec.body(frames.get(name, name))
         if body is None:
-            raise refuse(f"closes a loop at '{name}', which is no link or joint of the model. Correct the name")
+            known = [*(each.name for each in spec.bodies if each.name), *frames]
+            hint = did_you_mean(name, known) or "Correct the name. "
+            raise refuse(f"closes a loop at {short(name)}, which is no link or joint of the model. {hint}")
         if spec.site(name) is None:
             body.add_site(name=name)
+        carriers.append(_carrier(body))
+    if carriers[0] is carriers[1] or carriers[0].name == carriers[1].name:
+        raise refuse(f"closes a loop between {short(pair[0])} and {short(pair[1])}, which are one body. Correct a name")
     equality = spec.add_equality(name=f"{'weld' if kind == '6d' else 'connect'} {' ~ '.join(pair)}")
     equality.type = mujoco.mjtEq.mjEQ_WELD if kind == "6d" else mujoco.mjtEq.mjEQ_CONNECT
     equality.objtype = mujoco.mjtObj.mjOBJ_SITE
     equality.name1, equality.name2 = pair
+
+
+def _carrier(body: Any) -> Any:
+    """The body with joints that carries a body fixed to it, or the ground."""
+    while not list(body.joints) and body.parent is not None and body.name != "world":
+        body = body.parent
+    return body

@@ -19,7 +19,7 @@ _LEAST, _MOST = 1e-9, 1e-3  # rounding of D N, of rows of length 1; misfit above
 class Drives:
     """Drives of a model at a position.
 
-    - `names`; `loose`: those whose force a motion does not determine.
+    - `names`; `loose`: those whose force a motion does not determine; `locked`: those of them that move nothing.
     - `dead`: those that are so at this position alone, where they move nothing or the same as others.
     - `redundancy`: by how many they are more than the freedoms they move; `idle`: freedoms that none of them moves.
     - `is_decided`: whether both are clear.
@@ -31,6 +31,7 @@ class Drives:
     idle: int
     is_decided: bool
     dead: tuple[str, ...] = ()
+    locked: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """As data."""
@@ -39,6 +40,7 @@ class Drives:
             "names": list(self.names),
             "unique": unique,
             "not_unique": list(self.loose),
+            "moving_nothing": list(self.locked),
             "dead_point_here": list(self.dead),
             "redundancy": self.redundancy,
             "freedoms_without_drive": self.idle,
@@ -50,14 +52,16 @@ def drives_at(tree: Tree, positions: np.ndarray, freedom: int, left: float = 0.0
     """The drives of a model at positions of its joints, where its freedom is known and its loops miss by `left`."""
     names, rates = tree.drives(positions)
     if not names or not freedom:
-        return Drives(names, names, len(names), freedom, True)
+        return Drives(names, names, len(names), freedom, True, locked=names)
     motion, kept = tree.motion(positions, freedom)
     scaled = rates * tree.scale()
     lengths = np.linalg.norm(scaled, axis=1, keepdims=True)
-    basis, values, _ = np.linalg.svd(scaled / np.where(lengths, lengths, 1.0) @ motion)
+    moved = scaled / np.where(lengths, lengths, 1.0) @ motion
+    basis, values, _ = np.linalg.svd(moved)
     blur = min(max(_LEAST, 100 * left / kept), _MOST)
     rank = int(np.sum(values > blur))
     idle = basis[:, rank:]
     loose = tuple(name for name, entries in zip(names, idle, strict=True) if np.linalg.norm(entries) > 10 * blur)
     is_decided = not np.any((values > blur) & (values < 10 * blur))
-    return Drives(names, loose, len(names) - rank, freedom - rank, is_decided)
+    locked = tuple(name for name, rates in zip(names, moved, strict=True) if np.linalg.norm(rates) <= blur)
+    return Drives(names, loose, len(names) - rank, freedom - rank, is_decided, locked=locked)

@@ -14,6 +14,7 @@ from .._tools._errors import RedundaxError
 from .._tools._optional import optional
 from ._model import Model
 from ._plan import Link
+from ._read import specification
 from ._source import Element, Source, tag_of
 from ._stress import AXES
 from ._tree import Loop, root_of, unique
@@ -134,7 +135,7 @@ def write_mjcf(model: Model, edits: Sequence[Edit], file: pathlib.Path) -> Writt
         source.remove(key)
     file.write_bytes(source.changed())
     notes = [f"It is without {_keyframes(keys)} of the file, which count fewer joints."] if keys else []
-    included = optional("mujoco", "models").MjSpec.from_file(str(file)).keys if is_longer else []
+    included = specification(optional("mujoco", "models"), file)[0].keys if is_longer else []
     notes += [f"Take {_keyframes(included)} out of the included files: they count fewer joints."] if included else []
     return Written((file,), " ".join(notes))
 

@@ -9,6 +9,8 @@ from ._audit import Audit, Group, audit
 from ._drives import Drives, drives_at
 from ._model import Model
 from ._repair import along, ranked, repairs
+from ._spins import spins
+from ._start import outside
 from ._stress import Along, Stress
 from ._travel import travel
 from ._tree import DIGITS
@@ -35,11 +37,13 @@ def examine(model: Model, count: int = 3) -> Audit:
     kinds |= {tie.name: "coupling" for tie in model.tree.ties}
     found = dataclasses.replace(
         found,
-        drives=agreed(driven[regular], same),
+        drives=agreed(driven[0], same),
         travel=moved,
         parts=tuple(dataclasses.replace(part, kind=kinds.get(part.name, part.kind)) for part in found.parts),
         directions=Stress(model.plan, found.rows).directions(places[regular]),
         idle=_idle(model, places[regular], found.regular.freedom),
+        spins=spins(model.plan, places[regular], found.regular.freedom),
+        outside=sum(bool(outside(model.plan, positions)) for positions, _ in beside),
     )
     if found.is_stuck:
         return dataclasses.replace(found, groups=tuple(dataclasses.replace(each, releases=()) for each in found.groups))
@@ -74,7 +78,7 @@ def _idle(model: Model, positions: np.ndarray, freedom: int) -> tuple[str, ...]:
 
 
 def agreed(here: Drives, others: list[Drives]) -> Drives:
-    """What is so of drives in general, where they move most; and which have a dead point here."""
-    general = min((here, *others), key=lambda each: each.redundancy)
+    """What is so of drives in general, where they move most of some positions; and which have a dead point here."""
+    general = min(others, key=lambda each: each.redundancy)
     dead = tuple(name for name in here.loose if name not in general.loose)
-    return dataclasses.replace(general, dead=dead, is_decided=all(each.is_decided for each in (here, *others)))
+    return dataclasses.replace(general, dead=dead, is_decided=all(each.is_decided for each in others))

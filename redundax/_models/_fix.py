@@ -12,11 +12,13 @@ from ._audit import Audit
 from ._choice import USABLE, Choice, in_words, listed
 from ._edit_mjcf import Edit
 from ._model import Model
+from ._plan import Plan
 from ._read import closures_of, read
 from ._repair import Language, best_of, language
 from ._tree import tree_of
 
 _LEAST = 1e-6  # singular values that count, relative to the largest
+_LOOKS = 3  # positions beside, as of an audit
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,7 +64,7 @@ def fix(model: Model, found: Audit, file: pathlib.Path, wanted: Sequence[str] = 
         why = f"nothing that takes off redundancy and adds no motion can be said in {says.name}: {says.lacks}."
         return Fix((), (), redundancy, freedom, (why if redundancy else "nothing is redundant.",))
     files, more = says.write(model, edits, file)
-    left, expected = _figures(file), (redundancy - sum(len(edit.rows) for edit in edits), freedom)
+    left, expected = _figures(model, file), (redundancy - sum(len(edit.rows) for edit in edits), freedom)
     notes = [*_unfreed(wanted, edits)]
     if left != expected:
         figures = "redundancy {} and freedom {}".format(*expected)
@@ -86,7 +88,7 @@ def _unfreed(wanted: Sequence[str], edits: Sequence[Edit]) -> Iterable[str]:
 def _warned(model: Model, found: Audit, edits: Sequence[Edit], worst: Choice | None) -> Iterable[str]:
     """What a reader would take for granted of a copy, and must not."""
     if worst and worst.margin <= USABLE:
-        yield f"It moves freely near {worst.at[0]} = {worst.at[1]:.4g}: not usable over the full motion."
+        yield f"It moves freely near {worst.where}: not usable over the full motion."
     is_play = all(edit.how not in ("delete", "couple") for edit in edits)
     built, other = ("has this play", "has none") if is_play else ("is built like this", "is not")
     yield (
@@ -139,11 +141,24 @@ def _rows_there(row: str, rows: Sequence[str]) -> str:
     return f"Its joints and loops are {', '.join(joints)}."
 
 
-def _figures(file: pathlib.Path) -> tuple[int, int]:
-    """Redundancy and freedom of a file, in the coordinates of its joints."""
+def _figures(model: Model, file: pathlib.Path) -> tuple[int, int]:
+    """Redundancy and freedom of a copy of a model, in the coordinates of its joints; as of the model itself where it is
+    regular: at a singular position the rank is lower than at others."""
     tree, _ = tree_of(read(file, closures_of(file, None))[0])
-    positions, left = tree.closed()
-    slopes = tree.system(positions)[1] * tree.scale()
-    values = np.linalg.svd(slopes, compute_uv=False)
-    rank = int(np.sum(values > max(_LEAST, 100 * left) * values.max(initial=0.0)))
-    return slopes.shape[0] - rank, slopes.shape[1] - rank
+    positions, left = tree.closed(_same_position(model, Plan(tree)))
+    rank = 0
+    for at in (positions, *tree.elsewhere(positions, left, _LOOKS)):
+        values = np.linalg.svd(tree.system(at)[1] * tree.scale(), compute_uv=False)
+        rank = max(rank, int(np.sum(values > max(_LEAST, 100 * left) * values.max(initial=0.0))))
+    return tree.rows - rank, tree.model.nv - rank
+
+
+def _same_position(model: Model, copy: Plan) -> np.ndarray:
+    """Where a copy is as its model is; joints that it has more, or of another kind, are at 0."""
+    theirs, positions = model.plan, copy.model.qpos0.copy()
+    sizes = [np.diff([*plan.model.jnt_qposadr, plan.model.nq]) for plan in (theirs, copy)]
+    places = dict(zip(theirs.joint_names, zip(theirs.model.jnt_qposadr, sizes[0], strict=True), strict=True))
+    for name, at, size in zip(copy.joint_names, copy.model.jnt_qposadr, sizes[1], strict=True):
+        if name in places and places[name][1] == size:
+            positions[at : at + size] = model.positions[places[name][0] :][:size]
+    return positions

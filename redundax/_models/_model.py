@@ -2,6 +2,7 @@
 
 import dataclasses
 import pathlib
+import warnings
 from collections.abc import Mapping
 
 import jax.numpy as jnp
@@ -9,16 +10,21 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._bodies._mechanism import Mechanism
-from .._equations._assemble import assemble
 from .._system._state import State
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import Numbers
 from ._build import mechanism_of, position_of
 from ._plan import Plan
 from ._read import closures_of, read
-from ._tree import WITHOUT, Tree, tree_of
+from ._start import Limit, Start, keyframes, outside, start
+from ._tree import OPEN, WITHOUT, Tree, missing_of, tree_of
 
-_CLOSED, _OPEN = 1e-12, 1e-4  # misfits relative to the size of the model: by rounding alone, and more than digits lack
+_CLOSED = 1e-12  # a misfit relative to the size of the model, by rounding alone
+_MOVED = 1e-9  # rad, or the share of the model's size: what rounding of a misfit moves, where joints have some leverage
+
+
+class LeftOutWarning(UserWarning):
+    """Something that constrains is not in the mechanism; an audit says so in its first line."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -26,11 +32,16 @@ class Model:
     """What `load_model` makes of a file.
 
     - `mechanism`: with the names of the file.
-    - `state`: a closed one at rest, the file's own position where that is closed.
+    - `state`: a closed one at rest, the file's own position, or that of a keyframe, moved as little as closing asks.
     - `notes`: what was left out, a line each.
     - `joints`: names of the joints of the file, by kind: "hinge", "slide", "ball" and "free".
     - `loops`: names of what closes loops, by kind: "connect", "weld" and "coupling".
     - `misfits`: how far each of them is from closed in the file, m or rad, whichever is more.
+    - `moved`: how far joints were moved to close them, rad or m, by their names; empty where that was not needed.
+    - `keyframe`: that of the file which `state` is, or "" for the position where all joints are as the file draws them.
+    - `keyframes`: names of all that the file has; one without a name is "keyframe 1", by its place.
+    - `outside`: limits of joints that `state` is beyond: joint, position and limit, rad or m, as the file counts them.
+    - `is_near`: whether the state was found by the least steps from the file; otherwise from random ones, the nearest.
     - `plan`: what becomes of its bodies and joints; `positions`: of the joints in `state`, as the file counts them;
       `left`: how far from closed it is, relative to the size of the model.
     - `path`, `closures`: the file, and that of the loops of a URDF.
@@ -54,6 +65,11 @@ class Model:
     joints: dict[str, tuple[str, ...]]
     loops: dict[str, tuple[str, ...]]
     misfits: dict[str, float]
+    moved: dict[str, float]
+    keyframe: str
+    keyframes: tuple[str, ...]
+    outside: tuple[Limit, ...]
+    is_near: bool
     plan: Plan = dataclasses.field(repr=False, compare=False)
     positions: np.ndarray = dataclasses.field(repr=False, compare=False)
     left: float = dataclasses.field(repr=False, compare=False)
@@ -87,7 +103,8 @@ class Model:
         return jnp.asarray(position_of(self.plan, self.mechanism, chosen))
 
     def elsewhere(self, count: int = 3) -> list[State]:
-        """States at rest at other positions of the joints, chosen at random, always the same; fewer if not found.
+        """States at rest at other positions of the joints, at random, always the same; those within limits of joints
+        first, and fewer if not found.
 
         **Arguments:**
 
@@ -97,8 +114,8 @@ class Model:
 
     def beside(self, count: int) -> list[tuple[np.ndarray, State]]:
         """The states of `elsewhere`, with the positions of the joints as the file counts them."""
-        found = self.tree.elsewhere(self.positions, self.left, count)
-        return [(positions, _state(self.plan, self.mechanism, positions, self.left)) for positions in found]
+        found = self.tree.elsewhere(self.positions, self.left, count, lambda at: not outside(self.plan, at))
+        return [(positions, _state(self.plan, self.mechanism, positions)) for positions in found]
 
     @property
     def is_whole(self) -> bool:
@@ -111,12 +128,18 @@ class Model:
         return self.plan.tree
 
 
-def load_model(path: str | pathlib.Path, closures: str | pathlib.Path | None = None) -> Model:
+def load_model(
+    path: str | pathlib.Path, closures: str | pathlib.Path | None = None, *, keyframe: str | None = None
+) -> Model:
     """A mechanism in space, closed, from a file of MJCF (.xml) or URDF; it needs `redundax[models]`.
 
     Constraints that MuJoCo makes soft, `connect`, `weld` and `joint`, are ideal here. Bodies that the file fixes to
     others are one with them. Springs, damping, gravity and armature act; contact, limits of joints, sensors, forces of
     drives and meshes are left out, as `notes` of the result say.
+
+    The position of the file is kept, and moved as little as closing its loops asks; joints of no loop stay. If it is
+    beyond limits of joints, or does not close, and a keyframe does better, then that is taken, and `keyframe` of the
+    result names it.
 
     ??? example
 
@@ -136,49 +159,91 @@ def load_model(path: str | pathlib.Path, closures: str | pathlib.Path | None = N
     - `closures`: a YAML file with the loops of a URDF, which has none of its own: `closed_loop`, pairs of names of
       links or joints, whose frames coincide (`type` 6d) or have one origin (3d); `joint_name` and `joint_type`, joints
       that become SPHERICAL, UJOINT_XY or FIXED. By default the file beside it of the same name that ends in .yaml.
+    - `keyframe`: the name of the keyframe to begin from, of a file of MJCF.
 
-    **Raises:** `ValueError` for a file that cannot be read, `RuntimeError` for loops that do not close.
+    **Raises:** `ValueError` for a file that cannot be read, `RuntimeError` for loops that do not close. It warns of
+    what constrains and is not read.
     """
     path = pathlib.Path(path)
     loops = closures_of(path, closures)
     model, notes = read(path, loops)
     tree, more = tree_of(model)
+    _tell_missing(path, [*more, *notes])
     plan = Plan(tree)
     if not plan.links:
         raise RedundaxError(f"Argument `path`: '{path}' has no joints, so nothing that moves. Add some.")
-    misfits, (positions, left) = tree.misfits(model.qpos0), tree.closed()
-    if left > _OPEN:
-        worst = sorted(tree.misfits(positions).items(), key=lambda item: -item[1])
-        told = ", ".join(f"'{name}' by {misfit:.2g}" for name, misfit in worst[:4] if misfit > _OPEN)
-        raise NoSolutionError(
-            f"The loops of '{path}' cannot be closed: the nearest position leaves open {told} (m or rad). "
-            "Correct lengths, anchors or loops."
-        )
+    keys = keyframes(model)
+    first = start(plan, keys, keyframe)
+    _check_closed(path, tree, first)
+    _tell_misfit(path, tree.misfits(first.positions), first.left)
     mechanism, others = mechanism_of(plan)
     if model.jnt_limited.any():
         limited = int(model.jnt_limited.sum())
         others.append(f"stops at the limits of {limited} joint{'s' * (limited > 1)}, which bear no load here")
     return Model(
         mechanism,
-        _state(plan, mechanism, positions, left),
+        _state(plan, mechanism, first.positions),
         tuple((*more, *notes, *others)),
         _by_kind([(link.kind, link.name) for link in plan.links]),
         _by_kind([*((loop.kind, loop.name) for loop in tree.loops), *(("coupling", tie.name) for tie in tree.ties)]),
-        misfits,
+        tree.misfits(first.given),
+        _moved(plan, first),
+        first.keyframe,
+        tuple(keys),
+        first.outside,
+        first.is_near,
         plan,
-        positions,
-        left,
+        first.positions,
+        first.left,
         path,
         loops,
     )
 
 
-def _state(plan: Plan, mechanism: Mechanism, positions: np.ndarray, left: float) -> State:
-    """At rest; what closes to rounding needs no assembly."""
+def _check_closed(path: pathlib.Path, tree: Tree, first: Start) -> None:
+    """Refuse loops that nothing closes, and name them."""
+    if first.left > OPEN:
+        worst = sorted(tree.misfits(first.positions).items(), key=lambda item: -item[1])
+        told = ", ".join(f"'{name}' by {misfit:.2g}" for name, misfit in worst[:4] if misfit > OPEN * tree.size)
+        raise NoSolutionError(
+            f"The loops of '{path}' cannot be closed: the nearest position leaves open {told} (m or rad). "
+            "Correct lengths, anchors or loops."
+        )
+
+
+def _moved(plan: Plan, first: Start) -> dict[str, float]:
+    """How far each joint is from where the file has it, the largest of its velocities, beyond rounding."""
+    steps, tree = np.abs(plan.tree.difference(first.given, first.positions)), plan.tree
+    steps = np.where(steps > _MOVED * tree.scale(), steps, 0.0)
+    parts = zip(plan.joint_names, np.split(steps, tree.model.jnt_dofadr[1:]), strict=True)
+    return {name: float(part.max()) for name, part in parts if part.any()}
+
+
+def _state(plan: Plan, mechanism: Mechanism, positions: np.ndarray) -> State:
+    """At rest; joints hold to rounding at any positions, and loops as these close them."""
     q = jnp.asarray(position_of(plan, mechanism, positions))
-    if left < _CLOSED:
-        return State(q, jnp.zeros(len(mechanism.coordinates), q.dtype))
-    return assemble(mechanism, q, throw=True)
+    return State(q, jnp.zeros(len(mechanism.coordinates), q.dtype))
+
+
+def _tell_misfit(path: pathlib.Path, misfits: dict[str, float], left: float) -> None:
+    """Warn of loops that close to the digits of a file only."""
+    if left > _CLOSED:
+        worst = max(misfits, key=lambda name: misfits[name])
+        warnings.warn(
+            f"The loops of '{path}' close to {misfits[worst]:.1g} m or rad only, '{worst}' worst: numbers of the file "
+            "have few digits. Give it all digits, unless they are measured.",
+            stacklevel=3,
+        )
+
+
+def _tell_missing(path: pathlib.Path, notes: list[str]) -> None:
+    """Warn of what constrains and is not in the mechanism."""
+    if missing := missing_of(notes):
+        warnings.warn(
+            f"'{path}' is read without {', '.join(missing)}, which may constrain: `notes` of the model say more.",
+            LeftOutWarning,
+            stacklevel=3,
+        )
 
 
 def _by_kind(named: list[tuple[str, str]]) -> dict[str, tuple[str, ...]]:

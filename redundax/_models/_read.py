@@ -6,6 +6,8 @@ do not matter; of bodies whose mass only they would give the mass is 0.
 
 import contextlib
 import pathlib
+import re
+import tempfile
 import warnings
 from collections.abc import Iterator
 from typing import Any
@@ -14,10 +16,15 @@ import numpy as np
 
 from .._tools._errors import RedundaxError
 from .._tools._optional import optional
-from ._closed_loops import add_closed_loops, add_drives, transmissions
-from ._tree import WITHOUT
+from .._tools._words import did_you_mean, ended
+from ._closed_loops import add_closed_loops, add_drives, loops_in, transmissions
+from ._foreign import known_part
+from ._formats import MODELS, check_content, document, not_a_model, not_in_utf8
+from ._tree import WITHOUT, unique
+from ._urdf import check_urdf, unread
 
 LEAST = 1e-14  # kg and kg m^2: less is no mass at all, which MuJoCo takes for no moving body
+_MOST_BODIES = 20_000  # MuJoCo reads them in 20 s, and four times as many in sixteen times that
 _LARGEST = 1e30  # of any number of a model, in its units
 _NUMBERS = {  # of a model, and of what they are
     "body_pos": "positions of bodies",
@@ -37,9 +44,9 @@ _NUMBERS = {  # of a model, and of what they are
     "actuator_gear": "gears of drives",
     "wrap_prm": "coefficients of tendons",
 }
+_LEAVING = ("plugin", "'default'", "decoder")  # words of errors that a copy mends, the last of endings like .mjcf
 _LEFT_OUT = {  # of a specification, and what to call it
     "sensors": "sensors",
-    "keys": "keyframes",
     "pairs": "contact pairs",
     "excludes": "exclusions of contact",
     "skins": "skins",
@@ -50,10 +57,10 @@ _LEFT_OUT = {  # of a specification, and what to call it
 
 def closures_of(path: pathlib.Path, given: str | pathlib.Path | None) -> pathlib.Path | None:
     """The file of the loops of a URDF: the one given, or that beside it, if there is one."""
-    beside = path.with_suffix(".yaml")
     if given is not None:
         return pathlib.Path(given)
-    return beside if path.suffix.lower() == ".urdf" and beside.is_file() else None
+    beside = [path.with_suffix(ending) for ending in (".yaml", ".yml")] if path.suffix.lower() == ".urdf" else []
+    return next((file for file in beside if file.is_file()), None)
 
 
 def read(path: pathlib.Path, closures: pathlib.Path | None) -> tuple[Any, list[str]]:
@@ -63,36 +70,54 @@ def read(path: pathlib.Path, closures: pathlib.Path | None) -> tuple[Any, list[s
         raise RedundaxError(
             f"Argument `path`: there is no file '{path}'. Check the path and the folder that you are in."
         )
-    if path.suffix.lower() not in (".xml", ".mjcf", ".urdf"):
-        raise RedundaxError(f"Argument `path` must end in .xml, .mjcf or .urdf, but is '{path}'. Rename the file.")
-    with _silent(mujoco):
-        return _read(mujoco, path, closures)
+    if path.suffix.lower() not in MODELS:
+        what = not_a_model(path) or f"must end in {', '.join(MODELS[:-1])} or {MODELS[-1]}. Rename the file"
+        raise RedundaxError(f"Argument `path`: '{path}' {what.partition('. ')[0]}. {ended(what.partition('. ')[2])}")
+    content = check_content(path)
+    if (size := max(content.count(b"<body"), content.count(b"<link"))) > _MOST_BODIES:
+        raise RedundaxError(
+            f"Argument `path`: '{path}' has {size} bodies, which MuJoCo would read for minutes, and whose matrices of "
+            f"constraints no machine holds: {_MOST_BODIES} at most. Cut out the part whose loops you ask for."
+        )
+    with _silent(mujoco) as warned:
+        try:
+            model, notes = _read(mujoco, path, closures)
+            bytes(model.names).decode()
+        except UnicodeDecodeError as error:
+            what = not_in_utf8(content) or "includes a file that is not in UTF-8"
+            raise RedundaxError(
+                f"Argument `path`: '{path}' {what}. Save it in UTF-8, and have its first line say so."
+            ) from error
+    if any("'NaN'" in text for text in warned):
+        raise RedundaxError(f"Argument `path`: '{path}' has a number that is nan. Correct it.")
+    return model, notes
 
 
 @contextlib.contextmanager
-def _silent(mujoco: Any) -> Iterator[None]:
-    """No warnings of MuJoCo, on the screen or in a file of its own: what is wrong is told, and bodies without mass are
-    not."""
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(lambda _: None)
+def _silent(mujoco: Any) -> Iterator[list[str]]:
+    """No warnings of MuJoCo, on the screen or in a file of its own: they are collected."""
+    before, warned = mujoco.get_mju_user_warning(), []
+    mujoco.set_mju_user_warning(lambda text: warned.append(str(text)))
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)
-            yield
+            yield warned
     finally:
         mujoco.set_mju_user_warning(before)
 
 
 def _read(mujoco: Any, path: pathlib.Path, closures: pathlib.Path | None) -> tuple[Any, list[str]]:
-    try:
-        spec = mujoco.MjSpec.from_file(str(path))
-    except (ValueError, RuntimeError, UnicodeError) as error:
-        raise _unreadable(path, error) from error
-    notes = []
+    root = document(path) if path.suffix.lower() == ".urdf" else None
+    if root is not None:
+        check_urdf(path, root)
+    spec, notes = specification(mujoco, path)
+    _check_weights(spec, path)
+    loops = {} if closures is None else loops_in(closures)
     if closures is not None:
         notes += add_closed_loops(mujoco, spec, path, closures)
-    if path.suffix.lower() == ".urdf" and not spec.actuators:
-        notes += add_drives(mujoco, spec, transmissions(path))
+    if root is not None:
+        notes += unread(path, root, loops.get("closed_loop") or [])
+        notes += add_drives(mujoco, spec, transmissions(path)) if not spec.actuators else []
     notes += _stripped(mujoco, spec)
     model = _compiled(spec, path, notes)
     for what, of in _NUMBERS.items():
@@ -102,6 +127,36 @@ def _read(mujoco: Any, path: pathlib.Path, closures: pathlib.Path | None) -> tup
     return model, notes
 
 
+def specification(mujoco: Any, path: pathlib.Path) -> tuple[Any, list[str]]:
+    """What MuJoCo makes of a file, without what it does not know and what constrains nothing, and what that is."""
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+        if not spec.plugins:
+            return spec, []
+    except (ValueError, RuntimeError) as error:
+        if not any(word in str(error) for word in _LEAVING):
+            raise _unreadable(path, error) from error
+    with tempfile.TemporaryDirectory() as folder:
+        copy, notes = known_part(path, pathlib.Path(folder))
+        try:
+            return mujoco.MjSpec.from_file(str(copy)), notes
+        except (ValueError, RuntimeError) as error:
+            raise _unreadable(path, error) from error
+
+
+def _check_weights(spec: Any, path: pathlib.Path) -> None:
+    """Refuse masses and inertias that no body has, which MuJoCo takes for none where it is told least ones."""
+    for body in spec.bodies:
+        inertia = np.concatenate([body.inertia, [] if np.isnan(body.fullinertia[0]) else body.fullinertia[:3]])
+        for what, values in (("mass", np.array([body.mass])), ("inertia", inertia)):
+            wrong = values[~((values >= 0) & (values < _LARGEST))]
+            if wrong.size:
+                raise RedundaxError(
+                    f"Argument `path`: '{path}' gives '{_name(body)}' the {what} {wrong[0]:g}. Give a positive number, "
+                    "or 0 for a body that weighs nothing."
+                )
+
+
 def _stripped(mujoco: Any, spec: Any) -> list[str]:
     """Delete what needs other files or constrains nothing, and say so."""
     notes = []
@@ -109,7 +164,8 @@ def _stripped(mujoco: Any, spec: Any) -> list[str]:
         kinds = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD, mujoco.mjtEq.mjEQ_JOINT
         if equality.type not in kinds or not equality.active:
             why = f"its kind is not taken over{WITHOUT}" if equality.active else "it is not active"
-            notes.append(f"constraint '{equality.name or equality.type.name}' is left out: {why}")
+            kind = equality.type.name.removeprefix("mjEQ_").lower()
+            notes.append(f"constraint '{equality.name or kind}' is left out: {why}")
             spec.delete(equality)
     shapes = [geom for geom in spec.geoms if geom.meshname or geom.hfieldname]  # primitives are fitted to meshes too
     for what in _LEFT_OUT:
@@ -123,6 +179,7 @@ def _stripped(mujoco: Any, spec: Any) -> list[str]:
     for actuator in spec.actuators:
         if actuator.trntype == mujoco.mjtTrn.mjTRN_BODY:  # holds by contact
             spec.delete(actuator)
+    _keep_positions(mujoco, spec)
     if shapes:
         notes.append(f"{_shapes(shapes)} from meshes")
         lighter = dict.fromkeys(_name(geom.parent) for geom in shapes if _weighs(spec, geom))
@@ -140,6 +197,20 @@ def _stripped(mujoco: Any, spec: Any) -> list[str]:
     if spec.geoms:
         notes.append(f"contact of {_shapes(spec.geoms)}")
     return notes
+
+
+def _keep_positions(mujoco: Any, spec: Any) -> None:
+    """Keep of keyframes what they say of joints, under a name each, and none that counts other joints."""
+    sizes = {mujoco.mjtJoint.mjJNT_FREE: 7, mujoco.mjtJoint.mjJNT_BALL: 4}
+    size = sum(sizes.get(joint.type, 1) for joint in spec.joints)
+    taken, keys = [key.name for key in spec.keys if key.name], list(spec.keys)
+    for name, key in zip(unique([f"keyframe {k}" for k in range(1, len(keys) + 1)], taken), keys, strict=True):
+        if len(key.qpos) != size or not np.all(np.isfinite(key.qpos)):
+            spec.delete(key)
+            continue
+        key.name = key.name or name
+        for what in ("qvel", "act", "ctrl", "mpos", "mquat"):
+            setattr(key, what, [])
 
 
 def _weighs(spec: Any, geom: Any) -> bool:
@@ -179,5 +250,20 @@ def _compiled(spec: Any, path: pathlib.Path, notes: list[str]) -> Any:
 
 
 def _unreadable(path: pathlib.Path, error: Exception) -> RedundaxError:
-    why = " ".join(str(error).split()).rstrip(".") or type(error).__name__
-    return RedundaxError(f"Argument `path`: '{path}' cannot be read: {why}. Correct the file.")
+    why, advice = " ".join(str(error).split()).rstrip(".,") or type(error).__name__, "Correct the file"
+    if "parse error" in why and "depth" not in why.lower():
+        try:
+            document(path)
+        except RedundaxError as better:  # with the place
+            return better
+    if "unrecognized" in why:
+        advice = "Correct it; if the file is right for another version or program, take that out in a copy"
+    elif "depth" in why.lower():
+        advice = "Shorten chains of bodies in bodies to fewer than 500, or split the model"
+    elif "Error opening file" in why:
+        advice = "Put the file that it includes there, or name it by its path from the model"
+    elif unknown := re.search("unknown element '([^']*)'", why):
+        names = re.findall(r'name="([^"]*)"', path.read_text(encoding="utf-8", errors="replace"))
+        advice = f"{advice}. {did_you_mean(unknown[1], names)}".rstrip()
+    version = optional("mujoco", "models").__version__
+    return RedundaxError(f"Argument `path`: '{path}' cannot be read by MuJoCo {version}: {why}. {ended(advice)}")

@@ -3,42 +3,45 @@
 import re
 import shlex
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 
+from .._analysis._release import Release
 from .._tools._table import WIDTH
-from ._audit import Audit
+from ._audit import Audit, Group
 from ._choice import USABLE, Choice, Repair, in_words, listed, vector
 
+Alike = TypeVar("Alike")
 Lines = Mapping[tuple[str, ...], Sequence[str]]  # what to write in a file, by the rows that it frees
 _MOST = 4  # rows to be typed
 _WRITTEN = 2  # changes of a file told in full
-_VECTOR = re.compile(r"\([-\d.e+]+ [-\d.e+]+ [-\d.e+]+\)")
+VECTOR = re.compile(r"\([-\d.e+]+ [-\d.e+]+ [-\d.e+]+\)")
 
 
 def wrapped(text: str, **how: Any) -> list[str]:
     """Lines of a text, with directions in one piece."""
-    whole = _VECTOR.sub(lambda found: found[0].replace(" ", "\0"), text)
+    whole = VECTOR.sub(lambda found: found[0].replace(" ", "\0"), text)
     return [line.replace("\0", " ") for line in textwrap.wrap(whole, WIDTH, **how)]
 
 
-def mended(found: Audit, lines: Lines, language: str) -> Iterator[str]:
-    """What to do: two ways at most for what belongs together."""
+def mended(found: Audit, lines: Lines, language: str, everything: bool = False) -> Iterator[str]:
+    """What to do: two ways at most for what belongs together; what is alike once, or all of it if wanted."""
     if not found.figures[0]:
         return
     if not language:
         yield "To mend it, free what each line names, if your hardware has that play:"
-        for group in found.groups:
-            ways = [_together([row for _, shares in each.directions for row in shares]) for each in group.releases[:2]]
-            yield from wrapped(f"- {' or: '.join(ways)}", initial_indent="  ", subsequent_indent="    ")
+        for group, *others in kept_together(found.groups, lambda each: _group_form(each, found), everything):
+            ways = [_together(_freed_by(each)) for each in group.releases[:2]]
+            more = told_alike(others, lambda each: [row.rpartition(".")[0] for row in each.rows])
+            yield from wrapped(f"- {' or: '.join(ways)}{more}", initial_indent="  ", subsequent_indent="    ")
         return
     yield "To mend it, take the line that matches your hardware (directions in world axes):"
-    several = len(found.repairs) > 1
-    for number, repair in enumerate(found.repairs, 1):
-        if several:
-            yield f"{number}. of {listed(list(dict.fromkeys(row.rpartition('.')[0] for row in repair.rows)), 4)}:"
+    alike = kept_together(found.repairs, lambda each: _form(each, found), everything)
+    for number, (repair, *others) in enumerate(alike, 1):
+        if len(found.repairs) > 1:
+            yield from wrapped(f"{number}. of {listed(_joints_of(repair), 4)}{told_alike(others, _joints_of)}:")
         for k, choice in enumerate(repair.choices):
             yield from _told(choice, repair, found, k, lines)
             yield from _rest(repair, found, language) if k == 0 else ()
@@ -46,12 +49,61 @@ def mended(found: Audit, lines: Lines, language: str) -> Iterator[str]:
             yield f"  - nothing that {language} can say; --all lists the rows to free"
 
 
+def kept_together(parts: Sequence[Alike], form: Callable[[Alike], Any], everything: bool) -> list[list[Alike]]:
+    """Parts of the same form together, if they are three or more and not everything is to be told."""
+    alike: dict[Any, list[Alike]] = {}
+    for part in parts:
+        alike.setdefault(form(part), []).append(part)
+    told = [some for some in alike.values() if len(some) > 2 and not everything]
+    first = {id(some[0]): some for some in told}
+    rest = {id(part) for some in told for part in some[1:]}
+    return [first.get(id(part), [part]) for part in parts if id(part) not in rest]
+
+
+def told_alike(others: Sequence[Alike], joints: Callable[[Alike], Sequence[str]]) -> str:
+    """How many more are as the one that is told, by the first joint of each."""
+    if not others:
+        return ""
+    return (
+        f", and alike {len(others)} more times (with {listed([joints(each)[0] for each in others])}; --all tells each)"
+    )
+
+
+def _joints_of(repair: Repair) -> list[str]:
+    return list(dict.fromkeys(row.rpartition(".")[0] for row in repair.rows))
+
+
+def _form(repair: Repair, found: Audit) -> Any:
+    """What repairs that are alike have in common: kinds of joints and what their changes free, in any direction."""
+    choices = [
+        (each.is_usable, [(edit.how, _rows_form(edit.rows, found)) for edit in each.edits]) for each in repair.choices
+    ]
+    return str((repair.redundancy, _rows_form(repair.rows, found), choices, _rows_form(repair.rest, found)))
+
+
+def _group_form(group: Group, found: Audit) -> Any:
+    """As `_form`, of groups of rows."""
+    freed = [_rows_form(_freed_by(each), found) for each in group.releases[:2]]
+    return str((group.redundancy, _rows_form(group.rows, found), freed))
+
+
+def _rows_form(rows: Sequence[str], found: Audit) -> list[tuple[str, list[str]]]:
+    """Kinds of joints, and their rows without the number that tells one direction from another."""
+    kinds, joints = {part.name: part.kind for part in found.parts}, {}
+    for name, _, own in (row.rpartition(".") for row in rows):
+        joints.setdefault(name, set()).add(own.partition("_")[0])
+    return sorted((kinds.get(name, ""), sorted(own)) for name, own in joints.items())
+
+
+def _freed_by(release: Release) -> list[str]:
+    return [row for _, shares in release.directions for row in shares]
+
+
 def _told(choice: Choice, repair: Repair, found: Audit, k: int, lines: Lines) -> Iterator[str]:
     words = "; ".join(in_words(choice.edits, found.directions))
     left = repair.redundancy - len(choice.rows)
     after = f": redundant by {repair.redundancy} -> {left}" if left else ""
-    where = f"{choice.at[0]} = {choice.at[1]:.3g}"
-    poor = "" if choice.is_usable else f"; moves freely near {where}: not usable over the full motion"
+    poor = "" if choice.is_usable else f"; moves freely near {choice.where}: not usable over the full motion"
     rows = choice.rows
     how = (
         "  <- --fix takes it"

@@ -1,10 +1,10 @@
 """Whether redundancy stays as it is along motions of the joints
 
 Independent joints, those that are driven first, are moved to both sides, in steps that close the loops, within the
-limits of the joints. With G the derivative of the loops by the joints and r its rank, the r-th singular value of G is 0
-where the rank is lower. So it is followed, and minima that stand out are narrowed down by golden sections: they are
-singular positions, or come very near one, where the value all but vanishes beside those of the steps around it. Joints
-that move no loop in itself change nothing, and rest.
+limits of the joints, which the last steps, halved, come near. With G the derivative of the loops by the joints and r
+its rank, the r-th singular value of G is 0 where the rank is lower. So it is followed, and minima that stand out are
+narrowed down by golden sections: they are singular positions, or come very near one, where the value all but vanishes
+beside those of the steps around it. Joints that move no loop in itself change nothing, and rest.
 """
 
 import dataclasses
@@ -16,7 +16,7 @@ import numpy as np
 import scipy.linalg
 
 from ._plan import Plan
-from ._tree import DIGITS, Tree
+from ._tree import CLOSED, DIGITS, Tree
 
 _STEP, _STEPS, _LONGEST = 0.1, 240, 6.4  # of the joint that moves most, rad or sizes; in all; of one way
 _SECTIONS, _ROUND, _GOLDEN = 40, 16, 0.5 * (5**0.5 - 1)  # to a kink, and to a smooth end, whose error is their square
@@ -24,6 +24,11 @@ _DIP, _SINGULAR = 0.5, 1e-2  # a value beside its neighbours, at a step and at i
 _CORRECTIONS = 20  # of a step
 _HELD = 1e-9  # rates that loops and joints feel
 _DRIVEN = 1e3  # joints that are driven lead
+_HALVED = 6  # times a step that a limit stops: to within 2e-3 of it
+_MOTION = (
+    1e-3  # rad, or the share of the model's size: a range that is less is no motion, but what loops and steps give
+)
+_SETTLED = 30.0  # see `resolution`
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,7 +61,9 @@ class Travel:
     - `ranges`: the least and the largest position of each independent joint that was moved, rad or m, as the file
       counts them; of one direction of a ball or free joint, the displacement from the start.
     - `singular`: positions where redundancy was another; `least`: the smallest singular value kept at the others.
-    - `is_limited`: whether joints have limits, within which they were moved.
+    - `is_limited`: whether joints have limits, within which they were moved; `stops`: those that ended a way, the joint
+      and its limit.
+    - `moved`: names of those that went so far that something was looked at.
     - `ways`: the positions that were looked at.
     """
 
@@ -64,6 +71,8 @@ class Travel:
     singular: tuple[Singular, ...]
     least: float
     is_limited: bool
+    stops: tuple[tuple[str, float], ...] = ()
+    moved: tuple[str, ...] = ()
     ways: tuple[Way, ...] = dataclasses.field(default=(), repr=False, compare=False)
 
     def to_dict(self) -> dict[str, Any]:
@@ -73,7 +82,18 @@ class Travel:
             "singular_positions": [dataclasses.asdict(each) for each in self.singular],
             "smallest_kept": self.least,
             "within_limits": self.is_limited,
+            "limits_that_stop": [{"joint": joint, "limit": limit} for joint, limit in self.stops],
+            "moved": list(self.moved),
         }
+
+
+def resolution(left: float) -> float:
+    """How exactly positions of joints are known, rad or sizes: what is nearer to 0 is told as 0.
+
+    Loops are closed to a misfit e relative to the size. At a singular position a joint changes it by its square alone,
+    so that e settles the joint to its root, times the root of size by length of a link, and of rounding in the search.
+    """
+    return _SETTLED * max(left, CLOSED) ** 0.5
 
 
 class _Point(NamedTuple):
@@ -97,6 +117,7 @@ class _Path:
         self._most = max(10 * left, DIGITS / 10)
         model = tree.model
         self.limited = np.flatnonzero(model.jnt_limited & (model.jnt_type >= 2))  # slides and hinges
+        self.stops: dict[tuple[int, float], None] = {}  # joints and their limits that stopped a step
 
     def at(self, positions: np.ndarray, way: np.ndarray) -> _Point:
         _, values, basis = np.linalg.svd(self.tree.system(positions)[1] * self.tree.scale())
@@ -108,16 +129,26 @@ class _Path:
         """A step on, where the loops close and the joints are within their limits."""
         start = self.tree.moved(here.positions, length * self.tree.scale() * here.way)
         moved, misfit = self.tree.descend(start, _CORRECTIONS)
-        if misfit > self._most or self._beyond(moved) > self._beyond(here.positions) + DIGITS:
+        if misfit > self._most or self._stopped(here.positions, moved):
             return None
         return self.at(moved, here.way)
+
+    def on(self, here: _Point) -> _Point | None:
+        """A step on, shorter where a limit stops it."""
+        for share in range(_HALVED + 1):
+            self._hit = ()
+            there = self.step(here, _STEP / 2**share)
+            if there is not None or not self._hit:
+                return there
+        self.stops |= dict.fromkeys(self._hit)
+        return None
 
     def both_ways(self, start: _Point, count: int) -> tuple[list[_Point], int]:
         """Positions on one path that leads on through a position, from so many steps before it on; and its place."""
         sides = []
         for here in (start._replace(way=-start.way), start):
             points = [here]
-            while len(points) <= count and (there := self.step(points[-1], _STEP)) is not None:
+            while len(points) <= count and (there := self.on(points[-1])) is not None:
                 points.append(there)
             sides.append(points[1:])
         back = [point._replace(way=-point.way) for point in reversed(sides[0])]
@@ -167,10 +198,19 @@ class _Path:
         lost = int(np.sum(point.values < _SINGULAR * beside.kept))
         return self.tree.rows - self.rank + lost, self.freedom + lost
 
-    def _beyond(self, positions: np.ndarray) -> float:
+    def _stopped(self, here: np.ndarray, there: np.ndarray) -> bool:
+        """Whether joints are farther beyond their limits than before; which they are is kept."""
+        before, after = (self._beyond(each) for each in (here, there))
+        places = np.argwhere(after > before + DIGITS)
+        ranges = self.tree.model.jnt_range
+        self._hit = tuple((int(self.limited[k]), float(ranges[self.limited[k], side])) for k, side in places)
+        return bool(self._hit)
+
+    def _beyond(self, positions: np.ndarray) -> np.ndarray:
+        """How far joints are beyond their lower and their upper limit, (joints, 2)."""
         model = self.tree.model
         at, (low, high) = positions[model.jnt_qposadr[self.limited]], model.jnt_range[self.limited].T
-        return float(np.maximum(np.maximum(low - at, at - high), 0.0).max(initial=0.0))
+        return np.maximum(np.stack([low - at, at - high], axis=1), 0.0)
 
 
 def travel(tree: Tree, positions: np.ndarray, freedom: int, left: float = 0.0) -> Travel | None:
@@ -183,27 +223,37 @@ def travel(tree: Tree, positions: np.ndarray, freedom: int, left: float = 0.0) -
     leaders = order[:freedom]
     ways = motion @ np.linalg.inv(motion[leaders])
     path, names, ranges, found, walked = _Path(tree, freedom, left), Plan(tree).joint_names, {}, [], []
+    moved = []
     held = np.abs(tree.system(positions)[1] * tree.scale()).max(axis=0) > _HELD
     felt = [
         (leader, way) for leader, way in zip(leaders.tolist(), ways.T, strict=True) if np.any(np.abs(way[held]) > _HELD)
     ]
+    settled = (resolution(left) * tree.scale()).tolist()
     count = int(np.clip(_STEPS // (2 * max(len(felt), 1)), 6, _LONGEST / _STEP))
     for leader, way in sorted(felt, key=lambda each: each[0]):
         points, place = path.both_ways(path.at(positions, way), count)
         steps = [_moved(tree, *two, leader) for two in itertools.pairwise(points)]
         at = np.concatenate([[0.0], np.cumsum(steps)])
         at += _start(tree, positions, leader) - at[place]
+        at[np.abs(at) < settled[leader]] = 0.0
         name = _name(tree, names, leader)
         for k, three in enumerate(zip(points, points[1:], points[2:], strict=False)):
             if (there := path.singular(*three)) is not None:
-                where = float(at[k]) + _moved(tree, three[0], there, leader)
+                where = _rounded(float(at[k]) + _moved(tree, three[0], there, leader), settled[leader])
                 found.append(
                     Singular(name, where, *path.figures(there, three[0]), _all_of(tree, names, there.positions))
                 )
         least = min(least, *(point.kept for point in points))
-        ranges[name] = path.range_of(points, at, leader)
+        low, high = (_rounded(end, settled[leader]) for end in path.range_of(points, at, leader))
+        ranges[name], moved = (low, high), [*moved, *[name] * bool(high - low > _MOTION * tree.scale()[leader])]
         walked.append(Way(name, at, *(np.array([getattr(p, of) for p in points]) for of in ("positions", "kept"))))
-    return Travel(ranges, tuple(found), least, bool(path.limited.size), tuple(walked))
+    stops = tuple((names[joint], _rounded(limit, DIGITS)) for joint, limit in path.stops)
+    return Travel(ranges, tuple(found), least, bool(path.limited.size), stops, tuple(moved), tuple(walked))
+
+
+def _rounded(at: float, resolution: float) -> float:
+    """A position, 0 where it is nearer to that than it is known."""
+    return 0.0 if abs(at) < resolution else at
 
 
 def _start(tree: Tree, positions: np.ndarray, dof: int) -> float:

@@ -1,9 +1,10 @@
 """The tree of bodies that a file describes: what its loops leave open, and joint positions that close them
 
-Loops are closed by truncated Gauss-Newton steps in the positions of the joints, so that bodies stay in their joints
-however far the file is from closed.
+Loops are closed by truncated Gauss-Newton steps in the positions of the joints, each the least that lessens the misfit,
+so that bodies stay in their joints and joints of no loop where they are, however far the file is from closed.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,10 +12,12 @@ import numpy as np
 from .._tools._optional import optional
 
 WITHOUT = "; the figures are without it"
-_STEPS, _STARTS, _LONGEST = 200, 20, 0.3  # the longest step: rad, and the share of the model's size
-_CLOSED, _NEARLY = 1e-13, 1e-9  # misfits relative to the size of the model
+_STEPS, _STARTS, _ENOUGH, _LONGEST = 200, 20, 5, 0.3  # the longest step: rad, and the share of the model's size
+CLOSED = 1e-13  # a misfit relative to the size of the model, by rounding of some ten products
+OPEN = 1e-4  # likewise: files of four digits close to that, and what misses by more does not close
 DIGITS = 1e-6  # relative: numbers of a file may have no more digits, so that less tells nothing
 _STILL = 1e-12  # steps that lead nowhere
+_NEAR = 1e-3  # rad, or the share of the model's size
 _TORQUE_SCALE = 10  # of a weld: where its data have it
 _REACH = 0.8  # rad, or the share of the model's size: the largest of random displacements of joints
 
@@ -65,6 +68,10 @@ class Tree:
         self._mujoco.mj_comPos(self.model, self._data)
         return self._data
 
+    def misfit(self, positions: np.ndarray) -> float:
+        """The largest misfit, relative to the size of the model."""
+        return float(np.abs(self.system(positions)[0]).max(initial=0.0)) / self.size
+
     def misfits(self, positions: np.ndarray) -> dict[str, float]:
         """How far each loop is from closed, m or rad, the larger."""
         self.at(positions)
@@ -72,21 +79,74 @@ class Tree:
         names = [part.name for part in (*self.loops, *self.ties)]
         return {name: float(np.abs(part).max()) for name, part in zip(names, parts, strict=True)}
 
-    def closed(self) -> tuple[np.ndarray, float]:
-        """Joint positions that close all loops, from those of the file or, where that fails, from others beside; and
-        the largest misfit left, relative to the size of the model."""
-        random, best = np.random.default_rng(0), self.descend(self.model.qpos0.copy())
+    def closed(self, start: np.ndarray | None = None, *, only_near: bool = False) -> tuple[np.ndarray, float]:
+        """Joint positions that close all loops as well as the digits of the file allow, by the least steps from those
+        given, or those of the file; and the largest misfit left, relative to the size of the model. Where that does not
+        close them, and not `only_near`, they are the nearest found otherwise. A misfit of digits moves no joint far."""
+        start = np.array(self.model.qpos0 if start is None else start)
+        found = self.descend(start)
+        if self.misfit(start) <= DIGITS and self._distance(start, found[0]) > _NEAR:
+            found = self.descend(start, rcond=DIGITS / _NEAR)
+        return found if only_near or found[1] <= OPEN else self._nearest(start, found)
+
+    def _nearest(self, start: np.ndarray, found: tuple[np.ndarray, float]) -> tuple[np.ndarray, float]:
+        """As `closed`, the nearest of some positions that joints of loops reach from random displacements; where none
+        closes, the one that misses least, of these and the one given."""
+        random, closed, in_loops = np.random.default_rng(0), [], self.in_loops()
         for trial in range(_STARTS):
-            if best[1] < _NEARLY:
+            way = random.normal(scale=0.1 + trial / _STARTS, size=self.model.nv)
+            other = self.descend(self.moved(start, np.where(in_loops, way, 0.0)))
+            found = min(found, other, key=lambda each: each[1])
+            closed += [self._drawn(other, start)] if other[1] <= OPEN else []
+            if len(closed) == _ENOUGH:
                 break
-            start = self.moved(self.model.qpos0, random.normal(scale=0.1 + trial / _STARTS, size=self.model.nv))
-            best = min(best, self.descend(start), key=lambda found: found[1])
+        best = [each for each in closed if each[1] <= max(found[1], DIGITS)]
+        return min(best, key=lambda each: self._distance(start, each[0]), default=found)
+
+    def _drawn(self, found: tuple[np.ndarray, float], start: np.ndarray) -> tuple[np.ndarray, float]:
+        """From a closed position, one that is closed as well and nearer to another, by steps along the motions."""
+        best, (positions, _), scale = found, found, self.scale()
+        for _ in range(_STEPS):
+            residual, slope = self.system(positions)
+            wish = self.difference(positions, start) / scale
+            step = wish - np.linalg.lstsq(slope * scale, residual + slope * scale @ wish, rcond=DIGITS)[0]
+            length = float(np.abs(step).max())
+            positions = self.moved(positions, scale * step * min(1.0, _LONGEST / max(length, _STILL)))
+            if length < _LONGEST:
+                nearer = self.descend(positions)
+                if nearer[1] > OPEN or self._distance(start, nearer[0]) > (1 - DIGITS) * self._distance(start, best[0]):
+                    break
+                best, (positions, _) = nearer, nearer
         return best
 
-    def elsewhere(self, positions: np.ndarray, left: float, count: int) -> list[np.ndarray]:
+    def _distance(self, start: np.ndarray, positions: np.ndarray) -> float:
+        return float(np.linalg.norm(self.difference(start, positions) / self.scale()))
+
+    def in_loops(self) -> np.ndarray:
+        """Which velocities of joints move some loop or tie in itself, (nv,)."""
+        model, found = self.model, np.zeros(self.model.nv, dtype=bool)
+        for loop in self.loops:
+            first, second = (self._above(end.body) for end in (loop.first, loop.second))
+            found |= first ^ second
+        for joint in (joint for tie in self.ties for joint in (tie.first, tie.second) if joint >= 0):
+            found[model.jnt_dofadr[joint]] = True
+        return found
+
+    def _above(self, body: int) -> np.ndarray:
+        """Which velocities of joints move a body."""
+        found = np.zeros(self.model.nv, dtype=bool)
+        while body:
+            first = int(self.model.body_dofadr[body])
+            found[first : first + int(self.model.body_dofnum[body])] |= first >= 0
+            body = int(self.model.body_parentid[body])
+        return found
+
+    def elsewhere(
+        self, positions: np.ndarray, left: float, count: int, is_within: Callable[[np.ndarray], bool] | None = None
+    ) -> list[np.ndarray]:
         """Other positions that close the loops as well as these do, or as the digits of the file allow, from random
-        displacements along the motions; fewer where they are not found."""
-        random, found, scale = np.random.default_rng(1), [], self.scale()
+        displacements along the motions, those first that are within limits; fewer where they are not found."""
+        random, found, beyond, scale = np.random.default_rng(1), [], [], self.scale()
         _, values, basis = np.linalg.svd(self.system(positions)[1] * scale)
         free = basis[int(np.sum(values > DIGITS * values.max(initial=0.0))) :]
         for trial in range(4 * count):
@@ -95,10 +155,10 @@ class Tree:
             start = self.moved(positions, reach * scale * way / np.abs(way).max())
             other, misfit = self.descend(start)
             if misfit <= max(10 * left, DIGITS / 10) and np.abs(other - positions).max() > 1e-3 * reach:
-                found.append(other)
+                (found if is_within is None or is_within(other) else beyond).append(other)
             if len(found) == count:
                 break
-        return found
+        return (found + beyond)[:count]
 
     def motion(self, positions: np.ndarray, freedom: int) -> tuple[np.ndarray, float]:
         """Velocities of the joints, relative to `scale`, that the loops leave, (nv, freedom); and the smallest singular
@@ -118,15 +178,15 @@ class Tree:
             rates[k, data.moment_colind[entries]] = data.actuator_moment.ravel()[entries]
         return tuple(model.actuator(k).name or f"drive {k + 1}" for k in range(model.nu)), rates
 
-    def descend(self, positions: np.ndarray, steps: int = _STEPS) -> tuple[np.ndarray, float]:
+    def descend(self, positions: np.ndarray, steps: int = _STEPS, rcond: float = DIGITS) -> tuple[np.ndarray, float]:
         """Positions that close the loops, from these on, and the largest misfit left, relative to the size."""
         left = 0.0
         for _ in range(steps if self.loops or self.ties else 0):
             residual, slope = self.system(positions)
             left = float(np.abs(residual).max()) / self.size
-            if left < _CLOSED:
+            if left < CLOSED:
                 break
-            step = -np.linalg.lstsq(slope, residual, rcond=DIGITS)[0]
+            step = -np.linalg.lstsq(slope, residual, rcond=rcond)[0]
             length = float(np.abs(step / self.scale()).max())
             if length < _STILL:
                 break
@@ -294,3 +354,8 @@ def unique(names: list[str], taken: Any) -> list[str]:
             own = f"{name} ({number})"
         found.append(own)
     return found
+
+
+def missing_of(notes: list[str] | tuple[str, ...]) -> list[str]:
+    """Of what is left out, that which constrains."""
+    return [note.partition(" is left out")[0] for note in notes if note.endswith(WITHOUT)]

@@ -13,7 +13,6 @@ Names never reach compiled programs: systems go there anonymous, and results get
 """
 
 import dataclasses
-import difflib
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -23,6 +22,7 @@ from jaxtyping import Array, Float
 
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float
+from .._tools._words import did_you_mean
 from ._axis import Axis
 from ._units import UNSTATED, StatedUnits
 
@@ -206,11 +206,9 @@ def indices_of(argument: str, name: str, known: Sequence[str], what: str = "") -
     found = [k for k, each in enumerate(known) if each == name]
     if found:
         return found
-    near = difflib.get_close_matches(str(name), known, 3, 0.5)
-    hint = f"Did you mean {' or '.join(map(repr, near))}? " if near else ""
     more = f" and {len(known) - _LISTED} more: print(solution) shows what is called how" if len(known) > _LISTED else ""
     raise UnknownName(
-        f"Argument `{argument}` must hold names{what}, but holds {name!r}. {hint}"
+        f"Argument `{argument}` must hold names{what}, but holds {name!r}. {did_you_mean(str(name), known)}"
         f"There are {', '.join(known[:_LISTED]) or 'none'}{more}."
     )
 

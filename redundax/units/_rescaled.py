@@ -246,7 +246,7 @@ class _RescaledClosure(AbstractClosure):
         return self.inner.is_constant
 
     def by_place(self, system: AbstractSystem) -> "_RescaledClosure":
-        return replace_fields(self, inner=self.inner.by_place(system))
+        return replace_fields(self, inner=self.inner.by_place(system.inner if isinstance(system, Rescaled) else system))
 
     def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
         if not isinstance(system, Rescaled):

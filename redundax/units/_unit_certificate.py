@@ -11,6 +11,8 @@ that friction reads, or the output be unique over all solutions. Mass and time u
 import dataclasses
 from typing import Any
 
+import numpy as np
+
 from .._analysis._analyze import analyze
 from .._analysis._report import Report
 from .._analysis._verdict import Verdict
@@ -88,7 +90,7 @@ def unit_certificate(system: AbstractSystem, state: State) -> UnitCertificate:
     dependent = set(report.unit_dependent)
     read = [name for name in report.friction_reads if name in dependent]
     kinds = dict(zip(system.rows.labels, system.rows.kinds, strict=True))
-    rows = [_alone(report, name, kinds) for name in report.rows]
+    rows = _alone(report, kinds)
     accelerations = [UnitVerdict(f"{name}''", True, "unique without friction") for name in report.coordinates]
     if read:
         why = f"friction depends on the multipliers {', '.join(read)}, which change"
@@ -106,24 +108,20 @@ def _pairs(verdicts: list[UnitVerdict], report: Report, kind: str) -> zip:
     return zip(verdicts, report.verdicts[kind], strict=True)
 
 
-def _alone(report: Report, name: str, kinds: dict[str, str]) -> UnitVerdict:
-    """Without friction."""
-    if name in report.unique_multipliers:
-        return UnitVerdict(name, True, "unique without friction")
-    group = next(group for group in report.groups if name in group)
-    if len({kinds[row] for row in group}) == 1:
-        return UnitVerdict(name, True, f"its dependent group holds {kinds[name]}-type rows alone")
-    place = {row: k for k, row in enumerate(report.rows)}
-    mixed = [
-        str(k)
-        for k, state in enumerate(report.self_stress)
-        if len({kinds[row] for row in group if state[place[row]]}) == 2
-    ]
-    states = f"self-stress state {mixed[0]}" if len(mixed) == 1 else f"self-stress states {' and '.join(mixed)}"
-    forces, moments = ([row for row in group if kinds[row] == kind] for kind in ("force", "moment"))
-    return UnitVerdict(
-        name, False, f"{states} of its group: forces {', '.join(forces)} with moments {', '.join(moments)}"
-    )
+def _alone(report: Report, kinds: dict[str, str]) -> list[UnitVerdict]:
+    """Without friction, of every row."""
+    own = [{report.rows[k] for k in np.flatnonzero(state)} for state in report.self_stress]
+    found = {row: UnitVerdict(row, True, "unique without friction") for row in report.unique_multipliers}
+    found |= {row: UnitVerdict(row, False, "it has no value at this singular position") for row in report.undetermined}
+    for group in report.groups:
+        forces, moments = ([row for row in group if kinds[row] == kind] for kind in ("force", "moment"))
+        mixed = [str(k) for k, state in enumerate(own) if state & set(forces) and state & set(moments)]
+        states = f"self-stress state {mixed[0]}" if len(mixed) == 1 else f"self-stress states {' and '.join(mixed)}"
+        why = f"{states} of its group: forces {', '.join(forces)} with moments {', '.join(moments)}"
+        for row in group:
+            alike = f"its dependent group holds {kinds[row]}-type rows alone"
+            found[row] = UnitVerdict(row, not mixed, why if mixed else alike)
+    return [found[row] for row in report.rows]
 
 
 def _with_friction(alone: UnitVerdict, judged: Verdict, why: str) -> UnitVerdict:

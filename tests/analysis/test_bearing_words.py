@@ -7,7 +7,9 @@ from redundax._analysis._bearing_words import bearing_words
 from redundax._analysis._release import Release
 
 HINGE = ("radial_1", "radial_2", "axial", "bend_1", "bend_2")
+CARDAN = ("radial_1", "radial_2", "axial", "twist")
 ROWS = (*(f"{joint}.{row}" for joint in ("top", "mid bearing") for row in HINGE), "A.x", "A.y")
+ROWS += tuple(f"u0.{row}" for row in CARDAN)
 
 
 @pytest.mark.parametrize(
@@ -23,6 +25,9 @@ ROWS = (*(f"{joint}.{row}" for joint in ("top", "mid bearing") for row in HINGE)
             [f"top.{row}" for row in HINGE] + ["mid bearing.radial_1", "mid bearing.radial_2"],
             "leave top out; let mid bearing give way across its axis",
         ),
+        (["u0.twist"], "let u0 turn about all axes, as a ball joint"),
+        (["u0.axial"], "let u0 slide along its axis on its second body (floating bearing)"),
+        ([f"u0.{row}" for row in CARDAN], "leave u0 out"),
         (["top.bend_1"], ""),
         (["top.axial", "mid bearing.radial_1"], ""),
         (["A.x"], ""),

@@ -4,6 +4,7 @@ import contextlib
 import io
 import json
 import os
+import pathlib
 import signal
 import subprocess
 import sys
@@ -14,6 +15,8 @@ import numpy as np
 import pytest
 
 from redundax.__main__ import main
+from redundax._command._file import load
+from redundax._command._output import show
 from redundax._solution_sets._family import _branches
 from redundax._tools import _progress
 from redundax._tools._progress import progress, stage
@@ -164,6 +167,83 @@ def test_a_neighbour_that_fails_is_told_by_the_line_that_imports_it(file):
     file.write_text("import math\nimport neighbour_of_mine\n")
     error = run("analyze", f"{file}:body")[2]
     assert "line 2, fails with SyntaxError" in error and "(neighbour_of_mine.py, line 5)" in error
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("import sys\nsys.exit()", "line 2, exits with 0 before it gives 'link'"),
+        ("raise SystemExit(3)", "line 1, exits with 3 before it gives 'link'"),
+        ("def link():\n    raise SystemExit('enough')", "line 2, exits with enough before it gives 'link'"),
+    ],
+)
+@pytest.mark.parametrize("words", [("audit",), ("report", "-o", "page.html")])
+def test_a_file_that_exits_does_not_pass_for_one_that_is_sound(file, monkeypatch, text, told, words):
+    monkeypatch.chdir(file.parent)
+    file.write_text(text)
+    status, out, error = run(words[0], f"{file.name}:link", *words[1:])
+    assert (status, out) == (2, "")
+    assert told in error and len(error.splitlines()) == 1
+
+
+def test_paths_are_told_from_where_the_command_was_called_wherever_a_file_goes(file, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "away").mkdir()
+    file.write_text(f"import os\nos.chdir('away')\n{FILE}")
+    load(f"{file.name}:link")
+    assert pathlib.Path.cwd() == tmp_path
+    file.write_text("import os\nos.chdir('away')\n1 / 0")
+    assert "'mine.py', line 3, fails with ZeroDivisionError" in run("analyze", "mine.py:link")[2]
+
+
+def test_signs_that_act_on_a_terminal_are_shown_as_codes(file):
+    file.write_text("raise RuntimeError('red \\x1b[31m, turned \\u202e, tab \\t, gr\\xfcn, half \\udc80')")
+    error = run("analyze", f"{file}:link")[2]
+    assert error.endswith("RuntimeError: red \\x1b[31m, turned \\u202e, tab \t, gr\xfcn, half \\udc80\n")
+
+
+def test_wrong_arguments_are_told_as_codes_too(capsys):
+    with pytest.raises(SystemExit):
+        main(["audit", "x.xml", "\x1b[31m.xml"])
+    assert capsys.readouterr().err.endswith("unrecognized arguments: \\x1b[31m.xml\n")
+
+
+def test_a_stream_without_a_letter_is_given_its_code(monkeypatch):
+    stream = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+    monkeypatch.setattr(sys, "stdout", stream)
+    show("grün\nand more")
+    assert stream.buffer.getvalue() == b"gr\\xfcn\nand more\n"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="makes links")
+@pytest.mark.parametrize(
+    "words", [("report", "x.py:m", "-o", "link.html"), ("audit", "x.xml", "--fix", "link.xml"), ("--png", "link.png")]
+)
+def test_what_a_link_leads_to_is_not_written_over(monkeypatch, tmp_path, words):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "kept").write_text("kept")
+    (tmp_path / words[-1]).symlink_to("kept")
+    status, out, error = run(*words)
+    assert (status, out) == (2, "")
+    assert f"'{words[-1]}' is a link to 'kept', which would be overwritten. Choose another place." in error
+    assert (tmp_path / "kept").read_text() == "kept"
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("audit", "x.sdf"), "is SDF, which is not read. MJCF (.xml) and URDF (.urdf) are read"),
+        (("analyze", "x.usd"), "is USD, which is not read"),
+        (("audit", "x.json"), "must be a model, .xml, .mjcf, .urdf, or FILE.py:NAME"),
+        (("report", "x.urdf"), "is a model. Type `redundax audit x.urdf`"),
+        (("audit", ""), "must be a model"),
+        (("audit", "https://x.org/x.xml"), "is an address. Fetch the file first"),
+    ],
+)
+def test_a_file_of_another_kind_is_told_with_what_to_do(words, told):
+    status, out, error = run(*words)
+    assert (status, out) == (2, "")
+    assert told in error
 
 
 @pytest.mark.slow

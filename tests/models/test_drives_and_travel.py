@@ -8,6 +8,7 @@ from redundax._models._examine import agreed
 from redundax._models._read import closures_of, read
 from redundax._models._travel import _Path, travel
 from redundax._models._tree import tree_of
+from redundax._tools._errors import RedundaxError
 
 pytest.importorskip("mujoco")
 pytest.importorskip("yaml")
@@ -113,10 +114,14 @@ def test_drives_of_a_urdf_are_those_of_the_loops_or_transmissions(tree, text, lo
     assert model.drives(model.model.qpos0)[0] == names
 
 
-def test_a_drive_of_a_joint_that_is_not_there_is_told(tree):
-    model, notes = tree(f"{PAIR}</robot>", "pair.urdf", "name_mot: [A, Z]")
+def test_a_drive_of_a_joint_that_is_not_there_is_refused_or_told(tree):
+    """In the file of its loops it is a slip; a transmission may be of a joint that moves nothing."""
+    with pytest.raises(RedundaxError, match=r"drives the joint 'Z', which is no joint that moves. There are A, B"):
+        tree(f"{PAIR}</robot>", "pair.urdf", "name_mot: [A, Z]")
+    driven = '<transmission name="t"><joint name="Z"/></transmission>'
+    model, notes = tree(f"{PAIR}{driven}</robot>", "pair.urdf", "closed_loop: []")
     assert "drive of 'Z': there is no such joint" in notes
-    assert model.drives(model.model.qpos0)[0] == ("A",)
+    assert model.drives(model.model.qpos0)[0] == ()
 
 
 @pytest.mark.parametrize(

@@ -429,7 +429,7 @@ def test_a_spoiled_file_ends_in_one_line(write, what):
         ("closed_loop: [[screw_place]]\ntype: [6d]", "Give two frames"),
         ("closed_loop: [[screw_place, leaf]]\ntype: [5d]", "3d or 6d"),
         ("closed_loop: [[screw_place, hook]]\ntype: [6d]", "'hook', which is no link or joint"),
-        ("closed_loop: 3", "must hold lists"),
+        ("closed_loop: 3", "must hold a list under `closed_loop`, but holds 3"),
         ("joint_name: [lower]\njoint_type: [GEAR]", "SPHERICAL, UJOINT_XY or FIXED"),
     ],
 )
@@ -493,11 +493,10 @@ def door():
     assert run(f"{file}:gate")[0] == 2
 
 
-def test_a_joint_to_be_replaced_that_is_not_there_is_told(write):
-    write("door.yaml", "joint_name: [middle, lower]\njoint_type: [SPHERICAL, SPHERICAL]\n")
-    model = rx.load_model(write("door.urdf", DOOR))
-    assert "joint 'middle', to be replaced by SPHERICAL: there is no such joint" in model.notes
-    assert model.joints["ball"] == ("lower",)
+def test_a_joint_to_be_replaced_that_is_not_there_is_refused_with_near_names(write):
+    write("door.yaml", "joint_name: [uper, lower]\njoint_type: [SPHERICAL, SPHERICAL]\n")
+    with pytest.raises(rx.RedundaxError, match=r"the joint 'uper', which is not in the model. Did you mean 'upper'\?"):
+        rx.load_model(write("door.urdf", DOOR))
 
 
 def test_names_with_quotes_and_markup_stay(write):

@@ -171,7 +171,7 @@ def test_a_row_that_was_named_and_stays_is_told(four_bar, folder, monkeypatch):
     assert "A.axial is not freed: it would add a motion." in made.notes
     made = fix(model, found, folder / "copy.xml", ["A.axial", "B.axial", "C.axial"])
     assert "A.axial and B.axial are not freed: they would add a motion." in made.notes
-    monkeypatch.setattr(_fix, "_figures", lambda file: (1, 2))
+    monkeypatch.setattr(_fix, "_figures", lambda *_: (1, 2))
     made = fix(model, found, folder / "copy.xml")
     assert made.notes[0].startswith("redundancy 0 and freedom 1 were expected, so look at the copy")
 
@@ -225,7 +225,7 @@ def test_a_model_without_loops_or_of_which_some_are_left_out_is_told_at_once(fol
     )
     for more, first in (
         ("", "NOT REDUNDANT: no loops"),
-        (tied.format(""), "UNDECIDED: constraint 'mjEQ_TENDON' is not taken over. Without it:"),
+        (tied.format(""), "UNDECIDED: constraint 'tendon' is not taken over. Without it:"),
         (tied.format('<tendon name="u" tendon1="t"/>'), "are not taken over. Without them:"),
     ):
         (folder / "arm.xml").write_text(arm.format(more))

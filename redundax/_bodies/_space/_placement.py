@@ -30,8 +30,9 @@ class Placement(eqx.Module):
 
     - `point`: m.
     - `axis`: direction of the joint's axis, z; it is normalised.
-    - `mark`: a direction whose part square to the axis is x, from which the angle of a joint counts; one of the axes of
-      the body if not given.
+    - `mark`: a direction whose part square to the axis is x, from which the angle of a joint counts; x of the body if
+      not given, but y of it for axes within 27.8 degrees of its x, to either side. Of an axis that may tilt across
+      that cone give a mark: x would jump there, and there alone.
     """
 
     point: Float[Array, "3"]

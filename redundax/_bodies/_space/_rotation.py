@@ -25,6 +25,7 @@ def _table(sign: int) -> np.ndarray:
 
 
 _E, _G = _table(1), _table(-1)
+_ALONG_X = 0.8846  # cosine of 27.8 degrees, an angle that neither whole or half degrees nor small ratios have
 
 
 def cross(a: Float[Any, "*#some 3"], b: Float[Any, "*#some 3"]) -> Float[Array, "*some 3"]:
@@ -52,6 +53,15 @@ def multiplied(
 ) -> Float[Array, "*some rows columns"]:
     """A B likewise."""
     return jnp.sum(a[..., :, :, None] * b[..., None, :, :], axis=-2)
+
+
+def about_z(turn: Float[Array, "*some 3 3"]) -> Float[Array, "*some 3 3"]:
+    """The rotation about z that is nearest to another; NaN where that turns z by a right angle or more."""
+    size = jnp.where(turn[..., 2, 2] > 0, 1 + turn[..., 2, 2], jnp.nan)
+    cosine, sine = turn[..., 0, 0] + turn[..., 1, 1], turn[..., 1, 0] - turn[..., 0, 1]
+    none = jnp.zeros_like(size)
+    x, y = (jnp.stack(part, axis=-1) / size[..., None] for part in ((cosine, sine, none), (-sine, cosine, none)))
+    return jnp.stack([x, y, jnp.broadcast_to(np.eye(3, dtype=turn.dtype)[2], x.shape)], axis=-1)
 
 
 def rotation(p: Float[Any, "*some 4"]) -> Any:
@@ -124,7 +134,10 @@ def as_quaternion(argument: str, value: Numbers) -> Any:
 
 
 def axes_along(argument: str, axis: Any, mark: Any | None = None) -> Any:
-    """Right-handed axes as columns: z along an axis, x along the part of a mark square to it."""
+    """Right-handed axes as columns: z along an axis, x along the part of a mark square to it.
+
+    Without a mark that is (1, 0, 0), and (0, 1, 0) of axes near it. No rule without a jump is there for all directions.
+    """
     axis = floats(axis)
     given = axis if mark is None else floats(mark)
     xp = numpy_of(axis, given)
@@ -135,7 +148,7 @@ def axes_along(argument: str, axis: Any, mark: Any | None = None) -> Any:
                 "direction, as in (0, 0, 1)."
             )
     z = axis / xp.sqrt(axis @ axis)
-    other = xp.eye(3)[xp.argmin(xp.round(xp.abs(z), 6))] if mark is None else given  # rounding decides nothing
+    other = xp.eye(3)[xp.where(xp.abs(z[0]) > _ALONG_X, 1, 0)] if mark is None else given
     x = other - (other @ z) * z
     if is_concrete(x) and not np.linalg.norm(np.asarray(x)) > 1e-6 * np.linalg.norm(np.asarray(other)):
         raise RedundaxError(

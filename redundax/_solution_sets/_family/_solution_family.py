@@ -14,7 +14,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Iterable, Sequence
 from textwrap import wrap
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -221,21 +221,65 @@ def solution_family(
     no_classes(closure=closure)
     system, factor = dense_at(system, state, rank, factor)
     report = analyze(system, state, closure=closure, sense=sense, factor=factor)
-    solutions = solutions_of(system, state, factor, report, sense, closure)
-    chosen = _chosen(report, along)
+    known = _Known(system, state, factor, report, closure, solutions_of(system, state, factor, report, sense, closure))
+    return _family(known, _chosen(report, along), _Search(z, samples, starts, seed, watch))
+
+
+def families_of(
+    system: AbstractSystem,
+    state: State,
+    report: Report,
+    factor: Factorisation,
+    *,
+    closure: AbstractClosure = _MINIMUM_NORM,
+    z: Numbers | None = None,
+    samples: int = 201,
+    watch: Callable[[Sequence[Any]], Iterable[Any]] = iter,
+) -> list[SolutionFamily]:
+    """`solution_family` along each of the self-stress states of a report, which is that of the closure."""
+    solutions = solutions_of(system, state, factor, report, None, closure)
+    known, search = _Known(system, state, factor, report, closure, solutions), _Search(z, samples, None, 0, watch)
+    return [_family(known, [number], search) for number in range(len(report.self_stress))]
+
+
+class _Known(NamedTuple):
+    """What does not depend on which states are looked along."""
+
+    system: AbstractSystem
+    state: State
+    factor: Factorisation
+    report: Report
+    closure: AbstractClosure
+    solutions: SolutionSet
+
+
+class _Search(NamedTuple):
+    """How to look along states, as in `solution_family`."""
+
+    z: Numbers | Sequence[Numbers] | None
+    samples: int
+    starts: int | None
+    seed: int
+    watch: Callable[[Sequence[Any]], Iterable[Any]]
+
+
+def _family(known: _Known, chosen: list[int], search: _Search) -> SolutionFamily:
+    """The family along the states of a report that are chosen by number."""
+    system, state, factor, report, closure, solutions = known
     stress = report.self_stress[chosen]
-    if z is None:
+    if search.z is None:
         assumed = preload(system, factor, report.self_stress)
-        axes, assumption = assumed.axes(stress, samples), str(assumed) if chosen else ""
+        axes, assumption = assumed.axes(stress, search.samples), str(assumed) if chosen else ""
     else:
-        axes, assumption = _axes(stress, z), ""
+        axes, assumption = _axes(stress, search.z), ""
     weights, offset = _measure(closure, system, state, stress)
     solutions = replace_fields(solutions, stress=jnp.asarray(stress.T))
     proved = report.spectral_radius is None or report.spectral_radius < 1
+    starts = search.starts
     if starts is None:
         starts = max(_STARTS, -(-SEARCH_STARTS // math.prod(axis.size for axis in axes)))
-    factors = start_factors(solutions.rows.size, 0 if proved else starts, seed)
-    branches = trace(solutions, axes, factors, proved, watch)
+    factors = start_factors(solutions.rows.size, 0 if proved else starts, search.seed)
+    branches = trace(solutions, axes, factors, proved, search.watch)
     names, kinds = system.names.unknowns.labels, system.names.unknowns.kinds
     values = _values(solutions, branches)
     return SolutionFamily(

@@ -61,7 +61,8 @@ class AbstractJoint(AbstractAnyJoint):
 class AbstractPlacedJoint(AbstractJoint):
     """A joint that sits at a point and axis of both bodies.
 
-    A new kind of joint gives `row_kinds` and `residual`, from `relative`.
+    A new kind of joint gives `row_kinds` and `residual`, from `relative`. Where its axes may turn on both bodies alike
+    and it constrains the same, `free_axes` says so, for `rx.misfit`: "across" for any turn about z, "all" for any turn.
 
     ??? example
 
@@ -82,11 +83,13 @@ class AbstractPlacedJoint(AbstractJoint):
     - `i`, `j`: the bodies, or "ground"; their names do where `on_i` and `on_j` are given.
     - `point`: global, m, at the reference pose of the bodies.
     - `axis`: direction of the joint's axis, z, likewise; (0, 0, 1) if not given.
-    - `mark`: direction whose part square to the axis is x of the joint, likewise; a global axis if not given.
+    - `mark`: direction whose part square to the axis is x of the joint, likewise; if not given as of
+      a `Placement`.
     - `on_i`, `on_j`: in place of `point` and `axis` the `Placement` on each body.
     - `friction`: none is known of joints of this kind.
     """
 
+    free_axes: ClassVar[str] = "none"
     name: str = eqx.field(static=True)
     i: str = eqx.field(static=True)
     j: str = eqx.field(static=True)

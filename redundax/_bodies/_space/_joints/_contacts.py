@@ -21,6 +21,7 @@ class PointOnLine(AbstractPlacedJoint):
     """
 
     row_kinds: ClassVar[tuple[Row, ...]] = (("radial_1", "force"), ("radial_2", "force"))
+    free_axes: ClassVar[str] = "across"
     __init__ = AbstractPlacedJoint.__init__
 
     @property
@@ -64,6 +65,7 @@ class ParallelAxes(AbstractPlacedJoint):
     """
 
     row_kinds: ClassVar[tuple[Row, ...]] = (("bend_1", "moment"), ("bend_2", "moment"))
+    free_axes: ClassVar[str] = "across"
     __init__ = AbstractPlacedJoint.__init__
 
     @property

@@ -25,6 +25,7 @@ class Fixed(AbstractPlacedJoint):
     """
 
     row_kinds: ClassVar[tuple[Row, ...]] = (*RADIAL, AXIAL, *BEND, TWIST)
+    free_axes: ClassVar[str] = "all"
     __init__ = AbstractPlacedJoint.__init__
 
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:

@@ -45,6 +45,7 @@ class Prismatic(AbstractFrictionalJoint):
     """
 
     row_kinds: ClassVar[tuple[Row, ...]] = (*RADIAL, *BEND, TWIST)
+    free_axes: ClassVar[str] = "across"
     slip_kind: ClassVar[str] = "linear"
     guide_length: Float[Array, ""] | Overlap | None
     twist_radius: Float[Array, ""] | None

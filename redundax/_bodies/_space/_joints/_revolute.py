@@ -43,6 +43,7 @@ class Revolute(AbstractFrictionalJoint):
     """
 
     row_kinds: ClassVar[tuple[Row, ...]] = (*RADIAL, AXIAL, *BEND)
+    free_axes: ClassVar[str] = "across"
     slip_kind: ClassVar[str] = "angular"
     pin_radius: Float[Array, ""] | None
     bearing_length: Float[Array, ""] | None

@@ -55,6 +55,7 @@ class Screw(AbstractFrictionalJoint):
     """
 
     row_kinds: ClassVar[tuple[Row, ...]] = (*RADIAL, AXIAL, *BEND)
+    free_axes: ClassVar[str] = "across"
     slip_kind: ClassVar[str] = "linear"
     pitch: Float[Array, ""]
     thread_radius: Float[Array, ""] | None

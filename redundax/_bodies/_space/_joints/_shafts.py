@@ -28,6 +28,7 @@ class ConstantVelocity(AbstractPlacedJoint):
     """
 
     row_kinds: ClassVar[tuple[Row, ...]] = (*RADIAL, AXIAL, TWIST)
+    free_axes: ClassVar[str] = "across"
     __init__ = AbstractPlacedJoint.__init__
 
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:

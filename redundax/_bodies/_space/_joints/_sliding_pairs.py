@@ -48,6 +48,7 @@ class Cylindrical(AbstractSlidingJoint):
     """
 
     row_kinds: ClassVar[tuple[Row, ...]] = (*RADIAL, *BEND)
+    free_axes: ClassVar[str] = "across"
     slip_kinds: ClassVar[tuple[Row, ...]] = (ANGLE, TRAVEL)
     bearing_length: Float[Array, ""] | Overlap | None
     shaft_radius: Float[Array, ""] | None
@@ -124,6 +125,7 @@ class Spherical(AbstractSlidingJoint):
     """
 
     row_kinds: ClassVar[tuple[Row, ...]] = (*RADIAL, AXIAL)
+    free_axes: ClassVar[str] = "all"
     slip_kinds: ClassVar[tuple[Row, ...]] = (("bend_1", "angular"), ("bend_2", "angular"), ("twist", "angular"))
     has_spin: ClassVar[bool] = True
     ball_radius: Float[Array, ""] | None
@@ -196,6 +198,7 @@ class Planar(AbstractSlidingJoint):
     """
 
     row_kinds: ClassVar[tuple[Row, ...]] = (AXIAL, *BEND)
+    free_axes: ClassVar[str] = "across"
     slip_kinds: ClassVar[tuple[Row, ...]] = (("travel_1", "linear"), ("travel_2", "linear"), ANGLE)
     plate_length: Float[Array, ""] | None
     spin_radius: Float[Array, ""] | None

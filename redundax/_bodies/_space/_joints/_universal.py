@@ -57,6 +57,7 @@ class Universal(AbstractContactJoint):
     """
 
     row_kinds: ClassVar[tuple[Row, ...]] = (*RADIAL, AXIAL, TWIST)
+    free_axes: ClassVar[str] = "across"
     slip_kinds: ClassVar[tuple[Row, ...]] = (("angle_1", "angular"), ("angle_2", "angular"))
     has_direction: ClassVar[bool] = False
     reads_pose: ClassVar[bool] = True

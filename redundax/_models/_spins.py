@@ -1,0 +1,78 @@
+"""Freedoms that turn a part between others and move nothing else, as a rod between two balls has one
+
+With N the motions of the model, so that the velocities V N of all bodies are orthonormal, a body b moves alone iff 1 is
+a singular value of V_b N, and spins if that motion turns it about a line and moves no drive. So may two that a joint
+joins, and that turn as one. What hangs on one other body alone, as a door or the hand of an arm, is left out: its
+motion is what it is for.
+"""
+
+import itertools
+from collections.abc import Iterable
+
+import numpy as np
+
+from .._tools._optional import optional
+from ._plan import Plan
+
+_REST = 1e-6  # velocities beside the largest: the digits of a file
+
+
+def spins(plan: Plan, positions: np.ndarray, freedom: int) -> tuple[tuple[str, ...], ...]:
+    """Names of the bodies that spin, one or two together for each such freedom, at positions of known freedom."""
+    tree = plan.tree
+    if not freedom or not tree.loops:
+        return ()
+    motion = tree.scale()[:, None] * tree.motion(positions, freedom)[0]
+    moved = _velocities(plan, positions)
+    moved[:, :3] /= tree.size
+    _, sizes, ways = np.linalg.svd((moved @ motion).reshape(-1, freedom), full_matrices=False)
+    motion = motion @ ways.T / sizes  # so that the velocities of all bodies are orthonormal
+    moved, driven, joined = moved @ motion, tree.drives(positions)[1] @ motion, _joined(plan)
+    found: list[tuple[int, ...]] = []
+    for some in [*((k,) for k in range(len(moved))), *_pairs(plan, joined)]:
+        if any(set(each) & set(some) for each in found) or len(_beside(some, joined, plan)) < 2:
+            continue
+        _, shares, ways = np.linalg.svd(moved[list(some)].reshape(-1, freedom), full_matrices=False)
+        alone = ways[shares**2 > 1 - _REST**2]
+        if len(alone) == 1 and _is_turn(moved[list(some)] @ alone[0], driven @ alone[0]):
+            found.append(some)
+    return tuple(tuple(plan.names[k] for k in some) for some in sorted(found))
+
+
+def _velocities(plan: Plan, positions: np.ndarray) -> np.ndarray:
+    """Of the bodies that move, at the origin of the world and about its axes, by those of joints, (bodies, 6, nv)."""
+    mujoco, model, data = optional("mujoco", "models"), plan.model, plan.tree.at(positions)
+    found = np.zeros((len(plan.movers), 6, model.nv))
+    for own, body in zip(found, plan.movers, strict=True):
+        mujoco.mj_jac(model, data, own[:3], own[3:], np.zeros(3), body)
+    return found
+
+
+def _is_turn(moved: np.ndarray, driven: np.ndarray) -> bool:
+    """Whether bodies turn together about a line, and no drive moves."""
+    (along, turn), size = np.split(moved[0], 2), float(np.linalg.norm(moved[0]))
+    alike = np.abs(moved - moved[0]).max() <= _REST * size
+    is_turn = float(np.linalg.norm(turn)) > _REST * size and abs(float(along @ turn)) <= _REST * size**2
+    return bool(alike and is_turn and np.abs(driven).max(initial=0.0) <= _REST)
+
+
+def _joined(plan: Plan) -> list[tuple[int, int]]:
+    """Bodies that joints and loops join, by their numbers in the file; what floats is joined to nothing."""
+    tree, model = plan.tree, plan.model
+    joints = [int(model.jnt_bodyid[link.joint]) for link in plan.links if link.kind != "free"]
+    pairs = [(body, plan.root(int(model.body_parentid[body]))) for body in joints]
+    return pairs + [(plan.root(loop.first.body), plan.root(loop.second.body)) for loop in tree.loops]
+
+
+def _pairs(plan: Plan, joined: Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Movers that are joined, by their places among these."""
+    place = {body: k for k, body in enumerate(plan.movers)}
+    pairs = ((place[one], place[other]) for one, other in joined if one in place and other in place)
+    return list(dict.fromkeys((min(pair), max(pair)) for pair in pairs))
+
+
+def _beside(some: tuple[int, ...], joined: Iterable[tuple[int, int]], plan: Plan) -> set[int]:
+    """Other bodies that some are joined to."""
+    own = {plan.movers[k] for k in some}
+    ends = itertools.chain.from_iterable(pair for pair in joined if own & set(pair))
+    return set(ends) - own
