@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 
 from .._tools._errors import RedundaxError
 from .._tools._module import as_float, is_concrete
+from ._figures import check_figures
 from ._frame import AbstractFrame
 from ._plane import PLANE
 
@@ -20,6 +21,9 @@ class AbstractBody(eqx.Module):
 
     name: eqx.AbstractVar[str]
     mass: eqx.AbstractVar[Float[Array, ""]]
+
+    def __check_init__(self) -> None:
+        check_figures(self, f"body '{self.name}'")
 
     @property
     @abc.abstractmethod
@@ -68,8 +72,8 @@ def check_amount(argument: str, name: str, value: Array) -> None:
             f"Argument `{argument}` of body '{name}' must be a number, but has shape {value.shape}. "
             "Make one `Body` for each."
         )
-    if is_concrete(value) and not np.asarray(value) >= 0:
+    if is_concrete(value) and np.asarray(value) < 0:
         raise RedundaxError(
-            f"Argument `{argument}` of '{name}' must not be negative, but is {float(value)}. Zero is allowed "
+            f"Argument `{argument}` of body '{name}' must not be negative, but is {float(value)}. Zero is allowed "
             "where the constraints leave the coordinate no freedom of its own, condition (14)."
         )

@@ -5,7 +5,7 @@ same counts of each kind.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import equinox as eqx
 import jax
@@ -14,6 +14,8 @@ from jaxtyping import Array, Int
 
 from .._tools._module import as_functions, numpy_of, on_device, replace_fields, tree_take
 from ._body import GROUND
+from ._figures import check_figures, check_vectors
+from ._frame import AbstractFrame
 
 
 class AbstractBetweenBodies(eqx.Module):
@@ -21,6 +23,15 @@ class AbstractBetweenBodies(eqx.Module):
 
     i: eqx.AbstractVar[str]
     j: eqx.AbstractVar[str]
+    frame: ClassVar[AbstractFrame]
+    vectors: ClassVar[tuple[str, ...]] = ("point_i", "point_j")  # fields that have two components in the plane
+
+    def __check_init__(self) -> None:
+        name = getattr(self, "name", None)
+        owner = f"joint '{name}'" if name else f"{type(self).__name__} on '{self.i}'"
+        check_figures(self, owner)
+        if self.frame.word == "planar":
+            check_vectors(self, self.vectors, owner)
 
 
 E = TypeVar("E", bound=eqx.Module)

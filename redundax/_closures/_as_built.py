@@ -20,7 +20,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._errors import RedundaxError
 from .._tools._module import as_float, replace_fields
-from ._closure import AbstractClosure
+from ._closure import AbstractClosure, check_closure
 
 
 def misfit(system: AbstractSystem, actual: AbstractSystem, state: State) -> Float[Array, " m"]:
@@ -72,6 +72,7 @@ class AsBuilt(AbstractClosure):
     actual: AbstractSystem
 
     def __init__(self, closure: AbstractClosure, actual: AbstractSystem):
+        check_closure(closure)
         self.closure, self.actual = closure, actual.anonymous
 
     def by_place(self, system: AbstractSystem) -> "AsBuilt":

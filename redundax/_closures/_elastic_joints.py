@@ -29,7 +29,7 @@ from .._sparse._plan import Plan
 from .._system._names import index_of
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._system._units import Units
+from .._system._units import Units, checked_units
 from .._tools._errors import RedundaxError
 from .._tools._module import is_concrete
 from ._closure import AbstractClosure
@@ -99,7 +99,7 @@ class ElasticJoints(AbstractClosure):
             raise RedundaxError("Argument `joints` must name each joint once, but names some twice. Leave one out.")
         for name in given:
             index_of("joints", name, names, " of joints")
-        units, number, stacks = Units() if units is None else units, 0, []
+        units, number, stacks = checked_units(units) or Units(), 0, []
         for stack, members in zip(mechanism.joints, mechanism.names.joints, strict=True):
             seats = []
             for k, name in enumerate(members):

@@ -29,7 +29,7 @@ from jaxtyping import Array, Float, Int
 from .._system._axis import Axis, join
 from .._system._names import ByName, Names, index_of, vector
 from .._system._state import State
-from .._system._system import AbstractSystem
+from .._system._system import AbstractSystem, check_system
 from .._tools._compilation import compiled
 from .._tools._errors import RedundaxError
 from .._tools._module import (
@@ -97,6 +97,7 @@ def assemble(
 
     **Raises:** `RuntimeError` that names the rows that cannot be met.
     """
+    check_system(system)
     n = len(system.coordinates)
     positions, rates = dict(positions or {}), dict(rates or {})
     q = system.reference if q is None else q

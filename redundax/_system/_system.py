@@ -19,7 +19,7 @@ from jaxtyping import Array, Float, PyTree
 
 from .._sparse._plan import Plan
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, as_float, as_functions, as_parameters, moved, replace_fields
+from .._tools._module import Numbers, as_float, as_functions, as_parameters, check_kind, moved, replace_fields
 from .._tools._table import are_known, page
 from ._axis import Axis, axis
 from ._friction import AbstractFriction, slip_kinds
@@ -333,3 +333,15 @@ class System(AbstractSystem):
 
 def _count(kinds: Any) -> int | None:
     return None if isinstance(kinds, str) else len(kinds)
+
+
+def check_system(system: object) -> None:
+    """Refuse what is no system."""
+    check_kind("system", system, AbstractSystem, "a mechanism or system", "Give that first, then its state.")
+
+
+def check_system_at(system: object, state: object) -> None:
+    """Refuse what is no system, or no state."""
+    check_system(system)
+    advice = "Make one by `rx.assemble(mechanism, q)`, by `mechanism.state(...)` or by `rx.State(q, qd)`."
+    check_kind("state", state, State, "a state", advice)

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..._tools._errors import RedundaxError
+from ..._tools._module import check_kind, part
 from .._frame import AbstractFrame
 from .._friction_model import AbstractFrictionModel
 from .._plane import PLANE
@@ -136,8 +136,7 @@ class AbstractFrictionalJoint(AbstractJoint):
 
 def check_friction(joint: str, friction: object) -> None:
     """Refuse what is no friction model."""
-    if friction is not None and not isinstance(friction, AbstractFrictionModel):
-        raise RedundaxError(
-            f"Argument `friction` of joint '{joint}' must be a friction model, but is {friction!r}. Give `rx.Coulomb` "
-            "with this coefficient, say."
-        )
+    if friction is not None:
+        with part(f"joint '{joint}'"):
+            advice = "Give `rx.Coulomb(0.1)`, say, with the coefficient of these surfaces."
+            check_kind("friction", friction, AbstractFrictionModel, "a friction model", advice)

@@ -11,10 +11,10 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from ..._tools._errors import RedundaxError
-from ..._tools._module import as_vector, optional_float, safe_norm
+from ..._tools._module import as_float, optional_float, safe_norm
 from .._friction_model import AbstractFrictionModel
 from .._pose import Pose
-from ._base import AbstractFrictionalJoint, Row
+from ._base import AbstractFrictionalJoint, Row, check_friction
 
 
 class Revolute(AbstractFrictionalJoint):
@@ -42,12 +42,13 @@ class Revolute(AbstractFrictionalJoint):
     name: str = eqx.field(static=True)
     i: str = eqx.field(static=True)
     j: str = eqx.field(static=True)
-    point_i: Float[Array, "2"] = eqx.field(converter=as_vector)
-    point_j: Float[Array, "2"] = eqx.field(converter=as_vector)
+    point_i: Float[Array, "2"] = eqx.field(converter=as_float)
+    point_j: Float[Array, "2"] = eqx.field(converter=as_float)
     pin_radius: Float[Array, ""] | None = eqx.field(converter=optional_float, default=None)
     friction: AbstractFrictionModel | None = None
 
     def __check_init__(self) -> None:
+        check_friction(self.name, self.friction)
         if self.friction is not None and self.pin_radius is None:
             raise RedundaxError(
                 f"Argument `pin_radius` of the revolute joint '{self.name}' must be given where the joint has "

@@ -10,7 +10,7 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from ..._tools._errors import RedundaxError
-from ..._tools._module import Numbers, numpy_of, on_device, replace_fields
+from ..._tools._module import Numbers, numpy_of, on_device, part, replace_fields
 from .._body import GROUND, name_of
 from ._body import Body
 from ._frame import SPACE
@@ -56,7 +56,8 @@ def at_reference(
 ) -> Placement | None:
     """A global placement; None where there is no point, beside which no direction counts."""
     if point is not None:
-        return Placement(point, (0.0, 0.0, 1.0) if axis is None else axis, mark)
+        with part(f"{what} '{joint}'"):
+            return Placement(point, (0.0, 0.0, 1.0) if axis is None else axis, mark)
     if axis is not None or mark is not None:
         raise RedundaxError(
             f"{what.capitalize()} '{joint}' has a global direction without a global point, so that it would count for "
@@ -90,7 +91,11 @@ def between_points(
     joint: str, i: Body | str, j: Body | str, points: Sequence[Numbers | None], what: str = "joint"
 ) -> Place:
     """Placements of which only the points count: both global ones, then both in the local frames."""
-    given_i, given_j, on_i, on_j = (None if point is None else Placement(point) for point in points)
+    arguments, owner = ("point_i", "point_j", "on_i", "on_j"), f"{what} '{joint}'"
+    given_i, given_j, on_i, on_j = (
+        None if point is None else Placement(SPACE.vector(argument, point, owner))
+        for argument, point in zip(arguments, points, strict=True)
+    )
     return placed(joint, i, j, (given_i, given_j), (on_i, on_j), what)
 
 

@@ -34,10 +34,9 @@ from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._system._units import with_unit
 from ..._tools._errors import NoSolutionError, RedundaxError
-from ..._tools._module import no_classes
 from ..._tools._table import figures, group, page
 from .._at_rest import is_still
-from .._bounds import AbstractBounds, bounds_in_words, cases_of
+from .._bounds import AbstractBounds, bounds_in_words, cases_of, check_bounds
 from .._cases import AbstractCases, Affine
 from .._family._solution_family import solutions_of
 from .._loads_at_rest._band_at_rest import bands_at_rest
@@ -212,7 +211,7 @@ def band(
 
     **Raises:** as `solution_family`; `ValueError` where bounds or outputs do not fit the system.
     """
-    no_classes(bounds=bounds)
+    check_bounds(bounds)
     system, factor = dense_at(system, state, rank, factor)
     report = analyze(system, state, sense=sense, factor=factor)
     if report.at_rest:

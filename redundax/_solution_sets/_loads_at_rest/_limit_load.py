@@ -25,12 +25,11 @@ from ..._equations._response import Response
 from ..._system._names import ByName, unit_of, vector
 from ..._system._pushing import in_words, pulling
 from ..._system._state import State
-from ..._system._system import AbstractSystem
+from ..._system._system import AbstractSystem, check_system_at
 from ..._tools._compilation import compiled
 from ..._tools._errors import NoSolutionError, RedundaxError
-from ..._tools._module import no_classes
 from .._at_rest import NONE, ReducedForce, drive, velocity_basis
-from .._bounds import AbstractBounds, bounds_in_words, cases_of
+from .._bounds import AbstractBounds, bounds_in_words, cases_of, check_bounds
 from .._cases import AbstractCases
 from .._solution_set import SolutionSet, solution_set
 from ._extreme import Extreme, LoadsAtRest
@@ -158,7 +157,8 @@ def limit_load(
 
     **Raises:** `ValueError` where the state moves or the load drives no motion; `RuntimeError` as `band`.
     """
-    no_classes(bounds=bounds)
+    check_bounds(bounds)
+    check_system_at(system, state)
     state = State(state.q, state.qd, state.t)
     system, factor = dense_at(system, state, rank, factor)
     report = analyze(system, state, factor=factor)
