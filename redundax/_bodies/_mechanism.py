@@ -137,7 +137,7 @@ class Mechanism(AbstractSystem):
             centres=self.frame.centre_names(names),
             bodies=tuple(names),
             joints=tuple(tuple(joints[k].name for k in group) for group in groups),
-            firsts=tuple((joint.name, joint.i) for joint in joints),
+            joined=tuple((joint.name, joint.i, joint.j) for joint in joints),
             pushing=pushing_rows(joints, rows),
             units=of_model(units),
             adds=self.frame.adds,

@@ -44,7 +44,7 @@ from .._tools._module import (
 )
 from ._guess import ask_for_radians, check_finite
 from ._kinematics import second_order, velocity
-from ._misfit import Misfit, check_rows, misfit_of, tell, tolerance
+from ._misfit import Misfit, misfit_of, tell, tolerance
 from ._pseudoinverse import (
     DensePseudoinverse,
     SparsePseudoinverse,
@@ -55,6 +55,7 @@ from ._pseudoinverse import (
 )
 from ._scaling import Scaling, scaling_at
 from ._sparse_descent import sparse_descent
+from ._unmet import check_rows, no_position, no_velocity
 
 _POLISHING_STEPS, _PASSES = 4, 3
 
@@ -129,10 +130,12 @@ def assemble(
     if is_concrete(off.refused) and is_concrete(slow.refused):
         off, slow = jax.device_get((off, slow))
         if off.refused and throw is not False:
-            check_rows(system, q, t)
-        tell("position", off, (*system.rows.labels, *(f"{name} as given" for name in positions)), throw)
-        if slow.refused or not off.beyond.any():  # what the position misses the velocity does too
-            tell("velocity", slow, (*system.rows.labels, *(f"{name} as given" for name in rates)), throw)
+            raise no_position(system.names, check_rows(system, q, t), off, tuple(positions))
+        if slow.refused and throw is not False:
+            raise no_velocity(system.names, slow, tuple(rates))
+        tell("position", off, (*system.rows.labels, *(f"{name} as given" for name in positions)))
+        if not off.beyond.any():  # what the position misses the velocity does too
+            tell("velocity", slow, (*system.rows.labels, *(f"{name} as given" for name in rates)))
     return state
 
 
@@ -308,9 +311,9 @@ def _position(system: AbstractSystem, guess: State, held: Array, positions: Arra
     closing = _begun(system, guess, held, positions)
     d, step, weakest = _closed(closing)
     left = jnp.abs(closing.residual(d))
-    relative = left / closing.scale.size
-    settled = step <= jnp.maximum(jnp.max(relative), tolerance(d))
-    misfit = misfit_of(left * closing.row_scale, relative, settled, weakest, tolerance(d))
+    settled = step <= jnp.maximum(jnp.max(left / closing.scale.size), tolerance(d))
+    scale = closing.row_scale * closing.scale.size
+    misfit = misfit_of(left * closing.row_scale, scale, settled, weakest, tolerance(d))
     return closing.moved(closing.guess.q, d), misfit
 
 
@@ -336,8 +339,8 @@ def _velocity(system: AbstractSystem, state: State, driven: Array, rates: Array)
     qd = scale.coordinates * found
     speed = jnp.max(jnp.abs(found)) + jnp.max(jnp.abs(misfit))
     left = jnp.abs(misfit + inverse.times(change))
-    relative = left / jnp.where(speed > 0, speed, 1.0)
-    return qd, misfit_of(left * row_scale, relative, jnp.asarray(True), jnp.asarray(jnp.inf), tolerance(qd))
+    size = row_scale * jnp.where(speed > 0, speed, 1.0)
+    return qd, misfit_of(left * row_scale, size, jnp.asarray(True), jnp.asarray(jnp.inf), tolerance(qd))
 
 
 def _given_rows(system: AbstractSystem, state: State, which: Array) -> Float[Array, "h n"]:
