@@ -2,9 +2,9 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
-import numpy as np
 
 from .._tools._errors import RedundaxError
 from .._tools._module import finite
@@ -23,7 +23,7 @@ def check_figures(part: eqx.Module, owner: str) -> None:
 def check_vectors(part: eqx.Module, names: Sequence[str], owner: str) -> None:
     """Refuse points and directions of a planar part that have other than two components."""
     for name in names:
-        value = getattr(part, name, None)
+        value: Any = getattr(part, name, None)
         if not eqx.is_inexact_array(value) or value.shape == (2,):
             continue
         way = {
@@ -32,5 +32,5 @@ def check_vectors(part: eqx.Module, names: Sequence[str], owner: str) -> None:
         }.get(value.shape, "Give a pair of numbers.")
         raise RedundaxError(
             f"Argument `{name}` of {owner} must have two components (x, y), as it is planar, but has shape "
-            f"{np.shape(value)}. {way}"
+            f"{value.shape}. {way}"
         )

@@ -44,6 +44,7 @@ from ._joint_rows import Positions, coordinate_axis, reaction_axis, residuals, s
 from ._joints import AbstractJoint
 from ._loads import AbstractLoad
 from ._mechanism_page import mechanism_page
+from ._meshing import Turns, in_mesh, teeth_in_doubt, turns_into_mesh
 from ._names import check_frames, check_kinds, check_names
 from ._pattern import LARGE, Pattern, dense
 from ._pins import warn_of_large_pins
@@ -93,6 +94,7 @@ class Mechanism(AbstractSystem):
     _entries: Int[Array, "m n"] | None  # for the bodies that joints had when they were given; none with a plan
     _plan: Plan | None
     _friction: tuple[FrictionMembers, ...]
+    _turns: tuple[Turns, ...]
 
     def __init__(
         self,
@@ -120,7 +122,7 @@ class Mechanism(AbstractSystem):
         coupled = coupled_rows(couplers, at)
         own = [len(joints) + k for k in range(len(coupled))]
         rows, source, places = ordered_rows([*joints, *coupled], [*groups, *([own] if own else [])])
-        self._source = indices(source)
+        self._source, self._turns = indices(source), turns_into_mesh(joints, groups, names)
         coupler_rows = places[-1][:, 0].tolist() if own else []
         self.couplings = couplings(couplers, at, coupler_rows, self.joints, self.frame, len(names))
         self.armature = armatures(armature, at | ball_places(joints, groups), self.joints, self.frame, len(names))
@@ -361,6 +363,13 @@ class Mechanism(AbstractSystem):
     @property
     def reference(self) -> Array:
         return self.frame.reference(self.body)
+
+    def start(self, q: Array, t: Array) -> Array:
+        return in_mesh(self._turns, self.joints, q, t) if self._turns else q
+
+    @property
+    def doubt(self) -> str:
+        return teeth_in_doubt(self.joints, self.names.bodies)
 
     def __repr__(self) -> str:
         """Its size and its bodies, in a line."""

@@ -126,11 +126,12 @@ def assemble(
     given = (xp.stack([xp.zeros(()), *map(floats, values.values())])[1:] for values in (positions, rates))
     q, qd, t, at, rate = (on_device(xp.asarray(value, dtype)) for value in (*guess, *given))
     held, driven = (on_device(np.array(indices, int)) for indices in (held, driven))
+    q = system.start(q, t)
     state, off, slow = _assemble(system.anonymous, State(q, qd, t), held, at, driven, rate)
     if is_concrete(off.refused) and is_concrete(slow.refused):
         off, slow = jax.device_get((off, slow))
         if off.refused and throw is not False:
-            raise no_position(system.names, check_rows(system, q, t), off, tuple(positions))
+            raise no_position(system, check_rows(system, q, t), off, tuple(positions))
         if slow.refused and throw is not False:
             raise no_velocity(system.names, slow, tuple(rates))
         tell("position", off, (*system.rows.labels, *(f"{name} as given" for name in positions)))

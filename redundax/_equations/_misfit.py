@@ -28,7 +28,7 @@ class Misfit(NamedTuple):
     weakest: Float[Array, ""]
 
     @property
-    def relative(self) -> Float[Array, " rows"]:
+    def relative(self) -> Float[Array | np.ndarray, " rows"]:
         """Sizes relative to the mechanism."""
         return self.size / self.scale
 

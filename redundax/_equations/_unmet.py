@@ -6,6 +6,7 @@ them, and what was off at the guess tells more.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Array
@@ -20,11 +21,6 @@ _LISTED = 4
 _PART = 1e-3  # of the largest misfit, below which one is what rounding and stopping of a descent leave
 _NEARLY = 0.1  # of the largest misfit at the guess, below which a row is told by number alone
 
-_TEETH = (
-    " Where teeth do not mesh, check their numbers: planets that are spaced evenly fit only where their number divides "
-    "the teeth of sun and ring together, and centres must be m (z_i + z_j) / 2 apart."
-)
-
 
 def check_rows(system: AbstractSystem, q: Array, t: Array) -> np.ndarray:
     """Residuals of all rows at the guess; an error names those that have no value there."""
@@ -38,26 +34,21 @@ def check_rows(system: AbstractSystem, q: Array, t: Array) -> np.ndarray:
     return values
 
 
-def no_position(names: Names, residual: np.ndarray, off: Misfit, given: Sequence[str]) -> NoSolutionError:
+def no_position(system: AbstractSystem, residual: np.ndarray, off: Misfit, given: Sequence[str]) -> NoSolutionError:
     """The error where no position is found, from the residual at the guess and what the nearest position misses."""
-    rows, head = _Rows(names, given, 0), "No position satisfies the constraints near the guess."
+    rows, head = _Rows(system.names, given, 0), "No position satisfies the constraints near the guess."
     contradiction = rows.contradiction(off, "position")
     if contradiction:
         return NoSolutionError(f"{head} {contradiction}")
-    start = np.abs(residual)
-    relative = start / off.scale[: start.size]
-    order = np.argsort(-relative, kind="stable")
-    first = [k for k in order[:_LISTED] if relative[k] > _NEARLY * relative[order[0]]]
     most = int(np.argmax(off.relative))
     missed = np.flatnonzero(off.relative > _PART * off.relative[most])
-    rest, met = start.size - len(first), np.sum(relative <= _PART * relative[order[0]])
-    others = f"; {'all' if met == rest else f'{met} of the'} {rest} others are met there" if rest and met else ""
     change = f", or change `positions` ({', '.join(given)})" if given else ""
-    teeth = _TEETH if set(missed.tolist()) & set(names.pushing) else ""
+    advice = system.doubt or (
+        f" If the guess is good, check the points and axes of this joint; else give a better one{change}."
+    )
     return NoSolutionError(
-        f"{head} Farthest off at the guess: {', '.join(rows.off(k, start[k], where=True) for k in first)}{others}. The "
-        f"nearest position found misses {missed.size} rows, {rows.off(most, off.size[most])} the most. If the guess is "
-        f"good, check the points and axes of this joint; else give a better one{change}.{teeth}"
+        f"{head} {rows.at_guess(np.abs(residual), off)} The nearest position found misses {missed.size} "
+        f"row{'s' if missed.size > 1 else ''}, {rows.off(most, off.size[most])} the most.{advice}"
     )
 
 
@@ -87,11 +78,25 @@ class _Rows:
         }
         self.angular = (*names.rows.angular.tolist(), *(coordinates[name] for name in given))
 
-    def off(self, k: int, size: float, *, where: bool = False) -> str:
+    def off(self, k: Any, size: Any, *, where: bool = False) -> str:
         """By how much a row is off, as in "B.x by 0.02 m"; and between which bodies."""
         unit = self.names.units.of("angular" if self.angular[k] else "linear", self.rates)
         bodies = self.names.bodies_at(self.labels[k]) if where else ()
-        return f"{self.labels[k]} by {size:.2g}{unit and f' {unit}'}{f' ({bodies[0]} on {bodies[1]})' if bodies else ''}"
+        return (
+            f"{self.labels[k]} by {size:.2g}{unit and f' {unit}'}{f' ({bodies[0]} on {bodies[1]})' if bodies else ''}"
+        )
+
+    def at_guess(self, size: np.ndarray, off: Misfit) -> str:
+        """Which rows are farthest off at the guess, and how many are met there."""
+        relative = size / off.scale[: size.size]
+        order = np.argsort(-relative, kind="stable")
+        largest = relative[order[0]]
+        if largest <= _PART * np.max(off.relative):
+            return "All rows are met at the guess."
+        first = [k for k in order[:_LISTED] if relative[k] > _NEARLY * largest]
+        rest, met = size.size - len(first), int(np.sum(relative <= _PART * largest))
+        others = f"; {'all' if met == rest else f'{met} of the'} {rest} others are met there" if met else ""
+        return f"Farthest off at the guess: {', '.join(self.off(k, size[k], where=True) for k in first)}{others}."
 
     def contradiction(self, misfit: Misfit, what: str) -> str:
         """Rows that alone are left, which cannot be met together; "" where there are more."""

@@ -101,6 +101,15 @@ class AbstractSystem(eqx.Module):
     def retract(self, q: Float[Array, "..."], d: Float[Array, " n"]) -> Float[Array, "..."]:
         """q [+] d: the position reached from q by the displacement d."""
 
+    def start(self, q: Float[Array, "..."], t: Float[Array, ""]) -> Float[Array, "..."]:
+        """Where assembly starts of a guess, which it changes where it knows of constraints that close several ways."""
+        return q
+
+    @property
+    def doubt(self) -> str:
+        """A sentence on why it may not close at all; "" where nothing is known."""
+        return ""
+
     def path(self, q: Float[Array, "..."], rate: Float[Array, " n"]) -> Path | None:
         """Poses of bodies along q [+] s rate, where constraints and slips are known as functions of them."""
         return None

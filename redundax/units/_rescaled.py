@@ -95,6 +95,13 @@ class Rescaled(AbstractSystem):
     def retract(self, q: Array, d: Array) -> Array:
         return self.inner.retract(q, d / self._scale)
 
+    def start(self, q: Array, t: Array) -> Array:
+        return self.inner.start(q, t / self.units.time)
+
+    @property
+    def doubt(self) -> str:
+        return self.inner.doubt
+
     @property
     def adds(self) -> bool:
         return False
