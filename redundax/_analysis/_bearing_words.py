@@ -43,8 +43,11 @@ def bearing_words(release: Release, rows: Sequence[str]) -> str:
 
 
 def _of_joint(joint: str, freed: list[str], rows: Sequence[str]) -> str:
-    if all(row.rpartition(".")[2] in freed for row in rows if row.rpartition(".")[0] == joint):
+    own = {row.rpartition(".")[2] for row in rows if row.rpartition(".")[0] == joint}
+    if own <= {*freed}:
         return f"leave {joint} out"
+    if "twist" in own and not own & {"bend_1", "bend_2"}:  # of a universal, which has two axes, and of shafts
+        return f"replace {joint} by a ball joint" if freed == ["twist"] else ""
     ways = [words for pair, words in _FREED.items() if set(pair) <= set(freed)]
     if sum(len(pair) for pair in _FREED if set(pair) <= set(freed)) < len(freed):
         return ""

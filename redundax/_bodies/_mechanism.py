@@ -40,7 +40,7 @@ from ._coupler import Coupler, Couplings, coupled_rows, couplings
 from ._frame import AbstractFrame
 from ._joint_coordinates import JointCoordinates
 from ._joint_friction import FrictionMembers, JointFriction, friction_members
-from ._joint_rows import Positions, coordinate_axis, reaction_axis, residuals, slopes
+from ._joint_rows import Positions, check_residuals, coordinate_axis, reaction_axis, residuals, slopes
 from ._joints import AbstractJoint
 from ._loads import AbstractLoad
 from ._mechanism_page import mechanism_page
@@ -118,6 +118,7 @@ class Mechanism(AbstractSystem):
         self.loads, _ = stacks(loads, names)
         self.gravity, self.pose = self.frame.vector("gravity", gravity), as_functions(pose)
         self.joints, groups = stacks(joints, names, name="", friction=None, pin_radius=None, sliding_arm=None)
+        self._check_residuals([joints[group[0]].name for group in groups], len(names))
         at = coordinate_places(joints, groups)
         coupled = coupled_rows(couplers, at)
         own = [len(joints) + k for k in range(len(coupled))]
@@ -146,6 +147,15 @@ class Mechanism(AbstractSystem):
         )
         is_large = len(rows) + self.frame.size * len(names) >= LARGE
         self._plan, self._entries = self._matrices(is_large and not self.armature)
+
+    def _check_residuals(self, names: Sequence[str], count: int) -> None:
+        """Refuse joints of a user whose residual has another shape than their rows."""
+
+        def poses() -> Any:
+            q = jnp.zeros(count * self.frame.size) if self.frame.adds else self.frame.reference(self.body)
+            return self.frame.poses(self.frame.centres(self.body), q)
+
+        check_residuals(self.joints, names, poses)
 
     @property
     def plan(self) -> Plan | None:

@@ -32,8 +32,18 @@ Box = Mapping[str, tuple[float, float]]
 _ONE_BY_ONE = 4  # entries of a case, above which those of equal bounds are told together
 
 
-def bounds_in_words(bounds: str, parameters: Sequence[str], box: np.ndarray) -> str:
-    """What was bounded: the name of its class, and the bounds of each entry of a case, (q, 2); many by equal bounds."""
+def title_of(bounds: "AbstractBounds | AbstractClosure", cases: AbstractCases) -> str:
+    """What was bounded: all that was given, of which some is the box of the cases and all else limits them."""
+    if isinstance(bounds, PreloadBox):
+        return _in_words(type(bounds).__name__, [*bounds.box], np.array([*bounds.box.values()]))
+    if isinstance(bounds, PreloadNorm):
+        ends = np.array([*bounds.sizes.values()])
+        return _in_words(type(bounds).__name__, [*bounds.sizes], np.stack([-ends, ends], axis=1))
+    return _in_words(type(bounds).__name__, cases.names, cases.box)
+
+
+def _in_words(bounds: str, parameters: Sequence[str], box: np.ndarray) -> str:
+    """The name of their class, and the bounds of each of some quantities, (q, 2); many by equal bounds."""
     ranges = [f"{low:.4g} to {high:.4g}" for low, high in box]
     if len(ranges) <= _ONE_BY_ONE:
         parts = [f"{name} {within}" for name, within in zip(parameters, ranges, strict=True)]

@@ -6,6 +6,8 @@
 
     A force x on crank, A force y on crank, A moment on crank       what the joint does to the body that is named
 
+Results know these on both bodies of a joint, but list those on one.
+
 In space crank.x is the position of the centre of mass, and crank.phi_x' an angular velocity about the body's own axis.
 A.angle of a pin, which leaves the turn free, is a joint coordinate; K.angle of a guide, which holds it, a moment.
 
@@ -124,6 +126,17 @@ class Names:
         """Bodies i and j of the joint that has a row, slip or coordinate of this name; None where none has."""
         joined = {joint: (i, j) for joint, i, j in self.joined}
         return joined.get(name, joined.get(name.rpartition(".")[0]))
+
+    def other_end(self, name: str) -> str | None:
+        """The reaction of a joint that is told where one is asked for on its other body; None where none is."""
+        name = str(name)
+        for joint, *bodies in self.joined:
+            for asked, told in (bodies, bodies[::-1]):
+                if name.startswith(f"{joint} ") and name.endswith(f" on {asked}"):
+                    found = f"{name.removesuffix(asked)}{told}"
+                    if found in self.reactions.labels:
+                        return found
+        return None
 
     @property
     def anonymous(self) -> "Names":

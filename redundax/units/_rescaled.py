@@ -125,6 +125,10 @@ class _RescaledJoints(AbstractJointCoordinates):
     def radian(self) -> ArrayLike:
         return self.units.angle * self.inner.radian
 
+    @property
+    def opposite(self) -> "_RescaledJoints":
+        return replace_fields(self, inner=self.inner.opposite)
+
     def positions(self, state: State) -> Array:
         shift = self.units.of(self.system.names.joint_coordinates)
         return shift * self.inner.positions(_restored_state(state, self.system, self.units))

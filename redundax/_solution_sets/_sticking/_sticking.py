@@ -34,7 +34,7 @@ from ..._system._state import State
 from ..._system._system import AbstractSystem, check_system_at
 from ..._tools._errors import NoSolutionError, RedundaxError
 from .._at_rest import LIMIT, Ends, ReducedForce, drive
-from .._bounds import AbstractBounds, cases_of, check_bounds
+from .._bounds import AbstractBounds, cases_of, check_bounds, title_of
 from .._loads_at_rest._wedged import wedged
 from .._search import Search, proved_single
 from .._solution_set import solution_set
@@ -122,6 +122,7 @@ def sticking(
         bounds=type(bounds).__name__,
         parameters=cases.names,
         box=cases.box,
+        title=title_of(bounds, cases),
         names=tuple(system.slips.labels),
         senses=start.sense,
         slip_verdicts=joints.verdicts,
