@@ -40,6 +40,10 @@ def misfit(system: AbstractSystem, actual: AbstractSystem, state: State) -> Floa
     - `actual`: the same system with its lengths and angles as they are; its masses, centres of mass and loads do not
       matter.
     - `state`: position and time.
+
+    Its sign is that of what the actual parts miss at the position as designed: of a pin A whose hole in body i sits
+    1e-5 m farther along x, "A.x" is 1e-5. Where the actual parts fit without load, the constraints as designed have
+    the residual -d.
     """
     if system.rows.kinds != actual.rows.kinds:
         raise RedundaxError(

@@ -204,8 +204,8 @@ class Compliance(AbstractClosure):
     - `W`: compliance of the constraint rows, shape (m, m), (m,) for uncoupled rows, or by name of row, where those
       not named are rigid; m/N for force-type rows and rad/(N m) for moment-type rows, in the frame in which the rows
       are written.
-    - `misfit`: d, residual Phi of the unloaded parts as they are, shape (m,) or by name of row; m for force-type rows
-      and rad for moment-type rows. Zero if not given.
+    - `misfit`: d, what the parts as they are miss at the position as designed, with the sign of Phi there as of
+      `rx.misfit`, shape (m,) or by name of row; m for force-type rows and rad for moment-type rows. Zero if not given.
     - `units`: units of `W` and `misfit`, as factors from the units of the system, which they have if not given and in
       which a solve warns where they look wrong: `rx.units.Units(length=1000.0, mass=0.001)` for mm/N and mm where
       the system is in SI units.

@@ -17,7 +17,7 @@ before found, take it farther, and Newton steps finish from there.
 """
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -85,11 +85,11 @@ def assemble(
 
     - `system`: a `Mechanism` or `System`.
     - `q`, `qd`: guessed coordinates and velocities, as vectors or by name, as in `{"crank.phi": 0.5}`, 0 for those not
-      named; a number for `qd` stands for all. A mechanism in space starts from the reference poses of its bodies if
-      `q` is not given.
+      named; a number for `qd` stands for all. Their order is that of `State`. A mechanism in space starts from the
+      reference poses of its bodies if `q` is not given, which has no names there.
     - `t`: time.
     - `positions`, `rates`: values that named coordinates must take, such as `{"crank.phi": 0.5}`, those of joints too,
-      such as `{"K.travel": 0.02}`.
+      such as `{"K.travel": 0.02}`. Rates have the same names, or those of results, as in `{"crank.phi'": 1.0}`.
     - `throw`: whether to raise an error where no state is found; by default outside of `jit` and `vmap`.
 
     **Returns:** a `State`, NaN where none is found. Redundant constraints on points of few digits cannot be met
@@ -102,7 +102,13 @@ def assemble(
     n = len(system.coordinates)
     positions, rates = dict(positions or {}), dict(rates or {})
     q = system.reference if q is None else q
+    if isinstance(q, Mapping) and len(system.names.centres):
+        raise RedundaxError(
+            "Argument `q` must be a vector in space, where positions of bodies have no names, but is given by name. "
+            "Leave it out to start from the reference poses, and give coordinates of joints as `positions`."
+        )
     q = vector("q", q, system.coordinates, " of coordinates") if isinstance(q, Mapping) else as_float(q)
+    qd, rates = _without_prime("qd", qd), _without_prime("rates", rates)
     qd, t = vector("qd", qd, system.coordinates, " of coordinates"), as_float(t)
     own = {x.dtype for x in jax.tree.leaves(system) if eqx.is_inexact_array(x)}
     dtype, labels = jnp.result_type(q, qd, *own), _axis(system.names).labels
@@ -111,9 +117,10 @@ def assemble(
     if system.adds:
         check_position(q, n)
     elif any(index < n for index in held) and q.shape != (n,):
+        wrong = next(name for name, index in zip(positions, held, strict=True) if index < n)
         raise RedundaxError(
-            f"Argument `positions` needs a chart with one coordinate for each of the {n} velocities, but `q` has "
-            f"shape {q.shape}. Give coordinates of joints, or `q` itself."
+            f"Argument `positions` must name coordinates of joints, as positions of bodies have no names in space, but "
+            f"holds {wrong!r}. There are {', '.join(system.names.joint_coordinates.labels) or 'none'}."
         )
     numbers = {"q": q, "qd": qd, "t": t}
     if throw is not False:
@@ -138,6 +145,19 @@ def assemble(
         if not off.beyond.any():  # what the position misses the velocity does too
             tell("velocity", slow, (*system.rows.labels, *(f"{name} as given" for name in rates)))
     return state
+
+
+def _without_prime(argument: str, given: Any) -> Any:
+    """Rates by the names of coordinates, as they are given or with the prime that results have."""
+    if not isinstance(given, Mapping):
+        return given
+    names = [str(name).removesuffix("'") for name in given]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise RedundaxError(
+            f"Argument `{argument}` must name each rate once, but holds {twice[0]} twice. Leave one out."
+        )
+    return dict(zip(names, given.values(), strict=True))
 
 
 def _axis(names: Names) -> Axis:

@@ -116,6 +116,23 @@ def test_known_numbers_alone_are_checked():
         rs.AppliedForce(BAR, (0, 0, 1), (0, 0, 1))
 
 
+def test_rates_have_the_names_of_coordinates_or_of_results():
+    guess = {"rod.x": 0.5}
+    swung = rx.Mechanism([ROD], [rx.Revolute("A", "rod", "ground", (-0.5, 0.0), HERE)])
+    for rates in ({"rates": {"A.angle'": 1.0}}, {"rates": {"A.angle": 1.0}}, {"qd": {"rod.y'": 0.5, "rod.phi'": 1.0}}):
+        np.testing.assert_allclose(rx.assemble(swung, guess, **rates).qd, [0.0, 0.5, 1.0], atol=1e-12)
+    with pytest.raises(rx.RedundaxError, match=r"`rates` must name each rate once, but holds A\.angle twice"):
+        rx.assemble(swung, guess, rates={"A.angle": 1.0, "A.angle'": 1.0})
+
+
+def test_positions_of_bodies_have_no_names_in_space():
+    door = rx.Mechanism([BAR], [rs.Revolute("A", BAR, "ground", (0, 0, 0))])
+    with pytest.raises(rx.RedundaxError, match="`q` must be a vector in space"):
+        rx.assemble(door, {"bar.x": 0.5})
+    with pytest.raises(rx.RedundaxError, match=r"holds 'bar\.x'\. There are A\.angle\."):
+        rx.assemble(door, positions={"bar.x": 0.5})
+
+
 def test_the_load_on_either_body_of_a_joint_has_its_name():
     """A rod that hangs at rest pulls its pin down by its weight; an offset joint has other moments on its bodies."""
     beam = rx.Fixed("wall", "rod", "ground", (-0.5, 0.0), (-0.5, 0.0))
