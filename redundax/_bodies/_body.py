@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._tools._errors import RedundaxError
-from .._tools._module import as_float, is_concrete
+from .._tools._module import as_float, check_kind, is_concrete
 from ._figures import check_figures
 from ._frame import AbstractFrame
 from ._plane import PLANE
@@ -23,6 +23,7 @@ class AbstractBody(eqx.Module):
     mass: eqx.AbstractVar[Float[Array, ""]]
 
     def __check_init__(self) -> None:
+        check_kind("name", self.name, str, "a word", "Give text in quotes.")
         check_figures(self, f"body '{self.name}'")
 
     @property
@@ -33,7 +34,10 @@ class AbstractBody(eqx.Module):
 
 def name_of(body: AbstractBody | str) -> str:
     """The name of a body that is given by it or by itself."""
-    return body if isinstance(body, str) else body.name
+    if not isinstance(body, str):
+        check_kind("i` or `j", body, AbstractBody, "a body or its name", 'Give the `Body`, "ground" or a name.')
+        return body.name
+    return body
 
 
 class Body(AbstractBody):

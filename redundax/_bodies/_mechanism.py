@@ -26,6 +26,7 @@ from .._tools._errors import RedundaxError
 from .._tools._module import (
     Numbers,
     as_functions,
+    check_call,
     floats,
     is_concrete,
     on_device,
@@ -108,11 +109,16 @@ class Mechanism(AbstractSystem):
         pose: Callable[..., Array] | None = None,
         units: Units | None = None,
     ):
-        check_kinds(bodies, joints, loads)
+        check_kinds(bodies, joints, loads, couplers)
         names = [body.name for body in bodies]
         check_names(names, joints, loads, couplers)
         check_frames(bodies, [*joints, *loads])
         warn_of_large_pins(joints)
+        if pose is not None and not callable(pose):
+            raise RedundaxError(
+                f"Argument `pose` must be a function of independent coordinates that gives `q`, but is {pose!r}. Leave "
+                "it out to use `rx.assemble`."
+            )
         self.frame = bodies[0].frame.of(bodies)
         self.body = stacked([replace_fields(body, name="") for body in self.frame.alike(bodies)])
         self.loads, _ = stacks(loads, names)
@@ -244,6 +250,7 @@ class Mechanism(AbstractSystem):
                 "Argument `pose` of the mechanism must be given to use `state`, but it is None. "
                 "Use `rx.assemble`, which closes the mechanism from a guess."
             )
+        check_call("state", self.pose, *coordinates, **named)
         names, given = tuple(named), tuple(floats(x) for x in (*coordinates, *named.values()))
         rates = tuple(rate) if isinstance(rate, tuple | list) else (rate,)
         if len(rates) != len(given):

@@ -35,6 +35,13 @@ class AbstractBetweenBodies(eqx.Module):
 
     def __check_init__(self) -> None:
         name = getattr(self, "name", None)
+        for argument, word in (("name", name), ("i", self.i), ("j", self.j)):
+            if word is not None and not isinstance(word, str):
+                shown = f"the {type(word).__name__} itself" if hasattr(word, "name") else repr(word)
+                raise RedundaxError(
+                    f"Argument `{argument}` of a {type(self).__name__} must be a name, but is {shown}. Give its name, "
+                    f"as in {getattr(word, 'name', str(word))!r}."
+                )
         owner = f"joint '{name}'" if name else f"{type(self).__name__} on '{self.i}'"
         check_figures(self, owner)
         if self.frame.word == "planar":

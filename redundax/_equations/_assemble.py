@@ -100,7 +100,7 @@ def assemble(
     """
     check_system(system)
     n = len(system.coordinates)
-    positions, rates = dict(positions or {}), dict(rates or {})
+    positions, rates = dict(positions or {}), dict(_without_prime("rates", rates or {}))
     q = system.reference if q is None else q
     if isinstance(q, Mapping) and len(system.names.centres):
         raise RedundaxError(
@@ -108,8 +108,7 @@ def assemble(
             "Leave it out to start from the reference poses, and give coordinates of joints as `positions`."
         )
     q = vector("q", q, system.coordinates, " of coordinates") if isinstance(q, Mapping) else as_float(q)
-    qd, rates = _without_prime("qd", qd), _without_prime("rates", rates)
-    qd, t = vector("qd", qd, system.coordinates, " of coordinates"), as_float(t)
+    qd, t = vector("qd", _without_prime("qd", qd), system.coordinates, " of coordinates"), as_float(t)
     own = {x.dtype for x in jax.tree.leaves(system) if eqx.is_inexact_array(x)}
     dtype, labels = jnp.result_type(q, qd, *own), _axis(system.names).labels
     held = [index_of("positions", name, labels, " of coordinates") for name in positions]

@@ -21,7 +21,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem, check_system_at
 from .._tools._compilation import compiled
 from .._tools._errors import RedundaxError
-from .._tools._module import is_concrete, on_device, replace_fields, stop_gradient
+from .._tools._module import check_kind, is_concrete, on_device, replace_fields, stop_gradient
 from ._branch import Branch, lacking, lost_rows
 from ._evidence import ScaledMotion, singularity_of
 from ._factorisation import Factorisation, factorised
@@ -86,6 +86,7 @@ def factorisation_at(system: AbstractSystem, state: State, rank: ArrayLike | Non
     """The factorisation that is there already, or a new one."""
     if factor is None:
         return factorize(system, state, rank)
+    check_kind("factor", factor, AnyFactorisation, "what `factorize` gives", "Leave it out, or call `rx.factorize`.")
     shape = len(system.rows), len(system.coordinates)
     if factor.shape != shape or rank is not None:
         raise RedundaxError(

@@ -276,7 +276,10 @@ class System(AbstractSystem):
             m = _count(rows)
         if m is None:
             m = self._trial_rows(n)
-        self.friction = (friction,) if isinstance(friction, AbstractFriction) else tuple(friction)
+        self.friction = tuple(friction) if isinstance(friction, Sequence) else (friction,)
+        for group in self.friction:
+            advice = "Give `rx.Friction(slip, force, rows=..., kinds=...)`; models such as `rx.Coulomb` go to joints."
+            check_kind("friction", group, AbstractFriction, "friction of a system", advice)
         coordinates = coordinates if isinstance(coordinates, Axis) else axis(None, coordinates, n)
         rows = rows if isinstance(rows, Axis) else axis(None, rows, m)
         coordinates.check("coordinates", ("linear", "angular"))

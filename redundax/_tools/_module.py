@@ -4,6 +4,7 @@ of a whole batch."""
 import contextlib
 import dataclasses
 import functools
+import inspect
 import operator
 import os
 from collections.abc import Callable, Iterator, Sequence
@@ -122,6 +123,17 @@ def tracing(argument: str) -> Iterator[None]:
         ) from error
 
 
+def check_call(name: str, function: Callable[..., Any], *arguments: Any, **named: Any) -> None:
+    """Refuse arguments that a function of the user does not take."""
+    wanted = inspect.signature(function.function if isinstance(function, Plain) else function)
+    try:
+        wanted.bind(*arguments, **named)
+    except TypeError as error:
+        raise RedundaxError(
+            f"Arguments of `{name}` must be {', '.join(wanted.parameters)}, but: {error}. Give these."
+        ) from error
+
+
 @contextlib.contextmanager
 def part(owner: str) -> Iterator[None]:
     """Say of which part an argument is that is refused within."""
@@ -144,6 +156,7 @@ def check_kind(argument: str, value: object, kind: Any, what: str, advice: str) 
     if not isinstance(value, kind):
         is_short = value is None or isinstance(value, str | int | float | complex)
         shown = repr(value) if is_short else f"of the type {type(value).__name__}"
+        shown = f"an array of shape {value.shape}" if isinstance(value, jax.Array | np.ndarray) else shown
         raise RedundaxError(f"Argument `{argument}` must be {what}, but is {shown}. {advice}")
 
 

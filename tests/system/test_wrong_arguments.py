@@ -55,6 +55,35 @@ KINDS = {
     "swapped": (lambda: rx.solve(STATE, PENDULUM), "`system` .* type State"),
     "a position": (lambda: rx.analyze(PENDULUM, STATE.q), "`state` .* `rx.assemble"),
     "to stick": (lambda: rx.sticking(PENDULUM, STATE.q), "`state` must be a state"),
+    "coupler": (lambda: rx.Mechanism([ROD], [PIN], couplers=["gear"]), "`couplers` must hold couplers"),
+    "pose": (lambda: rx.Mechanism([ROD], [PIN], pose=0.3), "`pose` must be a function"),
+    "body for name": (
+        lambda: rx.Revolute("A", ROD, "ground", HERE, HERE),
+        "`i` of a Revolute .* the Body itself.* 'rod'",
+    ),
+    "number for name": (lambda: rx.Body(1, 1.0, 0.1), "`name` must be a word"),
+    "placement": (lambda: rs.Revolute("A", BAR, "ground", on_i=(0, 0, 0), on_j=(0, 0, 0)), "`on_i` of joint 'A'"),
+    "figures": (
+        lambda: rx.Revolute("A", "rod", "ground", HERE, HERE, 0.1, rx.Coulomb([0.1, 0.2])),
+        r"one has shape \(2,\)",
+    ),
+    "radius": (
+        lambda: rx.Revolute("A", "rod", "ground", HERE, HERE, -0.1),
+        "`pin_radius` of joint 'A' must not be neg",
+    ),
+    "compliances": (lambda: rx.ElasticJoints(PENDULUM, ["A"]), "`joints` must be compliances of joints alone"),
+    "a load": (lambda: rx.limit_load(PENDULUM, STATE, 1.0), "`load` must be generalised forces by name"),
+    "of a function": (
+        lambda: rx.LoadFunction("rod", lambda i, j, t, p: t),
+        "LoadFunction on 'rod' must give two wrenches",
+    ),
+    "no function": (lambda: rx.LoadFunction("rod", 3.0), "`function` of LoadFunction on 'rod' must be a function"),
+    "factor": (lambda: rx.solve(PENDULUM, STATE, factor="lu"), "`factor` must be what `factorize` gives"),
+    "of a state": (lambda: rx.mechanisms.parallelogram().state(angle=0.3), "Arguments of `state` must be phi, but"),
+    "of equations": (
+        lambda: rx.System(lambda q, t, p: q[:1], [1.0], friction=rx.Coulomb(0.1)),
+        "`rx.Coulomb` go to joints",
+    ),
     "a list": (lambda: rx.assemble([PENDULUM], {}), "`system` .* type list"),
 }
 NUMBERS = {

@@ -162,3 +162,9 @@ def check_friction(joint: str, friction: object) -> None:
         with part(f"joint '{joint}'"):
             advice = "Give `rx.Coulomb(0.1)`, say, with the coefficient of these surfaces."
             check_kind("friction", friction, AbstractFrictionModel, "a friction model", advice)
+        many = [x.shape for x in jax.tree.leaves(friction) if eqx.is_array(x) and x.shape]
+        if many and not is_of_user(type(friction)):
+            raise RedundaxError(
+                f"Argument `friction` of joint '{joint}' must have a number for each figure, but one has shape "
+                f"{many[0]}. Give each joint its own, and use jax.vmap for many values."
+            )

@@ -11,7 +11,7 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from ..._tools._errors import RedundaxError
-from ..._tools._module import as_float, optional_float, safe_norm
+from ..._tools._module import as_float, not_negative, optional_float, part, safe_norm
 from .._friction_model import AbstractFrictionModel
 from .._pose import Pose
 from ._base import AbstractFrictionalJoint, Row, check_friction
@@ -54,6 +54,10 @@ class Revolute(AbstractFrictionalJoint):
                 f"Argument `pin_radius` of the revolute joint '{self.name}' must be given where the joint has "
                 "friction, but it is None: friction acts at that radius. Give 1.0 where mu stands for mu times radius."
             )
+
+        if self.pin_radius is not None:
+            with part(f"joint '{self.name}'"):
+                not_negative("pin_radius", self.pin_radius)
 
     @property
     def law(self) -> AbstractFrictionModel | None:

@@ -10,7 +10,7 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from ..._tools._errors import RedundaxError
-from ..._tools._module import Numbers, numpy_of, on_device, part, replace_fields
+from ..._tools._module import Numbers, check_kind, numpy_of, on_device, part, replace_fields
 from .._body import GROUND, name_of
 from ._body import Body
 from ._frame import SPACE
@@ -82,6 +82,11 @@ def placed(
             f"{what.capitalize()} '{joint}' must be given by global points at the reference pose or by `on_i` and "
             f"`on_j`, but has {has}. Give one kind, and all of it."
         )
+    for argument, on in zip(("on_i", "on_j"), own, strict=True):
+        if on is not None:
+            with part(name):
+                advice = "Give `rx.spatial.Placement(point, axis=...)`."
+                check_kind(argument, on, Placement, "a placement on the body", advice)
     if counts[0]:
         own = _local(name, "i", i, given[0]), _local(name, "j", j, given[1])  # pyright: ignore[reportArgumentType]
     return Place(name_of(i), name_of(j), *own)  # pyright: ignore[reportArgumentType]

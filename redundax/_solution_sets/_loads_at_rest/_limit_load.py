@@ -8,6 +8,7 @@ way in which no other joint slips.
 
 import dataclasses
 import itertools
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -166,6 +167,11 @@ def limit_load(
     report = analyze(system, state, factor=factor)
     if report.problem:
         raise NoSolutionError(report.problem)
+    if not isinstance(load, Mapping) and np.ndim(load) != 1:
+        raise RedundaxError(
+            f"Argument `load` must be generalised forces by name of coordinate or as a vector, but is {load!r}. Write "
+            f"{{{system.coordinates.labels[0]!r}: 1.0}}, say."
+        )
     force = np.asarray(vector("load", load, system.coordinates, " of coordinates"), float)
     start, ways = drive(system, state, factor), velocity_basis(system, factor)
     own = force @ ways
