@@ -10,7 +10,7 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from ..._tools._errors import RedundaxError
-from ..._tools._module import Numbers, check_kind, numpy_of, on_device, part, replace_fields
+from ..._tools._module import Numbers, check_kind, finite, numpy_of, on_device, part, replace_fields
 from .._body import GROUND, name_of
 from ._body import Body
 from ._frame import SPACE
@@ -39,6 +39,7 @@ class Placement(eqx.Module):
 
     def __init__(self, point: Numbers, axis: Numbers = (0.0, 0.0, 1.0), mark: Numbers | None = None):
         self.point = SPACE.vector("point", point)
+        finite("point", self.point)
         self.axes = on_device(axes_along("axis", axis, mark))
 
 
