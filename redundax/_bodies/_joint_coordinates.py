@@ -19,6 +19,7 @@ from jaxtyping import Array, Float, Int
 
 from .._system._joint_coordinates import AbstractJointCoordinates, JointMotion
 from .._system._state import State
+from .._tools._module import replace_fields
 from ._frame import AbstractFrame
 from ._joints import AbstractJoint
 from ._stack import Stack
@@ -29,12 +30,16 @@ _READ = 1e-9
 
 
 class JointCoordinates(AbstractJointCoordinates):
-    """Those of stacks of joints; `source` is where the rows of the mechanism are among theirs, stack after stack."""
+    """Those of stacks of joints; `source` is where the rows of the mechanism are among theirs, stack after stack.
+
+    Reactions are those on the other body of each joint where `others` is set.
+    """
 
     frame: AbstractFrame = eqx.field(static=True)
     centres: Float[Array, "bodies axes"] | None
     joints: tuple[Stack[Any], ...]
     source: Int[Array, " m"]
+    others: bool = eqx.field(static=True, default=False)
 
     @property
     def wraps(self) -> np.ndarray:
@@ -55,6 +60,10 @@ class JointCoordinates(AbstractJointCoordinates):
         (found, rate), (_, change) = jax.jvp(along, (zero,), (one,))
         # What is not there is NaN, and NaN its derivatives, but a gradient passes nothing on to what is.
         return JointMotion(found, rate, jnp.where(finite, change, jnp.sum(acceleration)))
+
+    @property
+    def opposite(self) -> "JointCoordinates":
+        return replace_fields(self, others=not self.others)
 
     @property
     def _moving(self) -> list[Stack[Any]]:
@@ -85,7 +94,7 @@ class JointCoordinates(AbstractJointCoordinates):
         body = self.frame.poses(self.centres, state.q)
         is_ground = jnp.arange(body.r.shape[0]) == body.r.shape[0] - 1
         return [
-            joints.over(lambda joint, i, j: _of_one(self.frame, joint, i, j, state.t), (body, is_ground))
+            joints.over(lambda joint, i, j: _of_one(self.frame, joint, i, j, state.t), (body, is_ground != self.others))
             for joints in self.joints
         ]
 
@@ -93,15 +102,15 @@ class JointCoordinates(AbstractJointCoordinates):
 def _of_one(
     frame: AbstractFrame, joint: AbstractJoint, i: tuple[Any, Array], j: tuple[Any, Array], t: Array
 ) -> tuple[Array, Array]:
-    """`JointCoordinates.by_row` of a joint, given poses of its bodies and whether they are those of the ground."""
-    (pose_i, is_ground), pose_j = i, j[0]
+    """`JointCoordinates.by_row` of a joint, given poses of its bodies; with that of i whether j is told of."""
+    (pose_i, of_j), pose_j = i, j[0]
     origin = jnp.zeros(len(frame.linear), pose_i.r.dtype)
     on_i, on_j = jnp.split(joint.jacobian(pose_i, pose_j, t).T, 2)
     ends = (
         (pose_i, on_i, getattr(joint, "point_i", origin)),
         (pose_j, on_j, getattr(joint, "point_j", origin)),
     )
-    pose, by_row, point = jax.tree.map(lambda one, other: jnp.where(is_ground, other, one), *ends)
+    pose, by_row, point = jax.tree.map(lambda one, other: jnp.where(of_j, other, one), *ends)
     force, moment, arm = frame.reactions(pose, -by_row, point)
     whole = jnp.linalg.norm(force, axis=0)
     reach = jnp.linalg.norm(by_row[len(frame.linear) :], axis=0) + jnp.linalg.norm(arm) * whole

@@ -17,7 +17,7 @@ before found, take it farther, and Newton steps finish from there.
 """
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -29,7 +29,7 @@ from jaxtyping import Array, Float, Int
 from .._system._axis import Axis, join
 from .._system._names import ByName, Names, index_of, vector
 from .._system._state import State
-from .._system._system import AbstractSystem
+from .._system._system import AbstractSystem, check_system
 from .._tools._compilation import compiled
 from .._tools._errors import RedundaxError
 from .._tools._module import (
@@ -44,7 +44,7 @@ from .._tools._module import (
 )
 from ._guess import ask_for_radians, check_finite
 from ._kinematics import second_order, velocity
-from ._misfit import Misfit, check_rows, misfit_of, tell, tolerance
+from ._misfit import Misfit, misfit_of, tell, tolerance
 from ._pseudoinverse import (
     DensePseudoinverse,
     SparsePseudoinverse,
@@ -55,6 +55,7 @@ from ._pseudoinverse import (
 )
 from ._scaling import Scaling, scaling_at
 from ._sparse_descent import sparse_descent
+from ._unmet import check_rows, no_position, no_velocity
 
 _POLISHING_STEPS, _PASSES = 4, 3
 
@@ -84,11 +85,11 @@ def assemble(
 
     - `system`: a `Mechanism` or `System`.
     - `q`, `qd`: guessed coordinates and velocities, as vectors or by name, as in `{"crank.phi": 0.5}`, 0 for those not
-      named; a number for `qd` stands for all. A mechanism in space starts from the reference poses of its bodies if
-      `q` is not given.
+      named; a number for `qd` stands for all. Their order is that of `State`. A mechanism in space starts from the
+      reference poses of its bodies if `q` is not given, which has no names there.
     - `t`: time.
     - `positions`, `rates`: values that named coordinates must take, such as `{"crank.phi": 0.5}`, those of joints too,
-      such as `{"K.travel": 0.02}`.
+      such as `{"K.travel": 0.02}`. Rates have the same names, or those of results, as in `{"crank.phi'": 1.0}`.
     - `throw`: whether to raise an error where no state is found; by default outside of `jit` and `vmap`.
 
     **Returns:** a `State`, NaN where none is found. Redundant constraints on points of few digits cannot be met
@@ -97,11 +98,17 @@ def assemble(
 
     **Raises:** `RuntimeError` that names the rows that cannot be met.
     """
+    check_system(system)
     n = len(system.coordinates)
-    positions, rates = dict(positions or {}), dict(rates or {})
+    positions, rates = dict(positions or {}), dict(_without_prime("rates", rates or {}))
     q = system.reference if q is None else q
+    if isinstance(q, Mapping) and len(system.names.centres):
+        raise RedundaxError(
+            "Argument `q` must be a vector in space, where positions of bodies have no names, but is given by name. "
+            "Leave it out to start from the reference poses, and give coordinates of joints as `positions`."
+        )
     q = vector("q", q, system.coordinates, " of coordinates") if isinstance(q, Mapping) else as_float(q)
-    qd, t = vector("qd", qd, system.coordinates, " of coordinates"), as_float(t)
+    qd, t = vector("qd", _without_prime("qd", qd), system.coordinates, " of coordinates"), as_float(t)
     own = {x.dtype for x in jax.tree.leaves(system) if eqx.is_inexact_array(x)}
     dtype, labels = jnp.result_type(q, qd, *own), _axis(system.names).labels
     held = [index_of("positions", name, labels, " of coordinates") for name in positions]
@@ -109,9 +116,10 @@ def assemble(
     if system.adds:
         check_position(q, n)
     elif any(index < n for index in held) and q.shape != (n,):
+        wrong = next(name for name, index in zip(positions, held, strict=True) if index < n)
         raise RedundaxError(
-            f"Argument `positions` needs a chart with one coordinate for each of the {n} velocities, but `q` has "
-            f"shape {q.shape}. Give coordinates of joints, or `q` itself."
+            f"Argument `positions` must name coordinates of joints, as positions of bodies have no names in space, but "
+            f"holds {wrong!r}. There are {', '.join(system.names.joint_coordinates.labels) or 'none'}."
         )
     numbers = {"q": q, "qd": qd, "t": t}
     if throw is not False:
@@ -124,15 +132,31 @@ def assemble(
     given = (xp.stack([xp.zeros(()), *map(floats, values.values())])[1:] for values in (positions, rates))
     q, qd, t, at, rate = (on_device(xp.asarray(value, dtype)) for value in (*guess, *given))
     held, driven = (on_device(np.array(indices, int)) for indices in (held, driven))
+    q = system.start(q, t)
     state, off, slow = _assemble(system.anonymous, State(q, qd, t), held, at, driven, rate)
     if is_concrete(off.refused) and is_concrete(slow.refused):
         off, slow = jax.device_get((off, slow))
         if off.refused and throw is not False:
-            check_rows(system, q, t)
-        tell("position", off, (*system.rows.labels, *(f"{name} as given" for name in positions)), throw)
-        if slow.refused or not off.beyond.any():  # what the position misses the velocity does too
-            tell("velocity", slow, (*system.rows.labels, *(f"{name} as given" for name in rates)), throw)
+            raise no_position(system, check_rows(system, q, t), off, tuple(positions))
+        if slow.refused and throw is not False:
+            raise no_velocity(system.names, slow, tuple(rates))
+        tell("position", off, (*system.rows.labels, *(f"{name} as given" for name in positions)))
+        if not off.beyond.any():  # what the position misses the velocity does too
+            tell("velocity", slow, (*system.rows.labels, *(f"{name} as given" for name in rates)))
     return state
+
+
+def _without_prime(argument: str, given: Any) -> Any:
+    """Rates by the names of coordinates, as they are given or with the prime that results have."""
+    if not isinstance(given, Mapping):
+        return given
+    names = [str(name).removesuffix("'") for name in given]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise RedundaxError(
+            f"Argument `{argument}` must name each rate once, but holds {twice[0]} twice. Leave one out."
+        )
+    return dict(zip(names, given.values(), strict=True))
 
 
 def _axis(names: Names) -> Axis:
@@ -307,9 +331,9 @@ def _position(system: AbstractSystem, guess: State, held: Array, positions: Arra
     closing = _begun(system, guess, held, positions)
     d, step, weakest = _closed(closing)
     left = jnp.abs(closing.residual(d))
-    relative = left / closing.scale.size
-    settled = step <= jnp.maximum(jnp.max(relative), tolerance(d))
-    misfit = misfit_of(left * closing.row_scale, relative, settled, weakest, tolerance(d))
+    settled = step <= jnp.maximum(jnp.max(left / closing.scale.size), tolerance(d))
+    scale = closing.row_scale * closing.scale.size
+    misfit = misfit_of(left * closing.row_scale, scale, settled, weakest, tolerance(d))
     return closing.moved(closing.guess.q, d), misfit
 
 
@@ -335,8 +359,8 @@ def _velocity(system: AbstractSystem, state: State, driven: Array, rates: Array)
     qd = scale.coordinates * found
     speed = jnp.max(jnp.abs(found)) + jnp.max(jnp.abs(misfit))
     left = jnp.abs(misfit + inverse.times(change))
-    relative = left / jnp.where(speed > 0, speed, 1.0)
-    return qd, misfit_of(left * row_scale, relative, jnp.asarray(True), jnp.asarray(jnp.inf), tolerance(qd))
+    size = row_scale * jnp.where(speed > 0, speed, 1.0)
+    return qd, misfit_of(left * row_scale, size, jnp.asarray(True), jnp.asarray(jnp.inf), tolerance(qd))
 
 
 def _given_rows(system: AbstractSystem, state: State, which: Array) -> Float[Array, "h n"]:

@@ -71,10 +71,10 @@ class Solution(AbstractNamed):
 
     `solution["crank.phi''"]` is an acceleration and `solution["K.travel''"]` that of a joint coordinate; without primes
     it is the coordinate at the state, with one its rate. `solution["A force x on crank"]` is the constraint force of a
-    joint on that body in global components, but for its friction, `solution["tau A"]`. `solution["A.x"]` is the
-    multiplier of that row, with the sign of the paper: of a revolute joint it is minus the force on body i. Of a batch
-    they are arrays with its axes. Other names raise a `ValueError` that is a `KeyError` too. `to_pandas()` and
-    `to_xarray()` give everything by name, a row for each case, with units in `attrs`.
+    joint on that body, either of its two, in global components, but for its friction, `solution["tau A"]`.
+    `solution["A.x"]` is the multiplier of that row, with the sign of the paper: of a revolute joint it is minus the
+    force on body i. Of a batch they are arrays with its axes. Other names raise a `ValueError` that is a `KeyError`
+    too. `to_pandas()` and `to_xarray()` give everything by name, a row for each case, with units in `attrs`.
 
     - `acceleration`: qdd, shape (n,).
     - `multipliers`: lam, shape (m,); the constraint force on the system is -Phi_q^T lam.

@@ -14,7 +14,15 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool
 
-from .._closures._closure import AbstractClosure, Compliance, Elasticity, MinimumNorm, elasticity, minimum_norm
+from .._closures._closure import (
+    AbstractClosure,
+    Compliance,
+    Elasticity,
+    MinimumNorm,
+    check_closure,
+    elasticity,
+    minimum_norm,
+)
 from .._closures._elastic_joints import ElasticJoints
 from .._closures._unit_check import check_units
 from .._equations._culprits import thrown
@@ -25,15 +33,15 @@ from .._solvers._friction_problem import FrictionProblem
 from .._solvers._iterate import Progress
 from .._solvers._open_newton import open_root
 from .._solvers._open_problem import OpenProblem
-from .._solvers._solver import AbstractSolver, Newton, Root, closed_root, of_large
+from .._solvers._solver import AbstractSolver, Newton, Root, check_solver, closed_root, of_large
 from .._system._names import ByName, vector
 from .._system._results import RESULTS, first_failure, is_one_of
 from .._system._state import State
-from .._system._system import AbstractSystem
+from .._system._system import AbstractSystem, check_system_at
 from .._tools._chunks import in_chunks, with_derivative_of
 from .._tools._compilation import compiled
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, as_float, is_concrete, no_classes, replace_fields
+from .._tools._module import Numbers, as_float, is_concrete, replace_fields
 from ._reduced import Reduced, reduce
 from ._solution import Solution, Stats
 
@@ -99,7 +107,10 @@ def solve(
     **Raises:** `ValueError` for arguments that do not fit the system; `RuntimeError` with the message of
     the result where `throw` says so.
     """
-    no_classes(closure=closure, solver=solver)
+    if closure is not None:
+        check_closure(closure)
+    if solver is not None:
+        check_solver(solver)
     _check_state(system, state)
     n, m = len(system.coordinates), len(system.rows)
     if solver is None:
@@ -346,6 +357,7 @@ def _solution(
 
 
 def _check_state(system: AbstractSystem, state: State) -> None:
+    check_system_at(system, state)
     n = len(system.coordinates)
     if state.qd.shape != (n,):
         raise RedundaxError(

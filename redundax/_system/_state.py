@@ -27,8 +27,11 @@ class State(eqx.Module):
     **Arguments:**
 
     - `q`: coordinates, in the units of the system; planar mechanisms have x and y of every body first, then
-      all angles, Eq. (60).
-    - `qd`: velocities, shape (n,); for planar mechanisms the time derivative of `q`.
+      all angles, Eq. (60). Mechanisms in space have x, y and z of every centre of mass first, then the quaternion
+      (w, x, y, z) of every body, which takes its axes to the global ones: shape (7 bodies,). Quaternions have no names.
+    - `qd`: velocities, shape (n,); for planar mechanisms the time derivative of `q`. In space velocities of all centres
+      of mass first, in global components, then the angular velocity of every body about its own axes: "door.x'" and
+      "door.phi_x'" in results, shape (6 bodies,).
     - `t`: time.
     - `memory`: internal states of friction laws that have some, one entry for each friction group;
       zero if not given.

@@ -4,6 +4,7 @@ of a whole batch."""
 import contextlib
 import dataclasses
 import functools
+import inspect
 import operator
 import os
 from collections.abc import Callable, Iterator, Sequence
@@ -122,14 +123,41 @@ def tracing(argument: str) -> Iterator[None]:
         ) from error
 
 
-def no_classes(**arguments: Any) -> None:
-    """Refuse a class where one of its objects is wanted."""
-    for name, value in arguments.items():
-        if isinstance(value, type):
-            raise RedundaxError(
-                f"Argument `{name}` must be an object, but is the class {value.__name__}. "
-                f"Write `{value.__name__}(...)`, with its arguments if it needs some."
-            )
+def check_call(name: str, function: Callable[..., Any], *arguments: Any, **named: Any) -> None:
+    """Refuse arguments that a function of the user does not take."""
+    wanted = inspect.signature(function.function if isinstance(function, Plain) else function)
+    try:
+        wanted.bind(*arguments, **named)
+    except TypeError as error:
+        raise RedundaxError(
+            f"Arguments of `{name}` must be {', '.join(wanted.parameters)}, but: {error}. Give these."
+        ) from error
+
+
+@contextlib.contextmanager
+def part(owner: str) -> Iterator[None]:
+    """Say of which part an argument is that is refused within."""
+    try:
+        yield
+    except RedundaxError as error:
+        raise RedundaxError(str(error).replace("` must", f"` of {owner} must", 1)) from None
+
+
+def check_kind(argument: str, value: object, kind: Any, what: str, advice: str) -> None:
+    """Refuse what is not of a kind, such as a class where one of its objects is wanted.
+
+    `what` says what the argument must be, `advice` what may be given.
+    """
+    if isinstance(value, type):
+        raise RedundaxError(
+            f"Argument `{argument}` must be an object, but is the class {value.__name__}. "
+            f"Write `{value.__name__}(...)`, with its arguments if it needs some."
+        )
+    if not isinstance(value, kind):
+        is_short = value is None or isinstance(value, str | int | float | complex)
+        shown = repr(value) if is_short else f"of the type {type(value).__name__}"
+        shown = f"an array of shape {value.shape}" if isinstance(value, jax.Array | np.ndarray) else shown
+        raise RedundaxError(f"Argument `{argument}` must be {what}, but is {shown}. {advice}")
 
 
 def moved(q: Array, d: Array) -> Array:
@@ -178,17 +206,6 @@ def tree_take(stacked: T, members: Integer[Array, "..."]) -> T:
     )
 
 
-def as_vector(value: Numbers) -> Float[Array, "2"]:
-    """A planar vector."""
-    array = as_float(value)
-    if array.shape != (2,):
-        raise RedundaxError(
-            f"Arguments such as `point_i` or `force` must be two components (x, y), but one has shape {array.shape}. "
-            "Give a pair of numbers."
-        )
-    return array
-
-
 def as_matrix(what: str, value: Numbers, size: int) -> Float[Array, "size size"]:
     """A square matrix, given whole, by its diagonal or as one number for all of that."""
     array = floats(value)
@@ -218,11 +235,20 @@ def positive(name: str, value: Array | np.ndarray) -> None:
         raise RedundaxError(f"Argument `{name}` must be positive, but is {value}. Give a number above 0.")
 
 
+def finite(name: str, value: Array | np.ndarray, owner: str = "") -> None:
+    """Refuse NaN and infinity among known numbers."""
+    if is_concrete(value) and not np.all(np.isfinite(value)):
+        raise RedundaxError(
+            f"Argument `{name}`{owner and f' of {owner}'} must be finite, but is {np.asarray(value).tolist()}. Look "
+            "for NaN or infinity in what it is computed from."
+        )
+
+
 def unit(v: Numbers) -> Array:
     """v / |v| as a floating-point array."""
-    v = floats(as_vector(v))
+    v = floats(v)
     size = numpy_of(v).linalg.norm(v)
-    if is_concrete(size) and not size > 0:
+    if is_concrete(size) and size == 0:
         raise RedundaxError("Argument `normal` must not be zero: it gives the direction of a line, but is (0, 0).")
     return on_device(v / size)
 

@@ -430,9 +430,9 @@ def test_a_traced_compliance_is_not_checked():
 
 
 def test_an_impossible_assembly_names_rows():
-    with pytest.raises(rx.NoSolutionError, match=r"No position .* together: A\.x"):
+    with pytest.raises(rx.NoSolutionError, match=r"No position .* A\.x and B\.x cannot both be met: "):
         rx.assemble(one_body(pin(), rx.Revolute("B", "a", G, (1, 0), (3, 0))), [0.0, 0.0, 0.1])
-    with pytest.raises(rx.NoSolutionError, match=r"No velocity .* together: a\.x as given, A\.x"):
+    with pytest.raises(rx.NoSolutionError, match=r"No velocity .* A\.x and a\.x as given cannot both be met: "):
         rx.assemble(one_body(pin()), [0.0, 0.0, 0.0], rates={"a.x": 1.0})
 
 

@@ -149,7 +149,7 @@ def test_a_state_is_assembled_into_the_nearest_teeth():
         assert abs(turn - guess) < pitch / 2 + 1e-12
         np.testing.assert_allclose(np.cos(40 * turn + 20 * state.q[4] - np.pi), 1.0, atol=1e-10)  # 40 is even
     for distance in (0.05, 0.0):
-        with pytest.raises(rx.NoSolutionError, match=r"cannot be met together: .*mesh\.teeth"):
+        with pytest.raises(rx.NoSolutionError, match=r"mesh\.teeth"):
             rx.assemble(pair(distance=distance), {"wheel.x": distance})
     with pytest.raises(rx.NoSolutionError, match=r"Violated rows: mesh\.teeth"):
         rx.solve(pair(distance=0.05), rx.State([0.0, 0.0, 0.05, 0.0, 0.0, 0.0], np.zeros(6)))

@@ -90,7 +90,7 @@ def slider(force=(0.0, 0.0, 0.0), arm=(0.0, 0.0, 0.0), moment=(0.0, 0.0, 0.0), m
     body = rs.Body("block", MASS, (0.02, 0.03, 0.04))
     given = {"point": (0, 0, 0), "friction": rx.Coulomb(mu), **GUIDE, **given}
     guide = rs.Prismatic("guide", body, rx.GROUND, axis=(1, 0, 0), **given)
-    return rx.Mechanism([body], [guide], loads=[rs.AppliedForce(body, force, arm, moment), *loads])
+    return rx.Mechanism([body], [guide], loads=[rs.AppliedForce(body, force, point=arm, moment=moment), *loads])
 
 
 def at(mechanism, rate, travel=0.0):

@@ -20,6 +20,7 @@ from ..._system._axis import Axis, join
 from ..._system._export import bands_dataset
 from ..._system._joint_coordinates import joint_motion
 from ..._system._names import ByName
+from ..._system._pushing import changing
 from ..._system._state import State, states_of
 from ..._system._system import AbstractSystem
 from ..._system._units import with_unit
@@ -182,13 +183,14 @@ class BandPath:
     def _flags(self) -> list[str]:
         """What has no band, by time."""
         empty = [bands.empty for bands in self.bands]
+        pull = tuple(row for bands in self.bands for row in bands.pulling)
         found = {
             "CANNOT STAND (proved)": [word == "no" for word in self.stands],
             "UNDECIDED whether it can stand": [word == "undecided" for word in self.stands],
             "NO SOLUTION within the bounds was found": [
                 gone and word is None for gone, word in zip(empty, self.stands, strict=True)
             ],
-            "CHANGE OF FLANK, as teeth pull,": [bool(bands.pulling) for bands in self.bands],
+            f"{changing(pull)}, as contacts pull,": [bool(bands.pulling) for bands in self.bands],
         }
         return [f"{said} at t = {_times(self.t[flags])}." for said, flags in found.items() if any(flags)]
 
