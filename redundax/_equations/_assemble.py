@@ -17,7 +17,7 @@ before found, take it farther, and Newton steps finish from there.
 """
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -30,6 +30,7 @@ from .._system._axis import Axis, join
 from .._system._names import ByName, Names, index_of, vector
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._chunks import alike, with_derivative_of
 from .._tools._compilation import compiled
 from .._tools._errors import RedundaxError
 from .._tools._module import (
@@ -42,6 +43,7 @@ from .._tools._module import (
     replace_fields,
     stop_gradient,
 )
+from .._tools._no_answer import nan_where
 from ._guess import ask_for_radians, check_finite
 from ._kinematics import second_order, velocity
 from ._misfit import Misfit, check_rows, misfit_of, tell, tolerance
@@ -159,8 +161,7 @@ def _given(system: AbstractSystem, q: Array, t: Array, held: Array) -> Array:
     return jnp.concatenate([own, system.joint_coordinates.positions(State(q, none, t))])[held]
 
 
-@compiled
-def _assemble(
+def _assembled(
     system: AbstractSystem,
     guess: State,
     held: Int[Array, " h"],
@@ -171,8 +172,13 @@ def _assemble(
     """State, and the misfits of its position and of its velocity."""
     q, off = _position(system, guess, held, positions)
     qd, slow = _velocity(system, State(q, guess.qd, guess.t), driven, rates)
-    failed = off.refused | slow.refused
-    return State(jnp.where(failed, jnp.nan, q), jnp.where(failed, jnp.nan, qd), guess.t), off, slow
+    return State(nan_where(off.refused, q), nan_where(off.refused | slow.refused, qd), guess.t), off, slow
+
+
+@compiled
+@with_derivative_of(_assembled, failed=lambda found: found[1].refused)
+def _assemble(*arguments: Any) -> tuple[State, Misfit, Misfit]:
+    return alike(_assembled(*arguments), eqx.filter(arguments, eqx.is_array))
 
 
 class _Closing(eqx.Module):

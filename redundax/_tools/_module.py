@@ -160,17 +160,6 @@ def stop_gradient(tree: T) -> T:
     return jax.tree.map(lambda x: x if is_concrete(x) else jax.lax.stop_gradient(x), tree)
 
 
-@jax.custom_jvp
-def without_derivative(flag: Bool[Array, ""], x: Array) -> Array:
-    """x, with derivatives NaN in both modes where `flag` says that those computed are none."""
-    return x
-
-
-@without_derivative.defjvp
-def _without_derivative_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
-    return without_derivative(*primals), tangents[1] * jnp.where(primals[0], jnp.nan, 1.0)
-
-
 def tree_take(stacked: T, members: Integer[Array, "..."]) -> T:
     """Some members of what is stacked; the indices, ours, are in bounds, and nothing is traced that checks them."""
     return jax.tree.map(
