@@ -12,9 +12,25 @@ import jax
 import numpy as np
 from jaxtyping import Array, Bool
 
+from .._tools._module import is_concrete
 
-class RESULTS(eqx.Enumeration):
+
+class _Words(type(eqx.Enumeration)):
+    """An enumeration that tells of a batch how many ended in which way."""
+
+    def __getitem__(cls, item: Any) -> str:
+        codes = jax.tree.leaves(item)[0]
+        if not isinstance(codes, np.ndarray | jax.Array) or not is_concrete(codes) or codes.ndim == 0:
+            return type(eqx.Enumeration).__getitem__(cls, item)
+        names = {code: name for name, code in result_codes().items()}
+        counts = zip(*np.unique(np.asarray(codes), return_counts=True), strict=True)
+        return ", ".join(f"{count} {names[int(code)]}" for code, count in counts)
+
+
+class RESULTS(eqx.Enumeration, metaclass=_Words):
     """How a solve ended, with a message that names the cause and a way out.
+
+    `RESULTS[result]` is the message; of a batch it says how many ended in which way, as a print of the result does.
 
     ??? example
 
@@ -25,7 +41,9 @@ class RESULTS(eqx.Enumeration):
         ```
     """
 
-    successful = ""
+    __module__ = "redundax"  # where users find it, and what a print says
+
+    successful = "successful"
     violated_constraints = (
         "The state does not satisfy the constraints Phi(q, t) = 0: `stats.violation` is the largest residual "
         "relative to the size of the mechanism. Give a state on the constraint manifold: `rx.assemble` finds the one "
@@ -144,6 +162,15 @@ class RESULTS(eqx.Enumeration):
     times_out_of_order = (
         "The times do not follow each other: a motion runs forward, from the time of `state` through `ts` to `t1`. "
         "Look for a `t1` before the start, times beyond the ends or in descending order, and NaN."
+    )
+
+    no_position = (
+        "There is no position: none that satisfies the constraints, with the values that are given, was found near the "
+        "guess, or a number of the guess is NaN. Give a better guess, or change given values or lengths."
+    )
+    no_velocity = (
+        "There is no velocity: at the position found none satisfies the constraints with the rates that are given. "
+        "Change given rates, or look for a dead centre, through which a given rate would need infinite others."
     )
 
     __members__ = tuple(name for name in vars() if not name.startswith("__"))  # last, after all of them
