@@ -130,12 +130,9 @@ class RESULTS(eqx.Enumeration, metaclass=_Words):
     max_steps_reached = (
         "The friction iteration reached `max_steps` before it met the tolerance. Raise `max_steps` or `rtol`."
     )
-    steps_exhausted = (
-        "The motion took `max_steps` steps before `t1`; what it reached is given, NaN the rest. Raise `max_steps` or "
-        "`rtol`."
-    )
+    steps_exhausted = "The motion took `max_steps` steps before `t1`. Raise `max_steps` or `rtol`."
     step_too_small = (
-        "The motion stopped where steps became too small: what it reached is given, NaN the rest. Where "
+        "The motion stopped where steps became too small. Where "
         "`stats.nearest_singularity` is far below 1 a singular position is next, a flat or dead one, that the motion "
         "does not pass; start beyond it, and in float64. Else friction may have no solution further on (it jams) or "
         "one on another branch only (see `stats.contraction`), or the loads are not smooth there."
@@ -145,15 +142,12 @@ class RESULTS(eqx.Enumeration, metaclass=_Words):
         "`t1`. At rest friction and multipliers are not determined, and NaN."
     )
     joint_sticks = (
-        "The motion stopped where it could not be decided which joints stick and which slip on: what it reached is "
-        "given, NaN the rest. Friction this large may jam; `RegularisedCoulomb` goes on."
+        "The motion stopped where it could not be decided which joints stick and which slip on. "
+        "Friction this large may jam; `RegularisedCoulomb` goes on."
     )
-    phases_exhausted = (
-        "Joints stopped, reversed or were let go `max_phases` times before `t1`; what the motion reached is given, NaN "
-        "the rest. Raise `max_phases`."
-    )
+    phases_exhausted = "Joints stopped, reversed or were let go `max_phases` times before `t1`. Raise `max_phases`."
     rank_changed = (
-        "The motion stopped where the rank of its constraints changes for good: what it reached is given, NaN the rest."
+        "The motion stopped where the rank of its constraints changes for good. Start a motion of its own beyond."
     )
     diverged = (
         "The friction iteration diverged to values that are not finite. At this friction level the equations "

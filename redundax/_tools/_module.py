@@ -6,6 +6,7 @@ import dataclasses
 import functools
 import operator
 import os
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
@@ -33,7 +34,21 @@ def as_float(value: Numbers, argument: str = "") -> Array:
     """
     if isinstance(value, jax.Array) and is_concrete(value) and value.dtype == _float_type(value):
         return value
-    return on_device(floats(value, argument))
+    array = floats(value, argument)
+    if array.dtype == np.float32 and is_concrete(array) and np.any(np.asarray(value) != array):
+        _tell_of_single_precision()
+    return on_device(array)
+
+
+@functools.cache
+def _tell_of_single_precision() -> None:
+    """Once: it is a setting of the process."""
+    warnings.warn(
+        "redundax works in float32, about 7 digits, as JAX does unless told otherwise, and has just cut numbers of "
+        "more digits. Put jax.config.update('jax_enable_x64', True) at the start, before a mechanism is built; or give "
+        "float32 arrays where single precision is wanted.",
+        stacklevel=3,
+    )
 
 
 def floats(value: Numbers, argument: str = "") -> np.ndarray | Array:
