@@ -113,7 +113,7 @@ def test_an_interrupt_that_python_loses_ends_a_study(monkeypatch):
 def test_statistics_of_a_stopped_study_are_not_given(monkeypatch):
     monkeypatch.setattr(_study, "told", stopped(1))
     with pytest.warns(UserWarning, match="stopped after 4 of 16"), pytest.raises(KeyboardInterrupt):
-        rx.tolerance_study(lambda x: x * x, {"x": rx.Normal(1.0, 0.1)}, samples=16, chunk=4)
+        rx.tolerance_study(lambda x: {"square": x * x}, {"x": rx.Normal(1.0, 0.1)}, samples=16, chunk=4)
 
 
 @pytest.mark.parametrize(
