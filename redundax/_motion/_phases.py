@@ -186,6 +186,7 @@ def _stopped(
 
 
 def like(mask: Array, x: Array) -> Array:
+    """A mask of times, shaped as an array that has them in front."""
     return mask.reshape(mask.shape + (1,) * (x.ndim - 1))
 
 

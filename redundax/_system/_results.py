@@ -21,7 +21,7 @@ class _Words(type(eqx.Enumeration)):
     def __getitem__(cls, item: Any) -> str:
         codes = jax.tree.leaves(item)[0]
         if not isinstance(codes, np.ndarray | jax.Array) or not is_concrete(codes) or codes.ndim == 0:
-            return type(eqx.Enumeration).__getitem__(cls, item)
+            return type(eqx.Enumeration).__getitem__(cls, item)  # pyright: ignore[reportCallIssue]
         names = {code: name for name, code in result_codes().items()}
         counts = zip(*np.unique(np.asarray(codes), return_counts=True), strict=True)
         return ", ".join(f"{count} {names[int(code)]}" for code, count in counts)
