@@ -249,8 +249,9 @@ def test_a_stage_that_moves_is_not_at_rest():
     joints = [rx.Translational(block.name[0], block.name, "ground", (0, 0), (0, 0), **guide) for block in blocks]
     pin = rx.Revolute("pin", "left", "right", (0, 0), (0, 0), friction=rx.Coulomb(MU), pin_radius=0.01)
     rail = rx.Mechanism(blocks, [*joints, pin], gravity=(0.0, -G))
-    for mechanism, name, load in ((stage, "stage.x", "l.radial_1"), (rail, "left.x", "tau l")):
-        path = rx.band_along(mechanism, [rx.assemble(mechanism, rates={name: 0.2})], load, rx.MinimumNorm())
+    sliding = rx.assemble(stage, rates={"stage.x": 0.2}), rx.State(np.zeros(6), [0.2, 0.0, 0.2, 0.0, 0.0, 0.0])
+    for mechanism, state, load in zip((stage, rail), sliding, ("l.radial_1", "tau l"), strict=True):
+        path = rx.band_along(mechanism, [state], load, rx.MinimumNorm())
         assert path.motion == ("moves",) and path.runs(path.leading)[0][0].endswith("increases")
 
 
