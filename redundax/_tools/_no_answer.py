@@ -5,8 +5,8 @@ by `jnp.where(solution.result == successful, value, 0.0)`. Were a lost sample's 
 would spoil the gradient of all; were it selected away, a value of NaN would come with a gradient that looks right. So
 the transposed map passes 0 on as 0, and all else as NaN. That is no linear map, but JAX asks only for its transpose.
 
-It cannot be had of second derivatives: those of what is linear are 0, of NaN too, and a masked sample may make them NaN,
-as the tangent of its cotangent is a product with its value.
+It cannot be had of second derivatives: those of what is linear are 0, of NaN too, and a masked sample may make them
+NaN, as the tangent of its cotangent is a product with its value.
 """
 
 from collections.abc import Callable
