@@ -231,6 +231,8 @@ def _motion(system: AbstractSystem, found: Sequence[Bands], slips: np.ndarray, r
 
 def _free_slips(system: AbstractSystem, state: State, factor: Factorisation) -> np.ndarray:
     """Which slips the constraints leave free at a state."""
+    if not system.friction:
+        return np.zeros(0, bool)
     _, slopes = slip_motion(system, state)
     slopes = slopes * factor.scaling.coordinates[:, None]
     left, whole = (np.linalg.norm(x, axis=0) for x in (factor.split.motion @ slopes, slopes))
