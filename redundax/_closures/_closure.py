@@ -27,6 +27,7 @@ from .._system._units import Units, checked_units
 from .._tools._compilation import compiled
 from .._tools._errors import RedundaxError
 from .._tools._module import as_float, check_kind, is_concrete, on_device, optional_float, positive
+from .._tools._no_answer import nan_where
 
 
 class AbstractClosure(eqx.Module):
@@ -121,7 +122,7 @@ def with_mates(compliance: Float[Array, "m m"], plan: Plan) -> Float[Array, "m j
     others = compliance.at[jnp.arange(len(own))[:, None], plan.mates].set(0.0, mode="drop")
     softness = jnp.sqrt(jnp.abs(jnp.diagonal(compliance)))
     rounding = 1e3 * float(jnp.finfo(own.dtype).eps) * softness[:, None] * softness
-    return jnp.where(jnp.all(jnp.abs(others) <= rounding), own, jnp.nan)
+    return nan_where(~jnp.all(jnp.abs(others) <= rounding), own)
 
 
 def alone(diagonal: Float[Array, " m"], plan: Plan) -> Float[Array, "m j"]:

@@ -30,6 +30,7 @@ from .._system._axis import Axis, join
 from .._system._names import ByName, Names, index_of, vector
 from .._system._state import State
 from .._system._system import AbstractSystem, check_system
+from .._tools._chunks import alike, with_derivative_of
 from .._tools._compilation import compiled
 from .._tools._errors import RedundaxError
 from .._tools._module import (
@@ -42,6 +43,7 @@ from .._tools._module import (
     replace_fields,
     stop_gradient,
 )
+from .._tools._no_answer import nan_where
 from ._guess import ask_for_radians, check_finite
 from ._kinematics import second_order, velocity
 from ._misfit import Misfit, misfit_of, tell, tolerance
@@ -92,9 +94,11 @@ def assemble(
       such as `{"K.travel": 0.02}`. Rates have the same names, or those of results, as in `{"crank.phi'": 1.0}`.
     - `throw`: whether to raise an error where no state is found; by default outside of `jit` and `vmap`.
 
-    **Returns:** a `State`, NaN where none is found. Redundant constraints on points of few digits cannot be met
-    exactly: the state then meets them as nearly as they allow, by least squares and as far as `solve` takes it, and
-    outside of `jit` and `vmap` a warning tells the largest misfit, which is that of `solve`'s `stats.violation`.
+    **Returns:** a `State`. Where no position is found it is NaN, and where no velocity is found that is; `state.result`
+    says which, sample by sample under `jit` and `vmap`. Derivatives are NaN there too, unless a sample is masked by its
+    result, as of `solve`. Redundant constraints on points of few digits cannot be met exactly: the state then meets
+    them as nearly as they allow, by least squares and as far as `solve` takes it, and outside of `jit` and `vmap` a
+    warning tells the largest misfit, which is that of `solve`'s `stats.violation`.
 
     **Raises:** `RuntimeError` that names the rows that cannot be met.
     """
@@ -183,8 +187,7 @@ def _given(system: AbstractSystem, q: Array, t: Array, held: Array) -> Array:
     return jnp.concatenate([own, system.joint_coordinates.positions(State(q, none, t))])[held]
 
 
-@compiled
-def _assemble(
+def _assembled(
     system: AbstractSystem,
     guess: State,
     held: Int[Array, " h"],
@@ -195,8 +198,13 @@ def _assemble(
     """State, and the misfits of its position and of its velocity."""
     q, off = _position(system, guess, held, positions)
     qd, slow = _velocity(system, State(q, guess.qd, guess.t), driven, rates)
-    failed = off.refused | slow.refused
-    return State(jnp.where(failed, jnp.nan, q), jnp.where(failed, jnp.nan, qd), guess.t), off, slow
+    return State(nan_where(off.refused, q), nan_where(off.refused | slow.refused, qd), guess.t), off, slow
+
+
+@compiled
+@with_derivative_of(_assembled, failed=lambda found: found[1].refused)
+def _assemble(*arguments: Any) -> tuple[State, Misfit, Misfit]:
+    return alike(_assembled(*arguments), eqx.filter(arguments, eqx.is_array))
 
 
 class _Closing(eqx.Module):

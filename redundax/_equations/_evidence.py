@@ -12,7 +12,6 @@ derivative.
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -22,6 +21,7 @@ from .._system._decision import CLEAR, Decision
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import batch_any
+from .._tools._table import AbstractFigures
 from ._kinematics import second_derivative
 from ._rank import Split
 from ._scaling import Scaling
@@ -31,7 +31,7 @@ _POINTS = 1e-6  # of the size of a mechanism: what points of few digits make of 
 _BENDS = 100  # times as much they make of its second derivative
 
 
-class Violation(eqx.Module):
+class Violation(AbstractFigures):
     """How far the state and the prescribed motion are from being consistent, free of units.
 
     - `position`: largest |Phi|, relative to the size of the mechanism.

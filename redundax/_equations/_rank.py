@@ -30,7 +30,6 @@ They follow from P K = 0, K Z = 0 and the Penrose conditions; repeated singular 
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
@@ -39,13 +38,14 @@ from .._system._decision import CLEAR, Decision
 from .._tools._chunks import in_chunks
 from .._tools._compilation import is_single
 from .._tools._module import batch_any
+from .._tools._table import AbstractFigures
 
 _DELTA = 0.45  # power of the rounding: large enough that the Cholesky factor exists, else as small as can be
 _LARGE = 24  # rows and columns from which products take much less time than a decomposition
 _STEPS = 2  # and one where the first error calls for it
 
 
-class Spectrum(eqx.Module):
+class Spectrum(AbstractFigures):
     """The rank decision and the evidence for it, all free of units.
 
     - `singular_values`: of the scaled Jacobian K, relative to the largest, descending.

@@ -170,7 +170,8 @@ def simulate(
         singular=is_concrete(mass) and _singular(np.asarray(mass)),
     )
     trajectory = replace_fields(trajectory, names=system.names, joint_coordinates=system.joint_coordinates)
-    return thrown(trajectory, throw, system, state, factor, RESULTS.successful, RESULTS.stuck)
+    good, end = (RESULTS.successful, RESULTS.stuck), trajectory.stats.end
+    return thrown(trajectory, throw, system, state, factor, *good, end=end)
 
 
 def _evenly(start: Times, end: Times) -> Times:

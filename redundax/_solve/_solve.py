@@ -12,7 +12,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
-from jaxtyping import Array, Bool
+from jaxtyping import Array
 
 from .._closures._closure import (
     AbstractClosure,
@@ -38,10 +38,11 @@ from .._system._names import ByName, vector
 from .._system._results import RESULTS, first_failure, is_one_of
 from .._system._state import State
 from .._system._system import AbstractSystem, check_system_at
-from .._tools._chunks import in_chunks, with_derivative_of
+from .._tools._chunks import alike, in_chunks, with_derivative_of
 from .._tools._compilation import compiled
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, is_concrete, replace_fields
+from .._tools._no_answer import nan_where
 from ._reduced import Reduced, reduce
 from ._solution import Solution, Stats
 
@@ -100,9 +101,10 @@ def solve(
     touch, and where friction depends on such a multiplier there is no limit: refused. So is every singular position
     where a transformation such as `jit`, `vmap` or `grad` traces something of the equations.
 
-    **Returns:** a `Solution`; its arrays are NaN unless `result` is `RESULTS.successful`, and so are their derivatives
-    in forward mode; to a gradient in reverse mode such a sample of a batch adds nothing. Where teeth pull, its
-    `pulling` names them, and unless `throw` is False a warning too, outside of transformations.
+    **Returns:** a `Solution`; its arrays are NaN unless `result` is `RESULTS.successful`, and so are their derivatives,
+    in both modes. A sample masked by its result, `jnp.where(solution.result == rx.RESULTS.successful, value, 0.0)`,
+    adds nothing to the gradient of its batch. Where teeth pull, `pulling` names them, and unless `throw` is False a
+    warning too, outside of transformations.
 
     **Raises:** `ValueError` for arguments that do not fit the system; `RuntimeError` with the message of
     the result where `throw` says so.
@@ -127,14 +129,10 @@ def solve(
     if sense is not None:
         sense = vector("sense", sense, system.slips, " of slips")
     traced = not all(map(is_concrete, jax.tree.leaves((system, state, rank))))
-    if closure is not None and factor is None and system.plan is None and traced:
+    if factor is None and traced:
         solution = _solved_at_each(system, state, rank, closure, solver, x0, sense)
     else:
-        if closure is None:
-            system, factor = dense_at(system, state, rank, factor)
-        else:
-            factor = factorisation_at(system, state, rank, factor)
-        chosen = None if closure is None else elasticity(closure, system, state)
+        system, factor, chosen = _factorised(system, state, rank, closure, factor)
         solution = solve_factorised(system.anonymous, state, factor, chosen, solver, x0, sense)
         concrete = all(map(is_concrete, jax.tree.leaves((factor, chosen))))
         if chosen is not None and isinstance(closure, Compliance | ElasticJoints) and concrete:
@@ -184,24 +182,35 @@ def _solved(
     return _solution(factor, end, root, contraction, solver.tolerance(state.qd.dtype), result)
 
 
+def _factorised(
+    system: AbstractSystem, state: State, rank: ArrayLike | None, closure: AbstractClosure | None, factor: Any
+) -> tuple[AbstractSystem, AnyFactorisation, Elasticity | None]:
+    """The system as it is solved, its factorisation, and the compliance and misfit of the closure if there is one."""
+    if closure is None:
+        return *dense_at(system, state, rank, factor), None
+    return system, factorisation_at(system, state, rank, factor), elasticity(closure, system, state)
+
+
 def _solved_at(
     system: AbstractSystem,
     state: State,
     rank: ArrayLike | None,
-    closure: AbstractClosure,
+    closure: AbstractClosure | None,
     solver: AbstractSolver,
     x0: Array | None,
     sense: Array | None,
 ) -> Solution:
     """The solution at a state that is not factorised yet."""
-    factor, chosen = factorisation_at(system, state, rank, None), elasticity(closure, system, state)
+    system, factor, chosen = _factorised(system, state, rank, closure, None)
     return solve_factorised(system.anonymous, state, factor, chosen, solver, x0, sense)
 
 
-@with_derivative_of(_solved_at)
+@with_derivative_of(_solved_at, failed=lambda solution: solution.result != RESULTS.successful)
 def _solved_at_each(*arguments: Any) -> Solution:
     """`_solved_at`; a batch in which the constraints change goes chunk after chunk: matrices stay in the cache."""
-    system, state, *_ = arguments
+    system, state, _, closure, *_ = arguments
+    if closure is None or system.plan is not None:
+        return alike(_solved_at(*arguments), eqx.filter(arguments, eqx.is_array))
     rows = jax.lax.stop_gradient(system.constraint(state.q, state.t))
     return in_chunks(_solved_at, *arguments, inside=rows.size * state.qd.size, changing=rows)
 
@@ -239,9 +248,9 @@ def _end(
     friction_checks = (*friction_checks, (finite, RESULTS.not_finite))
     # Of the flags alone: XLA would walk through the whole choice of a result again for every entry.
     good = functools.reduce(operator.and_, (passed for passed, _ in (*checks, *friction_checks)))
-    end, tau = jax.tree.map(lambda x: _figure(good, x), (end, root.tau))
+    end, tau = jax.tree.map(lambda x: nan_where(~good, x), (end, root.tau))
     if reduced.undetermined is not None:
-        end = end._replace(multipliers=_figure(~reduced.undetermined, end.multipliers))
+        end = end._replace(multipliers=nan_where(reduced.undetermined, end.multipliers))
     # What friction is given only names a failure, so a sweep of accelerations alone does not compute it.
     result = first_failure((*checks, (good | given, RESULTS.not_finite), *friction_checks))
     return end, eqx.tree_at(lambda root: root.tau, root, tau), contraction, result
@@ -251,18 +260,6 @@ def _end(
 def _end_in_chunks(*arguments: Any) -> tuple[Response, Root, Array, RESULTS]:
     """`_end` in chunks."""
     return in_chunks(_end, *arguments)
-
-
-@jax.custom_jvp
-def _figure(good: Bool[Array, ""] | Bool[Array, " d"], x: Array) -> Array:
-    """x, or NaN where it is not to be given."""
-    return jnp.where(good, x, jnp.nan)
-
-
-@_figure.defjvp
-def _figure_jvp(primals: tuple[Array, Array], tangents: tuple[Any, Array]) -> tuple[Array, Array]:
-    # NaN in forward mode; what is transposed passes nothing on, so that a bad sample leaves its batch's gradient alone.
-    return _figure(*primals), _figure(primals[0], tangents[1])
 
 
 def _solve_friction(

@@ -6,9 +6,13 @@ A chunk is one call of jit(vmap(run)); over a mesh jit(shard_map(vmap(run))), so
 samples, and no device waits for the iterations of another.
 """
 
+import contextlib
+import signal
+import threading
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 import jax
@@ -145,12 +149,43 @@ def _fill(store: Store, size: int, chunk: int, compute: Callable[[int], dict[str
     try:
         if store.done:
             refuse(store.difference(compute(0)))
-        for first in told(range(store.done, size, chunk), "study", progress and jax.process_index() == 0):
-            store.write(compute(first))
+        with _interrupts() as interrupts:
+            for first in told(range(store.done, size, chunk), "study", progress and jax.process_index() == 0):
+                store.write(compute(first))
+                if interrupts:
+                    raise KeyboardInterrupt
     except KeyboardInterrupt:
         if jax.process_count() > 1:
             raise
         warnings.warn(f"The study was stopped after {store.done} of {size} samples.", stacklevel=3)
+
+
+@contextlib.contextmanager
+def _interrupts() -> Iterator[list[int]]:
+    """Interrupts from the keyboard: one that comes while a library cleans up is printed by Python, and else lost."""
+    came: list[int] = []
+    python = signal.default_int_handler
+    if signal.getsignal(signal.SIGINT) is not python or threading.current_thread() is not threading.main_thread():
+        yield came
+        return
+
+    def note(number: int, frame: FrameType | None) -> None:
+        came.append(number)
+        python(number, frame)
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield came
+    finally:
+        signal.signal(signal.SIGINT, python)
+
+
+def whole(data: "xarray.Dataset") -> "xarray.Dataset":
+    """A study that was not stopped from the keyboard: statistics of a part would look like those of all."""
+    if data.attrs["done"] < data.attrs["samples"]:
+        data.close()
+        raise KeyboardInterrupt
+    return data
 
 
 def _padded(values: np.ndarray, size: int) -> np.ndarray:

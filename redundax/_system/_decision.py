@@ -7,13 +7,14 @@ What is asked is compared with what rounding can make of it, magnified by all th
 The noise is a bound, generous by a factor of about 10, so that a figure that is zero has a margin well below 1.
 """
 
-import equinox as eqx
 from jaxtyping import Array, Bool, Float
+
+from .._tools._table import AbstractFigures
 
 CLEAR = 10.0
 
 
-class Decision(eqx.Module):
+class Decision(AbstractFigures):
     """A question with three answers. NaN is undecided.
 
     - `margin`: the figure that decides over what rounding can make of it: yes from 10 on, no up to 1.

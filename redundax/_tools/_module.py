@@ -7,6 +7,7 @@ import functools
 import inspect
 import operator
 import os
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
@@ -34,7 +35,21 @@ def as_float(value: Numbers, argument: str = "") -> Array:
     """
     if isinstance(value, jax.Array) and is_concrete(value) and value.dtype == _float_type(value):
         return value
-    return on_device(floats(value, argument))
+    array = floats(value, argument)
+    if array.dtype == np.float32 and is_concrete(array) and np.any(np.asarray(value) != array):
+        _tell_of_single_precision()
+    return on_device(array)
+
+
+@functools.cache
+def _tell_of_single_precision() -> None:
+    """Once: it is a setting of the process."""
+    warnings.warn(
+        "redundax works in float32, about 7 digits, as JAX does unless told otherwise, and has just cut numbers of "
+        "more digits. Put jax.config.update('jax_enable_x64', True) at the start, before a mechanism is built; or give "
+        "float32 arrays where single precision is wanted.",
+        stacklevel=3,
+    )
 
 
 def floats(value: Numbers, argument: str = "") -> np.ndarray | Array:
@@ -186,17 +201,6 @@ def replace_fields(module: T, **fields: Any) -> T:
 def stop_gradient(tree: T) -> T:
     """The same without derivatives; numbers that a user's own function or model holds stay numbers."""
     return jax.tree.map(lambda x: x if is_concrete(x) else jax.lax.stop_gradient(x), tree)
-
-
-@jax.custom_jvp
-def without_derivative(flag: Bool[Array, ""], x: Array) -> Array:
-    """x, with derivatives NaN in both modes where `flag` says that those computed are none."""
-    return x
-
-
-@without_derivative.defjvp
-def _without_derivative_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
-    return without_derivative(*primals), tangents[1] * jnp.where(primals[0], jnp.nan, 1.0)
 
 
 def tree_take(stacked: T, members: Integer[Array, "..."]) -> T:

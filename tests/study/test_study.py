@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -88,6 +89,32 @@ def test_interrupt_in_memory(monkeypatch):
     monkeypatch.setattr(_study, "told", stopped(1))
     with pytest.warns(UserWarning, match="stopped after 4 of 10"):
         same(study(), 4)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_an_interrupt_that_python_loses_ends_a_study(monkeypatch):
+    """As it does one that comes while an object is deleted: it prints it, and goes on."""
+
+    class Deleted:
+        def __del__(self):
+            signal.raise_signal(signal.SIGINT)
+
+    def told(steps, *_):
+        for number, step in enumerate(steps):
+            yield step
+            if number == 0:
+                Deleted()
+
+    monkeypatch.setattr(_study, "told", told)
+    with pytest.warns(UserWarning, match="stopped after 8 of 10"):
+        same(study(), 8)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_statistics_of_a_stopped_study_are_not_given(monkeypatch):
+    monkeypatch.setattr(_study, "told", stopped(1))
+    with pytest.warns(UserWarning, match="stopped after 4 of 16"), pytest.raises(KeyboardInterrupt):
+        rx.tolerance_study(lambda x: {"square": x * x}, {"x": rx.Normal(1.0, 0.1)}, samples=16, chunk=4)
 
 
 @pytest.mark.parametrize(

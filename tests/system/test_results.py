@@ -316,3 +316,17 @@ def test_what_is_printed():
 def test_a_guide_that_rubs_needs_a_length():
     with pytest.raises(rx.RedundaxError, match=r"Argument `guide_length`"):
         rx.Translational("K", "a", rx.GROUND, (0.0, 0.0), (0.0, 0.0), (0.0, 1.0), friction=rx.Coulomb(0.1))
+
+
+def test_a_print_shows_figures_and_words():
+    """Of one and of many, and inside of other prints."""
+    factor = rx.factorize(*paper())
+    decision = factor.spectrum.decision
+    assert repr(decision) == f"Decision(margin={decision.margin:.6g})" and "[]" not in str(factor.spectrum)
+    assert str(factor.violation).splitlines()[0].split() == ["position", f"{factor.violation.position:.6g}"]
+    assert "margin=" in f"{[factor.spectrum]}"
+    many = jax.tree.map(lambda x: jnp.stack([x, 2 * x]), decision)
+    assert str(many).split() == ["margin", f"{decision.margin:.6g}", "to", f"{2 * decision.margin:.6g}"]
+    assert f"{R.successful} {[R.stuck]}".startswith("redundax.RESULTS<successful> [redundax.RESULTS<The mechanism came")
+    results = jax.tree.map(lambda *x: jnp.stack(x), R.successful, R.stuck, R.successful)
+    assert str(results) == "redundax.RESULTS<2 successful, 1 stuck>"

@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 
 import redundax as rx
-from redundax._analysis._bearing_words import bearing_words
-from redundax._analysis._release import Release
 from redundax._system._pushing import in_words
 
 rs, NAN, HERE = rx.spatial, float("nan"), (0.0, 0.0)
@@ -245,18 +243,3 @@ def test_bounds_are_told_as_they_were_given():
     bands = rx.band(mechanism, mechanism.state(0.6, rate=1.0), "A1.x", rx.PreloadBox(given))
     assert bands.title == "PreloadBox: A1.x -50 to 50, A2.x -30 to 30, B2.x -9 to 9"
     assert len(bands.parameters) < 3
-
-
-def test_a_cross_is_not_let_turn_about_one_of_its_axes():
-    twist = Release((("u0", {"u0.twist": 1.0}),), 0.5)
-    own = tuple(f"u0.{row}" for row in ("radial_1", "radial_2", "axial"))
-    assert bearing_words(twist, (*own, "u0.twist")) == "replace u0 by a ball joint"
-    assert bearing_words(twist, (*own, "u0.bend_1", "u0.bend_2", "u0.twist")) == "let u0 turn about its axis"
-
-
-if __name__ == "__main__":
-    for case, (call, _) in KINDS.items():
-        try:
-            call()
-        except rx.RedundaxError as error:
-            print(f"{case}|{error}")
