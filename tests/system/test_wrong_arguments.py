@@ -243,3 +243,11 @@ def test_bounds_are_told_as_they_were_given():
     bands = rx.band(mechanism, mechanism.state(0.6, rate=1.0), "A1.x", rx.PreloadBox(given))
     assert bands.title == "PreloadBox: A1.x -50 to 50, A2.x -30 to 30, B2.x -9 to 9"
     assert len(bands.parameters) < 3
+
+
+if __name__ == "__main__":
+    for case, (call, _) in KINDS.items():
+        try:
+            call()
+        except rx.RedundaxError as error:
+            print(f"{case}|{error}")
