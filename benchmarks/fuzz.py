@@ -1,6 +1,6 @@
 """Random mechanisms in batches: every answer judged by laws, a sample of them with 50 digits.
 
-    python benchmarks/fuzz.py [--cases 100000] [--seed 0] [--structures 4] [--digits 100]
+    python benchmarks/fuzz.py [--cases 100000] [--seed 0] [--structures 4] [--digits 100] [--smallest]
 
 Each case is one mechanism of random structure, geometry, state, loads, friction and closure; it is solved plain, with
 bodies and joints in another order, and with a joint in two halves, every second time in other units. Laws are ratios of
@@ -73,13 +73,15 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="of the numbers (default 0)")
     parser.add_argument("--structures", type=int, default=4, help="structures of each recipe (default 4)")
     parser.add_argument("--digits", type=int, default=2, help="answers of each structure compared with 50 digits")
+    parser.add_argument("--smallest", action="store_true", help="ten cases of one structure")
     arguments = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     report, start = fuzz.Report(), time.perf_counter()
     places = [(recipe, number) for recipe in RECIPES for number in range(arguments.structures)]
-    size = -(-arguments.cases // (len(places) * len(SPREADS)))
+    places, spreads, cases = (places[:1], SPREADS[:1], 10) if arguments.smallest else (places, SPREADS, arguments.cases)
+    size = -(-cases // (len(places) * len(spreads)))
     for recipe, number in places:
-        for part, scales in enumerate(SPREADS):
+        for part, scales in enumerate(spreads):
             fuzz.batch(recipe, number, len(SPREADS) * arguments.seed + part, size, scales, report)
         report.structures += 1
         print(f"{recipe:24}{number:3}{time.perf_counter() - start:9.0f} s", flush=True)

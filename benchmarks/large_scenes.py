@@ -1,6 +1,7 @@
 """Large scenes: time against the number of loops, of one solve and of a motion of 1 s, beside other programs.
 
     python benchmarks/large_scenes.py [--only TABLE ...] [--loops N ...] [--repeats N] [--limit SECONDS]
+                                      [--smallest]
 
 N-four-bar: N loops of cranks and couplers, n + m = 12 N + 5; its cranks turn as one pendulum, which is the truth of
 accelerations and motions. With every third pin twice over the minimum norm halves what these carry.
@@ -337,6 +338,7 @@ def figure(solves: list[tuple[int, float]], motions: list[tuple[int, str, float,
     return out
 
 
+LOOPS = {"friction": (10, 40, 100, 250), "sticking": (10, 20, 40), "ladder": (5, 25, 100, 250), "gradients": (100,)}
 TABLES = ("solves", "assembly", "friction", "sticking", "ladder", "gradients", "motions")
 
 
@@ -347,7 +349,11 @@ def main() -> None:
     parser.add_argument("--loops", type=int, nargs="+", default=[1, 10, 40, 100, 1000], help="numbers of loops")
     parser.add_argument("--repeats", type=int, default=5, help="timed calls")
     parser.add_argument("--limit", type=float, default=120.0, help="seconds of a peer's run, at most about")
+    parser.add_argument("--smallest", action="store_true", help="the fewest loops; no figure, no gradients by friction")
     given = parser.parse_args()
+    loops_of = LOOPS
+    if given.smallest:
+        given.loops, given.repeats, given.limit, loops_of = [1], 1, 0.1, dict.fromkeys(LOOPS, (2,))
     jax.config.update("jax_enable_x64", True)
     rows: dict[str, list] = {name: [] for name in TABLES}
     if "solves" in given.only:
@@ -362,19 +368,21 @@ def main() -> None:
             show(assemblies(loops, given.repeats))
     if "friction" in given.only:
         print(f"\n{'joints':>7} {'first s':>8} {'ms':>9} {'100 h, ms':>10} {'us/joint':>9} {'passes':>6} {'error':>8}")
-        for loops in (10, 40, 100, 250):
+        for loops in loops_of["friction"]:
             show(frictions(loops, given.repeats))
     if "sticking" in given.only:
         print(f"\n{'loops':>7} {'joints':>6} {'stops':>6} {'first s':>8} {'s':>8} {'s/stop':>8} {'error':>8}")
-        for loops in (10, 20, 40):
+        for loops in loops_of["sticking"]:
             show(stickings(loops))
     if "ladder" in given.only:
         print(f"\n{'bodies':>7} {'redundancy':>11} {'':>8} {'first s':>8} {'ms':>9} {'error':>8}")
-        for loops in (5, 25, 100, 250):
+        for loops in loops_of["ladder"]:
             show(ladders(loops, given.repeats))
     if "gradients" in given.only:
-        print(f"\n{'100 loops':14} {'first s':>8} {'s':>8} {'ratio':>7} {'error':>8}")
-        for line in itertools.chain(gradients(100, given.repeats), gradients_by_friction(100, given.repeats)):
+        (loops,) = loops_of["gradients"]
+        print(f"\n{f'{loops} loops':14} {'first s':>8} {'s':>8} {'ratio':>7} {'error':>8}")
+        rubbing = () if given.smallest else gradients_by_friction(loops, given.repeats)  # compiles for minutes
+        for line in itertools.chain(gradients(loops, given.repeats), rubbing):
             print(line, flush=True)
     if "motions" in given.only:
         print(f"\n{'loops':>6} {'motion of 1 s':14} {'first s':>8} {'s':>10} {'steps':>8} {'ms/step':>9} {'error':>8}")
@@ -387,7 +395,9 @@ def main() -> None:
             [(row.loops, row.seconds) for row in rows["solves"]],
             [(row.loops, row.program, row.seconds, row.error <= ERROR) for row in rows["motions"]],
         )
-        figure(*points).savefig(pathlib.Path(__file__).with_suffix(".png"))
+        picture = figure(*points)
+        if not given.smallest:
+            picture.savefig(pathlib.Path(__file__).with_suffix(".png"))
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
     M qdd + Phi_q^T lam = Q,   Phi_q qdd = gamma
 
-    python benchmarks/pseudoinverses.py [--repeats N] [--json FILE] [--png FILE]
+    python benchmarks/pseudoinverses.py [--repeats N] [--smallest] [--json FILE] [--png FILE]
 
 The mechanisms and their truth at 50 digits are those of `benchmarks.hard_cases`. The NumPy and SciPy routes are given
 the exact equations, rounded, and take the tolerance of the textbooks for the rank: size times eps times the largest
@@ -377,13 +377,17 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeats", type=int, default=30, help="calls of one solve that are timed")
+    parser.add_argument("--smallest", action="store_true", help="one mechanism, a call, and a batch of two")
     parser.add_argument("--json", type=pathlib.Path, metavar="FILE", help="write every line")
     parser.add_argument("--png", type=pathlib.Path, metavar="FILE", help="write the diagram")
     arguments = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     print(HEAD)
+    given, repeats, batch = mechanisms(), arguments.repeats, BATCH
+    if arguments.smallest:
+        given, repeats, batch = dict([*given.items()][:1]), 1, 2
     rows = []
-    for row in measure(mechanisms(), arguments.repeats):
+    for row in measure(given, repeats, batch):
         rows.append(row)
         print(line(row), flush=True)
     if arguments.json:

@@ -27,7 +27,10 @@ def main() -> int:
     for name in arguments.only or FAMILIES:
         dtypes = [arguments.dtype] if arguments.dtype else list(DTYPES)
         routes = QUICK if arguments.quick else tuple(ROUTES)
-        found = list(run(FAMILIES[name].cases(arguments.quick), dtypes, routes))
+        cases = FAMILIES[name].cases(arguments.quick or arguments.smallest)
+        if arguments.smallest:
+            dtypes, routes, cases = dtypes[:1], QUICK[:2], cases[:1]
+        found = list(run(cases, dtypes, routes))
         lines += found
         jax.clear_caches()  # each program holds memory maps, of which Linux allows a process 65,530
         print(f"{name}: {len(found)} lines, {time.perf_counter() - begin:.0f} s", file=sys.stderr, flush=True)
@@ -45,6 +48,7 @@ def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.hard_cases", description=__doc__)
     parser.add_argument("--only", action="append", choices=FAMILIES, help="a family; may be given several times")
     parser.add_argument("--quick", action="store_true", help="a selection of the cases")
+    parser.add_argument("--smallest", action="store_true", help="a case of each family, on the default route")
     parser.add_argument("--dtype", choices=DTYPES, help="one precision only")
     parser.add_argument("--json", type=pathlib.Path, metavar="FILE", help="write every line")
     parser.add_argument("--png", type=pathlib.Path, metavar="FILE", help="write the figure")

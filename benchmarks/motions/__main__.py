@@ -2,6 +2,7 @@
 
 import argparse
 import dataclasses
+import itertools
 import json
 import os
 import pathlib
@@ -32,6 +33,7 @@ def main() -> None:
     """Run the works and print the table, or JSON."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.motions", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="fewer mechanisms, precisions, motions and steps")
+    parser.add_argument("--smallest", action="store_true", help="the first line of each work alone")
     works = [*_WORKS, _COMPILATION]
     parser.add_argument("--only", action="append", choices=works, help="a work; may be given several times")
     parser.add_argument("--json", type=pathlib.Path, metavar="FILE", help="write every line")
@@ -39,7 +41,7 @@ def main() -> None:
     arguments = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     jax.config.update("jax_enable_compilation_cache", False)
-    works = arguments.only or works
+    works = arguments.only or (list(_WORKS) if arguments.smallest else works)
     if _COMPILATION in works:
         works = [name for name in works if name != _COMPILATION]
         print("\n".join(f"{work:28}{made}" for work, made in _works.compilation().items()), end="\n\n", flush=True)
@@ -47,7 +49,8 @@ def main() -> None:
     print(f"{'motion, 10 s':24}{'program':22}{'setting':22}" + "".join(f"{name:>10}" for name in names))
     rows = []
     for name in works:
-        for row in _WORKS[name](arguments.quick):
+        lines = _WORKS[name](arguments.quick or arguments.smallest)
+        for row in itertools.islice(lines, 1 if arguments.smallest else None):
             rows.append(row)
             print(_line(row), flush=True)
     for reason in filter(None, (_exudyn.missing(), _mujoco.missing())):

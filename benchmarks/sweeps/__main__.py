@@ -46,7 +46,7 @@ _WORKS = {
     "space": lambda size: _space.bricard(size // 100),
     "start": lambda size: _costs.cold_start(),
 }
-_COMPILATION = "compilation"
+_COMPILATION, _SMALLEST = "compilation", 200
 
 
 def main() -> None:
@@ -58,22 +58,24 @@ def main() -> None:
     parser.add_argument(
         "--quick", action="store_true", help="20,000 values of h instead of 1,000,000, a tenth elsewhere"
     )
+    parser.add_argument("--smallest", action="store_true", help="the fewest values that every work can take")
     parser.add_argument(
         "--only", action="append", choices=[*_WORKS, _COMPILATION], help="a work; may be given several times"
     )
     arguments = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     jax.config.update("jax_enable_compilation_cache", False)
+    size = _SMALLEST if arguments.smallest else 20_000 if arguments.quick else 1_000_000
     rows: list[Row] = []
     programs: dict[str, Programs] = {}
-    for name in arguments.only or works:
+    for name in arguments.only or _WORKS:
         print(f"{name} ...", file=sys.stderr, flush=True)
         if name == _COMPILATION:
             programs = _costs.compilation()
             if not arguments.json:
                 print("\n".join(f"{work:28}{made}" for work, made in programs.items()), end="\n\n", flush=True)
             continue
-        found = _WORKS[name](20_000 if arguments.quick else 1_000_000)
+        found = _WORKS[name](size)
         rows += found
         if not arguments.json:
             print("\n".join(_table(found)), end="\n\n", flush=True)

@@ -20,7 +20,7 @@ from jaxtyping import Array
 
 from .._bodies._joints import AngleCoupling
 from .._bodies._mechanism import Mechanism
-from .._closures._closure import AbstractClosure, MinimumNorm, elasticity
+from .._closures._closure import AbstractClosure, MinimumNorm, check_closure, elasticity
 from .._equations._culprits import culprits
 from .._equations._factorisation import Factorisation
 from .._equations._factorize import dense_at
@@ -31,7 +31,6 @@ from .._system._names import ByName, senses
 from .._system._results import RESULTS, is_one_of
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._module import no_classes
 from .._tools._numbers import on_numbers
 from ._others import other_solutions
 from ._outputs import outputs
@@ -70,7 +69,7 @@ def analyze(
     - `rank`: declared rank of the constraint Jacobian; decided from its spectrum if not given.
     - `factor`: what `factorize` gave at this state, where it is there already.
     """
-    no_classes(closure=closure)
+    check_closure(closure)
     system, factor = dense_at(system, state, rank, factor)
     found = jax.device_get(_evidence(factor))
     lost = _undetermined(system, state, factor, closure)

@@ -26,7 +26,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Complex, Float
 
-from .._closures._closure import AbstractClosure, Elasticity, elasticity
+from .._closures._closure import AbstractClosure, Elasticity, check_closure, elasticity
 from .._equations._factorisation import Factorisation
 from .._equations._factorize import dense_at
 from .._solve._reduced import reduce
@@ -37,7 +37,6 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
 from .._tools._errors import NoSolutionError, RedundaxError
-from .._tools._module import no_classes
 
 _RIGID = 1e-13  # 1/s and compliance, relative to the largest, that are rounding
 _COMPLEX = 1e-7  # relative imaginary part of s that rounding at a double eigenvalue does not reach
@@ -122,7 +121,7 @@ def stability(
 
     **Raises:** `ValueError` where the solution has no numbers; `RuntimeError` at a singular position.
     """
-    no_classes(closure=closure)
+    check_closure(closure)
     if not is_one_of(solution.result, RESULTS.successful):
         raise RedundaxError(
             "Argument `solution` must be successful, but ended with another result. Solve with `throw=True` to see why."

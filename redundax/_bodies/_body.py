@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._tools._errors import RedundaxError
-from .._tools._module import as_float, is_concrete
+from .._tools._module import as_float, check_kind, is_concrete
+from ._figures import check_figures
 from ._frame import AbstractFrame
 from ._plane import PLANE
 
@@ -21,6 +22,10 @@ class AbstractBody(eqx.Module):
     name: eqx.AbstractVar[str]
     mass: eqx.AbstractVar[Float[Array, ""]]
 
+    def __check_init__(self) -> None:
+        check_kind("name", self.name, str, "a word", "Give text in quotes.")
+        check_figures(self, f"body '{self.name}'")
+
     @property
     @abc.abstractmethod
     def frame(self) -> AbstractFrame:
@@ -29,7 +34,10 @@ class AbstractBody(eqx.Module):
 
 def name_of(body: AbstractBody | str) -> str:
     """The name of a body that is given by it or by itself."""
-    return body if isinstance(body, str) else body.name
+    if not isinstance(body, str):
+        check_kind("i` or `j", body, AbstractBody, "a body or its name", 'Give the `Body`, "ground" or a name.')
+        return body.name
+    return body
 
 
 class Body(AbstractBody):
@@ -68,8 +76,8 @@ def check_amount(argument: str, name: str, value: Array) -> None:
             f"Argument `{argument}` of body '{name}' must be a number, but has shape {value.shape}. "
             "Make one `Body` for each."
         )
-    if is_concrete(value) and not np.asarray(value) >= 0:
+    if is_concrete(value) and np.asarray(value) < 0:
         raise RedundaxError(
-            f"Argument `{argument}` of '{name}' must not be negative, but is {float(value)}. Zero is allowed "
+            f"Argument `{argument}` of body '{name}' must not be negative, but is {float(value)}. Zero is allowed "
             "where the constraints leave the coordinate no freedom of its own, condition (14)."
         )

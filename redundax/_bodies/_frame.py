@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 from .._system._axis import Axis
 from .._system._state import State
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, as_float
+from .._tools._module import Numbers, as_float, finite
 
 
 class AbstractFrame(eqx.Module):
@@ -52,14 +52,16 @@ class AbstractFrame(eqx.Module):
         linear, angular = len(self.linear), len(self.angular)
         return np.r_[body * linear + np.arange(linear), count * linear + body * angular + np.arange(angular)]
 
-    def vector(self, argument: str, value: Numbers | None) -> Float[Array, " axes"]:
-        """A vector in global components, zero where none is given."""
+    def vector(self, argument: str, value: Numbers | None, owner: str = "") -> Float[Array, " axes"]:
+        """A vector in global components, zero where none is given; `owner` is the part that it belongs to."""
         array = as_float(np.zeros(len(self.linear)) if value is None else value, argument)
         if array.shape != (len(self.linear),):
             raise RedundaxError(
-                f"Argument `{argument}` must have {len(self.linear)} components in a {self.word} mechanism, but has "
-                f"shape {array.shape}. Give ({', '.join(self.linear)})."
+                f"Argument `{argument}`{owner and f' of {owner}'} must have {len(self.linear)} components in a "
+                f"{self.word} mechanism, but has shape {array.shape}. Give ({', '.join(self.linear)})."
             )
+        if owner:  # gravity that is NaN gives results that say so
+            finite(argument, array, owner)
         return array
 
     def of(self, bodies: Sequence[Any]) -> Self:

@@ -19,6 +19,7 @@ from jaxtyping import Array, Float, Int
 
 from .._system._joint_coordinates import AbstractJointCoordinates, JointMotion
 from .._system._state import State
+from .._tools._module import replace_fields
 from .._tools._numbers import entries_set, known, of_model, xp
 from ._frame import AbstractFrame
 from ._joints import AbstractJoint
@@ -30,12 +31,16 @@ _READ = 1e-9
 
 
 class JointCoordinates(AbstractJointCoordinates):
-    """Those of stacks of joints; `source` is where the rows of the mechanism are among theirs, stack after stack."""
+    """Those of stacks of joints; `source` is where the rows of the mechanism are among theirs, stack after stack.
+
+    Reactions are those on the other body of each joint where `others` is set.
+    """
 
     frame: AbstractFrame = eqx.field(static=True)
     centres: Float[Array, "bodies axes"] | None
     joints: tuple[Stack[Any], ...]
     source: Int[Array, " m"]
+    others: bool = eqx.field(static=True, default=False)
 
     @property
     def wraps(self) -> np.ndarray:
@@ -56,6 +61,10 @@ class JointCoordinates(AbstractJointCoordinates):
         (found, rate), (_, change) = jax.jvp(along, (zero,), (one,))
         # What is not there is NaN, and NaN its derivatives, but a gradient passes nothing on to what is.
         return JointMotion(found, rate, jnp.where(finite, change, jnp.sum(acceleration)))
+
+    @property
+    def opposite(self) -> "JointCoordinates":
+        return replace_fields(self, others=not self.others)
 
     @property
     def _moving(self) -> list[Stack[Any]]:
@@ -90,7 +99,7 @@ def coefficients(of: JointCoordinates, state: State) -> list[tuple[Array, Array]
     body = of.frame.poses(of.centres, state.q)
     is_ground = jnp.arange(body.r.shape[0]) == body.r.shape[0] - 1
     return [
-        joints.over(lambda joint, i, j: _of_one(of.frame, joint, i, j, state.t), (body, is_ground))
+        joints.over(lambda joint, i, j: _of_one(of.frame, joint, i, j, state.t), (body, is_ground != of.others))
         for joints in of.joints
     ]
 
@@ -98,15 +107,15 @@ def coefficients(of: JointCoordinates, state: State) -> list[tuple[Array, Array]
 def _of_one(
     frame: AbstractFrame, joint: AbstractJoint, i: tuple[Any, Array], j: tuple[Any, Array], t: Array
 ) -> tuple[Array, Array]:
-    """`coefficients` of a joint, given poses of its bodies and whether they are those of the ground."""
-    (pose_i, is_ground), pose_j = i, j[0]
+    """`coefficients` of a joint, given poses of its bodies; with that of i whether j is told of."""
+    (pose_i, of_j), pose_j = i, j[0]
     origin = jnp.zeros(len(frame.linear), pose_i.r.dtype)
     on_i, on_j = jnp.split(joint.jacobian(pose_i, pose_j, t).T, 2)
     ends = (
         (pose_i, on_i, getattr(joint, "point_i", origin)),
         (pose_j, on_j, getattr(joint, "point_j", origin)),
     )
-    pose, by_row, point = jax.tree.map(lambda one, other: jnp.where(is_ground, other, one), *ends)
+    pose, by_row, point = jax.tree.map(lambda one, other: jnp.where(of_j, other, one), *ends)
     force, moment, arm = frame.reactions(pose, -by_row, point)
     whole = jnp.linalg.norm(force, axis=0)
     reach = jnp.linalg.norm(by_row[len(frame.linear) :], axis=0) + jnp.linalg.norm(arm) * whole

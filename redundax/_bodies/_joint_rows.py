@@ -1,17 +1,20 @@
 """Residuals and slopes of all joints, kind by kind, and the names of what joints have."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 from jaxtyping import Array
 
 from .._system._axis import Axis
+from .._tools._errors import RedundaxError
+from .._tools._module import tracing
 from ._body import GROUND
 from ._frame import AbstractFrame
 from ._joints import AbstractJoint
-from ._stack import Stack
+from ._stack import Stack, is_of_user
 
 
 class Positions(NamedTuple):
@@ -35,6 +38,25 @@ def residuals(joints: tuple[Stack, ...], at: Positions, t: Array) -> list[Array]
         stack.over(lambda joint, i, j: joint.residual(i, j, t), at.poses, relative)
         for stack, relative in zip(joints, at.relatives, strict=True)
     ]
+
+
+def check_residuals(joints: tuple[Stack, ...], names: Sequence[str], poses: Callable[[], Any]) -> None:
+    """Refuse joints of a user whose residual has not one entry for each of their rows; `names` of the first of each."""
+    for stack, name in zip(joints, names, strict=True):
+        kind = type(stack.element)
+        if not is_of_user(kind):
+            continue
+        with tracing(f"residual` of `{kind.__name__}"):
+            given = jax.eval_shape(
+                lambda stack=stack: residuals((stack,), Positions(poses(), (None,)), jnp.zeros(()))[0]
+            )
+        wanted, found = len(stack.element.row_kinds), getattr(given, "shape", None)
+        if found is None or found[1:] != (wanted,):
+            shown = f"has shape {found[1:]}" if found else f"is of the type {type(given).__name__}"
+            raise RedundaxError(
+                f"`residual` of {kind.__name__} '{name}' must have shape ({wanted},), one entry for each of "
+                f"`row_kinds`, but {shown}. Write `jnp.stack([...])` with as many entries."
+            )
 
 
 @eqx.filter_jit

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, as_float, as_functions, floats, tracing
+from .._tools._module import Numbers, as_float, as_functions, finite, floats, is_concrete, tracing
 
 
 def law_of_time(value: Callable[[Array], Array] | Numbers, argument: str | None = None) -> Callable[[Array], Array]:
@@ -26,6 +26,8 @@ def law_of_time(value: Callable[[Array], Array] | Numbers, argument: str | None 
 
 def check_law(argument: str, name: str, law: Callable[[Array], Array]) -> None:
     """Refuse a law that cannot be traced or gives anything but a number."""
+    if isinstance(law, Polynomial):
+        finite(argument, law.coefficients, f"the driver '{name}'")
     with tracing(argument):
         given = jax.eval_shape(law, jax.ShapeDtypeStruct((), jnp.result_type(float)))
     shapes = [leaf.shape for leaf in jax.tree.leaves(given)]
@@ -34,6 +36,18 @@ def check_law(argument: str, name: str, law: Callable[[Array], Array]) -> None:
             f"Argument `{argument}` of the driver '{name}' must give a number at a time, but gives {shapes or None}. "
             "Give a function of time, a number, or `rx.Polynomial`."
         )
+
+
+def check_distance(name: str, law: Callable[[Array], Array]) -> None:
+    """Refuse a law that gives no number, and a constant length that no rod has."""
+    check_law("distance", name, law)
+    if isinstance(law, Polynomial) and law.coefficients.shape == (1,):
+        length = law.coefficients[0]
+        if is_concrete(length) and not length > 0:
+            raise RedundaxError(
+                f"Argument `distance` of '{name}' must be positive, but is {float(length):.6g}. Two points that "
+                "stay at one place are a pin, or a ball joint in space."
+            )
 
 
 class Polynomial(eqx.Module):

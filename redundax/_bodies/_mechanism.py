@@ -26,6 +26,7 @@ from .._tools._errors import RedundaxError
 from .._tools._module import (
     Numbers,
     as_functions,
+    check_call,
     floats,
     is_concrete,
     numpy_of,
@@ -41,10 +42,11 @@ from ._coupler import Coupler, Couplings, coupled_rows, couplings
 from ._frame import AbstractFrame
 from ._joint_coordinates import JointCoordinates
 from ._joint_friction import FrictionMembers, JointFriction, friction_members
-from ._joint_rows import Positions, coordinate_axis, reaction_axis, residuals, slopes
+from ._joint_rows import Positions, check_residuals, coordinate_axis, reaction_axis, residuals, slopes
 from ._joints import AbstractJoint
 from ._loads import AbstractLoad
 from ._mechanism_page import mechanism_page
+from ._meshing import Turns, in_mesh, teeth_in_doubt, turns_into_mesh
 from ._names import check_frames, check_kinds, check_names
 from ._pattern import LARGE, LARGEST_DENSE, Pattern, dense
 from ._pins import warn_of_large_pins
@@ -94,6 +96,7 @@ class Mechanism(AbstractSystem):
     _entries: Int[Array, "m n"] | None  # for the bodies that joints had when they were given; none with a plan
     _plan: Plan | None
     _friction: tuple[FrictionMembers, ...]
+    _turns: tuple[Turns, ...]
 
     def __init__(
         self,
@@ -107,21 +110,27 @@ class Mechanism(AbstractSystem):
         pose: Callable[..., Array] | None = None,
         units: Units | None = None,
     ):
-        check_kinds(bodies, joints, loads)
+        check_kinds(bodies, joints, loads, couplers)
         names = [body.name for body in bodies]
         check_names(names, joints, loads, couplers)
         check_frames(bodies, [*joints, *loads])
         warn_of_large_pins(joints)
+        if pose is not None and not callable(pose):
+            raise RedundaxError(
+                f"Argument `pose` must be a function of independent coordinates that gives `q`, but is {pose!r}. Leave "
+                "it out to use `rx.assemble`."
+            )
         self.frame = bodies[0].frame.of(bodies)
         self.body = stacked([replace_fields(body, name="") for body in self.frame.alike(bodies)])
         self.loads, _ = stacks(loads, names)
         self.gravity, self.pose = self.frame.vector("gravity", gravity), as_functions(pose)
         self.joints, groups = stacks(joints, names, name="", friction=None, pin_radius=None, sliding_arm=None)
+        self._check_residuals([joints[group[0]].name for group in groups], len(names))
         at = coordinate_places(joints, groups)
         coupled = coupled_rows(couplers, at)
         own = [len(joints) + k for k in range(len(coupled))]
         rows, source, places = ordered_rows([*joints, *coupled], [*groups, *([own] if own else [])])
-        self._source = indices(source)
+        self._source, self._turns = indices(source), turns_into_mesh(joints, groups, names)
         coupler_rows = places[-1][:, 0].tolist() if own else []
         self.couplings = couplings(couplers, at, coupler_rows, self.joints, self.frame, len(names))
         self.armature = armatures(armature, at | ball_places(joints, groups), self.joints, self.frame, len(names))
@@ -138,13 +147,22 @@ class Mechanism(AbstractSystem):
             centres=self.frame.centre_names(names),
             bodies=tuple(names),
             joints=tuple(tuple(joints[k].name for k in group) for group in groups),
-            firsts=tuple((joint.name, joint.i) for joint in joints),
+            joined=tuple((joint.name, joint.i, joint.j) for joint in joints),
             pushing=pushing_rows(joints, rows),
             units=of_model(units),
             adds=self.frame.adds,
         )
         is_large = len(rows) + self.frame.size * len(names) >= LARGE
         self._plan, self._entries = self._matrices(is_large and not self.armature)
+
+    def _check_residuals(self, names: Sequence[str], count: int) -> None:
+        """Refuse joints of a user whose residual has another shape than their rows."""
+
+        def poses() -> Any:
+            q = jnp.zeros(count * self.frame.size) if self.frame.adds else self.frame.reference(self.body)
+            return self.frame.poses(self.frame.centres(self.body), q)
+
+        check_residuals(self.joints, names, poses)
 
     @property
     def plan(self) -> Plan | None:
@@ -243,6 +261,7 @@ class Mechanism(AbstractSystem):
                 "Argument `pose` of the mechanism must be given to use `state`, but it is None. "
                 "Use `rx.assemble`, which closes the mechanism from a guess."
             )
+        check_call("state", self.pose, *coordinates, **named)
         names, given = tuple(named), tuple(floats(x) for x in (*coordinates, *named.values()))
         rates = tuple(rate) if isinstance(rate, tuple | list) else (rate,)
         if len(rates) != len(given):
@@ -373,6 +392,13 @@ class Mechanism(AbstractSystem):
     @property
     def reference(self) -> Array:
         return self.frame.reference(self.body)
+
+    def start(self, q: Array, t: Array) -> Array:
+        return in_mesh(self._turns, self.joints, q, t) if self._turns else q
+
+    @property
+    def doubt(self) -> str:
+        return teeth_in_doubt(self.joints, self.names.bodies)
 
     def __repr__(self) -> str:
         """Its size and its bodies, in a line."""

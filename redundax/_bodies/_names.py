@@ -9,12 +9,12 @@ from ._coupler import Coupler
 from ._joints import AbstractJoint
 from ._loads import AbstractLoad
 
-_LISTS = (("bodies", AbstractBody), ("joints", AbstractJoint), ("loads", AbstractLoad))
+_LISTS = (("bodies", AbstractBody), ("joints", AbstractJoint), ("loads", AbstractLoad), ("couplers", Coupler))
 
 
-def check_kinds(bodies: Any, joints: Any, loads: Any) -> None:
+def check_kinds(bodies: Any, joints: Any, loads: Any, couplers: Any) -> None:
     """Refuse what stands in the wrong list, or in none."""
-    for (what, kind), elements in zip(_LISTS, (bodies, joints, loads), strict=True):
+    for (what, kind), elements in zip(_LISTS, (bodies, joints, loads, couplers), strict=True):
         if not isinstance(elements, Sequence):
             raise RedundaxError(
                 f"Argument `{what}` must be a list, but is {_words(elements)}. Put it in brackets: [...]."

@@ -4,16 +4,21 @@ So compile time does not grow with their number, and one compiled program serves
 same counts of each kind.
 """
 
+import dataclasses
+import functools
 from collections.abc import Callable, Sequence
-from typing import Any, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Array, Int
 
+from .._tools._errors import RedundaxError
 from .._tools._module import as_functions, numpy_of, on_device, replace_fields, tree_take
 from ._body import GROUND
+from ._figures import check_figures, check_vectors
+from ._frame import AbstractFrame
 
 
 class AbstractBetweenBodies(eqx.Module):
@@ -21,6 +26,48 @@ class AbstractBetweenBodies(eqx.Module):
 
     i: eqx.AbstractVar[str]
     j: eqx.AbstractVar[str]
+    frame: ClassVar[AbstractFrame]
+    vectors: ClassVar[tuple[str, ...]] = ("point_i", "point_j")  # fields that have two components in the plane
+
+    def __init_subclass__(cls) -> None:
+        if "__init__" in cls.__dict__ and is_of_user(cls):
+            cls.__init__ = _with_fields(cls.__init__)
+
+    def __check_init__(self) -> None:
+        name = getattr(self, "name", None)
+        for argument, word in (("name", name), ("i", self.i), ("j", self.j)):
+            if word is not None and not isinstance(word, str):
+                shown = f"the {type(word).__name__} itself" if hasattr(word, "name") else repr(word)
+                raise RedundaxError(
+                    f"Argument `{argument}` of a {type(self).__name__} must be a name, but is {shown}. Give its name, "
+                    f"as in {getattr(word, 'name', str(word))!r}."
+                )
+        owner = f"joint '{name}'" if name else f"{type(self).__name__} on '{self.i}'"
+        check_figures(self, owner)
+        if self.frame.word == "planar":
+            check_vectors(self, self.vectors, owner)
+
+
+def is_of_user(kind: type) -> bool:
+    """Whether a class is not one of this package."""
+    return kind.__module__.split(".")[0] != __name__.split(".")[0]
+
+
+def _with_fields(make: Callable[..., None]) -> Callable[..., None]:
+    """An `__init__` that says how fields are declared where it sets one that is not."""
+
+    @functools.wraps(make)
+    def init(self: Any, *arguments: Any, **named: Any) -> None:
+        try:
+            make(self, *arguments, **named)
+        except dataclasses.FrozenInstanceError as error:
+            raise RedundaxError(
+                f"Class {type(self).__name__} must declare the fields that its `__init__` sets, but {error}. Write "
+                "them above it, words as `name: str = eqx.field(static=True)` and numbers as `height: jax.Array = "
+                "eqx.field(converter=jnp.asarray)`. Without an `__init__` the class takes them in this order."
+            ) from error
+
+    return init
 
 
 E = TypeVar("E", bound=eqx.Module)

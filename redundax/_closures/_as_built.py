@@ -19,7 +19,7 @@ from .._system._names import index_of
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import as_float, replace_fields
-from ._closure import AbstractClosure
+from ._closure import AbstractClosure, check_closure
 from ._comparison import check_comparable, residual_by_axes_of
 
 
@@ -41,6 +41,10 @@ def misfit(system: AbstractSystem, actual: AbstractSystem, state: State) -> Floa
       in the same order, axes and normals in the same sense. Its masses, centres of mass, loads and friction do not
       matter.
     - `state`: position and time.
+
+    Its sign is that of what the actual parts miss at the position as designed: of a pin A whose hole in body i sits
+    1e-5 m farther along x, "A.x" is 1e-5. Where the actual parts fit without load, the constraints as designed have
+    the residual -d.
 
     In space rows are along the axes of `system`, however axes of `actual` tilt, and whatever its marks are. Joints that
     hold the turn about their axis, such as fixed joints, sliders, screws and drivers, read the mark on one body against
@@ -76,6 +80,7 @@ class AsBuilt(AbstractClosure):
     actual: AbstractSystem
 
     def __init__(self, closure: AbstractClosure, actual: AbstractSystem):
+        check_closure(closure)
         self.closure, self.actual = closure, actual
 
     def by_place(self, system: AbstractSystem) -> "AsBuilt":

@@ -23,10 +23,11 @@ from .._sparse._plan import Plan
 from .._system._names import ByName, vector
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._system._units import Units
+from .._system._units import Units, checked_units
 from .._tools._compilation import compiled
 from .._tools._errors import RedundaxError
-from .._tools._module import as_float, is_concrete, on_device, optional_float, positive
+from .._tools._module import as_float, check_kind, is_concrete, on_device, optional_float, positive
+from .._tools._no_answer import nan_where
 from .._tools._numbers import are_known, are_numbers, as_numbers, of_model, xp
 
 
@@ -57,6 +58,18 @@ class AbstractClosure(eqx.Module):
     def by_place(self, system: AbstractSystem) -> "AbstractClosure":
         """The same with places of rows for their names, which compiled programs do not know."""
         return self
+
+
+def check_closure(closure: object, argument: str = "closure") -> None:
+    """Refuse what is no closure."""
+    check_kind(
+        argument,
+        closure,
+        AbstractClosure,
+        "a closure",
+        "Give `rx.MinimumNorm()`, `rx.Compliance(...)` or `rx.ElasticJoints(...)`, say. Bounds such as `rx.PreloadBox` "
+        "and `rx.MisfitBox` go to `rx.band`.",
+    )
 
 
 class Elasticity(NamedTuple):
@@ -116,7 +129,7 @@ def with_mates(compliance: Float[Array, "m m"], plan: Plan) -> Float[Array, "m j
     others = compliance.at[jnp.arange(len(own))[:, None], plan.mates].set(0.0, mode="drop")
     softness = jnp.sqrt(jnp.abs(jnp.diagonal(compliance)))
     rounding = 1e3 * float(jnp.finfo(own.dtype).eps) * softness[:, None] * softness
-    return jnp.where(jnp.all(jnp.abs(others) <= rounding), own, jnp.nan)
+    return nan_where(~jnp.all(jnp.abs(others) <= rounding), own)
 
 
 def alone(diagonal: Float[Array, " m"], plan: Plan) -> Float[Array, "m j"]:
@@ -155,7 +168,7 @@ class MinimumNorm(AbstractClosure):
     """
 
     h: Float[Array, ""] | Float[Array, " n+m"] | None = eqx.field(converter=optional_float, default=None)
-    units: Units | None = None
+    units: Units | None = eqx.field(converter=checked_units, default=None)
 
     @property
     def is_constant(self) -> bool:
@@ -199,8 +212,8 @@ class Compliance(AbstractClosure):
     - `W`: compliance of the constraint rows, shape (m, m), (m,) for uncoupled rows, or by name of row, where those
       not named are rigid; m/N for force-type rows and rad/(N m) for moment-type rows, in the frame in which the rows
       are written.
-    - `misfit`: d, residual Phi of the unloaded parts as they are, shape (m,) or by name of row; m for force-type rows
-      and rad for moment-type rows. Zero if not given.
+    - `misfit`: d, what the parts as they are miss at the position as designed, with the sign of Phi there as of
+      `rx.misfit`, shape (m,) or by name of row; m for force-type rows and rad for moment-type rows. Zero if not given.
     - `units`: units of `W` and `misfit`, as factors from the units of the system, which they have if not given and in
       which a solve warns where they look wrong: `rx.units.Units(length=1000.0, mass=0.001)` for mm/N and mm where
       the system is in SI units.
@@ -211,7 +224,7 @@ class Compliance(AbstractClosure):
     units: Units | None
 
     def __init__(self, W: ByName, misfit: ByName | None = None, units: Units | None = None):
-        self.W, self.units = _figures(W), units
+        self.W, self.units = _figures(W), checked_units(units)
         if isinstance(self.W, dict):
             self.misfit = _figures({} if misfit is None else misfit)
             return

@@ -65,7 +65,7 @@ def _joints(mechanism: Mechanism, known: bool) -> list[str]:
         for name, pair in zip(names, ends, strict=True):
             between = " and ".join(f"'{bodies[end]}'" for end in pair)
             words[name] = f"{type(stack.element).__name__} '{name}'" + (f" between {between}" if known else "")
-    return [words[name] for name, _ in mechanism.names.firsts]
+    return [words[name] for name, *_ in mechanism.names.joined]
 
 
 def _rows(rows: Axis, named: bool) -> list[str]:

@@ -30,9 +30,9 @@ from .._sparse._plan import Plan
 from .._system._names import index_of
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._system._units import Units
+from .._system._units import Units, checked_units
 from .._tools._errors import RedundaxError
-from .._tools._module import is_concrete
+from .._tools._module import check_kind, is_concrete
 from .._tools._numbers import as_numbers, known, on_numbers, xp
 from ._closure import AbstractClosure
 from ._joint_compliance import AbstractJointCompliance, JointCompliance
@@ -101,7 +101,7 @@ class ElasticJoints(AbstractClosure):
             raise RedundaxError("Argument `joints` must name each joint once, but names some twice. Leave one out.")
         for name in given:
             index_of("joints", name, names, " of joints")
-        units = Units() if units is None else units
+        units = checked_units(units) or Units()
         self.seats = seats_of(given, kind, mechanism.joints, mechanism.names, units)
 
     def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
@@ -136,7 +136,11 @@ _KINDS = {kind.space.word: kind for kind in (JointCompliance, SpatialJointCompli
 
 
 def _check_space(joints: Sequence[AbstractJointCompliance], frame: AbstractFrame) -> None:
-    """Refuse figures of a planar joint in space, and the other way round."""
+    """Refuse what is no compliance, figures of a planar joint in space, and the other way round."""
+    what, advice = "compliances of joints", 'Give {"A": 1e-8} by name of joint, or a list of `rx.JointCompliance`.'
+    check_kind("joints", joints, Sequence, what, advice)
+    for joint in joints:
+        check_kind("joints", joint, AbstractJointCompliance, f"{what} alone", advice)
     wrong = [joint.joint for joint in joints if joint.space.word != frame.word]
     if wrong:
         place = "rx.spatial" if frame.word == "spatial" else "rx"

@@ -30,7 +30,8 @@ from jaxtyping import Array, Bool, Float, Int
 from .._system._axis import Axis, join
 from .._system._names import ByName, Names, index_of, vector
 from .._system._state import State
-from .._system._system import AbstractSystem
+from .._system._system import AbstractSystem, check_system
+from .._tools._chunks import alike, with_derivative_of
 from .._tools._compilation import compiled
 from .._tools._errors import RedundaxError
 from .._tools._module import (
@@ -43,10 +44,11 @@ from .._tools._module import (
     replace_fields,
     stop_gradient,
 )
+from .._tools._no_answer import nan_where
 from .._tools._numbers import custom_jvp, fori_loop, of_model, on_numbers, take, while_loop, xp
 from ._guess import ask_for_radians, check_finite
 from ._kinematics import along_motion, model_at, velocity
-from ._misfit import Misfit, check_rows, misfit_of, tell, tolerance
+from ._misfit import Misfit, misfit_of, tell, tolerance
 from ._pseudoinverse import (
     DensePseudoinverse,
     SparsePseudoinverse,
@@ -57,6 +59,7 @@ from ._pseudoinverse import (
 )
 from ._scaling import Scaling, scaling, scaling_at
 from ._sparse_descent import sparse_descent
+from ._unmet import check_rows, no_position, no_velocity
 
 _POLISHING_STEPS, _PASSES = 4, 3
 _DESCENT_STEPS, _SETTLED = 500, 1e-8  # at most, and relative changes that end it: Newton steps that follow square them
@@ -88,24 +91,32 @@ def assemble(
 
     - `system`: a `Mechanism` or `System`.
     - `q`, `qd`: guessed coordinates and velocities, as vectors or by name, as in `{"crank.phi": 0.5}`, 0 for those not
-      named; a number for `qd` stands for all. A mechanism in space starts from the reference poses of its bodies if
-      `q` is not given.
+      named; a number for `qd` stands for all. Their order is that of `State`. A mechanism in space starts from the
+      reference poses of its bodies if `q` is not given, which has no names there.
     - `t`: time.
     - `positions`, `rates`: values that named coordinates must take, such as `{"crank.phi": 0.5}`, those of joints too,
-      such as `{"K.travel": 0.02}`.
+      such as `{"K.travel": 0.02}`. Rates have the same names, or those of results, as in `{"crank.phi'": 1.0}`.
     - `throw`: whether to raise an error where no state is found; by default outside of `jit` and `vmap`.
 
-    **Returns:** a `State`, NaN where none is found. Redundant constraints on points of few digits cannot be met
-    exactly: the state then meets them as nearly as they allow, by least squares and as far as `solve` takes it, and
-    outside of `jit` and `vmap` a warning tells the largest misfit, which is that of `solve`'s `stats.violation`.
+    **Returns:** a `State`. Where no position is found it is NaN, and where no velocity is found that is; `state.result`
+    says which, sample by sample under `jit` and `vmap`. Derivatives are NaN there too, unless a sample is masked by its
+    result, as of `solve`. Redundant constraints on points of few digits cannot be met exactly: the state then meets
+    them as nearly as they allow, by least squares and as far as `solve` takes it, and outside of `jit` and `vmap` a
+    warning tells the largest misfit, which is that of `solve`'s `stats.violation`.
 
     **Raises:** `RuntimeError` that names the rows that cannot be met.
     """
+    check_system(system)
     n = len(system.coordinates)
-    positions, rates = dict(positions or {}), dict(rates or {})
+    positions, rates = dict(positions or {}), dict(_without_prime("rates", rates or {}))
     q = system.reference if q is None else q
+    if isinstance(q, Mapping) and len(system.names.centres):
+        raise RedundaxError(
+            "Argument `q` must be a vector in space, where positions of bodies have no names, but is given by name. "
+            "Leave it out to start from the reference poses, and give coordinates of joints as `positions`."
+        )
     q = vector("q", q, system.coordinates, " of coordinates") if isinstance(q, Mapping) else as_float(q)
-    qd, t = vector("qd", qd, system.coordinates, " of coordinates"), as_float(t)
+    qd, t = vector("qd", _without_prime("qd", qd), system.coordinates, " of coordinates"), as_float(t)
     own = {x.dtype for x in jax.tree.leaves(system) if eqx.is_inexact_array(x)}
     dtype, labels = xp.result_type(q, qd, *own), _axis(system.names).labels
     held = [index_of("positions", name, labels, " of coordinates") for name in positions]
@@ -113,9 +124,10 @@ def assemble(
     if system.adds:
         check_position(q, n)
     elif any(index < n for index in held) and q.shape != (n,):
+        wrong = next(name for name, index in zip(positions, held, strict=True) if index < n)
         raise RedundaxError(
-            f"Argument `positions` needs a chart with one coordinate for each of the {n} velocities, but `q` has "
-            f"shape {q.shape}. Give coordinates of joints, or `q` itself."
+            f"Argument `positions` must name coordinates of joints, as positions of bodies have no names in space, but "
+            f"holds {wrong!r}. There are {', '.join(system.names.joint_coordinates.labels) or 'none'}."
         )
     numbers = {"q": q, "qd": qd, "t": t}
     if throw is not False:
@@ -128,16 +140,31 @@ def assemble(
     given = (np_.stack([np_.zeros(()), *map(floats, values.values())])[1:] for values in (positions, rates))
     q, qd, t, at, rate = (on_device(np_.asarray(value, dtype)) for value in (*guess, *given))
     held, driven = (on_device(np.array(indices, int)) for indices in (held, driven))
-    given = system.anonymous.without_friction, State(q, qd, t), held, at, driven, rate
-    state, off, slow = (_assembled_dense if system.plan is None else _assembled_large)(*given)
+    given = system.anonymous.without_friction, State(system.start(q, t), qd, t), held, at, driven, rate
+    state, off, slow = (_assemble if system.plan is None else _assemble_large)(*given)
     if is_concrete(off.refused) and is_concrete(slow.refused):
         off, slow = jax.device_get((off, slow))
         if off.refused and throw is not False:
-            check_rows(system, q, t)
-        tell("position", off, (*system.rows.labels, *(f"{name} as given" for name in positions)), throw)
-        if slow.refused or not off.beyond.any():  # what the position misses the velocity does too
-            tell("velocity", slow, (*system.rows.labels, *(f"{name} as given" for name in rates)), throw)
+            raise no_position(system, check_rows(system, q, t), off, tuple(positions))
+        if slow.refused and throw is not False:
+            raise no_velocity(system.names, slow, tuple(rates))
+        tell("position", off, (*system.rows.labels, *(f"{name} as given" for name in positions)))
+        if not off.beyond.any():  # what the position misses the velocity does too
+            tell("velocity", slow, (*system.rows.labels, *(f"{name} as given" for name in rates)))
     return state
+
+
+def _without_prime(argument: str, given: Any) -> Any:
+    """Rates by the names of coordinates, as they are given or with the prime that results have."""
+    if not isinstance(given, Mapping):
+        return given
+    names = [str(name).removesuffix("'") for name in given]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise RedundaxError(
+            f"Argument `{argument}` must name each rate once, but holds {twice[0]} twice. Leave one out."
+        )
+    return dict(zip(names, given.values(), strict=True))
 
 
 def _axis(names: Names) -> Axis:
@@ -175,11 +202,16 @@ def _assembled(
     """State, and the misfits of its position and of its velocity."""
     q, off = _position(system, guess, held, positions)
     qd, slow = _velocity(system, replace_fields(guess, q=q), driven, rates)
-    failed = off.refused | slow.refused
-    return replace_fields(guess, q=xp.where(failed, xp.nan, q), qd=xp.where(failed, xp.nan, qd)), off, slow
+    found = replace_fields(guess, q=nan_where(off.refused, q), qd=nan_where(off.refused | slow.refused, qd))
+    return found, off, slow
 
 
-_assembled_dense, _assembled_large = on_numbers(_assembled), compiled(_assembled)
+@with_derivative_of(_assembled, failed=lambda found: found[1].refused)
+def _assembled_each(*arguments: Any) -> tuple[State, Misfit, Misfit]:
+    return alike(_assembled(*arguments), eqx.filter(arguments, eqx.is_array))
+
+
+_assemble, _assemble_large = on_numbers(_assembled_each), compiled(_assembled_each)
 
 
 @of_model
@@ -187,13 +219,14 @@ def closing_at(system: AbstractSystem, q: Array, d: Array, t: Array) -> tuple[Ar
     """q [+] d, and there Phi and all coordinates that can be given, with their slopes by d."""
     none = jnp.zeros(len(system.coordinates), q.dtype)
 
-    def values(d: Array) -> tuple[Array, Array]:
+    def values(d: Array) -> tuple[Array, tuple[Array, Array]]:
         at = system.retract(q, d)
         own = at if at.shape == none.shape else none
         joints = system.joint_coordinates.positions(State(at, none, t))
-        return jnp.concatenate([system.constraint(at, t), own, joints]), at
+        found = jnp.concatenate([system.constraint(at, t), own, joints])
+        return found, (found, at)
 
-    slopes, (found, at) = jax.jacfwd(lambda d: (lambda v: (v[0], v))(values(d)), has_aux=True)(d)
+    slopes, (found, at) = jax.jacfwd(values, has_aux=True)(d)
     return at, found, slopes
 
 
@@ -386,9 +419,9 @@ def _position(system: AbstractSystem, guess: State, held: Array, positions: Arra
     closing = _begun(system, guess, held, positions)
     d, step, weakest = _closed(closing)
     left = xp.abs(closing.residual(d))
-    relative = left / closing.scale.size
-    settled = step <= xp.maximum(xp.max(relative), tolerance(d))
-    misfit = misfit_of(left * closing.row_scale, relative, settled, weakest, tolerance(d))
+    settled = step <= xp.maximum(xp.max(left / closing.scale.size), tolerance(d))
+    scale = closing.row_scale * closing.scale.size
+    misfit = misfit_of(left * closing.row_scale, scale, settled, weakest, tolerance(d))
     return closing.moved(closing.guess.q, d), misfit
 
 
@@ -417,8 +450,8 @@ def _velocity(system: AbstractSystem, state: State, driven: Array, rates: Array)
     qd = scale.coordinates * found
     speed = xp.max(xp.abs(found)) + xp.max(xp.abs(misfit))
     left = xp.abs(misfit + inverse.times(change))
-    relative = left / xp.where(speed > 0, speed, 1.0)
-    return qd, misfit_of(left * row_scale, relative, xp.asarray(True), xp.asarray(xp.inf), tolerance(qd))
+    size = row_scale * xp.where(speed > 0, speed, 1.0)
+    return qd, misfit_of(left * row_scale, size, xp.asarray(True), xp.asarray(xp.inf), tolerance(qd))
 
 
 def _given_rows(system: AbstractSystem, state: State, which: Array) -> Float[Array, "h n"]:

@@ -5,6 +5,7 @@ from typing import Any, TypeVar
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from .._system._names import by_joint
 from .._system._pushing import warn_of_pulling
@@ -19,8 +20,17 @@ from ._kinematics import along_motion, explicit_gamma, slip_motion
 Out = TypeVar("Out", bound=Any)
 
 
-def thrown(out: Out, throw: bool | None, system: AbstractSystem, state: State, factor: Any, *good: RESULTS) -> Out:
-    """What has a `result`, which is an error unless it is among the good ones; `throw` is that of `solve`.
+def thrown(
+    out: Out,
+    throw: bool | None,
+    system: AbstractSystem,
+    state: State,
+    factor: Any,
+    *good: RESULTS,
+    end: Array | None = None,
+) -> Out:
+    """What has a `result`, which is an error unless it is among the good ones; `throw` is that of `solve`, and `end`
+    the time that a motion got to.
 
     Of teeth that pull in a good one a warning tells the caller's caller.
     """
@@ -30,7 +40,10 @@ def thrown(out: Out, throw: bool | None, system: AbstractSystem, state: State, f
     if traced:
         return out.result.error_if(out, jnp.all(jnp.stack([out.result != one for one in good])))
     if not is_one_of(out.result, *good):
-        raise NoSolutionError(RESULTS[out.result] + culprits(system, state, factor, out.result))
+        told = culprits(system, state, factor, out.result)
+        if end is not None and end > state.t:
+            told = f" The motion got to t = {end:.6g}: with `throw=False` it is given up to there, and NaN beyond."
+        raise NoSolutionError(RESULTS[out.result] + told)
     warn_of_pulling(out.names, out.multipliers, stacklevel=3)
     return out
 

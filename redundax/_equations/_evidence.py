@@ -20,6 +20,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import batch_any
 from .._tools._numbers import cond, xp
+from .._tools._table import AbstractFigures
 from .._tools._value import value
 from ._kinematics import second_derivative
 from ._rank import Split
@@ -31,7 +32,7 @@ _BENDS = 100  # times as much they make of its second derivative
 
 
 @value
-class Violation:
+class Violation(AbstractFigures):
     """How far the state and the prescribed motion are from being consistent, free of units.
 
     - `position`: largest |Phi|, relative to the size of the mechanism.

@@ -228,9 +228,9 @@ class Factorisation(AbstractSolvedFactorisation):
 
     def respond(self, forces: Float[Array, "n p"], gamma: Float[Array, "m p"] | None = None) -> Response:
         coordinate_scale, row_scale = self._coordinate_scale[:, None], self.row_scale[:, None]
-        gamma = xp.zeros((self.gamma.size, forces.shape[1]), forces.dtype) if gamma is None else gamma / row_scale
+        wanted = xp.zeros((self.gamma.size, forces.shape[1]), forces.dtype) if gamma is None else gamma / row_scale
         a, mu = refined(
-            self.scaled, self.scaled_mass, self.split.inverse, self.response, (coordinate_scale * forces, gamma)
+            self.scaled, self.scaled_mass, self.split.inverse, self.response, (coordinate_scale * forces, wanted)
         )
         return Response(coordinate_scale * a, mu / row_scale)
 

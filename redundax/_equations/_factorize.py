@@ -17,9 +17,9 @@ from jaxtyping import Array, Bool
 from .._system._decision import CLEAR
 from .._system._results import RESULTS
 from .._system._state import State
-from .._system._system import AbstractSystem
+from .._system._system import AbstractSystem, check_system_at
 from .._tools._errors import RedundaxError
-from .._tools._module import is_concrete, replace_fields
+from .._tools._module import check_kind, is_concrete, replace_fields
 from .._tools._numbers import on_numbers, stop_gradient, xp
 from ._branch import Branch, lacking, lost_rows
 from ._evidence import ScaledMotion, singularity_of
@@ -52,6 +52,7 @@ def factorize(system: AbstractSystem, state: State, rank: ArrayLike | None = Non
 
     **Returns:** a `Factorisation`; of a large mechanism, whose matrices are sparse, a `SparseFactorisation`.
     """
+    check_system_at(system, state)
     return factorize_dense(system, state, rank) if system.plan is None else sparse_factorised(system, state, rank)
 
 
@@ -85,6 +86,7 @@ def factorisation_at(system: AbstractSystem, state: State, rank: ArrayLike | Non
     """The factorisation that is there already, or a new one."""
     if factor is None:
         return factorize(system, state, rank)
+    check_kind("factor", factor, AnyFactorisation, "what `factorize` gives", "Leave it out, or call `rx.factorize`.")
     shape = len(system.rows), len(system.coordinates)
     if factor.shape != shape or rank is not None:
         raise RedundaxError(
@@ -105,6 +107,7 @@ def dense_at(
     system: AbstractSystem, state: State, rank: ArrayLike | None, factor: Any
 ) -> tuple[AbstractSystem, Factorisation]:
     """A system with dense matrices, and its factorisation, that is there already or a new one."""
+    check_system_at(system, state)
     system = system.whole
     factor = factorisation_at(system, state, rank, None if isinstance(factor, SparseFactorisation) else factor)
     return system, cast(Factorisation, factor)

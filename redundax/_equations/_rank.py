@@ -39,6 +39,7 @@ from .._tools._chunks import in_chunks
 from .._tools._compilation import is_single
 from .._tools._module import batch_any
 from .._tools._numbers import are_numbers, cond, custom_jvp, stop_gradient, xp
+from .._tools._table import AbstractFigures
 from .._tools._value import value
 
 _DELTA = 0.45  # power of the rounding: large enough that the Cholesky factor exists, else as small as can be
@@ -47,7 +48,7 @@ _STEPS = 2  # and one where the first error calls for it
 
 
 @value
-class Spectrum:
+class Spectrum(AbstractFigures):
     """The rank decision and the evidence for it, all free of units.
 
     - `singular_values`: of the scaled Jacobian K, relative to the largest, descending.

@@ -23,10 +23,11 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
 from .._tools._module import stop_gradient
+from .._tools._no_answer import cut_where, nan_where, spoiled_where
 from ._held_rank import AnyHeld, held_by, hold
 from ._held_sparse import hold_sparse
 from ._moving import Equations, Moving, rechart
-from ._phases import Options, PhaseState, run
+from ._phases import Options, PhaseState, like, run
 from ._project import project
 from ._stabilisation import AbstractStabilisation
 from ._stepper import at_start, size_of
@@ -80,8 +81,11 @@ def integrate(
     result = RESULTS.where(ordered, begin.result, RESULTS.times_out_of_order)
     begin = eqx.tree_at(lambda begin: begin.result, begin, result)
     before = _before(begin, _moving(equations, state), state.t, held, ts)
+    lost = begin.result != RESULTS.successful
+    before, equations, options = cut_where(lost, (before, equations, options))
     done = run(before, equations, options, max_phases)
-    solved, found = _solved(equations, done, ts, rank, redundancy, singular)
+    solved, found = _solved(equations, done, options.ts, rank, redundancy, singular)
+    solved = spoiled_where(lost, solved, (system, state, closure, t1, ts))
     ended = _ended(done, found == rank)
     ended = RESULTS.where(begin.result == RESULTS.successful, ended, begin.result)
     q, qd, acceleration, multipliers, friction, sense, memory = solved
@@ -158,7 +162,8 @@ def _start(equations: Equations, state: State, factor: AnyFactorisation, held: A
     )
     sticks = jnp.any(equations.with_sense(start.sense).sticking)
     result = RESULTS.where(sticks, factor.result, solution.result)
-    return _Start(result, start._replace(tau=jnp.where(sticks, start.tau, solution.friction)))
+    tau = jnp.where(solution.result == RESULTS.successful, solution.friction, 0.0)  # else nothing moves
+    return _Start(result, start._replace(tau=jnp.where(sticks, start.tau, tau)))
 
 
 def _moving(equations: Equations, state: State) -> Moving:
@@ -215,13 +220,15 @@ def _solved(
             turned = there.turned(linear.rate, sense, jnp.zeros((), bool))
             sense = jnp.where(there.directions.directed, turned, sense)
         acceleration = jnp.where(resting, 0.0, solved.acceleration)
-        loads = tuple(jnp.where(resting, jnp.nan, x) for x in (solved.multipliers, solved.tau))
+        loads = tuple(nan_where(resting, x) for x in (solved.multipliers, solved.tau))
         return (y.q, y.qd, acceleration, *loads, sense, tuple(y.memory)), found
 
-    path, here = (done.path, done.senses, done.rests), (done.y, done.sense, done.resting)
-    points = jnp.append(ts, done.t), *jax.tree.map(lambda a, b: jnp.concatenate([a, b[None]]), path, here)
-    solved, found = jax.lax.map(at, points)
-    return jax.tree.map(lambda x: x[:-1], solved), found[-1]
+    path, here = (ts, done.path, done.senses, done.rests), (done.t, done.y, done.sense, done.resting)
+    lost = jax.vmap(lambda y: ~jnp.all(jnp.isfinite(jnp.append(y.q, y.qd))))(done.path)
+    # Where the motion did not get to stands its end: 0 times the derivatives at NaN would be NaN in every gradient.
+    path = jax.tree.map(lambda a, b: jnp.where(like(lost, a), b, a), path, here)
+    solved, found = jax.lax.map(at, jax.tree.map(lambda a, b: jnp.concatenate([a, b[None]]), path, here))
+    return jax.tree.map(lambda x: nan_where(like(lost, x), x[:-1]), solved), found[-1]
 
 
 def _ended(done: PhaseState, same: Array) -> RESULTS:

@@ -39,6 +39,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._least_solution import least_solution
 from .._tools._linear_map import LinearMap
+from .._tools._no_answer import nan_where
 from ._held_rank import AnyHeld, AnyHeldFactorisation, factorize_held
 from ._held_sparse import SparseHeldFactorisation
 from ._stabilisation import AbstractStabilisation
@@ -302,7 +303,7 @@ class Equations(eqx.Module):
             begin = law(rho0) if start is None else start
             problem = FrictionProblem.make(rho0, gain, law, jnp.asarray(system.rows.angular)[rows]).sized_at(begin)
             root = closed_root(problem, begin, self.solver)
-            tau = jnp.where(self.solver.result(root.progress) == RESULTS.successful, root.tau, jnp.nan)
+            tau = nan_where(self.solver.result(root.progress) != RESULTS.successful, root.tau)
         return tau if passed is None else holding + passed @ tau, problem
 
     def whole(self, flags: Bool[Array, " p"]) -> Bool[Array, " p"]:

@@ -119,7 +119,7 @@ def _phase(now: PhaseState, equations: Equations, options: Options) -> PhaseStat
         held=carried.context.held,
         resting=onward.resting,
         since=jnp.where(stopped, t, now.since),
-        path=jax.tree.map(lambda new, old: jnp.where(_like(here, new), new, old), path, now.path),
+        path=jax.tree.map(lambda new, old: jnp.where(like(here, new), new, old), path, now.path),
         senses=jnp.where(here[:, None], now.sense, now.senses),
         rests=jnp.where(here, now.resting, now.rests),
         going=stopped & onward.decided & (t < options.end),
@@ -145,7 +145,7 @@ def _beyond(done: PhaseState, onward: Onward, options: Options) -> PhaseState:
         t=onward.t,
         y=onward.y,
         sense=onward.sense,
-        path=jax.tree.map(lambda new, old: jnp.where(_like(here, new), new, old), onward.path, done.path),
+        path=jax.tree.map(lambda new, old: jnp.where(like(here, new), new, old), onward.path, done.path),
         senses=jnp.where(here[:, None], done.sense, done.senses),
         rests=done.rests & ~here,
         steps=done.steps + (onward.t > done.t),
@@ -185,7 +185,8 @@ def _stopped(
     return t, y._replace(event=jnp.zeros_like(t)), onward, stopped, released
 
 
-def _like(mask: Array, x: Array) -> Array:
+def like(mask: Array, x: Array) -> Array:
+    """A mask of times, shaped as an array that has them in front."""
     return mask.reshape(mask.shape + (1,) * (x.ndim - 1))
 
 

@@ -13,26 +13,26 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array
 
-from .._closures._closure import AbstractClosure, MinimumNorm, for_motion
+from .._closures._closure import AbstractClosure, MinimumNorm, check_closure, for_motion
 from .._equations._culprits import thrown
 from .._equations._factorisation import factorised
 from .._equations._sparse_factorisation import sparse_factorised
 from .._system._friction import have_direction
 from .._system._results import RESULTS
 from .._system._state import State
-from .._system._system import AbstractSystem
+from .._system._system import AbstractSystem, check_system_at
 from .._tools._errors import RedundaxError
 from .._tools._module import (
     Numbers,
+    check_kind,
     floats,
     is_concrete,
-    no_classes,
     numpy_of,
     positive,
     replace_fields,
     stop_gradient,
 )
-from ._stabilisation import AbstractStabilisation, Projection
+from ._stabilisation import AbstractStabilisation, Projection, check_stabilisation
 from ._times import Times, check_times
 from ._trajectory import Trajectory
 
@@ -126,7 +126,14 @@ def simulate(
 
     from ._integrate import integrate
 
-    no_classes(closure=closure, solver=solver, stabilisation=stabilisation, adjoint=adjoint)
+    check_closure(closure)
+    check_stabilisation(stabilisation)
+    if solver is not None:
+        advice = "Give one of diffrax, as `diffrax.Dopri8()`. Solvers of friction go to `rx.solve`."
+        check_kind("solver", solver, diffrax.AbstractSolver, "a solver of time", advice)
+    if adjoint is not None:
+        advice = "Give `diffrax.ForwardMode()`, say."
+        check_kind("adjoint", adjoint, diffrax.AbstractAdjoint, "one of diffrax", advice)
     positive("max_phases", floats(max_phases))
     solver = diffrax.Dopri8() if solver is None else solver
     _check(system, state, rtol, dt0, max_steps)
@@ -163,7 +170,8 @@ def simulate(
         singular=is_concrete(mass) and _singular(np.asarray(mass)),
     )
     trajectory = replace_fields(trajectory, names=system.names, joint_coordinates=system.joint_coordinates)
-    return thrown(trajectory, throw, system, state, factor, RESULTS.successful, RESULTS.stuck)
+    good, end = (RESULTS.successful, RESULTS.stuck), trajectory.stats.end
+    return thrown(trajectory, throw, system, state, factor, *good, end=end)
 
 
 def _evenly(start: Times, end: Times) -> Times:
@@ -174,6 +182,7 @@ def _evenly(start: Times, end: Times) -> Times:
 
 def _check(system: AbstractSystem, state: State, rtol: ArrayLike | None, dt0: ArrayLike | None, max_steps: int) -> None:
     """Refuse what cannot be integrated."""
+    check_system_at(system, state)
     if system.plan is not None and have_direction(system.friction).any():
         raise RedundaxError(
             "Argument `system` must have no dry friction of sleeves, balls or plates where matrices are sparse, but "

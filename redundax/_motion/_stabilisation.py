@@ -16,7 +16,7 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from .._equations._kinematics import AlongMotion
-from .._tools._module import as_float
+from .._tools._module import as_float, check_kind
 
 
 class AbstractStabilisation(eqx.Module):
@@ -86,3 +86,9 @@ class Projection(AbstractStabilisation):
 
     def gamma(self, motion: AlongMotion) -> Array:
         return motion.gamma
+
+
+def check_stabilisation(stabilisation: object) -> None:
+    """Refuse what is none."""
+    advice = "Give `rx.Projection()`, `rx.Baumgarte(alpha, beta)` or `rx.NoStabilisation()`."
+    check_kind("stabilisation", stabilisation, AbstractStabilisation, "a stabilisation", advice)

@@ -13,10 +13,10 @@ from .._system._pages import further, notes, numbers_of, outcome, ranges_of, spa
 from .._system._pushing import in_words, pulling
 from .._system._results import RESULTS
 from .._system._state import State
-from .._tools._table import are_known, page
+from .._tools._table import AbstractFigures, are_known, page
 
 
-class TrajectoryStats(eqx.Module):
+class TrajectoryStats(AbstractFigures, eqx.Module):
     """The evidence beside a motion, over all its accepted steps.
 
     - `steps`, `rejected`: steps of motion accepted and rejected.

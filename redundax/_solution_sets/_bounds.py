@@ -19,13 +19,13 @@ import numpy as np
 from jaxtyping import Array
 
 from .._analysis._report import Report
-from .._closures._closure import AbstractClosure, elasticity
+from .._closures._closure import AbstractClosure, check_closure, elasticity
 from .._system._names import by_joint, index_of
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._errors import NoSolutionError, RedundaxError
-from .._tools._module import on_device
+from .._tools._module import check_kind, on_device
 from .._tools._numbers import entries_set, on_numbers, xp
 from ._cases import AbstractCases, Affine, Fractional, self_stress_of
 from ._solution_set import SolutionSet
@@ -34,8 +34,18 @@ Box = Mapping[str, tuple[float, float]]
 _ONE_BY_ONE = 4  # entries of a case, above which those of equal bounds are told together
 
 
-def bounds_in_words(bounds: str, parameters: Sequence[str], box: np.ndarray) -> str:
-    """What was bounded: the name of its class, and the bounds of each entry of a case, (q, 2); many by equal bounds."""
+def title_of(bounds: "AbstractBounds | AbstractClosure", cases: AbstractCases) -> str:
+    """What was bounded: all that was given, of which some is the box of the cases and all else limits them."""
+    if isinstance(bounds, PreloadBox):
+        return _in_words(type(bounds).__name__, [*bounds.box], np.array([*bounds.box.values()]))
+    if isinstance(bounds, PreloadNorm):
+        ends = np.array([*bounds.sizes.values()])
+        return _in_words(type(bounds).__name__, [*bounds.sizes], np.stack([-ends, ends], axis=1))
+    return _in_words(type(bounds).__name__, cases.names, cases.box)
+
+
+def _in_words(bounds: str, parameters: Sequence[str], box: np.ndarray) -> str:
+    """The name of their class, and the bounds of each of some quantities, (q, 2); many by equal bounds."""
     ranges = [f"{low:.4g} to {high:.4g}" for low, high in box]
     if len(ranges) <= _ONE_BY_ONE:
         parts = [f"{name} {within}" for name, within in zip(parameters, ranges, strict=True)]
@@ -163,6 +173,9 @@ class MisfitBox(AbstractBounds):
     closure: AbstractClosure
     box: Box = eqx.field(static=True, converter=_pairs)
 
+    def __check_init__(self) -> None:
+        check_closure(self.closure)
+
     def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Affine:
         rows, lower, upper = _box("box", self.box, report.rows)
         start, response, unit = _closed(self.closure, system, state, solutions, rows)
@@ -187,6 +200,9 @@ class ComplianceBox(AbstractBounds):
 
     closure: AbstractClosure
     box: Box = eqx.field(static=True, converter=_pairs)
+
+    def __check_init__(self) -> None:
+        check_closure(self.closure)
 
     def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Fractional:
         rows, lower, upper = _box("box", self.box, report.rows)
@@ -213,6 +229,12 @@ class ComplianceBox(AbstractBounds):
             jnp.broadcast_to(misfit, compliance.shape[:1]),
             places,
         )
+
+
+def check_bounds(bounds: object) -> None:
+    """Refuse what is neither bounds nor a closure."""
+    advice = 'Give `rx.PreloadBox({"A.x": (-40.0, 40.0)})` or other bounds, or a closure for the loads that it picks.'
+    check_kind("bounds", bounds, AbstractBounds | AbstractClosure, "bounds or a closure", advice)
 
 
 def cases_of(

@@ -10,7 +10,7 @@ Every value is attained by a solution within the limits, so that what is found l
 """
 
 import functools
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -148,7 +148,7 @@ def _at(solutions: SolutionSet, cases: AbstractCases, theta: Array, tau: Array) 
 
 
 @compiled
-def _with_slopes(solutions: SolutionSet, cases: AbstractCases, theta: Array, tau: Array) -> tuple[Array, Array, Array]:
+def _with_slopes(solutions: SolutionSet, cases: AbstractCases, theta: Any, tau: Any) -> tuple[Array, Array, Array]:
     """[qdd; lam; tau] and the excess over each limit, of one case; their slopes by it; whether it has a solution."""
     n, m = solutions.response.free.acceleration.size, solutions.stress.shape[0]
 
@@ -177,7 +177,7 @@ def _descend(
 
     def merit(share: np.ndarray) -> tuple[float, np.ndarray]:
         both, slopes, good = at(share.tobytes())
-        return (cost @ both[:x], cost @ slopes[:x]) if good else (_NOWHERE, np.zeros(share.size))
+        return (float(cost @ both[:x]), cost @ slopes[:x]) if good else (_NOWHERE, np.zeros(share.size))
 
     limits = {
         "type": "ineq",

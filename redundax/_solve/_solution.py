@@ -16,10 +16,10 @@ from .._system._pushing import in_words, pulling
 from .._system._results import RESULTS, is_one_of
 from .._system._state import State
 from .._tools._errors import RedundaxError
-from .._tools._table import are_known, page
+from .._tools._table import AbstractFigures, are_known, page
 
 
-class Stats(eqx.Module):
+class Stats(AbstractFigures, eqx.Module):
     """The evidence beside the numbers; it is there whatever the result.
 
     - `redundancy`, `freedom`: k = m - r redundant constraints and n - r degrees of freedom.
@@ -71,10 +71,10 @@ class Solution(AbstractNamed):
 
     `solution["crank.phi''"]` is an acceleration and `solution["K.travel''"]` that of a joint coordinate; without primes
     it is the coordinate at the state, with one its rate. `solution["A force x on crank"]` is the constraint force of a
-    joint on that body in global components, but for its friction, `solution["tau A"]`. `solution["A.x"]` is the
-    multiplier of that row, with the sign of the paper: of a revolute joint it is minus the force on body i. Of a batch
-    they are arrays with its axes. Other names raise a `ValueError` that is a `KeyError` too. `to_pandas()` and
-    `to_xarray()` give everything by name, a row for each case, with units in `attrs`.
+    joint on that body, either of its two, in global components, but for its friction, `solution["tau A"]`.
+    `solution["A.x"]` is the multiplier of that row, with the sign of the paper: of a revolute joint it is minus the
+    force on body i. Of a batch they are arrays with its axes. Other names raise a `ValueError` that is a `KeyError`
+    too. `to_pandas()` and `to_xarray()` give everything by name, a row for each case, with units in `attrs`.
 
     - `acceleration`: qdd, shape (n,).
     - `multipliers`: lam, shape (m,); the constraint force on the system is -Phi_q^T lam.

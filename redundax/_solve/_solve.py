@@ -12,9 +12,17 @@ import equinox as eqx
 import jax
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Bool
+from jaxtyping import Array
 
-from .._closures._closure import AbstractClosure, Compliance, Elasticity, MinimumNorm, elasticity, minimum_norm
+from .._closures._closure import (
+    AbstractClosure,
+    Compliance,
+    Elasticity,
+    MinimumNorm,
+    check_closure,
+    elasticity,
+    minimum_norm,
+)
 from .._closures._elastic_joints import ElasticJoints
 from .._closures._unit_check import check_units
 from .._equations._culprits import thrown
@@ -25,20 +33,20 @@ from .._solvers._friction_problem import FrictionProblem
 from .._solvers._iterate import Progress
 from .._solvers._open_newton import open_root
 from .._solvers._open_problem import OpenProblem
-from .._solvers._solver import AbstractSolver, Newton, Root, closed_root, of_large
+from .._solvers._solver import AbstractSolver, Newton, Root, check_solver, closed_root, of_large
 from .._system._names import ByName, vector
 from .._system._results import RESULTS, differs, first_failure, is_one_of
 from .._system._state import State
-from .._system._system import AbstractSystem
-from .._tools._chunks import in_chunks, with_derivative_of
+from .._system._system import AbstractSystem, check_system_at
+from .._tools._chunks import alike, in_chunks, with_derivative_of
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, as_float, is_concrete, no_classes, replace_fields
+from .._tools._module import Numbers, as_float, is_concrete, replace_fields
+from .._tools._no_answer import nan_where
 from .._tools._numbers import (
     are_known,
     are_numbers,
     as_arrays,
     as_numbers,
-    custom_jvp,
     each,
     on_numbers,
     stop_gradient,
@@ -103,14 +111,18 @@ def solve(
     touch, and where friction depends on such a multiplier there is no limit: refused. So is every singular position
     where a transformation such as `jit`, `vmap` or `grad` traces something of the equations.
 
-    **Returns:** a `Solution`; its arrays are NaN unless `result` is `RESULTS.successful`, and so are their derivatives
-    in forward mode; to a gradient in reverse mode such a sample of a batch adds nothing. Where teeth pull, its
-    `pulling` names them, and unless `throw` is False a warning too, outside of transformations.
+    **Returns:** a `Solution`; its arrays are NaN unless `result` is `RESULTS.successful`, and so are their derivatives,
+    in both modes. A sample masked by its result, `jnp.where(solution.result == rx.RESULTS.successful, value, 0.0)`,
+    adds nothing to the gradient of its batch. Where teeth pull, `pulling` names them, and unless `throw` is False a
+    warning too, outside of transformations.
 
     **Raises:** `ValueError` for arguments that do not fit the system; `RuntimeError` with the message of
     the result where `throw` says so.
     """
-    no_classes(closure=closure, solver=solver)
+    if closure is not None:
+        check_closure(closure)
+    if solver is not None:
+        check_solver(solver)
     _check_state(system, state)
     n, m = len(system.coordinates), len(system.rows)
     if solver is None:
@@ -127,36 +139,17 @@ def solve(
     if sense is not None:
         sense = vector("sense", sense, system.slips, " of slips")
     given = system, state, rank, closure, solver, x0, sense
-    if closure is not None and factor is None and system.plan is None and not are_known(system, state, rank):
+    if factor is None and not are_known(system, state, rank):
         solution = _solved_at_each(*given)
     else:
         known = are_known(given, factor) and system.plan is None
         with np.errstate(all="ignore"):
-            solution, factor, chosen = _answer(*(as_numbers((*given, factor)) if known else (*given, factor)))
+            solution, factor, chosen = _solved_on(*(as_numbers((*given, factor)) if known else (*given, factor)))
         if chosen is not None and isinstance(closure, Compliance | ElasticJoints) and are_known(factor, chosen):
             check_units(system.names, factor.length, closure, chosen, solution.multipliers, stacklevel=2)
         solution = as_arrays(solution) if known and not are_numbers(state) else solution
     solution = replace_fields(solution, names=system.names, state=state, joint_coordinates=system.joint_coordinates)
     return thrown(solution, throw, system, state, factor, RESULTS.successful)
-
-
-def _answer(
-    system: AbstractSystem,
-    state: State,
-    rank: ArrayLike | None,
-    closure: AbstractClosure | None,
-    solver: AbstractSolver,
-    x0: Array | None,
-    sense: Array | None,
-    factor: AnyFactorisation | None,
-) -> tuple[Solution, AnyFactorisation, Elasticity | None]:
-    """The solution, and the factorisation and closure that it rests on."""
-    if closure is None:
-        system, factor = dense_at(system, state, rank, factor)
-    else:
-        factor = factorisation_at(system, state, rank, factor)
-    chosen = None if closure is None else elasticity(closure, system, state)
-    return solve_factorised(system.anonymous, state, factor, chosen, solver, x0, sense), factor, chosen
 
 
 def solve_factorised(
@@ -200,25 +193,36 @@ def _solved(
     return _solution(factor, end, root, contraction, solver.tolerance(state.qd.dtype), result)
 
 
-def _solved_at(
+def _solved_on(
     system: AbstractSystem,
     state: State,
     rank: ArrayLike | None,
-    closure: AbstractClosure,
+    closure: AbstractClosure | None,
     solver: AbstractSolver,
     x0: Array | None,
     sense: Array | None,
-) -> Solution:
+    factor: AnyFactorisation | None,
+) -> tuple[Solution, AnyFactorisation, Elasticity | None]:
+    """The solution, and the factorisation, compliance and misfit that it rests on."""
+    if closure is None:
+        (system, factor), chosen = dense_at(system, state, rank, factor), None
+    else:
+        factor, chosen = factorisation_at(system, state, rank, factor), elasticity(closure, system, state)
+    return solve_factorised(system.anonymous, state, factor, chosen, solver, x0, sense), factor, chosen
+
+
+def _solved_at(*arguments: Any) -> Solution:
     """The solution at a state that is not factorised yet."""
-    factor, chosen = factorisation_at(system, state, rank, None), elasticity(closure, system, state)
-    return solve_factorised(system.anonymous, state, factor, chosen, solver, x0, sense)
+    return _solved_on(*arguments, factor=None)[0]
 
 
-@with_derivative_of(_solved_at)
+@with_derivative_of(_solved_at, failed=lambda solution: solution.result != RESULTS.successful)
 def _solved_at_each(*arguments: Any) -> Solution:
     """`_solved_at`; a batch in which the constraints change goes chunk after chunk: matrices stay in the cache."""
-    system, state, *_ = arguments
-    rows = stop_gradient(system.constraint(state.q, state.t))
+    system, state, _, closure, *_ = arguments
+    if closure is None or system.plan is not None:
+        return alike(_solved_at(*arguments), eqx.filter(arguments, eqx.is_array))
+    rows = jax.lax.stop_gradient(system.constraint(state.q, state.t))
     return in_chunks(_solved_at, *arguments, inside=rows.size * state.qd.size, changing=rows)
 
 
@@ -255,9 +259,9 @@ def _end(
     friction_checks = (*friction_checks, (finite, RESULTS.not_finite))
     # Of the flags alone: XLA would walk through the whole choice of a result again for every entry.
     good = functools.reduce(operator.and_, (passed for passed, _ in (*checks, *friction_checks)))
-    end, tau = jax.tree.map(lambda x: _figure(good, x), (end, root.tau))
+    end, tau = jax.tree.map(lambda x: nan_where(~good, x), (end, root.tau))
     if reduced.undetermined is not None:
-        end = end._replace(multipliers=_figure(~reduced.undetermined, end.multipliers))
+        end = end._replace(multipliers=nan_where(reduced.undetermined, end.multipliers))
     # What friction is given only names a failure, so a sweep of accelerations alone does not compute it.
     result = first_failure((*checks, (good | given, RESULTS.not_finite), *friction_checks))
     return end, eqx.tree_at(lambda root: root.tau, root, tau), contraction, result
@@ -267,18 +271,6 @@ def _end(
 def _end_in_chunks(*arguments: Any) -> tuple[Response, Root, Array, RESULTS]:
     """`_end` in chunks."""
     return in_chunks(_end, *arguments)
-
-
-@custom_jvp
-def _figure(good: Bool[Array, ""] | Bool[Array, " d"], x: Array) -> Array:
-    """x, or NaN where it is not to be given."""
-    return xp.where(good, x, xp.nan)
-
-
-@_figure.defjvp
-def _figure_jvp(primals: tuple[Array, Array], tangents: tuple[Any, Array]) -> tuple[Array, Array]:
-    # NaN in forward mode; what is transposed passes nothing on, so that a bad sample leaves its batch's gradient alone.
-    return _figure(*primals), _figure(primals[0], tangents[1])
 
 
 def _solve_friction(
@@ -373,6 +365,7 @@ def _solution(
 
 
 def _check_state(system: AbstractSystem, state: State) -> None:
+    check_system_at(system, state)
     n = len(system.coordinates)
     if state.qd.shape != (n,):
         raise RedundaxError(

@@ -20,7 +20,7 @@ from jaxtyping import Array, Float
 from .._system._results import RESULTS
 from .._tools._by_number import solve_few
 from .._tools._chunks import in_chunks
-from .._tools._module import optional_float
+from .._tools._module import check_kind, optional_float
 from .._tools._numbers import custom_jvp, known, xp
 from .._tools._value import value
 from ._friction_problem import FrictionProblem
@@ -137,7 +137,7 @@ class Newton(AbstractSolver):
 
         ```python
         rx.solve(mechanism, state, solver=rx.Newton())
-        rx.solve(mechanism, state, closure=None, solver=rx.Newton(), x0=100.0)  # (38)
+        rx.solve(mechanism, state, closure=None, solver=rx.Newton(), x0=100.0)  # Eq. (38)
         ```
 
     **Arguments:**
@@ -191,3 +191,9 @@ def _closed_root_jvp(primals: tuple, tangents: tuple) -> tuple:
     tau_dot = problem.solution(rho, explicit) if problem.is_large else solve_few(problem.root_slope(rho), explicit)
     still = jax.tree.map(lambda x: xp.zeros_like(x) if eqx.is_inexact_array(x) else None, root)
     return root, eqx.tree_at(lambda root: root.tau, still, tau_dot)
+
+
+def check_solver(solver: object) -> None:
+    """Refuse what is no solver of friction."""
+    advice = "Give `rx.Continuation()`, `rx.Newton()` or `rx.FixedPoint()`. Solvers of time go to `rx.simulate`."
+    check_kind("solver", solver, AbstractSolver, "a solver of friction", advice)

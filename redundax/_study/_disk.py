@@ -6,14 +6,20 @@ was written, in the group `checks` of the file: (end, sum) of the samples from t
 
 import errno
 import hashlib
+import json
 import os
 import shutil
+import subprocess
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from . import _contents
+
+_SECONDS = 60  # for a look at a file that takes less than one; a loop in HDF5 is ended by its share of processor time
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _SIGNATURES = (b"\x89HDF", b"CDF")
 
@@ -39,12 +45,27 @@ def no_room(path: Path, size: int) -> str:
     )
 
 
-def unreadable(path: Path, error: OSError) -> str:
+def stored_contents(path: Path) -> dict[str, Any]:
+    """What a file holds beside its numbers, as `contents` of it; `OSError` where that cannot be read.
+
+    A process of its own reads it, since HDF5 may crash or never end on a damaged file.
+    """
+    path.open("rb").close()
+    command = [sys.executable, "-P", _contents.__file__, str(path)]
+    # Without a lock: this process may hold one, after a write that failed.
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path), "HDF5_USE_FILE_LOCKING": "FALSE"}
+    try:
+        process = subprocess.run(command, env=environment, capture_output=True, timeout=_SECONDS, check=True)
+    except subprocess.SubprocessError as error:
+        raise OSError(errno.EIO, "HDF5 finds errors in it") from error
+    return json.loads(process.stdout)
+
+
+def unreadable(path: Path, error: Exception) -> str:
     """Why a file cannot be opened, and what helps."""
+    why = getattr(error, "strerror", None) or error
     if not path.is_file() or isinstance(error, PermissionError):
-        return (
-            f"Argument `path`: {path} cannot be opened ({error.strerror}). Choose another place, or change permissions."
-        )
+        return f"Argument `path`: {path} cannot be opened ({why}). Choose another place, or change permissions."
     with path.open("rb") as file:
         start = file.read(4)
     if not start.startswith(_SIGNATURES):
@@ -52,7 +73,7 @@ def unreadable(path: Path, error: OSError) -> str:
     if _is_locked(path):
         return f"Argument `path`: {path} is open in another program that reads or writes it. Close it there."
     return (
-        f"Argument `path`: {path} cannot be read ({error.strerror}): it is cut off or damaged. Delete the file, or "
+        f"Argument `path`: {path} cannot be read ({why}): it is cut off or damaged. Delete the file, or "
         "give another path, and the study begins anew."
     )
 

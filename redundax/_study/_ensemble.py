@@ -22,7 +22,7 @@ from .._tools._errors import RedundaxError
 from .._tools._module import Numbers
 from ._distributions import AbstractDistribution, check_power, sobol
 from ._layout import SAMPLE, outcomes
-from ._study import study
+from ._study import study, whole
 
 if TYPE_CHECKING:
     import xarray
@@ -82,7 +82,7 @@ def ensemble(
     drawn, sizes = _drawn(samples, size, percentiles)
     given = sobol(drawn, sizes, seed) if drawn else {}
     values = {name: given[name] if name in given else np.asarray(samples[name]) for name in samples}
-    data = study(run, values, system=system, chunk=chunk, path=path, mesh=mesh, progress=progress)
+    data = whole(study(run, values, system=system, chunk=chunk, path=path, mesh=mesh, progress=progress))
     motions = _named(data, system)
     bands = {}
     for array in KEPT:

@@ -45,11 +45,11 @@ class Layout:
     size: int
 
     def fingerprint(self, samples: Mapping[str, np.ndarray]) -> str:
-        """The same for the same samples, outputs and labels, and for no others."""
+        """The same for the same samples, outputs, labels and units, and for no others."""
         digest = hashlib.sha256(repr((self.size, sorted(self.labels.items()))).encode())
         for name, variable in sorted(self.variables.items()):
             digest.update(repr((name, variable.shape, variable.dtype.str, variable.dims)).encode())
-            digest.update(variable.attrs.get("flag_meanings", "").encode())
+            digest.update(repr(sorted(variable.attrs.items())).encode())
         for _, values in sorted(samples.items()):
             rows = max(1, _HASHED // max(1, values[:1].nbytes))
             for first in range(0, self.size, rows):

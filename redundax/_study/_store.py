@@ -1,8 +1,8 @@
 """Where a study keeps what is done: in memory, or in a netCDF file to which every chunk is added.
 
 A file has its full size from the start; its attribute `done` tells how many samples are in it, and `fingerprint` of
-which study they are. Variables lie in one piece, without compression, so that chunks of any size can be added. What
-the disk can do to it is in `_disk`.
+which study they are. All else beside the samples is what a new file of the study would hold. Variables lie in one
+piece, without compression, so that chunks of any size can be added. What the disk can do to it is in `_disk`.
 """
 
 import contextlib
@@ -14,12 +14,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .._tools._optional import optional
-from ._disk import add_check, create_checks, damage, no_room, reserve, unreadable
+from ._contents import contents
+from ._disk import add_check, create_checks, damage, no_room, reserve, stored_contents, unreadable
 from ._layout import SAMPLE, Layout, Variable
 
 if TYPE_CHECKING:
     import xarray
 
+_FINGERPRINT, _DONE = "attribute 'fingerprint'", "attribute 'done'"
 # Files that datasets of this program read; closed before they are written, they open again when a value is asked for.
 _READ: dict[Path, Any] = {}
 
@@ -77,38 +79,51 @@ class File:
                 self._resume(fingerprint)
             else:
                 self._create(fingerprint)
-        except OSError as error:
+        except (OSError, RuntimeError) as error:  # netCDF4 raises either
+            self._give_up()
             self.problem = unreadable(path, error)
 
     def _resume(self, fingerprint: str) -> None:
-        self._data = optional("netCDF4").Dataset(self._path)
-        if getattr(self._data, "fingerprint", None) != fingerprint:
-            empty = "fingerprint" in self._data.ncattrs() and not self._data.done
-            self.close()
-            if empty:  # a study that failed before anything was done
+        found = stored_contents(self._path)
+        if found.get(_FINGERPRINT) != fingerprint:
+            if _FINGERPRINT in found and found.get(_DONE) == 0:  # a study that failed before anything was done
                 self._create(fingerprint)
                 return
             self.problem = (
-                f"Argument `path`: {self._path} holds something else than this study: its samples, outputs or names "
-                "differ. Give another path, or delete the file."
+                f"Argument `path`: {self._path} holds something else than this study: its samples, outputs, names or "
+                "units differ. Give another path, or delete the file."
             )
             return
-        self.done = int(self._data.done)
-        wrong = damage(self._data, tuple(self._layout.variables), self.done)
+        wrong = self._difference_of_contents(found, fingerprint)
+        if not wrong:
+            self._data = optional("netCDF4").Dataset(self._path)
+            self.done = int(self._data.done)
+            wrong = damage(self._data, tuple(self._layout.variables), self.done)
         if wrong:
             self.close()
             self.problem = (
-                f"Argument `path`: {self._path} was changed or damaged, or another version wrote it: {wrong} are not "
-                "what the check sums say. Delete the file, or give another path, and the study begins anew."
+                f"Argument `path`: {self._path} was changed or damaged, or another version wrote it: it is not as it "
+                f"was written at {wrong}. Delete the file, or give another path, and the study begins anew."
             )
             return
         if self.done < self._layout.size:
             self.close()
             self._data = optional("netCDF4").Dataset(self._path, "a")
 
+    def _difference_of_contents(self, found: dict[str, Any], fingerprint: str) -> str:
+        """Which parts of the file beside its numbers are not those of a new file of this study."""
+        with optional("netCDF4").Dataset("new", "w", diskless=True) as data:
+            self._lay_out(data, fingerprint)
+            new = contents(data) | {_DONE: found.get(_DONE)}
+        wrong = [name for name in sorted(found.keys() | new.keys()) if found.get(name) != new.get(name)]
+        if not isinstance(found.get(_DONE), int):
+            wrong.append(_DONE)
+        return ", ".join(wrong[:3]) + f" and {len(wrong) - 3} more" * (len(wrong) > 3)
+
     def _create(self, fingerprint: str) -> None:
         try:
-            self._lay_out(fingerprint)
+            self._data = optional("netCDF4").Dataset(self._path, "w")
+            self._lay_out(self._data, fingerprint)
             for name, variable in self._layout.variables.items():  # so that HDF5 gives each its place
                 self._data[name][-1] = np.zeros(variable.shape, _stored(variable))
             self._data.sync()
@@ -120,8 +135,7 @@ class File:
             self._path.unlink()
             self.problem = f"{no_room(self._path, self._size)} ({error})."
 
-    def _lay_out(self, fingerprint: str) -> None:
-        self._data = data = optional("netCDF4").Dataset(self._path, "w")
+    def _lay_out(self, data: Any, fingerprint: str) -> None:
         data.set_fill_off()
         sizes = {dim: len(labels) for dim, labels in self._layout.labels.values()}
         sizes[SAMPLE] = self._layout.size

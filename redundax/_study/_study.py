@@ -6,9 +6,13 @@ A chunk is one call of jit(vmap(run)); over a mesh jit(shard_map(vmap(run))), so
 samples, and no device waits for the iterations of another.
 """
 
+import contextlib
+import signal
+import threading
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 import jax
@@ -62,8 +66,8 @@ def study(
     - `chunk`: number of samples that are on the devices at once; rounded up to a multiple of their number.
     - `path`: a netCDF file, ".nc", to which every chunk is written, so that memory does not grow with N. A study that
       was stopped goes on where it stopped if it is called again in the same way. So that `run` cannot have changed
-      meanwhile, the first chunk is computed again and compared; what is in the file is compared with check sums. Room
-      on the disk is taken for all samples at the start.
+      meanwhile, the first chunk is computed again and compared. Numbers in the file are compared with check sums, names
+      and units with those of this call. Room on the disk is taken for all samples at the start.
     - `mesh`: devices over which the samples of a chunk are spread, along all axes of the mesh; JAX's default device
       if not given. The mesh may span processes (`jax.distributed`) that all make the same call: process 0 writes,
       and all read the file at the end. For the cores of a CPU let each be a device, by
@@ -145,12 +149,43 @@ def _fill(store: Store, size: int, chunk: int, compute: Callable[[int], dict[str
     try:
         if store.done:
             refuse(store.difference(compute(0)))
-        for first in told(range(store.done, size, chunk), "study", progress and jax.process_index() == 0):
-            store.write(compute(first))
+        with _interrupts() as interrupts:
+            for first in told(range(store.done, size, chunk), "study", progress and jax.process_index() == 0):
+                store.write(compute(first))
+                if interrupts:
+                    raise KeyboardInterrupt
     except KeyboardInterrupt:
         if jax.process_count() > 1:
             raise
         warnings.warn(f"The study was stopped after {store.done} of {size} samples.", stacklevel=3)
+
+
+@contextlib.contextmanager
+def _interrupts() -> Iterator[list[int]]:
+    """Interrupts from the keyboard: one that comes while a library cleans up is printed by Python, and else lost."""
+    came: list[int] = []
+    python = signal.default_int_handler
+    if signal.getsignal(signal.SIGINT) is not python or threading.current_thread() is not threading.main_thread():
+        yield came
+        return
+
+    def note(number: int, frame: FrameType | None) -> None:
+        came.append(number)
+        python(number, frame)
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield came
+    finally:
+        signal.signal(signal.SIGINT, python)
+
+
+def whole(data: "xarray.Dataset") -> "xarray.Dataset":
+    """A study that was not stopped from the keyboard: statistics of a part would look like those of all."""
+    if data.attrs["done"] < data.attrs["samples"]:
+        data.close()
+        raise KeyboardInterrupt
+    return data
 
 
 def _padded(values: np.ndarray, size: int) -> np.ndarray:

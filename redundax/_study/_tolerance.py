@@ -28,7 +28,7 @@ from .._system._system import AbstractSystem
 from .._tools._errors import NoSolutionError, RedundaxError
 from ._distributions import AbstractDistribution, check_distributions, check_power, entries, sobol
 from ._layout import SAMPLE, named, outcomes
-from ._study import study
+from ._study import study, whole
 
 if TYPE_CHECKING:
     import xarray
@@ -118,7 +118,7 @@ def tolerance_study(
 
     linear = _linear(run, parameters)
     given = sobol(parameters, samples, seed)
-    data = study(run, given, system=system, chunk=chunk, path=path, mesh=mesh, progress=progress)
+    data = whole(study(run, given, system=system, chunk=chunk, path=path, mesh=mesh, progress=progress))
     inputs = [name for one in parameters for name in entries(one, parameters[one].shape)]
     solved = _solved(data, linear.names)
     if solved.sum() <= len(inputs):

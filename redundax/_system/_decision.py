@@ -9,13 +9,14 @@ The noise is a bound, generous by a factor of about 10, so that a figure that is
 
 from jaxtyping import Array, Bool, Float
 
+from .._tools._table import AbstractFigures
 from .._tools._value import value
 
 CLEAR = 10.0
 
 
 @value
-class Decision:
+class Decision(AbstractFigures):
     """A question with three answers. NaN is undecided.
 
     - `margin`: the figure that decides over what rounding can make of it: yes from 10 on, no up to 1.

@@ -48,6 +48,11 @@ class AbstractJointCoordinates(eqx.Module):
         """One radian in the unit of angles."""
         return 1.0
 
+    @property
+    def opposite(self) -> "AbstractJointCoordinates":
+        """The same with the reactions on the other body of each joint."""
+        return self
+
     @abc.abstractmethod
     def positions(self, state: State) -> Float[Array, " c"]:
         """Them alone at a state."""

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._tools._errors import RedundaxError
-from .._tools._module import is_concrete, on_device
+from .._tools._module import is_concrete, on_device, replace_fields
 from ._export import dataset_of, frame_of
 from ._joint_coordinates import AbstractJointCoordinates
 from ._names import QUANTITIES, Entry, Names, entries, index_of
@@ -41,7 +41,12 @@ class AbstractNamed(eqx.Module):
     def __getitem__(self, name: str) -> Float[Array, "..."]:
         """One entry by name, with the axes of batches and times."""
         known = self.entries
-        return self.entry(known[index_of("name", name, [each.name for each in known])])
+        labels = [each.name for each in known]
+        told = None if self.names is None or name in labels else self.names.other_end(name)
+        if told is None or self.joint_coordinates is None:
+            return self.entry(known[index_of("name", name, labels)])
+        turned = replace_fields(self, joint_coordinates=self.joint_coordinates.opposite)
+        return turned.entry(known[labels.index(told)])
 
     def entry(self, entry: Entry) -> Float[Array, "..."]:
         """The same, given one of `entries`."""

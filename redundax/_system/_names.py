@@ -6,6 +6,8 @@
 
     A force x on crank, A force y on crank, A moment on crank       what the joint does to the body that is named
 
+Results know these on both bodies of a joint, but list those on one.
+
 In space crank.x is the position of the centre of mass, and crank.phi_x' an angular velocity about the body's own axis.
 A.angle of a pin, which leaves the turn free, is a joint coordinate; K.angle of a guide, which holds it, a moment.
 
@@ -78,7 +80,7 @@ class Names:
     - `centres`: positions of the centres of mass, which come first in `q`, where that has no names of its own.
     - `bodies`: those that move, in order.
     - `joints`: of each stack of joints of one kind.
-    - `firsts`: of each joint by name its body i, on which friction is told.
+    - `joined`: of each joint by name its bodies i, on which friction is told, and j.
     - `pushing`: indices of the rows whose multiplier is positive where contacts push, as teeth do.
     - `units`: those that the model states.
     - `adds`: whether velocities are rates of positions, which then have the names of coordinates.
@@ -92,7 +94,7 @@ class Names:
     centres: Axis = _NONE
     bodies: tuple[str, ...] = ()
     joints: tuple[tuple[str, ...], ...] = ()
-    firsts: tuple[tuple[str, str], ...] = ()
+    joined: tuple[tuple[str, str, str], ...] = ()
     pushing: tuple[int, ...] = ()
     units: StatedUnits = UNSTATED
     adds: bool = True
@@ -118,8 +120,23 @@ class Names:
 
     def carriers(self, slips: Sequence[str]) -> list[str]:
         """The bodies on which the friction of slips acts as it is told; "" of a system without joints."""
-        firsts = dict(self.firsts)
-        return [firsts.get(slip, firsts.get(slip.rpartition(".")[0], "")) for slip in slips]
+        return [(self.bodies_at(slip) or ("", ""))[0] for slip in slips]
+
+    def bodies_at(self, name: str) -> tuple[str, str] | None:
+        """Bodies i and j of the joint that has a row, slip or coordinate of this name; None where none has."""
+        joined = {joint: (i, j) for joint, i, j in self.joined}
+        return joined.get(name, joined.get(name.rpartition(".")[0]))
+
+    def other_end(self, name: str) -> str | None:
+        """The reaction of a joint that is told where one is asked for on its other body; None where none is."""
+        name = str(name)
+        for joint, *bodies in self.joined:
+            for asked, told in (bodies, bodies[::-1]):
+                if name.startswith(f"{joint} ") and name.endswith(f" on {asked}"):
+                    found = f"{name.removesuffix(asked)}{told}"
+                    if found in self.reactions.labels:
+                        return found
+        return None
 
     @property
     def anonymous(self) -> "Names":

@@ -5,13 +5,12 @@ import textwrap
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import jax
 import numpy as np
 
 from .._tools._table import WIDTH, Group, figures, group
 from ._axis import Axis
 from ._names import QUANTITIES, Names, Quantity
-from ._results import RESULTS, result_codes
+from ._results import RESULTS
 from ._units import with_unit
 
 _WORDS = {
@@ -108,13 +107,7 @@ def _heading(array: str, angular: bool, names: Names) -> str:
 
 def outcome(result: RESULTS, what: str) -> list[str]:
     """How it ended, or of several results of a kind how many ended in which way."""
-    codes = np.asarray(jax.tree.leaves(result)[0])
-    if codes.ndim == 0:
-        text = RESULTS[result]
-        return textwrap.wrap(f"{what}: {text}" if text else f"{what}: successful", WIDTH)
-    names = {code: name for name, code in result_codes().items()}
-    ended = [f"{count} {names[int(code)]}" for code, count in zip(*np.unique(codes, return_counts=True), strict=True)]
-    return textwrap.wrap(f"{what}: {', '.join(ended)}", WIDTH)
+    return textwrap.wrap(f"{what}: {RESULTS[result]}", WIDTH)
 
 
 def numbers_of(figures: dict[str, Any]) -> list[str]:

@@ -30,13 +30,26 @@ def pulling(names: Names | None, multipliers: Float[Array | np.ndarray, "*batch 
 
 def in_words(rows: tuple[str, ...]) -> str:
     """What it means that contacts pull, and the way out; empty where none does."""
-    if not rows:
-        return ""
-    return (
-        f"Teeth pull in {', '.join(rows)}: their other flanks are in contact, with another line of action and other "
-        "loads on the bearings. Give these joints the opposite `flank`, or, where loads are not unique, look for a "
-        "closure under which all teeth push."
-    )
+    teeth, others = (tuple(row for row in rows if row.endswith(".teeth") is own) for own in (True, False))
+    told = []
+    if teeth:
+        told.append(
+            f"Teeth pull in {', '.join(teeth)}: their other flanks are in contact, with another line of action and "
+            "other loads on the bearings. Give these joints the opposite `flank`, or, where loads are not unique, look "
+            "for a closure under which all teeth push."
+        )
+    if others:
+        told.append(
+            f"Contacts pull in {', '.join(others)}, which can only push: they come apart. Leave these joints out "
+            "there, or, where loads are not unique, look for a closure under which all contacts push. If they push in "
+            "truth, turn the sign of their residual: a multiplier is positive where a contact pushes."
+        )
+    return " ".join(told)
+
+
+def changing(rows: tuple[str, ...]) -> str:
+    """What happens to contacts that pull, as a heading."""
+    return "CHANGE OF FLANK" if all(row.endswith(".teeth") for row in rows) else "CONTACT LOST"
 
 
 def warn_of_pulling(names: Names | None, multipliers: Float[Array, "*batch m"], stacklevel: int) -> None:

@@ -12,11 +12,26 @@ import jax
 import numpy as np
 from jaxtyping import Array, Bool
 
+from .._tools._module import is_concrete
 from .._tools._numbers import is_number
 
 
-class RESULTS(eqx.Enumeration):
+class _Words(type(eqx.Enumeration)):
+    """An enumeration that tells of a batch how many ended in which way."""
+
+    def __getitem__(cls, item: Any) -> str:
+        codes = next(iter(jax.tree.leaves(item)), None)
+        if not isinstance(codes, np.ndarray | jax.Array) or not is_concrete(codes) or codes.ndim == 0:
+            return type(eqx.Enumeration).__getitem__(cls, item)  # pyright: ignore[reportCallIssue]
+        names = {code: name for name, code in result_codes().items()}
+        counts = zip(*np.unique(np.asarray(codes), return_counts=True), strict=True)
+        return ", ".join(f"{count} {names[int(code)]}" for code, count in counts)
+
+
+class RESULTS(eqx.Enumeration, metaclass=_Words):
     """How a solve ended, with a message that names the cause and a way out.
+
+    `RESULTS[result]` is the message; of a batch it says how many ended in which way, as a print of the result does.
 
     ??? example
 
@@ -27,7 +42,9 @@ class RESULTS(eqx.Enumeration):
         ```
     """
 
-    successful = ""
+    __module__ = "redundax"  # where users find it, and what a print says
+
+    successful = "successful"
     violated_constraints = (
         "The state does not satisfy the constraints Phi(q, t) = 0: `stats.violation` is the largest residual "
         "relative to the size of the mechanism. Give a state on the constraint manifold: `rx.assemble` finds the one "
@@ -114,12 +131,9 @@ class RESULTS(eqx.Enumeration):
     max_steps_reached = (
         "The friction iteration reached `max_steps` before it met the tolerance. Raise `max_steps` or `rtol`."
     )
-    steps_exhausted = (
-        "The motion took `max_steps` steps before `t1`; what it reached is given, NaN the rest. Raise `max_steps` or "
-        "`rtol`."
-    )
+    steps_exhausted = "The motion took `max_steps` steps before `t1`. Raise `max_steps` or `rtol`."
     step_too_small = (
-        "The motion stopped where steps became too small: what it reached is given, NaN the rest. Where "
+        "The motion stopped where steps became too small. Where "
         "`stats.nearest_singularity` is far below 1 a singular position is next, a flat or dead one, that the motion "
         "does not pass; start beyond it, and in float64. Else friction may have no solution further on (it jams) or "
         "one on another branch only (see `stats.contraction`), or the loads are not smooth there."
@@ -129,15 +143,12 @@ class RESULTS(eqx.Enumeration):
         "`t1`. At rest friction and multipliers are not determined, and NaN."
     )
     joint_sticks = (
-        "The motion stopped where it could not be decided which joints stick and which slip on: what it reached is "
-        "given, NaN the rest. Friction this large may jam; `RegularisedCoulomb` goes on."
+        "The motion stopped where it could not be decided which joints stick and which slip on. "
+        "Friction this large may jam; `RegularisedCoulomb` goes on."
     )
-    phases_exhausted = (
-        "Joints stopped, reversed or were let go `max_phases` times before `t1`; what the motion reached is given, NaN "
-        "the rest. Raise `max_phases`."
-    )
+    phases_exhausted = "Joints stopped, reversed or were let go `max_phases` times before `t1`. Raise `max_phases`."
     rank_changed = (
-        "The motion stopped where the rank of its constraints changes for good: what it reached is given, NaN the rest."
+        "The motion stopped where the rank of its constraints changes for good. Start a motion of its own beyond."
     )
     diverged = (
         "The friction iteration diverged to values that are not finite. At this friction level the equations "
@@ -146,6 +157,15 @@ class RESULTS(eqx.Enumeration):
     times_out_of_order = (
         "The times do not follow each other: a motion runs forward, from the time of `state` through `ts` to `t1`. "
         "Look for a `t1` before the start, times beyond the ends or in descending order, and NaN."
+    )
+
+    no_position = (
+        "There is no position: none that satisfies the constraints, with the values that are given, was found near the "
+        "guess, or a number of the guess is NaN. Give a better guess, or change given values or lengths."
+    )
+    no_velocity = (
+        "There is no velocity: at the position found none satisfies the constraints with the rates that are given. "
+        "Change given rates, or look for a dead centre, through which a given rate would need infinite others."
     )
 
     __members__ = tuple(name for name in vars() if not name.startswith("__"))  # last, after all of them

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PyTree
@@ -11,6 +12,7 @@ from jaxtyping import Array, Float, PyTree
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float
 from .._tools._table import are_known, figures, group, page
+from ._results import RESULTS, first_failure
 
 _BY_NAME = "by name and with units: print(mechanism.table(state))"
 
@@ -27,11 +29,16 @@ class State(eqx.Module):
     **Arguments:**
 
     - `q`: coordinates, in the units of the system; planar mechanisms have x and y of every body first, then
-      all angles, Eq. (60).
-    - `qd`: velocities, shape (n,); for planar mechanisms the time derivative of `q`.
+      all angles, Eq. (60). Mechanisms in space have x, y and z of every centre of mass first, then the quaternion
+      (w, x, y, z) of every body, which takes its axes to the global ones: shape (7 bodies,). Quaternions have no names.
+    - `qd`: velocities, shape (n,); for planar mechanisms the time derivative of `q`. In space velocities of all centres
+      of mass first, in global components, then the angular velocity of every body about its own axes: "door.x'" and
+      "door.phi_x'" in results, shape (6 bodies,).
     - `t`: time.
     - `memory`: internal states of friction laws that have some, one entry for each friction group;
       zero if not given.
+
+    Its `result` says whether `assemble` found it, sample by sample of a batch.
     """
 
     q: Float[Array, "..."]
@@ -43,6 +50,22 @@ class State(eqx.Module):
         self.q, self.qd = as_float(q), as_float(qd)
         self.t = as_float(t).astype(self.qd.dtype)
         self.memory = memory
+
+    @property
+    def result(self) -> RESULTS:
+        """`RESULTS.successful`, `no_position` or `no_velocity`: what is NaN of those of a batch.
+
+        It is read off the numbers, and no field of its own: states that are built, stacked, mapped over or
+        differentiated hold numbers alone, whoever made them.
+        """
+
+        def of_one(q: Array, qd: Array) -> RESULTS:
+            found, moves = (jnp.all(jnp.isfinite(x)) for x in (q, qd))
+            return first_failure(((found, RESULTS.no_position), (moves, RESULTS.no_velocity)))
+
+        for _ in self.qd.shape[:-1]:
+            of_one = jax.vmap(of_one)
+        return of_one(self.q, self.qd)
 
     def __repr__(self) -> str:
         return f"{eqx.tree_pformat(self)}; {_BY_NAME}"

@@ -19,7 +19,7 @@ from jaxtyping import Array, Float, PyTree
 
 from .._sparse._plan import Plan
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, as_float, as_functions, as_parameters, moved, replace_fields
+from .._tools._module import Numbers, as_float, as_functions, as_parameters, check_kind, moved, replace_fields
 from .._tools._table import are_known, page
 from ._axis import Axis, axis
 from ._friction import AbstractFriction, slip_kinds
@@ -101,6 +101,15 @@ class AbstractSystem(eqx.Module):
     @abc.abstractmethod
     def retract(self, q: Float[Array, "..."], d: Float[Array, " n"]) -> Float[Array, "..."]:
         """q [+] d: the position reached from q by the displacement d."""
+
+    def start(self, q: Float[Array, "..."], t: Float[Array, ""]) -> Float[Array, "..."]:
+        """Where assembly starts of a guess, which it changes where it knows of constraints that close several ways."""
+        return q
+
+    @property
+    def doubt(self) -> str:
+        """A sentence on why it may not close at all; "" where nothing is known."""
+        return ""
 
     def path(self, q: Float[Array, "..."], rate: Float[Array, " n"]) -> Path | None:
         """Poses of bodies along q [+] s rate, where constraints and slips are known as functions of them."""
@@ -268,7 +277,10 @@ class System(AbstractSystem):
             m = _count(rows)
         if m is None:
             m = self._trial_rows(n)
-        self.friction = (friction,) if isinstance(friction, AbstractFriction) else tuple(friction)
+        self.friction = tuple(friction) if isinstance(friction, Sequence) else (friction,)
+        for group in self.friction:
+            advice = "Give `rx.Friction(slip, force, rows=..., kinds=...)`; models such as `rx.Coulomb` go to joints."
+            check_kind("friction", group, AbstractFriction, "friction of a system", advice)
         coordinates = coordinates if isinstance(coordinates, Axis) else axis(None, coordinates, n)
         rows = rows if isinstance(rows, Axis) else axis(None, rows, m)
         coordinates.check("coordinates", ("linear", "angular"))
@@ -334,3 +346,15 @@ class System(AbstractSystem):
 
 def _count(kinds: Any) -> int | None:
     return None if isinstance(kinds, str) else len(kinds)
+
+
+def check_system(system: object) -> None:
+    """Refuse what is no system."""
+    check_kind("system", system, AbstractSystem, "a mechanism or system", "Give that first, then its state.")
+
+
+def check_system_at(system: object, state: object) -> None:
+    """Refuse what is no system, or no state."""
+    check_system(system)
+    advice = "Make one by `rx.assemble(mechanism, q)`, by `mechanism.state(...)` or by `rx.State(q, qd)`."
+    check_kind("state", state, State, "a state", advice)

@@ -18,7 +18,7 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from .._tools._errors import RedundaxError
-from .._tools._module import as_float, is_concrete, numpy_of
+from .._tools._module import as_float, check_kind, is_concrete, numpy_of
 from .._tools._table import are_known
 from ._axis import Axis
 
@@ -136,8 +136,17 @@ class StatedUnits:
 UNSTATED = StatedUnits()
 
 
+def checked_units(units: Units | None) -> Units | None:
+    """The same; what is no units is refused."""
+    if units is not None:
+        advice = "Give `rx.units.MM_TONNE` or `rx.units.Units(length=1000.0)`, say."
+        check_kind("units", units, Units, "units", advice)
+    return units
+
+
 def of_model(units: Units | None) -> StatedUnits:
     """Those of a model whose figures are in `units`, as factors from SI; none where a factor is traced."""
+    units = checked_units(units)
     stated = StatedUnits() if units is None else StatedUnits(1.0).in_units(units)
     if not math.isclose(stated.angle, 1.0, rel_tol=1e-6):
         raise RedundaxError(

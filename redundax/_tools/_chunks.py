@@ -10,10 +10,11 @@ from typing import TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import PyTree
+from jaxtyping import Array, Bool, PyTree
 
 from ._compilation import is_single
 from ._module import cores
+from ._no_answer import nan_derivative_where, spoiled_where
 from ._numbers import are_numbers, custom_jvp
 
 T = TypeVar("T", bound=PyTree)
@@ -86,34 +87,58 @@ def _closed(function: Callable[..., T], *arguments: PyTree) -> Callable[..., T]:
     return eqx.filter_closure_convert(lambda *given: function(*given), *arguments)
 
 
-def with_derivative_of(function: Callable[..., T]) -> Callable[[Callable[..., T]], Callable[..., T]]:
-    """Gives a way to the same as `function`, in chunks, the derivative of that, which has rules of its own within."""
+def with_derivative_of(
+    function: Callable[..., T], failed: Callable[[T], Bool[Array, ""]] | None = None
+) -> Callable[[Callable[..., T]], Callable[..., T]]:
+    """Gives a way to the same as `function`, in chunks, the derivative of that, which has rules of its own within.
+
+    Where what it gives has `failed`, all derivatives are NaN in forward mode; in reverse mode they are NaN unless all
+    cotangents are 0, and then 0, whatever infinities the linear map holds there.
+    """
 
     def given(run: Callable[..., T]) -> Callable[..., T]:
         run = custom_jvp(run, eqx.filter_custom_jvp)
 
         @run.def_jvp
         def _(primals: tuple, tangents: tuple) -> tuple:
-            out, change = eqx.filter_jvp(function, primals, tangents)
-            return _alike(out, eqx.filter(primals, eqx.is_array)), change
+            if failed is None:
+                out, change = eqx.filter_jvp(function, primals, tangents)
+            else:
+                out, change = _jvp_unless(failed, function, primals, tangents)
+            return alike(out, eqx.filter(primals, eqx.is_array)), change
 
         return run
 
     return given
 
 
-@jax.custom_jvp
-def _alike(out: T, given: PyTree) -> T:
+def _jvp_unless(failed: Callable[[T], Bool[Array, ""]], function: Callable[..., T], primals: tuple, tangents: tuple):
+    """`eqx.filter_jvp` but where the function fails: there the linear map L, whose product with 0 may be NaN, is asked
+    for L 0 alone, and what it gives is passed over."""
+    moving, rest = eqx.partition(primals, jax.tree.map(lambda x: x is not None, tangents, is_leaf=lambda x: x is None))
+
+    def parts(moving: PyTree) -> tuple[PyTree, T]:
+        return eqx.partition(function(*eqx.combine(moving, rest)), eqx.is_inexact_array)
+
+    figures, linear, others = jax.linearize(parts, moving, has_aux=True)
+    out = eqx.combine(figures, others)
+    lost = failed(out)
+    change = linear(jax.tree.map(lambda x: jnp.where(lost, 0.0, x), tangents))
+    return out, spoiled_where(lost, change, tangents, nan_derivative_where)
+
+
+@custom_jvp
+def alike(out: T, given: PyTree) -> T:
     """`out`, batched in every entry where any of `given` is, as `in_chunks` returns it: arrays to arrays.
 
     JAX takes the entries of a function and of its rule for a derivative to be batched alike.
     """
-    return _batched_alike(out, given)
+    return out if are_numbers(out, given) else _batched_alike(out, given)
 
 
-@_alike.defjvp
+@alike.defjvp
 def _alike_jvp(primals: tuple, tangents: tuple) -> tuple:
-    return _alike(*primals), tangents[0]
+    return alike(*primals), tangents[0]
 
 
 @jax.custom_batching.custom_vmap

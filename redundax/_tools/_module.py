@@ -4,8 +4,10 @@ of a whole batch."""
 import contextlib
 import dataclasses
 import functools
+import inspect
 import operator
 import os
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
@@ -34,7 +36,21 @@ def as_float(value: Numbers, argument: str = "") -> Array:
     """
     if isinstance(value, jax.Array) and is_concrete(value) and value.dtype == _float_type(value):
         return value
-    return on_device(floats(value, argument))
+    array = floats(value, argument)
+    if array.dtype == np.float32 and is_concrete(array) and np.any(np.asarray(value) != array):
+        _tell_of_single_precision()
+    return on_device(array)
+
+
+@functools.cache
+def _tell_of_single_precision() -> None:
+    """Once: it is a setting of the process."""
+    warnings.warn(
+        "redundax works in float32, about 7 digits, as JAX does unless told otherwise, and has just cut numbers of "
+        "more digits. Put jax.config.update('jax_enable_x64', True) at the start, before a mechanism is built; or give "
+        "float32 arrays where single precision is wanted.",
+        stacklevel=3,
+    )
 
 
 def floats(value: Numbers, argument: str = "") -> np.ndarray | Array:
@@ -123,14 +139,41 @@ def tracing(argument: str) -> Iterator[None]:
         ) from error
 
 
-def no_classes(**arguments: Any) -> None:
-    """Refuse a class where one of its objects is wanted."""
-    for name, value in arguments.items():
-        if isinstance(value, type):
-            raise RedundaxError(
-                f"Argument `{name}` must be an object, but is the class {value.__name__}. "
-                f"Write `{value.__name__}(...)`, with its arguments if it needs some."
-            )
+def check_call(name: str, function: Callable[..., Any], *arguments: Any, **named: Any) -> None:
+    """Refuse arguments that a function of the user does not take."""
+    wanted = inspect.signature(function.function if isinstance(function, Plain) else function)
+    try:
+        wanted.bind(*arguments, **named)
+    except TypeError as error:
+        raise RedundaxError(
+            f"Arguments of `{name}` must be {', '.join(wanted.parameters)}, but: {error}. Give these."
+        ) from error
+
+
+@contextlib.contextmanager
+def part(owner: str) -> Iterator[None]:
+    """Say of which part an argument is that is refused within."""
+    try:
+        yield
+    except RedundaxError as error:
+        raise RedundaxError(str(error).replace("` must", f"` of {owner} must", 1)) from None
+
+
+def check_kind(argument: str, value: object, kind: Any, what: str, advice: str) -> None:
+    """Refuse what is not of a kind, such as a class where one of its objects is wanted.
+
+    `what` says what the argument must be, `advice` what may be given.
+    """
+    if isinstance(value, type):
+        raise RedundaxError(
+            f"Argument `{argument}` must be an object, but is the class {value.__name__}. "
+            f"Write `{value.__name__}(...)`, with its arguments if it needs some."
+        )
+    if not isinstance(value, kind):
+        is_short = value is None or isinstance(value, str | int | float | complex)
+        shown = repr(value) if is_short else f"of the type {type(value).__name__}"
+        shown = f"an array of shape {value.shape}" if isinstance(value, jax.Array | np.ndarray) else shown
+        raise RedundaxError(f"Argument `{argument}` must be {what}, but is {shown}. {advice}")
 
 
 def moved(q: Array, d: Array) -> Array:
@@ -161,33 +204,11 @@ def stop_gradient(tree: T) -> T:
     return jax.tree.map(lambda x: x if is_concrete(x) else jax.lax.stop_gradient(x), tree)
 
 
-@jax.custom_jvp
-def without_derivative(flag: Bool[Array, ""], x: Array) -> Array:
-    """x, with derivatives NaN in both modes where `flag` says that those computed are none."""
-    return x
-
-
-@without_derivative.defjvp
-def _without_derivative_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
-    return without_derivative(*primals), tangents[1] * jnp.where(primals[0], jnp.nan, 1.0)
-
-
 def tree_take(stacked: T, members: Integer[Array, "..."]) -> T:
     """Some members of what is stacked; the indices, ours, are in bounds, and nothing is traced that checks them."""
     return jax.tree.map(
         lambda x: jnp.asarray(x).at[members].get(mode="promise_in_bounds", wrap_negative_indices=False), stacked
     )
-
-
-def as_vector(value: Numbers) -> Float[Array, "2"]:
-    """A planar vector."""
-    array = as_float(value)
-    if array.shape != (2,):
-        raise RedundaxError(
-            f"Arguments such as `point_i` or `force` must be two components (x, y), but one has shape {array.shape}. "
-            "Give a pair of numbers."
-        )
-    return array
 
 
 def as_matrix(what: str, value: Numbers, size: int) -> Float[Array, "size size"]:
@@ -219,17 +240,26 @@ def positive(name: str, value: Array | np.ndarray) -> None:
         raise RedundaxError(f"Argument `{name}` must be positive, but is {value}. Give a number above 0.")
 
 
+def finite(name: str, value: Array | np.ndarray, owner: str = "") -> None:
+    """Refuse NaN and infinity among known numbers."""
+    if is_concrete(value) and not np.all(np.isfinite(value)):
+        raise RedundaxError(
+            f"Argument `{name}`{owner and f' of {owner}'} must be finite, but is {np.asarray(value).tolist()}. Look "
+            "for NaN or infinity in what it is computed from."
+        )
+
+
 def unit(v: Numbers) -> Array:
     """v / |v| as a floating-point array."""
-    v = floats(as_vector(v))
+    v = floats(v)
     size = numpy_of(v).linalg.norm(v)
-    if is_concrete(size) and not size > 0:
+    if is_concrete(size) and size == 0:
         raise RedundaxError("Argument `normal` must not be zero: it gives the direction of a line, but is (0, 0).")
     return on_device(v / size)
 
 
 @jax.custom_jvp
-def safe_norm(v: Float[Array, "n *columns"]) -> Float[Array, "*columns"]:
+def safe_norm(v: Float[Array, "n *columns"]) -> Float[Array, "*columns"]:  # noqa: F821 (axes are no names)
     """|v| with derivative 0 at v = 0, column by column; `hypot` has a spurious value there and sqrt NaN."""
     entries = [v[k] for k in range(v.shape[0])]  # not `v @ v`: a batch lays entries side by side
     return jnp.sqrt(functools.reduce(operator.add, [x * x for x in entries]))

@@ -1,9 +1,11 @@
 """Tables as text: groups of rows under headings of their own, side by side where they fit, the middle of long ones left
 out."""
 
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import numpy as np
 
@@ -11,6 +13,43 @@ from ._module import is_concrete
 
 WIDTH = 100
 LINES = 26  # of a page, beside what is said above it
+
+
+class AbstractFigures:
+    """Figures that a print shows, a line each: of many the least and the largest, inside of transformations shapes."""
+
+    def __repr__(self) -> str:
+        if not are_known(self):
+            return eqx.tree_pformat(self)
+        return f"{type(self).__name__}({', '.join(f'{name}={text}' for name, text in _texts(self))})"
+
+    def __str__(self) -> str:
+        if not are_known(self):
+            return eqx.tree_pformat(self)
+        lines = list(_lines(self))
+        width = max(len(name) for name, _ in lines)
+        return "\n".join(f"{name:{width}}  {text}" for name, text in lines)
+
+
+def _texts(figures: Any) -> list[tuple[str, str]]:
+    return [(field.name, _text(getattr(figures, field.name))) for field in dataclasses.fields(figures)]
+
+
+def _lines(figures: Any, of: str = "") -> Iterator[tuple[str, str]]:
+    for name, text in _texts(figures):
+        value = getattr(figures, name)
+        yield from _lines(value, f"{of}{name}.") if isinstance(value, AbstractFigures) else [(of + name, text)]
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, np.ndarray | jax.Array):
+        return repr(value)
+    array = np.asarray(value)
+    if array.dtype == bool:
+        return str(array.item()) if array.ndim == 0 else f"{array.sum()} of {array.size} true"
+    known = array[~np.isnan(array)]
+    ends = [f"{end(known) + 0:.6g}" for end in (np.min, np.max)] if known.size else ["nan"]
+    return " to ".join(dict.fromkeys(ends))
 
 
 class Group(NamedTuple):

@@ -17,7 +17,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int, PyTree
 
-from .._closures._closure import AbstractClosure
+from .._closures._closure import AbstractClosure, check_closure
 from .._solve._solution import Solution
 from .._system._axis import Axis
 from .._system._friction import AbstractFriction
@@ -25,7 +25,7 @@ from .._system._joint_coordinates import AbstractJointCoordinates, JointMotion
 from .._system._names import Names
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._system._units import Units
+from .._system._units import Units, checked_units
 from .._tools._errors import RedundaxError
 from .._tools._module import replace_fields
 
@@ -95,6 +95,13 @@ class Rescaled(AbstractSystem):
     def retract(self, q: Array, d: Array) -> Array:
         return self.inner.retract(q, d / self._scale)
 
+    def start(self, q: Array, t: Array) -> Array:
+        return self.inner.start(q, t / self.units.time)
+
+    @property
+    def doubt(self) -> str:
+        return self.inner.doubt
+
     @property
     def adds(self) -> bool:
         return False
@@ -117,6 +124,10 @@ class _RescaledJoints(AbstractJointCoordinates):
     @property
     def radian(self) -> ArrayLike:
         return self.units.angle * self.inner.radian
+
+    @property
+    def opposite(self) -> "_RescaledJoints":
+        return replace_fields(self, inner=self.inner.opposite)
 
     def positions(self, state: State) -> Array:
         shift = self.units.of(self.system.names.joint_coordinates)
@@ -222,6 +233,7 @@ def in_units(system: AbstractSystem, units: Units) -> AbstractSystem:
         solution = rx.units.solution_from_units(solution, mechanism, millimetres)  # back in metres
         ```
     """
+    checked_units(units)
     return Rescaled(system, units)
 
 
@@ -271,6 +283,7 @@ def closure_in_units(closure: AbstractClosure) -> AbstractClosure:
         rx.solve(*there, closure=rx.units.closure_in_units(joints))
         ```
     """
+    check_closure(closure)
     return _RescaledClosure(closure)
 
 

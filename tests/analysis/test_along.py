@@ -76,8 +76,8 @@ def test_coming_to_rest_changes_what_is_known():
 def test_bad_states_are_told():
     mechanism = rx.mechanisms.parallelogram(cranks=3)
     one = mechanism.state(phi=0.7, rate=1.0)
-    with pytest.raises(ValueError, match="`states` must hold several states"):
+    with pytest.raises(rx.RedundaxError, match="`states` must hold several states"):
         rx.analyze_along(mechanism, one)
     lost = jax.tree.map(lambda x: jnp.stack([x, jnp.full_like(x, jnp.nan)]), one)
-    with pytest.raises(ValueError, match="`states` must hold two finite states"):
+    with pytest.raises(rx.RedundaxError, match="`states` must hold two finite states"):
         rx.analyze_along(mechanism, lost)

@@ -145,6 +145,6 @@ def test_the_rod_on_an_elastic_floor_does_so(mu):
 def test_without_numbers_there_is_nothing_to_judge():
     system, state, closure, _ = rod(0.5, 1e-6)
     bad = solve(system, rx.State([0.0, 5.0, 1.0], [1.0, 0.0, 0.0]), closure)
-    with pytest.raises(ValueError, match="`solution` must be successful"):
+    with pytest.raises(rx.RedundaxError, match="`solution` must be successful"):
         rx.stability(system, state, bad, closure)
     assert rx.stability(system, state, solve(system, state, closure), closure).to_dict()["growth"] == 0.0

@@ -62,10 +62,10 @@ def test_a_print_shows_the_armature_with_its_unit():
 
 
 def test_armature_is_refused_where_it_has_no_sense():
-    with pytest.raises(ValueError, match=r"`armature`.*'C\.angle'"):
+    with pytest.raises(rx.RedundaxError, match=r"`armature`.*'C\.angle'"):
         pendulum(C=0.1)
     for value in (-0.1, np.nan, (0.1, 0.2)):
-        with pytest.raises(ValueError, match=r"Argument `armature` must hold a number for 'A\.angle'"):
+        with pytest.raises(rx.RedundaxError, match=r"Argument `armature` must hold a number for 'A\.angle'"):
             pendulum(A=value)
-    with pytest.raises(ValueError, match="`armature` couples bodies"):
+    with pytest.raises(rx.RedundaxError, match="`armature` couples bodies"):
         pendulum(A=0.1).sparse()

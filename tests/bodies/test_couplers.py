@@ -205,5 +205,5 @@ def test_redundant_couplers_are_found_and_closed():
     ],
 )  # fmt: skip
 def test_bad_couplers_say_what_to_do(make, words):
-    with pytest.raises(ValueError, match=words):
+    with pytest.raises(rx.RedundaxError, match=words):
         make()

@@ -71,5 +71,5 @@ def test_a_drawer_is_pulled_until_it_jams():
 
 @pytest.mark.parametrize("ends", [(0.1, 0.1), (0.2, -0.2), (0.1, 0.2, 0.3)])
 def test_ends_in_their_order(ends):
-    with pytest.raises(ValueError, match=r"`guide` must be two finite positions.*the smaller first"):
+    with pytest.raises(rx.RedundaxError, match=r"`guide` must be two finite positions.*the smaller first"):
         rs.Overlap((-0.1, 0.1), ends)

@@ -247,7 +247,7 @@ def test_where_it_rests_friction_is_not_known():
     ],
 )
 def test_sizes_that_friction_needs(kind, words):
-    with pytest.raises(ValueError, match=words):
+    with pytest.raises(rx.RedundaxError, match=words):
         kind("J", "a", rx.GROUND, on_i=rs.Placement((0, 0, 0)), on_j=rs.Placement((0, 0, 0)), friction=rx.Coulomb(MU))
 
 

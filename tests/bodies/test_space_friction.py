@@ -90,7 +90,7 @@ def slider(force=(0.0, 0.0, 0.0), arm=(0.0, 0.0, 0.0), moment=(0.0, 0.0, 0.0), m
     body = rs.Body("block", MASS, (0.02, 0.03, 0.04))
     given = {"point": (0, 0, 0), "friction": rx.Coulomb(mu), **GUIDE, **given}
     guide = rs.Prismatic("guide", body, rx.GROUND, axis=(1, 0, 0), **given)
-    return rx.Mechanism([body], [guide], loads=[rs.AppliedForce(body, force, arm, moment), *loads])
+    return rx.Mechanism([body], [guide], loads=[rs.AppliedForce(body, force, point=arm, moment=moment), *loads])
 
 
 def at(mechanism, rate, travel=0.0):
@@ -238,7 +238,7 @@ BAD = {
 @pytest.mark.parametrize("name", BAD)
 def test_bad_input_says_what_to_do(name):
     build, words = BAD[name]
-    with pytest.raises(ValueError, match=words):
+    with pytest.raises(rx.RedundaxError, match=words):
         build()
 
 

@@ -162,7 +162,7 @@ def test_springs_do_the_work_of_what_they_stretch(load, x, free, K, D):
 @pytest.mark.parametrize("follows", [False, True])
 def test_an_applied_force_and_moment_do_their_work(follows):
     force, moment = np.array([2.0, -3.0, 1.0]), np.array([0.5, 0.2, -0.7])
-    load = rs.AppliedForce(A, force, POINT, moment, follows=follows)
+    load = rs.AppliedForce(A, force, point=POINT, moment=moment, follows=follows)
     turn = TURNS[0].as_matrix()
     acting, twisting = (turn @ v if follows else v for v in (force, moment))
     expected = slopes(lambda d: at(d, A, local(A, POINT)[0])).T @ acting
@@ -271,9 +271,9 @@ def test_loads_that_say_too_little_or_too_much_are_refused():
         (lambda: rs.TorsionSpring(A, G, (0, 0, 1), stiffness=1.0, damping=(1.0,)), "`damping` must be a number"),
         (lambda: rx.SpringDamper("a", G, (0, 0), (0, 1), stiffness=(1.0, 2.0)), "`stiffness` must be a number"),
         (lambda: rx.TorsionSpring("a", G, stiffness=1.0, free_angle=(1.0, 2.0)), "`free_angle` must be a number"),
-        (lambda: rs.AppliedForce("a", force=(1.0, 2.0)), "`force` must have 3 components"),
+        (lambda: rs.AppliedForce("a", force=(1.0, 2.0)), "`force` of AppliedForce on 'a' must have 3 components"),
         (lambda: rs.LoadFunction("a", lambda i, j, t, p: np.sin(i.velocity)), "`function` must be a function that JAX"),
         (lambda: rx.Mechanism([A], [rs.Spherical("A", A, G, (0, 0, 0))], loads=[rx.AppliedForce("a")]), "all spatial"),
     ):
-        with pytest.raises(ValueError, match=words):
+        with pytest.raises(rx.RedundaxError, match=words):
             bad()

@@ -166,5 +166,5 @@ def test_bands_along_a_door_are_told_by_its_angle():
     figure = rx.plot.band_along(path, against="hinge 1.angle")
     assert figure.axes[-1].get_xlabel() == "hinge 1.angle, rad"
     np.testing.assert_allclose(path.q[:, path.leading], places, rtol=1e-12)
-    with pytest.raises(ValueError, match=r"Name one of a joint"):
+    with pytest.raises(rx.RedundaxError, match=r"Name one of a joint"):
         rx.plot.band_along(path, against="door.phi_z")

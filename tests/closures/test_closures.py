@@ -194,7 +194,7 @@ def test_own_closures_give_a_number_or_a_vector():
     reference = rx.solve(system, state, closure=rx.MinimumNorm(3.0))
     for misfit in (3.0, jnp.full(12, 3.0)):
         assert same(rx.solve(system, state, closure=Own(misfit)), reference, system)
-    with pytest.raises(ValueError, match=r"Argument `closure` must give .* misfit .* shape \(12,\), but gives"):
+    with pytest.raises(rx.RedundaxError, match=r"Argument `closure` must give .* misfit .* shape \(12,\), but gives"):
         rx.solve(system, state, closure=Own(jnp.zeros(13)))
 
 
@@ -249,16 +249,16 @@ def test_traced_data_are_not_checked():
 ])  # fmt: skip
 def test_shapes_that_do_not_fit_are_refused(closure):
     system, state, *_ = data("wojtyra2020")
-    with pytest.raises(ValueError, match=r"Argument `.*` must"):
+    with pytest.raises(rx.RedundaxError, match=r"Argument `.*` must"):
         registry.solve(system, state, closure=closure())
 
 
 def test_no_closure_needs_newton_and_a_start():
     system, state, *_ = data("wojtyra2020", registry.coulomb)
     for options in ({}, {"x0": 1.0, "solver": rx.FixedPoint()}, {"solver": rx.Newton()}):
-        with pytest.raises(ValueError, match=r"Argument `closure` may be None only"):
+        with pytest.raises(rx.RedundaxError, match=r"Argument `closure` may be None only"):
             registry.solve(system, state, closure=None, **options)
-    with pytest.raises(ValueError, match=r"Argument `x0` must"):
+    with pytest.raises(rx.RedundaxError, match=r"Argument `x0` must"):
         registry.solve(system, state, closure=None, x0=jnp.ones(12))
 
 

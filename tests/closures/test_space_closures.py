@@ -370,7 +370,7 @@ def test_figures_that_do_not_fit_are_refused():
         (lambda: rs.JointCompliance("top", point=(1.0, 2.0)), "`point` must have 3 components"),
         (lambda: rx.ElasticJoints(mechanism, [rx.JointCompliance("top", 1e-8)]), "`rx.spatial.JointCompliance`"),
     ):
-        with pytest.raises(ValueError, match=words):
+        with pytest.raises(rx.RedundaxError, match=words):
             bad()
 
 

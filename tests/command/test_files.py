@@ -157,7 +157,7 @@ def test_a_file_that_fails_is_told_by_its_line(file):
     file.write_text("import redundax as rx\n\nbody = rx.Body('a', -1.0, 1.0)\n")
     status, out, error = run("analyze", f"{file}:body")
     assert (status, out) == (2, "")
-    assert f"'{file}', line 3, fails with ValueError: Argument `mass`" in error
+    assert f"'{file}', line 3, fails with RedundaxError: Argument `mass`" in error
     file.write_text("import redundax as\n")
     assert "line 1, fails with SyntaxError" in run("analyze", f"{file}:body")[2]
 
@@ -307,7 +307,7 @@ def begin(folder, *arguments):
     [
         ("broken", "'broken.py', line 8, fails with ZeroDivisionError: division by zero"),
         ("branched", "'broken.py', line 12, fails with TracerBoolConversionError: Attempted boolean conversion"),
-        ("unequal", r"'broken.py' fails with ValueError: Argument `mass` of the system must give shape (2, 2)"),
+        ("unequal", r"'broken.py' fails with RedundaxError: Argument `mass` of the system must give shape (2, 2)"),
     ],
 )
 def test_what_fails_in_a_file_is_told_in_a_line(broken, monkeypatch, name, told):

@@ -95,7 +95,7 @@ def test_beyond_the_fold_there_is_no_number_but_the_fold(rate, inside, outside):
         assert inside < mu_rho * solution.stats.fold < outside
         assert solution.stats.residual > 1e-3
         assert rx.frictional_solutions(*crank(mu_rho, rate)) == []
-    with pytest.raises(RuntimeError, match="No solution of the frictional equations"):
+    with pytest.raises(rx.NoSolutionError, match="No solution of the frictional equations"):
         rx.solve(*crank(outside, rate))
 
 

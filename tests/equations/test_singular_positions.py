@@ -246,7 +246,7 @@ FREE = [name for name in CASES if name != "driven and twice guided"]
 
 @pytest.mark.parametrize("name", FREE)
 def test_rest_is_refused(name):
-    with pytest.raises(RuntimeError, match="nothing decides"):
+    with pytest.raises(rx.NoSolutionError, match="nothing decides"):
         rx.solve(*CASES[name].build(0, rate="0"))
 
 
@@ -264,7 +264,7 @@ def test_nothing_is_said_at_rest(name):
         lambda: rx.solution_family(system, state),
         lambda: rx.sticking(system, state, rx.MinimumNorm()),
     ):
-        with pytest.raises(RuntimeError, match="position is singular"):
+        with pytest.raises(rx.NoSolutionError, match="position is singular"):
             call()
 
 
@@ -329,11 +329,11 @@ def test_a_rank_that_changes_with_time():
 
 def test_friction_of_loads_that_grow_without_bound_is_refused():
     case, mu_rho = CASES["flat parallelogram"], {"A0": "3/1000"}
-    with pytest.raises(RuntimeError, match="jams"):
+    with pytest.raises(rx.NoSolutionError, match="jams"):
         rx.solve(*case.build(0, mu_rho=mu_rho))
     assert rx.solve(*case.build(1e-9, mu_rho=mu_rho), throw=False).result == R.unbounded_friction
     for call in (rx.solution_family, rx.frictional_solutions):
-        with pytest.raises(RuntimeError, match="position is singular"):
+        with pytest.raises(rx.NoSolutionError, match="position is singular"):
             call(*case.build(0, mu_rho=mu_rho))
     without = rx.solve(*case.build(0))
     none = rx.solve(*case.build(0, mu_rho={"A0": "0"}))
@@ -388,9 +388,9 @@ def test_reports_bands_and_families_leave_out_what_has_no_value():
     np.testing.assert_allclose([bands.lower[0], bands.upper[0]], [value - 5, value + 5], rtol=1e-12)
     np.testing.assert_allclose(bands.lower[1:], bands.upper[1:], rtol=1e-12)
     np.testing.assert_allclose(bands.lower[2], solution.acceleration[8], rtol=1e-12)
-    with pytest.raises(ValueError, match=r"A0\.x"):
+    with pytest.raises(rx.RedundaxError, match=r"A0\.x"):
         rx.band(system, state, "A0.x", box)
-    with pytest.raises(ValueError, match=r"A0\.x"):
+    with pytest.raises(rx.RedundaxError, match=r"A0\.x"):
         rx.band(system, state, pivot, rx.PreloadBox({"A0.x": (-5.0, 5.0)}))
     family = rx.solution_family(system, state, samples=3)
     lost = np.isin(report.rows, case.lost)
@@ -400,7 +400,7 @@ def test_reports_bands_and_families_leave_out_what_has_no_value():
 
 def test_without_lasting_self_stress_there_is_no_band():
     system, state = CASES["flat parallelogram"].build(0)
-    with pytest.raises(ValueError, match="all vanishes"):
+    with pytest.raises(rx.RedundaxError, match="all vanishes"):
         rx.band(system, state, None, rx.AmplitudeBox({"A0.x": (-1.0, 1.0)}))
     assert rx.analyze(system, state).verdicts["acceleration"][0].with_friction is rx.Verdict.UNIQUE
 
@@ -429,7 +429,7 @@ def test_batches_studies_and_derivatives_refuse_it():
     assert np.all(gradient[1] == 0)
     found = rx.study(run, {"q": q, "qd": qd}, system=system)
     assert np.array_equal(np.isnan(np.asarray(found["acceleration"])).any(axis=1), [False, True, False])
-    with pytest.raises(RuntimeError, match="position is singular"):
+    with pytest.raises(rx.NoSolutionError, match="position is singular"):
         rx.simulate(system, states[1], 0.1)
 
 

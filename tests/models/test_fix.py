@@ -120,9 +120,9 @@ def test_what_would_move_is_not_freed_and_what_has_no_words_is_told(four_bar, tm
     assert (made.files, made.redundancy) == ((), 4)
     assert "no copy is written" in str(made)
     assert not (tmp_path / "copy.xml").exists()
-    with pytest.raises(ValueError, match="in MJCF: it cannot free single directions"):
+    with pytest.raises(rx.RedundaxError, match="in MJCF: it cannot free single directions"):
         fix(model, found, tmp_path / "copy.xml", ["connect rocker ~ world.radial_2"])
-    with pytest.raises(ValueError, match=r"names 'A\.twist', which is no row"):
+    with pytest.raises(rx.RedundaxError, match=r"names 'A\.twist', which is no row"):
         fix(model, found, tmp_path / "copy.xml", ["A.twist"])
 
 
@@ -186,7 +186,7 @@ def test_joints_of_bodies_without_a_name_are_found_by_their_place(write, tmp_pat
     write("more.xml", "<mujoco><worldbody><body><joint/><geom size='0.1'/></body></worldbody></mujoco>")
     model = rx.load_model(write("unnamed.xml", UNNAMED.format('<include file="more.xml"/>')))
     for edit in mjcf_moves(model):
-        with pytest.raises(ValueError, match=r"is not in '.*' itself"):
+        with pytest.raises(rx.RedundaxError, match=r"is not in '.*' itself"):
             write_mjcf(model, [edit], tmp_path / "copy.xml")
 
 

@@ -18,30 +18,37 @@ pytest.importorskip("mujoco")
 pytest.importorskip("yaml")
 IdealLoops = pytest.importorskip("ideal_loops").IdealLoops
 
-FOLDER = pathlib.Path(__file__).parents[3] / "shared" / "models"
+FOLDER = pathlib.Path(__file__).parents[1] / "support" / "models"  # its README.md says where they are from
 FILES = {
     "fourbar": "fourbar.xml",
     "door": "door.urdf",
     "robotiq_2f85": "robotiq_2f85.xml",
     "robot_delta": "robot_delta.urdf",
     "5bar_linkage_iso3d": "5bar_linkage_iso3d.urdf",
-    "digit_like_2legs": "digit_like_2legs.urdf",
 }
 OTHER_NAMES = {"connect foot ~ D": "pin_D"}
 BALL = {"urdf": [3, 0, 1, 2], "xml": [0, 1, 2, 3]}  # where w, x, y and z stand
 
-pytestmark = pytest.mark.skipif(not (FOLDER / "expected.json").is_file(), reason="the models are not here")
-models = pytest.mark.parametrize("name", FILES)
+LARGER = ("robotiq_2f85", "robot_delta")
+
+
+def each(*names):
+    """A test of these models, of the larger ones in the slow run."""
+    return pytest.mark.parametrize(
+        "name", [pytest.param(name, marks=pytest.mark.slow if name in LARGER else ()) for name in names]
+    )
+
+
+models = each(*FILES)
 
 
 @pytest.fixture(scope="module")
 def expected():
-    return json.loads((FOLDER / "expected.json").read_text())["models"]
+    return json.loads((FOLDER / "expected.json").read_text())
 
 
-@pytest.fixture(scope="module")
-def loaded():
-    return {name: rx.load_model(FOLDER / file) for name, file in FILES.items()}
+def model_of(name):
+    return rx.load_model(FOLDER / FILES[name])
 
 
 def positions_of(known, q, suffix):
@@ -62,19 +69,17 @@ def state_at(model, known, q, suffix):
 
 
 @models
-def test_counts(name, expected, loaded):
-    known, model = expected[name], loaded[name]
+def test_counts(name, expected):
+    known, model = expected[name], model_of(name)
     assert len(model.mechanism.names.bodies) == known["bodies_in_count"]
-    assert {kind: len(names) for kind, names in model.joints.items()} == {k: n for k, n in known["joints"].items() if n}
-    assert {kind: len(names) for kind, names in model.loops.items()} == {
-        k: n for k, n in known["closures"].items() if n
-    }
+    assert {kind: len(names) for kind, names in model.joints.items()} == known["joints"]
+    assert {kind: len(names) for kind, names in model.loops.items()} == known["closures"]
     assert len(model.mechanism.rows) == known["neutral"]["rows"]
 
 
 @models
-def test_redundancy_and_freedom_at_every_position(name, expected, loaded):
-    known, model = expected[name], loaded[name]
+def test_redundancy_and_freedom_at_every_position(name, expected):
+    known, model = expected[name], model_of(name)
     looks, (found, _) = [known["neutral"], *known["other_configurations"]], looks_at(known, model, name)
     assert found.is_decided
     assert [each.figures for each in (found.here, *found.others)] == [
@@ -107,8 +112,8 @@ FREED |= {"spherical_sliding": (*FREED["cylindrical"], *FREED["spherical"])}
 
 
 @models
-def test_unique_dimensions_elsewhere_and_joints_replaced_by_freer_ones(name, expected, loaded):
-    known, model = expected[name], loaded[name]
+def test_unique_dimensions_elsewhere_and_joints_replaced_by_freer_ones(name, expected):
+    known, model = expected[name], model_of(name)
     found, looks = looks_at(known, model, name)
     rows, kinds = model.mechanism.rows.labels, model.mechanism.rows.kinds
     members = {}
@@ -134,7 +139,7 @@ def test_unique_dimensions_elsewhere_and_joints_replaced_by_freer_ones(name, exp
         assert (found.here.redundancy - rank, found.here.freedom + len(out) - rank) == (redundancy, freedom), change
 
 
-REDUNDANT = ["fourbar", "door", "robotiq_2f85", "robot_delta"]
+redundant_models = each("fourbar", "door", *LARGER)
 
 
 def stated_rows(model, state, parts, stress):
@@ -164,10 +169,10 @@ def stated_rows(model, state, parts, stress):
     return found
 
 
-@pytest.mark.parametrize("name", REDUNDANT)
-def test_rows_that_can_be_freed(name, expected, loaded):
+@redundant_models
+def test_rows_that_can_be_freed(name, expected):
     """A set of rows can be freed iff their self-stress is regular; the sets are counted where that is done."""
-    known, model = expected[name]["neutral"], loaded[name]
+    known, model = expected[name]["neutral"], model_of(name)
     state = state_at(model, expected[name], known["q"], FILES[name].rpartition(".")[2])
     look, freed = audit(model.mechanism, state, []).here, known["releases"]
     basis = np.linalg.eigh(look.stress)[1][:, -look.redundancy :]
@@ -187,8 +192,8 @@ def test_rows_that_can_be_freed(name, expected, loaded):
 
 
 @models
-def test_the_closed_state_of_the_file_and_positions_beside_agree(name, expected, loaded):
-    model = loaded[name]
+def test_the_closed_state_of_the_file_and_positions_beside_agree(name, expected):
+    model = model_of(name)
     found = audit(model.mechanism, model.state, model.elsewhere(2))
     known = expected[name]["neutral"]
     assert found.is_decided
@@ -196,10 +201,10 @@ def test_the_closed_state_of_the_file_and_positions_beside_agree(name, expected,
     assert found.figures == (known["redundancy"], known["freedom"])
 
 
-@pytest.mark.parametrize("name", REDUNDANT)
-def test_releases_leave_no_redundancy_and_the_same_freedom(name, expected, loaded):
+@redundant_models
+def test_releases_leave_no_redundancy_and_the_same_freedom(name, expected):
     """At the neutral position and at the others, each dependent group freed by itself."""
-    known, model = expected[name], loaded[name]
+    known, model = expected[name], model_of(name)
     names, suffix = list(model.mechanism.rows.labels), FILES[name].rpartition(".")[2]
     for look in (known["neutral"], *known["other_configurations"]):
         state = state_at(model, known, look["q"], suffix)
@@ -224,9 +229,8 @@ class Dependent:
         self.redundancy, self.parts = group.redundancy, {row.rpartition(".")[0] for row in group.rows}
 
 
-@pytest.mark.parametrize(
-    "name", ["fourbar", *(pytest.param(name, marks=pytest.mark.slow) for name in ("robotiq_2f85", "robot_delta"))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["fourbar", *LARGER])
 def test_accelerations_and_drive_forces_are_those_of_mujoco_with_ideal_loops(name):
     """Joints on the spin of a part between two hinges on one axis have accelerations of rounding and are left out."""
     model = rx.load_model(FOLDER / FILES[name])

@@ -159,7 +159,7 @@ def test_a_copy_differs_by_the_lines_that_it_says(four_bar, folder):
 def test_rows_that_are_not_there_are_told_with_those_of_the_joint(four_bar, folder):
     model, found = four_bar
     for row, told in (("C.tilt", "C has radial_1, radial_2, axial, bend_1, bend_2."), ("E", "are A, B, C, D.")):
-        with pytest.raises(ValueError, match=f"no row of the model.*{told}"):
+        with pytest.raises(rx.RedundaxError, match=f"no row of the model.*{told}"):
             fix(model, found, folder / "copy.xml", [row])
 
 

@@ -191,10 +191,10 @@ def test_friction_with_a_memory_in_other_units():
 
 
 def test_errors():
-    with pytest.raises(ValueError, match="`stiffness` must be positive"):
+    with pytest.raises(rx.RedundaxError, match="`stiffness` must be positive"):
         rx.Dahl(0.1, stiffness=0.0)
-    with pytest.raises(ValueError, match="`memory_rate` must be given together"):
+    with pytest.raises(rx.RedundaxError, match="`memory_rate` must be given together"):
         rx.Friction(lambda q, t, p: q, lambda *_: 0.0, [0], ["linear"], memory=jnp.ones(1))
     system, state = block(rx.LuGre(**LUGRE))
-    with pytest.raises(ValueError, match="memory for each of 1 friction groups, but has 2"):
+    with pytest.raises(rx.RedundaxError, match="memory for each of 1 friction groups, but has 2"):
         rx.solve(system, rx.State(state.q, state.qd, memory=(None, None)))

@@ -190,5 +190,5 @@ def test_steps_of_nearly_half_a_turn_are_right():
 def test_positions_that_the_retraction_refuses_are_told():
     case = registry.door("quaternion")
     for q in (case.state.q[:-1], jnp.stack([case.state.q] * 2)):
-        with pytest.raises(ValueError, match="Argument `state` must have a `q`"):
+        with pytest.raises(rx.RedundaxError, match="Argument `state` must have a `q`"):
             rx.simulate(case.system, rx.State(q, case.state.qd), 1.0)

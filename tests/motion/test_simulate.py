@@ -177,7 +177,9 @@ def test_where_a_motion_ends_early_the_rest_is_nan():
     assert 0 < np.sum(given) < TIMES.size
     for t, q in zip(TIMES[given][1:], run.q[given][1:], strict=True):
         np.testing.assert_allclose(q, pendulum_truth(0.7, 1.3, t1=t), rtol=0, atol=1e-6)
-    with pytest.raises(RuntimeError, match="max_steps"):
+    with pytest.raises(
+        rx.NoSolutionError, match=rf"max_steps.* got to t = {run.stats.end:.6g}: with `throw=False` it is"
+    ):
         rx.simulate(system, state, T1, ts=TIMES, max_steps=12)
 
 
@@ -226,20 +228,20 @@ def test_the_squeezer_ends_where_it_was_published_to():
 @slow
 def test_no_motion_begins_in_a_singular_position():
     mechanism = rx.mechanisms.parallelogram(3)
-    with pytest.raises(RuntimeError, match="position is singular"):
+    with pytest.raises(rx.NoSolutionError, match="position is singular"):
         rx.simulate(mechanism, mechanism.state(0.0, rate=1.0), 1.0)
 
 
 def test_arguments_that_do_not_fit_are_refused():
     system, state = pendulum(0.7, 1.3)
-    with pytest.raises(ValueError, match="`dt0`"):
+    with pytest.raises(rx.RedundaxError, match="`dt0`"):
         rx.simulate(system, state, T1, rtol=None)
-    with pytest.raises(ValueError, match="`rtol`"):
+    with pytest.raises(rx.RedundaxError, match="`rtol`"):
         rx.simulate(system, state, T1, solver=diffrax.Euler())
-    with pytest.raises(ValueError, match=r"jax\.vmap"):
+    with pytest.raises(rx.RedundaxError, match=r"jax\.vmap"):
         rx.simulate(system, jax.tree.map(lambda x: jnp.stack([x, x]), state), T1)
     for option in ("rtol", "dt0", "max_steps", "max_phases"):
-        with pytest.raises(ValueError, match=f"`{option}` must be positive"):
+        with pytest.raises(rx.RedundaxError, match=f"`{option}` must be positive"):
             rx.simulate(system, state, T1, **{option: 0})
 
 
@@ -260,9 +262,9 @@ def test_times_that_no_motion_runs_through():
     system, state = pendulum(0.7, 1.3)
     for name, (t1, ts) in DISORDER.items():
         named = "`t1`" if name in ("backward", "end NaN", "no end") else "`ts`"
-        with pytest.raises(ValueError, match=named):
+        with pytest.raises(rx.RedundaxError, match=named):
             rx.simulate(system, state, t1, ts=ts, throw=False)
-    with pytest.raises(ValueError, match="one time or more"):
+    with pytest.raises(rx.RedundaxError, match="one time or more"):
         rx.simulate(system, state, T1, ts=[])
     ends, times = (jnp.asarray(x) for x in zip(*DISORDER.values(), (T1, [0.4, T1]), strict=True))
     run = jax.jit(jax.vmap(lambda t1, ts: rx.simulate(system, state, t1, ts=ts)))(ends, times)

@@ -107,5 +107,5 @@ def test_errors_name_argument_and_fix(motion, change, given, message):
     mechanism, trajectory = motion
     if change is not None:
         trajectory = change(trajectory)
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(rx.RedundaxError, match=message):
         rx.plot.animate(mechanism, trajectory, **given)

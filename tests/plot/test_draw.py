@@ -455,18 +455,18 @@ def test_one_body_alone(axes):
 )
 def test_errors_name_argument_and_fix(given, message, axes):
     case = CASES["wojtyra2020"]
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(rx.RedundaxError, match=message):
         draw(case.smooth, case.state, axes=axes, **given)
     assert not axes.patches
 
 
 def test_wrong_state_and_mechanism(axes):
     case = CASES["wojtyra2020"]
-    with pytest.raises(ValueError, match="Argument `state` must have q of shape"):
+    with pytest.raises(rx.RedundaxError, match="Argument `state` must have q of shape"):
         draw(case.smooth, rx.State(np.zeros(3), np.zeros(3)), axes=axes)
-    with pytest.raises(ValueError, match="must have finite coordinates"):
+    with pytest.raises(rx.RedundaxError, match="must have finite coordinates"):
         draw(case.smooth, rx.State(np.full(12, np.nan), np.zeros(12)), axes=axes)
-    with pytest.raises(ValueError, match="must have its names, but is anonymous"):
+    with pytest.raises(rx.RedundaxError, match="must have its names, but is anonymous"):
         draw(case.smooth.anonymous, case.state, axes=axes)
 
 

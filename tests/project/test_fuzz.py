@@ -28,9 +28,8 @@ def judged(recipe: str, number: int, seed: int, size: int, scales: Scales) -> fu
     return report
 
 
-@pytest.mark.parametrize(
-    "recipe", [pytest.param(name, marks=() if name == "smooth" else pytest.mark.slow) for name in RECIPES]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("recipe", RECIPES)
 @settings(max_examples=2, derandomize=True, database=None)
 @given(
     number=st.integers(0, 1000),
@@ -39,7 +38,6 @@ def judged(recipe: str, number: int, seed: int, size: int, scales: Scales) -> fu
     masses=st.floats(0, 3),
     compliances=st.floats(0, 4),
 )
-@pytest.mark.slow
 def test_no_answer_violates_a_law(recipe, number, seed, friction, masses, compliances):
     report = judged(recipe, number, seed, SIZE, Scales(friction=friction, masses=masses, compliances=compliances))
     found = {law: places for law, places in report.violations.items() if law != "false flag"}

@@ -7,14 +7,10 @@ from fuzzing import space
 import redundax as rx
 
 SAMPLES = 4
-every_structure = pytest.mark.parametrize(
-    ("number", "bodies"),
-    [(0, 2), *(pytest.param(k, 2 + k % 4, marks=pytest.mark.slow) for k in range(1, 8))],
-)
 
 
-@every_structure
 @pytest.mark.slow
+@pytest.mark.parametrize(("number", "bodies"), [(k, 2 + k % 4) for k in range(8)])
 def test_random_trees_and_loops(number, bodies):
     rng = np.random.default_rng([7, number])
     structure, judged = space.draw(rng, bodies), 0

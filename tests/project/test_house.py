@@ -85,7 +85,11 @@ class Module:
         return f"{self.path}:{getattr(node, 'lineno', 1)}: {complaint}"
 
     def walk(self, *kinds: type[ast.AST]) -> Iterator:
-        return (node for node in ast.walk(self.tree) if isinstance(node, kinds))
+        return (node for node in self._nodes if isinstance(node, kinds))
+
+    @functools.cached_property
+    def _nodes(self) -> list[ast.AST]:
+        return list(ast.walk(self.tree))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -6,8 +6,6 @@ import re
 from collections import Counter
 from pathlib import Path
 
-import pytest
-
 import redundax as rx
 
 PAGES = Path(__file__).parents[2] / "docs" / "pages"
@@ -32,15 +30,6 @@ def test_every_page_and_notebook_is_linked():
     assert set(re.findall(r"\]\((\w+\.md)\)", index)) == pages - {"index.md"}
     notebooks = {path.stem for path in (PAGES.parents[1] / "notebooks").glob("*.ipynb")}
     assert set(re.findall(r"^\| `(\w+)` \|", index, re.M)) == notebooks
-
-
-@pytest.mark.parametrize("page", sorted(PAGES.glob("*.md")), ids=lambda page: page.stem)
-def test_code_of_the_pages_runs(page, tmp_path, monkeypatch):
-    if page.stem == "models":
-        pytest.importorskip("mujoco")
-    monkeypatch.chdir(tmp_path)  # some write files
-    for block in re.findall(r"```python\n(.*?)```", page.read_text(), re.S):
-        exec(compile(block, page.name, "exec"), {})
 
 
 def test_nothing_that_users_read_has_a_coined_word():

@@ -245,11 +245,11 @@ def test_data_text_and_picture(tmp_path):
     ],
 )
 def test_arguments_that_do_not_fit_are_refused(options, words):
-    with pytest.raises(ValueError, match=words):
+    with pytest.raises(rx.RedundaxError, match=words):
         rx.solution_family(*paper(0.02), **options)
 
 
 def test_at_rest_there_is_no_family():
     mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02)
-    with pytest.raises(RuntimeError, match=r"at rest.*A, B, C, D"):
+    with pytest.raises(rx.NoSolutionError, match=r"at rest.*A, B, C, D"):
         rx.solution_family(mechanism, mechanism.state(phi=0.8))

@@ -1,5 +1,6 @@
 """Everything again in JAX's default precision, against the truth in float64."""
 
+import warnings
 from functools import partial
 
 import jax.numpy as jnp
@@ -9,6 +10,7 @@ import registry
 from truth import exact
 
 import redundax as rx
+from redundax._tools._module import _tell_of_single_precision
 
 TOLERANCE = 1e-4
 pytestmark = pytest.mark.usefixtures("float32")
@@ -71,3 +73,15 @@ def test_a_motion_beside_singular_positions_is_right_or_stops():
         assert run.result in (rx.RESULTS.successful, rx.RESULTS.step_too_small)
         assert run.stats.energy_error < 3e-3
         assert run.stats.position_violation < 1e-5
+
+
+def test_single_precision_that_nobody_asked_for_is_told_once():
+    """Numbers that it holds exactly, and arrays of it, are no sign of that."""
+    _tell_of_single_precision.cache_clear()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        rx.Body("a", np.float32(0.1), 0.5)
+    with pytest.warns(UserWarning, match="jax_enable_x64") as told:
+        rx.Body("a", 0.1, 0.5)
+        rx.State(np.array([0.1, 0.2]), [0.0, 0.3])
+    assert len(told) == 1

@@ -234,7 +234,7 @@ def test_friction_of_a_pin_is_that_of_surfaces_at_its_radius(name):
 
 
 def test_a_pin_with_friction_needs_its_radius():
-    with pytest.raises(ValueError, match="`pin_radius` of the revolute joint 'A'"):
+    with pytest.raises(rx.RedundaxError, match="`pin_radius` of the revolute joint 'A'"):
         rx.Revolute("A", "rod", "ground", (-0.5, 0.0), (0.0, 0.0), friction=rx.Coulomb(0.3))
 
 

@@ -156,13 +156,13 @@ def test_what_did_not_converge_is_no_estimate():
 
     ranges = {"w": rx.Uniform(1.0, 4.0), "d": rx.Uniform(0.0, 1.0)}
     data = np.asarray(predict(3.0, 0.2)) + NOISE
-    with pytest.raises(RuntimeError, match=r"None of 8 searches converged.* Raise `max_steps`"):
+    with pytest.raises(rx.NoSolutionError, match=r"None of 8 searches converged.* Raise `max_steps`"):
         rx.identify(predict, data, ranges, noise=0.01, max_steps=2)
     found = rx.identify(predict, data, ranges, noise=0.01, max_steps=2, throw=False)
     assert not found.converged and not found.minima
     assert np.isnan(found.estimate["w"]) and np.isnan(found.uncertainty["d"]) and np.isnan(found.chi_square)
     assert str(found).startswith("NOT CONVERGED: None of 8 searches converged")
-    with pytest.raises(RuntimeError, match="what `predict` gives is not finite"):
+    with pytest.raises(rx.NoSolutionError, match="what `predict` gives is not finite"):
         rx.identify(lambda w: jnp.log(-w) * T, T, {"w": rx.Uniform(1.0, 2.0)}, noise=0.01)
 
 
@@ -202,7 +202,7 @@ backwards.defvjp(lambda a: (a, None), lambda _, a: (a,))
 )
 def test_errors_name_argument_and_fix(given, message):
     options = {"predict": lambda a: a * T, "measured": T, "parameters": {"a": rx.Uniform(0, 2)}, "noise": 0.1, **given}
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(rx.RedundaxError, match=message):
         rx.identify(**options)
 
 

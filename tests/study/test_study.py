@@ -2,11 +2,13 @@
 
 import json
 import os
+import signal
 import socket
 import subprocess
 import sys
 
 import jax.numpy as jnp
+import netCDF4
 import numpy as np
 import pytest
 
@@ -89,6 +91,32 @@ def test_interrupt_in_memory(monkeypatch):
         same(study(), 4)
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_an_interrupt_that_python_loses_ends_a_study(monkeypatch):
+    """As it does one that comes while an object is deleted: it prints it, and goes on."""
+
+    class Deleted:
+        def __del__(self):
+            signal.raise_signal(signal.SIGINT)
+
+    def told(steps, *_):
+        for number, step in enumerate(steps):
+            yield step
+            if number == 0:
+                Deleted()
+
+    monkeypatch.setattr(_study, "told", told)
+    with pytest.warns(UserWarning, match="stopped after 8 of 10"):
+        same(study(), 8)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_statistics_of_a_stopped_study_are_not_given(monkeypatch):
+    monkeypatch.setattr(_study, "told", stopped(1))
+    with pytest.warns(UserWarning, match="stopped after 4 of 16"), pytest.raises(KeyboardInterrupt):
+        rx.tolerance_study(lambda x: {"square": x * x}, {"x": rx.Normal(1.0, 0.1)}, samples=16, chunk=4)
+
+
 @pytest.mark.parametrize(
     ("function", "samples", "message"),
     [
@@ -99,7 +127,7 @@ def test_interrupt_in_memory(monkeypatch):
 )
 def test_file_of_another_study_is_refused(function, samples, message, tmp_path):
     study(path=tmp_path / "one.nc")
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(rx.RedundaxError, match=message):
         study(function, samples, path=tmp_path / "one.nc")
     same(study(path=tmp_path / "one.nc"))
 
@@ -124,10 +152,26 @@ def changed(path):
 
 
 def rewritten(path):
-    import netCDF4
-
     with netCDF4.Dataset(path, "a") as data:
         data["nested.sums"][9, 1] += 1e-9
+
+
+def scaled(path):
+    """Readers of netCDF multiply by an attribute of this name."""
+    with netCDF4.Dataset(path, "a") as data:
+        data["square"].scale_factor = 2.0
+
+
+def longer(path):
+    with netCDF4.Dataset(path, "a") as data:
+        data.done = "10"
+
+
+def endless(path):
+    """The first text in the file's heap becomes free space of no size: HDF5 steps over it for ever."""
+    content = path.read_bytes()
+    place = content.index(b"GCOL") + 16
+    path.write_bytes(content[:place] + bytes(16) + content[place + 16 :])
 
 
 @pytest.mark.parametrize(
@@ -136,22 +180,42 @@ def rewritten(path):
         (lambda path: path.write_bytes(b""), "study.nc is no netCDF file.* delete the file"),
         (lambda path: path.write_text("a,b\n1,2\n"), "study.nc is no netCDF file.* delete the file"),
         (cut, "study.nc cannot be read .*cut off or damaged. Delete the file"),
-        (changed, "study.nc was changed or damaged.* samples 4 to 7 are not .* Delete the file"),
-        (rewritten, "study.nc was changed or damaged.* samples 8 to 9 are not .* Delete the file"),
+        (changed, "study.nc was changed or damaged.* written at samples 4 to 7. Delete the file"),
+        (rewritten, "study.nc was changed or damaged.* written at samples 8 to 9. Delete the file"),
+        (scaled, "study.nc was changed or damaged.* written at variable 'square'. Delete the file"),
+        (longer, "study.nc was changed or damaged.* written at attribute 'done'. Delete the file"),
+        (endless, "study.nc cannot be read .*cut off or damaged. Delete the file"),
     ],
 )
 def test_a_damaged_file_is_told(harm, message, tmp_path):
     study(path=tmp_path / "study.nc")
     harm(tmp_path / "study.nc")
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(rx.RedundaxError, match=message):
         study(path=tmp_path / "study.nc")
     (tmp_path / "study.nc").unlink()
     same(study(path=tmp_path / "study.nc"))
 
 
+def test_labels_that_changed_place_are_told(tmp_path):
+    """Both are as long, so that the file stays a sound one."""
+    axis = rx.Axis(("left_end", "right_at"), ("linear", "linear"))
+    system = rx.System(lambda q, t, p: q[:1], jnp.ones(2), coordinates=axis, rows="force")
+    options = {"samples": {"x": X}, "system": system, "path": tmp_path / "study.nc"}
+    with study(lambda x: {"q": jnp.stack([x, -x])}, **options) as found:
+        np.testing.assert_array_equal(found.q.sel(coordinate="left_end"), X)
+    content = (tmp_path / "study.nc").read_bytes()
+    places = [content.index(name.encode()) for name in axis.labels]
+    changed = bytearray(content)
+    for place, name in zip(places, reversed(axis.labels), strict=True):
+        changed[place : place + len(name)] = name.encode()
+    (tmp_path / "study.nc").write_bytes(changed)
+    with pytest.raises(rx.RedundaxError, match=r"study.nc was changed .* written at variable 'coordinate'"):
+        study(lambda x: {"q": jnp.stack([x, -x])}, **options)
+
+
 def test_a_folder_is_no_file(tmp_path):
     (tmp_path / "study.nc").mkdir()
-    with pytest.raises(ValueError, match=r"study.nc cannot be opened .*Choose another"):
+    with pytest.raises(rx.RedundaxError, match=r"study.nc cannot be opened .*Choose another"):
         study(path=tmp_path / "study.nc")
 
 
@@ -164,7 +228,7 @@ def test_a_file_that_is_open_elsewhere_is_told(tmp_path):
     study(path=path)
     with subprocess.Popen([sys.executable, "-c", HELD, path], stdin=-1, stdout=-1, text=True) as other:
         assert other.stdout.readline() == "open\n"
-        with pytest.raises(ValueError, match=r"study.nc is open in another program .* Close it there"):
+        with pytest.raises(rx.RedundaxError, match=r"study.nc is open in another program .* Close it there"):
             study(path=path)
         other.communicate()
     same(study(path=path))
@@ -191,7 +255,7 @@ def told(steps, *_):
 def study():
     try:
         return rx.study(lambda x: {"y": x + jnp.arange(10)}, {"x": x}, chunk=100, path=sys.argv[1])
-    except (OSError, ValueError) as error:
+    except (OSError, rx.RedundaxError) as error:
         said.append(f"{type(error).__name__}: {error}")
 
 room(20_000)  # of 48,000 bytes
@@ -211,7 +275,7 @@ def test_a_full_disk_is_told_and_the_study_goes_on(tmp_path):
     process = [sys.executable, "-c", FULL, tmp_path / "study.nc"]
     out = subprocess.run(process, capture_output=True, text=True, timeout=500, check=True).stdout
     (before, later), begun, right = json.loads(out)
-    assert before.startswith("ValueError: Argument `path`: ") and later.startswith("OSError: Argument `path`: ")
+    assert before.startswith("RedundaxError: Argument `path`: ") and later.startswith("OSError: Argument `path`: ")
     for one in (before, later):
         assert "study.nc cannot be written" in one and "MB are free" in one and "Make room, or choose another" in one
     assert "call the study again: 300 of 1000 samples are done" in later
@@ -266,7 +330,7 @@ def test_solutions_have_names_and_outcomes(tmp_path):
     ],
 )
 def test_bad_input(function, samples, options, message):
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(rx.RedundaxError, match=message):
         study(function, samples, **options)
 
 
@@ -308,7 +372,7 @@ for change, threads in ((1, 8), (0, 4 // processes)):
     os.environ["PJRT_NPROC"] = str(threads)
     try:
         rx.study(run, {"phi": samples["phi"] + change}, system=mechanism, chunk=7, mesh=mesh, path=path)
-    except ValueError as error:
+    except rx.RedundaxError as error:
         refused.append(str(error))
 crank = found.acceleration.sel(coordinate="1.phi").values
 print(json.dumps({"devices": [*devices], "done": int(found.done), "refused": refused, "crank": crank.tolist()}))

@@ -120,7 +120,7 @@ def test_cause_has_its_result(cause):
 @every_failure
 def test_cause_is_raised_unless_asked_not_to(cause):
     result, pair, options = FAILURES[cause]
-    with pytest.raises(RuntimeError) as raised:
+    with pytest.raises(rx.NoSolutionError) as raised:
         registry.solve(*pair(), **options)
     assert rx.RESULTS[result] in str(raised.value)
 
@@ -165,7 +165,7 @@ def test_what_is_not_finite_is_no_success(place, bad):
 
 def test_a_mechanism_at_rest_is_sent_to_the_call_that_answers_it():
     mechanism, state = paper(0.02, rate=0.0)
-    with pytest.raises(RuntimeError, match=r"Ask `rx\.band`.*`rx\.sticking`.*At rest: A, B, C, D"):
+    with pytest.raises(rx.NoSolutionError, match=r"Ask `rx\.band`.*`rx\.sticking`.*At rest: A, B, C, D"):
         registry.solve(mechanism, state)
 
 
@@ -235,7 +235,7 @@ def mechanism_of(bodies=("a", "b"), **joint):
     (("a", "b"), {"j": "a"}),
 ])  # fmt: skip
 def test_mechanisms_that_make_no_sense_are_refused(bodies, joint):
-    with pytest.raises(ValueError, match=r"Argument `(bodies|joints)`"):
+    with pytest.raises(rx.RedundaxError, match=r"Argument `(bodies|joints)`"):
         mechanism_of(bodies, **joint)
 
 
@@ -243,13 +243,13 @@ def test_mechanisms_that_make_no_sense_are_refused(bodies, joint):
     {"x0": np.zeros(12), "closure": None}, {"sense": np.ones(3)}, {"x0": np.zeros((1, 24))},
 ])  # fmt: skip
 def test_options_that_do_not_fit_are_refused(options):
-    with pytest.raises(ValueError, match=r"Argument `(x0|sense)` must"):
+    with pytest.raises(rx.RedundaxError, match=r"Argument `(x0|sense)` must"):
         registry.solve(*paper(0.02), **options)
 
 
 def test_a_state_of_another_mechanism_is_refused():
     mechanism, state = paper()
-    with pytest.raises(ValueError, match=r"Argument `state` must"):
+    with pytest.raises(rx.RedundaxError, match=r"Argument `state` must"):
         registry.solve(mechanism, rx.State(state.q[:9], state.qd[:9]))
 
 
@@ -257,7 +257,7 @@ def test_a_state_of_another_mechanism_is_refused():
 def test_positions_of_another_mechanism_are_refused(function):
     mechanism, state = paper()
     for q, shape in ((state.q[:9], r"\(9,\)"), (jnp.stack([state.q] * 2), r"\(2, 12\)")):
-        with pytest.raises(ValueError, match=rf"Argument `q` must have shape \(12,\).* but has {shape}"):
+        with pytest.raises(rx.RedundaxError, match=rf"Argument `q` must have shape \(12,\).* but has {shape}"):
             function(mechanism, rx.State(q, state.qd))
 
 
@@ -274,7 +274,7 @@ for call in (
 ):
     try:
         call()
-    except ValueError as error:
+    except rx.RedundaxError as error:
         print(error)
 """
 
@@ -314,5 +314,19 @@ def test_what_is_printed():
 
 
 def test_a_guide_that_rubs_needs_a_length():
-    with pytest.raises(ValueError, match=r"Argument `guide_length`"):
+    with pytest.raises(rx.RedundaxError, match=r"Argument `guide_length`"):
         rx.Translational("K", "a", rx.GROUND, (0.0, 0.0), (0.0, 0.0), (0.0, 1.0), friction=rx.Coulomb(0.1))
+
+
+def test_a_print_shows_figures_and_words():
+    """Of one and of many, and inside of other prints."""
+    factor = rx.factorize(*paper())
+    decision = factor.spectrum.decision
+    assert repr(decision) == f"Decision(margin={decision.margin:.6g})" and "[]" not in str(factor.spectrum)
+    assert str(factor.violation).splitlines()[0].split() == ["position", f"{factor.violation.position:.6g}"]
+    assert "margin=" in f"{[factor.spectrum]}"
+    many = jax.tree.map(lambda x: jnp.stack([x, 2 * x]), decision)
+    assert str(many).split() == ["margin", f"{decision.margin:.6g}", "to", f"{2 * decision.margin:.6g}"]
+    assert f"{R.successful} {[R.stuck]}".startswith("redundax.RESULTS<successful> [redundax.RESULTS<The mechanism came")
+    results = jax.tree.map(lambda *x: jnp.stack(x), R.successful, R.stuck, R.successful)
+    assert str(results) == "redundax.RESULTS<2 successful, 1 stuck>"

@@ -233,7 +233,7 @@ PRESSES = {
     "mm, t": UNITS["mm, t"],
     "inch, lb": rx.units.Units(length=1 / 0.0254, mass=1 / 0.45359237),
 }
-other_press = pytest.mark.parametrize("unit", ["mm, t", pytest.param("inch, lb", marks=pytest.mark.slow)])
+other_press = pytest.mark.parametrize("unit", ["mm, t", "inch, lb"])
 
 
 @pytest.fixture(scope="module")

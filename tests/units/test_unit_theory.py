@@ -88,9 +88,9 @@ def test_formulas_22_and_23_as_printed():
 
 
 def test_shapes_and_kinds_that_do_not_fit_are_refused():
-    with pytest.raises(ValueError, match="`eta` must have a row for each of 1"):
+    with pytest.raises(rx.RedundaxError, match="`eta` must have a row for each of 1"):
         rx.units.dependence_in_units(np.ones((2, 5)), (FORCE,), INDEPENDENT, DECIMETRES)
-    with pytest.raises(ValueError, match="`dependent` must hold"):
+    with pytest.raises(rx.RedundaxError, match="`dependent` must hold"):
         rx.units.dependence_in_units(np.ones((1, 5)), ("linear",), INDEPENDENT, DECIMETRES)
 
 

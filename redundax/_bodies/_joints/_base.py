@@ -15,11 +15,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..._tools._errors import RedundaxError
+from ..._tools._module import check_kind, part
 from .._frame import AbstractFrame
 from .._friction_model import AbstractFrictionModel
 from .._plane import PLANE
 from .._pose import Pose
-from .._stack import AbstractBetweenBodies
+from .._stack import AbstractBetweenBodies, is_of_user
 
 Row = tuple[str, str]
 
@@ -54,6 +55,10 @@ class AbstractJoint(AbstractBetweenBodies):
     has_spin: ClassVar[bool] = False  # whether it leaves all turns in space free, which have no coordinate
     name: eqx.AbstractVar[str]
 
+    def __check_init__(self) -> None:
+        if is_of_user(type(self)):
+            check_rows(self)
+
     @abc.abstractmethod
     def residual(self, i: Any, j: Any, t: Float[Array, ""]) -> Float[Array, " rows"]:
         """Constraint residual, one entry for each of `row_kinds`, from the `Pose` of each body."""
@@ -87,6 +92,23 @@ class AbstractJoint(AbstractBetweenBodies):
     def coordinates(self, i: Any, j: Any) -> Float[Array, " coordinates"]:
         """Its coordinates, one for each of `coordinate_kinds`, at poses with axes."""
         return jnp.zeros(0)
+
+
+def check_rows(joint: AbstractJoint) -> None:
+    """Refuse rows that have no name and kind, and rows that push but are none."""
+    kinds = joint.row_kinds
+    pairs = [each for each in kinds if isinstance(each, tuple) and len(each) == 2 and each[1] in ("force", "moment")]
+    if not pairs or len(pairs) < len(kinds):
+        raise RedundaxError(
+            f"`row_kinds` of {type(joint).__name__} must give a name and a kind, 'force' or 'moment', for each row, "
+            f'but is {kinds!r}. Write (("y", "force"),) for one row, with both commas.'
+        )
+    missing = [name for name in joint.pushing if name not in dict(pairs)]
+    if missing:
+        raise RedundaxError(
+            f"`pushing` of {type(joint).__name__} must hold names of its rows, but holds {missing[0]!r}. The rows are "
+            f"{', '.join(dict(pairs))}."
+        )
 
 
 class AbstractFrictionalJoint(AbstractJoint):
@@ -136,8 +158,13 @@ class AbstractFrictionalJoint(AbstractJoint):
 
 def check_friction(joint: str, friction: object) -> None:
     """Refuse what is no friction model."""
-    if friction is not None and not isinstance(friction, AbstractFrictionModel):
-        raise RedundaxError(
-            f"Argument `friction` of joint '{joint}' must be a friction model, but is {friction!r}. Give `rx.Coulomb` "
-            "with this coefficient, say."
-        )
+    if friction is not None:
+        with part(f"joint '{joint}'"):
+            advice = "Give `rx.Coulomb(0.1)`, say, with the coefficient of these surfaces."
+            check_kind("friction", friction, AbstractFrictionModel, "a friction model", advice)
+        many = [x.shape for x in jax.tree.leaves(friction) if eqx.is_array(x) and x.shape]
+        if many and not is_of_user(type(friction)):
+            raise RedundaxError(
+                f"Argument `friction` of joint '{joint}' must have a number for each figure, but one has shape "
+                f"{many[0]}. Give each joint its own, and use jax.vmap for many values."
+            )

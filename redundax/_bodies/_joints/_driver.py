@@ -12,8 +12,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..._tools._module import as_vector, safe_norm
-from .._law_of_time import check_law, law_of_time
+from ..._tools._module import as_float, safe_norm
+from .._law_of_time import check_distance, check_law, law_of_time
 from .._pose import Pose
 from ._base import AbstractJoint, Row
 
@@ -72,12 +72,12 @@ class DistanceDriver(AbstractJoint):
     name: str = eqx.field(static=True)
     i: str = eqx.field(static=True)
     j: str = eqx.field(static=True)
-    point_i: Float[Array, "2"] = eqx.field(converter=as_vector)
-    point_j: Float[Array, "2"] = eqx.field(converter=as_vector)
+    point_i: Float[Array, "2"] = eqx.field(converter=as_float)
+    point_j: Float[Array, "2"] = eqx.field(converter=as_float)
     distance: Callable[[Array], Array] = eqx.field(converter=law_of_time)
 
     def __check_init__(self) -> None:
-        check_law("distance", self.name, self.distance)
+        check_distance(self.name, self.distance)
 
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:
         return jnp.stack([safe_norm(i.point(self.point_i) - j.point(self.point_j)) - self.distance(t)])

@@ -9,7 +9,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..._tools._module import as_float, as_vector
+from ..._tools._module import as_float
 from .._pose import Pose
 from ._base import AbstractJoint, Row
 
@@ -35,8 +35,8 @@ class Fixed(AbstractJoint):
     name: str = eqx.field(static=True)
     i: str = eqx.field(static=True)
     j: str = eqx.field(static=True)
-    point_i: Float[Array, "2"] = eqx.field(converter=as_vector)
-    point_j: Float[Array, "2"] = eqx.field(converter=as_vector)
+    point_i: Float[Array, "2"] = eqx.field(converter=as_float)
+    point_j: Float[Array, "2"] = eqx.field(converter=as_float)
     angle: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
 
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:

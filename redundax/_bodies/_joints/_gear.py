@@ -30,7 +30,6 @@ from ..._tools._errors import RedundaxError
 from ..._tools._module import (
     Numbers,
     as_float,
-    as_vector,
     is_concrete,
     numpy_of,
     on_device,
@@ -174,8 +173,8 @@ class GearPair(AbstractMesh):
     name: str = eqx.field(static=True)
     i: str = eqx.field(static=True)
     j: str = eqx.field(static=True)
-    point_i: Float[Array, "2"] = eqx.field(converter=as_vector)
-    point_j: Float[Array, "2"] = eqx.field(converter=as_vector)
+    point_i: Float[Array, "2"] = eqx.field(converter=as_float)
+    point_j: Float[Array, "2"] = eqx.field(converter=as_float)
     teeth: Int[Array, "2"] = eqx.field(converter=whole)
     module: Float[Array, ""] = eqx.field(converter=as_float)
     pressure_angle: Float[Array, ""] = eqx.field(converter=as_float, default=STANDARD_PRESSURE_ANGLE)

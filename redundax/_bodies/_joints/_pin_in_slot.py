@@ -9,7 +9,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..._tools._module import as_vector, unit
+from ..._tools._module import as_float, unit
 from .._friction_model import AbstractFrictionModel
 from .._pose import Pose, perpendicular
 from ._base import AbstractFrictionalJoint, Row
@@ -36,11 +36,12 @@ class PinInSlot(AbstractFrictionalJoint):
 
     row_kinds: ClassVar[tuple[Row, ...]] = (("perpendicular", "force"),)
     slip_kind: ClassVar[str] = "linear"
+    vectors: ClassVar[tuple[str, ...]] = ("point_i", "point_j", "normal")
     name: str = eqx.field(static=True)
     i: str = eqx.field(static=True)
     j: str = eqx.field(static=True)
-    point_i: Float[Array, "2"] = eqx.field(converter=as_vector)
-    point_j: Float[Array, "2"] = eqx.field(converter=as_vector)
+    point_i: Float[Array, "2"] = eqx.field(converter=as_float)
+    point_j: Float[Array, "2"] = eqx.field(converter=as_float)
     normal: Float[Array, "2"] = eqx.field(converter=unit)
     friction: AbstractFrictionModel | None = None
 

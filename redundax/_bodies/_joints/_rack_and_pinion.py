@@ -6,7 +6,7 @@ with phi the angle of the pinion relative to the rack, and the pinion's axis at 
 frame of the rack. Sign, flanks and friction are those of a pair of gears; eps_j p = m / sin(alpha).
 """
 
-from typing import Any, cast
+from typing import Any, ClassVar, cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..._tools._errors import RedundaxError
-from ..._tools._module import as_float, as_vector, numpy_of, optional_float, unit
+from ..._tools._module import as_float, numpy_of, optional_float, unit
 from .._friction_model import AbstractFrictionModel
 from .._pose import Pose, perpendicular
 from ._gear import STANDARD_PRESSURE_ANGLE, AbstractMesh, check_mesh, tip_path, whole
@@ -47,11 +47,12 @@ class RackAndPinion(AbstractMesh):
     - `angle_i`: where the middle of a tooth of the pinion is in its frame, from the x axis, rad.
     """
 
+    vectors: ClassVar[tuple[str, ...]] = ("point_i", "point_j", "normal")
     name: str = eqx.field(static=True)
     i: str = eqx.field(static=True)
     j: str = eqx.field(static=True)
-    point_i: Float[Array, "2"] = eqx.field(converter=as_vector)
-    point_j: Float[Array, "2"] = eqx.field(converter=as_vector)
+    point_i: Float[Array, "2"] = eqx.field(converter=as_float)
+    point_j: Float[Array, "2"] = eqx.field(converter=as_float)
     normal: Float[Array, "2"] = eqx.field(converter=unit)
     teeth: Int[Array, ""] = eqx.field(converter=whole)
     module: Float[Array, ""] = eqx.field(converter=as_float)

@@ -11,10 +11,10 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from ..._tools._errors import RedundaxError
-from ..._tools._module import as_vector, optional_float, safe_norm
+from ..._tools._module import as_float, not_negative, optional_float, part, safe_norm
 from .._friction_model import AbstractFrictionModel
 from .._pose import Pose
-from ._base import AbstractFrictionalJoint, Row
+from ._base import AbstractFrictionalJoint, Row, check_friction
 
 
 class Revolute(AbstractFrictionalJoint):
@@ -42,17 +42,22 @@ class Revolute(AbstractFrictionalJoint):
     name: str = eqx.field(static=True)
     i: str = eqx.field(static=True)
     j: str = eqx.field(static=True)
-    point_i: Float[Array, "2"] = eqx.field(converter=as_vector)
-    point_j: Float[Array, "2"] = eqx.field(converter=as_vector)
+    point_i: Float[Array, "2"] = eqx.field(converter=as_float)
+    point_j: Float[Array, "2"] = eqx.field(converter=as_float)
     pin_radius: Float[Array, ""] | None = eqx.field(converter=optional_float, default=None)
     friction: AbstractFrictionModel | None = None
 
     def __check_init__(self) -> None:
+        check_friction(self.name, self.friction)
         if self.friction is not None and self.pin_radius is None:
             raise RedundaxError(
                 f"Argument `pin_radius` of the revolute joint '{self.name}' must be given where the joint has "
                 "friction, but it is None: friction acts at that radius. Give 1.0 where mu stands for mu times radius."
             )
+
+        if self.pin_radius is not None:
+            with part(f"joint '{self.name}'"):
+                not_negative("pin_radius", self.pin_radius)
 
     @property
     def law(self) -> AbstractFrictionModel | None:

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..._tools._errors import RedundaxError
-from ..._tools._module import as_float, as_vector, optional_float, unit
+from ..._tools._module import as_float, optional_float, unit
 from .._friction_model import AbstractFrictionModel
 from .._pose import Pose, perpendicular
 from ._base import AbstractFrictionalJoint, Row
@@ -48,11 +48,12 @@ class Translational(AbstractFrictionalJoint):
 
     row_kinds: ClassVar[tuple[Row, ...]] = (("perpendicular", "force"), ("angle", "moment"))
     slip_kind: ClassVar[str] = "linear"
+    vectors: ClassVar[tuple[str, ...]] = ("point_i", "point_j", "normal")
     name: str = eqx.field(static=True)
     i: str = eqx.field(static=True)
     j: str = eqx.field(static=True)
-    point_i: Float[Array, "2"] = eqx.field(converter=as_vector)
-    point_j: Float[Array, "2"] = eqx.field(converter=as_vector)
+    point_i: Float[Array, "2"] = eqx.field(converter=as_float)
+    point_j: Float[Array, "2"] = eqx.field(converter=as_float)
     normal: Float[Array, "2"] = eqx.field(converter=unit)
     angle: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
     guide_length: Float[Array, ""] | None = eqx.field(converter=optional_float, default=None)

@@ -1,10 +1,12 @@
 """A force and a moment on one body, fixed in the global frame or following the body."""
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..._tools._module import as_float, as_vector
+from ..._tools._module import as_float
 from .._body import GROUND
 from .._pose import Motion, Wrench
 from ._base import AbstractLoad
@@ -29,9 +31,10 @@ class AppliedForce(AbstractLoad):
     - `follows`: whether the force turns with the body.
     """
 
+    vectors: ClassVar[tuple[str, ...]] = ("force", "point")
     i: str = eqx.field(static=True)
-    force: Float[Array, "2"] = eqx.field(converter=as_vector, default=(0.0, 0.0))
-    point: Float[Array, "2"] = eqx.field(converter=as_vector, default=(0.0, 0.0))
+    force: Float[Array, "2"] = eqx.field(converter=as_float, default=(0.0, 0.0))
+    point: Float[Array, "2"] = eqx.field(converter=as_float, default=(0.0, 0.0))
     moment: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
     follows: bool = eqx.field(static=True, default=False)
     j: str = eqx.field(static=True, default=GROUND)

@@ -9,7 +9,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
-from ..._tools._module import as_functions, as_parameters, tracing
+from ..._tools._errors import RedundaxError
+from ..._tools._module import as_functions, as_parameters, check_kind, part, tracing
 from .._body import GROUND, name_of
 from .._pose import Motion, Pose
 from ._base import AbstractLoad
@@ -29,11 +30,22 @@ class AbstractLoadFunction(AbstractLoad):
         """A motion on which the function is tried."""
 
     def __check_init__(self) -> None:
-        def trial() -> tuple[Any, Any]:
-            return self.wrenches(self.still(), self.still(), jnp.zeros(()))
-
+        with part(f"{type(self).__name__} on '{self.i}'"):
+            advice = "Give one of both motions, time and parameters."
+            check_kind("function", self.function, Callable, "a function", advice)
         with tracing("function"):
-            jax.eval_shape(trial)
+            given = jax.eval_shape(lambda: self.function(self.still(), self.still(), jnp.zeros(()), self.parameters))
+        force, moment = (len(self.frame.linear),), (len(self.frame.angular),) if len(self.frame.angular) > 1 else ()
+        pair = given if isinstance(given, tuple | list) else (given,)
+        found = [
+            tuple(getattr(getattr(one, name, None), "shape", None) for name in ("force", "moment")) for one in pair
+        ]
+        if found != [(force, moment)] * 2:
+            raise RedundaxError(
+                f"Argument `function` of {type(self).__name__} on '{self.i}' must give two wrenches, on i and on "
+                f"j, of shapes {force} and {moment}, but gives something else. Return `i.wrench(force, point), "
+                "j.wrench(-force, point)`, say."
+            )
 
     def wrenches(self, i: Any, j: Any, t: Array) -> tuple[Any, Any]:
         return self.function(i, j, t, self.parameters)

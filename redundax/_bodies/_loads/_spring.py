@@ -10,7 +10,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..._tools._module import as_float, as_vector, one_number, safe_norm
+from ..._tools._module import as_float, one_number, safe_norm
 from .._pose import Motion, Wrench
 from ._base import AbstractLoad
 
@@ -59,8 +59,8 @@ class SpringDamper(AbstractSpringDamper):
 
     i: str = eqx.field(static=True)
     j: str = eqx.field(static=True)
-    point_i: Float[Array, "2"] = eqx.field(converter=as_vector)
-    point_j: Float[Array, "2"] = eqx.field(converter=as_vector)
+    point_i: Float[Array, "2"] = eqx.field(converter=as_float)
+    point_j: Float[Array, "2"] = eqx.field(converter=as_float)
     stiffness: Float[Array, ""] = eqx.field(converter=as_float)
     free_length: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
     damping: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)

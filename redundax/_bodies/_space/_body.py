@@ -57,7 +57,8 @@ class Body(AbstractBody):
     ):
         self.name, self.mass, self.inertia = name, as_float(mass, "mass"), as_float(inertia, "inertia")
         self.centre, self.position = (
-            SPACE.vector(argument, value) for argument, value in (("centre", centre), ("position", position))
+            SPACE.vector(argument, value, f"body '{name}'")
+            for argument, value in (("centre", centre), ("position", position))
         )
         self.orientation = on_device(as_quaternion("orientation", orientation))
         check_amount("mass", name, self.mass)
@@ -79,7 +80,7 @@ def _check_inertia(name: str, inertia: Array) -> None:
             f"Argument `inertia` of body '{name}' must be principal values (3,) or a matrix (3, 3), but has shape "
             f"{inertia.shape}. Give three numbers about the centre of mass."
         )
-    if not is_concrete(inertia):
+    if not is_concrete(inertia) or not np.all(np.isfinite(inertia)):
         return
     value = np.asarray(inertia)
     if value.ndim == 2 and np.abs(value - value.T).max() > 1e-9 * np.abs(value).max():

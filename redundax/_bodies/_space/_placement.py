@@ -10,7 +10,7 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from ..._tools._errors import RedundaxError
-from ..._tools._module import Numbers, numpy_of, on_device, replace_fields
+from ..._tools._module import Numbers, check_kind, finite, numpy_of, on_device, part, replace_fields
 from .._body import GROUND, name_of
 from ._body import Body
 from ._frame import SPACE
@@ -40,6 +40,7 @@ class Placement(eqx.Module):
 
     def __init__(self, point: Numbers, axis: Numbers = (0.0, 0.0, 1.0), mark: Numbers | None = None):
         self.point = SPACE.vector("point", point)
+        finite("point", self.point)
         self.axes = on_device(axes_along("axis", axis, mark))
 
 
@@ -57,7 +58,8 @@ def at_reference(
 ) -> Placement | None:
     """A global placement; None where there is no point, beside which no direction counts."""
     if point is not None:
-        return Placement(point, (0.0, 0.0, 1.0) if axis is None else axis, mark)
+        with part(f"{what} '{joint}'"):
+            return Placement(point, (0.0, 0.0, 1.0) if axis is None else axis, mark)
     if axis is not None or mark is not None:
         raise RedundaxError(
             f"{what.capitalize()} '{joint}' has a global direction without a global point, so that it would count for "
@@ -82,6 +84,11 @@ def placed(
             f"{what.capitalize()} '{joint}' must be given by global points at the reference pose or by `on_i` and "
             f"`on_j`, but has {has}. Give one kind, and all of it."
         )
+    for argument, on in zip(("on_i", "on_j"), own, strict=True):
+        if on is not None:
+            with part(name):
+                advice = "Give `rx.spatial.Placement(point, axis=...)`."
+                check_kind(argument, on, Placement, "a placement on the body", advice)
     if counts[0]:
         own = _local(name, "i", i, given[0]), _local(name, "j", j, given[1])  # pyright: ignore[reportArgumentType]
     return Place(name_of(i), name_of(j), *own)  # pyright: ignore[reportArgumentType]
@@ -91,7 +98,11 @@ def between_points(
     joint: str, i: Body | str, j: Body | str, points: Sequence[Numbers | None], what: str = "joint"
 ) -> Place:
     """Placements of which only the points count: both global ones, then both in the local frames."""
-    given_i, given_j, on_i, on_j = (None if point is None else Placement(point) for point in points)
+    arguments, owner = ("point_i", "point_j", "on_i", "on_j"), f"{what} '{joint}'"
+    given_i, given_j, on_i, on_j = (
+        None if point is None else Placement(SPACE.vector(argument, point, owner))
+        for argument, point in zip(arguments, points, strict=True)
+    )
     return placed(joint, i, j, (given_i, given_j), (on_i, on_j), what)
 
 

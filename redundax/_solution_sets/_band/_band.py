@@ -28,16 +28,15 @@ from ..._solve._all_solutions import start_factors
 from ..._solvers._friction_problem import Law
 from ..._system._export import bands_dataset
 from ..._system._names import ByName, index_of, senses, unit_of
-from ..._system._pushing import in_words, pulling
+from ..._system._pushing import changing, in_words, pulling
 from ..._system._results import RESULTS
 from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._system._units import with_unit
 from ..._tools._errors import NoSolutionError, RedundaxError
-from ..._tools._module import no_classes
 from ..._tools._table import figures, group, page
 from .._at_rest import is_still
-from .._bounds import AbstractBounds, bounds_in_words, cases_of
+from .._bounds import AbstractBounds, cases_of, check_bounds, title_of
 from .._cases import AbstractCases, Affine
 from .._family._solution_family import solutions_of
 from .._loads_at_rest._band_at_rest import bands_at_rest
@@ -72,6 +71,7 @@ class Bands:
     - `solved`: share of the cases looked at that have a solution; below 1 some of what the bounds allow is impossible
       at this state, as past a fold of friction.
     - `sense`: of each slip, 1 or -1, and 0 where it rests, shape (p,).
+    - `title`: all that was bounded, in words.
     - `stands`: where joints with friction rest, whether they may stay at rest: "yes", "no" (proved) or "undecided";
       None where all slip.
     - `pulling`: names of the rows of teeth that pull in some of what is possible: their other flanks touch there.
@@ -101,13 +101,9 @@ class Bands:
     outer_lower: np.ndarray
     outer_upper: np.ndarray
     sense: np.ndarray
+    title: str
     stands: str | None = None
     pulling: tuple[str, ...] = ()
-
-    @property
-    def title(self) -> str:
-        """What was bounded, in words."""
-        return bounds_in_words(self.bounds, self.parameters, self.box)
 
     @property
     def empty(self) -> bool:
@@ -147,7 +143,7 @@ class Bands:
         if np.any((np.isinf(self.outer_lower) | np.isinf(self.outer_upper)) & ~self.exact & ~endless):
             lines.append("Inner estimates: all within is attained; more may be, and no outer bound is known.")
         if self.pulling:
-            lines.append(f"CHANGE OF FLANK within these bands: {in_words(self.pulling)}")
+            lines.append(f"{changing(self.pulling)} within these bands: {in_words(self.pulling)}")
         return "\n".join(lines)
 
     def _kind(self, k: int) -> str:
@@ -212,7 +208,7 @@ def band(
 
     **Raises:** as `solution_family`; `ValueError` where bounds or outputs do not fit the system.
     """
-    no_classes(bounds=bounds)
+    check_bounds(bounds)
     system, factor = dense_at(system, state, rank, factor)
     report = analyze(system, state, sense=sense, factor=factor)
     if report.at_rest:
@@ -328,6 +324,7 @@ def _described(
         "bounds": type(bounds).__name__,
         "parameters": cases.names,
         "box": cases.box,
+        "title": title_of(bounds, cases),
     }
 
 

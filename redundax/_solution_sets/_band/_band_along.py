@@ -16,10 +16,15 @@ from jax.typing import ArrayLike
 
 from ..._analysis._outputs import plain
 from ..._closures._closure import AbstractClosure
+from ..._equations._factorisation import Factorisation
+from ..._equations._factorize import dense_at
+from ..._equations._kinematics import slip_motion
 from ..._system._axis import Axis, join
+from ..._system._directions import directions_of
 from ..._system._export import bands_dataset
 from ..._system._joint_coordinates import joint_motion
 from ..._system._names import ByName
+from ..._system._pushing import changing
 from ..._system._state import State, states_of
 from ..._system._system import AbstractSystem
 from ..._system._units import with_unit
@@ -32,6 +37,9 @@ if TYPE_CHECKING:
 
 _LINES = 40  # of a table
 _STILL = 1e-9  # rate of a coordinate that is rounding, relative to the fastest
+_HELD = (
+    1e-6  # slip of a joint that constraints hold, beside a free one: what `solve` takes for met, relative to the size
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,9 +52,11 @@ class BandPath:
     - `coordinates`, `coordinate_units`, `time_unit`: names and kinds of what moves, and units.
     - `own`: how many coordinates are the system's own, which stand first.
     - `bands`: what `band` gives at each state, with the cases and solutions that attain the ends.
+    - `motion`: of each state "rests", "moves" or "partly", where some joints with friction rest and others move. A
+      joint that does not slip at any state, and cannot, as constraints and drivers hold it, does not count.
 
     Of all states, besides, shape (states, outputs): `lower`, `upper`, `outer_lower`, `outer_upper` and `exact` as in
-    `Bands`, NaN where there is no solution; `stands` and `motion`, a word for each state.
+    `Bands`, NaN where there is no solution; `stands`, a word for each state.
 
     ??? example
 
@@ -65,6 +75,7 @@ class BandPath:
     time_unit: str
     own: int
     bands: tuple[Bands, ...]
+    motion: tuple[str, ...]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -110,11 +121,6 @@ class BandPath:
     def stands(self) -> tuple[str | None, ...]:
         """Whether joints that rest may stay at rest, of each state: "yes", "no", "undecided" or None, as in `Bands`."""
         return tuple(bands.stands for bands in self.bands)
-
-    @property
-    def motion(self) -> tuple[str, ...]:
-        """Of each state: "rests", "moves" or "partly", where some slips rest and others move."""
-        return tuple(map(_motion, self.bands, self.qd))
 
     @property
     def leading(self) -> int | None:
@@ -182,13 +188,14 @@ class BandPath:
     def _flags(self) -> list[str]:
         """What has no band, by time."""
         empty = [bands.empty for bands in self.bands]
+        pull = tuple(row for bands in self.bands for row in bands.pulling)
         found = {
             "CANNOT STAND (proved)": [word == "no" for word in self.stands],
             "UNDECIDED whether it can stand": [word == "undecided" for word in self.stands],
             "NO SOLUTION within the bounds was found": [
                 gone and word is None for gone, word in zip(empty, self.stands, strict=True)
             ],
-            "CHANGE OF FLANK, as teeth pull,": [bool(bands.pulling) for bands in self.bands],
+            f"{changing(pull)}, as contacts pull,": [bool(bands.pulling) for bands in self.bands],
         }
         return [f"{said} at t = {_times(self.t[flags])}." for said, flags in found.items() if any(flags)]
 
@@ -210,9 +217,28 @@ def _moving(system: AbstractSystem, state: State) -> tuple[np.ndarray, np.ndarra
     return np.asarray(state.t), q, qd
 
 
-def _motion(bands: Bands, rates: np.ndarray) -> str:
-    moves = bands.sense != 0 if bands.sense.size else rates.any(keepdims=True)
-    return "moves" if moves.all() else "partly" if moves.any() else "rests"
+def _motion(system: AbstractSystem, found: Sequence[Bands], slips: np.ndarray, rates: np.ndarray) -> tuple[str, ...]:
+    """A word for each state, given which slips its constraints leave free, and the rates of coordinates."""
+    if not slips.size:
+        return tuple("moves" if any(rate) else "rests" for rate in rates)
+    moves = np.stack([bands.sense != 0 for bands in found])
+    directions = directions_of(system.friction)
+    if directions is not None:  # a sleeve that slides and does not turn moves
+        moves, slips = (
+            np.stack([np.asarray(directions.any(jnp.asarray(of))) for of in flags]) for flags in (moves, slips)
+        )
+    counts = np.any(moves | slips, axis=0)
+    return tuple("rests" if not of.any() else "moves" if of[counts].all() else "partly" for of in moves)
+
+
+def _free_slips(system: AbstractSystem, state: State, factor: Factorisation) -> np.ndarray:
+    """Which slips the constraints leave free at a state."""
+    if not system.friction:
+        return np.zeros(0, bool)
+    _, slopes = slip_motion(system, state)
+    slopes = slopes * factor.scaling.coordinates[:, None]
+    left, whole = (np.linalg.norm(x, axis=0) for x in (factor.split.motion @ slopes, slopes))
+    return left > _HELD * whole
 
 
 def _times(t: np.ndarray) -> str:
@@ -259,12 +285,14 @@ def band_along(
 
     **Raises:** as `band`; a note tells at which state.
     """
-    each, found = states_of(states), []
+    each, found, slips = states_of(states), [], []
     effort = {"samples": samples, "starts": starts, "seed": seed, "nodes": nodes}
-    ask = partial(band, system, outputs=outputs, bounds=bounds, sense=sense, rank=rank, **effort)
+    ask = partial(band, outputs=outputs, bounds=bounds, sense=sense, **effort)
     for k, state in enumerate(each):
         try:
-            found.append(ask(state=state))
+            whole, factor = dense_at(system, state, rank, None)
+            found.append(ask(whole, state, factor=factor))
+            slips.append(_free_slips(whole, state, factor))
         except (ValueError, RuntimeError) as error:
             error.add_note(f"This is state {k} of the path, at t = {float(state.t):.6g}.")
             raise
@@ -279,4 +307,5 @@ def band_along(
         time_unit=units.of("time"),
         own=len(system.coordinates),
         bands=tuple(found),
+        motion=_motion(system, found, np.stack(slips), qd),
     )

@@ -23,7 +23,7 @@ from jax.typing import ArrayLike
 
 from ..._analysis._analyze import Report, analyze
 from ..._analysis._outputs import plain, sizes
-from ..._closures._closure import AbstractClosure, MinimumNorm, elasticity
+from ..._closures._closure import AbstractClosure, MinimumNorm, check_closure, elasticity
 from ..._equations._culprits import culprits
 from ..._equations._factorisation import Factorisation
 from ..._equations._factorize import dense_at
@@ -34,7 +34,7 @@ from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._system._units import with_unit
 from ..._tools._errors import NoSolutionError, RedundaxError
-from ..._tools._module import Numbers, as_float, no_classes, on_device, replace_fields
+from ..._tools._module import Numbers, as_float, on_device, replace_fields
 from .._bounds import check_definite
 from .._solution_set import SolutionSet, solution_set
 from ._branches import Branches, trace
@@ -218,7 +218,7 @@ def solution_family(
     **Raises:** `RuntimeError` where the equations cannot be trusted at all, whatever the friction, or a joint is at
     rest, as `solve` does; `ValueError` for arguments that do not fit the system.
     """
-    no_classes(closure=closure)
+    check_closure(closure)
     system, factor = dense_at(system, state, rank, factor)
     report = analyze(system, state, closure=closure, sense=sense, factor=factor)
     known = _Known(system, state, factor, report, closure, solutions_of(system, state, factor, report, sense, closure))

@@ -8,6 +8,7 @@ way in which no other joint slips.
 
 import dataclasses
 import itertools
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -23,14 +24,13 @@ from ..._equations._factorisation import Factorisation
 from ..._equations._factorize import dense_at
 from ..._equations._response import Response
 from ..._system._names import ByName, unit_of, vector
-from ..._system._pushing import in_words, pulling
+from ..._system._pushing import changing, in_words, pulling
 from ..._system._state import State
-from ..._system._system import AbstractSystem
+from ..._system._system import AbstractSystem, check_system_at
 from ..._tools._compilation import compiled
 from ..._tools._errors import NoSolutionError, RedundaxError
-from ..._tools._module import no_classes
 from .._at_rest import NONE, ReducedForce, drive, velocity_basis
-from .._bounds import AbstractBounds, bounds_in_words, cases_of
+from .._bounds import AbstractBounds, cases_of, check_bounds, title_of
 from .._cases import AbstractCases
 from .._solution_set import SolutionSet, solution_set
 from ._extreme import Extreme, LoadsAtRest
@@ -66,6 +66,7 @@ class LimitLoad:
     - `case`: the case of each: amplitude, preload, misfit or compliance, shape (2, q).
     - `multipliers`, `friction`: the loads of each, shapes (2, m) and (2, p).
     - `bounds`, `parameters`, `box`: what was bounded, the names of the entries of a case, and their bounds, (q, 2).
+    - `title`: all that was bounded, in words.
     - `pulling`: names of the rows of teeth that pull at an end: their other flanks are in contact there.
 
     ??? example
@@ -91,6 +92,7 @@ class LimitLoad:
     bounds: str
     parameters: tuple[str, ...]
     box: np.ndarray
+    title: str
     units: tuple[str, ...] = ()
     pulling: tuple[str, ...] = ()
 
@@ -101,7 +103,7 @@ class LimitLoad:
     def __str__(self) -> str:
         amounts = zip(self.load.items(), self.units, strict=True)
         load = ", ".join(f"{name} {amount:.6g} {unit}".strip() for (name, amount), unit in amounts)
-        lines = [f"Added load of amount 1: {load}", bounds_in_words(self.bounds, self.parameters, self.box)]
+        lines = [f"Added load of amount 1: {load}", self.title]
         if np.isnan(self.lower) and np.isnan(self.upper):
             none = f"Stands with no amount from {self.looked[0]:.4g} to {self.looked[1]:.4g} found."
             return "\n".join([*lines, none])
@@ -119,7 +121,7 @@ class LimitLoad:
             )
             lines.append(f"{side}: {', '.join(slips) or 'what no friction holds'} give way ({proof})")
         if self.pulling:
-            lines.append(f"CHANGE OF FLANK at an end: {in_words(self.pulling)}")
+            lines.append(f"{changing(self.pulling)} at an end: {in_words(self.pulling)}")
         return "\n".join(lines)
 
 
@@ -158,12 +160,18 @@ def limit_load(
 
     **Raises:** `ValueError` where the state moves or the load drives no motion; `RuntimeError` as `band`.
     """
-    no_classes(bounds=bounds)
+    check_bounds(bounds)
+    check_system_at(system, state)
     state = State(state.q, state.qd, state.t)
     system, factor = dense_at(system, state, rank, factor)
     report = analyze(system, state, factor=factor)
     if report.problem:
         raise NoSolutionError(report.problem)
+    if not isinstance(load, Mapping) and np.ndim(load) != 1:
+        raise RedundaxError(
+            f"Argument `load` must be generalised forces by name of coordinate or as a vector, but is {load!r}. Write "
+            f"{{{system.coordinates.labels[0]!r}: 1.0}}, say."
+        )
     force = np.asarray(vector("load", load, system.coordinates, " of coordinates"), float)
     start, ways = drive(system, state, factor), velocity_basis(system, factor)
     own = force @ ways
@@ -196,6 +204,7 @@ def limit_load(
         bounds=type(bounds).__name__,
         parameters=cases.names,
         box=cases.box,
+        title=title_of(bounds, cases),
         units=tuple(
             unit_of("moment" if angular else "force", system.names.units)
             for angular, amount in zip(system.coordinates.angular, force, strict=True)

@@ -31,11 +31,10 @@ from ..._equations._factorisation import Factorisation
 from ..._equations._factorize import dense_at
 from ..._solve._all_solutions import start_factors
 from ..._system._state import State
-from ..._system._system import AbstractSystem
+from ..._system._system import AbstractSystem, check_system_at
 from ..._tools._errors import NoSolutionError, RedundaxError
-from ..._tools._module import no_classes
 from .._at_rest import LIMIT, Ends, ReducedForce, drive
-from .._bounds import AbstractBounds, cases_of
+from .._bounds import AbstractBounds, cases_of, check_bounds, title_of
 from .._loads_at_rest._wedged import wedged
 from .._search import Search, proved_single
 from .._solution_set import solution_set
@@ -82,7 +81,8 @@ def sticking(
     **Raises:** `ValueError` where the state moves, drivers set it in motion, the system has no degree of freedom, or
     bounds do not fit it; `RuntimeError` where the equations cannot be trusted, as `solve` does.
     """
-    no_classes(bounds=bounds)
+    check_bounds(bounds)
+    check_system_at(system, state)
     state = State(state.q, state.qd, state.t)  # bristles that bend let it move, so they do not count
     system, factor = dense_at(system, state, rank, factor)
     start = drive(system, state, factor)
@@ -122,6 +122,7 @@ def sticking(
         bounds=type(bounds).__name__,
         parameters=cases.names,
         box=cases.box,
+        title=title_of(bounds, cases),
         names=tuple(system.slips.labels),
         senses=start.sense,
         slip_verdicts=joints.verdicts,

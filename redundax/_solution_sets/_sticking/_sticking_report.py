@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from ..._analysis._outputs import plain
-from .._bounds import bounds_in_words
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,6 +27,7 @@ class Sticking:
       several degrees of freedom one in which no joint uses more.
     - `bounds`: what was bounded, or the closure: the name of the class.
     - `parameters`, `box`: names of the entries of a case, and their bounds, shape (q, 2).
+    - `title`: all that was bounded, in words.
     - `names`, `senses`: of the slips, and the sense of each in which it sets out without friction, shape (p,).
     - `slip_verdicts`, `slip_proved`: the same of each slip, "must stick", "may stick" or "must slip", and whether that
       is proved, shape (p,): with several degrees of freedom some joints slip while others stick.
@@ -57,6 +57,7 @@ class Sticking:
     bounds: str
     parameters: tuple[str, ...]
     box: np.ndarray
+    title: str
     names: tuple[str, ...]
     senses: np.ndarray
     slip_verdicts: tuple[str, ...]
@@ -72,7 +73,7 @@ class Sticking:
     def __str__(self) -> str:
         how = "proved" if self.proved else "as far as the search went"
         lines = [
-            f"At rest, {bounds_in_words(self.bounds, self.parameters, self.box)}",
+            f"At rest, {self.title}",
             f"{self.verdict.upper()} ({how})",
         ]
         if not self.can_hold:

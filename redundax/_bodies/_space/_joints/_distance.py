@@ -7,10 +7,10 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from ...._tools._errors import RedundaxError
-from ...._tools._module import Numbers, as_float, positive, safe_norm
+from ...._tools._module import Numbers, as_float, safe_norm
 from ..._friction_model import AbstractFrictionModel
 from ..._joints._base import Row
-from ..._law_of_time import check_law, law_of_time
+from ..._law_of_time import check_distance, law_of_time
 from .._body import Body
 from .._placement import between_points
 from .._pose import Pose
@@ -69,10 +69,8 @@ class Distance(AbstractJoint):
                     "frames, but is None. Give a length."
                 )
             distance = safe_norm(as_float(point_i) - as_float(point_j))
-        if not callable(distance):
-            positive("distance", as_float(distance))
         self.distance = law_of_time(distance, "distance")
-        check_law("distance", name, self.distance)
+        check_distance(name, self.distance)
 
     @property
     def coordinate_kinds(self) -> tuple[Row, ...]:

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...._tools._errors import RedundaxError
-from ...._tools._module import Numbers, as_float, floats, optional_float, positive
+from ...._tools._module import Numbers, as_float, check_kind, floats, optional_float, part, positive
 from ..._friction_model import AbstractFrictionModel
 from ..._joints._base import check_friction
 from .._contact import AbstractContact, ContactLoad, ContactSize
@@ -54,11 +54,9 @@ class AbstractContactJoint(AbstractPlacedJoint):
         contact need.
         """
         check_friction(self.name, friction)
-        if not isinstance(contact, AbstractContact):
-            raise RedundaxError(
-                f"Argument `contact` of joint '{self.name}' must be a contact law, but is {contact!r}. Give "
-                "`rx.spatial.EndContacts()`, say."
-            )
+        with part(f"joint '{self.name}'"):
+            advice = "Give `rx.spatial.EndContacts()`, say."
+            check_kind("contact", contact, AbstractContact, "a contact law", advice)
         self.friction, self.contact = friction, contact
         for name, value in (*needed.items(), *by_term.values()):
             if value is not None and name != "thrust_radius" and not isinstance(value, Overlap):

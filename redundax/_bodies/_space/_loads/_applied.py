@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...._tools._module import Numbers
-from ..._body import GROUND
+from ..._body import GROUND, name_of
 from .._body import Body
 from .._frame import SPACE
 from .._placement import Placement, placed
@@ -44,18 +44,22 @@ class AppliedForce(AbstractLoad):
         self,
         i: Body | str,
         force: Numbers = (0.0, 0.0, 0.0),
+        *,
         point: Numbers | None = None,
         moment: Numbers = (0.0, 0.0, 0.0),
-        *,
         on_i: Numbers | None = None,
         follows: bool = False,
     ):
         if point is None and on_i is None:
             on_i = (0.0, 0.0, 0.0)
-        given, own = (None if p is None else Placement(p) for p in (point, on_i))
+        owner = f"AppliedForce on '{name_of(i)}'"
+        given, own = (
+            None if p is None else Placement(SPACE.vector(argument, p, owner))
+            for argument, p in (("point", point), ("on_i", on_i))
+        )
         place = placed("AppliedForce", i, GROUND, (given, given), (own, own), "load")
         self.i, self.j, self.point = place.i, place.j, place.on_i.point
-        self.force, self.moment = SPACE.vector("force", force), SPACE.vector("moment", moment)
+        self.force, self.moment = SPACE.vector("force", force, owner), SPACE.vector("moment", moment, owner)
         self.follows = follows
 
     def wrenches(self, i: Motion, j: Motion, t: Array) -> tuple[Wrench, Wrench]:

@@ -1,0 +1,70 @@
+"""Values and derivatives where there is no answer: NaN both, and nothing where the caller has masked them.
+
+The gradient of a sum over a batch multiplies each derivative by a cotangent, which is 0 for what the caller masks, as
+by `jnp.where(solution.result == successful, value, 0.0)`. Were a lost sample's derivative NaN as a number, 0 times it
+would spoil the gradient of all; were it selected away, a value of NaN would come with a gradient that looks right. So
+the transposed map passes 0 on as 0, and all else as NaN. That is no linear map, but JAX asks only for its transpose.
+
+It cannot be had of second derivatives: those of what is linear are 0, of NaN too, and a masked sample may make them
+NaN, as the tangent of its cotangent is a product with its value.
+"""
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool
+
+from ._numbers import custom_jvp, xp
+
+T = TypeVar("T")
+
+
+@custom_jvp
+def nan_where(lost: Bool[Array, "..."], x: Array) -> Array:
+    """x, or NaN where it is lost, and so are its derivatives: see `nan_derivative_where`."""
+    return xp.where(lost, xp.nan, x)
+
+
+@nan_where.defjvp
+def _nan_where_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
+    return nan_where(*primals), nan_derivative_where(primals[0], tangents[1])
+
+
+@jax.custom_jvp
+def without_derivative(lost: Bool[Array, "..."], x: Array) -> Array:
+    """x, with derivatives NaN where `lost` says that those computed are none: see `nan_derivative_where`."""
+    return x
+
+
+@without_derivative.defjvp
+def _without_derivative_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
+    return without_derivative(*primals), nan_derivative_where(primals[0], tangents[1])
+
+
+def nan_derivative_where(lost: Bool[Array, "..."], tangent: Array) -> Array:
+    """A tangent, NaN where it is lost; transposed, a cotangent of 0 stays 0 there and any other becomes NaN."""
+    return jax.lax.custom_linear_solve(
+        lambda x: x,
+        tangent,
+        solve=lambda _, x: jnp.where(lost, jnp.nan, x),
+        transpose_solve=lambda _, x: jnp.where(lost & (x != 0), jnp.nan, x),
+    )
+
+
+def cut_where(failed: Bool[Array, ""], tree: T) -> T:
+    """The same, without derivatives where a call has failed: what it computes there is lost, and 0 times it is NaN."""
+    return jax.tree.map(
+        lambda x: jnp.where(failed, jax.lax.stop_gradient(x), x) if eqx.is_inexact_array(x) else x, tree
+    )
+
+
+def spoiled_where(failed: Bool[Array, ""], tree: T, given: Any, lose: Callable[..., Array] = nan_where) -> T:
+    """The same, NaN where a call has failed, and so are its derivatives by all that was given; of tangents by
+    `nan_derivative_where`."""
+    some = sum(jnp.sum(x) for x in jax.tree.leaves(given) if eqx.is_inexact_array(x))
+    return jax.tree.map(
+        lambda x: jnp.where(failed, lose(failed, jnp.broadcast_to(some, x.shape).astype(x.dtype)), x), tree
+    )

@@ -1,0 +1,253 @@
+"""What a new user gets wrong in a call: refused in words that name the argument, the part and what to give instead."""
+
+import re
+import subprocess
+import sys
+
+import equinox as eqx
+import jax
+import numpy as np
+import pytest
+
+import redundax as rx
+from redundax._system._pushing import in_words
+
+rs, NAN, HERE = rx.spatial, float("nan"), (0.0, 0.0)
+ROD, BAR = rx.Body("rod", 1.0, 0.1), rs.Body("bar", 1.0, (1.0, 1.0, 1.0))
+PIN = rx.Revolute("A", "rod", "ground", HERE, HERE)
+PENDULUM = rx.Mechanism([ROD], [PIN])
+STATE = rx.State([0.0, 0.0, 0.3], np.zeros(3))
+BOX = rx.PreloadBox({"A.x": (-1.0, 1.0)})
+SOFT = rx.Compliance({"A.x": 1e-8})
+MISFIT = rx.MisfitBox(SOFT, {"A.x": (0.0, 1e-5)})
+
+KINDS = {
+    "closure a word": (
+        lambda: rx.solve(PENDULUM, STATE, closure="elastic"),
+        "`closure` .* but is 'elastic'",
+    ),
+    "closure bounds": (lambda: rx.solve(PENDULUM, STATE, closure=MISFIT), "type MisfitBox.* go to `rx.band`"),
+    "of a motion": (lambda: rx.simulate(PENDULUM, STATE, 1.0, closure=BOX), "`closure` .* type PreloadBox"),
+    "of a report": (lambda: rx.analyze(PENDULUM, STATE, closure=1e-8), "`closure` .* but is 1e-08"),
+    "of a family": (lambda: rx.solution_family(PENDULUM, STATE, closure=BOX), "`closure` .* type PreloadBox"),
+    "of a search": (lambda: rx.frictional_solutions(PENDULUM, STATE, closure=BOX), "`closure` .* type PreloadBox"),
+    "of parts": (lambda: rx.AsBuilt({"A.x": 1e-8}, PENDULUM), "`closure` .* type dict"),
+    "of bounds": (lambda: rx.MisfitBox({"A.x": 1e-8}, {}), "`closure` .* type dict"),
+    "in units": (lambda: rx.units.closure_in_units("soft"), "`closure` .* 'soft'"),
+    "bounds a dict": (lambda: rx.band(PENDULUM, STATE, "A.x", {"A.x": (0, 1)}), "`bounds` .* type dict.*PreloadBox"),
+    "of sticking": (lambda: rx.sticking(PENDULUM, STATE, "preload"), "`bounds` .* 'preload'"),
+    "of a limit": (lambda: rx.limit_load(PENDULUM, STATE, {"rod.phi": 1.0}, 40.0), "`bounds` .* 40.0"),
+    "solver a word": (lambda: rx.solve(PENDULUM, STATE, solver="newton"), "`solver` .* friction, but is 'newton'"),
+    "solver of time": (lambda: rx.simulate(PENDULUM, STATE, 1.0, solver=rx.Newton()), "`solver` .* go to `rx.solve`"),
+    "stabilisation": (lambda: rx.simulate(PENDULUM, STATE, 1.0, stabilisation="none"), "`stabilisation` .* 'none'"),
+    "units a word": (lambda: rx.Mechanism([ROD], [PIN], units="mm"), "`units` .* 'mm'.*rx.units.MM_TONNE"),
+    "of a closure": (lambda: rx.Compliance({"A.x": 1e-8}, units="mm"), "`units` .* 'mm'"),
+    "of a norm": (lambda: rx.MinimumNorm(units="mm"), "`units` .* 'mm'"),
+    "of a system": (lambda: rx.units.in_units(PENDULUM, "mm"), "`units` .* 'mm'"),
+    "friction": (
+        lambda: rx.Revolute("A", "rod", "ground", HERE, HERE, friction=0.1),
+        r"joint 'A' .* but is 0\.1",
+    ),
+    "a class": (lambda: rs.Revolute("A", BAR, "ground", (0, 0, 0), friction=rx.Coulomb), "is the class Coulomb. Write"),
+    "contact": (lambda: rs.Revolute("A", BAR, "ground", (0, 0, 0), contact="ends"), "`contact` of joint 'A' .* 'ends'"),
+    "swapped": (lambda: rx.solve(STATE, PENDULUM), "`system` .* type State"),
+    "a position": (lambda: rx.analyze(PENDULUM, STATE.q), "`state` .* `rx.assemble"),
+    "to stick": (lambda: rx.sticking(PENDULUM, STATE.q), "`state` must be a state"),
+    "coupler": (lambda: rx.Mechanism([ROD], [PIN], couplers=["gear"]), "`couplers` must hold couplers"),
+    "pose": (lambda: rx.Mechanism([ROD], [PIN], pose=0.3), "`pose` must be a function"),
+    "body for name": (
+        lambda: rx.Revolute("A", ROD, "ground", HERE, HERE),
+        "`i` of a Revolute .* the Body itself.* 'rod'",
+    ),
+    "number for name": (lambda: rx.Body(1, 1.0, 0.1), "`name` must be a word"),
+    "placement": (lambda: rs.Revolute("A", BAR, "ground", on_i=(0, 0, 0), on_j=(0, 0, 0)), "`on_i` of joint 'A'"),
+    "figures": (
+        lambda: rx.Revolute("A", "rod", "ground", HERE, HERE, 0.1, rx.Coulomb([0.1, 0.2])),
+        r"one has shape \(2,\)",
+    ),
+    "radius": (
+        lambda: rx.Revolute("A", "rod", "ground", HERE, HERE, -0.1),
+        "`pin_radius` of joint 'A' must not be neg",
+    ),
+    "compliances": (lambda: rx.ElasticJoints(PENDULUM, ["A"]), "`joints` must be compliances of joints alone"),
+    "a load": (lambda: rx.limit_load(PENDULUM, STATE, 1.0), "`load` must be generalised forces by name"),
+    "of a function": (
+        lambda: rx.LoadFunction("rod", lambda i, j, t, p: t),
+        "LoadFunction on 'rod' must give two wrenches",
+    ),
+    "no function": (lambda: rx.LoadFunction("rod", 3.0), "`function` of LoadFunction on 'rod' must be a function"),
+    "factor": (lambda: rx.solve(PENDULUM, STATE, factor="lu"), "`factor` must be what `factorize` gives"),
+    "of a state": (lambda: rx.mechanisms.parallelogram().state(angle=0.3), "Arguments of `state` must be phi, but"),
+    "of equations": (
+        lambda: rx.System(lambda q, t, p: q[:1], [1.0], friction=rx.Coulomb(0.1)),
+        "`rx.Coulomb` go to joints",
+    ),
+    "a list": (lambda: rx.assemble([PENDULUM], {}), "`system` .* type list"),
+}
+NUMBERS = {
+    "mass NaN": (lambda: rx.Body("rod", NAN, 0.1), "`mass` of body 'rod' must be finite, but is nan"),
+    "mass infinite": (lambda: rx.Body("rod", np.inf, 0.1), "`mass` of body 'rod' must be finite"),
+    "inertia NaN": (lambda: rs.Body("bar", 1.0, np.full((3, 3), NAN)), "`inertia` of body 'bar' must be finite"),
+    "turned by NaN": (
+        lambda: rs.Body("bar", 1.0, (1, 1, 1), orientation=(1, 0, 0, NAN)),
+        "`orientation` of body",
+    ),
+    "point NaN": (lambda: rx.Revolute("A", "rod", "ground", (NAN, 0.0), HERE), "`point_i` of joint 'A' must be finite"),
+    "in space": (lambda: rs.Spherical("A", BAR, "ground", (0, NAN, 0)), "`point` of joint 'A' must be finite"),
+    "normal NaN": (lambda: rx.Translational("K", "rod", "ground", HERE, HERE, (NAN, 1.0)), "`normal` of joint 'K'"),
+    "force NaN": (lambda: rx.AppliedForce("rod", (NAN, 0.0)), "`force` of AppliedForce on 'rod' must be finite"),
+    "driver NaN": (lambda: rx.AngleDriver("M", "rod", "ground", NAN), "`angle` of the driver 'M' must be finite"),
+    "3 in the plane": (lambda: rx.Revolute("A", "rod", "ground", (0, 0, 0), HERE), r"`point_i` of joint 'A' .*\(3,\)"),
+    "force of 3": (lambda: rx.AppliedForce("rod", (0, 0, 1)), "`force` of AppliedForce on 'rod' must have two"),
+    "normal of 3": (lambda: rx.Translational("K", "rod", "ground", HERE, HERE, (0, 0, 1)), "`normal` of joint 'K'"),
+    "moment as point": (
+        lambda: rx.AppliedForce("rod", (0, 1), 3.0),
+        "`point` of Applied.* moment by its name",
+    ),
+    "2 in space": (lambda: rs.Revolute("A", BAR, "ground", (0, 0)), "`point` of joint 'A' must have 3 components"),
+    "rod of 2": (lambda: rs.Distance("D", BAR, "ground", (0, 0, 0), (0, 1)), "`point_j` of joint 'D' must have 3"),
+    "body of 2": (lambda: rs.Body("bar", 1.0, (1, 1, 1), centre=(0, 0)), "`centre` of body 'bar' must have 3"),
+    "no length": (
+        lambda: rx.DistanceDriver("D", "rod", "ground", HERE, (0, 1), 0.0),
+        "`distance` of 'D' must be",
+    ),
+    "in space too": (
+        lambda: rs.Distance("D", BAR, "ground", (0, 0, 0), (0, 0, 0)),
+        "`distance` of 'D' must be",
+    ),
+}
+
+
+def test_objects_of_another_kind_are_refused_by_name():
+    """In a process where types are not checked, as for users: this file, run by itself."""
+    out = subprocess.run([sys.executable, __file__], capture_output=True, text=True, check=True).stdout
+    said = dict(line.split("|", 1) for line in out.splitlines())
+    wrong = {case: said.get(case) for case, (_, words) in KINDS.items() if not re.search(words, said.get(case, ""))}
+    assert not wrong
+
+
+@pytest.mark.parametrize("case", NUMBERS)
+def test_numbers_of_parts_are_refused_by_name(case):
+    call, words = NUMBERS[case]
+    with pytest.raises(rx.RedundaxError, match=words):
+        call()
+
+
+def test_known_numbers_alone_are_checked():
+    """Within transformations, and of friction and gravity everywhere, NaN goes on to results that say so."""
+    assert np.isnan(rx.Mechanism([ROD], [PIN], gravity=(0.0, NAN)).gravity[1])
+    assert np.isnan(jax.jit(lambda x: rx.Body("rod", x, x).mass)(NAN))
+    assert np.isnan(rx.Revolute("A", "rod", "ground", HERE, HERE, pin_radius=NAN, friction=rx.Coulomb(NAN)).pin_radius)
+    rx.DistanceDriver("D", "rod", "ground", HERE, (0, 1), lambda t: 0.0 * t)  # a law of time may pass through 0
+    with pytest.raises(TypeError):  # in space a moment by position would be a point
+        rs.AppliedForce(BAR, (0, 0, 1), (0, 0, 1))
+
+
+def test_rates_have_the_names_of_coordinates_or_of_results():
+    guess = {"rod.x": 0.5}
+    swung = rx.Mechanism([ROD], [rx.Revolute("A", "rod", "ground", (-0.5, 0.0), HERE)])
+    for rates in ({"rates": {"A.angle'": 1.0}}, {"rates": {"A.angle": 1.0}}, {"qd": {"rod.y'": 0.5, "rod.phi'": 1.0}}):
+        np.testing.assert_allclose(rx.assemble(swung, guess, **rates).qd, [0.0, 0.5, 1.0], atol=1e-12)
+    with pytest.raises(rx.RedundaxError, match=r"`rates` must name each rate once, but holds A\.angle twice"):
+        rx.assemble(swung, guess, rates={"A.angle": 1.0, "A.angle'": 1.0})
+
+
+def test_positions_of_bodies_have_no_names_in_space():
+    door = rx.Mechanism([BAR], [rs.Revolute("A", BAR, "ground", (0, 0, 0))])
+    with pytest.raises(rx.RedundaxError, match="`q` must be a vector in space"):
+        rx.assemble(door, {"bar.x": 0.5})
+    with pytest.raises(rx.RedundaxError, match=r"holds 'bar\.x'\. There are A\.angle\."):
+        rx.assemble(door, positions={"bar.x": 0.5})
+
+
+def test_the_load_on_either_body_of_a_joint_has_its_name():
+    """A rod that hangs at rest pulls its pin down by its weight; an offset joint has other moments on its bodies."""
+    beam = rx.Fixed("wall", "rod", "ground", (-0.5, 0.0), (-0.5, 0.0))
+    hung = rx.Mechanism([ROD], [beam], loads=[rx.AppliedForce("rod", (0.0, -3.0), (0.5, 0.0))], gravity=(0.0, -9.81))
+    solution = rx.solve(hung, rx.State(np.zeros(3), np.zeros(3)))
+    weight, bending = 9.81 + 3.0, 0.5 * 9.81 + 3.0
+    for part, value in (("force x", 0.0), ("force y", weight), ("moment", bending)):
+        np.testing.assert_allclose(solution[f"wall {part} on rod"], value, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(solution[f"wall {part} on ground"], -value, rtol=1e-12, atol=1e-12)
+    assert not any(name.endswith(" on ground") for name in (each.name for each in solution.entries))  # told once
+    with pytest.raises(KeyError, match="Did you mean"):
+        solution["wall force y on grond"]
+
+
+class Own(rx.AbstractJoint):
+    row_kinds = (("y", "force"),)
+    name: str = eqx.field(static=True)
+    i: str = eqx.field(static=True)
+    j: str = eqx.field(static=True)
+
+    def residual(self, i, j, t):
+        return (i.r - j.r)[1:]
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        (
+            {"residual": lambda self, i, j, t: i.r[1]},
+            r"Own 'own' must have shape \(1,\).* has shape \(\)",
+        ),
+        ({"residual": lambda self, i, j, t: i.r}, r"must have shape \(1,\).* has shape \(2,\)"),
+        (
+            {"residual": lambda self, i, j, t: np.sin(i.phi)},
+            "`residual` of `Own` .* that JAX can trace",
+        ),
+        ({"row_kinds": ("y", "force")}, r"`row_kinds` of Own must give a name and a kind.*with both commas"),
+        ({"row_kinds": (("y", "length"),)}, "'force' or 'moment'"),
+        ({"pushing": ("z",)}, "`pushing` of Own must hold names of its rows, but holds 'z'"),
+    ],
+)
+def test_a_joint_of_a_user_that_is_wrong_is_told_what_it_must_give(changed, words):
+    given = {"__module__": __name__, "__annotations__": {}}
+    kind = type(rx.AbstractJoint)("Own", (Own,), changed | given) if changed.keys() != {"residual"} else None
+    kind = kind or type(rx.AbstractJoint)("Own", (rx.AbstractJoint,), _fields() | changed)
+    with pytest.raises(rx.RedundaxError, match=words):
+        rx.Mechanism([ROD], [PIN, kind("own", "rod", "ground")])
+
+
+def _fields():
+    names = ("name", "i", "j")
+    fields = {name: eqx.field(static=True) for name in names}
+    return {"__module__": __name__, "__annotations__": dict.fromkeys(names, str), "row_kinds": Own.row_kinds} | fields
+
+
+def test_a_plain_init_is_told_how_fields_are_declared():
+    class Plain(rx.AbstractJoint):
+        row_kinds = (("y", "force"),)
+
+        def __init__(self, name, i, j):
+            self.name, self.i, self.j = name, i, j
+
+        def residual(self, i, j, t):
+            return (i.r - j.r)[1:]
+
+    with pytest.raises(rx.RedundaxError, match=r"Plain must declare .* `name: str = eqx\.field\(static=True\)`"):
+        Plain("own", "rod", "ground")
+
+
+def test_contacts_that_pull_are_told_in_their_own_words():
+    assert "flank" in in_words(("mesh.teeth",)) and "Contacts" not in in_words(("mesh.teeth",))
+    foot = in_words(("foot.floor",))
+    assert foot.startswith("Contacts pull in foot.floor") and "teeth" not in foot.lower() and "flank" not in foot
+    assert in_words(()) == ""
+
+
+def test_bounds_are_told_as_they_were_given():
+    """Three parallel cranks: one self-stress state, of which one row is the parameter and the others limit it."""
+    mechanism = rx.mechanisms.parallelogram()
+    given = {"A1.x": (-50.0, 50.0), "A2.x": (-30.0, 30.0), "B2.x": (-9.0, 9.0)}
+    bands = rx.band(mechanism, mechanism.state(0.6, rate=1.0), "A1.x", rx.PreloadBox(given))
+    assert bands.title == "PreloadBox: A1.x -50 to 50, A2.x -30 to 30, B2.x -9 to 9"
+    assert len(bands.parameters) < 3
+
+
+if __name__ == "__main__":
+    for case, (call, _) in KINDS.items():
+        try:
+            call()
+        except rx.RedundaxError as error:
+            print(f"{case}|{error}")
