@@ -38,7 +38,7 @@ from .._system._decision import CLEAR, Decision
 from .._tools._chunks import in_chunks
 from .._tools._compilation import is_single
 from .._tools._module import batch_any
-from .._tools._numbers import are_numbers, cond, custom_jvp, stop_gradient, xp
+from .._tools._numbers import are_numbers, cond, custom_jvp, solve_triangular, stop_gradient, xp
 from .._tools._table import AbstractFigures
 from .._tools._value import value
 
@@ -103,7 +103,7 @@ def split(
     still, violation = stop_gradient((scaled, violation))
     rank = None if rank is None else xp.asarray(rank, int)
     tolerance = 30 * (_noise(still) + violation)
-    alone = _decide_by_svd if is_single() or min(scaled.shape) < _LARGE else None
+    alone = _decide_by_svd if is_single() or are_numbers(still) or min(scaled.shape) < _LARGE else None
     found = in_chunks(_decide, still, violation, tolerance, rank, alone=alone)
     values = _relative(_singular_values(still))
     dropped = _largest_dropped(values, found.rank)
@@ -171,7 +171,7 @@ def _decide_by_products(
     one, eps = xp.eye(m, dtype=scaled.dtype), float(xp.finfo(scaled.dtype).eps)
     size, gram = _gram(scaled)
     factor = xp.linalg.cholesky(gram + eps**_DELTA * one)
-    half = jax.lax.linalg.triangular_solve(factor, one, lower=True)
+    half = solve_triangular(factor, one, lower=True)
     inverse = (scaled.T / size @ half.T) @ half
     image = scaled @ inverse
     begun = _between(_symmetric(one - image))

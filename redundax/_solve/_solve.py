@@ -10,7 +10,6 @@ from typing import Any
 
 import equinox as eqx
 import jax
-import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array
 
@@ -47,6 +46,7 @@ from .._tools._numbers import (
     are_numbers,
     as_arrays,
     as_numbers,
+    computing,
     each,
     on_numbers,
     stop_gradient,
@@ -143,7 +143,7 @@ def solve(
         solution = _solved_at_each(*given)
     else:
         known = are_known(given, factor) and system.plan is None
-        with np.errstate(all="ignore"):
+        with computing():
             solution, factor, chosen = _solved_on(*(as_numbers((*given, factor)) if known else (*given, factor)))
         if chosen is not None and isinstance(closure, Compliance | ElasticJoints) and are_known(factor, chosen):
             check_units(system.names, factor.length, closure, chosen, solution.multipliers, stacklevel=2)

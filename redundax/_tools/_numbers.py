@@ -10,8 +10,9 @@ given by hand, factors that do not exist.
 """
 
 import collections
+import contextlib
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, TypeVar
 
 import equinox as eqx
@@ -19,6 +20,7 @@ import jax
 import jax.core
 import jax.numpy as jnp
 import numpy as np
+from threadpoolctl import ThreadpoolController
 
 from ._compilation import compiled, quick_options
 
@@ -252,6 +254,18 @@ def as_arrays(tree: T) -> T:
     return jax.tree.unflatten(structure, leaves)
 
 
+@functools.cache
+def _blas() -> ThreadpoolController:
+    return ThreadpoolController().select(user_api="blas")
+
+
+@contextlib.contextmanager
+def computing() -> Iterator[None]:
+    """NaN and infinity without a word, and small matrices on one thread: several take tens of times as long."""
+    with np.errstate(all="ignore"), _blas().limit(limits=1):
+        yield
+
+
 # Calls of one structure after which a program takes over, which compiles for as long as a few hundred take.
 OFTEN = 300
 
@@ -275,7 +289,7 @@ def on_numbers(function: Callable[..., Any], *, jit: bool = True, repeats: bool 
                 return as_numbers(out) if are_numbers(given) else out
         if are_numbers(given):  # behind a door
             return function(*arguments, **named)
-        with np.errstate(all="ignore"):
+        with computing():
             out = function(*as_numbers(arguments), **as_numbers(named))
         return as_arrays(out)
 
