@@ -45,7 +45,7 @@ from .._tools._module import (
     stop_gradient,
 )
 from .._tools._no_answer import nan_where
-from .._tools._numbers import custom_jvp, fori_loop, of_model, on_numbers, take, while_loop, xp
+from .._tools._numbers import custom_jvp, fori_loop, known, of_model, on_numbers, take, while_loop, xp
 from ._guess import ask_for_radians, check_finite
 from ._kinematics import along_motion, model_at, velocity
 from ._misfit import Misfit, misfit_of, tell, tolerance
@@ -177,7 +177,7 @@ def _beside(system: AbstractSystem, given: Array, wanted: Array, held: Array) ->
     gap = given - wanted
     if system.adds or not held.size:
         return gap
-    whole = 2 * xp.pi * system.radian
+    whole = 2 * xp.pi * known(system.radian).astype(gap.dtype)
     turns = xp.where(take(_axis(system.names).angular, held), xp.round(gap / whole), 0.0)
     return gap - whole * turns
 

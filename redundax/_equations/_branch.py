@@ -129,7 +129,7 @@ def lacking(
     blur = noise[0] / kept + noise[1] / (scales.size * size)
     found, spectrum = split(seen / largest, blur / largest, None)
     inverse, local = found.inverse / largest, parts.stress - parts.stress @ found.stress
-    clear = xp.where(spectrum.decision.is_yes, 0.0, 0.5 * CLEAR)
+    clear = xp.where(spectrum.decision.is_yes, 0.0, 0.5 * CLEAR).astype(kept.dtype)
     own = parts.inverse - inverse @ (rows @ parts.inverse)
     return Lacking(
         matrix=xp.concatenate([equations[0], rows]),

@@ -174,10 +174,10 @@ def _uneven(projector: Array, along: Array) -> Array:
     """
     numbers, pivot = np.arange(1.0, len(projector) + 1), xp.argmax(xp.diagonal(projector))
     mixed = projector @ xp.asarray(np.cos(numbers**2), projector.dtype)
-    mixed = mixed + xp.where(mixed[pivot] < 0, -2.0, 2.0) * projector[pivot]
+    mixed = mixed + xp.where(mixed[pivot] < 0, -2.0 * projector[pivot], 2.0 * projector[pivot])
     largest = xp.max(xp.abs(mixed))
-    turned = xp.where(mixed @ along < 0, -1.0, 1.0)
-    return turned * mixed / xp.where(largest > 0, largest, 1.0)
+    turned = xp.where(mixed @ along < 0, -mixed, mixed)
+    return turned / xp.where(largest > 0, largest, 1.0)
 
 
 def ratio(part: Array, *sizes: Array) -> Array:

@@ -18,7 +18,7 @@ from .._sparse._plan import Plan
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._by_number import sum_few
-from .._tools._numbers import stop_gradient, take, xp
+from .._tools._numbers import known, stop_gradient, take, xp
 from ._kinematics import Model, model_at, second_order
 
 
@@ -82,13 +82,15 @@ def scales_of(
     largest = xp.where(rows, *(xp.max(norms * mask, initial=0.0) for mask in (rows, ~rows)))
     largest = xp.where(largest > 0, largest, 1.0)
     floor = 100 * xp.finfo(norms.dtype).eps * largest
-    return Scaling(columns, xp.where(norms > floor, norms, largest), length, length * system.radian)
+    return Scaling(
+        columns, xp.where(norms > floor, norms, largest), length, length * known(system.radian).astype(length.dtype)
+    )
 
 
 def _length(jacobian: Array, turned: Array, mass: Array, system: AbstractSystem) -> Float[Array, ""]:
     square, angular = jacobian**2, system.coordinates.angular
     if not angular.any():
-        return _radius(xp.sum(square, axis=1), turned) / xp.asarray(system.radian, square.dtype)
+        return _radius(xp.sum(square, axis=1), turned) / known(system.radian).astype(square.dtype)
 
     def parts(rows: Any) -> tuple[Array, Array]:
         return xp.sum(square[rows][:, ~angular]), xp.sum(square[rows][:, angular])
@@ -112,7 +114,7 @@ def length_of(
     moment, (inertia, heft) = system.rows.angular, amounts
     some = (inertia > 0) & (heft > 0)
     length = xp.where(some, xp.sqrt(inertia / xp.where(some, heft, 1.0)), 1.0).astype(turned.dtype)
-    bends = xp.sum((xp.asarray(system.radian) * turned[~moment]) ** 2)
+    bends = xp.sum((known(system.radian).astype(turned.dtype) * turned[~moment]) ** 2)
     for mask, extra in ((moment, 0.0), (~moment, bends)):  # the last that has both parts wins
         linear_part, angular_part = parts(mask)
         angular_part = angular_part + extra

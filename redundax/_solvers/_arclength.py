@@ -114,7 +114,7 @@ def _accepted(path: Path, x: Array, tangent: Array, turn: Array, good: Array, re
     top = s0 + slope0 * (turn * (s1 - s0) - path.step * slope1) / xp.where(passed, turn * slope0 - slope1, 1.0)
     fold = xp.maximum(path.fold, xp.where(passed, xp.maximum(top, s0), here[-1]))
     to_fold = path.step * slope0 / xp.where(turned, slope0 - slope1, 1.0)  # where s is a parabola
-    step = path.step * xp.where(good, xp.where(turn > 0.5 * (1 + _STRAIGHT), 2.0, 1.0), 0.5)
+    step = path.step * xp.where(good, xp.where(turn > 0.5 * (1 + _STRAIGHT), 2.0, 1.0), 0.5).astype(turn.dtype)
     step = xp.where(turned, xp.maximum(0.99 * to_fold, 0.5 * _KINK * reach), step)
     step = xp.where(passed, _FIRST * reach, step)
     far = xp.linalg.norm(here)

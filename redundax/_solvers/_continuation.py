@@ -115,7 +115,7 @@ class FirstAttempt(AbstractSolver):
             return Mixing(self.rtol).run(problem, start)
         root = Newton(self.rtol, self.max_steps).run(problem, start)
         kept = root.progress.converged(self.tolerance(start.dtype)) & (problem.contraction(problem.loads(root.tau)) < 1)
-        return Root(root.tau, root.progress, xp.where(kept, xp.inf, 0.0))
+        return Root(root.tau, root.progress, xp.where(kept, xp.inf, 0.0).astype(start.dtype))
 
     def result(self, progress: Progress) -> RESULTS:
         return Continuation(self.rtol).result(progress)

@@ -1,0 +1,148 @@
+"""Known numbers are computed by NumPy, by the same functions that are traced: few programs, the same answers."""
+
+import jax
+import jax.monitoring
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import registry
+
+import redundax as rx
+from redundax._tools import _numbers
+from redundax._tools._numbers import are_numbers, entries_set, is_number, xp
+
+# Calls of README's kind, in an order in which each needs what those before it have compiled, and programs at most.
+PROGRAMS = {
+    "assemble": (lambda m, s: rx.assemble(m, s.q), 3),
+    "factorize": (lambda m, s: rx.factorize(m, s), 1),
+    "solve": (lambda m, s: rx.solve(m, s), 2),
+    "sweeps": (lambda m, s: rx.solve(m, s, solver=rx.FixedPoint()), 0),
+    "open": (lambda m, s: rx.solve(m, s, closure=None, solver=rx.Newton(), x0=10.0), 0),
+    "closure": (lambda m, s: rx.solve(m, s, closure=rx.Compliance(np.full(len(m.rows), 1e-8))), 1),
+    "sense": (lambda m, s: rx.solve(m, s, sense=np.ones(len(m.slips))), 0),
+    "analyze": (lambda m, s: str(rx.analyze(m, s)), 5),
+}
+
+
+class Programs:
+    """How many programs have been compiled, or found in the cache."""
+
+    def __init__(self):
+        self.count = 0
+        jax.monitoring.register_event_duration_secs_listener(self.hear)
+
+    def hear(self, event: str, duration: float, **_) -> None:
+        self.count += "backend_compile" in event
+
+
+HEARD = Programs()
+
+
+def test_known_calls_compile_the_model_alone():
+    jax.clear_caches()
+    mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02)
+    state = mechanism.state(phi=0.8, rate=1.0)
+    for name, (call, most) in PROGRAMS.items():
+        HEARD.count = 0
+        call(mechanism, state)
+        assert HEARD.count <= most, name
+
+
+def test_an_edited_machine_of_the_same_structure_compiles_nothing():
+    for mu in (0.02, 0.03):
+        mechanism = rx.mechanisms.wojtyra2020(mu_rho=mu)
+        state = mechanism.state(phi=0.8, rate=1.0)
+        HEARD.count = 0
+        rx.analyze(mechanism, state)
+        rx.solve(mechanism, state)
+    assert HEARD.count == 0
+
+
+def cases():
+    """Mechanisms of the registry, rubbing where they can."""
+    for name, make in registry.MECHANISMS.items():
+        mechanism = make()
+        if hasattr(mechanism, "structure"):
+            yield name, registry.build(mechanism, registry.coulomb)
+
+
+def figures(factor: rx.types.Factorisation, solution: rx.types.Solution) -> dict[str, np.ndarray]:
+    return {
+        "acceleration": solution.acceleration,
+        "multipliers": solution.multipliers,
+        "friction": solution.friction,
+        "split": factor.split.stress,
+        "motion": factor.split.motion,
+        "response": factor.response,
+    }
+
+
+def both(system: rx.AbstractSystem, state: rx.State) -> tuple[dict, tuple]:
+    factor = rx.factorize(system, state)
+    solution = rx.solve(system, state, throw=False)
+    decided = factor.spectrum.rank, factor.determinate, factor.singular_position, factor.unique_multipliers
+    return figures(factor, solution), (solution.result, factor.result, *decided)
+
+
+@pytest.mark.slow
+def test_known_and_traced_answers_agree():
+    for name, (system, state) in cases():
+        known, decided = both(system, state)
+        traced, inside = jax.jit(both)(system, state)
+        for one, other in zip(jax.tree.leaves(decided), jax.tree.leaves(inside), strict=True):
+            np.testing.assert_array_equal(one, other, err_msg=name)
+        for key, value in known.items():
+            size = np.max(np.abs(value), initial=0.0)
+            np.testing.assert_allclose(
+                value, traced[key], rtol=0, atol=1e-12 * max(size, 1e-12), err_msg=f"{name} {key}"
+            )
+
+
+def test_programs_that_take_over_give_the_same(monkeypatch):
+    mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02)
+    state = mechanism.state(phi=0.8, rate=1.0)
+    known, decided = both(mechanism, state)
+    monkeypatch.setattr(_numbers, "OFTEN", 0)
+    program, other = both(mechanism, state)
+    assert jax.tree.all(jax.tree.map(np.array_equal, decided, other))
+    for key, value in known.items():
+        np.testing.assert_allclose(value, program[key], rtol=0, atol=1e-12 * np.max(np.abs(value)), err_msg=key)
+
+
+def test_single_precision_stays_so_inside():
+    single = jax.tree.map(lambda x: x.astype(np.float32) if x.dtype == np.float64 else x, _model())
+    mechanism, state = single
+    given = {"factor": rx.factorize(mechanism, state), "solution": rx.solve(mechanism, state, throw=False)}
+    for path, leaf in jax.tree_util.tree_leaves_with_path(given):
+        assert leaf.dtype != np.float64, jax.tree_util.keystr(path)
+
+
+def _model() -> tuple[rx.Mechanism, rx.State]:
+    mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02)
+    return mechanism, mechanism.state(phi=0.8, rate=1.0)
+
+
+def test_results_are_arrays_of_jax():
+    mechanism, state = _model()
+    for out in (rx.factorize(mechanism, state), rx.solve(mechanism, state), rx.assemble(mechanism, state.q)):
+        assert all(isinstance(x, jax.Array) for x in jax.tree.leaves(out))
+
+
+def test_a_traced_number_in_a_function_of_the_user_is_seen():
+    def peak(length):
+        system = rx.System(lambda q, t, p: jnp.stack([jnp.hypot(q[0], q[1]) - length]), jnp.ones(2), rows="force")
+        return rx.solve(system, rx.State([0.6, 0.8], [0.8, -0.6]), throw=False).multipliers[0]
+
+    assert jax.grad(lambda length: peak(length) * length)(1.0) == pytest.approx(1.0)  # |lam| = v^2 / L, at v = 1
+
+
+def test_a_function_is_that_of_its_arguments():
+    known, traced = np.arange(3.0), jnp.arange(3.0)
+    assert isinstance(xp.where(known > 1, known, 0.0), np.ndarray)
+    assert isinstance(xp.where(traced > 1, known, 0.0), jax.Array)
+    assert isinstance(xp.concatenate([known, traced]), jax.Array)
+    assert xp.zeros(2).dtype == np.float64 and xp.asarray(1.0).dtype == np.float64
+    assert np.isnan(xp.linalg.cholesky(-np.eye(2))).all() and np.isnan(xp.linalg.svd(np.full((2, 3), np.nan))[1]).all()
+    assert not is_number([known, (traced,)]) and are_numbers({"a": known, "b": 1.0})
+    np.testing.assert_array_equal(entries_set(known, [0], 5.0), entries_set(traced, np.array([0]), 5.0))
+    np.testing.assert_array_equal(known, np.arange(3.0))
