@@ -64,7 +64,8 @@ def senses(case: Case) -> jax.Array | None:
 
 def result_name(result) -> str:
     """The first clause of the message of a result, "" if it is successful."""
-    return re.split(r"[.:]", rx.RESULTS[jax.tree.map(jnp.asarray, result)])[0]
+    name = re.split(r"[.:]", rx.RESULTS[jax.tree.map(jnp.asarray, result)])[0]
+    return "" if name == "successful" else name
 
 
 def values_of(solution: rx.types.Solution) -> dict[str, np.ndarray]:

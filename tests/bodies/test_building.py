@@ -420,7 +420,7 @@ def test_pins_larger_than_the_mechanism_are_asked_about(friction, unit):
 def test_parts_in_the_wrong_list_are_told_their_own(lists, words):
     """Asked of the check itself: the tests have types checked, which refuses them sooner."""
     with pytest.raises(rx.RedundaxError) as caught:
-        check_kinds(*lists)
+        check_kinds(*lists, ())
     for word in words:
         assert word in str(caught.value)
 

@@ -106,9 +106,13 @@ def test_an_interrupt_that_python_loses_ends_a_study(monkeypatch):
                 Deleted()
 
     monkeypatch.setattr(_study, "told", told)
-    with pytest.warns(UserWarning, match="stopped after 8 of 10"):
-        same(study(), 8)
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # workers of pytest-xdist ignore the signal
+    try:
+        with pytest.warns(UserWarning, match="stopped after 8 of 10"):
+            same(study(), 8)
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def test_statistics_of_a_stopped_study_are_not_given(monkeypatch):
