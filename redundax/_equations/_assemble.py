@@ -460,8 +460,9 @@ def _given_rows(system: AbstractSystem, state: State, which: Array) -> Float[Arr
     if not which.size:
         return xp.zeros((0, still.size), still.dtype)
     if system.plan is None:
-        return closing_at(system, state.q, still, state.t)[2][len(system.rows) :][which]
-    slopes = jax.jacrev(lambda d: _given(system, system.retract(state.q, d), state.t, which))(still)
+        slopes = take(closing_at(system, state.q, still, state.t)[2][len(system.rows) :], which)
+    else:
+        slopes = jax.jacrev(lambda d: _given(system, system.retract(state.q, d), state.t, which))(still)
     own = which[:, None] == xp.arange(still.size)  # of another chart too, whose positions are none of these
     return xp.where((which < still.size)[:, None], own.astype(still.dtype), slopes)
 

@@ -182,9 +182,10 @@ def cond(flag: Any, yes: Callable[..., T], no: Callable[..., T], *operands: Any)
 
 def each(function: Callable[[Any], Any], samples: Any) -> Any:
     """A function of one array for every one along the first axis: `jax.vmap`."""
-    if not is_number(samples):
+    first = function(samples[0]) if is_number(samples) and len(samples) else None
+    if first is None or not is_number(first):  # of traced samples, or of what the function holds
         return jax.vmap(function)(samples)
-    return np.stack([function(x) for x in samples])
+    return np.stack([first, *map(function, samples[1:])])
 
 
 def stop_gradient(tree: T) -> T:
@@ -307,7 +308,7 @@ def of_model(function: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.cache
     def program() -> Callable[..., Any]:
-        return eqx.filter_jit(function, compiler_options=quick_options())  # pyright: ignore[reportCallIssue]
+        return eqx.filter_jit(function, compiler_options=quick_options(False, False))  # pyright: ignore[reportCallIssue]
 
     @functools.wraps(function)
     def run(*arguments: Any) -> Any:

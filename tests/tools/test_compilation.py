@@ -64,25 +64,16 @@ def test_a_call_by_itself_ends_on_the_branch_of_an_optimised_program():
     assert {successful for _, successful in found} == {True, False}
 
 
-@pytest.mark.parametrize(("mu_rho", "count"), [(0.02, 1), (0.144, 2), (0.4, 2)])
-def test_the_branch_is_compiled_where_it_is_needed(mu_rho, count, programs):
-    mechanism, state = frictional(mu_rho)
+def test_no_solver_of_friction_is_compiled_for_known_numbers(programs):
+    mechanism, state = frictional(0.144)  # where the branch from zero friction is followed
     rx.solve(mechanism, state, closure=rx.MinimumNorm(-17.0), throw=False)
-    assert programs.count("jit(_solved)") == count
-
-
-def test_no_branch_is_compiled_where_the_state_fails(programs):
-    mechanism, state = frictional(0.144)
-    for q, qd in ((state.q + 0.1, state.qd), (state.q, jnp.nan * state.qd)):
-        solution = rx.solve(mechanism, rx.State(q, qd), closure=rx.MinimumNorm(-17.0), throw=False)
-        assert solution.result != rx.RESULTS.successful
-    assert programs.count("jit(_solved)") == 1
+    assert not [name for name in programs if "solve" in name or "while" in name]
 
 
 def test_frictions_share_a_factorisation_with_none(programs):
     for mechanism in (rx.mechanisms.wojtyra2020(), rx.mechanisms.wojtyra2020(mu_rho=0.1)):
         rx.factorize(mechanism, mechanism.state(phi=0.7, rate=1.3))
-    assert programs.count("jit(_factorised)") == 1
+    assert programs.count("jit(model_at)") == 1
 
 
 def test_a_motion_shares_the_factorisation_of_a_solve(programs):
@@ -90,7 +81,7 @@ def test_a_motion_shares_the_factorisation_of_a_solve(programs):
     state = mechanism.state(phi=0.7, rate=1.3)
     rx.solve(mechanism, state)
     rx.simulate(mechanism, state, 0.01)
-    assert programs.count("jit(_factorised)") == 1
+    assert programs.count("jit(model_at)") == 1
 
 
 def test_a_motion_is_compiled_once_for_closures_that_do_not_depend_on_the_state(programs):
