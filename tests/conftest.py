@@ -102,6 +102,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.timeout(SLOW_TIMEOUT))
 
 
+@pytest.fixture(autouse=True, scope="session")
+def programs_never_take_over() -> None:
+    """Known numbers are computed however often they are asked for, so that no test depends on those before it."""
+    from redundax._tools import _numbers
+
+    _numbers.OFTEN = sys.maxsize
+
+
 @pytest.fixture(scope="module", autouse=True)
 def _programs_of_one_module():
     """Modules share what the ones before have compiled, until that holds many memory maps."""
