@@ -337,7 +337,7 @@ def _descent(closing: _Closing) -> Float[Array, " n"]:
         )
 
     start = xp.zeros_like(closing.guess.qd)
-    begin = _Descent(start, *at(start), xp.ones_like(size), 0 * size, size != size)
+    begin = _Descent(start, *at(start), xp.ones_like(size), xp.zeros((), int), size != size)
     return size * while_loop(lambda now: ~now.ended & (now.steps < _DESCENT_STEPS), step, begin).u
 
 

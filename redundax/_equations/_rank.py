@@ -146,7 +146,7 @@ def _relative(values: Array) -> Array:
 
 
 def _smallest_kept(values: Array, rank: Array) -> Array:
-    return xp.where(rank > 0, values[xp.maximum(rank - 1, 0)], xp.inf)
+    return xp.where(rank > 0, values[xp.clip(rank - 1, 0, values.size - 1)], xp.inf)
 
 
 def _largest_dropped(values: Array, rank: Array) -> Array:

@@ -43,11 +43,11 @@ from .._tools._module import Numbers, as_float, is_concrete, replace_fields
 from .._tools._no_answer import nan_where
 from .._tools._numbers import (
     are_known,
-    are_numbers,
     as_arrays,
     as_numbers,
     computing,
     each,
+    is_computing,
     on_numbers,
     stop_gradient,
     take,
@@ -147,7 +147,7 @@ def solve(
             solution, factor, chosen = _solved_on(*(as_numbers((*given, factor)) if known else (*given, factor)))
         if chosen is not None and isinstance(closure, Compliance | ElasticJoints) and are_known(factor, chosen):
             check_units(system.names, factor.length, closure, chosen, solution.multipliers, stacklevel=2)
-        solution = as_arrays(solution) if known and not are_numbers(state) else solution
+        solution = as_arrays(solution) if known and not is_computing() else solution
     solution = replace_fields(solution, names=system.names, state=state, joint_coordinates=system.joint_coordinates)
     return thrown(solution, throw, system, state, factor, RESULTS.successful)
 

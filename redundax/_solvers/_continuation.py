@@ -142,6 +142,6 @@ def _follow(problem: FrictionProblem, wanted: Bool[Array, ""], max_path: int) ->
         by_s = -problem.law(rho) / size
         return xp.concatenate([xp.eye(size.size, dtype=x.dtype) - x[-1] * by_y, by_s[:, None]], axis=1)
 
-    first = xp.append(problem.law(problem.rho0) / size, 1.0)
+    first = xp.append(problem.law(problem.rho0) / size, xp.ones((), size.dtype))
     wanted = wanted & xp.all(xp.isfinite(problem.gain))
     return follow(residual, slope, xp.zeros_like(first), first, wanted, max_path)

@@ -14,12 +14,22 @@ from typing import Any, NamedTuple, Self
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PyTree
 
 from .._sparse._plan import Plan
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, as_float, as_functions, as_parameters, check_kind, moved, replace_fields
+from .._tools._module import (
+    Numbers,
+    as_float,
+    as_functions,
+    as_parameters,
+    check_kind,
+    is_concrete,
+    moved,
+    replace_fields,
+)
 from .._tools._table import are_known, page
 from ._axis import Axis, axis
 from ._friction import AbstractFriction, slip_kinds
@@ -285,6 +295,12 @@ class System(AbstractSystem):
         rows = rows if isinstance(rows, Axis) else axis(None, rows, m)
         coordinates.check("coordinates", ("linear", "angular"))
         rows.check("rows", ("force", "moment"))
+        for group in self.friction:
+            if is_concrete(group.rows) and np.any((np.asarray(group.rows) < -m) | (np.asarray(group.rows) >= m)):
+                raise RedundaxError(
+                    f"Argument `rows` of the friction must hold indices of the {m} constraint rows, but holds "
+                    f"{np.asarray(group.rows).ravel().tolist()}. Count from 0."
+                )
         self._names = Names(coordinates, rows, units=of_model(units), adds=retraction is None)
         if not len(self.rows):
             raise RedundaxError(

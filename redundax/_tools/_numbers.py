@@ -2,7 +2,7 @@
 
 `xp` has the functions of both. Each looks at its arguments: of NumPy's arrays and Python's numbers alone it is NumPy's
 and gives NumPy's, of any array of JAX it is JAX's. So one text of an equation serves a call on known numbers, whose
-arguments a door (`on_numbers`) has turned into NumPy's, and a program, in which they are traced. What is the model's
+arguments its entry (`on_numbers`) has turned into NumPy's, and a program, in which they are traced. What is the model's
 (`of_model`), that a user writes for JAX, is a compiled program where numbers are known, and gives NumPy's arrays again.
 
 `Array` in annotations stands for either. Here alone stands what differs: loops, branches, entries set, derivatives
@@ -12,6 +12,7 @@ given by hand, factors that do not exist.
 import collections
 import contextlib
 import functools
+import threading
 from collections.abc import Callable, Iterator
 from typing import Any, TypeVar
 
@@ -232,7 +233,7 @@ class custom_jvp:
         return (self.function if are_numbers(arguments) else self.traced)(*arguments)
 
 
-# Doors ---------------------------------------------------------------------------------------------------
+# Entries ---------------------------------------------------------------------------------------------------
 
 
 def known(x: Any) -> Any:
@@ -242,7 +243,7 @@ def known(x: Any) -> Any:
 
 def as_numbers(tree: T) -> T:
     """JAX's arrays as NumPy's, but for those of a model."""
-    return jax.tree.map(lambda x: np.asarray(x) if isinstance(x, jax.Array) else x, tree, is_leaf=is_model)
+    return jax.tree.map(lambda x: known(x) if isinstance(x, jax.Array) else x, tree, is_leaf=is_model)
 
 
 def as_arrays(tree: T) -> T:
@@ -260,11 +261,44 @@ def _blas() -> ThreadpoolController:
     return ThreadpoolController().select(user_api="blas")
 
 
+class _Inside:
+    """How many calls are computing, in all threads and in each."""
+
+    def __init__(self) -> None:
+        self.lock, self.own, self.all, self.limits = threading.Lock(), threading.local(), 0, None
+
+    def enter(self) -> None:
+        self.own.depth = getattr(self.own, "depth", 0) + 1
+        with self.lock:
+            self.all += 1
+            if self.all == 1:
+                self.limits = _blas().limit(limits=1)
+
+    def leave(self) -> None:
+        self.own.depth -= 1
+        with self.lock:
+            self.all -= 1
+            if self.all == 0 and self.limits is not None:
+                self.limits.restore_original_limits()
+
+
+_inside = _Inside()
+
+
+def is_computing() -> bool:
+    """Whether a call on known numbers is under way in this thread."""
+    return getattr(_inside.own, "depth", 0) > 0
+
+
 @contextlib.contextmanager
 def computing() -> Iterator[None]:
     """NaN and infinity without a word, and small matrices on one thread: several take tens of times as long."""
-    with np.errstate(all="ignore"), _blas().limit(limits=1):
-        yield
+    _inside.enter()
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    finally:
+        _inside.leave()
 
 
 # Calls of one structure after which a program takes over, which compiles for as long as a few hundred take.
@@ -283,16 +317,17 @@ def on_numbers(function: Callable[..., Any], *, jit: bool = True, repeats: bool 
         given = arguments, named
         if not are_known(given):
             return traced(*arguments, **named)
+        within = is_computing()
         if repeats:
-            calls[key := _structure(given)] += 1
+            calls[key := hash(_structure(given))] += 1
             if calls[key] > OFTEN:
                 out = program(*arguments, **named)
-                return as_numbers(out) if are_numbers(given) else out
-        if are_numbers(given):  # behind a door
+                return as_numbers(out) if within else out
+        if within and are_numbers(given):
             return function(*arguments, **named)
         with computing():
             out = function(*as_numbers(arguments), **as_numbers(named))
-        return as_arrays(out)
+        return out if within else as_arrays(out)
 
     return run
 

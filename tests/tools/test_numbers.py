@@ -1,11 +1,17 @@
 """Known numbers are computed by NumPy, by the same functions that are traced: few programs, the same answers."""
 
+import sys
+import threading
+from collections.abc import Callable
+
+import equinox as eqx
 import jax
 import jax.monitoring
 import jax.numpy as jnp
 import numpy as np
 import pytest
 import registry
+from threadpoolctl import ThreadpoolController
 
 import redundax as rx
 from redundax._tools import _numbers
@@ -109,23 +115,96 @@ def test_programs_that_take_over_give_the_same(monkeypatch):
         np.testing.assert_allclose(value, program[key], rtol=0, atol=1e-12 * np.max(np.abs(value)), err_msg=key)
 
 
-def test_single_precision_stays_so_inside():
-    single = jax.tree.map(lambda x: x.astype(np.float32) if x.dtype == np.float64 else x, _model())
+@pytest.mark.parametrize("mu_rho", [0.02, 0.4])  # settled by Newton's method, and followed from zero friction
+def test_single_precision_stays_so_inside(mu_rho):
+    single = jax.tree.map(lambda x: x.astype(np.float32) if x.dtype == np.float64 else x, _model(mu_rho))
     mechanism, state = single
     given = {"factor": rx.factorize(mechanism, state), "solution": rx.solve(mechanism, state, throw=False)}
     for path, leaf in jax.tree_util.tree_leaves_with_path(given):
         assert leaf.dtype != np.float64, jax.tree_util.keystr(path)
 
 
-def _model() -> tuple[rx.Mechanism, rx.State]:
-    mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02)
+def _model(mu_rho: float = 0.02) -> tuple[rx.Mechanism, rx.State]:
+    mechanism = rx.mechanisms.wojtyra2020(mu_rho=mu_rho)
     return mechanism, mechanism.state(phi=0.8, rate=1.0)
 
 
 def test_results_are_arrays_of_jax():
     mechanism, state = _model()
-    for out in (rx.factorize(mechanism, state), rx.solve(mechanism, state), rx.assemble(mechanism, state.q)):
-        assert all(isinstance(x, jax.Array) for x in jax.tree.leaves(out))
+    for given in (state, jax.device_get(state)):
+        solution, factor = rx.solve(mechanism, given), rx.factorize(mechanism, given)
+        found = solution.acceleration, solution.multipliers, factor.acceleration, rx.assemble(mechanism, given.q).q
+        assert all(isinstance(x, jax.Array) for x in found)
+
+
+def test_a_declared_rank_that_cannot_be_is_told():
+    mechanism, state = _model()
+    for rank in (-3, 99):
+        assert rx.solve(mechanism, state, rank=rank, throw=False).result == rx.RESULTS.ambiguous_rank
+
+
+def test_compliances_of_a_box_may_be_those_of_a_minimum_norm():
+    mechanism, state = _model()
+    box = rx.ComplianceBox(rx.MinimumNorm(), {"A.x": (0.5, 2.0)})
+    bands = rx.band(mechanism, state, "A.x", box, samples=4)
+    assert bands.lower[0] < rx.solve(mechanism, state)["A.x"] < bands.upper[0]
+
+
+def test_threads_of_linear_algebra_are_given_back():
+    begun, both, ended = (threading.Event() for _ in range(3))
+
+    def first():
+        with _numbers.computing():
+            begun.set()
+            both.wait(10)
+        ended.set()
+
+    def threads():
+        return [library["num_threads"] for library in ThreadpoolController().select(user_api="blas").info()]
+
+    before, other = threads(), threading.Thread(target=first)
+    other.start()
+    begun.wait(10)
+    with _numbers.computing():  # begins second and ends last
+        both.set()
+        ended.wait(10)
+        assert _numbers.is_computing()
+    other.join()
+    assert threads() == before and not _numbers.is_computing()
+
+
+def test_friction_reads_rows_that_are_there():
+    friction = rx.Friction(lambda q, t, p: q[:1], lambda *given: -given[0], rows=[7], kinds=["linear"])
+    with pytest.raises(rx.RedundaxError, match="1 constraint rows, but holds \\[7\\]"):
+        rx.System(lambda q, t, p: q[1:], jnp.ones(2), rows="force", friction=friction)
+
+
+class _Soft(rx.AbstractClosure):
+    """A closure whose function holds what it needs."""
+
+    softness: Callable = eqx.field(static=True)
+
+    def compliance(self, system, state):
+        return jnp.diag(jnp.array([self.softness(), 1.0])), jnp.zeros(2)
+
+
+def _twice(mass=1.0) -> tuple[rx.System, rx.State]:
+    """A weight on a rod that stands there twice, and its state at rest."""
+    load = lambda q, qd, t, p: jnp.array([0.0, -1.0])  # noqa: E731
+    rods = lambda q, t, p: jnp.stack([q[1], q[1]])  # noqa: E731
+    system = rx.System(rods, lambda q, t, p: mass * jnp.eye(2), load, n=2, rows="force")
+    return system, rx.State([0.0, 0.0], [0.0, 0.0])
+
+
+@pytest.mark.parametrize("often", [0, sys.maxsize])
+def test_what_functions_of_the_user_hold_may_be_traced(monkeypatch, often):
+    monkeypatch.setattr(_numbers, "OFTEN", often)
+    system, state = _twice()
+    share = lambda a: rx.solve(system, state, closure=_Soft(lambda: a)).multipliers[0]  # noqa: E731
+    assert share(3.0) == pytest.approx(-0.25)  # springs side by side: 1 / (1 + a)
+    assert jax.grad(share)(3.0) == pytest.approx(1 / 16)
+    pulled = lambda mass: rx.solve(*_twice(mass), throw=False).acceleration[0] + mass  # noqa: E731
+    assert jax.grad(pulled)(2.0) == pytest.approx(1.0)
 
 
 def test_a_traced_number_in_a_function_of_the_user_is_seen():
