@@ -38,6 +38,7 @@ from .._system._results import RESULTS, differs, first_failure, is_one_of
 from .._system._state import State
 from .._system._system import AbstractSystem, check_system_at
 from .._tools._chunks import alike, in_chunks, with_derivative_of
+from .._tools._compilation import compiled
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, is_concrete, replace_fields
 from .._tools._no_answer import nan_where
@@ -163,15 +164,16 @@ def solve_factorised(
 ) -> Solution:
     """`solve`, given the factorisation at the state, and the compliance and misfit of the closure if there is one.
 
-    Outside transformations the branch from zero friction is a program of its own, for where Newton's method alone does
-    not settle the matter.
+    Known numbers follow the branch from zero friction only where Newton's method alone does not settle the matter, so
+    that programs need not hold it.
     """
     given = system, state, factor, chosen, x0, sense
-    if isinstance(solver, Continuation) and all(map(is_concrete, jax.tree.leaves((given, solver)))):
-        solution = _solved(solver.first, *given)
+    solved = _solved_dense if system.plan is None else _solved_large
+    if isinstance(solver, Continuation) and are_known(given, solver):
+        solution = solved(solver.first, *given)
         if is_concrete(solution.stats.fold) and _is_settled(solution):
             return solution
-    return _solved(solver, *given)
+    return solved(solver, *given)
 
 
 def _is_settled(solution: Solution) -> bool:
@@ -179,7 +181,6 @@ def _is_settled(solution: Solution) -> bool:
     return float(solution.stats.fold) > 0 or not is_one_of(solution.result, RESULTS.successful, *_OF_FRICTION)
 
 
-@functools.partial(on_numbers, repeats=True)
 def _solved(
     solver: AbstractSolver,
     system: AbstractSystem,
@@ -191,6 +192,9 @@ def _solved(
 ) -> Solution:
     end, root, contraction, result = _end_in_chunks(factor, system, state, chosen, solver, x0, sense)
     return _solution(factor, end, root, contraction, solver.tolerance(state.qd.dtype), result)
+
+
+_solved_dense, _solved_large = on_numbers(_solved, repeats=True), compiled(_solved)
 
 
 def _solved_on(
