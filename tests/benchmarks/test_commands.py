@@ -39,5 +39,5 @@ def test_every_benchmark_has_a_command_that_knows_a_smallest_size():
 @pytest.mark.parametrize("name", COMMANDS)
 def test_the_smallest_size_runs(name):
     printed = run("-m", name, "--smallest")
-    assert len(re.findall(r"\d", printed)) > 20
+    assert len(re.findall(r"\d", printed)) >= 20
     assert not re.search(r"^ *\d.*\bWRONG\b|beyond its bound", printed, re.M)  # as two of them say it

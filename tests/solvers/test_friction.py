@@ -75,7 +75,7 @@ def library_iterates(loop, system, state, count, **options):
             y = jax.lax.fori_loop(0, steps.astype(int), lambda _, y: update(y)[0], start)
             return y, Progress.done(jnp.float64)
 
-        traced_anew = mock.patch.object(_solve, "_solved", _solve._solved.__wrapped__)
+        traced_anew = mock.patch.object(_solve, "_solved_dense", _solve._solved)
         as_it_is = mock.patch.object(rx.FixedPoint, "_finished", lambda solver, problem, tau: tau)
         open_as_it_is = mock.patch.object(_open_newton, "_finished", lambda problem, stress, tau: tau)
         with mock.patch.object(loop, "iterate", run), as_it_is, open_as_it_is, traced_anew:

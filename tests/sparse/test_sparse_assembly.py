@@ -62,8 +62,9 @@ def test_values_that_constraints_determine_are_missed_and_named():
 def test_what_contradicts_is_named():
     mechanism, state = ladder(2)
     given = {"A0.angle": 0.7, "A1.angle": 0.8}
+    told = r"misses \d+ rows, A[01]\.angle as given by 0\.05 the most|A0\.angle as given and A1\.angle as given"
     for what in ("positions", "rates"):
-        with pytest.raises(rx.NoSolutionError, match=r"A0\.angle as given, A1\.angle as given"):
+        with pytest.raises(rx.NoSolutionError, match=told):
             rx.assemble(mechanism.sparse(), state.q, **{what: given})
     state = rx.assemble(
         mechanism.sparse(), state.q, positions=dict.fromkeys(given, 0.7), rates=dict.fromkeys(given, 1.0)
