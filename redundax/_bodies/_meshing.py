@@ -17,7 +17,8 @@ import numpy as np
 from jaxtyping import Array, Int
 
 from .._tools._compilation import compiled
-from .._tools._module import is_concrete, stop_gradient, tree_take
+from .._tools._module import is_concrete, tree_take
+from .._tools._numbers import stop_gradient
 from ._body import GROUND
 from ._joints import AbstractJoint, AbstractMesh, GearPair
 from ._pose import poses

@@ -34,18 +34,9 @@ from .._system._system import AbstractSystem, check_system
 from .._tools._chunks import alike, with_derivative_of
 from .._tools._compilation import compiled
 from .._tools._errors import RedundaxError
-from .._tools._module import (
-    as_float,
-    check_position,
-    floats,
-    is_concrete,
-    numpy_of,
-    on_device,
-    replace_fields,
-    stop_gradient,
-)
+from .._tools._module import as_float, check_position, floats, is_concrete, numpy_of, on_device, replace_fields
 from .._tools._no_answer import nan_where
-from .._tools._numbers import custom_jvp, fori_loop, known, of_model, on_numbers, take, while_loop, xp
+from .._tools._numbers import custom_jvp, fori_loop, known, of_model, on_numbers, stop_gradient, take, while_loop, xp
 from ._guess import ask_for_radians, check_finite
 from ._kinematics import along_motion, model_at, velocity
 from ._misfit import Misfit, misfit_of, tell, tolerance

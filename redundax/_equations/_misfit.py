@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .._tools._module import stop_gradient
-from .._tools._numbers import xp
+from .._tools._numbers import stop_gradient, xp
 from ._scaling import largest_violation
 
 

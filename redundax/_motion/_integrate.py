@@ -22,8 +22,8 @@ from .._system._results import RESULTS, first_failure
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
-from .._tools._module import stop_gradient
 from .._tools._no_answer import cut_where, nan_where, spoiled_where
+from .._tools._numbers import stop_gradient
 from ._held_rank import AnyHeld, held_by, hold
 from ._held_sparse import hold_sparse
 from ._moving import Equations, Moving, rechart

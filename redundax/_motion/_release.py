@@ -28,8 +28,9 @@ from jaxtyping import Array, Bool, Float
 from numpy.polynomial import legendre
 
 from .._system._directions import Directions
-from .._tools._module import batch_any, stop_gradient
+from .._tools._module import batch_any
 from .._tools._no_answer import without_derivative
+from .._tools._numbers import stop_gradient
 from ._moving import NONE, Context, Equations, Moving, rechart, tolerance_of
 from ._project import project
 from ._slip import has_event

@@ -22,16 +22,8 @@ from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem, check_system_at
 from .._tools._errors import RedundaxError
-from .._tools._module import (
-    Numbers,
-    check_kind,
-    floats,
-    is_concrete,
-    numpy_of,
-    positive,
-    replace_fields,
-    stop_gradient,
-)
+from .._tools._module import Numbers, check_kind, floats, is_concrete, numpy_of, positive, replace_fields
+from .._tools._numbers import stop_gradient
 from ._stabilisation import AbstractStabilisation, Projection, check_stabilisation
 from ._times import Times, check_times
 from ._trajectory import Trajectory

@@ -31,7 +31,7 @@ from jaxtyping import Array, Bool, Float
 from .._equations._kinematics import between
 from .._system._directions import Directions
 from .._system._state import State
-from .._tools._module import stop_gradient
+from .._tools._numbers import stop_gradient
 from ._moving import NONE, Context, Equations, Linear, Moving, rechart, tolerance_of
 from ._project import project
 from ._stick import Mode, mode_of, next_mode

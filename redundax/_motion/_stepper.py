@@ -17,7 +17,7 @@ import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
 from .._equations._kinematics import velocity
-from .._tools._module import stop_gradient
+from .._tools._numbers import stop_gradient
 from ._held_rank import AnyHeldFactorisation, factorize_held
 from ._moving import Context, Equations, Moving, rechart, tolerance_of
 from ._project import project

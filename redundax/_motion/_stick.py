@@ -27,7 +27,7 @@ from .._solvers._active_set import active_set, size_of_parts
 from .._solvers._gauss_seidel import gauss_seidel
 from .._system._friction import friction_force, load_rows
 from .._system._state import State
-from .._tools._module import stop_gradient
+from .._tools._numbers import stop_gradient
 from ._held_rank import AnyHeld
 from ._moving import Equations, Linear, tolerance_of
 

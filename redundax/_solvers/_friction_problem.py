@@ -23,8 +23,8 @@ from .._system._state import State
 from .._tools._by_number import combine
 from .._tools._krylov import krylov_solution
 from .._tools._linear_map import LinearMap, spectral_radius
-from .._tools._module import replace_fields, stop_gradient
-from .._tools._numbers import are_known, are_numbers, fori_loop, of_model, xp
+from .._tools._module import replace_fields
+from .._tools._numbers import are_known, are_numbers, fori_loop, of_model, stop_gradient, xp
 from .._tools._value import value
 
 # Powers of a matrix that the bound of its spectral radius takes.

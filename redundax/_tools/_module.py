@@ -199,11 +199,6 @@ def replace_fields(module: T, **fields: Any) -> T:
     return copy
 
 
-def stop_gradient(tree: T) -> T:
-    """The same without derivatives; numbers that a user's own function or model holds stay numbers."""
-    return jax.tree.map(lambda x: x if is_concrete(x) else jax.lax.stop_gradient(x), tree)
-
-
 def tree_take(stacked: T, members: Integer[Array, "..."]) -> T:
     """Some members of what is stacked; the indices, ours, are in bounds, and nothing is traced that checks them."""
     return jax.tree.map(
