@@ -292,8 +292,8 @@ class _Descent(NamedTuple):
     residual: Float[Array, " rows"]
     slope: Float[Array, "rows n"]
     damping: Float[Array, ""]
-    steps: Int[Array, ""] | int
-    ended: Bool[Array, ""] | bool
+    steps: Int[Array, ""]
+    ended: Bool[Array, ""]
 
 
 def _descent(closing: _Closing) -> Float[Array, " n"]:

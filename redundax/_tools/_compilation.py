@@ -1,9 +1,10 @@
 """How programs are compiled: in little time outside transformations, with all optimisation inside them.
 
 A call whose numbers are all there runs few times, and compiling it takes thousands of times as long as running it. What
-of it is a program (`_numbers`: the model; large mechanisms, motions, searches; what is asked often) is compiled without optimisation, and at once, even where a `vmap` or `jit` around it traces something else: what does
-not depend on traced numbers is not traced again for them. Such a program of a single sample has one way to go; what
-stands ready for batches and derivatives is left out of it.
+of it is a program (`_numbers`: the model; large mechanisms, motions, searches; what is asked often) is compiled without
+optimisation, and at once, even where a `vmap` or `jit` around it traces something else: what does not depend on traced
+numbers is not traced again for them. Such a program of a single sample has one way to go; what stands ready for batches
+and derivatives is left out of it.
 """
 
 import functools
