@@ -134,7 +134,7 @@ def assemble(
     given = system.anonymous.without_friction, State(system.start(q, t), qd, t), held, at, driven, rate
     state, off, slow = (_assemble if system.plan is None else _assemble_large)(*given)
     if is_concrete(off.refused) and is_concrete(slow.refused):
-        off, slow = jax.device_get((off, slow))
+        off, slow = jax.device_get(stop_gradient((off, slow)))
         if off.refused and throw is not False:
             raise no_position(system, check_rows(system, q, t), off, tuple(positions))
         if slow.refused and throw is not False:
