@@ -103,5 +103,6 @@ from ._system._results import RESULTS as RESULTS
 from ._system._state import State as State
 from ._system._system import AbstractSystem as AbstractSystem
 from ._system._system import System as System
+from ._tools._cache import keep_programs as keep_programs
 from ._tools._errors import NoSolutionError as NoSolutionError
 from ._tools._errors import RedundaxError as RedundaxError

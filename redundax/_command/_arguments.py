@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from importlib import metadata
 from typing import Any
 
+from .._tools._cache import LIMIT
 from ..plot._page._formats import FORMATS
-from ._cache import LIMIT
 
 _PICK = (
     "Figures with friction are about the minimum norm with the mechanism's own length as its unit, so that no unit "

@@ -6,14 +6,15 @@ import io
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Sequence
 from typing import NoReturn
 
 import jax
 
+from .._tools._cache import keep_programs
 from ._arguments import argument_parser
 from ._audit import audit_file
-from ._cache import keep_programs
 from ._file import FileError, blaming, check_target, load
 from ._output import tell
 from ._own import COMMANDS
@@ -75,7 +76,10 @@ def process() -> int:
         jax.config.update("jax_disable_most_optimizations", True)
     if jax.__version_info__ < (0, 11):  # XLA aborts at flags that it has dropped
         os.environ.setdefault("XLA_FLAGS", "--xla_cpu_use_fusion_emitters=false")  # its older code generator
-    keep_programs()
+    with warnings.catch_warnings(record=True) as told:
+        keep_programs()
+    for warning in told:
+        tell(f"redundax: {warning.message}")
     return main()
 
 

@@ -15,6 +15,8 @@ import equinox as eqx
 import jax
 import jax.core
 
+from ._waiting import tell_of_long_compiling
+
 P = ParamSpec("P")
 T = TypeVar("T")
 
@@ -29,6 +31,7 @@ _QUICK: Options = {
     "xla_llvm_disable_expensive_passes": True,
 }
 
+tell_of_long_compiling()
 _single = jax.make_user_context(False)  # a part of what JAX knows programs by
 
 

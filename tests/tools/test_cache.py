@@ -1,4 +1,4 @@
-"""Compiled programs that the command keeps: a second run takes them from the folder, and compiles none."""
+"""Compiled programs that are kept: a second run takes them from the folder, and compiles none."""
 
 import os
 import pathlib
@@ -8,8 +8,8 @@ import sys
 import jax
 import pytest
 
-from redundax._command import _cache
-from redundax._command._cache import keep_programs
+from redundax import keep_programs
+from redundax._tools import _cache
 
 FILE = """
 import jax.numpy as jnp
@@ -100,6 +100,17 @@ def test_folders_of_the_platforms(settings, monkeypatch, tmp_path, platform, var
     keep_programs()
     assert folder() == str(tmp_path / place)
     assert (tmp_path / place).is_dir()
+
+
+def test_a_script_names_its_folder(settings, monkeypatch, tmp_path):
+    monkeypatch.setenv("REDUNDAX_CACHE", "off")
+    keep_programs(tmp_path / "own")
+    assert folder() == str(tmp_path / "own")
+    jax.config.update("jax_compilation_cache_dir", None)
+    (tmp_path / "taken").write_text("a file")
+    with pytest.warns(UserWarning, match="Name another folder as `folder`"):
+        keep_programs(tmp_path / "taken")
+    assert folder() is None
 
 
 def test_off(settings, monkeypatch, tmp_path):

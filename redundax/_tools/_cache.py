@@ -1,25 +1,41 @@
-"""Compiled programs kept from one run of the command to the next, in the user's folder for caches.
-
-The environment variable REDUNDAX_CACHE names another folder, or is "off". What JAX is told about its cache stands above
-both. A folder that cannot be written to is no reason to stop: programs are compiled again then.
-"""
+"""Compiled programs kept from one start of Python to the next, in the user's folder for caches."""
 
 import os
 import pathlib
 import sys
 import tempfile
+import warnings
 
 import jax
-
-from ._output import tell
 
 LIMIT = 256 * 10**6  # bytes of the folder when a run starts
 
 
-def keep_programs() -> None:
-    """Keep compiled programs for later runs, and take those of earlier ones."""
-    wish = os.environ.get("REDUNDAX_CACHE", "")
-    if wish == "off" or getattr(jax.config, "jax_compilation_cache_dir", None):
+def keep_programs(folder: str | os.PathLike[str] | None = None) -> None:
+    """Keep compiled programs on disk, so that a script that starts again compiles none of them.
+
+    Call it before all else. Programs are known by what they compute, so those of an edited mechanism are compiled anew.
+    The oldest are dropped beyond 256 MB. The command `redundax` does the same.
+
+    **Example:**
+
+    ```python
+    import redundax as rx
+
+    rx.keep_programs()
+    ```
+
+    **Arguments:**
+
+    - `folder`: where. By default the environment variable REDUNDAX_CACHE says it, or is "off" for none; otherwise it is
+      a folder `redundax` where the user's platform has caches.
+
+    A cache that JAX has been told of is left as it is. Where a folder cannot be written to, programs are compiled
+    again, and a warning says so if the folder was named.
+    """
+    named = "REDUNDAX_CACHE" if folder is None else "`folder`"
+    wish = os.environ.get("REDUNDAX_CACHE", "") if folder is None else os.fspath(folder)
+    if (folder is None and wish == "off") or getattr(jax.config, "jax_compilation_cache_dir", None):
         return
     try:
         folder = (pathlib.Path(wish).expanduser() if wish else _default_folder()).absolute()
@@ -28,7 +44,7 @@ def keep_programs() -> None:
         _drop_oldest(folder)
     except (OSError, RuntimeError) as error:  # RuntimeError: of a user without a home
         if wish:
-            tell(f"redundax: REDUNDAX_CACHE: no programs are kept: {error}. Choose another folder.")
+            warnings.warn(f"No programs are kept: {error}. Name another folder as {named}.", stacklevel=2)
         return
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
