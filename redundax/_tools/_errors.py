@@ -20,7 +20,7 @@ class NoSolutionError(RedundaxError, RuntimeError):
 
     ```python
     try:
-        rx.assemble(mechanism, jnp.full(mechanism.n, 1e3))
+        rx.assemble(mechanism, jnp.full(len(mechanism.coordinates), 1e3))
     except rx.NoSolutionError as error:
         print(error)
     ```
