@@ -24,6 +24,7 @@ from .._system._decision import Decision
 from .._system._results import RESULTS, first_failure
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._lapack import in_order
 from .._tools._module import replace_fields
 from .._tools._numbers import on_numbers, stop_gradient, xp
 from ._branch import Branch
@@ -265,10 +266,9 @@ class Factorisation(AbstractSolvedFactorisation):
     def stress_response(self, compliance: Float[Array, "m m"]) -> tuple[Float[Array, "m m"], Decision]:
         """G = N (N^T W N)^-1 N^T: self-stress caused by a misfit under the compliance W; and whether N^T W N > 0."""
         scale = 1 / self.row_scale
-        scaled = scale[:, None] * compliance * scale
-        after = self.response[0, 0]
+        scaled = in_order(scale[:, None] * compliance * scale, self.response[0, 0])
         kept, states = self.spectrum.kept, self.redundancy - self.local
-        response, definiteness = restricted_inverse(scaled, self.split.stress, states, kept, after)
+        response, definiteness = restricted_inverse(scaled, self.split.stress, states, kept)
         return scale[:, None] * response * scale, definiteness
 
 
@@ -285,8 +285,7 @@ def _factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | Non
     parts, spectrum = split(scaled, position, rank)
     scaled_mass = coordinate_scale[:, None] * mass * coordinate_scale
     freedom = matrix.shape[1] - spectrum.rank
-    zero = xp.zeros((), matrix.dtype)
-    response, determinacy = restricted_inverse(scaled_mass, parts.motion, freedom, spectrum.kept, zero)
+    response, determinacy = restricted_inverse(scaled_mass, parts.motion, freedom, spectrum.kept)
     force, gamma = coordinate_scale * load, motion.gamma / row_scale
     a, mu = refined(scaled, scaled_mass, parts.inverse, response, (force, gamma))
     found = kinematics.moving(state, a, reached_by(scaled_mass, force, a, size))

@@ -124,9 +124,9 @@ def _on_branch(
     position = factor.violation.position + beside
     noise = factor.noise + position, factor.rate_noise
     more = lacking(system, state, (factor.scaled, gamma), factor.split, scales, factor.least_kept, noise)
-    mass, zero = factor.scaled_mass, xp.zeros((), force.dtype)
+    mass = factor.scaled_mass
     freedom = n - factor.spectrum.rank - more.states
-    response, determinacy = restricted_inverse(mass, more.parts.motion, freedom, more.kept, zero)
+    response, determinacy = restricted_inverse(mass, more.parts.motion, freedom, more.kept)
     a, mu = refined(more.matrix, mass, more.inverse, response, (force, more.wanted))
     qd = state.qd / scales.coordinates
     found = ScaledMotion(qd, 0.0 * gamma, gamma, 0.0 * gamma, a, reached_by(mass, force, a, scales.size))

@@ -31,12 +31,12 @@ They follow from P K = 0, K Z = 0 and the Penrose conditions; repeated singular 
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from .._system._decision import CLEAR, Decision
 from .._tools._chunks import in_chunks
 from .._tools._compilation import is_single
+from .._tools._lapack import one_by_one
 from .._tools._module import batch_any
 from .._tools._numbers import are_numbers, cond, custom_jvp, solve_triangular, stop_gradient, xp
 from .._tools._table import AbstractFigures
@@ -124,21 +124,10 @@ def _decide(scaled: Array, violation: Array, tolerance: Array, rank: Array | Non
     return cond(batch_any(~proved), decomposed, lambda: found)
 
 
-def _singular_values(scaled: Array) -> Array:
-    return (_values if are_numbers(scaled) else _values_each)(scaled)
-
-
-def _values(scaled: Array) -> Array:
-    return xp.linalg.svd(scaled, full_matrices=False)[1]  # the decomposition that decides, once more
-
-
-_values_each = jax.custom_batching.custom_vmap(_values)
-
-
-@_values_each.def_vmap
-def _of_each(_size: int, _batched: list[bool], scaled: Array) -> tuple[Array, bool]:
-    # One after the other: batched, it could run beside another LAPACK call, and both can hang.
-    return jax.lax.map(lambda one: jnp.linalg.svd(one, compute_uv=False), scaled), True
+_singular_values = one_by_one(
+    lambda scaled: xp.linalg.svd(scaled, full_matrices=False)[1],  # the decomposition that decides, once more
+    lambda scaled: xp.linalg.svd(scaled, compute_uv=False),
+)
 
 
 def _relative(values: Array) -> Array:

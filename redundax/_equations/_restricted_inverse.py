@@ -37,22 +37,20 @@ def restricted_inverse(
     projector: Float[Array, "n n"],
     dimension: Int[Array, ""],
     kept: Float[Array, ""],
-    after: Float[Array, ""],
 ) -> tuple[Float[Array, "n n"], Decision]:
     """G, and the decision whether the restriction is positive definite.
 
     `dimension` is the rank of the projector, `kept` the smallest kept singular value of the matrix that it belongs to,
-    relative to the largest: by its inverse rounding is magnified in P. `after` is a finite number that must be computed
-    first: two LAPACK calls that XLA runs at the same time can wait for each other for good on small CPUs.
+    relative to the largest: by its inverse rounding is magnified in P.
     """
-    return in_chunks(_inverse, matrix, projector, dimension, kept, after)
+    return in_chunks(_inverse, matrix, projector, dimension, kept)
 
 
-def _inverse(matrix: Array, projector: Array, dimension: Array, kept: Array, after: Array) -> tuple[Array, Decision]:
+def _inverse(matrix: Array, projector: Array, dimension: Array, kept: Array) -> tuple[Array, Decision]:
     one = _of_one_direction(matrix, projector, kept)
 
     def of_several() -> tuple[Array, Array]:
-        several = _of_several_directions(matrix, projector, dimension, kept, after)
+        several = _of_several_directions(matrix, projector, dimension, kept)
         return jax.tree.map(lambda a, b: xp.where(dimension > 1, a, b), several, one)
 
     inverse, margin = cond(batch_any(dimension > 1), of_several, lambda: one)
@@ -69,9 +67,7 @@ def _of_one_direction(matrix: Array, projector: Array, kept: Array) -> tuple[Arr
     return xp.outer(v, v) / xp.where(energy > 0, energy, 1.0), energy / noise
 
 
-def _of_several_directions(
-    matrix: Array, projector: Array, dimension: Array, kept: Array, after: Array
-) -> tuple[Array, Array]:
+def _of_several_directions(matrix: Array, projector: Array, dimension: Array, kept: Array) -> tuple[Array, Array]:
     """The inverse on two directions or more, and the margin of the least energy."""
     one = xp.eye(matrix.shape[0], dtype=matrix.dtype)
     rounding = matrix.shape[0] * xp.finfo(matrix.dtype).eps
@@ -80,7 +76,7 @@ def _of_several_directions(
     weight = xp.where(weight > 0, weight, 1.0)
     regular = restricted / weight + (one - projector)
     shift = rounding * xp.diag(xp.diagonal(regular))  # without it a direction without energy often has no factor
-    factor = xp.linalg.cholesky(regular + shift + 0.0 * after)
+    factor = xp.linalg.cholesky(regular + shift)
     half = solve_triangular(factor, projector, lower=True)
     start = half.T @ half / weight
 

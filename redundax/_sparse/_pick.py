@@ -19,6 +19,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from .._tools._by_number import sum_few
+from .._tools._lapack import in_order
 from ._cholesky import Fronts, factor, pivots, solution
 from ._gram import Gram
 from ._rows import Rows
@@ -143,10 +144,9 @@ def picking(gram: Gram, compliance: Compliance) -> tuple[Picking, Float[Array, "
     """G, and the least square of a pivot of S + e W of a row that does not count, over e."""
     rows, weight = gram.rows, _weight(compliance.entries)
     once = jnp.where(rows.plan.beside < rows.plan.size, weight * compliance.entries, 0.0)
-    after = 0.0 * jnp.sum(gram.pivots)  # one factor after the other
 
     def whole() -> tuple[Fronts, ...]:
-        return factor(rows.plan, rows.entries(jnp.ones_like(gram.kept), once) + after)
+        return factor(rows.plan, in_order(rows.entries(jnp.ones_like(gram.kept), once), jnp.sum(gram.pivots)))
 
     fronts = jax.lax.cond(jnp.any(gram.kept == 0), whole, lambda: gram.fronts)
     fronts = jax.lax.stop_gradient(fronts)
