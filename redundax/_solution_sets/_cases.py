@@ -18,13 +18,10 @@ does depends on its ratio to the others, so theta, from 0 to 1, is the share of 
 import abc
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from .._tools._compilation import compiled
-from .._tools._numbers import xp
+from .._tools._numbers import product
 
 _WIDEST = 1e6  # ratio of compliances up to which the scale is one of logarithms
 
@@ -41,8 +38,12 @@ class AbstractCases(eqx.Module):
     upper: eqx.AbstractVar[Float[Array, " q"]]
 
     @abc.abstractmethod
-    def chosen(self, theta: Float[Array, " q"]) -> tuple[Float[Array, " m"], Float[Array, "m p"]]:
-        """base and U of a case."""
+    def chosen(self, theta: Float[Array, "... q"]) -> tuple[Float[Array, "... m"], Float[Array, "... m p"]]:
+        """base and U of cases."""
+
+    @abc.abstractmethod
+    def slopes(self, theta: Float[Array, " q"], multipliers: Float[Array, " m"]) -> Float[Array, "m q"]:
+        """Derivatives of the multipliers by the case, under friction that stays."""
 
     @abc.abstractmethod
     def figures(self, theta: Float[Array, "... q"]) -> Float[Array, "... q"]:
@@ -54,8 +55,17 @@ class AbstractCases(eqx.Module):
         return np.stack([self.figures(self.lower), self.figures(self.upper)], axis=1)
 
     @abc.abstractmethod
-    def excess(self, multipliers: Float[Array, " m"]) -> Float[Array, " c"]:
+    def excess(self, multipliers: Float[Array, "... m"]) -> Float[Array, "... c"]:
         """How far multipliers exceed their limits, relative to their widths; at most 0 within."""
+
+    @abc.abstractmethod
+    def excess_slopes(self, multipliers: Float[Array, " m"], slopes: Float[Array, "m q"]) -> Float[Array, "c q"]:
+        """Derivatives of that, given those of the multipliers."""
+
+    def multipliers(self, theta: Float[Array, "... q"], tau: Float[Array, "... p"]) -> Float[Array, "... m"]:
+        """Those of cases under friction."""
+        base, unit = self.chosen(theta)
+        return base + product(unit, tau)
 
 
 class Affine(AbstractCases):
@@ -78,17 +88,30 @@ class Affine(AbstractCases):
     norm: bool = eqx.field(static=True, default=False)
 
     def chosen(self, theta: Array) -> tuple[Array, Array]:
-        return self.start + self.slope @ theta, self.unit
+        return self.start + theta @ self.slope.T, self.unit
+
+    def slopes(self, theta: Array, multipliers: Array) -> Array:
+        return self.slope
 
     def figures(self, theta: Array) -> Array:
         return theta
 
     def excess(self, multipliers: Array) -> Array:
-        own = multipliers[self.rows]
+        own = multipliers[..., self.rows]
         if self.norm:
-            return jnp.array([jnp.sum((own / self.most) ** 2) - 1.0])
-        width = jnp.where(self.most > self.least, self.most - self.least, 1.0)
-        return jnp.concatenate([(own - self.most) / width, (self.least - own) / width])
+            return np.sum((own / self.most) ** 2, axis=-1, keepdims=True) - 1.0
+        return np.concatenate([(own - self.most) / self.width, (self.least - own) / self.width], axis=-1)
+
+    def excess_slopes(self, multipliers: Array, slopes: Array) -> Array:
+        own = slopes[self.rows]
+        if self.norm:
+            return (2 * multipliers[self.rows] / self.most**2 @ own)[None]
+        return np.concatenate([own, -own]) / np.tile(self.width, 2)[:, None]
+
+    @property
+    def width(self) -> Float[Array, " c"]:
+        """Of the limits, 1 where there is none."""
+        return np.where(self.most > self.least, self.most - self.least, 1.0)
 
 
 class Fractional(AbstractCases):
@@ -115,45 +138,50 @@ class Fractional(AbstractCases):
     @property
     def matters(self) -> Bool[Array, " q"]:
         """Which compliances move the multipliers: those of rows in the self-stress."""
-        return jnp.any(self.stress[self.rows] != 0, axis=1)
+        return np.any(self.stress[self.rows] != 0, axis=1)
 
     def chosen(self, theta: Array) -> tuple[Array, Array]:
-        compliance = self.compliance.at[self.rows, self.rows].add(self.figures(theta))
-        given = jnp.concatenate([self.start[:, None], self.unit], axis=1)
-        wanted = (-compliance @ given).at[:, 0].add(self.misfit)
-        picked = given + self_stress_of(self.stress, compliance, wanted)
-        return picked[:, 0], picked[:, 1:]
+        given, own, entries = self._given, self.stress[self.rows], self.figures(theta)
+        wanted = self.stress.T @ (self.misfit[:, None] * (np.arange(given.shape[1]) == 0) - self.compliance @ given)
+        wanted = wanted - np.einsum("...i,ia,ib->...ab", entries, own, given[self.rows])
+        picked = given + self.stress @ np.linalg.solve(self._energy(entries), wanted)
+        return picked[..., 0], picked[..., 1:]
+
+    def slopes(self, theta: Array, multipliers: Array) -> Array:
+        """-G e_i lam_i for each entry w_i."""
+        own, power = self.stress[self.rows], self._power
+        caused = self.stress @ np.linalg.solve(self._energy(self.figures(theta)), own.T)
+        by_share = (self.most - self.least) * power * np.exp(theta * power) / np.expm1(power)
+        return -caused * multipliers[self.rows] * by_share
 
     def figures(self, theta: Array) -> Array:
-        wide = self.most > self.least
-        least = jnp.maximum(self.least, self.most / _WIDEST)
-        power = jnp.log(jnp.where(wide, self.most / jnp.where(wide, least, 1.0), 2.0))
-        return self.least + (self.most - self.least) * jnp.expm1(theta * power) / jnp.expm1(power)
+        power = self._power
+        return self.least + (self.most - self.least) * np.expm1(theta * power) / np.expm1(power)
 
     def excess(self, multipliers: Array) -> Array:
-        return jnp.zeros(0, multipliers.dtype)
+        return multipliers[..., :0]
 
+    def excess_slopes(self, multipliers: Array, slopes: Array) -> Array:
+        return slopes[:0]
 
-def self_stress_of(
-    stress: Float[Array, "m k"], compliance: Float[Array, "m m"], misfit: Float[Array, "m c"]
-) -> Float[Array, "m c"]:
-    """N (N^T W N)^-1 N^T d: the self-stress that each column of misfits causes under a compliance."""
-    return stress @ xp.linalg.solve(stress.T @ compliance @ stress, stress.T @ misfit)
+    @property
+    def _given(self) -> Float[Array, "m c"]:
+        return np.concatenate([self.start[:, None], self.unit], axis=1)
+
+    @property
+    def _power(self) -> Float[Array, " q"]:
+        wide = self.most > self.least
+        least = np.maximum(self.least, self.most / _WIDEST)
+        return np.log(np.where(wide, self.most / np.where(wide, least, 1.0), 2.0))
+
+    def _energy(self, entries: Array) -> Float[Array, "... k k"]:
+        """N^T W N."""
+        own = self.stress[self.rows]
+        return self.stress.T @ self.compliance @ self.stress + np.einsum("...i,ia,ib->...ab", entries, own, own)
 
 
 def corners(cases: AbstractCases) -> Float[np.ndarray, "vertices q"]:
     """All vertices of the box."""
     q = cases.lower.size
     high = (np.arange(2**q)[:, None] >> np.arange(q)) & 1
-    return np.where(high == 1, np.asarray(cases.upper), np.asarray(cases.lower))
-
-
-@compiled
-def multipliers_of(cases: AbstractCases, theta: Float[Array, "s q"], tau: Float[Array, " p"]) -> Float[Array, "s m"]:
-    """Multipliers of many cases under one friction."""
-
-    def one(theta: Array) -> Array:
-        base, unit = cases.chosen(theta)
-        return base + unit @ tau
-
-    return jax.vmap(one)(theta)
+    return np.where(high == 1, cases.upper, cases.lower)

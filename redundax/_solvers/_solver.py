@@ -14,6 +14,7 @@ from typing import TypeVar
 
 import equinox as eqx
 import jax
+import numpy as np
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
@@ -21,7 +22,7 @@ from .._system._results import RESULTS
 from .._tools._by_number import solve_few
 from .._tools._chunks import in_chunks
 from .._tools._module import check_kind, optional_float
-from .._tools._numbers import custom_jvp, known, xp
+from .._tools._numbers import custom_jvp, entries_set, known, product, solution, xp
 from .._tools._value import value
 from ._friction_problem import FrictionProblem
 from ._iterate import Progress, iterate
@@ -39,26 +40,26 @@ class Root:
       reaches the whole friction, or was not followed.
     """
 
-    tau: Float[Array, " p"]
+    tau: Float[Array, "... p"]
     progress: Progress
-    fold: Float[Array, ""]
+    fold: Float[Array, "..."]
 
 
 class AbstractSolver(eqx.Module):
     """A way to solve tau = law(rho0 + K tau), with its tolerance."""
 
-    rtol: eqx.AbstractVar[Float[Array, ""] | None]
+    rtol: eqx.AbstractVar[Float[Array, "..."] | None]
     max_steps: eqx.AbstractVar[int]
 
     @abc.abstractmethod
-    def run(self, problem: FrictionProblem, start: Float[Array, " p"], *, in_batch: bool = False) -> Root:
+    def run(self, problem: FrictionProblem, start: Float[Array, "... p"], *, in_batch: bool = False) -> Root:
         """Solve from a start; `in_batch` says whether it is written out for a batch, or for a single sample."""
 
     @abc.abstractmethod
     def result(self, progress: Progress) -> RESULTS:
         """The outcome as a value."""
 
-    def tolerance(self, dtype: DTypeLike) -> Float[Array, ""]:
+    def tolerance(self, dtype: DTypeLike) -> Float[Array, "..."]:
         """`rtol`, at least 10 times the rounding of the dtype; 100 times if not given."""
         eps = xp.finfo(dtype).eps
         return xp.asarray(100 * eps if self.rtol is None else xp.maximum(known(self.rtol), 10 * eps), dtype)
@@ -98,7 +99,7 @@ class FixedPoint(AbstractSolver):
     - `max_steps`: iterations at most; convergence is tested after every third.
     """
 
-    rtol: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
+    rtol: Float[Array, "..."] | None = eqx.field(default=None, converter=optional_float)
     max_steps: int = eqx.field(default=1200, static=True)
 
     def run(self, problem: FrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
@@ -147,13 +148,28 @@ class Newton(AbstractSolver):
     - `max_steps`: iterations at most.
     """
 
-    rtol: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
+    rtol: Float[Array, "..."] | None = eqx.field(default=None, converter=optional_float)
     max_steps: int = eqx.field(default=50, static=True)
 
     def run(self, problem: FrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
         rtol = self.tolerance(start.dtype)
+        if start.ndim > 1:
+            return self._of_batch(problem, start, rtol)
         tau, progress = iterate(lambda tau: self.update(problem, tau), start, rtol, self.max_steps)
         return Root(tau, progress, xp.full((), xp.inf, start.dtype))
+
+    def _of_batch(self, problem: FrictionProblem, start: np.ndarray, rtol: Float[Array, "..."]) -> Root:
+        """Samples along the first axis, on numbers: those that have ended are left out."""
+        tau, left = np.array(start), np.arange(len(start))
+        whole = jax.tree.map(lambda x: np.full(len(start), x), Progress.begin(start.dtype))
+        while left.size:
+            tau[left], residual, step = self.update(problem, tau[left])
+            now = jax.tree.map(lambda x, left=left: x[left], whole).after(residual, step)
+            whole = jax.tree.map(lambda x, own, left=left: entries_set(x, left, own), whole, now)
+            going = now.unfinished(rtol, self.max_steps)
+            if not np.all(going):
+                left, problem = left[going], problem.of(going)
+        return Root(tau, whole, np.full(len(start), np.inf, start.dtype))
 
     def result(self, progress: Progress) -> RESULTS:
         return progress.result(self.tolerance(progress.residual.dtype))
@@ -167,12 +183,13 @@ class Newton(AbstractSolver):
         else:
             force, slope = problem.linearised(rho)
             residual = tau - force
-            change = -xp.linalg.solve(xp.eye(tau.size, dtype=tau.dtype) - slope, residual)
-        return tau + change, problem.change_of_friction(residual), problem.change_of_load(problem.gain @ change)
+            change = -solution(xp.eye(tau.shape[-1], dtype=tau.dtype) - slope, residual)
+        moved = problem.change_of_load(product(problem.gain, change))
+        return tau + change, problem.change_of_friction(residual), moved
 
 
 @functools.partial(custom_jvp, make=eqx.filter_custom_jvp)
-def closed_root(problem: FrictionProblem, start: Float[Array, " p"], solver: AbstractSolver) -> Root:
+def closed_root(problem: FrictionProblem, start: Float[Array, "... p"], solver: AbstractSolver) -> Root:
     """Friction forces under a closure; their derivative is implicit."""
 
     def run(problem: FrictionProblem, start: Array, solver: AbstractSolver, *, in_batch: bool = False) -> Root:

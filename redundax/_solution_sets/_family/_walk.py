@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..._solve._all_solutions import search
 from ..._solvers._arclength import bordered_matrix, follow
-from ..._solvers._continuation import Continuation
 from ..._solvers._friction_problem import FrictionProblem
 from ..._solvers._solver import Newton
 from ..._tools._compilation import compiled
@@ -44,15 +44,13 @@ class Walk(NamedTuple):
     fold: Float[Array, ""]
 
 
-@compiled
 def search_along(
-    solutions: SolutionSet, z: Float[Array, "samples k"], factors: Float[Array, "starts l"]
-) -> tuple[Float[Array, "samples starts+1 p"], Bool[Array, "samples starts+1"]]:
+    solutions: SolutionSet, z: Float[np.ndarray, "samples k"], factors: Float[np.ndarray, "starts l"]
+) -> tuple[Float[np.ndarray, "samples starts+1 p"], Bool[np.ndarray, "samples starts+1"]]:
     """Friction of the solutions found at every z, and which of them are solutions that differ."""
     if solutions.law is None:
-        one = (len(z), 1 + len(factors))
-        return jnp.zeros((*one, 0)), jnp.zeros(one, bool).at[:, 0].set(True)
-    return jax.vmap(lambda z: search(_at(solutions, z), factors, Continuation()))(z)
+        return np.zeros((len(z), 1, 0)), np.ones((len(z), 1), bool)
+    return search(_at(solutions, z), factors)
 
 
 @compiled

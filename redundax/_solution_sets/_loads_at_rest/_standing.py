@@ -13,14 +13,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Array
 
 from ..._equations._factorisation import Factorisation
 from ..._equations._kinematics import slip_gamma, slip_motion
 from ..._system._friction import have_sense
 from ..._system._state import State
 from ..._system._system import AbstractSystem
-from ..._tools._compilation import compiled
 from .._at_rest import ReducedForce, drive, is_still
 from .._cases import AbstractCases
 from .._solution_set import SolutionSet
@@ -102,14 +100,9 @@ def _balance(
             drives = np.column_stack([drives, added.drive])
         return unknowns.forces.times(drives, start.load), unknowns._replace(acceleration=still)
     resting = np.array(have_sense(system.friction))
-    resting = resting & np.asarray(law.is_open) if law is not None else resting
-    directions, gamma = (np.asarray(x) for x in _slips(system.anonymous, state))
+    resting = resting & law.is_open if law is not None else resting
+    directions, gamma = slip_motion(system.anonymous, state)[1], slip_gamma(system.anonymous, state)
     return unknowns.acceleration.times(directions[:, resting].T, -gamma[resting]), unknowns
-
-
-@compiled
-def _slips(system: AbstractSystem, state: State) -> tuple[Array, Array]:
-    return slip_motion(system, state)[1], slip_gamma(system, state)
 
 
 def _right(part: AffineMap) -> tuple[np.ndarray, np.ndarray]:

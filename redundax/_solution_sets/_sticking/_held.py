@@ -10,12 +10,10 @@ Newton's method on (tau, t); what it ends with is checked, so that a state calle
 
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
-from ..._tools._compilation import compiled
+from ..._tools._numbers import product, solution
 from .._cases import AbstractCases
 from .._descent import within
 from .._solution_set import SolutionSet
@@ -25,7 +23,7 @@ _ROUNDING = 1e-9  # of the share and of the equations
 
 
 class Held(NamedTuple):
-    """States that friction holds, on the device or as NumPy arrays.
+    """States that friction holds.
 
     - `theta`, `tau`, `multipliers`: the case, shape (..., q), friction, shape (..., p), and lam, shape (..., m).
     - `share`: t.
@@ -33,52 +31,60 @@ class Held(NamedTuple):
     - `good`: whether it is such a state.
     """
 
-    theta: Array | np.ndarray
-    tau: Array | np.ndarray
-    multipliers: Array | np.ndarray
-    share: Array | np.ndarray
-    excess: Array | np.ndarray
-    good: Array | np.ndarray
+    theta: np.ndarray
+    tau: np.ndarray
+    multipliers: np.ndarray
+    share: np.ndarray
+    excess: np.ndarray
+    good: np.ndarray
 
     def within(self) -> np.ndarray:
         """Which are held within the limits."""
         return within(self.good, self.excess)
 
 
-@compiled
 def held(
     solutions: SolutionSet,
     cases: AbstractCases,
-    effect: Float[Array, " p"],
-    theta: Float[Array, "s q"],
-    start: Float[Array, "s p"],
+    effect: Float[np.ndarray, " p"],
+    theta: Float[np.ndarray, "s q"],
+    start: Float[np.ndarray, "s p"],
 ) -> Held:
     """The held states of cases, by Newton's method from friction in proportion to a start, NaN for the first sweep."""
-    return jax.vmap(lambda theta, start: _held(solutions, cases, effect, theta, start))(theta, start)
-
-
-def _held(solutions: SolutionSet, cases: AbstractCases, effect: Array, theta: Array, start: Array) -> Held:
     base, unit = cases.chosen(theta)
     if solutions.law is None:
-        return _state(cases, theta, base, start, jnp.full((), jnp.inf, base.dtype), jnp.zeros((), bool))
+        return _state(cases, theta, base, start, np.full(len(theta), np.inf), np.zeros(len(theta), bool))
     problem = solutions.problem(base, unit)
-    first = problem.law(problem.rho0)
-    start = jnp.where(jnp.all(jnp.isfinite(start)), start, first)
+    start = np.where(np.all(np.isfinite(start), axis=1)[:, None], start, problem.law(problem.rho0))
     size = problem.sized_at(start).friction_size
 
-    def residual(x: Array) -> Array:
-        tau = size * x[:-1]
-        return jnp.append(x[:-1] - x[-1] * problem.law(problem.loads(tau)) / size, 1 + effect @ tau)
+    def equations(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The residual and its slope."""
+        tau = size * x[:, :-1]
+        force, slope = problem.linearised(problem.loads(tau))
+        left = np.append(x[:, :-1] - x[:, -1:] * force / size, 1 + tau @ effect[:, None], axis=1)
+        by_y = np.eye(effect.size) - x[:, -1:, None] * slope * size[:, None] / size[..., None]
+        above = np.append(by_y, -(force / size)[..., None], axis=2)
+        return left, np.append(above, np.pad(effect * size, ((0, 0), (0, 1)))[:, None], axis=1)
 
-    def newton(_: Array, x: Array) -> Array:
-        return x - jnp.linalg.solve(jax.jacfwd(residual)(x), residual(x))
+    x = -1 / (start @ effect)[:, None] * np.pad(start / size, ((0, 0), (0, 1)), constant_values=1.0)
+    for _ in range(_STEPS):
+        left, slope = equations(x)
+        x = x - solution(slope, left)
+    left = np.abs(equations(x)[0])
+    good = np.all(left[:, :-1] <= _ROUNDING * np.abs(x[:, :-1]).max(axis=1, keepdims=True), axis=1)
+    good &= (left[:, -1] <= _ROUNDING) & (x[:, -1] >= 0) & (x[:, -1] <= 1 + _ROUNDING)
+    tau = size * x[:, :-1]
+    return _state(cases, theta, base + product(unit, tau), tau, x[:, -1], good)
 
-    share = -1 / (effect @ start)
-    x = jax.lax.fori_loop(0, _STEPS, newton, share * jnp.append(start / size, 1.0))
-    small = _ROUNDING * jnp.append(jnp.max(jnp.abs(x[:-1])) * jnp.ones_like(size), 1.0)
-    good = jnp.all(jnp.abs(residual(x)) <= small) & (x[-1] >= 0) & (x[-1] <= 1 + _ROUNDING)
-    return _state(cases, theta, base + unit @ (size * x[:-1]), size * x[:-1], x[-1], good)
 
-
-def _state(cases: AbstractCases, theta: Array, multipliers: Array, tau: Array, share: Array, good: Array) -> Held:
-    return Held(theta, tau, multipliers, share, jnp.max(cases.excess(multipliers), initial=-jnp.inf), good)
+def _state(
+    cases: AbstractCases,
+    theta: np.ndarray,
+    multipliers: np.ndarray,
+    tau: np.ndarray,
+    share: np.ndarray,
+    good: np.ndarray,
+) -> Held:
+    excess = np.max(cases.excess(multipliers), axis=-1, initial=-np.inf)
+    return Held(theta, tau, multipliers, share, excess, good)

@@ -25,9 +25,7 @@ Where friction puts no load on friction, Gamma = 0, cells get as small as the ve
 from collections.abc import Callable
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from ..._analysis._verdict import spectral_radius
 from .._at_rest import LIMIT, NONE, Ends, ReducedForce, in_batches
@@ -82,8 +80,8 @@ class ManyFreedoms:
         self.gamma = np.where(rounding, 0.0, gamma)
         self.change = np.full((p, cases.lower.size), np.inf if reads else 0.0)
         if reads and isinstance(cases, Affine) and solutions.law is not None:
-            change = np.asarray(solutions.law.largest_changes(cases.slope[solutions.rows]))
-            self.change = np.where(np.asarray(cases.upper > cases.lower), change, 0.0)
+            change = solutions.law.largest_changes(cases.slope[solutions.rows])
+            self.change = np.where(cases.upper > cases.lower, change, 0.0)
 
     def ends(self, theta: np.ndarray, seed: int) -> Ends:
         """States that are possible in cases, and in those to which random steps to extremes lead.
@@ -91,7 +89,7 @@ class ManyFreedoms:
         Extremes are those of the margin and of what friction holds of each part.
         """
         ends, score = self._states(theta)
-        lower, upper = np.asarray(self.search.cases.lower), np.asarray(self.search.cases.upper)
+        lower, upper = self.search.cases.lower, self.search.cases.upper
         if not len(score) or np.allclose(score, score[0], rtol=self.limit, atol=self.limit):
             return ends
         random, radius = np.random.default_rng(seed), np.full(score.shape[1], _RADIUS)
@@ -120,7 +118,7 @@ class ManyFreedoms:
         left = np.ones(s) if drive.none else 1 + (tau @ drive.slips) @ drive.load / (drive.load @ drive.load)
         falls = np.where(~held.stays & (margin < -self.limit), margin, -left)
         free, unit = self.search.solutions.response.free.acceleration, self.search.solutions.response.unit.acceleration
-        moved = np.asarray(free) + tau @ np.asarray(unit).T
+        moved = free + tau @ unit.T
         rows = [
             (falls[slips], margin[sticks]),
             (theta[slips], theta[sticks]),
@@ -196,8 +194,7 @@ class ManyFreedoms:
         )
 
     def _looked(self, theta: np.ndarray, tau: np.ndarray) -> LimitSamples:
-        search = self.search
-        return in_batches(lambda *own: sample_limits(search.solutions, search.cases, *own), self.size, theta, tau)
+        return sample_limits(self.search.solutions, self.search.cases, theta, tau)
 
     def _started(self, theta: np.ndarray) -> np.ndarray:
         """Friction as slip begins."""
@@ -207,18 +204,16 @@ class ManyFreedoms:
             left = ~started(self.drive, tau, at).sure
             if not left.any() or self.drive.directions is not None:
                 break
-            tau[left] = least_accelerated(self.drive, np.asarray(at.low)[left], np.asarray(at.high)[left])
+            tau[left] = least_accelerated(self.drive, at.low[left], at.high[left])
         return tau
 
     def _settled(self, theta: np.ndarray, *, own_loads: bool = True) -> np.ndarray:
         """Friction as slip begins, with or without the loads that friction puts on friction."""
-        solutions, cases = self.search.solutions, self.search.cases
-        load, slips, loads = (jnp.asarray(x) for x in (self.drive.load, self.drive.slips, float(own_loads)))
+        base, unit = self.search.cases.chosen(theta)
+        unit = np.broadcast_to(float(own_loads) * unit, (len(base), *unit.shape[-2:]))
 
-        def batch(own: Array) -> Array:
-            return slipping_friction(solutions, cases, load, slips, loads, own, self.drive.directions)
-
-        return np.asarray(in_batches(batch, self.size, theta))
+        fixed = self.search.solutions, self.drive.load, self.drive.slips
+        return in_batches(lambda *own: slipping_friction(*fixed, *own, self.drive.directions), self.size, base, unit)
 
     def proves(self, verdict: str, joint: int | None = None) -> bool:
         """Whether a verdict that states found support is proved, of the whole or of a joint."""
@@ -255,7 +250,7 @@ class ManyFreedoms:
         Limits of friction in the cell are those without friction in its middle, low and high, give or take `less`;
         those of `joints` matter.
         """
-        lower, upper = np.asarray(self.search.cases.lower), np.asarray(self.search.cases.upper)
+        lower, upper = self.search.cases.lower, self.search.cases.upper
         if not np.all(np.isfinite(self.change)) or not spectral_radius(self.gamma) < 1:
             return False
         back = np.linalg.inv(np.eye(len(self.gamma)) - self.gamma)

@@ -14,12 +14,10 @@ load on friction. Verdicts on all cases are proved by cells that cover the bound
     |change of y| <= |e|^T (I - Gamma)^-1 Lambda |change of the case|,   Lambda: bounds of the change of law.
 """
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from ..._analysis._verdict import spectral_radius
-from .._at_rest import LIMIT, Ends, ReducedForce, in_batches
+from .._at_rest import LIMIT, Ends, ReducedForce
 from .._cases import AbstractCases, Affine
 from .._descent import sample
 from .._search import Search, largest_gamma
@@ -29,7 +27,7 @@ from ._held import held
 CELLS = 4096  # cells of the bounds at most, in a proof
 
 
-def ends_of_one(search: Search, drive: ReducedForce, theta: jax.Array, samples: int, seed: int) -> Ends:
+def ends_of_one(search: Search, drive: ReducedForce, theta: np.ndarray, samples: int, seed: int) -> Ends:
     """Solutions in which it slips, and states that friction holds, in all cases of a search."""
     solutions, cases = search.solutions, search.cases
     n, m = solutions.response.free.acceleration.size, solutions.stress.shape[0]
@@ -39,12 +37,11 @@ def ends_of_one(search: Search, drive: ReducedForce, theta: jax.Array, samples: 
         margin = np.full_like(margin, np.inf)
     slips = found.within() & (margin < -LIMIT)
     # From solutions, and from cases without any: friction that grows with its own load can hold and not let go.
-    without = np.array([row not in {tuple(row) for row in found.theta} for row in map(tuple, np.asarray(theta))])
-    places = jnp.concatenate([jnp.asarray(found.theta), theta[without]])
+    solved = set(map(tuple, found.theta))
+    without = np.array([row not in solved for row in map(tuple, theta)])
     begin = np.concatenate([found.tau, np.full((without.sum(), drive.effect.size), np.nan)])
     margin = np.concatenate([margin, np.full(without.sum(), np.inf)])
-    effect = jnp.asarray(drive.effect)
-    stays = in_batches(lambda *own: held(solutions, cases, effect, *own), len(theta), places, jnp.asarray(begin))
+    stays = held(solutions, cases, drive.effect, np.concatenate([found.theta, theta[without]]), begin)
     if drive.none:
         stays = stays._replace(
             tau=0 * begin,
@@ -64,7 +61,7 @@ def ends_of_one(search: Search, drive: ReducedForce, theta: jax.Array, samples: 
         (np.ones(slips.sum()), stays.share[sticks]),
         (np.tile(np.sign(drive.sense), (slips.sum(), 1)), np.zeros((sticks.sum(), drive.sense.size))),
     ]
-    solved = np.mean([tuple(row) in decided for row in np.asarray(theta)])
+    solved = np.mean([tuple(row) in decided for row in theta])
     margins, *others = (np.concatenate(part) for part in parts)
     return Ends(margins, *others, solved=float(solved))
 
@@ -78,21 +75,21 @@ def most_holds(solutions: SolutionSet, cases: AbstractCases, drive: ReducedForce
     return bool(spectral_radius(gamma) < 1 and np.all(back <= effect))
 
 
-def is_covered(search: Search, drive: ReducedForce, theta: jax.Array, sign: float) -> bool:
+def is_covered(search: Search, drive: ReducedForce, sign: float) -> bool:
     """Whether cells prove that sign * margin >= 0 over the whole box, where each case has one solution."""
     solutions, cases = search.solutions, search.cases
     if not isinstance(cases, Affine) or solutions.law is None:
         return False
     gamma = largest_gamma(solutions, cases)
-    change = np.asarray(solutions.law.largest_changes(cases.slope[solutions.rows]))
+    change = solutions.law.largest_changes(cases.slope[solutions.rows])
     if not np.all(np.isfinite(change)):
         return False
     slope = np.abs(drive.effect) @ np.linalg.solve(np.eye(len(gamma)) - gamma, change)
-    middle, half = np.asarray(cases.lower + cases.upper)[None] / 2, np.asarray(cases.upper - cases.lower)[None] / 2
+    middle, half = (cases.lower + cases.upper)[None] / 2, (cases.upper - cases.lower)[None] / 2
     looked = 0
     while len(middle) and looked < CELLS:
         looked += len(middle)
-        found = in_batches(lambda own: sample(solutions, cases, own, search.factors), len(theta), middle)
+        found = sample(solutions, cases, middle, search.factors)
         margin = sign * np.where(found.good[:, 0], -(found.values[:, 0] @ drive.output), np.nan)
         if not np.all(margin >= 0):
             return False

@@ -19,10 +19,8 @@ margin < 0 says that the acceleration cannot vanish: the drive would have to fal
 known of them over the bounds.
 """
 
-import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array
 
 from ..._analysis._analyze import analyze
 from ..._analysis._report import Report
@@ -33,6 +31,8 @@ from ..._solve._all_solutions import start_factors
 from ..._system._state import State
 from ..._system._system import AbstractSystem, check_system_at
 from ..._tools._errors import NoSolutionError, RedundaxError
+from ..._tools._module import replace_fields
+from ..._tools._numbers import computed
 from .._at_rest import LIMIT, Ends, ReducedForce, drive
 from .._bounds import AbstractBounds, cases_of, check_bounds, title_of
 from .._loads_at_rest._wedged import wedged
@@ -47,6 +47,7 @@ from ._sticking_report import Sticking
 _MINIMUM_NORM = MinimumNorm()
 
 
+@computed
 def sticking(
     system: AbstractSystem,
     state: State,
@@ -83,16 +84,15 @@ def sticking(
     """
     check_bounds(bounds)
     check_system_at(system, state)
-    state = State(state.q, state.qd, state.t)  # bristles that bend let it move, so they do not count
+    state = replace_fields(state, memory=())  # bristles that bend let it move, so they do not count
     system, factor = dense_at(system, state, rank, factor)
     start = drive(system, state, factor)
-    senses = jnp.asarray(start.sense)
-    report = analyze(system, state, sense=senses, factor=factor)
+    report = analyze(system, state, sense=start.sense, factor=factor)
     if report.problem:
         raise NoSolutionError(report.problem)
     if report.freedom < 1:
         raise RedundaxError("Argument `system` must have a freedom to stick or slip, but has none. Release a lock.")
-    solutions = solution_set(system, state, factor, jnp.asarray(report.self_stress), senses)
+    solutions = solution_set(system, state, factor, report.self_stress, start.sense)
     cases = cases_of(bounds, system, state, report, solutions)
     single = proved_single(solutions, cases, report)
     search = Search(solutions, cases, start_factors(solutions.rows.size, 0 if single else starts, seed))
@@ -100,11 +100,11 @@ def sticking(
     theta = search.sample(samples, seed)
     fixed = isinstance(bounds, AbstractClosure) or not report.friction_reads
     many = None if report.freedom == 1 else ManyFreedoms(search, start, len(theta), reads=not fixed)
-    ends = ends_of_one(search, start, theta, samples, seed) if many is None else many.ends(np.asarray(theta), seed)
+    ends = ends_of_one(search, start, theta, samples, seed) if many is None else many.ends(theta, seed)
     ends = ends if single else _with_wedged(ends, system, state, factor, bounds, report)
     verdict = _verdict(ends)
     if many is None:
-        settled = single and _proved_of_one(verdict, search, start, theta, fixed=fixed)
+        settled = single and _proved_of_one(verdict, search, start, fixed=fixed)
         proved = verdict != "undecided" and (start.none or settled)
         joints = joint_verdicts(ends, np.equal(start.sense, 0), lambda *_: proved)
     else:
@@ -114,7 +114,7 @@ def sticking(
         verdict=verdict,
         proved=proved,
         margin=ends.margin[order],
-        case=np.asarray(cases.figures(jnp.asarray(ends.theta[order]))),
+        case=cases.figures(ends.theta[order]),
         acceleration=ends.acceleration[order],
         multipliers=ends.multipliers[order],
         friction=ends.tau[order],
@@ -141,12 +141,12 @@ def _verdict(ends: Ends) -> str:
     return "may stick" if slips.any() and sticks.any() else "must slip" if slips.any() else "must stick"
 
 
-def _proved_of_one(verdict: str, search: Search, start: ReducedForce, theta: Array, *, fixed: bool) -> bool:
+def _proved_of_one(verdict: str, search: Search, start: ReducedForce, *, fixed: bool) -> bool:
     """Whether a verdict is proved where each case has one solution; `fixed` says that friction is the same in all."""
     if verdict == "must stick":
-        return fixed or is_covered(search, start, theta, 1.0)
+        return fixed or is_covered(search, start, 1.0)
     settled = verdict != "undecided" and most_holds(search.solutions, search.cases, start)
-    return settled and (verdict == "may stick" or fixed or is_covered(search, start, theta, -1.0))
+    return settled and (verdict == "may stick" or fixed or is_covered(search, start, -1.0))
 
 
 def _with_wedged(
@@ -160,7 +160,7 @@ def _with_wedged(
     """With a state of joints that wedge themselves, where none was found that friction holds."""
     if np.any(ends.margin >= -LIMIT):
         return ends
-    resting = solution_set(system, state, factor, jnp.asarray(report.self_stress), None)
+    resting = solution_set(system, state, factor, report.self_stress, None)
     held = wedged(system, state, factor, resting, cases_of(bounds, system, state, report, resting))
     if held is None:
         return ends
