@@ -133,7 +133,7 @@ def _with_slopes(
 ) -> tuple[np.ndarray, np.ndarray, bool]:
     """[qdd; lam; tau] and the excess over each limit, of one case; their slopes by it; whether it has a solution.
 
-        dlam = B + U dtau,   dtau = (I - law' K)^-1 law' B[rows],   B the slopes under friction that stays
+    dlam = B + U dtau,   dtau = (I - law' K)^-1 law' B[rows],   B the slopes under friction that stays
     """
     found = Found(*(part[0] for part in _solved(solutions, cases, theta[None], tau[None])))
     n, m = solutions.response.free.acceleration.size, solutions.stress.shape[0]

@@ -224,9 +224,7 @@ def _motion(system: AbstractSystem, found: Sequence[Bands], slips: np.ndarray, r
     moves = np.stack([bands.sense != 0 for bands in found])
     directions = directions_of(system.friction)
     if directions is not None:  # a sleeve that slides and does not turn moves
-        moves, slips = (
-            np.stack([directions.any(of) for of in flags]) for flags in (moves, slips)
-        )
+        moves, slips = (np.stack([directions.any(of) for of in flags]) for flags in (moves, slips))
     counts = np.any(moves | slips, axis=0)
     return tuple("rests" if not of.any() else "moves" if of[counts].all() else "partly" for of in moves)
 
