@@ -122,6 +122,6 @@ def _limits_at(law: Law, loads: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.
         parts = np.where(law.is_open, np.sqrt(np.sum(directions.same, axis=1)), 1.0)
     ways = (replace_fields(law, sense=np.where(law.is_open, sense, law.sense)) for sense in (1.0, -1.0))
     (one, by_one), (two, by_two) = (way.linearised(loads) for way in ways)
-    share = np.where(one == two, 0.5, one < two)[:, None]  # of corners the middle, as derivatives of a minimum are
+    share = np.where(one == two, 0.5, one < two)[..., None]  # of corners the middle, as derivatives of a minimum are
     slopes = share * by_one + (1 - share) * by_two, share * by_two + (1 - share) * by_one
     return parts * np.minimum(one, two), parts * np.maximum(one, two), *(parts[:, None] * slope for slope in slopes)

@@ -272,14 +272,13 @@ def _first_end(programme: Programme, sign: float, nodes: int) -> tuple[Extreme, 
     and the first that is not borne bounds those that are looked at. With it, how far amounts were looked at; None where
     all of them are borne.
     """
-    cost = np.zeros(len(programme.box))
+    cost, whole = np.zeros(len(programme.box)), LoadsAtRest(programme, most=nodes)
     cost[-1] = sign
 
     def between(low: float, high: float, *, first: bool = False) -> Extreme:
         box = programme.box.copy()
         box[-1] = sorted((sign * low, sign * high))
-        none = np.zeros(len(cost))
-        return LoadsAtRest(programme._replace(box=box), most=nodes).extreme(none if first else cost, first=first)
+        return whole.narrowed(box).extreme(0 * cost if first else cost, first=first)
 
     start, looked = 0.0, 1.0
     if between(0.0, 0.0, first=True).x is None:

@@ -129,16 +129,18 @@ def _balls(parts: Sequence[Limited]) -> tuple[list[int], ...]:
 
 def _joined(parts: Sequence[Limited]) -> Limits:
     """The limits of all parts."""
-    from scipy.linalg import block_diag
-
-    ends = np.cumsum([len(part.read.offset) for part in parts])
+    columns = list(itertools.accumulate((len(part.read.offset) for part in parts), initial=0))
+    rows = list(itertools.accumulate((len(part.full) for part in parts), initial=0))
 
     def limits(loads: np.ndarray) -> LimitValues:
-        found = [part.limits(own) for part, own in zip(parts, np.split(loads, ends[:-1]), strict=True)]
-        if not found:
-            return LimitValues(np.zeros(0), np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)))
-        down, up, by_down, by_up = zip(*found, strict=True)
-        slopes = (np.asarray(block_diag(*slope)) for slope in (by_down, by_up))
-        return LimitValues(np.concatenate(down), np.concatenate(up), *slopes)
+        shape = *loads.shape[:-1], rows[-1]
+        out = LimitValues(*(np.zeros(shape) for _ in range(2)), *(np.zeros((*shape, columns[-1])) for _ in range(2)))
+        for part, row, column in zip(parts, itertools.pairwise(rows), itertools.pairwise(columns), strict=True):
+            own = part.limits(loads[..., slice(*column)])
+            for whole, found in zip(out[:2], own[:2], strict=True):
+                whole[..., slice(*row)] = found
+            for whole, found in zip(out[2:], own[2:], strict=True):
+                whole[..., slice(*row), slice(*column)] = found
+        return out
 
     return limits

@@ -101,7 +101,7 @@ def _of_compliances(cases: Fractional, solutions: SolutionSet, sizes: FrictionSi
     def limits(loads: np.ndarray) -> LimitValues:
         up, down = np.maximum(ratio * loads, loads), np.maximum(-ratio * loads, -loads)
         slopes = np.where(loads > 0, -ratio, -1.0), np.where(loads > 0, 1.0, ratio)
-        return LimitValues(down, up, *map(np.diag, slopes))
+        return LimitValues(down, up, *(slope[..., None] * np.eye(count) for slope in slopes))
 
     own = unknowns.multipliers.rows(rows[wide]).over(reach / most[wide])
     places = tuple(np.array([k]) for k in range(count))
