@@ -50,8 +50,7 @@ def bordered_matrix(slope: Float[Array, "... e d"], row: Float[Array, "... d"]) 
 
 
 def follow(
-    residual: Callable[[Float[Array, "... d"]], Float[Array, "... e"]],
-    slope: Callable[[Float[Array, "... d"]], Float[Array, "... e d"]],
+    equations: Callable[[Float[Array, "... d"]], tuple[Float[Array, "... e"], Float[Array, "... e d"]]],
     start: Float[Array, "... d"],
     direction: Float[Array, "... d"],
     wanted: Bool[Array, "..."],
@@ -59,7 +58,7 @@ def follow(
 ) -> Path:
     """The curve from `start` at s = 0 along `direction`, in which s grows; nothing where it is not wanted.
 
-    `residual` and `slope` are H and H_x; y should be of size 1.
+    `equations` are H and H_x; y should be of size 1.
     """
 
     def advance(path: Path) -> Path:
@@ -67,14 +66,14 @@ def follow(
 
         def correct(_: Any, carry: tuple[Array, Array]) -> tuple[Array, Array]:
             x, _ = carry
-            beside = xp.sum(path.tangent * (x - guess), axis=-1, keepdims=True)
-            off = xp.concatenate([residual(x), beside], axis=-1)
-            change = solution(bordered_matrix(slope(x), path.tangent), off)
+            (residual, slope), beside = equations(x), xp.sum(path.tangent * (x - guess), axis=-1, keepdims=True)
+            off = xp.concatenate([residual, beside], axis=-1)
+            change = solution(bordered_matrix(slope, path.tangent), off)
             return x - change, change
 
         x, change = fori_loop(0, _CORRECTIONS, correct, (guess, guess))
         last = xp.zeros_like(x) + (xp.arange(x.shape[-1]) == x.shape[-1] - 1)
-        tangent = solution(bordered_matrix(slope(x), path.tangent), last)
+        tangent = solution(bordered_matrix(equations(x)[1], path.tangent), last)
         tangent = tangent / _size(tangent)[..., None]
         reach = 1 + _size(x)
         close = _size(change) <= xp.minimum(1e-6 * reach, 0.1 * path.step)

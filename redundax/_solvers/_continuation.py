@@ -133,16 +133,13 @@ def _follow(problem: FrictionProblem, wanted: Bool[Array, "..."], max_path: int)
     """The branch from zero friction, up to s = 1 or its end; nothing where it is not wanted."""
     size = problem.friction_size
 
-    def residual(x: Array) -> Array:
-        return x[..., :-1] - x[..., -1:] * problem.law(problem.loads(size * x[..., :-1])) / size
-
-    def slope(x: Array) -> Array:
-        rho = problem.loads(size * x[..., :-1])
-        force, by_tau = problem.linearised(rho)
+    def equations(x: Array) -> tuple[Array, Array]:
+        force, by_tau = problem.linearised(problem.loads(size * x[..., :-1]))
         by_y = xp.eye(size.shape[-1], dtype=x.dtype) - x[..., -1:, None] * by_tau * size[..., None, :] / size[..., None]
-        return xp.concatenate([by_y, -(force / size)[..., None]], axis=-1)
+        by_x = xp.concatenate([by_y, -(force / size)[..., None]], axis=-1)
+        return x[..., :-1] - x[..., -1:] * force / size, by_x
 
     first = problem.law(problem.rho0) / size
     first = xp.concatenate([first, xp.ones_like(first[..., :1])], axis=-1)
     wanted = wanted & xp.all(xp.isfinite(problem.gain), axis=(-2, -1))
-    return follow(residual, slope, xp.zeros_like(first), first, wanted, max_path)
+    return follow(equations, xp.zeros_like(first), first, wanted, max_path)

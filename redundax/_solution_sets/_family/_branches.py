@@ -19,7 +19,7 @@ from .._solution_set import SolutionSet
 from ._walk import search_along, walk
 
 _CHUNK = 65536  # searches run at once
-_WALKS = (256, 4096)  # walks run at once: two compiled programs
+_WALKS = 256  # run at once by one program, which compiles for as long as thousands of them run
 _LOST = -1
 
 
@@ -101,8 +101,8 @@ class _Graph:
         sides: tuple[int, ...] = (1,)  # most downward walks are upward ones of others
         while todo := self._open(sides) or (sides == (1,) and self._open((0, 1))):
             sides = (0, 1)
-            for start in watch(range(0, len(todo), _WALKS[-1])):
-                self._walk(todo[start : start + _WALKS[-1]])
+            for start in watch(range(0, len(todo), _WALKS)):
+                self._walk(todo[start : start + _WALKS])
 
     def _open(self, sides: tuple[int, ...]) -> list[tuple[int, int, int]]:
         """Walks that stay in the grid and are not done."""
@@ -116,8 +116,7 @@ class _Graph:
         return out
 
     def _walk(self, todo: list[tuple[int, int, int]]) -> None:
-        size = next(size for size in _WALKS if size >= len(todo))
-        padded = [*todo, *(todo[-1:] * (size - len(todo)))]
+        padded = [*todo, *(todo[-1:] * (_WALKS - len(todo)))]
         here = np.array([self.points[self.place[node]] for node, _, _ in padded])
         there = np.array([self.points[self._beside(*step)] for step in padded])
         tau = np.array([self.tau[node] for node, _, _ in padded])
