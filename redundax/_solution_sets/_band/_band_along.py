@@ -233,7 +233,7 @@ def _free_slips(system: AbstractSystem, state: State, factor: Factorisation) -> 
     """Which slips the constraints leave free at a state."""
     if not system.friction:
         return np.zeros(0, bool)
-    _, slopes = slip_motion(system, state)
+    _, slopes = slip_motion(system.anonymous, state)
     slopes = slopes * factor.scaling.coordinates[:, None]
     left, whole = (np.linalg.norm(x, axis=0) for x in (factor.split.motion @ slopes, slopes))
     return left > _HELD * whole
