@@ -3,8 +3,7 @@
 1. All solutions that a search finds at many cases (`sample`); the best are starts.
 2. Sequential quadratic programming (SciPy's SLSQP) within the box and the limits on multipliers, with tau(theta) by
    Newton's method from the tau of the start; what is left beyond the limits is taken back on the line to the start.
-3. Friction laws have corners, such as |N_1| + |N_2| of a guide at N_1 = 0, and extremes lie there: random steps follow,
-   of a size that grows with success and shrinks without.
+3. Random steps (`_climb`).
 
 Every value is attained by a solution within the limits, so that what is found lies inside the true band.
 """
@@ -17,15 +16,15 @@ from jaxtyping import Float
 
 from .._solve._all_solutions import search
 from .._solvers._solver import Newton
-from .._tools._numbers import xp
+from .._tools._numbers import chosen_of, xp
 from ._cases import AbstractCases
+from ._climb import climb
 from ._solution_set import SolutionSet
 
 _STEPS = 25  # of sequential quadratic programming
 _NOWHERE = 1e6  # cost of a case without a solution; others are of size 1
 _BACK = 30  # halvings of the way back to the start
-_TRIES, _TRIED = 60, 24  # rounds of random steps, and steps in each
-_RADIUS, _GROWN, _SHRUNK = 0.02, 1.5, 0.6  # their first size, relative to the box, and how it changes
+_TRIED, _RADIUS = 24, 0.02  # random steps at a time, and their first size, relative to the box
 WITHIN = 1e-9  # excess over a limit, relative to its width, that is rounding
 
 
@@ -87,7 +86,7 @@ def _found(
 
 def improve(solutions: SolutionSet, cases: AbstractCases, costs: np.ndarray, found: Found) -> Found:
     """From each solution found a case with less cost^T [qdd; lam; tau]; costs (b, x) of size 1 over the box."""
-    lower, upper, starts, tau, random = cases.lower, cases.upper, found.theta, found.tau, np.random.default_rng(0)
+    starts, tau = found.theta, found.tau
 
     def least(theta: np.ndarray) -> tuple[Found, np.ndarray]:
         """Of cases (b, tries, q) the best for each start, and its merit."""
@@ -102,14 +101,16 @@ def improve(solutions: SolutionSet, cases: AbstractCases, costs: np.ndarray, fou
     ends = np.stack([_descend(solutions, cases, *start) for start in zip(costs, starts, tau, strict=True)])
     way = np.append(1 - 0.5 ** np.arange(_BACK), 1.0)[:, None]  # from the start to the end
     now, merit = least(starts[:, None] + way * (ends - starts)[:, None])
-    radius = np.full(len(starts), _RADIUS)
-    for _ in range(_TRIES):
-        step = (radius[:, None, None] * (upper - lower)) * random.standard_normal((len(starts), _TRIED, lower.size))
-        ahead, its_merit = least(np.clip(now.theta[:, None] + step, lower, upper))
+
+    def look(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        nonlocal now, merit
+        ahead, its_merit = least(theta)
         better = its_merit < merit
-        pairs = zip(ahead, now, strict=True)
-        now = Found(*(np.where(better.reshape(-1, *[1] * (new.ndim - 1)), new, old) for new, old in pairs))
-        merit, radius = np.where(better, its_merit, merit), radius * np.where(better, _GROWN, _SHRUNK)
+        now = Found(*(chosen_of(better, new, old) for new, old in zip(ahead, now, strict=True)))
+        merit = np.where(better, its_merit, merit)
+        return now.theta, -merit
+
+    climb(look, now.theta, -merit, cases, _RADIUS, _TRIED, np.random.default_rng(0))
     return now
 
 

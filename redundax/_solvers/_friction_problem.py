@@ -12,6 +12,7 @@ Of a large scene K is known by its products, one more right-hand side each; then
 and contraction is estimated, not bounded.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import jax
@@ -106,7 +107,7 @@ def _linearised_each(law: Law, loads: Float[Array, "s l"]) -> tuple[Float[Array,
 
 def _of_samples(law: Law, loads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Friction and its slope in batches of few sizes, so that few programs are compiled."""
-    flat = loads.reshape(-1, loads.shape[-1])
+    flat = loads.reshape(math.prod(loads.shape[:-1]), loads.shape[-1])
     size = next((size for size in _BATCHES if size >= len(flat)), _BATCHES[-1])
     parts = [flat[first : first + size] for first in range(0, len(flat), size)]
     padded = [np.pad(part, ((0, size - len(part)), (0, 0)), mode="edge") for part in parts]

@@ -30,9 +30,11 @@ import numpy as np
 from ..._analysis._verdict import spectral_radius
 from .._at_rest import LIMIT, NONE, Ends, ReducedForce, in_batches
 from .._cases import Affine
-from .._descent import within
+from .._climb import climb
+from .._descent import sample, within
 from .._search import Search, largest_gamma
 from ._capacity import Capacity, Part, capacity, parts_of
+from ._held import held
 from ._one_freedom import CELLS, halve
 from ._stick_slip import Limits, LimitSamples, least_accelerated, sample_limits, slipping_friction, started
 
@@ -40,9 +42,7 @@ _TURNS = 100  # programmes in a row
 _SQUARES = 3  # least squares in a row
 _STAYS = 1e-12  # relative change of limits that is none
 _ENDLESS = 1e9  # lambda that has no end
-_ROUNDS, _TRIED = 60, 16  # of random steps to each extreme, at most, and steps of each
-_RADIUS, _LAST = 0.1, 1e-6  # their first and last size, relative to the box,
-_GROWN, _SHRUNK = 1.5, 0.6  # and how it changes
+_TRIED, _RADIUS = 16, 0.1  # random steps at a time to each extreme, and their first size, relative to the box
 
 
 class _Turned(NamedTuple):
@@ -83,40 +83,45 @@ class ManyFreedoms:
             change = solutions.law.largest_changes(cases.slope[solutions.rows])
             self.change = np.where(cases.upper > cases.lower, change, 0.0)
 
+    @property
+    def _is_one(self) -> bool:
+        """Whether there is one freedom, along which friction acts."""
+        return self.drive.load.size == 1 and self.search.solutions.law is not None
+
     def ends(self, theta: np.ndarray, seed: int) -> Ends:
         """States that are possible in cases, and in those to which random steps to extremes lead.
 
         Extremes are those of the margin and of what friction holds of each part.
         """
         ends, score = self._states(theta)
-        lower, upper = self.search.cases.lower, self.search.cases.upper
         if not len(score) or np.allclose(score, score[0], rtol=self.limit, atol=self.limit):
             return ends
-        random, radius = np.random.default_rng(seed), np.full(score.shape[1], _RADIUS)
-        for _ in range(_ROUNDS):
-            best, place = score.max(axis=0), ends.theta[score.argmax(axis=0)]
-            steps = random.standard_normal((_TRIED, *place.shape)) * radius[:, None] * (upper - lower)
-            tried, others = self._states(np.clip(place + steps, lower, upper).reshape(-1, lower.size))
+
+        def look(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            nonlocal ends, score
+            tried, others = self._states(theta.reshape(-1, theta.shape[-1]))
             rows = [np.concatenate(pair) for pair in zip(ends[:-1], tried[:-1], strict=True)]
-            ends = Ends(*rows, solved=ends.solved)
-            score = np.concatenate([score, others])
-            radius = radius * np.where(score.max(axis=0) > best + self.limit * np.abs(best), _GROWN, _SHRUNK)
-            if radius.max() < _LAST:
-                break
+            ends, score = Ends(*rows, solved=ends.solved), np.concatenate([score, others])
+            return best()
+
+        def best() -> tuple[np.ndarray, np.ndarray]:
+            return ends.theta[score.argmax(axis=0)], score.max(axis=0)
+
+        climb(look, *best(), self.search.cases, _RADIUS, _TRIED, np.random.default_rng(seed))
         return ends
 
     def _states(self, theta: np.ndarray) -> tuple[Ends, np.ndarray]:
         """States that are possible in cases, held and as slip begins, and columns of what the largest is sought of."""
         drive, (s, p) = self.drive, (len(theta), len(self.drive.slips))
-        held, margin = self._held(theta)
-        at = self._looked(theta, held.tau)
-        sticks = within(held.stays, at.excess)
         tau = self._started(theta)
+        holding, margin = self._held(theta, tau)
+        at = self._looked(theta, holding.tau)
+        sticks = within(holding.stays, at.excess)
         then = self._looked(theta, tau)
         slip, moves, sure, _ = started(drive, tau, then)
         slips = moves & within(sure, then.excess)
         left = np.ones(s) if drive.none else 1 + (tau @ drive.slips) @ drive.load / (drive.load @ drive.load)
-        falls = np.where(~held.stays & (margin < -self.limit), margin, -left)
+        falls = np.where(~holding.stays & (margin < -self.limit), margin, -left)
         free, unit = self.search.solutions.response.free.acceleration, self.search.solutions.response.unit.acceleration
         moved = free + tau @ unit.T
         rows = [
@@ -124,8 +129,8 @@ class ManyFreedoms:
             (theta[slips], theta[sticks]),
             (moved[slips], np.zeros((sticks.sum(), moved.shape[1]))),
             (then.multipliers[slips], at.multipliers[sticks]),
-            (tau[slips], held.tau[sticks]),
-            (np.ones(slips.sum()), 1 / held.most[sticks]),
+            (tau[slips], holding.tau[sticks]),
+            (np.ones(slips.sum()), 1 / holding.most[sticks]),
             (slip[slips], np.zeros((sticks.sum(), p))),
         ]
         ends = Ends(*(np.concatenate(row) for row in rows), solved=float(np.mean(slips | sticks)))
@@ -137,21 +142,30 @@ class ManyFreedoms:
         score = np.concatenate([score, -score], axis=1)
         return ends, np.where(np.isnan(score), -np.inf, score)
 
-    def _held(self, theta: np.ndarray) -> tuple[_Turned, np.ndarray]:
-        """Friction that holds each case with the least share, if `stays`, and the margin, NaN where not known."""
+    def _held(self, theta: np.ndarray, slipping: np.ndarray) -> tuple[_Turned, np.ndarray]:
+        """Friction that holds each case with the least share, if `stays`, and the margin, NaN where not known.
+
+        With one freedom the margin is that of its `slipping` friction.
+        """
         s, p = len(theta), len(self.drive.slips)
         none = np.zeros((s, p)), np.full((s, p), np.nan), np.full((s, p), np.nan), np.zeros(s)
         if self.drive.none:
             most = np.full(s, np.inf)
             return _Turned(*none[:3], most, np.ones(s, bool)), most
-        whole = self._turned(theta, *none)
-        margin = np.where(whole.stays, whole.most - 1, np.where(whole.most >= _ENDLESS, np.inf, np.nan))
-        begin = whole.tau / np.where(whole.most > 0, whole.most, 1.0)[:, None]
-        ended = np.where(whole.most < _ENDLESS, whole.most, 1.0)
-        held = self._turned(theta, begin, whole.low, whole.high, ended, hold=True)
-        held = held._replace(stays=self._holds(theta, held.tau) & (held.most >= 1 - self.limit))
-        shown = held.stays & ~(margin >= -self.limit)
-        return held, np.where(shown, held.most - 1, margin)
+        if self._is_one:
+            effect = self.drive.effect
+            margin = -1 - slipping @ effect
+            tau, share = held(self.search.solutions, self.search.cases, effect, theta, slipping)
+            found = _Turned(tau, *none[1:3], 1 / share, share >= 0)
+        else:
+            whole = self._turned(theta, *none)
+            margin = np.where(whole.stays, whole.most - 1, np.where(whole.most >= _ENDLESS, np.inf, np.nan))
+            begin = whole.tau / np.where(whole.most > 0, whole.most, 1.0)[:, None]
+            ended = np.where(whole.most < _ENDLESS, whole.most, 1.0)
+            found = self._turned(theta, begin, whole.low, whole.high, ended, hold=True)
+        stays = found.stays & self._holds(theta, found.tau) & (found.most >= 1 - self.limit)
+        shown = stays & ~(margin >= -self.limit)
+        return found._replace(stays=stays), np.where(shown, found.most - 1, margin)
 
     def _turned(
         self,
@@ -197,7 +211,10 @@ class ManyFreedoms:
         return sample_limits(self.search.solutions, self.search.cases, theta, tau)
 
     def _started(self, theta: np.ndarray) -> np.ndarray:
-        """Friction as slip begins."""
+        """Friction as slip begins; with one freedom all slip, in the sense of the start."""
+        if self._is_one:
+            found = sample(self.search.solutions, self.search.cases, theta, self.search.factors[:0])
+            return np.where(found.good, found.tau[:, 0], np.nan)
         tau = self._settled(theta)
         for _ in range(_SQUARES):
             at = self._looked(theta, tau)

@@ -1,8 +1,8 @@
-"""A mechanism at rest with one degree of freedom: all joints that slip do so together.
+"""Proofs for a mechanism at rest with one degree of freedom: all joints that slip do so together.
 
 With s the sense of slip of the start without friction and y a_0 the acceleration under the whole friction
 tau = law(rho, s) against it, margin = -y = (what friction holds of the load's drive) - 1. Where margin >= 0 a share
-t <= 1 of the friction holds: y falls from 1 at t = 0 without a jump. `_held` finds it. Where margin < 0 and, with
+t <= 1 of the friction holds: y falls from 1 at t = 0 without a jump. Where margin < 0 and, with
 Gamma_ij = max |d law_i / d rho| |K_ij| and y = 1 + e^T tau,
 
     spectral radius of Gamma < 1   and   |e|^T Gamma (I - Gamma)^-1 <= |e|^T,
@@ -17,53 +17,13 @@ load on friction. Verdicts on all cases are proved by cells that cover the bound
 import numpy as np
 
 from ..._analysis._verdict import spectral_radius
-from .._at_rest import LIMIT, Ends, ReducedForce
+from .._at_rest import ReducedForce
 from .._cases import AbstractCases, Affine
 from .._descent import sample
 from .._search import Search, largest_gamma
 from .._solution_set import SolutionSet
-from ._held import held
 
 CELLS = 4096  # cells of the bounds at most, in a proof
-
-
-def ends_of_one(search: Search, drive: ReducedForce, theta: np.ndarray, samples: int, seed: int) -> Ends:
-    """Solutions in which it slips, and states that friction holds, in all cases of a search."""
-    solutions, cases = search.solutions, search.cases
-    n, m = solutions.response.free.acceleration.size, solutions.stress.shape[0]
-    found = search.found(drive.output[None], np.zeros(1, bool), samples if cases.lower.size else 0, seed)
-    margin = -(found.values @ drive.output)
-    if drive.none:
-        margin = np.full_like(margin, np.inf)
-    slips = found.within() & (margin < -LIMIT)
-    # From solutions, and from cases without any: friction that grows with its own load can hold and not let go.
-    solved = set(map(tuple, found.theta))
-    without = np.array([row not in solved for row in map(tuple, theta)])
-    begin = np.concatenate([found.tau, np.full((without.sum(), drive.effect.size), np.nan)])
-    margin = np.concatenate([margin, np.full(without.sum(), np.inf)])
-    stays = held(solutions, cases, drive.effect, np.concatenate([found.theta, theta[without]]), begin)
-    if drive.none:
-        stays = stays._replace(
-            tau=0 * begin,
-            share=np.zeros(len(begin)),
-            multipliers=found.values[:, n : n + m],
-            excess=found.excess,
-            good=found.good,
-        )
-    sticks = stays.within() & (margin >= -LIMIT)
-    decided = {tuple(row) for row in (*found.theta[slips], *stays.theta[sticks])}
-    parts = [
-        (margin[: len(slips)][slips], margin[sticks]),
-        (found.theta[slips], stays.theta[sticks]),
-        (found.values[slips, :n], np.zeros((sticks.sum(), n))),
-        (found.values[slips, n : n + m], stays.multipliers[sticks]),
-        (found.tau[slips], stays.tau[sticks]),
-        (np.ones(slips.sum()), stays.share[sticks]),
-        (np.tile(np.sign(drive.sense), (slips.sum(), 1)), np.zeros((sticks.sum(), drive.sense.size))),
-    ]
-    solved = np.mean([tuple(row) in decided for row in theta])
-    margins, *others = (np.concatenate(part) for part in parts)
-    return Ends(margins, *others, solved=float(solved))
 
 
 def most_holds(solutions: SolutionSet, cases: AbstractCases, drive: ReducedForce) -> bool:

@@ -14,8 +14,8 @@ while others may slip? With one degree of freedom they are one, for all joints t
 0 and more where it sticks, -1 where no friction acts against some part of the drive. Where joints slip one by one,
 margin < 0 says that the acceleration cannot vanish: the drive would have to fall by the share -margin for rest.
 
-`_one_freedom` finds and proves it for one degree of freedom, where it is the load that friction in full slip takes up,
-`_many_freedoms` for any number, by linear programmes; `_stick_slip` asks for the joints, `_joint_verdicts` says what is
+`_many_freedoms` finds and proves it, by linear programmes. With one degree of freedom it is the load that friction in
+full slip takes up, and `_one_freedom` proves more. `_stick_slip` asks for the joints, `_joint_verdicts` says what is
 known of them over the bounds.
 """
 
@@ -38,9 +38,9 @@ from .._bounds import AbstractBounds, cases_of, check_bounds, title_of
 from .._loads_at_rest._wedged import wedged
 from .._search import Search, proved_single
 from .._solution_set import solution_set
-from ._joint_verdicts import Joints, joint_verdicts
+from ._joint_verdicts import joint_verdicts
 from ._many_freedoms import ManyFreedoms
-from ._one_freedom import ends_of_one, is_covered, most_holds
+from ._one_freedom import is_covered, most_holds
 from ._stick_slip import one_start
 from ._sticking_report import Sticking
 
@@ -99,16 +99,18 @@ def sticking(
     samples = samples if cases.lower.size else 0
     theta = search.sample(samples, seed)
     fixed = isinstance(bounds, AbstractClosure) or not report.friction_reads
-    many = None if report.freedom == 1 else ManyFreedoms(search, start, len(theta), reads=not fixed)
-    ends = ends_of_one(search, start, theta, samples, seed) if many is None else many.ends(theta, seed)
+    many = ManyFreedoms(search, start, len(theta), reads=not fixed)
+    ends = many.ends(theta, seed)
     ends = ends if single else _with_wedged(ends, system, state, factor, bounds, report)
     verdict = _verdict(ends)
-    if many is None:
-        settled = single and _proved_of_one(verdict, search, start, fixed=fixed)
-        proved = verdict != "undecided" and (start.none or settled)
-        joints = joint_verdicts(ends, np.equal(start.sense, 0), lambda *_: proved)
-    else:
-        proved, joints = _of_many(many, ends, verdict, start, fixed=fixed)
+    known = fixed and ends.solved == 1 and one_start(start, many.gamma)  # the one state that was found is all
+    if report.freedom == 1 and not known:
+        known = verdict != "undecided" and (
+            start.none or (single and _proved_of_one(verdict, search, start, fixed=fixed))
+        )
+    proved = known or many.proves(verdict)
+    blocked = ~start.slips.any(axis=1)
+    joints = joint_verdicts(ends, blocked, lambda verdict, joint: known or many.proves(verdict, joint))
     order = [np.argmin(ends.margin), np.argmax(ends.margin)] if len(ends.margin) else []
     return Sticking(
         verdict=verdict,
@@ -166,11 +168,3 @@ def _with_wedged(
         return ends
     rows = [np.concatenate(pair) for pair in zip(ends[:-1], held[:-1], strict=True)]
     return Ends(*rows, solved=ends.solved)
-
-
-def _of_many(many: ManyFreedoms, ends: Ends, verdict: str, start: ReducedForce, *, fixed: bool) -> tuple[bool, Joints]:
-    """Whether the verdict on any number of freedoms is proved, and those on joints."""
-    known = fixed and ends.solved == 1 and one_start(start, many.gamma)  # the one state that was found is all
-    blocked = np.logical_not(start.slips.any(axis=1))
-    joints = joint_verdicts(ends, blocked, lambda verdict, joint: known or many.proves(verdict, joint))
-    return known or many.proves(verdict), joints
