@@ -112,8 +112,8 @@ class ManyFreedoms:
 
     def _states(self, theta: np.ndarray) -> tuple[Ends, np.ndarray]:
         """States that are possible in cases, held and as slip begins, and columns of what the largest is sought of."""
-        drive, (s, p) = self.drive, (len(theta), len(self.drive.slips))
-        tau = self._started(theta)
+        drive, count, (which, tau) = self.drive, len(theta), self._started(theta)
+        theta, (s, p) = theta[which], tau.shape
         holding, margin = self._held(theta, tau)
         at = self._looked(theta, holding.tau)
         sticks = within(holding.stays, at.excess)
@@ -133,7 +133,8 @@ class ManyFreedoms:
             (np.ones(slips.sum()), 1 / holding.most[sticks]),
             (slip[slips], np.zeros((sticks.sum(), p))),
         ]
-        ends = Ends(*(np.concatenate(row) for row in rows), solved=float(np.mean(slips | sticks)))
+        solved = np.mean(np.bincount(which, slips | sticks, count) > 0)
+        ends = Ends(*(np.concatenate(row) for row in rows), solved=float(solved))
         low, high = (
             np.concatenate([one[slips], two[sticks]]) for one, two in ((then.low, at.low), (then.high, at.high))
         )
@@ -210,11 +211,16 @@ class ManyFreedoms:
     def _looked(self, theta: np.ndarray, tau: np.ndarray) -> LimitSamples:
         return sample_limits(self.search.solutions, self.search.cases, theta, tau)
 
-    def _started(self, theta: np.ndarray) -> np.ndarray:
-        """Friction as slip begins; with one freedom all slip, in the sense of the start."""
+    def _started(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Friction as slip begins, and of which case it is.
+
+        With one freedom all slip, in the sense of the start, in each solution found of a case; NaN where there is none.
+        """
         if self._is_one:
-            found = sample(self.search.solutions, self.search.cases, theta, self.search.factors[:0])
-            return np.where(found.good, found.tau[:, 0], np.nan)
+            found = sample(self.search.solutions, self.search.cases, theta, self.search.factors)
+            shown = found.good.copy()
+            shown[:, 0] |= ~shown.any(axis=1)
+            return np.nonzero(shown)[0], np.where(found.good[shown][:, None], found.tau[shown], np.nan)
         tau = self._settled(theta)
         for _ in range(_SQUARES):
             at = self._looked(theta, tau)
@@ -222,7 +228,7 @@ class ManyFreedoms:
             if not left.any() or self.drive.directions is not None:
                 break
             tau[left] = least_accelerated(self.drive, at.low[left], at.high[left])
-        return tau
+        return np.arange(len(theta)), tau
 
     def _settled(self, theta: np.ndarray, *, own_loads: bool = True) -> np.ndarray:
         """Friction as slip begins, with or without the loads that friction puts on friction."""
