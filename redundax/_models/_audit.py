@@ -21,7 +21,7 @@ from .._equations._scaled_kinematics import ScaledKinematics, scaled_kinematics
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
-from .._tools._numbers import computed
+from .._tools._numbers import computed, xp
 from ._choice import Repair
 from ._drives import Drives
 from ._stress import Along
@@ -247,9 +247,9 @@ class _Decided(NamedTuple):
     probe: Array
 
 
-def _decided(at: ScaledKinematics, state: State, rank: int | None) -> _Decided:
+def _decided(at: ScaledKinematics, state: State, rank: Any) -> _Decided:
     parts, spectrum = split(at.scaled, at.position, rank)
-    motion = at.moving(state, np.zeros_like(state.qd), np.zeros_like(at.position))
+    motion = at.moving(state, xp.zeros_like(state.qd), xp.zeros_like(at.position))
     return _Decided(spectrum, spectrum.ambiguous, parts, motion, probe(motion, parts, at.scales))
 
 
@@ -281,10 +281,10 @@ def _look(system: AbstractSystem, state: State, digits: float) -> Look:
         dropped=float(values[rank]) if rank < values.size else 0.0,
         is_decided=is_clear and not bool(found.is_ambiguous),
         is_singular=bool(_is_singular(found, at, probed)),
-        stress=found.parts.stress,
+        stress=np.asarray(found.parts.stress),
         blur=min(100 * misfit / min(float(found.spectrum.kept), 1.0), _MOST_BLUR),
         digits=digits,
-        scales=at.scales.rows,
+        scales=np.asarray(at.scales.rows),
     )
 
 

@@ -23,6 +23,7 @@ from .._system._directions import Directions, directions_of
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._errors import RedundaxError
+from .._tools._numbers import xp
 
 T = TypeVar("T")
 
@@ -118,7 +119,7 @@ def ball_sizes(directions: Directions, high: np.ndarray) -> np.ndarray:
 
 def is_still(system: AbstractSystem, state: State, factor: Factorisation) -> bool:
     """Whether nothing moves."""
-    return not bool(factor.motion_of(np.asarray(_largest_rate(system, state, factor))).is_yes)
+    return not bool(factor.motion_of(xp.asarray(_largest_rate(system, state, factor))).is_yes)
 
 
 def _largest_rate(system: AbstractSystem, state: State, factor: Factorisation) -> float:

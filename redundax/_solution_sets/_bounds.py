@@ -23,7 +23,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import check_kind
-from .._tools._numbers import entries_set
+from .._tools._numbers import Numeric, entries_set
 from ._cases import AbstractCases, Affine, Fractional
 from ._solution_set import SolutionSet
 
@@ -347,7 +347,7 @@ def _check_given(report: Report, rows: np.ndarray, solutions: SolutionSet) -> No
         )
 
 
-def _check_apart(compliance: np.ndarray, solutions: SolutionSet) -> None:
+def _check_apart(compliance: Numeric, solutions: SolutionSet) -> None:
     """Refuse a compliance that couples self-stress with multipliers that have no value at a singular position."""
     if solutions.undetermined is None:
         return

@@ -122,7 +122,7 @@ def _solved(
     if solutions.rows.size:
         problem, newton = solutions.problem(*chosen).sized_at(tau), Newton()
         root = newton.run(problem, tau)
-        good = root.progress.converged(newton.tolerance(tau.dtype))
+        good = np.asarray(root.progress.converged(newton.tolerance(tau.dtype)))
         tau = np.where(good[:, None], root.tau, tau)
     elif solutions.law is not None:
         tau = solutions.problem(*chosen).law(chosen[0][:, solutions.rows])

@@ -22,7 +22,7 @@ from .._system._results import RESULTS, is_one_of
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import floats
-from .._tools._numbers import computed, xp
+from .._tools._numbers import Numeric, computed, xp
 from ._reduced import reduce
 from ._solution import Solution
 from ._solve import solve
@@ -120,7 +120,7 @@ def search(
     return tau, out
 
 
-def _default(problem: FrictionProblem, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _default(problem: FrictionProblem, start: Numeric) -> tuple[Numeric, Numeric]:
     """Friction of the solution on the branch from zero friction, and whether there is one."""
     if not problem.rho0.shape[1]:  # friction independent of load, (24)
         return start, np.ones(len(start), bool)
@@ -133,5 +133,5 @@ def _default(problem: FrictionProblem, start: np.ndarray) -> tuple[np.ndarray, n
     return tau, good
 
 
-def _converged(solver: AbstractSolver, root: Root) -> np.ndarray:
+def _converged(solver: AbstractSolver, root: Root) -> Numeric:
     return root.progress.converged(solver.tolerance(root.tau.dtype))

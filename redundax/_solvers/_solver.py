@@ -16,13 +16,13 @@ import equinox as eqx
 import jax
 import numpy as np
 from jax.typing import DTypeLike
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from .._system._results import RESULTS
 from .._tools._by_number import solve_few
 from .._tools._chunks import in_chunks
 from .._tools._module import check_kind, optional_float
-from .._tools._numbers import custom_jvp, entries_set, known, product, solution, xp
+from .._tools._numbers import Numeric, custom_jvp, entries_set, known, product, solution, xp
 from .._tools._value import value
 from ._friction_problem import FrictionProblem
 from ._iterate import Progress, iterate
@@ -40,26 +40,26 @@ class Root:
       reaches the whole friction, or was not followed.
     """
 
-    tau: Float[Array, "... p"]
+    tau: Float[Numeric, "... p"]
     progress: Progress
-    fold: Float[Array, "..."]
+    fold: Float[Numeric, "..."]
 
 
 class AbstractSolver(eqx.Module):
     """A way to solve tau = law(rho0 + K tau), with its tolerance."""
 
-    rtol: eqx.AbstractVar[Float[Array, "..."] | None]
+    rtol: eqx.AbstractVar[Float[Numeric, "..."] | None]
     max_steps: eqx.AbstractVar[int]
 
     @abc.abstractmethod
-    def run(self, problem: FrictionProblem, start: Float[Array, "... p"], *, in_batch: bool = False) -> Root:
+    def run(self, problem: FrictionProblem, start: Float[Numeric, "... p"], *, in_batch: bool = False) -> Root:
         """Solve from a start; `in_batch` says whether it is written out for a batch, or for a single sample."""
 
     @abc.abstractmethod
     def result(self, progress: Progress) -> RESULTS:
         """The outcome as a value."""
 
-    def tolerance(self, dtype: DTypeLike) -> Float[Array, "..."]:
+    def tolerance(self, dtype: DTypeLike) -> Float[Numeric, "..."]:
         """`rtol`, at least 10 times the rounding of the dtype; 100 times if not given."""
         eps = xp.finfo(dtype).eps
         return xp.asarray(100 * eps if self.rtol is None else xp.maximum(known(self.rtol), 10 * eps), dtype)
@@ -99,24 +99,24 @@ class FixedPoint(AbstractSolver):
     - `max_steps`: iterations at most; convergence is tested after every third.
     """
 
-    rtol: Float[Array, "..."] | None = eqx.field(default=None, converter=optional_float)
+    rtol: Float[Numeric, "..."] | None = eqx.field(default=None, converter=optional_float)
     max_steps: int = eqx.field(default=1200, static=True)
 
-    def run(self, problem: FrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
+    def run(self, problem: FrictionProblem, start: Numeric, *, in_batch: bool = False) -> Root:
         rtol, updates = self.tolerance(start.dtype), -(-self.max_steps // _SWEEPS)
         tau, progress = iterate(lambda tau: self.update(problem, tau), start, rtol, updates)
         progress = eqx.tree_at(lambda progress: progress.steps, progress, _SWEEPS * progress.steps)
         tau = xp.where(progress.converged(rtol), self._finished(problem, tau), tau)
         return Root(tau, progress, xp.full((), xp.inf, start.dtype))
 
-    def _finished(self, problem: FrictionProblem, tau: Array) -> Array:
+    def _finished(self, problem: FrictionProblem, tau: Numeric) -> Numeric:
         """One Newton step: slow sweeps stop at a small change while the error is many times larger."""
         return Newton().update(problem, tau)[0]
 
     def result(self, progress: Progress) -> RESULTS:
         return progress.result(self.tolerance(progress.residual.dtype))
 
-    def update(self, problem: FrictionProblem, tau: Array) -> tuple[Array, Array, Array]:
+    def update(self, problem: FrictionProblem, tau: Numeric) -> tuple[Numeric, Numeric, Numeric]:
         """Next tau, relative change of friction and relative change of loads."""
         rho = problem.loads(tau)
         for _ in range(_SWEEPS - 1):
@@ -148,17 +148,17 @@ class Newton(AbstractSolver):
     - `max_steps`: iterations at most.
     """
 
-    rtol: Float[Array, "..."] | None = eqx.field(default=None, converter=optional_float)
+    rtol: Float[Numeric, "..."] | None = eqx.field(default=None, converter=optional_float)
     max_steps: int = eqx.field(default=50, static=True)
 
-    def run(self, problem: FrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
+    def run(self, problem: FrictionProblem, start: Numeric, *, in_batch: bool = False) -> Root:
         rtol = self.tolerance(start.dtype)
         if start.ndim > 1:
             return self._of_batch(problem, start, rtol)
         tau, progress = iterate(lambda tau: self.update(problem, tau), start, rtol, self.max_steps)
         return Root(tau, progress, xp.full((), xp.inf, start.dtype))
 
-    def _of_batch(self, problem: FrictionProblem, start: np.ndarray, rtol: Float[Array, "..."]) -> Root:
+    def _of_batch(self, problem: FrictionProblem, start: np.ndarray, rtol: Float[Numeric, "..."]) -> Root:
         """Samples along the first axis, on numbers: those that have ended are left out."""
         tau, left = np.array(start), np.arange(len(start))
         whole = jax.tree.map(lambda x: np.full(len(start), x), Progress.begin(start.dtype))
@@ -174,7 +174,7 @@ class Newton(AbstractSolver):
     def result(self, progress: Progress) -> RESULTS:
         return progress.result(self.tolerance(progress.residual.dtype))
 
-    def update(self, problem: FrictionProblem, tau: Array) -> tuple[Array, Array, Array]:
+    def update(self, problem: FrictionProblem, tau: Numeric) -> tuple[Numeric, Numeric, Numeric]:
         """Next tau, relative residual and relative change of loads."""
         rho = problem.loads(tau)
         if problem.is_large:
@@ -189,10 +189,10 @@ class Newton(AbstractSolver):
 
 
 @functools.partial(custom_jvp, make=eqx.filter_custom_jvp)
-def closed_root(problem: FrictionProblem, start: Float[Array, "... p"], solver: AbstractSolver) -> Root:
+def closed_root(problem: FrictionProblem, start: Float[Numeric, "... p"], solver: AbstractSolver) -> Root:
     """Friction forces under a closure; their derivative is implicit."""
 
-    def run(problem: FrictionProblem, start: Array, solver: AbstractSolver, *, in_batch: bool = False) -> Root:
+    def run(problem: FrictionProblem, start: Numeric, solver: AbstractSolver, *, in_batch: bool = False) -> Root:
         return solver.run(problem, start, in_batch=in_batch)
 
     return in_chunks(functools.partial(run, in_batch=True), problem, start, solver, alone=run)

@@ -15,7 +15,7 @@ import functools
 import threading
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import equinox as eqx
 import jax
@@ -28,6 +28,8 @@ from ._compilation import compiled, quick_options
 
 T = TypeVar("T")
 F = TypeVar("F", bound=Callable[..., Any])
+
+Numeric: TypeAlias = Any  # arrays of NumPy or of JAX: a type checker knows no type of both
 
 _SEQUENCE, _OF_JAX, _OTHER = range(3)
 _kinds: dict[type, int] = {}  # of types, as JAX's own check takes longer

@@ -27,7 +27,7 @@ from ..._system._pushing import changing
 from ..._system._state import State, states_of
 from ..._system._system import AbstractSystem
 from ..._system._units import with_unit
-from ..._tools._numbers import computed
+from ..._tools._numbers import computed, xp
 from .._bounds import AbstractBounds
 from ._band import Bands, band
 
@@ -211,10 +211,10 @@ class BandPath:
 
 def _moving(system: AbstractSystem, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Time, coordinates and velocities, with those of joints."""
-    joints = joint_motion(system.joint_coordinates, state, np.zeros_like(state.qd))
+    joints = joint_motion(system.joint_coordinates, state, xp.zeros_like(state.qd))
     own = state.q if system.names.adds else np.full_like(state.qd, np.nan)
     q, qd = (np.concatenate(parts) for parts in ((own, joints.position), (state.qd, joints.rate)))
-    return state.t, q, qd
+    return np.asarray(state.t), q, qd
 
 
 def _motion(system: AbstractSystem, found: Sequence[Bands], slips: np.ndarray, rates: np.ndarray) -> tuple[str, ...]:

@@ -74,6 +74,7 @@ def _arms(system: AbstractSystem, length: float) -> np.ndarray:
     for stack, rows in zip(system.joints, system.rows_of_joints, strict=True):
         guide = getattr(stack.element, "guide_length", None)
         if eqx.is_array(guide):
+            guide = np.asarray(guide)
             arms[rows] = np.where(guide > 0, guide, length).reshape(-1, 1)
     return arms
 

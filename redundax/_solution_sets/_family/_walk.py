@@ -21,6 +21,7 @@ from ..._solvers._arclength import bordered_matrix, follow
 from ..._solvers._friction_problem import FrictionProblem
 from ..._solvers._solver import Newton
 from ..._tools._compilation import compiled
+from ..._tools._numbers import Numeric
 from .._solution_set import SolutionSet
 
 _MAX_PATH = 400
@@ -55,13 +56,13 @@ def search_along(
 
 @compiled
 def walk(
-    solutions: SolutionSet, tau: Float[Array, "walks p"], z: Float[Array, "walks k"], dz: Float[Array, "walks k"]
+    solutions: SolutionSet, tau: Float[Numeric, "walks p"], z: Float[Numeric, "walks k"], dz: Float[Numeric, "walks k"]
 ) -> Walk:
     """Walks from solutions with the friction `tau` at z towards z + dz."""
     return jax.vmap(lambda *start: _walk(solutions, *start))(tau, z, dz)
 
 
-def _at(solutions: SolutionSet, z: Array) -> FrictionProblem:
+def _at(solutions: SolutionSet, z: Numeric) -> FrictionProblem:
     return solutions.problem(solutions.along(z), solutions.response.unit.multipliers)
 
 

@@ -27,7 +27,7 @@ from ..._system._state import State
 from ..._system._system import AbstractSystem, check_system_at
 from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._module import replace_fields
-from ..._tools._numbers import as_numbers, computed
+from ..._tools._numbers import Numeric, as_numbers, computed, xp
 from .._at_rest import NONE, ReducedForce, drive, velocity_basis
 from .._bounds import AbstractBounds, cases_of, check_bounds, title_of
 from .._cases import AbstractCases
@@ -172,7 +172,7 @@ def limit_load(
             f"Argument `load` must be generalised forces by name of coordinate or as a vector, but is {load!r}. Write "
             f"{{{system.coordinates.labels[0]!r}: 1.0}}, say."
         )
-    force = as_numbers(vector("load", load, system.coordinates, " of coordinates"))
+    force: Numeric = as_numbers(vector("load", load, system.coordinates, " of coordinates"))
     start, ways = drive(system, state, factor), velocity_basis(system, factor)
     own = force @ ways
     if not np.linalg.norm(own) > NONE * np.linalg.norm(force):
@@ -358,11 +358,11 @@ def _scale(solutions: SolutionSet, cases: AbstractCases, start: ReducedForce, ow
 
 def _with_load(solutions: SolutionSet, load: Response) -> SolutionSet:
     """The solutions with the response to a load as a last column of that to unit friction."""
-    more = Response(*(np.concatenate(parts, axis=1) for parts in zip(solutions.response.unit, load, strict=True)))
+    more = Response(*(xp.concatenate(parts, axis=1) for parts in zip(solutions.response.unit, load, strict=True)))
     return eqx.tree_at(lambda solutions: solutions.response.unit, solutions, more)
 
 
-def _response(factor: Factorisation, chosen: Elasticity, force: np.ndarray) -> Response:
+def _response(factor: Factorisation, chosen: Elasticity, force: Numeric) -> Response:
     """The response to a load, a column, under a closure."""
     pick, _ = factor.close(chosen[0])
     found = factor.respond(force[:, None])

@@ -28,6 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..._analysis._verdict import spectral_radius
+from ..._tools._numbers import Numeric
 from .._at_rest import LIMIT, NONE, Ends, ReducedForce, in_batches
 from .._cases import Affine
 from .._climb import climb
@@ -235,8 +236,11 @@ class ManyFreedoms:
         base, unit = self.search.cases.chosen(theta)
         unit = np.broadcast_to(float(own_loads) * unit, (len(base), *unit.shape[-2:]))
 
-        fixed = self.search.solutions, self.drive.load, self.drive.slips
-        return in_batches(lambda *own: slipping_friction(*fixed, *own, self.drive.directions), self.size, base, unit)
+        def batch(base: Numeric, unit: Numeric) -> Numeric:
+            drive = self.drive
+            return slipping_friction(self.search.solutions, drive.load, drive.slips, base, unit, drive.directions)
+
+        return in_batches(batch, self.size, base, unit)
 
     def proves(self, verdict: str, joint: int | None = None) -> bool:
         """Whether a verdict that states found support is proved, of the whole or of a joint."""

@@ -20,12 +20,13 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from ..._analysis._verdict import spectral_radius
 from ..._solvers._gauss_seidel import gauss_seidel
 from ..._system._directions import Directions
 from ..._tools._compilation import compiled
+from ..._tools._numbers import Numeric
 from .._at_rest import NONE, ReducedForce, ball_sizes
 from .._cases import AbstractCases
 from .._solution_set import SolutionSet
@@ -60,7 +61,7 @@ def sample_limits(
     return LimitSamples(*_limits(solutions, multipliers), multipliers, excess)
 
 
-def _limits(solutions: SolutionSet, multipliers: Array) -> tuple[Array, Array]:
+def _limits(solutions: SolutionSet, multipliers: Numeric) -> tuple[Numeric, Numeric]:
     """lo and hi of friction."""
     law = solutions.law
     if law is None:
@@ -71,21 +72,21 @@ def _limits(solutions: SolutionSet, multipliers: Array) -> tuple[Array, Array]:
 @compiled
 def slipping_friction(
     solutions: SolutionSet,
-    load: Float[Array, " d"],
-    slips: Float[Array, "p d"],
-    base: Float[Array, "s m"],
-    unit: Float[Array, "s m p"],
+    load: Float[Numeric, " d"],
+    slips: Float[Numeric, "p d"],
+    base: Float[Numeric, "s m"],
+    unit: Float[Numeric, "s m p"],
     directions: Directions | None,
-) -> Float[Array, "s p"]:
+) -> Float[Numeric, "s p"]:
     """Friction of the conditions above, as far as sweeps settle it."""
     free, matrix = slips @ load, slips @ slips.T
     own = jnp.where(jnp.diagonal(matrix) > 0, jnp.diagonal(matrix), jnp.inf)
 
-    def one(base: Array, unit: Array) -> Array:
+    def one(base: Numeric, unit: Numeric) -> Numeric:
         if not free.size:
             return free
 
-        def limits(tau: Array) -> tuple[Array, Array]:
+        def limits(tau: Numeric) -> tuple[Numeric, Numeric]:
             return _limits(solutions, base + unit @ tau)
 
         weight = jnp.sqrt(jnp.diagonal(matrix))

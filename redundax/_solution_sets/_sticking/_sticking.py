@@ -109,7 +109,7 @@ def sticking(
             start.none or (single and _proved_of_one(verdict, search, start, fixed=fixed))
         )
     proved = known or many.proves(verdict)
-    blocked = ~start.slips.any(axis=1)
+    blocked = np.logical_not(start.slips.any(axis=1))
     joints = joint_verdicts(ends, blocked, lambda verdict, joint: known or many.proves(verdict, joint))
     order = [np.argmin(ends.margin), np.argmax(ends.margin)] if len(ends.margin) else []
     return Sticking(
