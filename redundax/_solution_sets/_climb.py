@@ -14,6 +14,7 @@ from ._cases import AbstractCases
 _ROUNDS = 60
 _LAST = 1e-10  # size of a step, relative to the box, from which on what is found moves by rounding
 _GROWN, _SHRUNK = 1.5, 0.6
+_NEWS = 1e-9  # relative gain that is no rounding, nor worth larger steps
 
 
 def climb(
@@ -35,6 +36,6 @@ def climb(
     for _ in range(_ROUNDS):
         step = (radius[:, None, None] * span) * random.standard_normal((len(place), tries, span.size))
         place, best = look(np.clip(place[:, None] + step, cases.lower, cases.upper))
-        radius, value = radius * np.where(best > value, _GROWN, _SHRUNK), best
+        radius, value = radius * np.where(best > value + _NEWS * np.abs(value), _GROWN, _SHRUNK), best
         if radius.max() < _LAST:
             break

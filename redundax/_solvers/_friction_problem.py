@@ -30,7 +30,7 @@ from .._tools._numbers import Numeric, are_known, are_numbers, fori_loop, of_mod
 from .._tools._value import value
 
 # Samples of a batch on numbers that a program of the laws takes.
-_BATCHES = 512, 8192
+_BATCHES = 64, 512, 8192
 _COLUMNS = 16  # of changes, or a multiple of them
 # Powers of a matrix that the bound of its spectral radius takes.
 _POWERS = 6

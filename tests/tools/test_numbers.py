@@ -39,7 +39,7 @@ PROGRAMS = {
     "closure": (lambda m, s: rx.solve(m, s, closure=rx.Compliance(np.full(len(m.rows), 1e-8))), 0),
     "sense": (lambda m, s: rx.solve(m, s, sense=np.ones(len(m.slips))), 0),
     "analyze": (lambda m, s: str(rx.analyze(m, s)), 2),  # bounds of friction, reactions
-    "band": (lambda m, s: rx.band(m, s, "A.x", BOX, samples=8), 1),  # the laws in a batch
+    "band": (lambda m, s: rx.band(m, s, "A.x", BOX, samples=8), 2),  # the laws in batches of two sizes
     "band of compliances": (
         lambda m, s: rx.band(m, s, "A.x", rx.ComplianceBox(ELASTIC, {"A.x": (1e-9, 1e-7)})),
         1,
