@@ -53,7 +53,7 @@ class Continuation(AbstractSolver):
     - `max_path`: steps along the branch at most.
     """
 
-    rtol: Float[Array, "..."] | None = eqx.field(default=None, converter=optional_float)
+    rtol: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
     max_steps: int = eqx.field(default=50, static=True)
     max_path: int = eqx.field(default=400, static=True)
 
@@ -107,7 +107,7 @@ class FirstAttempt(AbstractSolver):
     zero friction must be followed.
     """
 
-    rtol: Float[Array, "..."] | None
+    rtol: Float[Array, ""] | None
     max_steps: int = eqx.field(static=True)
 
     def run(self, problem: FrictionProblem, start: Array, *, in_batch: bool = False) -> Root:

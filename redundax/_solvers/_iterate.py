@@ -62,13 +62,13 @@ class Progress:
             xp.where(better, 0, self.stalled + 1),
         )
 
-    def unfinished(self, rtol: Float[Array, "..."], max_steps: int) -> Bool[Array, "..."]:
+    def unfinished(self, rtol: Float[Array, ""], max_steps: int) -> Bool[Array, "..."]:
         """Whether to go on: not converged, finite, neither stalled nor out of steps."""
         finite = xp.isfinite(self.residual) & xp.isfinite(self.step)
         going = finite & ~self.converged(rtol) & (self.stalled < _PATIENCE) & (self.steps < max_steps)
         return going | (self.steps == 0)
 
-    def converged(self, rtol: Float[Array, "..."]) -> Array:
+    def converged(self, rtol: Float[Array, ""]) -> Array:
         """Whether residual and step meet the tolerance, or the residual does and rounding keeps the step from it.
 
         Near a fold the step is the residual magnified; there it tells how many digits rounding leaves.
@@ -76,7 +76,7 @@ class Progress:
         at_rounding = (self.stalled >= 3) & (self.step <= xp.sqrt(xp.finfo(rtol.dtype).eps))
         return (self.residual <= rtol) & ((self.step <= rtol) | at_rounding)
 
-    def result(self, rtol: Float[Array, "..."]) -> RESULTS:
+    def result(self, rtol: Float[Array, ""]) -> RESULTS:
         """The outcome as a value."""
         finite = xp.isfinite(self.residual) & xp.isfinite(self.step)
         failure = chosen(self.stalled < _PATIENCE, RESULTS.max_steps_reached, RESULTS.no_contraction)
@@ -87,7 +87,7 @@ class Progress:
 def iterate(
     update: Callable[[Y], tuple[Y, Array, Array]],
     start: Y,
-    rtol: Float[Array, "..."],
+    rtol: Float[Array, ""],
     max_steps: int,
     *,
     bounded: bool = False,
@@ -117,7 +117,7 @@ def iterate(
     return jax.lax.scan(masked, first, None, length=max_steps)[0]
 
 
-def run_unless(done: Bool[Array, "..."], end: Y, search: Callable[..., Y], *operands: Float[Array, "..."]) -> Y:
+def run_unless(done: Bool[Array, ""], end: Y, search: Callable[..., Y], *operands: Float[Array, "..."]) -> Y:
     """`end` where done, else `search(*operands)`, which runs where a sample of a batch asks for it and not otherwise.
 
     What the search needs goes through the carry, or XLA takes it out of the loop; where done it is NaN, so that the

@@ -16,7 +16,7 @@ import equinox as eqx
 import jax
 import numpy as np
 from jax.typing import DTypeLike
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from .._system._results import RESULTS
 from .._tools._by_number import solve_few
@@ -48,7 +48,7 @@ class Root:
 class AbstractSolver(eqx.Module):
     """A way to solve tau = law(rho0 + K tau), with its tolerance."""
 
-    rtol: eqx.AbstractVar[Float[Numeric, "..."] | None]
+    rtol: eqx.AbstractVar[Float[Array, ""] | None]
     max_steps: eqx.AbstractVar[int]
 
     @abc.abstractmethod
@@ -59,7 +59,7 @@ class AbstractSolver(eqx.Module):
     def result(self, progress: Progress) -> RESULTS:
         """The outcome as a value."""
 
-    def tolerance(self, dtype: DTypeLike) -> Float[Numeric, "..."]:
+    def tolerance(self, dtype: DTypeLike) -> Float[Array, ""]:
         """`rtol`, at least 10 times the rounding of the dtype; 100 times if not given."""
         eps = xp.finfo(dtype).eps
         return xp.asarray(100 * eps if self.rtol is None else xp.maximum(known(self.rtol), 10 * eps), dtype)
@@ -99,7 +99,7 @@ class FixedPoint(AbstractSolver):
     - `max_steps`: iterations at most; convergence is tested after every third.
     """
 
-    rtol: Float[Numeric, "..."] | None = eqx.field(default=None, converter=optional_float)
+    rtol: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
     max_steps: int = eqx.field(default=1200, static=True)
 
     def run(self, problem: FrictionProblem, start: Numeric, *, in_batch: bool = False) -> Root:
@@ -148,7 +148,7 @@ class Newton(AbstractSolver):
     - `max_steps`: iterations at most.
     """
 
-    rtol: Float[Numeric, "..."] | None = eqx.field(default=None, converter=optional_float)
+    rtol: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
     max_steps: int = eqx.field(default=50, static=True)
 
     def run(self, problem: FrictionProblem, start: Numeric, *, in_batch: bool = False) -> Root:
@@ -158,7 +158,7 @@ class Newton(AbstractSolver):
         tau, progress = iterate(lambda tau: self.update(problem, tau), start, rtol, self.max_steps)
         return Root(tau, progress, xp.full((), xp.inf, start.dtype))
 
-    def _of_batch(self, problem: FrictionProblem, start: np.ndarray, rtol: Float[Numeric, "..."]) -> Root:
+    def _of_batch(self, problem: FrictionProblem, start: np.ndarray, rtol: Float[Array, ""]) -> Root:
         """Samples along the first axis, on numbers: those that have ended are left out."""
         tau, left = np.array(start), np.arange(len(start))
         whole = jax.tree.map(lambda x: np.full(len(start), x), Progress.begin(start.dtype))

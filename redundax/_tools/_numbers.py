@@ -5,8 +5,11 @@ and gives NumPy's, of any array of JAX it is JAX's. So one text of an equation s
 arguments its entry (`on_numbers`) has turned into NumPy's, and a program, in which they are traced. What is the model's
 (`of_model`), that a user writes for JAX, is a compiled program where numbers are known, and gives NumPy's arrays again.
 
-`Array` in annotations stands for either. Here alone stands what differs: loops, branches, entries set, derivatives
-given by hand, factors that do not exist.
+A batch of samples on numbers has axes for them in front, as `vmap` gives it to what is traced: `product`, `solution`,
+`chosen_of` and `while_loop` take both.
+
+`Array`, or `Numeric`, in annotations stands for either. Here alone stands what differs: loops, branches, entries set,
+derivatives given by hand, factors that do not exist.
 """
 
 import collections
