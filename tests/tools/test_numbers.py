@@ -239,6 +239,19 @@ def test_a_traced_number_in_a_function_of_the_user_is_seen():
     assert jax.grad(lambda length: peak(length) * length)(1.0) == pytest.approx(1.0)  # |lam| = v^2 / L, at v = 1
 
 
+def test_samples_of_a_batch_of_numbers_end_and_fail_one_by_one():
+    def halved(x):
+        return _numbers.while_loop(lambda x: x > 1.0, lambda x: x / 2, x)
+
+    given = np.array([0.5, 3.0, 100.0])
+    np.testing.assert_array_equal(halved(given), jax.vmap(halved)(jnp.asarray(given)))
+    matrices, right = np.array([[[2.0, 0.0], [0.0, 4.0]], [[1.0, 1.0], [1.0, 1.0]]]), np.ones((2, 2))
+    found = _numbers.solution(matrices, right)
+    np.testing.assert_array_equal(found[0], [0.5, 0.25])  # beside one without a factor
+    assert np.isinf(found[1]).all()
+    np.testing.assert_array_equal(_numbers.product(matrices, right), [[2.0, 4.0], [2.0, 2.0]])
+
+
 def test_a_function_is_that_of_its_arguments():
     known, traced = np.arange(3.0), jnp.arange(3.0)
     assert isinstance(xp.where(known > 1, known, 0.0), np.ndarray)
