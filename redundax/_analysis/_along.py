@@ -8,20 +8,19 @@ curve is to the constraints says how small a singular value can be told from zer
 import dataclasses
 from typing import Any, cast
 
-import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float, Int
 
 from .._closures._closure import AbstractClosure, MinimumNorm
+from .._equations._factorisation import factorised
 from .._equations._factorize import factorize_dense
 from .._equations._kinematics import between
 from .._equations._rank import Spectrum
 from .._system._names import ByName
 from .._system._state import State, states_of
 from .._system._system import AbstractSystem
-from .._tools._compilation import compiled
 from .._tools._errors import RedundaxError
+from .._tools._numbers import computed
 from ._analyze import analyze, orthonormal
 from ._outputs import plain
 from ._release import Release, determinant
@@ -151,6 +150,7 @@ class MotionReport:
         return lines
 
 
+@computed
 def analyze_along(
     system: AbstractSystem,
     states: State,
@@ -229,11 +229,12 @@ def _narrow(system: AbstractSystem, states: list[State], smallest: np.ndarray, r
     """Minima of the singular value that decides the rank, between the states."""
     from scipy.optimize import fminbound
 
-    anonymous, last = system.anonymous, len(states) - 1
+    anonymous, last = system.anonymous.without_friction, len(states) - 1
 
     def at(place: float) -> tuple[State, Spectrum]:
         first = min(int(place), last - 1)
-        return _between(anonymous, states[first], states[first + 1], jnp.asarray(place - first), jnp.asarray(rank))
+        state = between(anonymous, states[first], states[first + 1], np.asarray(place - first))
+        return state, factorised(anonymous, state, np.asarray(rank)).spectrum
 
     def value(place: float) -> float:
         return float(at(place)[1].singular_values[rank - 1])
@@ -246,15 +247,6 @@ def _narrow(system: AbstractSystem, states: list[State], smallest: np.ndarray, r
         if least < _NEAR:
             out.append(Narrow(float(there.t), np.asarray(there.q), least, bool(least <= spectrum.tolerance)))
     return tuple(out)
-
-
-@compiled
-def _between(
-    system: AbstractSystem, first: State, second: State, s: Float[Array, ""], rank: Int[Array, ""]
-) -> tuple[State, Spectrum]:
-    """The state at the fraction s of the way, and its spectrum."""
-    state = between(system, first, second, s)
-    return state, factorize_dense(system, state, rank).spectrum
 
 
 def _releases(reports: list[Report], row_scales: list[np.ndarray]) -> tuple[Release, ...]:

@@ -3,12 +3,13 @@
 With K the scaled Jacobian, N and V bases of self-stress and motions, dK(w) the change of K along a motion w,
 
     N^T dK(w) z   is zero for all motions w, z   where the rank is the same beside the position,
-    dP = -P dK K^+ - (P dK K^+)^T                is the change of the self-stress.
+    dP = -P dK K^+ - (P dK K^+)^T                is the change of the self-stress,
+    dK(w) z = (Phi''[w + z] - Phi''[w] - Phi''[z]) / 2   but for what no self-stress sees.
 
 The span of N^T dK(w) V over all w is the self-stress that vanishes beside the position: to second order, so what is
 found is there at least. All of it is linear in w: the motions that show no more than those before them are a subspace,
 and unless that is the whole space, one of no symmetry is not in it. So a few motions, one after another, tell what all
-of them do, each by one matrix of the size of K.
+of them do, each by one matrix of the size of K, from second derivatives along directions.
 """
 
 from collections.abc import Iterator
@@ -17,16 +18,12 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._equations._factorisation import Factorisation
-from .._equations._kinematics import change_of_jacobian
+from .._equations._kinematics import second_derivative
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._compilation import compiled
-from .._tools._module import on_device
 
 _CHANGES = 1e-4  # relative change of a projector that is more than the blur of a state beside the manifold
 _IDLE = 2  # motions in a row that show no more: one by chance with odds of `_CHANGES`, both with its square
-
-_change = compiled(change_of_jacobian)
 
 
 def local_self_stress(system: AbstractSystem, state: State, factor: Factorisation) -> int:
@@ -61,11 +58,20 @@ def _changes(
     system: AbstractSystem, state: State, factor: Factorisation, motions: Float[np.ndarray, "n f"]
 ) -> Iterator[tuple[Float[np.ndarray, "k n"], float]]:
     """N^T dK(w) and the largest entry of dK(w), for each w of a basis; none where there is no self-stress."""
-    stress = _basis(factor.split.stress, int(factor.redundancy))
+    stress, system = _basis(factor.split.stress, int(factor.redundancy)), system.without_friction
     columns, rows = (np.asarray(scale, float) for scale in (factor.scaling.coordinates, factor.row_scale))
-    for motion in motions.T if stress.size else ():
-        along = on_device((columns * motion).astype(factor.gamma.dtype))
-        change = np.asarray(_change(system, state, along), float) * columns / rows[:, None]
+    if not stress.size or not motions.size:
+        return
+
+    def bend(direction: np.ndarray) -> np.ndarray:
+        along = (columns * direction).astype(factor.gamma.dtype)
+        return np.asarray(second_derivative(system, state, along, np.zeros_like(state.t)), float) / rows
+
+    axes = np.eye(len(columns))
+    own = np.stack([bend(axis) for axis in axes], axis=1)
+    for motion in motions.T:
+        both = np.stack([bend(motion + axis) for axis in axes], axis=1)
+        change = (both - own - bend(motion)[:, None]) / 2
         yield stress.T @ change, float(np.abs(change).max())
 
 

@@ -21,7 +21,6 @@ import dataclasses
 import enum
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Complex, Float
@@ -35,8 +34,8 @@ from .._system._names import ByName, senses
 from .._system._results import RESULTS, is_one_of
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._compilation import compiled
 from .._tools._errors import NoSolutionError, RedundaxError
+from .._tools._numbers import computed, xp
 
 _RIGID = 1e-13  # 1/s and compliance, relative to the largest, that are rounding
 _COMPLEX = 1e-7  # relative imaginary part of s that rounding at a double eigenvalue does not reach
@@ -92,6 +91,7 @@ class Stability:
         return f"{self.verdict.value}{growth}"
 
 
+@computed
 def stability(
     system: AbstractSystem,
     state: State,
@@ -131,8 +131,7 @@ def stability(
     if factor.branch is not None:  # what is stiff here is soft beside it
         raise NoSolutionError(RESULTS[RESULTS.singular_position])
     given = elasticity(closure, system, state)
-    figures = _figures(system.anonymous, state, factor, solution.multipliers, given, slips)
-    compliance, response = (np.asarray(x, float) for x in figures)
+    compliance, response = _figures(system.anonymous, state, factor, solution.multipliers, given, slips)
     size, axes = np.linalg.eigh(compliance)
     soft = size > _RIGID * size[-1]
     root = axes[:, soft] * np.sqrt(size[soft])
@@ -152,7 +151,6 @@ def _verdict(eigenvalues: np.ndarray) -> Settling:
     return Settling.FLUTTER if np.any(turning) else Settling.STABLE
 
 
-@compiled
 def _figures(
     system: AbstractSystem,
     state: State,
@@ -163,12 +161,12 @@ def _figures(
 ) -> tuple[Float[Array, "m m"], Float[Array, "m m"]]:
     """W_e and X in multipliers free of units."""
     reduced = reduce(system, state, factor, chosen, sense=sense)
-    given = chosen.compliance @ reduced.pick(jnp.eye(multipliers.size, dtype=multipliers.dtype))
+    given = chosen.compliance @ reduced.pick(xp.eye(multipliers.size, dtype=multipliers.dtype))
     mass = response = factor.apparent_mass()
     if reduced.problem is not None:
         slope = reduced.problem.law.slope(multipliers[reduced.rows])
-        loop = jnp.eye(slope.shape[0], dtype=slope.dtype) - slope @ reduced.problem.gain
-        friction = jnp.linalg.solve(loop, slope @ reduced.pick(mass)[reduced.rows])
+        loop = xp.eye(slope.shape[0], dtype=slope.dtype) - slope @ reduced.problem.gain
+        friction = xp.linalg.solve(loop, slope @ reduced.pick(mass)[reduced.rows])
         response = mass + reduced.response.unit.multipliers @ friction
     scale = factor.row_scale
     return (given + given.T) / (2 * scale[:, None] * scale), scale[:, None] * response * scale

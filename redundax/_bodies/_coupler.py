@@ -23,7 +23,7 @@ from jaxtyping import Array, Float, Int
 
 from .._system._names import Names, index_of
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, as_float, is_concrete, numpy_of, on_device
+from .._tools._module import Numbers, floats, is_concrete, numpy_of, on_device
 from ._coordinate import Coordinate, Place
 from ._frame import AbstractFrame
 from ._joints._base import Row
@@ -63,17 +63,17 @@ class Coupler(eqx.Module):
         self.name, self.first, self.second = name, first, second
         if (ratio is None) == (polynomial is None):
             raise RedundaxError(f"Coupler '{name}' must have either `ratio` or `polynomial`. Give one of both.")
-        given = as_float(polynomial if ratio is None else ratio)  # pyright: ignore[reportArgumentType]
+        given = floats(polynomial if ratio is None else ratio)  # pyright: ignore[reportArgumentType]
         if given.ndim != (1 if ratio is None else 0):
             raise RedundaxError(
                 f"Coupler '{name}' must have a number as `ratio` or a list of coefficients as `polynomial`, but has "
                 f"one of shape {given.shape}. Give `polynomial=(0.0, 2.0)` for twice, say."
             )
         if ratio is not None:
-            given = jnp.stack([jnp.zeros_like(given), given])
+            given = numpy_of(given).stack([0.0 * given, given])
         if is_concrete(given):  # of lower degree than files write
             given = given[: max(2, len(np.trim_zeros(np.asarray(given), "b")))]
-        self.polynomial = given
+        self.polynomial = on_device(given)
 
 
 class Couplings(eqx.Module):

@@ -202,6 +202,7 @@ def displacement(
     return d, jnp.linalg.norm(jax.lax.stop_gradient(change)) / jnp.where(size > 0, size, 1.0)
 
 
+@of_model
 def between(system: AbstractSystem, first: State, second: State, s: Float[Array, ""]) -> State:
     """The state at the fraction s of the way: displacement cubic in time, or linear between states of one time;
     internal states linear."""
@@ -259,6 +260,7 @@ def slip_force(system: AbstractSystem, state: State, tau: Float[Array, " p"]) ->
     return jax.vjp(lambda d: _slips(system, system.retract(state.q, d), state.t), still)[1](tau)[0]
 
 
+@of_model
 def slip_gamma(system: AbstractSystem, state: State) -> Float[Array, " p"]:
     """gamma of the slips: the slip rates change by E^T qdd - gamma."""
     return _second(

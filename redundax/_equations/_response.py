@@ -22,7 +22,7 @@ from jaxtyping import Array, Bool, Float, Int
 from .._system._decision import Decision
 from .._tools._by_number import combine
 from .._tools._linear_map import LinearMap
-from .._tools._numbers import take, xp
+from .._tools._numbers import Numeric, take, xp
 from .._tools._value import value
 
 Evidence = TypeVar("Evidence")
@@ -31,8 +31,8 @@ Evidence = TypeVar("Evidence")
 class Response(NamedTuple):
     """Accelerations and multipliers, (n,) and (m,) to load or (n, p) and (m, p) to unit friction."""
 
-    acceleration: Array
-    multipliers: Array
+    acceleration: Numeric
+    multipliers: Numeric
 
     def __matmul__(self, tau: Array) -> "Response":
         """What friction forces cause, of the response to unit friction."""

@@ -11,7 +11,6 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
@@ -21,8 +20,8 @@ from .._equations._rank import Spectrum, Split, split
 from .._equations._scaled_kinematics import ScaledKinematics, scaled_kinematics
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._compilation import compiled
-from .._tools._module import on_device
+from .._tools._module import replace_fields
+from .._tools._numbers import computed, xp
 from ._choice import Repair
 from ._drives import Drives
 from ._stress import Along
@@ -218,6 +217,7 @@ def _part_as_dict(part: Part) -> dict[str, Any]:
     }
 
 
+@computed
 def audit(system: AbstractSystem, state: State, others: Sequence[State], digits: float = 0.0) -> Audit:
     """The audit of a system at a state, and at others.
 
@@ -247,34 +247,29 @@ class _Decided(NamedTuple):
     probe: Array
 
 
-_kinematics = compiled(scaled_kinematics)
-
-
-@compiled
-def _decided(at: ScaledKinematics, state: State, rank: Array | None) -> _Decided:
+def _decided(at: ScaledKinematics, state: State, rank: Any) -> _Decided:
     parts, spectrum = split(at.scaled, at.position, rank)
-    motion = at.moving(state, jnp.zeros_like(state.qd), jnp.zeros_like(at.position))
+    motion = at.moving(state, xp.zeros_like(state.qd), xp.zeros_like(at.position))
     return _Decided(spectrum, spectrum.ambiguous, parts, motion, probe(motion, parts, at.scales))
 
 
-@compiled
 def _is_singular(found: _Decided, at: ScaledKinematics, probed: ScaledKinematics) -> Array:
     bend = -probed.motion.gamma / at.scales.rows
     return singularity_by(bend, found.motion, found.parts, at.position, at.scales).is_yes
 
 
 def _look(system: AbstractSystem, state: State, digits: float) -> Look:
-    """The constraints alone decide, so that masses, loads and friction need no program."""
+    """The constraints alone decide, so that friction needs no program."""
     system = system.whole.anonymous.without_friction
-    at = _kinematics(system, state)
+    at = scaled_kinematics(system, state)
     found, is_clear = _decided(at, state, None), True
     if digits > found.spectrum.tolerance:
-        known = np.asarray(found.spectrum.singular_values)
+        known = found.spectrum.singular_values
         count, least, most = (int(np.sum(known > digits * by)) for by in (1, _NEAR, 1 / _NEAR))
         is_clear = least == most
         if found.is_ambiguous or count != found.spectrum.rank:
-            found = _decided(at, state, on_device(np.asarray(count)))
-    probed = _kinematics(system, State(state.q, found.probe, state.t))
+            found = _decided(at, state, count)
+    probed = scaled_kinematics(system, replace_fields(state, qd=found.probe))
     values, rank = np.append(found.spectrum.singular_values, 0.0), int(found.spectrum.rank)
     rows, columns = at.jacobian.shape
     misfit = max(max(rows, columns) * float(np.finfo(values.dtype).eps), float(at.position))

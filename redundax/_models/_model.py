@@ -5,14 +5,13 @@ import pathlib
 import warnings
 from collections.abc import Mapping
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from .._bodies._mechanism import Mechanism
 from .._system._state import State
 from .._tools._errors import NoSolutionError, RedundaxError
-from .._tools._module import Numbers
+from .._tools._module import Numbers, floats, on_device
 from ._build import mechanism_of, position_of
 from ._plan import Plan
 from ._read import closures_of, read
@@ -100,7 +99,7 @@ class Model:
                     "Give as many."
                 )
             chosen[start : start + size] = np.ravel(value)
-        return jnp.asarray(position_of(self.plan, self.mechanism, chosen))
+        return on_device(floats(position_of(self.plan, self.mechanism, chosen)))
 
     def elsewhere(self, count: int = 3) -> list[State]:
         """States at rest at other positions of the joints, at random, always the same; those within limits of joints
@@ -221,8 +220,8 @@ def _moved(plan: Plan, first: Start) -> dict[str, float]:
 
 def _state(plan: Plan, mechanism: Mechanism, positions: np.ndarray) -> State:
     """At rest; joints hold to rounding at any positions, and loops as these close them."""
-    q = jnp.asarray(position_of(plan, mechanism, positions))
-    return State(q, jnp.zeros(len(mechanism.coordinates), q.dtype))
+    q = floats(position_of(plan, mechanism, positions))
+    return State(on_device(q), on_device(np.zeros(len(mechanism.coordinates), q.dtype)))
 
 
 def _tell_misfit(path: pathlib.Path, misfits: dict[str, float], left: float) -> None:

@@ -22,8 +22,8 @@ from .._equations._kinematics import slip_motion
 from .._system._directions import Directions, directions_of
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._compilation import compiled
 from .._tools._errors import RedundaxError
+from .._tools._numbers import xp
 
 T = TypeVar("T")
 
@@ -96,7 +96,7 @@ def drive(system: AbstractSystem, state: State, factor: Factorisation) -> Reduce
     slips, p = system.slips, len(system.slips)
     size, directions = state.qd.size + len(system.rows), directions_of(system.friction)
     ways, turns = velocity_basis(system, factor), np.where(slips.angular, length, 1.0)
-    loads = np.asarray(_slip_motion(system.anonymous, state)[1]) if p else np.zeros((a.size, 0))
+    loads = slip_motion(system.anonymous, state)[1] if p else np.zeros((a.size, 0))
     moved = loads.T @ ways
     reach = np.linalg.norm(moved, axis=1) * turns
     moved = np.where((reach > none * reach.max(initial=0.0))[:, None], moved, 0.0)
@@ -119,15 +119,12 @@ def ball_sizes(directions: Directions, high: np.ndarray) -> np.ndarray:
 
 def is_still(system: AbstractSystem, state: State, factor: Factorisation) -> bool:
     """Whether nothing moves."""
-    return not bool(factor.motion_of(jnp.asarray(_largest_rate(system, state, factor))).is_yes)
+    return not bool(factor.motion_of(xp.asarray(_largest_rate(system, state, factor))).is_yes)
 
 
 def _largest_rate(system: AbstractSystem, state: State, factor: Factorisation) -> float:
     turns = np.where(system.coordinates.angular, np.asarray(factor.length), 1.0)
     return (np.abs(np.asarray(state.qd)) * turns).max(initial=0.0)
-
-
-_slip_motion = compiled(slip_motion)
 
 
 def velocity_basis(system: AbstractSystem, factor: Factorisation) -> np.ndarray:

@@ -10,13 +10,10 @@ Bounds are given by name: {"A.x": (lower, upper)}.
 
 import abc
 from collections.abc import Mapping, Sequence
-from functools import partial
-from typing import Any, cast
+from typing import Any
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from .._analysis._report import Report
 from .._closures._closure import AbstractClosure, check_closure, elasticity
@@ -25,9 +22,9 @@ from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._errors import NoSolutionError, RedundaxError
-from .._tools._module import check_kind, on_device
-from .._tools._numbers import entries_set, on_numbers, xp
-from ._cases import AbstractCases, Affine, Fractional, self_stress_of
+from .._tools._module import check_kind
+from .._tools._numbers import Numeric, entries_set
+from ._cases import AbstractCases, Affine, Fractional
 from ._solution_set import SolutionSet
 
 Box = Mapping[str, tuple[float, float]]
@@ -103,7 +100,7 @@ class AmplitudeBox(AbstractBounds):
 
     def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Affine:
         places, lower, upper = _box("box", self.box, report.pivots)
-        slope = np.asarray(solutions.stress)[:, places]
+        slope = solutions.stress[:, places]
         return _affine(tuple(self.box), lower, upper, solutions, solutions.response.free.multipliers, slope)
 
 
@@ -212,22 +209,21 @@ class ComplianceBox(AbstractBounds):
             )
         compliance, misfit = elasticity(self.closure, system, state)
         _check_apart(compliance, solutions)
-        places = jnp.asarray(rows)
-        compliance = entries_set(jnp.asarray(compliance), (places, places), 0.0)
-        least = entries_set(compliance, (places, places), lower)
-        check_definite(np.asarray(solutions.stress.T @ least @ solutions.stress))
+        compliance = entries_set(compliance, (rows, rows), 0.0)
+        least = entries_set(compliance, (rows, rows), lower)
+        check_definite(solutions.stress.T @ least @ solutions.stress)
         return Fractional(
             tuple(self.box),
-            jnp.zeros(len(rows)),
-            jnp.asarray(1.0 * (upper > lower)),
-            jnp.asarray(lower),
-            jnp.asarray(upper),
+            np.zeros(len(rows)),
+            1.0 * (upper > lower),
+            lower,
+            upper,
             solutions.response.free.multipliers,
             solutions.response.unit.multipliers,
             solutions.stress,
             compliance,
-            jnp.broadcast_to(misfit, compliance.shape[:1]),
-            places,
+            np.broadcast_to(misfit, compliance.shape[:1]),
+            rows,
         )
 
 
@@ -257,23 +253,20 @@ def one_case(closure: AbstractClosure, system: AbstractSystem, state: State, sol
     return _affine((), nothing, nothing, solutions, start, response, unit)
 
 
-@partial(on_numbers, jit=False)
 def _closed(
     closure: AbstractClosure, system: AbstractSystem, state: State, solutions: SolutionSet, rows: np.ndarray
-) -> tuple[Array, Array, Array]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Multipliers without friction, by misfits of `rows`, else left out, and by friction under a closure."""
     compliance, misfit = elasticity(closure, system, state)
     _check_apart(compliance, solutions)
     if not (np.all(np.isfinite(compliance)) and np.all(np.isfinite(misfit))):
         raise NoSolutionError(RESULTS[RESULTS.not_finite])
     stress, free, unit = solutions.stress, solutions.response.free.multipliers, solutions.response.unit.multipliers
-    check_definite(np.asarray(stress.T @ compliance @ stress))
-    each, others = (
-        xp.eye(len(free), dtype=free.dtype)[:, rows],
-        entries_set(xp.broadcast_to(misfit, free.shape), rows, 0.0),
-    )
-    wanted = xp.concatenate([(others - compliance @ free)[:, None], each, -compliance @ unit], axis=1)
-    caused = self_stress_of(stress, compliance, wanted)
+    energy = stress.T @ compliance @ stress
+    check_definite(energy)
+    each, others = np.eye(len(free))[:, rows], entries_set(np.broadcast_to(misfit, free.shape), rows, 0.0)
+    wanted = np.concatenate([(others - compliance @ free)[:, None], each, -compliance @ unit], axis=1)
+    caused = stress @ np.linalg.solve(energy, stress.T @ wanted)
     return free + caused[:, 0], caused[:, 1 : 1 + len(rows)], unit + caused[:, 1 + len(rows) :]
 
 
@@ -305,17 +298,16 @@ def _affine(
     lower: np.ndarray,
     upper: np.ndarray,
     solutions: SolutionSet,
-    start: Array | np.ndarray,
-    slope: Array | np.ndarray,
-    unit: Array | np.ndarray | None = None,
+    start: np.ndarray,
+    slope: np.ndarray,
+    unit: np.ndarray | None = None,
     limits: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None,
     norm: bool = False,
 ) -> Affine:
     nothing = np.zeros(0)
     rows, least, most = limits if limits is not None else (nothing.astype(int), nothing, nothing)
     unit = solutions.response.unit.multipliers if unit is None else unit
-    arrays = map(on_device, (lower, upper, start, slope, cast(Array, unit), rows, least, most))
-    return Affine(names, *arrays, norm=norm)
+    return Affine(names, lower, upper, start, slope, unit, rows, least, most, norm=norm)
 
 
 def _by_pivots(
@@ -326,10 +318,7 @@ def _by_pivots(
     lam = lam_p + T (theta - lam_p[rows]),   T = N N[rows]^-1.
     """
     _check_given(report, rows, solutions)
-    stress, free, unit = (
-        np.asarray(x)
-        for x in (solutions.stress, solutions.response.free.multipliers, solutions.response.unit.multipliers)
-    )
+    stress, free, unit = solutions.stress, solutions.response.free.multipliers, solutions.response.unit.multipliers
     width = np.where(upper > lower, upper - lower, 1.0)
     chosen = _independent(stress[rows] / width[:, None])
     if len(chosen) < stress.shape[1]:
@@ -358,13 +347,13 @@ def _check_given(report: Report, rows: np.ndarray, solutions: SolutionSet) -> No
         )
 
 
-def _check_apart(compliance: Array, solutions: SolutionSet) -> None:
+def _check_apart(compliance: Numeric, solutions: SolutionSet) -> None:
     """Refuse a compliance that couples self-stress with multipliers that have no value at a singular position."""
     if solutions.undetermined is None:
         return
-    lost = np.asarray(solutions.undetermined)
-    lasting = np.any(np.asarray(solutions.stress) != 0, axis=1) & ~lost
-    if np.any(np.asarray(compliance)[np.ix_(lasting, lost)]):
+    lost = solutions.undetermined
+    lasting = np.any(solutions.stress != 0, axis=1) & ~lost
+    if np.any(compliance[np.ix_(lasting, lost)]):
         raise RedundaxError(
             "Argument `bounds` must have a compliance that leaves loads without a value alone, but at this singular "
             "position it couples self-stress with them. Move the state beside the position."

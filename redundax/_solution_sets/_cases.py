@@ -18,13 +18,10 @@ does depends on its ratio to the others, so theta, from 0 to 1, is the share of 
 import abc
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 
-from .._tools._compilation import compiled
-from .._tools._numbers import xp
+from .._tools._numbers import Numeric, product
 
 _WIDEST = 1e6  # ratio of compliances up to which the scale is one of logarithms
 
@@ -37,15 +34,19 @@ class AbstractCases(eqx.Module):
     """
 
     names: eqx.AbstractVar[tuple[str, ...]]
-    lower: eqx.AbstractVar[Float[Array, " q"]]
-    upper: eqx.AbstractVar[Float[Array, " q"]]
+    lower: eqx.AbstractVar[Float[Numeric, " q"]]
+    upper: eqx.AbstractVar[Float[Numeric, " q"]]
 
     @abc.abstractmethod
-    def chosen(self, theta: Float[Array, " q"]) -> tuple[Float[Array, " m"], Float[Array, "m p"]]:
-        """base and U of a case."""
+    def chosen(self, theta: Float[Numeric, "... q"]) -> tuple[Float[Numeric, "... m"], Float[Numeric, "... m p"]]:
+        """base and U of cases."""
 
     @abc.abstractmethod
-    def figures(self, theta: Float[Array, "... q"]) -> Float[Array, "... q"]:
+    def slopes(self, theta: Float[Numeric, " q"], multipliers: Float[Numeric, " m"]) -> Float[Numeric, "m q"]:
+        """Derivatives of the multipliers by the case, under friction that stays."""
+
+    @abc.abstractmethod
+    def figures(self, theta: Float[Numeric, "... q"]) -> Float[Numeric, "... q"]:
         """What a case is, in the units of the bounds."""
 
     @property
@@ -54,8 +55,17 @@ class AbstractCases(eqx.Module):
         return np.stack([self.figures(self.lower), self.figures(self.upper)], axis=1)
 
     @abc.abstractmethod
-    def excess(self, multipliers: Float[Array, " m"]) -> Float[Array, " c"]:
+    def excess(self, multipliers: Float[Numeric, "... m"]) -> Float[Numeric, "... c"]:
         """How far multipliers exceed their limits, relative to their widths; at most 0 within."""
+
+    @abc.abstractmethod
+    def excess_slopes(self, multipliers: Float[Numeric, " m"], slopes: Float[Numeric, "m q"]) -> Float[Numeric, "c q"]:
+        """Derivatives of that, given those of the multipliers."""
+
+    def multipliers(self, theta: Float[Numeric, "... q"], tau: Float[Numeric, "... p"]) -> Float[Numeric, "... m"]:
+        """Those of cases under friction."""
+        base, unit = self.chosen(theta)
+        return base + product(unit, tau)
 
 
 class Affine(AbstractCases):
@@ -67,28 +77,41 @@ class Affine(AbstractCases):
     """
 
     names: tuple[str, ...] = eqx.field(static=True)
-    lower: Float[Array, " q"]
-    upper: Float[Array, " q"]
-    start: Float[Array, " m"]
-    slope: Float[Array, "m q"]
-    unit: Float[Array, "m p"]
-    rows: Int[Array, " c"]
-    least: Float[Array, " c"]
-    most: Float[Array, " c"]
+    lower: Float[Numeric, " q"]
+    upper: Float[Numeric, " q"]
+    start: Float[Numeric, " m"]
+    slope: Float[Numeric, "m q"]
+    unit: Float[Numeric, "m p"]
+    rows: Int[Numeric, " c"]
+    least: Float[Numeric, " c"]
+    most: Float[Numeric, " c"]
     norm: bool = eqx.field(static=True, default=False)
 
-    def chosen(self, theta: Array) -> tuple[Array, Array]:
-        return self.start + self.slope @ theta, self.unit
+    def chosen(self, theta: Numeric) -> tuple[Numeric, Numeric]:
+        return self.start + theta @ self.slope.T, self.unit
 
-    def figures(self, theta: Array) -> Array:
+    def slopes(self, theta: Numeric, multipliers: Numeric) -> Numeric:
+        return self.slope
+
+    def figures(self, theta: Numeric) -> Numeric:
         return theta
 
-    def excess(self, multipliers: Array) -> Array:
-        own = multipliers[self.rows]
+    def excess(self, multipliers: Numeric) -> Numeric:
+        own = multipliers[..., self.rows]
         if self.norm:
-            return jnp.array([jnp.sum((own / self.most) ** 2) - 1.0])
-        width = jnp.where(self.most > self.least, self.most - self.least, 1.0)
-        return jnp.concatenate([(own - self.most) / width, (self.least - own) / width])
+            return np.sum((own / self.most) ** 2, axis=-1, keepdims=True) - 1.0
+        return np.concatenate([(own - self.most) / self.width, (self.least - own) / self.width], axis=-1)
+
+    def excess_slopes(self, multipliers: Numeric, slopes: Numeric) -> Numeric:
+        own = slopes[self.rows]
+        if self.norm:
+            return (2 * multipliers[self.rows] / self.most**2 @ own)[None]
+        return np.concatenate([own, -own]) / np.tile(self.width, 2)[:, None]
+
+    @property
+    def width(self) -> Float[Numeric, " c"]:
+        """Of the limits, 1 where there is none."""
+        return np.where(self.most > self.least, self.most - self.least, 1.0)
 
 
 class Fractional(AbstractCases):
@@ -101,59 +124,64 @@ class Fractional(AbstractCases):
     """
 
     names: tuple[str, ...] = eqx.field(static=True)
-    lower: Float[Array, " q"]
-    upper: Float[Array, " q"]
-    least: Float[Array, " q"]
-    most: Float[Array, " q"]
-    start: Float[Array, " m"]
-    unit: Float[Array, "m p"]
-    stress: Float[Array, "m k"]
-    compliance: Float[Array, "m m"]
-    misfit: Float[Array, " m"]
-    rows: Int[Array, " q"]
+    lower: Float[Numeric, " q"]
+    upper: Float[Numeric, " q"]
+    least: Float[Numeric, " q"]
+    most: Float[Numeric, " q"]
+    start: Float[Numeric, " m"]
+    unit: Float[Numeric, "m p"]
+    stress: Float[Numeric, "m k"]
+    compliance: Float[Numeric, "m m"]
+    misfit: Float[Numeric, " m"]
+    rows: Int[Numeric, " q"]
 
     @property
-    def matters(self) -> Bool[Array, " q"]:
+    def matters(self) -> Bool[Numeric, " q"]:
         """Which compliances move the multipliers: those of rows in the self-stress."""
-        return jnp.any(self.stress[self.rows] != 0, axis=1)
+        return np.any(self.stress[self.rows] != 0, axis=1)
 
-    def chosen(self, theta: Array) -> tuple[Array, Array]:
-        compliance = self.compliance.at[self.rows, self.rows].add(self.figures(theta))
-        given = jnp.concatenate([self.start[:, None], self.unit], axis=1)
-        wanted = (-compliance @ given).at[:, 0].add(self.misfit)
-        picked = given + self_stress_of(self.stress, compliance, wanted)
-        return picked[:, 0], picked[:, 1:]
+    def chosen(self, theta: Numeric) -> tuple[Numeric, Numeric]:
+        given, own, entries = self._given, self.stress[self.rows], self.figures(theta)
+        wanted = self.stress.T @ (self.misfit[:, None] * (np.arange(given.shape[1]) == 0) - self.compliance @ given)
+        wanted = wanted - np.einsum("...i,ia,ib->...ab", entries, own, given[self.rows])
+        picked = given + self.stress @ np.linalg.solve(self._energy(entries), wanted)
+        return picked[..., 0], picked[..., 1:]
 
-    def figures(self, theta: Array) -> Array:
+    def slopes(self, theta: Numeric, multipliers: Numeric) -> Numeric:
+        """-G e_i lam_i for each entry w_i."""
+        own, power = self.stress[self.rows], self._power
+        caused = self.stress @ np.linalg.solve(self._energy(self.figures(theta)), own.T)
+        by_share = (self.most - self.least) * power * np.exp(theta * power) / np.expm1(power)
+        return -caused * multipliers[self.rows] * by_share
+
+    def figures(self, theta: Numeric) -> Numeric:
+        power = self._power
+        return self.least + (self.most - self.least) * np.expm1(theta * power) / np.expm1(power)
+
+    def excess(self, multipliers: Numeric) -> Numeric:
+        return multipliers[..., :0]
+
+    def excess_slopes(self, multipliers: Numeric, slopes: Numeric) -> Numeric:
+        return slopes[:0]
+
+    @property
+    def _given(self) -> Float[Numeric, "m c"]:
+        return np.concatenate([self.start[:, None], self.unit], axis=1)
+
+    @property
+    def _power(self) -> Float[Numeric, " q"]:
         wide = self.most > self.least
-        least = jnp.maximum(self.least, self.most / _WIDEST)
-        power = jnp.log(jnp.where(wide, self.most / jnp.where(wide, least, 1.0), 2.0))
-        return self.least + (self.most - self.least) * jnp.expm1(theta * power) / jnp.expm1(power)
+        least = np.maximum(self.least, self.most / _WIDEST)
+        return np.log(np.where(wide, self.most / np.where(wide, least, 1.0), 2.0))
 
-    def excess(self, multipliers: Array) -> Array:
-        return jnp.zeros(0, multipliers.dtype)
-
-
-def self_stress_of(
-    stress: Float[Array, "m k"], compliance: Float[Array, "m m"], misfit: Float[Array, "m c"]
-) -> Float[Array, "m c"]:
-    """N (N^T W N)^-1 N^T d: the self-stress that each column of misfits causes under a compliance."""
-    return stress @ xp.linalg.solve(stress.T @ compliance @ stress, stress.T @ misfit)
+    def _energy(self, entries: Numeric) -> Float[Numeric, "... k k"]:
+        """N^T W N."""
+        own = self.stress[self.rows]
+        return self.stress.T @ self.compliance @ self.stress + np.einsum("...i,ia,ib->...ab", entries, own, own)
 
 
 def corners(cases: AbstractCases) -> Float[np.ndarray, "vertices q"]:
     """All vertices of the box."""
     q = cases.lower.size
     high = (np.arange(2**q)[:, None] >> np.arange(q)) & 1
-    return np.where(high == 1, np.asarray(cases.upper), np.asarray(cases.lower))
-
-
-@compiled
-def multipliers_of(cases: AbstractCases, theta: Float[Array, "s q"], tau: Float[Array, " p"]) -> Float[Array, "s m"]:
-    """Multipliers of many cases under one friction."""
-
-    def one(theta: Array) -> Array:
-        base, unit = cases.chosen(theta)
-        return base + unit @ tau
-
-    return jax.vmap(one)(theta)
+    return np.where(high == 1, cases.upper, cases.lower)

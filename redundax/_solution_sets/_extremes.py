@@ -7,22 +7,20 @@ Fractional:         the vertices of the box
 """
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 
-from .._tools._module import on_device
-from ._cases import Affine, Fractional, corners, multipliers_of
+from ._cases import Affine, Fractional, corners
+
+_AT_ONCE = 4096  # vertices
 
 
 def linear_extreme(cases: Affine, tau: np.ndarray, cost: np.ndarray) -> np.ndarray | None:
     """The case with the least cost^T lam under friction that does not depend on it; None if there is no case."""
-    start = np.asarray(cases.start + cases.unit @ jnp.asarray(tau))
-    slope, lower, upper = (np.asarray(x) for x in (cases.slope, cases.lower, cases.upper))
-    rows, least, most = (np.asarray(x) for x in (cases.rows, cases.least, cases.most))
+    start, slope, lower, upper = cases.start + cases.unit @ tau, cases.slope, cases.lower, cases.upper
+    rows, least, most, width = cases.rows, cases.least, cases.most, cases.width
     if cases.norm:
         return _over_ellipsoid(start[rows] / most, slope[rows] / most[:, None], cost @ slope)
     middle, half = (lower + upper) / 2, (upper - lower) / 2
-    width = np.where(most > least, most - least, 1.0)
     at, by = (start[rows] + slope[rows] @ middle) / width, slope[rows] * half / width[:, None]
     objective = cost @ slope * half
     size = np.abs(objective).max(initial=0.0) or 1.0
@@ -48,14 +46,15 @@ def _over_ellipsoid(start: np.ndarray, slope: np.ndarray, cost: np.ndarray) -> n
 
 def vertex_extremes(cases: Fractional, tau: np.ndarray, costs: np.ndarray) -> np.ndarray:
     """For each row of `costs` (b, m) the vertex with the least costs^T lam, shape (b, q)."""
-    matters = np.asarray(cases.matters)
+    matters = cases.matters
     few = eqx.tree_at(
         lambda cases: (cases.lower, cases.upper, cases.least, cases.most, cases.rows),
         cases,
         (cases.lower[matters], cases.upper[matters], cases.least[matters], cases.most[matters], cases.rows[matters]),
     )
     all_of = corners(few)
-    values = np.asarray(multipliers_of(few, *map(on_device, (all_of, tau)))) @ costs.T
-    out = np.tile(np.asarray(cases.lower), (len(costs), 1))
+    parts = np.array_split(all_of, -(-len(all_of) // _AT_ONCE))
+    values = np.concatenate([few.multipliers(part, tau) @ costs.T for part in parts])
+    out = np.tile(cases.lower, (len(costs), 1))
     out[:, matters] = all_of[np.argmin(values, axis=0)]
     return out

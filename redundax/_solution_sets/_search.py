@@ -2,16 +2,10 @@
 
 from typing import cast
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from .._analysis._analyze import Report
 from .._analysis._verdict import spectral_radius
-from .._solvers._friction_problem import Law
-from .._tools._compilation import compiled
-from .._tools._module import on_device
 from ._cases import AbstractCases, Affine, Fractional, corners
 from ._descent import Found, improve, sample
 from ._extremes import linear_extreme, vertex_extremes
@@ -36,12 +30,7 @@ def largest_gamma(solutions: SolutionSet, cases: AbstractCases) -> np.ndarray:
     """Gamma_ij = max |d law_i / d rho| |K_ij|, shape (p, p); infinite where a law has no known bound."""
     if solutions.law is None:
         return np.zeros((0, 0))
-    return np.asarray(_largest_changes(solutions, cases))
-
-
-@compiled
-def _largest_changes(solutions: SolutionSet, cases: AbstractCases) -> Array:
-    return cast(Law, solutions.law).largest_changes(cases.chosen(cases.lower)[1][solutions.rows])
+    return solutions.law.largest_changes(cases.chosen(cases.lower)[1][solutions.rows])
 
 
 def few(cases: AbstractCases) -> bool:
@@ -55,13 +44,13 @@ Extreme = tuple[np.ndarray, np.ndarray, np.ndarray]  # values (b,), cases (b, q)
 class Search:
     """The extremes of outputs over a set of cases."""
 
-    def __init__(self, solutions: SolutionSet, cases: AbstractCases, factors: Array):
+    def __init__(self, solutions: SolutionSet, cases: AbstractCases, factors: np.ndarray):
         self.solutions, self.cases, self.factors, self.solved = solutions, cases, factors, 1.0
 
     def exactly(self, matrix: np.ndarray, unique: np.ndarray) -> tuple[Extreme, Extreme]:
         """Where friction does not depend on the case; of unique outputs any case serves."""
         cases = self.cases
-        tau = np.asarray(self._sampled(cases.lower[None]).tau[0])
+        tau = self._sampled(cases.lower[None]).tau[0]
         n, m = self.solutions.response.free.acceleration.size, self.solutions.stress.shape[0]
         out = []
         for sign in (1.0, -1.0):
@@ -73,19 +62,18 @@ class Search:
                 theta = np.array([np.full(cases.lower.size, np.nan) if end is None else end for end in ends])
             if out:
                 theta = np.where(unique[:, None], out[0][1], theta)
-            found = self._sampled(jnp.asarray(theta))
+            found = self._sampled(theta)
             values = np.where(found.within()[:, None], found.values, np.nan)
             out.append((np.sum(matrix * values, axis=1), theta, values))
         return out[0], out[1]
 
-    def _sampled(self, theta: Array) -> Found:
-        """The first solution of each case, as NumPy arrays."""
-        found = jax.device_get(sample(self.solutions, self.cases, theta, self.factors[:0]))
-        return Found(*(part[:, 0] for part in found))
+    def _sampled(self, theta: np.ndarray) -> Found:
+        """The first solution of each case."""
+        return Found(*(part[:, 0] for part in sample(self.solutions, self.cases, theta, self.factors[:0])))
 
     def found(self, matrix: np.ndarray, unique: np.ndarray, samples: int, seed: int) -> Found:
         """All solutions of a search for the extremes of outputs; sets `solved`."""
-        found = jax.device_get(sample(self.solutions, self.cases, self.sample(samples, seed), self.factors))
+        found = sample(self.solutions, self.cases, self.sample(samples, seed), self.factors)
         self.solved = float(np.mean(found.good.any(axis=1)))
         found = Found(*(part.reshape(found.good.size, *part.shape[2:])[found.good.ravel()] for part in found))
         values = found.values @ matrix.T
@@ -104,17 +92,17 @@ class Search:
         better = improve(self.solutions, self.cases, np.array(costs), Found(*(part[starts] for part in found)))
         return Found(*(np.concatenate(pair) for pair in zip(found, better, strict=True)))
 
-    def sample(self, samples: int, seed: int) -> Array:
+    def sample(self, samples: int, seed: int) -> np.ndarray:
         """Middle and vertices of the box, and random cases."""
-        lower, upper = np.asarray(self.cases.lower), np.asarray(self.cases.upper)
+        lower, upper = self.cases.lower, self.cases.upper
         random, q = np.random.default_rng(seed), lower.size
         share = np.linspace(0.0, 1.0, samples)[:, None] if q == 1 else random.random((samples, q))
         ends = corners(self.cases) if q <= _CORNERS else np.where(random.random((2**_CORNERS, q)) < 0.5, lower, upper)
-        return on_device(np.concatenate([((lower + upper) / 2)[None], ends, lower + share * (upper - lower)]))
+        return np.concatenate([((lower + upper) / 2)[None], ends, lower + share * (upper - lower)])
 
     def _starts(self, found: Found, cost: np.ndarray) -> list[int]:
         """Solutions of little cost that lie apart, those within the limits first."""
-        span = np.asarray(self.cases.upper) - np.asarray(self.cases.lower)
+        span = self.cases.upper - self.cases.lower
         largest = np.abs(found.tau).max(axis=0, initial=0.0)
         place = np.concatenate(
             [found.theta / np.where(span > 0, span, 1.0), found.tau / np.where(largest > 0, largest, 1.0)], axis=1

@@ -11,9 +11,8 @@ One factorisation at the state serves every z and every choice of base and U.
 """
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 
 from .._closures._closure import AbstractClosure, Elasticity, MinimumNorm, elasticity
 from .._equations._factorisation import Factorisation
@@ -23,7 +22,7 @@ from .._solvers._friction_problem import FrictionProblem, Law
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._errors import RedundaxError
-from .._tools._numbers import on_numbers, xp
+from .._tools._numbers import Numeric, on_numbers, product, xp
 
 _MINIMUM_NORM = MinimumNorm()
 
@@ -40,25 +39,25 @@ class SolutionSet(eqx.Module):
     """
 
     response: LinearResponse
-    stress: Float[Array, "m k"]
+    stress: Float[Numeric, "m k"]
     law: Law | None
-    rows: Int[Array, " l"]
-    angular_loads: Array
-    angular_slips: Array
-    undetermined: Bool[Array, " m"] | None = None
+    rows: Int[Numeric, " l"]
+    angular_loads: Numeric
+    angular_slips: Numeric
+    undetermined: Bool[Numeric, " m"] | None = None
 
-    def along(self, z: Float[Array, " k"]) -> Float[Array, " m"]:
+    def along(self, z: Float[Numeric, "... k"]) -> Float[Numeric, "... m"]:
         """lam_0 + N z."""
-        return self.response.free.multipliers + self.stress @ z
+        return self.response.free.multipliers + product(self.stress, z)
 
-    def problem(self, base: Float[Array, " m"], unit: Float[Array, "m p"]) -> FrictionProblem:
-        """tau = law(base[rows] + unit[rows] tau)."""
+    def problem(self, base: Float[Numeric, "... m"], unit: Float[Numeric, "... m p"]) -> FrictionProblem:
+        """tau = law(base[rows] + unit[rows] tau); on numbers of a batch too, with axes for it in front."""
         if self.law is None:
             raise RedundaxError(
                 "Argument `system` must have friction here, but it has none. "
                 "Without friction `solve` is all that is needed."
             )
-        return FrictionProblem.make(base[self.rows], unit[self.rows], self.law, self.angular_loads)
+        return FrictionProblem.make(base[..., self.rows], unit[..., self.rows, :], self.law, self.angular_loads)
 
     def shown(self, values: np.ndarray) -> np.ndarray:
         """[qdd; lam; tau], shape (..., n + m + p), with NaN for multipliers that have no value."""
@@ -68,18 +67,20 @@ class SolutionSet(eqx.Module):
         lost = np.pad(np.asarray(self.undetermined), (n, values.shape[-1] - n - m))
         return np.where(lost, np.nan, values)
 
-    def outputs(self, base: Float[Array, " m"], unit: Float[Array, "m p"], tau: Float[Array, " p"]) -> Array:
-        """[qdd; lam; tau], shape (n + m + p,)."""
-        acceleration = self.response.free.acceleration + self.response.unit.acceleration @ tau
-        return jnp.concatenate([acceleration, base + unit @ tau, tau])
+    def outputs(
+        self, base: Float[Numeric, "... m"], unit: Float[Numeric, "... m p"], tau: Float[Numeric, "... p"]
+    ) -> Numeric:
+        """[qdd; lam; tau], shape (..., n + m + p)."""
+        acceleration = self.response.free.acceleration + product(self.response.unit.acceleration, tau)
+        return xp.concatenate([acceleration, base + product(unit, tau), tau], axis=-1)
 
 
 def solution_set(
     system: AbstractSystem,
     state: State,
     factor: Factorisation,
-    stress: Float[Array, "k m"],
-    sense: Float[Array, " p"] | None,
+    stress: Float[Numeric, "k m"],
+    sense: Float[Numeric, " p"] | None,
     closure: AbstractClosure = _MINIMUM_NORM,
 ) -> SolutionSet:
     """The set of solutions, given self-stress states."""
@@ -88,7 +89,12 @@ def solution_set(
 
 @on_numbers
 def _solution_set(
-    system: AbstractSystem, state: State, factor: Factorisation, stress: Array, sense: Array | None, chosen: Elasticity
+    system: AbstractSystem,
+    state: State,
+    factor: Factorisation,
+    stress: Numeric,
+    sense: Numeric | None,
+    chosen: Elasticity,
 ) -> SolutionSet:
     reduced = reduce(system, state, factor, chosen, sense=sense)
     problem, none = reduced.problem, xp.zeros(0, bool)

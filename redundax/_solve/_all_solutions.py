@@ -7,13 +7,11 @@ friction, all in one batch, and keeps what differs. Finding no more is no proof 
 
 from typing import cast
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
-from .._closures._closure import AbstractClosure, Elasticity, MinimumNorm, elasticity
+from .._closures._closure import AbstractClosure, MinimumNorm, elasticity
 from .._equations._factorisation import Factorisation
 from .._equations._factorize import dense_at
 from .._solvers._continuation import Continuation
@@ -23,8 +21,8 @@ from .._system._names import ByName, senses
 from .._system._results import RESULTS, is_one_of
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._compilation import compiled
-from .._tools._module import floats, on_device
+from .._tools._module import floats
+from .._tools._numbers import Numeric, computed, xp
 from ._reduced import reduce
 from ._solution import Solution
 from ._solve import solve
@@ -33,6 +31,7 @@ SEARCH_STARTS = 1000  # random initial loads of a search
 _MINIMUM_NORM = MinimumNorm()
 
 
+@computed
 def frictional_solutions(
     system: AbstractSystem,
     state: State,
@@ -71,64 +70,68 @@ def frictional_solutions(
         solve(system, state, **options, throw=True)
     if not system.friction:
         return [first]
-    factors = start_factors(sum(group.rows.size for group in system.friction), starts, seed)
     slips, chosen = senses(system.slips, sense), elasticity(closure, system, state)
-    guesses, found, size = _guesses(system.anonymous, state, factor, chosen, slips, factors)
-    order, rtol = np.argsort(np.asarray(size)), 100 * jnp.finfo(size.dtype).eps * jnp.maximum(size, 1.0)
+    reduced = reduce(system.anonymous, state, factor, chosen, sense=slips)
+    problem, response = cast(FrictionProblem, reduced.problem), reduced.response
+    tau, found = search(problem.alone, start_factors(reduced.rows.size, starts, seed))
+    size = xp.max(xp.abs(tau[0] / problem.friction_size), axis=1)
+    rtol = 100 * xp.finfo(size.dtype).eps * xp.maximum(size, 1.0)
+    order = [k for k in np.argsort(size) if found[0, k]]
+    guesses = [xp.concatenate(response.at(tau[0, k])) for k in order]
     batch = [
-        solve(system, state, x0=guesses[k], **options, solver=Newton(rtol[k]), throw=False) for k in order if found[k]
+        solve(system, state, x0=guess, **options, solver=Newton(rtol[k]), throw=False)
+        for guess, k in zip(guesses, order, strict=True)
     ]
     return [solution for solution in batch if is_one_of(solution.result, RESULTS.successful)]
 
 
-@compiled
-def _guesses(
-    system: AbstractSystem, state: State, factor: Factorisation, chosen: Elasticity, sense: Array | None, factors: Array
-) -> tuple[Array, Array, Array]:
-    """[qdd; lam] of what the search ends with, which of them are solutions that differ, and their largest friction."""
-    reduced = reduce(system, state, factor, chosen, sense=sense)
-    problem = cast(FrictionProblem, reduced.problem)
-    tau, found = search(problem, factors, Continuation())
-    ends = jax.vmap(lambda tau: jnp.concatenate(reduced.response.at(tau)))(tau)
-    return ends, found, jnp.max(jnp.abs(tau / problem.friction_size), axis=1)
-
-
-def start_factors(loads: int, starts: int, seed: int) -> Float[Array, "starts l"]:
+def start_factors(loads: int, starts: int, seed: int) -> Float[np.ndarray, "starts l"]:
     """Random loads relative to the largest of their kind."""
     random = np.random.default_rng(seed)
     scale = 10 ** random.uniform(-1, 3, (starts, 1))
-    return on_device(floats(scale * random.standard_normal((starts, loads))))
+    return np.asarray(floats(scale * random.standard_normal((starts, loads))))
 
 
 def search(
-    problem: FrictionProblem, factors: Float[Array, "starts l"], default: AbstractSolver
-) -> tuple[Float[Array, "starts+1 p"], Bool[Array, " starts+1"]]:
-    """Where a solver and Newton's method from random loads end, and which ends are solutions that differ.
-
-    The `default` may be the first attempt of one, whose fold is 0 where it does not settle the matter.
-    """
-    if not problem.rho0.size:  # friction independent of load, (24)
-        return problem.law(problem.rho0)[None], jnp.ones(1, bool)
-    newton = Newton()
-    first = default.run(problem, problem.law(problem.rho0))
-    good = (default.result(first.progress) == RESULTS.successful) & (first.fold > 0)
+    problem: FrictionProblem, factors: Float[np.ndarray, "starts l"]
+) -> tuple[Float[np.ndarray, "s starts+1 p"], Bool[np.ndarray, "s starts+1"]]:
+    """Where the default solver and Newton's method from random loads end, for each problem of a batch on numbers, and
+    which ends are solutions that differ."""
+    start = problem.law(problem.rho0)
+    first, good = _default(problem, start)
     if not len(factors):
-        return first.tau[None], good[None]
+        return first[:, None], good[:, None]
+    newton, count = Newton(), len(factors)
+    many = problem.of(np.repeat(np.arange(len(start)), count))
+    begin = np.tile(factors, (len(start), 1)) * many.load_size
+    tau = newton.run(many, many.law(begin)).tau
+    others = newton.run(many.sized_at(tau), tau)
+    tau, found = (x.reshape(len(start), count, *x.shape[1:]) for x in (others.tau, _converged(newton, others)))
+    tau, left = np.concatenate([first[:, None], tau], axis=1), np.concatenate([good[:, None], found], axis=1)
+    out, each, near = np.zeros_like(left), np.arange(len(start)), 10 * xp.finfo(tau.dtype).eps ** 0.5
+    while left.any():  # the first that is left of each, and all that are the same: no fold tells nearer ones apart
+        one, some = left.argmax(axis=1), left.any(axis=1)
+        out[each, one] |= some
+        sizes = problem.friction_size[:, None]
+        apart = np.max(np.abs(tau - tau[each, one][:, None]) / sizes, axis=2, initial=0.0)
+        size = np.max(np.abs(tau[each, one][:, None]) / sizes, axis=2, initial=xp.finfo(tau.dtype).tiny)
+        left &= ~(apart <= near * size)
+        left[each, one] = False
+    return tau, out
 
-    def from_loads(factor: Array) -> Root:
-        tau = newton.run(problem, problem.law(factor * problem.load_size)).tau
-        return newton.run(problem.sized_at(tau), tau)
 
-    others = jax.vmap(from_loads)(factors)
-    tau = jnp.concatenate([first.tau[None], others.tau])
-    found = jnp.append(good, jax.vmap(lambda p: p.converged(newton.tolerance(tau.dtype)))(others.progress))
-    near = jax.vmap(lambda one: jax.vmap(lambda other: same(problem, one, other))(tau))(tau)
-    before = jnp.tril(jnp.ones_like(near), -1)
-    return tau, found & ~jnp.any(near & before & found, axis=1)
+def _default(problem: FrictionProblem, start: Numeric) -> tuple[Numeric, Numeric]:
+    """Friction of the solution on the branch from zero friction, and whether there is one."""
+    if not problem.rho0.shape[1]:  # friction independent of load, (24)
+        return start, np.ones(len(start), bool)
+    newton, solver = Newton(), Continuation()
+    root = newton.run(problem, start)
+    tau, good = root.tau, _converged(newton, root) & (problem.contraction(problem.loads(root.tau)) < 1)
+    if not np.all(good):  # the branch is followed
+        rest = solver.run(problem.of(~good), start[~good])
+        tau[~good], good[~good] = rest.tau, _converged(solver, rest)
+    return tau, good
 
 
-def same(problem: FrictionProblem, one: Float[Array, " p"], other: Float[Array, " p"]) -> Bool[Array, ""]:
-    """Whether two solutions are one: nearer than the square root of rounding, as no fold can be told from."""
-    size = jnp.max(jnp.abs(one) / problem.friction_size)
-    near = 10 * float(jnp.finfo(one.dtype).eps) ** 0.5
-    return problem.change_of_friction(one - other) <= near * jnp.maximum(size, jnp.finfo(one.dtype).tiny)
+def _converged(solver: AbstractSolver, root: Root) -> Numeric:
+    return root.progress.converged(solver.tolerance(root.tau.dtype))

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from jaxtyping import Array, Bool, Float, Int
 
-from .._tools._numbers import entries_set, fori_loop, while_loop, xp
+from .._tools._numbers import chosen_of, fori_loop, solution, while_loop, xp
 
 _FIRST, _LONGEST, _SHORTEST = 0.05, 1e3, 1e-9  # arclength steps, for y of size 1
 _CORRECTIONS = 4
@@ -33,97 +33,102 @@ class Path(NamedTuple):
     - `ended`: whether it ended anywhere else: far away, or where no step is short enough.
     """
 
-    here: Float[Array, " d"]
-    tangent: Float[Array, " d"]
-    step: Float[Array, ""]
-    fold: Float[Array, ""]
-    before_fold: Float[Array, " d"]
-    steps: Int[Array, ""]
-    arrived: Bool[Array, ""]
-    returned: Bool[Array, ""]
-    ended: Bool[Array, ""]
+    here: Float[Array, "... d"]
+    tangent: Float[Array, "... d"]
+    step: Float[Array, "..."]
+    fold: Float[Array, "..."]
+    before_fold: Float[Array, "... d"]
+    steps: Int[Array, "..."]
+    arrived: Bool[Array, "..."]
+    returned: Bool[Array, "..."]
+    ended: Bool[Array, "..."]
 
 
-def bordered_matrix(slope: Float[Array, "e d"], row: Float[Array, " d"]) -> Float[Array, "d d"]:
+def bordered_matrix(slope: Float[Array, "... e d"], row: Float[Array, "... d"]) -> Float[Array, "... d d"]:
     """[H_x; row]."""
-    return xp.concatenate([slope, row[None]])
+    return xp.concatenate([slope, row[..., None, :]], axis=-2)
 
 
 def follow(
-    residual: Callable[[Float[Array, " d"]], Float[Array, " e"]],
-    slope: Callable[[Float[Array, " d"]], Float[Array, "e d"]],
-    start: Float[Array, " d"],
-    direction: Float[Array, " d"],
-    wanted: Bool[Array, ""],
+    equations: Callable[[Float[Array, "... d"]], tuple[Float[Array, "... e"], Float[Array, "... e d"]]],
+    start: Float[Array, "... d"],
+    direction: Float[Array, "... d"],
+    wanted: Bool[Array, "..."],
     max_path: int,
 ) -> Path:
     """The curve from `start` at s = 0 along `direction`, in which s grows; nothing where it is not wanted.
 
-    `residual` and `slope` are H and H_x; y should be of size 1.
+    `equations` are H and H_x; y should be of size 1.
     """
 
     def advance(path: Path) -> Path:
-        guess = path.here + path.step * path.tangent
+        guess = path.here + path.step[..., None] * path.tangent
 
         def correct(_: Any, carry: tuple[Array, Array]) -> tuple[Array, Array]:
             x, _ = carry
-            off = xp.append(residual(x), path.tangent @ (x - guess))
-            change = xp.linalg.solve(bordered_matrix(slope(x), path.tangent), off)
+            (residual, slope), beside = equations(x), xp.sum(path.tangent * (x - guess), axis=-1, keepdims=True)
+            off = xp.concatenate([residual, beside], axis=-1)
+            change = solution(bordered_matrix(slope, path.tangent), off)
             return x - change, change
 
         x, change = fori_loop(0, _CORRECTIONS, correct, (guess, guess))
-        last = entries_set(xp.zeros_like(x), -1, 1.0)
-        tangent = xp.linalg.solve(bordered_matrix(slope(x), path.tangent), last)
-        tangent = tangent / xp.linalg.norm(tangent)
-        reach = 1 + xp.linalg.norm(x)
-        close = xp.linalg.norm(change) <= xp.minimum(1e-6 * reach, 0.1 * path.step)
-        close = close & (xp.linalg.norm(x - guess) <= 0.5 * path.step)
-        turn = tangent @ path.tangent
+        last = xp.zeros_like(x) + (xp.arange(x.shape[-1]) == x.shape[-1] - 1)
+        tangent = solution(bordered_matrix(equations(x)[1], path.tangent), last)
+        tangent = tangent / _size(tangent)[..., None]
+        reach = 1 + _size(x)
+        close = _size(change) <= xp.minimum(1e-6 * reach, 0.1 * path.step)
+        close = close & (_size(x - guess) <= 0.5 * path.step)
+        turn = xp.sum(tangent * path.tangent, axis=-1)
         good = close & (turn > xp.where(path.step > _KINK * reach, _STRAIGHT, 0.0))
-        inside = (x[-1] > 0) & (x[-1] < 1)
+        inside = (x[..., -1] > 0) & (x[..., -1] < 1)
         good = good & (inside | (path.step <= _FIRST * reach))  # short steps end it, so that interpolation is near
         return _accepted(path, x, tangent, turn, good, reach)
 
     def going(path: Path) -> Array:
         return wanted & ~path.arrived & ~path.returned & ~path.ended & (path.steps < max_path)
 
+    one = start.shape[:-1]
     begin = Path(
         here=start,
-        tangent=direction / xp.linalg.norm(direction),
-        step=xp.full((), _FIRST, start.dtype),
-        fold=xp.zeros((), start.dtype),
+        tangent=direction / _size(direction)[..., None],
+        step=xp.full(one, _FIRST, start.dtype),
+        fold=xp.zeros(one, start.dtype),
         before_fold=start,
-        steps=xp.zeros((), int),
-        arrived=xp.zeros((), bool),
-        returned=xp.zeros((), bool),
-        ended=~xp.all(xp.isfinite(start)) | ~xp.all(xp.isfinite(direction)),
+        steps=xp.zeros(one, int),
+        arrived=xp.zeros(one, bool),
+        returned=xp.zeros(one, bool),
+        ended=~xp.all(xp.isfinite(start), axis=-1) | ~xp.all(xp.isfinite(direction), axis=-1),
     )
     return while_loop(going, advance, begin)
 
 
+def _size(x: Float[Array, "... d"]) -> Float[Array, "..."]:
+    return xp.linalg.norm(x, axis=-1)
+
+
 def _accepted(path: Path, x: Array, tangent: Array, turn: Array, good: Array, reach: Array) -> Path:
     """The path after a step to x; with half the step where x is not good, and a step to the fold where x is beyond."""
-    s0, s1, slope0, slope1 = path.here[-1], x[-1], path.tangent[-1], tangent[-1]
+    s0, s1, slope0, slope1 = path.here[..., -1], x[..., -1], path.tangent[..., -1], tangent[..., -1]
     turned = good & (slope0 > 0) & (slope1 <= 0)
     passed = turned & (path.step <= _KINK * reach)
     good = good & (passed | ~turned)
     arrived, returned = good & (s1 >= 1), good & (s1 <= 0)
     beyond = arrived | returned
     share = xp.where(beyond, (arrived - s0) / xp.where(beyond, s1 - s0, 1.0), 1.0)
-    here = xp.where(good, path.here + share * (x - path.here), path.here)
+    here = chosen_of(good, path.here + share[..., None] * (x - path.here), path.here)
     top = s0 + slope0 * (turn * (s1 - s0) - path.step * slope1) / xp.where(passed, turn * slope0 - slope1, 1.0)
-    fold = xp.maximum(path.fold, xp.where(passed, xp.maximum(top, s0), here[-1]))
+    fold = xp.maximum(path.fold, xp.where(passed, xp.maximum(top, s0), here[..., -1]))
     to_fold = path.step * slope0 / xp.where(turned, slope0 - slope1, 1.0)  # where s is a parabola
     step = path.step * xp.where(good, xp.where(turn > 0.5 * (1 + _STRAIGHT), 2.0, 1.0), 0.5).astype(turn.dtype)
     step = xp.where(turned, xp.maximum(0.99 * to_fold, 0.5 * _KINK * reach), step)
     step = xp.where(passed, _FIRST * reach, step)
-    far = xp.linalg.norm(here)
+    far = _size(here)
     return Path(
         here=here,
-        tangent=xp.where(good, tangent, path.tangent),
+        tangent=chosen_of(good, tangent, path.tangent),
         step=xp.minimum(step, _LONGEST * (1 + far)),
         fold=fold,
-        before_fold=xp.where(passed, path.here, path.before_fold),
+        before_fold=chosen_of(passed, path.here, path.before_fold),
         steps=path.steps + 1,
         arrived=arrived,
         returned=returned,

@@ -23,7 +23,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._system._results import RESULTS, chosen
 from .._tools._module import optional_float
-from .._tools._numbers import are_numbers, while_loop, xp
+from .._tools._numbers import are_numbers, chosen_of, while_loop, xp
 from ._arclength import Path, follow
 from ._friction_problem import FrictionProblem
 from ._iterate import Progress, iterate, run_unless
@@ -80,12 +80,12 @@ class Continuation(AbstractSolver):
         newton, rtol = Newton(self.rtol, self.max_steps), self.tolerance(start.dtype)
 
         def attempt(search: _Search) -> _Search:
-            here = problem.sized_at(xp.where(search.arrived, search.root.tau, problem.friction_size))
+            here = problem.sized_at(chosen_of(search.arrived, search.root.tau, problem.friction_size))
             tau, progress = iterate(lambda tau: newton.update(here, tau), search.root.tau, rtol, self.max_steps)
             settled = search.arrived | (problem.contraction(problem.loads(tau)) < 1)
             settled = progress.converged(rtol) & settled
             path = _follow(problem, ~settled & ~search.arrived, self.max_path)
-            tau = xp.where(path.arrived, path.here[:-1] * problem.friction_size, tau)
+            tau = chosen_of(path.arrived, path.here[..., :-1] * problem.friction_size, tau)
             steps = search.root.progress.steps + path.steps + progress.steps
             progress = eqx.tree_at(lambda progress: progress.steps, progress, steps)
             fold = xp.where(settled, xp.inf, xp.where(search.arrived, search.root.fold, path.fold))
@@ -125,23 +125,21 @@ class _Search(NamedTuple):
     """Where a search stands, whether the branch from zero friction arrived there, and whether it has ended."""
 
     root: Root
-    arrived: Bool[Array, ""]
-    ended: Bool[Array, ""]
+    arrived: Bool[Array, "..."]
+    ended: Bool[Array, "..."]
 
 
-def _follow(problem: FrictionProblem, wanted: Bool[Array, ""], max_path: int) -> Path:
+def _follow(problem: FrictionProblem, wanted: Bool[Array, "..."], max_path: int) -> Path:
     """The branch from zero friction, up to s = 1 or its end; nothing where it is not wanted."""
     size = problem.friction_size
 
-    def residual(x: Array) -> Array:
-        return x[:-1] - x[-1] * problem.law(problem.loads(size * x[:-1])) / size
+    def equations(x: Array) -> tuple[Array, Array]:
+        force, by_tau = problem.linearised(problem.loads(size * x[..., :-1]))
+        by_y = xp.eye(size.shape[-1], dtype=x.dtype) - x[..., -1:, None] * by_tau * size[..., None, :] / size[..., None]
+        by_x = xp.concatenate([by_y, -(force / size)[..., None]], axis=-1)
+        return x[..., :-1] - x[..., -1:] * force / size, by_x
 
-    def slope(x: Array) -> Array:
-        rho = problem.loads(size * x[:-1])
-        by_y = problem.slope(rho) * size / size[:, None]
-        by_s = -problem.law(rho) / size
-        return xp.concatenate([xp.eye(size.size, dtype=x.dtype) - x[-1] * by_y, by_s[:, None]], axis=1)
-
-    first = xp.append(problem.law(problem.rho0) / size, xp.ones((), size.dtype))
-    wanted = wanted & xp.all(xp.isfinite(problem.gain))
-    return follow(residual, slope, xp.zeros_like(first), first, wanted, max_path)
+    first = problem.law(problem.rho0) / size
+    first = xp.concatenate([first, xp.ones_like(first[..., :1])], axis=-1)
+    wanted = wanted & xp.all(xp.isfinite(problem.gain), axis=(-2, -1))
+    return follow(equations, xp.zeros_like(first), first, wanted, max_path)

@@ -12,10 +12,12 @@ Of a large scene K is known by its products, one more right-hand side each; then
 and contraction is estimated, not bounded.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import jax
-from jaxtyping import Array, Bool, Float, PyTree
+import numpy as np
+from jaxtyping import Bool, Float, PyTree
 
 from .._system._directions import directions_of
 from .._system._friction import AbstractFriction, friction_force, largest_changes, memories, slip_kinds
@@ -24,9 +26,12 @@ from .._tools._by_number import combine
 from .._tools._krylov import krylov_solution
 from .._tools._linear_map import LinearMap, spectral_radius
 from .._tools._module import replace_fields
-from .._tools._numbers import are_known, are_numbers, fori_loop, of_model, stop_gradient, xp
+from .._tools._numbers import Numeric, are_known, are_numbers, fori_loop, of_model, product, solution, stop_gradient, xp
 from .._tools._value import value
 
+# Samples of a batch on numbers that a program of the laws takes.
+_BATCHES = 64, 512, 8192
+_COLUMNS = 16  # of changes, or a multiple of them
 # Powers of a matrix that the bound of its spectral radius takes.
 _POWERS = 6
 
@@ -36,30 +41,30 @@ class Law:
     """The friction laws of all groups at a state, as a function of the loads alone."""
 
     groups: tuple[AbstractFriction, ...]
-    rate: Float[Array, " p"]
-    sense: Float[Array, " p"]
+    rate: Float[Numeric, " p"]
+    sense: Float[Numeric, " p"]
     state: State
     memory: tuple[PyTree, ...] | None = None  # that of `state` if not given
 
-    def __call__(self, loads: Float[Array, " l"]) -> Float[Array, " p"]:
-        return _linearised(self, loads)[0] if self._is_known(loads) else self.force(loads)
+    def __call__(self, loads: Float[Numeric, "... l"]) -> Float[Numeric, "... p"]:
+        return self.linearised(loads)[0] if self._is_known(loads) else self.force(loads)
 
-    def force(self, loads: Float[Array, " l"]) -> Float[Array, " p"]:
+    def force(self, loads: Float[Numeric, " l"]) -> Float[Numeric, " p"]:
         """The same, traced."""
         return friction_force(self.groups, loads, self.rate, self.sense, self.state, self.memory)
 
-    def _is_known(self, loads: Float[Array, " l"]) -> bool:
+    def _is_known(self, loads: Float[Numeric, "... l"]) -> bool:
         return are_numbers(loads, self.rate, self.sense) and are_known(self.groups)
 
     @property
-    def is_open(self) -> Bool[Array, " p"]:
+    def is_open(self) -> Bool[Numeric, " p"]:
         """For each slip whether its joint has no sense."""
         directions = directions_of(self.groups)
         return self.sense == 0 if directions is None else directions.every(self.sense == 0)
 
     def limits(
-        self, loads: Float[Array, " l"], either: Bool[Array, " p"]
-    ) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
+        self, loads: Float[Numeric, "... l"], either: Bool[Numeric, " p"]
+    ) -> tuple[Float[Numeric, "... p"], Float[Numeric, "... p"]]:
         """Least and largest friction of slips that may have either sense; of the others that of their own."""
         one, two = (replace_fields(self, sense=xp.where(either, sense, self.sense))(loads) for sense in (1.0, -1.0))
         return xp.minimum(one, two), xp.maximum(one, two)
@@ -70,40 +75,62 @@ class Law:
         groups, parts = zip(*(part for group, memory in whole for part in group.apart(memory)), strict=True)
         return replace_fields(self, groups=groups, memory=parts)
 
-    def largest_changes(self, loads: Float[Array, "l columns"]) -> Float[Array, "p columns"]:
+    def largest_changes(self, loads: Float[Numeric, "l columns"]) -> Float[Numeric, "p columns"]:
         """Bounds of |change of friction| that each column of changes of the loads can cause at any loads."""
-        return largest_changes(self.groups, loads, self.rate, self.state)
+        if not self._is_known(loads):
+            return largest_changes(self.groups, loads, self.rate, self.state)
+        count = loads.shape[1]
+        padded = np.pad(loads, ((0, 0), (0, -count % _COLUMNS)))
+        return largest_changes(self.groups, padded, self.rate, self.state)[:, :count]
 
-    def slope(self, loads: Float[Array, " l"]) -> Float[Array, "p l"]:
+    def slope(self, loads: Float[Numeric, "... l"]) -> Float[Numeric, "... p l"]:
         """Derivative of the friction forces with respect to the loads, F_lam of Eq. (35) reduced."""
-        return _linearised(self, loads)[1] if self._is_known(loads) else jax.jacfwd(self.force)(loads)
+        return self.linearised(loads)[1] if self._is_known(loads) else jax.jacfwd(self.force)(loads)
 
-    def linearised(self, loads: Float[Array, " l"]) -> tuple[Float[Array, " p"], Float[Array, "p l"]]:
-        """Both."""
-        return _linearised(self, loads) if self._is_known(loads) else (self.force(loads), self.slope(loads))
+    def linearised(self, loads: Float[Numeric, "... l"]) -> tuple[Float[Numeric, "... p"], Float[Numeric, "... p l"]]:
+        """Both; of known numbers also sample by sample, along axes in front."""
+        if not self._is_known(loads):
+            return self.force(loads), self.slope(loads)
+        return _linearised(self, loads) if loads.ndim == 1 else _of_samples(self, loads)
 
 
 @of_model
-def _linearised(law: Law, loads: Float[Array, " l"]) -> tuple[Float[Array, " p"], Float[Array, "p l"]]:
+def _linearised(law: Law, loads: Float[Numeric, " l"]) -> tuple[Float[Numeric, " p"], Float[Numeric, "p l"]]:
     """Friction and its slope, which numbers ask for together."""
     return law.force(loads), jax.jacfwd(law.force)(loads)
+
+
+@of_model
+def _linearised_each(law: Law, loads: Float[Numeric, "s l"]) -> tuple[Float[Numeric, "s p"], Float[Numeric, "s p l"]]:
+    return jax.vmap(lambda own: (law.force(own), jax.jacfwd(law.force)(own)))(loads)
+
+
+def _of_samples(law: Law, loads: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Friction and its slope in batches of few sizes, so that few programs are compiled."""
+    flat = loads.reshape(math.prod(loads.shape[:-1]), loads.shape[-1])
+    size = next((size for size in _BATCHES if size >= len(flat)), _BATCHES[-1])
+    parts = [flat[first : first + size] for first in range(0, len(flat), size)]
+    padded = [np.pad(part, ((0, size - len(part)), (0, 0)), mode="edge") for part in parts]
+    pairs = zip(*(_linearised_each(law, part) for part in padded), strict=True)
+    force, slope = (np.concatenate(pair)[: len(flat)] for pair in pairs)
+    return tuple(x.reshape(loads.shape[:-1] + x.shape[1:]) for x in (force, slope))  # pyright: ignore[reportReturnType]
 
 
 class Sizes(NamedTuple):
     """A size of the forces and one of the moments."""
 
-    linear: Float[Array, ""]
-    angular: Float[Array, ""]
+    linear: Float[Numeric, "..."]
+    angular: Float[Numeric, "..."]
 
     @classmethod
-    def of(cls, entries: Float[Array, " d"], angular: Bool[Array, " d"]) -> "Sizes":
+    def of(cls, entries: Float[Numeric, "... d"], angular: Bool[Numeric, " d"]) -> "Sizes":
         """The largest entry of each kind, 1 if there is none but zeros."""
         largest = (_largest(xp.where(kind, entries, 0.0)) for kind in (~angular, angular))
         return cls(*(xp.where(size > 0, size, 1.0) for size in largest))
 
-    def at(self, angular: Bool[Array, " d"]) -> Float[Array, " d"]:
+    def at(self, angular: Bool[Numeric, " d"]) -> Float[Numeric, "... d"]:
         """The size of each entry's kind."""
-        return xp.where(angular, self.angular, self.linear)
+        return xp.where(angular, self.angular[..., None], self.linear[..., None])
 
     def larger(self, other: "Sizes") -> "Sizes":
         """The larger of both, kind by kind."""
@@ -123,22 +150,22 @@ class FrictionProblem:
       change of friction is no larger change of the loads; of a large scene rho0 alone.
     """
 
-    rho0: Float[Array, " l"]
+    rho0: Float[Numeric, "... l"]
     gain: Any
     law: Law
-    angular_loads: Bool[Array, " l"]
-    angular_slips: Bool[Array, " p"]
+    angular_loads: Bool[Numeric, " l"]
+    angular_slips: Bool[Numeric, " p"]
     load_sizes: Sizes
     friction_sizes: Sizes
-    unsized: Bool[Array, ""]
+    unsized: Bool[Numeric, "..."]
 
     @classmethod
     def make(
         cls,
-        rho0: Float[Array, " l"],
+        rho0: Float[Numeric, "... l"],
         gain: Any,
         law: Law,
-        angular_loads: Bool[Array, " l"],
+        angular_loads: Bool[Numeric, " l"],
     ) -> "FrictionProblem":
         """The problem, given which loads are moments."""
         angular_slips = xp.asarray(slip_kinds(law.groups).angular)
@@ -153,25 +180,37 @@ class FrictionProblem:
         return cls(rho0, gain, law, angular_loads, angular_slips, load_sizes, friction_sizes, unsized)
 
     @property
+    def alone(self) -> "FrictionProblem":
+        """As a batch of one, on numbers."""
+        own = {name: getattr(self, name) for name in ("rho0", "load_sizes", "friction_sizes", "unsized")}
+        return replace_fields(self, **jax.tree.map(lambda x: np.asarray(x)[None], own))
+
+    def of(self, samples: np.ndarray) -> "FrictionProblem":
+        """Some of a batch on numbers."""
+        own = {name: getattr(self, name) for name in ("rho0", "load_sizes", "friction_sizes", "unsized")}
+        own = jax.tree.map(lambda x: x[samples], own if self.gain.ndim == 2 else {**own, "gain": self.gain})
+        return replace_fields(self, **own)
+
+    @property
     def is_large(self) -> bool:
         """Whether K is known by its products alone."""
         return isinstance(self.gain, LinearMap)
 
     @property
-    def friction_size(self) -> Float[Array, " p"]:
+    def friction_size(self) -> Float[Numeric, "... p"]:
         """Size of each friction: that of its kind."""
         return self.friction_sizes.at(self.angular_slips)
 
     @property
-    def load_size(self) -> Float[Array, " l"]:
+    def load_size(self) -> Float[Numeric, "... l"]:
         """Size of each load: that of its kind."""
         return self.load_sizes.at(self.angular_loads)
 
-    def at(self, rho0: Float[Array, " l"]) -> "FrictionProblem":
+    def at(self, rho0: Float[Numeric, "... l"]) -> "FrictionProblem":
         """The same problem with other loads without friction."""
         return FrictionProblem.make(rho0, self.gain, self.law, self.angular_loads)
 
-    def sized_at(self, tau: Float[Array, " p"]) -> "FrictionProblem":
+    def sized_at(self, tau: Float[Numeric, "... p"]) -> "FrictionProblem":
         """The same problem, its sizes at least those of the friction tau; sizes have no derivatives."""
         tau, gain = stop_gradient((tau, self.gain))
         friction = self.friction_sizes.larger(Sizes.of(xp.abs(tau), self.angular_slips))
@@ -181,40 +220,40 @@ class FrictionProblem:
         loads = self.load_sizes.larger(Sizes.of(caused, self.angular_loads))
         return replace_fields(self, load_sizes=loads, friction_sizes=friction)
 
-    def loads(self, tau: Float[Array, " p"]) -> Float[Array, " l"]:
+    def loads(self, tau: Float[Numeric, "... p"]) -> Float[Numeric, "... l"]:
         """rho = rho0 + K tau."""
-        return self.rho0 + self.gain @ tau
+        return self.rho0 + product(self.gain, tau)
 
-    def slope(self, rho: Float[Array, " l"]) -> Float[Array, "p p"]:
+    def slope(self, rho: Float[Numeric, "... l"]) -> Float[Numeric, "... p p"]:
         """law'(rho) K, the derivative of one sweep."""
         if are_numbers(rho, self.gain):
             return self.law.slope(rho) @ self.gain
         return jax.vmap(lambda column: jax.jvp(self.law, (rho,), (column,))[1], in_axes=1, out_axes=1)(self.gain)
 
-    def linearised(self, rho: Float[Array, " l"]) -> tuple[Float[Array, " p"], Float[Array, "p p"]]:
+    def linearised(self, rho: Float[Numeric, "... l"]) -> tuple[Float[Numeric, "... p"], Float[Numeric, "... p p"]]:
         """law(rho) and law'(rho) K, which known numbers ask for together."""
         if are_numbers(rho, self.gain):
             force, slope = self.law.linearised(rho)
             return force, slope @ self.gain
         return self.law(rho), self.slope(rho)
 
-    def along(self, rho: Float[Array, " l"], change: Float[Array, " p"]) -> Float[Array, " p"]:
+    def along(self, rho: Float[Numeric, " l"], change: Float[Numeric, " p"]) -> Float[Numeric, " p"]:
         """law'(rho) K change."""
         return jax.jvp(self.law, (rho,), (self.gain @ change,))[1]
 
-    def solution(self, rho: Float[Array, " l"], right: Float[Array, " p"]) -> Float[Array, " p"]:
+    def solution(self, rho: Float[Numeric, "... l"], right: Float[Numeric, "... p"]) -> Float[Numeric, "... p"]:
         """(I - law'(rho) K)^-1 right."""
         if self.is_large:
             size = self.friction_size
             return size * krylov_solution(lambda y: y - self.along(rho, size * y) / size, right / size)
-        return xp.linalg.solve(self.root_slope(rho), right)
+        return solution(self.root_slope(rho), right)
 
-    def root_slope(self, rho: Float[Array, " l"]) -> Float[Array, "p p"]:
+    def root_slope(self, rho: Float[Numeric, "... l"]) -> Float[Numeric, "... p p"]:
         """I - law'(rho) K."""
         slope = self.slope(rho)
-        return xp.eye(slope.shape[0], dtype=slope.dtype) - slope
+        return xp.eye(slope.shape[-1], dtype=slope.dtype) - slope
 
-    def contraction(self, rho: Float[Array, " l"]) -> Float[Array, ""]:
+    def contraction(self, rho: Float[Numeric, "... l"]) -> Float[Numeric, "..."]:
         """Upper bound of the spectral radius of one sweep's derivative at loads: below 1 sweeps contract there.
 
         Of a large scene it is an estimate.
@@ -223,9 +262,9 @@ class FrictionProblem:
             size = self.friction_size
             return spectral_radius(lambda y: self.along(rho, size * y) / size, size)
         matrix = xp.abs(self.slope(rho))
-        return _radius_bound(matrix * self.friction_size / self.friction_size[:, None])
+        return _radius_bound(matrix * self.friction_size[..., None, :] / self.friction_size[..., None])
 
-    def contraction_anywhere(self) -> Float[Array, ""]:
+    def contraction_anywhere(self) -> Float[Numeric, "..."]:
         """Upper bound of `contraction` at all friction: below 1 there is one solution, and sweeps find it.
 
         None is known of a large scene.
@@ -236,40 +275,42 @@ class FrictionProblem:
         bound = _radius_bound(law.largest_changes(gain))
         return xp.where(xp.isnan(bound), xp.inf, bound)
 
-    def change_of_friction(self, change: Float[Array, " p"]) -> Float[Array, ""]:
+    def change_of_friction(self, change: Float[Numeric, "... p"]) -> Float[Numeric, "..."]:
         """Largest change of tau, relative to the size of its kind."""
-        return xp.max(xp.abs(change) / self.friction_size)
+        return xp.max(xp.abs(change) / self.friction_size, axis=-1)
 
-    def change_of_load(self, change: Float[Array, " l"]) -> Float[Array, ""]:
+    def change_of_load(self, change: Float[Numeric, "... l"]) -> Float[Numeric, "..."]:
         """Largest change of rho, relative to the size of its kind."""
-        return xp.max(xp.abs(change) / self.load_size)
+        return xp.max(xp.abs(change) / self.load_size, axis=-1)
 
 
-def _radius_bound(matrix: Float[Array, "p p"]) -> Float[Array, ""]:
+def _radius_bound(matrix: Float[Numeric, "... p p"]) -> Float[Numeric, "..."]:
     """Upper bound of the spectral radius of a matrix A >= 0.
 
     Collatz and Wielandt: max_i (A v)_i / v_i over positive v; powers of A bring it down to the spectral radius.
     """
 
-    def powered(_: Any, vector: Array) -> Array:
-        image = matrix @ vector
-        size = xp.max(image)
+    def powered(_: Any, vector: Numeric) -> Numeric:
+        image = product(matrix, vector)
+        size = xp.max(image, axis=-1, keepdims=True)
         return xp.where(size > 0, image / xp.where(size > 0, size, 1.0), vector) + 1e-3
 
-    vector = fori_loop(0, _POWERS, powered, xp.ones_like(matrix[0]))
-    return xp.max(matrix @ vector / vector)
+    vector = fori_loop(0, _POWERS, powered, xp.ones_like(matrix[..., 0, :]))
+    return xp.max(product(matrix, vector) / vector, axis=-1)
 
 
-def _caused(gain: Array, angular: Array, friction: Sizes) -> Array:
+def _caused(gain: Numeric, angular: Numeric, friction: Sizes) -> Numeric:
     """Bound of the loads that friction of these sizes causes: |K| times the sizes."""
-    linear, angles = (xp.sum(xp.where(kind, xp.abs(gain), 0.0), axis=1) for kind in (~angular, angular))
-    return linear * friction.linear + angles * friction.angular
+    linear, angles = (xp.sum(xp.where(kind, xp.abs(gain), 0.0), axis=-1) for kind in (~angular, angular))
+    return linear * friction.linear[..., None] + angles * friction.angular[..., None]
 
 
-def _nothing(size: Array, kind: Array) -> Array:
+def _nothing(size: Numeric, kind: Numeric) -> Numeric:
     """Whether there are sizes of this kind, and all are 0."""
     return xp.any(kind) & (_largest(xp.where(kind, size, 0.0)) == 0)
 
 
-def _largest(size: Array) -> Array:
+def _largest(size: Numeric) -> Numeric:
+    if size.ndim > 1:
+        return xp.max(size, axis=-1, initial=0.0)
     return combine(xp.maximum, lambda size: xp.max(size, initial=0.0), size)

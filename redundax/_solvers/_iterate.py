@@ -33,11 +33,11 @@ class Progress:
     - `stalled`: updates since it was found.
     """
 
-    steps: Int[Array, ""]
-    residual: Float[Array, ""]
-    step: Float[Array, ""]
-    best: Float[Array, ""]
-    stalled: Int[Array, ""]
+    steps: Int[Array, "..."]
+    residual: Float[Array, "..."]
+    step: Float[Array, "..."]
+    best: Float[Array, "..."]
+    stalled: Int[Array, "..."]
 
     @classmethod
     def begin(cls, dtype: DTypeLike) -> "Progress":
@@ -51,7 +51,7 @@ class Progress:
         zero, none = xp.zeros((), dtype), xp.zeros((), int)
         return cls(none, zero, zero, zero, none)
 
-    def after(self, residual: Float[Array, ""], step: Float[Array, ""]) -> "Progress":
+    def after(self, residual: Float[Array, "..."], step: Float[Array, "..."]) -> "Progress":
         """One update later."""
         better = residual < self.best
         return Progress(
@@ -62,7 +62,7 @@ class Progress:
             xp.where(better, 0, self.stalled + 1),
         )
 
-    def unfinished(self, rtol: Float[Array, ""], max_steps: int) -> Bool[Array, ""]:
+    def unfinished(self, rtol: Float[Array, ""], max_steps: int) -> Bool[Array, "..."]:
         """Whether to go on: not converged, finite, neither stalled nor out of steps."""
         finite = xp.isfinite(self.residual) & xp.isfinite(self.step)
         going = finite & ~self.converged(rtol) & (self.stalled < _PATIENCE) & (self.steps < max_steps)

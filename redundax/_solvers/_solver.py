@@ -14,6 +14,7 @@ from typing import TypeVar
 
 import equinox as eqx
 import jax
+import numpy as np
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
@@ -21,7 +22,7 @@ from .._system._results import RESULTS
 from .._tools._by_number import solve_few
 from .._tools._chunks import in_chunks
 from .._tools._module import check_kind, optional_float
-from .._tools._numbers import custom_jvp, known, xp
+from .._tools._numbers import Numeric, custom_jvp, entries_set, known, product, solution, xp
 from .._tools._value import value
 from ._friction_problem import FrictionProblem
 from ._iterate import Progress, iterate
@@ -39,9 +40,9 @@ class Root:
       reaches the whole friction, or was not followed.
     """
 
-    tau: Float[Array, " p"]
+    tau: Float[Numeric, "... p"]
     progress: Progress
-    fold: Float[Array, ""]
+    fold: Float[Numeric, "..."]
 
 
 class AbstractSolver(eqx.Module):
@@ -51,7 +52,7 @@ class AbstractSolver(eqx.Module):
     max_steps: eqx.AbstractVar[int]
 
     @abc.abstractmethod
-    def run(self, problem: FrictionProblem, start: Float[Array, " p"], *, in_batch: bool = False) -> Root:
+    def run(self, problem: FrictionProblem, start: Float[Numeric, "... p"], *, in_batch: bool = False) -> Root:
         """Solve from a start; `in_batch` says whether it is written out for a batch, or for a single sample."""
 
     @abc.abstractmethod
@@ -101,21 +102,21 @@ class FixedPoint(AbstractSolver):
     rtol: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
     max_steps: int = eqx.field(default=1200, static=True)
 
-    def run(self, problem: FrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
+    def run(self, problem: FrictionProblem, start: Numeric, *, in_batch: bool = False) -> Root:
         rtol, updates = self.tolerance(start.dtype), -(-self.max_steps // _SWEEPS)
         tau, progress = iterate(lambda tau: self.update(problem, tau), start, rtol, updates)
         progress = eqx.tree_at(lambda progress: progress.steps, progress, _SWEEPS * progress.steps)
         tau = xp.where(progress.converged(rtol), self._finished(problem, tau), tau)
         return Root(tau, progress, xp.full((), xp.inf, start.dtype))
 
-    def _finished(self, problem: FrictionProblem, tau: Array) -> Array:
+    def _finished(self, problem: FrictionProblem, tau: Numeric) -> Numeric:
         """One Newton step: slow sweeps stop at a small change while the error is many times larger."""
         return Newton().update(problem, tau)[0]
 
     def result(self, progress: Progress) -> RESULTS:
         return progress.result(self.tolerance(progress.residual.dtype))
 
-    def update(self, problem: FrictionProblem, tau: Array) -> tuple[Array, Array, Array]:
+    def update(self, problem: FrictionProblem, tau: Numeric) -> tuple[Numeric, Numeric, Numeric]:
         """Next tau, relative change of friction and relative change of loads."""
         rho = problem.loads(tau)
         for _ in range(_SWEEPS - 1):
@@ -150,15 +151,30 @@ class Newton(AbstractSolver):
     rtol: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
     max_steps: int = eqx.field(default=50, static=True)
 
-    def run(self, problem: FrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
+    def run(self, problem: FrictionProblem, start: Numeric, *, in_batch: bool = False) -> Root:
         rtol = self.tolerance(start.dtype)
+        if start.ndim > 1:
+            return self._of_batch(problem, start, rtol)
         tau, progress = iterate(lambda tau: self.update(problem, tau), start, rtol, self.max_steps)
         return Root(tau, progress, xp.full((), xp.inf, start.dtype))
+
+    def _of_batch(self, problem: FrictionProblem, start: np.ndarray, rtol: Float[Array, ""]) -> Root:
+        """Samples along the first axis, on numbers: those that have ended are left out."""
+        tau, left = np.array(start), np.arange(len(start))
+        whole = jax.tree.map(lambda x: np.full(len(start), x), Progress.begin(start.dtype))
+        while left.size:
+            tau[left], residual, step = self.update(problem, tau[left])
+            now = jax.tree.map(lambda x, left=left: x[left], whole).after(residual, step)
+            whole = jax.tree.map(lambda x, own, left=left: entries_set(x, left, own), whole, now)
+            going = now.unfinished(rtol, self.max_steps)
+            if not np.all(going):
+                left, problem = left[going], problem.of(going)
+        return Root(tau, whole, np.full(len(start), np.inf, start.dtype))
 
     def result(self, progress: Progress) -> RESULTS:
         return progress.result(self.tolerance(progress.residual.dtype))
 
-    def update(self, problem: FrictionProblem, tau: Array) -> tuple[Array, Array, Array]:
+    def update(self, problem: FrictionProblem, tau: Numeric) -> tuple[Numeric, Numeric, Numeric]:
         """Next tau, relative residual and relative change of loads."""
         rho = problem.loads(tau)
         if problem.is_large:
@@ -167,15 +183,16 @@ class Newton(AbstractSolver):
         else:
             force, slope = problem.linearised(rho)
             residual = tau - force
-            change = -xp.linalg.solve(xp.eye(tau.size, dtype=tau.dtype) - slope, residual)
-        return tau + change, problem.change_of_friction(residual), problem.change_of_load(problem.gain @ change)
+            change = -solution(xp.eye(tau.shape[-1], dtype=tau.dtype) - slope, residual)
+        moved = problem.change_of_load(product(problem.gain, change))
+        return tau + change, problem.change_of_friction(residual), moved
 
 
 @functools.partial(custom_jvp, make=eqx.filter_custom_jvp)
-def closed_root(problem: FrictionProblem, start: Float[Array, " p"], solver: AbstractSolver) -> Root:
+def closed_root(problem: FrictionProblem, start: Float[Numeric, "... p"], solver: AbstractSolver) -> Root:
     """Friction forces under a closure; their derivative is implicit."""
 
-    def run(problem: FrictionProblem, start: Array, solver: AbstractSolver, *, in_batch: bool = False) -> Root:
+    def run(problem: FrictionProblem, start: Numeric, solver: AbstractSolver, *, in_batch: bool = False) -> Root:
         return solver.run(problem, start, in_batch=in_batch)
 
     return in_chunks(functools.partial(run, in_batch=True), problem, start, solver, alone=run)

@@ -5,8 +5,11 @@ and gives NumPy's, of any array of JAX it is JAX's. So one text of an equation s
 arguments its entry (`on_numbers`) has turned into NumPy's, and a program, in which they are traced. What is the model's
 (`of_model`), that a user writes for JAX, is a compiled program where numbers are known, and gives NumPy's arrays again.
 
-`Array` in annotations stands for either. Here alone stands what differs: loops, branches, entries set, derivatives
-given by hand, factors that do not exist.
+A batch of samples on numbers has axes for them in front, as `vmap` gives it to what is traced: `product`, `solution`,
+`chosen_of` and `while_loop` take both.
+
+`Array`, or `Numeric`, in annotations stands for either. Here alone stands what differs: loops, branches, entries set,
+derivatives given by hand, factors that do not exist.
 """
 
 import collections
@@ -14,7 +17,8 @@ import contextlib
 import functools
 import threading
 from collections.abc import Callable, Iterator
-from typing import Any, TypeVar
+from functools import partial
+from typing import Any, TypeAlias, TypeVar
 
 import equinox as eqx
 import jax
@@ -26,6 +30,9 @@ from threadpoolctl import ThreadpoolController
 from ._compilation import compiled, quick_options
 
 T = TypeVar("T")
+F = TypeVar("F", bound=Callable[..., Any])
+
+Numeric: TypeAlias = Any  # arrays of NumPy or of JAX: a type checker knows no type of both
 
 _SEQUENCE, _OF_JAX, _OTHER = range(3)
 _kinds: dict[type, int] = {}  # of types, as JAX's own check takes longer
@@ -107,6 +114,18 @@ def _no_svd(a: np.ndarray, full_matrices: bool = True, compute_uv: bool = True) 
     return found if compute_uv else found[1]
 
 
+def _each_solved(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Infinite where there is no factor, the others of a batch as they are."""
+    if a.ndim == 2:
+        return np.full_like(b, np.inf)
+    batch = np.broadcast_shapes(a.shape[:-2], b.shape[:-2])
+    many, rights = (np.broadcast_to(x, batch + x.shape[-2:]) for x in (a, b))
+    out = np.empty(rights.shape, b.dtype)
+    for place in np.ndindex(batch):
+        out[place] = xp.linalg.solve(many[place], rights[place])
+    return out
+
+
 def _nan_like(a: np.ndarray, *_: Any) -> np.ndarray:
     return np.full_like(a, np.nan)
 
@@ -123,7 +142,7 @@ _OF_NUMPY = {
     "svd": _or_nan(np.linalg.svd, _no_svd),
     "cholesky": _or_nan(np.linalg.cholesky, _nan_like),
     "inv": _or_nan(np.linalg.inv, _nan_like),
-    "solve": _or_nan(np.linalg.solve, lambda a, b: np.full_like(b, np.inf)),
+    "solve": _or_nan(np.linalg.solve, _each_solved),
     "eigh": _or_nan(np.linalg.eigh, lambda a: (np.full(len(a), np.nan, a.dtype), _nan_like(a))),
     "eigvalsh": _or_nan(np.linalg.eigvalsh, lambda a: np.full(len(a), np.nan, a.dtype)),
 }
@@ -157,12 +176,29 @@ xp.linalg = _Namespace(np.linalg, jnp.linalg)
 
 
 def while_loop(going: Callable[[T], Any], body: Callable[[T], T], start: T) -> T:
-    """`jax.lax.while_loop`."""
+    """`jax.lax.while_loop`; in a batch of numbers what has ended stays, as under `vmap`."""
     if not are_numbers(start):
         return jax.lax.while_loop(going, body, start)
-    while going(start):
-        start = body(start)
+    while np.any(flag := going(start)):
+        start = body(start) if np.ndim(flag) == 0 else jax.tree.map(partial(chosen_of, flag), body(start), start)
     return start
+
+
+def chosen_of(flag: Any, yes: Any, no: Any) -> Any:
+    """`where` of a flag for each sample of a batch, or of one, and arrays with axes behind."""
+    return xp.where(xp.reshape(flag, np.shape(flag) + (1,) * (np.ndim(yes) - np.ndim(flag))), yes, no)
+
+
+def product(matrix: Any, vector: Any) -> Any:
+    """matrix @ vector, sample by sample where axes for them stand in front."""
+    return matrix @ vector if vector.ndim == 1 else (matrix @ vector[..., None])[..., 0]
+
+
+def solution(matrix: Any, vector: Any) -> Any:
+    """matrix^-1 vector, in the same way."""
+    if vector.ndim == 1:
+        return xp.linalg.solve(matrix, vector)
+    return xp.linalg.solve(matrix, vector[..., None])[..., 0]
 
 
 def fori_loop(first: int, last: int, body: Callable[[Any, T], T], start: T) -> T:
@@ -330,6 +366,11 @@ def on_numbers(function: Callable[..., Any], *, jit: bool = True, repeats: bool 
         return out if within else as_arrays(out)
 
     return run
+
+
+def computed(function: F) -> F:
+    """`on_numbers` for a call that no program holds."""
+    return on_numbers(function, jit=False)  # pyright: ignore[reportReturnType]
 
 
 def _structure(tree: Any) -> tuple[Any, ...]:

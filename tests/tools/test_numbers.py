@@ -17,6 +17,18 @@ import redundax as rx
 from redundax._tools import _numbers
 from redundax._tools._numbers import are_numbers, entries_set, is_number, xp
 
+BOX = rx.AmplitudeBox({"A.x": (-40.0, 40.0)})
+ELASTIC = rx.Compliance(np.full(12, 1e-8))
+
+
+def at_rest(state):
+    return rx.State(state.q, np.zeros(len(state.qd)))
+
+
+def way(state):
+    return [rx.State(state.q, rate * np.asarray(state.qd)) for rate in (0.1, 0.0, -0.1)]
+
+
 # Calls of README's kind, in an order in which each needs what those before it have compiled, and programs at most.
 PROGRAMS = {
     "assemble": (lambda m, s: rx.assemble(m, s.q), 3),
@@ -24,9 +36,21 @@ PROGRAMS = {
     "solve": (lambda m, s: rx.solve(m, s), 2),
     "sweeps": (lambda m, s: rx.solve(m, s, solver=rx.FixedPoint()), 0),
     "open": (lambda m, s: rx.solve(m, s, closure=None, solver=rx.Newton(), x0=10.0), 0),
-    "closure": (lambda m, s: rx.solve(m, s, closure=rx.Compliance(np.full(len(m.rows), 1e-8))), 1),
+    "closure": (lambda m, s: rx.solve(m, s, closure=rx.Compliance(np.full(len(m.rows), 1e-8))), 0),
     "sense": (lambda m, s: rx.solve(m, s, sense=np.ones(len(m.slips))), 0),
-    "analyze": (lambda m, s: str(rx.analyze(m, s)), 5),
+    "analyze": (lambda m, s: str(rx.analyze(m, s)), 2),  # bounds of friction, reactions
+    "band": (lambda m, s: rx.band(m, s, "A.x", BOX, samples=8), 2),  # the laws in batches of two sizes
+    "band of compliances": (
+        lambda m, s: rx.band(m, s, "A.x", rx.ComplianceBox(ELASTIC, {"A.x": (1e-9, 1e-7)})),
+        1,
+    ),  # in a larger one
+    "family": (lambda m, s: str(rx.solution_family(m, s, along="A.x", samples=5)), 0),
+    "solutions": (lambda m, s: rx.frictional_solutions(m, s), 0),
+    "stability": (lambda m, s: rx.stability(m, s, rx.solve(m, s, closure=ELASTIC), ELASTIC), 0),
+    "sticking": (lambda m, s: str(rx.sticking(m, at_rest(s), BOX, samples=8)), 0),
+    "band at rest": (lambda m, s: str(rx.band(m, at_rest(s), "A.x", BOX)), 0),
+    "limit load": (lambda m, s: str(rx.limit_load(m, at_rest(s), {"1.phi": 1.0})), 0),
+    "band along": (lambda m, s: str(rx.band_along(m, way(s), "A.x", BOX, samples=8)), 1),  # motions of joints
 }
 
 
@@ -227,6 +251,19 @@ def test_a_traced_number_in_a_function_of_the_user_is_seen():
         return rx.solve(system, rx.State([0.6, 0.8], [0.8, -0.6]), throw=False).multipliers[0]
 
     assert jax.grad(lambda length: peak(length) * length)(1.0) == pytest.approx(1.0)  # |lam| = v^2 / L, at v = 1
+
+
+def test_samples_of_a_batch_of_numbers_end_and_fail_one_by_one():
+    def halved(x):
+        return _numbers.while_loop(lambda x: x > 1.0, lambda x: x / 2, x)
+
+    given = np.array([0.5, 3.0, 100.0])
+    np.testing.assert_array_equal(halved(given), jax.vmap(halved)(jnp.asarray(given)))
+    matrices, right = np.array([[[2.0, 0.0], [0.0, 4.0]], [[1.0, 1.0], [1.0, 1.0]]]), np.ones((2, 2))
+    found = _numbers.solution(matrices, right)
+    np.testing.assert_array_equal(found[0], [0.5, 0.25])  # beside one without a factor
+    assert np.isinf(found[1]).all()
+    np.testing.assert_array_equal(_numbers.product(matrices, right), [[2.0, 4.0], [2.0, 2.0]])
 
 
 def test_a_function_is_that_of_its_arguments():

@@ -12,7 +12,6 @@ import itertools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
-import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
@@ -34,6 +33,8 @@ from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._system._units import with_unit
 from ..._tools._errors import NoSolutionError, RedundaxError
+from ..._tools._module import replace_fields
+from ..._tools._numbers import computed
 from ..._tools._table import figures, group, page
 from .._at_rest import is_still
 from .._bounds import AbstractBounds, cases_of, check_bounds, title_of
@@ -163,6 +164,7 @@ _STANDS = {
 _MEET = 1e-6  # distance of inner and outer bounds that is none, relative to the largest value
 
 
+@computed
 def band(
     system: AbstractSystem,
     state: State,
@@ -238,8 +240,8 @@ def band(
         lower=lower,
         upper=upper,
         exact=exact,
-        lower_case=np.asarray(cases.figures(jnp.asarray(pairs[0][1]))),
-        upper_case=np.asarray(cases.figures(jnp.asarray(pairs[1][1]))),
+        lower_case=cases.figures(pairs[0][1]),
+        upper_case=cases.figures(pairs[1][1]),
         lower_solution=solutions.shown(pairs[0][2]),
         upper_solution=solutions.shown(pairs[1][2]),
         solved=search.solved,
@@ -264,8 +266,8 @@ def _at_rest(
     if report.problem:
         raise NoSolutionError(report.problem)
     if is_still(system, state, factor):
-        state = State(state.q, state.qd, state.t)  # bristles that bend let it move, so they do not count
-    solutions = solution_set(system, state, factor, jnp.asarray(report.self_stress), senses(system.slips, sense))
+        state = replace_fields(state, memory=())  # bristles that bend let it move, so they do not count
+    solutions = solution_set(system, state, factor, report.self_stress, senses(system.slips, sense))
     turns = np.where(system.slips.angular, np.asarray(factor.length), 1.0)
     if np.any(factor.motion_of(cast(Law, solutions.law).rate * turns).is_undecided):
         raise NoSolutionError(RESULTS[RESULTS.ambiguous_rest] + culprits(system, state, factor, RESULTS.ambiguous_rest))

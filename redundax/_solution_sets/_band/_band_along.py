@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
@@ -28,6 +27,7 @@ from ..._system._pushing import changing
 from ..._system._state import State, states_of
 from ..._system._system import AbstractSystem
 from ..._system._units import with_unit
+from ..._tools._numbers import computed, xp
 from .._bounds import AbstractBounds
 from ._band import Bands, band
 
@@ -211,8 +211,8 @@ class BandPath:
 
 def _moving(system: AbstractSystem, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Time, coordinates and velocities, with those of joints."""
-    joints = joint_motion(system.joint_coordinates, state, jnp.zeros_like(state.qd))
-    own = state.q if system.names.adds else jnp.full_like(state.qd, np.nan)
+    joints = joint_motion(system.joint_coordinates, state, xp.zeros_like(state.qd))
+    own = state.q if system.names.adds else np.full_like(state.qd, np.nan)
     q, qd = (np.concatenate(parts) for parts in ((own, joints.position), (state.qd, joints.rate)))
     return np.asarray(state.t), q, qd
 
@@ -224,9 +224,7 @@ def _motion(system: AbstractSystem, found: Sequence[Bands], slips: np.ndarray, r
     moves = np.stack([bands.sense != 0 for bands in found])
     directions = directions_of(system.friction)
     if directions is not None:  # a sleeve that slides and does not turn moves
-        moves, slips = (
-            np.stack([np.asarray(directions.any(jnp.asarray(of))) for of in flags]) for flags in (moves, slips)
-        )
+        moves, slips = (np.stack([directions.any(of) for of in flags]) for flags in (moves, slips))
     counts = np.any(moves | slips, axis=0)
     return tuple("rests" if not of.any() else "moves" if of[counts].all() else "partly" for of in moves)
 
@@ -235,7 +233,7 @@ def _free_slips(system: AbstractSystem, state: State, factor: Factorisation) -> 
     """Which slips the constraints leave free at a state."""
     if not system.friction:
         return np.zeros(0, bool)
-    _, slopes = slip_motion(system, state)
+    _, slopes = slip_motion(system.anonymous, state)
     slopes = slopes * factor.scaling.coordinates[:, None]
     left, whole = (np.linalg.norm(x, axis=0) for x in (factor.split.motion @ slopes, slopes))
     return left > _HELD * whole
@@ -246,6 +244,7 @@ def _times(t: np.ndarray) -> str:
     return shown if len(t) <= 6 else f"{shown} and {len(t) - 6} more"
 
 
+@computed
 def band_along(
     system: AbstractSystem,
     states: State | Sequence[State],

@@ -13,15 +13,13 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from .._solution_set import SolutionSet
 from ._walk import search_along, walk
 
 _CHUNK = 65536  # searches run at once
-_WALKS = (256, 4096)  # walks run at once: two compiled programs
+_WALKS = 256  # run at once by one program, which compiles for as long as thousands of them run
 _LOST = -1
 
 
@@ -43,7 +41,7 @@ class Branches:
 def trace(
     solutions: SolutionSet,
     axes: tuple[np.ndarray, ...],
-    factors: Array,
+    factors: np.ndarray,
     proved: bool,
     watch: Callable[[Sequence[Any]], Iterable[Any]],
 ) -> Branches:
@@ -68,16 +66,14 @@ def trace(
 
 
 def _search(
-    solutions: SolutionSet, points: np.ndarray, factors: Array, watch: Callable[[Sequence[Any]], Iterable[Any]]
+    solutions: SolutionSet, points: np.ndarray, factors: np.ndarray, watch: Callable[[Sequence[Any]], Iterable[Any]]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Indices of points and friction there, for every solution that differs."""
-    size = min(len(points), max(1, _CHUNK // (1 + len(factors))))
+    size = max(1, _CHUNK // (1 + len(factors)))
     places, taus = [], []
     for start in watch(range(0, len(points), size)):
-        z = points[start : start + size]
-        padded = np.pad(z, ((0, size - len(z)), (0, 0)), mode="edge")
-        tau, found = jax.device_get(search_along(solutions, jnp.asarray(padded), factors))
-        at, which = np.nonzero(found[: len(z)])
+        tau, found = search_along(solutions, points[start : start + size], factors)
+        at, which = np.nonzero(found)
         places.append(start + at)
         taus.append(tau[at, which])
     return np.concatenate(places), np.concatenate(taus)
@@ -93,7 +89,7 @@ class _Graph:
         for node, where in enumerate(place):
             self.at.setdefault(where, []).append(node)
         self.links: dict[tuple[int, int, int], tuple[int, tuple | None]] = {}
-        self.angular = np.asarray(solutions.angular_slips)
+        self.angular = solutions.angular_slips
 
     @property
     def lost(self) -> int:
@@ -105,8 +101,8 @@ class _Graph:
         sides: tuple[int, ...] = (1,)  # most downward walks are upward ones of others
         while todo := self._open(sides) or (sides == (1,) and self._open((0, 1))):
             sides = (0, 1)
-            for start in watch(range(0, len(todo), _WALKS[-1])):
-                self._walk(todo[start : start + _WALKS[-1]])
+            for start in watch(range(0, len(todo), _WALKS)):
+                self._walk(todo[start : start + _WALKS])
 
     def _open(self, sides: tuple[int, ...]) -> list[tuple[int, int, int]]:
         """Walks that stay in the grid and are not done."""
@@ -120,12 +116,11 @@ class _Graph:
         return out
 
     def _walk(self, todo: list[tuple[int, int, int]]) -> None:
-        size = next(size for size in _WALKS if size >= len(todo))
-        padded = [*todo, *(todo[-1:] * (size - len(todo)))]
+        padded = [*todo, *(todo[-1:] * (_WALKS - len(todo)))]
         here = np.array([self.points[self.place[node]] for node, _, _ in padded])
         there = np.array([self.points[self._beside(*step)] for step in padded])
         tau = np.array([self.tau[node] for node, _, _ in padded])
-        ends = jax.device_get(walk(self.solutions, jnp.asarray(tau), jnp.asarray(here), jnp.asarray(there - here)))
+        ends = jax.device_get(walk(self.solutions, tau, here, there - here))
         for k, step in enumerate(todo):
             node, axis, side = step
             where = self._beside(*step) if ends.arrived[k] else self.place[node]

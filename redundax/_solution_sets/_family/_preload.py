@@ -10,7 +10,6 @@ amplitudes z of a state s are the same self-stress in all of them.
 import dataclasses
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 
 from ..._bodies._mechanism import Mechanism
@@ -71,13 +70,13 @@ def _arms(system: AbstractSystem, length: float) -> np.ndarray:
         return factor * _arms(system.inner, length / factor)
     if not isinstance(system, Mechanism):
         return np.full(len(system.rows), length)
-    each = []
-    for stack in system.joints:
-        shape = len(stack.i), len(stack.element.row_kinds)
+    arms = np.full(len(system.rows), length)
+    for stack, rows in zip(system.joints, system.rows_of_joints, strict=True):
         guide = getattr(stack.element, "guide_length", None)
-        guide = np.asarray(guide, float) if eqx.is_array(guide) else np.zeros(1)
-        each.append(jnp.broadcast_to(jnp.where(guide > 0, guide, length).reshape(-1, 1), shape))
-    return np.asarray(system.of_rows(each, length))
+        if eqx.is_array(guide):
+            guide = np.asarray(guide)
+            arms[rows] = np.where(guide > 0, guide, length).reshape(-1, 1)
+    return arms
 
 
 def unit_free_norm(factor: Factorisation) -> MinimumNorm:

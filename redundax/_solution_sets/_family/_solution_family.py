@@ -16,8 +16,6 @@ from collections.abc import Callable, Iterable, Sequence
 from textwrap import wrap
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
@@ -34,7 +32,8 @@ from ..._system._state import State
 from ..._system._system import AbstractSystem
 from ..._system._units import with_unit
 from ..._tools._errors import NoSolutionError, RedundaxError
-from ..._tools._module import Numbers, as_float, on_device, replace_fields
+from ..._tools._module import Numbers, as_float, replace_fields
+from ..._tools._numbers import computed
 from .._bounds import check_definite
 from .._solution_set import SolutionSet, solution_set
 from ._branches import Branches, trace
@@ -174,6 +173,7 @@ class SolutionFamily:
         return lines
 
 
+@computed
 def solution_family(
     system: AbstractSystem,
     state: State,
@@ -225,6 +225,7 @@ def solution_family(
     return _family(known, _chosen(report, along), _Search(z, samples, starts, seed, watch))
 
 
+@computed
 def families_of(
     system: AbstractSystem,
     state: State,
@@ -273,7 +274,7 @@ def _family(known: _Known, chosen: list[int], search: _Search) -> SolutionFamily
     else:
         axes, assumption = _axes(stress, search.z), ""
     weights, offset = _measure(closure, system, state, stress)
-    solutions = replace_fields(solutions, stress=jnp.asarray(stress.T))
+    solutions = replace_fields(solutions, stress=stress.T)
     proved = report.spectral_radius is None or report.spectral_radius < 1
     starts = search.starts
     if starts is None:
@@ -318,7 +319,7 @@ def solutions_of(
     if report.at_rest:
         result = RESULTS.friction_at_rest
         raise NoSolutionError(RESULTS[result] + culprits(system, state, factor, result))
-    return solution_set(system, state, factor, on_device(report.self_stress), senses(system.slips, sense), closure)
+    return solution_set(system, state, factor, report.self_stress, senses(system.slips, sense), closure)
 
 
 def _chosen(report: Report, along: Sequence[str] | str | None) -> list[int]:
@@ -344,7 +345,7 @@ def _measure(
     closure: AbstractClosure, system: AbstractSystem, state: State, stress: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """N^T (W lam - d) = N^T W N z solved for z: its coefficients of lam and its offset."""
-    compliance, misfit = map(np.asarray, elasticity(closure, system, state))
+    compliance, misfit = elasticity(closure, system, state)
     energy = stress @ compliance @ stress.T
     check_definite(energy)
     given = stress @ np.broadcast_to(misfit, len(compliance))
@@ -368,5 +369,5 @@ def _axes(stress: np.ndarray, z: Numbers | Sequence[Numbers]) -> tuple[np.ndarra
 
 
 def _values(solutions: SolutionSet, branches: Branches) -> np.ndarray:
-    outputs = jax.vmap(lambda z, tau: solutions.outputs(solutions.along(z), solutions.response.unit.multipliers, tau))
-    return solutions.shown(np.asarray(outputs(jnp.asarray(branches.z), jnp.asarray(branches.tau))))
+    unit = solutions.response.unit.multipliers
+    return solutions.shown(solutions.outputs(solutions.along(branches.z), unit, branches.tau))

@@ -13,14 +13,15 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..._solve._all_solutions import search
 from ..._solvers._arclength import bordered_matrix, follow
-from ..._solvers._continuation import Continuation
 from ..._solvers._friction_problem import FrictionProblem
 from ..._solvers._solver import Newton
 from ..._tools._compilation import compiled
+from ..._tools._numbers import Numeric
 from .._solution_set import SolutionSet
 
 _MAX_PATH = 400
@@ -44,26 +45,24 @@ class Walk(NamedTuple):
     fold: Float[Array, ""]
 
 
-@compiled
 def search_along(
-    solutions: SolutionSet, z: Float[Array, "samples k"], factors: Float[Array, "starts l"]
-) -> tuple[Float[Array, "samples starts+1 p"], Bool[Array, "samples starts+1"]]:
+    solutions: SolutionSet, z: Float[np.ndarray, "samples k"], factors: Float[np.ndarray, "starts l"]
+) -> tuple[Float[np.ndarray, "samples starts+1 p"], Bool[np.ndarray, "samples starts+1"]]:
     """Friction of the solutions found at every z, and which of them are solutions that differ."""
     if solutions.law is None:
-        one = (len(z), 1 + len(factors))
-        return jnp.zeros((*one, 0)), jnp.zeros(one, bool).at[:, 0].set(True)
-    return jax.vmap(lambda z: search(_at(solutions, z), factors, Continuation()))(z)
+        return np.zeros((len(z), 1, 0)), np.ones((len(z), 1), bool)
+    return search(_at(solutions, z), factors)
 
 
 @compiled
 def walk(
-    solutions: SolutionSet, tau: Float[Array, "walks p"], z: Float[Array, "walks k"], dz: Float[Array, "walks k"]
+    solutions: SolutionSet, tau: Float[Numeric, "walks p"], z: Float[Numeric, "walks k"], dz: Float[Numeric, "walks k"]
 ) -> Walk:
     """Walks from solutions with the friction `tau` at z towards z + dz."""
     return jax.vmap(lambda *start: _walk(solutions, *start))(tau, z, dz)
 
 
-def _at(solutions: SolutionSet, z: Array) -> FrictionProblem:
+def _at(solutions: SolutionSet, z: Numeric) -> FrictionProblem:
     return solutions.problem(solutions.along(z), solutions.response.unit.multipliers)
 
 
@@ -71,22 +70,15 @@ def _walk(solutions: SolutionSet, tau: Array, z: Array, dz: Array) -> Walk:
     problem = _at(solutions, z).sized_at(tau)
     size, push = problem.friction_size, (solutions.stress @ dz)[solutions.rows]
 
-    def loads(x: Array) -> Array:
-        return problem.loads(size * x[:-1]) + x[-1] * push
-
-    def residual(x: Array) -> Array:
-        return x[:-1] - problem.law(loads(x)) / size
-
-    def slope(x: Array) -> Array:
-        by_load = problem.law.slope(loads(x))
+    def equations(x: Array) -> tuple[Array, Array]:
+        force, by_load = problem.law.linearised(problem.loads(size * x[:-1]) + x[-1] * push)
         by_y = jnp.eye(size.size, dtype=x.dtype) - (by_load @ problem.gain) * size / size[:, None]
-        return jnp.concatenate([by_y, -(by_load @ push / size)[:, None]], axis=1)
+        return x[:-1] - force / size, jnp.concatenate([by_y, -(by_load @ push / size)[:, None]], axis=1)
 
     start = jnp.append(tau / size, 0.0)
     up = jnp.zeros_like(start).at[-1].set(1.0)
-    path = follow(
-        residual, slope, start, jnp.linalg.solve(bordered_matrix(slope(start), up), up), jnp.array(True), _MAX_PATH
-    )
+    along = jnp.linalg.solve(bordered_matrix(equations(start)[1], up), up)
+    path = follow(equations, start, along, jnp.array(True), _MAX_PATH)
     end = path.here[:-1] * size
     there = _at(solutions, z + jnp.where(path.arrived, 1.0, 0.0) * dz).sized_at(end)
     newton = Newton()
@@ -94,26 +86,25 @@ def _walk(solutions: SolutionSet, tau: Array, z: Array, dz: Array) -> Walk:
     near = there.change_of_friction(root.tau - end) <= _NEAR
     sound = near & root.progress.converged(newton.tolerance(end.dtype))
     # Of the walk's parts the fold runs last: it starts from Newton's end so that no two factorisations run at once.
-    fold, folded = _fold(residual, slope, path.before_fold + 0.0 * jnp.sum(jnp.nan_to_num(root.tau)), path.returned)
+    fold, folded = _fold(equations, path.before_fold + 0.0 * jnp.sum(jnp.nan_to_num(root.tau)), path.returned)
     return Walk(root.tau, sound & path.arrived, sound & path.returned, folded, fold[:-1] * size, fold[-1])
 
 
-def _fold(
-    residual: Callable[[Array], Array], slope: Callable[[Array], Array], near: Array, wanted: Array
-) -> tuple[Array, Array]:
+def _fold(equations: Callable[[Array], tuple[Array, Array]], near: Array, wanted: Array) -> tuple[Array, Array]:
     """The fold beside a point of the curve, and whether Newton's method has found it."""
     p = near.size - 1
-    vector = jnp.linalg.svd(slope(near)[:, :-1])[2][-1]
+    vector = jnp.linalg.svd(equations(near)[1][:, :-1])[2][-1]
 
-    def equations(unknown: Array) -> Array:
+    def missed(unknown: Array) -> Array:
         x, v = unknown[: p + 1], unknown[p + 1 :]
-        return jnp.concatenate([residual(x), slope(x)[:, :-1] @ v, jnp.array([vector @ v - 1.0])])
+        residual, slope = equations(x)
+        return jnp.concatenate([residual, slope[:, :-1] @ v, jnp.array([vector @ v - 1.0])])
 
     def step(_: Array, unknown: Array) -> Array:
-        return unknown - jnp.linalg.solve(jax.jacfwd(equations)(unknown), equations(unknown))
+        return unknown - jnp.linalg.solve(jax.jacfwd(missed)(unknown), missed(unknown))
 
     found = jax.lax.fori_loop(0, _FOLD_STEPS, step, jnp.concatenate([near, vector]))
-    left = jnp.max(jnp.abs(equations(found)))
+    left = jnp.max(jnp.abs(missed(found)))
     x = found[: p + 1]
     good = (left <= 1e4 * jnp.finfo(near.dtype).eps) & (x[-1] >= 0) & (x[-1] <= 1)
     return x, wanted & good & (jnp.linalg.norm(x - near) <= 1 + jnp.linalg.norm(near))

@@ -1,5 +1,6 @@
 """Inner and outer bounds of what a programme allows: cones of loads are split where its limits are exceeded most."""
 
+import copy
 import heapq
 import itertools
 from collections.abc import Iterator
@@ -57,6 +58,12 @@ class LoadsAtRest:
         self.found: np.ndarray | None = None
         self.start: list[Rays] = [None] * len(programme.reads)
         self._tighten()
+
+    def narrowed(self, box: np.ndarray) -> "LoadsAtRest":
+        """The part of the set in a narrower box, whose cones and limits hold for it too."""
+        part = copy.copy(self)
+        part.found, part.relaxed = None, self.relaxed.narrowed(box)
+        return part
 
     def extreme(self, cost: np.ndarray, *, first: bool = False) -> Extreme:
         """The largest c^T x; with `first` any that is possible."""
@@ -147,8 +154,7 @@ class LoadsAtRest:
             if not len(own) or not np.all(np.isfinite(own)):
                 continue
             vertices = np.array(list(itertools.product(*own)))
-            values = np.stack([self.relaxed.limits_at(j, vertex) for vertex in vertices])
-            self.relaxed.sides[j] = np.minimum(self.relaxed.sides[j], values.max(axis=0))
+            self.relaxed.sides[j] = np.minimum(self.relaxed.sides[j], self.relaxed.limits_at(j, vertices).max(axis=0))
             self.start[j] = _cone(vertices)
 
 

@@ -7,18 +7,13 @@ where the spectral radius of Gamma is below 1, as no limit grows by more than Ga
 
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
-from jaxtyping import Array
 
 from ..._analysis._verdict import spectral_radius
 from ..._solvers._friction_problem import Law
 from ..._system._directions import directions_of
 from ..._system._friction import have_sense
-from ..._tools._compilation import compiled
-from ..._tools._module import on_device
+from ..._tools._module import replace_fields
 from .._cases import AbstractCases, Affine
 from .._solution_set import SolutionSet
 from ._affine_map import AffineMap
@@ -59,13 +54,12 @@ def sizes_of(solutions: SolutionSet, cases: AbstractCases, added: np.ndarray = _
     law, rows = solutions.law, np.asarray(solutions.rows)
     if law is None:
         return FrictionSizes(np.zeros(0), True, np.zeros((0, 0)), added)
-    lower, upper = np.asarray(cases.lower), np.asarray(cases.upper)
-    bases, unit = (np.asarray(x) for x in chosen_at(cases, np.stack([lower, (lower + upper) / 2, upper])))
-    unit = unit[:, :, : len(law.rate) + len(added)]
-    limits = [np.abs(np.stack(_limits_at(law, on_device(base[rows]))[:2])).max(axis=0) for base in bases]
-    slope = np.asarray(cases.slope)[rows] if isinstance(cases, Affine) else np.zeros((len(rows), 0))
-    columns = np.concatenate([np.eye(len(rows)), unit[1][rows], slope], axis=1)
-    changes = np.asarray(_changes(law, on_device(columns)))
+    lower, upper = cases.lower, cases.upper
+    bases, unit = cases.chosen(np.stack([lower, (lower + upper) / 2, upper]))
+    unit = (unit if unit.ndim == 2 else unit[1])[rows, : len(law.rate) + len(added)]
+    limits = [np.abs(np.stack(_limits_at(law, base[rows])[:2])).max(axis=0) for base in bases]
+    slope = cases.slope[rows] if isinstance(cases, Affine) else np.zeros((len(rows), 0))
+    changes = law.largest_changes(np.concatenate([np.eye(len(rows)), unit, slope], axis=1))
     parts = np.cumsum([len(rows), len(limits[0]), len(added)])
     growth, gamma, by_added, change = np.split(changes, parts, axis=1)
     if isinstance(cases, Affine) and np.all(np.isfinite(gamma)) and spectral_radius(gamma) < 1:
@@ -87,17 +81,6 @@ def _shared(law: Law, sizes: np.ndarray) -> np.ndarray:
     return arms * np.max(np.where(directions.same, sizes / arms, 0.0), axis=1)
 
 
-@compiled
-def chosen_at(cases: AbstractCases, theta: ArrayLike) -> tuple[Array, Array]:
-    """base and U of cases, shape (s, q)."""
-    return jax.vmap(cases.chosen)(jnp.asarray(theta))
-
-
-@compiled
-def _changes(law: Law, loads: Array) -> Array:
-    return law.largest_changes(loads)
-
-
 def friction_limits(
     solutions: SolutionSet, friction: AffineMap, multipliers: AffineMap, sizes: FrictionSizes
 ) -> list[Limited]:
@@ -109,12 +92,12 @@ def friction_limits(
     scale = most.max(axis=0, initial=0.0)
     scale = np.where((scale > 0) & np.isfinite(scale), scale, 1.0)  # infinite where no bound of a law is known
     read = multipliers.rows(np.asarray(solutions.rows)).over(1 / scale)
-    _, high, _, _ = _limits_at(law, on_device(1 / scale))
-    fixed = ~np.asarray(law.is_open) | ~np.array(have_sense(law.groups))
-    full = np.where(fixed, np.where(np.asarray(high) >= 0, 1.0, -1.0), 0.0)
+    _, high, _, _ = _limits_at(law, 1 / scale)
+    fixed = ~law.is_open | ~np.array(have_sense(law.groups))
+    full = np.where(fixed, np.where(high >= 0, 1.0, -1.0), 0.0)
 
     def limits(loads: np.ndarray) -> LimitValues:
-        low, high, by_low, by_high = (np.asarray(x) for x in _limits_at(law, on_device(loads / scale)))
+        low, high, by_low, by_high = _limits_at(law, loads / scale)
         size, below, above = whole[:, None] * scale, full[:, None] == 1, full[:, None] == -1
         return LimitValues(
             np.where(full == 1, np.inf, -low / whole),
@@ -129,18 +112,16 @@ def friction_limits(
     return [Limited(friction.over(whole), read, reads, full, limits, tuple(map(list, joints)))]
 
 
-@compiled
-def _limits_at(law: Law, loads: Array) -> tuple[Array, Array, Array, Array]:
+def _limits_at(law: Law, loads: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Least and largest friction of slips that rest, and that of those that move, and the derivatives by the loads.
 
     `Law.limits` of slips that share one friction are those of equal parts.
     """
-    parts, directions = jnp.ones_like(law.rate), directions_of(law.groups)
+    parts, directions = np.ones(law.rate.shape), directions_of(law.groups)
     if directions is not None:
-        parts = jnp.where(law.is_open, jnp.sqrt(jnp.sum(jnp.asarray(directions.same), axis=1)), 1.0)
-
-    def limits(loads: Array) -> tuple[Array, Array]:
-        low, high = law.limits(loads, either=law.is_open)
-        return parts * low, parts * high
-
-    return *limits(loads), *jax.jacfwd(limits)(loads)
+        parts = np.where(law.is_open, np.sqrt(np.sum(directions.same, axis=1)), 1.0)
+    ways = (replace_fields(law, sense=np.where(law.is_open, sense, law.sense)) for sense in (1.0, -1.0))
+    (one, by_one), (two, by_two) = (way.linearised(loads) for way in ways)
+    share = np.where(one == two, 0.5, one < two)[..., None]  # of corners the middle, as derivatives of a minimum are
+    slopes = share * by_one + (1 - share) * by_two, share * by_two + (1 - share) * by_one
+    return parts * np.minimum(one, two), parts * np.maximum(one, two), *(parts[:, None] * slope for slope in slopes)

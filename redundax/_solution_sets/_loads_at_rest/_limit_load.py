@@ -12,10 +12,8 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float
 
 from ..._analysis._analyze import analyze
 from ..._analysis._outputs import plain
@@ -27,8 +25,9 @@ from ..._system._names import ByName, unit_of, vector
 from ..._system._pushing import changing, in_words, pulling
 from ..._system._state import State
 from ..._system._system import AbstractSystem, check_system_at
-from ..._tools._compilation import compiled
 from ..._tools._errors import NoSolutionError, RedundaxError
+from ..._tools._module import replace_fields
+from ..._tools._numbers import Numeric, as_numbers, computed, xp
 from .._at_rest import NONE, ReducedForce, drive, velocity_basis
 from .._bounds import AbstractBounds, cases_of, check_bounds, title_of
 from .._cases import AbstractCases
@@ -125,6 +124,7 @@ class LimitLoad:
         return "\n".join(lines)
 
 
+@computed
 def limit_load(
     system: AbstractSystem,
     state: State,
@@ -162,7 +162,7 @@ def limit_load(
     """
     check_bounds(bounds)
     check_system_at(system, state)
-    state = State(state.q, state.qd, state.t)
+    state = replace_fields(state, memory=())
     system, factor = dense_at(system, state, rank, factor)
     report = analyze(system, state, factor=factor)
     if report.problem:
@@ -172,7 +172,7 @@ def limit_load(
             f"Argument `load` must be generalised forces by name of coordinate or as a vector, but is {load!r}. Write "
             f"{{{system.coordinates.labels[0]!r}: 1.0}}, say."
         )
-    force = np.asarray(vector("load", load, system.coordinates, " of coordinates"), float)
+    force: Numeric = as_numbers(vector("load", load, system.coordinates, " of coordinates"))
     start, ways = drive(system, state, factor), velocity_basis(system, factor)
     own = force @ ways
     if not np.linalg.norm(own) > NONE * np.linalg.norm(force):
@@ -181,8 +181,8 @@ def limit_load(
             "Name a coordinate that moves; what holds a locked mechanism is a multiplier, which `band` bounds."
         )
     solutions = _with_load(
-        solution_set(system, state, factor, jnp.asarray(report.self_stress), None),
-        *_response(factor, elasticity(_MINIMUM_NORM, system, state), jnp.asarray(force)),
+        solution_set(system, state, factor, report.self_stress, None),
+        _response(factor, elasticity(_MINIMUM_NORM, system, state), force),
     )
     cases = cases_of(bounds, system, state, report, solutions)
     scale = _scale(solutions, cases, start, own)
@@ -272,14 +272,13 @@ def _first_end(programme: Programme, sign: float, nodes: int) -> tuple[Extreme, 
     and the first that is not borne bounds those that are looked at. With it, how far amounts were looked at; None where
     all of them are borne.
     """
-    cost = np.zeros(len(programme.box))
+    cost, whole = np.zeros(len(programme.box)), LoadsAtRest(programme, most=nodes)
     cost[-1] = sign
 
     def between(low: float, high: float, *, first: bool = False) -> Extreme:
         box = programme.box.copy()
         box[-1] = sorted((sign * low, sign * high))
-        none = np.zeros(len(cost))
-        return LoadsAtRest(programme._replace(box=box), most=nodes).extreme(none if first else cost, first=first)
+        return whole.narrowed(box).extreme(0 * cost if first else cost, first=first)
 
     start, looked = 0.0, 1.0
     if between(0.0, 0.0, first=True).x is None:
@@ -357,16 +356,13 @@ def _scale(solutions: SolutionSet, cases: AbstractCases, start: ReducedForce, ow
     return float(held / size) or 1.0
 
 
-def _with_load(solutions: SolutionSet, acceleration: Array, multipliers: Array) -> SolutionSet:
+def _with_load(solutions: SolutionSet, load: Response) -> SolutionSet:
     """The solutions with the response to a load as a last column of that to unit friction."""
-    unit = solutions.response.unit
-    parts = zip(unit, (acceleration, multipliers), strict=True)
-    more = Response(*(jnp.concatenate([part, column], axis=1) for part, column in parts))
+    more = Response(*(xp.concatenate(parts, axis=1) for parts in zip(solutions.response.unit, load, strict=True)))
     return eqx.tree_at(lambda solutions: solutions.response.unit, solutions, more)
 
 
-@compiled
-def _response(factor: Factorisation, chosen: Elasticity, force: Float[Array, " n"]) -> Response:
+def _response(factor: Factorisation, chosen: Elasticity, force: Numeric) -> Response:
     """The response to a load, a column, under a closure."""
     pick, _ = factor.close(chosen[0])
     found = factor.respond(force[:, None])

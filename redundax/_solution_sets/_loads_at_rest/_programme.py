@@ -29,7 +29,7 @@ from ._affine_map import AffineMap
 
 
 class LimitValues(NamedTuple):
-    """Lower limits with their sign turned and upper ones, shape (f,), and their derivatives by the loads, (f, l)."""
+    """Lower limits with their sign turned and upper ones, (..., f), and their derivatives by the loads, (..., f, l)."""
 
     down: np.ndarray
     up: np.ndarray
@@ -48,7 +48,7 @@ class Programme(NamedTuple):
     - `box`: least and largest x, shape (x, 2); may be infinite.
     - `bounded`: T, t_0; `read`: R, rho_0; `reads`: the loads that each limit depends on.
     - `full`: 0 within limits, 1 at `up`, -1 at `-down`; the other limit is infinite then.
-    - `limits`: the limits at loads rho.
+    - `limits`: the limits at loads rho, or at many, (..., l).
     - `balls`: which t are together within their limit, which each of them has too.
     """
 

@@ -1,5 +1,6 @@
 """Linear programmes that hold all that is possible over cones of loads, or only what is possible beside some loads."""
 
+import copy
 from collections.abc import Sequence
 from typing import Any
 
@@ -31,6 +32,12 @@ class Relaxation:
         self.cuts: list[Row] = []
         self.planes: list[list[np.ndarray]] = [[] for _ in programme.balls]
         self._known: dict[tuple[int, bytes], np.ndarray] = {}
+
+    def narrowed(self, box: np.ndarray) -> "Relaxation":
+        """The same in a narrower box."""
+        part = copy.copy(self)
+        part.programme, part.cuts, part.planes = self.programme._replace(box=box), [], [[] for _ in self.planes]
+        return part
 
     def outer(self, cost: np.ndarray, cones: Sequence[Rays]) -> Optimum:
         """The largest that the limits over cones allow."""
@@ -201,19 +208,18 @@ class Relaxation:
 
     def _limits_along(self, j: int, rays: np.ndarray) -> np.ndarray:
         """The upper and the lower limit without load, and by how much each ray raises them: (2, 1 + rays)."""
-        none = self.limits_at(j, np.zeros(len(rays)))
-        raised = [self.limits_at(j, ray) - np.where(np.isinf(none), 0.0, none) for ray in rays.T]
-        return np.stack([none, *raised], axis=1)
+        key = j, rays.tobytes()
+        if key not in self._known:
+            none, *limits = self.limits_at(j, np.pad(rays.T, ((1, 0), (0, 0))))
+            self._known[key] = np.stack([none, *(own - np.where(np.isinf(none), 0.0, none) for own in limits)], axis=1)
+        return self._known[key]
 
     def limits_at(self, j: int, loads: np.ndarray) -> np.ndarray:
-        """The upper and the lower limit of one friction."""
-        key = j, loads.tobytes()
-        if key not in self._known:
-            point = np.zeros(len(self.programme.read.offset))
-            point[self.programme.reads[j]] = self.bases[j] @ loads
-            down, up = self.programme.limits(point)[:2]
-            self._known[key] = np.array([up[j], down[j]])
-        return self._known[key]
+        """The upper and the lower limit of one friction at loads (s, r), shape (s, 2)."""
+        points = np.zeros((len(loads), len(self.programme.read.offset)))
+        points[:, self.programme.reads[j]] = loads @ self.bases[j].T
+        down, up = self.programme.limits(points)[:2]
+        return np.stack([up[:, j], down[:, j]], axis=1)
 
 
 def _independent_loads(programme: Programme) -> list[np.ndarray]:

@@ -13,14 +13,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Array
 
 from ..._equations._factorisation import Factorisation
 from ..._equations._kinematics import slip_gamma, slip_motion
 from ..._system._friction import have_sense
 from ..._system._state import State
 from ..._system._system import AbstractSystem
-from ..._tools._compilation import compiled
 from .._at_rest import ReducedForce, drive, is_still
 from .._cases import AbstractCases
 from .._solution_set import SolutionSet
@@ -102,14 +100,9 @@ def _balance(
             drives = np.column_stack([drives, added.drive])
         return unknowns.forces.times(drives, start.load), unknowns._replace(acceleration=still)
     resting = np.array(have_sense(system.friction))
-    resting = resting & np.asarray(law.is_open) if law is not None else resting
-    directions, gamma = (np.asarray(x) for x in _slips(system.anonymous, state))
+    resting = resting & law.is_open if law is not None else resting
+    directions, gamma = slip_motion(system.anonymous, state)[1], slip_gamma(system.anonymous, state)
     return unknowns.acceleration.times(directions[:, resting].T, -gamma[resting]), unknowns
-
-
-@compiled
-def _slips(system: AbstractSystem, state: State) -> tuple[Array, Array]:
-    return slip_motion(system, state)[1], slip_gamma(system, state)
 
 
 def _right(part: AffineMap) -> tuple[np.ndarray, np.ndarray]:
@@ -136,16 +129,18 @@ def _balls(parts: Sequence[Limited]) -> tuple[list[int], ...]:
 
 def _joined(parts: Sequence[Limited]) -> Limits:
     """The limits of all parts."""
-    from scipy.linalg import block_diag
-
-    ends = np.cumsum([len(part.read.offset) for part in parts])
+    columns = list(itertools.accumulate((len(part.read.offset) for part in parts), initial=0))
+    rows = list(itertools.accumulate((len(part.full) for part in parts), initial=0))
 
     def limits(loads: np.ndarray) -> LimitValues:
-        found = [part.limits(own) for part, own in zip(parts, np.split(loads, ends[:-1]), strict=True)]
-        if not found:
-            return LimitValues(np.zeros(0), np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)))
-        down, up, by_down, by_up = zip(*found, strict=True)
-        slopes = (np.asarray(block_diag(*slope)) for slope in (by_down, by_up))
-        return LimitValues(np.concatenate(down), np.concatenate(up), *slopes)
+        shape = *loads.shape[:-1], rows[-1]
+        out = LimitValues(*(np.zeros(shape) for _ in range(2)), *(np.zeros((*shape, columns[-1])) for _ in range(2)))
+        for part, row, column in zip(parts, itertools.pairwise(rows), itertools.pairwise(columns), strict=True):
+            own = part.limits(loads[..., slice(*column)])
+            for whole, found in zip(out[:2], own[:2], strict=True):
+                whole[..., slice(*row)] = found
+            for whole, found in zip(out[2:], own[2:], strict=True):
+                whole[..., slice(*row), slice(*column)] = found
+        return out
 
     return limits

@@ -14,7 +14,7 @@ import numpy as np
 from .._cases import AbstractCases, Affine, Fractional
 from .._solution_set import SolutionSet
 from ._affine_map import AffineMap, stacked
-from ._friction_limits import FrictionSizes, Limited, chosen_at
+from ._friction_limits import FrictionSizes, Limited
 from ._programme import LimitValues
 
 
@@ -57,9 +57,8 @@ def figures_at(cases: AbstractCases, unknowns: Unknowns, x: np.ndarray) -> np.nd
     found = unknowns.case(x)
     if not isinstance(cases, Fractional):
         return found
-    wide = _wide(cases)
-    products, own = found[cases.stress.shape[1] :], unknowns.multipliers(x)[np.asarray(cases.rows)[wide]]
-    least, most = np.asarray(cases.least), np.asarray(cases.most)
+    wide, least, most = _wide(cases), cases.least, cases.most
+    products, own = found[cases.stress.shape[1] :], unknowns.multipliers(x)[cases.rows[wide]]
     out = least.copy()
     out[wide] = np.clip(products / np.where(own != 0, own, 1.0), least[wide], most[wide])
     return out
@@ -67,27 +66,23 @@ def figures_at(cases: AbstractCases, unknowns: Unknowns, x: np.ndarray) -> np.nd
 
 def _of_cases(cases: Affine, solutions: SolutionSet, sizes: FrictionSizes) -> Bounded:
     """theta and tau; limits of multipliers, or their norm."""
-    lower, upper, slope, start, unit = (
-        np.asarray(x, float) for x in (cases.lower, cases.upper, cases.slope, cases.start, cases.unit)
-    )
-    rows, least, most = (np.asarray(x) for x in (cases.rows, cases.least, cases.most))
-    middle, half, ends = (lower + upper) / 2, (upper - lower) / 2, np.ones(len(lower))
-    unknowns = _unknowns(solutions, middle, half, ends, sizes, (start, slope, unit))
+    rows, least, most, width = cases.rows, cases.least, cases.most, cases.width
+    middle, half, ends = (cases.lower + cases.upper) / 2, (cases.upper - cases.lower) / 2, np.ones(len(cases.lower))
+    unknowns = _unknowns(solutions, middle, half, ends, sizes, (cases.start, cases.slope, cases.unit))
     own = unknowns.multipliers.rows(rows)
     none = own.rows(np.zeros(0, int))
     if cases.norm:
         return Bounded(unknowns, none, none, own.over(most), [])
-    width = np.where(most > least, most - least, 1.0)
     above, below = (own.times(np.diag(sign / width), -sign * end / width) for sign, end in ((1, most), (-1, least)))
     return Bounded(unknowns, none, stacked([above, below]), none, [])
 
 
 def _of_compliances(cases: Fractional, solutions: SolutionSet, sizes: FrictionSizes) -> Bounded:
     """z, y and tau; N^T (W lam - d) = 0 and the limits of y."""
-    stress, start, unit, rows = (np.asarray(x) for x in (cases.stress, cases.start, cases.unit, cases.rows))
-    least, most, wide = np.asarray(cases.least), np.asarray(cases.most), _wide(cases)
+    stress, start, unit, rows = cases.stress, cases.start, cases.unit, cases.rows
+    least, most, wide = cases.least, cases.most, _wide(cases)
     sized = np.concatenate([sizes.friction, sizes.added])
-    bases, ways = (np.asarray(x) for x in chosen_at(cases, np.stack([cases.lower, cases.upper])))
+    bases, ways = cases.chosen(np.stack([cases.lower, cases.upper]))
     loads = np.max(np.abs(bases) + np.abs(ways) @ sized, axis=0)
     amplitude = np.abs(np.linalg.pinv(stress)) @ (loads + np.abs(start) + np.abs(unit) @ sized)
     amplitude = np.where(amplitude > 0, amplitude, 1.0)
@@ -99,14 +94,14 @@ def _of_compliances(cases: Fractional, solutions: SolutionSet, sizes: FrictionSi
     compliance = np.array(cases.compliance)
     compliance[rows[~wide], rows[~wide]] += least[~wide]
     products = unknowns.case.rows(np.arange(stress.shape[1], len(case_size)))
-    energy = unknowns.multipliers.times(stress.T @ compliance, -stress.T @ np.asarray(cases.misfit))
+    energy = unknowns.multipliers.times(stress.T @ compliance, -stress.T @ cases.misfit)
     equal = energy.plus(products.times(stress[rows[wide]].T))
     ratio, count = least[wide] / most[wide], len(reach)
 
     def limits(loads: np.ndarray) -> LimitValues:
         up, down = np.maximum(ratio * loads, loads), np.maximum(-ratio * loads, -loads)
         slopes = np.where(loads > 0, -ratio, -1.0), np.where(loads > 0, 1.0, ratio)
-        return LimitValues(down, up, *map(np.diag, slopes))
+        return LimitValues(down, up, *(slope[..., None] * np.eye(count) for slope in slopes))
 
     own = unknowns.multipliers.rows(rows[wide]).over(reach / most[wide])
     places = tuple(np.array([k]) for k in range(count))
@@ -116,7 +111,7 @@ def _of_compliances(cases: Fractional, solutions: SolutionSet, sizes: FrictionSi
 
 def _wide(cases: Fractional) -> np.ndarray:
     """Compliances that vary and move the multipliers."""
-    return np.asarray(cases.matters & (cases.most > cases.least))
+    return cases.matters & (cases.most > cases.least)
 
 
 def _unknowns(
@@ -134,7 +129,7 @@ def _unknowns(
     ends = np.concatenate([ends, np.full(p, 1.0 if sizes.bounded else np.inf), np.ones(f - p)])
     case = AffineMap(np.pad(np.diag(half), ((0, 0), (0, f))), middle)
     forces = AffineMap(np.pad(np.diag(sized), ((0, 0), (q, 0))), np.zeros(f))
-    free, caused = (np.asarray(x.acceleration) for x in (solutions.response.free, solutions.response.unit))
+    free, caused = solutions.response.free.acceleration, solutions.response.unit.acceleration
     return Unknowns(
         box=np.stack([-ends, ends], axis=1),
         case=case,

@@ -1,84 +1,43 @@
 """Friction that holds a mechanism with one degree of freedom, case by case.
 
-Held at rest, with s the sense in which it would start without friction, e^T tau the acceleration that friction causes
-along the freedom, relative to the one without friction, and the share t of its limit that every joint needs,
+With s the sense in which it would start without friction, e^T tau the acceleration that friction causes along the
+freedom, relative to the one without friction, and the share t of its limit that every joint needs,
 
-    tau = t law(rho0 + K tau, s),   1 + e^T tau = 0,   0 <= t <= 1.
-
-Newton's method on (tau, t); what it ends with is checked, so that a state called held is one.
+    tau = t law(rho0 + K tau, s),   1 + e^T tau = 0.
 """
 
-from typing import NamedTuple
-
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
-from ..._tools._compilation import compiled
+from ..._tools._numbers import solution
 from .._cases import AbstractCases
-from .._descent import within
 from .._solution_set import SolutionSet
 
 _STEPS = 40  # of Newton's method
-_ROUNDING = 1e-9  # of the share and of the equations
+_SETTLED = 1e-14  # last of them, relative to the largest
 
 
-class Held(NamedTuple):
-    """States that friction holds, on the device or as NumPy arrays.
-
-    - `theta`, `tau`, `multipliers`: the case, shape (..., q), friction, shape (..., p), and lam, shape (..., m).
-    - `share`: t.
-    - `excess`: largest excess over the limits.
-    - `good`: whether it is such a state.
-    """
-
-    theta: Array | np.ndarray
-    tau: Array | np.ndarray
-    multipliers: Array | np.ndarray
-    share: Array | np.ndarray
-    excess: Array | np.ndarray
-    good: Array | np.ndarray
-
-    def within(self) -> np.ndarray:
-        """Which are held within the limits."""
-        return within(self.good, self.excess)
-
-
-@compiled
 def held(
     solutions: SolutionSet,
     cases: AbstractCases,
-    effect: Float[Array, " p"],
-    theta: Float[Array, "s q"],
-    start: Float[Array, "s p"],
-) -> Held:
-    """The held states of cases, by Newton's method from friction in proportion to a start, NaN for the first sweep."""
-    return jax.vmap(lambda theta, start: _held(solutions, cases, effect, theta, start))(theta, start)
-
-
-def _held(solutions: SolutionSet, cases: AbstractCases, effect: Array, theta: Array, start: Array) -> Held:
-    base, unit = cases.chosen(theta)
-    if solutions.law is None:
-        return _state(cases, theta, base, start, jnp.full((), jnp.inf, base.dtype), jnp.zeros((), bool))
-    problem = solutions.problem(base, unit)
-    first = problem.law(problem.rho0)
-    start = jnp.where(jnp.all(jnp.isfinite(start)), start, first)
+    effect: Float[np.ndarray, " p"],
+    theta: Float[np.ndarray, "s q"],
+    start: Float[np.ndarray, "s p"],
+) -> tuple[Float[np.ndarray, "s p"], Float[np.ndarray, " s"]]:
+    """tau and t by Newton's method, whatever it ends with, from friction in proportion to a start; NaN for the first
+    sweep."""
+    problem = solutions.problem(*cases.chosen(theta))
+    start = np.where(np.all(np.isfinite(start), axis=1)[:, None], start, problem.law(problem.rho0))
     size = problem.sized_at(start).friction_size
-
-    def residual(x: Array) -> Array:
-        tau = size * x[:-1]
-        return jnp.append(x[:-1] - x[-1] * problem.law(problem.loads(tau)) / size, 1 + effect @ tau)
-
-    def newton(_: Array, x: Array) -> Array:
-        return x - jnp.linalg.solve(jax.jacfwd(residual)(x), residual(x))
-
-    share = -1 / (effect @ start)
-    x = jax.lax.fori_loop(0, _STEPS, newton, share * jnp.append(start / size, 1.0))
-    small = _ROUNDING * jnp.append(jnp.max(jnp.abs(x[:-1])) * jnp.ones_like(size), 1.0)
-    good = jnp.all(jnp.abs(residual(x)) <= small) & (x[-1] >= 0) & (x[-1] <= 1 + _ROUNDING)
-    return _state(cases, theta, base + unit @ (size * x[:-1]), size * x[:-1], x[-1], good)
-
-
-def _state(cases: AbstractCases, theta: Array, multipliers: Array, tau: Array, share: Array, good: Array) -> Held:
-    return Held(theta, tau, multipliers, share, jnp.max(cases.excess(multipliers), initial=-jnp.inf), good)
+    by_share = np.pad(effect * size, ((0, 0), (0, 1)))[:, None]
+    x = -1 / (start @ effect)[:, None] * np.pad(start / size, ((0, 0), (0, 1)), constant_values=1.0)
+    for _ in range(_STEPS):
+        y, t = x[:, :-1], x[:, -1:]
+        force, slope = problem.linearised(problem.loads(size * y))
+        by_y = np.eye(effect.size) - t[..., None] * slope * size[:, None] / size[..., None]
+        matrix = np.append(np.append(by_y, -(force / size)[..., None], axis=2), by_share, axis=1)
+        change = solution(matrix, np.append(y - t * force / size, 1 + (size * y) @ effect[:, None], axis=1))
+        x = x - change
+        if not np.any(np.abs(change).max(axis=1) > _SETTLED * np.abs(x).max(axis=1)):
+            break
+    return size * x[:, :-1], x[:, -1]

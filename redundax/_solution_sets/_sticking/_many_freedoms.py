@@ -25,16 +25,17 @@ Where friction puts no load on friction, Gamma = 0, cells get as small as the ve
 from collections.abc import Callable
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from ..._analysis._verdict import spectral_radius
+from ..._tools._numbers import Numeric
 from .._at_rest import LIMIT, NONE, Ends, ReducedForce, in_batches
 from .._cases import Affine
-from .._descent import within
+from .._climb import climb
+from .._descent import sample, within
 from .._search import Search, largest_gamma
 from ._capacity import Capacity, Part, capacity, parts_of
+from ._held import held
 from ._one_freedom import CELLS, halve
 from ._stick_slip import Limits, LimitSamples, least_accelerated, sample_limits, slipping_friction, started
 
@@ -42,9 +43,7 @@ _TURNS = 100  # programmes in a row
 _SQUARES = 3  # least squares in a row
 _STAYS = 1e-12  # relative change of limits that is none
 _ENDLESS = 1e9  # lambda that has no end
-_ROUNDS, _TRIED = 60, 16  # of random steps to each extreme, at most, and steps of each
-_RADIUS, _LAST = 0.1, 1e-6  # their first and last size, relative to the box,
-_GROWN, _SHRUNK = 1.5, 0.6  # and how it changes
+_TRIED, _RADIUS = 16, 0.1  # random steps at a time to each extreme, and their first size, relative to the box
 
 
 class _Turned(NamedTuple):
@@ -82,8 +81,13 @@ class ManyFreedoms:
         self.gamma = np.where(rounding, 0.0, gamma)
         self.change = np.full((p, cases.lower.size), np.inf if reads else 0.0)
         if reads and isinstance(cases, Affine) and solutions.law is not None:
-            change = np.asarray(solutions.law.largest_changes(cases.slope[solutions.rows]))
-            self.change = np.where(np.asarray(cases.upper > cases.lower), change, 0.0)
+            change = solutions.law.largest_changes(cases.slope[solutions.rows])
+            self.change = np.where(cases.upper > cases.lower, change, 0.0)
+
+    @property
+    def _is_one(self) -> bool:
+        """Whether there is one freedom, along which friction acts."""
+        return self.drive.load.size == 1 and self.search.solutions.law is not None
 
     def ends(self, theta: np.ndarray, seed: int) -> Ends:
         """States that are possible in cases, and in those to which random steps to extremes lead.
@@ -91,46 +95,47 @@ class ManyFreedoms:
         Extremes are those of the margin and of what friction holds of each part.
         """
         ends, score = self._states(theta)
-        lower, upper = np.asarray(self.search.cases.lower), np.asarray(self.search.cases.upper)
         if not len(score) or np.allclose(score, score[0], rtol=self.limit, atol=self.limit):
             return ends
-        random, radius = np.random.default_rng(seed), np.full(score.shape[1], _RADIUS)
-        for _ in range(_ROUNDS):
-            best, place = score.max(axis=0), ends.theta[score.argmax(axis=0)]
-            steps = random.standard_normal((_TRIED, *place.shape)) * radius[:, None] * (upper - lower)
-            tried, others = self._states(np.clip(place + steps, lower, upper).reshape(-1, lower.size))
+
+        def look(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            nonlocal ends, score
+            tried, others = self._states(theta.reshape(-1, theta.shape[-1]))
             rows = [np.concatenate(pair) for pair in zip(ends[:-1], tried[:-1], strict=True)]
-            ends = Ends(*rows, solved=ends.solved)
-            score = np.concatenate([score, others])
-            radius = radius * np.where(score.max(axis=0) > best + self.limit * np.abs(best), _GROWN, _SHRUNK)
-            if radius.max() < _LAST:
-                break
+            ends, score = Ends(*rows, solved=ends.solved), np.concatenate([score, others])
+            return best()
+
+        def best() -> tuple[np.ndarray, np.ndarray]:
+            return ends.theta[score.argmax(axis=0)], score.max(axis=0)
+
+        climb(look, *best(), self.search.cases, _RADIUS, _TRIED, np.random.default_rng(seed))
         return ends
 
     def _states(self, theta: np.ndarray) -> tuple[Ends, np.ndarray]:
         """States that are possible in cases, held and as slip begins, and columns of what the largest is sought of."""
-        drive, (s, p) = self.drive, (len(theta), len(self.drive.slips))
-        held, margin = self._held(theta)
-        at = self._looked(theta, held.tau)
-        sticks = within(held.stays, at.excess)
-        tau = self._started(theta)
+        drive, count, (which, tau) = self.drive, len(theta), self._started(theta)
+        theta, (s, p) = theta[which], tau.shape
+        holding, margin = self._held(theta, tau)
+        at = self._looked(theta, holding.tau)
+        sticks = within(holding.stays, at.excess)
         then = self._looked(theta, tau)
         slip, moves, sure, _ = started(drive, tau, then)
         slips = moves & within(sure, then.excess)
         left = np.ones(s) if drive.none else 1 + (tau @ drive.slips) @ drive.load / (drive.load @ drive.load)
-        falls = np.where(~held.stays & (margin < -self.limit), margin, -left)
+        falls = np.where(~holding.stays & (margin < -self.limit), margin, -left)
         free, unit = self.search.solutions.response.free.acceleration, self.search.solutions.response.unit.acceleration
-        moved = np.asarray(free) + tau @ np.asarray(unit).T
+        moved = free + tau @ unit.T
         rows = [
             (falls[slips], margin[sticks]),
             (theta[slips], theta[sticks]),
             (moved[slips], np.zeros((sticks.sum(), moved.shape[1]))),
             (then.multipliers[slips], at.multipliers[sticks]),
-            (tau[slips], held.tau[sticks]),
-            (np.ones(slips.sum()), 1 / held.most[sticks]),
+            (tau[slips], holding.tau[sticks]),
+            (np.ones(slips.sum()), 1 / holding.most[sticks]),
             (slip[slips], np.zeros((sticks.sum(), p))),
         ]
-        ends = Ends(*(np.concatenate(row) for row in rows), solved=float(np.mean(slips | sticks)))
+        solved = np.mean(np.bincount(which, slips | sticks, count) > 0)
+        ends = Ends(*(np.concatenate(row) for row in rows), solved=float(solved))
         low, high = (
             np.concatenate([one[slips], two[sticks]]) for one, two in ((then.low, at.low), (then.high, at.high))
         )
@@ -139,21 +144,30 @@ class ManyFreedoms:
         score = np.concatenate([score, -score], axis=1)
         return ends, np.where(np.isnan(score), -np.inf, score)
 
-    def _held(self, theta: np.ndarray) -> tuple[_Turned, np.ndarray]:
-        """Friction that holds each case with the least share, if `stays`, and the margin, NaN where not known."""
+    def _held(self, theta: np.ndarray, slipping: np.ndarray) -> tuple[_Turned, np.ndarray]:
+        """Friction that holds each case with the least share, if `stays`, and the margin, NaN where not known.
+
+        With one freedom the margin is that of its `slipping` friction.
+        """
         s, p = len(theta), len(self.drive.slips)
         none = np.zeros((s, p)), np.full((s, p), np.nan), np.full((s, p), np.nan), np.zeros(s)
         if self.drive.none:
             most = np.full(s, np.inf)
             return _Turned(*none[:3], most, np.ones(s, bool)), most
-        whole = self._turned(theta, *none)
-        margin = np.where(whole.stays, whole.most - 1, np.where(whole.most >= _ENDLESS, np.inf, np.nan))
-        begin = whole.tau / np.where(whole.most > 0, whole.most, 1.0)[:, None]
-        ended = np.where(whole.most < _ENDLESS, whole.most, 1.0)
-        held = self._turned(theta, begin, whole.low, whole.high, ended, hold=True)
-        held = held._replace(stays=self._holds(theta, held.tau) & (held.most >= 1 - self.limit))
-        shown = held.stays & ~(margin >= -self.limit)
-        return held, np.where(shown, held.most - 1, margin)
+        if self._is_one:
+            effect = self.drive.effect
+            margin = -1 - slipping @ effect
+            tau, share = held(self.search.solutions, self.search.cases, effect, theta, slipping)
+            found = _Turned(tau, *none[1:3], 1 / share, share >= 0)
+        else:
+            whole = self._turned(theta, *none)
+            margin = np.where(whole.stays, whole.most - 1, np.where(whole.most >= _ENDLESS, np.inf, np.nan))
+            begin = whole.tau / np.where(whole.most > 0, whole.most, 1.0)[:, None]
+            ended = np.where(whole.most < _ENDLESS, whole.most, 1.0)
+            found = self._turned(theta, begin, whole.low, whole.high, ended, hold=True)
+        stays = found.stays & self._holds(theta, found.tau) & (found.most >= 1 - self.limit)
+        shown = stays & ~(margin >= -self.limit)
+        return found._replace(stays=stays), np.where(shown, found.most - 1, margin)
 
     def _turned(
         self,
@@ -196,29 +210,37 @@ class ManyFreedoms:
         )
 
     def _looked(self, theta: np.ndarray, tau: np.ndarray) -> LimitSamples:
-        search = self.search
-        return in_batches(lambda *own: sample_limits(search.solutions, search.cases, *own), self.size, theta, tau)
+        return sample_limits(self.search.solutions, self.search.cases, theta, tau)
 
-    def _started(self, theta: np.ndarray) -> np.ndarray:
-        """Friction as slip begins."""
+    def _started(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Friction as slip begins, and of which case it is.
+
+        With one freedom all slip, in the sense of the start, in each solution found of a case; NaN where there is none.
+        """
+        if self._is_one:
+            found = sample(self.search.solutions, self.search.cases, theta, self.search.factors)
+            shown = found.good.copy()
+            shown[:, 0] |= ~shown.any(axis=1)
+            return np.nonzero(shown)[0], np.where(found.good[shown][:, None], found.tau[shown], np.nan)
         tau = self._settled(theta)
         for _ in range(_SQUARES):
             at = self._looked(theta, tau)
             left = ~started(self.drive, tau, at).sure
             if not left.any() or self.drive.directions is not None:
                 break
-            tau[left] = least_accelerated(self.drive, np.asarray(at.low)[left], np.asarray(at.high)[left])
-        return tau
+            tau[left] = least_accelerated(self.drive, at.low[left], at.high[left])
+        return np.arange(len(theta)), tau
 
     def _settled(self, theta: np.ndarray, *, own_loads: bool = True) -> np.ndarray:
         """Friction as slip begins, with or without the loads that friction puts on friction."""
-        solutions, cases = self.search.solutions, self.search.cases
-        load, slips, loads = (jnp.asarray(x) for x in (self.drive.load, self.drive.slips, float(own_loads)))
+        base, unit = self.search.cases.chosen(theta)
+        unit = np.broadcast_to(float(own_loads) * unit, (len(base), *unit.shape[-2:]))
 
-        def batch(own: Array) -> Array:
-            return slipping_friction(solutions, cases, load, slips, loads, own, self.drive.directions)
+        def batch(base: Numeric, unit: Numeric) -> Numeric:
+            drive = self.drive
+            return slipping_friction(self.search.solutions, drive.load, drive.slips, base, unit, drive.directions)
 
-        return np.asarray(in_batches(batch, self.size, theta))
+        return in_batches(batch, self.size, base, unit)
 
     def proves(self, verdict: str, joint: int | None = None) -> bool:
         """Whether a verdict that states found support is proved, of the whole or of a joint."""
@@ -255,7 +277,7 @@ class ManyFreedoms:
         Limits of friction in the cell are those without friction in its middle, low and high, give or take `less`;
         those of `joints` matter.
         """
-        lower, upper = np.asarray(self.search.cases.lower), np.asarray(self.search.cases.upper)
+        lower, upper = self.search.cases.lower, self.search.cases.upper
         if not np.all(np.isfinite(self.change)) or not spectral_radius(self.gamma) < 1:
             return False
         back = np.linalg.inv(np.eye(len(self.gamma)) - self.gamma)

@@ -1,8 +1,8 @@
-"""A mechanism at rest with one degree of freedom: all joints that slip do so together.
+"""Proofs for a mechanism at rest with one degree of freedom: all joints that slip do so together.
 
 With s the sense of slip of the start without friction and y a_0 the acceleration under the whole friction
 tau = law(rho, s) against it, margin = -y = (what friction holds of the load's drive) - 1. Where margin >= 0 a share
-t <= 1 of the friction holds: y falls from 1 at t = 0 without a jump. `_held` finds it. Where margin < 0 and, with
+t <= 1 of the friction holds: y falls from 1 at t = 0 without a jump. Where margin < 0 and, with
 Gamma_ij = max |d law_i / d rho| |K_ij| and y = 1 + e^T tau,
 
     spectral radius of Gamma < 1   and   |e|^T Gamma (I - Gamma)^-1 <= |e|^T,
@@ -14,59 +14,16 @@ load on friction. Verdicts on all cases are proved by cells that cover the bound
     |change of y| <= |e|^T (I - Gamma)^-1 Lambda |change of the case|,   Lambda: bounds of the change of law.
 """
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from ..._analysis._verdict import spectral_radius
-from .._at_rest import LIMIT, Ends, ReducedForce, in_batches
+from .._at_rest import ReducedForce
 from .._cases import AbstractCases, Affine
 from .._descent import sample
 from .._search import Search, largest_gamma
 from .._solution_set import SolutionSet
-from ._held import held
 
 CELLS = 4096  # cells of the bounds at most, in a proof
-
-
-def ends_of_one(search: Search, drive: ReducedForce, theta: jax.Array, samples: int, seed: int) -> Ends:
-    """Solutions in which it slips, and states that friction holds, in all cases of a search."""
-    solutions, cases = search.solutions, search.cases
-    n, m = solutions.response.free.acceleration.size, solutions.stress.shape[0]
-    found = search.found(drive.output[None], np.zeros(1, bool), samples if cases.lower.size else 0, seed)
-    margin = -(found.values @ drive.output)
-    if drive.none:
-        margin = np.full_like(margin, np.inf)
-    slips = found.within() & (margin < -LIMIT)
-    # From solutions, and from cases without any: friction that grows with its own load can hold and not let go.
-    without = np.array([row not in {tuple(row) for row in found.theta} for row in map(tuple, np.asarray(theta))])
-    places = jnp.concatenate([jnp.asarray(found.theta), theta[without]])
-    begin = np.concatenate([found.tau, np.full((without.sum(), drive.effect.size), np.nan)])
-    margin = np.concatenate([margin, np.full(without.sum(), np.inf)])
-    effect = jnp.asarray(drive.effect)
-    stays = in_batches(lambda *own: held(solutions, cases, effect, *own), len(theta), places, jnp.asarray(begin))
-    if drive.none:
-        stays = stays._replace(
-            tau=0 * begin,
-            share=np.zeros(len(begin)),
-            multipliers=found.values[:, n : n + m],
-            excess=found.excess,
-            good=found.good,
-        )
-    sticks = stays.within() & (margin >= -LIMIT)
-    decided = {tuple(row) for row in (*found.theta[slips], *stays.theta[sticks])}
-    parts = [
-        (margin[: len(slips)][slips], margin[sticks]),
-        (found.theta[slips], stays.theta[sticks]),
-        (found.values[slips, :n], np.zeros((sticks.sum(), n))),
-        (found.values[slips, n : n + m], stays.multipliers[sticks]),
-        (found.tau[slips], stays.tau[sticks]),
-        (np.ones(slips.sum()), stays.share[sticks]),
-        (np.tile(np.sign(drive.sense), (slips.sum(), 1)), np.zeros((sticks.sum(), drive.sense.size))),
-    ]
-    solved = np.mean([tuple(row) in decided for row in np.asarray(theta)])
-    margins, *others = (np.concatenate(part) for part in parts)
-    return Ends(margins, *others, solved=float(solved))
 
 
 def most_holds(solutions: SolutionSet, cases: AbstractCases, drive: ReducedForce) -> bool:
@@ -78,21 +35,21 @@ def most_holds(solutions: SolutionSet, cases: AbstractCases, drive: ReducedForce
     return bool(spectral_radius(gamma) < 1 and np.all(back <= effect))
 
 
-def is_covered(search: Search, drive: ReducedForce, theta: jax.Array, sign: float) -> bool:
+def is_covered(search: Search, drive: ReducedForce, sign: float) -> bool:
     """Whether cells prove that sign * margin >= 0 over the whole box, where each case has one solution."""
     solutions, cases = search.solutions, search.cases
     if not isinstance(cases, Affine) or solutions.law is None:
         return False
     gamma = largest_gamma(solutions, cases)
-    change = np.asarray(solutions.law.largest_changes(cases.slope[solutions.rows]))
+    change = solutions.law.largest_changes(cases.slope[solutions.rows])
     if not np.all(np.isfinite(change)):
         return False
     slope = np.abs(drive.effect) @ np.linalg.solve(np.eye(len(gamma)) - gamma, change)
-    middle, half = np.asarray(cases.lower + cases.upper)[None] / 2, np.asarray(cases.upper - cases.lower)[None] / 2
+    middle, half = (cases.lower + cases.upper)[None] / 2, (cases.upper - cases.lower)[None] / 2
     looked = 0
     while len(middle) and looked < CELLS:
         looked += len(middle)
-        found = in_batches(lambda own: sample(solutions, cases, own, search.factors), len(theta), middle)
+        found = sample(solutions, cases, middle, search.factors)
         margin = sign * np.where(found.good[:, 0], -(found.values[:, 0] @ drive.output), np.nan)
         if not np.all(margin >= 0):
             return False

@@ -20,12 +20,13 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from ..._analysis._verdict import spectral_radius
 from ..._solvers._gauss_seidel import gauss_seidel
 from ..._system._directions import Directions
 from ..._tools._compilation import compiled
+from ..._tools._numbers import Numeric
 from .._at_rest import NONE, ReducedForce, ball_sizes
 from .._cases import AbstractCases
 from .._solution_set import SolutionSet
@@ -45,62 +46,53 @@ class Limits(NamedTuple):
 class LimitSamples(NamedTuple):
     """Limits of friction at cases, shape (s, p), multipliers, (s, m), and their largest excess over bounds, (s,)."""
 
-    low: Array | np.ndarray
-    high: Array | np.ndarray
-    multipliers: Array | np.ndarray
-    excess: Array | np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    multipliers: np.ndarray
+    excess: np.ndarray
 
 
-@compiled
 def sample_limits(
-    solutions: SolutionSet, cases: AbstractCases, theta: Float[Array, "s q"], tau: Float[Array, "s p"]
+    solutions: SolutionSet, cases: AbstractCases, theta: Float[np.ndarray, "s q"], tau: Float[np.ndarray, "s p"]
 ) -> LimitSamples:
     """Limits and multipliers at many cases, each with its friction."""
-
-    def one(theta: Array, tau: Array) -> LimitSamples:
-        base, unit = cases.chosen(theta)
-        multipliers = base + unit @ tau
-        return LimitSamples(
-            *_limits(solutions, multipliers), multipliers, jnp.max(cases.excess(multipliers), initial=-jnp.inf)
-        )
-
-    return jax.vmap(one)(theta, tau)
+    multipliers = cases.multipliers(theta, tau)
+    excess = np.max(cases.excess(multipliers), axis=1, initial=-np.inf)
+    return LimitSamples(*_limits(solutions, multipliers), multipliers, excess)
 
 
-def _limits(solutions: SolutionSet, multipliers: Array) -> tuple[Array, Array]:
+def _limits(solutions: SolutionSet, multipliers: Numeric) -> tuple[Numeric, Numeric]:
     """lo and hi of friction."""
     law = solutions.law
     if law is None:
-        return multipliers[:0], multipliers[:0]
-    return law.limits(multipliers[solutions.rows], jnp.ones(law.rate.shape, bool))
+        return multipliers[..., :0], multipliers[..., :0]
+    return law.limits(multipliers[..., solutions.rows], np.ones(law.rate.shape, bool))
 
 
 @compiled
 def slipping_friction(
     solutions: SolutionSet,
-    cases: AbstractCases,
-    load: Float[Array, " d"],
-    slips: Float[Array, "p d"],
-    loads: Float[Array, ""],
-    theta: Float[Array, "s q"],
+    load: Float[Numeric, " d"],
+    slips: Float[Numeric, "p d"],
+    base: Float[Numeric, "s m"],
+    unit: Float[Numeric, "s m p"],
     directions: Directions | None,
-) -> Float[Array, "s p"]:
-    """Friction of the conditions above, as far as sweeps settle it; `loads` is 1, or 0 for K = 0."""
+) -> Float[Numeric, "s p"]:
+    """Friction of the conditions above, as far as sweeps settle it."""
     free, matrix = slips @ load, slips @ slips.T
     own = jnp.where(jnp.diagonal(matrix) > 0, jnp.diagonal(matrix), jnp.inf)
 
-    def one(theta: Array) -> Array:
-        base, unit = cases.chosen(theta)
+    def one(base: Numeric, unit: Numeric) -> Numeric:
         if not free.size:
             return free
 
-        def limits(tau: Array) -> tuple[Array, Array]:
-            return _limits(solutions, base + loads * (unit @ tau))
+        def limits(tau: Numeric) -> tuple[Numeric, Numeric]:
+            return _limits(solutions, base + unit @ tau)
 
         weight = jnp.sqrt(jnp.diagonal(matrix))
         return gauss_seidel(limits, free, matrix, own, weight, _SETTLED, directions=directions).tau
 
-    return jax.vmap(one)(theta)
+    return jax.vmap(one)(base, unit)
 
 
 class Started(NamedTuple):
@@ -125,7 +117,7 @@ def started(drive: ReducedForce, tau: np.ndarray, limits: Limits | LimitSamples)
     matrix, sizes = drive.slips @ drive.slips.T, np.linalg.norm(drive.slips, axis=1)
     left = drive.load + tau @ drive.slips
     alpha = left @ drive.slips.T
-    low, high = np.asarray(limits.low), np.asarray(limits.high)
+    low, high = limits.low, limits.high
     least = np.minimum(low * alpha, high * alpha)
     if drive.directions is not None:
         ball, directed = drive.directions, drive.directions.directed

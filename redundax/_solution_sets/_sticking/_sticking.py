@@ -14,15 +14,13 @@ while others may slip? With one degree of freedom they are one, for all joints t
 0 and more where it sticks, -1 where no friction acts against some part of the drive. Where joints slip one by one,
 margin < 0 says that the acceleration cannot vanish: the drive would have to fall by the share -margin for rest.
 
-`_one_freedom` finds and proves it for one degree of freedom, where it is the load that friction in full slip takes up,
-`_many_freedoms` for any number, by linear programmes; `_stick_slip` asks for the joints, `_joint_verdicts` says what is
+`_many_freedoms` finds and proves it, by linear programmes. With one degree of freedom it is the load that friction in
+full slip takes up, and `_one_freedom` proves more. `_stick_slip` asks for the joints, `_joint_verdicts` says what is
 known of them over the bounds.
 """
 
-import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array
 
 from ..._analysis._analyze import analyze
 from ..._analysis._report import Report
@@ -33,20 +31,23 @@ from ..._solve._all_solutions import start_factors
 from ..._system._state import State
 from ..._system._system import AbstractSystem, check_system_at
 from ..._tools._errors import NoSolutionError, RedundaxError
+from ..._tools._module import replace_fields
+from ..._tools._numbers import computed
 from .._at_rest import LIMIT, Ends, ReducedForce, drive
 from .._bounds import AbstractBounds, cases_of, check_bounds, title_of
 from .._loads_at_rest._wedged import wedged
 from .._search import Search, proved_single
 from .._solution_set import solution_set
-from ._joint_verdicts import Joints, joint_verdicts
+from ._joint_verdicts import joint_verdicts
 from ._many_freedoms import ManyFreedoms
-from ._one_freedom import ends_of_one, is_covered, most_holds
+from ._one_freedom import is_covered, most_holds
 from ._stick_slip import one_start
 from ._sticking_report import Sticking
 
 _MINIMUM_NORM = MinimumNorm()
 
 
+@computed
 def sticking(
     system: AbstractSystem,
     state: State,
@@ -83,38 +84,39 @@ def sticking(
     """
     check_bounds(bounds)
     check_system_at(system, state)
-    state = State(state.q, state.qd, state.t)  # bristles that bend let it move, so they do not count
+    state = replace_fields(state, memory=())  # bristles that bend let it move, so they do not count
     system, factor = dense_at(system, state, rank, factor)
     start = drive(system, state, factor)
-    senses = jnp.asarray(start.sense)
-    report = analyze(system, state, sense=senses, factor=factor)
+    report = analyze(system, state, sense=start.sense, factor=factor)
     if report.problem:
         raise NoSolutionError(report.problem)
     if report.freedom < 1:
         raise RedundaxError("Argument `system` must have a freedom to stick or slip, but has none. Release a lock.")
-    solutions = solution_set(system, state, factor, jnp.asarray(report.self_stress), senses)
+    solutions = solution_set(system, state, factor, report.self_stress, start.sense)
     cases = cases_of(bounds, system, state, report, solutions)
     single = proved_single(solutions, cases, report)
     search = Search(solutions, cases, start_factors(solutions.rows.size, 0 if single else starts, seed))
     samples = samples if cases.lower.size else 0
     theta = search.sample(samples, seed)
     fixed = isinstance(bounds, AbstractClosure) or not report.friction_reads
-    many = None if report.freedom == 1 else ManyFreedoms(search, start, len(theta), reads=not fixed)
-    ends = ends_of_one(search, start, theta, samples, seed) if many is None else many.ends(np.asarray(theta), seed)
+    many = ManyFreedoms(search, start, len(theta), reads=not fixed)
+    ends = many.ends(theta, seed)
     ends = ends if single else _with_wedged(ends, system, state, factor, bounds, report)
     verdict = _verdict(ends)
-    if many is None:
-        settled = single and _proved_of_one(verdict, search, start, theta, fixed=fixed)
-        proved = verdict != "undecided" and (start.none or settled)
-        joints = joint_verdicts(ends, np.equal(start.sense, 0), lambda *_: proved)
-    else:
-        proved, joints = _of_many(many, ends, verdict, start, fixed=fixed)
+    known = fixed and ends.solved == 1 and one_start(start, many.gamma)  # the one state that was found is all
+    if report.freedom == 1 and not known:
+        known = verdict != "undecided" and (
+            start.none or (single and _proved_of_one(verdict, search, start, fixed=fixed))
+        )
+    proved = known or many.proves(verdict)
+    blocked = np.logical_not(start.slips.any(axis=1))
+    joints = joint_verdicts(ends, blocked, lambda verdict, joint: known or many.proves(verdict, joint))
     order = [np.argmin(ends.margin), np.argmax(ends.margin)] if len(ends.margin) else []
     return Sticking(
         verdict=verdict,
         proved=proved,
         margin=ends.margin[order],
-        case=np.asarray(cases.figures(jnp.asarray(ends.theta[order]))),
+        case=cases.figures(ends.theta[order]),
         acceleration=ends.acceleration[order],
         multipliers=ends.multipliers[order],
         friction=ends.tau[order],
@@ -141,12 +143,12 @@ def _verdict(ends: Ends) -> str:
     return "may stick" if slips.any() and sticks.any() else "must slip" if slips.any() else "must stick"
 
 
-def _proved_of_one(verdict: str, search: Search, start: ReducedForce, theta: Array, *, fixed: bool) -> bool:
+def _proved_of_one(verdict: str, search: Search, start: ReducedForce, *, fixed: bool) -> bool:
     """Whether a verdict is proved where each case has one solution; `fixed` says that friction is the same in all."""
     if verdict == "must stick":
-        return fixed or is_covered(search, start, theta, 1.0)
+        return fixed or is_covered(search, start, 1.0)
     settled = verdict != "undecided" and most_holds(search.solutions, search.cases, start)
-    return settled and (verdict == "may stick" or fixed or is_covered(search, start, theta, -1.0))
+    return settled and (verdict == "may stick" or fixed or is_covered(search, start, -1.0))
 
 
 def _with_wedged(
@@ -160,17 +162,9 @@ def _with_wedged(
     """With a state of joints that wedge themselves, where none was found that friction holds."""
     if np.any(ends.margin >= -LIMIT):
         return ends
-    resting = solution_set(system, state, factor, jnp.asarray(report.self_stress), None)
+    resting = solution_set(system, state, factor, report.self_stress, None)
     held = wedged(system, state, factor, resting, cases_of(bounds, system, state, report, resting))
     if held is None:
         return ends
     rows = [np.concatenate(pair) for pair in zip(ends[:-1], held[:-1], strict=True)]
     return Ends(*rows, solved=ends.solved)
-
-
-def _of_many(many: ManyFreedoms, ends: Ends, verdict: str, start: ReducedForce, *, fixed: bool) -> tuple[bool, Joints]:
-    """Whether the verdict on any number of freedoms is proved, and those on joints."""
-    known = fixed and ends.solved == 1 and one_start(start, many.gamma)  # the one state that was found is all
-    blocked = np.logical_not(start.slips.any(axis=1))
-    joints = joint_verdicts(ends, blocked, lambda verdict, joint: known or many.proves(verdict, joint))
-    return known or many.proves(verdict), joints
