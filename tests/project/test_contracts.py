@@ -15,6 +15,7 @@ import redundax as rx
 from redundax._equations._kinematics import along_motion, slip_motion
 from redundax._models._choice import _WORDS
 from redundax._models._stress import AXES
+from redundax._tools._module import replace_fields
 from redundax.plot._draw import _scene, _symbols
 from redundax.plot._draw._space import _scene as _scene_in_space
 from redundax.plot._draw._space import _symbols as _symbols_in_space
@@ -52,20 +53,21 @@ def known(frame, u=1.0):
 def answers(mechanism, state, u):
     scale = np.where(mechanism.rows.angular, u, 1.0)  # multipliers are forces and moments
     loads = jnp.asarray(scale * np.random.default_rng(4).normal(size=scale.size))
-    return state, loads, {name: np.asarray(x) for name, x in _values(mechanism, state, loads).items()}
+    rate = jnp.asarray(np.where(mechanism.slips.angular, 0.7, 0.7 * u))
+    return state, loads, {name: np.asarray(x) for name, x in _values(mechanism, state, loads, rate).items()}
 
 
 @jax.jit
-def _values(mechanism, state, loads):
-    groups = mechanism.friction
-    rate, at = jnp.full(len(mechanism.slips), 0.7), 0
-    found = {"friction": [], "twice": [], "sum": [], "beside": [], "bound": []}
+def _values(mechanism, state, loads, rate):
+    groups, at = mechanism.friction, 0
+    found = {name: [] for name in ("friction", "twice", "sum", "beside", "bound", "slips")}
     beside = jnp.flip(loads)
     for group in groups:
         own = slice(at, at := at + len(group.slips))
         one, other = loads[group.rows], beside[group.rows]
         for name, rho in (("friction", one), ("twice", 2 * one), ("sum", one + other), ("beside", other)):
             found[name].append(group.force(rho, rate[own], jnp.ones_like(rate[own]), None, state))
+        found["slips"].append(group.slip(state.q, state.t))
         found["bound"].append(group.largest_change(other, rate[own], None, state))
     return {
         "rows": mechanism.constraint(state.q, state.t),
@@ -120,7 +122,8 @@ def test_derivatives_along_a_motion(frame):
 def broken_units(mechanism, small, large, u):
     """Rows, coordinates and friction of another kind than they say: lengths are u times as large, angles as before."""
     out = []
-    for name, axis in (("rows", mechanism.rows), ("coordinates", mechanism.names.joint_coordinates)):
+    axes = {"rows": mechanism.rows, "coordinates": mechanism.names.joint_coordinates, "slips": mechanism.slips}
+    for name, axis in axes.items():
         scale = np.where(axis.angular, 1.0, u)
         out += _unequal(axis, scale * small[name], large[name])
     scale = np.where(mechanism.slips.angular, u, 1.0)
@@ -163,25 +166,31 @@ def test_bounds_and_convexity_of_friction(frame):
 
 def broken_axes(mechanism):
     """Joints that do not constrain the same with their axes turned as `free_axes` allows."""
-    out, q = [], mechanism.reference
-    for stack, names in zip(mechanism.joints, mechanism.names.joints, strict=True):
+    turns = {"none": np.eye(3), "across": turn_about_z(), "all": ANY_TURN}
+    stacks = []
+    for stack in mechanism.joints:
         joint = stack.element
-        if joint.free_axes == "none":
-            continue
-        turn = rs.Placement((0, 0, 0), (0, 0, 1), (0.6, 0.8, 0)).axes if joint.free_axes == "across" else _ANY
-        turned = rx._tools._module.replace_fields(joint, axes_i=joint.axes_i @ turn, axes_j=joint.axes_j @ turn)
-        rows = np.concatenate([_slopes(stack, each, mechanism.poses(q)) for each in (joint, turned)])
-        if np.linalg.matrix_rank(rows, tol=1e-9) != len(joint.row_kinds):
-            out += names
-    return out
+        axes = {name: value @ turns[joint.free_axes] for name, value in vars(joint).items() if name[:-1] == "axes_"}
+        stacks.append(replace_fields(stack, element=replace_fields(joint, **axes)))
+    state = rx.State(mechanism.reference, jnp.zeros(12), 0.0)
+    both = [
+        answers(each, state, 1.0)[2]["jacobian"] for each in (mechanism, replace_fields(mechanism, joints=(*stacks,)))
+    ]
+    rows = {name: [] for name in (label.partition(".")[0] for label in mechanism.rows.labels)}
+    for k, label in enumerate(mechanism.rows.labels):
+        rows[label.partition(".")[0]].append(k)
+    ranks = {
+        name: np.linalg.matrix_rank(np.concatenate([each[own] for each in both]), tol=1e-9)
+        for name, own in rows.items()
+    }
+    return [name for name, own in rows.items() if ranks[name] != len(own)]
 
 
-_ANY = jnp.asarray(np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0])
+def turn_about_z():
+    return np.array([[0.6, -0.8, 0.0], [0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
 
 
-def _slopes(stack, joint, bodies):
-    one = jax.tree.map(lambda x: x[0] if hasattr(x, "shape") else x, (joint, stack.i, stack.j))
-    return np.asarray(one[0].jacobian(bodies[one[1]], bodies[one[2]], ZERO))
+ANY_TURN = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
 
 
 def test_turns_of_axes_that_change_no_constraint():
@@ -261,11 +270,10 @@ def test_loads_between_bodies_press_one_as_they_press_the_other(frame):
         force = sum(np.asarray(end.force[0], float) for end in ends)
         if type(stack.element) not in INTERNAL:
             continue
-        pose = getattr(bodies, "pose", bodies)
-        arms = [np.asarray(pose.r[int(at[0])]) for at in (stack.i, stack.j)]
+        arms = [np.asarray(bodies.pose.r[int(at[0])]) for at in (stack.i, stack.j)]
+        ends = [(np.asarray(end.moment[0]), arm, np.asarray(end.force[0])) for end, arm in zip(ends, arms, strict=True)]
         moment = sum(
-            np.asarray(end.moment[0]) + np.cross(arm, np.asarray(end.force[0]))
-            for end, arm in zip(ends, arms, strict=True)
+            about + (np.cross(arm, f) if arm.size == 3 else arm[0] * f[1] - arm[1] * f[0]) for about, arm, f in ends
         )
         np.testing.assert_allclose(force, 0, atol=1e-12)
         np.testing.assert_allclose(moment, 0, atol=1e-12)

@@ -39,13 +39,17 @@ def forgotten(kind: type, samples: dict, *rooms: Any) -> list[str]:
 
 
 def bodies(u: float = 1.0) -> tuple[Any, Any]:
-    """Two bodies that look somewhere."""
+    """Two bodies that look somewhere; forces have the same unit whatever that of length."""
     a = rs.Body(
-        "a", 2.0, u**2 * np.array([0.3, 0.4, 0.5]), centre=u * np.array([0.1, 0.2, -0.1]), position=u * np.array([0.4, 0.1, 0.0]),
+        "a",
+        2.0 / u,
+        u * np.array([0.3, 0.4, 0.5]),
+        centre=u * np.array([0.1, 0.2, -0.1]),
+        position=u * np.array([0.4, 0.1, 0.0]),
         orientation=(0.9, 0.1, 0.3, -0.2),
-    )  # fmt: skip
-    inertia = u**2 * np.array([[0.3, 0.02, 0.0], [0.02, 0.4, 0.01], [0.0, 0.01, 0.5]])
-    return a, rs.Body("b", 1.0, inertia, position=u * np.array([-0.3, 0.2, 0.1]), orientation=(0.7, -0.3, 0.2, 0.5))
+    )
+    inertia = u * np.array([[0.3, 0.02, 0.0], [0.02, 0.4, 0.01], [0.0, 0.01, 0.5]])
+    return a, rs.Body("b", 1.0 / u, inertia, position=u * np.array([-0.3, 0.2, 0.1]), orientation=(0.7, -0.3, 0.2, 0.5))
 
 
 def pair(kind: Callable, **options: Any) -> Callable:
@@ -145,7 +149,9 @@ LOADS_IN_THE_PLANE = {
 def in_the_plane(u: float = 1.0, samples: dict = IN_THE_PLANE) -> rx.Mechanism:
     loads = [make(u) for make in LOADS_IN_THE_PLANE.values()]
     return rx.Mechanism(
-        [rx.Body("a", 1.0, 0.1), rx.Body("b", 2.0, 0.2)], [make(u) for make in samples.values()], loads=loads
+        [rx.Body("a", 1.0 / u, 0.1 * u), rx.Body("b", 2.0 / u, 0.2 * u)],
+        [make(u) for make in samples.values()],
+        loads=loads,
     )
 
 
