@@ -357,12 +357,29 @@ class Brake(rs.AbstractFrictionalJoint):
     largest_change = normal_load
 
 
+class BallOnCircle(rs.AbstractPlacedJoint):
+    """A ball on a circle about the axis of body j, which its centre meets on x: a joint that keeps all laws."""
+
+    row_kinds = (("radial_1", "force"), ("axial", "force"))
+    radius: jax.Array
+
+    def __init__(self, name, i, j, point, axis, mark, *, radius):
+        at = rs.Placement(point, axis, mark)
+        self.place_both(name, i, j, (at, rs.Placement(at.point - radius * at.axes[:, 0], axis, mark)), (None, None))
+        self.radius = jnp.asarray(radius)
+
+    def residual(self, i, j, t):
+        x, y, z = self.relative(i, j).offset
+        return jnp.stack([jnp.hypot(x, y) - self.radius, z])
+
+
 def test_forgotten_parts_are_found():
     class Room:
         """A namespace with one more joint."""
 
-    Room.Hook = Hook
-    assert contracts.forgotten(rx.AbstractJoint, SAMPLES[rx.AbstractJoint], Room) == ["Room.Hook"]
+    Room.BallOnCircle = BallOnCircle
+    assert contracts.forgotten(rx.AbstractJoint, SAMPLES[rx.AbstractJoint], Room) == ["Room.BallOnCircle"]
+    assert not contracts.is_pair(BallOnCircle) and contracts.is_pair(Hook)
 
 
 def test_parts_that_break_a_law_are_found():
@@ -370,7 +387,10 @@ def test_parts_that_break_a_law_are_found():
         at = rs.Placement(u * contracts.HERE)
         return Brake("Brake", a, b, [at, at], friction=contracts.COULOMB)
 
-    samples = {Hook: contracts.pair(Hook), Rule: contracts.pair(Rule), Brake: brake}
+    def circle(a, b, u):
+        return BallOnCircle("Circle", a, b, u * contracts.HERE, *contracts.SQUARE, radius=0.2 * u)
+
+    samples = {Hook: contracts.pair(Hook), Rule: contracts.pair(Rule), Brake: brake, BallOnCircle: circle}
     small, large = (contracts.in_space(u, samples) for u in (1.0, 10.0))
     (state, _, here), (_, _, there) = (
         answers(each, contracts.somewhere(each, u), u) for each, u in ((small, 1.0), (large, 10.0))

@@ -1,8 +1,9 @@
 """One sample of every public part, by its class, for laws that hold of all parts of a kind.
 
-`public` finds the parts in the public namespaces; a part without a sample here fails a test. Samples of joints and
-loads are functions of two bodies and of the unit `u` of length: each length is `u` times that in metres, and so are the
-sizes of what rubs. In space both bodies are at reference poses that close all samples.
+`public` finds the parts in the public namespaces; a part without a sample here fails a test. Lower pairs in space need
+none: what a point and an axis make is made so. Samples of joints and loads are functions of two bodies and of the unit
+`u` of length: each length is `u` times that in metres, and so are the sizes of what rubs. In space both bodies are at
+reference poses that close all samples.
 """
 
 import inspect
@@ -13,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import redundax as rx
+from redundax._bodies._joints import AbstractRubbingJoint
 
 rs = rx.spatial
 COULOMB = rx.Coulomb(0.2)
@@ -52,36 +54,34 @@ def bodies(u: float = 1.0) -> tuple[Any, Any]:
     return a, rs.Body("b", 1.0 / u, inertia, position=u * np.array([-0.3, 0.2, 0.1]), orientation=(0.7, -0.3, 0.2, 0.5))
 
 
-def pair(kind: Callable, **options: Any) -> Callable:
-    """A joint at a point and axis, with options that are lengths."""
+def pair(kind: Any) -> Callable:
+    """A joint at a point and axis, which rubs if it can; one with arguments of its own is not made so."""
+    rubs = {"friction": COULOMB} if issubclass(kind, rx.AbstractFrictionalJoint | AbstractRubbingJoint) else {}
+    sizes = kind.surfaces.sizes if rubs else ()
 
     def made(a: Any, b: Any, u: float) -> Any:
-        own = {name: u * value if isinstance(value, float) else value for name, value in options.items()}
-        return kind(kind.__name__, a, b, u * HERE, *SQUARE, **own)
+        own = {name: 0.01 * (k + 2) * u for k, name in enumerate(sizes)}
+        return kind(kind.__name__, a, b, u * HERE, *SQUARE, **own, **rubs)
 
     return made
 
 
-def overlap(u: float) -> Any:
-    return rs.Overlap(u * np.array([-0.2, 0.2]), u * np.array([-0.25, 0.2]))
+def is_pair(kind: Any) -> bool:
+    """Whether a point, axis and mark are all that it needs."""
+    wanted = list(inspect.signature(kind).parameters.values())
+    needed = [each.name for each in wanted if each.default is each.empty and each.kind is not each.VAR_KEYWORD]
+    return needed == ["name", "i", "j"] and [each.name for each in wanted[3:6]] == ["point", "axis", "mark"]
 
 
-PIN = {"pin_radius": 0.01, "bearing_length": 0.05, "thrust_radius": 0.02, "friction": COULOMB}
-IN_SPACE = {
-    rs.Revolute: pair(rs.Revolute, **PIN),
-    rs.Prismatic: pair(rs.Prismatic, guide_length=0.1, twist_radius=0.03, friction=COULOMB),
-    rs.Cylindrical: pair(rs.Cylindrical, shaft_radius=0.02, bearing_length=0.1, friction=COULOMB),
-    rs.Spherical: pair(rs.Spherical, ball_radius=0.02, friction=COULOMB),
-    rs.Planar: pair(rs.Planar, plate_length=0.2, spin_radius=0.05, friction=COULOMB),
-    rs.Screw: pair(rs.Screw, pitch=0.05, thread_radius=0.01, bearing_length=0.04, friction=COULOMB),
-    rs.Fixed: pair(rs.Fixed),
-    rs.PointOnLine: pair(rs.PointOnLine),
-    rs.PointOnPlane: pair(rs.PointOnPlane),
-    rs.ParallelAxes: pair(rs.ParallelAxes),
-    rs.ConstantVelocity: pair(rs.ConstantVelocity),
+PIN = {"pin_radius": 0.01, "bearing_length": 0.05, "thrust_radius": 0.02}
+IN_SPACE = {kind: pair(kind) for kind in public(rs.AbstractPlacedJoint, rs).values() if is_pair(kind)} | {
+    rs.Screw: lambda a, b, u: rs.Screw(
+        "Screw", a, b, u * HERE, *SQUARE, pitch=0.05 * u, thread_radius=0.01 * u, bearing_length=0.04 * u,
+        friction=COULOMB,
+    ),
     rs.Universal: lambda a, b, u: rs.Universal(
-        "Universal", a, b, u * HERE, (1, 0, 0), (0, 1, 0), pin_radius=0.01 * u, bearing_length=0.05 * u,
-        thrust_radius=0.02 * u, friction=COULOMB,
+        "Universal", a, b, u * HERE, (1, 0, 0), (0, 1, 0), friction=COULOMB,
+        **{name: u * size for name, size in PIN.items()},
     ),
     rs.Gear: lambda a, b, u: rs.Gear(
         "Gear", a, b, u * HERE, (0, 0, 1), u * (HERE + np.array([0.08, 0, 0])), (0, 0, 1), teeth=(20, 60)
@@ -91,6 +91,12 @@ IN_SPACE = {
     rs.TravelDriver: lambda a, b, u: rs.TravelDriver("TravelDriver", a, b, u * HERE, *SQUARE, travel=0.0),
     rs.Free: lambda a, b, u: rs.Free("Free", a, b),
 }  # fmt: skip
+
+
+def drag(i: Any, j: Any, t: Any, p: Any) -> tuple[Any, Any]:
+    return i.wrench(-p * i.velocity, jnp.zeros(3)), j.wrench(p * i.velocity, jnp.zeros(3))
+
+
 LOADS_IN_SPACE = {
     rs.AppliedForce: lambda a, b, u: rs.AppliedForce(a, (1, 2, 3), point=u * HERE, moment=(u, 0, -u)),
     rs.SpringDamper: lambda a, b, u: rs.SpringDamper(
@@ -103,10 +109,7 @@ LOADS_IN_SPACE = {
         a, b, u * HERE, *SQUARE, translation=np.array([1.0, 2.0, 3.0]) / u, rotation=2.0 * u,
         translation_damping=0.1 / u, rotation_damping=0.2 * u,
     ),
-    rs.LoadFunction: lambda a, b, u: rs.LoadFunction(
-        a, lambda i, j, t, p: (i.wrench(p * i.velocity, jnp.zeros(3)), j.wrench(-p * i.velocity, jnp.zeros(3))), b,
-        1.0 / u,
-    ),
+    rs.LoadFunction: lambda a, b, u: rs.LoadFunction(a, drag, b, 1.0 / u),
 }  # fmt: skip
 
 
@@ -135,14 +138,17 @@ IN_THE_PLANE = {
     rx.AngleDriver: lambda u: rx.AngleDriver("AngleDriver", "a", "b", 0.4),
     rx.DistanceDriver: lambda u: rx.DistanceDriver("DistanceDriver", "a", "b", u * S, u * T, 0.6 * u),
 }  # fmt: skip
+
+
+def planar_drag(i: Any, j: Any, t: Any, p: Any) -> tuple[Any, Any]:
+    return i.wrench(-p * i.rate.r, jnp.zeros(2)), j.wrench(p * i.rate.r, jnp.zeros(2))
+
+
 LOADS_IN_THE_PLANE = {
     rx.AppliedForce: lambda u: rx.AppliedForce("a", (1.0, 2.0), u * S, 0.3 * u),
     rx.SpringDamper: lambda u: rx.SpringDamper("a", "b", u * S, u * T, 2.0 / u, 0.1 * u, 0.4 / u),
     rx.TorsionSpring: lambda u: rx.TorsionSpring("a", "b", 2.0 * u, 0.1, 0.3 * u),
-    rx.LoadFunction: lambda u: rx.LoadFunction(
-        "a", lambda i, j, t, p: (i.wrench(p * i.rate.r, jnp.zeros(2)), j.wrench(-p * i.rate.r, jnp.zeros(2))), "b",
-        1.0 / u,
-    ),
+    rx.LoadFunction: lambda u: rx.LoadFunction("a", planar_drag, "b", 1.0 / u),
 }  # fmt: skip
 
 

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from ...._tools._errors import RedundaxError
-from ...._tools._module import Numbers, as_float, check_kind, floats, optional_float, part, positive, safe_norm
+from ...._tools._module import Numbers, check_kind, floats, optional_float, part, positive, safe_norm
 from ..._friction_model import AbstractFrictionModel
 from ..._joints._base import check_friction
 from ..._joints._components import values
@@ -99,12 +99,15 @@ class AbstractContactJoint(AbstractPlacedJoint, AbstractRubbingJoint):
             known = ", ".join((*own.sizes, "friction", "contact"))
             kind = type(self).__name__
             raise TypeError(f"{kind}() got an unexpected keyword argument '{min(unknown)}'. Give some of: {known}.")
-        given = {name: sizes.get(name) for name in own.sizes}
+        given: dict[str, Any] = {name: sizes.get(name) for name in own.sizes}
         for name, value in given.items():
-            if value is not None and name != own.axial and not isinstance(value, Overlap):
-                positive(name, as_float(value))
-            if name != own.axial:
-                setattr(self, name, value if isinstance(value, Overlap) else optional_float(value))
+            if name == own.axial:
+                continue
+            if not (own.may_overlap and isinstance(value, Overlap)):
+                value = optional_float(value)
+            if value is not None and not isinstance(value, Overlap):
+                positive(name, value)
+            setattr(self, name, value)
         if own.axial:
             thrust, radius = given[own.axial], given[own.radius]
             share = None if thrust is None or radius is None else floats(thrust) / floats(radius)

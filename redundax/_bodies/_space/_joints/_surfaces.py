@@ -43,7 +43,8 @@ class Surfaces(NamedTuple):
     """Sizes of surfaces, by the names that they have as arguments and fields of a joint.
 
     - `radius`: at which they slide about the axis; friction needs it. It is a moment there if `is_moment`.
-    - `bend`, `axial`, `twist`: sizes at which these loads press them.
+    - `bend`, `axial`, `twist`: sizes at which these loads press them; that of `bend` may change with the travel if
+      `may_overlap`.
     - `pressed`: the loads of the contact, from the multipliers and their rows.
     - `arms`: velocities of surfaces that slide in several directions, by unit rates of the slips, from the radius.
     """
@@ -53,6 +54,7 @@ class Surfaces(NamedTuple):
     bend: str = ""
     axial: str = ""
     twist: str = ""
+    may_overlap: bool = False
     pressed: Callable[[Array, Sequence[Row]], ContactLoad] = _along_rows
     arms: Callable[[Array], Sequence[Array]] = lambda radius: [jnp.ones_like(radius)]
 
@@ -63,8 +65,10 @@ class Surfaces(NamedTuple):
 
 
 PIN = Surfaces("pin_radius", True, "bearing_length", "thrust_radius")
-SLEEVE = Surfaces("shaft_radius", bend="bearing_length", arms=lambda radius: [radius, jnp.ones_like(radius)])
-GUIDE = Surfaces(bend="guide_length", twist="twist_radius")
+SLEEVE = Surfaces(
+    "shaft_radius", bend="bearing_length", may_overlap=True, arms=lambda radius: [radius, jnp.ones_like(radius)]
+)
+GUIDE = Surfaces(bend="guide_length", twist="twist_radius", may_overlap=True)
 BALL = Surfaces("ball_radius", True, pressed=_any_way, arms=lambda radius: [jnp.ones_like(radius)] * 3)
 PLATE = Surfaces(
     "spin_radius", bend="plate_length", pressed=_on_a_table, arms=lambda radius: [*[jnp.ones_like(radius)] * 2, radius]

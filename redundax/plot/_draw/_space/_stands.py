@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...._bodies._body import GROUND
-from ...._bodies._space._joints import TravelDriver
+from ...._bodies._space._joints._drivers import TravelDriver
 from ...._bodies._space._loads import TorsionSpring
 from ._joint import SpaceJoint
 from ._scene import SpaceScene

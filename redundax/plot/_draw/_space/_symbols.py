@@ -14,7 +14,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ...._bodies._space import _joints as kinds
+from ...._bodies._space._joints._distance import Distance
+from ...._bodies._space._joints._drivers import AngleDriver, TravelDriver
+from ...._bodies._space._joints._gear import Gear
+from ...._bodies._space._joints._pairs import ConstantVelocity
+from ...._bodies._space._joints._screw import Screw
+from ...._bodies._space._joints._universal import Universal
 from .._style import INK, body_colour, dark
 from ._joint import SpaceJoint
 from ._scene import SpaceScene
@@ -219,13 +224,13 @@ _PAIRS: dict[tuple[bool, bool, bool, bool], Symbol] = {  # by what they lock: ac
     (False, False, False, False): _unknown,
 }
 _SYMBOLS: dict[type, Symbol] = {
-    kinds.Screw: _screw,
-    kinds.Universal: _universal,
-    kinds.ConstantVelocity: _constant_velocity,
-    kinds.Distance: _distance,
-    kinds.AngleDriver: _angle_driver,
-    kinds.TravelDriver: _travel_driver,
-    kinds.Gear: _gear,
+    Screw: _screw,
+    Universal: _universal,
+    ConstantVelocity: _constant_velocity,
+    Distance: _distance,
+    AngleDriver: _angle_driver,
+    TravelDriver: _travel_driver,
+    Gear: _gear,
 }
 
 
