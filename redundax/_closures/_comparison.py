@@ -89,7 +89,7 @@ def _directions(mechanism: Mechanism) -> dict[tuple[str, str], np.ndarray]:
     found = {}
     for stack, names in zip(mechanism.joints, mechanism.names.joints, strict=True):
         for end, directions in stack.element.directions().items():
-            if is_concrete(directions):
+            if is_concrete(directions) and directions.ndim == 2:
                 found |= {(name, end): each for name, each in zip(names, np.asarray(directions), strict=True)}
     return found
 

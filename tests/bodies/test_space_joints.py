@@ -302,6 +302,15 @@ def test_own_joint_of_ten_lines():
     np.testing.assert_allclose(grown, np.sin(0.3) * np.cos(0.3), rtol=1e-9)
 
 
+def test_rows_that_are_no_components_need_a_residual():
+    class Lift(rs.AbstractPlacedJoint):
+        row_kinds = (("axial", "force"), ("height", "force"))
+
+    lift = Lift("L", "a", "ground", on_i=HERE, on_j=HERE)
+    with pytest.raises(rx.RedundaxError, match="of a `Lift` must be among .* but one is 'height'.*write `residual`"):
+        rx.Mechanism([rs.Body("a", 1.0, (0.1, 0.1, 0.1))], [lift])
+
+
 def mechanism_of(a, ball, g):
     return rx.Mechanism([a], [ball], gravity=jnp.stack([jnp.zeros(()), jnp.zeros(()), g]))
 

@@ -81,20 +81,16 @@ class AbstractJoint(AbstractBetweenBodies):
         return None
 
     def directions(self) -> dict[str, Array]:
-        """Directions on the bodies "i" and "j" that its rows read, such as axes and normals."""
-        return {}
+        """Directions on the bodies "i" and "j" that its rows read, such as axes; a field `normal` is one on body j."""
+        normal = getattr(self, "normal", None)
+        return {} if normal is None else {"j": normal}
 
     def moment_arm(self) -> Array | None:
-        """Length at which its moments press, None where it has none or where it changes."""
-        return None
+        """Length at which its moments press: the field `guide_length`; None where it has none or where it changes."""
+        return getattr(self, "guide_length", None)
 
     def bare(self) -> Self:
         return replace_fields(self, i="", j="", name="", **dict.fromkeys(self.read_by_law))
-
-    @property
-    def law(self) -> AbstractFrictionModel | None:
-        """Friction as force or moment that does work on its slip, None of a joint without."""
-        return None
 
     def coordinates(self, i: Any, j: Any) -> Float[Array, " coordinates"]:
         """Its coordinates, one for each of `coordinate_kinds`, at poses with axes."""

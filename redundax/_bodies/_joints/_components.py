@@ -23,7 +23,7 @@ def values(known: Components, rows: Sequence[Row], owner: str, *of: Any) -> Floa
         if found is None:
             raise RedundaxError(
                 f"Rows, coordinates and slips of {owner} must be among {'; '.join(map(', '.join, known))}, but one is "
-                f"'{names[0]}'. Name these, or write `residual`, `coordinates` or `slip`."
+                f"'{names[0]}'. Name these, or write `residual`, `coordinates` or `slips`."
             )
         parts.append(known[found](*of))
         names = names[len(found) :]

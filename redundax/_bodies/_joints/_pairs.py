@@ -49,7 +49,7 @@ class AbstractPair(AbstractJoint):
     point_j: eqx.AbstractVar[Float[Array, "2"]]
 
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:
-        return values(LOCKED, self.row_kinds, f"joint '{self.name}'", self, i, j)
+        return values(LOCKED, self.row_kinds, f"a `{type(self).__name__}`", self, i, j)
 
 
 class Revolute(AbstractPair, AbstractFrictionalJoint):
@@ -167,12 +167,6 @@ class Translational(AbstractPair, AbstractFrictionalJoint):
         half, couple = force / 2, moment / cast(Array, self.guide_length)
         return jnp.abs(half + couple) + jnp.abs(half - couple)
 
-    def directions(self) -> dict[str, Array]:
-        return {"j": self.normal}
-
-    def moment_arm(self) -> Array | None:
-        return self.guide_length
-
 
 class PinInSlot(AbstractPair, AbstractFrictionalJoint):
     """Pin in slot: a point of body i on a line of body j. Its multiplier is the force of the slot on body i along the
@@ -210,9 +204,6 @@ class PinInSlot(AbstractPair, AbstractFrictionalJoint):
 
     def normal_load(self, multipliers: Array) -> Array:
         return jnp.abs(multipliers[0])
-
-    def directions(self) -> dict[str, Array]:
-        return {"j": self.normal}
 
 
 class Fixed(AbstractPair):

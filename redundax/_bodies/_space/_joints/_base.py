@@ -143,10 +143,10 @@ class AbstractPlacedJoint(AbstractJoint):
         (self.point_i, self.axes_i), (self.point_j, self.axes_j) = ((on.point, on.axes) for on in (on_i, on_j))
 
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:
-        return values(LOCKED, self.row_kinds, f"joint '{self.name}'", self.relative(i, j))
+        return values(LOCKED, self.row_kinds, f"a `{type(self).__name__}`", self.relative(i, j))
 
     def coordinates(self, i: Pose, j: Pose) -> Array:
-        return values(FREE, self.coordinate_kinds, f"joint '{self.name}'", self.relative(i, j))
+        return values(FREE, self.coordinate_kinds, f"a `{type(self).__name__}`", self.relative(i, j))
 
     def directions(self) -> dict[str, Array]:
         return {} if self.free_axes == "all" else {"i": self.axes_i[..., 2], "j": self.axes_j[..., 2]}

@@ -51,8 +51,7 @@ class AbstractContactJoint(AbstractPlacedJoint, AbstractRubbingJoint):
         return self._size("pin_radius") if self.surfaces is PIN else None
 
     def moment_arm(self) -> Array | None:
-        length = self._size(self.surfaces.bend) if self.surfaces is GUIDE else None
-        return None if isinstance(length, Overlap) else length
+        return self.size.length if self.surfaces is GUIDE else None
 
     @property
     def size(self) -> ContactSize:
@@ -188,7 +187,7 @@ class AbstractSlidingJoint(AbstractPressedJoint):
 
     def slips(self, i: Pose, j: Pose) -> Float[Array, " slips"]:
         """Slips of body i relative to body j; only their derivatives count."""
-        return values(FREE, self.slip_kinds, f"joint '{self.name}'", self.relative(i, j))
+        return values(FREE, self.slip_kinds, f"a `{type(self).__name__}`", self.relative(i, j))
 
     def forces(
         self, model: AbstractFrictionModel, ends: Any, loads: Array, rate: Array, sense: Array, memory: PyTree
