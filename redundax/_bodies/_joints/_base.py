@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..._tools._errors import RedundaxError
-from ..._tools._module import check_kind, part, replace_fields
+from ..._tools._module import as_float, check_kind, part, replace_fields
 from .._frame import AbstractFrame
 from .._friction_model import AbstractFrictionModel
 from .._plane import PLANE
@@ -95,6 +95,16 @@ class AbstractJoint(AbstractBetweenBodies):
     def coordinates(self, i: Any, j: Any) -> Float[Array, " coordinates"]:
         """Its coordinates, one for each of `coordinate_kinds`, at poses with axes."""
         return jnp.zeros(0)
+
+
+class AbstractPointJoint(AbstractJoint):
+    """A joint at a point of each body, in the plane."""
+
+    name: str = eqx.field(static=True)
+    i: str = eqx.field(static=True)
+    j: str = eqx.field(static=True)
+    point_i: Float[Array, "2"] = eqx.field(converter=as_float)
+    point_j: Float[Array, "2"] = eqx.field(converter=as_float)
 
 
 def check_rows(joint: AbstractJoint) -> None:

@@ -17,7 +17,7 @@ from ..._tools._errors import RedundaxError
 from ..._tools._module import as_float, not_negative, optional_float, part, safe_norm, unit
 from .._friction_model import AbstractFrictionModel
 from .._pose import Pose, perpendicular
-from ._base import AbstractJoint, Row, check_friction
+from ._base import AbstractPointJoint, Row, check_friction
 from ._components import Components, picked, values
 from ._rubbing import AbstractFrictionalJoint
 
@@ -42,11 +42,8 @@ PERPENDICULAR: Row = ("perpendicular", "force")
 ANGLE: Row = ("angle", "moment")
 
 
-class AbstractPair(AbstractJoint):
-    """A joint at a point of both bodies whose rows are names of `LOCKED`."""
-
-    point_i: eqx.AbstractVar[Float[Array, "2"]]
-    point_j: eqx.AbstractVar[Float[Array, "2"]]
+class AbstractPair(AbstractPointJoint):
+    """A joint whose rows are names of `LOCKED`."""
 
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:
         return values(LOCKED, self.row_kinds, f"a `{type(self).__name__}`", self, i, j)
@@ -75,11 +72,6 @@ class Revolute(AbstractPair, AbstractFrictionalJoint):
     row_kinds: ClassVar[tuple[Row, ...]] = FORCE
     slip_kind: ClassVar[str] = "angular"
     read_by_law: ClassVar[tuple[str, ...]] = ("friction", "pin_radius")
-    name: str = eqx.field(static=True)
-    i: str = eqx.field(static=True)
-    j: str = eqx.field(static=True)
-    point_i: Float[Array, "2"] = eqx.field(converter=as_float)
-    point_j: Float[Array, "2"] = eqx.field(converter=as_float)
     pin_radius: Float[Array, ""] | None = eqx.field(converter=optional_float, default=None)
     friction: AbstractFrictionModel | None = None
 
@@ -141,11 +133,6 @@ class Translational(AbstractPair, AbstractFrictionalJoint):
     row_kinds: ClassVar[tuple[Row, ...]] = (PERPENDICULAR, ANGLE)
     slip_kind: ClassVar[str] = "linear"
     vectors: ClassVar[tuple[str, ...]] = ("point_i", "point_j", "normal")
-    name: str = eqx.field(static=True)
-    i: str = eqx.field(static=True)
-    j: str = eqx.field(static=True)
-    point_i: Float[Array, "2"] = eqx.field(converter=as_float)
-    point_j: Float[Array, "2"] = eqx.field(converter=as_float)
     normal: Float[Array, "2"] = eqx.field(converter=unit)
     angle: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
     guide_length: Float[Array, ""] | None = eqx.field(converter=optional_float, default=None)
@@ -191,11 +178,6 @@ class PinInSlot(AbstractPair, AbstractFrictionalJoint):
     row_kinds: ClassVar[tuple[Row, ...]] = (PERPENDICULAR,)
     slip_kind: ClassVar[str] = "linear"
     vectors: ClassVar[tuple[str, ...]] = ("point_i", "point_j", "normal")
-    name: str = eqx.field(static=True)
-    i: str = eqx.field(static=True)
-    j: str = eqx.field(static=True)
-    point_i: Float[Array, "2"] = eqx.field(converter=as_float)
-    point_j: Float[Array, "2"] = eqx.field(converter=as_float)
     normal: Float[Array, "2"] = eqx.field(converter=unit)
     friction: AbstractFrictionModel | None = None
 
@@ -224,9 +206,4 @@ class Fixed(AbstractPair):
     """
 
     row_kinds: ClassVar[tuple[Row, ...]] = (*FORCE, ANGLE)
-    name: str = eqx.field(static=True)
-    i: str = eqx.field(static=True)
-    j: str = eqx.field(static=True)
-    point_i: Float[Array, "2"] = eqx.field(converter=as_float)
-    point_j: Float[Array, "2"] = eqx.field(converter=as_float)
     angle: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)

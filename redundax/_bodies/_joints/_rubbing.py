@@ -24,7 +24,7 @@ class AbstractRubbingJoint(AbstractJoint):
     """
 
     friction: eqx.AbstractVar[AbstractFrictionModel | None]
-    slip_kinds: eqx.AbstractClassVar[tuple[Row, ...]]
+    slip_kinds: ClassVar[tuple[Row, ...]] = ()
     has_direction: ClassVar[bool] = False  # whether its slips share one friction, along their direction
     read_by_law: ClassVar[tuple[str, ...]] = ("friction",)
 
