@@ -15,7 +15,8 @@ from .._bodies._coupler import Coupler
 from .._bodies._friction_model import ConstantFriction
 from .._bodies._mechanism import Mechanism
 from .._bodies._space._body import Body
-from .._bodies._space._joints import AngleDriver, Fixed, Free, Prismatic, Revolute, Spherical, TravelDriver
+from .._bodies._space._joints._drivers import AngleDriver, TravelDriver
+from .._bodies._space._joints._pairs import Fixed, Free, Prismatic, Revolute, Spherical
 from .._bodies._space._placement import Placement
 from .._bodies._space._rotation import as_quaternion
 from .._tools._optional import optional

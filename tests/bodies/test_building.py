@@ -3,6 +3,7 @@
 import math
 import warnings
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -26,6 +27,23 @@ def residual(joint, q, t=0.0):
     )
     rows = [k for k, name in enumerate(mechanism.rows.names) if name.startswith(joint.name + ".")]
     return np.asarray(mechanism.constraint(jnp.asarray(q), jnp.asarray(t)))[rows]
+
+
+class Roller(rx.AbstractJoint):
+    """A joint of a user, with a field that joints of the library have for friction."""
+
+    row_kinds = (("y", "force"),)
+    name: str = eqx.field(static=True)
+    i: str = eqx.field(static=True)
+    j: str = eqx.field(static=True)
+    pin_radius: jax.Array = eqx.field(converter=jnp.asarray)
+
+    def residual(self, i, j, t):
+        return (i.r - j.r)[1:] - self.pin_radius
+
+
+def test_joints_of_a_user_keep_all_their_fields():
+    np.testing.assert_allclose(residual(Roller("J", "a", "b", 0.2), Q), [-0.2 - 0.7 - 0.2], rtol=1e-15)
 
 
 Q = [0.3, -0.2, 1.1, 0.7, 0.4, -0.9]  # a.x a.y b.x b.y a.phi b.phi

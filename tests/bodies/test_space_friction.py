@@ -59,6 +59,28 @@ def test_what_presses_a_bearing(name):
     np.testing.assert_allclose(pin.largest_change(-rows), pin.normal_load(rows), rtol=1e-14)
 
 
+class Shuffled(rs.AbstractFrictionalJoint):
+    """A hinge whose rows stand in another order."""
+
+    row_kinds = tuple(rs.Revolute.row_kinds[k] for k in (0, 2, 4, 1, 3))
+    coordinate_kinds = rs.Revolute.coordinate_kinds
+    slip_kind = "angular"
+    friction: rx.AbstractFrictionModel | None
+    contact: rs.AbstractContact
+    size = rs.ContactSize(jnp.asarray(LENGTH), jnp.asarray(THRUST / RADIUS))
+
+    def __init__(self):
+        self.make("pin", rx.GROUND, "a", [None, None], HERE, HERE)
+
+
+def test_what_presses_is_read_by_the_names_of_rows():
+    """Not by their places: those of the radial forces and of the moments need not be side by side."""
+    pin = rs.Revolute("pin", rx.GROUND, "a", on_i=HERE, on_j=HERE, **SIZES)
+    rows = np.array([30.0, 40.0, -WEIGHT, -40.0 * ARM, 30.0 * ARM])
+    shuffled = jnp.asarray(rows[[0, 2, 4, 1, 3]])
+    np.testing.assert_allclose(Shuffled().normal_load(shuffled), pin.normal_load(jnp.asarray(rows)), rtol=1e-14)
+
+
 def test_models_are_of_surfaces_at_the_pin():
     """Stribeck friction, with a preload."""
     model = rx.Stribeck(0.4, 0.2, 0.05, viscous=7.0, preload=25.0)

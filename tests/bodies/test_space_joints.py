@@ -96,17 +96,6 @@ def test_rows_are_rates_in_the_axes_of_the_joint(kind):
         np.testing.assert_allclose(jacobian[rows] @ rates, expected, atol=1e-13)
 
 
-@pytest.mark.parametrize("kind", PAIRS)
-def test_the_jacobian_is_that_of_the_residual_off_the_reference_pose(kind):
-    """Central differences through the retraction, a little off the manifold."""
-    mechanism = pair(kind)
-    q = mechanism.retract(mechanism.reference, jnp.asarray(0.2 * np.random.default_rng(1).normal(size=12)))
-    step = 1e-5
-    moved = [mechanism.constraint(mechanism.retract(q, d), START) for e in jnp.eye(12) for d in (step * e, -step * e)]
-    columns = [(forth - back) / (2 * step) for forth, back in zip(moved[::2], moved[1::2], strict=True)]
-    np.testing.assert_allclose(mechanism.jacobian(q, START), np.stack(columns, axis=1), atol=1e-8)
-
-
 @pytest.mark.parametrize("kind", [kind for kind in PAIRS if PAIRS[kind][2] and "Driver" not in kind])
 def test_coordinates_are_zero_at_the_reference_pose_and_move_with_the_joint(kind):
     mechanism = pair(kind)
@@ -311,6 +300,15 @@ def test_own_joint_of_ten_lines():
     np.testing.assert_allclose(found["a.x''"], -9.81 * np.sin(0.3) * np.cos(0.3), rtol=1e-12)
     grown = jax.grad(lambda g: rx.solve(mechanism_of(a, ball, g), state)["a.x''"])(-9.81)
     np.testing.assert_allclose(grown, np.sin(0.3) * np.cos(0.3), rtol=1e-9)
+
+
+def test_rows_that_are_no_components_need_a_residual():
+    class Lift(rs.AbstractPlacedJoint):
+        row_kinds = (("axial", "force"), ("height", "force"))
+
+    lift = Lift("L", "a", "ground", on_i=HERE, on_j=HERE)
+    with pytest.raises(rx.RedundaxError, match="of a `Lift` must be among .* but one is 'height'.*write `residual`"):
+        rx.Mechanism([rs.Body("a", 1.0, (0.1, 0.1, 0.1))], [lift])
 
 
 def mechanism_of(a, ball, g):

@@ -10,12 +10,12 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
-from ..._tools._module import as_float, safe_norm
+from ..._tools._module import safe_norm
 from .._law_of_time import check_distance, check_law, law_of_time
 from .._pose import Pose
-from ._base import AbstractJoint, Row
+from ._base import AbstractJoint, AbstractPointJoint, Row
 
 
 class AngleDriver(AbstractJoint):
@@ -48,7 +48,7 @@ class AngleDriver(AbstractJoint):
         return jnp.stack([i.phi - j.phi - self.angle(t)])
 
 
-class DistanceDriver(AbstractJoint):
+class DistanceDriver(AbstractPointJoint):
     """Driving constraint (2) on the distance of two points; with a constant law a massless rod.
 
     Its multiplier is the tension that holds the points together, N.
@@ -69,11 +69,6 @@ class DistanceDriver(AbstractJoint):
     """
 
     row_kinds: ClassVar[tuple[Row, ...]] = (("distance", "force"),)
-    name: str = eqx.field(static=True)
-    i: str = eqx.field(static=True)
-    j: str = eqx.field(static=True)
-    point_i: Float[Array, "2"] = eqx.field(converter=as_float)
-    point_j: Float[Array, "2"] = eqx.field(converter=as_float)
     distance: Callable[[Array], Array] = eqx.field(converter=law_of_time)
 
     def __check_init__(self) -> None:

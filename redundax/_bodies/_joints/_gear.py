@@ -39,7 +39,8 @@ from ..._tools._module import (
 )
 from .._friction_model import AbstractFrictionModel
 from .._pose import Pose
-from ._base import AbstractFrictionalJoint, Row
+from ._base import AbstractPointJoint, Row
+from ._rubbing import AbstractFrictionalJoint
 
 STANDARD_PRESSURE_ANGLE = np.pi / 9
 
@@ -56,14 +57,13 @@ def whole(value: Numbers) -> Int[Array, "..."]:
     return on_device(array.astype(np.int32))
 
 
-class AbstractMesh(AbstractFrictionalJoint):
+class AbstractMesh(AbstractPointJoint, AbstractFrictionalJoint):
     """Teeth in contact on one flank: one row whose multiplier is the force that presses them together, N."""
 
     row_kinds: ClassVar[tuple[Row, ...]] = (("teeth", "force"),)
     pushing: ClassVar[tuple[str, ...]] = ("teeth",)
     slip_kind: ClassVar[str] = "angular"
-    point_i: eqx.AbstractVar[Float[Array, "2"]]
-    point_j: eqx.AbstractVar[Float[Array, "2"]]
+    read_by_law: ClassVar[tuple[str, ...]] = ("friction", "sliding_arm")
     teeth: eqx.AbstractVar[Int[Array, "..."]]
     module: eqx.AbstractVar[Float[Array, ""]]
     pressure_angle: eqx.AbstractVar[Float[Array, ""]]
@@ -170,11 +170,6 @@ class GearPair(AbstractMesh):
     - `friction`: `Coulomb` with its coefficient mu, or another model: the mean of a tooth's way through the mesh.
     """
 
-    name: str = eqx.field(static=True)
-    i: str = eqx.field(static=True)
-    j: str = eqx.field(static=True)
-    point_i: Float[Array, "2"] = eqx.field(converter=as_float)
-    point_j: Float[Array, "2"] = eqx.field(converter=as_float)
     teeth: Int[Array, "2"] = eqx.field(converter=whole)
     module: Float[Array, ""] = eqx.field(converter=as_float)
     pressure_angle: Float[Array, ""] = eqx.field(converter=as_float, default=STANDARD_PRESSURE_ANGLE)

@@ -48,11 +48,6 @@ class RackAndPinion(AbstractMesh):
     """
 
     vectors: ClassVar[tuple[str, ...]] = ("point_i", "point_j", "normal")
-    name: str = eqx.field(static=True)
-    i: str = eqx.field(static=True)
-    j: str = eqx.field(static=True)
-    point_i: Float[Array, "2"] = eqx.field(converter=as_float)
-    point_j: Float[Array, "2"] = eqx.field(converter=as_float)
     normal: Float[Array, "2"] = eqx.field(converter=unit)
     teeth: Int[Array, ""] = eqx.field(converter=whole)
     module: Float[Array, ""] = eqx.field(converter=as_float)

@@ -100,7 +100,30 @@ class AbstractContact(eqx.Module):
         return jnp.where(sum(jnp.sum(jnp.abs(part)) for part in change) > 0, jnp.inf, 0.0)
 
 
-class EndContacts(AbstractContact):
+class AbstractTerms(AbstractContact):
+    """A contact whose normal load is a sum of terms, of which some may be left out."""
+
+    is_seminorm: ClassVar[bool] = True
+    radial: bool = eqx.field(static=True, default=True)
+    axial: bool = eqx.field(static=True, default=True)
+    bend: bool = eqx.field(static=True, default=True)
+    twist: bool = eqx.field(static=True, default=True)
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        return tuple(term for term in ("axial", "bend", "twist") if getattr(self, term))
+
+    def total(self, load: ContactLoad, size: ContactSize, *across: Array) -> Array:
+        """Sum of terms of the load square to the axis, and of those of axial force and twisting moment."""
+        terms = list(across)
+        if self.axial and size.share is not None:
+            terms.append(size.share * jnp.abs(load.axial))
+        if self.twist and size.twist_radius is not None:
+            terms.append(jnp.abs(load.twist) / size.twist_radius)
+        return functools.reduce(operator.add, terms) if terms else jnp.zeros_like(load.axial)
+
+
+class EndContacts(AbstractTerms):
     """Contact at both ends of a bearing or guide, which a moment presses to opposite sides: |N_1| + |N_2|.
 
     ??? example
@@ -114,25 +137,15 @@ class EndContacts(AbstractContact):
     - `radial`, `axial`, `bend`, `twist`: whether these loads press.
     """
 
-    is_seminorm: ClassVar[bool] = True
-    radial: bool = eqx.field(static=True, default=True)
-    axial: bool = eqx.field(static=True, default=True)
-    bend: bool = eqx.field(static=True, default=True)
-    twist: bool = eqx.field(static=True, default=True)
-
-    @property
-    def terms(self) -> tuple[str, ...]:
-        return _needs_size(self)
-
     def normal_load(self, load: ContactLoad, size: ContactSize) -> Array:
         half = load.radial / 2 if self.radial else jnp.zeros_like(load.radial)
         if not self.bend or size.length is None:
-            return _total(self, load, size, 2 * safe_norm(half))
+            return self.total(load, size, 2 * safe_norm(half))
         couple = load.bend[::-1, None] * (_COUPLE.astype(half.dtype) / size.length)
-        return _total(self, load, size, *safe_norm(half[:, None] + couple))
+        return self.total(load, size, *safe_norm(half[:, None] + couple))
 
 
-class AdditiveContact(AbstractContact):
+class AdditiveContact(AbstractTerms):
     """The sum of the sizes of force and moment, as in industrial programs: |F| + |M| / L.
 
     That is a revolute's mu (R_pin |F_radial| + R_arm |F_axial| + R_pin / L_bend |M_bend|), with R_arm its
@@ -148,31 +161,7 @@ class AdditiveContact(AbstractContact):
     **Arguments:** as of `EndContacts`.
     """
 
-    is_seminorm: ClassVar[bool] = True
-    radial: bool = eqx.field(static=True, default=True)
-    axial: bool = eqx.field(static=True, default=True)
-    bend: bool = eqx.field(static=True, default=True)
-    twist: bool = eqx.field(static=True, default=True)
-
-    @property
-    def terms(self) -> tuple[str, ...]:
-        return _needs_size(self)
-
     def normal_load(self, load: ContactLoad, size: ContactSize) -> Array:
         radial = [safe_norm(load.radial)] if self.radial else []
         bend = [safe_norm(load.bend) / size.length] if self.bend and size.length is not None else []
-        return _total(self, load, size, *radial, *bend)
-
-
-def _needs_size(contact: EndContacts | AdditiveContact) -> tuple[str, ...]:
-    return tuple(term for term in ("axial", "bend", "twist") if getattr(contact, term))
-
-
-def _total(contact: EndContacts | AdditiveContact, load: ContactLoad, size: ContactSize, *across: Array) -> Array:
-    """Sum of terms of the load square to the axis, and of those of axial force and twisting moment."""
-    terms = list(across)
-    if contact.axial and size.share is not None:
-        terms.append(size.share * jnp.abs(load.axial))
-    if contact.twist and size.twist_radius is not None:
-        terms.append(jnp.abs(load.twist) / size.twist_radius)
-    return functools.reduce(operator.add, terms) if terms else jnp.zeros_like(load.axial)
+        return self.total(load, size, *radial, *bend)

@@ -9,7 +9,6 @@ amplitudes z of a state s are the same self-stress in all of them.
 
 import dataclasses
 
-import equinox as eqx
 import numpy as np
 
 from ..._bodies._mechanism import Mechanism
@@ -72,10 +71,10 @@ def _arms(system: AbstractSystem, length: float) -> np.ndarray:
         return np.full(len(system.rows), length)
     arms = np.full(len(system.rows), length)
     for stack, rows in zip(system.joints, system.rows_of_joints, strict=True):
-        guide = getattr(stack.element, "guide_length", None)
-        if eqx.is_array(guide):
-            guide = np.asarray(guide)
-            arms[rows] = np.where(guide > 0, guide, length).reshape(-1, 1)
+        arm = stack.element.moment_arm()
+        if arm is not None:
+            arm = np.asarray(arm)
+            arms[rows] = np.where(arm > 0, arm, length).reshape(-1, 1)
     return arms
 
 

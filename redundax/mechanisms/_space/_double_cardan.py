@@ -11,7 +11,8 @@ from jax.typing import ArrayLike
 
 from ..._bodies._body import GROUND
 from ..._bodies._mechanism import Mechanism
-from ..._bodies._space._joints import Revolute, Universal
+from ..._bodies._space._joints._pairs import Revolute
+from ..._bodies._space._joints._universal import Universal
 from ..._system._units import Units
 from ..._tools._module import floats, numpy_of
 from ._parts import bar

@@ -11,7 +11,7 @@ from jax.typing import ArrayLike
 from ..._bodies._body import GROUND
 from ..._bodies._mechanism import Mechanism
 from ..._bodies._space._body import Body
-from ..._bodies._space._joints import Prismatic, Revolute
+from ..._bodies._space._joints._pairs import Prismatic, Revolute
 from ..._bodies._space._loads import SpringDamper
 from ..._bodies._space._rotation import axes_along
 from ..._system._units import Units

@@ -9,7 +9,7 @@ from typing import Any
 
 from ..._bodies._body import GROUND
 from ..._bodies._space._body import Body
-from ..._bodies._space._joints import Revolute
+from ..._bodies._space._joints._pairs import Revolute
 from ..._bodies._space._rotation import axes_along
 from ..._tools._module import Numbers, floats, numpy_of
 

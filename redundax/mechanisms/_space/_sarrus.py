@@ -11,7 +11,7 @@ from jax.typing import ArrayLike
 from ..._bodies._body import GROUND
 from ..._bodies._mechanism import Mechanism
 from ..._bodies._space._body import Body
-from ..._bodies._space._joints import Revolute
+from ..._bodies._space._joints._pairs import Revolute
 from ..._system._units import Units
 from ..._tools._module import Numbers, floats, numpy_of
 from ._parts import bar

@@ -30,12 +30,13 @@ class Joint:
     """A joint: `on_i` and `on_j` are its points on the two bodies, `spot` is where its symbol and name belong.
 
     `axis` is the unit vector along its guide, `length` the guide's length and `ratio` that of a coupling of angles,
-    where the joint has such a thing, and `mesh` its teeth; `pointed` is whether it has a point. `group` and `member`
-    say where in the mechanism's stacks it lies.
+    where the joint has such a thing, and `mesh` its teeth; `pointed` is whether it has a point. `locks` are the names
+    of its rows. `group` and `member` say where in the mechanism's stacks it lies.
     """
 
     name: str
     kind: type
+    locks: frozenset[str]
     group: int
     member: int
     i: int
@@ -152,20 +153,22 @@ def _joints(mechanism: Mechanism, group: int, r: np.ndarray, phi: np.ndarray) ->
     element, i, j = stack.element, np.asarray(stack.i), np.asarray(stack.j)
     ground = len(r) - 1
     meshes = meshes_of(stack, r, phi)
-    on_i, on_j = _points(element, "point_i", i, r, phi), _points(element, "point_j", j, r, phi)
+    on_i, on_j = (_points(element.point_on(end), body, r, phi) for end, body in (("i", i), ("j", j)))
     pointed = on_i is not None or on_j is not None
     # The ground has no centre to show a joint at; a point of the other body does.
     on_i = on_j if on_i is None and on_j is not None else on_i
     on_i = np.where((i == ground)[:, None], r[j], r[i]) if on_i is None else on_i
     on_j = np.where((j == ground)[:, None], on_i, r[j]) if on_j is None else on_j
-    normal = _field(element, "normal", (2,))
+    normal = _stacked(element.directions().get("j"), (2,))
     axis = None if normal is None else turned(np.stack([normal[:, 1], -normal[:, 0]], 1), phi[j])
-    length, ratio = _field(element, "guide_length", ()), _field(element, "ratio", ())
+    length = _stacked(element.moment_arm(), ())
+    ratio = _stacked(element.ratio, ()) if isinstance(element, AngleCoupling) else None
     names = mechanism.names.joints[group]
     return [
         Joint(
             name=names[k],
             kind=type(element),
+            locks=frozenset(name for name, _ in element.row_kinds),
             group=group,
             member=k,
             i=int(i[k]),
@@ -240,8 +243,8 @@ def _loads(
 ) -> list[Load]:
     kind, ground = type(stack.element), len(r) - 1
     bodies_i, bodies_j = np.asarray(stack.i), np.asarray(stack.j)
-    on_i = _points(stack.element, "point_i", bodies_i, r, phi)
-    on_j = _points(stack.element, "point_j", bodies_j, r, phi)
+    on_i = _points(stack.element.point_on("i"), bodies_i, r, phi)
+    on_j = _points(stack.element.point_on("j"), bodies_j, r, phi)
     if kind is SpringDamper and on_i is not None and on_j is not None:
         stiff = np.asarray(stack.element.stiffness) != 0
         return [
@@ -260,7 +263,7 @@ def _applied(mechanism: Mechanism, stack: Any, state: State, r: np.ndarray, phi:
     ground, out = len(r) - 1, []
     for bodies, wrench in zip((stack.i, stack.j), load_wrenches(mechanism, stack, state), strict=True):
         bodies, force, moment = np.asarray(bodies), np.asarray(wrench.force), np.asarray(wrench.moment)
-        points = _points(stack.element, "point", bodies, r, phi)
+        points = _points(getattr(stack.element, "point", None), bodies, r, phi)
         for k, body in enumerate(bodies):
             if body == ground or not (np.any(force[k]) or moment[k]):
                 continue
@@ -271,14 +274,11 @@ def _applied(mechanism: Mechanism, stack: Any, state: State, r: np.ndarray, phi:
     return out
 
 
-def _field(element: Any, name: str, shape: tuple[int, ...]) -> np.ndarray | None:
-    """A field of stacked elements as an array with a leading axis over them, if it is there in that shape."""
-    value = getattr(element, name, None)
-    if value is None or not hasattr(value, "shape") or tuple(value.shape[1:]) != shape or value.ndim == 0:
-        return None
-    return np.asarray(value, float)
+def _stacked(value: Any, shape: tuple[int, ...]) -> np.ndarray | None:
+    """Values of stacked elements as an array with a leading axis over them, if they are there in that shape."""
+    return np.asarray(value, float) if value is not None and np.shape(value)[1:] == shape else None
 
 
-def _points(element: Any, name: str, bodies: np.ndarray, r: np.ndarray, phi: np.ndarray) -> np.ndarray | None:
-    local = _field(element, name, (2,))
+def _points(local: Any, bodies: np.ndarray, r: np.ndarray, phi: np.ndarray) -> np.ndarray | None:
+    local = _stacked(local, (2,))
     return None if local is None else r[bodies] + turned(local, phi[bodies])

@@ -10,7 +10,7 @@ from ...._bodies._reactions import load_wrenches
 from ...._bodies._space._loads import AppliedForce, Bushing, SpringDamper, TorsionSpring
 from ...._system._state import State
 from .._scene import joining
-from ._fields import field, points_of
+from ._fields import points_of, stacked
 from ._joint import SpaceJoint
 
 _SPRINGS = (SpringDamper, TorsionSpring, Bushing)
@@ -45,8 +45,8 @@ def space_loads(
     element, i, j, ground = stack.element, np.asarray(stack.i), np.asarray(stack.j), len(r) - 1
     if not isinstance(element, _SPRINGS):
         return _applied(mechanism, stack, state, bodies)
-    turns, stiffness, out = field(element, "axes_j", (3, 3)), field(element, "stiffness", ()), []
-    on_i, on_j = (points_of(element, f"point_{end}", body, r, axes) for end, body in (("i", i), ("j", j)))
+    turns, stiffness, out = stacked(element.axes_on("j"), (3, 3)), getattr(element, "stiffness", None), []
+    on_i, on_j = (points_of(element.point_on(end), body, r, axes) for end, body in (("i", i), ("j", j)))
     for k, (one, other) in enumerate(zip(i, j, strict=True)):
         spot = _pin(int(one), int(other), joints, centres)
         a, b = spot if on_i is None else on_i[k], spot if on_j is None else on_j[k]
@@ -69,7 +69,7 @@ def _applied(
     (r, axes, centres), out = bodies, []
     for which, wrench in zip((stack.i, stack.j), load_wrenches(mechanism, stack, state), strict=True):
         own, force, moment = np.asarray(which), np.asarray(wrench.force, float), np.asarray(wrench.moment, float)
-        points = points_of(stack.element, "point", own, r, axes)
+        points = points_of(getattr(stack.element, "point", None), own, r, axes)
         for k, body in enumerate(own):
             if body == len(centres) or not (np.any(force[k]) or np.any(moment[k])):
                 continue

@@ -11,12 +11,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...._bodies._mechanism import Mechanism
+from ...._bodies._space._joints._gear import Gear
 from ...._bodies._space._pose import Pose
 from ...._system._state import State
 from ...._system._units import StatedUnits
 from ...._tools._compilation import compiled
 from .._scene import by_body, spacing
-from ._fields import field, points_of
+from ._fields import points_of, stacked
 from ._joint import SpaceJoint
 from ._loads import SpaceLoad, space_loads
 from ._view import View
@@ -127,20 +128,22 @@ def _joints(
     stack = mechanism.joints[group]
     element, bodies = stack.element, (np.asarray(stack.i), np.asarray(stack.j))
     ground = len(r) - 1
-    on_i, on_j = (points_of(element, f"point_{end}", body, r, axes) for end, body in zip("ij", bodies, strict=True))
+    on_i, on_j = (points_of(element.point_on(end), body, r, axes) for end, body in zip("ij", bodies, strict=True))
     if on_i is None or on_j is None:  # a joint of the user's: the bodies, or the one that moves, say where it is
         at = [centres[i if j == ground else j] for i, j in zip(*bodies, strict=True)]
         first = [centres[j if i == ground else i] for i, j in zip(*bodies, strict=True)]
         on_i, on_j = np.array(first if on_i is None else on_i), np.array(at if on_j is None else on_j)
-    turns = [field(element, f"axes_{end}", (3, 3)) for end in "ij"]
+    turns = [stacked(element.axes_on(end), (3, 3)) for end in "ij"]
     ends = [axes[body] if turn is None else axes[body] @ turn for turn, body in zip(turns, bodies, strict=True)]
-    teeth, out = field(element, "teeth", (2,)), []
+    teeth, out = stacked(element.teeth, (2,)) if isinstance(element, Gear) else None, []
+    slides = "travel" in dict(element.coordinate_kinds)
+    own = frozenset(name for name, _ in element.row_kinds), slides, bool(element.directions())
     for k, name in enumerate(mechanism.names.joints[group]):
         place = (on_i[k] + on_j[k]) / 2 if turns[0] is None or teeth is not None else on_i[k]
         out.append(
             SpaceJoint(
                 name, type(element), int(bodies[0][k]), int(bodies[1][k]), on_i[k], on_j[k], ends[0][k], ends[1][k],
-                place, view.flat(place), None if teeth is None else teeth[k],
+                place, view.flat(place), *own, None if teeth is None else teeth[k],
             )
         )  # fmt: skip
     return out
