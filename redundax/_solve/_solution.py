@@ -9,6 +9,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._equations._evidence import Violation
 from .._equations._rank import Spectrum
+from .._system._contact import Contact, words
 from .._system._joint_coordinates import JointMotion, joint_motion, joint_reactions
 from .._system._named import AbstractNamed
 from .._system._pages import further, notes, numbers_of, outcome, ranges_of, values_of
@@ -85,6 +86,7 @@ class Solution(AbstractNamed):
       touches, which are unbounded beside it or whose limit is not known.
     - `stats`: the evidence.
     - `state`: the state, where `solve` gives the solution.
+    - `contact`: what one-sided contacts do, as the numbers of `contacts`; None where there are none.
     - `names`: what is called how.
     - `joint_coordinates`: what the angles of revolutes and the travels of sliders, of body i relative to body j, are
       computed from when they are asked for by name, or by `joints`.
@@ -105,6 +107,7 @@ class Solution(AbstractNamed):
     result: RESULTS
     stats: Stats
     state: State | None = eqx.field(default=None, repr=False, kw_only=True)
+    contact: Int[Array, " c"] | None = eqx.field(default=None, repr=False, kw_only=True)
 
     @property
     def q(self) -> Float[Array, "..."]:
@@ -134,6 +137,14 @@ class Solution(AbstractNamed):
         Their names are "A force x on crank", "A force y on crank" and "A moment on crank".
         """
         return joint_reactions(self.joint_coordinates, self._at, self.multipliers)
+
+    @property
+    def contacts(self) -> dict[str, Contact | np.ndarray]:
+        """What each one-sided contact does, by the name of its joint or row: "carries", "touches" (closed without
+        load), "lifts" or "open"; of a batch arrays of words."""
+        if self.contact is None or self.names is None:
+            return {}
+        return words(self.contact, self.names.contacts)
 
     @property
     def pulling(self) -> tuple[str, ...]:

@@ -34,7 +34,7 @@ from .._tools._table import are_known, page
 from ._axis import Axis, axis
 from ._friction import AbstractFriction, slip_kinds
 from ._joint_coordinates import AbstractJointCoordinates, NoJointCoordinates, joint_motion
-from ._names import Names
+from ._names import Names, index_of
 from ._pages import notes, values_of
 from ._state import State
 from ._units import Units, of_model
@@ -243,6 +243,8 @@ class System(AbstractSystem):
     - `n`, `m`: numbers of velocities and rows; needed only where `mass` is a function or kinds are one word
       and cannot be counted (`n` defaults to the size of `mass`, `m` to a trial evaluation at q = 0).
     - `units`: those of all figures, as factors from SI, as for a `Mechanism`; shown nowhere if not given.
+    - `one_sided`: names or numbers of rows whose contacts only push: their multiplier is positive or zero, their gap is
+      -Phi, and where one would pull it opens.
     """
 
     _names: Names = eqx.field(static=True)
@@ -267,6 +269,7 @@ class System(AbstractSystem):
         n: int | None = None,
         m: int | None = None,
         units: Units | None = None,
+        one_sided: Sequence[str | int] = (),
     ):
         self.parameters = as_parameters(parameters)
         self._constraint, self._load, self._retraction = map(as_functions, (constraint, load, retraction))
@@ -301,7 +304,10 @@ class System(AbstractSystem):
                     f"Argument `rows` of the friction must hold indices of the {m} constraint rows, but holds "
                     f"{np.asarray(group.rows).ravel().tolist()}. Count from 0."
                 )
-        self._names = Names(coordinates, rows, units=of_model(units), adds=retraction is None)
+        contacts = tuple(sorted(_index(row, rows) for row in one_sided))
+        self._names = Names(
+            coordinates, rows, pushing=contacts, one_sided=contacts, units=of_model(units), adds=retraction is None
+        )
         if not len(self.rows):
             raise RedundaxError(
                 "Argument `constraint` must give at least one residual, but gives none. "
@@ -358,6 +364,18 @@ class System(AbstractSystem):
     @property
     def adds(self) -> bool:
         return self._retraction is None
+
+
+def _index(row: str | int, rows: Axis) -> int:
+    """The number of a row of `one_sided`."""
+    if isinstance(row, str):
+        return index_of("one_sided", row, rows.labels, " of rows")
+    if not 0 <= row < len(rows):
+        raise RedundaxError(
+            f"Argument `one_sided` must hold names of rows or their numbers from 0 to {len(rows) - 1}, but holds {row}."
+            " Count from 0."
+        )
+    return int(row)
 
 
 def _count(kinds: Any) -> int | None:

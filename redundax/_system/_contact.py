@@ -1,0 +1,28 @@
+"""What a one-sided contact does, in words."""
+
+import enum
+from typing import Any
+
+import numpy as np
+
+
+class Contact(enum.StrEnum):
+    """What a one-sided contact does."""
+
+    open = "open"  # there is a gap
+    lifts = "lifts"  # it opens
+    touches = "touches"  # closed without load
+    carries = "carries"
+
+
+_WORDS = tuple(Contact)
+
+
+def words(codes: Any, names: tuple[str, ...]) -> dict[str, Any]:
+    """What contacts do, by name; of a batch arrays of words."""
+    table = np.array([str(word) for word in _WORDS])
+    columns = np.moveaxis(np.asarray(codes), -1, 0)
+    return {
+        name: _WORDS[int(column)] if column.ndim == 0 else table[column]
+        for name, column in zip(names, columns, strict=True)
+    }
