@@ -23,7 +23,6 @@ from jaxtyping import Array, Bool, Float, Int
 from .._closures._closure import Elasticity
 from .._equations._factorisation import Factorisation, factorised
 from .._equations._kinematics import Model, model_at
-from .._equations._opened import Opened
 from .._equations._scaling import Scaling, largest_violation, scaling
 from .._system._results import RESULTS, differs
 from .._system._state import State
@@ -75,7 +74,7 @@ def active_set(system: AbstractSystem, state: State, elasticity: Elasticity, sol
     most = 8 * rows.size + 8
 
     def body(step: _Step) -> _Step:
-        opened = Opened(system, xp.asarray(step.kept, state.qd.dtype))
+        opened = system.opened(step.kept)
         factor = factorised(opened, state, None)
         solution = solved(opened, state, factor, without_rows(elasticity, step.kept))
         wrong, does = _signs(rows, closed, step.kept, (model, scales), factor, solution, elasticity)

@@ -28,7 +28,6 @@ from .._closures._unit_check import check_units
 from .._equations._culprits import thrown
 from .._equations._factorisation import factorised
 from .._equations._factorize import AnyFactorisation, dense_at, factorisation_at
-from .._equations._opened import Opened
 from .._equations._response import Response, times
 from .._solvers._continuation import Continuation
 from .._solvers._friction_problem import FrictionProblem
@@ -189,7 +188,7 @@ def _with_contacts(
         at = as_numbers(state) if known else state
         chosen = elasticity(closure, system, at)
         found = active_set(system, at, chosen, solved)
-        opened = Opened(system, xp.asarray(found.kept, state.qd.dtype))
+        opened = system.opened(found.kept)
         factor = factorised(opened, at, None)
         solution = solved(opened, at, factor, without_rows(chosen, found.kept), *given)
     arrays = (solution.acceleration, solution.multipliers, solution.friction)

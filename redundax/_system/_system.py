@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Bool, Float, PyTree
 
 from .._sparse._plan import Plan
 from .._tools._errors import RedundaxError
@@ -202,6 +202,17 @@ class AbstractSystem(eqx.Module):
         """Coordinates that joints have; none unless a system says so."""
         return NoJointCoordinates()
 
+    def opened(self, kept: Bool[Array, " m"]) -> Self:
+        """The same without the rows of contacts that are not `kept`.
+
+        They become rows of zeros, so that programs keep their shapes: these add nothing to the rank, and the multiplier
+        of each is a self-stress by itself.
+        """
+        raise RedundaxError(
+            f"Argument `system` has one-sided contacts, but a {type(self).__name__} cannot open them. Give a "
+            "`Mechanism` or a `System`."
+        )
+
     @property
     @abc.abstractmethod
     def anonymous(self) -> Self:
@@ -254,6 +265,7 @@ class System(AbstractSystem):
     _constraint: Callable[..., Array]
     _load: Callable[..., Array] | None
     _retraction: Callable[..., Array] | None
+    _kept: Bool[Array, " m"] | None
 
     def __init__(
         self,
@@ -271,7 +283,7 @@ class System(AbstractSystem):
         units: Units | None = None,
         one_sided: Sequence[str | int] = (),
     ):
-        self.parameters = as_parameters(parameters)
+        self.parameters, self._kept = as_parameters(parameters), None
         self._constraint, self._load, self._retraction = map(as_functions, (constraint, load, retraction))
         self._mass = as_functions(mass) if callable(mass) else as_float(mass)
         if n is None:
@@ -351,7 +363,10 @@ class System(AbstractSystem):
         return jnp.diag(value) if value.ndim == 1 else value
 
     def constraint(self, q: Array, t: Array) -> Float[Array, " m"]:
-        return self._constraint(q, t, self.parameters)
+        return among(self._kept, self._constraint(q, t, self.parameters))
+
+    def opened(self, kept: Array) -> Self:
+        return replace_fields(self, _kept=kept)
 
     def load(self, state: State) -> Float[Array, " n"]:
         if self._load is None:
@@ -364,6 +379,11 @@ class System(AbstractSystem):
     @property
     def adds(self) -> bool:
         return self._retraction is None
+
+
+def among(kept: Bool[Array, " m"] | None, rows: Float[Array, "m ..."]) -> Float[Array, "m ..."]:
+    """What rows have, and zeros of those that are not kept; where none is left out, all of them."""
+    return rows if kept is None else jnp.where(kept.reshape(-1, *(1,) * (rows.ndim - 1)), rows, 0.0)
 
 
 def _index(row: str | int, rows: Axis) -> int:

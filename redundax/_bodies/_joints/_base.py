@@ -52,6 +52,7 @@ class AbstractJoint(AbstractBetweenBodies):
     row_kinds: eqx.AbstractClassVar[tuple[Row, ...]]
     frame: ClassVar[AbstractFrame] = PLANE
     pushing: ClassVar[tuple[str, ...]] = ()
+    one_sided: ClassVar[bool] = False  # whether its pushing rows open where they would pull
     has_spin: ClassVar[bool] = False  # whether it leaves all turns in space free, which have no coordinate
     name: eqx.AbstractVar[str]
 
