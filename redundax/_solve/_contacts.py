@@ -14,6 +14,7 @@ none. A row that does not push is left out of Phi, and all else is solved as it 
 principal pivoting, which ends at the one answer that there is without friction).
 """
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -27,6 +28,7 @@ from .._equations._scaling import Scaling, largest_violation, scaling
 from .._system._results import RESULTS, differs
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._module import replace_fields
 from .._tools._numbers import stop_gradient, take, while_loop, xp
 
 _CLEAR = 1e-9  # a share of the largest force or acceleration that is a sign, and no rounding of a solve
@@ -49,6 +51,12 @@ def without_rows(elasticity: Elasticity, kept: Bool[Array, " m"]) -> Elasticity:
     alone = xp.where(own > 0, own, 1.0)
     both = kept[:, None] & kept
     return Elasticity(xp.where(both, compliance, xp.diag(xp.where(kept, 0.0, alone))), xp.where(kept, misfit, 0.0))
+
+
+def as_held(system: AbstractSystem, kept: Bool[Array, " m"]) -> AbstractSystem:
+    """The system whose kept contacts hold both ways, and whose others are open."""
+    names = dataclasses.replace(system.names, pushing=(), one_sided=())
+    return replace_fields(system, _names=names).opened(xp.asarray(kept))
 
 
 class _Step(NamedTuple):

@@ -16,6 +16,7 @@ class Contact(enum.StrEnum):
 
 
 _WORDS = tuple(Contact)
+LEFT_OUT = tuple(_WORDS.index(word) for word in (Contact.open, Contact.lifts))  # codes of what carries in no solution
 
 
 def words(codes: Any, names: tuple[str, ...]) -> dict[str, Any]:
