@@ -24,7 +24,7 @@ class AbstractBody(eqx.Module):
 
     def __check_init__(self) -> None:
         check_kind("name", self.name, str, "a word", "Give text in quotes.")
-        check_figures(self, f"body '{self.name}'")
+        check_figures(self, f"body '{self.name}'", ())
 
     @property
     @abc.abstractmethod

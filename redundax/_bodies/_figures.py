@@ -9,14 +9,12 @@ import equinox as eqx
 from .._tools._errors import RedundaxError
 from .._tools._module import finite
 
-_OF_FRICTION = ("pin_radius", "sliding_arm")  # as coefficients are, of which NaN gives results that say so
 
-
-def check_figures(part: eqx.Module, owner: str) -> None:
-    """Refuse numbers of a part that are not finite; `owner` is what the part is called."""
+def check_figures(part: eqx.Module, owner: str, but: Sequence[str]) -> None:
+    """Refuse numbers of a part that are not finite, `but` some fields; `owner` is what the part is called."""
     for field in dataclasses.fields(part):
         value = getattr(part, field.name)
-        if eqx.is_inexact_array(value) and field.name not in _OF_FRICTION:
+        if eqx.is_inexact_array(value) and field.name not in but:
             finite(field.name, value, owner)
 
 

@@ -111,10 +111,8 @@ def _of_one(
     (pose_i, of_j), pose_j = i, j[0]
     origin = jnp.zeros(len(frame.linear), pose_i.r.dtype)
     on_i, on_j = jnp.split(joint.jacobian(pose_i, pose_j, t).T, 2)
-    ends = (
-        (pose_i, on_i, getattr(joint, "point_i", origin)),
-        (pose_j, on_j, getattr(joint, "point_j", origin)),
-    )
+    points = (origin if own is None else own for own in (joint.point_on("i"), joint.point_on("j")))
+    ends = zip((pose_i, pose_j), (on_i, on_j), points, strict=True)
     pose, by_row, point = jax.tree.map(lambda one, other: jnp.where(of_j, other, one), *ends)
     force, moment, arm = frame.reactions(pose, -by_row, point)
     whole = jnp.linalg.norm(force, axis=0)

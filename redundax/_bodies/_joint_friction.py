@@ -18,20 +18,21 @@ from .._system._state import State
 from .._tools._module import as_functions, replace_fields, tree_take
 from ._frame import AbstractFrame
 from ._friction_model import AbstractFrictionModel
-from ._joints import AbstractJoint
-from ._slip_directions import scattered
+from ._joints import AbstractJoint, AbstractRubbingJoint
 from ._stack import Stack, indices, kinds, stacked
-from ._vector_friction import VectorFriction
 
 
 class JointFriction(AbstractFriction):
-    """Friction of one model in frictional joints of one kind, between bodies of a frame with their centres of mass."""
+    """Friction of one model in joints of one kind, between bodies of a frame with their centres of mass.
+
+    An internal state has a leading axis over the joints, and another over the slips of each where they are several.
+    """
 
     frame: AbstractFrame = eqx.field(static=True)
     centres: Float[Array, "bodies axes"] | None
     joints: Stack[Any]
     model: AbstractFrictionModel
-    rows: Int[Array, "p rows"]
+    rows: Int[Array, "joints rows"]
     slips: Axis = eqx.field(static=True)
 
     @property
@@ -40,9 +41,26 @@ class JointFriction(AbstractFriction):
         return self.model.has_sense
 
     @property
+    def has_direction(self) -> bool:
+        """As the joints have."""
+        return self.joints.element.has_direction
+
+    @property
     def has_convex_limits(self) -> bool:
         """Where normal loads are seminorms, and the model proportional to them."""
         return self.model.is_proportional and self.joints.element.has_convex_load
+
+    @property
+    def width(self) -> int:
+        """Slips of a joint."""
+        return len(self.joints.element.slip_kinds)
+
+    @property
+    def arms(self) -> Float[Array, " p"]:
+        """As the joints have, where their slips share one friction."""
+        if not self.has_direction:
+            return jnp.ones(len(self.slips))
+        return eqx.filter_vmap(lambda joint: joint.arms)(self.joints.element).ravel()
 
     @property
     def anonymous(self) -> Self:
@@ -50,57 +68,59 @@ class JointFriction(AbstractFriction):
 
     def apart(self, memory: PyTree) -> tuple[tuple[AbstractFriction, PyTree], ...]:
         def joint(k: int) -> tuple[AbstractFriction, PyTree]:
-            parts = self.joints, self.model, self.rows, memory
+            parts, slips = (self.joints, self.model, self.rows, memory), slice(k * self.width, (k + 1) * self.width)
             joints, model, rows, own = jax.tree.map(lambda x: x[k : k + 1] if eqx.is_array(x) else x, parts)
-            slips = Axis(None, self.slips.kinds[k : k + 1])
-            return replace_fields(self, joints=joints, model=model, rows=rows, slips=slips), own
+            kinds = Axis(None, self.slips.kinds[slips])
+            return replace_fields(self, joints=joints, model=model, rows=rows, slips=kinds), own
 
-        return tuple(joint(k) for k in range(len(self.slips)))
+        return tuple(joint(k) for k in range(len(self.slips) // self.width))
 
     def slip(self, q: Array, t: Array) -> Array:
         return self.slip_at(self.frame.poses(self.centres, q))
 
     def slip_at(self, poses: Any, relative: Any = None) -> Float[Array, " p"]:
         """`slip` at poses of all bodies, or at what the joints are functions of."""
-        return self.joints.over(lambda joint, i, j: joint.slip(i, j), poses, relative)
+        return self.joints.over(lambda joint, i, j: joint.slips(i, j), poses, relative).ravel()
 
     def directions_at(self, poses: Any) -> Float[Array, "n p"]:
-        """E at poses of all bodies."""
-        own = self.joints.over(
-            lambda joint, i, j: joint.by_velocities(lambda *ends: joint.slip(*ends)[None], i, j), poses
-        )
-        return scattered(self.frame, self.joints, own, poses)
+        """E at poses of all bodies, of which the ground has no velocities."""
+        own = self.joints.over(lambda joint, i, j: joint.by_velocities(joint.slips, i, j), poses)
+        bodies = jnp.arange(poses.r.shape[0] - 1)[:, None, None]
+        ends = zip((self.joints.i, self.joints.j), jnp.split(own, 2, axis=-1), strict=True)
+        on_i, on_j = (jnp.where((end[:, None] == bodies)[..., None], part, 0.0) for end, part in ends)
+        whole = jnp.moveaxis(on_i + on_j, -1, 1)  # bodies, velocities, joints, slips
+        axes = len(self.frame.linear)
+        parts = whole[:, :axes], whole[:, axes:]
+        return jnp.concatenate([part.reshape(-1, own.shape[0] * own.shape[1]) for part in parts])
 
     def force(self, loads: Array, rate: Array, sense: Array, memory: PyTree, state: State) -> Array:
-        return eqx.filter_vmap(lambda model, *args: model.force(*args))(
-            self.model, self._normal(loads, state), rate, sense, memory
-        )
+        rate, sense = self._by_joint(rate), self._by_joint(sense)
+        return self._over(lambda joint, *own: joint.forces(*own), state, loads, rate, sense, memory)
 
     def largest_change(self, change: Array, rate: Array, memory: PyTree, state: State) -> Array:
-        slope = eqx.filter_vmap(lambda model, *args: model.slope_bound(*args))(self.model, rate, memory)
-        if not self.model.depends_on_load:
-            return jnp.zeros_like(slope)
-        load = self._of_loads(lambda joint, *own: joint.largest_change(*own), change, state)
-        return jnp.where(slope == 0, 0.0, slope * load)
+        rate = self._by_joint(rate)
+        return self._over(lambda joint, *own: joint.largest_changes(*own), state, change, rate, memory)
 
     def memory_size(self) -> PyTree:
-        return eqx.filter_vmap(lambda model: model.memory_size())(self.model)
+        sizes = eqx.filter_vmap(lambda model: model.memory_size())(self.model)
+        return sizes if self.width == 1 else jax.tree.map(lambda x: jnp.repeat(x[:, None], self.width, axis=1), sizes)
 
     def memory_rate(self, rate: Array, memory: PyTree, state: State) -> PyTree:
-        return eqx.filter_vmap(lambda model, *args: model.memory_rate(*args))(self.model, rate, memory)
+        if memory is None:
+            return None
+        over = eqx.filter_vmap(lambda joint, *own: joint.memory_rates(*own))
+        return over(self.joints.element, self.model, self._by_joint(rate), memory)
 
-    def _normal(self, loads: Array, state: State) -> Array:
-        if not self.model.depends_on_load:
-            return jnp.zeros(loads.shape[:1], loads.dtype)
-        return self._of_loads(lambda joint, *own: joint.normal_load(*own), loads, state)
+    def _by_joint(self, slips: Array) -> Array:
+        return slips.reshape(-1, self.width)
 
-    def _of_loads(self, function: Callable[..., Array], loads: Array, state: State) -> Array:
-        """A function of joint and loads, and of the poses of both bodies where it reads them."""
-        if not self.joints.element.reads_pose:
-            return eqx.filter_vmap(function)(self.joints.element, loads)
-        bodies = self.frame.poses(self.centres, state.q)
-        ends = tree_take(bodies, self.joints.i), tree_take(bodies, self.joints.j)
-        return eqx.filter_vmap(function)(self.joints.element, loads, ends)
+    def _over(self, function: Callable[..., Array], state: State, *arguments: Any) -> Array:
+        """A function of joint, model, poses of both bodies where it reads them, and arguments of each joint."""
+        ends = None
+        if self.joints.element.reads_pose:
+            bodies = self.frame.poses(self.centres, state.q)
+            ends = tree_take(bodies, self.joints.i), tree_take(bodies, self.joints.j)
+        return eqx.filter_vmap(function)(self.joints.element, self.model, ends, *arguments).ravel()
 
 
 class FrictionMembers(eqx.Module):
@@ -113,35 +133,31 @@ class FrictionMembers(eqx.Module):
     slips: Axis = eqx.field(static=True)
 
     @property
-    def is_scalar(self) -> bool:
-        """Whether a joint has one slip."""
-        return len(self.slips) == len(self.rows)
-
-    @property
     def joints(self) -> list[str]:
         """Names of the joints."""
-        labels = self.slips.labels[:: max(1, len(self.slips) // len(self.rows))]
-        return [label if self.is_scalar else label.rpartition(".")[0] for label in labels]
+        width = len(self.slips) // len(self.rows)
+        return [label if width == 1 else label.rpartition(".")[0] for label in self.slips.labels[::width]]
 
     def of_stack(self, parts: Sequence[Any]) -> Any:
         """What these joints have, of parts that the stacks of joints have; None where theirs is."""
         own = parts[self.kind]
         return own if own is None or self.members is None else tree_take(own, self.members)
 
-    def of(
-        self, joints: Sequence[Stack], frame: AbstractFrame, centres: Array | None
-    ) -> "JointFriction | VectorFriction":
+    def of(self, joints: Sequence[Stack], frame: AbstractFrame, centres: Array | None) -> JointFriction:
         """The friction group, given the stacks of joints, and frame and centres of the bodies."""
         stack = joints[self.kind]
         some = stack if self.members is None else stack.take(self.members)
-        kind = VectorFriction if hasattr(stack.element, "slip_kinds") else JointFriction
-        return kind(frame=frame, centres=centres, joints=some, model=self.model, rows=self.rows, slips=self.slips)
+        return JointFriction(
+            frame=frame, centres=centres, joints=some, model=self.model, rows=self.rows, slips=self.slips
+        )
 
 
 def friction_members(kind: int, joints: Sequence[AbstractJoint], places: np.ndarray) -> list[FrictionMembers]:
     """Members of one kind of joint that have friction, model by model; `places` are their rows, (members, rows)."""
-    frictional: dict[int, tuple[Any, AbstractFrictionModel]] = {
-        k: (joint, as_functions(joint.law)) for k, joint in enumerate(joints) if joint.law is not None
+    frictional: dict[int, tuple[AbstractRubbingJoint, AbstractFrictionModel]] = {
+        k: (joint, as_functions(joint.law))
+        for k, joint in enumerate(joints)
+        if isinstance(joint, AbstractRubbingJoint) and joint.law is not None
     }
     out = []
     for group in kinds([model for _, model in frictional.values()]):
@@ -154,10 +170,7 @@ def friction_members(kind: int, joints: Sequence[AbstractJoint], places: np.ndar
     return out
 
 
-def _slips(joints: Sequence[Any]) -> Axis:
-    """Names and kinds of the slips of joints of a kind: the name of a joint with one slip, "name.slip" of others."""
-    kinds = getattr(joints[0], "slip_kinds", None)
-    if kinds is None:
-        return Axis(tuple(joint.name for joint in joints), (joints[0].slip_kind,) * len(joints))
-    named = [(f"{joint.name}.{slip}", kind) for joint in joints for slip, kind in kinds]
-    return Axis(tuple(name for name, _ in named), tuple(kind for _, kind in named))
+def _slips(joints: Sequence[AbstractRubbingJoint]) -> Axis:
+    """Names and kinds of their slips: the name of a joint with one slip, "name.slip" of others."""
+    named = [(joint.name, *slip) for joint in joints for slip in joint.slip_kinds]
+    return Axis(tuple(f"{name}.{slip}" if slip else name for name, slip, _ in named), tuple(k for *_, k in named))

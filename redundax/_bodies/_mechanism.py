@@ -52,7 +52,6 @@ from ._pattern import LARGE, LARGEST_DENSE, Pattern, dense
 from ._pins import warn_of_large_pins
 from ._row_order import ordered_rows, pushing_rows
 from ._stack import Stack, indices, stacked, stacks
-from ._vector_friction import VectorFriction
 
 
 class Mechanism(AbstractSystem):
@@ -125,7 +124,7 @@ class Mechanism(AbstractSystem):
         self.body = stacked([replace_fields(body, name="") for body in self.frame.alike(bodies)])
         self.loads, _ = stacks(loads, names)
         self.gravity, self.pose = self.frame.vector("gravity", gravity), as_functions(pose)
-        self.joints, groups = stacks(joints, names, name="", friction=None, pin_radius=None, sliding_arm=None)
+        self.joints, groups = stacks(joints, names)
         self._check_residuals([joints[group[0]].name for group in groups], len(names))
         at = coordinate_places(joints, groups)
         coupled = coupled_rows(couplers, at)
@@ -219,7 +218,7 @@ class Mechanism(AbstractSystem):
         return (pattern.plan(self._massless), None) if is_sparse else (None, indices(pattern.entries()))
 
     @property
-    def friction(self) -> tuple[JointFriction | VectorFriction, ...]:
+    def friction(self) -> tuple[JointFriction, ...]:
         """Friction of the joints that have some, model by model."""
         centres = self.frame.centres(self.body)
         return tuple(members.of(self.joints, self.frame, centres) for members in self._friction)

@@ -9,7 +9,7 @@ import numpy as np
 from .._tools._module import is_concrete
 from ._body import GROUND
 from ._friction_model import Coulomb, Dahl, LuGre, RegularisedCoulomb, Stribeck
-from ._joints import AbstractJoint
+from ._joints import AbstractJoint, AbstractRubbingJoint
 
 _LARGE = 0.25  # of the largest distance of joints: rods beside pins are longer by far
 
@@ -29,10 +29,9 @@ def warn_of_large_pins(joints: Sequence[AbstractJoint]) -> None:
 
 def _friction_radius(joint: AbstractJoint) -> float | None:
     """Coefficient times radius of a pin; None where there is none or it is not known yet."""
-    radius = getattr(joint, "pin_radius", None)
-    if radius is None:
+    if not isinstance(joint, AbstractRubbingJoint) or (radius := joint.pin()) is None:
         return None
-    match getattr(joint, "friction", None):
+    match joint.friction:
         case Coulomb(mu=coefficient) | RegularisedCoulomb(mu=coefficient) | Dahl(mu=coefficient):
             numbers = (coefficient, radius)
         case Stribeck(static=coefficient) | LuGre(static=coefficient):
@@ -46,7 +45,7 @@ def _size(joints: Sequence[AbstractJoint]) -> float:
     """Largest distance between points of joints on a body, and from its centre of mass; 0 where none is known."""
     points: dict[str, list[np.ndarray]] = {}
     for joint in joints:
-        for body, point in ((joint.i, getattr(joint, "point_i", None)), (joint.j, getattr(joint, "point_j", None))):
+        for body, point in ((joint.i, joint.point_on("i")), (joint.j, joint.point_on("j"))):
             if point is not None and is_concrete(point):
                 own = points.setdefault(body, [] if body == GROUND else [np.zeros(point.shape)])
                 own.append(np.asarray(point))

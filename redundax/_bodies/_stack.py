@@ -7,7 +7,7 @@ same counts of each kind.
 import dataclasses
 import functools
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, Generic, Self, TypeVar
 
 import equinox as eqx
 import jax
@@ -28,6 +28,7 @@ class AbstractBetweenBodies(eqx.Module):
     j: eqx.AbstractVar[str]
     frame: ClassVar[AbstractFrame]
     vectors: ClassVar[tuple[str, ...]] = ("point_i", "point_j")  # fields that have two components in the plane
+    read_by_law: ClassVar[tuple[str, ...]] = ()  # fields of friction alone, of which NaN gives results that say so
 
     def __init_subclass__(cls) -> None:
         if "__init__" in cls.__dict__ and is_of_user(cls):
@@ -43,9 +44,21 @@ class AbstractBetweenBodies(eqx.Module):
                     f"as in {getattr(word, 'name', str(word))!r}."
                 )
         owner = f"joint '{name}'" if name else f"{type(self).__name__} on '{self.i}'"
-        check_figures(self, owner)
+        check_figures(self, owner, self.read_by_law)
         if self.frame.word == "planar":
             check_vectors(self, self.vectors, owner)
+
+    def point_on(self, end: str) -> Array | None:
+        """Its point on a body, in the local frame: the field `point_i` or `point_j`, None where it has none."""
+        return getattr(self, f"point_{end}", None)
+
+    def axes_on(self, end: str) -> Array | None:
+        """Its axes on a body in space, as columns in the local frame, likewise."""
+        return getattr(self, f"axes_{end}", None)
+
+    def bare(self) -> Self:
+        """The same without names, and without what others of its kind need not share with it."""
+        return replace_fields(self, i="", j="")
 
 
 def is_of_user(kind: type) -> bool:
@@ -114,15 +127,13 @@ def stacked(elements: Sequence[E]) -> E:
     return jax.tree.map(lambda *x: on_device(numpy_of(x).stack(x)) if eqx.is_array(x[0]) else x[0], *elements)
 
 
-def stacks(
-    elements: Sequence[B], bodies: Sequence[str], **without: Any
-) -> tuple[tuple[Stack[B], ...], list[list[int]]]:
-    """Stack elements kind by kind, leaving names and the fields `without` behind; and the positions of the members.
+def stacks(elements: Sequence[B], bodies: Sequence[str]) -> tuple[tuple[Stack[B], ...], list[list[int]]]:
+    """Stack elements kind by kind, bare as they are; and the positions of the members.
 
     `bodies` are the names of the moving bodies, in order.
     """
     index = {name: position for position, name in enumerate((*bodies, GROUND))}
-    bare = [as_functions(replace_fields(element, i="", j="", **without)) for element in elements]
+    bare = [as_functions(element.bare()) for element in elements]
     groups = kinds(bare)
     return tuple(
         Stack(

@@ -116,10 +116,11 @@ def heated(mechanism: Mechanism, warmer: Mapping[str, ArrayLike], expansion: Arr
     factor = 1 + as_float(expansion) * jnp.stack([as_float(warmer.get(body, 0.0)) for body in bodies])
     stacks = []
     for stack in mechanism.joints:
+        joint = stack.element
         points = {
-            name: factor[end][:, None] * getattr(stack.element, name)
-            for name, end in (("point_i", stack.i), ("point_j", stack.j))
-            if hasattr(stack.element, name)
+            f"point_{end}": factor[bodies][:, None] * point
+            for end, bodies in (("i", stack.i), ("j", stack.j))
+            if (point := joint.point_on(end)) is not None
         }
-        stacks.append(replace_fields(stack, element=replace_fields(stack.element, **points)))
+        stacks.append(replace_fields(stack, element=replace_fields(joint, **points)))
     return replace_fields(mechanism, joints=tuple(stacks))

@@ -11,6 +11,7 @@ Couplers read coordinates of joints, which count from the marks as they are give
 
 from collections.abc import Sequence
 from itertools import zip_longest
+from typing import cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -19,9 +20,7 @@ from jaxtyping import Array, Float
 
 from .._bodies._body import GROUND
 from .._bodies._joint_rows import Positions, residuals
-from .._bodies._joints import PinInSlot, RackAndPinion, Translational
 from .._bodies._mechanism import Mechanism
-from .._bodies._space._joints import AbstractPlacedJoint
 from .._bodies._space._rotation import about_z, multiplied
 from .._bodies._stack import Stack
 from .._system._axis import Axis
@@ -89,12 +88,7 @@ def _directions(mechanism: Mechanism) -> dict[tuple[str, str], np.ndarray]:
     """Axes and normals of joints that read them, by name and body, as far as they are known."""
     found = {}
     for stack, names in zip(mechanism.joints, mechanism.names.joints, strict=True):
-        joint, known = stack.element, {}
-        if isinstance(joint, AbstractPlacedJoint) and joint.free_axes != "all":
-            known = {"i": joint.axes_i[..., 2], "j": joint.axes_j[..., 2]}
-        elif isinstance(joint, PinInSlot | RackAndPinion | Translational):
-            known = {"j": joint.normal}
-        for end, directions in known.items():
+        for end, directions in stack.element.directions().items():
             if is_concrete(directions):
                 found |= {(name, end): each for name, each in zip(names, np.asarray(directions), strict=True)}
     return found
@@ -114,8 +108,7 @@ def residual_by_axes_of(nominal: Mechanism, actual: Mechanism, q: Array, t: Arra
 
 
 def _free_axes(stack: Stack) -> str:
-    joint = stack.element
-    return joint.free_axes if isinstance(joint, AbstractPlacedJoint) and joint.row_kinds else "none"
+    return stack.element.free_axes if stack.element.row_kinds else "none"
 
 
 @eqx.filter_jit
@@ -126,13 +119,14 @@ def _turned(nominal: Mechanism, actual: Mechanism) -> list[dict[str, Array]]:
     """
     own = []
     for stack, rows in zip(nominal.joints, nominal.rows_of_joints, strict=True):
-        axes = getattr(stack.element, "axes_j", jnp.zeros((len(rows), 3, 3)))
+        axes = stack.element.axes_on("j")
+        axes = jnp.zeros((len(rows), 3, 3)) if axes is None else axes
         own.append(jnp.broadcast_to(axes[:, None], (*rows.shape, 3, 3)))
     by_row, found = nominal.of_rows(own), []
     for stack, rows in zip(actual.joints, actual.rows_of_joints, strict=True):
         which, turned = _free_axes(stack), {}
         if which != "none":
-            both = {name: getattr(stack.element, name) for name in ("axes_i", "axes_j")}
+            both = {name: cast(Array, stack.element.axes_on(name[-1])) for name in ("axes_i", "axes_j")}
             turn = multiplied(jnp.swapaxes(both["axes_j"], -1, -2), tree_take(by_row, jnp.asarray(rows[:, 0])))
             turned = {name: multiplied(axes, turn if which == "all" else about_z(turn)) for name, axes in both.items()}
         found.append(turned)

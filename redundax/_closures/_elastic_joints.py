@@ -195,8 +195,8 @@ def _seat(given: AbstractJointCompliance, stack: Stack, k: int, on_i: Array, uni
     linear, angular = len(given.space.linear), len(given.space.angular)
     scale = xp.concatenate([xp.full(linear, units.length), xp.full(angular, units.angle)])
     point, axes = (
-        xp.where(on_i, *(getattr(stack.element, f"{what}_{end}", {k: otherwise})[k] for end in "ij"))
-        for what, otherwise in (("point", xp.zeros(linear)), ("axes", xp.eye(linear)))
+        xp.where(on_i, *(otherwise if (own := of(end)) is None else own[k] for end in ("i", "j")))
+        for of, otherwise in ((stack.element.point_on, xp.zeros(linear)), (stack.element.axes_on, xp.eye(linear)))
     )
     point = point if given.point is None else given.point / units.length
     compliance = known(units.energy) * given.compliance / (scale[:, None] * scale)

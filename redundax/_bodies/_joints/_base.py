@@ -1,4 +1,4 @@
-"""What a joint is, and what a planar one with friction is. Body i comes first; either body may be the ground.
+"""What a joint is. Body i comes first; either body may be the ground.
 
 A joint states its residual for two poses; mechanisms stack joints of one kind and evaluate them together. The
 multipliers of its force-type rows are joint forces, those of its moment-type rows joint moments: the force on the
@@ -7,7 +7,7 @@ bodies is -Phi_q^T lam.
 
 import abc
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal, Self
 
 import equinox as eqx
 import jax
@@ -15,11 +15,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..._tools._errors import RedundaxError
-from ..._tools._module import check_kind, part
+from ..._tools._module import check_kind, part, replace_fields
 from .._frame import AbstractFrame
 from .._friction_model import AbstractFrictionModel
 from .._plane import PLANE
-from .._pose import Pose
 from .._stack import AbstractBetweenBodies, is_of_user
 
 Row = tuple[str, str]
@@ -51,9 +50,11 @@ class AbstractJoint(AbstractBetweenBodies):
 
     row_kinds: eqx.AbstractClassVar[tuple[Row, ...]]
     frame: ClassVar[AbstractFrame] = PLANE
+    coordinate_kinds: ClassVar[tuple[Row, ...]] = ()  # names of coordinates of i relative to j: "linear" or "angular"
     pushing: ClassVar[tuple[str, ...]] = ()
     one_sided: ClassVar[bool] = False  # whether its pushing rows open where they would pull
     has_spin: ClassVar[bool] = False  # whether it leaves all turns in space free, which have no coordinate
+    free_axes: ClassVar[Literal["none", "across", "all"]] = "none"  # turns of its axes that change no constraint
     name: eqx.AbstractVar[str]
 
     def __check_init__(self) -> None:
@@ -80,15 +81,21 @@ class AbstractJoint(AbstractBetweenBodies):
         """What the pose of body i can have `seen`, its rate and the rate of this, from poses with theirs; or None."""
         return None
 
+    def directions(self) -> dict[str, Array]:
+        """Directions on the bodies "i" and "j" that its rows read, such as axes and normals."""
+        return {}
+
+    def moment_arm(self) -> Array | None:
+        """Length at which its moments press, None where it has none or where it changes."""
+        return None
+
+    def bare(self) -> Self:
+        return replace_fields(self, i="", j="", name="", **dict.fromkeys(self.read_by_law))
+
     @property
     def law(self) -> AbstractFrictionModel | None:
         """Friction as force or moment that does work on its slip, None of a joint without."""
         return None
-
-    @property
-    def coordinate_kinds(self) -> tuple[Row, ...]:
-        """Name and kind, "linear" or "angular", of each of its coordinates, which are those of i relative to j."""
-        return ()
 
     def coordinates(self, i: Any, j: Any) -> Float[Array, " coordinates"]:
         """Its coordinates, one for each of `coordinate_kinds`, at poses with axes."""
@@ -110,51 +117,6 @@ def check_rows(joint: AbstractJoint) -> None:
             f"`pushing` of {type(joint).__name__} must hold names of its rows, but holds {missing[0]!r}. The rows are "
             f"{', '.join(dict(pairs))}."
         )
-
-
-class AbstractFrictionalJoint(AbstractJoint):
-    """A joint with one slip coordinate and a normal load, so that it can have friction."""
-
-    slip_kind: eqx.AbstractClassVar[str]
-    friction: eqx.AbstractVar[AbstractFrictionModel | None]
-
-    def __check_init__(self) -> None:
-        check_friction(self.name, self.friction)
-
-    @property
-    def law(self) -> AbstractFrictionModel | None:
-        """Friction as force or moment that does work on the joint's coordinate."""
-        return self.friction
-
-    @property
-    def coordinate_kinds(self) -> tuple[Row, ...]:
-        """One: "angle" or "travel", as in "name.angle"."""
-        return (("angle" if self.slip_kind == "angular" else "travel", self.slip_kind),)
-
-    def coordinates(self, i: Pose, j: Pose) -> Array:
-        return self.slip(i, j)[None]
-
-    @abc.abstractmethod
-    def slip(self, i: Pose, j: Pose) -> Float[Array, ""]:
-        """The joint's coordinate: displacement of body i relative to body j; "linear" or "angular" by `slip_kind`."""
-
-    @property
-    def has_convex_load(self) -> bool:
-        """Whether the normal load is a seminorm of the multipliers."""
-        return True
-
-    @property
-    def reads_pose(self) -> bool:
-        """Whether the normal load depends on the poses of both bodies."""
-        return False
-
-    @abc.abstractmethod
-    def normal_load(self, multipliers: Float[Array, " rows"]) -> Float[Array, ""]:
-        """Size of the load that presses the sliding surfaces together, N: a seminorm of the multipliers."""
-
-    def largest_change(self, change: Float[Array, " rows"]) -> Float[Array, ""]:
-        """Bound of the change of the normal load by a change of the multipliers: that of a seminorm is its own."""
-        return self.normal_load(change)
 
 
 def check_friction(joint: str, friction: object) -> None:

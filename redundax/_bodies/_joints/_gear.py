@@ -39,7 +39,8 @@ from ..._tools._module import (
 )
 from .._friction_model import AbstractFrictionModel
 from .._pose import Pose
-from ._base import AbstractFrictionalJoint, Row
+from ._base import Row
+from ._rubbing import AbstractFrictionalJoint
 
 STANDARD_PRESSURE_ANGLE = np.pi / 9
 
@@ -62,6 +63,7 @@ class AbstractMesh(AbstractFrictionalJoint):
     row_kinds: ClassVar[tuple[Row, ...]] = (("teeth", "force"),)
     pushing: ClassVar[tuple[str, ...]] = ("teeth",)
     slip_kind: ClassVar[str] = "angular"
+    read_by_law: ClassVar[tuple[str, ...]] = ("friction", "sliding_arm")
     point_i: eqx.AbstractVar[Float[Array, "2"]]
     point_j: eqx.AbstractVar[Float[Array, "2"]]
     teeth: eqx.AbstractVar[Int[Array, "..."]]

@@ -78,6 +78,9 @@ class RackAndPinion(AbstractMesh):
         other = xp.minimum(self.module / sine, radius * sine)
         return own / self.base_pitch, other / self.base_pitch
 
+    def directions(self) -> dict[str, Array]:
+        return {"j": self.normal}
+
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:
         offset = i.point(self.point_i) - j.point(self.point_j)
         along, off = offset @ j.rotate(-perpendicular(self.normal)), offset @ j.rotate(self.normal)

@@ -59,8 +59,9 @@ def joint_wrench(
     member = jnp.asarray(mechanism.names.joints[stack].index(joint))
     own, bodies = tree_take(mechanism.joints[stack], member), mechanism.poses(state.q)
     body = jnp.where(own.i == len(mechanism.names.bodies), own.j, own.i)
+    turned = own.element.axes_on("j")
     axes = {
-        "joint": lambda: tree_take(bodies, own.j).axes @ getattr(own.element, "axes_j", jnp.eye(3)),
+        "joint": lambda: tree_take(bodies, own.j).axes @ (jnp.eye(3) if turned is None else turned),
         "body": lambda: tree_take(bodies, body).axes,
         "global": lambda: jnp.eye(3, dtype=loads.dtype),
     }[frame]()

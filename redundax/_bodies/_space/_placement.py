@@ -72,8 +72,8 @@ def placed(
     joint: str,
     i: Body | str,
     j: Body | str,
-    given: tuple[Placement | None, Placement | None],
-    own: tuple[Placement | None, Placement | None],
+    given: Sequence[Placement | None],
+    own: Sequence[Placement | None],
     what: str = "joint",
 ) -> Place:
     """Both placements: from global ones at the reference pose, or from those on the bodies."""

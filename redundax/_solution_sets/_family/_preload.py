@@ -9,7 +9,6 @@ amplitudes z of a state s are the same self-stress in all of them.
 
 import dataclasses
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
@@ -74,8 +73,8 @@ def _arms(system: AbstractSystem, length: float) -> np.ndarray:
     each = []
     for stack in system.joints:
         shape = len(stack.i), len(stack.element.row_kinds)
-        guide = getattr(stack.element, "guide_length", None)
-        guide = np.asarray(guide, float) if eqx.is_array(guide) else np.zeros(1)
+        guide = stack.element.moment_arm()
+        guide = np.zeros(1) if guide is None else np.asarray(guide, float)
         each.append(jnp.broadcast_to(jnp.where(guide > 0, guide, length).reshape(-1, 1), shape))
     return np.asarray(system.of_rows(each, length))
 

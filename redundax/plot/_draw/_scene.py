@@ -30,12 +30,13 @@ class Joint:
     """A joint: `on_i` and `on_j` are its points on the two bodies, `spot` is where its symbol and name belong.
 
     `axis` is the unit vector along its guide, `length` the guide's length and `ratio` that of a coupling of angles,
-    where the joint has such a thing, and `mesh` its teeth; `pointed` is whether it has a point. `group` and `member`
-    say where in the mechanism's stacks it lies.
+    where the joint has such a thing, and `mesh` its teeth; `pointed` is whether it has a point. `locks` are the names
+    of its rows. `group` and `member` say where in the mechanism's stacks it lies.
     """
 
     name: str
     kind: type
+    locks: frozenset[str]
     group: int
     member: int
     i: int
@@ -166,6 +167,7 @@ def _joints(mechanism: Mechanism, group: int, r: np.ndarray, phi: np.ndarray) ->
         Joint(
             name=names[k],
             kind=type(element),
+            locks=frozenset(name for name, _ in element.row_kinds),
             group=group,
             member=k,
             i=int(i[k]),

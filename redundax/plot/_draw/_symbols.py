@@ -2,7 +2,8 @@
 
 A circle is a revolute joint and a block between rails a translational one; hatching is the ground, M a driven angle, a
 cylinder a driven distance (a rod where it is constant), a black square a fixed joint, chain-dotted circles the wheels
-of a coupling of angles or, with a line of action, of gears in mesh, and a diamond a joint that the user wrote.
+of a coupling of angles or, with a line of action, of gears in mesh. Lower pairs are drawn by what they lock, so new
+ones too; a diamond is a joint with rows of other names.
 """
 
 from collections.abc import Callable
@@ -14,12 +15,8 @@ from ..._bodies._joints import (
     AngleCoupling,
     AngleDriver,
     DistanceDriver,
-    Fixed,
     GearPair,
-    PinInSlot,
     RackAndPinion,
-    Revolute,
-    Translational,
 )
 from ..._bodies._loads import AppliedForce, SpringDamper, TorsionSpring
 from ._bodies import block_length, guide_reach, hull
@@ -36,7 +33,7 @@ def draw_joints(pen: Pen, scene: Scene) -> None:
     for point, away in _supports(pen, scene):
         _support(pen, point, away)
     for joint in scene.joints:
-        _SYMBOLS.get(joint.kind, _unknown)(pen, scene, joint)
+        symbol(joint)(pen, scene, joint)
 
 
 def draw_springs(pen: Pen, scene: Scene) -> None:
@@ -228,14 +225,24 @@ def _dashpot(pen: Pen, start: np.ndarray, end: np.ndarray) -> None:
         pen.circle(point, 1.8, fill=INK, z=PIN_Z - 0.2)
 
 
-_SYMBOLS: dict[type, Callable[[Pen, Scene, Joint], None]] = {
-    Revolute: _revolute,
-    Translational: _translational,
-    PinInSlot: _pin_in_slot,
-    Fixed: _fixed,
+Symbol = Callable[[Pen, Scene, Joint], None]
+_PAIRS: dict[frozenset[str], Symbol] = {  # by what they lock
+    frozenset({"x", "y"}): _revolute,
+    frozenset({"perpendicular", "angle"}): _translational,
+    frozenset({"perpendicular"}): _pin_in_slot,
+    frozenset({"x", "y", "angle"}): _fixed,
+}
+_SYMBOLS: dict[type, Symbol] = {
     AngleDriver: _angle_driver,
     DistanceDriver: _distance_driver,
     AngleCoupling: _angle_coupling,
     GearPair: _mesh,
     RackAndPinion: _mesh,
 }
+
+
+def symbol(joint: Joint) -> Symbol:
+    """How a joint is drawn: as its kind is, or by what it locks, along a guide if it has a normal."""
+    pair = _PAIRS.get(joint.locks, _unknown)
+    pair = _unknown if "perpendicular" in joint.locks and joint.axis is None else pair
+    return _SYMBOLS.get(joint.kind, pair)

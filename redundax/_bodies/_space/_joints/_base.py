@@ -7,7 +7,7 @@ closed, so that these multipliers are moments; that of `ConstantVelocity`, whose
 """
 
 import abc
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -20,10 +20,13 @@ from ...._tools._module import Numbers, replace_fields
 from ..._frame import AbstractFrame
 from ..._friction_model import AbstractFrictionModel
 from ..._joints import AbstractJoint as AbstractAnyJoint
+from ..._joints._base import Row
+from ..._joints._components import values
 from .._body import Body
 from .._frame import SPACE
 from .._placement import Placement, at_reference, placed
 from .._pose import Pose
+from ._components import FREE, LOCKED
 from ._relative import Relative
 
 
@@ -61,20 +64,21 @@ class AbstractJoint(AbstractAnyJoint):
 class AbstractPlacedJoint(AbstractJoint):
     """A joint that sits at a point and axis of both bodies.
 
-    A new kind of joint gives `row_kinds` and `residual`, from `relative`. Where its axes may turn on both bodies alike
-    and it constrains the same, `free_axes` says so, for `rx.misfit`: "across" for any turn about z, "all" for any turn.
+    A new kind of joint gives `row_kinds`. Rows called radial_1, radial_2, axial, bend_1, bend_2 and twist lock these
+    components of the pose of body i as body j sees it; a joint with other rows gives `residual` too, from `relative`.
+    In `coordinate_kinds` it may name what it leaves free: angle, travel, travel_1 and travel_2. Where its axes may turn
+    on both bodies alike and it constrains the same, `free_axes` says so, for `rx.misfit`: "across" for any turn about
+    z, "all" for any turn.
 
     ??? example
 
         ```python
-        class BallAtHeight(rx.spatial.AbstractPlacedJoint):  # free to slide square to its axis
-            row_kinds = (("axial", "force"),)
-
-            def residual(self, i, j, t):
-                return self.relative(i, j).offset[2:]
+        class BallInSlot(rx.spatial.AbstractPlacedJoint):  # it does not turn about the axis along which it slides
+            row_kinds = (("radial_1", "force"), ("radial_2", "force"), ("twist", "moment"))
+            coordinate_kinds = (("travel", "linear"),)
 
         here, there = rx.spatial.Placement((0, 0, 0)), rx.spatial.Placement((0, 0, 1))
-        BallAtHeight("ball", "carriage", "ground", on_i=here, on_j=there)
+        BallInSlot("ball", "carriage", "ground", on_i=here, on_j=there)
         ```
 
     **Arguments:**
@@ -89,7 +93,7 @@ class AbstractPlacedJoint(AbstractJoint):
     - `friction`: none is known of joints of this kind.
     """
 
-    free_axes: ClassVar[str] = "none"
+    coordinate_kinds: ClassVar[tuple[Row, ...]] = ()
     name: str = eqx.field(static=True)
     i: str = eqx.field(static=True)
     j: str = eqx.field(static=True)
@@ -120,8 +124,8 @@ class AbstractPlacedJoint(AbstractJoint):
         i: Body | str,
         j: Body | str,
         given: Placement | None,
-        on_i: Placement | None,
-        on_j: Placement | None,
+        on_i: Placement | None = None,
+        on_j: Placement | None = None,
     ) -> None:
         """Set the fields of a joint that is being made, at one place."""
         self.place_both(name, i, j, (given, given), (on_i, on_j))
@@ -131,12 +135,21 @@ class AbstractPlacedJoint(AbstractJoint):
         name: str,
         i: Body | str,
         j: Body | str,
-        given: tuple[Placement | None, Placement | None],
-        own: tuple[Placement | None, Placement | None],
+        given: Sequence[Placement | None],
+        own: Sequence[Placement | None],
     ) -> None:
         """The same of a joint with a global placement for each body."""
         self.name, (self.i, self.j, on_i, on_j) = name, placed(name, i, j, given, own)
         (self.point_i, self.axes_i), (self.point_j, self.axes_j) = ((on.point, on.axes) for on in (on_i, on_j))
+
+    def residual(self, i: Pose, j: Pose, t: Array) -> Array:
+        return values(LOCKED, self.row_kinds, f"joint '{self.name}'", self.relative(i, j))
+
+    def coordinates(self, i: Pose, j: Pose) -> Array:
+        return values(FREE, self.coordinate_kinds, f"joint '{self.name}'", self.relative(i, j))
+
+    def directions(self) -> dict[str, Array]:
+        return {} if self.free_axes == "all" else {"i": self.axes_i[..., 2], "j": self.axes_j[..., 2]}
 
     def relative(self, i: Pose, j: Pose) -> Relative:
         """The placement on body i as that on body j sees it."""

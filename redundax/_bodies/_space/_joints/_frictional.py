@@ -1,80 +1,132 @@
-"""What a joint in space with friction is: surfaces that its loads press together by a contact law."""
+"""What a joint in space with friction is: surfaces that its loads press together by a contact law
 
-import abc
-from collections.abc import Mapping
-from typing import Any
+With several slips s friction is one force along them,
+
+    v = a s',   tau = a f,   f = -(friction of N and |v|) v / |v|
+
+with the arms a that make velocities of the surfaces of their rates: a length for an angle. Bristles bend along v.
+"""
+
+from collections.abc import Sequence
+from typing import Any, ClassVar, TypeAlias
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from ...._tools._errors import RedundaxError
-from ...._tools._module import Numbers, as_float, check_kind, floats, optional_float, part, positive
+from ...._tools._module import Numbers, as_float, check_kind, floats, optional_float, part, positive, safe_norm
 from ..._friction_model import AbstractFrictionModel
 from ..._joints._base import check_friction
-from .._contact import AbstractContact, ContactLoad, ContactSize
+from ..._joints._components import values
+from ..._joints._rubbing import AbstractOneSlip, AbstractRubbingJoint
+from .._body import Body
+from .._contact import AbstractContact, ContactLoad, ContactSize, EndContacts
 from .._overlap import Overlap
+from .._placement import Placement
 from .._pose import Pose
 from ._base import AbstractPlacedJoint
+from ._components import FREE
+from ._surfaces import GUIDE, PIN, Surfaces
 
 Ends = tuple[Pose, Pose]
+End: TypeAlias = Body | str
+At: TypeAlias = Numbers | None
+_ENDS = EndContacts()
 
 
-class AbstractContactJoint(AbstractPlacedJoint):
-    """A joint whose loads press its surfaces together, so that it can have friction."""
+class AbstractContactJoint(AbstractPlacedJoint, AbstractRubbingJoint):
+    """A joint whose loads press its `surfaces` together, so that it can have friction."""
 
-    friction: eqx.AbstractVar[AbstractFrictionModel | None]
+    surfaces: ClassVar[Surfaces] = Surfaces()
     contact: eqx.AbstractVar[AbstractContact]
 
     @property
     def law(self) -> AbstractFrictionModel | None:
-        """Friction as force or moment that does work on the slip, or of surfaces that slide in several directions."""
-        return self.friction
+        if self.friction is None or not self.surfaces.is_moment:
+            return self.friction
+        return self.friction.about(self._size(self.surfaces.radius))
+
+    def pin(self) -> Array | None:
+        return self._size("pin_radius") if self.surfaces is PIN else None
+
+    def moment_arm(self) -> Array | None:
+        length = self._size(self.surfaces.bend) if self.surfaces is GUIDE else None
+        return None if isinstance(length, Overlap) else length
 
     @property
-    @abc.abstractmethod
     def size(self) -> ContactSize:
         """What the contact needs to know."""
+        length = self._size(self.surfaces.bend)
+        share, twist = self._size("thrust_share" if self.surfaces.axial else ""), self._size(self.surfaces.twist)
+        return ContactSize(None if isinstance(length, Overlap) else length, share, twist)
+
+    @property
+    def overlap(self) -> Overlap | None:
+        """What the length of the contact is, where it changes."""
+        length = self._size(self.surfaces.bend)
+        return length if isinstance(length, Overlap) else None
 
     @property
     def has_convex_load(self) -> bool:
-        """Whether the normal load is a seminorm of the multipliers."""
         return self.contact.is_seminorm
 
-    def rub(
+    def make(
         self,
-        friction: AbstractFrictionModel | None,
-        contact: AbstractContact,
-        needed: Mapping[str, Any],
-        by_term: Mapping[str, tuple[str, Any]],
+        name: str,
+        i: End,
+        j: End,
+        given: Sequence[Placement | None],
+        on_i: Placement | None = None,
+        on_j: Placement | None = None,
+        **rubs: Any,
     ) -> None:
-        """Set the friction of a joint that is being made.
+        """Set the fields of a joint that is being made, at global placements for both bodies or at those on them."""
+        self.place_both(name, i, j, given, (on_i, on_j))
+        self.rub(**rubs)
 
-        `needed` are lengths that friction needs, by name, `by_term` names and values of those that the terms of the
-        contact need.
-        """
+    def rub(
+        self, friction: AbstractFrictionModel | None = None, contact: AbstractContact = _ENDS, **sizes: Any
+    ) -> None:
+        """Set the friction of a joint that is being made, and the sizes of its surfaces as far as they are given."""
         check_friction(self.name, friction)
         with part(f"joint '{self.name}'"):
             advice = "Give `rx.spatial.EndContacts()`, say."
             check_kind("contact", contact, AbstractContact, "a contact law", advice)
-        self.friction, self.contact = friction, contact
-        for name, value in (*needed.items(), *by_term.values()):
-            if value is not None and name != "thrust_radius" and not isinstance(value, Overlap):
+        self.friction, self.contact, own = friction, contact, self.surfaces
+        unknown = sizes.keys() - set(own.sizes)
+        if unknown:
+            known = ", ".join((*own.sizes, "friction", "contact"))
+            kind = type(self).__name__
+            raise TypeError(f"{kind}() got an unexpected keyword argument '{min(unknown)}'. Give some of: {known}.")
+        given = {name: sizes.get(name) for name in own.sizes}
+        for name, value in given.items():
+            if value is not None and name != own.axial and not isinstance(value, Overlap):
                 positive(name, as_float(value))
-        for name, value in needed.items():
-            if friction is not None and value is None:
-                raise RedundaxError(
-                    f"Argument `{name}` of joint '{self.name}' must be given where it has friction, but is None: its "
-                    "surfaces slide there. Give a length."
-                )
-        for term in contact.terms if friction is not None and friction.depends_on_load else ():
-            name, value = by_term.get(term, ("", 0.0))
-            if value is None:
+            if name != own.axial:
+                setattr(self, name, value if isinstance(value, Overlap) else optional_float(value))
+        if own.axial:
+            thrust, radius = given[own.axial], given[own.radius]
+            share = None if thrust is None or radius is None else floats(thrust) / floats(radius)
+            self.thrust_share = optional_float(share)
+        if friction is None:
+            return
+        if own.radius and given[own.radius] is None:
+            raise RedundaxError(
+                f"Argument `{own.radius}` of joint '{self.name}' must be given where it has friction, but is None: its "
+                "surfaces slide there. Give a length."
+            )
+        for term in contact.terms if friction.depends_on_load else ():
+            name = getattr(own, term)
+            if name and given[name] is None:
                 raise RedundaxError(
                     f"Argument `{name}` of joint '{self.name}' must be given where it has friction, but is None: its "
                     f"{term} load presses at that size. Give a length, or leave the term out, as in "
                     f"`contact=rx.spatial.{type(contact).__name__}({term}=False)`."
                 )
+
+    def _size(self, name: str) -> Any:
+        return getattr(self, name) if name else None
 
 
 class AbstractPressedJoint(AbstractContactJoint):
@@ -90,13 +142,7 @@ class AbstractPressedJoint(AbstractContactJoint):
 
     @property
     def reads_pose(self) -> bool:
-        """Whether the normal load depends on the poses of both bodies."""
         return self.overlap is not None
-
-    @property
-    def overlap(self) -> Overlap | None:
-        """What the length of the contact is, where it changes."""
-        return None
 
     def _contact_at(self, multipliers: Array, ends: Ends | None) -> tuple[ContactLoad, ContactSize]:
         """Loads at the middle of the contact, and its size."""
@@ -114,28 +160,63 @@ class AbstractPressedJoint(AbstractContactJoint):
 
     def load(self, multipliers: Float[Array, " rows"]) -> ContactLoad:
         """What the multipliers are for the contact."""
-        row, none = {name: k for k, (name, _) in enumerate(self.row_kinds)}, jnp.zeros(2, multipliers.dtype)
-        axial, twist = (multipliers[row[name]] if name in row else none[0] for name in ("axial", "twist"))
-        first = [row.get(f"{name}_1") for name in ("radial", "bend")]
-        radial, bend = (none if k is None else multipliers[k : k + 2] for k in first)
-        return ContactLoad(radial, axial, bend, twist)
+        return self.surfaces.pressed(multipliers, self.row_kinds)
 
 
-class AbstractFrictionalJoint(AbstractPressedJoint):
-    """A joint with one slip coordinate whose loads press its surfaces together, so that it can have friction."""
+class AbstractFrictionalJoint(AbstractPressedJoint, AbstractOneSlip):
+    """A joint with one slip coordinate whose loads press its surfaces together, so that it can have friction.
 
-    slip_kind: eqx.AbstractClassVar[str]
+    The slip is its coordinate, if it does not say another.
+    """
 
-    @abc.abstractmethod
     def slip(self, i: Pose, j: Pose) -> Float[Array, ""]:
-        """Displacement of body i relative to body j that friction opposes; "linear" or "angular" by `slip_kind`."""
+        return self.coordinates(i, j)[0]
 
 
-def pin_bearing(
-    pin_radius: Numbers | None, bearing_length: Numbers | None, thrust_radius: Numbers | None
-) -> tuple[Array | None, Array | None, Array | None]:
-    """Radius of a pin, length of its bearing and the normal load of a unit axial force, as far as they are given."""
-    share = None
-    if thrust_radius is not None and pin_radius is not None:
-        share = as_float(floats(thrust_radius) / floats(pin_radius))
-    return optional_float(pin_radius), optional_float(bearing_length), share
+class AbstractSlidingJoint(AbstractPressedJoint):
+    """A joint whose surfaces slide in several directions, so that it can have friction along its slip."""
+
+    has_direction: ClassVar[bool] = True
+
+    @property
+    def arms(self) -> Float[Array, " slips"]:
+        """Velocities of the surfaces by unit rates of the slips."""
+        return jnp.stack(self.surfaces.arms(jnp.asarray(self._size(self.surfaces.radius))))
+
+    def slips(self, i: Pose, j: Pose) -> Float[Array, " slips"]:
+        """Slips of body i relative to body j; only their derivatives count."""
+        return values(FREE, self.slip_kinds, f"joint '{self.name}'", self.relative(i, j))
+
+    def forces(
+        self, model: AbstractFrictionModel, ends: Any, loads: Array, rate: Array, sense: Array, memory: PyTree
+    ) -> Float[Array, " slips"]:
+        """Friction forces and moments, one for each slip; at rest against the direction `sense`, as one of v."""
+        velocity = self.arms * rate
+        normal = self.normal_load(loads, ends) if model.depends_on_load else jnp.zeros((), velocity.dtype)
+        if memory is not None:
+            return self.arms * model.force(normal, velocity, sense, memory)
+        size = model.force(normal, safe_norm(velocity), jnp.ones_like(normal), None)
+        return self.arms * direction(velocity, sense) * size
+
+    def largest_changes(
+        self, model: AbstractFrictionModel, ends: Any, change: Array, rate: Array, memory: PyTree
+    ) -> Float[Array, " slips"]:
+        velocity = self.arms * rate
+        if memory is None:
+            share = jnp.where(jnp.all(velocity == 0), 1.0, jnp.abs(direction(velocity, velocity)))
+            slope = share * model.slope_bound(safe_norm(velocity), None)
+        else:
+            slope = model.slope_bound(velocity, memory)
+        if not model.depends_on_load:
+            return jnp.zeros_like(velocity)
+        return jnp.where(slope == 0, 0.0, self.arms * slope * self.largest_change(change, ends))
+
+    def memory_rates(self, model: AbstractFrictionModel, rate: Array, memory: PyTree) -> PyTree:
+        return model.memory_rate(self.arms * rate, memory)
+
+
+def direction(velocity: Float[Array, " slips"], else_along: Float[Array, " slips"]) -> Float[Array, " slips"]:
+    """Of a velocity, of something else where it is zero, and zero where that is too."""
+    along = jnp.where(jnp.any(velocity != 0), velocity, else_along)
+    size = safe_norm(along)
+    return along / jnp.where(size > 0, size, 1.0)

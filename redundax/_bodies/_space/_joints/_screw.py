@@ -6,24 +6,22 @@ r being the mean radius of the thread, whose flanks slide along their helix. To 
 F r tan(lead + friction angle).
 """
 
-from typing import ClassVar
+from typing import ClassVar, Unpack
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from ...._tools._errors import RedundaxError
-from ...._tools._module import Numbers, as_float, is_concrete, one_number, optional_float
+from ...._tools._module import Numbers, as_float, is_concrete, one_number
 from ..._friction_model import AbstractFrictionModel
 from ..._joints._base import Row
-from .._body import Body
-from .._contact import AbstractContact, ContactSize, EndContacts
-from .._placement import Placement, at_reference
+from .._contact import AbstractContact, ContactSize
+from .._placement import at_reference
 from .._pose import Pose
-from ._frictional import AbstractFrictionalJoint
-from ._rows import ANGLE, AXIAL, BEND, RADIAL, TRAVEL
-
-_ENDS = EndContacts()
+from ._components import ANGLE, AXIAL, BEND, RADIAL, TRAVEL
+from ._frictional import AbstractFrictionalJoint, At, End
+from ._surfaces import THREAD, Surfaces, ThreadRubs
 
 
 class Screw(AbstractFrictionalJoint):
@@ -55,8 +53,10 @@ class Screw(AbstractFrictionalJoint):
     """
 
     row_kinds: ClassVar[tuple[Row, ...]] = (*RADIAL, AXIAL, *BEND)
+    coordinate_kinds: ClassVar[tuple[Row, ...]] = (ANGLE, TRAVEL)
     free_axes: ClassVar[str] = "across"
     slip_kind: ClassVar[str] = "linear"
+    surfaces: ClassVar[Surfaces] = THREAD
     pitch: Float[Array, ""]
     thread_radius: Float[Array, ""] | None
     flank_angle: Float[Array, ""]
@@ -67,30 +67,23 @@ class Screw(AbstractFrictionalJoint):
     def __init__(
         self,
         name: str,
-        i: Body | str,
-        j: Body | str,
-        point: Numbers | None = None,
-        axis: Numbers | None = None,
-        mark: Numbers | None = None,
+        i: End,
+        j: End,
+        point: At = None,
+        axis: At = None,
+        mark: At = None,
         *,
         pitch: Numbers,
-        on_i: Placement | None = None,
-        on_j: Placement | None = None,
-        thread_radius: Numbers | None = None,
         flank_angle: Numbers = 0.0,
-        bearing_length: Numbers | None = None,
-        friction: AbstractFrictionModel | None = None,
-        contact: AbstractContact = _ENDS,
+        **rubs: Unpack[ThreadRubs],
     ):
-        self.place(name, i, j, at_reference(name, point, axis, mark), on_i, on_j)
+        self.make(name, i, j, [at_reference(name, point, axis, mark)] * 2, **rubs)
         self.pitch, self.flank_angle = as_float(pitch), as_float(flank_angle)
         one_number("pitch", self.pitch)
         if is_concrete(self.pitch) and not np.asarray(self.pitch):
             raise RedundaxError(
                 f"Argument `pitch` of joint '{name}' must not be 0. Make a joint without travel a `Revolute`."
             )
-        self.thread_radius, self.bearing_length = optional_float(thread_radius), optional_float(bearing_length)
-        self.rub(friction, contact, {"thread_radius": thread_radius}, {"bend": ("bearing_length", bearing_length)})
 
     @property
     def size(self) -> ContactSize:
@@ -99,18 +92,10 @@ class Screw(AbstractFrictionalJoint):
         along = jnp.hypot(self.thread_radius, self._lead)
         return ContactSize(self.bearing_length, along / (self.thread_radius * jnp.cos(self.flank_angle)))
 
-    @property
-    def coordinate_kinds(self) -> tuple[Row, ...]:
-        return (ANGLE, TRAVEL)
-
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:
         relative = self.relative(i, j)
         axial = -self._lead * relative.angle_from(relative.travel / self._lead)
         return jnp.concatenate([relative.shift, axial[None], relative.tilt])
-
-    def coordinates(self, i: Pose, j: Pose) -> Array:
-        relative = self.relative(i, j)
-        return jnp.stack([relative.angle, relative.travel])
 
     def slip(self, i: Pose, j: Pose) -> Array:
         relative, radius = self.relative(i, j), jnp.asarray(self.thread_radius)

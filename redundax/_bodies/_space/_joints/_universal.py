@@ -4,7 +4,7 @@ Both pins carry the force F of the joint and its moment T about the normal n = z
 whose load square to the pin is F less its part along the pin, and whose bending moment is T n.
 """
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Unpack
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -15,15 +15,15 @@ from ...._tools._errors import RedundaxError
 from ...._tools._module import Numbers, is_concrete
 from ..._friction_model import AbstractFrictionModel
 from ..._joints._base import Row
-from .._body import Body
-from .._contact import AbstractContact, ContactLoad, ContactSize, EndContacts
-from .._placement import Placement, at_reference
+from ..._joints._components import picked
+from .._contact import AbstractContact, ContactLoad
+from .._placement import at_reference
 from .._pose import Pose
 from .._rotation import axes_along
-from ._frictional import AbstractContactJoint, pin_bearing
-from ._rows import AXIAL, RADIAL, TWIST
+from ._components import AXIAL, RADIAL, TWIST
+from ._frictional import AbstractContactJoint, At, End
+from ._surfaces import PIN, PinRubs, Surfaces
 
-_ENDS = EndContacts()
 _SQUARE = 1e-3  # rad, by which directions of few digits may be off
 
 
@@ -58,9 +58,10 @@ class Universal(AbstractContactJoint):
 
     row_kinds: ClassVar[tuple[Row, ...]] = (*RADIAL, AXIAL, TWIST)
     free_axes: ClassVar[str] = "across"
-    slip_kinds: ClassVar[tuple[Row, ...]] = (("angle_1", "angular"), ("angle_2", "angular"))
-    has_direction: ClassVar[bool] = False
-    reads_pose: ClassVar[bool] = True
+    coordinate_kinds: ClassVar[tuple[Row, ...]] = (("angle_1", "angular"), ("angle_2", "angular"))
+    slip_kinds: ClassVar[tuple[Row, ...]] = coordinate_kinds
+    surfaces: ClassVar[Surfaces] = PIN
+    read_by_law: ClassVar[tuple[str, ...]] = ("friction", "pin_radius")
     pin_radius: Float[Array, ""] | None
     bearing_length: Float[Array, ""] | None
     thrust_share: Float[Array, ""] | None
@@ -68,55 +69,30 @@ class Universal(AbstractContactJoint):
     contact: AbstractContact
 
     def __init__(
-        self,
-        name: str,
-        i: Body | str,
-        j: Body | str,
-        point: Numbers | None = None,
-        axis_i: Numbers | None = None,
-        axis_j: Numbers | None = None,
-        *,
-        on_i: Placement | None = None,
-        on_j: Placement | None = None,
-        pin_radius: Numbers | None = None,
-        bearing_length: Numbers | None = None,
-        thrust_radius: Numbers | None = None,
-        friction: AbstractFrictionModel | None = None,
-        contact: AbstractContact = _ENDS,
+        self, name: str, i: End, j: End, point: At = None, axis_i: At = None, axis_j: At = None, **rubs: Unpack[PinRubs]
     ):
         if point is not None:
             axis_i = (1.0, 0.0, 0.0) if axis_i is None else axis_i
             axis_j = (0.0, 1.0, 0.0) if axis_j is None else axis_j
             _check_pins(name, axis_i, axis_j)
         given = at_reference(name, point, axis_i, axis_j), at_reference(name, point, axis_j, axis_i)
-        self.place_both(name, i, j, given, (on_i, on_j))
-        self.pin_radius, self.bearing_length, self.thrust_share = pin_bearing(pin_radius, bearing_length, thrust_radius)
-        by_term = {"axial": ("thrust_radius", thrust_radius), "bend": ("bearing_length", bearing_length)}
-        self.rub(friction, contact, {"pin_radius": pin_radius}, by_term)
-
-    @property
-    def law(self) -> AbstractFrictionModel | None:
-        return None if self.friction is None else self.friction.about(jnp.asarray(self.pin_radius))
-
-    @property
-    def size(self) -> ContactSize:
-        return ContactSize(self.bearing_length, self.thrust_share)
-
-    @property
-    def coordinate_kinds(self) -> tuple[Row, ...]:
-        return self.slip_kinds
+        self.make(name, i, j, given, **rubs)
 
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:
         relative = self.relative(i, j)
         return jnp.append(relative.offset, relative.turn[2, 2])
 
-    def coordinates(self, i: Pose, j: Pose) -> Array:
-        return self.slip(i, j)
-
-    def slip(self, i: Pose, j: Pose) -> Float[Array, "2"]:
+    def coordinates(self, i: Pose, j: Pose) -> Float[Array, "2"]:
         """Angles at both pins."""
         turn = self.relative(i, j).turn
         return jnp.stack([jnp.arctan2(turn[1, 2], turn[0, 2]), jnp.arctan2(-turn[2, 1], turn[2, 0])])
+
+    @property
+    def reads_pose(self) -> bool:
+        return True
+
+    def slips(self, i: Pose, j: Pose) -> Array:
+        return self.coordinates(i, j)
 
     def forces(
         self, model: AbstractFrictionModel, ends: Any, loads: Array, rate: Array, sense: Array, memory: PyTree
@@ -143,10 +119,10 @@ class Universal(AbstractContactJoint):
 
     def _pins(self, multipliers: Array, ends: tuple[Pose, Pose]) -> tuple[ContactLoad, ContactLoad]:
         """Loads of the pins of body j and of body i; the axes of the latter are n, -z_j and z_i."""
-        zero, twist = jnp.zeros((), multipliers.dtype), multipliers[3]
+        zero, (twist,) = jnp.zeros((), multipliers.dtype), picked(multipliers, self.row_kinds, ("twist",))
         z = self.relative(*ends).turn[:, 2]
         normal = jnp.stack([z[1], -z[0], zero])
-        force = multipliers[:3]
+        force = picked(multipliers, self.row_kinds, ("radial_1", "radial_2", "axial"))
         across = jnp.stack([force @ normal, -force[2]])
         return (
             ContactLoad(force[:2], force[2], twist * normal[:2], zero),

@@ -10,6 +10,7 @@ class SpaceJoint:
     """A joint at the point `on_i` of body i and `on_j` of body j, with axes as columns, z along its own, on each.
 
     `spot` is where its symbol and name are on the picture, and `place` where that is in space; `teeth` those of wheels.
+    `locks` are the names of its rows, `slides` is whether it is free along its axis, `reads_axis` whether it has one.
     """
 
     name: str
@@ -22,5 +23,15 @@ class SpaceJoint:
     axes_j: np.ndarray
     place: np.ndarray
     spot: np.ndarray
+    locks: frozenset[str]
+    slides: bool
+    reads_axis: bool
     teeth: np.ndarray | None = None
     axis: None = None  # names keep clear of it as of a pin
+
+    @property
+    def parts(self) -> tuple[bool, bool, bool, bool]:
+        """Whether it locks offsets square to its axis, that along it, tilts of it, and turns about it."""
+        ways = ({"radial_1", "radial_2"}, {"axial"}, {"bend_1", "bend_2"}, {"twist"})
+        across, along, tilt, twist = (way <= self.locks for way in ways)
+        return across, along, tilt, twist

@@ -135,12 +135,14 @@ def _joints(
     turns = [field(element, f"axes_{end}", (3, 3)) for end in "ij"]
     ends = [axes[body] if turn is None else axes[body] @ turn for turn, body in zip(turns, bodies, strict=True)]
     teeth, out = field(element, "teeth", (2,)), []
+    slides = "travel" in dict(element.coordinate_kinds)
+    own = frozenset(name for name, _ in element.row_kinds), slides, bool(element.directions())
     for k, name in enumerate(mechanism.names.joints[group]):
         place = (on_i[k] + on_j[k]) / 2 if turns[0] is None or teeth is not None else on_i[k]
         out.append(
             SpaceJoint(
                 name, type(element), int(bodies[0][k]), int(bodies[1][k]), on_i[k], on_j[k], ends[0][k], ends[1][k],
-                place, view.flat(place), None if teeth is None else teeth[k],
+                place, view.flat(place), *own, None if teeth is None else teeth[k],
             )
         )  # fmt: skip
     return out

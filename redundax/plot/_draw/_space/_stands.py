@@ -3,16 +3,13 @@
 import numpy as np
 
 from ...._bodies._body import GROUND
-from ...._bodies._space import _joints as kinds
+from ...._bodies._space._joints import TravelDriver
 from ...._bodies._space._loads import TorsionSpring
 from ._joint import SpaceJoint
 from ._scene import SpaceScene
 from ._solids import Solid, axes_of, box, cone, unit
 
 _STAND = 15.0  # points, height
-_ROUND_ONES = (kinds.Spherical, kinds.Fixed, kinds.Distance)  # no axis that a stand should be square to
-_RAILS = (kinds.Cylindrical, kinds.Prismatic, kinds.Screw, kinds.PointOnLine)
-_TABLES = (kinds.Planar, kinds.PointOnPlane)
 
 
 def stands(scene: SpaceScene, point: float) -> list[Solid]:
@@ -24,7 +21,7 @@ def stands(scene: SpaceScene, point: float) -> list[Solid]:
         if joint.name not in sides:
             continue
         own, away = joint.on_i if joint.i == scene.ground else joint.on_j, sides[joint.name]
-        is_rail, lift = joint.kind in _RAILS and joint.j == scene.ground, 3.0 * (joint.kind in _TABLES)
+        is_rail, lift = joint.slides and joint.j == scene.ground, 3.0 * _on_table(joint)
         for at in rail_ends(scene, joint, point) if is_rail else (own,):
             if np.all(np.linalg.norm(np.array(found).reshape(-1, 3) - at, axis=1) >= point):
                 found.append(at)
@@ -44,11 +41,16 @@ def stand_sides(scene: SpaceScene) -> dict[str, np.ndarray]:
     for joint in scene.joints:
         body = joint.i if joint.j == scene.ground else joint.j
         if scene.ground in (joint.i, joint.j) and joint.teeth is None:
-            axis = joint.axes_j[:, 2] * (joint.kind not in _ROUND_ONES)
+            axis = joint.axes_j[:, 2] * joint.reads_axis
             away = unit(scene.spans[body].mean(axis=0) - joint.place) if body < scene.ground else -down
             free = [side for side in sides if abs(side @ axis) < 0.6 and side @ away < 0.6]
-            out[joint.name] = -joint.axes_j[:, 2] if joint.kind in _TABLES else (free or [down])[0]
+            out[joint.name] = -joint.axes_j[:, 2] if _on_table(joint) else (free or [down])[0]
     return out
+
+
+def _on_table(joint: SpaceJoint) -> bool:
+    across, along, _, _ = joint.parts
+    return along and not across and joint.kind is not TravelDriver
 
 
 def _stand(at: np.ndarray, away: np.ndarray, point: float) -> list[Solid]:

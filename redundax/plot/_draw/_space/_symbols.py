@@ -4,7 +4,9 @@ A short cylinder along the axis is a revolute joint, one on a longer shaft a cyl
 prismatic one, with a helix a screw; a ball is a spherical joint, on a rail a point on a line, on a plate a point on a
 plane; a cross is universal, a ball between two stubs of constant velocity, a plate on a plate planar, two short rods
 parallel axes, a dark cube fixed; a thin rod holds a distance, a dark drum drives an angle, a piston a travel; circles
-are wheels in mesh, and an octahedron is a joint that the user wrote.
+are wheels in mesh. Lower pairs are drawn by what they lock, so new ones too: on a rail what slides along the axis, on a
+plate what slides square to it; a ball where the axis may tilt, a block where it may not. An octahedron is a joint with
+rows of other names.
 """
 
 import itertools
@@ -32,7 +34,7 @@ def solids(scene: SpaceScene, point: float) -> list[Solid]:
         out += hull_solids(span, _BAR * point, colour, dark(colour, 0.8), f"body {name}")
     out += stands(scene, point)
     for joint in scene.joints:
-        made = _SYMBOLS.get(joint.kind, _unknown)(scene, joint, point)
+        made = symbol(joint)(scene, joint, point)
         out += [_named(each, f"joint {joint.name}") for each in made]
     for load in scene.loads:
         out += spring(load, point)
@@ -187,6 +189,13 @@ def pitch_circles(joint: SpaceJoint) -> list[tuple[np.ndarray, np.ndarray, float
     return [(p, z, abs(along_z * tangent), joint.i), (q, w, abs(along_w * other), joint.j)]
 
 
+def _composed(scene: SpaceScene, joint: SpaceJoint, point: float) -> list[Solid]:
+    across, along, tilt, _ = joint.parts
+    under = _prismatic(scene, joint, point)[:-1] if across and not along else []
+    under += [_table(scene, joint, point)] if along and not across else []
+    return [*under, *(_fixed if tilt else _spherical)(scene, joint, point)]
+
+
 def _unknown(scene: SpaceScene, joint: SpaceJoint, point: float) -> list[Solid]:
     line = (
         path(np.stack([joint.on_i, joint.on_j]), 0.8 * point, INK)
@@ -196,21 +205,30 @@ def _unknown(scene: SpaceScene, joint: SpaceJoint, point: float) -> list[Solid]:
     return [*line, ball(joint.place, 7.0 * point, _colour(scene, joint), steps=2)]
 
 
-_SYMBOLS: dict[type, Callable[[SpaceScene, SpaceJoint, float], list[Solid]]] = {
-    kinds.Revolute: _revolute,
-    kinds.Cylindrical: _cylindrical,
-    kinds.Prismatic: _prismatic,
+Symbol = Callable[[SpaceScene, SpaceJoint, float], list[Solid]]
+_PAIRS: dict[tuple[bool, bool, bool, bool], Symbol] = {  # by what they lock: across, along, tilt, twist
+    (True, True, True, False): _revolute,
+    (True, False, True, False): _cylindrical,
+    (True, False, True, True): _prismatic,
+    (True, True, False, False): _spherical,
+    (True, False, False, False): _point_on_line,
+    (False, True, False, False): _point_on_plane,
+    (False, True, True, False): _planar,
+    (False, False, True, False): _parallel,
+    (True, True, True, True): _fixed,
+    (False, False, False, False): _unknown,
+}
+_SYMBOLS: dict[type, Symbol] = {
     kinds.Screw: _screw,
-    kinds.Spherical: _spherical,
-    kinds.PointOnLine: _point_on_line,
-    kinds.PointOnPlane: _point_on_plane,
-    kinds.Planar: _planar,
     kinds.Universal: _universal,
     kinds.ConstantVelocity: _constant_velocity,
-    kinds.ParallelAxes: _parallel,
-    kinds.Fixed: _fixed,
     kinds.Distance: _distance,
     kinds.AngleDriver: _angle_driver,
     kinds.TravelDriver: _travel_driver,
     kinds.Gear: _gear,
 }
+
+
+def symbol(joint: SpaceJoint) -> Symbol:
+    """How a joint is drawn: as its kind is, or by what it locks."""
+    return _SYMBOLS.get(joint.kind) or _PAIRS.get(joint.parts, _composed)

@@ -1,0 +1,373 @@
+"""What every public joint, load, contact, law of friction, closure and solver must do, found by looking for them.
+
+A part that is added and forgotten has no sample, or breaks a law; the last tests plant such parts.
+"""
+
+import functools
+
+import contracts
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import redundax as rx
+from redundax._equations._kinematics import along_motion, slip_motion
+from redundax._models._choice import _WORDS
+from redundax._models._stress import AXES
+from redundax.plot._draw import _scene, _symbols
+from redundax.plot._draw._space import _scene as _scene_in_space
+from redundax.plot._draw._space import _symbols as _symbols_in_space
+from redundax.plot._draw._space._view import View
+
+rs, ZERO = rx.spatial, jnp.zeros(())
+SAMPLES = {
+    rx.AbstractJoint: contracts.IN_SPACE | contracts.IN_THE_PLANE,
+    rx.AbstractLoad: contracts.LOADS_IN_SPACE | contracts.LOADS_IN_THE_PLANE,
+    rx.AbstractFrictionModel: contracts.LAWS,
+    rs.AbstractContact: contracts.CONTACTS,
+    rx.AbstractClosure: contracts.CLOSURES,
+    rx.AbstractSolver: contracts.SOLVERS,
+}
+MAKE = {"space": contracts.in_space, "the plane": contracts.in_the_plane}
+each_frame = pytest.mark.parametrize("frame", MAKE)
+
+
+@pytest.mark.parametrize("kind", SAMPLES, ids=lambda kind: kind.__name__)
+def test_every_public_part_has_a_sample(kind):
+    assert contracts.public(kind)
+    assert contracts.forgotten(kind, SAMPLES[kind]) == []
+
+
+# ------------------------------------------------------------------------------------------ joints
+
+
+@functools.cache
+def known(frame, u=1.0):
+    """All joints of a frame, a state, and what they and their friction have there."""
+    mechanism = MAKE[frame](u)
+    return mechanism, *answers(mechanism, contracts.somewhere(mechanism, u), u)
+
+
+def answers(mechanism, state, u):
+    scale = np.where(mechanism.rows.angular, u, 1.0)  # multipliers are forces and moments
+    loads = jnp.asarray(scale * np.random.default_rng(4).normal(size=scale.size))
+    return state, loads, {name: np.asarray(x) for name, x in _values(mechanism, state, loads).items()}
+
+
+@jax.jit
+def _values(mechanism, state, loads):
+    groups = mechanism.friction
+    rate, at = jnp.full(len(mechanism.slips), 0.7), 0
+    found = {"friction": [], "twice": [], "sum": [], "beside": [], "bound": []}
+    beside = jnp.flip(loads)
+    for group in groups:
+        own = slice(at, at := at + len(group.slips))
+        one, other = loads[group.rows], beside[group.rows]
+        for name, rho in (("friction", one), ("twice", 2 * one), ("sum", one + other), ("beside", other)):
+            found[name].append(group.force(rho, rate[own], jnp.ones_like(rate[own]), None, state))
+        found["bound"].append(group.largest_change(other, rate[own], None, state))
+    return {
+        "rows": mechanism.constraint(state.q, state.t),
+        "jacobian": mechanism.jacobian(state.q, state.t),
+        "coordinates": mechanism.joint_coordinates.positions(state),
+        "load": mechanism.load(state),
+        **{name: jnp.concatenate(parts) for name, parts in found.items()},
+    }
+
+
+@each_frame
+def test_names_of_rows_coordinates_and_slips(frame):
+    mechanism, _, _, found = known(frame)
+    for axis, count in ((mechanism.rows, found["rows"].size), (mechanism.slips, found["friction"].size)):
+        assert len(set(axis.labels)) == len(axis) == count
+    assert len(mechanism.names.joint_coordinates) == found["coordinates"].size
+    assert all(np.isfinite(x).all() for x in found.values())
+    assert set(mechanism.rows.kinds) == {"force", "moment"}
+
+
+def test_rows_in_space_have_the_names_that_audits_and_pictures_read():
+    """Those of `Distance` are along its own line, which files have not."""
+    names = {label.rpartition(".")[2] for label in known("space")[0].rows.labels}
+    assert set(_WORDS) == set(AXES) == names - {"distance"}
+
+
+@each_frame
+def test_derivatives_along_a_motion(frame):
+    """Of residuals and slips, from differences along the velocity; the Jacobian is that of the residual."""
+    mechanism, state, _, found = known(frame)
+    h = 1e-4
+
+    @jax.jit
+    def at(s):
+        q = mechanism.retract(state.q, s * state.qd)
+        return mechanism.constraint(q, ZERO), jnp.concatenate([group.slip(q, ZERO) for group in mechanism.friction])
+
+    before, now, after = ([np.asarray(x) for x in at(s)] for s in (-h, 0.0, h))
+    motion = along_motion(mechanism, state)
+    rate, directions = map(np.asarray, slip_motion(mechanism, state))
+    slope, bend = (after[0] - before[0]) / (2 * h), (after[0] - 2 * now[0] + before[0]) / h**2
+    size = 1 + np.abs(bend)
+    np.testing.assert_allclose(motion.rate / size, slope / size, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(found["jacobian"] @ state.qd / size, slope / size, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(-motion.gamma / size, bend / size, rtol=0, atol=1e-5)
+    spins = [k for k, name in enumerate(mechanism.slips.labels) if name.startswith("Spherical.")]  # no coordinates
+    moves = [k for k in range(len(rate)) if k not in spins]
+    np.testing.assert_allclose(rate[moves], ((after[1] - before[1]) / (2 * h))[moves], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(directions.T @ state.qd, rate, rtol=0, atol=1e-12)
+
+
+def broken_units(mechanism, small, large, u):
+    """Rows, coordinates and friction of another kind than they say: lengths are u times as large, angles as before."""
+    out = []
+    for name, axis in (("rows", mechanism.rows), ("coordinates", mechanism.names.joint_coordinates)):
+        scale = np.where(axis.angular, 1.0, u)
+        out += _unequal(axis, scale * small[name], large[name])
+    scale = np.where(mechanism.slips.angular, u, 1.0)
+    return out + _unequal(mechanism.slips, scale * small["friction"], large["friction"])
+
+
+def _unequal(axis, one, other):
+    return [label for label, a, b in zip(axis.labels, one, other, strict=True) if abs(a - b) > 1e-9 * (abs(a) + abs(b))]
+
+
+@each_frame
+def test_rows_coordinates_and_friction_have_the_units_of_their_kinds(frame):
+    """In millimetres residuals of force-type rows and travels are 1000 times as large, and so are friction moments."""
+    mechanism, _, _, small = known(frame)
+    _, _, _, large = known(frame, 1000.0)
+    assert broken_units(mechanism, small, large, 1000.0) == []
+    scale = np.where(mechanism.coordinates.angular, 1000.0, 1.0)
+    np.testing.assert_allclose(large["load"], scale * small["load"], rtol=1e-9)
+
+
+def broken_claims(mechanism, found):
+    """Slips whose bound is exceeded, or whose convexity is claimed and not there."""
+    convex = np.concatenate([np.full(len(group.slips), group.has_convex_limits) for group in mechanism.friction])
+    size = {name: np.abs(found[name]) for name in ("friction", "twice", "sum", "beside")}
+    change = np.abs(found["sum"] - found["friction"]) > found["bound"] * (1 + 1e-9)
+    bent = size["sum"] > (size["friction"] + size["beside"]) * (1 + 1e-9)
+    scaled = np.abs(size["twice"] - 2 * size["friction"]) > 1e-9 * size["twice"]
+    return [
+        label for label, wrong in zip(mechanism.slips.labels, change | convex & (bent | scaled), strict=True) if wrong
+    ]
+
+
+@each_frame
+def test_bounds_and_convexity_of_friction(frame):
+    """Coulomb friction is a seminorm of the loads where a joint says so, and changes by its bound at most."""
+    mechanism, _, _, found = known(frame)
+    assert np.all(np.isfinite(found["bound"]))
+    assert broken_claims(mechanism, found) == []
+
+
+def broken_axes(mechanism):
+    """Joints that do not constrain the same with their axes turned as `free_axes` allows."""
+    out, q = [], mechanism.reference
+    for stack, names in zip(mechanism.joints, mechanism.names.joints, strict=True):
+        joint = stack.element
+        if joint.free_axes == "none":
+            continue
+        turn = rs.Placement((0, 0, 0), (0, 0, 1), (0.6, 0.8, 0)).axes if joint.free_axes == "across" else _ANY
+        turned = rx._tools._module.replace_fields(joint, axes_i=joint.axes_i @ turn, axes_j=joint.axes_j @ turn)
+        rows = np.concatenate([_slopes(stack, each, mechanism.poses(q)) for each in (joint, turned)])
+        if np.linalg.matrix_rank(rows, tol=1e-9) != len(joint.row_kinds):
+            out += names
+    return out
+
+
+_ANY = jnp.asarray(np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0])
+
+
+def _slopes(stack, joint, bodies):
+    one = jax.tree.map(lambda x: x[0] if hasattr(x, "shape") else x, (joint, stack.i, stack.j))
+    return np.asarray(one[0].jacobian(bodies[one[1]], bodies[one[2]], ZERO))
+
+
+def test_turns_of_axes_that_change_no_constraint():
+    assert broken_axes(known("space")[0]) == []
+
+
+def unknown_pictures(frame, mechanism, state):
+    """Joints that are drawn as none that the library knows."""
+    if frame == "space":
+        joints = _scene_in_space.space_scene(mechanism, state, View(-60.0, 20.0), {}, None).joints
+        return [joint.name for joint in joints if _symbols_in_space.symbol(joint) is _symbols_in_space._unknown]
+    joints = _scene.scene(mechanism, state).joints
+    return [joint.name for joint in joints if _symbols.symbol(joint) is _symbols._unknown]
+
+
+@each_frame
+def test_every_joint_has_a_symbol(frame):
+    mechanism, state, _, _ = known(frame)
+    assert set(unknown_pictures(frame, mechanism, state)) <= {"Free"}  # which holds nothing
+
+
+# --------------------------------------------------------------------------------------- the rest
+
+
+@pytest.mark.parametrize("law", contracts.LAWS.values(), ids=lambda law: type(law).__name__)
+def test_laws_of_friction_do_as_they_say(law):
+    """Slopes within their bound; proportional where they say so; against the slip; the same about an axis."""
+    loads, radius = jnp.asarray([0.0, 1.0, 2.0, 7.0]), jnp.asarray(0.3)
+    size = law.memory_size()
+    for rate, share in ((0.2, 0.5), (-0.9, -0.8), (3.0, 0.1)):
+        w, memory = jnp.asarray(rate), None if size is None else share * size
+        at = functools.partial(law.force, rate=w, memory=memory)
+        force = np.array([at(N, sense=jnp.sign(w)) for N in loads])
+        slopes = np.diff(force) / np.diff(loads)
+        assert np.all(np.abs(slopes) <= law.slope_bound(w, memory) * (1 + 1e-12))
+        assert law.depends_on_load == bool(np.any(slopes != 0))
+        assert law.has_sense == bool(np.any(force != [at(N, sense=-jnp.sign(w)) for N in loads]))
+        if law.is_proportional:
+            np.testing.assert_allclose(slopes, slopes[0], rtol=1e-12)
+        if size is None:
+            assert law.memory_rate(w, None) is None
+            assert np.all(force * rate <= 0)
+        else:
+            full = jnp.sign(w) * size * 1.0001
+            assert jnp.sign(full) * law.memory_rate(1e3 * w, full) <= 0 or law.memory_rate(w, full) * w <= 0
+        about = law.about(radius)
+        np.testing.assert_allclose(
+            [about.force(N, w / radius, jnp.sign(w), memory) for N in loads], radius * force, rtol=1e-12
+        )
+        np.testing.assert_allclose(about.slope_bound(w / radius, memory), radius * law.slope_bound(w, memory))
+
+
+@pytest.mark.parametrize("contact", contracts.CONTACTS.values(), ids=lambda contact: type(contact).__name__)
+def test_contacts_do_as_they_say(contact):
+    size, random = rs.ContactSize(jnp.asarray(0.05), jnp.asarray(0.7), jnp.asarray(0.03)), np.random.default_rng(0)
+    for one, other in random.normal(size=(20, 2, 6)):
+        x, y, both = (
+            contact.normal_load(rs.ContactLoad(v[:2], v[2], v[3:5], v[5]), size)
+            for v in map(jnp.asarray, (one, other, one + other))
+        )
+        change = contact.largest_change(rs.ContactLoad(other[:2], jnp.asarray(other[2]), other[3:5], other[5]), size)
+        assert abs(both - x) <= change * (1 + 1e-12)
+        if contact.is_seminorm:
+            assert 0 <= both <= (x + y) * (1 + 1e-12)
+
+
+INTERNAL = {rx.SpringDamper, rx.TorsionSpring, rs.SpringDamper, rs.TorsionSpring, rs.Bushing}
+
+
+@each_frame
+def test_loads_between_bodies_press_one_as_they_press_the_other(frame):
+    """Force, and moment about one point, of both ends: zero together."""
+    mechanism, state, _, _ = known(frame)
+    bodies = mechanism.frame.motions(mechanism.body, state)
+    for stack in mechanism.loads:
+        ends = stack.over(lambda load, i, j: load.wrenches(i, j, ZERO), bodies)
+        force = sum(np.asarray(end.force[0], float) for end in ends)
+        if type(stack.element) not in INTERNAL:
+            continue
+        pose = getattr(bodies, "pose", bodies)
+        arms = [np.asarray(pose.r[int(at[0])]) for at in (stack.i, stack.j)]
+        moment = sum(
+            np.asarray(end.moment[0]) + np.cross(arm, np.asarray(end.force[0]))
+            for end, arm in zip(ends, arms, strict=True)
+        )
+        np.testing.assert_allclose(force, 0, atol=1e-12)
+        np.testing.assert_allclose(moment, 0, atol=1e-12)
+
+
+@functools.cache
+def press():
+    mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02)
+    return mechanism, mechanism.state(phi=0.8, rate=1.0)
+
+
+@pytest.mark.parametrize("kind", contracts.CLOSURES, ids=lambda kind: kind.__name__)
+def test_closures_give_compliance_and_misfit(kind):
+    """Symmetric and nowhere negative, positive on the self-stress; constant if they say so; the same by place."""
+    mechanism, state = press()
+    closure, there = contracts.CLOSURES[kind](mechanism), mechanism.state(phi=2.0, rate=1.0)
+    W, d = map(np.asarray, closure.compliance(mechanism, state))
+    assert W.shape == (12, 12) and d.shape in ((), (12,))
+    np.testing.assert_allclose(W, W.T, rtol=0, atol=1e-12 * np.abs(W).max())
+    assert np.linalg.eigvalsh(W).min() >= -1e-12 * np.abs(W).max()
+    N = np.linalg.svd(np.asarray(mechanism.jacobian(state.q, state.t)))[0][:, -3:]
+    assert np.linalg.eigvalsh(N.T @ W @ N).min() > 1e-12 * np.abs(W).max()
+    other = closure.compliance(mechanism, there)
+    same = np.array_equal(other[0], W) and np.array_equal(other[1], d)
+    assert same or not closure.is_constant
+    for one, again in zip((W, d), closure.by_place(mechanism).compliance(mechanism.anonymous, state), strict=True):
+        np.testing.assert_array_equal(one, again)
+
+
+@pytest.mark.parametrize("kind", contracts.SOLVERS, ids=lambda kind: kind.__name__)
+def test_solvers_meet_the_equations(kind):
+    """M qdd + Phi_q^T lam = Q + E tau with tau of the law, and the acceleration of the constraints."""
+    mechanism, state = press()
+    found = rx.solve(mechanism, state, solver=contracts.SOLVERS[kind])
+    assert found.result == rx.RESULTS.successful
+    (group,), lam = mechanism.friction, jnp.asarray(found.multipliers)
+    _, E = slip_motion(mechanism, state)
+    rate = E.T @ state.qd
+    tau = group.force(lam[group.rows], rate, jnp.sign(rate), None, state)
+    np.testing.assert_allclose(found.friction, tau, rtol=1e-11)
+    lhs = mechanism.mass(state.q, state.t) @ found.acceleration + mechanism.jacobian(state.q, state.t).T @ lam
+    np.testing.assert_allclose(lhs, mechanism.load(state) + E @ tau, atol=1e-10 * np.abs(lam).max())
+
+
+# -------------------------------------------------------------------------- forgotten parts are found
+
+
+class Hook(rs.AbstractPlacedJoint):
+    """A ball in a slot that holds its turn: nothing but names of what it locks."""
+
+    row_kinds = (("radial_1", "force"), ("radial_2", "force"), ("twist", "moment"))
+    coordinate_kinds = (("travel", "linear"),)
+    free_axes = "all"  # which is not so
+    __init__ = rs.AbstractPlacedJoint.__init__
+
+
+class Rule(rs.AbstractPlacedJoint):
+    """An offset that is called a moment, in rows of a name that nobody knows."""
+
+    row_kinds = (("askew", "moment"),)
+    __init__ = rs.AbstractPlacedJoint.__init__
+
+    def residual(self, i, j, t):
+        return self.relative(i, j).offset[:1]
+
+
+class Brake(rs.AbstractFrictionalJoint):
+    """A hinge that claims convexity of a product, and friction of the wrong unit."""
+
+    row_kinds, coordinate_kinds = rs.Revolute.row_kinds, rs.Revolute.coordinate_kinds
+    slip_kind = "linear"
+    friction: rx.AbstractFrictionModel
+    contact: rs.AbstractContact
+
+    def __init__(self, *place, **options):
+        self.make(*place, **options)
+
+    def normal_load(self, multipliers, ends=None):
+        return jnp.abs(multipliers[0] * multipliers[2])
+
+    largest_change = normal_load
+
+
+def test_forgotten_parts_are_found():
+    class Room:
+        """A namespace with one more joint."""
+
+    Room.Hook = Hook
+    assert contracts.forgotten(rx.AbstractJoint, SAMPLES[rx.AbstractJoint], Room) == ["Room.Hook"]
+
+
+def test_parts_that_break_a_law_are_found():
+    def brake(a, b, u):
+        at = rs.Placement(u * contracts.HERE)
+        return Brake("Brake", a, b, [at, at], friction=contracts.COULOMB)
+
+    samples = {Hook: contracts.pair(Hook), Rule: contracts.pair(Rule), Brake: brake}
+    small, large = (contracts.in_space(u, samples) for u in (1.0, 10.0))
+    (state, _, here), (_, _, there) = (
+        answers(each, contracts.somewhere(each, u), u) for each, u in ((small, 1.0), (large, 10.0))
+    )
+    assert broken_axes(small) == ["Hook"]
+    assert broken_units(small, here, there, 10.0) == ["Rule.askew", "Brake"]
+    assert broken_claims(small, here) == ["Brake"]
+    assert unknown_pictures("space", small, state) == ["Rule"]
