@@ -52,7 +52,6 @@ class AbstractJoint(AbstractBetweenBodies):
     frame: ClassVar[AbstractFrame] = PLANE
     coordinate_kinds: ClassVar[tuple[Row, ...]] = ()  # names of coordinates of i relative to j: "linear" or "angular"
     pushing: ClassVar[tuple[str, ...]] = ()
-    one_sided: ClassVar[bool] = False  # whether its pushing rows open where they would pull
     has_spin: ClassVar[bool] = False  # whether it leaves all turns in space free, which have no coordinate
     free_axes: ClassVar[Literal["none", "across", "all"]] = "none"  # turns of its axes that change no constraint
     name: eqx.AbstractVar[str]
@@ -80,6 +79,11 @@ class AbstractJoint(AbstractBetweenBodies):
     def relatives(self, i: Any, j: Any) -> Any:
         """What the pose of body i can have `seen`, its rate and the rate of this, from poses with theirs; or None."""
         return None
+
+    @property
+    def one_sided(self) -> bool:
+        """Whether its pushing rows open where they would pull."""
+        return False
 
     def directions(self) -> dict[str, Array]:
         """Directions on the bodies "i" and "j" that its rows read, such as axes and normals."""
