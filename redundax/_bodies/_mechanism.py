@@ -38,7 +38,7 @@ from .._tools._table import are_known
 from ._armature import Armature, armature_load, armature_mass, armatures
 from ._body import GROUND, AbstractBody
 from ._coordinate import ball_places, coordinate_places
-from ._coupler import Coupler, Couplings, coupled_rows, couplings
+from ._coupler import Coupler, Couplings, Stop, coupled_rows, couplings
 from ._frame import AbstractFrame
 from ._joint_coordinates import JointCoordinates
 from ._joint_friction import FrictionMembers, JointFriction, friction_members
@@ -69,7 +69,7 @@ class Mechanism(AbstractSystem):
 
     - `bodies`: its moving bodies.
     - `joints`: its joints and drivers.
-    - `couplers`: of coordinates of its joints.
+    - `couplers`: `Coupler`s and `Stop`s of coordinates of its joints.
     - `loads`: applied loads.
     - `gravity`: acceleration of gravity (2,), in space (3,), m/s^2, global components; none if not given.
     - `armature`: inertia of rotors that turn or travel with coordinates of joints alone, by their names, as in
@@ -103,7 +103,7 @@ class Mechanism(AbstractSystem):
         bodies: Sequence[AbstractBody],
         joints: Sequence[AbstractJoint],
         *,
-        couplers: Sequence[Coupler] = (),
+        couplers: Sequence[Coupler | Stop] = (),
         loads: Sequence[AbstractLoad] = (),
         gravity: Numbers | None = None,
         armature: Mapping[str, Numbers] | None = None,
@@ -148,8 +148,8 @@ class Mechanism(AbstractSystem):
             bodies=tuple(names),
             joints=tuple(tuple(joints[k].name for k in group) for group in groups),
             joined=tuple((joint.name, joint.i, joint.j) for joint in joints),
-            pushing=pushing_rows(joints, rows),
-            one_sided=pushing_rows([joint for joint in joints if joint.one_sided], rows),
+            pushing=pushing_rows([*joints, *coupled], rows),
+            one_sided=pushing_rows([each for each in (*joints, *coupled) if each.one_sided], rows),
             units=of_model(units),
             adds=self.frame.adds,
         )

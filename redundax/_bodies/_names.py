@@ -5,11 +5,11 @@ from typing import Any
 
 from .._tools._errors import RedundaxError
 from ._body import GROUND, AbstractBody
-from ._coupler import Coupler
+from ._coupler import Coupler, Stop
 from ._joints import AbstractJoint
 from ._loads import AbstractLoad
 
-_LISTS = (("bodies", AbstractBody), ("joints", AbstractJoint), ("loads", AbstractLoad), ("couplers", Coupler))
+_LISTS = (("bodies", AbstractBody), ("joints", AbstractJoint), ("loads", AbstractLoad), ("couplers", (Coupler, Stop)))
 
 
 def check_kinds(bodies: Any, joints: Any, loads: Any, couplers: Any) -> None:
@@ -21,7 +21,7 @@ def check_kinds(bodies: Any, joints: Any, loads: Any, couplers: Any) -> None:
             )
         for element in elements:
             if not isinstance(element, kind):
-                fitting = kind.__name__ if kind is not AbstractBody else "Body"
+                fitting = {"bodies": "Body", "couplers": "Coupler"}.get(what) or kind.__name__
                 right = [f"Put it among `{other}`." for other, fit in _LISTS if isinstance(element, fit)]
                 raise RedundaxError(
                     f"Argument `{what}` must hold {what}, but holds {_words(element)}. "
@@ -53,7 +53,7 @@ def check_names(
     bodies: Sequence[str],
     joints: Sequence[AbstractJoint],
     loads: Sequence[AbstractLoad],
-    couplers: Sequence[Coupler] = (),
+    couplers: Sequence[Coupler | Stop] = (),
 ) -> None:
     """Refuse names that occur twice, bodies that nobody declared, and joints of a body with itself."""
     for what, names in (("bodies", list(bodies)), ("joints", [each.name for each in (*joints, *couplers)])):

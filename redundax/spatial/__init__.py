@@ -11,6 +11,7 @@ from .._bodies._space._joints import AbstractFrictionalJoint as AbstractFriction
 from .._bodies._space._joints import AbstractJoint as AbstractJoint
 from .._bodies._space._joints import AbstractPlacedJoint as AbstractPlacedJoint
 from .._bodies._space._joints import AngleDriver as AngleDriver
+from .._bodies._space._joints import Cable as Cable
 from .._bodies._space._joints import ConstantVelocity as ConstantVelocity
 from .._bodies._space._joints import Cylindrical as Cylindrical
 from .._bodies._space._joints import Distance as Distance

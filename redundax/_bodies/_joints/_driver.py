@@ -48,7 +48,21 @@ class AngleDriver(AbstractJoint):
         return jnp.stack([i.phi - j.phi - self.angle(t)])
 
 
-class DistanceDriver(AbstractJoint):
+class AbstractDistance(AbstractJoint):
+    """A joint of two points whose distance is given."""
+
+    point_i: eqx.AbstractVar[Float[Array, "2"]]
+    point_j: eqx.AbstractVar[Float[Array, "2"]]
+    distance: eqx.AbstractVar[Callable[[Array], Array]]
+
+    def __check_init__(self) -> None:
+        check_distance(self.name, self.distance)
+
+    def residual(self, i: Pose, j: Pose, t: Array) -> Array:
+        return jnp.stack([safe_norm(i.point(self.point_i) - j.point(self.point_j)) - self.distance(t)])
+
+
+class DistanceDriver(AbstractDistance):
     """Driving constraint (2) on the distance of two points; with a constant law a massless rod.
 
     Its multiplier is the tension that holds the points together, N.
@@ -76,8 +90,30 @@ class DistanceDriver(AbstractJoint):
     point_j: Float[Array, "2"] = eqx.field(converter=as_float)
     distance: Callable[[Array], Array] = eqx.field(converter=law_of_time)
 
-    def __check_init__(self) -> None:
-        check_distance(self.name, self.distance)
 
-    def residual(self, i: Pose, j: Pose, t: Array) -> Array:
-        return jnp.stack([safe_norm(i.point(self.point_i) - j.point(self.point_j)) - self.distance(t)])
+class Cable(AbstractDistance):
+    """A cable without mass between two points: it pulls where it is taut, and is slack where they are nearer.
+
+    Its multiplier is its tension, N, positive or zero; `solve` tells in `contacts` whether it carries.
+
+    ??? example
+
+        ```python
+        rx.Cable("rope", "lever", "ground", (0.2, 0.0), (0.0, 1.0), 0.6)
+        ```
+
+    **Arguments:** those of a `DistanceDriver`; `distance` is its length.
+    """
+
+    row_kinds: ClassVar[tuple[Row, ...]] = (("distance", "force"),)
+    pushing: ClassVar[tuple[str, ...]] = ("distance",)
+    name: str = eqx.field(static=True)
+    i: str = eqx.field(static=True)
+    j: str = eqx.field(static=True)
+    point_i: Float[Array, "2"] = eqx.field(converter=as_float)
+    point_j: Float[Array, "2"] = eqx.field(converter=as_float)
+    distance: Callable[[Array], Array] = eqx.field(converter=law_of_time)
+
+    @property
+    def one_sided(self) -> bool:
+        return True

@@ -2,6 +2,7 @@
 
 from ._base import AbstractJoint as AbstractJoint
 from ._base import AbstractPlacedJoint as AbstractPlacedJoint
+from ._distance import Cable as Cable
 from ._distance import Distance as Distance
 from ._drivers import AngleDriver as AngleDriver
 from ._drivers import TravelDriver as TravelDriver

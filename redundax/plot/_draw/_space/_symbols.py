@@ -223,6 +223,7 @@ _SYMBOLS: dict[type, Symbol] = {
     kinds.Universal: _universal,
     kinds.ConstantVelocity: _constant_velocity,
     kinds.Distance: _distance,
+    kinds.Cable: _distance,
     kinds.AngleDriver: _angle_driver,
     kinds.TravelDriver: _travel_driver,
     kinds.Gear: _gear,
