@@ -72,7 +72,7 @@ def _of_several_directions(matrix: Array, projector: Array, dimension: Array, ke
     one = xp.eye(matrix.shape[0], dtype=matrix.dtype)
     rounding = matrix.shape[0] * xp.finfo(matrix.dtype).eps
     restricted = projector @ matrix @ projector
-    weight = xp.trace(restricted) / xp.maximum(dimension, 1)
+    weight = xp.trace(restricted) / xp.maximum(dimension, 1).astype(matrix.dtype)
     weight = xp.where(weight > 0, weight, 1.0)
     regular = restricted / weight + (one - projector)
     shift = rounding * xp.diag(xp.diagonal(regular))  # without it a direction without energy often has no factor

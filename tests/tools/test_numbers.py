@@ -115,9 +115,23 @@ def test_programs_that_take_over_give_the_same(monkeypatch):
         np.testing.assert_allclose(value, program[key], rtol=0, atol=1e-12 * np.max(np.abs(value)), err_msg=key)
 
 
-@pytest.mark.parametrize("mu_rho", [0.02, 0.4])  # settled by Newton's method, and followed from zero friction
-def test_single_precision_stays_so_inside(mu_rho):
-    single = jax.tree.map(lambda x: x.astype(np.float32) if x.dtype == np.float64 else x, _model(mu_rho))
+def _twice_redundant() -> tuple[rx.Mechanism, rx.State]:
+    guides = {"normal": (0.0, 1.0), "guide_length": 0.1, "friction": rx.Coulomb(0.1)}
+    joints = [rx.Translational(f"K{k}", "slider", "ground", (0.0, 0.1 * k), (0.0, 0.1 * k), **guides) for k in range(2)]
+    mechanism = rx.Mechanism([rx.Body("slider", 2.0, 0.1)], joints, gravity=(1.0, -9.81))
+    return mechanism, rx.State(np.zeros(3), np.array([1.0, 0.0, 0.0]))
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        pytest.param(lambda: _model(0.02), id="settled by Newton's method"),
+        pytest.param(lambda: _model(0.4), id="followed from zero friction"),
+        pytest.param(_twice_redundant, id="two states of self-stress"),
+    ],
+)
+def test_single_precision_stays_so_inside(model):
+    single = jax.tree.map(lambda x: x.astype(np.float32) if x.dtype == np.float64 else x, model())
     mechanism, state = single
     given = {"factor": rx.factorize(mechanism, state), "solution": rx.solve(mechanism, state, throw=False)}
     for path, leaf in jax.tree_util.tree_leaves_with_path(given):
