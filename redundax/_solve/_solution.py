@@ -9,7 +9,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._equations._evidence import Violation
 from .._equations._rank import Spectrum
-from .._system._contact import Contact, words
+from .._system._contact import Contact, in_sentences, words
 from .._system._joint_coordinates import JointMotion, joint_motion, joint_reactions
 from .._system._named import AbstractNamed
 from .._system._pages import further, notes, numbers_of, outcome, ranges_of, values_of
@@ -164,7 +164,7 @@ class Solution(AbstractNamed):
         numbers = {name: getattr(self, name) for name in ("acceleration", "multipliers", "friction")}
         if self.names is None or not are_known((self.result, self.stats, self.state, *numbers.values())):
             return repr(self)
-        head = [*self._outcome(), *notes(self.names, in_words(self.pulling))]
+        head = [*self._outcome(), *in_sentences(self.contacts), *notes(self.names, in_words(self.pulling))]
         if self.acceleration.ndim > 1:
             failed = "failed" if any(np.isnan(array).any() for array in numbers.values()) else ""
             left, *right = (ranges_of(self.names, name, array, failed) for name, array in numbers.items())

@@ -27,3 +27,11 @@ def words(codes: Any, names: tuple[str, ...]) -> dict[str, Any]:
         name: _WORDS[int(column)] if column.ndim == 0 else table[column]
         for name, column in zip(names, columns, strict=True)
     }
+
+
+def in_sentences(contacts: dict[str, Any]) -> list[str]:
+    """A line on the contacts of one state, as in "Contacts f1, f4: lifts; f2, f3: carries"; of a batch none."""
+    if not contacts or any(np.ndim(does) for does in contacts.values()):
+        return []
+    by_word = {word: [name for name, does in contacts.items() if does == word] for word in _WORDS}
+    return ["Contacts " + "; ".join(f"{', '.join(names)}: {word}" for word, names in by_word.items() if names)]
