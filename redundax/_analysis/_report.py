@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 from typing import Any
 
 import numpy as np
@@ -220,10 +221,12 @@ class Report:
             lines += _listed(f"  {word}:", [name for name, own in self.contacts.items() if own == word])
         if self.ranges:
             lines.append("Whatever the stiffness, as contacts only push:")
-            bounded = {name: both for name, both in self.ranges.items() if np.isfinite(both).all()}
+            joints = {re.split(" force | moment ", name)[0] for name in self.ranges if " on " in name}
+            told = {name: both for name, both in self.ranges.items() if name.rpartition(".")[0] not in joints}
+            bounded = {name: both for name, both in told.items() if np.isfinite(both).all()}
             lines += columns([f"{name} {_between(*both)}" for name, both in bounded.items()])
-            if len(bounded) < len(self.ranges):
-                lines += _listed("  not bounded:", [name for name in self.ranges if name not in bounded])
+            if len(bounded) < len(told):
+                lines += _listed("  not bounded:", [name for name in told if name not in bounded])
         return lines
 
     def _with_friction(self) -> list[str]:

@@ -14,6 +14,8 @@ class Contact(enum.StrEnum):
     touches = "touches"  # closed without load
     carries = "carries"
 
+    __repr__ = str.__repr__
+
 
 _WORDS = tuple(Contact)
 LEFT_OUT = tuple(_WORDS.index(word) for word in (Contact.open, Contact.lifts))  # codes of what carries in no solution
