@@ -11,7 +11,7 @@ state has the entry 1 in a row where all others have 0.
 """
 
 from functools import cache, partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -74,10 +74,9 @@ def analyze(
     """
     check_closure(closure)
     one_sided = np.array(system.names.one_sided, int)
-    contacts, out = {}, np.zeros(len(system.rows), bool)
+    pushed, out = None, np.zeros(len(system.rows), bool)
     if one_sided.size:
-        pushed = solve(system, state, closure=closure, sense=sense, throw=False)
-        contacts, factor = pushed.contacts, None
+        pushed, factor = solve(system, state, closure=closure, sense=sense, throw=False), None
         out[one_sided] = np.isin(np.asarray(pushed.contact), LEFT_OUT)
         system = as_held(system, ~out)
     system, factor = dense_at(system, state, rank, factor)
@@ -95,7 +94,7 @@ def analyze(
         figures, solution = _family(system, state, factor, closure, stress, sense)
         result, pulling = solution.result, solution.pulling
     ranges = {}
-    if one_sided.size and not system.friction and is_one_of(pushed.result, RESULTS.successful):
+    if pushed is not None and not system.friction and is_one_of(pushed.result, RESULTS.successful):
         ranges = _ranges(system, state, np.asarray(pushed.multipliers), stress, one_sided[~out[one_sided]])
     figures = None if is_one_of(result, RESULTS.not_finite, RESULTS.unbounded_friction) else figures
     return Report(
@@ -123,8 +122,8 @@ def analyze(
         releases=() if figures is None else _releases(system, orthonormal(found.row_scale, stress)),
         friction_reads=tuple(str(rows[row]) for row in reads if not unique[row]),
         couplings=_couplings(system),
-        pulling=() if one_sided.size else pulling,
-        contacts={name: str(word) for name, word in contacts.items()},
+        pulling=pulling if pushed is None else (),
+        contacts={} if pushed is None else {name: str(word) for name, word in pushed.contacts.items()},
         ranges=ranges,
         length=float(factor.length),
         units=str(system.names.units),
@@ -132,7 +131,7 @@ def analyze(
     )
 
 
-def _kept(found: "_Evidence", kept: np.ndarray) -> "_Evidence":
+def _kept(found: Any, kept: np.ndarray) -> Any:
     """The evidence without contacts that lift: rows of zeros, whose loads are zero."""
     if kept.all():
         return found

@@ -6,7 +6,6 @@ without friction, where accelerations are unique and contacts that lift carry no
 """
 
 import numpy as np
-from scipy.optimize import linprog
 
 _UNIQUE = 1e-9  # a share of the largest load, above the rounding of N and of a programme
 
@@ -36,6 +35,8 @@ def pushing_ranges(
 
 def _least(slope: np.ndarray, stress: np.ndarray, multipliers: np.ndarray, pushing: np.ndarray) -> float:
     """The least slope . z; z = 0 is among what is possible, so that there is always an answer."""
+    from scipy.optimize import linprog  # here, as its import takes time that few need
+
     size = np.linalg.norm(slope)
     found = linprog(
         slope / size, A_ub=-stress[pushing], b_ub=np.maximum(multipliers[pushing], 0.0), bounds=(None, None)

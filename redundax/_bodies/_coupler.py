@@ -124,7 +124,8 @@ class Stop(eqx.Module):
             raise RedundaxError(f"Stop '{name}' must have `least` or `most`, but has neither. Give one, or both.")
         self.name, self.coordinate = name, coordinate
         self.least, self.most = optional_float(least), optional_float(most)
-        if least is not None and most is not None and are_known((self.least, self.most)) and least >= most:
+        both = [limit for limit in (self.least, self.most) if limit is not None]
+        if are_known(both) and not np.all(np.diff(np.stack(both), axis=0) > 0):
             raise RedundaxError(
                 f"Stop '{name}' must have `least` below `most`, but has {least} and {most}. Exchange them, or give a "
                 "`Coupler` for a coordinate that is held."

@@ -9,20 +9,24 @@ from ._coupler import Coupler, Stop
 from ._joints import AbstractJoint
 from ._loads import AbstractLoad
 
-_LISTS = (("bodies", AbstractBody), ("joints", AbstractJoint), ("loads", AbstractLoad), ("couplers", (Coupler, Stop)))
+_LISTS: tuple[tuple[str, Any, str], ...] = (
+    ("bodies", AbstractBody, "Body"),
+    ("joints", AbstractJoint, AbstractJoint.__name__),
+    ("loads", AbstractLoad, AbstractLoad.__name__),
+    ("couplers", Coupler | Stop, "Coupler"),
+)
 
 
 def check_kinds(bodies: Any, joints: Any, loads: Any, couplers: Any) -> None:
     """Refuse what stands in the wrong list, or in none."""
-    for (what, kind), elements in zip(_LISTS, (bodies, joints, loads, couplers), strict=True):
+    for (what, kind, fitting), elements in zip(_LISTS, (bodies, joints, loads, couplers), strict=True):
         if not isinstance(elements, Sequence):
             raise RedundaxError(
                 f"Argument `{what}` must be a list, but is {_words(elements)}. Put it in brackets: [...]."
             )
         for element in elements:
             if not isinstance(element, kind):
-                fitting = {"bodies": "Body", "couplers": "Coupler"}.get(what) or kind.__name__
-                right = [f"Put it among `{other}`." for other, fit in _LISTS if isinstance(element, fit)]
+                right = [f"Put it among `{other}`." for other, fit, _ in _LISTS if isinstance(element, fit)]
                 raise RedundaxError(
                     f"Argument `{what}` must hold {what}, but holds {_words(element)}. "
                     f"{' '.join(right) or f'Leave it out, or make it an `rx.{fitting}`.'}"

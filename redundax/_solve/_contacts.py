@@ -53,7 +53,7 @@ def without_rows(elasticity: Elasticity, kept: Bool[Array, " m"]) -> Elasticity:
     return Elasticity(xp.where(both, compliance, xp.diag(xp.where(kept, 0.0, alone))), xp.where(kept, misfit, 0.0))
 
 
-def as_held(system: AbstractSystem, kept: Bool[Array, " m"]) -> AbstractSystem:
+def as_held(system: AbstractSystem, kept: Any) -> AbstractSystem:
     """The system whose kept contacts hold both ways, and whose others are open."""
     names = dataclasses.replace(system.names, pushing=(), one_sided=())
     return replace_fields(system, _names=names).opened(xp.asarray(kept))

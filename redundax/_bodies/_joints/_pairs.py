@@ -206,7 +206,7 @@ class PinInSlot(AbstractPair, AbstractFrictionalJoint):
     point_j: Float[Array, "2"] = eqx.field(converter=as_float)
     normal: Float[Array, "2"] = eqx.field(converter=unit)
     friction: AbstractFrictionModel | None = None
-    one_sided: bool = eqx.field(static=True, default=False)  # pyright: ignore[reportIncompatibleVariableOverride]
+    one_sided: bool = eqx.field(static=True, default=False)  # pyright: ignore[reportIncompatibleMethodOverride]
 
     @property
     def pushing(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]

@@ -285,7 +285,7 @@ class PointOnPlane(AbstractPlacedJoint):
     """
 
     row_kinds: ClassVar[tuple[Row, ...]] = (AXIAL,)
-    one_sided: bool = eqx.field(static=True, default=False)  # pyright: ignore[reportIncompatibleVariableOverride]
+    one_sided: bool = eqx.field(static=True, default=False)  # pyright: ignore[reportIncompatibleMethodOverride]
 
     def __init__(
         self,
