@@ -26,6 +26,7 @@ from ._analysis._verdict import Verdict as Verdict
 from ._bodies._body import GROUND as GROUND
 from ._bodies._body import Body as Body
 from ._bodies._coupler import Coupler as Coupler
+from ._bodies._coupler import Stop as Stop
 from ._bodies._friction_model import AbstractFrictionModel as AbstractFrictionModel
 from ._bodies._friction_model import ConstantFriction as ConstantFriction
 from ._bodies._friction_model import Coulomb as Coulomb
@@ -37,6 +38,7 @@ from ._bodies._joints import AbstractFrictionalJoint as AbstractFrictionalJoint
 from ._bodies._joints import AbstractJoint as AbstractJoint
 from ._bodies._joints import AngleCoupling as AngleCoupling
 from ._bodies._joints import AngleDriver as AngleDriver
+from ._bodies._joints import Cable as Cable
 from ._bodies._joints import DistanceDriver as DistanceDriver
 from ._bodies._joints import Fixed as Fixed
 from ._bodies._joints import GearPair as GearPair

@@ -11,7 +11,7 @@ state has the entry 1 in a row where all others have 0.
 """
 
 from functools import cache, partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -25,8 +25,10 @@ from .._equations._culprits import culprits
 from .._equations._factorisation import Factorisation
 from .._equations._factorize import dense_at
 from .._equations._rank import Spectrum, Split
+from .._solve._contacts import as_held
 from .._solve._solution import Solution
 from .._solve._solve import solve
+from .._system._contact import LEFT_OUT
 from .._system._names import ByName, senses
 from .._system._results import RESULTS, is_one_of
 from .._system._state import State
@@ -35,6 +37,7 @@ from .._tools._numbers import computed, on_numbers
 from ._others import other_solutions
 from ._outputs import outputs
 from ._position import local_self_stress, unique_only_here
+from ._pushing_ranges import pushing_ranges
 from ._release import Release, releases
 from ._report import Report
 from ._verdict import Family, Judged, family, judge
@@ -71,20 +74,29 @@ def analyze(
     - `factor`: what `factorize` gave at this state, where it is there already.
     """
     check_closure(closure)
+    one_sided = np.array(system.names.one_sided, int)
+    pushed, out = None, np.zeros(len(system.rows), bool)
+    if one_sided.size:
+        pushed, factor = solve(system, state, closure=closure, sense=sense, throw=False), None
+        out[one_sided] = np.isin(np.asarray(pushed.contact), LEFT_OUT)
+        system = as_held(system, ~out)
     system, factor = dense_at(system, state, rank, factor)
-    found = jax.device_get(_evidence(factor))
+    found = _kept(jax.device_get(_evidence(factor)), ~out)
     lost = _undetermined(system, state, factor, closure)
     singular, decided = bool(found.singular_position), bool(found.local)
     local, here = _position(system.anonymous, state, factor, found)
     rows, unique = np.array(system.rows.labels), found.unique_multipliers & (decided or not singular)
     reads = np.unique(np.concatenate([np.zeros(0, int), *(np.ravel(group.rows) for group in system.friction)]))
-    redundancy = rows.size - int(found.spectrum.rank)
+    redundancy = rows.size - int(found.spectrum.rank) - int(out.sum())
     stress = _echelon(found.split.stress, found.row_scale, redundancy - int(found.local), ~found.in_self_stress)
     groups, kinds = _groups(stress), system.rows.kinds
     figures, result, pulling = None, found.result, ()
     if is_one_of(result, RESULTS.successful):
         figures, solution = _family(system, state, factor, closure, stress, sense)
         result, pulling = solution.result, solution.pulling
+    ranges = {}
+    if pushed is not None and not system.friction and is_one_of(pushed.result, RESULTS.successful):
+        ranges = _ranges(system, state, np.asarray(pushed.multipliers), stress, one_sided[~out[one_sided]])
     figures = None if is_one_of(result, RESULTS.not_finite, RESULTS.unbounded_friction) else figures
     return Report(
         coordinates=system.coordinates.labels,
@@ -111,11 +123,34 @@ def analyze(
         releases=() if figures is None else _releases(system, orthonormal(found.row_scale, stress)),
         friction_reads=tuple(str(rows[row]) for row in reads if not unique[row]),
         couplings=_couplings(system),
-        pulling=pulling,
+        pulling=pulling if pushed is None else (),
+        contacts={} if pushed is None else {name: str(word) for name, word in pushed.contacts.items()},
+        ranges=ranges,
         length=float(factor.length),
         units=str(system.names.units),
         problem="" if figures is not None else RESULTS[result] + culprits(system, state, factor, result),
     )
+
+
+def _kept(found: Any, kept: np.ndarray) -> Any:
+    """The evidence without contacts that lift: rows of zeros, whose loads are zero."""
+    if kept.all():
+        return found
+    split = found.split._replace(stress=np.where(kept[:, None] & kept, found.split.stress, 0.0))
+    return found._replace(
+        split=split, in_self_stress=found.in_self_stress & kept, unique_multipliers=found.unique_multipliers | ~kept
+    )
+
+
+def _ranges(
+    system: AbstractSystem, state: State, multipliers: np.ndarray, stress: np.ndarray, pushing: np.ndarray
+) -> dict[str, tuple[float, float]]:
+    """What pushing alone leaves of multipliers and of reactions."""
+    n, m = len(system.coordinates), len(system.rows)
+    found = outputs(system, state)
+    names = [name for kind in ("multiplier", "reaction") for name in found.get(kind, ([],))[0]]
+    matrix = np.concatenate([found[kind][1][:, n : n + m] for kind in ("multiplier", "reaction") if kind in found])
+    return pushing_ranges(names, matrix, multipliers, stress.T, pushing)
 
 
 class _Evidence(NamedTuple):

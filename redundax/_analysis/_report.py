@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,10 @@ class Report:
     - `couplings`: names of the joints that are an `AngleCoupling`: what is said of bearings leaves out the forces of
       their teeth or belts.
     - `pulling`: names of the rows of teeth that pull in the solution of the closure: their other flanks are in contact.
+    - `contacts`: what each one-sided contact does, by name: "carries", "touches", "lifts" or "open". All else is said
+      of the joints and of the contacts that do not lift.
+    - `ranges`: of the loads that are not unique what one-sided contacts leave, by name, least and largest, whatever
+      the joints are made of; infinite where nothing bounds it. Without friction only.
     - `units`: those that the model states, as in "m, rad, kg, s, N"; empty where it states none.
     - `length`: a length of the mechanism, by which moments are compared with forces, and turns with shifts.
     - `problem`: why the equations at this state cannot be trusted; empty if they can.
@@ -87,6 +92,8 @@ class Report:
     friction_reads: tuple[str, ...]
     couplings: tuple[str, ...]
     pulling: tuple[str, ...]
+    contacts: dict[str, str]
+    ranges: dict[str, tuple[float, float]]
     length: float
     units: str
     problem: str
@@ -137,6 +144,7 @@ class Report:
         out["self_stress"] = [dict(zip(self.rows, state.tolist(), strict=True)) for state in self.self_stress]
         out["unique_reactions"] = self.unique_reactions
         out["gap"] = _finite(self.gap)
+        out["ranges"] = {name: [_finite(bound) for bound in both] for name, both in self.ranges.items()}
         return out
 
     def to_json(self) -> str:
@@ -198,12 +206,28 @@ class Report:
             lines += _listed("  of these the minimum norm depends on the unit of length:", self.unit_dependent)
         if any("." in row for row in self.rows):
             lines += _listed("  joints whose whole reaction is unique:", self.unique_reactions)
+        lines += self._pushing()
         lines += self._with_friction()
         if self.releases:
             lines.append("To remove the redundancy and add no degree of freedom, release one of (1 is best):")
             lines += [f"    {release}" for release in self.releases]
             lines += best_in_words(self.releases, self.rows)
         return "\n".join(lines)
+
+    def _pushing(self) -> list[str]:
+        """What contacts do, and what pushing alone leaves."""
+        lines = ["Contacts:"] if self.contacts else []
+        for word in dict.fromkeys(self.contacts.values()):
+            lines += _listed(f"  {word}:", [name for name, own in self.contacts.items() if own == word])
+        if self.ranges:
+            lines.append("Whatever the stiffness, as contacts only push:")
+            joints = {re.split(" force | moment ", name)[0] for name in self.ranges if " on " in name}
+            told = {name: both for name, both in self.ranges.items() if name.rpartition(".")[0] not in joints}
+            bounded = {name: both for name, both in told.items() if np.isfinite(both).all()}
+            lines += columns([f"{name} {_between(*both)}" for name, both in bounded.items()])
+            if len(bounded) < len(told):
+                lines += _listed("  not bounded:", [name for name in told if name not in bounded])
+        return lines
 
     def _with_friction(self) -> list[str]:
         if self.spectral_radius is None or self.problem:
@@ -229,6 +253,11 @@ class Report:
         if self.friction_reads:
             lines += _listed("  because friction depends on", self.friction_reads)
         return lines
+
+
+def _between(low: float, high: float) -> str:
+    """Both bounds, or the one value that they leave."""
+    return f"{low:.6g}" if high == low else f"{low:.6g} to {high:.6g}"
 
 
 def _finite(value: float | None) -> float | None:

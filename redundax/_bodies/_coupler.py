@@ -1,4 +1,4 @@
-"""Couplers: a coordinate of one joint as a polynomial of that of another
+"""Couplers, a coordinate of one joint as a polynomial of that of another, and stops, its limits
 
     c_1 - (p_0 + p_1 c_2 + p_2 c_2^2 + ...) = 0
 
@@ -9,11 +9,13 @@ is taken to the nearest of the whole turns that leave the bodies where they are,
     c_1 an angle                           2 pi, and 2 pi / q where c_2 is another and p_1 = 1 / q, with only p_0 beside
     c_1 a travel of a constant ratio p_1   2 pi |p_1| where c_2 is an angle
 
+Stops have rows c - most and least - c, whose contacts only push; their angles in space are from -pi to pi too.
+
 Of other ratios of angles the second must stay within half a turn: several positions of the first would close the row.
 """
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -23,11 +25,24 @@ from jaxtyping import Array, Float, Int
 
 from .._system._names import Names, index_of
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, floats, is_concrete, numpy_of, on_device
+from .._tools._module import Numbers, floats, is_concrete, numpy_of, on_device, optional_float
+from .._tools._table import are_known
 from ._coordinate import Coordinate, Place
 from ._frame import AbstractFrame
 from ._joints._base import Row
 from ._stack import Stack, indices
+
+
+class _Part(NamedTuple):
+    """A row sign * (c_1 - p(c_2)), called "name.row"; whether it is a contact that only pushes."""
+
+    name: str
+    row: str
+    first: str
+    second: str
+    polynomial: Float[Array, " terms"]
+    sign: float = 1.0
+    one_sided: bool = False
 
 
 class Coupler(eqx.Module):
@@ -75,6 +90,55 @@ class Coupler(eqx.Module):
             given = given[: max(2, len(np.trim_zeros(np.asarray(given), "b")))]
         self.polynomial = on_device(given)
 
+    def parts(self) -> list[_Part]:
+        return [_Part(self.name, "coupling", self.first, self.second, self.polynomial)]
+
+
+class Stop(eqx.Module):
+    """Limits of a coordinate of a joint: contacts that only push it back.
+
+    A multiplier is the force or moment with which a stop pushes, positive or zero; `solve` tells in `contacts` whether
+    it does.
+
+    ??? example
+
+        ```python
+        rx.Stop("doorstop", "hinge.angle", most=1.5)
+        rx.Stop("ends", "guide.travel", least=-0.2, most=0.2)
+        ```
+
+    **Arguments:**
+
+    - `name`: rows are called "name.least" and "name.most".
+    - `coordinate`: name of the coordinate, such as "hinge.angle" or "guide.travel".
+    - `least`, `most`: its limits, rad or m; one of them may be left out.
+    """
+
+    name: str = eqx.field(static=True)
+    coordinate: str = eqx.field(static=True)
+    least: Float[Array, ""] | None
+    most: Float[Array, ""] | None
+
+    def __init__(self, name: str, coordinate: str, least: Numbers | None = None, most: Numbers | None = None):
+        if least is None and most is None:
+            raise RedundaxError(f"Stop '{name}' must have `least` or `most`, but has neither. Give one, or both.")
+        self.name, self.coordinate = name, coordinate
+        self.least, self.most = optional_float(least), optional_float(most)
+        both = [limit for limit in (self.least, self.most) if limit is not None]
+        if are_known(both) and not np.all(np.diff(np.stack(both), axis=0) > 0):
+            raise RedundaxError(
+                f"Stop '{name}' must have `least` below `most`, but has {least} and {most}. Exchange them, or give a "
+                "`Coupler` for a coordinate that is held."
+            )
+
+    def parts(self) -> list[_Part]:
+        limits = {"least": (self.least, -1.0), "most": (self.most, 1.0)}
+        return [
+            _Part(self.name, row, self.coordinate, self.coordinate, jnp.stack([at, 0.0 * at]), sign, one_sided=True)
+            for row, (at, sign) in limits.items()
+            if at is not None
+        ]
+
 
 class Couplings(eqx.Module):
     """Couplers of coordinates of the same kinds: both coordinates, and of which of them whole turns change nothing, of
@@ -84,13 +148,14 @@ class Couplings(eqx.Module):
     second: Coordinate
     turns: Literal["first", "second", "neither"] = eqx.field(static=True)
     polynomial: Float[Array, "size terms"]
+    sign: Float[Array, " size"]
     share: Float[Array, " size"]
     rows: Int[Array, " size"]
     columns: Int[Array, "size columns"]
 
     def residuals(self, joints: Sequence[Stack], bodies: Any) -> Float[Array, "size 1"]:
         first, second = (each.value(joints, bodies) for each in (self.first, self.second))
-        gap = first - jax.vmap(_value)(self.polynomial, second)
+        gap = self.sign * (first - jax.vmap(_value)(self.polynomial, second))
         if self.turns == "neither":
             return gap[:, None]
         period = 2 * jnp.pi * (1 / self.share if self.turns == "first" else jnp.abs(self.polynomial[:, 1]))
@@ -105,7 +170,7 @@ class Couplings(eqx.Module):
         """Derivatives by the velocities of all four bodies."""
         slope = jax.vmap(jax.grad(_value, argnums=1))(self.polynomial, self.second.value(joints, bodies))
         parts = self.first.slopes(joints, bodies), -slope[:, None] * self.second.slopes(joints, bodies)
-        return jnp.concatenate(parts, axis=1)
+        return self.sign[:, None] * jnp.concatenate(parts, axis=1)
 
     def bodies(self, joints: Sequence[Stack]) -> np.ndarray:
         """All four of each, (size, 4); concrete values."""
@@ -117,8 +182,11 @@ class Couplings(eqx.Module):
         for end in (self.first, self.second):
             what = joints[end.kind].element.coordinate_kinds[end.column][0]
             ends.append([f"{names.joints[end.kind][k]}.{what}" for k in np.asarray(end.members).tolist()])
-        rows = [names.rows.labels[row].removesuffix(".coupling") for row in np.asarray(self.rows).tolist()]
-        return [(row, "Coupler", ", ".join(pair)) for row, pair in zip(rows, zip(*ends, strict=True), strict=True)]
+        rows = [names.rows.labels[row].rpartition(".") for row in np.asarray(self.rows).tolist()]
+        return [
+            (name, "Coupler", ", ".join(pair)) if row == "coupling" else (f"{name}.{row}", "Stop", pair[0])
+            for (name, _, row), pair in zip(rows, zip(*ends, strict=True), strict=True)
+        ]
 
 
 def _value(polynomial: Array, x: Array) -> Array:
@@ -126,25 +194,31 @@ def _value(polynomial: Array, x: Array) -> Array:
 
 
 class CoupledRow:
-    """What a coupler is among the rows of a mechanism."""
+    """What a coupler or a stop is among the rows of a mechanism."""
 
-    def __init__(self, name: str, kind: str):
-        self.name = name
-        self.row_kinds: tuple[Row, ...] = (("coupling", kind),)
+    def __init__(self, part: _Part, kind: str):
+        self.name = part.name
+        self.row_kinds: tuple[Row, ...] = ((part.row, kind),)
+        self.pushing, self.one_sided = (part.row,) * part.one_sided, part.one_sided
 
 
-def coupled_rows(couplers: Sequence[Coupler], places: dict[str, Place]) -> list[CoupledRow]:
-    """The rows of couplers, given where the coordinates of joints are."""
+def coupled_rows(couplers: Sequence[Coupler | Stop], places: dict[str, Place]) -> list[CoupledRow]:
+    """The rows of couplers and stops, given where the coordinates of joints are."""
     found = []
-    for coupler in couplers:
-        for argument, name in (("first", coupler.first), ("second", coupler.second)):
+    for part in _parts(couplers):
+        given = (("coordinate", part.first),) if part.one_sided else (("first", part.first), ("second", part.second))
+        for argument, name in given:
             index_of(argument, name, list(places), " of joint coordinates")
-        found.append(CoupledRow(coupler.name, "moment" if places[coupler.first][3] == "angular" else "force"))
+        found.append(CoupledRow(part, "moment" if places[part.first][3] == "angular" else "force"))
     return found
 
 
+def _parts(couplers: Sequence[Coupler | Stop]) -> list[_Part]:
+    return [part for each in couplers for part in each.parts()]
+
+
 def couplings(
-    couplers: Sequence[Coupler],
+    couplers: Sequence[Coupler | Stop],
     places: dict[str, Place],
     rows: Sequence[int],
     joints: Sequence[Stack],
@@ -153,21 +227,24 @@ def couplings(
 ) -> tuple[Couplings, ...]:
     """Couplers of the same kinds together, at the given rows of a mechanism of `count` bodies."""
     alike: dict[Any, list[int]] = {}
-    for k, coupler in enumerate(couplers):
-        first, second = places[coupler.first], places[coupler.second]
-        alike.setdefault((first[:2], second[:2], first[3], second[3], coupler.polynomial.shape), []).append(k)
+    parts = _parts(couplers)
+    for k, part in enumerate(parts):
+        first, second = places[part.first], places[part.second]
+        key = first[:2], second[:2], part.one_sided, first[3], second[3], part.polynomial.shape
+        alike.setdefault(key, []).append(k)
     found = []
-    for (first, second, *kinds, terms), members in alike.items():
+    for (first, second, one_sided, *kinds, terms), members in alike.items():
         ends = [
-            Coordinate(at[0], at[1], indices([places[getattr(couplers[k], which)][2] for k in members]))
+            Coordinate(at[0], at[1], indices([places[getattr(parts[k], which)][2] for k in members]))
             for at, which in ((first, "first"), (second, "second"))
         ]
         columns = np.concatenate([end.columns(joints, frame, count) for end in ends], axis=1)
-        polynomials = [couplers[k].polynomial for k in members]
+        polynomials = [parts[k].polynomial for k in members]
         polynomial = on_device(numpy_of(polynomials).stack(polynomials))
         at = indices([rows[k] for k in members]), indices(columns)
-        turns = "neither" if frame.adds else _turns(kinds, terms)
-        found.append(Couplings(ends[0], ends[1], turns, polynomial, _shares(polynomial, kinds), *at))
+        turns = "neither" if frame.adds or one_sided else _turns(kinds, terms)
+        sign = on_device(np.array([parts[k].sign for k in members], polynomial.dtype))
+        found.append(Couplings(ends[0], ends[1], turns, polynomial, sign, _shares(polynomial, kinds), *at))
     return tuple(found)
 
 

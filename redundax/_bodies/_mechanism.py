@@ -13,13 +13,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float, Int, Shaped
+from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from .._sparse._plan import Plan
 from .._system._axis import Axis, join
 from .._system._names import Names, index_of
 from .._system._state import State
-from .._system._system import AbstractSystem, Path
+from .._system._system import AbstractSystem, Path, among
 from .._system._units import Units, of_model
 from .._tools._compilation import compiled
 from .._tools._errors import RedundaxError
@@ -38,7 +38,7 @@ from .._tools._table import are_known
 from ._armature import Armature, armature_load, armature_mass, armatures
 from ._body import GROUND, AbstractBody
 from ._coordinate import ball_places, coordinate_places
-from ._coupler import Coupler, Couplings, coupled_rows, couplings
+from ._coupler import Coupler, Couplings, Stop, coupled_rows, couplings
 from ._frame import AbstractFrame
 from ._joint_coordinates import JointCoordinates
 from ._joint_friction import FrictionMembers, JointFriction, friction_members
@@ -69,7 +69,7 @@ class Mechanism(AbstractSystem):
 
     - `bodies`: its moving bodies.
     - `joints`: its joints and drivers.
-    - `couplers`: of coordinates of its joints.
+    - `couplers`: `Coupler`s and `Stop`s of coordinates of its joints.
     - `loads`: applied loads.
     - `gravity`: acceleration of gravity (2,), in space (3,), m/s^2, global components; none if not given.
     - `armature`: inertia of rotors that turn or travel with coordinates of joints alone, by their names, as in
@@ -96,13 +96,14 @@ class Mechanism(AbstractSystem):
     _plan: Plan | None
     _friction: tuple[FrictionMembers, ...]
     _turns: tuple[Turns, ...]
+    _kept: Bool[Array, " m"] | None
 
     def __init__(
         self,
         bodies: Sequence[AbstractBody],
         joints: Sequence[AbstractJoint],
         *,
-        couplers: Sequence[Coupler] = (),
+        couplers: Sequence[Coupler | Stop] = (),
         loads: Sequence[AbstractLoad] = (),
         gravity: Numbers | None = None,
         armature: Mapping[str, Numbers] | None = None,
@@ -147,12 +148,14 @@ class Mechanism(AbstractSystem):
             bodies=tuple(names),
             joints=tuple(tuple(joints[k].name for k in group) for group in groups),
             joined=tuple((joint.name, joint.i, joint.j) for joint in joints),
-            pushing=pushing_rows(joints, rows),
+            pushing=pushing_rows([*joints, *coupled], rows),
+            one_sided=pushing_rows([each for each in (*joints, *coupled) if each.one_sided], rows),
             units=of_model(units),
             adds=self.frame.adds,
         )
         is_large = len(rows) + self.frame.size * len(names) >= LARGE
         self._plan, self._entries = self._matrices(is_large and not self.armature)
+        self._kept = None
 
     def _check_residuals(self, names: Sequence[str], count: int) -> None:
         """Refuse joints of a user whose residual has another shape than their rows."""
@@ -311,7 +314,10 @@ class Mechanism(AbstractSystem):
 
     def constraint_at(self, at: Positions, t: Array) -> Float[Array, " m"]:
         coupled = [each.residuals(self.joints, at.poses) for each in self.couplings]
-        return self.of_rows([*residuals(self.joints, at, t), *coupled])
+        return among(self._kept, self.of_rows([*residuals(self.joints, at, t), *coupled]))
+
+    def opened(self, kept: Array) -> Self:
+        return replace_fields(self, _kept=kept)
 
     def slips_at(self, at: Positions) -> Float[Array, " p"]:
         parts = zip(self.friction, self._friction, strict=True)
@@ -330,7 +336,7 @@ class Mechanism(AbstractSystem):
         jacobian = tree_take(flat, cast(Array, self._entries))
         for coupled in self.couplings:
             jacobian = coupled.added(jacobian, self.joints, body)
-        return jacobian
+        return among(self._kept, jacobian)
 
     def by_bodies(self, q: Array, t: Array) -> tuple[Array, Array]:
         body = self.poses(q)
@@ -339,7 +345,7 @@ class Mechanism(AbstractSystem):
     def _on_plan(self, own: Sequence[Array], body: Any) -> Float[Array, "m w s"]:
         each = [*own, *(coupled.slopes(self.joints, body) for coupled in self.couplings)]
         slopes = jnp.concatenate([slope.reshape(-1, self.frame.size) for slope in each])
-        return tree_take(jnp.pad(slopes, ((0, 1), (0, 0))), cast(Plan, self._plan).source)
+        return among(self._kept, tree_take(jnp.pad(slopes, ((0, 1), (0, 0))), cast(Plan, self._plan).source))
 
     @property
     def joint_coordinates(self) -> JointCoordinates:

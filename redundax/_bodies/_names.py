@@ -5,24 +5,28 @@ from typing import Any
 
 from .._tools._errors import RedundaxError
 from ._body import GROUND, AbstractBody
-from ._coupler import Coupler
+from ._coupler import Coupler, Stop
 from ._joints import AbstractJoint
 from ._loads import AbstractLoad
 
-_LISTS = (("bodies", AbstractBody), ("joints", AbstractJoint), ("loads", AbstractLoad), ("couplers", Coupler))
+_LISTS: tuple[tuple[str, Any, str], ...] = (
+    ("bodies", AbstractBody, "Body"),
+    ("joints", AbstractJoint, AbstractJoint.__name__),
+    ("loads", AbstractLoad, AbstractLoad.__name__),
+    ("couplers", Coupler | Stop, "Coupler"),
+)
 
 
 def check_kinds(bodies: Any, joints: Any, loads: Any, couplers: Any) -> None:
     """Refuse what stands in the wrong list, or in none."""
-    for (what, kind), elements in zip(_LISTS, (bodies, joints, loads, couplers), strict=True):
+    for (what, kind, fitting), elements in zip(_LISTS, (bodies, joints, loads, couplers), strict=True):
         if not isinstance(elements, Sequence):
             raise RedundaxError(
                 f"Argument `{what}` must be a list, but is {_words(elements)}. Put it in brackets: [...]."
             )
         for element in elements:
             if not isinstance(element, kind):
-                fitting = kind.__name__ if kind is not AbstractBody else "Body"
-                right = [f"Put it among `{other}`." for other, fit in _LISTS if isinstance(element, fit)]
+                right = [f"Put it among `{other}`." for other, fit, _ in _LISTS if isinstance(element, fit)]
                 raise RedundaxError(
                     f"Argument `{what}` must hold {what}, but holds {_words(element)}. "
                     f"{' '.join(right) or f'Leave it out, or make it an `rx.{fitting}`.'}"
@@ -53,7 +57,7 @@ def check_names(
     bodies: Sequence[str],
     joints: Sequence[AbstractJoint],
     loads: Sequence[AbstractLoad],
-    couplers: Sequence[Coupler] = (),
+    couplers: Sequence[Coupler | Stop] = (),
 ) -> None:
     """Refuse names that occur twice, bodies that nobody declared, and joints of a body with itself."""
     for what, names in (("bodies", list(bodies)), ("joints", [each.name for each in (*joints, *couplers)])):

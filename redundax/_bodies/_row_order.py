@@ -9,7 +9,7 @@ from ._coupler import CoupledRow
 from ._joints import AbstractJoint
 
 
-def pushing_rows(joints: Sequence[AbstractJoint], rows: Axis) -> tuple[int, ...]:
+def pushing_rows(joints: Sequence[AbstractJoint | CoupledRow], rows: Axis) -> tuple[int, ...]:
     """Rows whose contacts push alone."""
     return tuple(rows.labels.index(f"{joint.name}.{row}") for joint in joints for row in joint.pushing)
 

@@ -16,7 +16,7 @@ In space d turns a body by less than half a turn. Passes of Levenberg-Marquardt,
 before found, take it farther, and Newton steps finish from there.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -48,7 +48,7 @@ from ._pseudoinverse import (
     sparse_pseudoinverse,
     sparse_rows,
 )
-from ._scaling import Scaling, scaling, scaling_at
+from ._scaling import Scaling, largest_violation, scaling, scaling_at
 from ._sparse_descent import sparse_descent
 from ._unmet import check_rows, no_position, no_velocity
 
@@ -65,6 +65,7 @@ def assemble(
     *,
     positions: Mapping[str, ArrayLike] | None = None,
     rates: Mapping[str, ArrayLike] | None = None,
+    closed: Sequence[str] | str = (),
     throw: bool | None = None,
 ) -> State:
     """The state on the constraint manifold (2), (3) nearest to a guess.
@@ -87,6 +88,8 @@ def assemble(
     - `t`: time.
     - `positions`, `rates`: values that named coordinates must take, such as `{"crank.phi": 0.5}`, those of joints too,
       such as `{"K.travel": 0.02}`. Rates have the same names, or those of results, as in `{"crank.phi'": 1.0}`.
+    - `closed`: names of one-sided contacts to close. Others with a gap at the guess stay open, unless they would
+      overlap; those without one stay closed.
     - `throw`: whether to raise an error where no state is found; by default outside of `jit` and `vmap`.
 
     **Returns:** a `State`. Where no position is found it is NaN, and where no velocity is found that is; `state.result`
@@ -131,8 +134,12 @@ def assemble(
     given = (np_.stack([np_.zeros(()), *map(floats, values.values())])[1:] for values in (positions, rates))
     q, qd, t, at, rate = (on_device(np_.asarray(value, dtype)) for value in (*guess, *given))
     held, driven = (on_device(np.array(indices, int)) for indices in (held, driven))
-    given = system.anonymous.without_friction, State(system.start(q, t), qd, t), held, at, driven, rate
-    state, off, slow = (_assemble if system.plan is None else _assemble_large)(*given)
+    given = State(system.start(q, t), qd, t), held, at, driven, rate
+    run = _assemble if system.plan is None else _assemble_large
+    bare = system.anonymous.without_friction
+    if system.names.one_sided:
+        bare = bare.opened(_rows_that_hold(system.names, bare, run, given, closed))
+    state, off, slow = run(bare, *given)
     if is_concrete(off.refused) and is_concrete(slow.refused):
         off, slow = jax.device_get(stop_gradient((off, slow)))
         if off.refused and throw is not False:
@@ -143,6 +150,37 @@ def assemble(
         if not off.beyond.any():  # what the position misses the velocity does too
             tell("velocity", slow, (*system.rows.labels, *(f"{name} as given" for name in rates)))
     return state
+
+
+def _rows_that_hold(
+    names: Names, system: AbstractSystem, run: Any, given: tuple, closed: Sequence[str]
+) -> Bool[Array, " m"]:
+    """The rows that hold: all but contacts with a gap at the guess that stay open. No derivatives."""
+    system, (start, *others) = stop_gradient((system, given))
+    rows, known_names = np.array(names.one_sided), names.contacts
+    wanted = [known_names.index(name) for name in _checked(closed, known_names)]
+    always = np.isin(np.arange(len(system.rows)), rows[wanted]) | ~np.isin(np.arange(len(system.rows)), rows)
+    tolerance = largest_violation(start.qd.dtype)
+
+    def closing(state: State) -> Array:
+        model = model_at(system, state)
+        scales = scaling(system, model)
+        return model.motion.value / scales.rows / scales.size
+
+    def body(kept: tuple[Array, Array]) -> tuple[Array, Array]:
+        reached = closing(run(system.opened(kept[0]), start, *others)[0])
+        more = kept[0] | (reached > tolerance)
+        return more, xp.any(more & ~kept[0])
+
+    first = xp.asarray(always) | (closing(start) > -tolerance)
+    return while_loop(lambda kept: kept[1], body, (first, xp.ones((), bool)))[0]
+
+
+def _checked(closed: Sequence[str], contacts: tuple[str, ...]) -> Sequence[str]:
+    """Names of contacts."""
+    for name in [closed] if isinstance(closed, str) else closed:
+        index_of("closed", name, contacts, " of one-sided contacts")
+    return [closed] if isinstance(closed, str) else closed
 
 
 def _without_prime(argument: str, given: Any) -> Any:

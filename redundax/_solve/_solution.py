@@ -9,6 +9,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._equations._evidence import Violation
 from .._equations._rank import Spectrum
+from .._system._contact import Contact, in_sentences, words
 from .._system._joint_coordinates import JointMotion, joint_motion, joint_reactions
 from .._system._named import AbstractNamed
 from .._system._pages import further, notes, numbers_of, outcome, ranges_of, values_of
@@ -85,6 +86,7 @@ class Solution(AbstractNamed):
       touches, which are unbounded beside it or whose limit is not known.
     - `stats`: the evidence.
     - `state`: the state, where `solve` gives the solution.
+    - `contact`: what one-sided contacts do, as the numbers of `contacts`; None where there are none.
     - `names`: what is called how.
     - `joint_coordinates`: what the angles of revolutes and the travels of sliders, of body i relative to body j, are
       computed from when they are asked for by name, or by `joints`.
@@ -105,6 +107,7 @@ class Solution(AbstractNamed):
     result: RESULTS
     stats: Stats
     state: State | None = eqx.field(default=None, repr=False, kw_only=True)
+    contact: Int[Array, " c"] | None = eqx.field(default=None, repr=False, kw_only=True)
 
     @property
     def q(self) -> Float[Array, "..."]:
@@ -136,6 +139,14 @@ class Solution(AbstractNamed):
         return joint_reactions(self.joint_coordinates, self._at, self.multipliers)
 
     @property
+    def contacts(self) -> dict[str, Contact | np.ndarray]:
+        """What each one-sided contact does, by the name of its joint or row: "carries", "touches" (closed without
+        load), "lifts" or "open"; of a batch arrays of words."""
+        if self.contact is None or self.names is None:
+            return {}
+        return words(self.contact, self.names.contacts)
+
+    @property
     def pulling(self) -> tuple[str, ...]:
         """Names of the rows of teeth that pull, in any sample of a batch: their other flanks are in contact."""
         return pulling(self.names, self.multipliers)
@@ -153,7 +164,7 @@ class Solution(AbstractNamed):
         numbers = {name: getattr(self, name) for name in ("acceleration", "multipliers", "friction")}
         if self.names is None or not are_known((self.result, self.stats, self.state, *numbers.values())):
             return repr(self)
-        head = [*self._outcome(), *notes(self.names, in_words(self.pulling))]
+        head = [*self._outcome(), *in_sentences(self.contacts), *notes(self.names, in_words(self.pulling))]
         if self.acceleration.ndim > 1:
             failed = "failed" if any(np.isnan(array).any() for array in numbers.values()) else ""
             left, *right = (ranges_of(self.names, name, array, failed) for name, array in numbers.items())

@@ -4,6 +4,7 @@ The equations are reduced to the friction forces (`_reduced`), solved for them, 
 friction nothing iterates.
 """
 
+import contextlib
 import functools
 import operator
 from typing import Any
@@ -25,6 +26,7 @@ from .._closures._closure import (
 from .._closures._elastic_joints import ElasticJoints
 from .._closures._unit_check import check_units
 from .._equations._culprits import thrown
+from .._equations._factorisation import factorised
 from .._equations._factorize import AnyFactorisation, dense_at, factorisation_at
 from .._equations._response import Response, times
 from .._solvers._continuation import Continuation
@@ -35,6 +37,7 @@ from .._solvers._open_problem import OpenProblem
 from .._solvers._solver import AbstractSolver, Newton, Root, check_solver, closed_root, of_large
 from .._system._names import ByName, vector
 from .._system._results import RESULTS, differs, first_failure, is_one_of
+from .._system._results import chosen as chosen_result
 from .._system._state import State
 from .._system._system import AbstractSystem, check_system_at
 from .._tools._chunks import alike, in_chunks, with_derivative_of
@@ -54,6 +57,7 @@ from .._tools._numbers import (
     take,
     xp,
 )
+from ._contacts import active_set, without_rows
 from ._reduced import Reduced, reduce
 from ._solution import Solution, Stats
 
@@ -140,6 +144,9 @@ def solve(
     if sense is not None:
         sense = vector("sense", sense, system.slips, " of slips")
     given = system, state, rank, closure, solver, x0, sense
+    if system.names.one_sided:
+        solution, factor = _with_contacts(system, state, rank, closure, solver, (x0, sense))
+        return _told(solution, system, state, throw, factor)
     if factor is None and not are_known(system, state, rank):
         solution = _solved_at_each(*given)
     else:
@@ -149,8 +156,54 @@ def solve(
         if chosen is not None and isinstance(closure, Compliance | ElasticJoints) and are_known(factor, chosen):
             check_units(system.names, factor.length, closure, chosen, solution.multipliers, stacklevel=2)
         solution = as_arrays(solution) if known and not is_computing() else solution
+    return _told(solution, system, state, throw, factor)
+
+
+def _told(solution: Solution, system: AbstractSystem, state: State, throw: bool | None, factor: Any) -> Solution:
+    """The solution with names, or an error."""
     solution = replace_fields(solution, names=system.names, state=state, joint_coordinates=system.joint_coordinates)
     return thrown(solution, throw, system, state, factor, RESULTS.successful)
+
+
+def _with_contacts(
+    system: AbstractSystem,
+    state: State,
+    rank: ArrayLike | None,
+    closure: AbstractClosure | None,
+    solver: AbstractSolver,
+    given: tuple[Array | None, Array | None],
+) -> tuple[Solution, AnyFactorisation]:
+    """The solution with the one-sided contacts that carry, and its factorisation."""
+    if closure is None or rank is not None or system.plan is not None:
+        raise RedundaxError(
+            "Argument `system` has one-sided contacts, which need a closure and dense matrices, and decide the rank "
+            "themselves. Give a closure, and leave out `rank` and `sparse()`."
+        )
+    known = are_known(system, state, closure, solver, given)
+
+    def solved(opened: AbstractSystem, state: State, factor: Any, chosen: Elasticity, *of: Any) -> Solution:
+        return solve_factorised(opened.anonymous, state, factor, chosen, solver, *(of or stop_gradient(given)))
+
+    with computing() if known else contextlib.nullcontext():
+        at = as_numbers(state) if known else state
+        chosen = elasticity(closure, system, at)
+        found = active_set(system, at, chosen, solved)
+        opened = system.opened(found.kept)
+        factor = factorised(opened, at, None)
+        solution = solved(opened, at, factor, without_rows(chosen, found.kept), *given)
+    arrays = (solution.acceleration, solution.multipliers, solution.friction)
+    a, lam, tau = (nan_where(~found.settled, x) for x in arrays)
+    left = xp.sum(~found.kept)
+    solution = replace_fields(
+        solution,
+        acceleration=a,
+        multipliers=lam,
+        friction=tau,
+        contact=found.contacts,
+        result=chosen_result(found.settled, solution.result, RESULTS.contacts_undecided),
+        stats=replace_fields(solution.stats, redundancy=solution.stats.redundancy - left),
+    )
+    return (as_arrays(solution) if known and not is_computing() else solution), factor
 
 
 def solve_factorised(

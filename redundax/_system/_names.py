@@ -82,6 +82,7 @@ class Names:
     - `joints`: of each stack of joints of one kind.
     - `joined`: of each joint by name its bodies i, on which friction is told, and j.
     - `pushing`: indices of the rows whose multiplier is positive where contacts push, as teeth do.
+    - `one_sided`: indices of those of them that open where contacts would pull.
     - `units`: those that the model states.
     - `adds`: whether velocities are rates of positions, which then have the names of coordinates.
     """
@@ -96,6 +97,7 @@ class Names:
     joints: tuple[tuple[str, ...], ...] = ()
     joined: tuple[tuple[str, str, str], ...] = ()
     pushing: tuple[int, ...] = ()
+    one_sided: tuple[int, ...] = ()
     units: StatedUnits = UNSTATED
     adds: bool = True
 
@@ -137,6 +139,15 @@ class Names:
                     if found in self.reactions.labels:
                         return found
         return None
+
+    @property
+    def contacts(self) -> tuple[str, ...]:
+        """Names of one-sided contacts: of their joints, where these have no other one, or of their rows."""
+        rows = [self.rows.labels[row] for row in self.one_sided]
+        joints = [row.rpartition(".")[0] for row in rows]
+        return tuple(
+            joint if joint and joints.count(joint) == 1 else row for row, joint in zip(rows, joints, strict=True)
+        )
 
     @property
     def anonymous(self) -> "Names":

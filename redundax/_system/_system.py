@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Bool, Float, PyTree
 
 from .._sparse._plan import Plan
 from .._tools._errors import RedundaxError
@@ -34,7 +34,7 @@ from .._tools._table import are_known, page
 from ._axis import Axis, axis
 from ._friction import AbstractFriction, slip_kinds
 from ._joint_coordinates import AbstractJointCoordinates, NoJointCoordinates, joint_motion
-from ._names import Names
+from ._names import Names, index_of
 from ._pages import notes, values_of
 from ._state import State
 from ._units import Units, of_model
@@ -202,6 +202,17 @@ class AbstractSystem(eqx.Module):
         """Coordinates that joints have; none unless a system says so."""
         return NoJointCoordinates()
 
+    def opened(self, kept: Bool[Array, " m"]) -> Self:
+        """The same without the rows of contacts that are not `kept`.
+
+        They become rows of zeros, so that programs keep their shapes: these add nothing to the rank, and the multiplier
+        of each is a self-stress by itself.
+        """
+        raise RedundaxError(
+            f"Argument `system` has one-sided contacts, but a {type(self).__name__} cannot open them. Give a "
+            "`Mechanism` or a `System`."
+        )
+
     @property
     @abc.abstractmethod
     def anonymous(self) -> Self:
@@ -243,6 +254,8 @@ class System(AbstractSystem):
     - `n`, `m`: numbers of velocities and rows; needed only where `mass` is a function or kinds are one word
       and cannot be counted (`n` defaults to the size of `mass`, `m` to a trial evaluation at q = 0).
     - `units`: those of all figures, as factors from SI, as for a `Mechanism`; shown nowhere if not given.
+    - `one_sided`: names or numbers of rows whose contacts only push: their multiplier is positive or zero, their gap is
+      -Phi, and where one would pull it opens.
     """
 
     _names: Names = eqx.field(static=True)
@@ -252,6 +265,7 @@ class System(AbstractSystem):
     _constraint: Callable[..., Array]
     _load: Callable[..., Array] | None
     _retraction: Callable[..., Array] | None
+    _kept: Bool[Array, " m"] | None
 
     def __init__(
         self,
@@ -267,8 +281,9 @@ class System(AbstractSystem):
         n: int | None = None,
         m: int | None = None,
         units: Units | None = None,
+        one_sided: Sequence[str | int] = (),
     ):
-        self.parameters = as_parameters(parameters)
+        self.parameters, self._kept = as_parameters(parameters), None
         self._constraint, self._load, self._retraction = map(as_functions, (constraint, load, retraction))
         self._mass = as_functions(mass) if callable(mass) else as_float(mass)
         if n is None:
@@ -301,7 +316,10 @@ class System(AbstractSystem):
                     f"Argument `rows` of the friction must hold indices of the {m} constraint rows, but holds "
                     f"{np.asarray(group.rows).ravel().tolist()}. Count from 0."
                 )
-        self._names = Names(coordinates, rows, units=of_model(units), adds=retraction is None)
+        contacts = tuple(sorted(_index(row, rows) for row in one_sided))
+        self._names = Names(
+            coordinates, rows, pushing=contacts, one_sided=contacts, units=of_model(units), adds=retraction is None
+        )
         if not len(self.rows):
             raise RedundaxError(
                 "Argument `constraint` must give at least one residual, but gives none. "
@@ -345,7 +363,10 @@ class System(AbstractSystem):
         return jnp.diag(value) if value.ndim == 1 else value
 
     def constraint(self, q: Array, t: Array) -> Float[Array, " m"]:
-        return self._constraint(q, t, self.parameters)
+        return among(self._kept, self._constraint(q, t, self.parameters))
+
+    def opened(self, kept: Array) -> Self:
+        return replace_fields(self, _kept=kept)
 
     def load(self, state: State) -> Float[Array, " n"]:
         if self._load is None:
@@ -358,6 +379,23 @@ class System(AbstractSystem):
     @property
     def adds(self) -> bool:
         return self._retraction is None
+
+
+def among(kept: Bool[Array, " m"] | None, rows: Float[Array, "m ..."]) -> Float[Array, "m ..."]:
+    """What rows have, and zeros of those that are not kept; where none is left out, all of them."""
+    return rows if kept is None else jnp.where(kept.reshape(-1, *(1,) * (rows.ndim - 1)), rows, 0.0)
+
+
+def _index(row: str | int, rows: Axis) -> int:
+    """The number of a row of `one_sided`."""
+    if isinstance(row, str):
+        return index_of("one_sided", row, rows.labels, " of rows")
+    if not 0 <= row < len(rows):
+        raise RedundaxError(
+            f"Argument `one_sided` must hold names of rows or their numbers from 0 to {len(rows) - 1}, but holds {row}."
+            " Count from 0."
+        )
+    return int(row)
 
 
 def _count(kinds: Any) -> int | None:

@@ -9,6 +9,7 @@ from .._bodies._space._contact import EndContacts as EndContacts
 from .._bodies._space._joint_wrench import joint_wrench as joint_wrench
 from .._bodies._space._joints._base import AbstractJoint as AbstractJoint
 from .._bodies._space._joints._base import AbstractPlacedJoint as AbstractPlacedJoint
+from .._bodies._space._joints._distance import Cable as Cable
 from .._bodies._space._joints._distance import Distance as Distance
 from .._bodies._space._joints._drivers import AngleDriver as AngleDriver
 from .._bodies._space._joints._drivers import TravelDriver as TravelDriver

@@ -3,6 +3,7 @@
 from ._angle_coupling import AngleCoupling as AngleCoupling
 from ._base import AbstractJoint as AbstractJoint
 from ._driver import AngleDriver as AngleDriver
+from ._driver import Cable as Cable
 from ._driver import DistanceDriver as DistanceDriver
 from ._gear import AbstractMesh as AbstractMesh
 from ._gear import GearPair as GearPair

@@ -80,6 +80,11 @@ class AbstractJoint(AbstractBetweenBodies):
         """What the pose of body i can have `seen`, its rate and the rate of this, from poses with theirs; or None."""
         return None
 
+    @property
+    def one_sided(self) -> bool:
+        """Whether its pushing rows open where they would pull."""
+        return False
+
     def directions(self) -> dict[str, Array]:
         """Directions on the bodies "i" and "j" that its rows read, such as axes; a field `normal` is one on body j."""
         normal = getattr(self, "normal", None)

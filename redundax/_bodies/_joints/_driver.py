@@ -48,7 +48,20 @@ class AngleDriver(AbstractJoint):
         return jnp.stack([i.phi - j.phi - self.angle(t)])
 
 
-class DistanceDriver(AbstractPointJoint):
+class AbstractDistance(AbstractPointJoint):
+    """A joint of two points whose distance is given."""
+
+    row_kinds: ClassVar[tuple[Row, ...]] = (("distance", "force"),)
+    distance: Callable[[Array], Array] = eqx.field(converter=law_of_time)
+
+    def __check_init__(self) -> None:
+        check_distance(self.name, self.distance)
+
+    def residual(self, i: Pose, j: Pose, t: Array) -> Array:
+        return jnp.stack([safe_norm(i.point(self.point_i) - j.point(self.point_j)) - self.distance(t)])
+
+
+class DistanceDriver(AbstractDistance):
     """Driving constraint (2) on the distance of two points; with a constant law a massless rod.
 
     Its multiplier is the tension that holds the points together, N.
@@ -68,11 +81,24 @@ class DistanceDriver(AbstractPointJoint):
       nothing new.
     """
 
-    row_kinds: ClassVar[tuple[Row, ...]] = (("distance", "force"),)
-    distance: Callable[[Array], Array] = eqx.field(converter=law_of_time)
 
-    def __check_init__(self) -> None:
-        check_distance(self.name, self.distance)
 
-    def residual(self, i: Pose, j: Pose, t: Array) -> Array:
-        return jnp.stack([safe_norm(i.point(self.point_i) - j.point(self.point_j)) - self.distance(t)])
+class Cable(AbstractDistance):
+    """A cable without mass between two points: it pulls where it is taut, and is slack where they are nearer.
+
+    Its multiplier is its tension, N, positive or zero; `solve` tells in `contacts` whether it carries.
+
+    ??? example
+
+        ```python
+        rx.Cable("rope", "lever", "ground", (0.2, 0.0), (0.0, 1.0), 0.6)
+        ```
+
+    **Arguments:** those of a `DistanceDriver`; `distance` is its length.
+    """
+
+    pushing: ClassVar[tuple[str, ...]] = ("distance",)
+
+    @property
+    def one_sided(self) -> bool:
+        return True

@@ -157,7 +157,7 @@ class Translational(AbstractPair, AbstractFrictionalJoint):
 
 class PinInSlot(AbstractPair, AbstractFrictionalJoint):
     """Pin in slot: a point of body i on a line of body j. Its multiplier is the force of the slot on body i along the
-    normal, N.
+    normal, N. A foot on a floor is one that is `one_sided`.
 
     ??? example
 
@@ -173,6 +173,8 @@ class PinInSlot(AbstractPair, AbstractFrictionalJoint):
     - `point_j`: a point of the slot's line in the frame of j, m.
     - `normal`: vector of body j perpendicular to the slot; it is normalised.
     - `friction`: `Coulomb` with its coefficient mu, or another model.
+    - `one_sided`: whether the point may leave the line on the side to which the normal points: the slot only pushes,
+      and `solve` tells in `contacts` whether it does.
     """
 
     row_kinds: ClassVar[tuple[Row, ...]] = (PERPENDICULAR,)
@@ -180,6 +182,12 @@ class PinInSlot(AbstractPair, AbstractFrictionalJoint):
     vectors: ClassVar[tuple[str, ...]] = ("point_i", "point_j", "normal")
     normal: Float[Array, "2"] = eqx.field(converter=unit)
     friction: AbstractFrictionModel | None = None
+    one_sided: bool = eqx.field(static=True, default=False)  # pyright: ignore[reportIncompatibleMethodOverride]
+
+    @property
+    def pushing(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Its one row, where it only pushes."""
+        return ("perpendicular",) if self.one_sided else ()
 
     def slip(self, i: Pose, j: Pose) -> Array:
         return _travel(self, i, j)

@@ -14,6 +14,7 @@ import numpy as np
 from ..._bodies._joints import (
     AngleCoupling,
     AngleDriver,
+    Cable,
     DistanceDriver,
     GearPair,
     RackAndPinion,
@@ -235,6 +236,7 @@ _PAIRS: dict[frozenset[str], Symbol] = {  # by what they lock
 _SYMBOLS: dict[type, Symbol] = {
     AngleDriver: _angle_driver,
     DistanceDriver: _distance_driver,
+    Cable: _distance_driver,
     AngleCoupling: _angle_coupling,
     GearPair: _mesh,
     RackAndPinion: _mesh,

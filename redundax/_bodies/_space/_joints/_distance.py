@@ -17,25 +17,8 @@ from .._pose import Pose
 from ._base import AbstractJoint, refuse_friction
 
 
-class Distance(AbstractJoint):
-    """A rod between two points, or a driver of their distance. Its multiplier is the tension of the rod, N.
-
-    ??? example
-
-        ```python
-        plate = rx.spatial.Body("plate", 2.0, inertia=(0.1, 0.1, 0.2))
-        rx.spatial.Distance("rod", plate, "ground", (0.5, 0.0, 0.0), (0.5, 0.0, 1.0))  # as long as they are apart
-        ```
-
-    **Arguments:**
-
-    - `name`: the row is called "name.distance".
-    - `i`, `j`: the bodies, or "ground"; their names do where `on_i` and `on_j` are given.
-    - `point_i`, `point_j`: the points, global, m, at the reference pose of the bodies; they must not coincide.
-    - `distance`: m, a number or a function of time in jax.numpy; that of the points if not given.
-    - `on_i`, `on_j`: in place of the points those in the local frames, m; `distance` must be given then.
-    - `friction`: it has none.
-    """
+class AbstractDistance(AbstractJoint):
+    """A joint of two points whose distance is given."""
 
     row_kinds: ClassVar[tuple[Row, ...]] = (("distance", "force"),)
     name: str = eqx.field(static=True)
@@ -81,3 +64,49 @@ class Distance(AbstractJoint):
 
     def coordinates(self, i: Pose, j: Pose) -> Array:
         return safe_norm(i.point(self.point_i) - j.point(self.point_j))[None]
+
+
+class Distance(AbstractDistance):
+    """A rod between two points, or a driver of their distance. Its multiplier is the tension of the rod, N.
+
+    ??? example
+
+        ```python
+        plate = rx.spatial.Body("plate", 2.0, inertia=(0.1, 0.1, 0.2))
+        rx.spatial.Distance("rod", plate, "ground", (0.5, 0.0, 0.0), (0.5, 0.0, 1.0))  # as long as they are apart
+        ```
+
+    **Arguments:**
+
+    - `name`: the row is called "name.distance".
+    - `i`, `j`: the bodies, or "ground"; their names do where `on_i` and `on_j` are given.
+    - `point_i`, `point_j`: the points, global, m, at the reference pose of the bodies; they must not coincide.
+    - `distance`: m, a number or a function of time in jax.numpy; that of the points if not given.
+    - `on_i`, `on_j`: in place of the points those in the local frames, m; `distance` must be given then.
+    - `friction`: it has none.
+    """
+
+    __init__ = AbstractDistance.__init__
+
+
+class Cable(AbstractDistance):
+    """A cable without mass between two points: it pulls where it is taut, and is slack where they are nearer.
+
+    Its multiplier is its tension, N, positive or zero; `solve` tells in `contacts` whether it carries.
+
+    ??? example
+
+        ```python
+        plate = rx.spatial.Body("plate", 2.0, inertia=(0.1, 0.1, 0.2))
+        rx.spatial.Cable("rope", plate, "ground", (0.5, 0.0, 0.0), (0.5, 0.0, 1.0))  # taut
+        ```
+
+    **Arguments:** those of a `Distance`, which is its length.
+    """
+
+    pushing: ClassVar[tuple[str, ...]] = ("distance",)
+    __init__ = AbstractDistance.__init__
+
+    @property
+    def one_sided(self) -> bool:
+        return True

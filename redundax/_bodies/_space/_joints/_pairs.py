@@ -14,9 +14,9 @@ from ..._friction_model import AbstractFrictionModel
 from ..._joints._base import Row
 from .._contact import AbstractContact
 from .._overlap import Overlap
-from .._placement import at_reference
+from .._placement import Placement, at_reference
 from .._pose import Pose
-from ._base import AbstractJoint, AbstractPlacedJoint
+from ._base import AbstractJoint, AbstractPlacedJoint, refuse_friction
 from ._components import ANGLE, AXIAL, BEND, RADIAL, SPIN, TRAVEL, TRAVELS, TWIST
 from ._frictional import AbstractFrictionalJoint, AbstractSlidingJoint, At, End
 from ._surfaces import BALL, GUIDE, PIN, PLATE, SLEEVE, BallRubs, GuideRubs, PinRubs, PlateRubs, SleeveRubs, Surfaces
@@ -275,12 +275,44 @@ class PointOnPlane(AbstractPlacedJoint):
 
         ```python
         plate = rx.spatial.Body("plate", 2.0, inertia=(0.1, 0.1, 0.2))
-        rx.spatial.PointOnPlane("foot", plate, "ground", point=(0.5, 0.0, 0.0), axis=(0.0, 0.0, 1.0))
+        rx.spatial.PointOnPlane("foot", plate, "ground", point=(0.5, 0.0, 0.0), axis=(0.0, 0.0, 1.0), one_sided=True)
         ```
+
+    **Arguments:** those of the other pairs, and
+
+    - `one_sided`: whether the point may leave the plane on the side to which the axis points, as a foot does a floor:
+      the plane only pushes, its multiplier is positive where it does, and `solve` tells in `contacts` whether it does.
     """
 
     row_kinds: ClassVar[tuple[Row, ...]] = (AXIAL,)
-    __init__ = AbstractPlacedJoint.__init__
+    one_sided: bool = eqx.field(static=True, default=False)  # pyright: ignore[reportIncompatibleMethodOverride]
+
+    def __init__(
+        self,
+        name: str,
+        i: End,
+        j: End,
+        point: At = None,
+        axis: At = None,
+        mark: At = None,
+        *,
+        on_i: Placement | None = None,
+        on_j: Placement | None = None,
+        friction: AbstractFrictionModel | None = None,
+        one_sided: bool = False,
+    ):
+        refuse_friction(name, friction)
+        self.one_sided = one_sided
+        self.place(name, i, j, at_reference(name, point, axis, mark), on_i, on_j)
+
+    @property
+    def pushing(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Its one row, where it only pushes."""
+        return ("axial",) if self.one_sided else ()
+
+    def residual(self, i: Pose, j: Pose, t: Array) -> Array:
+        travel = self.relative(i, j).travel[None]
+        return -travel if self.one_sided else travel
 
 
 class ParallelAxes(AbstractPlacedJoint):

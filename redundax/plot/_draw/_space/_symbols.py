@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ...._bodies._space._joints._distance import Distance
+from ...._bodies._space._joints._distance import Cable, Distance
 from ...._bodies._space._joints._drivers import AngleDriver, TravelDriver
 from ...._bodies._space._joints._gear import Gear
 from ...._bodies._space._joints._pairs import ConstantVelocity
@@ -228,6 +228,7 @@ _SYMBOLS: dict[type, Symbol] = {
     Universal: _universal,
     ConstantVelocity: _constant_velocity,
     Distance: _distance,
+    Cable: _distance,
     AngleDriver: _angle_driver,
     TravelDriver: _travel_driver,
     Gear: _gear,

@@ -1,0 +1,157 @@
+"""Which one-sided contacts carry: an active set of rows outside, the equations (7), (25) inside.
+
+A one-sided row has a gap -Phi, and a multiplier p that pushes. Where it is closed and at rest relative to it,
+
+    0 <= p   _|_   gamma - Phi_q qdd >= 0,
+
+which is Gauss' principle: accelerations are unique for regular mass without friction. Among several redundant
+contacts the closure (W, d) decides as stiff joints do: the loads are nearest in its compliance among those that push,
+
+    minimum over lam of lam^T W lam / 2 - d^T lam,   p >= 0,
+
+whose conditions are 0 <= p _|_ s >= 0 with s = W lam - d - Phi_q u, u the displacement at which the closed rows have
+none. A row that does not push is left out of Phi, and all else is solved as it is. Rows change one at a time (Murty's
+principal pivoting, which ends at the one answer that there is without friction).
+"""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from .._closures._closure import Elasticity
+from .._equations._factorisation import Factorisation, factorised
+from .._equations._kinematics import Model, model_at
+from .._equations._scaling import Scaling, largest_violation, scaling
+from .._system._results import RESULTS, differs
+from .._system._state import State
+from .._system._system import AbstractSystem
+from .._tools._module import replace_fields
+from .._tools._numbers import stop_gradient, take, while_loop, xp
+
+_CLEAR = 1e-9  # a share of the largest force or acceleration that is a sign, and no rounding of a solve
+_WITHIN = 1e-6  # a part of a row that is outside the others: far above rounding of a projector, far below a lever arm
+
+
+class ActiveSet(NamedTuple):
+    """Which rows are kept, how many changed, whether they are final, and what each contact does, as a number."""
+
+    kept: Bool[Array, " m"]
+    changes: Int[Array, ""]
+    settled: Bool[Array, ""]
+    contacts: Int[Array, " c"]
+
+
+def without_rows(elasticity: Elasticity, kept: Bool[Array, " m"]) -> Elasticity:
+    """The closure of the other rows: what is left out is coupled with none and fits."""
+    compliance, misfit = elasticity
+    own = xp.diagonal(compliance)
+    alone = xp.where(own > 0, own, 1.0)
+    both = kept[:, None] & kept
+    return Elasticity(xp.where(both, compliance, xp.diag(xp.where(kept, 0.0, alone))), xp.where(kept, misfit, 0.0))
+
+
+def as_held(system: AbstractSystem, kept: Any) -> AbstractSystem:
+    """The system whose kept contacts hold both ways, and whose others are open."""
+    names = dataclasses.replace(system.names, pushing=(), one_sided=())
+    return replace_fields(system, _names=names).opened(xp.asarray(kept))
+
+
+class _Step(NamedTuple):
+    """The active set on its way."""
+
+    kept: Bool[Array, " m"]
+    changes: Int[Array, ""]
+    goes_on: Bool[Array, ""]
+    settled: Bool[Array, ""]
+    contacts: Int[Array, " c"]
+
+
+def active_set(system: AbstractSystem, state: State, elasticity: Elasticity, solved: Callable[..., Any]) -> ActiveSet:
+    """The rows that are kept; `solved(opened, state, factor, elasticity)` gives the solution of these. It has no
+    derivatives: those of a solution are at a fixed active set."""
+    system, state, elasticity = stop_gradient((system, state, elasticity))
+    rows = np.array(system.names.one_sided)
+    model = model_at(system.anonymous, state)
+    scales = scaling(system, model)
+    closed = take(_closed(model, scales, state), rows)
+    one_sided = np.isin(np.arange(len(system.rows)), rows)
+    start = ~xp.asarray(one_sided) | _placed(closed, rows, one_sided)
+    most = 8 * rows.size + 8
+
+    def body(step: _Step) -> _Step:
+        opened = system.opened(step.kept)
+        factor = factorised(opened, state, None)
+        solution = solved(opened, state, factor, without_rows(elasticity, step.kept))
+        wrong, does = _signs(rows, closed, step.kept, (model, scales), factor, solution, elasticity)
+        # The worst first; then the first, which cannot go round in circles.
+        place = xp.where(step.changes < 2 * rows.size, xp.argmax(wrong), xp.argmax(wrong > 0))
+        flip = xp.asarray(np.arange(one_sided.size)) == take(xp.asarray(rows), place)
+        failed = differs(solution.result, RESULTS.successful)
+        settled = xp.all(wrong <= 0) | failed
+        kept = xp.where(flip & ~settled, ~step.kept, step.kept)
+        changes = step.changes + xp.where(settled, 0, 1)
+        return _Step(kept, changes, ~settled & (changes < most), settled, does)
+
+    none = xp.zeros((), int)
+    end = while_loop(
+        lambda step: step.goes_on,
+        body,
+        _Step(start, none, xp.ones((), bool), xp.zeros((), bool), xp.zeros(rows.size, int)),
+    )
+    return stop_gradient(ActiveSet(end.kept, end.changes, end.settled, end.contacts))
+
+
+def _placed(values: Array, rows: np.ndarray, one_sided: np.ndarray) -> Array:
+    """Values of one-sided rows at their places among all rows."""
+    places = np.zeros(one_sided.size, int)
+    places[rows] = np.arange(rows.size)
+    return xp.asarray(one_sided) & take(values, places)
+
+
+def _closed(model: Model, scales: Scaling, state: State) -> Bool[Array, " m"]:
+    """Which rows have neither a gap nor a velocity that opens one."""
+    tolerance = largest_violation(state.qd.dtype)
+    position = model.motion.value / scales.rows / scales.size
+    speed = xp.max(xp.abs(state.qd / scales.coordinates), initial=0.0)
+    return (position > -tolerance) & (model.motion.rate / scales.rows >= -tolerance * speed)
+
+
+def _signs(
+    rows: np.ndarray,
+    closed: Bool[Array, " c"],
+    all_kept: Bool[Array, " m"],
+    at: tuple[Model, Scaling],
+    factor: Factorisation,
+    solution: Any,
+    elasticity: Elasticity,
+) -> tuple[Float[Array, " c"], Int[Array, " c"]]:
+    """How wrong each contact is, relative and positive where it must change; and what it does."""
+    model, scales = at
+    jacobian, gamma = model.jacobian, model.motion.gamma
+    kept = take(all_kept, rows)
+    force = scales.rows * solution.multipliers
+    force = take(force, rows) / _positive(xp.max(xp.abs(force)))
+    a = solution.acceleration
+    into = (jacobian @ a - gamma) / scales.rows  # how the rows close
+    terms = xp.max((xp.abs(jacobian) @ xp.abs(a) + xp.abs(gamma)) / scales.rows)
+    into = take(into, rows) / _positive(terms)
+    # s of what is left out, in its own unit: by how much it closes beside the others
+    bent = elasticity.compliance @ solution.multipliers - elasticity.misfit
+    own = factor.scaling
+    u = own.coordinates * (factor.split.inverse @ (xp.where(all_kept, bent, 0.0) / own.rows))
+    strain = take(bent - jacobian @ u, rows) / _positive(xp.max(xp.abs(bent)))
+    turned = jacobian * own.coordinates
+    beyond = xp.linalg.norm(turned @ factor.split.motion, axis=1) / _positive(xp.linalg.norm(turned, axis=1))
+    decided = take(beyond, rows) < _WITHIN  # by the other rows: it moves with them
+    pulls, closes = -force, xp.where(decided, xp.maximum(into, -strain), into)
+    wrong = xp.where(closed, xp.where(kept, pulls, closes), -1.0)
+    carries, lifts = kept & (force > _CLEAR), ~kept & (into < -_CLEAR)
+    code = xp.where(carries, 3, xp.where(lifts, 1, 2))
+    return xp.where(wrong > _CLEAR, wrong, -1.0), xp.where(closed, code, 0)
+
+
+def _positive(x: Array) -> Array:
+    return xp.where(x > 0, x, 1.0)

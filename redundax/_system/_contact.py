@@ -1,0 +1,39 @@
+"""What a one-sided contact does, in words."""
+
+import enum
+from typing import Any
+
+import numpy as np
+
+
+class Contact(enum.StrEnum):
+    """What a one-sided contact does."""
+
+    open = "open"  # there is a gap
+    lifts = "lifts"  # it opens
+    touches = "touches"  # closed without load
+    carries = "carries"
+
+    __repr__ = str.__repr__
+
+
+_WORDS = tuple(Contact)
+LEFT_OUT = tuple(_WORDS.index(word) for word in (Contact.open, Contact.lifts))  # codes of what carries in no solution
+
+
+def words(codes: Any, names: tuple[str, ...]) -> dict[str, Any]:
+    """What contacts do, by name; of a batch arrays of words."""
+    table = np.array([str(word) for word in _WORDS])
+    columns = np.moveaxis(np.asarray(codes), -1, 0)
+    return {
+        name: _WORDS[int(column)] if column.ndim == 0 else table[column]
+        for name, column in zip(names, columns, strict=True)
+    }
+
+
+def in_sentences(contacts: dict[str, Any]) -> list[str]:
+    """A line on the contacts of one state, as in "Contacts f1, f4: lifts; f2, f3: carries"; of a batch none."""
+    if not contacts or any(np.ndim(does) for does in contacts.values()):
+        return []
+    by_word = {word: [name for name, does in contacts.items() if does == word] for word in _WORDS}
+    return ["Contacts " + "; ".join(f"{', '.join(names)}: {word}" for word, names in by_word.items() if names)]
