@@ -1,0 +1,279 @@
+"""Positions and velocities of a machine whose drives follow laws, at many times."""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+from jaxtyping import Array, Bool, Float
+
+from .._bodies._law_of_time import check_law, law_of_time
+from .._equations._assemble import assemble, closing_at
+from .._equations._kinematics import model_at
+from .._equations._scaling import Scaling, scaling_at
+from .._system._axis import Axis, join
+from .._system._driven import Driven
+from .._system._names import DRIVE, ByName, index_of
+from .._system._state import State
+from .._system._system import AbstractSystem, check_system
+from .._tools._compilation import compiled
+from .._tools._errors import NoSolutionError, RedundaxError
+from .._tools._module import as_float, is_concrete
+from .._tools._numbers import are_known, as_arrays, as_numbers, computing, stop_gradient
+from ._follow import begun, follow, follow_known
+from ._loads import Moving, moving
+
+Laws = Mapping[str, Callable[[Array], Array] | ArrayLike]
+
+_TOGETHER = 64  # times that a program takes at once, so that other numbers of them compile nothing
+_FREE = 1e-9  # singular value, relative to the largest, of a direction in which nothing is held
+_NARROW = 0.05  # the same of a position that is told as near to a singular one where a motion ends
+_BESIDE = 0.01  # of the way to the next time: where laws are asked which way joints at rest slip
+
+
+class Path(NamedTuple):
+    """A driven system, the scales of its first position, how it moves at all times, and which times were reached."""
+
+    system: AbstractSystem
+    scale: Scaling
+    t: Float[Array, " times"]
+    moving: Moving
+    reached: Bool[Array, " times"]
+
+    @property
+    def states(self) -> State:
+        """The states at all times."""
+        return State(self.moving.q, self.moving.qd, self.t)
+
+
+def assemble_along(
+    system: AbstractSystem,
+    laws: Laws,
+    ts: ArrayLike,
+    q: ByName | None = None,
+    *,
+    hold: Sequence[str] = (),
+    throw: bool | None = None,
+) -> State:
+    """The states of a machine whose drives follow laws of time, at successive times.
+
+    Positions go on from time to time, in smaller steps where that is needed: the mode of assembly is kept and turns
+    are counted.
+
+    ??? example
+
+        ```python
+        smooth = rx.mechanisms.wojtyra2020()
+        ts = jnp.linspace(0.0, 1.0, 11)
+        states = rx.assemble_along(smooth, {"A.angle": rx.Polynomial([0.8, 1.0])}, ts, state.q)
+        states.q  # shape (11, 12)
+        ```
+
+    **Arguments:**
+
+    - `system`: a `Mechanism` or `System`, of at most 6000 coordinates and rows in all.
+    - `laws`: a function of time for each coordinate that is driven, by its name as of a joint, "motor.angle" or
+      "guide.travel", or of a body in the plane, "crank.phi"; a number stands for a coordinate that rests there. They
+      come on top of drivers among the joints. `rx.Trapezoid`, `rx.SCurve`, `rx.Cycloidal`, `rx.Harmonic`,
+      `rx.Polynomial` and `rx.Sampled` are ready.
+    - `ts`: times, s, ascending.
+    - `q`: guess of the position at the first of them, as of `assemble`.
+    - `hold`: names of coordinates that rest where the first position has them.
+    - `throw`: whether to raise an error where a position is not reached; by default outside of `jit` and `vmap`.
+
+    **Returns:** a `State` with an axis for times in front. Positions that are not reached are NaN.
+
+    **Raises:** `RedundaxError` for laws that leave coordinates free, with their names, and `NoSolutionError` with the
+    time at which a motion ends, at a singular position or out of reach.
+    """
+    return along(system, laws, ts, q, hold, throw).states
+
+
+def along(
+    system: AbstractSystem, laws: Laws, ts: ArrayLike, q: ByName | None, hold: Sequence[str], throw: bool | None
+) -> Path:
+    """What both calls need of the motion."""
+    check_system(system)
+    system, times = system.whole, _times(ts)
+    driven = with_laws(system, laws)
+    known = are_known(driven, times, q)
+    start = assemble(driven, q, t=times[0], throw=throw)
+    if hold:
+        driven = with_laws(system, dict(laws) | _held_at(system, start, hold))
+        start = assemble(driven, start.q, t=times[0], throw=throw)
+    if known:
+        _check_freedom(driven, start)
+    system = driven.anonymous
+    beside = _beside(times)
+    if known:
+        q, reached, scale = _followed(system, start, times)
+        found = in_batches(_moving_batch, (system, scale), (q, times, beside))
+    else:
+        still, q0, at = stop_gradient((system, start.q, times))
+        scale = scaling_at(still, State(q0, jnp.zeros_like(start.qd), at[0]))
+        track = follow(still, scale, begun(q0, at[0], len(system.coordinates)), at)
+        q, reached = jnp.where(_column(track.reached, track.q), track.q, jnp.nan), track.reached
+        found = jax.vmap(partial(moving, system, scale))(q, times, beside)
+    if known and throw is not False and not np.all(reached):
+        raise _lost(driven, scale, q, times, reached)
+    return Path(driven, scale, times, found, reached)
+
+
+def with_laws(system: AbstractSystem, laws: Laws) -> AbstractSystem:
+    """The system with a drive for each law."""
+    if not isinstance(laws, Mapping):
+        raise RedundaxError(
+            f"Argument `laws` must give a law of time by name of coordinate, but is {laws!r}. Write "
+            '{"motor.angle": rx.Harmonic(0.1, 2.0)}, say.'
+        )
+    if not laws:
+        return system
+    known, functions, places, kinds = coordinates_of(system), [], [], []
+    for name, law in laws.items():
+        place = index_of("laws", name, known.labels, " of coordinates")
+        functions.append(law_of_time(law))
+        check_law("laws", name, functions[-1])
+        places.append(place)
+        kinds.append("moment" if known.angular[place] else "force")
+    drives = Axis(tuple(f"{name}{DRIVE}" for name in laws), tuple(kinds))
+    return Driven(system, tuple(functions), tuple(places), drives)
+
+
+def coordinates_of(system: AbstractSystem) -> Axis:
+    """What can follow a law: coordinates, where they add, and those of joints."""
+    own, joints = system.names.coordinates, system.names.joint_coordinates
+    labels = own.labels if system.adds else tuple(f"{name}'" for name in own.labels)
+    return join([Axis(labels, own.kinds), Axis(joints.labels, joints.kinds)])
+
+
+def _times(ts: ArrayLike) -> Array:
+    times = as_float(ts, "ts")
+    known = is_concrete(times)
+    if times.ndim != 1 or not times.size or (known and not np.all(np.isfinite(times))):
+        raise RedundaxError(
+            f"Argument `ts` must be a vector of one finite time or more, but has shape {times.shape}. "
+            "Give `jnp.linspace(0.0, 1.0, 101)`, say."
+        )
+    if known and np.any(np.diff(np.asarray(times)) <= 0):
+        raise RedundaxError("Argument `ts` must hold times in ascending order, but some do not. Sort them.")
+    return times
+
+
+def _beside(t: Array) -> Float[Array, "times 2"]:
+    """Times just before and just after each, but before the first and after the last, where laws need say nothing."""
+    xp = np if is_concrete(t) else jnp
+    t = xp.asarray(t)
+    way, none = _BESIDE * xp.diff(t), xp.zeros(1, t.dtype)
+    return xp.stack([t - xp.concatenate([none, way]), t + xp.concatenate([way, none])], axis=1)
+
+
+def _held_at(system: AbstractSystem, start: State, hold: Sequence[str]) -> dict[str, Array]:
+    labels = coordinates_of(system).labels
+    places = [index_of("hold", name, labels, " of coordinates") for name in hold]
+    none = jnp.zeros_like(start.qd)
+    own = start.q if system.adds else none
+    values = jnp.concatenate([own, system.joint_coordinates.positions(State(start.q, none, start.t))])
+    return {name: values[place] for name, place in zip(hold, places, strict=True)}
+
+
+def scaled_jacobian(system: AbstractSystem, scale: Scaling, q: Array, t: Array) -> np.ndarray:
+    """K at a position, of known numbers."""
+    none = np.zeros(len(system.coordinates))
+    jacobian = model_at(system.anonymous, State(q, none, t)).jacobian
+    return np.asarray(jacobian) * np.asarray(scale.coordinates) / np.asarray(scale.rows)[:, None]
+
+
+def _check_freedom(system: AbstractSystem, start: State) -> None:
+    """Refuse laws that leave coordinates free."""
+    with computing():
+        start = as_numbers(start)
+        scale = scaling_at(system.anonymous, start)
+        matrix = scaled_jacobian(system, scale, start.q, start.t)
+        _, values, axes = np.linalg.svd(matrix)
+        rank = int(np.sum(values > _FREE * values[0]))
+        if rank == matrix.shape[1]:
+            return
+        loose = scale.coordinates[:, None] * axes[rank:].T
+        slopes = closing_at(system.anonymous, start.q, np.zeros(len(loose)), start.t)[2][len(system.rows) :]
+        moves = np.linalg.norm(np.asarray(slopes) @ loose, axis=1)
+    labels = coordinates_of(system).labels
+    n = len(system.coordinates)
+    named = [k for k in range(len(labels)) if moves[k] > 0.1 * moves.max() and (k >= n or system.adds)]
+    words = ", ".join(labels[k] for k in named[-8:])
+    raise RedundaxError(
+        f"Argument `laws` must leave no freedom, but {matrix.shape[1] - rank} is left at the first position: "
+        f"{words or 'bodies'} can move there. Give a law to one of them, or its name to `hold`; `rx.simulate` moves "
+        "what is free. If nothing should be free, the first position is a singular one: start beside it."
+    )
+
+
+def _followed(system: AbstractSystem, start: State, times: Array) -> tuple[np.ndarray, np.ndarray, Scaling]:
+    """Positions at known times, chunk after chunk; NaN where they are not reached."""
+    with computing():
+        scale = as_arrays(scaling_at(system, as_numbers(start)))
+    track = begun(start.q, start.t, len(system.coordinates))
+    found, reached, ts = [], [], np.asarray(times)
+    for first in range(0, ts.size, _TOGETHER):
+        part = ts[first : first + _TOGETHER]
+        full = np.pad(part, (0, _TOGETHER - part.size), mode="edge")
+        out = follow_known(system, scale, track, as_arrays(full))
+        ok = np.asarray(out.reached)[: part.size]
+        found.append(np.where(_column(ok, out.q), np.asarray(out.q)[: part.size], np.nan))
+        reached.append(ok)
+        track = out.end
+        if not ok.all():
+            left = ts.size - first - part.size
+            found.append(np.full((left, *out.q.shape[1:]), np.nan))
+            reached.append(np.zeros(left, bool))
+            break
+    return np.concatenate(found), np.concatenate(reached), scale
+
+
+def _column(flags: Any, like: Any) -> Any:
+    return flags.reshape(flags.shape + (1,) * (like.ndim - 1))
+
+
+def in_batches(program: Callable[..., Any], fixed: tuple, arrays: tuple) -> Any:
+    """A batched program on known numbers, some at a time, the last ones filled up."""
+    count, parts = len(arrays[0]), []
+    arrays = jax.tree.map(np.asarray, arrays)
+    for first in range(0, count, _TOGETHER):
+        part = jax.tree.map(lambda x, first=first: x[first : first + _TOGETHER], arrays)
+        size = len(part[0])
+        full = jax.tree.map(lambda x, size=size: np.concatenate([x, np.repeat(x[-1:], _TOGETHER - size, 0)]), part)
+        out = program(*fixed, *as_arrays(full))
+        parts.append(jax.tree.map(lambda x, size=size: np.asarray(x)[:size], out))
+    return jax.tree.map(lambda *x: np.concatenate(x), *parts)
+
+
+@compiled
+def _moving_batch(system: AbstractSystem, scale: Scaling, q: Array, t: Array, beside: Array) -> Moving:
+    return jax.vmap(partial(moving, system, scale))(q, t, beside)
+
+
+def _lost(
+    system: AbstractSystem, scale: Scaling, q: np.ndarray, times: Array, reached: np.ndarray
+) -> NoSolutionError:
+    """What to say of a motion that ends."""
+    last = int(np.argmin(reached))
+    t = np.asarray(times)
+    if last == 0:
+        return NoSolutionError(f"The motion does not leave its first position, at t = {t[0]:.6g}.")
+    track = begun(jnp.asarray(q[last - 1]), jnp.asarray(t[last - 1]), len(system.coordinates))
+    end = follow_known(system.anonymous, scale, track, as_arrays(np.full(_TOGETHER, t[last]))).end
+    with computing():
+        values = np.linalg.svd(scaled_jacobian(system, scale, np.asarray(end.q), np.asarray(end.t)), compute_uv=False)
+    weakest = values[-1] / values[0]
+    why = (
+        f"there the position is all but singular (least singular value {weakest:.1e} of the largest): a dead centre, "
+        "at which the drives no longer decide the motion or cannot take it further"
+        if weakest < _NARROW
+        else "from there on no position follows the laws"
+    )
+    return NoSolutionError(
+        f"The motion ends at t = {float(end.t):.6g}: {why}. Change the laws or lengths, or let `throw=False` give the "
+        "motion up to there, and NaN beyond."
+    )
