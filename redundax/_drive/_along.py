@@ -12,7 +12,6 @@ from jaxtyping import Array, Bool, Float
 
 from .._bodies._law_of_time import check_law, law_of_time
 from .._equations._assemble import assemble, closing_at
-from .._equations._kinematics import model_at
 from .._equations._scaling import Scaling, scaling_at
 from .._system._axis import Axis, join
 from .._system._driven import Driven
@@ -21,8 +20,8 @@ from .._system._state import State
 from .._system._system import AbstractSystem, check_system
 from .._tools._compilation import compiled
 from .._tools._errors import NoSolutionError, RedundaxError
-from .._tools._module import as_float, is_concrete
-from .._tools._numbers import are_known, as_arrays, as_numbers, computing, stop_gradient
+from .._tools._module import as_float, is_concrete, replace_fields
+from .._tools._numbers import are_known, as_arrays, as_numbers, computing, on_numbers, stop_gradient, xp
 from ._follow import begun, follow, follow_known
 from ._loads import Moving, moving
 
@@ -100,26 +99,41 @@ def along(
     system, times = system.whole, _times(ts)
     driven = with_laws(system, laws)
     known = are_known(driven, times, q)
-    start = assemble(driven, q, t=times[0], throw=throw)
+    start = assemble(system, q, t=times[0], positions=_first(laws, times[0]), throw=throw)
     if hold:
         driven = with_laws(system, dict(laws) | _held_at(system, start, hold))
-        start = assemble(driven, start.q, t=times[0], throw=throw)
     if known:
-        _check_freedom(driven, start)
-    system = driven.anonymous
-    beside = _beside(times)
-    if known:
-        q, reached, scale = _followed(system, start, times)
-        found = in_batches(_moving_batch, (system, scale), (q, times, beside))
-    else:
-        still, q0, at = stop_gradient((system, start.q, times))
-        scale = scaling_at(still, State(q0, jnp.zeros_like(start.qd), at[0]))
-        track = follow(still, scale, begun(q0, at[0], len(system.coordinates)), at)
-        q, reached = jnp.where(_column(track.reached, track.q), track.q, jnp.nan), track.reached
-        found = jax.vmap(partial(moving, system, scale))(q, times, beside)
-    if known and throw is not False and not np.all(reached):
-        raise _lost(driven, scale, q, times, reached)
-    return Path(driven, scale, times, found, reached)
+        scale, matrix = _scaled(driven, start)
+        _check_freedom(driven, scale, np.asarray(matrix), start)
+        q, reached = _followed(driven.anonymous, scale, start, times)
+        found = in_batches(_moving_batch, (driven.anonymous, scale), (q, times, _beside(times)))
+        if throw is not False and not np.all(reached):
+            raise _lost(driven, scale, q, times, reached)
+        return Path(driven, scale, times, found, reached)
+    still, q0, at = stop_gradient((driven.anonymous, start.q, times))
+    scale, _ = stop_gradient(_scaled(still, stop_gradient(start)))
+    track = follow(still, scale, begun(q0, at[0], len(system.coordinates)), at)
+    q = jnp.where(_column(track.reached, track.q), track.q, jnp.nan)
+    found = jax.vmap(partial(moving, driven.anonymous, scale))(q, times, _beside(times))
+    return Path(driven, scale, times, found, track.reached)
+
+
+def _first(laws: Laws, t: Array) -> dict[str, Array]:
+    """The first values of the laws."""
+    return {name: jnp.asarray(law_of_time(law)(t)) for name, law in laws.items()}
+
+
+@partial(on_numbers, jit=False)
+def _scaled(system: AbstractSystem, state: State) -> tuple[Scaling, Float[Array, "m n"]]:
+    """The scales of a position, and K there, by programs that the system without its drives has anyway."""
+    base, places = system.undriven, getattr(system, "places", ())
+    still = replace_fields(state, qd=xp.zeros_like(state.qd))
+    scale = scaling_at(base.anonymous, still)
+    slopes = closing_at(base.anonymous, still.q, still.qd, still.t)[2] * scale.coordinates
+    m = len(base.rows)
+    own = slopes[m + np.array(places, int)]
+    rows = xp.concatenate([scale.rows, xp.linalg.norm(own, axis=1)])
+    return scale._replace(rows=rows), xp.concatenate([slopes[:m], own]) / rows[:, None]
 
 
 def with_laws(system: AbstractSystem, laws: Laws) -> AbstractSystem:
@@ -179,41 +193,32 @@ def _held_at(system: AbstractSystem, start: State, hold: Sequence[str]) -> dict[
     return {name: values[place] for name, place in zip(hold, places, strict=True)}
 
 
-def scaled_jacobian(system: AbstractSystem, scale: Scaling, q: Array, t: Array) -> np.ndarray:
-    """K at a position, of known numbers."""
-    none = np.zeros(len(system.coordinates))
-    jacobian = model_at(system.anonymous, State(q, none, t)).jacobian
-    return np.asarray(jacobian) * np.asarray(scale.coordinates) / np.asarray(scale.rows)[:, None]
-
-
-def _check_freedom(system: AbstractSystem, start: State) -> None:
+def _check_freedom(system: AbstractSystem, scale: Scaling, matrix: np.ndarray, start: State) -> None:
     """Refuse laws that leave coordinates free."""
     with computing():
-        start = as_numbers(start)
-        scale = scaling_at(system.anonymous, start)
-        matrix = scaled_jacobian(system, scale, start.q, start.t)
-        _, values, axes = np.linalg.svd(matrix)
-        rank = int(np.sum(values > _FREE * values[0]))
-        if rank == matrix.shape[1]:
+        values, axes = np.linalg.svd(matrix)[1:]
+        left = matrix.shape[1] - int(np.sum(values > _FREE * values[0]))
+        if not left:
             return
-        loose = scale.coordinates[:, None] * axes[rank:].T
-        slopes = closing_at(system.anonymous, start.q, np.zeros(len(loose)), start.t)[2][len(system.rows) :]
-        moves = np.linalg.norm(np.asarray(slopes) @ loose, axis=1)
-    labels = coordinates_of(system).labels
-    n = len(system.coordinates)
-    named = [k for k in range(len(labels)) if moves[k] > 0.1 * moves.max() and (k >= n or system.adds)]
-    words = ", ".join(labels[k] for k in named[-8:])
+        loose = np.asarray(scale.coordinates)[:, None] * axes[-left:].T
+        q, t = as_numbers((start.q, start.t))
+        slopes = closing_at(system.undriven.anonymous, q, np.zeros(len(loose)), t)[2][len(system.undriven.rows) :]
+        moves = np.linalg.norm(slopes @ loose, axis=1)
+    labels, n = coordinates_of(system).labels, len(system.coordinates)
+    joints = [k for k in range(n, len(labels)) if moves[k] > 0.1 * moves[n:].max()]
+    own = [k for k in range(n) if system.adds and moves[k] > 0.1 * moves.max()]
+    words = ", ".join(labels[k] for k in (joints or own)[:8])
     raise RedundaxError(
-        f"Argument `laws` must leave no freedom, but {matrix.shape[1] - rank} is left at the first position: "
+        f"Argument `laws` must leave no freedom, but {left} {'is' if left == 1 else 'are'} left at the first position: "
         f"{words or 'bodies'} can move there. Give a law to one of them, or its name to `hold`; `rx.simulate` moves "
         "what is free. If nothing should be free, the first position is a singular one: start beside it."
     )
 
 
-def _followed(system: AbstractSystem, start: State, times: Array) -> tuple[np.ndarray, np.ndarray, Scaling]:
+def _followed(
+    system: AbstractSystem, scale: Scaling, start: State, times: Array
+) -> tuple[np.ndarray, np.ndarray]:
     """Positions at known times, chunk after chunk; NaN where they are not reached."""
-    with computing():
-        scale = as_arrays(scaling_at(system, as_numbers(start)))
     track = begun(start.q, start.t, len(system.coordinates))
     found, reached, ts = [], [], np.asarray(times)
     for first in range(0, ts.size, _TOGETHER):
@@ -229,7 +234,7 @@ def _followed(system: AbstractSystem, start: State, times: Array) -> tuple[np.nd
             found.append(np.full((left, *out.q.shape[1:]), np.nan))
             reached.append(np.zeros(left, bool))
             break
-    return np.concatenate(found), np.concatenate(reached), scale
+    return np.concatenate(found), np.concatenate(reached)
 
 
 def _column(flags: Any, like: Any) -> Any:
@@ -264,8 +269,8 @@ def _lost(
         return NoSolutionError(f"The motion does not leave its first position, at t = {t[0]:.6g}.")
     track = begun(jnp.asarray(q[last - 1]), jnp.asarray(t[last - 1]), len(system.coordinates))
     end = follow_known(system.anonymous, scale, track, as_arrays(np.full(_TOGETHER, t[last]))).end
-    with computing():
-        values = np.linalg.svd(scaled_jacobian(system, scale, np.asarray(end.q), np.asarray(end.t)), compute_uv=False)
+    _, matrix = _scaled(system, State(end.q, end.rate, end.t))
+    values = np.linalg.svd(np.asarray(matrix), compute_uv=False)
     weakest = values[-1] / values[0]
     why = (
         f"there the position is all but singular (least singular value {weakest:.1e} of the largest): a dead centre, "

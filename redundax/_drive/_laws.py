@@ -16,6 +16,7 @@ from collections.abc import Sequence
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from .._tools._errors import RedundaxError
@@ -44,7 +45,7 @@ class AbstractMove(eqx.Module):
         """Time from `begin` to the end of the last move, s."""
         return self.move if self.dwell is None else 2 * self.move + self.dwell
 
-    def __call__(self, t: Float[Array, ""]) -> Float[Array, ""]:
+    def __call__(self, t: ArrayLike) -> Float[Array, ""]:
         t = jnp.asarray(t) - self.begin
         done = self._clipped(t)
         if self.dwell is not None:
@@ -245,7 +246,7 @@ class Harmonic(eqx.Module):
     mean: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)  # pyright: ignore[reportAssignmentType]
     phase: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)  # pyright: ignore[reportAssignmentType]
 
-    def __call__(self, t: Float[Array, ""]) -> Float[Array, ""]:
+    def __call__(self, t: ArrayLike) -> Float[Array, ""]:
         return self.mean + self.amplitude * jnp.sin(2 * jnp.pi * self.frequency * t + self.phase)
 
 
@@ -289,8 +290,8 @@ class Sampled(eqx.Module):
             unit[-1] = unit[0]
         self._knots, self._maps = (on_device(x) for x in (knots, CubicSpline(knots, unit, bc_type=ends).c))
 
-    def __call__(self, t: Float[Array, ""]) -> Float[Array, ""]:
-        first, last = self._knots[0], self._knots[-1]
+    def __call__(self, t: ArrayLike) -> Float[Array, ""]:
+        t, first, last = jnp.asarray(t), self._knots[0], self._knots[-1]
         if self.ends == "periodic":
             t = first + jnp.mod(t - first, last - first)
         elif self.ends == "clamped":

@@ -77,14 +77,11 @@ class Driven(AbstractSystem):
 
     def given(self, q: Array, t: Array) -> Float[Array, " d"]:
         """The driven coordinates at a position."""
-        none = jnp.zeros(len(self.coordinates), q.dtype)
-        own = q if q.shape == none.shape else none
-        joints = self.base.joint_coordinates.positions(State(q, none, t))
-        return jnp.concatenate([own, joints])[np.array(self.places, int)]
+        return _given(self.base, self.places, q, t)
 
     def jacobian(self, q: Array, t: Array) -> Float[Array, "m n"]:
         zero = jnp.zeros(len(self.coordinates), q.dtype)
-        own = jax.jacfwd(lambda d: self.given(self.retract(q, d), t))(zero)
+        own = jax.jacrev(lambda d: _given(self.base, self.places, self.retract(q, d), t))(zero)
         return jnp.concatenate([self.base.jacobian(q, t), own])
 
     def load(self, state: State) -> Array:
@@ -129,6 +126,14 @@ class Driven(AbstractSystem):
     @property
     def without_friction(self) -> Self:
         return replace_fields(self, base=self.base.without_friction)
+
+
+@eqx.filter_jit  # traced once for all derivatives in all programs
+def _given(system: AbstractSystem, places: tuple[int, ...], q: Array, t: Array) -> Float[Array, " d"]:
+    none = jnp.zeros(len(system.coordinates), q.dtype)
+    own = q if q.shape == none.shape else none
+    joints = system.joint_coordinates.positions(State(q, none, t))
+    return jnp.concatenate([own, joints])[np.array(places, int)]
 
 
 class _Joints(AbstractJointCoordinates):
