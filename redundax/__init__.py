@@ -71,6 +71,8 @@ from ._drive._laws import Harmonic as Harmonic
 from ._drive._laws import Sampled as Sampled
 from ._drive._laws import SCurve as SCurve
 from ._drive._laws import Trapezoid as Trapezoid
+from ._drive._share import LeastNorm as LeastNorm
+from ._drive._share import LeastPeak as LeastPeak
 from ._equations._assemble import assemble as assemble
 from ._equations._factorize import factorize as factorize
 from ._models._model import load_model as load_model

@@ -64,6 +64,10 @@ class AbstractClosure(eqx.Module):
         none = xp.zeros(len(names))
         return none, none
 
+    def drive_errors(self, state: State) -> Float[Array, "..."]:
+        """More misfit of drives, that depends on the state."""
+        return xp.zeros((), state.qd.dtype)
+
 
 def check_closure(closure: object, argument: str = "closure") -> None:
     """Refuse what is no closure."""
@@ -172,7 +176,7 @@ class _OfDrives(AbstractClosure):
         W, d = (xp.asarray(x, dtype) for x in self.closure.compliance(system.undriven, state))
         none, softness = xp.zeros((m, self.softness.size), dtype), xp.diag(xp.asarray(self.softness, dtype))
         rows = xp.concatenate([W, none], axis=1), xp.concatenate([none.T, softness], axis=1)
-        misfit = xp.broadcast_to(d, (m,)), xp.asarray(self.error, dtype)
+        misfit = xp.broadcast_to(d, (m,)), xp.asarray(self.error + self.closure.drive_errors(state), dtype)
         return xp.concatenate(rows), xp.concatenate(misfit)
 
 

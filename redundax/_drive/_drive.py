@@ -34,6 +34,7 @@ from ._along import Laws, Path, along, in_batches
 from ._loads import Loads, loads
 from ._run import Drive, Moment, Run
 from ._senses import Senses, senses_of
+from ._share import LeastPeak
 
 _MINIMUM_NORM = MinimumNorm()
 _SINGULAR = 1e-9  # a bound of the least singular value over the largest: too few digits are left for a batch
@@ -47,7 +48,7 @@ def drive(
     q: ByName | None = None,
     *,
     hold: Sequence[str] = (),
-    closure: AbstractClosure = _MINIMUM_NORM,
+    closure: AbstractClosure | LeastPeak = _MINIMUM_NORM,
     solver: AbstractSolver | None = None,
     throw: bool | None = None,
 ) -> Run:
@@ -76,18 +77,36 @@ def drive(
 
     **Raises:** as of `assemble_along`, and `NoSolutionError` with the time at which loads have no solution.
     """
-    check_closure(closure)
+    if not isinstance(closure, LeastPeak):
+        check_closure(closure)
     if solver is not None:
         check_solver(solver)
     solver = solver or Newton()
     path = along(system, laws, ts, q, hold, throw)
-    known = are_known(path, closure, solver)
-    drives = drives_of(path.system)
-    if not drives:
+    if not drives_of(path.system):
         raise RedundaxError(
             "Argument `laws` must name a coordinate that is driven, but is empty, and no joint is a driver. Write "
             '{"motor.angle": rx.Harmonic(0.1, 2.0)}, say.'
         )
+    if not isinstance(closure, LeastPeak):
+        return _solved(path, closure, solver, throw)
+    if not are_known(path, closure):
+        raise RedundaxError(
+            "Argument `closure` must be another than `LeastPeak` inside of `jit`, `vmap` and `grad`: `LeastNorm`, say."
+        )
+    count = len(path.system.undriven.rows)
+
+    def forces_of(one: AbstractClosure) -> np.ndarray:
+        return -np.asarray(_solved(path, one, solver, False).multipliers)[:, count:]
+
+    names = [each.name for each in drives_of(path.system) if each.row >= count]
+    chosen, said = closure.shared(forces_of, names, np.asarray(path.t))
+    return replace_fields(_solved(path, chosen, solver, throw), remarks=said)
+
+
+def _solved(path: Path, closure: AbstractClosure, solver: AbstractSolver, throw: bool | None) -> Run:
+    """The loads along a motion."""
+    known, drives = are_known(path, closure, solver), drives_of(path.system)
     anonymous, choices = path.system.anonymous, (placed(closure, path.system), solver)
     senses = senses_of(path.system, path.moving.slips, path.scale.length)
     both = (np if known else jnp).stack([senses.after, senses.before], axis=1)

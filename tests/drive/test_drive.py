@@ -186,6 +186,29 @@ def test_two_screws_of_a_gantry_that_are_out_of_step_fight():
         rx.drive(machine, {"left.travel": rx.Harmonic(0.05, 1.0)}, ts, {}, closure=wrong)
 
 
+def test_drives_share_by_ratings_and_by_limits_and_keep_a_preload():
+    """A beam whose two drives may share as they like: r_1^2 : r_2^2 by least norm, l_1 : l_2 by least peak."""
+    machine, laws = gantry(), dict.fromkeys(("left.travel", "right.travel"), rx.Harmonic(0.05, frequency=1.0))
+    ts = np.linspace(0.0, 1.0, 9)
+    rails = rx.ElasticJoints(machine, dict.fromkeys(("left", "right"), (1e-9, 1e-7)))
+    sizes = {"left.travel": 200.0, "right.travel": 100.0}
+    norm = rx.drive(machine, laws, ts, {}, closure=rx.LeastNorm(sizes, rails))
+    total = np.asarray(norm.forces).sum(axis=1)
+    np.testing.assert_allclose(total, BEAM * np.asarray(norm["beam.x''"]) + 60.0, rtol=1e-12)
+    np.testing.assert_allclose(norm.forces, total[:, None] * [0.8, 0.2], rtol=0, atol=1e-5 * total.max())
+    peak = rx.drive(machine, laws, ts, {}, closure=rx.LeastPeak(sizes, closure=rails))
+    np.testing.assert_allclose(peak.forces, total[:, None] * [2 / 3, 1 / 3], rtol=0, atol=1e-5 * total.max())
+    assert not peak.remarks
+    preload = rx.LeastPeak({"left.travel": 100.0, "right.travel": 40.0}, preload={"right.travel": -20.0}, closure=rails)
+    kept = rx.drive(machine, laws, ts, {}, closure=preload)
+    np.testing.assert_allclose(kept["left.travel force"], np.maximum(total + 20.0, 100 / 140 * total), atol=1e-3)
+    largest = (total + 20).max()
+    (said,) = kept.remarks
+    assert f"is {largest:.4g} % of them" in said and said in str(kept).replace("\n", " ")
+    with pytest.raises(rx.RedundaxError, match="must name each drive"):
+        rx.drive(machine, laws, ts, {}, closure=rx.LeastNorm({"left.travel": 200.0}, rails))
+
+
 # What is refused, and where a motion ends -----------------------------------------------------------------
 
 
