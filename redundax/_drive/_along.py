@@ -30,6 +30,7 @@ Laws = Mapping[str, Callable[[Array], Array] | ArrayLike]
 _TOGETHER = 64  # times that a program takes at once, so that other numbers of them compile nothing
 _FREE = 1e-9  # singular value, relative to the largest, of a direction in which nothing is held
 _NARROW = 0.05  # the same of a position that is told as near to a singular one where a motion ends
+_NAMED = 8  # free coordinates, at most
 _BESIDE = 0.01  # of the way to the next time: where laws are asked which way joints at rest slip
 
 
@@ -123,6 +124,12 @@ def _first(laws: Laws, t: Array) -> dict[str, Array]:
     return {name: jnp.asarray(law_of_time(law)(t)) for name, law in laws.items()}
 
 
+def values_of(system: AbstractSystem, state: State) -> Array:
+    """Where the coordinates that can follow a law are."""
+    joints = system.joint_coordinates.positions(state)
+    return jnp.concatenate([state.q, joints]) if system.adds else joints
+
+
 @partial(on_numbers, jit=False)
 def _scaled(system: AbstractSystem, state: State) -> tuple[Scaling, Float[Array, "m n"]]:
     """The scales of a position, and K there, by programs that the system without its drives has anyway."""
@@ -150,7 +157,7 @@ def with_laws(system: AbstractSystem, laws: Laws) -> AbstractSystem:
         place = index_of("laws", name, known.labels, " of coordinates")
         functions.append(law_of_time(law))
         check_law("laws", name, functions[-1])
-        places.append(place)
+        places.append(place if system.adds else place + len(system.coordinates))
         kinds.append("moment" if known.angular[place] else "force")
     drives = Axis(tuple(f"{name}{DRIVE}" for name in laws), tuple(kinds))
     return Driven(system, tuple(functions), tuple(places), drives)
@@ -159,8 +166,7 @@ def with_laws(system: AbstractSystem, laws: Laws) -> AbstractSystem:
 def coordinates_of(system: AbstractSystem) -> Axis:
     """What can follow a law: coordinates, where they add, and those of joints."""
     own, joints = system.names.coordinates, system.names.joint_coordinates
-    labels = own.labels if system.adds else tuple(f"{name}'" for name in own.labels)
-    return join([Axis(labels, own.kinds), Axis(joints.labels, joints.kinds)])
+    return join([own, joints]) if system.adds else joints
 
 
 def _times(ts: ArrayLike) -> Array:
@@ -187,9 +193,7 @@ def _beside(t: Array) -> Float[Array, "times 2"]:
 def _held_at(system: AbstractSystem, start: State, hold: Sequence[str]) -> dict[str, Array]:
     labels = coordinates_of(system).labels
     places = [index_of("hold", name, labels, " of coordinates") for name in hold]
-    none = jnp.zeros_like(start.qd)
-    own = start.q if system.adds else none
-    values = jnp.concatenate([own, system.joint_coordinates.positions(State(start.q, none, start.t))])
+    values = values_of(system, start)
     return {name: values[place] for name, place in zip(hold, places, strict=True)}
 
 
@@ -204,10 +208,10 @@ def _check_freedom(system: AbstractSystem, scale: Scaling, matrix: np.ndarray, s
         q, t = as_numbers((start.q, start.t))
         slopes = closing_at(system.undriven.anonymous, q, np.zeros(len(loose)), t)[2][len(system.undriven.rows) :]
         moves = np.linalg.norm(slopes @ loose, axis=1)
-    labels, n = coordinates_of(system).labels, len(system.coordinates)
-    joints = [k for k in range(n, len(labels)) if moves[k] > 0.1 * moves[n:].max()]
-    own = [k for k in range(n) if system.adds and moves[k] > 0.1 * moves.max()]
-    words = ", ".join(labels[k] for k in (joints or own)[:8])
+    names, n = system.names, len(system.coordinates)
+    parts = [(names.joint_coordinates, moves[n:]), *([(names.coordinates, moves[:n])] if system.adds else [])]
+    free = [[k for k, move in zip(axis.labels, of, strict=True) if move > 0.1 * of.max()] for axis, of in parts]
+    words = ", ".join(next(filter(None, free), [])[:_NAMED])
     raise RedundaxError(
         f"Argument `laws` must leave no freedom, but {left} {'is' if left == 1 else 'are'} left at the first position: "
         f"{words or 'bodies'} can move there. Give a law to one of them, or its name to `hold`; `rx.simulate` moves "
