@@ -52,7 +52,9 @@ def drive_file(arguments: argparse.Namespace) -> int:
     hold = [_coordinate(name, system) for name in arguments.hold]
     end = arguments.time or max(map(_duration, laws.values()), default=0.0)
     if not end > 0:
-        raise FileError("How long the motion takes must be told by --time, in seconds: its laws have no end.")
+        raise FileError(
+            "Argument `--time` must be given where no law has an end. Give the seconds to look at, --time 2 say."
+        )
     ts = np.linspace(0.0, end, arguments.samples)
     try:
         run = drive(system, laws, ts, state.q, hold=hold)
@@ -117,7 +119,7 @@ def _law(text: str, system: AbstractSystem, here: dict[str, float]) -> tuple[str
     if kind not in _LAWS:
         raise FileError(f"The law '{text}' has an unknown kind '{kind}'. There are {known}.")
     coordinate, make = _coordinate(name.strip(), system), _LAWS[kind]
-    first = "start" if isinstance(make, type) and issubclass(make, AbstractMove) else "mean"
+    first = "start" if kind in ("trapezoid", "scurve", "cycloidal") else "mean"
     if first in inspect.signature(make).parameters:
         named.setdefault(first, here[coordinate])
     try:

@@ -41,7 +41,7 @@ class Path(NamedTuple):
     scale: Scaling
     t: Float[Array, " times"]
     moving: Moving
-    reached: Bool[Array, " times"]
+    reached: Bool[Array | np.ndarray, " times"]
 
     @property
     def states(self) -> State:
@@ -160,7 +160,7 @@ def with_laws(system: AbstractSystem, laws: Laws) -> AbstractSystem:
         places.append(place if system.adds else place + len(system.coordinates))
         kinds.append("moment" if known.angular[place] else "force")
     drives = Axis(tuple(f"{name}{DRIVE}" for name in laws), tuple(kinds))
-    return Driven(system, tuple(functions), tuple(places), drives)
+    return Driven(system, tuple(functions), tuple(places), drives)  # pyright: ignore[reportCallIssue]
 
 
 def coordinates_of(system: AbstractSystem) -> Axis:
@@ -184,7 +184,7 @@ def _times(ts: ArrayLike) -> Array:
 
 def _beside(t: Array) -> Float[Array, "times 2"]:
     """Times just before and just after each, but before the first and after the last, where laws need say nothing."""
-    xp = np if is_concrete(t) else jnp
+    xp: Any = np if is_concrete(t) else jnp
     t = xp.asarray(t)
     way, none = _BESIDE * xp.diff(t), xp.zeros(1, t.dtype)
     return xp.stack([t - xp.concatenate([none, way]), t + xp.concatenate([way, none])], axis=1)
@@ -219,16 +219,14 @@ def _check_freedom(system: AbstractSystem, scale: Scaling, matrix: np.ndarray, s
     )
 
 
-def _followed(
-    system: AbstractSystem, scale: Scaling, start: State, times: Array
-) -> tuple[np.ndarray, np.ndarray]:
+def _followed(system: AbstractSystem, scale: Scaling, start: State, times: Array) -> tuple[np.ndarray, np.ndarray]:
     """Positions at known times, chunk after chunk; NaN where they are not reached."""
     track = begun(start.q, start.t, len(system.coordinates))
     found, reached, ts = [], [], np.asarray(times)
     for first in range(0, ts.size, _TOGETHER):
         part = ts[first : first + _TOGETHER]
         full = np.pad(part, (0, _TOGETHER - part.size), mode="edge")
-        out = follow_known(system, scale, track, as_arrays(full))
+        out = follow_known(system, scale, track, jnp.asarray(full))
         ok = np.asarray(out.reached)[: part.size]
         found.append(np.where(_column(ok, out.q), np.asarray(out.q)[: part.size], np.nan))
         reached.append(ok)
@@ -263,16 +261,14 @@ def _moving_batch(system: AbstractSystem, scale: Scaling, q: Array, t: Array, be
     return jax.vmap(partial(moving, system, scale))(q, t, beside)
 
 
-def _lost(
-    system: AbstractSystem, scale: Scaling, q: np.ndarray, times: Array, reached: np.ndarray
-) -> NoSolutionError:
+def _lost(system: AbstractSystem, scale: Scaling, q: np.ndarray, times: Array, reached: np.ndarray) -> NoSolutionError:
     """What to say of a motion that ends."""
     last = int(np.argmin(reached))
     t = np.asarray(times)
     if last == 0:
         return NoSolutionError(f"The motion does not leave its first position, at t = {t[0]:.6g}.")
     track = begun(jnp.asarray(q[last - 1]), jnp.asarray(t[last - 1]), len(system.coordinates))
-    end = follow_known(system.anonymous, scale, track, as_arrays(np.full(_TOGETHER, t[last]))).end
+    end = follow_known(system.anonymous, scale, track, jnp.full(_TOGETHER, t[last])).end
     _, matrix = _scaled(system, State(end.q, end.rate, end.t))
     values = np.linalg.svd(np.asarray(matrix), compute_uv=False)
     weakest = values[-1] / values[0]

@@ -109,14 +109,11 @@ def _solved(path: Path, closure: AbstractClosure, solver: AbstractSolver, throw:
     known, drives = are_known(path, closure, solver), drives_of(path.system)
     anonymous, choices = path.system.anonymous, (placed(closure, path.system), solver)
     senses = senses_of(path.system, path.moving.slips, path.scale.length)
-    both = (np if known else jnp).stack([senses.after, senses.before], axis=1)
+    both: Any = (np if known else jnp).stack([senses.after, senses.before], axis=1)
     given = anonymous, path.scale, choices
     asked = path.moving.q, path.moving.qd, path.t, path.moving.acceleration, both, senses.rests
-    if known:
-        found = in_batches(_loads_batch, given, asked)
-    else:
-        found = _loads_of(*given, *asked)
-    good = _is_good(path, found, solver)
+    found: Loads = in_batches(_loads_batch, given, asked) if known else _loads_of(*given, *asked)
+    good: Any = _is_good(path, found, solver)
     rows = np.array([each.row for each in drives], int)
     run = Run(
         t=path.t,
@@ -151,9 +148,9 @@ def drives_of(system: AbstractSystem) -> tuple[Drive, ...]:
     if isinstance(base, Mechanism):
         for stack, names in zip(base.joints, base.names.joints, strict=True):
             driver = stack.element
-            rod = isinstance(driver, DistanceDriver) and isinstance(driver.distance, Polynomial)
             if isinstance(driver, AngleDriver | DistanceDriver | SpatialAngleDriver | TravelDriver):
-                if rod and driver.distance.coefficients.shape[-1] == 1:  # a rod of constant length
+                law = getattr(driver, "distance", None)
+                if isinstance(law, Polynomial) and law.coefficients.shape[-1] == 1:  # a rod of constant length
                     continue
                 rows = [labels.index(f"{name}.{driver.row_kinds[0][0]}") for name in names]
                 found += [Drive(name, row, angular[row]) for name, row in zip(names, rows, strict=True)]
@@ -194,7 +191,7 @@ def _is_good(path: Path, found: Loads, solver: AbstractSolver) -> Bool[Array, " 
     return good
 
 
-def _stays(path: Path, given: tuple, senses: Senses, rows: np.ndarray) -> np.ndarray:
+def _stays(path: Path, given: tuple, senses: Senses, rows: np.ndarray) -> Any:
     """Forces of the drives between which the machine stays, where all of it rests: friction the one way and the other,
     nothing accelerates."""
     out = np.full((len(path.t), len(rows), 2), np.nan)
@@ -228,7 +225,7 @@ def _asked_again(
     """Of known numbers: what the batch left open is asked of `solve`."""
     codes = np.full(len(good), result_codes()["successful"])
     arrays = {name: np.array(getattr(run, name)) for name in ("multipliers", "friction", "acceleration")}
-    before = Moment(np.array(run.before.multipliers), np.array(run.before.friction))
+    before: Any = Moment(*(np.array(x) for x in (run.before.multipliers, run.before.friction)))  # pyright: ignore
     for k in np.flatnonzero(~good).tolist():
         if not np.all(np.isfinite(run.q[k])):
             codes[k], found = result_codes()["no_position"], None

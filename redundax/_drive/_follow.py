@@ -39,7 +39,7 @@ class _Newton(NamedTuple):
     q: Array
     first: Float[Array, ""]
     last: Float[Array, ""]
-    count: Int[Array, ""]
+    steps: Int[Array, ""]
     good: Bool[Array, ""]
 
 
@@ -103,13 +103,13 @@ def _corrected(system: AbstractSystem, scale: Scaling, q: Array, t: Array) -> _N
         matrix, residual = _linearised(system, scale, now.q, t)
         u = -_least_squares(matrix, residual)
         size = jnp.max(jnp.abs(u)) / scale.size
-        begins = now.count == 0
+        begins = now.steps == 0
         limit = jnp.where(begins, _CLOSE, jnp.maximum(_CONTRACTS * now.last, _SETTLED))
         q = system.retract(now.q, scale.coordinates * u)
-        return _Newton(q, jnp.where(begins, size, now.first), size, now.count + 1, size <= limit)  # NaN is not
+        return _Newton(q, jnp.where(begins, size, now.first), size, now.steps + 1, size <= limit)  # NaN is not
 
     def going(now: _Newton) -> Array:
-        return now.good & (now.last > _SETTLED) & (now.count < _CORRECTIONS)
+        return now.good & (now.last > _SETTLED) & (now.steps < _CORRECTIONS)
 
     far = jnp.full((), jnp.inf, q.dtype)
     end = jax.lax.while_loop(going, step, _Newton(q, far, far, jnp.zeros((), int), jnp.ones((), bool)))

@@ -40,7 +40,7 @@ class Held(NamedTuple):
         inverse = _upper(self.upper, jnp.eye(self.upper.shape[0], dtype=self.upper.dtype))
         return 1 / (jnp.linalg.norm(self.upper) * jnp.linalg.norm(inverse))
 
-    def across(self, right: Float[Array, "n *columns"]) -> Float[Array, "m *columns"]:
+    def across(self, right: Float[Array, "..."]) -> Float[Array, "..."]:
         """The least loads that carry f."""
         return self.range @ jax.scipy.linalg.solve_triangular(self.upper, right, trans=1)
 
@@ -54,21 +54,26 @@ class Held(NamedTuple):
     ) -> tuple[Float[Array, " m"], Float[Array, " n"]]:
         """lam and y of the equations; without a compliance of W = I."""
 
-        def product(x: tuple[Array, Array]) -> tuple[Array, Array]:
-            lam, y = x
-            return (lam if compliance is None else compliance @ lam) + self.matrix @ y, self.matrix.T @ lam
+        m = misfit.size
 
-        def solve(_: object, given: tuple[Array, Array]) -> tuple[Array, Array]:
+        def product(x: Array) -> Array:
+            lam, y = x[:m], x[m:]
+            return jnp.concatenate(
+                [(lam if compliance is None else compliance @ lam) + self.matrix @ y, self.matrix.T @ lam]
+            )
+
+        def solve(_: object, given: Array) -> Array:
             softness = None if compliance is None else jax.lax.stop_gradient(compliance)
-            d, f = given
+            d, f = given[:m], given[m:]
             lam = self.across(f)
-            off = d - (lam if softness is None else softness @ lam)
             if self.stress.shape[1]:
+                off = d - (lam if softness is None else softness @ lam)
                 lam = lam + self.stress @ _definite(self.restricted(softness), self.stress.T @ off)
             off = d - (lam if softness is None else softness @ lam)
-            return lam, _upper(self.upper, self.range.T @ off)
+            return jnp.concatenate([lam, _upper(self.upper, self.range.T @ off)])
 
-        return jax.lax.custom_linear_solve(product, (misfit, load), solve, symmetric=True)
+        found = jax.lax.custom_linear_solve(product, jnp.concatenate([misfit, load]), solve, symmetric=True)
+        return found[:m], found[m:]
 
     def restricted(self, compliance: Float[Array, "m m"] | None) -> Float[Array, "k k"]:
         """N^T W N."""

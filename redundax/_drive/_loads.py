@@ -173,4 +173,3 @@ def _is_definite(matrix: Array) -> Bool[Array, ""]:
     size = 1 / jnp.sqrt(jnp.where(diagonal > 0, diagonal, 1.0))
     values = jnp.linalg.eigvalsh(matrix * size[:, None] * size)
     return jnp.all(diagonal > 0) & (values[0] > matrix.shape[0] * 100 * jnp.finfo(matrix.dtype).eps * values[-1])
-

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from .._system._export import frame_of
 from .._system._joint_coordinates import JointMotion, joint_motion, joint_reactions
 from .._system._named import AbstractNamed
 from .._system._names import index_of
@@ -36,7 +37,7 @@ class Drive(NamedTuple):
 
 
 class Moment(eqx.Module):
-    """Figures of one side of each time.
+    """Loads on one side of each time.
 
     - `multipliers`, `friction`: lam, shape (times, m), and tau, (times, p).
     """
@@ -204,14 +205,14 @@ class Run(AbstractNamed):
         if name in own:
             array, k = own[name]
             return getattr(self, array)[..., k]
-        if self.names is not None and name not in [entry.name for entry in self.entries]:
-            if self.names.other_end(name) is None:
-                index_of("name", name, [*own, *(entry.name for entry in self.entries)])
-        return super().__getitem__(name)
+        known = [entry.name for entry in self.entries]
+        if self.names is not None and name not in known and self.names.other_end(name) is None:
+            index_of("name", name, [*own, *known])
+        return AbstractNamed.__getitem__(self, name)
 
     def to_pandas(self) -> "pandas.DataFrame":
         """All entries and what drives give as columns by name, one row for each time."""
-        frame = super().to_pandas()
+        frame = frame_of(self)
         for place, name in enumerate(self._own):
             frame.insert(place, name, np.asarray(self[name]))
         return frame
@@ -229,14 +230,23 @@ class Run(AbstractNamed):
                 continue
             word, unit = ("torque", units.of("moment")) if turns else ("force", units.of("force"))
             drives = [self.drives[k] for k in some]
-            head = (with_unit(word, unit), "peak", "at t", "rms", "mean power", "energy", "determined by the rigid machine")
+            head = (
+                with_unit(word, unit),
+                "peak",
+                "at t",
+                "rms",
+                "mean power",
+                "energy",
+                "determined by the rigid machine",
+            )
             span = t[-1] - t[0] if t.size > 1 else 1.0
             energy = np.array([float(self.energy[drive.name]) for drive in drives])
             columns = [
                 figures(np.array([float(figure[drive.name]) for drive in drives]), digits=5)
                 for figure in (self.peak, self.peak_time, self.rms)
             ]
-            columns += [figures(energy / span, digits=5), figures(energy, digits=5)]
+            most = np.nanmax(np.abs(np.asarray(self.powers)), initial=0.0)[None]  # beside which rounding is none
+            columns += [figures(energy / span, most, 5), figures(energy, most * span, 5)]
             groups.append(group(head, [d.name for d in drives], *columns, [self._verdict(k) for k in some]))
         said = [*self.remarks, in_words(self.pulling)]
         head = [*outcome(self.result, f"Drives at {time}"), *notes(self.names, " ".join(filter(None, said)))]
@@ -244,12 +254,9 @@ class Run(AbstractNamed):
 
     def _verdict(self, k: int) -> str:
         """What is told of a drive's force over all times."""
-        with_friction, without = (
-            np.asarray(x)[:, k] for x in (self.determined, self.determined_without_friction)
-        )
+        with_friction, without = (np.asarray(x)[:, k] for x in (self.determined, self.determined_without_friction))
         if with_friction.all():
             return "yes"
         if without.all():
             return "but for friction" if not with_friction.any() else "but for friction at some times"
         return "no: the closure decides" if not without.any() else "not at all times: the closure decides"
-

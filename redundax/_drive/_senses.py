@@ -30,7 +30,7 @@ class Senses(NamedTuple):
 
 def senses_of(system: AbstractSystem, slips: Float[Array, "times 3 p"], length: Array) -> Senses:
     """Of slip rates now, just before and just after each time."""
-    xp = np if is_concrete(slips) else jnp
+    xp: Any = np if is_concrete(slips) else jnp
     slips, p = xp.asarray(slips), slips.shape[-1]
     directions = directions_of(system.friction) if system.friction else None
     same = np.eye(p, dtype=bool) if directions is None else np.asarray(directions.same)
@@ -63,7 +63,7 @@ def _of_joints(flags: Any, same: np.ndarray, xp: Any) -> Any:
 
 def _filled(own: Any, has: Any, others: Any, has_others: Any, *, backward: bool) -> Any:
     """Own senses, or where there are none the nearest of the others at later times, or at earlier ones."""
-    xp = np if is_concrete(own) else jnp
+    xp: Any = np if is_concrete(own) else jnp
     if backward:
         return _filled(own[::-1], has[::-1], others[::-1], has_others[::-1], backward=False)[::-1]
     count = len(own)

@@ -124,7 +124,7 @@ class LeastPeak(eqx.Module):
         limits = np.array([float(self.limits[name]) for name in names])
         least = np.array([float(self.preload.get(name, 0.0)) for name in names])
         slope = 1e-3 / limits  # of a misfit, beside 1 / rating that a whole limit takes
-        errors = np.zeros((len(ts), len(names)))
+        errors, peaks = np.zeros((len(ts), len(names))), ()
         for _ in range(_ROUNDS):
             now = forces_of(_Misfits(norm, ts, errors))
             by_error = np.stack(
@@ -149,8 +149,8 @@ class _Misfits(AbstractClosure):
     """A closure, and misfits of the drives at times."""
 
     closure: AbstractClosure
-    ts: Float[Array, " times"]
-    errors: Float[Array, "times d"]
+    ts: Float[Array | np.ndarray, " times"]
+    errors: Float[Array | np.ndarray, "times d"]
 
     def of_drives(self, names: Sequence[str]) -> tuple[Array, Array]:
         return self.closure.of_drives(names)
@@ -198,7 +198,10 @@ def _programme(forces: np.ndarray, by: np.ndarray, limits: np.ndarray, least: np
 
 def _sizes(argument: str, given: Mapping[str, ArrayLike]) -> dict[str, Array]:
     if not isinstance(given, Mapping) or not given:
-        raise RedundaxError(f"Argument `{argument}` must give a force by name of each drive, but is {given!r}.")
+        raise RedundaxError(
+            f"Argument `{argument}` must give a force by name of each drive, but is {given!r}. Write "
+            '{"left.travel": 200.0}, say.'
+        )
     sizes = {name: as_float(size) for name, size in given.items()}
     for size in sizes.values():
         positive(argument, size)
@@ -209,5 +212,5 @@ def _check_all(argument: str, given: Mapping[str, Any], names: Sequence[str]) ->
     if set(given) != set(names):
         raise RedundaxError(
             f"Argument `{argument}` must name each drive that follows a law, {', '.join(names)}, but names "
-            f"{', '.join(given)}."
+            f"{', '.join(given)}. Give these, no more and no less."
         )

@@ -16,8 +16,8 @@ def drive(run: Run) -> "Figure":
     """Forces and power of drives over time, one panel for each kind.
 
     Where a joint rests bars show the forces between which the machine stays, and curves jump from the force with which
-    the motion came to rest to that with which it goes on. Dotted curves are those that the closure decides, as the rigid
-    machine leaves them open.
+    the motion came to rest to that with which it goes on. Dotted curves are those that the closure decides, as the
+    rigid machine leaves them open.
 
     ??? example
 
@@ -38,22 +38,34 @@ def drive(run: Run) -> "Figure":
     figure = new_figure(6.6, 2.2 * (len(kinds) + 1) + 0.4)
     panels = figure.subplots(len(kinds) + 1, 1, sharex=True, squeeze=False)[:, 0]
     t, powers = np.asarray(run.t), np.asarray(run.powers)
-    both = np.stack([np.asarray(run.forces_before), np.asarray(run.forces)], axis=1).reshape(2 * t.size, -1)
     for k, drive in enumerate(run.drives):
-        panel = panels[kinds.index(drive.turns)]
+        panel, (low, high) = panels[kinds.index(drive.turns)], np.asarray(run.stays)[:, k].T
         certain = np.asarray(run.determined)[:, k].all()
         style = {"color": COLOURS[k % len(COLOURS)], "linestyle": "-" if certain else DASHES[3], "linewidth": 1.6}
-        panel.plot(np.repeat(t, 2), both[:, k], label=drive.name, **style)
-        low, high = np.asarray(run.stays)[:, k].T
-        panel.vlines(t, low, high, color=style["color"], alpha=0.25, linewidth=3)
+        panel.plot(*_curve(t, np.asarray(run.forces_before)[:, k], np.asarray(run.forces)[:, k], low), **style)
+        panel.plot([], [], label=drive.name, **style)
+        panel.fill_between(t, low, high, color=style["color"], alpha=0.25, linewidth=0)
+        alone = np.convolve(np.isfinite(low), [1, 1, 1], mode="same") == 1
+        panel.vlines(t[alone], low[alone], high[alone], color=style["color"], alpha=0.25, linewidth=2)
         panels[-1].plot(t, powers[:, k], label=drive.name, **style)
     for panel, turns in zip(panels, kinds, strict=False):
         word, kind = ("torque", "moment") if turns else ("force", "force")
         panel.set_ylabel(with_unit(word, units.of(kind) if units else ""), fontsize=9)
-    panels[-1].set_ylabel("power, W" if units and units.of("force") == "N" and units.of("linear") == "m" else "power", fontsize=9)
+    is_si = units is not None and (units.of("force"), units.of("linear"), units.of("time")) == ("N", "m", "s")
+    panels[-1].set_ylabel("power, W" if is_si else "power", fontsize=9)
     for panel in panels:
         finish(panel, "", "")
         panel.axhline(0.0, color="#999999", linewidth=0.6, zorder=0)
         panel.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     panels[-1].set_xlabel(with_unit("time", units.of("time") if units else ""), fontsize=9)
     return figure
+
+
+def _curve(t: np.ndarray, before: np.ndarray, after: np.ndarray, stays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Times and values of a curve that leaves out what lies between the first and the last instant of a rest."""
+    rests = np.isfinite(stays)
+    goes_on = np.append(rests[1:] & rests[:-1], False)
+    came = np.insert(goes_on[:-1], 0, False)
+    gap = np.where(goes_on | came, np.nan, before)
+    values = np.stack([np.where(came, np.nan, before), gap, np.where(goes_on, np.nan, after)], axis=1)
+    return np.repeat(t, 3), values.ravel()

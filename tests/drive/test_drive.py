@@ -1,7 +1,5 @@
 """Forces of drives against the equation of the one freedom, closed forms and hand calculation."""
 
-
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -24,7 +22,10 @@ def torque_of_one_freedom(mechanism, phi, rate, change):
             return mechanism.pose(phi + s * rate + s**2 / 2 * change)
 
         slope = jax.jvp(mechanism.pose, (phi,), (jnp.ones(()),))[1]
-        first = lambda s: jax.jvp(q, (s,), (jnp.ones(()),))[1]
+
+        def first(s):
+            return jax.jvp(q, (s,), (jnp.ones(()),))[1]
+
         velocity, acceleration = jax.jvp(first, (jnp.zeros(()),), (jnp.ones(()),))
         load = mechanism.load(rx.State(q(0.0), velocity))
         return slope @ (mechanism.mass(q(0.0), jnp.zeros(())) @ acceleration - load)
@@ -46,7 +47,9 @@ def test_a_crank_that_turns_needs_the_torque_of_its_one_freedom(name):
     np.testing.assert_allclose(run[f"{joint} torque"], wanted, rtol=0, atol=1e-10 * np.abs(wanted).max())
     np.testing.assert_allclose(run[joint], phi, atol=1e-12)
     np.testing.assert_allclose(run.q, jax.vmap(mechanism.pose)(phi)[:, : run.q.shape[1]], atol=1e-12)
-    np.testing.assert_allclose(run[f"{joint} power"], wanted * (10 + 10 * TURNS), rtol=0, atol=1e-9 * run.peak[joint] * 20)
+    np.testing.assert_allclose(
+        run[f"{joint} power"], wanted * (10 + 10 * TURNS), rtol=0, atol=1e-9 * run.peak[joint] * 20
+    )
     assert np.all(run.determined)
     assert float(run.peak[joint]) == pytest.approx(np.abs(wanted).max(), rel=1e-10)
     assert "determined" in str(run) and joint in str(run)
@@ -79,7 +82,9 @@ def stage(friction=0.0):
 
 
 def elastic(mechanism, drives=None):
-    figures = {name: (2e-8, 2e-5) for name in ("LF", "LB", "RF", "RB")} | dict.fromkeys(("nut", "bearing"), (1e-8, 5e-5))
+    figures = {name: (2e-8, 2e-5) for name in ("LF", "LB", "RF", "RB")} | dict.fromkeys(
+        ("nut", "bearing"), (1e-8, 5e-5)
+    )
     return rx.ElasticJoints(mechanism, figures, drives=drives)
 
 
@@ -116,7 +121,7 @@ def test_a_ball_screw_needs_the_torque_by_hand_and_friction_differs_on_both_side
 
 
 def test_a_screw_jack_raises_and_lowers_a_load_by_the_angle_of_friction():
-    """W r tan(friction angle +- lead) for a square thread, at rest between both; and the power that goes is friction's."""
+    """W r tan(friction angle +- lead) for a square thread, at rest between both; power is friction's and the load's."""
     mu, radius, pitch, weight = 0.12, 0.009, 0.005, 200.0
     nut = S.Body("nut", weight / 9.81, inertia=(0.1, 0.1, 0.1))
     spindle = S.Body("spindle", 1.0, inertia=(0.01, 0.01, 1e-4))
@@ -138,7 +143,9 @@ def test_a_screw_jack_raises_and_lowers_a_load_by_the_angle_of_friction():
     np.testing.assert_allclose(before, [-raising, -raising, -raising, lowering], rtol=1e-10)
     np.testing.assert_allclose(run.stays[1, 0], [-raising, lowering], rtol=1e-10)
     rate = 2 * np.pi / pitch * 0.01
-    np.testing.assert_allclose(run["bearing.angle power"], [raising * rate, 0, 0, lowering * rate], rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(
+        run["bearing.angle power"], [raising * rate, 0, 0, lowering * rate], rtol=1e-10, atol=1e-12
+    )
 
 
 # Drives that are more than the freedoms ------------------------------------------------------------------
@@ -181,7 +188,7 @@ def test_two_screws_of_a_gantry_that_are_out_of_step_fight():
     np.testing.assert_allclose(np.sum(run.forces, axis=1), total, rtol=1e-12)
     # what the drives' rows are called, for all other questions
     assert rx.analyze(run.system, jax.tree.map(lambda x: x[1], run.states)).redundancy == 3
-    with pytest.raises(rx.RedundaxError, match="right.travel, which follow no law"):
+    with pytest.raises(rx.RedundaxError, match=r"right\.travel, which follow no law"):
         wrong = rx.ElasticJoints(machine, rails, drives=servos)
         rx.drive(machine, {"left.travel": rx.Harmonic(0.05, 1.0)}, ts, {}, closure=wrong)
 
@@ -224,7 +231,7 @@ def arm():
 def test_coordinates_left_free_are_named_and_can_be_held():
     ts = np.linspace(0.0, 0.2, 5)
     start = {"upper.x": 0.5, "lower.x": 1.5}
-    with pytest.raises(rx.RedundaxError, match="1 is left at the first position: .*elbow.angle.*`hold`"):
+    with pytest.raises(rx.RedundaxError, match=r"1 is left at the first position: .*elbow.angle.*`hold`"):
         rx.drive(arm(), {"shoulder.angle": rx.Harmonic(0.2, 1.0)}, ts, start)
     run = rx.drive(arm(), {"shoulder.angle": rx.Harmonic(0.2, 1.0)}, ts, start, hold=["elbow.angle"])
     np.testing.assert_allclose(run["elbow.angle"], 0.0, atol=1e-13)
