@@ -9,9 +9,11 @@ Two boxes are the trapezoid of speed, whose acceleration jumps; three are limite
 law gives that after the jump.
 """
 
+import abc
 import itertools
 import math
 from collections.abc import Sequence
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -23,7 +25,45 @@ from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, is_concrete, on_device, optional_float, positive
 
 
-class AbstractMove(eqx.Module):
+class AbstractLaw(eqx.Module):
+    """A law of time, that may be multiplied by a number and shifted by one: `-2 * jnp.pi / pitch * slide + 0.3`."""
+
+    __array_ufunc__: ClassVar[None] = None  # NumPy's numbers leave products to the law
+
+    @abc.abstractmethod
+    def __call__(self, t: ArrayLike) -> Float[Array, ""]:
+        """Where it is at a time."""
+
+    def __mul__(self, factor: ArrayLike) -> "AbstractLaw":
+        return _Linear(self, as_float(factor), as_float(0.0))
+
+    __rmul__ = __mul__
+
+    def __add__(self, shift: ArrayLike) -> "AbstractLaw":
+        return _Linear(self, as_float(1.0), as_float(shift))
+
+    __radd__ = __add__
+
+    def __sub__(self, shift: ArrayLike) -> "AbstractLaw":
+        return self + -as_float(shift)
+
+    def __neg__(self) -> "AbstractLaw":
+        return self * -1.0
+
+    def __truediv__(self, divisor: ArrayLike) -> "AbstractLaw":
+        return self * (1 / as_float(divisor))
+
+
+class _Linear(AbstractLaw):
+    law: AbstractLaw
+    factor: Float[Array, ""]
+    shift: Float[Array, ""]
+
+    def __call__(self, t: ArrayLike) -> Array:
+        return self.factor * self.law(t) + self.shift
+
+
+class AbstractMove(AbstractLaw):
     """A move from rest to rest, which goes back after a dwell where one is given, and rests before and after."""
 
     start: eqx.AbstractVar[Float[Array, ""]]
@@ -224,7 +264,7 @@ class Cycloidal(AbstractMove):
         return t / self._move - jnp.sin(turn * t / self._move) / turn
 
 
-class Harmonic(eqx.Module):
+class Harmonic(AbstractLaw):
     """To and fro for ever: mean + amplitude sin(2 pi frequency t + phase).
 
     ??? example
@@ -250,7 +290,7 @@ class Harmonic(eqx.Module):
         return self.mean + self.amplitude * jnp.sin(2 * jnp.pi * self.frequency * t + self.phase)
 
 
-class Sampled(eqx.Module):
+class Sampled(AbstractLaw):
     """A law through samples: the cubic spline of `scipy.interpolate.CubicSpline`, differentiable by the values.
 
     ??? example

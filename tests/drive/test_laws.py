@@ -86,6 +86,12 @@ def test_a_cycloid_a_harmonic_and_a_spline():
     assert float(by_value) == pytest.approx(1.0)
 
 
+def test_laws_are_multiplied_and_shifted():
+    law = rx.Harmonic(0.1, frequency=2.0)
+    for other in (np.float64(-2.0) * law / 4 - 0.3, -(law * jnp.asarray(0.5) + 0.3)):
+        np.testing.assert_allclose(derivatives(other, [0.05], 1), -0.5 * derivatives(law, [0.05], 1) - [[0.3], [0.0]])
+
+
 def test_laws_are_differentiable_by_their_figures():
     """The end of a stroke, and the time it takes, by hand."""
     by = jax.jit(jax.grad(lambda d: rx.Trapezoid(d, speed=0.2, acceleration=2.0).duration))
