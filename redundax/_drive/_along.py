@@ -28,8 +28,10 @@ from ._loads import Moving, moving
 Laws = Mapping[str, Callable[[Array], Array] | ArrayLike]
 
 _TOGETHER = 64  # times that a program takes at once, so that other numbers of them compile nothing
+_MANY = 4096  # the same of more times than that: a program of its own, whose calls cost nothing beside the work
 _FREE = 1e-9  # singular value, relative to the largest, of a direction in which nothing is held
 _NARROW = 0.05  # the same of a position that is told as near to a singular one where a motion ends
+_DIP, _ROUNDS, _SINGULAR = 0.3, 4, 1e-5  # of the usual value: worth a look; 64 finer times each; and singular
 _NAMED = 8  # free coordinates, at most
 _BESIDE = 0.01  # of the way to the next time: where laws are asked which way joints at rest slip
 
@@ -223,9 +225,10 @@ def _followed(system: AbstractSystem, scale: Scaling, start: State, times: Array
     """Positions at known times, chunk after chunk; NaN where they are not reached."""
     track = begun(start.q, start.t, len(system.coordinates))
     found, reached, ts = [], [], np.asarray(times)
-    for first in range(0, ts.size, _TOGETHER):
-        part = ts[first : first + _TOGETHER]
-        full = np.pad(part, (0, _TOGETHER - part.size), mode="edge")
+    together = _together(ts.size)
+    for first in range(0, ts.size, together):
+        part = ts[first : first + together]
+        full = np.pad(part, (0, together - part.size), mode="edge")
         out = follow_known(system, scale, track, jnp.asarray(full))
         ok = np.asarray(out.reached)[: part.size]
         found.append(np.where(_column(ok, out.q), np.asarray(out.q)[: part.size], np.nan))
@@ -243,14 +246,18 @@ def _column(flags: Any, like: Any) -> Any:
     return flags.reshape(flags.shape + (1,) * (like.ndim - 1))
 
 
+def _together(count: int) -> int:
+    return _TOGETHER if count <= _MANY else _MANY
+
+
 def in_batches(program: Callable[..., Any], fixed: tuple, arrays: tuple) -> Any:
     """A batched program on known numbers, some at a time, the last ones filled up."""
     count, parts = len(arrays[0]), []
-    arrays = jax.tree.map(np.asarray, arrays)
-    for first in range(0, count, _TOGETHER):
-        part = jax.tree.map(lambda x, first=first: x[first : first + _TOGETHER], arrays)
+    arrays, together = jax.tree.map(np.asarray, arrays), _together(count)
+    for first in range(0, count, together):
+        part = jax.tree.map(lambda x, first=first: x[first : first + together], arrays)
         size = len(part[0])
-        full = jax.tree.map(lambda x, size=size: np.concatenate([x, np.repeat(x[-1:], _TOGETHER - size, 0)]), part)
+        full = jax.tree.map(lambda x, size=size: np.concatenate([x, np.repeat(x[-1:], together - size, 0)]), part)
         out = program(*fixed, *as_arrays(full))
         parts.append(jax.tree.map(lambda x, size=size: np.asarray(x)[:size], out))
     return jax.tree.map(lambda *x: np.concatenate(x), *parts)
@@ -259,6 +266,38 @@ def in_batches(program: Callable[..., Any], fixed: tuple, arrays: tuple) -> Any:
 @compiled
 def _moving_batch(system: AbstractSystem, scale: Scaling, q: Array, t: Array, beside: Array) -> Moving:
     return jax.vmap(partial(moving, system, scale))(q, t, beside)
+
+
+def narrow_places(path: Path) -> tuple[str, ...]:
+    """What is to be said of singular positions that lie between known times, found by finer and finer times."""
+    t, weakest = np.asarray(path.t), np.asarray(path.moving.weakest)
+    if len(t) < 3 or not np.all(np.isfinite(weakest)):
+        return ()
+    usual, padded = float(np.median(weakest)), np.concatenate([[np.inf], weakest, [np.inf]])
+    least = (weakest <= padded[:-2]) & (weakest <= padded[2:]) & (weakest < _DIP * usual)
+    ends = [_narrowed(path, max(k - 1, 0), min(k + 1, len(t) - 1)) for k in np.flatnonzero(least)[:_NAMED].tolist()]
+    found = [f"{at:.6g}" for at, value in ends if value < _SINGULAR * usual]
+    if not found:
+        return ()
+    return (
+        f"The motion passes a singular position at t = {', '.join(found)}: beside it loads may grow without bound, and "
+        "branches of motion meet there.",
+    )
+
+
+def _narrowed(path: Path, low: int, high: int) -> tuple[float, float]:
+    """When between two of the times the least singular value is least, and that."""
+    q, t = path.moving.q[low], (path.t[low], path.t[high])
+    given, at, value = (path.system.anonymous, path.scale), float(t[0]), np.inf
+    for _ in range(_ROUNDS):
+        times = np.linspace(*np.asarray(t), _TOGETHER)
+        track = begun(jnp.asarray(q), jnp.asarray(times[0]), path.moving.qd.shape[1])
+        positions = follow_known(*given, track, jnp.asarray(times)).q
+        values = np.asarray(_moving_batch(*given, *map(jnp.asarray, (positions, times, _beside(times)))).weakest)
+        j = int(np.argmin(np.where(np.isfinite(values), values, np.inf)))
+        at, value = (float(times[j]), float(values[j])) if values[j] < value else (at, value)
+        q, t = positions[max(j - 1, 0)], (times[max(j - 1, 0)], times[min(j + 1, _TOGETHER - 1)])
+    return at, value
 
 
 def _lost(system: AbstractSystem, scale: Scaling, q: np.ndarray, times: Array, reached: np.ndarray) -> NoSolutionError:

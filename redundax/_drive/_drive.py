@@ -30,7 +30,7 @@ from .._tools._compilation import compiled
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import replace_fields
 from .._tools._numbers import are_known, as_arrays
-from ._along import Laws, Path, along, in_batches
+from ._along import Laws, Path, along, in_batches, narrow_places
 from ._loads import Loads, loads
 from ._run import Drive, Moment, Run
 from ._senses import Senses, senses_of
@@ -101,7 +101,8 @@ def drive(
 
     names = [each.name for each in drives_of(path.system) if each.row >= count]
     chosen, said = closure.shared(forces_of, names, np.asarray(path.t))
-    return replace_fields(_solved(path, chosen, solver, throw), remarks=said)
+    run = _solved(path, chosen, solver, throw)
+    return replace_fields(run, remarks=(*run.remarks, *said))
 
 
 def _solved(path: Path, closure: AbstractClosure, solver: AbstractSolver, throw: bool | None) -> Run:
@@ -135,7 +136,8 @@ def _solved(path: Path, closure: AbstractClosure, solver: AbstractSolver, throw:
     )
     if not known:
         return _masked(run, good)
-    run = _asked_again(replace_fields(run, system=path.system), path.system, good, closure, both)
+    run = replace_fields(run, system=path.system, remarks=narrow_places(path))
+    run = _asked_again(run, path.system, good, closure, both)
     if throw is not False:
         _check(run)
     return as_arrays(run)

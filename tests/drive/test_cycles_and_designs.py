@@ -68,3 +68,35 @@ def test_peak_and_rms_are_differentiable_by_lengths_masses_friction_and_law_and_
             change = np.eye(4)[k] * step
             found = (figures(design + change) - figures(design - change)) / (2 * step)
             np.testing.assert_allclose(slope[:, k], found, rtol=1e-6, atol=1e-8)
+
+
+@pytest.mark.slow
+def test_one_stroke_tells_friction_and_preload_together_and_strokes_under_two_loads_tell_both():
+    """A table of 20 kg on a guide: by hand F = 20 a + mu (20 g + load + preload) with mu = 0.1 and 50 N of preload."""
+    law, ts = rx.Harmonic(0.1, frequency=1.0), np.linspace(0.02, 0.2, 10)
+
+    def stroke(mu, preload, load):
+        guide = {"normal": (0.0, 1.0), "guide_length": 0.2, "friction": rx.Coulomb(mu, preload)}
+        slide = rx.Translational("K", "table", "ground", (0.0, 0.0), (0.0, 0.0), **guide)
+        press = rx.AppliedForce("table", force=jnp.stack([0.0 * load, -load]))
+        table = rx.Mechanism([rx.Body("table", 20.0, 1.0)], [slide], loads=[press], gravity=(0.0, -9.81))
+        return rx.drive(table, {"K.travel": law}, ts, {})["K.travel force"]
+
+    loads, omega = np.array([100.0, 400.0]), 2 * np.pi
+    hand = -20 * 0.1 * omega**2 * np.sin(omega * ts) + 0.1 * (20 * 9.81 + loads[:, None] + 50.0)
+    ranges, noise = {"mu": rx.Uniform(0.02, 0.3), "preload": rx.Uniform(0.0, 200.0)}, 0.1
+    one = rx.identify(lambda mu, preload: stroke(mu, preload, loads[0]), hand[0], ranges, noise=noise, starts=2)
+    assert [set(each.names) for each in one.undetermined] == [{"mu", "preload"}]
+    mu, preload = one.estimate["mu"], one.estimate["preload"]
+    assert mu * (20 * 9.81 + 100 + preload) == pytest.approx(0.1 * (20 * 9.81 + 150), rel=1e-5)
+    both = rx.identify(
+        lambda mu, preload: jax.vmap(lambda load: stroke(mu, preload, load))(jnp.asarray(loads)),
+        hand,
+        ranges,
+        noise=noise,
+        starts=2,
+    )
+    assert not both.undetermined
+    assert both.estimate["mu"] == pytest.approx(0.1, rel=1e-4) and both.estimate["preload"] == pytest.approx(
+        50, rel=1e-3
+    )

@@ -263,3 +263,13 @@ def test_a_motion_ends_with_its_time_where_the_drive_cannot_take_it_further():
     assert str(run.result) == "redundax.RESULTS<3 successful, 2 no_position>" or "no_position" in str(run)
     states = rx.assemble_along(mechanism, law, ts[:3], start)
     np.testing.assert_array_equal(states.q, run.q[:3])
+
+
+def test_a_singular_position_between_two_times_is_named():
+    """A parallelogram through its flat position, at the crank angle 0, which no time meets."""
+    mechanism = rx.mechanisms.parallelogram(2)
+    ts = np.linspace(0.0, 0.61, 12)
+    run = rx.drive(mechanism, {"crank 1.phi": rx.Polynomial([-0.3, 1.0])}, ts, mechanism.state(-0.3).q)
+    (said,) = run.remarks
+    assert "singular position at t = 0.3:" in said and said.partition(":")[0] in " ".join(str(run).split())
+    np.testing.assert_allclose(run["crank 2.phi"], ts - 0.3, atol=1e-10)  # on its branch
