@@ -58,7 +58,8 @@ def drive(
 
         ```python
         crank = rx.mechanisms.slider_crank()
-        run = rx.drive(crank, {"A.angle": rx.Polynomial([0.5, 10.0])}, jnp.linspace(0.0, 0.6, 61))
+        law, ts = rx.Polynomial([0.5, 10.0]), jnp.linspace(0.0, 0.6, 61)  # rad, s
+        run = rx.drive(crank, {"A.angle": law}, ts, crank.state(0.5).q)
         print(run)
         run["A.angle torque"], run.peak, run.rms, run.power
         ```
