@@ -66,6 +66,15 @@ from ._closures._elastic_joints import ElasticJoints as ElasticJoints
 from ._closures._joint_compliance import JointCompliance as JointCompliance
 from ._closures._row_scalings import RowNormalised as RowNormalised
 from ._closures._row_scalings import UnitConsistent as UnitConsistent
+from ._drive._along import assemble_along as assemble_along
+from ._drive._drive import drive as drive
+from ._drive._laws import Cycloidal as Cycloidal
+from ._drive._laws import Harmonic as Harmonic
+from ._drive._laws import Sampled as Sampled
+from ._drive._laws import SCurve as SCurve
+from ._drive._laws import Trapezoid as Trapezoid
+from ._drive._share import LeastNorm as LeastNorm
+from ._drive._share import LeastPeak as LeastPeak
 from ._equations._assemble import assemble as assemble
 from ._equations._factorize import factorize as factorize
 from ._models._model import load_model as load_model

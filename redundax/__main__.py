@@ -6,6 +6,7 @@
     redundax study FILE.py:NAME        how far it varies along its self-stress
     redundax report FILE.py:NAME -o F  both as a page with pictures, F.html or F.md
     redundax audit MODEL               what is redundant in a model from a file: MJCF, URDF or yours
+    redundax drive MODEL --law M=LAW   which torque its motors must give along laws of time
 
 `python -m redundax` is the same command.
 

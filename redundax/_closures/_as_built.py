@@ -7,7 +7,7 @@ position q of those as designed. It does not matter which of two equal positions
 misfits that differ by Phi_q v, the parts displaced by v, are the same to every closure.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import jax.numpy as jnp
 from jax.typing import ArrayLike
@@ -86,6 +86,9 @@ class AsBuilt(AbstractClosure):
     def by_place(self, system: AbstractSystem) -> "AsBuilt":
         check_comparable(system, self.actual)
         return replace_fields(self, closure=self.closure.by_place(system), actual=self.actual.anonymous)
+
+    def of_drives(self, names: Sequence[str]) -> tuple[Array, Array]:
+        return self.closure.of_drives(names)
 
     def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
         W, d = self.closure.compliance(system, state)

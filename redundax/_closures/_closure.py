@@ -9,7 +9,7 @@ for any particular lam_p. W = I, d = h is the paper's (9), (12) with h, and d = 
 """
 
 import abc
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple, cast
 
@@ -20,7 +20,7 @@ from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from .._sparse._plan import Plan
-from .._system._names import ByName, vector
+from .._system._names import DRIVE, ByName, vector
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._system._units import Units, checked_units
@@ -59,6 +59,15 @@ class AbstractClosure(eqx.Module):
         """The same with places of rows for their names, which compiled programs do not know."""
         return self
 
+    def of_drives(self, names: Sequence[str]) -> tuple[Float[Array, " d"], Float[Array, " d"]]:
+        """Compliance and misfit of drives, by the coordinates that they move: stiff and in step unless it says so."""
+        none = xp.zeros(len(names))
+        return none, none
+
+    def drive_errors(self, state: State) -> Float[Array, "..."]:
+        """More misfit of drives, that depends on the state."""
+        return xp.zeros((), state.qd.dtype)
+
 
 def check_closure(closure: object, argument: str = "closure") -> None:
     """Refuse what is no closure."""
@@ -87,7 +96,7 @@ def elasticity(closure: AbstractClosure, system: AbstractSystem, state: State) -
 
     Outside of transformations they have the same shapes for every closure, so that no program is compiled for one.
     """
-    whole, closure = are_known(closure, state, system), closure.by_place(system)
+    whole, closure = are_known(closure, state, system), placed(closure, system)
     if system.plan is not None:
         return _by_joint(closure, system.anonymous, state, whole=whole)
     m, dtype = len(system.rows), state.qd.dtype
@@ -139,7 +148,36 @@ def alone(diagonal: Float[Array, " m"], plan: Plan) -> Float[Array, "m j"]:
 
 def for_motion(closure: AbstractClosure, system: AbstractSystem, state: State) -> AbstractClosure:
     """The same closure for the states of a motion; all that do not depend on the state are one class to programs."""
-    return _Constant(elasticity(closure, system, state)) if closure.is_constant else closure.by_place(system)
+    return _Constant(elasticity(closure, system, state)) if closure.is_constant else placed(closure, system)
+
+
+def placed(closure: AbstractClosure, system: AbstractSystem) -> AbstractClosure:
+    """`by_place`; of a system with drives that of its own rows, and what the closure says of the drives."""
+    base = system.undriven
+    if base is system or isinstance(closure, _OfDrives):
+        return closure.by_place(system)
+    coordinates = [name.removesuffix(DRIVE) for name in system.rows.labels[len(base.rows) :]]
+    return _OfDrives(closure.by_place(base), *closure.of_drives(coordinates))
+
+
+class _OfDrives(AbstractClosure):
+    """A closure of the rows of a system, and compliance and misfit of the drives, whose rows stand behind."""
+
+    closure: AbstractClosure
+    softness: Float[Array, " d"]
+    error: Float[Array, " d"]
+
+    @property
+    def is_constant(self) -> bool:
+        return self.closure.is_constant
+
+    def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
+        m, dtype = len(system.undriven.rows), state.qd.dtype
+        W, d = (xp.asarray(x, dtype) for x in self.closure.compliance(system.undriven, state))
+        none, softness = xp.zeros((m, self.softness.size), dtype), xp.diag(xp.asarray(self.softness, dtype))
+        rows = xp.concatenate([W, none], axis=1), xp.concatenate([none.T, softness], axis=1)
+        misfit = xp.broadcast_to(d, (m,)), xp.asarray(self.error + self.closure.drive_errors(state), dtype)
+        return xp.concatenate(rows), xp.concatenate(misfit)
 
 
 def minimum_norm(m: int, dtype: DTypeLike) -> Elasticity:
@@ -173,6 +211,9 @@ class MinimumNorm(AbstractClosure):
     @property
     def is_constant(self) -> bool:
         return True
+
+    def of_drives(self, names: Sequence[str]) -> tuple[Array, Array]:
+        return xp.ones(len(names)), xp.zeros(len(names))
 
     def _misfit(self, system: AbstractSystem, state: State) -> Array:
         n, m = len(system.coordinates), len(system.rows)

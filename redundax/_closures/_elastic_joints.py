@@ -27,12 +27,13 @@ from .._bodies._joints import AbstractJoint
 from .._bodies._mechanism import Mechanism
 from .._bodies._stack import Stack, stacked
 from .._sparse._plan import Plan
+from .._system._axis import join
 from .._system._names import index_of
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._system._units import Units, checked_units
 from .._tools._errors import RedundaxError
-from .._tools._module import check_kind, is_concrete
+from .._tools._module import as_float, check_kind, is_concrete, not_negative
 from .._tools._numbers import as_numbers, known, on_numbers, xp
 from ._closure import AbstractClosure
 from ._joint_compliance import AbstractJointCompliance, JointCompliance
@@ -81,15 +82,22 @@ class ElasticJoints(AbstractClosure):
     - `joints`: a `JointCompliance`, in space a `spatial.JointCompliance`, for each joint that is elastic or does not
       fit; or by name of joint its compliance, `translation` in m/N or a pair with `rotation` in rad/(N m).
     - `units`: units of their figures, as factors from the units of the mechanism.
+    - `drives`: what gives way in drives that follow laws (`rx.drive`), by name of the coordinate, as in {"left.angle":
+      1e-4}: one over the servo's stiffness, rad/(N m) or m/N; or a pair with the synchronising error, rad or m, by
+      which the drive would stand behind its law without load. Others are stiff and in step. Units are those of the
+      mechanism.
     """
 
     seats: tuple[_Seat, ...]
+    drives: dict[str, tuple[Array, Array]]
 
     def __init__(
         self,
         mechanism: Mechanism,
         joints: Sequence[AbstractJointCompliance] | Mapping[str, ArrayLike | tuple[ArrayLike, ...]],
         units: Units | None = None,
+        *,
+        drives: Mapping[str, ArrayLike | tuple[ArrayLike, ArrayLike]] | None = None,
     ):
         kind = _KINDS[mechanism.frame.word]
         if isinstance(joints, Mapping):
@@ -103,6 +111,23 @@ class ElasticJoints(AbstractClosure):
             index_of("joints", name, names, " of joints")
         units = checked_units(units) or Units()
         self.seats = seats_of(given, kind, mechanism.joints, mechanism.names, units)
+        known = join([mechanism.coordinates, mechanism.names.joint_coordinates]).labels
+        self.drives = {}
+        for name, figures in (drives or {}).items():
+            index_of("drives", name, known, " of coordinates")
+            softness, error = figures if isinstance(figures, tuple) else (figures, 0.0)
+            self.drives[name] = as_float(softness), as_float(error)
+            not_negative("drives", self.drives[name][0])
+
+    def of_drives(self, names: Sequence[str]) -> tuple[Array, Array]:
+        others = sorted(set(self.drives) - set(names))
+        if others:
+            raise RedundaxError(
+                f"Argument `drives` of the closure names {', '.join(others)}, which follow no law: drives are on "
+                f"{', '.join(names) or 'none'}. Give laws to them, or leave them out."
+            )
+        pairs = [self.drives.get(name, (xp.zeros(()), xp.zeros(()))) for name in names]
+        return xp.stack([softness for softness, _ in pairs]), xp.stack([error for _, error in pairs])
 
     def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
         a, bent, misfit, joint = self._rows(system, state)

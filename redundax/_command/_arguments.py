@@ -72,6 +72,7 @@ def _own_mechanism(commands: Any) -> None:
             help="a pair (system, state), a function that returns one, or a system beside a State named 'state'",
         )
     examination = _audit(commands)
+    _drive(commands)
     for command in (analysis, study, examination):
         command.add_argument("--json", action="store_true", help="print JSON")
     page.add_argument(
@@ -149,6 +150,32 @@ def _audit(commands: Any) -> argparse.ArgumentParser:
         help="rows that --fix is to free, as the audit names them; by default what the audit marks",
     )
     return examination
+
+
+def _drive(commands: Any) -> None:
+    """Add the command on driven machines."""
+    motion = commands.add_parser(
+        "drive",
+        help="which torque the motors of a model must give: MJCF, URDF or yours",
+        description="Moves coordinates of joints along laws of time and tells what their drives must give: peak, root "
+        "mean square, power and energy, and whether the rigid machine determines it.",
+        epilog="A law is NAME=KIND(figures), where NAME is a joint or its coordinate, in m, rad and s: "
+        "trapezoid(stroke, speed, acceleration), scurve(stroke, speed, acceleration, jerk), cycloidal(stroke, move), "
+        "harmonic(amplitude, frequency), polynomial(c0, c1, ...), constant(c0). The first three take dwell=, a rest "
+        "before the way back. Moves begin where the model is. Exit status: 0 if all went well, 1 without a solution, 2 "
+        "if arguments or the file are wrong.",
+    )
+    motion.add_argument("system", metavar="MODEL", help=".xml (MJCF), .urdf, or FILE.py:NAME as for analyze")
+    motion.add_argument("--law", metavar="NAME=LAW", action="append", default=[], help="of a coordinate; once for each")
+    motion.add_argument("--hold", metavar="NAME", action="append", default=[], help="a coordinate that rests")
+    motion.add_argument("--time", metavar="S", type=_size, help="how long; by default until the last law ends")
+    motion.add_argument("--samples", type=_count, default=201, help="times looked at (default 201)")
+    motion.add_argument("--csv", metavar="FILE", type=pathlib.Path, help="also write a table with a line for each time")
+    motion.add_argument(
+        "--png", metavar="FILE", type=_picture, default=argparse.SUPPRESS, help="also draw forces and power over time"
+    )
+    for name, text in (("--closures", "loops of a URDF, as of audit"), ("--keyframe", "of an MJCF, as of audit")):
+        motion.add_argument(name, metavar="FILE" if name == "--closures" else "NAME", help=text)
 
 
 def _whole(text: str) -> int:

@@ -29,6 +29,7 @@ from ._axis import Axis
 from ._units import UNSTATED, StatedUnits
 
 ByName = Numbers | Mapping[str, ArrayLike]  # a vector or a number for equal entries; or numbers by name
+DRIVE = " drive"  # ends the name of the row that holds a coordinate to a law of time
 _LISTED = 8  # names that an error lists
 _NONE = Axis((), ())
 

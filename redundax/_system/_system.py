@@ -77,6 +77,11 @@ class AbstractSystem(eqx.Module):
         return slip_kinds(self.friction)
 
     @property
+    def undriven(self) -> "AbstractSystem":
+        """The same without the rows that laws of drives add behind its own."""
+        return self
+
+    @property
     def radian(self) -> ArrayLike:
         """One radian in the unit of the angular coordinates, which are in radians unless a system says otherwise."""
         return 1.0

@@ -4,6 +4,7 @@ from ._band_along import band_along as band_along
 from ._draw import animate as animate
 from ._draw import draw as draw
 from ._draw import html as html
+from ._drive import drive as drive
 from ._ensemble import ensemble as ensemble
 from ._solution_sets import band as band
 from ._solution_sets import family as family

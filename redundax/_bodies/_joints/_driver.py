@@ -82,7 +82,6 @@ class DistanceDriver(AbstractDistance):
     """
 
 
-
 class Cable(AbstractDistance):
     """A cable without mass between two points: it pulls where it is taut, and is slack where they are nearer.
 

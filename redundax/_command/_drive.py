@@ -1,0 +1,152 @@
+"""The command that asks which forces drives must give, of a model from a file."""
+
+import argparse
+import ast
+import csv
+import inspect
+import pathlib
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from .._bodies._law_of_time import Polynomial
+from .._drive._along import coordinates_of, values_of
+from .._drive._drive import drive
+from .._drive._laws import AbstractMove, Cycloidal, Harmonic, SCurve, Trapezoid
+from .._drive._run import Run
+from .._models._formats import MODELS
+from .._models._model import load_model
+from .._system._names import index_of
+from .._system._state import State
+from .._system._system import AbstractSystem
+from .._tools._errors import RedundaxError
+from ..plot._drive import drive as picture
+from ._file import FileError, load, writing
+from ._output import show, tell
+
+
+def _constant(value: float) -> Polynomial:
+    return Polynomial([value])
+
+
+def _polynomial(*coefficients: float) -> Polynomial:
+    return Polynomial([*coefficients])
+
+
+_LAWS: dict[str, Callable[..., Any]] = {
+    "trapezoid": Trapezoid,
+    "scurve": SCurve,
+    "cycloidal": Cycloidal,
+    "harmonic": Harmonic,
+    "polynomial": _polynomial,
+    "constant": _constant,
+}
+
+
+def drive_file(arguments: argparse.Namespace) -> int:
+    """Print what the drives of a model must give, and write it as a table and a picture; 1 without a solution."""
+    system, state = _opened(arguments.system, arguments.closures, arguments.keyframe)
+    here = _positions(system, state)
+    laws = dict(_law(text, system, here) for text in arguments.law)
+    hold = [_coordinate(name, system) for name in arguments.hold]
+    end = arguments.time or max(map(_duration, laws.values()), default=0.0)
+    if not end > 0:
+        raise FileError(
+            "Argument `--time` must be given where no law has an end. Give the seconds to look at, --time 2 say."
+        )
+    ts = np.linspace(0.0, end, arguments.samples)
+    try:
+        run = drive(system, laws, ts, state.q, hold=hold)
+    except RuntimeError as error:
+        tell(f"redundax: {error}")
+        return 1
+    except RedundaxError as error:
+        raise FileError(str(error)) from error
+    show(str(run))
+    if arguments.csv:
+        with writing(arguments.csv):
+            _write(run, arguments.csv)
+        tell(f"written: {arguments.csv}")
+    if arguments.png:
+        with writing(arguments.png):
+            picture(run).savefig(arguments.png)
+        tell(f"drawn: {arguments.png}")
+    return 0
+
+
+def _opened(path: str, closures: str | None, keyframe: str | None) -> tuple[AbstractSystem, State]:
+    if pathlib.Path(path).suffix.lower() not in MODELS:
+        return load(path)
+    try:
+        model = load_model(path, closures, keyframe=keyframe)
+    except (RedundaxError, OSError) as error:
+        raise FileError(str(error)) from error
+    return model.mechanism, model.state
+
+
+def _positions(system: AbstractSystem, state: State) -> dict[str, float]:
+    """Where coordinates are, by name."""
+    return dict(zip(coordinates_of(system).labels, np.asarray(values_of(system, state)).tolist(), strict=True))
+
+
+def _coordinate(name: str, system: AbstractSystem) -> str:
+    """A coordinate by its name, or by that of a joint that has one."""
+    labels = coordinates_of(system).labels
+    own = [label for label in labels if label.rpartition(".")[0] == name]
+    if name not in labels and len(own) == 1:
+        return own[0]
+    try:
+        index_of("--law", name, labels, " of coordinates")
+    except RedundaxError as error:
+        raise FileError(str(error)) from error
+    return name
+
+
+def _law(text: str, system: AbstractSystem, here: dict[str, float]) -> tuple[str, Any]:
+    """A coordinate and its law, from "motor=trapezoid(3.1, speed=2, acceleration=10)"; moves start where it is."""
+    name, _, call = text.partition("=")
+    known = f"{', '.join(_LAWS)}"
+    form = "It has the form NAME=LAW(figures), as in motor=trapezoid(3.14, speed=2, acceleration=10)."
+    try:
+        tree = ast.parse(call.strip(), mode="eval").body
+        if not (isinstance(tree, ast.Call) and isinstance(tree.func, ast.Name)):
+            raise ValueError
+        kind, given = tree.func.id, [float(ast.literal_eval(each)) for each in tree.args]
+        named = {str(each.arg): float(ast.literal_eval(each.value)) for each in tree.keywords}
+    except (SyntaxError, ValueError, TypeError) as error:
+        raise FileError(f"The law '{text}' cannot be read. {form} Angles are in radians.") from error
+    if kind not in _LAWS:
+        raise FileError(f"The law '{text}' has an unknown kind '{kind}'. There are {known}.")
+    coordinate, make = _coordinate(name.strip(), system), _LAWS[kind]
+    first = "start" if kind in ("trapezoid", "scurve", "cycloidal") else "mean"
+    if first in inspect.signature(make).parameters:
+        named.setdefault(first, here[coordinate])
+    try:
+        return coordinate, make(*given, **named)
+    except (RedundaxError, TypeError) as error:
+        figures = ", ".join(name for name in inspect.signature(make).parameters)
+        raise FileError(f"The law '{text}' does not fit: {error} Figures of {kind}: {figures}.") from error
+
+
+def _duration(law: Any) -> float:
+    if isinstance(law, AbstractMove):
+        return float(law.begin + law.duration)
+    return float(1 / law.frequency) if isinstance(law, Harmonic) else 0.0
+
+
+def _write(run: Run, file: pathlib.Path) -> None:
+    """A table with a line for each time."""
+    columns: dict[str, np.ndarray] = {"t": np.asarray(run.t)}
+    joints = run.names.axes["joint_coordinate"].labels if run.names is not None else ()
+    for k, each in enumerate(run.drives):
+        if each.name in joints:
+            columns[each.name] = np.asarray(run[each.name])
+        columns[f"{each.name} rate"] = np.asarray(run.rates)[:, k]
+        for what in (each.word, f"{each.word} before", "power", "energy"):
+            columns[f"{each.name} {what}"] = np.asarray(run[f"{each.name} {what}"])
+        columns[f"{each.name} determined"] = np.asarray(run.determined)[:, k].astype(int)
+    with file.open("w", newline="", encoding="utf8") as stream:
+        table = csv.writer(stream)
+        table.writerow(columns)
+        table.writerows(zip(*(column.tolist() for column in columns.values()), strict=True))

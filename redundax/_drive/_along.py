@@ -1,0 +1,323 @@
+"""Positions and velocities of a machine whose drives follow laws, at many times."""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+from jaxtyping import Array, Bool, Float
+
+from .._bodies._law_of_time import check_law, law_of_time
+from .._equations._assemble import assemble, closing_at
+from .._equations._scaling import Scaling, scaling_at
+from .._system._axis import Axis, join
+from .._system._driven import Driven
+from .._system._names import DRIVE, ByName, index_of
+from .._system._state import State
+from .._system._system import AbstractSystem, check_system
+from .._tools._compilation import compiled
+from .._tools._errors import NoSolutionError, RedundaxError
+from .._tools._module import as_float, is_concrete, replace_fields
+from .._tools._numbers import are_known, as_arrays, as_numbers, computing, on_numbers, stop_gradient, xp
+from ._follow import begun, follow, follow_known
+from ._loads import Moving, moving
+
+Laws = Mapping[str, Callable[[Array], Array] | ArrayLike]
+
+_TOGETHER = 64  # times that a program takes at once, so that other numbers of them compile nothing
+_MANY = 4096  # the same of more times than that: a program of its own, whose calls cost nothing beside the work
+_FREE = 1e-9  # singular value, relative to the largest, of a direction in which nothing is held
+_NARROW = 0.05  # the same of a position that is told as near to a singular one where a motion ends
+_DIP, _ROUNDS, _SINGULAR = 0.3, 4, 1e-5  # of the usual value: worth a look; 64 finer times each; and singular
+_NAMED = 8  # free coordinates, at most
+_BESIDE = 0.01  # of the way to the next time: where laws are asked which way joints at rest slip
+
+
+class Path(NamedTuple):
+    """A driven system, the scales of its first position, how it moves at all times, and which times were reached."""
+
+    system: AbstractSystem
+    scale: Scaling
+    t: Float[Array, " times"]
+    moving: Moving
+    reached: Bool[Array | np.ndarray, " times"]
+
+    @property
+    def states(self) -> State:
+        """The states at all times."""
+        return State(self.moving.q, self.moving.qd, self.t)
+
+
+def assemble_along(
+    system: AbstractSystem,
+    laws: Laws,
+    ts: ArrayLike,
+    q: ByName | None = None,
+    *,
+    hold: Sequence[str] = (),
+    throw: bool | None = None,
+) -> State:
+    """The states of a machine whose drives follow laws of time, at successive times.
+
+    Positions go on from time to time, in smaller steps where that is needed: the mode of assembly is kept and turns
+    are counted.
+
+    ??? example
+
+        ```python
+        smooth = rx.mechanisms.wojtyra2020()
+        ts = jnp.linspace(0.0, 1.0, 11)
+        states = rx.assemble_along(smooth, {"A.angle": rx.Polynomial([0.8, 1.0])}, ts, state.q)
+        states.q  # shape (11, 12)
+        ```
+
+    **Arguments:**
+
+    - `system`: a `Mechanism` or `System`, of at most 6000 coordinates and rows in all.
+    - `laws`: a function of time for each coordinate that is driven, by its name as of a joint, "motor.angle" or
+      "guide.travel", or of a body in the plane, "crank.phi"; a number stands for a coordinate that rests there. They
+      come on top of drivers among the joints. `rx.Trapezoid`, `rx.SCurve`, `rx.Cycloidal`, `rx.Harmonic`,
+      `rx.Polynomial` and `rx.Sampled` are ready.
+    - `ts`: times, s, ascending.
+    - `q`: guess of the position at the first of them, as of `assemble`.
+    - `hold`: names of coordinates that rest where the first position has them.
+    - `throw`: whether to raise an error where a position is not reached; by default outside of `jit` and `vmap`.
+
+    **Returns:** a `State` with an axis for times in front. Positions that are not reached are NaN.
+
+    **Raises:** `RedundaxError` for laws that leave coordinates free, with their names, and `NoSolutionError` with the
+    time at which a motion ends, at a singular position or out of reach.
+    """
+    return along(system, laws, ts, q, hold, throw).states
+
+
+def along(
+    system: AbstractSystem, laws: Laws, ts: ArrayLike, q: ByName | None, hold: Sequence[str], throw: bool | None
+) -> Path:
+    """What both calls need of the motion."""
+    check_system(system)
+    system, times = system.whole, _times(ts)
+    driven = with_laws(system, laws)
+    known = are_known(driven, times, q)
+    start = assemble(system, q, t=times[0], positions=_first(laws, times[0]), throw=throw)
+    if hold:
+        driven = with_laws(system, dict(laws) | _held_at(system, start, hold))
+    if known:
+        scale, matrix = _scaled(driven, start)
+        _check_freedom(driven, scale, np.asarray(matrix), start)
+        q, reached = _followed(driven.anonymous, scale, start, times)
+        found = in_batches(_moving_batch, (driven.anonymous, scale), (q, times, _beside(times)))
+        if throw is not False and not np.all(reached):
+            raise _lost(driven, scale, q, times, reached)
+        return Path(driven, scale, times, found, reached)
+    still, q0, at = stop_gradient((driven.anonymous, start.q, times))
+    scale, _ = stop_gradient(_scaled(still, stop_gradient(start)))
+    track = follow(still, scale, begun(q0, at[0], len(system.coordinates)), at)
+    q = jnp.where(_column(track.reached, track.q), track.q, jnp.nan)
+    found = jax.vmap(partial(moving, driven.anonymous, scale))(q, times, _beside(times))
+    return Path(driven, scale, times, found, track.reached)
+
+
+def _first(laws: Laws, t: Array) -> dict[str, Array]:
+    """The first values of the laws."""
+    return {name: jnp.asarray(law_of_time(law)(t)) for name, law in laws.items()}
+
+
+def values_of(system: AbstractSystem, state: State) -> Array:
+    """Where the coordinates that can follow a law are."""
+    joints = system.joint_coordinates.positions(state)
+    return jnp.concatenate([state.q, joints]) if system.adds else joints
+
+
+@partial(on_numbers, jit=False)
+def _scaled(system: AbstractSystem, state: State) -> tuple[Scaling, Float[Array, "m n"]]:
+    """The scales of a position, and K there, by programs that the system without its drives has anyway."""
+    base, places = system.undriven, getattr(system, "places", ())
+    still = replace_fields(state, qd=xp.zeros_like(state.qd))
+    scale = scaling_at(base.anonymous, still)
+    slopes = closing_at(base.anonymous, still.q, still.qd, still.t)[2] * scale.coordinates
+    m = len(base.rows)
+    own = slopes[m + np.array(places, int)]
+    rows = xp.concatenate([scale.rows, xp.linalg.norm(own, axis=1)])
+    return scale._replace(rows=rows), xp.concatenate([slopes[:m], own]) / rows[:, None]
+
+
+def with_laws(system: AbstractSystem, laws: Laws) -> AbstractSystem:
+    """The system with a drive for each law."""
+    if not isinstance(laws, Mapping):
+        raise RedundaxError(
+            f"Argument `laws` must give a law of time by name of coordinate, but is {laws!r}. Write "
+            '{"motor.angle": rx.Harmonic(0.1, 2.0)}, say.'
+        )
+    if not laws:
+        return system
+    known, functions, places, kinds = coordinates_of(system), [], [], []
+    for name, law in laws.items():
+        place = index_of("laws", name, known.labels, " of coordinates")
+        functions.append(law_of_time(law))
+        check_law("laws", name, functions[-1])
+        places.append(place if system.adds else place + len(system.coordinates))
+        kinds.append("moment" if known.angular[place] else "force")
+    drives = Axis(tuple(f"{name}{DRIVE}" for name in laws), tuple(kinds))
+    return Driven(system, tuple(functions), tuple(places), drives)  # pyright: ignore[reportCallIssue]
+
+
+def coordinates_of(system: AbstractSystem) -> Axis:
+    """What can follow a law: coordinates, where they add, and those of joints."""
+    own, joints = system.names.coordinates, system.names.joint_coordinates
+    return join([own, joints]) if system.adds else joints
+
+
+def _times(ts: ArrayLike) -> Array:
+    times = as_float(ts, "ts")
+    known = is_concrete(times)
+    if times.ndim != 1 or not times.size or (known and not np.all(np.isfinite(times))):
+        raise RedundaxError(
+            f"Argument `ts` must be a vector of one finite time or more, but has shape {times.shape}. "
+            "Give `jnp.linspace(0.0, 1.0, 101)`, say."
+        )
+    if known and np.any(np.diff(np.asarray(times)) <= 0):
+        raise RedundaxError("Argument `ts` must hold times in ascending order, but some do not. Sort them.")
+    return times
+
+
+def _beside(t: Array) -> Float[Array, "times 2"]:
+    """Times just before and just after each, but before the first and after the last, where laws need say nothing."""
+    xp: Any = np if is_concrete(t) else jnp
+    t = xp.asarray(t)
+    way, none = _BESIDE * xp.diff(t), xp.zeros(1, t.dtype)
+    return xp.stack([t - xp.concatenate([none, way]), t + xp.concatenate([way, none])], axis=1)
+
+
+def _held_at(system: AbstractSystem, start: State, hold: Sequence[str]) -> dict[str, Array]:
+    labels = coordinates_of(system).labels
+    places = [index_of("hold", name, labels, " of coordinates") for name in hold]
+    values = values_of(system, start)
+    return {name: values[place] for name, place in zip(hold, places, strict=True)}
+
+
+def _check_freedom(system: AbstractSystem, scale: Scaling, matrix: np.ndarray, start: State) -> None:
+    """Refuse laws that leave coordinates free."""
+    with computing():
+        values, axes = np.linalg.svd(matrix)[1:]
+        left = matrix.shape[1] - int(np.sum(values > _FREE * values[0]))
+        if not left:
+            return
+        loose = np.asarray(scale.coordinates)[:, None] * axes[-left:].T
+        q, t = as_numbers((start.q, start.t))
+        slopes = closing_at(system.undriven.anonymous, q, np.zeros(len(loose)), t)[2][len(system.undriven.rows) :]
+        moves = np.linalg.norm(slopes @ loose, axis=1)
+    names, n = system.names, len(system.coordinates)
+    parts = [(names.joint_coordinates, moves[n:]), *([(names.coordinates, moves[:n])] if system.adds else [])]
+    free = [[k for k, move in zip(axis.labels, of, strict=True) if move > 0.1 * of.max()] for axis, of in parts]
+    words = ", ".join(next(filter(None, free), [])[:_NAMED])
+    raise RedundaxError(
+        f"Argument `laws` must leave no freedom, but {left} {'is' if left == 1 else 'are'} left at the first position: "
+        f"{words or 'bodies'} can move there. Give a law to one of them, or its name to `hold`; `rx.simulate` moves "
+        "what is free. If nothing should be free, the first position is a singular one: start beside it."
+    )
+
+
+def _followed(system: AbstractSystem, scale: Scaling, start: State, times: Array) -> tuple[np.ndarray, np.ndarray]:
+    """Positions at known times, chunk after chunk; NaN where they are not reached."""
+    track = begun(start.q, start.t, len(system.coordinates))
+    found, reached, ts = [], [], np.asarray(times)
+    together = _together(ts.size)
+    for first in range(0, ts.size, together):
+        part = ts[first : first + together]
+        full = np.pad(part, (0, together - part.size), mode="edge")
+        out = follow_known(system, scale, track, jnp.asarray(full))
+        ok = np.asarray(out.reached)[: part.size]
+        found.append(np.where(_column(ok, out.q), np.asarray(out.q)[: part.size], np.nan))
+        reached.append(ok)
+        track = out.end
+        if not ok.all():
+            left = ts.size - first - part.size
+            found.append(np.full((left, *out.q.shape[1:]), np.nan))
+            reached.append(np.zeros(left, bool))
+            break
+    return np.concatenate(found), np.concatenate(reached)
+
+
+def _column(flags: Any, like: Any) -> Any:
+    return flags.reshape(flags.shape + (1,) * (like.ndim - 1))
+
+
+def _together(count: int) -> int:
+    return _TOGETHER if count <= _MANY else _MANY
+
+
+def in_batches(program: Callable[..., Any], fixed: tuple, arrays: tuple) -> Any:
+    """A batched program on known numbers, some at a time, the last ones filled up."""
+    count, parts = len(arrays[0]), []
+    arrays, together = jax.tree.map(np.asarray, arrays), _together(count)
+    for first in range(0, count, together):
+        part = jax.tree.map(lambda x, first=first: x[first : first + together], arrays)
+        size = len(part[0])
+        full = jax.tree.map(lambda x, size=size: np.concatenate([x, np.repeat(x[-1:], together - size, 0)]), part)
+        out = program(*fixed, *as_arrays(full))
+        parts.append(jax.tree.map(lambda x, size=size: np.asarray(x)[:size], out))
+    return jax.tree.map(lambda *x: np.concatenate(x), *parts)
+
+
+@compiled
+def _moving_batch(system: AbstractSystem, scale: Scaling, q: Array, t: Array, beside: Array) -> Moving:
+    return jax.vmap(partial(moving, system, scale))(q, t, beside)
+
+
+def narrow_places(path: Path) -> tuple[str, ...]:
+    """What is to be said of singular positions that lie between known times, found by finer and finer times."""
+    t, weakest = np.asarray(path.t), np.asarray(path.moving.weakest)
+    if len(t) < 3 or not np.all(np.isfinite(weakest)):
+        return ()
+    usual, padded = float(np.median(weakest)), np.concatenate([[np.inf], weakest, [np.inf]])
+    least = (weakest <= padded[:-2]) & (weakest <= padded[2:]) & (weakest < _DIP * usual)
+    ends = [_narrowed(path, max(k - 1, 0), min(k + 1, len(t) - 1)) for k in np.flatnonzero(least)[:_NAMED].tolist()]
+    found = [f"{at:.6g}" for at, value in ends if value < _SINGULAR * usual]
+    if not found:
+        return ()
+    return (
+        f"The motion passes a singular position at t = {', '.join(found)}: beside it loads may grow without bound, and "
+        "branches of motion meet there.",
+    )
+
+
+def _narrowed(path: Path, low: int, high: int) -> tuple[float, float]:
+    """When between two of the times the least singular value is least, and that."""
+    q, t = path.moving.q[low], (path.t[low], path.t[high])
+    given, at, value = (path.system.anonymous, path.scale), float(t[0]), np.inf
+    for _ in range(_ROUNDS):
+        times = np.linspace(*np.asarray(t), _TOGETHER)
+        track = begun(jnp.asarray(q), jnp.asarray(times[0]), path.moving.qd.shape[1])
+        positions = follow_known(*given, track, jnp.asarray(times)).q
+        values = np.asarray(_moving_batch(*given, *map(jnp.asarray, (positions, times, _beside(times)))).weakest)
+        j = int(np.argmin(np.where(np.isfinite(values), values, np.inf)))
+        at, value = (float(times[j]), float(values[j])) if values[j] < value else (at, value)
+        q, t = positions[max(j - 1, 0)], (times[max(j - 1, 0)], times[min(j + 1, _TOGETHER - 1)])
+    return at, value
+
+
+def _lost(system: AbstractSystem, scale: Scaling, q: np.ndarray, times: Array, reached: np.ndarray) -> NoSolutionError:
+    """What to say of a motion that ends."""
+    last = int(np.argmin(reached))
+    t = np.asarray(times)
+    if last == 0:
+        return NoSolutionError(f"The motion does not leave its first position, at t = {t[0]:.6g}.")
+    track = begun(jnp.asarray(q[last - 1]), jnp.asarray(t[last - 1]), len(system.coordinates))
+    end = follow_known(system.anonymous, scale, track, jnp.full(_TOGETHER, t[last])).end
+    _, matrix = _scaled(system, State(end.q, end.rate, end.t))
+    values = np.linalg.svd(np.asarray(matrix), compute_uv=False)
+    weakest = values[-1] / values[0]
+    why = (
+        f"there the position is all but singular (least singular value {weakest:.1e} of the largest): a dead centre, "
+        "at which the drives no longer decide the motion or cannot take it further"
+        if weakest < _NARROW
+        else "from there on no position follows the laws"
+    )
+    return NoSolutionError(
+        f"The motion ends at t = {float(end.t):.6g}: {why}. Change the laws or lengths, or let `throw=False` give the "
+        "motion up to there, and NaN beyond."
+    )

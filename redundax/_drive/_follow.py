@@ -1,0 +1,132 @@
+"""Positions of a driven system from time to time, by prediction and Newton's method.
+
+    q [+] S (h v + h^2 v' / 2),   then   u = -(K^T K)^-1 K^T r,   q <- q [+] S u    until u is rounding
+
+with the scaled residual r and Jacobian K. A step is taken in one piece only where Newton's method starts close and
+contracts, so that it stays on its branch: the mode of assembly is kept, and where angles turn, turns are counted. Else
+it is halved. Where halving does not help the position ends: a singular one is near, or there is none beyond.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from .._equations._scaling import Scaling
+from .._system._system import AbstractSystem
+from .._tools._compilation import compiled
+
+_MOVED = 0.5  # of the size, as radians: predicted and prescribed motion within a step, so that no turn is missed
+_CLOSE, _CONTRACTS = 0.1, 0.3  # first correction within a step, and each later one by the one before
+_SETTLED = 1e-9  # a correction whose square, which Newton's method leaves, is rounding
+_CORRECTIONS = 6  # from 0.1 on, by squares, and two more
+_HALVED = 2.0**-14  # of the way to the next time
+_LOOKS = 4  # times within a step at which laws are asked how fast they are
+
+
+class _Track(NamedTuple):
+    """Position, scaled velocity and its rate, time, and the next step to try."""
+
+    q: Array
+    rate: Array
+    bend: Array
+    t: Array
+    step: Array
+
+
+class _Newton(NamedTuple):
+    q: Array
+    first: Float[Array, ""]
+    last: Float[Array, ""]
+    steps: Int[Array, ""]
+    good: Bool[Array, ""]
+
+
+class Followed(NamedTuple):
+    """Positions at times, whether they were reached, and how far the last one was: its position and time."""
+
+    q: Float[Array, "times ..."]
+    reached: Bool[Array, " times"]
+    end: _Track
+
+
+def begun(q: Array, t: Array, n: int) -> _Track:
+    """The start of a track, whose velocity nobody has asked yet."""
+    none = jnp.zeros(n, q.dtype)
+    return _Track(q, none, none, t, jnp.full((), jnp.inf, q.dtype))
+
+
+def follow(system: AbstractSystem, scale: Scaling, start: _Track, ts: Float[Array, " times"]) -> Followed:
+    """The positions at times that follow each other, from one at the first of them or before."""
+
+    def to_next(track: _Track, target: Array) -> tuple[_Track, tuple[Array, Array]]:
+        way = target - track.t
+        least = _HALVED * way
+        track = track._replace(step=jnp.where(way > 0, jnp.minimum(track.step, way), track.step))
+
+        def going(track: _Track) -> Array:
+            return (track.t < target) & (track.step > least)
+
+        def body(track: _Track) -> _Track:
+            return _attempt(system, scale, track, target)
+
+        end = jax.lax.while_loop(going, body, track)
+        return end, (end.q, end.t >= target)
+
+    end, (q, reached) = jax.lax.scan(to_next, start, ts)
+    return Followed(q, reached, end)
+
+
+follow_known = compiled(follow)
+
+
+def _attempt(system: AbstractSystem, scale: Scaling, track: _Track, target: Array) -> _Track:
+    h = track.step
+    t = jnp.where(track.t + h * (1 + 1e-9) >= target, target, track.t + h)  # no sliver of rounding is left
+    ahead = h * track.rate + h**2 / 2 * track.bend
+    found = _corrected(system, scale, system.retract(track.q, scale.coordinates * ahead), t)
+    looks = track.t + (t - track.t) * jnp.arange(1, _LOOKS + 1) / _LOOKS
+    prescribed = jax.vmap(lambda at: jnp.max(jnp.abs(_prescribed(system, scale, track.q, at))))(looks)
+    moved = jnp.maximum(jnp.max(jnp.abs(ahead)), h * jnp.max(prescribed)) / scale.size
+    good = found.good & (moved <= _MOVED)
+    matrix, _ = _linearised(system, scale, found.q, t)
+    rate = -_least_squares(matrix, _prescribed(system, scale, found.q, t))
+    good = good & jnp.all(jnp.isfinite(rate)) & (h * jnp.max(jnp.abs(rate)) <= 2 * _MOVED * scale.size)
+    further = _Track(found.q, rate, (rate - track.rate) / h, t, jnp.minimum(2 * h, target - t))
+    further = further._replace(step=jnp.where(t >= target, 2 * h, further.step))
+    return jax.tree.map(lambda a, b: jnp.where(good, a, b), further, track._replace(step=h / 2))
+
+
+def _corrected(system: AbstractSystem, scale: Scaling, q: Array, t: Array) -> _Newton:
+    def step(now: _Newton) -> _Newton:
+        matrix, residual = _linearised(system, scale, now.q, t)
+        u = -_least_squares(matrix, residual)
+        size = jnp.max(jnp.abs(u)) / scale.size
+        begins = now.steps == 0
+        limit = jnp.where(begins, _CLOSE, jnp.maximum(_CONTRACTS * now.last, _SETTLED))
+        q = system.retract(now.q, scale.coordinates * u)
+        return _Newton(q, jnp.where(begins, size, now.first), size, now.steps + 1, size <= limit)  # NaN is not
+
+    def going(now: _Newton) -> Array:
+        return now.good & (now.last > _SETTLED) & (now.steps < _CORRECTIONS)
+
+    far = jnp.full((), jnp.inf, q.dtype)
+    end = jax.lax.while_loop(going, step, _Newton(q, far, far, jnp.zeros((), int), jnp.ones((), bool)))
+    return end._replace(good=end.good & (end.last <= _SETTLED))
+
+
+def _linearised(system: AbstractSystem, scale: Scaling, q: Array, t: Array) -> tuple[Array, Array]:
+    matrix = system.jacobian(q, t) * scale.coordinates / scale.rows[:, None]
+    return matrix, system.constraint(q, t) / scale.rows
+
+
+def _prescribed(system: AbstractSystem, scale: Scaling, q: Array, t: Array) -> Array:
+    """Phi_t, scaled."""
+    return jax.jvp(lambda t: system.constraint(q, t), (t,), (jnp.ones_like(t),))[1] / scale.rows
+
+
+def _least_squares(matrix: Array, right: Array) -> Array:
+    """By the normal equations, whose error the next step of Newton's method takes back."""
+    factor = jnp.linalg.cholesky(matrix.T @ matrix)
+    return jax.scipy.linalg.cho_solve((factor, True), matrix.T @ right)

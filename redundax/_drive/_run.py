@@ -1,0 +1,262 @@
+"""What `drive` returns: how a machine moves along the laws of its drives, and what they must give."""
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from .._system._export import frame_of
+from .._system._joint_coordinates import JointMotion, joint_motion, joint_reactions
+from .._system._named import AbstractNamed
+from .._system._names import index_of
+from .._system._pages import notes, outcome
+from .._system._pushing import in_words, pulling
+from .._system._results import RESULTS
+from .._system._state import State
+from .._system._system import AbstractSystem
+from .._system._units import with_unit
+from .._tools._table import are_known, figures, group, page
+
+if TYPE_CHECKING:
+    import pandas
+
+
+class Drive(NamedTuple):
+    """A drive: its name, the row of its multiplier, and whether it turns."""
+
+    name: str
+    row: int
+    turns: bool
+
+    @property
+    def word(self) -> str:
+        """What it gives."""
+        return "torque" if self.turns else "force"
+
+
+class Moment(eqx.Module):
+    """Loads on one side of each time.
+
+    - `multipliers`, `friction`: lam, shape (times, m), and tau, (times, p).
+    """
+
+    multipliers: Float[Array, "times m"]
+    friction: Float[Array, "times p"]
+
+
+class Run(AbstractNamed):
+    """A machine along the laws of its drives, at all times, also by name.
+
+    Of a drive on "motor.angle" `run["motor.angle torque"]` is what it gives, N m, positive along the coordinate: on
+    body i of the joint, and the opposite on body j; `run["guide.travel force"]` is that of a linear one, N. Likewise
+    `power`, and `energy` since the first time. Drivers among the joints are drives by their own names. All else has the
+    names that it has in a `Solution` and a motion: `run["A force x on crank"]`, `run["K.travel"]`, `run["tau A"]`.
+
+    Where a joint with friction rests its friction is not determined. Loads are then those with which the motion goes
+    on; `run.before` has those with which it came to rest, and `run["motor.angle torque before"]` names them. They
+    differ nowhere else.
+
+    - `t`, `q`, `qd`, `acceleration`: as in a motion.
+    - `multipliers`, `friction`: as in a `Solution`, of the closure.
+    - `before`: the same on the other side of an instant of rest.
+    - `result`: how the solution of each time ended; its loads are NaN unless it is `RESULTS.successful`.
+    - `rates`: of the drives, shape (times, drives).
+    - `determined`: which forces of drives the rigid machine determines, friction included, shape (times, drives);
+      `determined_without_friction` too. The closure decides the others.
+    - `stays`: the least and the largest force of each drive with which the machine stays at rest, shape (times, drives,
+      2), NaN where it moves. Beyond one of them it starts to move: `breakaway`.
+    - `weakest`: a bound of the least singular value of the constraints over the largest: 0 at a singular position.
+    - `drives`: their names, rows and kinds.
+    - `system`: the machine with its drives, for `rx.band_along(run.system, run.states, ...)` and other questions; None
+      inside of transformations.
+
+    ??? example
+
+        ```python
+        smooth = rx.mechanisms.wojtyra2020()
+        run = rx.drive(smooth, {"A.angle": rx.Polynomial([0.8, 1.0])}, jnp.linspace(0.0, 1.0, 11), state.q)
+        print(run)
+        run["A.angle torque"], run.peak["A.angle"], run.rms["A.angle"]
+        ```
+    """
+
+    t: Float[Array, " times"]
+    q: Float[Array, "times ..."]
+    qd: Float[Array, "times n"]
+    acceleration: Float[Array, "times n"]
+    multipliers: Float[Array, "times m"]
+    friction: Float[Array, "times p"]
+    before: Moment
+    result: RESULTS
+    rates: Float[Array, "times drives"]
+    determined: Bool[Array, "times drives"]
+    determined_without_friction: Bool[Array, "times drives"]
+    stays: Float[Array, "times drives 2"]
+    weakest: Float[Array, " times"]
+    drives: tuple[Drive, ...] = eqx.field(static=True)
+    remarks: tuple[str, ...] = eqx.field(static=True, default=())
+    system: AbstractSystem | None = eqx.field(default=None, repr=False)
+
+    @property
+    def states(self) -> State:
+        """The states at all times, each array with an axis for them in front."""
+        return State(self.q, self.qd, self.t)
+
+    @property
+    def centres(self) -> Float[Array, "..."]:
+        """Positions of the centres of mass in space, shape (times, 3 bodies)."""
+        return self.q[..., : 0 if self.names is None else len(self.names.centres)]
+
+    @property
+    def joints(self) -> JointMotion:
+        """How joint coordinates move, shape (times, c) each; angles go on from turn to turn."""
+        return joint_motion(self.joint_coordinates, self.states, self.acceleration, times=True)
+
+    @property
+    def reactions(self) -> Float[Array, "..."]:
+        """What each joint does to its body, as of a `Solution`, shape (times, 3 joints), in space 6."""
+        return joint_reactions(self.joint_coordinates, self.states, self.multipliers, times=True)
+
+    @property
+    def pulling(self) -> tuple[str, ...]:
+        """Names of the rows of contacts that pull at any time, as of a `Solution`."""
+        return pulling(self.names, self.multipliers)
+
+    @property
+    def forces(self) -> Float[Array, "times drives"]:
+        """What the drives give, N or N m."""
+        return self._of(self.multipliers)
+
+    @property
+    def forces_before(self) -> Float[Array, "times drives"]:
+        """The same on the other side of an instant of rest."""
+        return self._of(self.before.multipliers)
+
+    @property
+    def powers(self) -> Float[Array, "times drives"]:
+        """Force by rate, W, positive where the drive gives energy."""
+        return self.forces * self.rates
+
+    @property
+    def energies(self) -> Float[Array, "times drives"]:
+        """What each drive has given since the first time, J, by the trapezoidal rule between the times."""
+        power = self._after_and_before(self.powers, self.forces_before * self.rates)
+        none = jnp.zeros((1, len(self.drives)), power.dtype)
+        return jnp.concatenate([none, jnp.cumsum(power * jnp.diff(self.t)[:, None], axis=0)])
+
+    @property
+    def peak(self) -> dict[str, Array]:
+        """The largest size of each drive's force, by name, at the times and on both sides of instants of rest."""
+        largest = jnp.max(jnp.maximum(jnp.abs(self.forces), jnp.abs(self.forces_before)), axis=0)
+        return self._by_name(largest)
+
+    @property
+    def peak_time(self) -> dict[str, Array]:
+        """When each is largest."""
+        sizes = jnp.maximum(jnp.abs(self.forces), jnp.abs(self.forces_before))
+        return self._by_name(self.t[jnp.argmax(jnp.where(jnp.isnan(sizes), -1.0, sizes), axis=0)])
+
+    @property
+    def rms(self) -> dict[str, Array]:
+        """The root of the mean square of each drive's force over the time, by the trapezoidal rule."""
+        square = self._after_and_before(self.forces**2, self.forces_before**2)
+        mean = jnp.sum(square * jnp.diff(self.t)[:, None], axis=0) / (self.t[-1] - self.t[0])
+        return self._by_name(jnp.sqrt(mean))
+
+    @property
+    def power(self) -> dict[str, Array]:
+        """The power of each drive over time, by name."""
+        return self._by_name(self.powers.T)
+
+    @property
+    def energy(self) -> dict[str, Array]:
+        """What each drive has given in all, by name."""
+        return self._by_name(self.energies[-1])
+
+    @property
+    def breakaway(self) -> Float[Array, "times drives 2"]:
+        """What each drive must give more than to start the motion from rest, the one way and the other: `stays`."""
+        return self.stays
+
+    def _of(self, multipliers: Array) -> Array:
+        return -multipliers[..., np.array([drive.row for drive in self.drives], int)]
+
+    def _after_and_before(self, after: Array, before: Array) -> Array:
+        return (after[:-1] + before[1:]) / 2
+
+    def _by_name(self, values: Any) -> dict[str, Array]:
+        return {drive.name: value for drive, value in zip(self.drives, values, strict=True)}
+
+    @property
+    def _own(self) -> dict[str, tuple[str, int]]:
+        """Arrays and columns of what drives have, by name."""
+        found = {}
+        for k, drive in enumerate(self.drives):
+            found[f"{drive.name} {drive.word}"] = "forces", k
+            found[f"{drive.name} {drive.word} before"] = "forces_before", k
+            found[f"{drive.name} power"] = "powers", k
+            found[f"{drive.name} energy"] = "energies", k
+        return found
+
+    def __getitem__(self, name: str) -> Float[Array, "..."]:
+        own = self._own
+        if name in own:
+            array, k = own[name]
+            return getattr(self, array)[..., k]
+        known = [entry.name for entry in self.entries]
+        if self.names is not None and name not in known and self.names.other_end(name) is None:
+            index_of("name", name, [*own, *known])
+        return AbstractNamed.__getitem__(self, name)
+
+    def to_pandas(self) -> "pandas.DataFrame":
+        """All entries and what drives give as columns by name, one row for each time."""
+        frame = frame_of(self)
+        for place, name in enumerate(self._own):
+            frame.insert(place, name, np.asarray(self[name]))
+        return frame
+
+    def __str__(self) -> str:
+        """What each drive gives, and what is to be known of it; shapes inside of transformations."""
+        if self.names is None or not are_known((self.t, self.q, self.multipliers)):
+            return repr(self)
+        units, t = self.names.units, np.asarray(self.t)
+        time = f"{t.size} times from t = {t[0]:.6g} to {t[-1]:.6g} {units.of('time')}".strip()
+        groups = []
+        for turns in (True, False):
+            some = [k for k, drive in enumerate(self.drives) if drive.turns is turns]
+            if not some:
+                continue
+            word, unit = ("torque", units.of("moment")) if turns else ("force", units.of("force"))
+            drives = [self.drives[k] for k in some]
+            head = (
+                with_unit(word, unit),
+                "peak",
+                "at t",
+                "rms",
+                "mean power",
+                "energy",
+                "determined by the rigid machine",
+            )
+            span = t[-1] - t[0] if t.size > 1 else 1.0
+            energy = np.array([float(self.energy[drive.name]) for drive in drives])
+            columns = [
+                figures(np.array([float(figure[drive.name]) for drive in drives]), digits=5)
+                for figure in (self.peak, self.peak_time, self.rms)
+            ]
+            most = np.nanmax(np.abs(np.asarray(self.powers)), initial=0.0)[None]  # beside which rounding is none
+            columns += [figures(energy / span, most, 5), figures(energy, most * span, 5)]
+            groups.append(group(head, [d.name for d in drives], *columns, [self._verdict(k) for k in some]))
+        said = [*self.remarks, in_words(self.pulling)]
+        head = [*outcome(self.result, f"Drives at {time}"), *notes(self.names, " ".join(filter(None, said)))]
+        return "\n".join([*head, *page(groups, [], "")])
+
+    def _verdict(self, k: int) -> str:
+        """What is told of a drive's force over all times."""
+        with_friction, without = (np.asarray(x)[:, k] for x in (self.determined, self.determined_without_friction))
+        if with_friction.all():
+            return "yes"
+        if without.all():
+            return "but for friction" if not with_friction.any() else "but for friction at some times"
+        return "no: the closure decides" if not without.any() else "not at all times: the closure decides"

@@ -1,0 +1,74 @@
+"""Which way joints slip, also where they rest: the sense of the motion before an instant of rest, and of that after.
+
+Friction at rest is any within its limits. What is known of it is the load with which the motion ended and the one with
+which it goes on: friction in the sense of the slip before, and in that after. Where nothing moved before, it is the
+sense after, and the other way round; where a joint never slips it has none.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from .._system._directions import directions_of
+from .._system._system import AbstractSystem
+from .._tools._module import is_concrete
+
+_RESTS = 1e-6  # slip rate beside those a hundredth of a step before and after: it turns round here
+_NOISE = 1e-11  # the same beside the fastest of all slips at all times: rounding
+
+
+class Senses(NamedTuple):
+    """Which slips rest, and their senses of before and after; 0 of joints that never slip."""
+
+    rests: Bool[Array, "times p"]
+    before: Float[Array, "times p"]
+    after: Float[Array, "times p"]
+
+
+def senses_of(system: AbstractSystem, slips: Float[Array, "times 3 p"], length: Array) -> Senses:
+    """Of slip rates now, just before and just after each time."""
+    xp: Any = np if is_concrete(slips) else jnp
+    slips, p = xp.asarray(slips), slips.shape[-1]
+    directions = directions_of(system.friction) if system.friction else None
+    same = np.eye(p, dtype=bool) if directions is None else np.asarray(directions.same)
+    fastest = xp.abs(slips) * xp.where(xp.asarray(system.slips.angular), xp.asarray(length), 1.0)
+    fastest = xp.where(xp.isfinite(fastest), fastest, 0.0)
+    noise = _NOISE * xp.max(fastest, initial=0.0)
+    joint = xp.max(xp.where(same, fastest[..., None, :], 0.0), axis=-1, initial=0.0)  # of all slips of each joint
+    now, early, late = (joint[:, k] for k in range(3))
+    rests = (now <= noise) | (now <= _RESTS * xp.maximum(early, late))
+    signs = xp.sign(slips)
+    if directions is not None:  # the direction in which surfaces slide
+        largest = xp.max(xp.where(same, xp.abs(slips)[..., None, :], 0.0), axis=-1, initial=0.0)
+        along = slips / xp.where(largest > 0, largest, 1.0)
+        signs = xp.where(np.asarray(directions.directed), along, signs)
+    starts = xp.where(early > noise, signs[:, 1], xp.where(rests, 0.0, signs[:, 0]))
+    ends = xp.where(late > noise, signs[:, 2], xp.where(rests, 0.0, signs[:, 0]))
+    moves_early, moves_late = (early > noise) | ~rests, (late > noise) | ~rests
+    after = _filled(ends, moves_late, starts, moves_early, backward=False)
+    before = _filled(starts, moves_early, ends, moves_late, backward=True)
+    some_after, some_before = (_of_joints(x != 0, same, xp) for x in (after, before))
+    after, before = xp.where(some_after, after, before), xp.where(some_before, before, after)
+    sliding = xp.where(rests, 0.0, signs[:, 0])
+    return Senses(rests, xp.where(rests, before, sliding), xp.where(rests, after, sliding))
+
+
+def _of_joints(flags: Any, same: np.ndarray, xp: Any) -> Any:
+    """For each slip whether it is so for any slip of its joint."""
+    return xp.any(flags[..., None, :] & same, axis=-1)
+
+
+def _filled(own: Any, has: Any, others: Any, has_others: Any, *, backward: bool) -> Any:
+    """Own senses, or where there are none the nearest of the others at later times, or at earlier ones."""
+    xp: Any = np if is_concrete(own) else jnp
+    if backward:
+        return _filled(own[::-1], has[::-1], others[::-1], has_others[::-1], backward=False)[::-1]
+    count = len(own)
+    places = xp.where(has_others, xp.arange(count)[:, None], count)[::-1]
+    least = np.minimum.accumulate(places) if xp is np else jax.lax.cummin(places)
+    following = xp.concatenate([least[::-1][1:], xp.full((1, own.shape[1]), count)])
+    padded = xp.concatenate([others, xp.zeros((1, own.shape[1]), own.dtype)])
+    return xp.where(has, own, xp.take_along_axis(padded, following, axis=0))

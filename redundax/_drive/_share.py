@@ -1,0 +1,216 @@
+"""Who of several drives takes which share, where a control decides it and not the stiffness of servos.
+
+    least norm    sum (u_k / r_k)^2 least,   by ratings r
+    least peak    max |u_k| / l_k least, by limits l, with s_k u_k >= p_k where a preload p keeps flanks in contact
+
+over all forces u of the drives that make the same motion. The first is a closure whose drives give way by 1 / r^2 and
+whose joints are stiff beside them. The second is a linear programme at each time, whose answer is the misfit of drive
+rows that brings about its forces; where friction depends on the share it is repeated from there.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float
+
+from .._closures._closure import AbstractClosure, check_closure
+from .._system._names import index_of
+from .._system._state import State
+from .._system._system import AbstractSystem
+from .._tools._errors import RedundaxError
+from .._tools._module import as_float, positive
+
+# Compliance of joints beside that of drives: a share is wrong by as much, relative, and rounding by the inverse of it.
+_STIFF = 1e-7
+_ROUNDS = 3  # of the programme where friction depends on the share: each leaves about mu of the error before
+_KEPT = 1e-6  # of a limit: what the stiffness of joints leaves of it
+
+
+class LeastNorm(AbstractClosure):
+    """Drives share so that the sum of squares of their forces over their ratings is least.
+
+    ??? example
+
+        ```python
+        beam = rx.Mechanism(
+            [rx.Body("beam", 40.0, 3.0)],
+            [rx.Translational(k, "beam", "ground", (0, y), (0, y), (0, 1)) for k, y in (("L", 0.6), ("R", -0.6))],
+        )
+        rails = rx.ElasticJoints(beam, {"L": (1e-9, 1e-7), "R": (1e-9, 1e-7)})
+        laws = dict.fromkeys(("L.travel", "R.travel"), rx.Harmonic(0.05, 1.0))
+        share = rx.LeastNorm({"L.travel": 200.0, "R.travel": 100.0}, rails)  # N
+        rx.drive(beam, laws, jnp.linspace(0.0, 1.0, 9), {}, closure=share).rms
+        ```
+
+    **Arguments:**
+
+    - `ratings`: by name of the coordinate, N or N m; of all drives that follow laws.
+    - `closure`: that of the joints, which are taken as stiff beside the drives: shares are right to 1e-6. Needed only
+      where joints are redundant without the drives.
+    """
+
+    ratings: dict[str, Array]
+    closure: AbstractClosure | None
+
+    def __init__(self, ratings: Mapping[str, ArrayLike], closure: AbstractClosure | None = None):
+        self.ratings = _sizes("ratings", ratings)
+        if closure is not None:
+            check_closure(closure)
+        self.closure = closure
+
+    def by_place(self, system: AbstractSystem) -> "LeastNorm":
+        return self if self.closure is None else LeastNorm(self.ratings, self.closure.by_place(system))
+
+    def of_drives(self, names: Sequence[str]) -> tuple[Array, Array]:
+        _check_all("ratings", self.ratings, names)
+        softness = jnp.stack([self.ratings[name] ** -2 for name in names])
+        return softness, jnp.zeros_like(softness)
+
+    def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
+        m = len(system.rows)
+        if self.closure is None:
+            return jnp.zeros((m, m)), jnp.zeros(m)
+        W, d = self.closure.compliance(system, state)
+        least = jnp.min(jnp.stack([rating**-2 for rating in self.ratings.values()]))
+        share = _STIFF * least / jnp.max(jnp.diagonal(W))
+        return share * W, share * d
+
+
+class LeastPeak(eqx.Module):
+    """Drives share so that the largest of their forces over their limits is least, at each time.
+
+    ??? example
+
+        ```python
+        share = rx.LeastPeak({"L.travel": 100.0, "R.travel": 100.0}, preload={"L.travel": 5.0})  # N
+        ```
+
+    **Arguments:**
+
+    - `limits`: by name of the coordinate, N or N m; of all drives that follow laws. A print of the run tells when they
+      cannot be kept.
+    - `preload`: for some of them, a force that they give at least, so that teeth and nuts stay on one flank; negative
+      for the other flank.
+    - `closure`: as of `LeastNorm`.
+    """
+
+    limits: dict[str, Array]
+    preload: dict[str, Array]
+    closure: AbstractClosure | None
+
+    def __init__(
+        self,
+        limits: Mapping[str, ArrayLike],
+        *,
+        preload: Mapping[str, ArrayLike] | None = None,
+        closure: AbstractClosure | None = None,
+    ):
+        self.limits = _sizes("limits", limits)
+        self.preload = {name: as_float(force) for name, force in (preload or {}).items()}
+        for name in self.preload:
+            index_of("preload", name, list(self.limits), " of drives with limits")
+        self.closure = closure
+
+    def shared(
+        self, forces_of: Callable[[AbstractClosure], np.ndarray], names: Sequence[str], ts: np.ndarray
+    ) -> tuple[AbstractClosure, tuple[str, ...]]:
+        """The closure that brings it about, given what forces of drives one makes, and what is to be said."""
+        _check_all("limits", self.limits, names)
+        norm = LeastNorm(self.limits, self.closure)
+        limits = np.array([float(self.limits[name]) for name in names])
+        least = np.array([float(self.preload.get(name, 0.0)) for name in names])
+        slope = 1e-3 / limits  # of a misfit, beside 1 / rating that a whole limit takes
+        errors, peaks = np.zeros((len(ts), len(names))), ()
+        for _ in range(_ROUNDS):
+            now = forces_of(_Misfits(norm, ts, errors))
+            by_error = np.stack(
+                [(forces_of(_Misfits(norm, ts, errors + step)) - now) / step.sum() for step in np.diag(slope)], axis=2
+            )
+            changes, peaks = zip(*map(lambda u, by: _programme(u, by, limits, least), now, by_error), strict=True)
+            errors = errors + np.array(changes)
+            if np.abs(np.array(changes)).max(initial=0.0) <= _KEPT / limits.max():
+                break
+        over = np.flatnonzero(np.array(peaks) > 1 + _KEPT)
+        if not over.size:
+            return _Misfits(norm, ts, errors), ()
+        worst = int(np.argmax(peaks))
+        said = (
+            f"The limits of the drives cannot be kept at {over.size} of {len(ts)} times, first t = {ts[over[0]]:.6g}: "
+            f"at t = {ts[worst]:.6g} the least peak is {100 * peaks[worst]:.4g} % of them."
+        )
+        return _Misfits(norm, ts, errors), (said,)
+
+
+class _Misfits(AbstractClosure):
+    """A closure, and misfits of the drives at times."""
+
+    closure: AbstractClosure
+    ts: Float[Array | np.ndarray, " times"]
+    errors: Float[Array | np.ndarray, "times d"]
+
+    def of_drives(self, names: Sequence[str]) -> tuple[Array, Array]:
+        return self.closure.of_drives(names)
+
+    def by_place(self, system: AbstractSystem) -> "_Misfits":
+        return _Misfits(self.closure.by_place(system), jnp.asarray(self.ts), jnp.asarray(self.errors))
+
+    def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
+        return self.closure.compliance(system, state)
+
+    def drive_errors(self, state: State) -> Array:
+        return self.errors[jnp.argmin(jnp.abs(self.ts - state.t))]
+
+
+def _programme(forces: np.ndarray, by: np.ndarray, limits: np.ndarray, least: np.ndarray) -> tuple[np.ndarray, float]:
+    """The least change of misfits that makes the peak over the limits least, and that peak."""
+    from scipy.optimize import linprog
+
+    none = np.zeros(by.shape[1])
+    if not (np.all(np.isfinite(forces)) and np.all(np.isfinite(by))):
+        return none, np.nan
+    kept = least != 0
+    signs = np.sign(least[kept])
+    scale = np.abs(by).max() or 1.0
+    ones = np.ones((len(limits), 1))
+    rows = np.concatenate(
+        [
+            np.hstack([by / scale / limits[:, None], -ones]),
+            np.hstack([-by / scale / limits[:, None], -ones]),
+            np.hstack([-signs[:, None] * by[kept] / scale, np.zeros((kept.sum(), 1))]),
+        ]
+    )
+    right = np.concatenate([-forces / limits, forces / limits, signs * forces[kept] - np.abs(least[kept])])
+    cost = np.concatenate([none, [1.0]])
+    found = linprog(cost, rows, right, bounds=[(None, None)] * len(none) + [(0, None)], method="highs")
+    if found.status != 0:
+        raise RedundaxError(
+            "Argument `preload` of `LeastPeak` must be one that the drives can keep up, but no share of theirs does. "
+            "Preload drives that work against each other."
+        )
+    change = found.x[:-1] / scale
+    basis = np.linalg.pinv(by, rcond=1e-9)  # of all misfits with these forces the least
+    return basis @ (by @ change), float(found.x[-1])
+
+
+def _sizes(argument: str, given: Mapping[str, ArrayLike]) -> dict[str, Array]:
+    if not isinstance(given, Mapping) or not given:
+        raise RedundaxError(
+            f"Argument `{argument}` must give a force by name of each drive, but is {given!r}. Write "
+            '{"left.travel": 200.0}, say.'
+        )
+    sizes = {name: as_float(size) for name, size in given.items()}
+    for size in sizes.values():
+        positive(argument, size)
+    return sizes
+
+
+def _check_all(argument: str, given: Mapping[str, Any], names: Sequence[str]) -> None:
+    if set(given) != set(names):
+        raise RedundaxError(
+            f"Argument `{argument}` must name each drive that follows a law, {', '.join(names)}, but names "
+            f"{', '.join(given)}. Give these, no more and no less."
+        )

@@ -1,0 +1,62 @@
+"""The command on a four-bar from an MJCF, against MuJoCo's own mass matrix and bias along the same motion."""
+
+import csv
+import pathlib
+
+import numpy as np
+import pytest
+
+from redundax import __main__ as command
+
+mujoco = pytest.importorskip("mujoco")
+FOUR_BAR = str(pathlib.Path(__file__).parents[1] / "support" / "models" / "fourbar.xml")
+
+
+def angles_of(crank):
+    """B and C of the loop for crank angles, by the triangle of its lengths; from the file's own position on."""
+    a, b, c, d = 0.1, 0.35, 0.3, 0.4
+    at = a * np.stack([np.sin(crank), np.cos(crank)])  # of B, x and z; the crank points up at 0
+    to = np.array([[d], [0.0]]) - at
+    length = np.hypot(*to)
+    rod = np.arctan2(to[1], to[0]) + np.arccos((b**2 + length**2 - c**2) / (2 * b * length))
+    rocker = np.arctan2(to[1], to[0]) - np.arccos((c**2 + length**2 - b**2) / (2 * c * length))
+    upright = np.pi / 2 - crank
+    turns = upright - rod, rod - rocker
+    return np.stack([crank, *turns])
+
+
+def test_the_command_tells_the_torque_that_mujocos_equations_need(tmp_path, capsys):
+    """tau = v^T (M a + bias - damping) / v_A along the one motion v of the loop, at every tenth time."""
+    table, picture = tmp_path / "drive.csv", tmp_path / "drive.png"
+    law = "A=cycloidal(1.0, move=0.5)"
+    asked = ["drive", FOUR_BAR, "--law", law, "--samples", "101", "--csv", str(table), "--png", str(picture)]
+    assert command.main(asked) == 0
+    assert "A.angle" in capsys.readouterr().out and picture.stat().st_size > 10_000
+    with table.open() as stream:
+        rows = list(csv.DictReader(stream))
+    t, crank, torque = (np.array([float(row[name]) for row in rows]) for name in ("t", "A.angle", "A.angle torque"))
+    np.testing.assert_allclose(crank, t / 0.5 - np.sin(4 * np.pi * t) / (2 * np.pi), atol=1e-9)
+    model = mujoco.MjModel.from_xml_path(FOUR_BAR)
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_EQUALITY | mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    data = mujoco.MjData(model)
+    for k in range(0, 101, 10):
+        step = 1e-3 * np.arange(-4, 5)  # polynomials through nine positions: derivatives to rounding
+        path = [np.polyfit(step, angle, 8) for angle in angles_of(crank[k] + step) - angles_of(np.zeros(1))]
+        q, slope, bend = ([poly[8 - n] * (1, 1, 2)[n] for poly in path] for n in range(3))
+        rate, change = 2 - 2 * np.cos(4 * np.pi * t[k]), 8 * np.pi * np.sin(4 * np.pi * t[k])
+        data.qpos, data.qvel = q, np.array(slope) * rate
+        data.qacc = np.array(slope) * change + np.array(bend) * rate**2
+        mujoco.mj_inverse(model, data)
+        assert torque[k] == pytest.approx(slope @ data.qfrc_inverse, abs=1e-8 * np.abs(torque).max())
+
+
+def test_laws_that_cannot_be_read_are_told(capsys):
+    for law, words in (
+        ("A=jump(1)", "unknown kind 'jump'. There are trapezoid"),
+        ("A=cycloidal(1.0)", "does not fit"),
+        ("A 1.0", "cannot be read. It has the form NAME=LAW"),
+        ("crank=constant(0)", "There are A.angle, B.angle, C.angle"),
+        ("A=constant(0)", "no law has an end"),
+    ):
+        assert command.main(["drive", FOUR_BAR, "--law", law]) == 2
+        assert words in capsys.readouterr().err
