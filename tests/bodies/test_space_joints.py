@@ -307,7 +307,7 @@ def test_rows_that_are_no_components_need_a_residual():
         row_kinds = (("axial", "force"), ("height", "force"))
 
     lift = Lift("L", "a", "ground", on_i=HERE, on_j=HERE)
-    with pytest.raises(rx.RedundaxError, match="of a `Lift` must be among .* but one is 'height'.*write `residual`"):
+    with pytest.raises(rx.RedundaxError, match=r"of a `Lift` must be among .* but one is 'height'.*write `residual`"):
         rx.Mechanism([rs.Body("a", 1.0, (0.1, 0.1, 0.1))], [lift])
 
 
