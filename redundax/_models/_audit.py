@@ -268,7 +268,7 @@ def _look(system: AbstractSystem, state: State, digits: float) -> Look:
         count, least, most = (int(np.sum(known > digits * by)) for by in (1, _NEAR, 1 / _NEAR))
         is_clear = least == most
         if found.is_ambiguous or count != found.spectrum.rank:
-            found = _decided(at, state, count)
+            found = _decided(at, state, np.asarray(count))
     probed = scaled_kinematics(system, replace_fields(state, qd=found.probe))
     values, rank = np.append(found.spectrum.singular_values, 0.0), int(found.spectrum.rank)
     rows, columns = at.jacobian.shape

@@ -41,11 +41,11 @@ PROGRAMS = {
     "analyze": (lambda m, s: str(rx.analyze(m, s)), 2),  # bounds of friction, reactions
     "band": (lambda m, s: rx.band(m, s, "A.x", BOX, samples=8), 2),  # the laws in batches of two sizes
     "band of compliances": (
-        lambda m, s: rx.band(m, s, "A.x", rx.ComplianceBox(ELASTIC, {"A.x": (1e-9, 1e-7)})),
-        1,
-    ),  # in a larger one
+        lambda m, s: rx.band(m, s, "A.x", rx.ComplianceBox(ELASTIC, {"A.x": (1e-9, 1e-7)}), samples=8),
+        0,
+    ),
     "family": (lambda m, s: str(rx.solution_family(m, s, along="A.x", samples=5)), 0),
-    "solutions": (lambda m, s: rx.frictional_solutions(m, s), 0),
+    "solutions": (lambda m, s: rx.frictional_solutions(m, s), 1),  # in a larger one
     "stability": (lambda m, s: rx.stability(m, s, rx.solve(m, s, closure=ELASTIC), ELASTIC), 0),
     "sticking": (lambda m, s: str(rx.sticking(m, at_rest(s), BOX, samples=8)), 0),
     "band at rest": (lambda m, s: str(rx.band(m, at_rest(s), "A.x", BOX)), 0),
