@@ -29,7 +29,6 @@ from .._tools._numbers import custom_jvp
 from ._linear import Held
 
 _NOTHING = 1e-9  # of an orthonormal self-stress, or relative to the largest coefficient: rounding
-_CONSISTENT = 1e-7  # of accelerations prescribed by redundant rows, relative: what positions that close leave
 
 
 class Moving(NamedTuple):
