@@ -33,7 +33,7 @@ _NOTHING = 1e-9  # of an orthonormal self-stress, or relative to the largest coe
 
 class Moving(NamedTuple):
     """Velocity and acceleration; rates of all rows as drives prescribe them; slip rates, now, just before and just
-    after; a bound of the least singular value over the largest; how far accelerations contradict each other."""
+    after; the least singular value over the size of K; how far accelerations contradict each other."""
 
     q: Float[Array, "..."]
     qd: Float[Array, " n"]

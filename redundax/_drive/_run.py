@@ -68,7 +68,7 @@ class Run(AbstractNamed):
     - `stays`: the least and the largest force of each drive with which the machine stays at rest, shape (times, drives,
       2), NaN where it moves. Beyond them it breaks away, the one way and the other.
     - `remarks`: what else is to be said, which a print shows.
-    - `weakest`: a bound of the least singular value of the constraints over the largest: 0 at a singular position.
+    - `weakest`: the least singular value of the scaled constraints over their size: 0 at a singular position.
     - `drives`: their names, rows and kinds.
     - `system`: the machine with its drives, for `rx.band_along(run.system, run.states, ...)` and other questions; None
       inside of transformations.
