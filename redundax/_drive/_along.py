@@ -184,7 +184,7 @@ def _times(ts: ArrayLike) -> Array:
     return times
 
 
-def _beside(t: Array) -> Float[Array, "times 2"]:
+def _beside(t: Any) -> Float[Array, "times 2"]:
     """Times just before and just after each, but before the first and after the last, where laws need say nothing."""
     xp: Any = np if is_concrete(t) else jnp
     t = xp.asarray(t)
