@@ -184,7 +184,7 @@ def _times(ts: ArrayLike) -> Array:
     return times
 
 
-def _beside(t: Array) -> Float[Array, "times 2"]:
+def _beside(t: Any) -> Float[Array, "times 2"]:
     """Times just before and just after each, but before the first and after the last, where laws need say nothing."""
     xp: Any = np if is_concrete(t) else jnp
     t = xp.asarray(t)
@@ -201,6 +201,8 @@ def _held_at(system: AbstractSystem, start: State, hold: Sequence[str]) -> dict[
 
 def _check_freedom(system: AbstractSystem, scale: Scaling, matrix: np.ndarray, start: State) -> None:
     """Refuse laws that leave coordinates free."""
+    if not np.all(np.isfinite(matrix)):  # there is no position
+        return
     with computing():
         values, axes = np.linalg.svd(matrix)[1:]
         left = matrix.shape[1] - int(np.sum(values > _FREE * values[0]))
@@ -290,7 +292,7 @@ def _narrowed(path: Path, low: int, high: int) -> tuple[float, float]:
     q, t = path.moving.q[low], (path.t[low], path.t[high])
     given, at, value = (path.system.anonymous, path.scale), float(t[0]), np.inf
     for _ in range(_ROUNDS):
-        times = np.linspace(*np.asarray(t), _TOGETHER)
+        times = np.linspace(float(t[0]), float(t[1]), _TOGETHER)
         track = begun(jnp.asarray(q), jnp.asarray(times[0]), path.moving.qd.shape[1])
         positions = follow_known(*given, track, jnp.asarray(times)).q
         values = np.asarray(_moving_batch(*given, *map(jnp.asarray, (positions, times, _beside(times)))).weakest)

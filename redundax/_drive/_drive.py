@@ -22,6 +22,8 @@ from .._bodies._space._joints._drivers import TravelDriver
 from .._closures._closure import AbstractClosure, MinimumNorm, check_closure, placed
 from .._solve._solve import solve
 from .._solvers._solver import AbstractSolver, Newton, check_solver
+from .._system._directions import directions_of
+from .._system._friction import have_sense
 from .._system._names import DRIVE, ByName
 from .._system._results import RESULTS, result_codes
 from .._system._state import State
@@ -38,6 +40,7 @@ from ._share import LeastPeak
 
 _MINIMUM_NORM = MinimumNorm()
 _SINGULAR = 1e-9  # a bound of the least singular value over the largest: too few digits are left for a batch
+_NAMED = 8  # frictions, at most
 _CONTRADICTS = 1e-7  # of the accelerations that redundant rows prescribe: what rounding of positions leaves of none
 
 
@@ -137,11 +140,24 @@ def _solved(path: Path, closure: AbstractClosure, solver: AbstractSolver, throw:
     )
     if not known:
         return _masked(run, good)
-    run = replace_fields(run, system=path.system, remarks=narrow_places(path))
+    remarks = *narrow_places(path), *_of_joints_that_never_slip(path, senses)
+    run = replace_fields(run, system=path.system, remarks=remarks)
     run = _asked_again(run, path.system, good, closure, both)
     if throw is not False:
         _check(run)
     return as_arrays(run)
+
+
+def _of_joints_that_never_slip(path: Path, senses: Senses) -> tuple[str, ...]:
+    """What is to be said of friction that no motion gives a sense."""
+    system = path.system
+    never = np.all((senses.after == 0) & (senses.before == 0), axis=0) & np.array(have_sense(system.friction), bool)
+    joints = directions_of(system.friction) if never.any() else None
+    never = never if joints is None else np.asarray(joints.every(never))
+    if not never.any():
+        return ()
+    names = [f"tau {label}" for label, one in zip(system.slips.labels, never, strict=True) if one]
+    return (f"Friction of joints that do not slip at any of the times is taken as none: {', '.join(names[:_NAMED])}.",)
 
 
 def drives_of(system: AbstractSystem) -> tuple[Drive, ...]:

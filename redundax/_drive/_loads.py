@@ -29,12 +29,11 @@ from .._tools._numbers import custom_jvp
 from ._linear import Held
 
 _NOTHING = 1e-9  # of an orthonormal self-stress, or relative to the largest coefficient: rounding
-_CONSISTENT = 1e-7  # of accelerations prescribed by redundant rows, relative: what positions that close leave
 
 
 class Moving(NamedTuple):
     """Velocity and acceleration; rates of all rows as drives prescribe them; slip rates, now, just before and just
-    after; a bound of the least singular value over the largest; how far accelerations contradict each other."""
+    after; the least singular value over the size of K; how far accelerations contradict each other."""
 
     q: Float[Array, "..."]
     qd: Float[Array, " n"]

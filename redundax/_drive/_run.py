@@ -66,8 +66,9 @@ class Run(AbstractNamed):
     - `determined`: which forces of drives the rigid machine determines, friction included, shape (times, drives);
       `determined_without_friction` too. The closure decides the others.
     - `stays`: the least and the largest force of each drive with which the machine stays at rest, shape (times, drives,
-      2), NaN where it moves. Beyond one of them it starts to move: `breakaway`.
-    - `weakest`: a bound of the least singular value of the constraints over the largest: 0 at a singular position.
+      2), NaN where it moves. Beyond them it breaks away, the one way and the other.
+    - `remarks`: what else is to be said, which a print shows.
+    - `weakest`: the least singular value of the scaled constraints over their size: 0 at a singular position.
     - `drives`: their names, rows and kinds.
     - `system`: the machine with its drives, for `rx.band_along(run.system, run.states, ...)` and other questions; None
       inside of transformations.
@@ -160,7 +161,8 @@ class Run(AbstractNamed):
 
     @property
     def rms(self) -> dict[str, Array]:
-        """The root of the mean square of each drive's force over the time, by the trapezoidal rule."""
+        """The root of the mean square of each drive's force over the time, by the trapezoidal rule; of a rest that of
+        both of its sides."""
         square = self._after_and_before(self.forces**2, self.forces_before**2)
         mean = jnp.sum(square * jnp.diff(self.t)[:, None], axis=0) / (self.t[-1] - self.t[0])
         return self._by_name(jnp.sqrt(mean))
@@ -174,11 +176,6 @@ class Run(AbstractNamed):
     def energy(self) -> dict[str, Array]:
         """What each drive has given in all, by name."""
         return self._by_name(self.energies[-1])
-
-    @property
-    def breakaway(self) -> Float[Array, "times drives 2"]:
-        """What each drive must give more than to start the motion from rest, the one way and the other: `stays`."""
-        return self.stays
 
     def _of(self, multipliers: Array) -> Array:
         return -multipliers[..., np.array([drive.row for drive in self.drives], int)]

@@ -219,11 +219,12 @@ def test_drives_share_by_ratings_and_by_limits_and_keep_a_preload():
 # What is refused, and where a motion ends -----------------------------------------------------------------
 
 
-def arm():
+def arm(friction=None):
     """Two links in the plane on a pin at the origin: two freedoms."""
+    rubs = {} if friction is None else {"friction": friction, "pin_radius": 0.02}
     joints = [
-        rx.Revolute("shoulder", "upper", "ground", point_i=(-0.5, 0.0), point_j=(0.0, 0.0)),
-        rx.Revolute("elbow", "lower", "upper", point_i=(-0.5, 0.0), point_j=(0.5, 0.0)),
+        rx.Revolute("shoulder", "upper", "ground", point_i=(-0.5, 0.0), point_j=(0.0, 0.0), **rubs),
+        rx.Revolute("elbow", "lower", "upper", point_i=(-0.5, 0.0), point_j=(0.5, 0.0), **rubs),
     ]
     return rx.Mechanism([rx.Body(name, 1.0, 0.1) for name in ("upper", "lower")], joints, gravity=(0.0, -9.81))
 
@@ -263,6 +264,15 @@ def test_a_motion_ends_with_its_time_where_the_drive_cannot_take_it_further():
     assert str(run.result) == "redundax.RESULTS<3 successful, 2 no_position>" or "no_position" in str(run)
     states = rx.assemble_along(mechanism, law, ts[:3], start)
     np.testing.assert_array_equal(states.q, run.q[:3])
+
+
+def test_friction_of_a_joint_that_never_slips_is_told():
+    """An arm held by its drive at the elbow, which rubs, while the shoulder turns."""
+    mechanism = arm(rx.Coulomb(0.1))
+    laws, start = {"shoulder.angle": rx.Harmonic(0.2, 1.0), "elbow.angle": 0.0}, {"upper.x": 0.5, "lower.x": 1.5}
+    run = rx.drive(mechanism, laws, np.linspace(0.01, 0.2, 5), start)
+    assert run.remarks == ("Friction of joints that do not slip at any of the times is taken as none: tau elbow.",)
+    assert np.all(np.asarray(run["tau elbow"]) == 0) and np.all(np.asarray(run["tau shoulder"]) < 0)
 
 
 def test_a_singular_position_between_two_times_is_named():
