@@ -295,7 +295,9 @@ def _narrowed(path: Path, low: int, high: int) -> tuple[float, float]:
         times = np.linspace(float(t[0]), float(t[1]), _TOGETHER)
         track = begun(jnp.asarray(q), jnp.asarray(times[0]), path.moving.qd.shape[1])
         positions = follow_known(*given, track, jnp.asarray(times)).q
-        values = np.asarray(_moving_batch(*given, *map(jnp.asarray, (positions, times, _beside(times)))).weakest)
+        values = np.asarray(
+            _moving_batch(*given, *map(jnp.asarray, (positions, times, _beside(jnp.asarray(times))))).weakest
+        )
         j = int(np.argmin(np.where(np.isfinite(values), values, np.inf)))
         at, value = (float(times[j]), float(values[j])) if values[j] < value else (at, value)
         q, t = positions[max(j - 1, 0)], (times[max(j - 1, 0)], times[min(j + 1, _TOGETHER - 1)])

@@ -87,6 +87,7 @@ IN_SPACE = {kind: pair(kind) for kind in public(rs.AbstractPlacedJoint, rs).valu
         "Gear", a, b, u * HERE, (0, 0, 1), u * (HERE + np.array([0.08, 0, 0])), (0, 0, 1), teeth=(20, 60)
     ),
     rs.Distance: lambda a, b, u: rs.Distance("Distance", a, b, u * HERE, u * (HERE + 0.3)),
+    rs.Cable: lambda a, b, u: rs.Cable("Cable", a, b, u * HERE, u * (HERE + 0.3)),
     rs.AngleDriver: lambda a, b, u: rs.AngleDriver("AngleDriver", a, b, u * HERE, *SQUARE, angle=0.0),
     rs.TravelDriver: lambda a, b, u: rs.TravelDriver("TravelDriver", a, b, u * HERE, *SQUARE, travel=0.0),
     rs.Free: lambda a, b, u: rs.Free("Free", a, b),
@@ -137,6 +138,7 @@ IN_THE_PLANE = {
     rx.AngleCoupling: lambda u: rx.AngleCoupling("AngleCoupling", "a", "b", 3.0, 0.1),
     rx.AngleDriver: lambda u: rx.AngleDriver("AngleDriver", "a", "b", 0.4),
     rx.DistanceDriver: lambda u: rx.DistanceDriver("DistanceDriver", "a", "b", u * S, u * T, 0.6 * u),
+    rx.Cable: lambda u: rx.Cable("Cable", "a", "b", u * S, u * T, 0.6 * u),
 }  # fmt: skip
 
 
@@ -195,4 +197,5 @@ CLOSURES: dict[type, Callable[[rx.Mechanism], rx.AbstractClosure]] = {
     rx.AsBuilt: lambda mechanism: rx.AsBuilt(_elastic(mechanism), rx.heated(mechanism, {"2": 30.0}, 1e-5)),
     rx.RowNormalised: lambda mechanism: rx.RowNormalised(),
     rx.UnitConsistent: lambda mechanism: rx.UnitConsistent(),
+    rx.LeastNorm: lambda mechanism: rx.LeastNorm({"drive": 10.0}, _elastic(mechanism)),
 }

@@ -302,7 +302,7 @@ class PointOnPlane(AbstractPlacedJoint):
         one_sided: bool = False,
     ):
         refuse_friction(name, friction)
-        self.one_sided = one_sided
+        self.one_sided = one_sided  # pyright: ignore[reportIncompatibleMethodOverride]
         self.place(name, i, j, at_reference(name, point, axis, mark), on_i, on_j)
 
     @property
