@@ -18,7 +18,7 @@ from .._equations._kinematics import between
 from .._equations._rank import Spectrum
 from .._system._names import ByName
 from .._system._state import State, states_of
-from .._system._system import AbstractSystem
+from .._system._system import AbstractSystem, refuse_contacts
 from .._tools._errors import RedundaxError
 from .._tools._numbers import computed
 from ._analyze import analyze, orthonormal
@@ -179,6 +179,7 @@ def analyze_along(
 
     **Raises:** `ValueError` for fewer than two states.
     """
+    refuse_contacts("analyze_along", system)
     each = states_of(states)
     if len(each) < 2:
         raise RedundaxError(

@@ -33,7 +33,7 @@ from .._solve._solution import Solution
 from .._system._names import ByName, senses
 from .._system._results import RESULTS, is_one_of
 from .._system._state import State
-from .._system._system import AbstractSystem
+from .._system._system import AbstractSystem, refuse_contacts
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._numbers import computed, xp
 
@@ -121,6 +121,7 @@ def stability(
 
     **Raises:** `ValueError` where the solution has no numbers; `RuntimeError` at a singular position.
     """
+    refuse_contacts("stability", system)
     check_closure(closure)
     if not is_one_of(solution.result, RESULTS.successful):
         raise RedundaxError(

@@ -27,7 +27,7 @@ from .._system._friction import have_sense
 from .._system._names import DRIVE, ByName
 from .._system._results import RESULTS, result_codes
 from .._system._state import State
-from .._system._system import AbstractSystem
+from .._system._system import AbstractSystem, refuse_contacts
 from .._tools._compilation import compiled
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import replace_fields
@@ -81,6 +81,7 @@ def drive(
 
     **Raises:** as of `assemble_along`, and `NoSolutionError` with the time at which loads have no solution.
     """
+    refuse_contacts("drive", system)
     if not isinstance(closure, LeastPeak):
         check_closure(closure)
     if solver is not None:

@@ -20,7 +20,7 @@ from .._equations._sparse_factorisation import sparse_factorised
 from .._system._friction import have_direction
 from .._system._results import RESULTS
 from .._system._state import State
-from .._system._system import AbstractSystem, check_system_at
+from .._system._system import AbstractSystem, check_system_at, refuse_contacts
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, check_kind, floats, is_concrete, numpy_of, positive, replace_fields
 from .._tools._numbers import stop_gradient
@@ -118,6 +118,7 @@ def simulate(
 
     from ._integrate import integrate
 
+    refuse_contacts("simulate", system)
     check_closure(closure)
     check_stabilisation(stabilisation)
     if solver is not None:

@@ -20,7 +20,7 @@ from .._solvers._solver import AbstractSolver, Newton, Root
 from .._system._names import ByName, senses
 from .._system._results import RESULTS, is_one_of
 from .._system._state import State
-from .._system._system import AbstractSystem
+from .._system._system import AbstractSystem, refuse_contacts
 from .._tools._module import floats
 from .._tools._numbers import Numeric, computed, xp
 from ._reduced import reduce
@@ -63,6 +63,7 @@ def frictional_solutions(
 
     **Raises:** `RuntimeError` where the equations cannot be trusted at all, whatever the friction, as `solve` does.
     """
+    refuse_contacts("frictional_solutions", system)
     system, factor = dense_at(system, state, rank, factor)
     options = {"closure": closure, "sense": sense, "factor": factor}
     first = solve(system, state, **options, throw=False)

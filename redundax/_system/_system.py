@@ -9,7 +9,7 @@ entries while the chart q may have more.
 
 import abc
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self, cast
 
 import equinox as eqx
 import jax
@@ -410,6 +410,18 @@ def _count(kinds: Any) -> int | None:
 def check_system(system: object) -> None:
     """Refuse what is no system."""
     check_kind("system", system, AbstractSystem, "a mechanism or system", "Give that first, then its state.")
+
+
+def refuse_contacts(call: str, system: object) -> None:
+    """Refuse a system with one-sided contacts, for a call that would hold all of them."""
+    check_system(system)
+    names = cast(AbstractSystem, system).names
+    if names.one_sided:
+        raise RedundaxError(
+            f"Argument `system` has one-sided contacts, {', '.join(names.contacts)}, which `{call}` does not open and "
+            "close. Ask `solve` or `analyze` which of them carry, and give the mechanism with these alone, not "
+            "one-sided."
+        )
 
 
 def check_system_at(system: object, state: object) -> None:

@@ -244,3 +244,26 @@ def test_what_does_not_fit_is_refused():
 
 def beam_with_wrong_row():
     return rx.System(lambda q, t, _: q[:1], mass=jnp.ones(2), one_sided=[4])
+
+
+BOX = rx.PreloadBox({"f1.axial": (0.0, 1.0)})
+CALLS = {
+    "simulate": lambda m, s: rx.simulate(m, s, 0.1),
+    "band": lambda m, s: rx.band(m, s, "f1.axial", BOX),
+    "band_along": lambda m, s: rx.band_along(m, [s], "f1.axial", BOX),
+    "sticking": lambda m, s: rx.sticking(m, s, BOX),
+    "limit_load": lambda m, s: rx.limit_load(m, s, {"table.x": 1.0}),
+    "solution_family": rx.solution_family,
+    "frictional_solutions": rx.frictional_solutions,
+    "stability": lambda m, s: rx.stability(m, s, rx.solve(m, s), rx.MinimumNorm()),
+    "analyze_along": lambda m, s: rx.analyze_along(m, [s, s]),
+    "drive": lambda m, s: rx.drive(m, {"motor.angle": rx.Polynomial([0.0, 1.0])}, [0.0, 1.0]),
+}
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_calls_that_open_no_contacts_say_so(name):
+    mechanism = table_of_joints()
+    state = rx.State(mechanism.reference, jnp.zeros(6))
+    with pytest.raises(rx.RedundaxError, match=rf"one-sided contacts, f1, f2, f3, f4, which `{name}` does not open"):
+        CALLS[name](mechanism, state)

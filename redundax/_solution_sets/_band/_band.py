@@ -30,7 +30,7 @@ from ..._system._names import ByName, index_of, senses, unit_of
 from ..._system._pushing import changing, in_words, pulling
 from ..._system._results import RESULTS
 from ..._system._state import State
-from ..._system._system import AbstractSystem
+from ..._system._system import AbstractSystem, refuse_contacts
 from ..._system._units import with_unit
 from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._module import replace_fields
@@ -210,6 +210,7 @@ def band(
 
     **Raises:** as `solution_family`; `ValueError` where bounds or outputs do not fit the system.
     """
+    refuse_contacts("band", system)
     check_bounds(bounds)
     system, factor = dense_at(system, state, rank, factor)
     report = analyze(system, state, sense=sense, factor=factor)

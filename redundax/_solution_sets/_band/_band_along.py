@@ -25,7 +25,7 @@ from ..._system._joint_coordinates import joint_motion
 from ..._system._names import ByName
 from ..._system._pushing import changing
 from ..._system._state import State, states_of
-from ..._system._system import AbstractSystem
+from ..._system._system import AbstractSystem, refuse_contacts
 from ..._system._units import with_unit
 from ..._tools._numbers import computed, xp
 from .._bounds import AbstractBounds
@@ -284,6 +284,7 @@ def band_along(
 
     **Raises:** as `band`; a note tells at which state.
     """
+    refuse_contacts("band_along", system)
     each, found, slips = states_of(states), [], []
     effort = {"samples": samples, "starts": starts, "seed": seed, "nodes": nodes}
     ask = partial(band, outputs=outputs, bounds=bounds, sense=sense, **effort)

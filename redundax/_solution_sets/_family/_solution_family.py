@@ -29,7 +29,7 @@ from ..._solve._all_solutions import SEARCH_STARTS, start_factors
 from ..._system._names import ByName, index_of, senses, unit_of
 from ..._system._results import RESULTS
 from ..._system._state import State
-from ..._system._system import AbstractSystem
+from ..._system._system import AbstractSystem, refuse_contacts
 from ..._system._units import with_unit
 from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._module import Numbers, as_float, replace_fields
@@ -218,6 +218,7 @@ def solution_family(
     **Raises:** `RuntimeError` where the equations cannot be trusted at all, whatever the friction, or a joint is at
     rest, as `solve` does; `ValueError` for arguments that do not fit the system.
     """
+    refuse_contacts("solution_family", system)
     check_closure(closure)
     system, factor = dense_at(system, state, rank, factor)
     report = analyze(system, state, closure=closure, sense=sense, factor=factor)

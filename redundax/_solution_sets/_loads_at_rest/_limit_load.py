@@ -24,7 +24,7 @@ from ..._equations._response import Response
 from ..._system._names import ByName, unit_of, vector
 from ..._system._pushing import changing, in_words, pulling
 from ..._system._state import State
-from ..._system._system import AbstractSystem, check_system_at
+from ..._system._system import AbstractSystem, check_system_at, refuse_contacts
 from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._module import replace_fields
 from ..._tools._numbers import Numeric, as_numbers, computed, xp
@@ -160,6 +160,7 @@ def limit_load(
 
     **Raises:** `ValueError` where the state moves or the load drives no motion; `RuntimeError` as `band`.
     """
+    refuse_contacts("limit_load", system)
     check_bounds(bounds)
     check_system_at(system, state)
     state = replace_fields(state, memory=())

@@ -29,7 +29,7 @@ from ..._equations._factorisation import Factorisation
 from ..._equations._factorize import dense_at
 from ..._solve._all_solutions import start_factors
 from ..._system._state import State
-from ..._system._system import AbstractSystem, check_system_at
+from ..._system._system import AbstractSystem, check_system_at, refuse_contacts
 from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._module import replace_fields
 from ..._tools._numbers import computed
@@ -82,6 +82,7 @@ def sticking(
     **Raises:** `ValueError` where the state moves, drivers set it in motion, the system has no degree of freedom, or
     bounds do not fit it; `RuntimeError` where the equations cannot be trusted, as `solve` does.
     """
+    refuse_contacts("sticking", system)
     check_bounds(bounds)
     check_system_at(system, state)
     state = replace_fields(state, memory=())  # bristles that bend let it move, so they do not count
