@@ -256,7 +256,7 @@ CALLS = {
     "solution_family": rx.solution_family,
     "frictional_solutions": rx.frictional_solutions,
     "stability": lambda m, s: rx.stability(m, s, rx.solve(m, s), rx.MinimumNorm()),
-    "analyze_along": lambda m, s: rx.analyze_along(m, [s, s]),
+    "analyze_along": lambda m, s: rx.analyze_along(m, jax.tree.map(lambda x: jnp.stack([x, x]), s)),
     "drive": lambda m, s: rx.drive(m, {"motor.angle": rx.Polynomial([0.0, 1.0])}, [0.0, 1.0]),
 }
 
