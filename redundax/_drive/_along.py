@@ -20,7 +20,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem, check_system
 from .._tools._compilation import compiled
 from .._tools._errors import NoSolutionError, RedundaxError
-from .._tools._module import as_float, is_concrete, replace_fields
+from .._tools._module import Numbers, as_float, is_concrete, replace_fields
 from .._tools._numbers import are_known, as_arrays, as_numbers, computing, on_numbers, stop_gradient, xp
 from ._follow import begun, follow, follow_known
 from ._loads import Moving, moving
@@ -54,7 +54,7 @@ class Path(NamedTuple):
 def assemble_along(
     system: AbstractSystem,
     laws: Laws,
-    ts: ArrayLike,
+    ts: Numbers,
     q: ByName | None = None,
     *,
     hold: Sequence[str] = (),
@@ -95,7 +95,7 @@ def assemble_along(
 
 
 def along(
-    system: AbstractSystem, laws: Laws, ts: ArrayLike, q: ByName | None, hold: Sequence[str], throw: bool | None
+    system: AbstractSystem, laws: Laws, ts: Numbers, q: ByName | None, hold: Sequence[str], throw: bool | None
 ) -> Path:
     """What both calls need of the motion."""
     check_system(system)
@@ -171,7 +171,7 @@ def coordinates_of(system: AbstractSystem) -> Axis:
     return join([own, joints]) if system.adds else joints
 
 
-def _times(ts: ArrayLike) -> Array:
+def _times(ts: Numbers) -> Array:
     times = as_float(ts, "ts")
     known = is_concrete(times)
     if times.ndim != 1 or not times.size or (known and not np.all(np.isfinite(times))):

@@ -11,7 +11,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 from jaxtyping import Array, Bool
 
 from .._bodies._joints import AngleDriver, DistanceDriver
@@ -30,7 +29,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem, refuse_contacts
 from .._tools._compilation import compiled
 from .._tools._errors import NoSolutionError, RedundaxError
-from .._tools._module import replace_fields
+from .._tools._module import Numbers, replace_fields
 from .._tools._numbers import are_known, as_arrays
 from ._along import Laws, Path, along, in_batches, narrow_places
 from ._loads import Loads, loads
@@ -47,7 +46,7 @@ _CONTRADICTS = 1e-7  # of the accelerations that redundant rows prescribe: what 
 def drive(
     system: AbstractSystem,
     laws: Laws,
-    ts: ArrayLike,
+    ts: Numbers,
     q: ByName | None = None,
     *,
     hold: Sequence[str] = (),
