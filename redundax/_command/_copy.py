@@ -3,8 +3,9 @@
 import pathlib
 from collections.abc import Iterator
 
-from .._models._formats import MODELS, document
-from .._models._read import closures_of
+from .._models._content import document
+from .._models._formats import MODELS
+from .._models._urdf import closures_of
 from ._file import FileError, check_target
 
 _PICTURES = ("texture",)  # of the elements that name files, those that `texturedir` is for

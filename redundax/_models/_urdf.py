@@ -12,7 +12,10 @@ from typing import Any
 
 from .._tools._errors import RedundaxError
 from .._tools._words import did_you_mean, ended, short
-from ._tree import WITHOUT
+from ._closed_loops import add_closed_loops, add_drives, loops_in, transmissions
+from ._content import document
+from ._description import WITHOUT, Description
+from ._mjcf import by_mujoco
 
 _KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 _SINGLE = ("revolute", "continuous", "prismatic")
@@ -27,6 +30,28 @@ _GROUND = "world"  # a link of this name is the ground
 _HOLDING = ("gazebo", "ros2_control", "plugin")  # of much else
 _LOOPS = re.compile("mimic|loop|constraint|closure|weld|coupl|gearbox|bushing|attach", re.IGNORECASE)
 _JOINTS = re.compile(f"joint|hinge|pivot|screw|{_LOOPS.pattern}", re.IGNORECASE)
+
+
+def closures_of(path: pathlib.Path, given: str | pathlib.Path | None) -> pathlib.Path | None:
+    """The file of the loops of a URDF: the one given, or that beside it, if there is one."""
+    if given is not None:
+        return pathlib.Path(given)
+    beside = [path.with_suffix(ending) for ending in (".yaml", ".yml")] if path.suffix.lower() == ".urdf" else []
+    return next((file for file in beside if file.is_file()), None)
+
+
+def read_urdf(path: pathlib.Path, closures: pathlib.Path | None) -> Description:
+    """What a URDF says, with the file of its loops."""
+    root = document(path)
+    check_urdf(path, root)
+    loops = {} if closures is None else loops_in(closures)
+
+    def changed(spec: Any) -> list[str]:
+        notes = [] if closures is None else add_closed_loops(spec, path, closures)
+        notes += unread(path, root, loops.get("closed_loop") or [])
+        return notes + (add_drives(spec, transmissions(path)) if not spec.actuators else [])
+
+    return by_mujoco("URDF", path, changed)
 
 
 def check_urdf(path: pathlib.Path, root: Any) -> None:

@@ -14,8 +14,10 @@ import pytest
 
 import redundax as rx
 from redundax import __main__ as command
-from redundax._models._read import closures_of, read
-from redundax._models._tree import missing_of, tree_of
+from redundax._models._description import missing_of
+from redundax._models._formats import describe
+from redundax._models._tree import Tree
+from redundax._models._urdf import closures_of
 
 pytest.importorskip("mujoco")
 pytest.importorskip("yaml")
@@ -67,13 +69,13 @@ def write(tmp_path):
 
 def taken(file):
     """The tree of a file, and what is said of it."""
-    model, notes = read(file, closures_of(file, None))
-    return tree_of(model)[0], notes
+    described = describe(file, closures_of(file, None))
+    return Tree(described), described.notes
 
 
 def figures(tree):
     """Redundancy and freedom, in the coordinates of the joints."""
-    slopes = tree.system(tree.model.qpos0)[1]
+    slopes = tree.system(tree.reference)[1]
     rank = np.linalg.matrix_rank(slopes, tol=1e-9)
     return len(slopes) - rank, slopes.shape[1] - rank
 
@@ -167,7 +169,7 @@ def test_a_pipe_is_no_file_of_closures(write, tmp_path):
     os.mkfifo(tmp_path / "pipe")
     for place in (tmp_path / "pipe", pathlib.Path("/dev/zero"), tmp_path):
         with pytest.raises(rx.RedundaxError, match=r"is no file. Name a file"):
-            read(write(OPEN), place)
+            describe(write(OPEN), place)
 
 
 def test_names_of_kinds_may_be_in_small_letters_and_the_file_may_end_in_yml(write, tmp_path):
