@@ -33,7 +33,7 @@ from .._bodies._space._joints import (
 )
 from .._bodies._space._placement import Placement
 from .._bodies._space._rotation import as_quaternion
-from ._description import Description, End, Joint, Loop, Tie
+from ._description import Description, End, Joint, Loop, Motor, Tie
 from ._joint_loads import armature, carried_armature, joint_loads
 from ._tree import Tree
 
@@ -61,8 +61,9 @@ _KINDS: dict[str, Callable[..., Any]] = {
 }
 
 
-def mechanism_of(described: Description) -> tuple[Mechanism, list[str]]:
-    """The mechanism, and what of the joints is left out, a line each."""
+def mechanism_of(described: Description, *, driven: bool = False) -> tuple[Mechanism, list[str]]:
+    """The mechanism, with or without the file's motions by laws of time, and what of its joints is left out, a line
+    each."""
     bodies: dict[str, Any] = {body.name: body for body in _bodies(described)}
     loads, notes = joint_loads(described, {GROUND: GROUND, **bodies})
     joints = [_joint(described, joint) for joint in described.joints]
@@ -73,6 +74,7 @@ def mechanism_of(described: Description) -> tuple[Mechanism, list[str]]:
         if tie.second >= 0
     ]
     joints += [_lock(described, tie) for tie in described.ties if tie.second < 0]
+    joints += [_motion(described, motor) for motor in described.motors if driven]
     weightless = [
         described.child(joint)
         for joint in described.joints
@@ -154,6 +156,15 @@ def _loop(described: Description, loop: Loop) -> Any:
     if loop.kind == "point-on-plane joint":
         first = first._replace(point=first.point + loop.value * first.axes[:, 2])
     return _KINDS[loop.kind](**_held(described, loop.name, loop.second, first))
+
+
+def _motion(described: Description, motor: Motor) -> Any:
+    """What moves a joint by its law of time."""
+    joint = described.joints[motor.joint]
+    held = _held(described, motor.name, joint.child, joint.parent)
+    if COORDINATES[joint.kind][motor.coordinate] == "angle":
+        return AngleDriver(**held, angle=motor.law)
+    return TravelDriver(**held, travel=motor.law)
 
 
 def _lock(described: Description, tie: Tie) -> Any:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from .._tools._errors import RedundaxError
 from .._tools._words import did_you_mean, ended, short
+from ._asmt import FIRST_LINES, read_asmt
 from ._content import first_element
 from ._description import Description
 from ._mjcf import read_mjcf
@@ -32,6 +33,7 @@ class Format(NamedTuple):
 FORMATS = (
     Format("MJCF", (".xml", ".mjcf"), lambda path, _: read_mjcf(path), "mujoco"),
     Format("URDF", (".urdf",), read_urdf, "robot"),
+    Format("ASMT", (".asmt",), lambda path, _: read_asmt(path), first=FIRST_LINES),
 )
 MODELS = tuple(ending for form in FORMATS for ending in form.endings)
 _READ = f"{' and '.join(f'{form.name} ({form.endings[0]})' for form in FORMATS)} are read"

@@ -16,6 +16,7 @@ from .._tools._module import Numbers
 from ._build import mechanism_of, position_of
 from ._description import WITHOUT, Description, missing_of
 from ._formats import describe
+from ._series import Series
 from ._start import Limit, Start, outside, start
 from ._tree import OPEN, Tree
 from ._urdf import closures_of
@@ -35,8 +36,8 @@ class Model:
     - `mechanism`: with the names of the file.
     - `state`: a closed one at rest, the file's own position, or that of a keyframe, moved as little as closing asks.
     - `notes`: what was left out, a line each.
-    - `joints`: names of the joints of the file, by kind: "hinge", "slide", "ball" and "free".
-    - `loops`: names of what closes loops, by kind: "connect", "weld" and "coupling".
+    - `joints`: names of the joints of the file, by kind: "hinge", "slide", "ball", "free", "cylindrical joint" and so on.
+    - `loops`: names of what closes loops, by kind: "connect", "weld", "coupling", or as joints.
     - `misfits`: how far each of them is from closed in the file, m or rad, whichever is more.
     - `moved`: how far joints were moved to close them, rad or m, by their names; empty where that was not needed.
     - `keyframe`: that of the file which `state` is, or "" for the position where all joints are as the file draws them.
@@ -123,6 +124,16 @@ class Model:
         return not any(note.endswith(WITHOUT) for note in self.notes)
 
     @property
+    def driven(self) -> Mechanism:
+        """The mechanism with the motions that the file gives by laws of time, as drivers; it has more rows."""
+        return mechanism_of(self.described, driven=True)[0]
+
+    @property
+    def series(self) -> Series | None:
+        """What a program has stored of a run in the file: positions of bodies and reactions of joints over time."""
+        return self.described.series
+
+    @property
     def described(self) -> Description:
         """What the file says."""
         return self.tree.description
@@ -131,7 +142,7 @@ class Model:
 def load_model(
     path: str | pathlib.Path, closures: str | pathlib.Path | None = None, *, keyframe: str | None = None
 ) -> Model:
-    """A mechanism in space, closed, from a file of MJCF (.xml) or URDF; it needs `redundax[models]`.
+    """A mechanism in space, closed, from a file of MJCF (.xml), URDF or ASMT; the first two need `redundax[models]`.
 
     Constraints that MuJoCo makes soft, `connect`, `weld` and `joint`, are ideal here. Bodies that the file fixes to
     others are one with them. Springs, damping, gravity and armature act; contact, limits of joints, sensors, forces of

@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._bodies._body import GROUND
-from .._bodies._space._placement import Placement
 from .._bodies._space._rotation import rotation
 from .._tools._optional import optional
 from ._description import WITHOUT, Body, Description, End, Joint, Loop, Tie, unique
+from ._vectors import axes_of
 
 LEAST = 1e-14  # kg and kg m^2: less is no mass at all, which MuJoCo takes for no moving body
 _TORQUE_SCALE = 10  # of a weld: where its data have it
@@ -131,9 +131,11 @@ def _joint(model: Any, data: Any, bodies: Sequence[Body], number: dict[int, int]
     is_first = joint == int(model.body_jntadr[body])
     parent = number[root_of(model, int(model.body_parentid[body]))] if is_first else joint
     place, size = int(model.jnt_qposadr[joint]), {"free": 7, "ball": 4}.get(kind, 1)
-    dof, axis = int(model.jnt_dofadr[joint]), (0.0, 0.0, 1.0) if kind in ("ball", "free") else data.xaxis[joint].copy()
-    placed = Placement(data.xanchor[joint].copy(), axis)
-    at = np.asarray(placed.point), np.asarray(placed.axes)
+    dof, axis = (
+        int(model.jnt_dofadr[joint]),
+        np.array([0.0, 0.0, 1.0]) if kind in ("ball", "free") else data.xaxis[joint].copy(),
+    )
+    at = data.xanchor[joint].copy(), axes_of(axis)
     limits = None
     if model.jnt_limited[joint] and kind != "free":
         low, high = model.jnt_range[joint].tolist()

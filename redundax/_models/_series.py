@@ -8,7 +8,16 @@ import numpy as np
 @dataclasses.dataclass(frozen=True, eq=False)
 class BodySeries:
     """Of a body over time: where its frame is, (times, 3), its axes, (times, 3, 3), and velocity and angular velocity,
-    (times, 3); global, m, m/s, rad/s. Velocities are None where they are not stored."""
+    (times, 3); global, m, m/s, rad/s. Velocities are None where they are not stored.
+
+    ??? example
+
+        ```python
+        import numpy as np
+
+        rx.types.BodySeries(np.zeros((1, 3)), np.eye(3)[None])
+        ```
+    """
 
     position: np.ndarray
     axes: np.ndarray
@@ -19,7 +28,16 @@ class BodySeries:
 @dataclasses.dataclass(frozen=True, eq=False)
 class ReactionSeries:
     """Of a joint over time: force, N, and moment, N m, on the body `on`, about `point`, both (times, 3), in global
-    axes. `point` is fixed to that body, in its frame, m; on "ground" it is global."""
+    axes. `point` is fixed to that body, in its frame, m; on "ground" it is global.
+
+    ??? example
+
+        ```python
+        import numpy as np
+
+        rx.types.ReactionSeries("ground", np.zeros(3), np.array([[0.0, 0.0, 9.81]]), np.zeros((1, 3)))
+        ```
+    """
 
     on: str
     point: np.ndarray

@@ -124,7 +124,7 @@ class _Path:
 
     def at(self, positions: np.ndarray, way: np.ndarray) -> _Point:
         _, values, basis = np.linalg.svd(self.tree.system(positions)[1] * self.tree.scale())
-        motion = basis[self.rank :]
+        motion = basis[np.sum(values[: self.rank] > _HELD * values[:1]) :]  # at a singular position straight on
         on = motion.T @ (motion @ way)
         return _Point(positions, on / (np.abs(on).max() or 1.0), values[: self.rank] / values[0])
 

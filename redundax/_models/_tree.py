@@ -272,7 +272,7 @@ class Tree:
         """Of a long step of each joint: the size of the model for one that slides or floats, 1 for one that turns."""
         slides = [np.full(dofs.stop - dofs.start, joint.kind == "free") for joint, dofs in self._each()]
         for found, motions in zip(slides, self._motions, strict=True):
-            found[: len(motions)] |= [not motion.is_turn for motion in motions]
+            found[: len(motions)] = [not motion.is_turn for motion in motions]
         return np.where(np.concatenate([np.zeros(0, bool), *slides]), self.size, 1.0)
 
     def _each(self) -> list[tuple[Joint, slice]]:

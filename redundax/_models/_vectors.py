@@ -2,7 +2,16 @@
 
 import numpy as np
 
-from .._bodies._space._rotation import product, quaternion
+from .._bodies._space._rotation import NEAR_X, product, quaternion
+
+
+def axes_of(z: np.ndarray) -> np.ndarray:
+    """Axes of which z is one and x is as of a `Placement` without a mark, in double precision whatever JAX computes
+    in."""
+    other = np.eye(3)[int(abs(z[0]) > NEAR_X)]
+    x = other - (other @ z) * z
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z], axis=-1)
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
