@@ -20,8 +20,10 @@ def urdf_moves(model: Model) -> list[Edit]:
         if joint.kind == "hinge" and joint.name in free:
             rows = tuple(f"{joint.name}.{row}" for row in TURNS[:2])
             moves.append(Edit(rows, joint, "ball", model.described.weight_on(joint)))
+    pairs = [] if model.closures is None else loops_in(model.closures).get("closed_loop") or []
+    beside = {f"weld {' ~ '.join(map(str, pair))}" for pair in pairs}
     for loop in model.tree.loops:
-        if loop.kind == "weld":
+        if loop.name in beside:
             moves.append(Edit(tuple(f"{loop.name}.{row}" for row in TURNS), loop, "point"))
     return moves
 

@@ -36,7 +36,8 @@ FORMATS = (
     Format("ASMT", (".asmt",), lambda path, _: read_asmt(path), first=FIRST_LINES),
 )
 MODELS = tuple(ending for form in FORMATS for ending in form.endings)
-_READ = f"{' and '.join(f'{form.name} ({form.endings[0]})' for form in FORMATS)} are read"
+_WORDS = [f"{form.name} ({form.endings[0]})" for form in FORMATS]
+_READ = f"{', '.join(_WORDS[:-1])} and {_WORDS[-1]} are read"
 _CONVERT = f"{_READ}: convert it, with loops in `equality` of MJCF or in a file of closures beside a URDF"
 _EXPORT = f"{_READ}: export one of these, or describe the mechanism in Python"
 _UNPACK = "Unpack it first"

@@ -21,6 +21,7 @@ from ._content import document, not_in_utf8
 from ._description import WITHOUT, Description, unique
 from ._foreign import known_part
 from ._mujoco_model import LEAST, described
+from ._source import Source
 
 _MOST_BODIES = 20_000  # MuJoCo reads them in 20 s, and four times as many in sixteen times that
 _LARGEST = 1e30  # of any number of a model, in its units
@@ -62,7 +63,8 @@ def by_mujoco(
     form: str,
     path: pathlib.Path,
     change: Callable[[Any], list[str]],
-    closed: Sequence[tuple[str, str, str, str]] = (),
+    closed: Sequence[tuple[str, str, str, str, bool]] = (),
+    without: Sequence[str] = (),
 ) -> Description:
     """What a file says that MuJoCo reads.
 
@@ -70,7 +72,9 @@ def by_mujoco(
 
     - `form`: name of its format.
     - `change`: of MuJoCo's specification, before what constrains nothing is taken out; returns what is left out.
-    - `closed`: loops besides those of MuJoCo: their names, their kinds, and a site for each end.
+    - `closed`: loops besides those of MuJoCo: their names, their kinds, a site for each end, and whether the first is
+      where the second is in the reference pose.
+    - `without`: names of joints of a URDF that are taken out of what MuJoCo reads.
     """
     mujoco, content = optional("mujoco", "models"), path.read_bytes()
     if (size := max(content.count(b"<body"), content.count(b"<link"))) > _MOST_BODIES:
@@ -80,7 +84,7 @@ def by_mujoco(
         )
     with _silent(mujoco) as warned:
         try:
-            model, notes = _read(mujoco, path, change)
+            model, notes = _read(mujoco, path, change, without)
             bytes(model.names).decode()
         except UnicodeDecodeError as error:
             what = not_in_utf8(content) or "includes a file that is not in UTF-8"
@@ -105,8 +109,10 @@ def _silent(mujoco: Any) -> Iterator[list[str]]:
         mujoco.set_mju_user_warning(before)
 
 
-def _read(mujoco: Any, path: pathlib.Path, change: Callable[[Any], list[str]]) -> tuple[Any, list[str]]:
-    spec, notes = specification(mujoco, path)
+def _read(
+    mujoco: Any, path: pathlib.Path, change: Callable[[Any], list[str]], without: Sequence[str]
+) -> tuple[Any, list[str]]:
+    spec, notes = _without(mujoco, path, without) if without else specification(mujoco, path)
     _check_weights(spec, path)
     notes += change(spec)
     notes += _stripped(mujoco, spec)
@@ -116,6 +122,17 @@ def _read(mujoco: Any, path: pathlib.Path, change: Callable[[Any], list[str]]) -
         if not np.all(np.abs(values) < _LARGEST):
             raise RedundaxError(f"Argument `path`: '{path}' has {of} that are no numbers, or beyond all. Correct them.")
     return model, notes
+
+
+def _without(mujoco: Any, path: pathlib.Path, joints: Sequence[str]) -> tuple[Any, list[str]]:
+    """The specification of a URDF without the last joint of each of some names."""
+    source = Source(path)
+    for name in joints:
+        source.remove([each for each in source.root.all() if each.tag == "joint" and each.get("name") == name][-1])
+    with tempfile.TemporaryDirectory() as folder:
+        copy = pathlib.Path(folder) / path.name
+        copy.write_bytes(source.changed())
+        return specification(mujoco, copy)
 
 
 def specification(mujoco: Any, path: pathlib.Path) -> tuple[Any, list[str]]:

@@ -36,7 +36,7 @@ class Model:
     - `mechanism`: with the names of the file.
     - `state`: a closed one at rest, the file's own position, or that of a keyframe, moved as little as closing asks.
     - `notes`: what was left out, a line each.
-    - `joints`: names of the joints of the file, by kind: "hinge", "slide", "ball", "free", "cylindrical joint" and so on.
+    - `joints`: names of the joints of the file, by kind: "hinge", "slide", "ball", "free", or others.
     - `loops`: names of what closes loops, by kind: "connect", "weld", "coupling", or as joints.
     - `misfits`: how far each of them is from closed in the file, m or rad, whichever is more.
     - `moved`: how far joints were moved to close them, rad or m, by their names; empty where that was not needed.

@@ -24,7 +24,7 @@ class Origin(NamedTuple):
 
 
 def described(
-    form: str, model: Any, notes: Sequence[str], closed: Sequence[tuple[str, str, str, str]] = ()
+    form: str, model: Any, notes: Sequence[str], closed: Sequence[tuple[str, str, str, str, bool]] = ()
 ) -> Description:
     """The description of a model of a format; see `by_mujoco`."""
     mujoco = optional("mujoco", "models")
@@ -35,9 +35,9 @@ def described(
     movers = [k for k in range(1, model.nbody) if model.body_jntnum[k]]
     number = {0: 0} | {k: int(model.body_jntadr[k] + model.body_jntnum[k]) for k in movers}
     loops, ties, places, more = _constraints(model, data, number)
-    for name, kind, one, two in closed:
+    for name, kind, one, two, coincide in closed:
         first, second = _site_ends(model, data, model.site(one).id, model.site(two).id, number)
-        loops.append(Loop(name, kind, first, second))
+        loops.append(Loop(name, kind, second._replace(body=first.body) if coincide else first, second))
     names = unique([part.name for part in (*loops, *ties)], ())
     loops = [loop._replace(name=name) for loop, name in zip(loops, names, strict=False)]
     ties = [tie._replace(name=name) for tie, name in zip(ties, names[len(loops) :], strict=True)]
