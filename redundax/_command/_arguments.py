@@ -105,14 +105,16 @@ def _audit(commands: Any) -> argparse.ArgumentParser:
     """Add the command on models from files."""
     examination = commands.add_parser(
         "audit",
-        help="what is redundant in a model from a file: MJCF, URDF or yours",
+        help="what is redundant in a model from a file: MJCF, URDF, ASMT or yours",
         description="Closes the loops of a model and says how many constraints are redundant, which joint loads are "
         "unique, and what to release; at several positions, which must agree.",
         epilog="Exit status: 0 if nothing is redundant, or no more than allowed, 2 if the file cannot be read or "
         "closed, 3 if something is redundant, 4 if positions do not agree or cannot be decided, or a "
         "constraint of the file is left out.",
     )
-    examination.add_argument("system", metavar="MODEL", help=".xml (MJCF), .urdf, or FILE.py:NAME as for analyze")
+    examination.add_argument(
+        "system", metavar="MODEL", help=".xml (MJCF), .urdf, .asmt, or FILE.py:NAME as for analyze"
+    )
     examination.add_argument(
         "--closures",
         metavar="FILE",

@@ -5,6 +5,7 @@ import contextlib
 import json
 import pathlib
 import warnings
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -178,17 +179,15 @@ def _about(model: Model) -> dict[str, Any]:
         "outside_limits": [limit._asdict() for limit in model.outside],
         "whole": model.is_whole,
         "left_out": list(model.notes),
+        "soft": model.described.is_soft,
     }
 
 
 def _heading(path: str, about: dict[str, Any], asked: bool) -> list[str]:
     if not about:
         return [path]
-    counts = [
-        f"{len(names)} {kind}{'s' * (len(names) > 1)}"
-        for part in ("joints", "loops")
-        for kind, names in about[part].items()
-    ]
+    kinds = Counter(kind for part in ("joints", "loops") for kind, names in about[part].items() for _ in names)
+    counts = [f"{count} {kind}{'s' * (count > 1)}" for kind, count in kinds.items()]
     lines = [f"{path}: {about['bodies']} {'body' if about['bodies'] == 1 else 'bodies'}; {', '.join(counts)}"]
     return [*lines, *(line for each in _position(about, asked) for line in wrapped(each))]
 
@@ -219,7 +218,7 @@ def _position(about: dict[str, Any], asked: bool) -> Iterator[str]:
 
 def _notes(about: dict[str, Any]) -> list[str]:
     """What the model here is without."""
-    soft = ["Loops are taken as rigid, where MuJoCo has springs."] if about.get("loops") else []
+    soft = ["Loops are taken as rigid, where MuJoCo has springs."] if about.get("loops") and about["soft"] else []
     notes = [" ".join(note.split()) for note in about.get("left_out", ())]
     return [*soft, *(note if " is left out" in note else f"left out: {note}" for note in notes)]
 

@@ -3,10 +3,12 @@
 import pathlib
 from collections.abc import Iterator
 
-from .._models._formats import MODELS, document
-from .._models._read import closures_of
+from .._models._content import document
+from .._models._formats import MODELS
+from .._models._urdf import closures_of
 from ._file import FileError, check_target
 
+_WRITTEN = (".xml", ".mjcf", ".urdf")
 _PICTURES = ("texture",)  # of the elements that name files, those that `texturedir` is for
 
 
@@ -16,6 +18,8 @@ def check_copy(system: str, closures: str | None, file: pathlib.Path) -> None:
     kind = source.suffix.lower()
     if kind not in MODELS:
         raise FileError(f"Argument `--fix` copies {', '.join(MODELS)}, but '{system}' is none. Leave it out.")
+    if kind not in _WRITTEN:
+        raise FileError(f"Argument `--fix` writes {', '.join(_WRITTEN)}, but '{system}' is none. Leave it out.")
     if file.suffix.lower() != kind:
         raise FileError(f"Argument `--fix` must end in {kind} as the model does, but is '{file}'. Rename it.")
     if _same(file, source):

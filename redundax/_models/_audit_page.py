@@ -8,10 +8,10 @@ import numpy as np
 from .._tools._table import WIDTH
 from ._audit import Audit, Look, Part
 from ._choice import listed, series, vector
+from ._description import WITHOUT
 from ._drives import Drives
 from ._repair_page import VECTOR, Lines, all_releases, kept_together, mended, told_alike, wrapped
 from ._travel import Travel
-from ._tree import WITHOUT
 
 _ROWS = {
     "axial": "force along the axis",

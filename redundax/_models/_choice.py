@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ._edit_mjcf import ROWS, Edit
-from ._plan import Link
+from ._description import Joint
+from ._edit import ROWS, Edit
 
 LEAST = 1e-3  # margins: of what adds no motion
 USABLE = 0.02  # and of what stays clear of it along the motion
@@ -145,11 +145,11 @@ def _change(edits: Sequence[Edit], directions: Mapping[str, np.ndarray]) -> str:
     if how == "couple":
         return "becomes a joint equality, which bears nothing else|become joint equalities, which bear nothing else"
     rows = [row for edit in edits for row in edit.rows]
-    if isinstance(target, Link) and len(rows) == len(ROWS[target.kind]):
+    if isinstance(target, Joint) and len(rows) == len(ROWS[target.kind]):
         return "carries nothing then: it is free in all directions|carry nothing then: they are free in all directions"
     told: dict[str, list[str]] = {}
     for row in rows:
-        is_ball = isinstance(target, Link) and target.kind == "ball"  # it has no axis
+        is_ball = isinstance(target, Joint) and target.kind == "ball"  # it has no axis
         words = "slides along" if is_ball else _WORDS[row.rpartition(".")[2]]
         told.setdefault(words, []).append(vector(directions[row]) if row in directions else "")
     return listed([f"{words} {' and '.join(along)}".rstrip() for words, along in told.items()])

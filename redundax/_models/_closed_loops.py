@@ -17,7 +17,7 @@ from typing import Any
 from .._tools._errors import RedundaxError
 from .._tools._optional import optional
 from .._tools._words import did_you_mean, ended, short
-from ._formats import document, not_in_utf8
+from ._content import document, not_in_utf8
 
 _AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 KEYS = ("closed_loop", "type", "joint_name", "joint_type", "name_mot")
@@ -27,11 +27,10 @@ _MOST = 8  # names that a message lists
 _ALIKE = 0.75  # of words, one of which is a slip for the other
 
 
-def add_closed_loops(mujoco: Any, spec: Any, path: pathlib.Path, closures: pathlib.Path) -> list[str]:
+def add_closed_loops(spec: Any, path: pathlib.Path, closures: pathlib.Path) -> list[str]:
     """Add the loops and drives of the file `closures` to the specification of the file `path`, and say in a line each
     what of it is not read, and which joints are driven that there are not."""
-    loops = loops_in(closures)
-    refuse = _refuser(closures)
+    mujoco, loops, refuse = optional("mujoco", "models"), loops_in(closures), _refuser(closures)
     pairs, kinds, names, replaced, driven = (_list(loops, key, refuse) for key in KEYS)
     for (key, values), (other, types) in (
         (("closed_loop", pairs), ("type", kinds)),
@@ -58,11 +57,12 @@ def add_closed_loops(mujoco: Any, spec: Any, path: pathlib.Path, closures: pathl
             raise refuse(f"drives the joint {short(name)}, which is no joint that moves. {hint}")
     others = [short(key) for key in loops if key not in KEYS]
     unread = [f"of '{closures}': {', '.join(others[:_MOST])}"] if others else []
-    return [*unread, *add_drives(mujoco, spec, driven)]
+    return [*unread, *add_drives(spec, driven)]
 
 
-def add_drives(mujoco: Any, spec: Any, names: list[str]) -> list[str]:
+def add_drives(spec: Any, names: list[str]) -> list[str]:
     """Drive joints by name, and say which of them are not there."""
+    mujoco = optional("mujoco", "models")
     for name in names:
         if spec.joint(name) is not None:
             spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=name)

@@ -5,28 +5,20 @@ The joint more comes before the one it frees, so that its axis is fixed to the p
 
 import pathlib
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from .._bodies._space._placement import Placement
 from .._tools._errors import RedundaxError
 from .._tools._optional import optional
+from ._description import Joint, Loop, unique
+from ._edit import ROWS, TURNS, Edit, Written
+from ._mjcf import specification
 from ._model import Model
-from ._plan import Link
-from ._read import specification
+from ._mujoco_model import body_ends
 from ._source import Element, Source, tag_of
 from ._stress import AXES
-from ._tree import Loop, root_of, unique
 
-ROWS = {
-    "hinge": ("radial_1", "radial_2", "axial", "bend_1", "bend_2"),
-    "slide": ("radial_1", "radial_2", "bend_1", "bend_2", "twist"),
-    "ball": ("radial_1", "radial_2", "axial"),
-    "connect": ("radial_1", "radial_2", "axial"),
-    "weld": ("radial_1", "radial_2", "axial", "bend_1", "bend_2", "twist"),
-}
-TURNS = ("bend_1", "bend_2", "twist")
 _FREE = {
     "limited": "false",
     "stiffness": "0",
@@ -39,44 +31,12 @@ _ANY = ("name", "class", "active", "solref", "solimp")  # attributes of any loop
 _EXACT = 1e-9  # misfit of a weld in the file whose anchor a connect can take over, m or rad
 
 
-class Edit(NamedTuple):
-    """What frees some rows: their names, what is changed, and how.
-
-    - `how`: "free" a direction, a "ball" in place of a hinge, hold a "point" alone, "couple" two joints in place of a
-      weld, or "delete".
-    - `weight`: the mass that hangs on a joint of the tree; of what closes a loop -1. `joints`: those that are coupled.
-    """
-
-    rows: tuple[str, ...]
-    target: Link | Loop | str
-    how: str
-    weight: float = -1.0
-    joints: tuple[int, ...] = ()
-
-    @property
-    def name(self) -> str:
-        """Of what is changed."""
-        return self.target if isinstance(self.target, str) else self.target.name
-
-
-class Written(NamedTuple):
-    """The files of a copy, and what else is to be said of it."""
-
-    files: tuple[pathlib.Path, ...]
-    note: str = ""
-
-
-def hanging(model: Model, link: Link) -> float:
-    """The mass that a joint of the tree carries."""
-    return float(model.tree.model.body_subtreemass[model.tree.model.jnt_bodyid[link.joint]])
-
-
 def mjcf_moves(model: Model) -> list[Edit]:
     """What MJCF can say, of the joints and loops of a model."""
     moves = []
-    for link in model.plan.links:
-        for row in ROWS.get(link.kind, ()):
-            moves.append(Edit((f"{link.name}.{row}",), link, "free", hanging(model, link)))
+    for joint in model.tree.joints:
+        for row in ROWS.get(joint.kind, ()):
+            moves.append(Edit((f"{joint.name}.{row}",), joint, "free", model.described.weight_on(joint)))
     for loop in model.tree.loops:
         if loop.kind == "weld" and model.misfits[loop.name] < _EXACT:
             moves.append(Edit(tuple(f"{loop.name}.{row}" for row in TURNS), loop, "point"))
@@ -92,34 +52,28 @@ def mjcf_moves(model: Model) -> list[Edit]:
 def _alike(model: Model, loop: Loop) -> tuple[int, int] | None:
     """The joints of the bodies that a weld holds, if they move alike: hinges on one axis, or slides along one, on the
     same body."""
-    theirs, data = model.tree.model, model.tree.at(model.tree.model.qpos0)
-    bodies = [root_of(theirs, end.body) for end in (loop.first, loop.second)]
-    if any(theirs.body_jntnum[body] != 1 for body in bodies):
+    theirs, numbers = model.described.origin.model, [end.body - 1 for end in (loop.first, loop.second)]
+    if min(numbers) < 0:
         return None
-    first, second = (int(theirs.body_jntadr[body]) for body in bodies)
-    kinds = [model.tree.joint_kind(joint) for joint in (first, second)]
-    parents = {root_of(theirs, int(theirs.body_parentid[body])) for body in bodies}
-    if kinds not in (["hinge"] * 2, ["slide"] * 2) or len(parents) > 1:
+    joints = [model.tree.joints[number] for number in numbers]
+    if [joint.kind for joint in joints] not in (["hinge"] * 2, ["slide"] * 2):
         return None
-    if not all(theirs.joint(joint).name for joint in (first, second)):
+    if joints[0].parent.body != joints[1].parent.body:
         return None
-    along, other = data.xaxis[first], data.xaxis[second]
-    apart = np.cross(data.xanchor[second] - data.xanchor[first], along) if kinds[0] == "hinge" else np.zeros(3)
-    turned = np.abs(_frame(model, loop).T @ along).max() < 1 - _EXACT  # no row of the weld is along the axis
-    if np.abs([np.cross(along, other), apart]).max() > _EXACT or turned:
+    if any(theirs.body_jntnum[_body(model, joint)] != 1 or not theirs.joint(_number(joint)).name for joint in joints):
         return None
-    return first, second
-
-
-def _frame(model: Model, loop: Loop) -> np.ndarray:
-    """Axes of the rows of a loop in the file's position, global."""
-    return model.tree.at(model.tree.model.qpos0).xmat[loop.first.body].reshape(3, 3) @ loop.first.axes
+    along, other = (joint.parent.axes[:, 2] for joint in joints)
+    apart = joints[1].parent.point - joints[0].parent.point if joints[0].kind == "hinge" else np.zeros(3)
+    turned = np.abs(loop.first.axes.T @ along).max() < 1 - _EXACT  # no row of the weld is along the axis
+    if np.abs([np.cross(along, other), np.cross(apart, along)]).max() > _EXACT or turned:
+        return None
+    return numbers[0], numbers[1]
 
 
 def _coupling(model: Model, loop: Loop, pair: tuple[int, int]) -> Edit:
     """Of a weld of bodies whose joints are alike: couple these, so that each bears what it bears alone."""
-    along = model.tree.at(model.tree.model.qpos0).xaxis[pair[0]].copy()
-    kept = int(np.argmax(np.abs(_frame(model, loop).T @ along))) + 3 * (model.tree.joint_kind(pair[0]) == "hinge")
+    joint = model.tree.joints[pair[0]]
+    kept = int(np.argmax(np.abs(loop.first.axes.T @ joint.parent.axes[:, 2]))) + 3 * (joint.kind == "hinge")
     rows = tuple(f"{loop.name}.{row}" for k, row in enumerate(ROWS["weld"]) if k != kept)
     return Edit(rows, loop, "couple", joints=pair)
 
@@ -157,20 +111,20 @@ def _keyframes(keys: Sequence[Any]) -> str:
 
 def _change(source: Source, model: Model, edit: Edit) -> str:
     """Change a file as an edit says, and tell the change in a line."""
-    if isinstance(edit.target, Link):
+    theirs = model.described.origin.model
+    if isinstance(edit.target, Joint):
         element = _joint(source, model, edit.target)
         more = tag_of("joint", _freed(source, model, edit.target, edit.rows[0].rpartition(".")[2]))
         _insert(source, element, more)
-        body = int(model.tree.model.jnt_bodyid[edit.target.joint])
-        where = "" if element.get("name") else f" in body {model.tree.model.body(body).name or body}"
+        body = _body(model, edit.target)
+        where = "" if element.get("name") else f" in body {theirs.body(body).name or body}"
         return f"{more} before {source.text(element)}{where}"
     element = _equality(source, model, edit.name)
     if edit.how == "delete" or not isinstance(edit.target, Loop):
         source.remove(element)
         return f"delete {source.text(element)}"
     if edit.how == "couple":
-        theirs = model.tree.model
-        axes = model.tree.at(theirs.qpos0).xaxis[list(edit.joints)]
+        axes = [model.tree.joints[joint].parent.axes[:, 2] for joint in edit.joints]
         words = {key: text for key, text in element.attributes.items() if key in _ANY}
         words |= {f"joint{k}": theirs.joint(joint).name for k, joint in enumerate(edit.joints, 1)}
         tie = tag_of("joint", words | {"polycoef": f"0 {np.sign(axes[0] @ axes[1]):.0f} 0 0 0"})
@@ -178,10 +132,21 @@ def _change(source: Source, model: Model, edit: Edit) -> str:
         return f"{tie} in place of {source.text(element)}"
     kept = {key: text for key, text in element.attributes.items() if key not in ("relpose", "torquescale", "anchor")}
     if "site1" not in kept:
-        kept["anchor"] = _numbers(edit.target.first.point)
+        data = theirs.eq_data[model.described.origin.equalities[edit.name]]
+        kept["anchor"] = _numbers(body_ends("weld", 0, 0, data)[0][1])
     point = tag_of("connect", kept)
     source.put(element.start, point, element.end)
     return f"{point} in place of {source.text(element)}"
+
+
+def _number(joint: Joint) -> int:
+    """Of a joint, as MuJoCo counts them."""
+    return joint.child.body - 1
+
+
+def _body(model: Model, joint: Joint) -> int:
+    """Of the body of the file that a joint moves, as MuJoCo counts them."""
+    return int(model.described.origin.model.jnt_bodyid[_number(joint)])
 
 
 def _insert(source: Source, element: Element, more: str) -> None:
@@ -197,14 +162,11 @@ def _insert(source: Source, element: Element, more: str) -> None:
     source.put_before(before, "".join(["</frame>" * len(frames), more, *opened]))
 
 
-def _freed(source: Source, model: Model, link: Link, row: str) -> dict[str, str]:
+def _freed(source: Source, model: Model, joint: Joint, row: str) -> dict[str, str]:
     """Attributes of the joint that frees a row of another: those of defaults undone, if there may be some."""
-    data, theirs = model.tree.at(model.tree.model.qpos0), model.tree.model
-    body = int(theirs.jnt_bodyid[link.joint])
-    axis = (0.0, 0.0, 1.0) if link.kind == "ball" else data.xaxis[link.joint]
     kind, column = AXES[row]
-    along = data.xmat[body].reshape(3, 3).T @ np.asarray(Placement(data.xanchor[link.joint], axis).axes)[:, column]
-    point = theirs.jnt_pos[link.joint]
+    along = model.described.body(joint.child).axes.T @ joint.parent.axes[:, column]
+    point = model.described.origin.model.jnt_pos[_number(joint)]
     elements = list(source.root.all())
     given = {name for each in elements if each.tag == "joint" and _in_defaults(each) for name in each.attributes}
     if "range" in given:
@@ -212,7 +174,7 @@ def _freed(source: Source, model: Model, link: Link, row: str) -> dict[str, str]
     if any(each.tag == "include" for each in elements):
         given |= {"pos", *_FREE}
     place = {"pos": _numbers(point)} if np.any(point) or "pos" in given else {}
-    words = {"name": f"{link.name} {row}", "type": ("slide", "hinge")[kind], **place, "axis": _numbers(along)}
+    words = {"name": f"{joint.name} {row}", "type": ("slide", "hinge")[kind], **place, "axis": _numbers(along)}
     return words | {name: text for name, text in _FREE.items() if name in given}
 
 
@@ -220,18 +182,18 @@ def _in_defaults(element: Element) -> bool:
     return element.parent is not None and (element.parent.tag == "default" or _in_defaults(element.parent))
 
 
-def _joint(source: Source, model: Model, link: Link) -> Element:
-    theirs = model.tree.model
-    name, body = theirs.joint(link.joint).name, int(theirs.jnt_bodyid[link.joint])
+def _joint(source: Source, model: Model, joint: Joint) -> Element:
+    theirs, number, body = model.described.origin.model, _number(joint), _body(model, joint)
+    name = theirs.joint(number).name
     bodies = [each for each in source.root.all() if each.tag == "body"]
     if name:
-        found = [joint for each in bodies for joint in _joints(each) if joint.get("name") == name]
+        found = [each for own in bodies for each in _joints(own) if each.get("name") == name]
     else:
-        place = link.joint - int(theirs.body_jntadr[body])
-        found = [joint for each in _same(bodies, theirs, body) for joint in [*_joints(each)][place : place + 1]]
+        place = number - int(theirs.body_jntadr[body])
+        found = [each for own in _same(bodies, theirs, body) for each in [*_joints(own)][place : place + 1]]
     if found:
         return found[0]
-    raise RedundaxError(f"The joint '{link.name}' is not in '{model.path}' itself. Change the file that it includes.")
+    raise RedundaxError(f"The joint '{joint.name}' is not in '{model.path}' itself. Change the file that it includes.")
 
 
 def _same(bodies: Sequence[Element], theirs: Any, body: int) -> list[Element]:

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 
 from .._tools._optional import optional
 from ._closed_loops import children, loops_in
-from ._edit_mjcf import TURNS, Edit, Written, hanging
+from ._description import Joint, Loop
+from ._edit import TURNS, Edit, Written
 from ._model import Model
-from ._plan import Link
-from ._tree import Loop
 
 
 def urdf_moves(model: Model) -> list[Edit]:
@@ -17,12 +16,14 @@ def urdf_moves(model: Model) -> list[Edit]:
     driven = model.tree.drives(model.positions)[0]
     free = children(model.path).keys() - driven
     moves = []
-    for link in model.plan.links:
-        if link.kind == "hinge" and link.name in free:
-            rows = tuple(f"{link.name}.{row}" for row in TURNS[:2])
-            moves.append(Edit(rows, link, "ball", hanging(model, link)))
+    for joint in model.tree.joints:
+        if joint.kind == "hinge" and joint.name in free:
+            rows = tuple(f"{joint.name}.{row}" for row in TURNS[:2])
+            moves.append(Edit(rows, joint, "ball", model.described.weight_on(joint)))
+    pairs = [] if model.closures is None else loops_in(model.closures).get("closed_loop") or []
+    beside = {f"weld {' ~ '.join(map(str, pair))}" for pair in pairs}
     for loop in model.tree.loops:
-        if loop.kind == "weld":
+        if loop.name in beside:
             moves.append(Edit(tuple(f"{loop.name}.{row}" for row in TURNS), loop, "point"))
     return moves
 
@@ -30,7 +31,7 @@ def urdf_moves(model: Model) -> list[Edit]:
 def write_urdf(model: Model, edits: Sequence[Edit], file: pathlib.Path) -> Written:
     """Copy the file of a model, and write that of its loops with changes; return what was written."""
     loops = {} if model.closures is None else loops_in(model.closures)
-    spherical = [edit.target.name for edit in edits if isinstance(edit.target, Link)]
+    spherical = [edit.target.name for edit in edits if isinstance(edit.target, Joint)]
     loops["joint_name"] = [*(loops.get("joint_name") or []), *spherical]
     loops["joint_type"] = [*(loops.get("joint_type") or []), *("SPHERICAL" for _ in spherical)]
     points = [edit.target.name for edit in edits if isinstance(edit.target, Loop)]

@@ -4,8 +4,8 @@ import dataclasses
 
 import numpy as np
 
-from .._tools._optional import optional
 from ._audit import Audit, Group, audit
+from ._description import End
 from ._drives import Drives, drives_at
 from ._model import Model
 from ._repair import along, ranked, repairs
@@ -33,17 +33,17 @@ def examine(model: Model, count: int = 3) -> Audit:
     regular = next(k for k, look in enumerate(looks) if look is found.regular)
     same = [each for each, look in zip(driven, looks, strict=True) if look.figures == found.figures]
     moved = travel(model.tree, places[regular], found.regular.freedom, model.left)
-    kinds = {part.name: part.kind for part in (*model.plan.links, *model.tree.loops)}
+    kinds = {part.name: part.kind for part in (*model.tree.joints, *model.tree.loops)}
     kinds |= {tie.name: "coupling" for tie in model.tree.ties}
     found = dataclasses.replace(
         found,
         drives=agreed(driven[0], same),
         travel=moved,
         parts=tuple(dataclasses.replace(part, kind=kinds.get(part.name, part.kind)) for part in found.parts),
-        directions=Stress(model.plan, found.rows).directions(places[regular]),
+        directions=Stress(model.tree, found.rows).directions(places[regular]),
         idle=_idle(model, places[regular], found.regular.freedom),
-        spins=spins(model.plan, places[regular], found.regular.freedom),
-        outside=sum(bool(outside(model.plan, positions)) for positions, _ in beside),
+        spins=spins(model.tree, places[regular], found.regular.freedom),
+        outside=sum(bool(outside(model.tree, positions)) for positions, _ in beside),
     )
     if found.is_stuck:
         return dataclasses.replace(found, groups=tuple(dataclasses.replace(each, releases=()) for each in found.groups))
@@ -61,20 +61,23 @@ def _ranked(group: Group, way: Along, found: Audit) -> Group:
 
 def _idle(model: Model, positions: np.ndarray, freedom: int) -> tuple[str, ...]:
     """Bodies that can move while all drives rest, if some cannot."""
-    tree, plan = model.tree, model.plan
+    tree = model.tree
     names, rates = tree.drives(positions)
     if not freedom or not names:
         return ()
     motion = tree.scale()[:, None] * tree.motion(positions, freedom)[0]
     driven = rates @ motion
     motion = motion @ np.linalg.svd(driven)[2][np.linalg.matrix_rank(driven, tol=_REST) :].T
-    data, mujoco, moving = tree.at(positions), optional("mujoco", "models"), []
-    for body in plan.movers:
-        both = np.zeros((2, 3, tree.model.nv))
-        mujoco.mj_jacBody(tree.model, data, both[0], both[1], body)
+    poses, moving, movers = tree.at(positions), [], 0
+    for joint in tree.joints:
+        body = model.described.body(joint.child)
+        if model.described.is_between(joint):
+            continue
+        movers += 1
+        both = np.concatenate(tree.velocities(poses, End(joint.child.body, body.position, body.axes)))
         if np.abs(both @ motion).max(initial=0.0) > _REST * tree.size:
-            moving.append(plan.body_names[body])
-    return tuple(moving) if len(moving) < len(plan.movers) else ()
+            moving.append(body.name)
+    return tuple(moving) if len(moving) < movers else ()
 
 
 def agreed(here: Drives, others: list[Drives]) -> Drives:

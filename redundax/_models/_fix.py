@@ -10,12 +10,12 @@ import numpy as np
 from .._tools._errors import RedundaxError
 from ._audit import Audit
 from ._choice import USABLE, Choice, in_words, listed
-from ._edit_mjcf import Edit
+from ._edit import Edit
+from ._formats import describe
 from ._model import Model
-from ._plan import Plan
-from ._read import closures_of, read
 from ._repair import Language, best_of, language
-from ._tree import tree_of
+from ._tree import Tree
+from ._urdf import closures_of
 
 _LEAST = 1e-6  # singular values that count, relative to the largest
 _LOOKS = 3  # positions beside, as of an audit
@@ -100,7 +100,7 @@ def _warned(model: Model, found: Audit, edits: Sequence[Edit], worst: Choice | N
     touched = [set(each.rows) for each in found.repairs if freed & set(each.rows)]
     rows = {row for some in touched for row in some} - freed
     loops = [loop.name for loop in model.tree.loops if any(row.rpartition(".")[0] == loop.name for row in rows)]
-    if joints and loops and model.path.suffix.lower() != ".urdf":
+    if joints and loops and model.described.format == "MJCF":
         give = "gives" if len(joints) == 1 else "give"
         yield (
             f"In MuJoCo, connect and weld are springs: there {listed(joints)} now {give} way as far as {listed(loops)} "
@@ -144,21 +144,21 @@ def _rows_there(row: str, rows: Sequence[str]) -> str:
 def _figures(model: Model, file: pathlib.Path) -> tuple[int, int]:
     """Redundancy and freedom of a copy of a model, in the coordinates of its joints; as of the model itself where it is
     regular: at a singular position the rank is lower than at others."""
-    tree, _ = tree_of(read(file, closures_of(file, None))[0])
-    positions, left = tree.closed(_same_position(model, Plan(tree)))
+    tree = Tree(describe(file, closures_of(file, None)))
+    positions, left = tree.closed(_same_position(model, tree))
     rank = 0
     for at in (positions, *tree.elsewhere(positions, left, _LOOKS)):
         values = np.linalg.svd(tree.system(at)[1] * tree.scale(), compute_uv=False)
         rank = max(rank, int(np.sum(values > max(_LEAST, 100 * left) * values.max(initial=0.0))))
-    return tree.rows - rank, tree.model.nv - rank
+    return tree.rows - rank, tree.nv - rank
 
 
-def _same_position(model: Model, copy: Plan) -> np.ndarray:
+def _same_position(model: Model, copy: Tree) -> np.ndarray:
     """Where a copy is as its model is; joints that it has more, or of another kind, are at 0."""
-    theirs, positions = model.plan, copy.model.qpos0.copy()
-    sizes = [np.diff([*plan.model.jnt_qposadr, plan.model.nq]) for plan in (theirs, copy)]
-    places = dict(zip(theirs.joint_names, zip(theirs.model.jnt_qposadr, sizes[0], strict=True), strict=True))
-    for name, at, size in zip(copy.joint_names, copy.model.jnt_qposadr, sizes[1], strict=True):
-        if name in places and places[name][1] == size:
-            positions[at : at + size] = model.positions[places[name][0] :][:size]
+    known = {joint.name: place for joint, place in zip(model.tree.joints, model.tree.places, strict=True)}
+    positions = copy.reference.copy()
+    for joint, place in zip(copy.joints, copy.places, strict=True):
+        own = model.positions[known.get(joint.name, slice(0))]
+        if own.size == place.stop - place.start:
+            positions[place] = own
     return positions

@@ -1,16 +1,43 @@
-"""Which files are models, and what is told of others: by their names, their first bytes and their first element"""
+"""Formats of models: how their files are known and read, and what is told of others
+
+A format is one entry of `FORMATS`; all else asks a `Description`.
+"""
 
 import pathlib
-import re
-from typing import Any
-from xml.etree import ElementTree
-from xml.parsers import expat
+from collections.abc import Callable
+from typing import NamedTuple
 
 from .._tools._errors import RedundaxError
 from .._tools._words import did_you_mean, ended, short
+from ._asmt import FIRST_LINES, read_asmt
+from ._content import first_element
+from ._description import Description
+from ._mjcf import read_mjcf
+from ._urdf import read_urdf
 
-MODELS = (".xml", ".mjcf", ".urdf")
-_READ = "MJCF (.xml) and URDF (.urdf) are read"
+
+class Format(NamedTuple):
+    """A format: its name, the endings of its files, how they begin, and what reads them.
+
+    - `root`: the first element of a format of XML, or "" of others; `first`: lines that others begin with.
+    - `read`: of a path and the file of its loops, which most formats have none of.
+    """
+
+    name: str
+    endings: tuple[str, ...]
+    read: Callable[[pathlib.Path, pathlib.Path | None], Description]
+    root: str = ""
+    first: tuple[bytes, ...] = ()
+
+
+FORMATS = (
+    Format("MJCF", (".xml", ".mjcf"), lambda path, _: read_mjcf(path), "mujoco"),
+    Format("URDF", (".urdf",), read_urdf, "robot"),
+    Format("ASMT", (".asmt",), lambda path, _: read_asmt(path), first=FIRST_LINES),
+)
+MODELS = tuple(ending for form in FORMATS for ending in form.endings)
+_WORDS = [f"{form.name} ({form.endings[0]})" for form in FORMATS]
+_READ = f"{', '.join(_WORDS[:-1])} and {_WORDS[-1]} are read"
 _CONVERT = f"{_READ}: convert it, with loops in `equality` of MJCF or in a file of closures beside a URDF"
 _EXPORT = f"{_READ}: export one of these, or describe the mechanism in Python"
 _UNPACK = "Unpack it first"
@@ -21,7 +48,6 @@ _OTHERS = (  # endings, what such a file is, and what to do
     (".slx .mdl", "a model of Simulink, which is not read", _CONVERT),
     (".adm", "a model of Adams, which is not read", _CONVERT),
     (".mo", "a model of Modelica, which is not read", _CONVERT),
-    (".asmt", "an assembly in ASMT, which is not read", _CONVERT),
     (
         ".sldasm .sldprt .iam .ipt .catproduct .catpart .prt .asm .f3d .fcstd",
         "a file of CAD, which is not read",
@@ -45,10 +71,16 @@ _STARTS = (  # first bytes, what they tell, and what to do
     (b"\xff\xfe", "is in UTF-16", "Save it in UTF-8"),
     (b"\xfe\xff", "is in UTF-16", "Save it in UTF-8"),
 )
-_ROOTS = {"mujoco": (".xml", ".mjcf"), "robot": (".urdf",)}  # first elements, and the endings that go with them
-_MARK = b"\xef\xbb\xbf"  # that some editors put before UTF-8
-_FIRST = re.compile(rb"(?:\s+|<\?.*?\?>|<!--.*?-->|<!DOCTYPE[^\[>]*+(?:\[.*?\]\s*)?>)*+<([A-Za-z_][\w.:-]*)", re.DOTALL)
 _PARTS = ("mujocoinclude", "worldbody", "body", "default", "asset")
+
+
+_TEMPLATES = " or ".join(form.name for form in FORMATS)
+
+
+def format_of(path: str | pathlib.Path) -> Format | None:
+    """The format of a file, by its ending; None of other files."""
+    ending = pathlib.Path(path).suffix.lower()
+    return next((form for form in FORMATS if ending in form.endings), None)
 
 
 def not_a_model(path: str | pathlib.Path) -> str:
@@ -60,8 +92,25 @@ def not_a_model(path: str | pathlib.Path) -> str:
     return ""
 
 
-def check_content(path: pathlib.Path) -> bytes:
-    """Refuse a file that is no XML of a model, and return what it holds."""
+def describe(path: pathlib.Path, closures: pathlib.Path | None = None) -> Description:
+    """What a file of a model says, with that of its loops, if there is one.
+
+    **Raises:** `ValueError` for a file that is none of a model or cannot be read, in one line.
+    """
+    if not path.is_file():
+        raise RedundaxError(
+            f"Argument `path`: there is no file '{path}'. Check the path and the folder that you are in."
+        )
+    form = format_of(path)
+    if form is None:
+        what = not_a_model(path) or f"must end in {', '.join(MODELS[:-1])} or {MODELS[-1]}. Rename the file"
+        raise RedundaxError(f"Argument `path`: '{path}' {what.partition('. ')[0]}. {ended(what.partition('. ')[2])}")
+    _check_content(path, form)
+    return form.read(path, closures)
+
+
+def _check_content(path: pathlib.Path, form: Format) -> None:
+    """Refuse a file that does not begin as those of its format do."""
 
     def refuse(why: str) -> RedundaxError:
         return RedundaxError(f"Argument `path`: '{path}' {ended(why)}")
@@ -71,63 +120,25 @@ def check_content(path: pathlib.Path) -> bytes:
     except OSError as error:
         raise refuse(f"cannot be read: {error.strerror}. Check who may read it") from error
     if not content.strip():
-        raise refuse("is empty, without `mujoco` or `robot`. Check whether it was saved, or exported")
+        begins = " or ".join(f"`{each.root}`" for each in FORMATS if each.root) if form.root else "any line"
+        raise refuse(f"is empty, without {begins}. Check whether it was saved, or exported")
     for start, what, advice in _STARTS:
         if content.startswith(start):
             raise refuse(f"{what}. {advice}")
     if b"\0" in content[:4]:
         raise refuse(f"is in UTF-16 or UTF-32, or no text: it begins with {short(content[:4])}. Save it in UTF-8")
-    root = _first_element(content)
+    line, root = content.lstrip().split(b"\n", 1)[0].strip(), first_element(content)
+    own = next((each for each in FORMATS if (root and root == each.root) or line in each.first), None)
+    if own is not None and own is not form:
+        by = f"first element <{root}>" if root else f"first line {short(line.decode())}"
+        raise refuse(f"holds {own.name}, by its {by}. Rename it to end in {own.endings[0]}")
+    if own is not None:
+        return
+    if not form.root:
+        raise refuse(f"is no {form.name}: it begins with {short(content[:30])}. Name a file of {form.name}")
     if not root:
-        raise refuse(f"holds no XML: it begins with {short(content[:30])}. Name a file of MJCF or URDF")
-    ending = path.suffix.lower()
+        raise refuse(f"holds no XML: it begins with {short(content[:30])}. Name a file of {_TEMPLATES}")
     if root in _PARTS:
         raise refuse(f"is a part of MJCF, <{root}>. Name the file that includes it")
-    if root not in _ROOTS:
-        hint = did_you_mean(root, _ROOTS) or "Name a file of MJCF or URDF"
-        raise refuse(not_a_model(f"model.{root}") or f"is no model: its first element is <{root}>. {hint}")
-    if ending not in _ROOTS[root]:
-        kind = "URDF" if root == "robot" else "MJCF"
-        raise refuse(f"holds {kind}, by its first element <{root}>. Rename it to end in {_ROOTS[root][0]}")
-    return content
-
-
-def document(path: pathlib.Path) -> Any:
-    """The first element of a file of XML; prefixes of names stay as they are written, declared or not."""
-    builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate()
-    parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
-    parser.CharacterDataHandler = builder.data
-    content = path.read_bytes()
-    try:
-        parser.Parse(content, True)
-        return builder.close()
-    except (expat.ExpatError, ValueError, LookupError) as error:
-        raise RedundaxError(f"Argument `path`: '{path}' is no well-formed XML: {error}. {_advice(content)}.") from error
-
-
-def encoding_of(content: bytes) -> str:
-    """The encoding that a file of XML declares."""
-    found = re.match(rb"\s*<\?xml[^>]*?encoding\s*=\s*[\"']([\w.:-]+)", content.removeprefix(_MARK))
-    return found[1].decode("ascii", "replace") if found else ""
-
-
-def not_in_utf8(content: bytes) -> str:
-    """Where bytes are not in UTF-8; nothing if they are."""
-    try:
-        content.decode("utf-8")
-    except UnicodeDecodeError as error:
-        line, declared = content.count(b"\n", 0, error.start) + 1, encoding_of(content)
-        as_said = f", but in {declared} as it says" if declared.upper() not in ("", "UTF-8", "UTF8") else ""
-        return f"is not in UTF-8{as_said}: see line {line}"
-    return ""
-
-
-def _advice(content: bytes) -> str:
-    wrong = not_in_utf8(content)
-    return f"It {wrong}. Save it in UTF-8" if wrong else "Correct the file"
-
-
-def _first_element(content: bytes) -> str:
-    """The name of the first element; nothing where other text comes before."""
-    found = _FIRST.match(content.removeprefix(_MARK))
-    return found[1].decode() if found else ""
+    hint = did_you_mean(root, [each.root for each in FORMATS if each.root]) or f"Name a file of {_TEMPLATES}"
+    raise refuse(not_a_model(f"model.{root}") or f"is no model: its first element is <{root}>. {hint}")

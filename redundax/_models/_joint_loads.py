@@ -15,66 +15,62 @@ from .._bodies._space._loads import Bushing, LoadFunction, TorsionSpring
 from .._bodies._space._placement import Placement
 from .._bodies._space._pose import Motion, Wrench
 from .._bodies._space._rotation import rotation
-from ._plan import Link, Plan
-
-COORDINATES = {"hinge": "angle", "slide": "travel"}
+from ._description import Description, Joint
 
 
-def joint_loads(plan: Plan, data: Any, bodies: dict) -> tuple[list[Any], list[str]]:
+def joint_loads(described: Description, bodies: dict) -> tuple[list[Any], list[str]]:
     """Springs and dampers of joints, and what else acts in them, which is left out, a line each."""
-    model, loads, missing = plan.model, [], {}
-    for link in plan.links:
-        dof = int(model.jnt_dofadr[link.joint])
-        stiffness, damping = float(model.jnt_stiffness[link.joint]), float(model.dof_damping[dof])
-        friction = link.kind not in ("hinge", "slide") and model.dof_frictionloss[dof]
-        lost = {"armature": link.kind == "free" and model.dof_armature[dof], "dry friction": friction}
-        for what, name, at in (("springs", "jnt_stiffnesspoly", link.joint), ("dampers", "dof_dampingpoly", dof)):
-            lost[f"what is not linear in the {what}"] = np.any(getattr(model, name, np.zeros(model.nv))[at])
-        if stiffness or damping:
-            load = _spring(plan, data, bodies, link, stiffness, damping)
+    loads, missing = [], {}
+    for joint in described.joints:
+        untaken = joint.untaken
+        if joint.stiffness or joint.damping:
+            load = _spring(described, bodies, joint)
             loads += [] if load is None else [load]
-            lost["spring and damping"] = load is None
-        for what, value in lost.items():
-            missing.setdefault(what, []).extend([link.name] if value else [])
-    return loads, [f"{what} of {', '.join(names)}" for what, names in missing.items() if names]
+            untaken += ("spring and damping",) if load is None else ()
+        for what in untaken:
+            missing.setdefault(what, []).append(joint.name)
+    return loads, [f"{what} of {', '.join(names)}" for what, names in missing.items()]
 
 
-def carried_armature(plan: Plan, data: Any, link: Link) -> np.ndarray | None:
+def carried_armature(described: Description, joint: Joint) -> np.ndarray | None:
     """The inertia, global, by which the body on a joint has its armature; None if there is none or it cannot."""
-    armature = float(plan.model.dof_armature[plan.model.jnt_dofadr[link.joint]])
-    if not armature or link.parent != GROUND or link.kind not in ("hinge", "ball"):
+    if not joint.armature or described.parent(joint) != GROUND or joint.kind not in ("hinge", "ball"):
         return None
-    axis = data.xaxis[link.joint]
-    return armature * (np.outer(axis, axis) if link.kind == "hinge" else np.eye(3))
+    axis = joint.parent.axes[:, 2]
+    return joint.armature * (np.outer(axis, axis) if joint.kind == "hinge" else np.eye(3))
 
 
-def armature(plan: Plan, data: Any) -> dict[str, float]:
+def armature(described: Description) -> dict[str, float]:
     """That of coordinates of joints or of balls, by their names, which no body carries."""
-    found = {}
-    for link in plan.links:
-        value = float(plan.model.dof_armature[plan.model.jnt_dofadr[link.joint]])
-        if value and link.kind != "free" and carried_armature(plan, data, link) is None:
-            found[f"{link.name}.{COORDINATES[link.kind]}" if link.kind in COORDINATES else link.name] = value
-    return found
+    words = {"hinge": ".angle", "slide": ".travel", "ball": ""}
+    return {
+        f"{joint.name}{words[joint.kind]}": joint.armature
+        for joint in described.joints
+        if joint.armature and carried_armature(described, joint) is None
+    }
 
 
-def _spring(plan: Plan, data: Any, bodies: dict, link: Link, stiffness: float, damping: float) -> Any:
+def _spring(described: Description, bodies: dict, joint: Joint) -> Any:
     """The spring with damper of a joint; None where it cannot be said."""
-    pair = bodies[link.child], bodies[link.parent]
-    place, axis, point = plan.model.jnt_qposadr[link.joint], data.xaxis[link.joint].copy(), data.xanchor[link.joint]
-    rest = float(plan.model.qpos_spring[place] - plan.model.qpos0[place])  # of a hinge or slide
-    if link.kind == "hinge" and (not stiffness or abs(rest) < np.pi):
+    pair, stiffness, damping = (
+        (bodies[described.child(joint)], bodies[described.parent(joint)]),
+        joint.stiffness,
+        joint.damping,
+    )
+    axis, point = joint.parent.axes[:, 2], joint.parent.point
+    rest = float(joint.rest[0] - joint.reference[0])  # of a hinge or slide
+    if joint.kind == "hinge" and (not stiffness or abs(rest) < np.pi):
         return TorsionSpring(*pair, axis=axis, stiffness=stiffness, free_angle=rest, damping=damping)
-    if link.kind == "slide":
+    if joint.kind == "slide":
         along = np.diag([0.0, 0.0, 1.0])
         both: dict[str, Any] = {"translation": stiffness * along, "translation_damping": damping * along}
         ends = _local(pair[0], point, axis), _local(pair[1], point + rest * axis, axis)
-        return Bushing(link.child, link.parent, on_i=ends[0], on_j=ends[1], **both)
-    if link.kind == "ball":
+        return Bushing(described.child(joint), described.parent(joint), on_i=ends[0], on_j=ends[1], **both)
+    if joint.kind == "ball":
         own, other = (np.eye(3) if body == GROUND else np.asarray(rotation(body.orientation)) for body in pair)
-        free = other.T @ own @ np.asarray(rotation(plan.model.qpos_spring[place : place + 4]))
+        free = other.T @ own @ np.asarray(rotation(joint.rest))
         given: Any = {"stiffness": stiffness, "damping": damping, "free": free}
-        return LoadFunction(link.child, function=ball_spring, j=link.parent, parameters=given)
+        return LoadFunction(described.child(joint), function=ball_spring, j=described.parent(joint), parameters=given)
     return None
 
 

@@ -13,10 +13,12 @@ from .._system._state import State
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import Numbers, floats, on_device
 from ._build import mechanism_of, position_of
-from ._plan import Plan
-from ._read import closures_of, read
-from ._start import Limit, Start, keyframes, outside, start
-from ._tree import OPEN, WITHOUT, Tree, missing_of, tree_of
+from ._description import WITHOUT, Description, missing_of
+from ._formats import describe
+from ._series import Series
+from ._start import Limit, Start, outside, start
+from ._tree import OPEN, Tree
+from ._urdf import closures_of
 
 _CLOSED = 1e-12  # a misfit relative to the size of the model, by rounding alone
 _MOVED = 1e-9  # rad, or the share of the model's size: what rounding of a misfit moves, where joints have some leverage
@@ -33,16 +35,16 @@ class Model:
     - `mechanism`: with the names of the file.
     - `state`: a closed one at rest, the file's own position, or that of a keyframe, moved as little as closing asks.
     - `notes`: what was left out, a line each.
-    - `joints`: names of the joints of the file, by kind: "hinge", "slide", "ball" and "free".
-    - `loops`: names of what closes loops, by kind: "connect", "weld" and "coupling".
+    - `joints`: names of the joints of the file, by kind: "hinge", "slide", "ball", "free", or others.
+    - `loops`: names of what closes loops, by kind: "connect", "weld", "coupling", or as joints.
     - `misfits`: how far each of them is from closed in the file, m or rad, whichever is more.
     - `moved`: how far joints were moved to close them, rad or m, by their names; empty where that was not needed.
     - `keyframe`: that of the file which `state` is, or "" for the position where all joints are as the file draws them.
     - `keyframes`: names of all that the file has; one without a name is "keyframe 1", by its place.
     - `outside`: limits of joints that `state` is beyond: joint, position and limit, rad or m, as the file counts them.
     - `is_near`: whether the state was found by the least steps from the file; otherwise from random ones, the nearest.
-    - `plan`: what becomes of its bodies and joints; `positions`: of the joints in `state`, as the file counts them;
-      `left`: how far from closed it is, relative to the size of the model.
+    - `tree`: its bodies and joints as the file has them; `positions`: of the joints in `state`, as the file counts
+      them; `left`: how far from closed it is, relative to the size of the model.
     - `path`, `closures`: the file, and that of the loops of a URDF.
 
     ??? example
@@ -69,7 +71,7 @@ class Model:
     keyframes: tuple[str, ...]
     outside: tuple[Limit, ...]
     is_near: bool
-    plan: Plan = dataclasses.field(repr=False, compare=False)
+    tree: Tree = dataclasses.field(repr=False, compare=False)
     positions: np.ndarray = dataclasses.field(repr=False, compare=False)
     left: float = dataclasses.field(repr=False, compare=False)
     path: pathlib.Path = dataclasses.field(compare=False)
@@ -84,22 +86,21 @@ class Model:
           travel of a slide, m, the quaternion (w, x, y, z) of a ball; position and quaternion of a free joint. Others
           stay as in `state`.
         """
-        chosen, model = self.positions.copy(), self.plan.model
-        places = {link.name: link for link in self.plan.links}
+        chosen, tree = self.positions.copy(), self.tree
+        places = {joint.name: (joint, place) for joint, place in zip(tree.joints, tree.places, strict=True)}
         for name, value in positions.items():
             if name not in places:
                 raise RedundaxError(
                     f"Argument `positions` names '{name}', which is no joint of the model. It has {sorted(places)}."
                 )
-            link = places[name]
-            start, size = model.jnt_qposadr[link.joint], {"free": 7, "ball": 4}.get(link.kind, 1)
-            if np.size(value) != size:
+            joint, place = places[name]
+            if np.size(value) != (size := place.stop - place.start):
                 raise RedundaxError(
-                    f"Argument `positions` must hold {size} for the {link.kind} '{name}', but holds {np.size(value)}. "
+                    f"Argument `positions` must hold {size} for the {joint.kind} '{name}', but holds {np.size(value)}. "
                     "Give as many."
                 )
-            chosen[start : start + size] = np.ravel(value)
-        return on_device(floats(position_of(self.plan, self.mechanism, chosen)))
+            chosen[place] = np.ravel(value)
+        return on_device(floats(position_of(tree, self.mechanism, chosen)))
 
     def elsewhere(self, count: int = 3) -> list[State]:
         """States at rest at other positions of the joints, at random, always the same; those within limits of joints
@@ -113,8 +114,8 @@ class Model:
 
     def beside(self, count: int) -> list[tuple[np.ndarray, State]]:
         """The states of `elsewhere`, with the positions of the joints as the file counts them."""
-        found = self.tree.elsewhere(self.positions, self.left, count, lambda at: not outside(self.plan, at))
-        return [(positions, _state(self.plan, self.mechanism, positions)) for positions in found]
+        found = self.tree.elsewhere(self.positions, self.left, count, lambda at: not outside(self.tree, at))
+        return [(positions, _state(self.tree, self.mechanism, positions)) for positions in found]
 
     @property
     def is_whole(self) -> bool:
@@ -122,15 +123,25 @@ class Model:
         return not any(note.endswith(WITHOUT) for note in self.notes)
 
     @property
-    def tree(self) -> Tree:
-        """The bodies and joints of the file."""
-        return self.plan.tree
+    def driven(self) -> Mechanism:
+        """The mechanism with the motions that the file gives by laws of time, as drivers; it has more rows."""
+        return mechanism_of(self.described, driven=True)[0]
+
+    @property
+    def series(self) -> Series | None:
+        """What a program has stored of a run in the file: positions of bodies and reactions of joints over time."""
+        return self.described.series
+
+    @property
+    def described(self) -> Description:
+        """What the file says."""
+        return self.tree.description
 
 
 def load_model(
     path: str | pathlib.Path, closures: str | pathlib.Path | None = None, *, keyframe: str | None = None
 ) -> Model:
-    """A mechanism in space, closed, from a file of MJCF (.xml) or URDF; it needs `redundax[models]`.
+    """A mechanism in space, closed, from a file of MJCF (.xml), URDF or ASMT; the first two need `redundax[models]`.
 
     Constraints that MuJoCo makes soft, `connect`, `weld` and `joint`, are ideal here. Bodies that the file fixes to
     others are one with them. Springs, damping, gravity and armature act; contact, limits of joints, sensors, forces of
@@ -165,33 +176,30 @@ def load_model(
     """
     path = pathlib.Path(path)
     loops = closures_of(path, closures)
-    model, notes = read(path, loops)
-    tree, more = tree_of(model)
-    _tell_missing(path, [*more, *notes])
-    plan = Plan(tree)
-    if not plan.links:
+    described = describe(path, loops)
+    _tell_missing(path, described.notes)
+    if not described.joints:
         raise RedundaxError(f"Argument `path`: '{path}' has no joints, so nothing that moves. Add some.")
-    keys = keyframes(model)
-    first = start(plan, keys, keyframe)
+    tree = Tree(described)
+    first = start(tree, keyframe)
     _check_closed(path, tree, first)
     _tell_misfit(path, tree.misfits(first.positions), first.left)
-    mechanism, others = mechanism_of(plan)
-    if model.jnt_limited.any():
-        limited = int(model.jnt_limited.sum())
+    mechanism, others = mechanism_of(described)
+    if limited := sum(joint.limits is not None for joint in described.joints):
         others.append(f"stops at the limits of {limited} joint{'s' * (limited > 1)}, which bear no load here")
     return Model(
         mechanism,
-        _state(plan, mechanism, first.positions),
-        tuple((*more, *notes, *others)),
-        _by_kind([(link.kind, link.name) for link in plan.links]),
+        _state(tree, mechanism, first.positions),
+        (*described.notes, *others),
+        _by_kind([(joint.kind, joint.name) for joint in described.joints]),
         _by_kind([*((loop.kind, loop.name) for loop in tree.loops), *(("coupling", tie.name) for tie in tree.ties)]),
         tree.misfits(first.given),
-        _moved(plan, first),
+        _moved(tree, first),
         first.keyframe,
-        tuple(keys),
+        tuple(described.keyframes),
         first.outside,
         first.is_near,
-        plan,
+        tree,
         first.positions,
         first.left,
         path,
@@ -210,17 +218,20 @@ def _check_closed(path: pathlib.Path, tree: Tree, first: Start) -> None:
         )
 
 
-def _moved(plan: Plan, first: Start) -> dict[str, float]:
+def _moved(tree: Tree, first: Start) -> dict[str, float]:
     """How far each joint is from where the file has it, the largest of its velocities, beyond rounding."""
-    steps, tree = np.abs(plan.tree.difference(first.given, first.positions)), plan.tree
+    steps = np.abs(tree.difference(first.given, first.positions))
     steps = np.where(steps > _MOVED * tree.scale(), steps, 0.0)
-    parts = zip(plan.joint_names, np.split(steps, tree.model.jnt_dofadr[1:]), strict=True)
-    return {name: float(part.max()) for name, part in parts if part.any()}
+    return {
+        joint.name: float(steps[dofs].max())
+        for joint, dofs in zip(tree.joints, tree.dofs, strict=True)
+        if steps[dofs].any()
+    }
 
 
-def _state(plan: Plan, mechanism: Mechanism, positions: np.ndarray) -> State:
+def _state(tree: Tree, mechanism: Mechanism, positions: np.ndarray) -> State:
     """At rest; joints hold to rounding at any positions, and loops as these close them."""
-    q = floats(position_of(plan, mechanism, positions))
+    q = floats(position_of(tree, mechanism, positions))
     return State(on_device(q), on_device(np.zeros(len(mechanism.coordinates), q.dtype)))
 
 
@@ -235,7 +246,7 @@ def _tell_misfit(path: pathlib.Path, misfits: dict[str, float], left: float) -> 
         )
 
 
-def _tell_missing(path: pathlib.Path, notes: list[str]) -> None:
+def _tell_missing(path: pathlib.Path, notes: tuple[str, ...]) -> None:
     """Warn of what constrains and is not in the mechanism."""
     if missing := missing_of(notes):
         warnings.warn(

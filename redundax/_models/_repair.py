@@ -17,7 +17,8 @@ import numpy as np
 from .._analysis._release import Release, releases
 from ._audit import Audit, Group
 from ._choice import LEAST, USABLE, Choice, Repair
-from ._edit_mjcf import Edit, Written, mjcf_lines, mjcf_moves, write_mjcf
+from ._edit import Edit, Written
+from ._edit_mjcf import mjcf_lines, mjcf_moves, write_mjcf
 from ._edit_urdf import urdf_moves, write_urdf
 from ._model import Model
 from ._stress import Along, Stress
@@ -43,17 +44,26 @@ MJCF = Language("MJCF", mjcf_moves, mjcf_lines, write_mjcf, "it cannot free sing
 URDF = Language(
     "URDF", urdf_moves, lambda model, edits: [], write_urdf, "it knows ball joints in place of hinges, and 3d loops"
 )
+_NONE = Language(
+    "a format that has no words for releases",
+    lambda model: [],
+    lambda model, edits: [],
+    lambda model, edits, file: Written(()),
+    "redundax writes MJCF and URDF alone",
+)
 
 
 def language(model: Model) -> Language:
     """That of the file of a model."""
-    return URDF if model.path.suffix.lower() == ".urdf" else MJCF
+    return {each.name: each for each in (MJCF, URDF)}.get(
+        model.described.format, _NONE._replace(name=model.described.format)
+    )
 
 
 def along(model: Model, found: Audit, at: np.ndarray, travel: Travel | None) -> Along:
     """The self-stress at the position `at` of the joints, where `found` is regular, and along the motion."""
     look = found.regular
-    stress = Stress(model.plan, found.rows, look.scales)
+    stress = Stress(model.tree, found.rows, look.scales)
     bases, places = [stress.basis(at, look.redundancy)], [("", 0.0)]
     for way in travel.ways if travel and look.redundancy else ():
         last: tuple[np.ndarray, float] | None = None

@@ -7,45 +7,46 @@ motion is what it is for.
 """
 
 import itertools
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from .._tools._optional import optional
-from ._plan import Plan
+from ._tree import Tree
 
 _REST = 1e-6  # velocities beside the largest: the digits of a file
 
 
-def spins(plan: Plan, positions: np.ndarray, freedom: int) -> tuple[tuple[str, ...], ...]:
+def spins(tree: Tree, positions: np.ndarray, freedom: int) -> tuple[tuple[str, ...], ...]:
     """Names of the bodies that spin, one or two together for each such freedom, at positions of known freedom."""
-    tree = plan.tree
     if not freedom or not tree.loops:
         return ()
     motion = tree.scale()[:, None] * tree.motion(positions, freedom)[0]
-    moved = _velocities(plan, positions)
+    movers = _movers(tree)
+    moved = _velocities(tree, movers, positions)
     moved[:, :3] /= tree.size
     _, sizes, ways = np.linalg.svd((moved @ motion).reshape(-1, freedom), full_matrices=False)
     motion = motion @ ways.T / sizes  # so that the velocities of all bodies are orthonormal
-    moved, driven, joined = moved @ motion, tree.drives(positions)[1] @ motion, _joined(plan)
+    moved, driven, joined = moved @ motion, tree.drives(positions)[1] @ motion, _joined(tree)
     found: list[tuple[int, ...]] = []
-    for some in [*((k,) for k in range(len(moved))), *_pairs(plan, joined)]:
-        if any(set(each) & set(some) for each in found) or len(_beside(some, joined, plan)) < 2:
+    for some in [*((k,) for k in range(len(moved))), *_pairs(movers, joined)]:
+        if any(set(each) & set(some) for each in found) or len(_beside({movers[k] for k in some}, joined)) < 2:
             continue
         _, shares, ways = np.linalg.svd(moved[list(some)].reshape(-1, freedom), full_matrices=False)
         alone = ways[shares**2 > 1 - _REST**2]
         if len(alone) == 1 and _is_turn(moved[list(some)] @ alone[0], driven @ alone[0]):
             found.append(some)
-    return tuple(tuple(plan.names[k] for k in some) for some in sorted(found))
+    return tuple(tuple(tree.description.bodies[movers[k]].name for k in some) for some in sorted(found))
 
 
-def _velocities(plan: Plan, positions: np.ndarray) -> np.ndarray:
+def _movers(tree: Tree) -> list[int]:
+    """Bodies of the file that move, by their numbers: those between joints of one body move with it."""
+    return [joint.child.body for joint in tree.joints if not tree.description.is_between(joint)]
+
+
+def _velocities(tree: Tree, movers: Sequence[int], positions: np.ndarray) -> np.ndarray:
     """Of the bodies that move, at the origin of the world and about its axes, by those of joints, (bodies, 6, nv)."""
-    mujoco, model, data = optional("mujoco", "models"), plan.model, plan.tree.at(positions)
-    found = np.zeros((len(plan.movers), 6, model.nv))
-    for own, body in zip(found, plan.movers, strict=True):
-        mujoco.mj_jac(model, data, own[:3], own[3:], np.zeros(3), body)
-    return found
+    poses = tree.at(positions)
+    return np.array([np.concatenate(tree.velocities_at(poses, body, np.zeros(3))) for body in movers])
 
 
 def _is_turn(moved: np.ndarray, driven: np.ndarray) -> bool:
@@ -56,23 +57,26 @@ def _is_turn(moved: np.ndarray, driven: np.ndarray) -> bool:
     return bool(alike and is_turn and np.abs(driven).max(initial=0.0) <= _REST)
 
 
-def _joined(plan: Plan) -> list[tuple[int, int]]:
-    """Bodies that joints and loops join, by their numbers in the file; what floats is joined to nothing."""
-    tree, model = plan.tree, plan.model
-    joints = [int(model.jnt_bodyid[link.joint]) for link in plan.links if link.kind != "free"]
-    pairs = [(body, plan.root(int(model.body_parentid[body]))) for body in joints]
-    return pairs + [(plan.root(loop.first.body), plan.root(loop.second.body)) for loop in tree.loops]
+def _joined(tree: Tree) -> list[tuple[int, int]]:
+    """Bodies that joints and loops join, by their numbers; what floats is joined to nothing."""
+    carrier: dict[int, int] = {}  # of bodies between joints of one body, that body
+    for joint in reversed(tree.joints):
+        if tree.description.is_between(joint):
+            child = next(each.child.body for each in tree.joints if each.parent.body == joint.child.body)
+            carrier[joint.child.body] = carrier.get(child, child)
+    held = [(joint.child.body, joint.parent.body) for joint in tree.joints if joint.kind != "free"]
+    held += [(loop.first.body, loop.second.body) for loop in tree.loops]
+    return [pair for pair in ((carrier.get(a, a), carrier.get(b, b)) for a, b in held) if pair[0] != pair[1]]
 
 
-def _pairs(plan: Plan, joined: Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
+def _pairs(movers: Sequence[int], joined: Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
     """Movers that are joined, by their places among these."""
-    place = {body: k for k, body in enumerate(plan.movers)}
+    place = {body: k for k, body in enumerate(movers)}
     pairs = ((place[one], place[other]) for one, other in joined if one in place and other in place)
     return list(dict.fromkeys((min(pair), max(pair)) for pair in pairs))
 
 
-def _beside(some: tuple[int, ...], joined: Iterable[tuple[int, int]], plan: Plan) -> set[int]:
+def _beside(own: set[int], joined: Iterable[tuple[int, int]]) -> set[int]:
     """Other bodies that some are joined to."""
-    own = {plan.movers[k] for k in some}
     ends = itertools.chain.from_iterable(pair for pair in joined if own & set(pair))
     return set(ends) - own

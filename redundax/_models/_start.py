@@ -4,13 +4,11 @@ The first is taken that closes by least steps and is within the limits of joints
 """
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from .._tools._errors import RedundaxError
-from .._tools._optional import optional
-from ._plan import Plan
 from ._tree import DIGITS, OPEN, Tree
 
 
@@ -38,49 +36,41 @@ class Start(NamedTuple):
     outside: tuple[Limit, ...]
 
 
-def keyframes(model: Any) -> dict[str, np.ndarray]:
-    """Positions of joints that the keyframes of a model give, by their names."""
-    mujoco, found = optional("mujoco", "models"), {}
-    for key in range(model.nkey):
-        found[model.key(key).name] = positions = model.key_qpos[key].copy()
-        mujoco.mj_normalizeQuat(model, positions)
-    return found
-
-
-def start(plan: Plan, keys: dict[str, np.ndarray], keyframe: str | None) -> Start:
+def start(tree: Tree, keyframe: str | None) -> Start:
     """Where to begin; at a keyframe if it is named."""
+    keys = tree.description.keyframes
     if keyframe is not None and keyframe not in keys:
         there = f"It has {', '.join(keys)}." if keys else "It has none that gives positions to all joints."
         raise RedundaxError(f"Argument `keyframe` names '{keyframe}', which is no keyframe of the file. {there}")
-    own = {"": plan.model.qpos0.copy(), **keys}
+    own = {"": tree.reference.copy(), **keys}
     given = own if keyframe is None else {keyframe: own[keyframe]}
     found: list[Start] = []
     for name, positions in given.items():
-        closed, left = plan.tree.closed(positions, only_near=True)
+        closed, left = tree.closed(positions, only_near=True)
         if left <= OPEN:
-            found.append(Start(name, positions, closed, left, True, outside(plan, closed)))
+            found.append(Start(name, positions, closed, left, True, outside(tree, closed)))
             if not found[-1].outside:
                 return found[-1]
     if found:
         return found[0]
     name, positions = next(iter(given.items()))
-    closed, left = plan.tree.closed(positions)
-    return Start(name, positions, closed, left, False, outside(plan, closed))
+    closed, left = tree.closed(positions)
+    return Start(name, positions, closed, left, False, outside(tree, closed))
 
 
-def outside(plan: Plan, positions: np.ndarray) -> tuple[Limit, ...]:
+def outside(tree: Tree, positions: np.ndarray) -> tuple[Limit, ...]:
     """Limits of joints that a position is beyond, by more than the digits of a file."""
-    return tuple(Limit(*each) for each in _outside(plan.tree, plan.joint_names, positions))
+    return tuple(_outside(tree, positions))
 
 
-def _outside(tree: Tree, names: list[str], positions: np.ndarray) -> Iterator[tuple[str, float, float]]:
-    model, scale = tree.model, tree.scale()
-    for joint in np.flatnonzero(model.jnt_limited).tolist():
-        kind, place = tree.joint_kind(joint), int(model.jnt_qposadr[joint])
-        low, high = model.jnt_range[joint].tolist()
-        at, slack = float(positions[place]), DIGITS * float(scale[model.jnt_dofadr[joint]])
-        if kind == "ball":
-            turned = 2 * float(np.arctan2(np.linalg.norm(positions[place + 1 : place + 4]), abs(at)))
-            low, at = -np.inf, turned
-        if kind != "free" and not low - slack <= at <= high + slack:
-            yield names[joint], at, low if at < low else high
+def _outside(tree: Tree, positions: np.ndarray) -> Iterator[Limit]:
+    scale = tree.scale()
+    for joint, place, dofs in zip(tree.joints, tree.places, tree.dofs, strict=True):
+        if joint.limits is None:
+            continue
+        (low, high), own = joint.limits, positions[place]
+        at, slack = float(own[0]), DIGITS * float(scale[dofs.start])
+        if joint.kind == "ball":
+            at = 2 * float(np.arctan2(np.linalg.norm(own[1:]), abs(at)))
+        if not low - slack <= at <= high + slack:
+            yield Limit(joint.name, at, low if at < low else high)

@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.linalg
 
-from ._plan import Plan
 from ._tree import CLOSED, DIGITS, Tree
 
 _STEP, _STEPS, _LONGEST = 0.1, 240, 6.4  # of the joint that moves most, rad or sizes; in all; of one way
@@ -29,6 +28,7 @@ _MOTION = (
     1e-3  # rad, or the share of the model's size: a range that is less is no motion, but what loops and steps give
 )
 _SETTLED = 30.0  # see `resolution`
+_SINGLE = ("hinge", "slide")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -113,15 +113,18 @@ class _Path:
     """Positions of a model that its loops allow, where its freedom is known."""
 
     def __init__(self, tree: Tree, freedom: int, left: float):
-        self.tree, self.freedom, self.rank = tree, freedom, tree.model.nv - freedom
+        self.tree, self.freedom, self.rank = tree, freedom, tree.nv - freedom
         self._most = max(10 * left, DIGITS / 10)
-        model = tree.model
-        self.limited = np.flatnonzero(model.jnt_limited & (model.jnt_type >= 2))  # slides and hinges
+        self.limits = {
+            k: joint.limits for k, joint in enumerate(tree.joints) if joint.limits is not None and joint.kind in _SINGLE
+        }
+        self._places = [tree.places[joint].start for joint in self.limits]
+        self._ranges = np.array(list(self.limits.values())).reshape(-1, 2)
         self.stops: dict[tuple[int, float], None] = {}  # joints and their limits that stopped a step
 
     def at(self, positions: np.ndarray, way: np.ndarray) -> _Point:
         _, values, basis = np.linalg.svd(self.tree.system(positions)[1] * self.tree.scale())
-        motion = basis[self.rank :]
+        motion = basis[np.sum(values[: self.rank] > _HELD * values[:1]) :]  # at a singular position straight on
         on = motion.T @ (motion @ way)
         return _Point(positions, on / (np.abs(on).max() or 1.0), values[: self.rank] / values[0])
 
@@ -179,10 +182,10 @@ class _Path:
 
     def _within(self, end: float, dof: int) -> float:
         """The limit of a joint where an end passes it by no more than a step may."""
-        joint = int(self.tree.model.dof_jntid[dof])
-        if joint not in self.limited:
+        joint = int(self.tree.joint_of_dof[dof])
+        if joint not in self.limits:
             return end
-        inside = float(np.clip(end, *self.tree.model.jnt_range[joint]))
+        inside = float(np.clip(end, *self.limits[joint]))
         return inside if abs(end - inside) <= DIGITS else end
 
     def _end(self, points: list[_Point], at: np.ndarray, dof: int, sign: float) -> float:
@@ -202,14 +205,13 @@ class _Path:
         """Whether joints are farther beyond their limits than before; which they are is kept."""
         before, after = (self._beyond(each) for each in (here, there))
         places = np.argwhere(after > before + DIGITS)
-        ranges = self.tree.model.jnt_range
-        self._hit = tuple((int(self.limited[k]), float(ranges[self.limited[k], side])) for k, side in places)
+        joints = list(self.limits)
+        self._hit = tuple((joints[k], float(self._ranges[k, side])) for k, side in places)
         return bool(self._hit)
 
     def _beyond(self, positions: np.ndarray) -> np.ndarray:
         """How far joints are beyond their lower and their upper limit, (joints, 2)."""
-        model = self.tree.model
-        at, (low, high) = positions[model.jnt_qposadr[self.limited]], model.jnt_range[self.limited].T
+        at, (low, high) = positions[self._places], self._ranges.T
         return np.maximum(np.stack([low - at, at - high], axis=1), 0.0)
 
 
@@ -222,8 +224,8 @@ def travel(tree: Tree, positions: np.ndarray, freedom: int, left: float = 0.0) -
     *_, order = scipy.linalg.qr(motion.T * first, pivoting=True, mode="r")
     leaders = order[:freedom]
     ways = motion @ np.linalg.inv(motion[leaders])
-    path, names, ranges, found, walked = _Path(tree, freedom, left), Plan(tree).joint_names, {}, [], []
-    moved = []
+    path, ranges, found, walked, moved = _Path(tree, freedom, left), {}, [], [], []
+    names = [joint.name for joint in tree.joints]
     held = np.abs(tree.system(positions)[1] * tree.scale()).max(axis=0) > _HELD
     felt = [
         (leader, way) for leader, way in zip(leaders.tolist(), ways.T, strict=True) if np.any(np.abs(way[held]) > _HELD)
@@ -236,19 +238,17 @@ def travel(tree: Tree, positions: np.ndarray, freedom: int, left: float = 0.0) -
         at = np.concatenate([[0.0], np.cumsum(steps)])
         at += _start(tree, positions, leader) - at[place]
         at[np.abs(at) < settled[leader]] = 0.0
-        name = _name(tree, names, leader)
+        name = _name(tree, leader)
         for k, three in enumerate(zip(points, points[1:], points[2:], strict=False)):
             if (there := path.singular(*three)) is not None:
                 where = _rounded(float(at[k]) + _moved(tree, three[0], there, leader), settled[leader])
-                found.append(
-                    Singular(name, where, *path.figures(there, three[0]), _all_of(tree, names, there.positions))
-                )
+                found.append(Singular(name, where, *path.figures(there, three[0]), _all_of(tree, there.positions)))
         least = min(least, *(point.kept for point in points))
         low, high = (_rounded(end, settled[leader]) for end in path.range_of(points, at, leader))
         ranges[name], moved = (low, high), [*moved, *[name] * bool(high - low > _MOTION * tree.scale()[leader])]
         walked.append(Way(name, at, *(np.array([getattr(p, of) for p in points]) for of in ("positions", "kept"))))
     stops = tuple((names[joint], _rounded(limit, DIGITS)) for joint, limit in path.stops)
-    return Travel(ranges, tuple(found), least, bool(path.limited.size), stops, tuple(moved), tuple(walked))
+    return Travel(ranges, tuple(found), least, bool(path.limits), stops, tuple(moved), tuple(walked))
 
 
 def _rounded(at: float, resolution: float) -> float:
@@ -257,15 +257,16 @@ def _rounded(at: float, resolution: float) -> float:
 
 
 def _start(tree: Tree, positions: np.ndarray, dof: int) -> float:
-    """Where a hinge or slide is, as the file counts; others are counted from here."""
-    joint = int(tree.model.dof_jntid[dof])
-    return float(positions[tree.model.jnt_qposadr[joint]]) if int(tree.model.jnt_type[joint]) >= 2 else 0.0
+    """Where a joint is along one of its velocities, as the file counts; balls and free bodies are counted from here."""
+    joint = int(tree.joint_of_dof[dof])
+    if tree.joints[joint].kind in ("ball", "free"):
+        return 0.0
+    return float(positions[tree.places[joint].start + dof - tree.dofs[joint].start])
 
 
-def _all_of(tree: Tree, names: list[str], positions: np.ndarray) -> dict[str, list[float]]:
+def _all_of(tree: Tree, positions: np.ndarray) -> dict[str, list[float]]:
     """Positions of all joints, by name."""
-    parts = np.split(positions, tree.model.jnt_qposadr[1:])
-    return {name: part.tolist() for name, part in zip(names, parts, strict=True)}
+    return {joint.name: positions[place].tolist() for joint, place in zip(tree.joints, tree.places, strict=True)}
 
 
 def _moved(tree: Tree, here: _Point, there: _Point, dof: int) -> float:
@@ -273,9 +274,8 @@ def _moved(tree: Tree, here: _Point, there: _Point, dof: int) -> float:
     return float(tree.difference(here.positions, there.positions)[dof])
 
 
-def _name(tree: Tree, names: list[str], dof: int) -> str:
+def _name(tree: Tree, dof: int) -> str:
     """Of one velocity of a joint."""
-    joint = int(tree.model.dof_jntid[dof])
-    number = dof - int(tree.model.jnt_dofadr[joint])
-    name = names[joint]
-    return name if int(tree.model.jnt_type[joint]) >= 2 else f"{name}[{number}]"
+    joint = int(tree.joint_of_dof[dof])
+    name, dofs = tree.joints[joint].name, tree.dofs[joint]
+    return name if dofs.stop - dofs.start == 1 else f"{name}[{dof - dofs.start}]"

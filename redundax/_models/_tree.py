@@ -1,72 +1,134 @@
-"""The tree of bodies that a file describes: what its loops leave open, and joint positions that close them
+"""The tree of bodies of a model: where joints put them, what loops leave open, and positions of joints that close them
+
+A joint displaces all that hangs on it, in the reference pose, by a rotation R and a shift s: x goes to R x + s, and the
+displacements of the joints above come after. A velocity of a joint moves a point x of what hangs on it by v + w x x.
 
 Loops are closed by truncated Gauss-Newton steps in the positions of the joints, each the least that lessens the misfit,
 so that bodies stay in their joints and joints of no loop where they are, however far the file is from closed.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from .._tools._optional import optional
+from .._bodies._space._rotation import between, rotation
+from ._description import SIZES, Description, End, Joint, Loop, Tie
+from ._loop_rows import LoopRows, loop_rows
+from ._vectors import cross, turned, vector_of
 
-WITHOUT = "; the figures are without it"
 _STEPS, _STARTS, _ENOUGH, _LONGEST = 200, 20, 5, 0.3  # the longest step: rad, and the share of the model's size
 CLOSED = 1e-13  # a misfit relative to the size of the model, by rounding of some ten products
 OPEN = 1e-4  # likewise: files of four digits close to that, and what misses by more does not close
 DIGITS = 1e-6  # relative: numbers of a file may have no more digits, so that less tells nothing
 _STILL = 1e-12  # steps that lead nowhere
 _NEAR = 1e-3  # rad, or the share of the model's size
-_TORQUE_SCALE = 10  # of a weld: where its data have it
 _REACH = 0.8  # rad, or the share of the model's size: the largest of random displacements of joints
+_MOTIONS = {  # of joints whose displacements are numbers: turns or slides, about or along which axis of which end
+    "hinge": ((True, "parent", 2),),
+    "slide": ((False, "parent", 2),),
+    "cylindrical joint": ((True, "parent", 2), (False, "parent", 2)),
+    "universal joint": ((True, "parent", 2), (True, "child", 2)),
+    "planar joint": ((False, "parent", 0), (False, "parent", 1), (True, "parent", 2)),
+}
 
 
-class End(NamedTuple):
-    """Where a loop closes on a body: its index, a point and axes in its frame."""
+class _Motion:
+    """A turn about, or a slide along, an axis in the reference pose."""
 
-    body: int
-    point: np.ndarray
-    axes: np.ndarray
+    def __init__(self, is_turn: bool, axis: np.ndarray, point: np.ndarray):
+        self.is_turn, self.axis, self.point = is_turn, axis, point
+        x, y, z = axis
+        self._skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        self._square = self._skew @ self._skew
+
+    def by(self, amount: float) -> tuple[np.ndarray, np.ndarray]:
+        """Rotation and shift."""
+        if not self.is_turn:
+            return np.eye(3), amount * self.axis
+        turned = np.sin(amount) * self._skew + (1 - np.cos(amount)) * self._square
+        return np.eye(3) + turned, -turned @ self.point
 
 
-class Loop(NamedTuple):
-    """Two bodies closed at a point ("connect", or a weld whose torques count for nothing) or wholly ("weld")."""
+class Poses(NamedTuple):
+    """Where joints put the bodies: of each its rotation, (bodies, 3, 3), and shift, (bodies, 3), from the reference
+    pose; and what a unit of each velocity of joints moves the origin and turns, both (velocities, 3)."""
 
-    name: str
-    kind: str
-    first: End
-    second: End
+    turns: np.ndarray
+    shifts: np.ndarray
+    moves: np.ndarray
+    spins: np.ndarray
 
+    def point(self, end: End) -> np.ndarray:
+        """Of an end, global."""
+        return self.turns[end.body] @ end.point + self.shifts[end.body]
 
-class Tie(NamedTuple):
-    """Displacement of one joint as a polynomial of that of another, by their indices; of none, -1, a number."""
-
-    name: str
-    first: int
-    second: int
-    polynomial: np.ndarray
+    def axes(self, end: End) -> np.ndarray:
+        """Of an end, global."""
+        return self.turns[end.body] @ end.axes
 
 
 class Tree:
-    """A model of MuJoCo with its loops and ties."""
+    """The joints of a description, with its loops and ties.
 
-    def __init__(self, model: Any, loops: list[Loop], ties: list[Tie]):
-        self.model, self.loops, self.ties = model, loops, ties
-        self._mujoco = optional("mujoco", "models")
-        self._data = self._mujoco.MjData(model)
-        data = self.at(model.qpos0)
-        points = np.concatenate(
-            [data.xanchor, data.xipos, *(self._world(end)[:1] for each in loops for end in each[2:])]
+    - `nq`, `nv`: how many positions and velocities its joints have; `places`, `dofs`: of each joint, as slices.
+    - `below`: which velocities move a body, (bodies, nv); `size`: a length of it, m.
+    """
+
+    def __init__(self, description: Description):
+        self.description, self.joints = description, description.joints
+        self.loops, self.ties = description.loops, description.ties
+        sizes = np.array([SIZES[joint.kind] for joint in self.joints]).reshape(-1, 2)
+        ends = np.concatenate([np.zeros((1, 2), int), np.cumsum(sizes, axis=0)])
+        self.nq, self.nv = ends[-1].tolist()
+        self.places, self.dofs = (
+            [slice(*pair) for pair in zip(at[:-1].tolist(), at[1:].tolist(), strict=True)] for at in ends.T
         )
-        self.size = max(float(np.ptp(points, axis=0).max(initial=0.0)), 1e-3)  # a length of it
+        self.joint_of_dof = np.repeat(np.arange(len(self.joints)), sizes[:, 1])
+        self.reference = np.concatenate([np.zeros(0), *(joint.reference for joint in self.joints)])
+        self._motions = [_motions(joint) for joint in self.joints]
+        self.below = np.zeros((len(description.bodies), self.nv), dtype=bool)
+        for joint, dofs in zip(self.joints, self.dofs, strict=True):
+            self.below[joint.child.body] = self.below[joint.parent.body]
+            self.below[joint.child.body, dofs] = True
+        parts = [description.points, *(end.point[None] for each in self.loops for end in (each.first, each.second))]
+        self.size = max(float(np.ptp(np.concatenate(parts), axis=0).max(initial=0.0)), 1e-3)
 
-    def at(self, positions: np.ndarray) -> Any:
-        """Poses of all bodies, points and axes of all joints, as MuJoCo's data."""
-        self._data.qpos[:] = positions
-        self._mujoco.mj_kinematics(self.model, self._data)
-        self._mujoco.mj_comPos(self.model, self._data)
-        return self._data
+    def at(self, positions: np.ndarray) -> Poses:
+        """Poses of all bodies, and what velocities of the joints move."""
+        count = len(self.description.bodies)
+        turns, shifts = np.empty((count, 3, 3)), np.zeros((count, 3))
+        turns[0] = np.eye(3)
+        axes, points, is_turn = np.zeros((self.nv, 3)), np.zeros((self.nv, 3)), np.zeros((self.nv, 1), dtype=bool)
+        for joint, place, dofs, motions in zip(self.joints, self.places, self.dofs, self._motions, strict=True):
+            turn, shift, own = turns[joint.parent.body], shifts[joint.parent.body], positions[place]
+            body, dof = joint.child.body, dofs.start
+            if joint.kind in ("ball", "free"):
+                frame = self.description.bodies[body]
+                axes_then, point = frame.axes, joint.child.point if joint.kind == "ball" else frame.position
+                if joint.kind == "ball":
+                    there, turn = turn @ point + shift, turn @ axes_then @ rotation(own) @ axes_then.T
+                else:
+                    there, turn = own[:3], rotation(own[3:]) @ axes_then.T
+                    axes[dof : dof + 3], dof = np.eye(3), dof + 3
+                shift = there - turn @ point
+                axes[dof : dof + 3], points[dof : dof + 3] = (turn @ axes_then).T, there
+                is_turn[dof : dof + 3] = True
+            for motion, amount in zip(motions, own - joint.reference, strict=False):
+                axes[dof], points[dof], is_turn[dof] = turn @ motion.axis, turn @ motion.point + shift, motion.is_turn
+                by, move = motion.by(float(amount))
+                turn, shift, dof = turn @ by, turn @ move + shift, dof + 1
+            turns[body], shifts[body] = turn, shift
+        return Poses(turns, shifts, np.where(is_turn, cross(points, axes), axes), np.where(is_turn, axes, 0.0))
+
+    def velocities(self, poses: Poses, end: End) -> tuple[np.ndarray, np.ndarray]:
+        """Of the point of an end, and of its body as it turns, by the velocities of the joints, both (3, nv)."""
+        return self.velocities_at(poses, end.body, poses.point(end))
+
+    def velocities_at(self, poses: Poses, body: int, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The same of a global point of a body."""
+        moves = np.where(self.below[body][:, None], poses.moves + cross(poses.spins, point), 0.0)
+        return moves.T, np.where(self.below[body][:, None], poses.spins, 0.0).T
 
     def misfit(self, positions: np.ndarray) -> float:
         """The largest misfit, relative to the size of the model."""
@@ -74,8 +136,7 @@ class Tree:
 
     def misfits(self, positions: np.ndarray) -> dict[str, float]:
         """How far each loop is from closed, m or rad, the larger."""
-        self.at(positions)
-        parts = [*map(self._gap, self.loops), *(self._lag(tie) for tie in self.ties)]
+        parts = [*(rows.residual for rows in self.rows_of_loops(positions)), *self._lags(positions)]
         names = [part.name for part in (*self.loops, *self.ties)]
         return {name: float(np.abs(part).max()) for name, part in zip(names, parts, strict=True)}
 
@@ -83,7 +144,7 @@ class Tree:
         """Joint positions that close all loops as well as the digits of the file allow, by the least steps from those
         given, or those of the file; and the largest misfit left, relative to the size of the model. Where that does not
         close them, and not `only_near`, they are the nearest found otherwise. A misfit of digits moves no joint far."""
-        start = np.array(self.model.qpos0 if start is None else start)
+        start = np.array(self.reference if start is None else start)
         found = self.descend(start)
         if self.misfit(start) <= DIGITS and self._distance(start, found[0]) > _NEAR:
             found = self.descend(start, rcond=DIGITS / _NEAR)
@@ -94,7 +155,7 @@ class Tree:
         closes, the one that misses least, of these and the one given."""
         random, closed, in_loops = np.random.default_rng(0), [], self.in_loops()
         for trial in range(_STARTS):
-            way = random.normal(scale=0.1 + trial / _STARTS, size=self.model.nv)
+            way = random.normal(scale=0.1 + trial / _STARTS, size=self.nv)
             other = self.descend(self.moved(start, np.where(in_loops, way, 0.0)))
             found = min(found, other, key=lambda each: each[1])
             closed += [self._drawn(other, start)] if other[1] <= OPEN else []
@@ -124,21 +185,11 @@ class Tree:
 
     def in_loops(self) -> np.ndarray:
         """Which velocities of joints move some loop or tie in itself, (nv,)."""
-        model, found = self.model, np.zeros(self.model.nv, dtype=bool)
+        found = np.zeros(self.nv, dtype=bool)
         for loop in self.loops:
-            first, second = (self._above(end.body) for end in (loop.first, loop.second))
-            found |= first ^ second
+            found |= self.below[loop.first.body] ^ self.below[loop.second.body]
         for joint in (joint for tie in self.ties for joint in (tie.first, tie.second) if joint >= 0):
-            found[model.jnt_dofadr[joint]] = True
-        return found
-
-    def _above(self, body: int) -> np.ndarray:
-        """Which velocities of joints move a body."""
-        found = np.zeros(self.model.nv, dtype=bool)
-        while body:
-            first = int(self.model.body_dofadr[body])
-            found[first : first + int(self.model.body_dofnum[body])] |= first >= 0
-            body = int(self.model.body_parentid[body])
+            found[self.dofs[joint]] = True
         return found
 
     def elsewhere(
@@ -150,7 +201,7 @@ class Tree:
         _, values, basis = np.linalg.svd(self.system(positions)[1] * scale)
         free = basis[int(np.sum(values > DIGITS * values.max(initial=0.0))) :]
         for trial in range(4 * count):
-            reach, way = _REACH / (1 + trial // count), random.normal(size=self.model.nv)
+            reach, way = _REACH / (1 + trial // count), random.normal(size=self.nv)
             way = free.T @ (free @ way) if len(free) else way  # what cannot move may close otherwise
             start = self.moved(positions, reach * scale * way / np.abs(way).max())
             other, misfit = self.descend(start)
@@ -164,19 +215,12 @@ class Tree:
         """Velocities of the joints, relative to `scale`, that the loops leave, (nv, freedom); and the smallest singular
         value kept, relative to the largest."""
         _, values, basis = np.linalg.svd(self.system(positions)[1] * self.scale())
-        rank = self.model.nv - freedom
+        rank = self.nv - freedom
         return basis[rank:].T, float(values[rank - 1] / values[0]) if rank else 1.0
 
     def drives(self, positions: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
         """Names of the drives, and their rates by the velocities of the joints, (drives, nv)."""
-        data, model = self.at(positions), self.model
-        self._mujoco.mj_tendon(model, data)
-        self._mujoco.mj_transmission(model, data)
-        rates = np.zeros((model.nu, model.nv))
-        for k, (first, count) in enumerate(zip(data.moment_rowadr, data.moment_rownnz, strict=True)):
-            entries = slice(first, first + count)
-            rates[k, data.moment_colind[entries]] = data.actuator_moment.ravel()[entries]
-        return tuple(model.actuator(k).name or f"drive {k + 1}" for k in range(model.nu)), rates
+        return self.description.drives, self.description.rates(positions)
 
     def descend(self, positions: np.ndarray, steps: int = _STEPS, rcond: float = DIGITS) -> tuple[np.ndarray, float]:
         """Positions that close the loops, from these on, and the largest misfit left, relative to the size."""
@@ -195,167 +239,97 @@ class Tree:
         return positions, left
 
     def moved(self, positions: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """Positions after a step of velocities for a unit of time; those of balls and free bodies turn about their own
+        axes."""
         positions = np.array(positions)
-        self._mujoco.mj_integratePos(self.model, positions, step, 1.0)
+        for joint, place, dofs in zip(self.joints, self.places, self.dofs, strict=True):
+            own = positions[place]
+            if joint.kind in ("ball", "free"):
+                own[-4:] = turned(own[-4:], step[dofs][-3:])
+                own[:-4] += step[dofs][:-3]
+            else:
+                own += step[dofs]
         return positions
 
     @property
     def rows(self) -> int:
         """How many conditions the loops and ties set."""
-        return sum(3 if loop.kind == "connect" else 6 for loop in self.loops) + len(self.ties)
+        return self.system(self.reference)[0].size
 
     def difference(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
         """Displacements that lead from one position to another, as velocities for a unit of time."""
-        step = np.zeros(self.model.nv)
-        self._mujoco.mj_differentiatePos(self.model, step, 1.0, before, after)
+        step = np.zeros(self.nv)
+        for joint, place, dofs in zip(self.joints, self.places, self.dofs, strict=True):
+            one, other, own = before[place], after[place], step[dofs]
+            if joint.kind in ("ball", "free"):
+                own[-3:] = vector_of(between(one[-4:], other[-4:]))
+                own[:-3] = other[:-4] - one[:-4]
+            else:
+                own[:] = other - one
         return step
 
-    def joint_kind(self, joint: int) -> str:
-        """Free, ball, slide or hinge."""
-        return ("free", "ball", "slide", "hinge")[int(self.model.jnt_type[joint])]
-
-    def joint_name(self, joint: int) -> str:
-        """As in the file, or of its body."""
-        body = int(self.model.jnt_bodyid[joint])
-        return (
-            self.model.joint(joint).name
-            or f"{self.joint_kind(joint)} of {self.model.body(body).name or f'body {body}'}"
-        )
-
     def scale(self) -> np.ndarray:
-        """Of a long step of each joint: the size of the model for one that slides, 1 for one that turns."""
-        kinds = self._mujoco.mjtJoint
-        slides = np.isin(self.model.jnt_type, [kinds.mjJNT_SLIDE, kinds.mjJNT_FREE])[self.model.dof_jntid]
-        return np.where(slides, self.size, 1.0)
+        """Of a long step of each joint: the size of the model for one that slides or floats, 1 for one that turns."""
+        slides = [np.full(dofs.stop - dofs.start, joint.kind == "free") for joint, dofs in self._each()]
+        for found, motions in zip(slides, self._motions, strict=True):
+            found[: len(motions)] = [not motion.is_turn for motion in motions]
+        return np.where(np.concatenate([np.zeros(0, bool), *slides]), self.size, 1.0)
+
+    def _each(self) -> list[tuple[Joint, slice]]:
+        return list(zip(self.joints, self.dofs, strict=True))
+
+    def rows_of_loops(self, positions: np.ndarray) -> list[LoopRows]:
+        """What each loop holds at positions of the joints."""
+        poses = self.at(positions)
+        return [
+            loop_rows(loop, *((poses.point(end), poses.axes(end)) for end in (loop.first, loop.second)))
+            for loop in self.loops
+        ]
 
     def system(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residual of all loops and ties, and its derivative by the velocities of the joints."""
-        data = self.at(positions)
-        residuals, slopes = [np.zeros(0), *map(self._gap, self.loops)], [np.zeros((0, self.model.nv))]
+        poses, residuals, slopes = self.at(positions), [np.zeros(0)], [np.zeros((0, self.nv))]
         for loop in self.loops:
-            parts = []
-            for end in (loop.first, loop.second):
-                rates = np.zeros((2, 3, self.model.nv))
-                self._mujoco.mj_jac(self.model, data, rates[0], rates[1], self._world(end)[0], end.body)
-                parts.append(rates[: 2 if loop.kind == "weld" else 1].reshape(-1, self.model.nv))
-            slopes.append(parts[0] - parts[1])
+            rows = _rows(poses, loop)
+            one, other = (
+                self.velocities_at(poses, end.body, point)
+                for end, point in zip((loop.first, loop.second), rows.points, strict=True)
+            )
+            residuals.append(rows.residual)
+            slopes.append(rows.forces @ (one[0] - other[0]) + rows.moments @ (one[1] - other[1]))
         for tie in self.ties:
-            row = np.zeros((1, self.model.nv))
-            row[0, self.model.jnt_dofadr[tie.first]] = 1.0
+            row = np.zeros((1, self.nv))
+            row[0, self._dof(tie, 0)] = 1.0
             if tie.second >= 0:
-                slope = np.polyval(np.polyder(tie.polynomial[::-1]), self._displacement(tie.second))
-                row[0, self.model.jnt_dofadr[tie.second]] -= slope
-            residuals.append(self._lag(tie))
+                slope = np.polyval(np.polyder(tie.polynomial[::-1]), self._displacement(positions, tie, 1))
+                row[0, self._dof(tie, 1)] -= slope
             slopes.append(row)
-        return np.concatenate(residuals), np.concatenate(slopes)
+        return np.concatenate([*residuals, *self._lags(positions)]), np.concatenate(slopes)
 
-    def _world(self, end: End) -> tuple[np.ndarray, np.ndarray]:
-        """Point and axes of an end in the global frame, at the positions taken last."""
-        axes = self._data.xmat[end.body].reshape(3, 3)
-        return self._data.xpos[end.body] + axes @ end.point, axes @ end.axes
+    def _dof(self, tie: Tie, which: int) -> int:
+        return self.dofs[(tie.first, tie.second)[which]].start + tie.coordinates[which]
 
-    def _gap(self, loop: Loop) -> np.ndarray:
-        (point, axes), (other, others) = self._world(loop.first), self._world(loop.second)
-        if loop.kind == "connect":
-            return point - other
-        return np.concatenate([point - other, self._turn(axes @ others.T)])
+    def _displacement(self, positions: np.ndarray, tie: Tie, which: int) -> float:
+        place = self.places[(tie.first, tie.second)[which]].start + tie.coordinates[which]
+        return float(positions[place] - self.reference[place])
 
-    def _turn(self, turned: np.ndarray) -> np.ndarray:
-        """Rotation vector of a rotation matrix."""
-        quaternion, vector = np.zeros(4), np.zeros(3)
-        self._mujoco.mju_mat2Quat(quaternion, turned.ravel())
-        self._mujoco.mju_quat2Vel(vector, quaternion, 1.0)
-        return vector
-
-    def _displacement(self, joint: int) -> float:
-        place = self.model.jnt_qposadr[joint]
-        return float(self._data.qpos[place] - self.model.qpos0[place])
-
-    def _lag(self, tie: Tie) -> np.ndarray:
-        other = self._displacement(tie.second) if tie.second >= 0 else 0.0
-        wanted = np.polyval(tie.polynomial[::-1], other)
-        return np.array([self._displacement(tie.first) - wanted])
+    def _lags(self, positions: np.ndarray) -> list[np.ndarray]:
+        found = []
+        for tie in self.ties:
+            other = self._displacement(positions, tie, 1) if tie.second >= 0 else 0.0
+            wanted = np.polyval(tie.polynomial[::-1], other)
+            found.append(np.array([self._displacement(positions, tie, 0) - wanted]))
+        return found
 
 
-def tree_of(model: Any) -> tuple[Tree, list[str]]:
-    """The tree of a model, and which of its constraints are left out, a line each."""
-    mujoco, loops, ties, notes = optional("mujoco", "models"), [], [], []
-    for k in range(model.neq):
-        kind, (one, two) = mujoco.mjtEq(model.eq_type[k]), (int(model.eq_obj1id[k]), int(model.eq_obj2id[k]))
-        if kind == mujoco.mjtEq.mjEQ_JOINT:
-            name = _named(model, k, "couple", model.joint(one).name, model.joint(two).name if two >= 0 else "0")
-            if all(mujoco.mjtJoint(model.jnt_type[joint]) in _single(mujoco) for joint in (one, two) if joint >= 0):
-                ties.append(Tie(name, one, two, model.eq_data[k, :5].copy()))
-            else:
-                notes.append(f"constraint '{name}' is left out: it does not couple two hinges or slides{WITHOUT}")
-            continue
-        word = "weld" if kind == mujoco.mjtEq.mjEQ_WELD else "connect"
-        of_sites = model.eq_objtype[k] == mujoco.mjtObj.mjOBJ_SITE
-        ends = _site_ends(model, one, two) if of_sites else _body_ends(model, word, one, two, model.eq_data[k])
-        names = (model.site if of_sites else model.body)(one).name, (model.site if of_sites else model.body)(two).name
-        name = _named(model, k, word, *names)
-        if root_of(model, ends[0].body) == root_of(model, ends[1].body):
-            notes.append(f"constraint '{name}' is left out: the file fixes both of its bodies to each other")
-        else:
-            holds_turns = word == "weld" and model.eq_data[k, _TORQUE_SCALE] != 0
-            loops.append(Loop(name, "weld" if holds_turns else "connect", *ends))
-    moved = [model.body(body).name or f"body {body}" for body in range(model.nbody) if model.body_mocapid[body] >= 0]
-    if moved:
-        notes.append(f"motion from outside (mocap) of {', '.join(moved)}: they rest where the file has them")
-    parts = [*loops, *ties]
-    parts = [
-        part._replace(name=name) for part, name in zip(parts, unique([part.name for part in parts], ()), strict=True)
+def _rows(poses: Poses, loop: Loop) -> LoopRows:
+    first, second = ((poses.point(end), poses.axes(end)) for end in (loop.first, loop.second))
+    return loop_rows(loop, first, second)
+
+
+def _motions(joint: Joint) -> list[_Motion]:
+    ends = {"child": joint.child, "parent": joint.parent}
+    return [
+        _Motion(is_turn, ends[end].axes[:, column], joint.child.point)
+        for is_turn, end, column in _MOTIONS.get(joint.kind, ())
     ]
-    return Tree(model, parts[: len(loops)], parts[len(loops) :]), notes
-
-
-def root_of(model: Any, body: int) -> int:
-    """The body with joints that this one is fixed to, or 0 for the ground, to which bodies moved from outside count."""
-    root = int(model.body_weldid[body])
-    return root if model.body_jntnum[root] else 0
-
-
-def _named(model: Any, k: int, word: str, one: str, two: str) -> str:
-    return model.equality(k).name or f"{word} {one} ~ {two}"
-
-
-def _single(mujoco: Any) -> tuple[Any, Any]:
-    """Kinds of joints with one displacement."""
-    return mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
-
-
-def _site_ends(model: Any, one: int, two: int) -> tuple[End, End]:
-    first, second = (
-        End(int(model.site_bodyid[site]), model.site_pos[site].copy(), _axes(model.site_quat[site]))
-        for site in (one, two)
-    )
-    return first, second
-
-
-def _body_ends(model: Any, word: str, one: int, two: int, data: np.ndarray) -> tuple[End, End]:
-    if word == "connect":
-        return End(one, data[:3].copy(), np.eye(3)), End(two, data[3:6].copy(), np.eye(3))
-    return End(one, data[3:6].copy(), _axes(data[6:10])), End(two, data[:3].copy(), np.eye(3))
-
-
-def _axes(quaternion: np.ndarray) -> np.ndarray:
-    mujoco, axes = optional("mujoco", "models"), np.zeros(9)
-    mujoco.mju_quat2Mat(axes, quaternion / np.linalg.norm(quaternion))
-    return axes.reshape(3, 3)
-
-
-def unique(names: list[str], taken: Any) -> list[str]:
-    """The names, with a number after those that occur before."""
-    found: list[str] = []
-    for name in names:
-        number, own = 1, name
-        while own in found or own in taken:
-            number += 1
-            own = f"{name} ({number})"
-        found.append(own)
-    return found
-
-
-def missing_of(notes: list[str] | tuple[str, ...]) -> list[str]:
-    """Of what is left out, that which constrains."""
-    return [note.partition(" is left out")[0] for note in notes if note.endswith(WITHOUT)]

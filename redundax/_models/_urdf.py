@@ -10,9 +10,15 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+import numpy as np
+
 from .._tools._errors import RedundaxError
 from .._tools._words import did_you_mean, ended, short
-from ._tree import WITHOUT
+from ._closed_loops import add_closed_loops, add_drives, loops_in, transmissions
+from ._content import document
+from ._description import WITHOUT, Description
+from ._mjcf import by_mujoco
+from ._urdf_loops import loops_of, second_parents
 
 _KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 _SINGLE = ("revolute", "continuous", "prismatic")
@@ -29,6 +35,42 @@ _LOOPS = re.compile("mimic|loop|constraint|closure|weld|coupl|gearbox|bushing|at
 _JOINTS = re.compile(f"joint|hinge|pivot|screw|{_LOOPS.pattern}", re.IGNORECASE)
 
 
+def closures_of(path: pathlib.Path, given: str | pathlib.Path | None) -> pathlib.Path | None:
+    """The file of the loops of a URDF: the one given, or that beside it, if there is one."""
+    if given is not None:
+        return pathlib.Path(given)
+    beside = [path.with_suffix(ending) for ending in (".yaml", ".yml")] if path.suffix.lower() == ".urdf" else []
+    return next((file for file in beside if file.is_file()), None)
+
+
+def read_urdf(path: pathlib.Path, closures: pathlib.Path | None) -> Description:
+    """What a URDF says, with the file of its loops."""
+    root = document(path)
+    check_urdf(path, root)
+    given = {} if closures is None else loops_in(closures)
+    pairs = given.get("closed_loop") or []
+    own = loops_of(root, {link.get("name", "") for link in root.iterfind("link")})
+    held_by = _carriers(_joints(root))
+    beside = [{held_by.get(name, name) for name in map(str, pair)} for pair in pairs if isinstance(pair, list)]
+    own = [loop for loop in own if {held_by.get(end.link, end.link) for end in (loop.first, loop.second)} not in beside]
+    closed = []
+    for k, loop in enumerate(own):
+        one, two = (f"{loop.name} at {end.link} {k}" for end in (loop.first, loop.second))
+        closed.append((loop.name, loop.kind, one, two, loop.first.point is None))
+
+    def changed(spec: Any) -> list[str]:
+        notes = [] if closures is None else add_closed_loops(spec, path, closures)
+        for loop, (_, _, one, two, _) in zip(own, closed, strict=True):
+            for end, name in ((loop.first, one), (loop.second, two)):
+                body = spec.body(end.link) or spec.worldbody
+                body.add_site(name=name, pos=np.zeros(3) if end.point is None else end.point, quat=end.turn)
+        notes += unread(path, root, pairs, [loop.element for loop in own])
+        return notes + (add_drives(spec, transmissions(path)) if not spec.actuators else [])
+
+    twice = [loop.name for loop in own if loop.element in list(root) and loop.element.tag == "joint"]
+    return by_mujoco("URDF", path, changed, closed, twice)
+
+
 def check_urdf(path: pathlib.Path, root: Any) -> None:
     """Refuse a URDF whose names do not fit, or that is no tree, and say how its loop is given."""
 
@@ -43,6 +85,7 @@ def check_urdf(path: pathlib.Path, root: Any) -> None:
             raise refuse(f"has {count} {what}s called {short(name)}. Rename them")
     joints, known = _joints(root), {*links, _GROUND}
     parent_of: dict[str, tuple[str, str]] = {}
+    second = [loop.element for loop in second_parents(root)]
     for joint in root.iterfind("joint"):
         name, kind, what = joint.get("name", ""), joint.get("type", ""), f"has the joint {short(joint.get('name', ''))}"
         if kind not in _KINDS:
@@ -63,9 +106,9 @@ def check_urdf(path: pathlib.Path, root: Any) -> None:
                 others = [each for each in joints if each != name]
                 hint = did_you_mean(wrong, others) or "Correct the name"
                 raise refuse(f"{what} mimic {short(wrong)}, which is no other joint. {hint}")
-        if child in parent_of:
+        if child in parent_of and joint not in second:
             raise refuse(_looped(path, child, f"the child of both '{parent_of[child][1]}' and '{name}'", name))
-        parent_of[child] = parent, name
+        parent_of.setdefault(child, (parent, name))
     hung = {_GROUND}
     for link in links:
         passed: dict[str, None] = {}
@@ -77,9 +120,9 @@ def check_urdf(path: pathlib.Path, root: Any) -> None:
         hung.update(passed)
 
 
-def unread(path: pathlib.Path, root: Any, closed: Sequence[Sequence[str]]) -> list[str]:
+def unread(path: pathlib.Path, root: Any, closed: Sequence[Sequence[str]], taken: Sequence[Any] = ()) -> list[str]:
     """What of a URDF is not read, and may constrain or press, a line each, where no loop that a file of closures has
-    holds the same links; `closed` are the frames of those loops."""
+    holds the same links; `closed` are the frames of those loops, `taken` elements that are read."""
     links, joints = {each.get("name", "") for each in root.iterfind("link")}, _joints(root)
     held_by = _carriers(joints)
     pairs = [{held_by.get(name, name) for name in map(str, pair)} for pair in closed]
@@ -101,7 +144,7 @@ def unread(path: pathlib.Path, root: Any, closed: Sequence[Sequence[str]]) -> li
         found += [
             f"{_told(each, links, joints)} is left out: {advice}{WITHOUT}"
             for each in inner
-            if {held_by.get(name, name) for name in _named(each, links)} not in pairs
+            if each not in taken and {held_by.get(name, name) for name in _named(each, links)} not in pairs
         ]
     for name, joint in joints.items():
         for other in (mimic.get("joint", "") for mimic in joint.iterfind("mimic")):

@@ -56,13 +56,13 @@ def test_armature_between_bodies_that_move_acts_as_in_mujoco_and_constrains_noth
     assert not any("armature" in note for note in model.notes)
     (positions, state), system = model.beside(1)[0], model.mechanism
     truth = support.IdealLoops(model.tree, positions)
-    velocity = support.velocity_of_bodies(model.tree.model, truth.data, system.names.bodies)
+    velocity = support.velocity_of_bodies(model.described.origin.model, truth.data, system.names.bodies)
     state = rx.State(state.q, jnp.asarray(velocity))
     solution = rx.solve(system, state)
     assert (len(system.names.bodies), int(solution.stats.redundancy), int(solution.stats.freedom)) == (8, 1, 7)
     joints = system.joint_coordinates.motion(state, solution.acceleration)
     order = [system.names.joint_coordinates.labels.index(name) for name in NAMES]
-    theirs = [model.tree.model.joint(name.partition(".")[0]).dofadr[0] for name in NAMES]
+    theirs = [model.described.origin.model.joint(name.partition(".")[0]).dofadr[0] for name in NAMES]
     np.testing.assert_allclose(joints.rate[np.array(order)], truth.velocity[theirs], atol=1e-12)
     ours, expected = np.array([solution[f"{name}''"] for name in NAMES]), truth.accelerations()
     np.testing.assert_allclose(ours, expected[theirs], atol=1e-9 * np.abs(expected).max())
@@ -78,7 +78,7 @@ def test_energy_stays_along_a_motion_with_armature(load):
     start = rx.assemble(model.mechanism, model.state.q, rates=rates)
     motion = rx.simulate(model.mechanism, start, t1=0.3)
     assert motion.result == rx.RESULTS.successful
-    theirs = model.tree.model
+    theirs = model.described.origin.model
     theirs.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
     data, mass, energies = mujoco.MjData(theirs), np.zeros((theirs.nv, theirs.nv)), []
     for k in (0, len(motion.t) // 2, -1):

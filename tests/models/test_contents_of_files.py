@@ -7,8 +7,7 @@ import pytest
 import redundax as rx
 from redundax._command._audit import _check_size
 from redundax._command._file import FileError
-from redundax._models._formats import not_a_model
-from redundax._models._read import read
+from redundax._models._formats import describe, not_a_model
 
 pytest.importorskip("mujoco")
 
@@ -74,12 +73,12 @@ def write(tmp_path):
 def test_what_a_file_is_and_what_to_do_is_told(write, name, content, told):
     file = write(name, content)
     with pytest.raises(rx.RedundaxError) as error:
-        read(file, None)
+        describe(file)
     assert told in str(error.value) and str(file) in str(error.value)
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("name", ["a.usd", "b.XACRO", "c.sldasm", "d.xml.gz", "e.asmt", "f.stp", "g.yaml"])
+@pytest.mark.parametrize("name", ["a.usd", "b.XACRO", "c.sldasm", "d.xml.gz", "e.sdf", "f.stp", "g.yaml"])
 def test_other_formats_are_known_by_their_endings(name):
     assert not_a_model(name)
     assert not any(map(not_a_model, ("a.xml", "a.urdf", "a.mjcf", "a.py", "a.py:m", "a")))
@@ -99,7 +98,7 @@ def test_other_formats_are_known_by_their_endings(name):
 )
 def test_masses_and_inertias_that_no_body_has_are_refused(write, template, name, mass, inertia, told):
     with pytest.raises(rx.RedundaxError, match=r"Give a positive number|Correct it") as error:
-        read(write(name, template.format(mass, inertia)), None)
+        describe(write(name, template.format(mass, inertia)))
     assert told in str(error.value)
 
 
@@ -111,9 +110,9 @@ def test_plugins_and_attributes_of_defaults_that_mujoco_does_not_know_are_left_o
     """Drives of plugins still drive; included files are read alike, from where they are."""
     (tmp_path / "parts").mkdir()
     write("parts/part.xml", f'<mujocoinclude>{PLUGIN}<default group="1"><geom group="2"/></default></mujocoinclude>')
-    model, notes = read(write("a.xml", BAR.format('<include file="parts/part.xml"/>', DRIVEN)), None)
-    assert (model.njnt, model.actuator(0).name) == (1, "drive")
-    assert notes[:2] == [
+    described = describe(write("a.xml", BAR.format('<include file="parts/part.xml"/>', DRIVEN)))
+    assert (len(described.joints), described.drives) == (1, ("drive",))
+    assert list(described.notes[:2]) == [
         "plugins: my.own, whose forces do not act here",
         'attributes of defaults, which MuJoCo does not know: group="1"',
     ]
@@ -121,7 +120,7 @@ def test_plugins_and_attributes_of_defaults_that_mujoco_does_not_know_are_left_o
 
 @pytest.mark.parametrize("name", ["a.mjcf", "a.XML", "b.URDF"])
 def test_endings_that_mujoco_does_not_know_are_read_as_said(write, name):
-    assert read(write(name, ARM.format(1, 1) if name.startswith("b") else PLAIN), None)[0].njnt == 1
+    assert len(describe(write(name, ARM.format(1, 1) if name.startswith("b") else PLAIN)).joints) == 1
 
 
 def test_a_large_model_is_told_early_or_refused(capsys):

@@ -5,9 +5,10 @@ import pytest
 
 from redundax._models._drives import drives_at
 from redundax._models._examine import agreed
-from redundax._models._read import closures_of, read
+from redundax._models._formats import describe
 from redundax._models._travel import _Path, travel
-from redundax._models._tree import tree_of
+from redundax._models._tree import Tree
+from redundax._models._urdf import closures_of
 from redundax._tools._errors import RedundaxError
 
 pytest.importorskip("mujoco")
@@ -45,8 +46,8 @@ def tree(tmp_path):
         if loops:
             (tmp_path / name).with_suffix(".yaml").write_text(loops)
         file = tmp_path / name
-        model, notes = read(file, closures_of(file, None))
-        return tree_of(model)[0], notes
+        described = describe(file, closures_of(file, None))
+        return Tree(described), described.notes
 
     return of
 
@@ -93,7 +94,7 @@ def test_a_dead_point_is_told_from_drives_that_share(tree):
       <equality><connect body1="rod" body2="piston" anchor="0.4 0 0"/></equality>
       <actuator><motor name="gas" joint="S"/></actuator></mujoco>"""
     model, _ = tree(text)
-    here = drives_at(model, model.model.qpos0, 1)
+    here = drives_at(model, model.reference, 1)
     beside = drives_at(model, model.descend(np.array([0.5, -0.6, 0.0]))[0], 1)
     assert (here.loose, here.redundancy, beside.loose, beside.redundancy) == (("gas",), 1, (), 0)
     found = agreed(here, [here, beside])
@@ -111,7 +112,7 @@ def test_a_dead_point_is_told_from_drives_that_share(tree):
 )
 def test_drives_of_a_urdf_are_those_of_the_loops_or_transmissions(tree, text, loops, names):
     model, _ = tree(f"{PAIR}{text}</robot>", "pair.urdf", loops)
-    assert model.drives(model.model.qpos0)[0] == names
+    assert model.drives(model.reference)[0] == names
 
 
 def test_a_drive_of_a_joint_that_is_not_there_is_refused_or_told(tree):
@@ -121,7 +122,7 @@ def test_a_drive_of_a_joint_that_is_not_there_is_refused_or_told(tree):
     driven = '<transmission name="t"><joint name="Z"/></transmission>'
     model, notes = tree(f"{PAIR}{driven}</robot>", "pair.urdf", "closed_loop: []")
     assert "drive of 'Z': there is no such joint" in notes
-    assert model.drives(model.model.qpos0)[0] == ()
+    assert model.drives(model.reference)[0] == ()
 
 
 @pytest.mark.parametrize(
@@ -152,7 +153,7 @@ ROCKING = """<mujoco><compiler angle="radian"/><default><joint axis="0 1 0"/><ge
 def test_the_range_of_a_crank_that_turns_round_is_that_of_its_triangles(tree, ref, start):
     """Coupler and rocker are in line at both ends; wherever the walk begins, and as the file counts."""
     model, _ = tree(ROCKING.format(ref=ref))
-    at, left = model.descend(model.model.qpos0 + np.array([start, 0.0, 0.0]))
+    at, left = model.descend(model.reference + np.array([start, 0.0, 0.0]))
     found = travel(model, at, 1, left)
     ground, crank, line = 0.55, np.hypot(0.05, 0.1), np.hypot(0.4, 0.1) + np.hypot(0.1, 0.2)
     most = np.arccos((crank**2 + ground**2 - line**2) / (2 * crank * ground))
@@ -166,7 +167,7 @@ def test_a_singular_position_beside_the_start_is_found_and_told_as_the_file_coun
     text = driven(("joint", "A")).replace('<joint name="A" ', '<joint name="A" ref="0.25" ')
     model, _ = tree(text)
     turn = np.pi / 2 + offset
-    at, left = model.descend(model.model.qpos0 + np.array([turn, -turn, turn, 0.0]))
+    at, left = model.descend(model.reference + np.array([turn, -turn, turn, 0.0]))
     found = travel(model, at, 2, left)
     nearest = min(found.singular, key=lambda each: abs(each.at - at[0]))
     np.testing.assert_allclose(nearest.at, 0.25 + np.pi / 2, atol=1e-5)
@@ -200,7 +201,7 @@ def test_two_that_are_flat_at_once_are_found_together(tree):
 def test_a_joint_at_its_limit_stops_no_other(tree, beyond):
     """Rounding puts the wheel beyond while the crank moves."""
     model, _ = tree(driven(("joint", "A")).replace('<joint name="W"', '<joint name="W" range="0 2"'))
-    path, way = _Path(model, 2, 0.0), np.zeros(model.model.nv)
+    path, way = _Path(model, 2, 0.0), np.zeros(model.nv)
     way[[0, 3]] = 1.0, beyond
     assert path.step(path.at(model.closed()[0], way), 0.1) is not None
     way[[0, 3]] = 0.0, -1.0
@@ -209,4 +210,4 @@ def test_a_joint_at_its_limit_stops_no_other(tree, beyond):
 
 def test_without_loops_there_is_nothing_to_look_for(tree):
     model, _ = tree(f"{PAIR}</robot>", "pair.urdf")
-    assert travel(model, model.model.qpos0, 2) is None
+    assert travel(model, model.reference, 2) is None

@@ -13,8 +13,9 @@ from redundax._command._file import FileError
 from redundax._models._edit_mjcf import mjcf_lines, mjcf_moves, write_mjcf
 from redundax._models._examine import examine
 from redundax._models._fix import fix
-from redundax._models._read import closures_of, read
-from redundax._models._tree import tree_of
+from redundax._models._formats import describe
+from redundax._models._tree import Tree
+from redundax._models._urdf import closures_of
 
 mujoco = pytest.importorskip("mujoco")
 yaml = pytest.importorskip("yaml")
@@ -67,8 +68,9 @@ def write(tmp_path):
 
 def figures(file):
     """Redundancy and freedom by the Jacobian that MuJoCo makes of all that is equal, at a closed position."""
-    model = read(file, closures_of(file, None))[0]
-    positions, left = tree_of(model)[0].closed()
+    described = describe(file, closures_of(file, None))
+    positions, left = Tree(described).closed()
+    model = described.origin.model
     assert left < 1e-12
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     data = mujoco.MjData(model)

@@ -234,7 +234,7 @@ class Dependent:
 def test_accelerations_and_drive_forces_are_those_of_mujoco_with_ideal_loops(name):
     """Joints on the spin of a part between two hinges on one axis have accelerations of rounding and are left out."""
     model = rx.load_model(FOLDER / FILES[name])
-    tree, positions, theirs = model.tree, model.positions, model.tree.model
+    tree, positions, theirs = model.tree, model.positions, model.described.origin.model
     truth = IdealLoops(tree, positions)
     velocity = truth.velocity
     names = [theirs.joint(k).name for k in range(theirs.njnt)]

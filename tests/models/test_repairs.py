@@ -15,10 +15,11 @@ from redundax._models import _fix
 from redundax._models._audit_page import audit_page
 from redundax._models._examine import _idle, examine
 from redundax._models._fix import fix
-from redundax._models._read import closures_of, read
+from redundax._models._formats import describe
 from redundax._models._repair_page import mended
 from redundax._models._stress import Stress
-from redundax._models._tree import tree_of
+from redundax._models._tree import Tree
+from redundax._models._urdf import closures_of
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -81,8 +82,8 @@ def run(*arguments):
 
 def least_kept(file, turns):
     """Of MuJoCo's own Jacobian of the loops: the third singular value, at positions of the crank."""
-    model = read(file, closures_of(file, None))[0]
-    tree, _ = tree_of(model)
+    tree = Tree(describe(file, closures_of(file, None)))
+    model = tree.description.origin.model
     model.opt.jacobian, data, found = mujoco.mjtJacobian.mjJAC_DENSE, mujoco.MjData(model), []
     place, positions = int(model.joint("A").qposadr[0]), tree.closed()[0]
     for turn in turns:
@@ -118,7 +119,7 @@ def test_self_stress_elsewhere_is_that_of_the_whole_mechanism(four_bar, door):
     for model, found in (four_bar, door):
         positions = [model.positions, *(at for at, _ in model.beside(2))]
         for at, look in zip(positions, (found.here, *found.others), strict=True):
-            basis = Stress(model.plan, found.rows, look.scales).basis(at, look.redundancy)
+            basis = Stress(model.tree, found.rows, look.scales).basis(at, look.redundancy)
             np.testing.assert_allclose(basis @ basis.T, look.stress, atol=1e-10)
 
 

@@ -8,9 +8,9 @@ import pytest
 
 import redundax
 from redundax._models._build import mechanism_of
-from redundax._models._plan import Plan
-from redundax._models._read import closures_of, read
-from redundax._models._tree import tree_of
+from redundax._models._formats import describe
+from redundax._models._tree import Tree
+from redundax._models._urdf import closures_of
 
 pytest.importorskip("mujoco")
 pytest.importorskip("yaml")
@@ -87,9 +87,9 @@ def outcome(folder, seed):
         file.with_suffix(".yaml").write_text(loops, encoding="utf8")
     try:
         with np.errstate(divide="raise", invalid="raise", over="raise"):
-            tree, _ = tree_of(read(file, closures_of(file, None))[0])
+            tree = Tree(describe(file, closures_of(file, None)))
             tree.closed()
-            mechanism_of(Plan(tree))
+            mechanism_of(tree.description)
     except redundax.RedundaxError as error:  # any other error is a crash
         assert str(error) and "\n" not in str(error), (seed, error)
         return str(error)

@@ -13,11 +13,10 @@ import pytest
 from redundax import __main__ as command
 from redundax._models._choice import listed, series
 from redundax._models._drives import drives_at
-from redundax._models._plan import Plan
-from redundax._models._read import read
+from redundax._models._formats import describe
 from redundax._models._spins import spins
 from redundax._models._travel import travel
-from redundax._models._tree import tree_of
+from redundax._models._tree import Tree
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -43,7 +42,7 @@ def parallelogram(swing="", tilt="", knee="", body="", loop="", drives='<motor n
 def tree(tmp_path):
     def of(text):
         (tmp_path / "model.xml").write_text(text)
-        return tree_of(read(tmp_path / "model.xml", None)[0])[0]
+        return Tree(describe(tmp_path / "model.xml"))
 
     return of
 
@@ -61,7 +60,7 @@ def audit(tmp_path):
 
 
 def freedom(tree, at):
-    return int(tree.model.nv - np.linalg.matrix_rank(tree.system(at)[1], tol=1e-9))
+    return int(tree.nv - np.linalg.matrix_rank(tree.system(at)[1], tol=1e-9))
 
 
 @pytest.mark.parametrize(
@@ -78,7 +77,7 @@ def freedom(tree, at):
 def test_joints_are_moved_as_far_as_limits_allow_and_those_that_stop_them_are_named(tree, limits, low, high, stops):
     """swing, -tilt and knee are the same angle."""
     model = tree(parallelogram(**limits))
-    found = travel(model, model.model.qpos0, 1)
+    found = travel(model, model.reference, 1)
     np.testing.assert_allclose(found.ranges["swing"], (low, high), atol=0.1 / 2**6 if stops else 0.05)
     assert not stops or (low - 1e-6 <= found.ranges["swing"][0] and found.ranges["swing"][1] <= high + 1e-6)
     assert set(found.stops) == stops
@@ -172,7 +171,7 @@ def test_a_drive_at_a_dead_point_is_one(audit):
 
 def test_which_drives_move_nothing_is_a_matter_of_position_and_freedom(tree):
     model = tree(parallelogram(body=WHEEL, loop=HELD, drives=MOTORS))
-    found = drives_at(model, model.model.qpos0, freedom(model, model.model.qpos0))
+    found = drives_at(model, model.reference, freedom(model, model.reference))
     assert (found.locked, found.loose, found.redundancy) == (("n",), ("m", "o", "n"), 2)
     assert found.to_dict()["moving_nothing"] == ["n"]
 
@@ -217,9 +216,9 @@ DOOR = """<mujoco><worldbody><body name="leaf"><joint name="pin" axis="0 0 1"/><
 def test_spins_of_parts_between_others_are_counted_apart(tree, text, free, found):
     """Six distances leave a plate none of its six freedoms, three leave three."""
     model = tree(text)
-    at = model.model.qpos0
+    at = model.reference
     assert freedom(model, at) == free
-    assert spins(Plan(model), at, free) == tuple(found)
+    assert spins(model, at, free) == tuple(found)
 
 
 def test_an_audit_tells_spins_from_the_freedoms_of_the_rest(audit):

@@ -16,7 +16,7 @@ class IdealLoops:
     """A tree with its loops at positions of its joints, and a velocity that they allow, from a seed."""
 
     def __init__(self, tree, positions, seed=0):
-        model, slopes = tree.model, lambda at: tree.system(at)[1]
+        model, slopes = tree.description.origin.model, lambda at: tree.system(at)[1]
         model.opt.disableflags |= sum(
             getattr(mujoco.mjtDisableBit, f"mjDSBL_{word}") for word in ("CONTACT", "EQUALITY", "LIMIT", "ACTUATION")
         )

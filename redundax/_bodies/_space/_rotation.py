@@ -25,7 +25,7 @@ def _table(sign: int) -> np.ndarray:
 
 
 _E, _G = _table(1), _table(-1)
-_ALONG_X = 0.8846  # cosine of 27.8 degrees, an angle that neither whole or half degrees nor small ratios have
+NEAR_X = 0.8846  # cosine of 27.8 degrees, an angle that neither whole or half degrees nor small ratios have
 
 
 def cross(a: Float[Any, "*#some 3"], b: Float[Any, "*#some 3"]) -> Float[Array, "*some 3"]:
@@ -148,7 +148,7 @@ def axes_along(argument: str, axis: Any, mark: Any | None = None) -> Any:
                 "direction, as in (0, 0, 1)."
             )
     z = axis / xp.sqrt(axis @ axis)
-    other = xp.eye(3)[xp.where(xp.abs(z[0]) > _ALONG_X, 1, 0)] if mark is None else given
+    other = xp.eye(3)[xp.where(xp.abs(z[0]) > NEAR_X, 1, 0)] if mark is None else given
     x = other - (other @ z) * z
     if is_concrete(x) and not np.linalg.norm(np.asarray(x)) > 1e-6 * np.linalg.norm(np.asarray(other)):
         raise RedundaxError(

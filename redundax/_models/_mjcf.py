@@ -1,7 +1,7 @@
-"""Model files read by MuJoCo, without what constrains nothing: pictures, contacts, sensors and drives.
+"""MJCF, read by MuJoCo, without what constrains nothing: pictures, contacts, sensors and drives; so is URDF
 
-Bodies that the file fixes to others are kept by name, and what they weigh. Meshes are not read, so that missing files
-do not matter; of bodies whose mass only they would give the mass is 0.
+Of bodies that the file fixes to others it is kept what they weigh. Meshes are not read, so that missing files do not
+matter; of bodies whose mass only they would give the mass is 0.
 """
 
 import contextlib
@@ -9,7 +9,7 @@ import pathlib
 import re
 import tempfile
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,13 +17,12 @@ import numpy as np
 from .._tools._errors import RedundaxError
 from .._tools._optional import optional
 from .._tools._words import did_you_mean, ended
-from ._closed_loops import add_closed_loops, add_drives, loops_in, transmissions
+from ._content import document, not_in_utf8
+from ._description import WITHOUT, Description, unique
 from ._foreign import known_part
-from ._formats import MODELS, check_content, document, not_a_model, not_in_utf8
-from ._tree import WITHOUT, unique
-from ._urdf import check_urdf, unread
+from ._mujoco_model import LEAST, described
+from ._source import Source
 
-LEAST = 1e-14  # kg and kg m^2: less is no mass at all, which MuJoCo takes for no moving body
 _MOST_BODIES = 20_000  # MuJoCo reads them in 20 s, and four times as many in sixteen times that
 _LARGEST = 1e30  # of any number of a model, in its units
 _NUMBERS = {  # of a model, and of what they are
@@ -55,25 +54,29 @@ _LEFT_OUT = {  # of a specification, and what to call it
 }
 
 
-def closures_of(path: pathlib.Path, given: str | pathlib.Path | None) -> pathlib.Path | None:
-    """The file of the loops of a URDF: the one given, or that beside it, if there is one."""
-    if given is not None:
-        return pathlib.Path(given)
-    beside = [path.with_suffix(ending) for ending in (".yaml", ".yml")] if path.suffix.lower() == ".urdf" else []
-    return next((file for file in beside if file.is_file()), None)
+def read_mjcf(path: pathlib.Path) -> Description:
+    """What a file of MJCF says."""
+    return by_mujoco("MJCF", path, lambda spec: [])
 
 
-def read(path: pathlib.Path, closures: pathlib.Path | None) -> tuple[Any, list[str]]:
-    """MuJoCo's model of a file of MJCF or URDF, and what of it is left out, a line each."""
-    mujoco = optional("mujoco", "models")
-    if not path.is_file():
-        raise RedundaxError(
-            f"Argument `path`: there is no file '{path}'. Check the path and the folder that you are in."
-        )
-    if path.suffix.lower() not in MODELS:
-        what = not_a_model(path) or f"must end in {', '.join(MODELS[:-1])} or {MODELS[-1]}. Rename the file"
-        raise RedundaxError(f"Argument `path`: '{path}' {what.partition('. ')[0]}. {ended(what.partition('. ')[2])}")
-    content = check_content(path)
+def by_mujoco(
+    form: str,
+    path: pathlib.Path,
+    change: Callable[[Any], list[str]],
+    closed: Sequence[tuple[str, str, str, str, bool]] = (),
+    without: Sequence[str] = (),
+) -> Description:
+    """What a file says that MuJoCo reads.
+
+    **Arguments:**
+
+    - `form`: name of its format.
+    - `change`: of MuJoCo's specification, before what constrains nothing is taken out; returns what is left out.
+    - `closed`: loops besides those of MuJoCo: their names, their kinds, a site for each end, and whether the first is
+      where the second is in the reference pose.
+    - `without`: names of joints of a URDF that are taken out of what MuJoCo reads.
+    """
+    mujoco, content = optional("mujoco", "models"), path.read_bytes()
     if (size := max(content.count(b"<body"), content.count(b"<link"))) > _MOST_BODIES:
         raise RedundaxError(
             f"Argument `path`: '{path}' has {size} bodies, which MuJoCo would read for minutes, and whose matrices of "
@@ -81,7 +84,7 @@ def read(path: pathlib.Path, closures: pathlib.Path | None) -> tuple[Any, list[s
         )
     with _silent(mujoco) as warned:
         try:
-            model, notes = _read(mujoco, path, closures)
+            model, notes = _read(mujoco, path, change, without)
             bytes(model.names).decode()
         except UnicodeDecodeError as error:
             what = not_in_utf8(content) or "includes a file that is not in UTF-8"
@@ -90,7 +93,7 @@ def read(path: pathlib.Path, closures: pathlib.Path | None) -> tuple[Any, list[s
             ) from error
     if any("'NaN'" in text for text in warned):
         raise RedundaxError(f"Argument `path`: '{path}' has a number that is nan. Correct it.")
-    return model, notes
+    return described(form, model, notes, closed)
 
 
 @contextlib.contextmanager
@@ -106,18 +109,12 @@ def _silent(mujoco: Any) -> Iterator[list[str]]:
         mujoco.set_mju_user_warning(before)
 
 
-def _read(mujoco: Any, path: pathlib.Path, closures: pathlib.Path | None) -> tuple[Any, list[str]]:
-    root = document(path) if path.suffix.lower() == ".urdf" else None
-    if root is not None:
-        check_urdf(path, root)
-    spec, notes = specification(mujoco, path)
+def _read(
+    mujoco: Any, path: pathlib.Path, change: Callable[[Any], list[str]], without: Sequence[str]
+) -> tuple[Any, list[str]]:
+    spec, notes = _without(mujoco, path, without) if without else specification(mujoco, path)
     _check_weights(spec, path)
-    loops = {} if closures is None else loops_in(closures)
-    if closures is not None:
-        notes += add_closed_loops(mujoco, spec, path, closures)
-    if root is not None:
-        notes += unread(path, root, loops.get("closed_loop") or [])
-        notes += add_drives(mujoco, spec, transmissions(path)) if not spec.actuators else []
+    notes += change(spec)
     notes += _stripped(mujoco, spec)
     model = _compiled(spec, path, notes)
     for what, of in _NUMBERS.items():
@@ -125,6 +122,17 @@ def _read(mujoco: Any, path: pathlib.Path, closures: pathlib.Path | None) -> tup
         if not np.all(np.abs(values) < _LARGEST):
             raise RedundaxError(f"Argument `path`: '{path}' has {of} that are no numbers, or beyond all. Correct them.")
     return model, notes
+
+
+def _without(mujoco: Any, path: pathlib.Path, joints: Sequence[str]) -> tuple[Any, list[str]]:
+    """The specification of a URDF without the last joint of each of some names."""
+    source = Source(path)
+    for name in joints:
+        source.remove([each for each in source.root.all() if each.tag == "joint" and each.get("name") == name][-1])
+    with tempfile.TemporaryDirectory() as folder:
+        copy = pathlib.Path(folder) / path.name
+        copy.write_bytes(source.changed())
+        return specification(mujoco, copy)
 
 
 def specification(mujoco: Any, path: pathlib.Path) -> tuple[Any, list[str]]:

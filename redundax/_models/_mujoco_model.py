@@ -1,0 +1,223 @@
+"""A model of MuJoCo, described without it: what MJCF and URDF are read to"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .._bodies._body import GROUND
+from .._bodies._space._rotation import rotation
+from .._tools._optional import optional
+from ._description import WITHOUT, Body, Description, End, Joint, Loop, Tie, unique
+from ._vectors import axes_of
+
+LEAST = 1e-14  # kg and kg m^2: less is no mass at all, which MuJoCo takes for no moving body
+_TORQUE_SCALE = 10  # of a weld: where its data have it
+_KINDS = ("free", "ball", "slide", "hinge")  # of joints, as MuJoCo numbers them
+
+
+class Origin(NamedTuple):
+    """MuJoCo's model, whose joints are those of the description, and which of its equalities a loop is, by name."""
+
+    model: Any
+    equalities: dict[str, int]
+
+
+def described(
+    form: str, model: Any, notes: Sequence[str], closed: Sequence[tuple[str, str, str, str, bool]] = ()
+) -> Description:
+    """The description of a model of a format; see `by_mujoco`."""
+    mujoco = optional("mujoco", "models")
+    data = mujoco.MjData(model)
+    data.qpos[:] = model.qpos0
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    movers = [k for k in range(1, model.nbody) if model.body_jntnum[k]]
+    number = {0: 0} | {k: int(model.body_jntadr[k] + model.body_jntnum[k]) for k in movers}
+    loops, ties, places, more = _constraints(model, data, number)
+    for name, kind, one, two, coincide in closed:
+        first, second = _site_ends(model, data, model.site(one).id, model.site(two).id, number)
+        loops.append(Loop(name, kind, second._replace(body=first.body) if coincide else first, second))
+    names = unique([part.name for part in (*loops, *ties)], ())
+    loops = [loop._replace(name=name) for loop, name in zip(loops, names, strict=False)]
+    ties = [tie._replace(name=name) for tie, name in zip(ties, names[len(loops) :], strict=True)]
+    joint_names = unique([_joint_name(model, joint) for joint in range(model.njnt)], names)
+    bodies = _bodies(model, data, movers, joint_names)
+    return Description(
+        form,
+        tuple(bodies),
+        tuple(_joint(model, data, bodies, number, k, name) for k, name in enumerate(joint_names)),
+        tuple(loops),
+        tuple(ties),
+        tuple(model.opt.gravity.tolist()),
+        tuple(model.actuator(k).name or f"drive {k + 1}" for k in range(model.nu)),
+        lambda positions: _rates(mujoco, model, positions),
+        np.concatenate([data.xanchor, data.xipos]),
+        _keyframes(mujoco, model),
+        (*more, *notes),
+        is_soft=True,
+        origin=Origin(model, places),
+    )
+
+
+def root_of(model: Any, body: int) -> int:
+    """The body with joints that this one is fixed to, or 0 for the ground, to which bodies moved from outside count."""
+    root = int(model.body_weldid[body])
+    return root if model.body_jntnum[root] else 0
+
+
+def _rates(mujoco: Any, model: Any, positions: np.ndarray) -> np.ndarray:
+    """Of the drives by the velocities of the joints."""
+    data, rates = mujoco.MjData(model), np.zeros((model.nu, model.nv))
+    if not model.nu:
+        return rates
+    data.qpos[:] = positions
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_tendon(model, data)
+    mujoco.mj_transmission(model, data)
+    for k, (first, count) in enumerate(zip(data.moment_rowadr, data.moment_rownnz, strict=True)):
+        entries = slice(first, first + count)
+        rates[k, data.moment_colind[entries]] = data.actuator_moment.ravel()[entries]
+    return rates
+
+
+def _keyframes(mujoco: Any, model: Any) -> dict[str, np.ndarray]:
+    """Positions of joints that the keyframes give, by their names."""
+    found = {}
+    for key in range(model.nkey):
+        found[model.key(key).name] = positions = model.key_qpos[key].copy()
+        mujoco.mj_normalizeQuat(model, positions)
+    return found
+
+
+def _joint_name(model: Any, joint: int) -> str:
+    """As in the file, or of its body."""
+    body, kind = int(model.jnt_bodyid[joint]), _KINDS[int(model.jnt_type[joint])]
+    return model.joint(joint).name or f"{kind} of {model.body(body).name or f'body {body}'}"
+
+
+def _bodies(model: Any, data: Any, movers: Sequence[int], joints: Sequence[str]) -> list[Body]:
+    """The ground, and for each joint the body on it."""
+    names = unique([model.body(body).name or f"body {body}" for body in movers], (GROUND,))
+    found = [Body.massless(GROUND, np.zeros(3), np.eye(3))]
+    for body, name in zip(movers, names, strict=True):
+        position, axes = data.xpos[body].copy(), data.xmat[body].reshape(3, 3).copy()
+        first = int(model.body_jntadr[body])
+        last = first + int(model.body_jntnum[body]) - 1
+        found += [Body.massless(f"{name} after {joints[joint]}", position, axes) for joint in range(first, last)]
+        found.append(Body(name, position, axes, *_weight(model, data, body)))
+    return found
+
+
+def _weight(model: Any, data: Any, root: int) -> tuple[float, np.ndarray, np.ndarray]:
+    """Mass, centre and inertia about it of a body and of all that are fixed to it, global."""
+    members = [k for k in range(1, model.nbody) if root_of(model, k) == root]
+    masses = np.where(model.body_mass[members] > 2 * LEAST, model.body_mass[members], 0.0)
+    centres, total = data.xipos[members], float(masses.sum())
+    if not total:
+        return 0.0, data.xpos[root].copy(), np.zeros((3, 3))
+    centre, inertia = masses @ centres / total, np.zeros((3, 3))
+    for k, mass, arm in zip(members, masses, centres - centre, strict=True):
+        axes, own = data.ximat[k].reshape(3, 3), model.body_inertia[k]
+        inertia += axes @ np.diag(np.where(own > 2 * LEAST, own, 0.0)) @ axes.T
+        inertia += mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return total, centre, (inertia + inertia.T) / 2
+
+
+def _joint(model: Any, data: Any, bodies: Sequence[Body], number: dict[int, int], joint: int, name: str) -> Joint:
+    """A joint, whose body is the next in number."""
+    body, kind = int(model.jnt_bodyid[joint]), _KINDS[int(model.jnt_type[joint])]
+    is_first = joint == int(model.body_jntadr[body])
+    parent = number[root_of(model, int(model.body_parentid[body]))] if is_first else joint
+    place, size = int(model.jnt_qposadr[joint]), {"free": 7, "ball": 4}.get(kind, 1)
+    dof, axis = (
+        int(model.jnt_dofadr[joint]),
+        np.array([0.0, 0.0, 1.0]) if kind in ("ball", "free") else data.xaxis[joint].copy(),
+    )
+    at = data.xanchor[joint].copy(), axes_of(axis)
+    limits = None
+    if model.jnt_limited[joint] and kind != "free":
+        low, high = model.jnt_range[joint].tolist()
+        limits = (-np.inf if kind == "ball" else low, high)
+    friction, armature = float(model.dof_frictionloss[dof]), float(model.dof_armature[dof])
+    rubs, floats = kind in ("ball", "free") and friction > 0, kind == "free" and armature > 0
+    untaken = {"armature": floats, "dry friction": rubs}
+    for what, of, where in (("springs", "jnt_stiffnesspoly", joint), ("dampers", "dof_dampingpoly", dof)):
+        untaken[f"what is not linear in the {what}"] = bool(np.any(getattr(model, of, np.zeros(model.nv))[where]))
+    return Joint(
+        name,
+        kind,
+        End(joint + 1, *at),
+        End(parent, *at),
+        model.qpos0[place : place + size].copy(),
+        model.qpos_spring[place : place + size].copy(),
+        limits,
+        float(model.jnt_stiffness[joint]),
+        float(model.dof_damping[dof]),
+        0.0 if kind == "free" else armature,
+        0.0 if kind in ("ball", "free") else friction,
+        tuple(what for what, is_there in untaken.items() if is_there),
+    )
+
+
+def _constraints(
+    model: Any, data: Any, number: dict[int, int]
+) -> tuple[list[Loop], list[Tie], dict[str, int], list[str]]:
+    """Loops and ties, which equalities they are, by name, and which are left out, a line each."""
+    mujoco, loops, ties, places, notes = optional("mujoco", "models"), [], [], {}, []
+    for k in range(model.neq):
+        kind, (one, two) = mujoco.mjtEq(model.eq_type[k]), (int(model.eq_obj1id[k]), int(model.eq_obj2id[k]))
+        if kind == mujoco.mjtEq.mjEQ_JOINT:
+            name = _named(model, k, "couple", model.joint(one).name, model.joint(two).name if two >= 0 else "0")
+            if all(_KINDS[int(model.jnt_type[joint])] in ("hinge", "slide") for joint in (one, two) if joint >= 0):
+                ties.append(Tie(name, one, two, model.eq_data[k, :5].copy()))
+            else:
+                notes.append(f"constraint '{name}' is left out: it does not couple two hinges or slides{WITHOUT}")
+            continue
+        word = "weld" if kind == mujoco.mjtEq.mjEQ_WELD else "connect"
+        of_sites = model.eq_objtype[k] == mujoco.mjtObj.mjOBJ_SITE
+        names = (model.site if of_sites else model.body)(one).name, (model.site if of_sites else model.body)(two).name
+        name = _named(model, k, word, *names)
+        if of_sites:
+            ends = _site_ends(model, data, one, two, number)
+        else:
+            ends = [_end(model, data, number, *end) for end in body_ends(word, one, two, model.eq_data[k])]
+        if ends[0].body == ends[1].body:
+            notes.append(f"constraint '{name}' is left out: the file fixes both of its bodies to each other")
+        else:
+            holds_turns = word == "weld" and model.eq_data[k, _TORQUE_SCALE] != 0
+            loops.append(Loop(name, "weld" if holds_turns else "connect", ends[0], ends[1]))
+            places.setdefault(name, k)
+    moved = [model.body(body).name or f"body {body}" for body in range(model.nbody) if model.body_mocapid[body] >= 0]
+    if moved:
+        notes.append(f"motion from outside (mocap) of {', '.join(moved)}: they rest where the file has them")
+    return loops, ties, places, notes
+
+
+def _named(model: Any, k: int, word: str, one: str, two: str) -> str:
+    return model.equality(k).name or f"{word} {one} ~ {two}"
+
+
+def _end(model: Any, data: Any, number: dict[int, int], body: int, point: np.ndarray, axes: np.ndarray) -> End:
+    """What is held of a body of the file, by a point and axes in its frame."""
+    own = data.xmat[body].reshape(3, 3)
+    return End(number[root_of(model, body)], data.xpos[body] + own @ point, own @ axes)
+
+
+def _site_ends(model: Any, data: Any, one: int, two: int, number: dict[int, int]) -> list[End]:
+    return [
+        _end(model, data, number, int(model.site_bodyid[site]), model.site_pos[site], _axes(model.site_quat[site]))
+        for site in (one, two)
+    ]
+
+
+def body_ends(word: str, one: int, two: int, data: np.ndarray) -> list[tuple[int, np.ndarray, np.ndarray]]:
+    """What an equality holds of two bodies: their numbers, points and axes in their frames."""
+    if word == "connect":
+        return [(one, data[:3].copy(), np.eye(3)), (two, data[3:6].copy(), np.eye(3))]
+    return [(one, data[3:6].copy(), _axes(data[6:10])), (two, data[:3].copy(), np.eye(3))]
+
+
+def _axes(quaternion: np.ndarray) -> np.ndarray:
+    return np.asarray(rotation(quaternion / np.linalg.norm(quaternion)))

@@ -1,0 +1,182 @@
+"""Files of ASMT: what is read of them, a stored run, and what is said of those that are spoiled
+
+A crank of mass m on a pin along z, whose centre is at c from it, turns by w t^2 / 2 in gravity g along -y. Its pin
+bears m (a - g) with a the acceleration of the centre, and the motion (I + m c^2) w + m g c cos(w t^2 / 2).
+"""
+
+import asmt
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import redundax as rx
+from redundax import __main__ as command
+from redundax._models._formats import describe
+from redundax._models._tree import Tree
+
+PART = "X Y Z Bryantx Bryanty Bryantz VX VY VZ OmegaX OmegaY OmegaZ"
+LOAD = "FXonI FYonI FZonI TXonI TYonI TZonI"
+MASS, CENTRE, MOMENT, W, G = 2.0, 0.3, 0.05, 4.0, 9.81
+AXES = {  # of a marker whose z is along x, y and z
+    "x": ((0, 0, 1), (1, 0, 0), (0, 1, 0)),
+    "y": ((0, 1, 0), (0, 0, 1), (1, 0, 0)),
+}
+
+
+def crank_run(times):
+    """The closed form, as the rows of a file: the loads are those on the ground, marker I."""
+    angle, rate = W * times**2 / 2, W * times
+    none, one = np.zeros_like(times), np.ones_like(times)
+    x, y = CENTRE * np.cos(angle), CENTRE * np.sin(angle)
+    force = MASS * np.stack([-(rate**2) * x - W * y, -(rate**2) * y + W * x + G, none], axis=-1)
+    torque = (MOMENT + MASS * CENTRE**2) * W + MASS * G * x
+    poses = np.stack([none, none, none, none, none, angle, *([none] * 5), rate], axis=-1)
+    pin = np.concatenate([-force, np.zeros((len(times), 3))], axis=1)
+    drive = np.stack([*([none] * 5), -torque * one], axis=-1)
+    series = [("PartSeries /rig/crank", PART, poses), ("RevoluteJointSeries /rig/pin", LOAD, pin)]
+    return asmt.run(times, [*series, ("RotationalMotionSeries /rig/turn", LOAD, drive)])
+
+
+@pytest.fixture
+def write(tmp_path):
+    def written(text, name="rig.asmt"):
+        (tmp_path / name).write_text(text)
+        return tmp_path / name
+
+    return written
+
+
+def crank(times=(), formula="2.0d*time^2"):
+    part = asmt.part("crank", (0, 0, 0), None, MASS, (CENTRE, 0, 0), (0.01, 0.05, MOMENT), {"eye": (0, 0, 0)})
+    return asmt.assembly(
+        {"base": (0, 0, 0)},
+        [part],
+        [asmt.joint("RevoluteJoint", "pin", "base", "crank/eye")],
+        [asmt.motion("RotationalMotion", "turn", "pin", "RotationZ", formula)],
+        (0.0, -G, 0.0),
+        crank_run(np.asarray(times)) if len(times) else (),
+    )
+
+
+def four_bar(last="RevoluteJoint", **values):
+    """A parallelogram of own numbers, 0.2 by 0.5 m, in the plane across z, a part turned in its file."""
+    quarter = ((0, -1, 0), (1, 0, 0), (0, 0, 1))
+    arm = ("arm", (0, 0, 0), quarter, 1.0, (0.1, 0, 0), (0.01, 0.01, 0.01), {"a": (0, 0, 0), "b": (0.2, 0, 0)})
+    bar = ("bar", (0, 0.2, 0), None, 1.5, (0.25, 0, 0), (0.01, 0.02, 0.02), {"a": (0, 0, 0), "b": (0.5, 0, 0)})
+    strut = ("strut", (0.5, 0, 0), None, 1.0, (0, 0.1, 0), (0.01, 0.01, 0.01), {"a": (0, 0, 0), "b": (0, 0.2, 0)})
+    joints = [
+        asmt.joint("RevoluteJoint", "p", "base", "arm/a"),
+        asmt.joint("RevoluteJoint", "q", "arm/b", "bar/a"),
+        asmt.joint("RevoluteJoint", "r", "bar/b", "strut/b"),
+        asmt.joint(last, "s", "strut/a", "other", **values),
+    ]
+    parts = [asmt.part(*each) for each in (arm, bar, strut)]
+    return asmt.assembly({"base": (0, 0, 0), "other": (0.5, 0, 0)}, parts, joints)
+
+
+def test_a_stored_run_is_that_of_the_closed_form_and_so_are_the_loads_of_the_mechanism(write):
+    times = np.array([0.0, 0.3, 0.7])
+    model = rx.load_model(write(crank(times)))
+    series, driven = model.series, model.driven
+    assert series.reactions["pin"].on == "ground" and model.described.drives == ("turn",)
+    for k, t in enumerate(series.times):
+        angle, rate = W * t**2 / 2, W * t
+        axes = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+        np.testing.assert_allclose(series.bodies["crank"].axes[k], axes, atol=1e-15)
+        state = rx.assemble(driven, model.guess({"pin": angle}), rates={"pin.angle": rate}, t=t)
+        solution = rx.solve(driven, state)
+        ours = [solution[f"pin force {x} on crank"] for x in "xyz"]
+        np.testing.assert_allclose(ours, -series.reactions["pin"].force[k], atol=1e-9 * MASS * G)
+        np.testing.assert_allclose(
+            float(solution["turn moment z on crank"]), -series.reactions["turn"].moment[k, 2], rtol=1e-9
+        )
+
+
+@pytest.mark.parametrize(
+    ("last", "values", "redundant", "kind"),
+    [
+        ("RevoluteJoint", {}, 3, "hinge"),
+        ("CylindricalJoint", {}, 2, "cylindrical joint"),
+        ("SphericalJoint", {}, 1, "connect"),
+        ("PointInLineJoint", {}, 0, "point-on-line joint"),
+        ("PointInPlaneJoint", {"offset": 0.0}, 1, "point-on-plane joint"),
+    ],
+)
+def test_a_parallelogram_is_redundant_by_what_closes_it(write, last, values, redundant, kind):
+    """A plate across z adds one row that the three hinges hold already, and leaves two freedoms."""
+    described = describe(write(four_bar(last, **values)))
+    tree = Tree(described)
+    slopes = tree.system(tree.reference)[1]
+    rank = int(np.linalg.matrix_rank(slopes, tol=1e-9))
+    assert tree.misfit(tree.reference) < 1e-14
+    assert [loop.kind for loop in described.loops] == [kind]
+    assert (len(slopes) - rank, tree.nv - rank) == (redundant, 3 if last == "PointInPlaneJoint" else 1)
+
+
+@pytest.mark.parametrize(
+    ("kind", "rows", "values"),
+    [
+        ("RevoluteJoint", 5, {}),
+        ("CylindricalJoint", 4, {}),
+        ("TranslationalJoint", 5, {}),
+        ("SphericalJoint", 3, {}),
+        ("PlanarJoint", 3, {"offset": 0.1}),
+        ("FixedJoint", 6, {}),
+        ("ConstantVelocityJoint", 4, {}),
+        ("PointInLineJoint", 2, {}),
+        ("PointInPlaneJoint", 1, {"offset": 0.1}),
+        ("ParallelAxesJoint", 2, {}),
+        ("AngleJoint", 2, {"theIzJz": 0.0}),
+        ("UniversalJoint", 4, {}),
+        ("SphSphJoint", 1, {"distanceIJ": 0.1}),
+    ],
+)
+def test_each_joint_holds_its_rows_in_a_tree_and_in_a_loop(write, kind, rows, values):
+    """The plate stands 0.1 m along z where the joint asks for it; a cross needs axes that are square."""
+    eye = ((0.0, 0.0, 0.0), AXES["x"]) if kind == "UniversalJoint" else (0, 0, 0)
+    place = (0, 0, 0.1) if values.get("offset") or kind == "SphSphJoint" else (0, 0, 0)
+    part = asmt.part("plate", place, None, 1.0, (0, 0, 0), (0.1, 0.1, 0.1), {"eye": eye})
+    joints = [asmt.joint(kind, name, "base", "plate/eye", **values) for name in ("one", "two")]
+    model = rx.load_model(write(asmt.assembly({"base": (0, 0, 0)}, [part], joints)))
+    assert len(model.mechanism.rows) == 2 * rows
+    residual = np.asarray(model.mechanism.constraint(model.state.q, jnp.zeros(())))
+    np.testing.assert_allclose(residual, 0.0, atol=1e-14)
+    jacobian = np.asarray(model.mechanism.jacobian(model.state.q, jnp.zeros(())))
+    assert np.linalg.matrix_rank(jacobian, tol=1e-9) == rows
+
+
+@pytest.mark.parametrize(
+    ("was", "now", "told"),
+    [
+        ("RevoluteJoint", "MagnetJoint", None),
+        ("\t\t\t\t\t2.0\n", "\t\t\t\t\t-2.0\n", "gives 'crank' the mass -2"),
+        ("\t\t\t\tMass\n", "\t\t\t\tWeight\n", "has no `Mass`"),
+        ("/rig/crank/eye", "/rig/crank/ear", "holds the marker '/rig/crank/ear'"),
+        ("2.0d*time^2", "__import__('os').getcwd()", "which is no formula of time"),
+        ("1.0\t0.0\t0.0\t\n", "1.0\tnan\t0.0\t\n", "must have 3 numbers"),
+        ("OndselSolver\n", "<robot/>\n", "holds URDF"),
+        ("OndselSolver\n", "Something\n", "is no ASMT"),
+        ("\tParts\n", "\t\t\t\t\tParts\n", "is indented too far in line"),
+    ],
+)
+def test_spoiled_files_are_told_in_a_line(write, was, now, told, capsys):
+    file = write((crank() if told else four_bar()).replace(was, now, 1 if told is None else -1))
+    if told is None:
+        assert command.main(["audit", str(file)]) == 4
+        assert "MagnetJoint 'p' is left out" in capsys.readouterr().out
+        return
+    with pytest.raises(rx.RedundaxError, match=r"^Argument `path`") as caught:
+        rx.load_model(file)
+    assert told in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.3, 0.55, 0.8, 0.93])
+def test_files_that_are_cut_off_are_told_in_a_line(write, share):
+    text = crank()
+    with pytest.raises(rx.RedundaxError, match=r"^Argument `path`: [^\n]*\.$"):
+        rx.load_model(write(text[: int(share * len(text))]))
+
+
+def test_names_with_markup_stay_names(write):
+    model = rx.load_model(write(crank().replace("crank", "<b>&amp;</b>")))
+    assert tuple(model.mechanism.names.bodies) == ("<b>&amp;</b>",)
