@@ -48,7 +48,7 @@ def read_urdf(path: pathlib.Path, closures: pathlib.Path | None) -> Description:
     root = document(path)
     check_urdf(path, root)
     given = {} if closures is None else loops_in(closures)
-    pairs = given.get("closed_loop") or []
+    pairs = listed if isinstance(listed := given.get("closed_loop"), list) else []  # anything else is refused below
     own = loops_of(root, {link.get("name", "") for link in root.iterfind("link")})
     held_by = _carriers(_joints(root))
     beside = [{held_by.get(name, name) for name in map(str, pair)} for pair in pairs if isinstance(pair, list)]
