@@ -17,9 +17,10 @@ from jaxtyping import Array, Float
 
 from .._equations._kinematics import AlongMotion
 from .._tools._module import as_float, check_kind
+from .._tools._value import Module
 
 
-class AbstractStabilisation(eqx.Module):
+class AbstractStabilisation(Module):
     """What is done against the drift: inside the equations, and after each step."""
 
     projects: eqx.AbstractClassVar[bool]

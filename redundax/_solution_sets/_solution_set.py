@@ -10,7 +10,6 @@ self-stress. Along the pick lam_0, Lam of a closure, minimum norm unless said, z
 One factorisation at the state serves every z and every choice of base and U.
 """
 
-import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -23,11 +22,12 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._errors import RedundaxError
 from .._tools._numbers import Numeric, on_numbers, product, xp
+from .._tools._value import Module
 
 _MINIMUM_NORM = MinimumNorm()
 
 
-class SolutionSet(eqx.Module):
+class SolutionSet(Module):
     """Figures of all solutions at a state.
 
     - `response`: that to load and to unit friction, under the closure.
