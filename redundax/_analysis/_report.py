@@ -3,16 +3,19 @@
 import dataclasses
 import json
 import re
+import textwrap
 from typing import Any
 
 import numpy as np
 
 from .._system._pushing import in_words
+from .._tools._table import WIDTH
 from ._bearing_words import best_in_words
 from ._release import Release
 from ._verdict import Judged, Verdict
 
 _FEW = 6.0  # lost digits that are worth a word
+_STATES, _NAMES = 3, 30  # self-stress states and names of one list that a page shows
 
 
 @dataclasses.dataclass(frozen=True)
@@ -185,10 +188,12 @@ class Report:
         return "\n".join(lines)
 
     def __str__(self) -> str:
-        lines = [self.heading]
-        for number, state in enumerate(self.self_stress):
+        lines = [self.heading, *best_in_words(self.releases, self.rows)]
+        for number, state in enumerate(self.self_stress[:_STATES]):
             lines.append(f"Self-stress state {number}, multipliers:")
             lines += columns([f"{name} {value:+.6g}" for name, value in zip(self.rows, state, strict=True) if value])
+        if len(self.self_stress) > _STATES:
+            lines.append(f"{count_of(len(self.self_stress) - _STATES, 'more state')}: `report.self_stress`")
         if len(self.groups) > 1:
             lines.append("Dependent groups of rows:")
             lines += [line for group in self.groups for line in columns(list(group))]
@@ -210,8 +215,8 @@ class Report:
         lines += self._with_friction()
         if self.releases:
             lines.append("To remove the redundancy and add no degree of freedom, release one of (1 is best):")
-            lines += [f"    {release}" for release in self.releases]
-            lines += best_in_words(self.releases, self.rows)
+            for release in self.releases:
+                lines += textwrap.wrap(str(release), WIDTH, initial_indent="    ", subsequent_indent="        ")
         return "\n".join(lines)
 
     def _pushing(self) -> list[str]:
@@ -273,11 +278,13 @@ def _listed(head: str, names: Any) -> list[str]:
     return [f"{head} none"] if not names else [head, *columns(list(names))]
 
 
-def columns(items: list[str], width: int = 96) -> list[str]:
-    """Names in columns, as indented lines."""
-    cell = max((len(item) for item in items), default=0) + 2
-    per_line = max(1, (width - 4) // cell)
-    return [
-        "    " + "".join(item.ljust(cell) for item in items[start : start + per_line]).rstrip()
-        for start in range(0, len(items), per_line)
+def columns(items: list[str]) -> list[str]:
+    """Names in columns, as indented lines; of many the first."""
+    shown, more = items[:_NAMES], len(items) - _NAMES
+    cell = max((len(item) for item in shown), default=0) + 2
+    per_line = max(1, (WIDTH - 4) // cell)
+    lines = [
+        "    " + "".join(item.ljust(cell) for item in shown[start : start + per_line]).rstrip()
+        for start in range(0, len(shown), per_line)
     ]
+    return [*lines, f"    and {more} more"] if more > 0 else lines
