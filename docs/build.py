@@ -10,6 +10,7 @@ import contextlib
 import io
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -50,11 +51,12 @@ def main() -> None:
         SHOWN.write_text(json.dumps(shown), encoding="utf8")
     for path in PAGES.iterdir():
         if path.suffix == ".md":
-            (MADE / path.name).write_text(with_shown(path.read_text(encoding="utf8"), shown), encoding="utf8")
+            text = re.sub(r"^\| `(\w+)` \|", r"| [`\1`](notebook_\1.md) |", path.read_text(encoding="utf8"), flags=re.M)
+            (MADE / path.name).write_text(with_shown(text, shown), encoding="utf8")
         else:
             shutil.copy(path, MADE)
     for path in sorted((ROOT.parent / "notebooks").glob("*.ipynb")):
-        (MADE / f"{path.stem}.md").write_text(page_of(path), encoding="utf8")
+        (MADE / f"notebook_{path.stem}.md").write_text(page_of(path), encoding="utf8")
     command = [sys.executable, "-m", "zensical", "build", "--clean", "--strict", "-f", str(ROOT / "mkdocs.yml")]
     sys.exit(subprocess.run(command, check=False, env={**os.environ, "PYTHONPATH": str(ROOT)}).returncode)
 
@@ -95,7 +97,7 @@ def shown_by(code: str, scene: dict[str, Any], name: str) -> dict[str, Any]:
 
 def page_of(path: Path) -> str:
     """A notebook as a page, with its pictures beside it."""
-    folder = MADE / path.stem
+    folder = MADE / f"notebook_{path.stem}"
     folder.mkdir(exist_ok=True)
     parts, count = [], 0
     for cell in nbformat.read(path, as_version=4).cells:
@@ -104,7 +106,7 @@ def page_of(path: Path) -> str:
             data = output.get("data", {})
             if "image/png" in data:
                 (folder / f"{count}.png").write_bytes(base64.b64decode(data["image/png"]))
-                parts.append(f"![Output of the code above]({path.stem}/{count}.png)")
+                parts.append(f"![Output of the code above]({folder.name}/{count}.png)")
                 count += 1
             elif text := output.get("text") or data.get("text/plain", ""):
                 parts.append(f"```text\n{text.rstrip()}\n```")

@@ -27,7 +27,7 @@ from .._system._names import Names, index_of
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, floats, is_concrete, numpy_of, on_device, optional_float
 from .._tools._table import are_known
-from .._tools._value import Module
+from .._tools._value import AbstractModule
 from ._coordinate import Coordinate, Place
 from ._frame import AbstractFrame
 from ._joints._base import Row
@@ -46,7 +46,7 @@ class _Part(NamedTuple):
     one_sided: bool = False
 
 
-class Coupler(Module):
+class Coupler(AbstractModule):
     """A coordinate of one joint as a polynomial of that of another, of any two joints of a mechanism.
 
     ??? example
@@ -95,7 +95,7 @@ class Coupler(Module):
         return [_Part(self.name, "coupling", self.first, self.second, self.polynomial)]
 
 
-class Stop(Module):
+class Stop(AbstractModule):
     """Limits of a coordinate of a joint: contacts that only push it back.
 
     A multiplier is the force or moment with which a stop pushes, positive or zero; `solve` tells in `contacts` whether
@@ -141,7 +141,7 @@ class Stop(Module):
         ]
 
 
-class Couplings(Module):
+class Couplings(AbstractModule):
     """Couplers of coordinates of the same kinds: both coordinates, and of which of them whole turns change nothing, of
     the first by a `share`; rows, and columns of all four bodies, of which those beyond the last are of the ground."""
 

@@ -22,7 +22,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._errors import RedundaxError
 from .._tools._module import as_float, positive
-from .._tools._value import Module
+from .._tools._value import AbstractModule
 
 # Compliance of joints beside that of drives: a share is wrong by as much, relative, and rounding by the inverse of it.
 _STIFF = 1e-7
@@ -80,7 +80,7 @@ class LeastNorm(AbstractClosure):
         return share * W, share * d
 
 
-class LeastPeak(Module):
+class LeastPeak(AbstractModule):
     """Drives share so that the largest of their forces over their limits is least, at each time.
 
     ??? example

@@ -31,14 +31,14 @@ from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._numbers import xp
-from .._tools._value import Module
+from .._tools._value import AbstractModule
 from ._evidence import ratio
 from ._kinematics import third_order
 from ._rank import Split, split
 from ._scaling import Scaling
 
 
-class Branch(Module):
+class Branch(AbstractModule):
     """What the velocity decides at a singular position.
 
     - `beside`: how far off the position is, as the largest relative singular value that is taken for none.

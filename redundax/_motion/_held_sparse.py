@@ -19,12 +19,12 @@ from .._sparse._plan import Plan
 from .._sparse._rows import Rows
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._value import Module
+from .._tools._value import AbstractModule
 
 _LEFT = 0.1  # of the least pivot
 
 
-class SparseHeld(Module):
+class SparseHeld(AbstractModule):
     """What is held while the motion goes on.
 
     - `kept`: 1 for rows that count, else 0, shape (m,).

@@ -40,7 +40,7 @@ from .._system._system import AbstractSystem
 from .._tools._least_solution import least_solution
 from .._tools._linear_map import LinearMap
 from .._tools._no_answer import nan_where
-from .._tools._value import Module
+from .._tools._value import AbstractModule
 from ._held_rank import AnyHeld, AnyHeldFactorisation, factorize_held
 from ._held_sparse import SparseHeldFactorisation
 from ._stabilisation import AbstractStabilisation
@@ -126,7 +126,7 @@ class Solved(NamedTuple):
     size: Float[Array, " p"]
 
 
-class Equations(Module):
+class Equations(AbstractModule):
     """The equations of motion of a system.
 
     - `sense`: sense of slip of every frictional joint, 0 of one that sticks, held until an event; shape (p,).

@@ -17,10 +17,10 @@ from jaxtyping import Array, Float
 
 from .._equations._kinematics import AlongMotion
 from .._tools._module import as_float, check_kind
-from .._tools._value import Module
+from .._tools._value import AbstractModule
 
 
-class AbstractStabilisation(Module):
+class AbstractStabilisation(AbstractModule):
     """What is done against the drift: inside the equations, and after each step."""
 
     projects: eqx.AbstractClassVar[bool]

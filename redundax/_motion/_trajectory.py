@@ -13,10 +13,10 @@ from .._system._pushing import in_words, pulling
 from .._system._results import RESULTS
 from .._system._state import State
 from .._tools._table import AbstractFigures, are_known, page
-from .._tools._value import Module
+from .._tools._value import AbstractModule
 
 
-class TrajectoryStats(AbstractFigures, Module):
+class TrajectoryStats(AbstractFigures, AbstractModule):
     """The evidence beside a motion, over all its accepted steps.
 
     - `steps`, `rejected`: steps of motion accepted and rejected.

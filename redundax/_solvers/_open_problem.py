@@ -3,12 +3,12 @@
 from jaxtyping import Array, Float, Int
 
 from .._tools._numbers import take
-from .._tools._value import Module
+from .._tools._value import AbstractModule
 from ._friction_problem import FrictionProblem
 from ._iterate import Progress
 
 
-class OpenProblem(Module):
+class OpenProblem(AbstractModule):
     """The friction problem at minimum norm, with what the minimum-norm step needs beside it.
 
     - `problem`: rho0 of the minimum-norm multipliers and the self-stress of x0, K of minimum-norm ones, and the law.
@@ -36,7 +36,7 @@ class OpenProblem(Module):
         return take(self.projector, self.rows)
 
 
-class OpenEnd(Module):
+class OpenEnd(AbstractModule):
     """Friction tau, the self-stress added to that of x0, and how the iteration went."""
 
     tau: Float[Array, " p"]

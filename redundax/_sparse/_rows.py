@@ -6,11 +6,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._tools._by_number import sum_few
-from .._tools._value import Module
+from .._tools._value import AbstractModule
 from ._plan import Plan
 
 
-class Rows(Module):
+class Rows(AbstractModule):
     """B and M^-1.
 
     - `slopes`: entries of B as in `Plan`, zero for none, shape (m, w, s).

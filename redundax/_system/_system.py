@@ -31,7 +31,7 @@ from .._tools._module import (
     replace_fields,
 )
 from .._tools._table import are_known, page
-from .._tools._value import Module
+from .._tools._value import AbstractModule
 from ._axis import Axis, axis
 from ._friction import AbstractFriction, slip_kinds
 from ._joint_coordinates import AbstractJointCoordinates, NoJointCoordinates, joint_motion
@@ -50,7 +50,7 @@ class Path(NamedTuple):
     bend: Any
 
 
-class AbstractSystem(Module):
+class AbstractSystem(AbstractModule):
     """Mass, constraints, load and friction of a constrained system, with the names and kinds of its axes."""
 
     is_model = True  # its numbers are read by programs alone

@@ -12,7 +12,7 @@ import jax
 T = TypeVar("T")
 
 
-class Module(eqx.Module):
+class AbstractModule(eqx.Module):
     """An Equinox module whose attributes are those of Python: a method is bound, not wrapped as a pytree of its own."""
 
     if not TYPE_CHECKING:

@@ -11,10 +11,10 @@ from jaxtyping import Array, Float
 
 from ..._tools._errors import RedundaxError
 from ..._tools._module import Numbers, as_float, is_concrete, optional_float
-from ..._tools._value import Module
+from ..._tools._value import AbstractModule
 
 
-class Overlap(Module):
+class Overlap(AbstractModule):
     """The contact of a slider and a guide that is as long as they overlap, about the middle of that part.
 
     Where they do not overlap nothing guides the slider: friction is not finite there.

@@ -10,14 +10,14 @@ from jaxtyping import Array, Float
 
 from ..._tools._errors import RedundaxError
 from ..._tools._module import Numbers, check_kind, finite, numpy_of, on_device, part, replace_fields
-from ..._tools._value import Module
+from ..._tools._value import AbstractModule
 from .._body import GROUND, name_of
 from ._body import Body
 from ._frame import SPACE
 from ._rotation import axes_along, rotation
 
 
-class Placement(Module):
+class Placement(AbstractModule):
     """Point and axes of a joint in the local frame of a body.
 
     ??? example

@@ -7,11 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..._tools._value import Module
+from ..._tools._value import AbstractModule
 from ._rotation import cross, times
 
 
-class Pose(Module):
+class Pose(AbstractModule):
     """Position (3,) and axes (3, 3) of a body's local frame in the global frame, of one body or stacked.
 
     - `r`: origin of the local frame, m.
@@ -56,7 +56,7 @@ class Pose(Module):
         return Pose(r, jnp.concatenate([none, turns]), jnp.zeros_like(r))
 
 
-class Wrench(Module):
+class Wrench(AbstractModule):
     """Force (3,), N, and moment about the local frame's origin (3,), N m, on a body, both in global components.
 
     ??? example
