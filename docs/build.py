@@ -49,13 +49,19 @@ def main() -> None:
     if not given.quick:
         shown = shown_by_examples(shown)
         SHOWN.write_text(json.dumps(shown), encoding="utf8")
+    notebooks = sorted((ROOT.parent / "notebooks").glob("*.ipynb"))
+    for path in MADE.iterdir():  # of pages that are no more
+        if path.name != PICTURES:
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
     for path in PAGES.iterdir():
         if path.suffix == ".md":
-            text = re.sub(r"^\| `(\w+)` \|", r"| [`\1`](notebook_\1.md) |", path.read_text(encoding="utf8"), flags=re.M)
+            names = "|".join(notebook.stem for notebook in notebooks)
+            named = rf"(^\| |notebook\s)`({names})`"
+            text = re.sub(named, r"\1[`\2`](notebook_\2.md)", path.read_text("utf8"), flags=re.MULTILINE)
             (MADE / path.name).write_text(with_shown(text, shown), encoding="utf8")
         else:
             shutil.copy(path, MADE)
-    for path in sorted((ROOT.parent / "notebooks").glob("*.ipynb")):
+    for path in notebooks:
         (MADE / f"notebook_{path.stem}.md").write_text(page_of(path), encoding="utf8")
     command = [sys.executable, "-m", "zensical", "build", "--clean", "--strict", "-f", str(ROOT / "mkdocs.yml")]
     sys.exit(subprocess.run(command, check=False, env={**os.environ, "PYTHONPATH": str(ROOT)}).returncode)
