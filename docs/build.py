@@ -27,6 +27,7 @@ import numpy as np
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from examples import PAGES, examples, steps
+from matplotlib.figure import Figure
 from shown import SHOWN, with_shown
 
 ROOT = Path(__file__).parent
@@ -49,6 +50,10 @@ def main() -> None:
     if not given.quick:
         shown = shown_by_examples(shown)
         SHOWN.write_text(json.dumps(shown), encoding="utf8")
+        kept = {picture for found in shown.values() for picture in found["pictures"]}
+        for path in (MADE / PICTURES).iterdir():
+            if f"{PICTURES}/{path.name}" not in kept:
+                path.unlink()
     notebooks = sorted((ROOT.parent / "notebooks").glob("*.ipynb"))
     for path in MADE.iterdir():  # of pages that are no more
         if path.name != PICTURES:
@@ -84,21 +89,31 @@ def shown_by_examples(known: dict[str, Any]) -> dict[str, Any]:
 
 
 def shown_by(code: str, scene: dict[str, Any], name: str) -> dict[str, Any]:
-    """What code prints, values that no comment tells among it, and the pictures that it leaves."""
-    printed = io.StringIO()
-    with contextlib.redirect_stdout(printed), np.printoptions(precision=6, threshold=50, linewidth=100):
+    """What code prints, values that no comment tells among it, and the pictures that it shows, leaves or writes."""
+    printed, figures, before = io.StringIO(), [], {*Path().iterdir()}
+    with contextlib.redirect_stdout(printed), np.printoptions(precision=6, threshold=50, linewidth=80):
         for value, told in steps(code, scene):
-            if told is None and isinstance(value, SIMPLE):
+            if isinstance(value, Figure):
+                figures.append(value)
+            elif told is None and isinstance(value, SIMPLE):
                 print(np.asarray(value) if isinstance(value, jax.Array) else value)
     folder = MADE / PICTURES
     folder.mkdir(exist_ok=True)
-    pictures = []
-    for number in plt.get_fignums():
-        path = folder / f"{name}-{len(list(folder.glob(f'{name}-*')))}.png"
-        plt.figure(number).savefig(path, dpi=90, bbox_inches="tight")
-        pictures.append(f"{PICTURES}/{path.name}")
+
+    def place(suffix: str) -> Path:
+        return folder / f"{name}-{len(list(folder.glob(f'{name}-*')))}{suffix}"
+
+    pictures = [Path(shutil.copy(path, place(path.suffix))) for path in written(before)]
+    for figure in [*figures, *map(plt.figure, plt.get_fignums())] if not pictures else []:
+        pictures.append(place(".png"))
+        figure.savefig(pictures[-1], dpi=90, bbox_inches="tight")
     plt.close("all")
-    return {"text": printed.getvalue().rstrip(), "pictures": pictures}
+    return {"text": printed.getvalue().rstrip(), "pictures": [f"{PICTURES}/{path.name}" for path in pictures]}
+
+
+def written(before: set[Path]) -> list[Path]:
+    """Pictures in this folder that were not there."""
+    return sorted(path for path in {*Path().iterdir()} - before if path.suffix in (".png", ".gif"))
 
 
 def page_of(path: Path) -> str:
