@@ -24,7 +24,7 @@ from .._closures._closure import AbstractClosure, MinimumNorm, check_closure, el
 from .._equations._culprits import culprits
 from .._equations._factorisation import Factorisation
 from .._equations._factorize import dense_at
-from .._equations._rank import Spectrum, Split
+from .._equations._rank import Spectrum, Split, split
 from .._solve._contacts import as_held
 from .._solve._solution import Solution
 from .._solve._solve import solve
@@ -101,7 +101,9 @@ def analyze(
     return Report(
         coordinates=system.coordinates.labels,
         rows=system.rows.labels,
+        velocity_rows=tuple(str(rows[row]) for row in system.velocity_rows),
         rank=int(found.spectrum.rank),
+        holonomic_rank=_holonomic_rank(system, factor),
         redundancy=redundancy,
         freedom=len(system.coordinates) - int(found.spectrum.rank),
         singular_values=found.spectrum.singular_values,
@@ -151,6 +153,15 @@ def _ranges(
     names = [name for kind in ("multiplier", "reaction") for name in found.get(kind, ([],))[0]]
     matrix = np.concatenate([found[kind][1][:, n : n + m] for kind in ("multiplier", "reaction") if kind in found])
     return pushing_ranges(names, matrix, multipliers, stress.T, pushing)
+
+
+def _holonomic_rank(system: AbstractSystem, factor: Factorisation) -> int:
+    """That of the rows that have positions."""
+    if not system.velocity_rows:
+        return int(factor.spectrum.rank)
+    own = np.asarray(factor.scaled).copy()
+    own[list(system.velocity_rows)] = 0.0
+    return int(split(own, np.asarray(factor.violation.position), None)[1].rank)
 
 
 class _Evidence(NamedTuple):
