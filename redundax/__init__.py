@@ -20,6 +20,7 @@ from . import types as types
 from . import units as units
 from ._analysis._along import analyze_along as analyze_along
 from ._analysis._analyze import analyze as analyze
+from ._analysis._grip import grip as grip
 from ._analysis._stability import Settling as Settling
 from ._analysis._stability import stability as stability
 from ._analysis._verdict import Verdict as Verdict

@@ -8,8 +8,8 @@ from ._parallelogram import driven_parallelogram as driven_parallelogram
 from ._parallelogram import parallelogram as parallelogram
 from ._parallelogram import swing as swing
 from ._planetary import planetary as planetary
-from ._slider_crank import slider_crank as slider_crank
 from ._skate import skate as skate
+from ._slider_crank import slider_crank as slider_crank
 from ._space._delta import delta as delta
 from ._space._door import door as door
 from ._space._double_cardan import double_cardan as double_cardan

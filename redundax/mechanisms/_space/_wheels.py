@@ -27,7 +27,9 @@ def _disc(name: str, mass: Numbers, radius: Numbers, position: Numbers, orientat
     """A thin uniform disc whose axle is y of its frame."""
     unit = floats(mass) * floats(radius) ** 2 / 4
     inertia = numpy_of(unit).stack([unit, 2 * unit, unit])
-    return Body(name, mass, inertia, position=position, orientation=(1, 0, 0, 0) if orientation is None else orientation)
+    return Body(
+        name, mass, inertia, position=position, orientation=(1, 0, 0, 0) if orientation is None else orientation
+    )
 
 
 def rolling_disc(

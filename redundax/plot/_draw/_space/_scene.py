@@ -68,7 +68,9 @@ class SpaceScene:
         """All points that must be in the picture, (points, 3)."""
         ends = [end for each in (*self.joints, *self.loads) for end in (each.on_i, each.on_j)]
         for joint in self.joints:  # rims of wheels
-            ends += [joint.on_i + side * axis for axis in (joint.radius or 0.0) * joint.axes_i.T[:2] for side in (-1, 1)]
+            ends += [
+                joint.on_i + side * axis for axis in (joint.radius or 0.0) * joint.axes_i.T[:2] for side in (-1, 1)
+            ]
         return np.concatenate([*self.spans, np.array(ends).reshape(-1, 3)])
 
     @functools.cached_property
