@@ -4,7 +4,9 @@ With K the scaled Jacobian, N and V bases of self-stress and motions, dK(w) the 
 
     N^T dK(w) z   is zero for all motions w, z   where the rank is the same beside the position,
     dP = -P dK K^+ - (P dK K^+)^T                is the change of the self-stress,
-    dK(w) z = (Phi''[w + z] - Phi''[w] - Phi''[z]) / 2   but for what no self-stress sees, and where all rows have a Phi.
+    dK(w) z = (Phi''[w + z] - Phi''[w] - Phi''[z]) / 2   but for what no self-stress sees
+
+where the last holds of rows that have a Phi, and with rows of velocity dK(w) is formed whole.
 
 The span of N^T dK(w) V over all w is the self-stress that vanishes beside the position: to second order, so what is
 found is there at least. All of it is linear in w: the motions that show no more than those before them are a subspace,

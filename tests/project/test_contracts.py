@@ -96,8 +96,8 @@ def test_rows_in_space_have_the_names_that_audits_and_pictures_read():
 
 @each_frame
 def test_derivatives_along_a_motion(frame):
-    """Of residuals and slips, from differences along the velocity; the Jacobian is that of the residual. Rows of velocity
-    have their rate themselves."""
+    """Of residuals and slips, from differences along the velocity; the Jacobian is that of the residual. Rows of
+    velocity are their rate themselves."""
     mechanism, state, _, found = known(frame)
     h = 1e-4
 

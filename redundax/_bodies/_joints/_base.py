@@ -29,7 +29,7 @@ class AbstractJoint(AbstractBetweenBodies):
 
     A new kind of joint gives `row_kinds`, the name and kind ("force" or "moment") of each of its rows, force-type
     first, and `residual`; and in `pushing` the names of rows whose contacts can only push, with positive multipliers.
-    Rows that constrain velocities alone are named in `velocity_rows`; `residual` is zero there, and `rolled` gives them.
+    Rows that constrain velocities alone are named in `velocity_rows`: `residual` is zero there, `rolled` gives them.
 
     ??? example
 

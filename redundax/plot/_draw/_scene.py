@@ -30,8 +30,8 @@ class Joint:
     """A joint: `on_i` and `on_j` are its points on the two bodies, `spot` is where its symbol and name belong.
 
     `axis` is the unit vector along its guide, `length` the guide's length and `ratio` that of a coupling of angles,
-    where the joint has such a thing, `mesh` its teeth and `radius` that of a wheel on a line; `pointed` is whether it has a point. `locks` are the names
-    of its rows. `group` and `member` say where in the mechanism's stacks it lies.
+    where the joint has such a thing, `mesh` its teeth and `radius` that of a wheel on a line; `pointed` is whether it
+    has a point. `locks` are the names of its rows. `group` and `member` say where in the mechanism's stacks it lies.
     """
 
     name: str
@@ -73,8 +73,7 @@ class Load:
 
 @dataclasses.dataclass(frozen=True)
 class Scene:
-    """Bodies (`names`, and `centres` and `turns` with those of the ground last), joints, loads, gravity, and the model's
-    units."""
+    """Bodies (`names`, `centres` and `turns`, the ground's last), joints, loads, gravity, and the model's units."""
 
     names: tuple[str, ...]
     centres: np.ndarray
@@ -234,8 +233,8 @@ def pin(i: int, j: int, pins: dict[int, list[Joint]]) -> np.ndarray | None:
 
 
 def pitch_circles(joint: Joint) -> list[tuple[np.ndarray, float]]:
-    """Centres and radii of gears in mesh, of a wheel on a line, or of the wheels of a coupling, which touch if they turn
-    in opposite senses; else none.
+    """Centres and radii of gears in mesh, of a wheel on a line, or of the wheels of a coupling, which touch if they
+    turn in opposite senses; else none.
     """
     if joint.mesh is not None:
         return list(joint.mesh.circles)

@@ -4,9 +4,9 @@ A short cylinder along the axis is a revolute joint, one on a longer shaft a cyl
 prismatic one, with a helix a screw; a ball is a spherical joint, on a rail a point on a line, on a plate a point on a
 plane; a cross is universal, a ball between two stubs of constant velocity, a plate on a plate planar, two short rods
 parallel axes, a dark cube fixed; a thin rod holds a distance, a dark drum drives an angle, a piston a travel; circles
-are wheels in mesh, a tyre with spokes and a patch of floor a wheel, a plate on its edge a blade. Lower pairs are drawn by what they lock, so new ones too: on a rail what slides along the axis, on a
-plate what slides square to it; a ball where the axis may tilt, a block where it may not. An octahedron is a joint with
-rows of other names.
+are wheels in mesh, a tyre with spokes and a patch of floor a wheel, a plate on its edge a blade. Lower pairs are drawn
+by what they lock, so new ones too: on a rail what slides along the axis, on a plate what slides square to it; a ball
+where the axis may tilt, a block where it may not. An octahedron is a joint with rows of other names.
 """
 
 import itertools
