@@ -33,7 +33,7 @@ from .._system._names import ByName, senses
 from .._system._results import RESULTS, is_one_of
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._numbers import computed, on_numbers
+from .._tools._numbers import computed, on_numbers, xp
 from ._others import other_solutions
 from ._outputs import outputs
 from ._position import local_self_stress, unique_only_here
@@ -103,7 +103,7 @@ def analyze(
         rows=system.rows.labels,
         velocity_rows=tuple(str(rows[row]) for row in system.velocity_rows),
         rank=int(found.spectrum.rank),
-        holonomic_rank=_holonomic_rank(system, factor),
+        holonomic_rank=int(_rank_without(factor, system.velocity_rows)),
         redundancy=redundancy,
         freedom=len(system.coordinates) - int(found.spectrum.rank),
         singular_values=found.spectrum.singular_values,
@@ -155,13 +155,13 @@ def _ranges(
     return pushing_ranges(names, matrix, multipliers, stress.T, pushing)
 
 
-def _holonomic_rank(system: AbstractSystem, factor: Factorisation) -> int:
-    """That of the rows that have positions."""
-    if not system.velocity_rows:
-        return int(factor.spectrum.rank)
-    own = np.asarray(factor.scaled).copy()
-    own[list(system.velocity_rows)] = 0.0
-    return int(split(own, np.asarray(factor.violation.position), None)[1].rank)
+@on_numbers
+def _rank_without(factor: Factorisation, rows: tuple[int, ...]) -> Array:
+    """The rank without some rows."""
+    if not rows:
+        return factor.spectrum.rank
+    kept = ~np.isin(np.arange(factor.scaled.shape[0]), rows)
+    return split(xp.where(kept[:, None], factor.scaled, 0.0), factor.violation.position, None)[1].rank
 
 
 class _Evidence(NamedTuple):

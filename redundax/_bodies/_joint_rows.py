@@ -67,7 +67,9 @@ def missed_velocities(joints: tuple[Stack, ...], at: Any, rate: Any) -> list[Flo
         both = jax.tree.map(lambda *pair: jnp.stack(pair, axis=1), poses, at)
 
         def of_one(joint: AbstractJoint, i: Any, j: Any) -> Array:
-            return joint.rolled(i[0], j[0], i[1], j[1]) if joint.velocity_rows else jnp.zeros(len(joint.row_kinds))
+            if not joint.velocity_rows:
+                return jnp.zeros(len(joint.row_kinds), i.r.dtype)
+            return joint.rolled(i[0], j[0], i[1], j[1])
 
         return [stack.over(of_one, both) for stack in joints]
 

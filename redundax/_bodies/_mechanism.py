@@ -337,12 +337,18 @@ class Mechanism(AbstractSystem):
         coupled = [each.residuals(self.joints, at.poses) for each in self.couplings]
         return among(self._kept, self.of_rows([*residuals(self.joints, at, t), *coupled]))
 
-    def velocity_constraint(self, q: Array, qd: Array, t: Array) -> Float[Array, " m"]:
-        zero, one, none = jnp.zeros((), qd.dtype), jnp.ones((), qd.dtype), jnp.zeros((1, 1), qd.dtype)
+    def velocity_constraint(self, q: Array, qd: Array, t: Array, u: Array | None = None) -> Float[Array, " m"]:
+        zero, one, none = jnp.zeros((), qd.dtype), jnp.ones((), qd.dtype), (None,) * len(self.joints)
         at, rate = jax.jvp(lambda s: self.poses(self.retract(q, s * qd)), (zero,), (one,))
-        own = missed_velocities(self.joints, at, rate)
+        return self.velocity_constraint_at(Positions(at, none), Positions(rate, none), qd, t, u)
+
+    def velocity_constraint_at(
+        self, at: Positions, rate: Positions, qd: Array, t: Array, u: Array | None = None
+    ) -> Float[Array, " m"]:
+        none = jnp.zeros((1, 1), qd.dtype)
+        own = missed_velocities(self.joints, at.poses, rate.poses)
         coupled = [
-            each.missed(self.joints, at, qd, t)
+            each.missed(self.joints, at.poses, qd, t, u)
             if isinstance(each, DrivenSpeed)
             else jnp.broadcast_to(none, (each.rows.size, 1))
             for each in self.couplings

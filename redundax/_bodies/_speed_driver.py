@@ -65,10 +65,12 @@ class DrivenSpeed(eqx.Module):
         """None: it asks for no position."""
         return jnp.zeros_like(self.driven.value(joints, bodies))[:, None]
 
-    def missed(self, joints: Sequence[Stack], bodies: Any, qd: Float[Array, " n"], t: Array) -> Float[Array, "1 1"]:
-        """c' - f(t)."""
+    def missed(
+        self, joints: Sequence[Stack], bodies: Any, qd: Float[Array, " n"], t: Array, u: Array | None
+    ) -> Float[Array, "1 1"]:
+        """c' - f(t) u."""
         rate = self.slopes(joints, bodies) * qd.at[self.columns].get(mode="fill", fill_value=0.0)
-        return jnp.sum(rate, axis=1, keepdims=True) - self.speed(t)
+        return jnp.sum(rate, axis=1, keepdims=True) - self.speed(t) * (1.0 if u is None else u)
 
     def added(self, jacobian: Float[Array, "m n"], joints: Sequence[Stack], bodies: Any) -> Float[Array, "m n"]:
         """The Jacobian with this row."""

@@ -119,12 +119,19 @@ def _along(system: AbstractSystem, state: State, rate: Array, time: Array) -> Al
     if not system.velocity_rows:
         return found
 
-    def form(d: Array, t: Array) -> Array:  # A v - b u
-        q = system.retract(state.q, d)
-        still = system.velocity_constraint(q, jnp.zeros_like(rate), t)
-        return system.velocity_constraint(q, rate, t) - (1 - time) * still
-
-    slope, bend = jax.jvp(form, (jnp.zeros_like(rate), state.t), (rate, time))
+    path = system.path(state.q, rate)
+    if path is not None:
+        slope, bend = jax.jvp(
+            lambda poses, slope, t: system.velocity_constraint_at(poses, slope, rate, t, time),
+            (path.poses, path.rate, state.t),
+            (path.rate, path.bend, time),
+        )
+    else:
+        slope, bend = jax.jvp(
+            lambda d, t: system.velocity_constraint(system.retract(state.q, d), rate, t, time),
+            (jnp.zeros_like(rate), state.t),
+            (rate, time),
+        )
     return AlongMotion(found.value, found.rate + slope, found.gamma - bend)
 
 

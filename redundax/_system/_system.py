@@ -124,9 +124,10 @@ class AbstractSystem(eqx.Module):
         return self._names.velocity_rows
 
     def velocity_constraint(
-        self, q: Float[Array, "..."], qd: Float[Array, " n"], t: Float[Array, ""]
+        self, q: Float[Array, "..."], qd: Float[Array, " n"], t: Float[Array, ""], u: Array | None = None
     ) -> Float[Array, " m"]:
-        """A(q, t) qd - b(q, t) of the rows of velocity, and zeros of all others, where there are such."""
+        """A(q, t) qd - b(q, t) u of the rows of velocity, and zeros of all others, where there are such; u = t' is 1 if
+        it is not given."""
         raise NotImplementedError
 
     @abc.abstractmethod
@@ -160,6 +161,12 @@ class AbstractSystem(eqx.Module):
 
     def constraint_at(self, at: Any, t: Float[Array, ""]) -> Float[Array, " m"]:
         """`constraint` at poses of bodies, where there is a path."""
+        raise NotImplementedError
+
+    def velocity_constraint_at(
+        self, at: Any, rate: Any, qd: Float[Array, " n"], t: Float[Array, ""], u: Array | None = None
+    ) -> Float[Array, " m"]:
+        """`velocity_constraint` at poses of bodies that have rates, where there is a path."""
         raise NotImplementedError
 
     def slips_at(self, at: Any) -> Float[Array, " p"]:
@@ -432,8 +439,11 @@ class System(AbstractSystem):
         own = self._constraint(q, t, self.parameters)
         return among(self._kept, jnp.pad(own, (0, len(self.velocity_rows))) if self.velocity_rows else own)
 
-    def velocity_constraint(self, q: Array, qd: Array, t: Array) -> Float[Array, " m"]:
-        own = cast(Callable[..., Array], self._velocity_constraints)(q, qd, t, self.parameters)
+    def velocity_constraint(self, q: Array, qd: Array, t: Array, u: Array | None = None) -> Float[Array, " m"]:
+        missed = cast(Callable[..., Array], self._velocity_constraints)
+        own = missed(q, qd, t, self.parameters)
+        if u is not None:
+            own = own - (1 - u) * missed(q, jnp.zeros_like(qd), t, self.parameters)
         return among(self._kept, jnp.pad(own, (len(self.rows) - len(self.velocity_rows), 0)))
 
     def opened(self, kept: Array) -> Self:

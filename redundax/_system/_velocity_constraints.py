@@ -24,14 +24,14 @@ def no_positions(q: Array, t: Array, parameters: Any) -> Float[Array, " 0"]:
 def rows_of_velocity(function: Callable[..., Array], parameters: Any, n: int) -> int:
     """How many rows it gives for n velocities; refused if not affine in them at a position of no symmetry."""
     numbers = np.arange(1.0, n + 1)
-    q, qds = np.cos(numbers**2), np.stack([0 * numbers, np.sin(numbers), np.cos(3 * numbers)])
-    qds = np.concatenate([qds, qds[None, 1] - 2 * qds[None, 2]])
+    one, two = np.sin(numbers), np.cos(3 * numbers)
+    q, qds = jnp.asarray(np.cos(numbers**2)), jnp.asarray(np.stack([0 * numbers, one, two, one - 2 * two]))
     with tracing("velocity_constraints"):
-        given = jax.eval_shape(function, jnp.zeros(n), jnp.zeros(n), jnp.zeros(()), parameters)
-    if given.ndim != 1 or not given.shape[0]:
+        found = jax.eval_shape(function, jnp.zeros(n), jnp.zeros(n), jnp.zeros(()), parameters)
+    if found.ndim != 1 or not found.shape[0]:
         raise RedundaxError(
             f"Argument `velocity_constraints` must return a vector of what the rows miss, but returns shape "
-            f"{given.shape}. Return `jnp.stack([...])` with one entry for each row."
+            f"{found.shape}. Return `jnp.stack([...])` with one entry for each row."
         )
     if are_known(function, parameters):
         still, one, two, mixed = np.asarray(_values(function, q, qds, parameters))
@@ -42,11 +42,11 @@ def rows_of_velocity(function: Callable[..., Array], parameters: Any, n: int) ->
                 "Argument `velocity_constraints` must be affine in the velocity, A(q, t) qd - b(q, t), but entry "
                 f"{wrong[0]} is not. Write what the velocity misses, with no products or powers of `qd`."
             )
-    return given.shape[0]
+    return found.shape[0]
 
 
 @eqx.filter_jit
 def _values(
     function: Callable[..., Array], q: Float[Array, " n"], qds: Float[Array, "4 n"], parameters: Any
 ) -> Float[Array, "4 k"]:
-    return jax.vmap(lambda qd: function(jnp.asarray(q), qd, jnp.asarray(0.3), parameters))(jnp.asarray(qds))
+    return jax.vmap(lambda qd: function(q, qd, jnp.full((), 0.3, q.dtype), parameters))(qds)
