@@ -28,7 +28,7 @@ def skate(mass: ArrayLike = 2.0, inertia: ArrayLike = 0.3, ahead: ArrayLike = 0.
 
         ```python
         sleigh = rx.mechanisms.skate()
-        rx.solve(sleigh, rx.assemble(sleigh, qd=[1.0, 0.2, 0.5]))["blade.across"]
+        rx.solve(sleigh, rx.assemble(sleigh, [0.0, 0.0, 0.0], qd=[1.0, 0.2, 0.5]))["blade.across"]
         ```
 
     **Arguments:**
