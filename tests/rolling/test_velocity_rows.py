@@ -1,5 +1,6 @@
-"""Rows of velocity of a user's system, in the plane: closed forms, singular positions, refusals, and what they leave."""
+"""Rows of velocity that a user writes and of a skate: closed forms, singular positions, and what is refused."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import mpmath as mp
@@ -35,7 +36,7 @@ def sleigh_state(u, w, phi, system=None):
 def test_sleigh_has_the_accelerations_and_the_force_of_chaplygin(make):
     u, w, phi = 1.3, 0.7, 0.4
     found = rx.solve(make(), sleigh_state(u, w, phi))
-    along, across = np.array([np.cos(phi), np.sin(phi)]), np.array([-np.sin(phi), np.cos(phi)])
+    across = np.array([-np.sin(phi), np.cos(phi)])
     turn = -MASS * AHEAD * u * w / TURNED
     expected = (u * w + AHEAD * turn) * across
     # along the blade its point has u' = a w^2, from which the centre of mass ahead of it falls back by as much
@@ -147,7 +148,7 @@ def test_two_blades_of_an_axle_that_steer_alone_are_singular_straight_on_and_ref
     system = rx.System(None, jnp.array([5.0, 5.0, 1.0, 0.1, 0.1]), velocity_constraints=blades, coordinates=kinds)
     straight = rx.State(jnp.zeros(5), jnp.array([1.0, 0.0, 0.0, 0.0, 0.0]))
     assert rx.analyze(system, straight).singular_position
-    with pytest.raises(rx.NoSolutionError, match="position is singular.*Rows of velocity"):
+    with pytest.raises(rx.NoSolutionError, match=r"position is singular.*Rows of velocity"):
         rx.solve(system, straight)
     fixed = rx.System(
         lambda q, t, p: q[3:], jnp.array([5.0, 5.0, 1.0, 0.1, 0.1]), velocity_constraints=blades, coordinates=kinds
@@ -156,8 +157,39 @@ def test_two_blades_of_an_axle_that_steer_alone_are_singular_straight_on_and_ref
     assert not report.singular_position and (report.redundancy, report.holonomic_redundancy) == (1, 0)
 
 
+class Skid(rx.AbstractJoint):
+    """The origin of body i moves along its own x alone."""
+
+    row_kinds = (("across", "force"),)
+    velocity_rows = ("across",)
+    name: str = eqx.field(static=True)
+    i: str = eqx.field(static=True)
+    j: str = eqx.field(static=True)
+
+    def residual(self, i, j, t):
+        return jnp.zeros(1)
+
+    def rolled(self, i, j, from_i, from_j):
+        return (from_i.rotate(jnp.array([0.0, 1.0])) @ (i.r - from_i.r))[None]
+
+
+def test_a_joint_of_your_own_may_have_rows_of_velocity():
+    """m u w presses on a skate under the centre of mass."""
+    mechanism = rx.Mechanism([rx.Body("sleigh", MASS, INERTIA)], [Skid("skid", "sleigh", "ground")])
+    state = rx.assemble(mechanism, [0.0, 0.0, 0.4], [np.cos(0.4), np.sin(0.4), 0.7])
+    found = rx.solve(mechanism, state)
+    np.testing.assert_allclose(found.acceleration, [-0.7 * np.sin(0.4), 0.7 * np.cos(0.4), 0.0], rtol=0, atol=1e-14)
+    np.testing.assert_allclose(found.multipliers, [-MASS * 0.7], rtol=1e-13)
+
+    class Misnamed(Skid):
+        velocity_rows = ("along",)
+
+    with pytest.raises(rx.RedundaxError, match="`velocity_rows` of Misnamed must hold names of its rows"):
+        Misnamed("skid", "sleigh", "ground")
+
+
 def test_what_is_no_row_of_velocity_is_refused():
-    with pytest.raises(rx.RedundaxError, match="must be affine in the velocity, A.* but entry 1 is not"):
+    with pytest.raises(rx.RedundaxError, match=r"must be affine in the velocity, A.* but entry 1 is not"):
         rx.System(None, jnp.ones(2), velocity_constraints=lambda q, qd, t, p: jnp.stack([qd[0], qd[0] * qd[1]]))
     with pytest.raises(rx.RedundaxError, match="must return a vector"):
         rx.System(None, jnp.ones(2), velocity_constraints=lambda q, qd, t, p: qd[0])
@@ -167,7 +199,7 @@ def test_what_is_no_row_of_velocity_is_refused():
         rx.System(None, jnp.ones(2), velocity_constraints=lambda q, qd, t, p: qd[:1], one_sided=[0])
     with pytest.raises(rx.RedundaxError, match="where a `retraction` is given"):
         rx.System(None, jnp.ones(2), velocity_constraints=lambda q, qd, t, p: qd[:1], retraction=lambda q, d: q + d)
-    with pytest.raises(rx.RedundaxError, match="has rows of velocity, blade.across"):
+    with pytest.raises(rx.RedundaxError, match=r"has rows of velocity, blade\.across"):
         rx.drive(rx.mechanisms.skate(), {"sleigh.x": 1.0}, [0.0, 1.0])
     with pytest.raises(rx.RedundaxError, match="Sparse matrices take no rows of velocity"):
         rx.mechanisms.skate().sparse()

@@ -122,7 +122,7 @@ class AbstractPointJoint(AbstractJoint):
 
 
 def check_rows(joint: AbstractJoint) -> None:
-    """Refuse rows that have no name and kind, and rows that push but are none."""
+    """Refuse rows that have no name and kind, and rows that push or are of velocity but are none."""
     kinds = joint.row_kinds
     pairs = [each for each in kinds if isinstance(each, tuple) and len(each) == 2 and each[1] in ("force", "moment")]
     if not pairs or len(pairs) < len(kinds):
@@ -130,12 +130,13 @@ def check_rows(joint: AbstractJoint) -> None:
             f"`row_kinds` of {type(joint).__name__} must give a name and a kind, 'force' or 'moment', for each row, "
             f'but is {kinds!r}. Write (("y", "force"),) for one row, with both commas.'
         )
-    missing = [name for name in joint.pushing if name not in dict(pairs)]
-    if missing:
-        raise RedundaxError(
-            f"`pushing` of {type(joint).__name__} must hold names of its rows, but holds {missing[0]!r}. The rows are "
-            f"{', '.join(dict(pairs))}."
-        )
+    for what, given in (("pushing", joint.pushing), ("velocity_rows", joint.velocity_rows)):
+        missing = [name for name in given if name not in dict(pairs)]
+        if missing:
+            raise RedundaxError(
+                f"`{what}` of {type(joint).__name__} must hold names of its rows, but holds {missing[0]!r}. The rows "
+                f"are {', '.join(dict(pairs))}."
+            )
 
 
 def check_friction(joint: str, friction: object) -> None:
