@@ -23,7 +23,9 @@ class Report:
     """Redundancy and uniqueness of a system at a state. `str()` gives a page, `to_dict()` and `to_json()` data.
 
     - `coordinates`, `rows`: their names.
-    - `rank`, `redundancy`, `freedom`: r, k = m - r and n - r.
+    - `velocity_rows`: names of the rows that constrain velocities alone, as those of wheels.
+    - `rank`, `redundancy`, `freedom`: r, k = m - r and n - r, of all rows.
+    - `holonomic_rank`: rank of the rows that have positions, of all where no row constrains velocities alone.
     - `singular_values`, `gap`: spectrum of the scaled Jacobian, free of units, and the ratio across the rank.
     - `tolerance`: singular values above it count, relative to the largest.
     - `self_stress`: k self-stress states, shape (k, m), in units of the multipliers: loads that the joints can
@@ -72,7 +74,9 @@ class Report:
 
     coordinates: tuple[str, ...]
     rows: tuple[str, ...]
+    velocity_rows: tuple[str, ...]
     rank: int
+    holonomic_rank: int
     redundancy: int
     freedom: int
     singular_values: np.ndarray
@@ -108,6 +112,11 @@ class Report:
         unique = set(self.unique_multipliers)
         free = {row.rpartition(".")[0] for row in self.rows if row not in unique}
         return tuple(joint for joint in joints if joint not in free)
+
+    @property
+    def holonomic_redundancy(self) -> int:
+        """How many of the self-stress states are there without rows of velocity."""
+        return min(len(self.rows) - len(self.velocity_rows) - self.holonomic_rank, self.redundancy)
 
     @property
     def pivots(self) -> tuple[str, ...]:
@@ -163,6 +172,13 @@ class Report:
             f"Smallest kept singular value {self.singular_values[max(self.rank - 1, 0)]:.2g} of the largest, "
             + (f"{self.gap:.1e} times the largest dropped one" if np.isfinite(self.gap) else "none dropped"),
         ]
+        if self.velocity_rows:
+            own, freedom = self.holonomic_redundancy, len(self.coordinates) - self.holonomic_rank
+            lines.append(
+                f"{len(self.velocity_rows)} of the constraints are on velocities alone: without them "
+                f"{own} redundant, {count_of(freedom, 'degree')} of freedom; with them {self.redundancy - own} more "
+                f"redundant, {freedom - self.freedom} less of freedom"
+            )
         if self.units:
             lines.append(f"Units: {self.units}")
         if self.problem:

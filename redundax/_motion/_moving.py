@@ -23,6 +23,7 @@ from .._equations._kinematics import (
     along_slips,
     chart_rate,
     displacement,
+    prescribed_rate,
     slip_force,
     slip_gamma,
     slip_motion,
@@ -360,8 +361,7 @@ class Equations(AbstractModule):
 
     def _power(self, state: State, force: Array, multipliers: Array) -> Float[Array, ""]:
         one, system = jnp.ones_like(state.t), self.system
-        _, driven = jax.jvp(lambda t: system.constraint(state.q, t), (state.t,), (one,))
-        power = state.qd @ force + driven @ multipliers
+        power = state.qd @ force + prescribed_rate(system, state.q, state.t) @ multipliers
         if system.plan is not None or system.constant_mass:
             return power
         _, mass_rate = jax.jvp(system.mass, (state.q, state.t), (chart_rate(system, state), one))
