@@ -16,6 +16,7 @@ from jaxtyping import Array, Float, Int
 
 from .._system._names import Names, index_of
 from .._tools._module import Numbers
+from .._tools._value import AbstractModule
 from ._coordinate import Coordinate, Place
 from ._frame import AbstractFrame
 from ._joints._base import Row
@@ -23,7 +24,7 @@ from ._law_of_time import check_law, law_of_time
 from ._stack import Stack, indices
 
 
-class SpeedDriver(eqx.Module):
+class SpeedDriver(AbstractModule):
     """A speed that a coordinate of a joint has, whatever its position. Stands among `couplers`.
 
     Its multiplier "name.speed" is minus the driving moment, N m, or force, N, along the coordinate.
@@ -52,7 +53,7 @@ class SpeedDriver(eqx.Module):
         check_law("speed", name, self.speed)
 
 
-class DrivenSpeed(eqx.Module):
+class DrivenSpeed(AbstractModule):
     """One of them among the rows of a mechanism: row, and columns of both bodies, of which those beyond the last are of
     the ground."""
 
