@@ -230,7 +230,7 @@ def test_a_sliding_rod_is_pressed_lifts_or_jams():
 def test_what_does_not_fit_is_refused():
     mechanism = rod(most=1.0)
     state = rx.assemble(mechanism, {"rod.x": 0.5})
-    with pytest.raises(rx.RedundaxError, match="one-sided contacts, which need a closure"):
+    with pytest.raises(rx.RedundaxError, match="one-sided contacts, for which `solve` takes a closure"):
         rx.solve(mechanism, state, rank=3)
     with pytest.raises(rx.RedundaxError, match="`closed` must hold names of one-sided contacts"):
         rx.assemble(mechanism, {"rod.x": 0.5}, closed="stop")
