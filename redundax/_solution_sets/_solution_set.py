@@ -36,6 +36,7 @@ class SolutionSet(eqx.Module):
     - `rows`: multipliers that they read, shape (l,).
     - `angular_loads`, `angular_slips`: which loads and frictions are moments.
     - `undetermined`: multipliers that have no value at a singular position under the closure, (m,); None elsewhere.
+    - `pushing`: rows of contacts, whose multipliers are not negative.
     """
 
     response: LinearResponse
@@ -45,6 +46,7 @@ class SolutionSet(eqx.Module):
     angular_loads: Numeric
     angular_slips: Numeric
     undetermined: Bool[Numeric, " m"] | None = None
+    pushing: tuple[int, ...] = eqx.field(static=True, default=())
 
     def along(self, z: Float[Numeric, "... k"]) -> Float[Numeric, "... m"]:
         """lam_0 + N z."""

@@ -249,10 +249,8 @@ def beam_with_wrong_row():
 BOX = rx.PreloadBox({"f1.axial": (0.0, 1.0)})
 CALLS = {
     "simulate": lambda m, s: rx.simulate(m, s, 0.1),
-    "band": lambda m, s: rx.band(m, s, "f1.axial", BOX),
     "band_along": lambda m, s: rx.band_along(m, [s], "f1.axial", BOX),
     "sticking": lambda m, s: rx.sticking(m, s, BOX),
-    "limit_load": lambda m, s: rx.limit_load(m, s, {"table.x": 1.0}),
     "solution_family": rx.solution_family,
     "frictional_solutions": rx.frictional_solutions,
     "stability": lambda m, s: rx.stability(m, s, rx.solve(m, s), rx.MinimumNorm()),
