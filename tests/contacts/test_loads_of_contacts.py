@@ -68,6 +68,27 @@ def test_bands_of_legs_are_those_of_linear_programmes():
     np.testing.assert_allclose([box.lower, box.upper], [[20.0], [5 * G - 0.7 * push / 0.8]], rtol=1e-7)
 
 
+def test_pictures_say_what_does_not_carry():
+    """Two feet of a pushed table lift; a foot above a lower floor is open by its gap. They have no arrows."""
+    table = table_of_joints(60.0)
+    law = {"normal": (0.0, 1.0), "one_sided": True}
+    feet = [
+        rx.PinInSlot(name, "block", "ground", (x, -0.5), (x, y), **law)
+        for name, x, y in (("a", -0.3, 0.0), ("b", 0.1, 0.0), ("c", 0.3, -0.1))
+    ]
+    stool = rx.Mechanism([rx.Body("block", 10.0, 1.0)], feet, gravity=(0.0, -G), units=rx.units.SI)
+    for mechanism, state, told in (
+        (table, rx.assemble(table), {"f1 lifts", "f4 lifts", "f2", "f3"}),
+        (stool, rx.assemble(stool, {"block.y": 0.5}), {"a", "b", "c open by 0.1 m"}),
+    ):
+        axes = rx.plot.draw(mechanism, state, multipliers=rx.solve(mechanism, state))
+        texts = {text.get_text() for text in axes.texts}
+        assert told <= texts
+        loaded = {word for word in told if " " not in word}
+        assert {text.split(":")[0] for text in texts if ": " in text} & {"f1", "f4", "c"} == set()
+        assert all(any(text.startswith(f"{name}:") for text in texts) for name in loaded)
+
+
 def test_what_may_move_is_refused():
     mechanism, state = block(0.3, 2)
     moving = rx.State(state.q, jnp.array([1.0, 0.0, 0.0]))

@@ -30,8 +30,8 @@ class Joint:
     """A joint: `on_i` and `on_j` are its points on the two bodies, `spot` is where its symbol and name belong.
 
     `axis` is the unit vector along its guide, `length` the guide's length and `ratio` that of a coupling of angles,
-    where the joint has such a thing, and `mesh` its teeth; `pointed` is whether it has a point. `locks` are the names
-    of its rows. `group` and `member` say where in the mechanism's stacks it lies.
+    where the joint has such a thing, and `mesh` its teeth; `pointed` is whether it has a point, `one_sided` whether it
+    only pushes. `locks` are the names of its rows. `group` and `member` say where in the mechanism's stacks it lies.
     """
 
     name: str
@@ -49,6 +49,7 @@ class Joint:
     ratio: float | None
     pointed: bool
     mesh: Mesh | None = None
+    one_sided: bool = False
 
     @property
     def loaded_at(self) -> np.ndarray:
@@ -181,6 +182,7 @@ def _joints(mechanism: Mechanism, group: int, r: np.ndarray, phi: np.ndarray) ->
             ratio=None if ratio is None else float(ratio[k]),
             pointed=pointed,
             mesh=meshes[k],
+            one_sided=element.one_sided,
         )
         for k in range(len(i))
     ]
