@@ -81,11 +81,34 @@ class _Step(NamedTuple):
     contacts: Int[Array, " c"]
 
 
+def of_rows(
+    solved: Callable[..., tuple[Any, Elasticity, Any]], *, known: bool
+) -> Callable[..., tuple[Factorisation, Any, Elasticity, Any]]:
+    """The factorisation of the rows that are kept and what `solved(opened, state, factor, elasticity, ...)` gives with
+    it: the solution, the closure that it has, and whether that is found. Of known numbers each set is solved once."""
+    done: dict[bytes, tuple[Factorisation, Any, Elasticity, Any]] = {}
+
+    def of_set(system: AbstractSystem, state: State, elasticity: Elasticity, kept: Any, *more: Any) -> tuple:
+        key = kept.tobytes() if known else b""
+        if key in done:
+            return done[key]
+        opened = system.opened(kept) if system.names.one_sided else system
+        factor = factorised(opened, state, None)
+        found = factor, *solved(opened, state, factor, without_rows(elasticity, kept), *more)
+        if known:
+            done[key] = found
+        return found
+
+    return of_set
+
+
 def active_set(
-    system: AbstractSystem, state: State, elasticity: Elasticity, solved: Callable[..., tuple[Any, Elasticity, Any]]
+    system: AbstractSystem,
+    state: State,
+    elasticity: Elasticity,
+    of_set: Callable[..., tuple[Factorisation, Any, Elasticity, Any]],
 ) -> ActiveSet:
-    """The rows that are kept; `solved(opened, state, factor, elasticity)` gives the solution of these, the closure that
-    it has, and whether that is found. It has no derivatives: those of a solution are at a fixed active set."""
+    """The rows that are kept, by `of_rows`. It has no derivatives: those of a solution are at a fixed active set."""
     system, state, elasticity = stop_gradient((system, state, elasticity))
     rows = np.array(system.names.one_sided)
     model = model_at(system.anonymous, state)
@@ -96,9 +119,7 @@ def active_set(
     most = 8 * rows.size + 8
 
     def body(step: _Step) -> _Step:
-        opened = system.opened(step.kept)
-        factor = factorised(opened, state, None)
-        solution, bent, found = solved(opened, state, factor, without_rows(elasticity, step.kept))
+        factor, solution, bent, found = of_set(system, state, elasticity, step.kept)
         bent = with_rows(bent, step.kept, elasticity)
         wrong, does = _signs(rows, closed, step.kept, (model, scales), factor, solution, bent)
         # The worst first; then the first, which cannot go round in circles.

@@ -26,7 +26,6 @@ from .._closures._closure import (
 from .._closures._elastic_joints import ElasticJoints
 from .._closures._unit_check import check_units
 from .._equations._culprits import thrown
-from .._equations._factorisation import factorised
 from .._equations._factorize import AnyFactorisation, dense_at, factorisation_at
 from .._equations._response import Response, times
 from .._solvers._continuation import Continuation
@@ -57,7 +56,7 @@ from .._tools._numbers import (
     take,
     xp,
 )
-from ._contacts import active_set, all_kept, without_rows
+from ._contacts import active_set, all_kept, of_rows
 from ._play import apart_from_contacts, at_sides
 from ._reduced import Reduced, reduce
 from ._solution import Solution, Stats
@@ -189,11 +188,9 @@ def _with_contacts(
     with computing() if known else contextlib.nullcontext():
         at, play = as_numbers((state, closure.clearances(system))) if known else (state, closure.clearances(system))
         play, chosen = apart_from_contacts(play, system.names.one_sided, elasticity(closure, system, at, play=True))
-        solved = at_sides(play, alone)
-        found = active_set(system, at, chosen, solved) if system.names.one_sided else all_kept(len(system.rows))
-        opened = system if found.contacts is None else system.opened(found.kept)
-        factor = factorised(opened, at, None)
-        solution, _, is_found = solved(opened, at, factor, without_rows(chosen, found.kept), *given)
+        of_set = of_rows(at_sides(play, alone), known=known)
+        found = active_set(system, at, chosen, of_set) if system.names.one_sided else all_kept(len(system.rows))
+        factor, solution, _, is_found = of_set(system, at, chosen, found.kept, *given)
         settled = found.settled & is_found
     arrays = (solution.acceleration, solution.multipliers, solution.friction)
     a, lam, tau = (nan_where(~settled, x) for x in arrays)
