@@ -153,6 +153,23 @@ def test_parts_as_built_have_play():
     assert float(solution["B.x"]) == pytest.approx(20.0, abs=1e-6)
 
 
+@pytest.mark.slow
+def test_tolerances_of_play():
+    """Beside a misfit of 30 um and play of 10 um: 2 N/um of the misfit, 4 N/um of play at both ends."""
+    mechanism = rod(0.5)
+
+    def build(misfit, play):
+        gap = jnp.stack([misfit, 0.0, 0.0])
+        soft = [rx.JointCompliance("A", 2e-7), rx.JointCompliance("B", 3e-7, misfit=gap)]
+        closure = rx.ElasticJoints(mechanism, soft, play={"A": play, "B": play})
+        return rx.solve(mechanism, REST, closure=closure)
+
+    found = rx.tolerance_study(build, {"misfit": rx.Normal(3e-5, 1e-6), "play": rx.Uniform(5e-6, 15e-6)}, samples=64)
+    own = found.sel(output="B.x")
+    assert float(own["nominal"]) == pytest.approx(20.0, abs=1e-6)
+    np.testing.assert_allclose(own["gradient"], [2e6, -4e6], rtol=1e-6)
+
+
 def loads(numbers):
     """Of clearances, and of a force."""
     mechanism = plate(force=numbers[3:5])
