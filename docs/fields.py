@@ -1,11 +1,33 @@
-"""Constructor of a class whose fields are its arguments, for the reference pages: its source does not write it."""
+"""What the reference pages show beside the source: constructors of classes by their fields, and what examples print."""
 
+import json
 import re
+from collections.abc import Iterator
 from typing import Any
 
 import griffe
+from shown import SHOWN, with_shown
 
 _DEFAULT = re.compile(r"\bdefault=(.+?)(?:, \w+=|\)$)")
+
+
+class Shown(griffe.Extension):
+    """Puts behind each example of a docstring what it prints and draws."""
+
+    def on_package(self, *, pkg: griffe.Module, **_: Any) -> None:
+        """Called once everything is read."""
+        shown = json.loads(SHOWN.read_text(encoding="utf8")) if SHOWN.exists() else {}
+        for own in _inside(pkg):
+            if own.docstring is not None:
+                own.docstring.value = with_shown(own.docstring.value, shown)
+
+
+def _inside(own: griffe.Object) -> Iterator[griffe.Object]:
+    """The object and all that is defined in it."""
+    yield own
+    for member in own.members.values():
+        if not member.is_alias:
+            yield from _inside(member)
 
 
 class Fields(griffe.Extension):

@@ -20,6 +20,7 @@ from . import types as types
 from . import units as units
 from ._analysis._along import analyze_along as analyze_along
 from ._analysis._analyze import analyze as analyze
+from ._analysis._grip import grip as grip
 from ._analysis._stability import Settling as Settling
 from ._analysis._stability import stability as stability
 from ._analysis._verdict import Verdict as Verdict
@@ -42,10 +43,12 @@ from ._bodies._joints import Cable as Cable
 from ._bodies._joints import DistanceDriver as DistanceDriver
 from ._bodies._joints import Fixed as Fixed
 from ._bodies._joints import GearPair as GearPair
+from ._bodies._joints import KnifeEdge as KnifeEdge
 from ._bodies._joints import PinInSlot as PinInSlot
 from ._bodies._joints import RackAndPinion as RackAndPinion
 from ._bodies._joints import Revolute as Revolute
 from ._bodies._joints import Translational as Translational
+from ._bodies._joints import Wheel as Wheel
 from ._bodies._law_of_time import Polynomial as Polynomial
 from ._bodies._loads import AbstractLoad as AbstractLoad
 from ._bodies._loads import AppliedForce as AppliedForce
@@ -56,6 +59,7 @@ from ._bodies._mechanism import Mechanism as Mechanism
 from ._bodies._pose import Motion as Motion
 from ._bodies._pose import Pose as Pose
 from ._bodies._pose import Wrench as Wrench
+from ._bodies._speed_driver import SpeedDriver as SpeedDriver
 from ._closures._as_built import AsBuilt as AsBuilt
 from ._closures._as_built import heated as heated
 from ._closures._as_built import misfit as misfit

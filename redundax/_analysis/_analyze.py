@@ -25,7 +25,7 @@ from .._closures._play import without_play
 from .._equations._culprits import culprits
 from .._equations._factorisation import Factorisation
 from .._equations._factorize import dense_at
-from .._equations._rank import Spectrum, Split
+from .._equations._rank import Spectrum, Split, split
 from .._solve._contacts import as_held
 from .._solve._solution import Solution
 from .._solve._solve import solve
@@ -34,7 +34,7 @@ from .._system._names import ByName, senses
 from .._system._results import RESULTS, is_one_of
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._numbers import computed, on_numbers
+from .._tools._numbers import computed, on_numbers, xp
 from ._others import other_solutions
 from ._outputs import outputs
 from ._position import local_self_stress, unique_only_here
@@ -103,7 +103,9 @@ def analyze(
     return Report(
         coordinates=system.coordinates.labels,
         rows=system.rows.labels,
+        velocity_rows=tuple(str(rows[row]) for row in system.velocity_rows),
         rank=int(found.spectrum.rank),
+        holonomic_rank=int(_rank_without(factor, system.velocity_rows)),
         redundancy=redundancy,
         freedom=len(system.coordinates) - int(found.spectrum.rank),
         singular_values=found.spectrum.singular_values,
@@ -153,6 +155,15 @@ def _ranges(
     names = [name for kind in ("multiplier", "reaction") for name in found.get(kind, ([],))[0]]
     matrix = np.concatenate([found[kind][1][:, n : n + m] for kind in ("multiplier", "reaction") if kind in found])
     return pushing_ranges(names, matrix, multipliers, stress.T, pushing)
+
+
+@on_numbers
+def _rank_without(factor: Factorisation, rows: tuple[int, ...]) -> Array:
+    """The rank without some rows."""
+    if not rows:
+        return factor.spectrum.rank
+    kept = ~np.isin(np.arange(factor.scaled.shape[0]), rows)
+    return split(xp.where(kept[:, None], factor.scaled, 0.0), factor.violation.position, None)[1].rank
 
 
 class _Evidence(NamedTuple):

@@ -4,7 +4,9 @@ With K the scaled Jacobian, N and V bases of self-stress and motions, dK(w) the 
 
     N^T dK(w) z   is zero for all motions w, z   where the rank is the same beside the position,
     dP = -P dK K^+ - (P dK K^+)^T                is the change of the self-stress,
-    dK(w) z = (Phi''[w + z] - Phi''[w] - Phi''[z]) / 2   but for what no self-stress sees.
+    dK(w) z = (Phi''[w + z] - Phi''[w] - Phi''[z]) / 2   but for what no self-stress sees
+
+where the last holds of rows that have a Phi, and with rows of velocity dK(w) is formed whole.
 
 The span of N^T dK(w) V over all w is the self-stress that vanishes beside the position: to second order, so what is
 found is there at least. All of it is linear in w: the motions that show no more than those before them are a subspace,
@@ -18,7 +20,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._equations._factorisation import Factorisation
-from .._equations._kinematics import second_derivative
+from .._equations._kinematics import change_of_jacobian, second_derivative
 from .._system._state import State
 from .._system._system import AbstractSystem
 
@@ -66,6 +68,14 @@ def _changes(
     def bend(direction: np.ndarray) -> np.ndarray:
         along = (columns * direction).astype(factor.gamma.dtype)
         return np.asarray(second_derivative(system, state, along, np.zeros_like(state.t)), float) / rows
+
+    if system.velocity_rows:
+        for motion in motions.T:
+            along = (columns * motion).astype(factor.gamma.dtype)
+            change = np.asarray(change_of_jacobian(system, state, along, np.zeros_like(state.t)), float)
+            change = change * columns / rows[:, None]
+            yield stress.T @ change, float(np.abs(change).max())
+        return
 
     axes = np.eye(len(columns))
     own = np.stack([bend(axis) for axis in axes], axis=1)

@@ -3,16 +3,19 @@
 import dataclasses
 import json
 import re
+import textwrap
 from typing import Any
 
 import numpy as np
 
 from .._system._pushing import in_words
+from .._tools._table import WIDTH
 from ._bearing_words import best_in_words
 from ._release import Release
 from ._verdict import Judged, Verdict
 
 _FEW = 6.0  # lost digits that are worth a word
+_STATES, _NAMES = 3, 30  # self-stress states and names of one list that a page shows
 
 
 @dataclasses.dataclass(frozen=True)
@@ -20,7 +23,9 @@ class Report:
     """Redundancy and uniqueness of a system at a state. `str()` gives a page, `to_dict()` and `to_json()` data.
 
     - `coordinates`, `rows`: their names.
-    - `rank`, `redundancy`, `freedom`: r, k = m - r and n - r.
+    - `velocity_rows`: names of the rows that constrain velocities alone, as those of wheels.
+    - `rank`, `redundancy`, `freedom`: r, k = m - r and n - r, of all rows.
+    - `holonomic_rank`: rank of the rows that have positions, of all where no row constrains velocities alone.
     - `singular_values`, `gap`: spectrum of the scaled Jacobian, free of units, and the ratio across the rank.
     - `tolerance`: singular values above it count, relative to the largest.
     - `self_stress`: k self-stress states, shape (k, m), in units of the multipliers: loads that the joints can
@@ -69,7 +74,9 @@ class Report:
 
     coordinates: tuple[str, ...]
     rows: tuple[str, ...]
+    velocity_rows: tuple[str, ...]
     rank: int
+    holonomic_rank: int
     redundancy: int
     freedom: int
     singular_values: np.ndarray
@@ -105,6 +112,11 @@ class Report:
         unique = set(self.unique_multipliers)
         free = {row.rpartition(".")[0] for row in self.rows if row not in unique}
         return tuple(joint for joint in joints if joint not in free)
+
+    @property
+    def holonomic_redundancy(self) -> int:
+        """How many of the self-stress states are there without rows of velocity."""
+        return min(len(self.rows) - len(self.velocity_rows) - self.holonomic_rank, self.redundancy)
 
     @property
     def pivots(self) -> tuple[str, ...]:
@@ -160,6 +172,13 @@ class Report:
             f"Smallest kept singular value {self.singular_values[max(self.rank - 1, 0)]:.2g} of the largest, "
             + (f"{self.gap:.1e} times the largest dropped one" if np.isfinite(self.gap) else "none dropped"),
         ]
+        if self.velocity_rows:
+            own, freedom = self.holonomic_redundancy, len(self.coordinates) - self.holonomic_rank
+            lines.append(
+                f"{len(self.velocity_rows)} of the constraints are on velocities alone: without them "
+                f"{own} redundant, {count_of(freedom, 'degree')} of freedom; with them {self.redundancy - own} more "
+                f"redundant, {freedom - self.freedom} less of freedom"
+            )
         if self.units:
             lines.append(f"Units: {self.units}")
         if self.problem:
@@ -185,10 +204,12 @@ class Report:
         return "\n".join(lines)
 
     def __str__(self) -> str:
-        lines = [self.heading]
-        for number, state in enumerate(self.self_stress):
+        lines = [self.heading, *best_in_words(self.releases, self.rows)]
+        for number, state in enumerate(self.self_stress[:_STATES]):
             lines.append(f"Self-stress state {number}, multipliers:")
             lines += columns([f"{name} {value:+.6g}" for name, value in zip(self.rows, state, strict=True) if value])
+        if len(self.self_stress) > _STATES:
+            lines.append(f"{count_of(len(self.self_stress) - _STATES, 'more state')}: `report.self_stress`")
         if len(self.groups) > 1:
             lines.append("Dependent groups of rows:")
             lines += [line for group in self.groups for line in columns(list(group))]
@@ -210,8 +231,8 @@ class Report:
         lines += self._with_friction()
         if self.releases:
             lines.append("To remove the redundancy and add no degree of freedom, release one of (1 is best):")
-            lines += [f"    {release}" for release in self.releases]
-            lines += best_in_words(self.releases, self.rows)
+            for release in self.releases:
+                lines += textwrap.wrap(str(release), WIDTH, initial_indent="    ", subsequent_indent="        ")
         return "\n".join(lines)
 
     def _pushing(self) -> list[str]:
@@ -273,11 +294,13 @@ def _listed(head: str, names: Any) -> list[str]:
     return [f"{head} none"] if not names else [head, *columns(list(names))]
 
 
-def columns(items: list[str], width: int = 96) -> list[str]:
-    """Names in columns, as indented lines."""
-    cell = max((len(item) for item in items), default=0) + 2
-    per_line = max(1, (width - 4) // cell)
-    return [
-        "    " + "".join(item.ljust(cell) for item in items[start : start + per_line]).rstrip()
-        for start in range(0, len(items), per_line)
+def columns(items: list[str]) -> list[str]:
+    """Names in columns, as indented lines; of many the first."""
+    shown, more = items[:_NAMES], len(items) - _NAMES
+    cell = max((len(item) for item in shown), default=0) + 2
+    per_line = max(1, (WIDTH - 4) // cell)
+    lines = [
+        "    " + "".join(item.ljust(cell) for item in shown[start : start + per_line]).rstrip()
+        for start in range(0, len(shown), per_line)
     ]
+    return [*lines, f"    and {more} more"] if more > 0 else lines

@@ -8,7 +8,6 @@ with c' = J v: the drive feels a c'', the bodies its opposite as a pair of force
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -17,12 +16,13 @@ from jaxtyping import Array, Float, Int
 from .._system._names import Names, index_of
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, is_concrete, numpy_of, on_device
+from .._tools._value import AbstractModule
 from ._coordinate import SPIN, Coordinate, Place
 from ._frame import AbstractFrame
 from ._stack import Stack, indices
 
 
-class Armature(eqx.Module):
+class Armature(AbstractModule):
     """That of one coordinate of joints of one kind, and columns of both bodies, beyond the last those of the ground.
 
     Of each of the three rates of a ball joint by itself.

@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 
 from .._tools._errors import RedundaxError
 from .._tools._module import as_float, check_kind, is_concrete
+from .._tools._value import AbstractModule
 from ._figures import check_figures
 from ._frame import AbstractFrame
 from ._plane import PLANE
@@ -16,7 +17,7 @@ from ._plane import PLANE
 GROUND = "ground"
 
 
-class AbstractBody(eqx.Module):
+class AbstractBody(AbstractModule):
     """A rigid body of a mechanism; `frame` says what its pose is."""
 
     name: eqx.AbstractVar[str]

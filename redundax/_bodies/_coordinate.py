@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from .._tools._value import AbstractModule
 from ._frame import AbstractFrame
 from ._joints import AbstractJoint
 from ._stack import Stack
@@ -16,7 +17,7 @@ Place = tuple[int, int, int, str]  # stack, column, member and kind of a coordin
 SPIN = -1
 
 
-class Coordinate(eqx.Module):
+class Coordinate(AbstractModule):
     """One coordinate of some members of a stack of joints; of ball joints, which have none, `column` is `SPIN`."""
 
     kind: int = eqx.field(static=True)

@@ -27,6 +27,7 @@ from .._system._names import Names, index_of
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, floats, is_concrete, numpy_of, on_device, optional_float
 from .._tools._table import are_known
+from .._tools._value import AbstractModule
 from ._coordinate import Coordinate, Place
 from ._frame import AbstractFrame
 from ._joints._base import Row
@@ -45,7 +46,7 @@ class _Part(NamedTuple):
     one_sided: bool = False
 
 
-class Coupler(eqx.Module):
+class Coupler(AbstractModule):
     """A coordinate of one joint as a polynomial of that of another, of any two joints of a mechanism.
 
     ??? example
@@ -94,7 +95,7 @@ class Coupler(eqx.Module):
         return [_Part(self.name, "coupling", self.first, self.second, self.polynomial)]
 
 
-class Stop(eqx.Module):
+class Stop(AbstractModule):
     """Limits of a coordinate of a joint: contacts that only push it back.
 
     A multiplier is the force or moment with which a stop pushes, positive or zero; `solve` tells in `contacts` whether
@@ -140,7 +141,7 @@ class Stop(eqx.Module):
         ]
 
 
-class Couplings(eqx.Module):
+class Couplings(AbstractModule):
     """Couplers of coordinates of the same kinds: both coordinates, and of which of them whole turns change nothing, of
     the first by a `share`; rows, and columns of all four bodies, of which those beyond the last are of the ground."""
 
@@ -200,21 +201,29 @@ class CoupledRow:
         self.name = part.name
         self.row_kinds: tuple[Row, ...] = ((part.row, kind),)
         self.pushing, self.one_sided = (part.row,) * part.one_sided, part.one_sided
+        self.velocity_rows: tuple[str, ...] = ()
 
 
 def coupled_rows(couplers: Sequence[Coupler | Stop], places: dict[str, Place]) -> list[CoupledRow]:
-    """The rows of couplers and stops, given where the coordinates of joints are."""
+    """The rows of couplers and stops, those of one kind together, given where the coordinates of joints are."""
     found = []
-    for part in _parts(couplers):
+    for part in [part for each in couplers for part in each.parts()]:
         given = (("coordinate", part.first),) if part.one_sided else (("first", part.first), ("second", part.second))
         for argument, name in given:
             index_of(argument, name, list(places), " of joint coordinates")
+    for part in [part for members in _alike(couplers, places).values() for part in members]:
         found.append(CoupledRow(part, "moment" if places[part.first][3] == "angular" else "force"))
     return found
 
 
-def _parts(couplers: Sequence[Coupler | Stop]) -> list[_Part]:
-    return [part for each in couplers for part in each.parts()]
+def _alike(couplers: Sequence[Coupler | Stop], places: dict[str, Place]) -> dict[Any, list[_Part]]:
+    """Those of the same kinds together."""
+    found: dict[Any, list[_Part]] = {}
+    for part in [part for each in couplers for part in each.parts()]:
+        first, second = places[part.first], places[part.second]
+        key = first[:2], second[:2], part.one_sided, first[3], second[3], part.polynomial.shape
+        found.setdefault(key, []).append(part)
+    return found
 
 
 def couplings(
@@ -226,24 +235,19 @@ def couplings(
     count: int,
 ) -> tuple[Couplings, ...]:
     """Couplers of the same kinds together, at the given rows of a mechanism of `count` bodies."""
-    alike: dict[Any, list[int]] = {}
-    parts = _parts(couplers)
-    for k, part in enumerate(parts):
-        first, second = places[part.first], places[part.second]
-        key = first[:2], second[:2], part.one_sided, first[3], second[3], part.polynomial.shape
-        alike.setdefault(key, []).append(k)
-    found = []
-    for (first, second, one_sided, *kinds, terms), members in alike.items():
+    found, start = [], 0
+    for (first, second, one_sided, *kinds, terms), members in _alike(couplers, places).items():
         ends = [
-            Coordinate(at[0], at[1], indices([places[getattr(parts[k], which)][2] for k in members]))
+            Coordinate(at[0], at[1], indices([places[getattr(part, which)][2] for part in members]))
             for at, which in ((first, "first"), (second, "second"))
         ]
         columns = np.concatenate([end.columns(joints, frame, count) for end in ends], axis=1)
-        polynomials = [parts[k].polynomial for k in members]
+        polynomials = [part.polynomial for part in members]
         polynomial = on_device(numpy_of(polynomials).stack(polynomials))
-        at = indices([rows[k] for k in members]), indices(columns)
+        at = indices(rows[start : start + len(members)]), indices(columns)
+        start += len(members)
         turns = "neither" if frame.adds or one_sided else _turns(kinds, terms)
-        sign = on_device(np.array([parts[k].sign for k in members], polynomial.dtype))
+        sign = on_device(np.array([part.sign for part in members], polynomial.dtype))
         found.append(Couplings(ends[0], ends[1], turns, polynomial, sign, _shares(polynomial, kinds), *at))
     return tuple(found)
 

@@ -8,7 +8,6 @@ import abc
 from collections.abc import Sequence
 from typing import Any, ClassVar, Self
 
-import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -16,9 +15,10 @@ from .._system._axis import Axis
 from .._system._state import State
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, finite
+from .._tools._value import AbstractModule
 
 
-class AbstractFrame(eqx.Module):
+class AbstractFrame(AbstractModule):
     """Poses, mass and generalised forces of the bodies of a mechanism, stacked, from its coordinates.
 
     - `word`: "planar" or "spatial".

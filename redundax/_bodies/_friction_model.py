@@ -23,9 +23,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from .._tools._module import as_float, floats, not_negative, positive, safe_norm
+from .._tools._value import AbstractModule
 
 
-class AbstractFrictionModel(eqx.Module):
+class AbstractFrictionModel(AbstractModule):
     """Friction of a joint from its normal load, slip rate and sense.
 
     Surfaces that slide in several directions have their speed as the slip rate and friction against their velocity;

@@ -16,6 +16,7 @@ from .._system._axis import Axis
 from .._system._friction import AbstractFriction
 from .._system._state import State
 from .._tools._module import as_functions, replace_fields, tree_take
+from .._tools._value import AbstractModule
 from ._frame import AbstractFrame
 from ._friction_model import AbstractFrictionModel
 from ._joints import AbstractJoint, AbstractRubbingJoint
@@ -123,7 +124,7 @@ class JointFriction(AbstractFriction):
         return eqx.filter_vmap(function)(self.joints.element, self.model, ends, *arguments).ravel()
 
 
-class FrictionMembers(eqx.Module):
+class FrictionMembers(AbstractModule):
     """Which joints of a stack have friction of one model, `None` for all of them, and their rows."""
 
     kind: int = eqx.field(static=True)

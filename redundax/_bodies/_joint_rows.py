@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from .._system._axis import Axis
 from .._tools._errors import RedundaxError
@@ -57,6 +57,23 @@ def check_residuals(joints: tuple[Stack, ...], names: Sequence[str], poses: Call
                 f"`residual` of {kind.__name__} '{name}' must have shape ({wanted},), one entry for each of "
                 f"`row_kinds`, but {shown}. Write `jnp.stack([...])` with as many entries."
             )
+
+
+@eqx.filter_jit
+def missed_velocities(joints: tuple[Stack, ...], at: Any, rate: Any) -> list[Float[Array, "joints rows"]]:
+    """A qd of the rows of velocity of all joints and zeros of other rows, from poses and their rates."""
+
+    def rolled(poses: Any) -> list[Array]:
+        both = jax.tree.map(lambda *pair: jnp.stack(pair, axis=1), poses, at)
+
+        def of_one(joint: AbstractJoint, i: Any, j: Any) -> Array:
+            if not joint.velocity_rows:
+                return jnp.zeros(len(joint.row_kinds), i.r.dtype)
+            return joint.rolled(i[0], j[0], i[1], j[1])
+
+        return [stack.over(of_one, both) for stack in joints]
+
+    return jax.jvp(rolled, (at,), (rate,))[1]
 
 
 @eqx.filter_jit

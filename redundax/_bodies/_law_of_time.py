@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, as_functions, finite, floats, is_concrete, tracing
+from .._tools._value import AbstractModule
 
 
 def law_of_time(value: Callable[[Array], Array] | Numbers, argument: str | None = None) -> Callable[[Array], Array]:
@@ -50,7 +51,7 @@ def check_distance(name: str, law: Callable[[Array], Array]) -> None:
             )
 
 
-class Polynomial(eqx.Module):
+class Polynomial(AbstractModule):
     """c0 + c1 t + c2 t^2 + ..., a law of motion whose coefficients are differentiable.
 
     ??? example

@@ -42,7 +42,15 @@ from ._coupler import Coupler, Couplings, Stop, coupled_rows, couplings
 from ._frame import AbstractFrame
 from ._joint_coordinates import JointCoordinates
 from ._joint_friction import FrictionMembers, JointFriction, friction_members
-from ._joint_rows import Positions, check_residuals, coordinate_axis, reaction_axis, residuals, slopes
+from ._joint_rows import (
+    Positions,
+    check_residuals,
+    coordinate_axis,
+    missed_velocities,
+    reaction_axis,
+    residuals,
+    slopes,
+)
 from ._joints import AbstractJoint
 from ._loads import AbstractLoad
 from ._mechanism_page import mechanism_page
@@ -50,7 +58,8 @@ from ._meshing import Turns, in_mesh, teeth_in_doubt, turns_into_mesh
 from ._names import check_frames, check_kinds, check_names
 from ._pattern import LARGE, LARGEST_DENSE, Pattern, dense
 from ._pins import warn_of_large_pins
-from ._row_order import ordered_rows, pushing_rows
+from ._row_order import ordered_rows, pushing_rows, velocity_rows
+from ._speed_driver import DrivenSpeed, SpeedDriver, SpeedRow, driven_speeds
 from ._stack import Stack, indices, stacked, stacks
 
 
@@ -69,7 +78,7 @@ class Mechanism(AbstractSystem):
 
     - `bodies`: its moving bodies.
     - `joints`: its joints and drivers.
-    - `couplers`: `Coupler`s and `Stop`s of coordinates of its joints.
+    - `couplers`: `Coupler`s, `Stop`s and `SpeedDriver`s of coordinates of its joints.
     - `loads`: applied loads.
     - `gravity`: acceleration of gravity (2,), in space (3,), m/s^2, global components; none if not given.
     - `armature`: inertia of rotors that turn or travel with coordinates of joints alone, by their names, as in
@@ -86,7 +95,7 @@ class Mechanism(AbstractSystem):
     frame: AbstractFrame = eqx.field(static=True)
     body: AbstractBody
     joints: tuple[Stack[AbstractJoint], ...]
-    couplings: tuple[Couplings, ...]
+    couplings: tuple[Couplings | DrivenSpeed, ...]
     armature: tuple[Armature, ...]
     loads: tuple[Stack[AbstractLoad], ...]
     gravity: Float[Array, " axes"]
@@ -103,7 +112,7 @@ class Mechanism(AbstractSystem):
         bodies: Sequence[AbstractBody],
         joints: Sequence[AbstractJoint],
         *,
-        couplers: Sequence[Coupler | Stop] = (),
+        couplers: Sequence[Coupler | Stop | SpeedDriver] = (),
         loads: Sequence[AbstractLoad] = (),
         gravity: Numbers | None = None,
         armature: Mapping[str, Numbers] | None = None,
@@ -127,12 +136,18 @@ class Mechanism(AbstractSystem):
         self.joints, groups = stacks(joints, names)
         self._check_residuals([joints[group[0]].name for group in groups], len(names))
         at = coordinate_places(joints, groups)
-        coupled = coupled_rows(couplers, at)
+        speeds = [each for each in couplers if isinstance(each, SpeedDriver)]
+        couplers = [each for each in couplers if not isinstance(each, SpeedDriver)]
+        coupled = [*coupled_rows(couplers, at), *(SpeedRow(each, at) for each in speeds)]
         own = [len(joints) + k for k in range(len(coupled))]
         rows, source, places = ordered_rows([*joints, *coupled], [*groups, *([own] if own else [])])
         self._source, self._turns = indices(source), turns_into_mesh(joints, groups, names)
-        coupler_rows = places[-1][:, 0].tolist() if own else []
-        self.couplings = couplings(couplers, at, coupler_rows, self.joints, self.frame, len(names))
+        coupler_rows = places[-1][:, 0] if own else np.zeros(0, int)
+        first, last = (coupler_rows[part] for part in np.split(np.arange(len(own)), [len(own) - len(speeds)]))
+        self.couplings = (
+            *couplings(couplers, at, first.tolist(), self.joints, self.frame, len(names)),
+            *driven_speeds(speeds, at, last.tolist(), self.joints, self.frame, len(names)),
+        )
         self.armature = armatures(armature, at | ball_places(joints, groups), self.joints, self.frame, len(names))
         self._friction = tuple(
             members
@@ -150,11 +165,12 @@ class Mechanism(AbstractSystem):
             joined=tuple((joint.name, joint.i, joint.j) for joint in joints),
             pushing=pushing_rows([*joints, *coupled], rows),
             one_sided=pushing_rows([each for each in (*joints, *coupled) if each.one_sided], rows),
+            velocity_rows=velocity_rows([*joints, *coupled], rows),
             units=of_model(units),
             adds=self.frame.adds,
         )
         is_large = len(rows) + self.frame.size * len(names) >= LARGE
-        self._plan, self._entries = self._matrices(is_large and not self.armature)
+        self._plan, self._entries = self._matrices(is_large and not self.armature and not self.velocity_rows)
         self._kept = None
 
     def _check_residuals(self, names: Sequence[str], count: int) -> None:
@@ -176,8 +192,8 @@ class Mechanism(AbstractSystem):
         From 2000 coordinates and rows on they are sparse anyway.
 
         All other questions are answered with dense ones, up to 6000 coordinates and rows in all. Sparse ones take no
-        armature, and in motions no dry sleeves, balls and plates. Contraction of friction is estimated there, not
-        bounded.
+        armature and no rows of velocity, and in motions no dry sleeves, balls and plates. Contraction of friction is
+        estimated there, not bounded.
 
         ??? example
 
@@ -189,6 +205,11 @@ class Mechanism(AbstractSystem):
             raise RedundaxError(
                 "Sparse matrices take the mass of each body by itself, but `armature` couples bodies. Leave it out, or "
                 "solve the mechanism without `sparse()`."
+            )
+        if is_sparse and self.velocity_rows:
+            raise RedundaxError(
+                "Sparse matrices take no rows of velocity, as those of wheels and drives of speed. Solve the mechanism "
+                "without `sparse()`."
             )
         plan, entries = self._matrices(is_sparse)
         return replace_fields(self, _plan=plan, _entries=entries)
@@ -315,6 +336,24 @@ class Mechanism(AbstractSystem):
     def constraint_at(self, at: Positions, t: Array) -> Float[Array, " m"]:
         coupled = [each.residuals(self.joints, at.poses) for each in self.couplings]
         return among(self._kept, self.of_rows([*residuals(self.joints, at, t), *coupled]))
+
+    def velocity_constraint(self, q: Array, qd: Array, t: Array, u: Array | None = None) -> Float[Array, " m"]:
+        zero, one, none = jnp.zeros((), qd.dtype), jnp.ones((), qd.dtype), (None,) * len(self.joints)
+        at, rate = jax.jvp(lambda s: self.poses(self.retract(q, s * qd)), (zero,), (one,))
+        return self.velocity_constraint_at(Positions(at, none), Positions(rate, none), qd, t, u)
+
+    def velocity_constraint_at(
+        self, at: Positions, rate: Positions, qd: Array, t: Array, u: Array | None = None
+    ) -> Float[Array, " m"]:
+        none = jnp.zeros((1, 1), qd.dtype)
+        own = missed_velocities(self.joints, at.poses, rate.poses)
+        coupled = [
+            each.missed(self.joints, at.poses, qd, t, u)
+            if isinstance(each, DrivenSpeed)
+            else jnp.broadcast_to(none, (each.rows.size, 1))
+            for each in self.couplings
+        ]
+        return among(self._kept, self.of_rows([*own, *coupled]))
 
     def opened(self, kept: Array) -> Self:
         return replace_fields(self, _kept=kept)

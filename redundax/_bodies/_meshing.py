@@ -19,6 +19,7 @@ from jaxtyping import Array, Int
 from .._tools._compilation import compiled
 from .._tools._module import is_concrete, tree_take
 from .._tools._numbers import stop_gradient
+from .._tools._value import AbstractModule
 from ._body import GROUND
 from ._joints import AbstractJoint, AbstractMesh, GearPair
 from ._pose import poses
@@ -27,7 +28,7 @@ from ._stack import Stack, indices
 _NEAR = 0.25  # of a pitch, see above
 
 
-class Turns(eqx.Module):
+class Turns(AbstractModule):
     """Meshes of one stack in the order in which they are closed, and the bodies that are turned for it."""
 
     stack: int = eqx.field(static=True)

@@ -8,12 +8,13 @@ from ._body import GROUND, AbstractBody
 from ._coupler import Coupler, Stop
 from ._joints import AbstractJoint
 from ._loads import AbstractLoad
+from ._speed_driver import SpeedDriver
 
 _LISTS: tuple[tuple[str, Any, str], ...] = (
     ("bodies", AbstractBody, "Body"),
     ("joints", AbstractJoint, AbstractJoint.__name__),
     ("loads", AbstractLoad, AbstractLoad.__name__),
-    ("couplers", Coupler | Stop, "Coupler"),
+    ("couplers", Coupler | Stop | SpeedDriver, "Coupler"),
 )
 
 
@@ -57,7 +58,7 @@ def check_names(
     bodies: Sequence[str],
     joints: Sequence[AbstractJoint],
     loads: Sequence[AbstractLoad],
-    couplers: Sequence[Coupler | Stop] = (),
+    couplers: Sequence[Coupler | Stop | SpeedDriver] = (),
 ) -> None:
     """Refuse names that occur twice, bodies that nobody declared, and joints of a body with itself."""
     for what, names in (("bodies", list(bodies)), ("joints", [each.name for each in (*joints, *couplers)])):

@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 from .._sparse._plan import Plan, plan
 from ._coupler import Couplings
 from ._frame import AbstractFrame
+from ._speed_driver import DrivenSpeed
 from ._stack import Stack
 
 LARGE = 2000  # coordinates and rows from which on matrices are sparse: dense ones take seconds a solve there
@@ -25,7 +26,7 @@ class Pattern:
         self,
         joints: Sequence[Stack],
         rows: Sequence[np.ndarray],
-        couplers: Sequence[Couplings],
+        couplers: Sequence[Couplings | DrivenSpeed],
         frame: AbstractFrame,
         count: int,
     ):

@@ -2,14 +2,15 @@
 
 from typing import NamedTuple, cast
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from .._tools._value import AbstractModule
 
-class Pose(eqx.Module):
+
+class Pose(AbstractModule):
     """Position (2,) and angle of a body's local frame in the global frame, of one body or stacked.
 
     `axes`, of shape (2,) each, are those of the frame, where they are known already; constraints and slips are given
@@ -84,7 +85,7 @@ def poses(values: Array) -> Pose:
     return Pose(r, jnp.concatenate([values[2 * count :], jnp.zeros(1, values.dtype)]))
 
 
-class Wrench(eqx.Module):
+class Wrench(AbstractModule):
     """Force (2,) in global components, N, and moment about the local frame's origin, N m, on a body.
 
     ??? example

@@ -7,15 +7,23 @@ import numpy as np
 from .._system._axis import Axis
 from ._coupler import CoupledRow
 from ._joints import AbstractJoint
+from ._speed_driver import SpeedRow
+
+AnyRows = AbstractJoint | CoupledRow | SpeedRow
 
 
-def pushing_rows(joints: Sequence[AbstractJoint | CoupledRow], rows: Axis) -> tuple[int, ...]:
+def pushing_rows(joints: Sequence[AnyRows], rows: Axis) -> tuple[int, ...]:
     """Rows whose contacts push alone."""
     return tuple(rows.labels.index(f"{joint.name}.{row}") for joint in joints for row in joint.pushing)
 
 
+def velocity_rows(joints: Sequence[AnyRows], rows: Axis) -> tuple[int, ...]:
+    """Rows that constrain velocities alone."""
+    return tuple(rows.labels.index(f"{joint.name}.{row}") for joint in joints for row in joint.velocity_rows)
+
+
 def ordered_rows(
-    joints: Sequence[AbstractJoint | CoupledRow], groups: Sequence[Sequence[int]]
+    joints: Sequence[AnyRows], groups: Sequence[Sequence[int]]
 ) -> tuple[Axis, np.ndarray, list[np.ndarray]]:
     """The rows, force-type first and in the order of the joints; and where the rows come from and go to.
 
@@ -31,5 +39,5 @@ def ordered_rows(
     return Axis(names, tuple(joints[k].row_kinds[column][1] for k, column in row_of)), np.array(source), places
 
 
-def _kind(joints: Sequence[AbstractJoint | CoupledRow], place: tuple[int, int]) -> str:
+def _kind(joints: Sequence[AnyRows], place: tuple[int, int]) -> str:
     return joints[place[0]].row_kinds[place[1]][1]

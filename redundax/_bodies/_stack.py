@@ -16,12 +16,13 @@ from jaxtyping import Array, Int
 
 from .._tools._errors import RedundaxError
 from .._tools._module import as_functions, numpy_of, on_device, replace_fields, tree_take
+from .._tools._value import AbstractModule
 from ._body import GROUND
 from ._figures import check_figures, check_vectors
 from ._frame import AbstractFrame
 
 
-class AbstractBetweenBodies(eqx.Module):
+class AbstractBetweenBodies(AbstractModule):
     """Something that acts between the bodies i and j, given by name."""
 
     i: eqx.AbstractVar[str]
@@ -87,7 +88,7 @@ E = TypeVar("E", bound=eqx.Module)
 B = TypeVar("B", bound=AbstractBetweenBodies)
 
 
-class Stack(eqx.Module, Generic[E]):
+class Stack(AbstractModule, Generic[E]):
     """Elements of one kind between pairs of bodies; the ground has the index after the last body.
 
     - `element`: one element whose arrays have a leading axis over the stack.

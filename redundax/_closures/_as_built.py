@@ -103,7 +103,7 @@ def heated(mechanism: Mechanism, warmer: Mapping[str, ArrayLike], expansion: Arr
     """The mechanism with some of its bodies warmer: the points of joints on them have moved.
 
     A body expands about the origin of its frame; the points are the joints' `point_i` and `point_j`. What belongs to
-    no body, such as the length of a `DistanceDriver`, stays, and so do the modules of gears.
+    no body, such as the length of a `DistanceDriver`, stays, and so do modules of gears and radii of wheels.
 
     ??? example
 

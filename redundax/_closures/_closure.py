@@ -29,10 +29,11 @@ from .._tools._errors import RedundaxError
 from .._tools._module import as_float, check_kind, is_concrete, on_device, optional_float, positive
 from .._tools._no_answer import nan_where
 from .._tools._numbers import are_known, are_numbers, as_numbers, of_model, xp
+from .._tools._value import AbstractModule
 from ._play import Play, refuse_play
 
 
-class AbstractClosure(eqx.Module):
+class AbstractClosure(AbstractModule):
     """Chooses the self-stress by compliance and misfit."""
 
     @abc.abstractmethod

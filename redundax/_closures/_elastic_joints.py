@@ -35,13 +35,14 @@ from .._system._units import Units, checked_units
 from .._tools._errors import RedundaxError
 from .._tools._module import as_float, check_kind, is_concrete, not_negative
 from .._tools._numbers import as_numbers, known, on_numbers, xp
+from .._tools._value import AbstractModule
 from ._closure import AbstractClosure
 from ._joint_compliance import AbstractJointCompliance, JointCompliance
 from ._joint_compliance_in_space import JointCompliance as SpatialJointCompliance
 from ._play import Play, play_of
 
 
-class _Seat(eqx.Module):
+class _Seat(AbstractModule):
     """C and v0 of a joint along axes, the columns, and about a point of body i if `on_i`, else of body j."""
 
     compliance: Float[Array, "size size"]

@@ -10,10 +10,11 @@ from .._bodies._frame import AbstractFrame
 from .._bodies._plane import PLANE
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, as_matrix, floats, is_concrete, numpy_of, on_device
+from .._tools._value import AbstractModule
 from ._closure import check_compliance, inverse
 
 
-class AbstractJointCompliance(eqx.Module):
+class AbstractJointCompliance(AbstractModule):
     """C and v0 of a joint in the displacements v = (shift, turn) of a `space`, the plane or space."""
 
     space: ClassVar[AbstractFrame]

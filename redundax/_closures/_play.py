@@ -19,11 +19,12 @@ from .._system._units import Units
 from .._tools._errors import RedundaxError
 from .._tools._module import as_float, check_kind, not_negative
 from .._tools._numbers import entries_set, take, xp
+from .._tools._value import AbstractModule
 
 _ROUND = ({"x", "y"}, {"radial_1", "radial_2"})  # rows of pins and sleeves, which have play in a disc
 
 
-class Play(eqx.Module):
+class Play(AbstractModule):
     """Clearances c of groups of rows, m or rad, and the rows of each."""
 
     clearance: Float[Array, " g"]

@@ -99,6 +99,13 @@ def along(
 ) -> Path:
     """What both calls need of the motion."""
     check_system(system)
+    if system.velocity_rows:
+        rows = [system.rows.labels[row] for row in system.velocity_rows]
+        raise RedundaxError(
+            f"Argument `system` has rows of velocity, {', '.join(rows[:_NAMED])}, so that its positions depend on the "
+            "way there and not on the laws of the time alone. Give drivers among the joints or `SpeedDriver`s and "
+            "`rx.simulate` it; `rx.analyze` tells which of their loads are unique."
+        )
     system, times = system.whole, _times(ts)
     driven = with_laws(system, laws)
     known = are_known(driven, times, q)

@@ -23,9 +23,10 @@ from jaxtyping import Array, Float
 
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, is_concrete, on_device, optional_float, positive
+from .._tools._value import AbstractModule
 
 
-class AbstractLaw(eqx.Module):
+class AbstractLaw(AbstractModule):
     """A law of time, that may be multiplied by a number and shifted by one: `-2 * jnp.pi / pitch * slide + 0.3`."""
 
     __array_ufunc__: ClassVar[None] = None  # NumPy's numbers leave products to the law

@@ -18,6 +18,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._system._units import with_unit
 from .._tools._table import are_known, figures, group, page
+from .._tools._value import AbstractModule
 
 if TYPE_CHECKING:
     import pandas
@@ -36,7 +37,7 @@ class Drive(NamedTuple):
         return "torque" if self.turns else "force"
 
 
-class Moment(eqx.Module):
+class Moment(AbstractModule):
     """Loads on one side of each time.
 
     - `multipliers`, `friction`: lam, shape (times, m), and tau, (times, p).

@@ -11,7 +11,6 @@ rows that brings about its forces; where friction depends on the share it is rep
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
@@ -24,6 +23,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._errors import RedundaxError
 from .._tools._module import as_float, positive
+from .._tools._value import AbstractModule
 
 # Compliance of joints beside that of drives: a share is wrong by as much, relative, and rounding by the inverse of it.
 _STIFF = 1e-7
@@ -84,7 +84,7 @@ class LeastNorm(AbstractClosure):
         return share * W, share * d
 
 
-class LeastPeak(eqx.Module):
+class LeastPeak(AbstractModule):
     """Drives share so that the largest of their forces over their limits is least, at each time.
 
     ??? example

@@ -37,6 +37,7 @@ from .._tools._errors import RedundaxError
 from .._tools._module import as_float, check_position, floats, is_concrete, numpy_of, on_device, replace_fields
 from .._tools._no_answer import nan_where
 from .._tools._numbers import custom_jvp, fori_loop, known, of_model, on_numbers, stop_gradient, take, while_loop, xp
+from .._tools._value import AbstractModule
 from ._guess import ask_for_radians, check_finite
 from ._kinematics import along_motion, model_at, velocity
 from ._misfit import Misfit, misfit_of, tell, tolerance
@@ -259,7 +260,7 @@ def closing_at(system: AbstractSystem, q: Array, d: Array, t: Array) -> tuple[Ar
     return at, found, slopes
 
 
-class _Closing(eqx.Module):
+class _Closing(AbstractModule):
     """The position problem: scaled residual r(d) of rows and held coordinates at q [+] S d."""
 
     system: AbstractSystem

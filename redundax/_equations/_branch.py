@@ -24,7 +24,6 @@ along the motions that are left. It does not at rest, where C is zero, nor where
 
 from typing import NamedTuple
 
-import equinox as eqx
 from jaxtyping import Array, Bool, Float, Int
 
 from .._system._decision import CLEAR, Decision
@@ -32,13 +31,14 @@ from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._numbers import xp
+from .._tools._value import AbstractModule
 from ._evidence import ratio
 from ._kinematics import third_order
 from ._rank import Split, split
 from ._scaling import Scaling
 
 
-class Branch(eqx.Module):
+class Branch(AbstractModule):
     """What the velocity decides at a singular position.
 
     - `beside`: how far off the position is, as the largest relative singular value that is taken for none.

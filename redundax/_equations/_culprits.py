@@ -75,6 +75,8 @@ def culprits(system: AbstractSystem, state: State, factor: Any, result: RESULTS)
             if state.qd.dtype == np.float32
             else ""
         )
+    if result == RESULTS.singular_position and system.velocity_rows:
+        return " Rows of velocity have no second derivative of a position, so that with them no velocity is asked."
     if result in (RESULTS.friction_at_rest, RESULTS.ambiguous_rest):
         slips = system.slips
         rate = slip_motion(system, state)[0] * np.where(slips.angular, factor.length, 1.0)

@@ -4,7 +4,10 @@
     P Phi'' along a velocity qd + w        is -P gamma for all motions w where the rank is the same beside the state,
 
 because P Phi_qq[w, w] is P times what the constraints bend along w: a row that depends on others for good bends as they
-do. The same is asked of the weakest constraint u^T Phi, of a small singular value u^T Phi_q v, as if it depended on the
+do. Rows of velocity have no Phi_qq. Of them P A' z along qd + w is zero for all motions z too, which the second
+derivative along qd + w alone does not see: there the change of the whole Jacobian is asked.
+
+The same is asked of the weakest constraint u^T Phi, of a small singular value u^T Phi_q v, as if it depended on the
 others and v were a motion: beside a singular position it bends along v; if it does not either, it is what points of few
 digits make of a row that depends on others. All of it is in the scaled variables of `_scaling`, and none of it has a
 derivative.
@@ -22,7 +25,7 @@ from .._tools._module import batch_any
 from .._tools._numbers import cond, xp
 from .._tools._table import AbstractFigures
 from .._tools._value import value
-from ._kinematics import second_derivative
+from ._kinematics import change_of_jacobian, second_derivative
 from ._rank import Split
 from ._scaling import Scaling
 
@@ -88,7 +91,17 @@ def singularity_of(
     system: AbstractSystem, state: State, motion: ScaledMotion, parts: Split, position: Array, scales: Scaling
 ) -> Decision:
     """Whether P Phi'' along the velocity with a motion w added is other than without, -P gamma."""
-    return singularity_by(_along_probe(system, state, motion, parts, scales), motion, parts, position, scales)
+    found = singularity_by(_along_probe(system, state, motion, parts, scales), motion, parts, position, scales)
+    if not system.velocity_rows:
+        return found
+    way = probe(motion, parts, scales)
+    change = change_of_jacobian(system, state, way, xp.ones_like(state.t)) * scales.coordinates / scales.rows[:, None]
+    turned = change @ parts.motion
+    terms = (
+        sum(xp.max(xp.abs(part)) for part in (turned, parts.inverse @ turned)) + _speed(motion, scales) / scales.size
+    )
+    changed = xp.max(xp.abs(parts.stress @ turned)) / terms
+    return Decision(xp.maximum(found.margin, changed / _blur(motion, position)))
 
 
 def singularity_by(
@@ -98,9 +111,13 @@ def singularity_by(
 
     Rounding moves Phi'' itself, the range of P by as much of K^+ Phi'', and a state off the manifold does too.
     """
-    rounding = max(motion.gamma.size, motion.qd.size) * float(xp.finfo(motion.qd.dtype).eps)
     changed, _ = _bends(bend, motion, parts, scales)
-    return Decision(changed / (_ROUNDING * (rounding + position)))
+    return Decision(changed / _blur(motion, position))
+
+
+def _blur(motion: ScaledMotion, position: Array) -> Array:
+    rounding = max(motion.gamma.size, motion.qd.size) * float(xp.finfo(motion.qd.dtype).eps)
+    return _ROUNDING * (rounding + position)
 
 
 def independence_of(

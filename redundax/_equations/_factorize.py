@@ -4,6 +4,9 @@ Near a singular position, at a distance s in relative singular values, the equat
 accelerations to each decade of s, and those of the position itself are off by s: below a small distance they are taken,
 where all checks pass. That is decided on numbers, so outside transformations only; in them a singular position is
 refused, and beside it the digits go that `lost_digits` tells.
+
+The rows that lack are Phi derived once more, whose second derivative is symmetric, so that their force is along their
+gradient. Rows of velocity have neither: with such rows a singular position is refused, whatever the velocity.
 """
 
 import functools
@@ -70,7 +73,7 @@ def _continued(system: AbstractSystem, state: State, factor: Factorisation, rank
     least = float(np.finfo(values.dtype).eps) ** _NEAR
     if rank is None and (spectrum.kept.item() < least or spectrum.decision.margin.item() < CLEAR):
         near = factorised(system, state, xp.asarray(np.sum(values > least)))
-    if not near.singularity.margin.item() >= CLEAR:  # nor where it is NaN
+    if system.velocity_rows or not near.singularity.margin.item() >= CLEAR:  # nor where it is NaN
         return factor
     found, branch, is_trusted = _on_branch(system, state, near)
     if near is not factor and not is_trusted.item():

@@ -5,6 +5,11 @@
 so that Phi_q qdd = gamma, where the second derivative is that along the field q' = d/dr (q [+] r qd) at r = 0, which
 a retraction need meet to first order only; two nested directional derivatives, no second-derivative tensor. A friction
 slip s(q, t) gives in the same way its rate and its direction E = (ds/dq)^T.
+
+Rows of velocity have no Phi. Their first derivative along a rate v of the position, with t' = u, is A v - b u, and the
+second that of this along the same rate: of (qd, 1) they are A qd - b and A' qd - b'. A self-stress N that lasts has
+N^T A' z = 0 for all motions z, as that of Phi_q has; but A' is not symmetric in its two directions, so that no
+polarisation gives it.
 """
 
 from collections.abc import Callable
@@ -61,23 +66,29 @@ def constraint_rate(system: AbstractSystem, state: State) -> Float[Array, " m"]:
     """Phi_q qd + Phi_t."""
     zero, one = jnp.zeros_like(state.t), jnp.ones_like(state.t)
     path = system.path(state.q, state.qd)
-    if path is not None:
-        return jax.jvp(system.constraint_at, (path.poses, state.t), (path.rate, one))[1]
 
     def value(s: Array) -> Array:
         return system.constraint(system.retract(state.q, s * state.qd), state.t + s)
 
-    return jax.jvp(value, (zero,), (one,))[1]
+    if path is not None:
+        rate = jax.jvp(system.constraint_at, (path.poses, state.t), (path.rate, one))[1]
+    else:
+        rate = jax.jvp(value, (zero,), (one,))[1]
+    return rate + system.velocity_constraint(state.q, state.qd, state.t) if system.velocity_rows else rate
+
+
+def prescribed_rate(system: AbstractSystem, q: Array, t: Array) -> Float[Array, " m"]:
+    """Phi_t, of rows of velocity -b: the work of the constraints in a unit of time is this times their multipliers."""
+    rate = jax.jvp(lambda t: system.constraint(q, t), (t,), (jnp.ones_like(t),))[1]
+    if not system.velocity_rows:
+        return rate
+    return rate + system.velocity_constraint(q, jnp.zeros(len(system.coordinates), rate.dtype), t)
 
 
 def explicit_gamma(system: AbstractSystem, state: State) -> Float[Array, " m"]:
     """-Phi_tt, the part of gamma that prescribed motion alone is answerable for; where there is none it is free."""
     one = jnp.ones_like(state.t)
-
-    def rate(t: Array) -> Array:
-        return jax.jvp(lambda t: system.constraint(state.q, t), (t,), (one,))[1]
-
-    return -jax.jvp(rate, (state.t,), (one,))[1]
+    return -jax.jvp(lambda t: prescribed_rate(system, state.q, t), (state.t,), (one,))[1]
 
 
 @of_model
@@ -104,7 +115,24 @@ def second_order(system: AbstractSystem, state: State) -> tuple[AlongMotion, Flo
 
 def _along(system: AbstractSystem, state: State, rate: Array, time: Array) -> AlongMotion:
     """Phi, Phi' and -Phi'' at constant rate and t' = time."""
-    return _second(system, system.constraint, system.constraint_at, state, rate, time)
+    found = _second(system, system.constraint, system.constraint_at, state, rate, time)
+    if not system.velocity_rows:
+        return found
+
+    path = system.path(state.q, rate)
+    if path is not None:
+        slope, bend = jax.jvp(
+            lambda poses, slope, t: system.velocity_constraint_at(poses, slope, rate, t, time),
+            (path.poses, path.rate, state.t),
+            (path.rate, path.bend, time),
+        )
+    else:
+        slope, bend = jax.jvp(
+            lambda d, t: system.velocity_constraint(system.retract(state.q, d), rate, t, time),
+            (jnp.zeros_like(rate), state.t),
+            (rate, time),
+        )
+    return AlongMotion(found.value, found.rate + slope, found.gamma - bend)
 
 
 def _second(
@@ -135,14 +163,15 @@ def _second(
     return AlongMotion(phi, slope, -bend)
 
 
+@of_model
 def change_of_jacobian(
-    system: AbstractSystem, state: State, direction: Float[Array, " n"], time: float = 0.0
+    system: AbstractSystem, state: State, direction: Float[Array, " n"], time: Array
 ) -> Float[Array, "m n"]:
     """Derivative of Phi_q as the position moves along a direction, and t at the rate `time`.
 
     Up to combinations of its columns where coordinates do not add, which no self-stress sees.
     """
-    still, along = (jnp.zeros_like(direction), state.t), (direction, jnp.full_like(state.t, time))
+    still, along = (jnp.zeros_like(direction), state.t), (direction, time)
     return jax.jvp(lambda d, t: system.jacobian(system.retract(state.q, d), t), still, along)[1]
 
 
@@ -158,7 +187,7 @@ def third_order(system: AbstractSystem, state: State) -> tuple[Float[Array, "m n
         later = State(system.retract(state.q, s * state.qd), state.qd, state.t + s, state.memory)
         return second_derivative(system, later, state.qd, one)
 
-    return change_of_jacobian(system, state, state.qd, time=1.0), jax.jvp(second, (zero,), (one,))[1]
+    return change_of_jacobian(system, state, state.qd, one), jax.jvp(second, (zero,), (one,))[1]
 
 
 def chart_rate(system: AbstractSystem, state: State) -> Float[Array, "..."]:

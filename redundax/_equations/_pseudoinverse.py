@@ -14,7 +14,6 @@ digits leave what the rank drops, as K_c Z, a second step with what the first le
 
 from typing import cast
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -24,6 +23,7 @@ from .._sparse._plan import Plan
 from .._sparse._rows import Rows
 from .._system._system import AbstractSystem
 from .._tools._krylov import least_misfit
+from .._tools._value import AbstractModule
 from ._rank import split
 from ._scaling import Scaling
 from ._sparse_rank import LEAST, decided, with_least
@@ -31,7 +31,7 @@ from ._sparse_rank import LEAST, decided, with_least
 _ROUNDING = 1e3  # of N^T r
 
 
-class DensePseudoinverse(eqx.Module):
+class DensePseudoinverse(AbstractModule):
     """K and K^+; `kept` is the least singular value that it inverts, relative to the largest."""
 
     rows: Float[Array, "m n"]
@@ -52,7 +52,7 @@ def dense_pseudoinverse(rows: Float[Array, "m n"], violation: Float[Array, ""]) 
     return DensePseudoinverse(rows, parts.inverse, spectrum.kept)
 
 
-class SparseRows(eqx.Module):
+class SparseRows(AbstractModule):
     """K of a large mechanism.
 
     - `own`: D^-1 Phi_q, with S^2 for its inverse mass.
@@ -87,7 +87,7 @@ def sparse_rows(system: AbstractSystem, q: Array, t: Array, scale: Scaling, give
     return SparseRows(own.scaled(scale.rows), given, scale.coordinates)
 
 
-class SparsePseudoinverse(eqx.Module):
+class SparsePseudoinverse(AbstractModule):
     """K^+ of a large mechanism.
 
     - `stress`: the factor of K_I K_I^T, and N.

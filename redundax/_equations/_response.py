@@ -23,7 +23,7 @@ from .._system._decision import Decision
 from .._tools._by_number import combine
 from .._tools._linear_map import LinearMap
 from .._tools._numbers import Numeric, take, xp
-from .._tools._value import value
+from .._tools._value import AbstractModule, value
 
 Evidence = TypeVar("Evidence")
 
@@ -39,7 +39,7 @@ class Response(NamedTuple):
         return Response(self.acceleration @ tau, self.multipliers @ tau)
 
 
-class AbstractPick(eqx.Module):
+class AbstractPick(AbstractModule):
     """The multipliers that a closure picks from any that solve the equations."""
 
     @abc.abstractmethod
@@ -91,7 +91,7 @@ class Pick(AbstractPick):
         return total(self.response) * total(misfit)
 
 
-class AbstractFactorisation(eqx.Module, Generic[Evidence]):
+class AbstractFactorisation(AbstractModule, Generic[Evidence]):
     """The equations at a state, factorised."""
 
     @abc.abstractmethod

@@ -36,10 +36,11 @@ from .._equations._response import AbstractFactorisation, AbstractPick, Response
 from .._equations._scaling import Scaling
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._value import AbstractModule
 from ._held_sparse import SparseHeld, SparseHeldFactorisation, factorize_sparse, hold_sparse
 
 
-class Held(eqx.Module):
+class Held(AbstractModule):
     """What is held while the motion goes on.
 
     - `basis`: N0, shape (m, k); where it has m columns the projector N0 N0^T.

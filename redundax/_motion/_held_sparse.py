@@ -6,7 +6,6 @@ others would do instead: where less than a tenth of the least is left rows are c
 
 from typing import Any, cast
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
@@ -20,11 +19,12 @@ from .._sparse._plan import Plan
 from .._sparse._rows import Rows
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._value import AbstractModule
 
 _LEFT = 0.1  # of the least pivot
 
 
-class SparseHeld(eqx.Module):
+class SparseHeld(AbstractModule):
     """What is held while the motion goes on.
 
     - `kept`: 1 for rows that count, else 0, shape (m,).

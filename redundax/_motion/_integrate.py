@@ -24,6 +24,7 @@ from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
 from .._tools._no_answer import cut_where, nan_where, spoiled_where
 from .._tools._numbers import stop_gradient
+from .._tools._value import AbstractModule
 from ._held_rank import AnyHeld, held_by, hold
 from ._held_sparse import hold_sparse
 from ._moving import Equations, Moving, rechart
@@ -106,7 +107,7 @@ def integrate(
     )
 
 
-class _Start(eqx.Module):
+class _Start(AbstractModule):
     """How the motion starts."""
 
     result: RESULTS

@@ -23,6 +23,7 @@ from .._equations._kinematics import (
     along_slips,
     chart_rate,
     displacement,
+    prescribed_rate,
     slip_force,
     slip_gamma,
     slip_motion,
@@ -40,6 +41,7 @@ from .._system._system import AbstractSystem
 from .._tools._least_solution import least_solution
 from .._tools._linear_map import LinearMap
 from .._tools._no_answer import nan_where
+from .._tools._value import AbstractModule
 from ._held_rank import AnyHeld, AnyHeldFactorisation, factorize_held
 from ._held_sparse import SparseHeldFactorisation
 from ._stabilisation import AbstractStabilisation
@@ -125,7 +127,7 @@ class Solved(NamedTuple):
     size: Float[Array, " p"]
 
 
-class Equations(eqx.Module):
+class Equations(AbstractModule):
     """The equations of motion of a system.
 
     - `sense`: sense of slip of every frictional joint, 0 of one that sticks, held until an event; shape (p,).
@@ -359,8 +361,7 @@ class Equations(eqx.Module):
 
     def _power(self, state: State, force: Array, multipliers: Array) -> Float[Array, ""]:
         one, system = jnp.ones_like(state.t), self.system
-        _, driven = jax.jvp(lambda t: system.constraint(state.q, t), (state.t,), (one,))
-        power = state.qd @ force + driven @ multipliers
+        power = state.qd @ force + prescribed_rate(system, state.q, state.t) @ multipliers
         if system.plan is not None or system.constant_mass:
             return power
         _, mass_rate = jax.jvp(system.mass, (state.q, state.t), (chart_rate(system, state), one))

@@ -6,7 +6,8 @@
 
 (7) alone holds the second derivative of the constraints, so that errors of position grow linearly with time.
 Projection leaves nothing of them: after each step it changes position, then velocity, by what is least in the norm of
-the mass matrix, so that it does no work along the motion and the drift stays at rounding.
+the mass matrix, so that it does no work along the motion and the drift stays at rounding. Of rows of velocity Phi is
+zero, so that the term of alpha alone acts on them.
 """
 
 import abc
@@ -17,9 +18,10 @@ from jaxtyping import Array, Float
 
 from .._equations._kinematics import AlongMotion
 from .._tools._module import as_float, check_kind
+from .._tools._value import AbstractModule
 
 
-class AbstractStabilisation(eqx.Module):
+class AbstractStabilisation(AbstractModule):
     """What is done against the drift: inside the equations, and after each step."""
 
     projects: eqx.AbstractClassVar[bool]

@@ -3,7 +3,6 @@
 import itertools
 import math
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
@@ -14,9 +13,10 @@ from .._system._pushing import in_words, pulling
 from .._system._results import RESULTS
 from .._system._state import State
 from .._tools._table import AbstractFigures, are_known, page
+from .._tools._value import AbstractModule
 
 
-class TrajectoryStats(AbstractFigures, eqx.Module):
+class TrajectoryStats(AbstractFigures, AbstractModule):
     """The evidence beside a motion, over all its accepted steps.
 
     - `steps`, `rejected`: steps of motion accepted and rejected.

@@ -24,6 +24,7 @@ from .._system._system import AbstractSystem
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import check_kind
 from .._tools._numbers import Numeric, entries_set
+from .._tools._value import AbstractModule
 from ._cases import AbstractCases, Affine, Fractional
 from ._solution_set import SolutionSet
 
@@ -74,7 +75,7 @@ def _numbers(sizes: Any) -> Mapping[str, float]:
         ) from error
 
 
-class AbstractBounds(eqx.Module):
+class AbstractBounds(AbstractModule):
     """What is known of the loads that the equations leave open."""
 
     @abc.abstractmethod

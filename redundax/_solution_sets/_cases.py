@@ -22,11 +22,12 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from .._tools._numbers import Numeric, product
+from .._tools._value import AbstractModule
 
 _WIDEST = 1e6  # ratio of compliances up to which the scale is one of logarithms
 
 
-class AbstractCases(eqx.Module):
+class AbstractCases(AbstractModule):
     """Box of cases, and the multipliers that each chooses.
 
     - `names`: what each entry of theta is.

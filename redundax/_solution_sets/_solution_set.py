@@ -23,11 +23,12 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._errors import RedundaxError
 from .._tools._numbers import Numeric, on_numbers, product, xp
+from .._tools._value import AbstractModule
 
 _MINIMUM_NORM = MinimumNorm()
 
 
-class SolutionSet(eqx.Module):
+class SolutionSet(AbstractModule):
     """Figures of all solutions at a state.
 
     - `response`: that to load and to unit friction, under the closure.

@@ -18,9 +18,10 @@ from .._system._results import RESULTS, is_one_of
 from .._system._state import State
 from .._tools._errors import RedundaxError
 from .._tools._table import AbstractFigures, are_known, page
+from .._tools._value import AbstractModule
 
 
-class Stats(AbstractFigures, eqx.Module):
+class Stats(AbstractFigures, AbstractModule):
     """The evidence beside the numbers; it is there whatever the result.
 
     - `redundancy`, `freedom`: k = m - r redundant constraints and n - r degrees of freedom.

@@ -1,14 +1,14 @@
 """What Newton's open iteration (38) is given, and where it ends; symbols as in `_open_newton`."""
 
-import equinox as eqx
 from jaxtyping import Array, Float, Int
 
 from .._tools._numbers import take
+from .._tools._value import AbstractModule
 from ._friction_problem import FrictionProblem
 from ._iterate import Progress
 
 
-class OpenProblem(eqx.Module):
+class OpenProblem(AbstractModule):
     """The friction problem at minimum norm, with what the minimum-norm step needs beside it.
 
     - `problem`: rho0 of the minimum-norm multipliers and the self-stress of x0, K of minimum-norm ones, and the law.
@@ -36,7 +36,7 @@ class OpenProblem(eqx.Module):
         return take(self.projector, self.rows)
 
 
-class OpenEnd(eqx.Module):
+class OpenEnd(AbstractModule):
     """Friction tau, the self-stress added to that of x0, and how the iteration went."""
 
     tau: Float[Array, " p"]

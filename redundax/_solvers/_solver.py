@@ -23,7 +23,7 @@ from .._tools._by_number import solve_few
 from .._tools._chunks import in_chunks
 from .._tools._module import check_kind, optional_float
 from .._tools._numbers import Numeric, custom_jvp, entries_set, known, product, solution, xp
-from .._tools._value import value
+from .._tools._value import AbstractModule, value
 from ._friction_problem import FrictionProblem
 from ._iterate import Progress, iterate
 
@@ -45,7 +45,7 @@ class Root:
     fold: Float[Numeric, "..."]
 
 
-class AbstractSolver(eqx.Module):
+class AbstractSolver(AbstractModule):
     """A way to solve tau = law(rho0 + K tau), with its tolerance."""
 
     rtol: eqx.AbstractVar[Float[Array, ""] | None]

@@ -27,6 +27,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from .._tools._linear_map import spectral_radius
+from .._tools._value import AbstractModule
 from ._cholesky import Fronts, factor, factor_diagonal, pivots, solution
 from ._rows import Rows
 
@@ -35,7 +36,7 @@ _ROUNDING, _PASSES = 10, 100  # changes that are rounding, and passes with M + A
 _POWERS = 20  # of what a pass leaves of the error
 
 
-class Gram(eqx.Module):
+class Gram(AbstractModule):
     """S of scaled rows, factorised on those that count.
 
     - `kept`: 1 for rows that count, else 0, shape (m,).

@@ -20,6 +20,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._tools._by_number import sum_few
 from .._tools._lapack import in_order
+from .._tools._value import AbstractModule
 from ._cholesky import Fronts, factor, pivots, solution
 from ._gram import Gram
 from ._rows import Rows
@@ -29,7 +30,7 @@ _STEPS = 60  # after which x is final where c is found, and twice as many at mos
 _ROUNDING = 10  # times eps: S x of a self-stress
 
 
-class Compliance(eqx.Module):
+class Compliance(AbstractModule):
     """A compliance W of scaled rows, with its size taken out, as entries of each row with its mates, shape (m, j)."""
 
     rows: Rows
@@ -51,7 +52,7 @@ def scaled_compliance(rows: Rows, entries: Float[Array, "m j"], row_scale: Float
     return Compliance(rows, entries / size, size)
 
 
-class Picking(eqx.Module):
+class Picking(AbstractModule):
     """G = N (N^T W N)^-1 N^T of scaled rows and multipliers."""
 
     gram: Gram

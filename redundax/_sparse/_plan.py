@@ -8,15 +8,15 @@ the own and the border rows of each front of `_tree`; fronts of one height are p
 from collections.abc import Sequence
 from typing import Any
 
-import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Bool, UInt
 
 from .._tools._module import on_device
+from .._tools._value import AbstractModule
 from ._tree import Front, tree
 
 
-class Level(eqx.Module):
+class Level(AbstractModule):
     """The fronts of one height.
 
     - `pad`: whether a place among own rows is no row, shape (fronts, p).
@@ -30,7 +30,7 @@ class Level(eqx.Module):
     target: UInt[Array, " updates"]
 
 
-class Plan(eqx.Module):
+class Plan(AbstractModule):
     """Pattern and order.
 
     - `source`: where each row finds its slopes by moving bodies among those that joints give, beyond the last for

@@ -2,15 +2,15 @@
 
 from typing import cast
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._tools._by_number import sum_few
+from .._tools._value import AbstractModule
 from ._plan import Plan
 
 
-class Rows(eqx.Module):
+class Rows(AbstractModule):
     """B and M^-1.
 
     - `slopes`: entries of B as in `Plan`, zero for none, shape (m, w, s).

@@ -13,10 +13,11 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._tools._numbers import known, xp
+from .._tools._value import AbstractModule
 from ._friction import AbstractFriction
 
 
-class Directions(eqx.Module):
+class Directions(AbstractModule):
     """Which slips belong together, beside those of joints with one slip.
 
     - `arms`: a, 1 of joints with one slip; shape (p,).

@@ -84,6 +84,9 @@ class Driven(AbstractSystem):
         own = jax.jacrev(lambda d: _given(self.base, self.places, self.retract(q, d), t))(zero)
         return jnp.concatenate([self.base.jacobian(q, t), own])
 
+    def velocity_constraint(self, q: Array, qd: Array, t: Array, u: Array | None = None) -> Float[Array, " m"]:
+        return jnp.pad(self.base.velocity_constraint(q, qd, t, u), (0, len(self.laws)))
+
     def load(self, state: State) -> Array:
         return self.base.load(state)
 

@@ -22,11 +22,12 @@ from jaxtyping import Array, Float, Int, PyTree
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float, as_functions, as_parameters, replace_fields
 from .._tools._numbers import known, of_model, xp
+from .._tools._value import AbstractModule
 from ._axis import Axis, join
 from ._state import State
 
 
-class AbstractFriction(eqx.Module):
+class AbstractFriction(AbstractModule):
     """One group of friction forces of the same law."""
 
     is_model = True

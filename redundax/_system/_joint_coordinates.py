@@ -12,7 +12,6 @@ that a position gives but for whole turns is followed along a motion by its rate
 import abc
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -22,10 +21,11 @@ from jaxtyping import Array, Bool, Float
 from .._tools._compilation import compiled
 from .._tools._module import replace_fields
 from .._tools._numbers import on_numbers
+from .._tools._value import AbstractModule
 from ._state import State
 
 
-class JointMotion(eqx.Module):
+class JointMotion(AbstractModule):
     """Joint coordinates, m or rad, their rates and their accelerations, shape (c,) each, with axes of a batch."""
 
     position: Float[Array, "..."]
@@ -33,7 +33,7 @@ class JointMotion(eqx.Module):
     acceleration: Float[Array, "..."]
 
 
-class AbstractJointCoordinates(eqx.Module):
+class AbstractJointCoordinates(AbstractModule):
     """The coordinates and reactions of the joints of a system, in the order of the names of both."""
 
     is_model = True

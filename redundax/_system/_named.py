@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 
 from .._tools._errors import RedundaxError
 from .._tools._module import is_concrete, on_device, replace_fields
+from .._tools._value import AbstractModule
 from ._export import dataset_of, frame_of
 from ._joint_coordinates import AbstractJointCoordinates
 from ._names import QUANTITIES, Entry, Names, entries, index_of
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     import xarray
 
 
-class AbstractNamed(eqx.Module):
+class AbstractNamed(AbstractModule):
     """A result whose entries have names.
 
     - `names`: what is called how; None inside of the library.

@@ -84,6 +84,7 @@ class Names:
     - `joined`: of each joint by name its bodies i, on which friction is told, and j.
     - `pushing`: indices of the rows whose multiplier is positive where contacts push, as teeth do.
     - `one_sided`: indices of those of them that open where contacts would pull.
+    - `velocity_rows`: indices of the rows that constrain velocities alone.
     - `units`: those that the model states.
     - `adds`: whether velocities are rates of positions, which then have the names of coordinates.
     """
@@ -99,6 +100,7 @@ class Names:
     joined: tuple[tuple[str, str, str], ...] = ()
     pushing: tuple[int, ...] = ()
     one_sided: tuple[int, ...] = ()
+    velocity_rows: tuple[int, ...] = ()
     units: StatedUnits = UNSTATED
     adds: bool = True
 
@@ -154,7 +156,9 @@ class Names:
     def anonymous(self) -> "Names":
         """The same kinds without names."""
         coordinates, rows, slips, joints, reactions, centres = (axis.anonymous for axis in self.axes.values())
-        return Names(coordinates, rows, slips, joints, reactions, centres, adds=self.adds)
+        return Names(
+            coordinates, rows, slips, joints, reactions, centres, velocity_rows=self.velocity_rows, adds=self.adds
+        )
 
     def with_slips(self, slips: Axis) -> "Names":
         """The same and those of friction."""

@@ -12,12 +12,13 @@ from jaxtyping import Array, Float, PyTree
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float
 from .._tools._table import are_known, figures, group, page
+from .._tools._value import AbstractModule
 from ._results import RESULTS, first_failure
 
 _BY_NAME = "by name and with units: print(mechanism.table(state))"
 
 
-class State(eqx.Module):
+class State(AbstractModule):
     """Position, velocity and time.
 
     ??? example

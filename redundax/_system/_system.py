@@ -5,6 +5,10 @@
 The constraint force on the system is -Phi_q^T lam. Jacobians are taken through the retraction
 q [+] d, addition unless said: Phi_q is the derivative of Phi(q [+] d, t) at d = 0. So velocities have n
 entries while the chart q may have more.
+
+Some rows may constrain velocities alone, A(q, t) qd = b(q, t), as those of wheels. They stand among the others: in
+Phi they are zero whatever the position, in Phi_q they are A, in Phi_q qd + Phi_t they are A qd - b, and in gamma
+-A' qd + b'. So all of (3), (5) and (7) holds of them, and (2) says nothing of them.
 """
 
 import abc
@@ -31,6 +35,7 @@ from .._tools._module import (
     replace_fields,
 )
 from .._tools._table import are_known, page
+from .._tools._value import AbstractModule
 from ._axis import Axis, axis
 from ._friction import AbstractFriction, slip_kinds
 from ._joint_coordinates import AbstractJointCoordinates, NoJointCoordinates, joint_motion
@@ -38,6 +43,7 @@ from ._names import Names, index_of
 from ._pages import notes, values_of
 from ._state import State
 from ._units import Units, of_model
+from ._velocity_constraints import no_positions, rows_of_velocity
 
 
 class Path(NamedTuple):
@@ -49,7 +55,7 @@ class Path(NamedTuple):
     bend: Any
 
 
-class AbstractSystem(eqx.Module):
+class AbstractSystem(AbstractModule):
     """Mass, constraints, load and friction of a constrained system, with the names and kinds of its axes."""
 
     is_model = True  # its numbers are read by programs alone
@@ -105,9 +111,25 @@ class AbstractSystem(eqx.Module):
         """Constraint residual Phi(q, t), Eq. (2)."""
 
     def jacobian(self, q: Float[Array, "..."], t: Float[Array, ""]) -> Float[Array, "m n"]:
-        """Constraint Jacobian Phi_q through the retraction; whoever overrides it says the same as `constraint`."""
+        """Constraint Jacobian Phi_q through the retraction, A in rows of velocity; whoever overrides it says the same
+        as `constraint` and `velocity_constraint`."""
         zero = jnp.zeros(len(self.coordinates), q.dtype)
-        return jax.jacfwd(lambda d: self.constraint(self.retract(q, d), t))(zero)
+        slopes = jax.jacfwd(lambda d: self.constraint(self.retract(q, d), t))(zero)
+        return (
+            slopes + jax.jacfwd(lambda qd: self.velocity_constraint(q, qd, t))(zero) if self.velocity_rows else slopes
+        )
+
+    @property
+    def velocity_rows(self) -> tuple[int, ...]:
+        """Indices of the rows that constrain velocities alone."""
+        return self._names.velocity_rows
+
+    def velocity_constraint(
+        self, q: Float[Array, "..."], qd: Float[Array, " n"], t: Float[Array, ""], u: Array | None = None
+    ) -> Float[Array, " m"]:
+        """A(q, t) qd - b(q, t) u of the rows of velocity, and zeros of all others, where there are such; u = t' is 1 if
+        it is not given."""
+        raise NotImplementedError
 
     @abc.abstractmethod
     def load(self, state: State) -> Float[Array, " n"]:
@@ -140,6 +162,12 @@ class AbstractSystem(eqx.Module):
 
     def constraint_at(self, at: Any, t: Float[Array, ""]) -> Float[Array, " m"]:
         """`constraint` at poses of bodies, where there is a path."""
+        raise NotImplementedError
+
+    def velocity_constraint_at(
+        self, at: Any, rate: Any, qd: Float[Array, " n"], t: Float[Array, ""], u: Array | None = None
+    ) -> Float[Array, " m"]:
+        """`velocity_constraint` at poses of bodies that have rates, where there is a path."""
         raise NotImplementedError
 
     def slips_at(self, at: Any) -> Float[Array, " p"]:
@@ -261,6 +289,9 @@ class System(AbstractSystem):
     - `units`: those of all figures, as factors from SI, as for a `Mechanism`; shown nowhere if not given.
     - `one_sided`: names or numbers of rows whose contacts only push: their multiplier is positive or zero, their gap is
       -Phi, and where one would pull it opens.
+    - `velocity_constraints`: `(q, qd, t, parameters) -> (k,)`, what the velocity misses of k more rows
+      A(q, t) qd - b(q, t) = 0, affine in qd. They stand behind those of `constraint`, which may be `None` then, and
+      `rows` holds the kinds of all: of a row in m/s the multiplier is a force, of one in rad/s a moment.
     """
 
     _names: Names = eqx.field(static=True)
@@ -271,10 +302,11 @@ class System(AbstractSystem):
     _load: Callable[..., Array] | None
     _retraction: Callable[..., Array] | None
     _kept: Bool[Array, " m"] | None
+    _velocity_constraints: Callable[..., Array] | None
 
     def __init__(
         self,
-        constraint: Callable[..., Array],
+        constraint: Callable[..., Array] | None,
         mass: Numbers | Callable[..., Array],
         load: Callable[..., Array] | None = None,
         parameters: PyTree = None,
@@ -287,9 +319,13 @@ class System(AbstractSystem):
         m: int | None = None,
         units: Units | None = None,
         one_sided: Sequence[str | int] = (),
+        velocity_constraints: Callable[..., Array] | None = None,
     ):
+        if constraint is None and velocity_constraints is not None:
+            constraint = no_positions
         self.parameters, self._kept = as_parameters(parameters), None
         self._constraint, self._load, self._retraction = map(as_functions, (constraint, load, retraction))
+        self._velocity_constraints = as_functions(velocity_constraints)
         self._mass = as_functions(mass) if callable(mass) else as_float(mass)
         if n is None:
             n = _count(coordinates) if callable(self._mass) else self._mass.shape[0]
@@ -306,7 +342,7 @@ class System(AbstractSystem):
         if m is None:
             m = _count(rows)
         if m is None:
-            m = self._trial_rows(n)
+            m = self._trial_rows(n) + self._trial_velocities(n)
         self.friction = tuple(friction) if isinstance(friction, Sequence) else (friction,)
         for group in self.friction:
             advice = "Give `rx.Friction(slip, force, rows=..., kinds=...)`; models such as `rx.Coulomb` go to joints."
@@ -323,13 +359,46 @@ class System(AbstractSystem):
                 )
         contacts = tuple(sorted(_index(row, rows) for row in one_sided))
         self._names = Names(
-            coordinates, rows, pushing=contacts, one_sided=contacts, units=of_model(units), adds=retraction is None
+            coordinates,
+            rows,
+            pushing=contacts,
+            one_sided=contacts,
+            velocity_rows=self._velocity_rows_of(n, m, contacts),
+            units=of_model(units),
+            adds=retraction is None,
         )
         if not len(self.rows):
             raise RedundaxError(
                 "Argument `constraint` must give at least one residual, but gives none. "
                 "Return an array with one entry for each constraint."
             )
+
+    def _velocity_rows_of(self, n: int, m: int, contacts: tuple[int, ...]) -> tuple[int, ...]:
+        """The last of m rows, as many as `velocity_constraints` gives."""
+        if not (count := self._trial_velocities(n)):
+            return ()
+        if (others := self._trial_rows(n)) + count != m:
+            raise RedundaxError(
+                f"Argument `rows` must have a kind for each of the {others} rows of `constraint` and then of the "
+                f"{count} of `velocity_constraints`, but has {m}. Give as many, or one word for all."
+            )
+        rows = tuple(range(m - count, m))
+        if wrong := sorted(set(contacts) & set(rows)):
+            raise RedundaxError(
+                f"Argument `one_sided` must hold no rows of `velocity_constraints`, but holds {wrong[0]}: they have no "
+                "gap. Leave it out."
+            )
+        return rows
+
+    def _trial_velocities(self, n: int) -> int:
+        if self._velocity_constraints is None:
+            return 0
+        if self._retraction is not None:
+            raise RedundaxError(
+                "Argument `velocity_constraints` must be left out where a `retraction` is given: no position is known "
+                "at which to check it. Give rows of velocity by the joints of a `Mechanism`."
+            )
+        return rows_of_velocity(self._velocity_constraints, self.parameters, n)
 
     def _trial_rows(self, n: int) -> int:
         if self._retraction is not None:
@@ -368,7 +437,15 @@ class System(AbstractSystem):
         return jnp.diag(value) if value.ndim == 1 else value
 
     def constraint(self, q: Array, t: Array) -> Float[Array, " m"]:
-        return among(self._kept, self._constraint(q, t, self.parameters))
+        own = self._constraint(q, t, self.parameters)
+        return among(self._kept, jnp.pad(own, (0, len(self.velocity_rows))) if self.velocity_rows else own)
+
+    def velocity_constraint(self, q: Array, qd: Array, t: Array, u: Array | None = None) -> Float[Array, " m"]:
+        missed = cast(Callable[..., Array], self._velocity_constraints)
+        own = missed(q, qd, t, self.parameters)
+        if u is not None:
+            own = own - (1 - u) * missed(q, jnp.zeros_like(qd), t, self.parameters)
+        return among(self._kept, jnp.pad(own, (len(self.rows) - len(self.velocity_rows), 0)))
 
     def opened(self, kept: Array) -> Self:
         return replace_fields(self, _kept=kept)

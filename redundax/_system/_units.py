@@ -20,6 +20,7 @@ from jaxtyping import Array, Float
 from .._tools._errors import RedundaxError
 from .._tools._module import as_float, check_kind, is_concrete, numpy_of
 from .._tools._table import are_known
+from .._tools._value import AbstractModule
 from ._axis import Axis
 
 _INCH, _POUND, _GRAVITY = 0.0254, 0.45359237, 9.80665
@@ -32,7 +33,7 @@ _FORCES = {"N": 1.0, "mN": 1e3, "µN": 1e6, "kN": 1e-3, "MN": 1e-6, "lbf": 1 / (
 _POWERS = ("", "", "²")
 
 
-class Units(eqx.Module):
+class Units(AbstractModule):
     """Factors by which the numbers of lengths, angles, masses and times grow; 1 leaves a unit as it is.
 
     `Units(length=1000.0)` turns metres into millimetres.

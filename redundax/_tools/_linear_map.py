@@ -8,10 +8,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
+from ._value import AbstractModule
+
 _POWERS, _LAST = 8, 4  # of a map, and those whose growth is its spectral radius
 
 
-class LinearMap(eqx.Module):
+class LinearMap(AbstractModule):
     """`function(*given, vector)`, linear in the vector."""
 
     function: Callable[..., Any] = eqx.field(static=True)

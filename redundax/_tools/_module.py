@@ -21,6 +21,7 @@ from jaxtyping import Array, Bool, Float, Integer
 
 from ._errors import RedundaxError
 from ._numbers import are_numbers
+from ._value import AbstractModule
 
 T = TypeVar("T")
 
@@ -93,7 +94,7 @@ def optional_float(value: Numbers | None) -> Array | None:
     return None if value is None else as_float(value)
 
 
-class Plain(eqx.Module):
+class Plain(AbstractModule):
     """A function without numbers of its own as a pytree without leaves, so that it passes through `jax.jit`."""
 
     function: Callable[..., Any] = eqx.field(static=True)

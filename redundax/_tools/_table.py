@@ -11,7 +11,7 @@ import numpy as np
 
 from ._module import is_concrete
 
-WIDTH = 100
+WIDTH = 80  # of a terminal
 LINES = 26  # of a page, beside what is said above it
 
 

@@ -1,14 +1,22 @@
 """Small immutable values that travel through programs, as Equinox's modules do, but whose fields are read at once.
 
-An attribute of a module takes a microsecond, a method ten, which numbers feel where a program does not.
+An attribute of an Equinox module takes a microsecond, a method ten, which numbers feel where a program does not.
 """
 
 import dataclasses
-from typing import Any, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform
 
+import equinox as eqx
 import jax
 
 T = TypeVar("T")
+
+
+class AbstractModule(eqx.Module):
+    """An Equinox module whose attributes are those of Python: a method is bound, not wrapped as a pytree of its own."""
+
+    if not TYPE_CHECKING:
+        __getattribute__ = object.__getattribute__
 
 
 @dataclass_transform(frozen_default=True)

@@ -20,10 +20,11 @@ from .._bodies._loads import AppliedForce
 from .._bodies._mechanism import Mechanism
 from .._system._units import Units
 from .._tools._module import as_float, floats
+from .._tools._value import AbstractModule
 from ._parts import Numbers, at_least, coulomb, point, rubbing, spread, uniform_disc
 
 
-class _Pose(eqx.Module):
+class _Pose(AbstractModule):
     """Coordinates at input angle phi."""
 
     distance: Float[Array, ""] = eqx.field(converter=as_float)

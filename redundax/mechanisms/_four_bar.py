@@ -17,10 +17,11 @@ from .._bodies._mechanism import Mechanism
 from .._bodies._pose import perpendicular
 from .._system._units import Units
 from .._tools._module import as_float, floats
+from .._tools._value import AbstractModule
 from ._parts import Numbers, each, point, rubbing, uniform_rod
 
 
-class _Pose(eqx.Module):
+class _Pose(AbstractModule):
     """Coordinates at crank angle phi, NaN where the loop cannot be closed."""
 
     crank: Float[Array, ""] = eqx.field(converter=as_float)

@@ -20,10 +20,11 @@ from .._bodies._law_of_time import Polynomial
 from .._bodies._mechanism import Mechanism
 from .._system._units import Units
 from .._tools._module import as_float, floats
+from .._tools._value import AbstractModule
 from ._parts import Numbers, at_least, crank_poses, each, in_a_row, pivoted_cranks, point, rubbing, uniform_rod
 
 
-class _Pose(eqx.Module):
+class _Pose(AbstractModule):
     """Coordinates at crank angle phi; the coupler's centre is in its middle."""
 
     pivots: Float[Array, " cranks"] = eqx.field(converter=as_float)

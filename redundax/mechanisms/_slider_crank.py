@@ -17,10 +17,11 @@ from .._bodies._loads import AppliedForce
 from .._bodies._mechanism import Mechanism
 from .._system._units import Units
 from .._tools._module import as_float, floats
+from .._tools._value import AbstractModule
 from ._parts import Numbers, at_least, parallel_guides, point, rubbing, uniform_rod
 
 
-class _Pose(eqx.Module):
+class _Pose(AbstractModule):
     """Coordinates at crank angle phi, NaN where the rod cannot reach."""
 
     crank: Float[Array, ""] = eqx.field(converter=as_float)

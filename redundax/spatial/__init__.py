@@ -28,6 +28,8 @@ from .._bodies._space._joints._pairs import Revolute as Revolute
 from .._bodies._space._joints._pairs import Spherical as Spherical
 from .._bodies._space._joints._screw import Screw as Screw
 from .._bodies._space._joints._universal import Universal as Universal
+from .._bodies._space._joints._wheels import KnifeEdge as KnifeEdge
+from .._bodies._space._joints._wheels import Wheel as Wheel
 from .._bodies._space._loads import AbstractLoad as AbstractLoad
 from .._bodies._space._loads import AppliedForce as AppliedForce
 from .._bodies._space._loads import Bushing as Bushing

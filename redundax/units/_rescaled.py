@@ -84,6 +84,11 @@ class Rescaled(AbstractSystem):
         inner = self.inner.jacobian(q, t / self.units.time)
         return self.units.of(self.rows)[:, None] * inner / self._scale
 
+    def velocity_constraint(self, q: Array, qd: Array, t: Array, u: Array | None = None) -> Float[Array, " m"]:
+        rates = qd * self.units.time / self._scale
+        inner = self.inner.velocity_constraint(q, rates, t / self.units.time, u)
+        return self.units.of(self.rows) / self.units.time * inner
+
     def load(self, state: State) -> Float[Array, " n"]:
         inner = self.inner.load(_restored_state(state, self.inner, self.units))
         return self.units.of_force(self.coordinates) * inner

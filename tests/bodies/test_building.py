@@ -459,3 +459,11 @@ def test_every_result_says_what_to_do():
     assert sorted(codes.values()) == list(range(len(rx.RESULTS)))
     for name in codes:
         assert name == "successful" or len(rx.RESULTS[getattr(rx.RESULTS, name)]) > 60
+
+
+def test_methods_may_be_compiled_as_they_are():
+    crank = rx.mechanisms.slider_crank()
+    state = crank.state(0.3)
+    np.testing.assert_allclose(jax.jit(crank.constraint)(state.q, state.t), 0.0, atol=1e-14)
+    rows = jax.jit(jax.jacfwd(crank.constraint))(state.q, state.t)
+    np.testing.assert_allclose(rows, jax.jit(crank.jacobian)(state.q, state.t), atol=1e-14)

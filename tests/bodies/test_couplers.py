@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import redundax as rx
+from redundax._equations._kinematics import model_at
 
 rs = rx.spatial
 
@@ -207,3 +208,21 @@ def test_redundant_couplers_are_found_and_closed():
 def test_bad_couplers_say_what_to_do(make, words):
     with pytest.raises(rx.RedundaxError, match=words):
         make()
+
+
+def test_couplers_of_kinds_in_turn_have_residuals_and_slopes_in_the_same_rows():
+    bodies = [rx.Body(name, 1.0, 0.1) for name in "abcd"]
+    pins = [rx.Revolute(f"R{name}", name, "ground", (0.1, 0.0), (0.0, 0.0)) for name in "abc"]
+    couplers = [
+        rx.Coupler("1", "Ra.angle", "Rb.angle", 2.0),
+        rx.SpeedDriver("4", "K.travel", 0.3),
+        rx.Coupler("2", "K.travel", "Rb.angle", 0.3),
+        rx.Coupler("3", "Rc.angle", "Rb.angle", 5.0),
+    ]
+    guide = rx.Translational("K", "d", "ground", (0.0, 0.0), (0.0, 0.0), (0.0, 1.0))
+    mechanism = rx.Mechanism(bodies, [*pins, guide], couplers=couplers)
+    q, qd, t = jnp.linspace(0.1, 1.2, 12), jnp.linspace(-0.7, 1.0, 12), jnp.zeros(())
+    model = model_at(mechanism.anonymous, rx.State(q, qd, t))
+    motion, row = model.motion, mechanism.rows.labels.index("4.speed")
+    np.testing.assert_allclose(model.jacobian @ qd - 0.3 * (np.arange(12) == row), motion.rate, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(motion.rate[row], qd[6] - 0.3, rtol=1e-14)  # of d along x

@@ -89,26 +89,29 @@ def test_names_of_rows_coordinates_and_slips(frame):
 
 
 def test_rows_in_space_have_the_names_that_audits_and_pictures_read():
-    """Those of `Distance` are along its own line, which files have not."""
+    """Those of `Distance` are along its own line, and files have neither that nor wheels."""
     names = {label.rpartition(".")[2] for label in known("space")[0].rows.labels}
-    assert set(_WORDS) == set(AXES) == names - {"distance"}
+    assert set(_WORDS) == set(AXES) == names - {"distance", "normal", "along", "across"}
 
 
 @each_frame
 def test_derivatives_along_a_motion(frame):
-    """Of residuals and slips, from differences along the velocity; the Jacobian is that of the residual."""
+    """Of residuals and slips, from differences along the velocity; the Jacobian is that of the residual. Rows of
+    velocity are their rate themselves."""
     mechanism, state, _, found = known(frame)
     h = 1e-4
 
     @jax.jit
     def at(s):
         q = mechanism.retract(state.q, s * state.qd)
-        return mechanism.constraint(q, ZERO), jnp.concatenate([group.slip(q, ZERO) for group in mechanism.friction])
+        slips = jnp.concatenate([group.slip(q, ZERO) for group in mechanism.friction])
+        return mechanism.constraint(q, ZERO), slips, mechanism.velocity_constraint(q, state.qd, ZERO)
 
     before, now, after = ([np.asarray(x) for x in at(s)] for s in (-h, 0.0, h))
     motion = along_motion(mechanism, state)
     rate, directions = map(np.asarray, slip_motion(mechanism, state))
     slope, bend = (after[0] - before[0]) / (2 * h), (after[0] - 2 * now[0] + before[0]) / h**2
+    slope, bend = slope + now[2], bend + (after[2] - before[2]) / (2 * h)
     size = 1 + np.abs(bend)
     np.testing.assert_allclose(motion.rate / size, slope / size, rtol=0, atol=1e-6)
     np.testing.assert_allclose(found["jacobian"] @ state.qd / size, slope / size, rtol=0, atol=1e-6)

@@ -26,9 +26,9 @@ def test_every_public_name_is_on_one_page():
 def test_every_page_and_notebook_is_linked():
     order, index = (PAGES.parent / "mkdocs.yml").read_text(), (PAGES / "index.md").read_text()
     pages = {page.name for page in PAGES.glob("*.md")}
-    assert set(re.findall(r"- (\w+\.md)", order)) == pages
-    assert set(re.findall(r"\]\((\w+\.md)\)", index)) == pages - {"index.md"}
     notebooks = {path.stem for path in (PAGES.parents[1] / "notebooks").glob("*.ipynb")}
+    assert set(re.findall(r"- (\w+\.md)", order)) == pages | {f"notebook_{name}.md" for name in notebooks}
+    assert set(re.findall(r"\]\((\w+\.md)\)", index)) == pages - {"index.md"}
     assert set(re.findall(r"^\| `(\w+)` \|", index, re.M)) == notebooks
 
 

@@ -91,6 +91,8 @@ IN_SPACE = {kind: pair(kind) for kind in public(rs.AbstractPlacedJoint, rs).valu
     rs.AngleDriver: lambda a, b, u: rs.AngleDriver("AngleDriver", a, b, u * HERE, *SQUARE, angle=0.0),
     rs.TravelDriver: lambda a, b, u: rs.TravelDriver("TravelDriver", a, b, u * HERE, *SQUARE, travel=0.0),
     rs.Free: lambda a, b, u: rs.Free("Free", a, b),
+    rs.Wheel: lambda a, b, u: rs.Wheel("Wheel", a, b, u * HERE, SQUARE[0], radius=0.3 * u, normal=(0.1, 0.2, 1.0)),
+    rs.KnifeEdge: lambda a, b, u: rs.KnifeEdge("KnifeEdge", a, b, u * HERE, SQUARE[0], normal=(0.1, 0.2, 1.0)),
 }  # fmt: skip
 
 
@@ -139,6 +141,8 @@ IN_THE_PLANE = {
     rx.AngleDriver: lambda u: rx.AngleDriver("AngleDriver", "a", "b", 0.4),
     rx.DistanceDriver: lambda u: rx.DistanceDriver("DistanceDriver", "a", "b", u * S, u * T, 0.6 * u),
     rx.Cable: lambda u: rx.Cable("Cable", "a", "b", u * S, u * T, 0.6 * u),
+    rx.Wheel: lambda u: rx.Wheel("Wheel", "a", "b", u * S, u * T, (0.6, 0.8), 0.3 * u),
+    rx.KnifeEdge: lambda u: rx.KnifeEdge("KnifeEdge", "a", "b", u * S, (0.6, 0.8)),
 }  # fmt: skip
 
 

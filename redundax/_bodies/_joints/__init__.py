@@ -15,3 +15,5 @@ from ._pairs import Translational as Translational
 from ._rack_and_pinion import RackAndPinion as RackAndPinion
 from ._rubbing import AbstractFrictionalJoint as AbstractFrictionalJoint
 from ._rubbing import AbstractRubbingJoint as AbstractRubbingJoint
+from ._wheels import KnifeEdge as KnifeEdge
+from ._wheels import Wheel as Wheel

@@ -29,6 +29,7 @@ class AbstractJoint(AbstractBetweenBodies):
 
     A new kind of joint gives `row_kinds`, the name and kind ("force" or "moment") of each of its rows, force-type
     first, and `residual`; and in `pushing` the names of rows whose contacts can only push, with positive multipliers.
+    Rows that constrain velocities alone are named in `velocity_rows`: `residual` is zero there, `rolled` gives them.
 
     ??? example
 
@@ -52,6 +53,7 @@ class AbstractJoint(AbstractBetweenBodies):
     frame: ClassVar[AbstractFrame] = PLANE
     coordinate_kinds: ClassVar[tuple[Row, ...]] = ()  # names of coordinates of i relative to j: "linear" or "angular"
     pushing: ClassVar[tuple[str, ...]] = ()
+    velocity_rows: ClassVar[tuple[str, ...]] = ()
     has_spin: ClassVar[bool] = False  # whether it leaves all turns in space free, which have no coordinate
     free_axes: ClassVar[Literal["none", "across", "all"]] = "none"  # turns of its axes that change no constraint
     name: eqx.AbstractVar[str]
@@ -66,7 +68,14 @@ class AbstractJoint(AbstractBetweenBodies):
 
     def jacobian(self, i: Any, j: Any, t: Float[Array, ""]) -> Float[Array, "rows columns"]:
         """Derivatives of the residual by the velocities of body i, then of body j; the poses with axes."""
+        if self.velocity_rows:
+            return self.by_velocities(lambda a, b: self.residual(a, b, t) + self.rolled(a, b, i, j), i, j)
         return self.by_velocities(lambda i, j: self.residual(i, j, t), i, j)
+
+    def rolled(self, i: Any, j: Any, from_i: Any, from_j: Any) -> Float[Array, " rows"]:
+        """What rows of velocity have missed as the bodies came to these poses from others, to first order, and zeros of
+        all other rows: its rate, as the poses leave the others, is A qd."""
+        raise NotImplementedError
 
     def by_velocities(self, function: Callable[[Any, Any], Array], i: Any, j: Any) -> Float[Array, "values columns"]:
         """Derivatives of a function of the poses of both bodies by the velocities of body i, then of body j."""
@@ -113,7 +122,7 @@ class AbstractPointJoint(AbstractJoint):
 
 
 def check_rows(joint: AbstractJoint) -> None:
-    """Refuse rows that have no name and kind, and rows that push but are none."""
+    """Refuse rows that have no name and kind, and rows that push or are of velocity but are none."""
     kinds = joint.row_kinds
     pairs = [each for each in kinds if isinstance(each, tuple) and len(each) == 2 and each[1] in ("force", "moment")]
     if not pairs or len(pairs) < len(kinds):
@@ -121,12 +130,13 @@ def check_rows(joint: AbstractJoint) -> None:
             f"`row_kinds` of {type(joint).__name__} must give a name and a kind, 'force' or 'moment', for each row, "
             f'but is {kinds!r}. Write (("y", "force"),) for one row, with both commas.'
         )
-    missing = [name for name in joint.pushing if name not in dict(pairs)]
-    if missing:
-        raise RedundaxError(
-            f"`pushing` of {type(joint).__name__} must hold names of its rows, but holds {missing[0]!r}. The rows are "
-            f"{', '.join(dict(pairs))}."
-        )
+    for what, given in (("pushing", joint.pushing), ("velocity_rows", joint.velocity_rows)):
+        missing = [name for name in given if name not in dict(pairs)]
+        if missing:
+            raise RedundaxError(
+                f"`{what}` of {type(joint).__name__} must hold names of its rows, but holds {missing[0]!r}. The rows "
+                f"are {', '.join(dict(pairs))}."
+            )
 
 
 def check_friction(joint: str, friction: object) -> None:

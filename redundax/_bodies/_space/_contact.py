@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..._tools._module import safe_norm
+from ..._tools._value import AbstractModule
 
 _COUPLE = np.array([[-1, 1], [1, -1]])  # forces at both ends, columns, by moments about y and x over their distance
 
@@ -60,7 +61,7 @@ class ContactSize(NamedTuple):
     twist_radius: Array | None = None
 
 
-class AbstractContact(eqx.Module):
+class AbstractContact(AbstractModule):
     """A law for the normal load of a joint in space, by which friction models know it.
 
     A new one gives `normal_load`, and `largest_change` if a bound is known. `is_seminorm` says that the normal load is

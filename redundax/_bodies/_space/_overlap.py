@@ -5,16 +5,16 @@
 with the ends a of the slider from the joint's point on body i and those b of the guide from its point on body j.
 """
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from ..._tools._errors import RedundaxError
 from ..._tools._module import Numbers, as_float, is_concrete, optional_float
+from ..._tools._value import AbstractModule
 
 
-class Overlap(eqx.Module):
+class Overlap(AbstractModule):
     """The contact of a slider and a guide that is as long as they overlap, about the middle of that part.
 
     Where they do not overlap nothing guides the slider: friction is not finite there.

@@ -6,18 +6,18 @@ Joints are given by placements on both bodies, or by a global point and axis at 
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import equinox as eqx
 from jaxtyping import Array, Float
 
 from ..._tools._errors import RedundaxError
 from ..._tools._module import Numbers, check_kind, finite, numpy_of, on_device, part, replace_fields
+from ..._tools._value import AbstractModule
 from .._body import GROUND, name_of
 from ._body import Body
 from ._frame import SPACE
 from ._rotation import axes_along, rotation
 
 
-class Placement(eqx.Module):
+class Placement(AbstractModule):
     """Point and axes of a joint in the local frame of a body.
 
     ??? example

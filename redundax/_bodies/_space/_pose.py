@@ -2,16 +2,16 @@
 
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ..._tools._value import AbstractModule
 from ._rotation import cross, times
 
 
-class Pose(eqx.Module):
+class Pose(AbstractModule):
     """Position (3,) and axes (3, 3) of a body's local frame in the global frame, of one body or stacked.
 
     - `r`: origin of the local frame, m.
@@ -56,7 +56,7 @@ class Pose(eqx.Module):
         return Pose(r, jnp.concatenate([none, turns]), jnp.zeros_like(r))
 
 
-class Wrench(eqx.Module):
+class Wrench(AbstractModule):
     """Force (3,), N, and moment about the local frame's origin (3,), N m, on a body, both in global components.
 
     ??? example

@@ -3,6 +3,7 @@
 Each body, joint and load is a mesh of its own, which shows its name or value where it is pointed at.
 """
 
+import itertools
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -33,8 +34,9 @@ if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
 _ACROSS = 420.0  # points of print that the mechanism is across
-_FEW = 12  # names in letters of usual size
-_LONGEST = 70.0  # points, of the longest arrow
+_LETTER, _LINE = 7.0, 14.0  # points, of a name
+_LONGEST, _SHORTEST = 70.0, 14.0  # points, of arrows that no `scale` is given for
+_ROOM = (3.4, 2.0)  # across and upright, of what a page shows from the camera's distance
 _COLOURS = {"self-stress": "#0072B2", "load": "#D55E00", "applied": INK}
 
 
@@ -93,12 +95,20 @@ def html(
     moments = _moments(mechanism, motion, (self_stress, multipliers), report, loads, view, shapes)
     point = _point(moments[0].stage)
     _set_scales(moments, point, scale)
-    traces = [_traces(plotly, moment, point, names) for moment in moments]
+    least = 0.0 if scale else _SHORTEST * point
+    traces = [_traces(plotly, moment, point, least) for moment in moments]
+    meshes = len(traces[0])
+    if names:
+        shown = _with_room(moments[0].stage, point)
+        traces = [[*own, *_names(plotly, moment.stage, shown)] for own, moment in zip(traces, moments, strict=True)]
     figure = plotly.Figure(traces[0], layout=_layout(moments, point))
+    if names:
+        figure.update_layout(updatemenus=[_choice_of_names(meshes)])
     if len(moments) > 1:
         labels = [f"{moment.t:.3f}" for moment in moments]
         figure.frames = [plotly.Frame(data=data, name=label) for data, label in zip(traces, labels, strict=True)]
-        figure.update_layout(**_player(labels, moments))
+        player, sliders = _player(labels, moments)
+        figure.update_layout(updatemenus=[*figure.layout.updatemenus, player], sliders=sliders)
     if target is not None:
         figure.write_html(target, include_plotlyjs=True, config={"displaylogo": False}, auto_play=False)
     return figure
@@ -167,26 +177,62 @@ def _set_scales(moments: list[_Moment], point: float, scale: float | None) -> No
             group.scale = scale or (_LONGEST * point / largest if largest else None)
 
 
-def _traces(plotly: Any, moment: _Moment, point: float, names: bool) -> list[Any]:
-    """Meshes, the same number of them at all times, and names."""
-    stage, parts = moment.stage, {}
-    for solid in solids(stage, point):
+def _traces(plotly: Any, moment: _Moment, point: float, least: float) -> list[Any]:
+    """Meshes, the same number of them at all times."""
+    parts: dict[Any, list[Solid]] = {}
+    for solid in solids(moment.stage, point):
         parts.setdefault((solid.name, solid.colour, solid.opacity), []).append(solid)
     out = [_mesh(plotly, given, *key) for key, given in parts.items()]
-    out += [_loads(plotly, moment, gid, point) for gid in _COLOURS]
-    if names:
-        texts = [(joint.place, joint.name) for joint in stage.joints]
-        texts += [(span.mean(axis=0), f"<i>{name}</i>") for name, span in zip(stage.names, stage.spans, strict=True)]
-        x, y, z = np.array([place for place, _ in texts]).T
-        text = [word for _, word in texts]
-        sides = ["top right"] * len(stage.joints) + ["bottom left"] * len(stage.names)  # apart in the middle of a body
-        look = {"textposition": sides, "textfont": {"size": 12 if len(text) <= _FEW else 10}}
-        out.append(plotly.Scatter3d(x=x, y=y, z=z, text=text, mode="text", hoverinfo="skip", showlegend=False, **look))
-    return out
+    return [*out, *(_loads(plotly, moment, gid, point, least) for gid in _COLOURS)]
 
 
-def _loads(plotly: Any, moment: _Moment, gid: str, point: float) -> Any:
-    """All arrows of a kind as one mesh, whose corners show what they are."""
+def _texts(stage: SpaceScene) -> list[tuple[np.ndarray, str, str]]:
+    """Places, names and their sides: of joints, and of bodies at the centre of mass."""
+    joints = [(joint.place, joint.name, "top right") for joint in stage.joints]
+    bodies = zip(stage.names, stage.centres, strict=False)
+    return [*joints, *((centre, f"<i>{name}</i>", "bottom left") for name, centre in bodies)]
+
+
+def _with_room(stage: SpaceScene, point: float) -> list[int]:
+    """Names that cover no other one as the page opens: joints first."""
+    boxes: list[np.ndarray] = []
+    shown = []
+    for number, (place, name, side) in enumerate(_texts(stage)):
+        size = np.array([_LETTER * len(name.removeprefix("<i>").removesuffix("</i>")), _LINE])
+        corner = stage.view.axes[:2] @ place / point - (0.0 if side == "top right" else size)
+        box = np.array([corner, corner + size])
+        if not any((box[0] < other[1]).all() and (other[0] < box[1]).all() for other in boxes):
+            boxes.append(box)
+            shown.append(number)
+    return shown
+
+
+def _names(plotly: Any, stage: SpaceScene, shown: list[int]) -> list[Any]:
+    """Names that have room, and all, of which a button shows either."""
+    texts = _texts(stage)
+
+    def trace(some: list[int], visible: bool) -> Any:
+        places, words, sides = zip(*(texts[number] for number in some), strict=True)
+        x, y, z = np.array(places).T
+        look = {"mode": "text", "hoverinfo": "skip", "showlegend": False, "visible": visible}
+        return plotly.Scatter3d(x=x, y=y, z=z, text=words, textposition=sides, textfont={"size": 12}, **look)
+
+    return [trace(shown, True), trace(list(range(len(texts))), False)]
+
+
+def _choice_of_names(first: int) -> dict[str, Any]:
+    """Buttons; without names a part still shows its own where it is pointed at."""
+    ways = {"names": [True, False], "all names": [False, True], "no names": [False, False]}
+    buttons = [
+        {"label": label, "method": "restyle", "args": [{"visible": visible}, [first, first + 1]]}
+        for label, visible in ways.items()
+    ]
+    place = {"x": 0.0, "y": 0.0, "xanchor": "left", "yanchor": "bottom", "pad": {"l": 10, "b": 10}}
+    return {"type": "buttons", "direction": "left", "buttons": buttons, **place}
+
+
+def _loads(plotly: Any, moment: _Moment, gid: str, point: float, least: float) -> Any:
+    """All arrows of a kind as one mesh, whose corners show what they are; none is shorter than the `least`."""
     made: list[Solid] = []
     stage = moment.stage
     force, couple = stage.units.of("force"), stage.units.of("moment")
@@ -199,7 +245,8 @@ def _loads(plotly: Any, moment: _Moment, gid: str, point: float) -> Any:
             if each.moment:
                 given.append((couple_on / largest * MOMENT * point, 2, quantity(each.moment, couple)))
             for vector, heads, value in given:
-                tip = start + vector
+                length = float(np.linalg.norm(vector))
+                tip = start + vector * max(1.0, least / length if length else 1.0)
                 made += arrow(start, tip, 3.0 * point, _COLOURS[gid], heads=heads, name=f"{value}{where}")
     if not made:  # a mesh that shows nothing, as plotly wants one of each at all times
         made = [Solid(np.tile(stage.centres[0], (3, 1)), ((0, 1, 2),), _COLOURS[gid])]
@@ -258,7 +305,9 @@ def _layout(moments: list[_Moment], point: float) -> dict[str, Any]:
         "up": dict(zip("xyz", up.tolist(), strict=True)),
         "projection": {"type": "orthographic"},
     }
-    sides = 1.6 * share  # so that the longest fits, of a flat mechanism too
+    corners = np.array(list(itertools.product((-0.5, 0.5), repeat=3))) * share
+    across, upright = np.ptp(corners @ stage.view.axes[:2].T, axis=0)
+    sides = share * min(_ROOM[0] / across, _ROOM[1] / upright)
     return {
         "scene": {
             **axes,
@@ -281,13 +330,14 @@ def _key(moments: list[_Moment]) -> list[dict[str, Any]]:
         largest = max((group.largest() for group in groups), default=0.0)
         if largest:
             text = groups[0].look.text or "applied force"
-            lines.append(f'<span style="color:{colour}">{text}: the longest is {quantity(largest, force)}</span>')
+            told = f"{text}: the longest is {quantity(largest, force)}, short ones are drawn longer"
+            lines.append(f'<span style="color:{colour}">{told}</span>')
     text = "<br>".join(lines)
     place = {"x": 0.01, "y": 1.0, "xref": "paper", "yref": "paper", "showarrow": False, "align": "left"}
     return [{**place, "text": text, "xanchor": "left", "yanchor": "bottom"}] if lines else []
 
 
-def _player(labels: list[str], moments: list[_Moment]) -> dict[str, Any]:
+def _player(labels: list[str], moments: list[_Moment]) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """Buttons and the slider; the motion plays in its own time."""
     step = 1000.0 * (moments[-1].t - moments[0].t) / (len(moments) - 1)
     still = {"mode": "immediate", "frame": {"duration": 0, "redraw": True}, "transition": {"duration": 0}}
@@ -302,4 +352,4 @@ def _player(labels: list[str], moments: list[_Moment]) -> dict[str, Any]:
     menu = {"type": "buttons", "buttons": buttons, "x": 0.0, "y": 0.0, "xanchor": "left", "yanchor": "top"}
     menu |= {"direction": "left", "pad": {"t": 30, "l": 10}}
     slider = {"steps": steps, "currentvalue": current, "x": 0.15, "len": 0.82, "pad": {"t": 20, "b": 10}}
-    return {"updatemenus": [menu], "sliders": [slider]}
+    return menu, [slider]

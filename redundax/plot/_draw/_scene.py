@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..._bodies._joints import AngleCoupling, AngleDriver, Revolute
+from ..._bodies._joints import AngleCoupling, AngleDriver, KnifeEdge, Revolute, Wheel
 from ..._bodies._loads import AppliedForce, SpringDamper, TorsionSpring
 from ..._bodies._mechanism import Mechanism
 from ..._bodies._pose import poses
@@ -30,8 +30,9 @@ class Joint:
     """A joint: `on_i` and `on_j` are its points on the two bodies, `spot` is where its symbol and name belong.
 
     `axis` is the unit vector along its guide, `length` the guide's length and `ratio` that of a coupling of angles,
-    where the joint has such a thing, and `mesh` its teeth; `pointed` is whether it has a point, `one_sided` whether it
-    only pushes. `locks` are the names of its rows. `group` and `member` say where in the mechanism's stacks it lies.
+    where the joint has such a thing, `mesh` its teeth and `radius` that of a wheel on a line; `pointed` is whether it
+    has a point, `one_sided` whether it only pushes. `locks` are the names of its rows. `group` and `member` say where
+    in the mechanism's stacks it lies.
     """
 
     name: str
@@ -50,6 +51,7 @@ class Joint:
     pointed: bool
     mesh: Mesh | None = None
     one_sided: bool = False
+    radius: float | None = None
 
     @property
     def loaded_at(self) -> np.ndarray:
@@ -73,10 +75,11 @@ class Load:
 
 @dataclasses.dataclass(frozen=True)
 class Scene:
-    """Bodies (`names`, and `centres` with the ground's origin last), joints, loads, gravity, and the model's units."""
+    """Bodies (`names`, `centres` and `turns`, the ground's last), joints, loads, gravity, and the model's units."""
 
     names: tuple[str, ...]
     centres: np.ndarray
+    turns: np.ndarray
     joints: tuple[Joint, ...]
     loads: tuple[Load, ...]
     gravity: np.ndarray
@@ -142,6 +145,7 @@ def scene(mechanism: Mechanism, state: State) -> Scene:
     return Scene(
         names=mechanism.names.bodies,
         centres=r,
+        turns=phi,
         joints=tuple(_at_pin(joint, pins, r) for joint in joints),
         loads=tuple(load for stack in mechanism.loads for load in _loads(mechanism, stack, state, r, phi, pins)),
         gravity=np.asarray(mechanism.gravity, float),
@@ -162,6 +166,9 @@ def _joints(mechanism: Mechanism, group: int, r: np.ndarray, phi: np.ndarray) ->
     on_j = np.where((j == ground)[:, None], on_i, r[j]) if on_j is None else on_j
     normal = _stacked(element.directions().get("j"), (2,))
     axis = None if normal is None else turned(np.stack([normal[:, 1], -normal[:, 0]], 1), phi[j])
+    if isinstance(element, KnifeEdge):
+        axis = turned(np.asarray(element.direction, float), phi[i])
+    radius = np.asarray(element.radius, float) if isinstance(element, Wheel) else None
     length = _stacked(element.moment_arm(), ())
     ratio = _stacked(element.ratio, ()) if isinstance(element, AngleCoupling) else None
     names = mechanism.names.joints[group]
@@ -183,6 +190,7 @@ def _joints(mechanism: Mechanism, group: int, r: np.ndarray, phi: np.ndarray) ->
             pointed=pointed,
             mesh=meshes[k],
             one_sided=element.one_sided,
+            radius=None if radius is None else float(radius[k]),
         )
         for k in range(len(i))
     ]
@@ -228,11 +236,13 @@ def pin(i: int, j: int, pins: dict[int, list[Joint]]) -> np.ndarray | None:
 
 
 def pitch_circles(joint: Joint) -> list[tuple[np.ndarray, float]]:
-    """Centres and radii of gears in mesh, or of the wheels of a coupling, which touch if they turn in opposite senses;
-    else none.
+    """Centres and radii of gears in mesh, of a wheel on a line, or of the wheels of a coupling, which touch if they
+    turn in opposite senses; else none.
     """
     if joint.mesh is not None:
         return list(joint.mesh.circles)
+    if joint.radius is not None:
+        return [(joint.on_i, joint.radius)]
     distance, ratio = float(np.hypot(*(joint.on_j - joint.on_i))), joint.ratio or 1.0
     if joint.kind is not AngleCoupling or distance == 0:
         return []

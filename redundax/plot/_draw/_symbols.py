@@ -2,7 +2,8 @@
 
 A circle is a revolute joint and a block between rails a translational one; hatching is the ground, M a driven angle, a
 cylinder a driven distance (a rod where it is constant), a black square a fixed joint, chain-dotted circles the wheels
-of a coupling of angles or, with a line of action, of gears in mesh. Lower pairs are drawn by what they lock, so new
+of a coupling of angles or, with a line of action, of gears in mesh; a circle on a line is a wheel, a bar with pointed
+ends a blade seen from above. Lower pairs are drawn by what they lock, so new
 ones too; a diamond is a joint with rows of other names.
 """
 
@@ -17,7 +18,9 @@ from ..._bodies._joints import (
     Cable,
     DistanceDriver,
     GearPair,
+    KnifeEdge,
     RackAndPinion,
+    Wheel,
 )
 from ..._bodies._loads import AppliedForce, SpringDamper, TorsionSpring
 from ._bodies import block_length, guide_reach, hull
@@ -209,6 +212,33 @@ def _mesh(pen: Pen, scene: Scene, joint: Joint) -> None:
     pen.cover(mesh.pitch, 3.0, HARD)
 
 
+def _wheel(pen: Pen, scene: Scene, joint: Joint) -> None:
+    """The disc with spokes, and the line on which it stands."""
+    axis, radius, colour = np.asarray(joint.axis), float(joint.radius or 0.0), body_colour(joint.i, scene.ground)
+    corners = joint.on_i + radius * circle(96)
+    pen.polygon(corners, "none", dark(colour), BODY_Z + 0.5, linewidth=2.2)
+    pen.cover_path(corners, 3.0, OUTLINE)
+    foot, half = joint.on_i - radius * across(axis), np.maximum(0.8 * radius, 12.0 * pen.point) * axis
+    if joint.j == scene.ground:
+        pen.hatched(foot - half, foot + half, GROUND)
+    else:
+        pen.line([foot - half, foot + half], dark(body_colour(joint.j, scene.ground)), BODY_Z + 0.4, linewidth=1.8)
+    turn = scene.turns[joint.i]
+    for spoke in (np.array([np.cos(turn), np.sin(turn)]), np.array([-np.sin(turn), np.cos(turn)])):
+        pen.line([joint.on_i - radius * spoke, joint.on_i + radius * spoke], dark(colour), BODY_Z + 0.4, linewidth=0.9)
+    pen.circle(joint.on_i, 0.7 * PIN, fill=dark(colour), z=PIN_Z - 0.1, linewidth=1.0)
+    pen.cover(joint.on_i, PIN, HARD)
+
+
+def _blade(pen: Pen, scene: Scene, joint: Joint) -> None:
+    along = np.asarray(joint.axis) * pen.point
+    side = across(along)
+    corners = [16 * along, 8 * along + 2.6 * side, -8 * along + 2.6 * side]
+    corners += [-16 * along, -8 * along - 2.6 * side, 8 * along - 2.6 * side]
+    pen.polygon(joint.on_i + np.array(corners), dark(body_colour(joint.i, scene.ground)), INK, PIN_Z, linewidth=1.0)
+    pen.cover_line(joint.on_i - 16 * along, joint.on_i + 16 * along, 7.0, HARD)
+
+
 def _unknown(pen: Pen, scene: Scene, joint: Joint) -> None:
     if np.hypot(*(joint.on_i - joint.on_j)) > pen.point:
         pen.line([joint.on_i, joint.on_j], INK, PIN_Z - 0.5, linewidth=1.0, linestyle="--")
@@ -254,6 +284,8 @@ _SYMBOLS: dict[type, Symbol] = {
     AngleCoupling: _angle_coupling,
     GearPair: _mesh,
     RackAndPinion: _mesh,
+    Wheel: _wheel,
+    KnifeEdge: _blade,
 }
 
 

@@ -10,7 +10,8 @@ class SpaceJoint:
     """A joint at the point `on_i` of body i and `on_j` of body j, with axes as columns, z along its own, on each.
 
     `spot` is where its symbol and name are on the picture, and `place` where that is in space; `teeth` those of wheels.
-    `locks` are the names of its rows, `slides` is whether it is free along its axis, `reads_axis` whether it has one.
+    `locks` are the names of its rows, `slides` is whether it is free along its axis, `reads_axis` whether it has one;
+    `radius` is that of a wheel on a floor, which touches it at `on_j`, 0 of a blade.
     """
 
     name: str
@@ -27,6 +28,7 @@ class SpaceJoint:
     slides: bool
     reads_axis: bool
     teeth: np.ndarray | None = None
+    radius: float | None = None
     axis: None = None  # names keep clear of it as of a pin
 
     @property

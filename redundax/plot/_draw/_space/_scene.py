@@ -12,6 +12,7 @@ import numpy as np
 
 from ...._bodies._mechanism import Mechanism
 from ...._bodies._space._joints._gear import Gear
+from ...._bodies._space._joints._wheels import AbstractOnPlane
 from ...._bodies._space._pose import Pose
 from ...._system._state import State
 from ...._system._units import StatedUnits
@@ -66,6 +67,10 @@ class SpaceScene:
     def space_points(self) -> np.ndarray:
         """All points that must be in the picture, (points, 3)."""
         ends = [end for each in (*self.joints, *self.loads) for end in (each.on_i, each.on_j)]
+        for joint in self.joints:  # rims of wheels
+            ends += [
+                joint.on_i + side * axis for axis in (joint.radius or 0.0) * joint.axes_i.T[:2] for side in (-1, 1)
+            ]
         return np.concatenate([*self.spans, np.array(ends).reshape(-1, 3)])
 
     @functools.cached_property
@@ -136,6 +141,10 @@ def _joints(
     turns = [stacked(element.axes_on(end), (3, 3)) for end in "ij"]
     ends = [axes[body] if turn is None else axes[body] @ turn for turn, body in zip(turns, bodies, strict=True)]
     teeth, out = stacked(element.teeth, (2,)) if isinstance(element, Gear) else None, []
+    radii = None
+    if isinstance(element, AbstractOnPlane):
+        radii = np.broadcast_to(np.asarray(getattr(element, "radius", 0.0), float), len(on_i))
+        on_j = _touching(on_i, radii, *(end[:, :, 2] for end in ends))
     slides = "travel" in dict(element.coordinate_kinds)
     own = frozenset(name for name, _ in element.row_kinds), slides, bool(element.directions())
     for k, name in enumerate(mechanism.names.joints[group]):
@@ -144,9 +153,16 @@ def _joints(
             SpaceJoint(
                 name, type(element), int(bodies[0][k]), int(bodies[1][k]), on_i[k], on_j[k], ends[0][k], ends[1][k],
                 place, view.flat(place), *own, None if teeth is None else teeth[k],
+                None if radii is None else float(radii[k]),
             )
         )  # fmt: skip
     return out
+
+
+def _touching(centres: np.ndarray, radii: np.ndarray, axles: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Lowest points of discs."""
+    up = normals - np.sum(axles * normals, axis=1, keepdims=True) * axles
+    return centres - radii[:, None] * up / np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-300)
 
 
 def _span(body: int, centre: np.ndarray, joints: list[SpaceJoint], loads: list[SpaceLoad]) -> np.ndarray:

@@ -40,7 +40,7 @@ def stand_sides(scene: SpaceScene) -> dict[str, np.ndarray]:
     sides = [down, *(sign * way for way in np.eye(3) for sign in (-1.0, 1.0))]
     for joint in scene.joints:
         body = joint.i if joint.j == scene.ground else joint.j
-        if scene.ground in (joint.i, joint.j) and joint.teeth is None:
+        if scene.ground in (joint.i, joint.j) and joint.teeth is None and joint.radius is None:
             axis = joint.axes_j[:, 2] * joint.reads_axis
             away = unit(scene.spans[body].mean(axis=0) - joint.place) if body < scene.ground else -down
             free = [side for side in sides if abs(side @ axis) < 0.6 and side @ away < 0.6]

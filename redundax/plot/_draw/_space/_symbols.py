@@ -4,9 +4,9 @@ A short cylinder along the axis is a revolute joint, one on a longer shaft a cyl
 prismatic one, with a helix a screw; a ball is a spherical joint, on a rail a point on a line, on a plate a point on a
 plane; a cross is universal, a ball between two stubs of constant velocity, a plate on a plate planar, two short rods
 parallel axes, a dark cube fixed; a thin rod holds a distance, a dark drum drives an angle, a piston a travel; circles
-are wheels in mesh. Lower pairs are drawn by what they lock, so new ones too: on a rail what slides along the axis, on a
-plate what slides square to it; a ball where the axis may tilt, a block where it may not. An octahedron is a joint with
-rows of other names.
+are wheels in mesh, a tyre with spokes and a patch of floor a wheel, a plate on its edge a blade. Lower pairs are drawn
+by what they lock, so new ones too: on a rail what slides along the axis, on a plate what slides square to it; a ball
+where the axis may tilt, a block where it may not. An octahedron is a joint with rows of other names.
 """
 
 import itertools
@@ -20,6 +20,7 @@ from ...._bodies._space._joints._gear import Gear
 from ...._bodies._space._joints._pairs import ConstantVelocity
 from ...._bodies._space._joints._screw import Screw
 from ...._bodies._space._joints._universal import Universal
+from ...._bodies._space._joints._wheels import KnifeEdge, Wheel
 from .._style import INK, body_colour, dark
 from ._joint import SpaceJoint
 from ._scene import SpaceScene
@@ -194,6 +195,28 @@ def pitch_circles(joint: SpaceJoint) -> list[tuple[np.ndarray, np.ndarray, float
     return [(p, z, abs(along_z * tangent), joint.i), (q, w, abs(along_w * other), joint.j)]
 
 
+def _patch(scene: SpaceScene, joint: SpaceJoint, point: float) -> Solid:
+    centre = joint.on_j - 1.0 * point * joint.axes_j[:, 2]
+    return box(centre, joint.axes_j, (34 * point, 34 * point, 1.5 * point), _of_body(scene, joint.j))
+
+
+def _wheel(scene: SpaceScene, joint: SpaceJoint, point: float) -> list[Solid]:
+    axis, radius, colour = joint.axes_i[:, 2], float(joint.radius or 0.0), _colour(scene, joint)
+    inner = max(radius - 1.6 * point, 0.0)
+    spokes = [
+        rod(joint.on_i - inner * way, joint.on_i + inner * way, 0.8 * point, _of_body(scene, joint.i))
+        for way in (joint.axes_i[:, 0], joint.axes_i[:, 1])
+    ]
+    return [_patch(scene, joint, point), *ring(joint.on_i, axis, inner, 1.6 * point, colour), *spokes]
+
+
+def _blade(scene: SpaceScene, joint: SpaceJoint, point: float) -> list[Solid]:
+    along, normal = joint.axes_i[:, 2], joint.axes_j[:, 2]
+    axes = np.stack([along, np.cross(normal, along), normal], axis=1)
+    edge = box(joint.on_i + 4 * point * normal, axes, (26 * point, 2 * point, 8 * point), _colour(scene, joint))
+    return [_patch(scene, joint, point), edge]
+
+
 def _composed(scene: SpaceScene, joint: SpaceJoint, point: float) -> list[Solid]:
     across, along, tilt, _ = joint.parts
     under = _prismatic(scene, joint, point)[:-1] if across and not along else []
@@ -232,6 +255,8 @@ _SYMBOLS: dict[type, Symbol] = {
     AngleDriver: _angle_driver,
     TravelDriver: _travel_driver,
     Gear: _gear,
+    Wheel: _wheel,
+    KnifeEdge: _blade,
 }
 
 
