@@ -21,6 +21,7 @@ from jaxtyping import Array
 from .._bodies._joints import AngleCoupling
 from .._bodies._mechanism import Mechanism
 from .._closures._closure import AbstractClosure, MinimumNorm, check_closure, elasticity
+from .._closures._play import without_play
 from .._equations._culprits import culprits
 from .._equations._factorisation import Factorisation
 from .._equations._factorize import dense_at
@@ -69,7 +70,7 @@ def analyze(
 
     - `system`, `state`: concrete values; not inside `jit` or `vmap`, where `factorize` gives the same as arrays.
     - `closure`, `sense`: as in `solve`; verdicts with friction start from its solution, and `spectral_radius` is that
-      of the closure.
+      of the closure, both without its play.
     - `rank`: declared rank of the constraint Jacobian; decided from its spectrum if not given.
     - `factor`: what `factorize` gave at this state, where it is there already.
     """
@@ -80,6 +81,7 @@ def analyze(
         pushed, factor = solve(system, state, closure=closure, sense=sense, throw=False), None
         out[one_sided] = np.isin(np.asarray(pushed.contact), LEFT_OUT)
         system = as_held(system, ~out)
+    closure = without_play(closure)  # which makes no load unique
     system, factor = dense_at(system, state, rank, factor)
     found = _kept(jax.device_get(_evidence(factor)), ~out)
     lost = _undetermined(system, state, factor, closure)

@@ -21,6 +21,7 @@ from .._system._system import AbstractSystem
 from .._tools._module import as_float, replace_fields
 from ._closure import AbstractClosure, check_closure
 from ._comparison import check_comparable, residual_by_axes_of
+from ._play import Play
 
 
 def misfit(system: AbstractSystem, actual: AbstractSystem, state: State) -> Float[Array, " m"]:
@@ -86,6 +87,9 @@ class AsBuilt(AbstractClosure):
     def by_place(self, system: AbstractSystem) -> "AsBuilt":
         check_comparable(system, self.actual)
         return replace_fields(self, closure=self.closure.by_place(system), actual=self.actual.anonymous)
+
+    def clearances(self, system: AbstractSystem) -> Play | None:
+        return self.closure.clearances(system)
 
     def of_drives(self, names: Sequence[str]) -> tuple[Array, Array]:
         return self.closure.of_drives(names)

@@ -30,6 +30,7 @@ from .._tools._module import as_float, check_kind, is_concrete, on_device, optio
 from .._tools._no_answer import nan_where
 from .._tools._numbers import are_known, are_numbers, as_numbers, of_model, xp
 from .._tools._value import AbstractModule
+from ._play import Play, refuse_play
 
 
 class AbstractClosure(AbstractModule):
@@ -65,6 +66,10 @@ class AbstractClosure(AbstractModule):
         none = xp.zeros(len(names))
         return none, none
 
+    def clearances(self, system: AbstractSystem) -> Play | None:
+        """Play of rows of the system, in its units; none unless it says so."""
+        return None
+
     def drive_errors(self, state: State) -> Float[Array, "..."]:
         """More misfit of drives, that depends on the state."""
         return xp.zeros((), state.qd.dtype)
@@ -92,11 +97,13 @@ class Elasticity(NamedTuple):
     misfit: Float[Array, " m"] | Float[Array, ""]
 
 
-def elasticity(closure: AbstractClosure, system: AbstractSystem, state: State) -> Elasticity:
-    """Compliance and misfit at a state, checked.
+def elasticity(closure: AbstractClosure, system: AbstractSystem, state: State, *, play: bool = False) -> Elasticity:
+    """Compliance and misfit at a state, checked; of one with play where the call knows it.
 
     Outside of transformations they have the same shapes for every closure, so that no program is compiled for one.
     """
+    if not play:
+        refuse_play(closure, system)
     whole, closure = are_known(closure, state, system), placed(closure, system)
     if system.plan is not None:
         return _by_joint(closure, system.anonymous, state, whole=whole)
@@ -171,6 +178,9 @@ class _OfDrives(AbstractClosure):
     @property
     def is_constant(self) -> bool:
         return self.closure.is_constant
+
+    def clearances(self, system: AbstractSystem) -> Play | None:
+        return self.closure.clearances(system.undriven)
 
     def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
         m, dtype = len(system.undriven.rows), state.qd.dtype

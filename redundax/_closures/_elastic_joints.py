@@ -39,6 +39,7 @@ from .._tools._value import AbstractModule
 from ._closure import AbstractClosure
 from ._joint_compliance import AbstractJointCompliance, JointCompliance
 from ._joint_compliance_in_space import JointCompliance as SpatialJointCompliance
+from ._play import Play, play_of
 
 
 class _Seat(AbstractModule):
@@ -87,10 +88,15 @@ class ElasticJoints(AbstractClosure):
       1e-4}: one over the servo's stiffness, rad/(N m) or m/N; or a pair with the synchronising error, rad or m, by
       which the drive would stand behind its law without load. Others are stiff and in step. Units are those of the
       mechanism.
+    - `play`: clearance from the middle to either side, m or rad, by name of joint or row, as in {"A": 20e-6,
+      "K.angle": 1e-4}. Of a pin, a sleeve or a ball it is radial: that of the radii. A joint carries nothing until its
+      parts have moved by it. The ideal mechanism moves as without play: what is not redundant is not loosened. `solve`
+      and `analyze` alone take it.
     """
 
     seats: tuple[_Seat, ...]
     drives: dict[str, tuple[Array, Array]]
+    play: Play | None
 
     def __init__(
         self,
@@ -99,6 +105,7 @@ class ElasticJoints(AbstractClosure):
         units: Units | None = None,
         *,
         drives: Mapping[str, ArrayLike | tuple[ArrayLike, ArrayLike]] | None = None,
+        play: Mapping[str, ArrayLike] | None = None,
     ):
         kind = _KINDS[mechanism.frame.word]
         if isinstance(joints, Mapping):
@@ -119,6 +126,10 @@ class ElasticJoints(AbstractClosure):
             softness, error = figures if isinstance(figures, tuple) else (figures, 0.0)
             self.drives[name] = as_float(softness), as_float(error)
             not_negative("drives", self.drives[name][0])
+        self.play = play_of(mechanism, play, units)
+
+    def clearances(self, system: AbstractSystem) -> Play | None:
+        return self.play
 
     def of_drives(self, names: Sequence[str]) -> tuple[Array, Array]:
         others = sorted(set(self.drives) - set(names))

@@ -19,6 +19,7 @@ from .._bodies._mechanism import Mechanism
 from .._bodies._space._joints._drivers import AngleDriver as SpatialAngleDriver
 from .._bodies._space._joints._drivers import TravelDriver
 from .._closures._closure import AbstractClosure, MinimumNorm, check_closure, placed
+from .._closures._play import refuse_play
 from .._solve._solve import solve
 from .._solvers._solver import AbstractSolver, Newton, check_solver
 from .._system._directions import directions_of
@@ -83,6 +84,9 @@ def drive(
     refuse_contacts("drive", system)
     if not isinstance(closure, LeastPeak):
         check_closure(closure)
+    own = closure.closure if isinstance(closure, LeastPeak) else closure
+    if own is not None:
+        refuse_play(own, system)
     if solver is not None:
         check_solver(solver)
     solver = solver or Newton()

@@ -17,6 +17,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from .._closures._closure import AbstractClosure, check_closure
+from .._closures._play import Play
 from .._system._names import index_of
 from .._system._state import State
 from .._system._system import AbstractSystem
@@ -69,6 +70,9 @@ class LeastNorm(AbstractClosure):
         _check_all("ratings", self.ratings, names)
         softness = jnp.stack([self.ratings[name] ** -2 for name in names])
         return softness, jnp.zeros_like(softness)
+
+    def clearances(self, system: AbstractSystem) -> Play | None:
+        return None if self.closure is None else self.closure.clearances(system)
 
     def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
         m = len(system.rows)

@@ -34,6 +34,8 @@ _ONE_BY_ONE = 4  # entries of a case, above which those of equal bounds are told
 
 def title_of(bounds: "AbstractBounds | AbstractClosure", cases: AbstractCases) -> str:
     """What was bounded: all that was given, of which some is the box of the cases and all else limits them."""
+    if isinstance(bounds, Pushing):
+        return "Contacts push, and no more is known of the loads"
     if isinstance(bounds, PreloadBox):
         return _in_words(type(bounds).__name__, [*bounds.box], np.array([*bounds.box.values()]))
     if isinstance(bounds, PreloadNorm):
@@ -79,6 +81,14 @@ class AbstractBounds(AbstractModule):
     @abc.abstractmethod
     def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> AbstractCases:
         """All cases within the bounds."""
+
+
+class Pushing(AbstractBounds):
+    """No bounds but that contacts push."""
+
+    def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Affine:
+        ends = np.full(len(report.pivots), np.inf)
+        return _affine(report.pivots, -ends, ends, solutions, solutions.response.free.multipliers, solutions.stress)
 
 
 class AmplitudeBox(AbstractBounds):
@@ -226,6 +236,16 @@ class ComplianceBox(AbstractBounds):
             np.broadcast_to(misfit, compliance.shape[:1]),
             rows,
         )
+
+
+def checked_bounds(
+    bounds: Any, system: AbstractSystem, otherwise: AbstractClosure | None = None
+) -> AbstractBounds | AbstractClosure:
+    """Bounds that are some; that contacts push where there are some and nothing else is given."""
+    if bounds is None:
+        bounds = Pushing() if system.names.one_sided else otherwise
+    check_bounds(bounds)
+    return bounds
 
 
 def check_bounds(bounds: object) -> None:

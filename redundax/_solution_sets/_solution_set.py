@@ -10,6 +10,7 @@ self-stress. Along the pick lam_0, Lam of a closure, minimum norm unless said, z
 One factorisation at the state serves every z and every choice of base and U.
 """
 
+import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -36,6 +37,7 @@ class SolutionSet(AbstractModule):
     - `rows`: multipliers that they read, shape (l,).
     - `angular_loads`, `angular_slips`: which loads and frictions are moments.
     - `undetermined`: multipliers that have no value at a singular position under the closure, (m,); None elsewhere.
+    - `pushing`: rows of contacts, whose multipliers are not negative.
     """
 
     response: LinearResponse
@@ -45,6 +47,7 @@ class SolutionSet(AbstractModule):
     angular_loads: Numeric
     angular_slips: Numeric
     undetermined: Bool[Numeric, " m"] | None = None
+    pushing: tuple[int, ...] = eqx.field(static=True, default=())
 
     def along(self, z: Float[Numeric, "... k"]) -> Float[Numeric, "... m"]:
         """lam_0 + N z."""

@@ -25,6 +25,7 @@ from .._closures._closure import Elasticity
 from .._equations._factorisation import Factorisation, factorised
 from .._equations._kinematics import Model, model_at
 from .._equations._scaling import Scaling, largest_violation, scaling
+from .._system._contact import Contact, code_of
 from .._system._results import RESULTS, differs
 from .._system._state import State
 from .._system._system import AbstractSystem
@@ -41,7 +42,12 @@ class ActiveSet(NamedTuple):
     kept: Bool[Array, " m"]
     changes: Int[Array, ""]
     settled: Bool[Array, ""]
-    contacts: Int[Array, " c"]
+    contacts: Int[Array, " c"] | None
+
+
+def all_kept(m: int) -> ActiveSet:
+    """That of a system without contacts."""
+    return ActiveSet(xp.ones(m, bool), xp.zeros((), int), xp.ones((), bool), None)
 
 
 def without_rows(elasticity: Elasticity, kept: Bool[Array, " m"]) -> Elasticity:
@@ -51,6 +57,12 @@ def without_rows(elasticity: Elasticity, kept: Bool[Array, " m"]) -> Elasticity:
     alone = xp.where(own > 0, own, 1.0)
     both = kept[:, None] & kept
     return Elasticity(xp.where(both, compliance, xp.diag(xp.where(kept, 0.0, alone))), xp.where(kept, misfit, 0.0))
+
+
+def with_rows(elasticity: Elasticity, kept: Bool[Array, " m"], of_all: Elasticity) -> Elasticity:
+    """The closure of the rows that are kept, and that of all beside them."""
+    pairs = zip((kept[:, None] & kept, kept), elasticity, of_all, strict=True)
+    return Elasticity(*(xp.where(both, own, other) for both, own, other in pairs))
 
 
 def as_held(system: AbstractSystem, kept: Any) -> AbstractSystem:
@@ -69,9 +81,34 @@ class _Step(NamedTuple):
     contacts: Int[Array, " c"]
 
 
-def active_set(system: AbstractSystem, state: State, elasticity: Elasticity, solved: Callable[..., Any]) -> ActiveSet:
-    """The rows that are kept; `solved(opened, state, factor, elasticity)` gives the solution of these. It has no
-    derivatives: those of a solution are at a fixed active set."""
+def of_rows(
+    solved: Callable[..., tuple[Any, Elasticity, Any]], *, known: bool
+) -> Callable[..., tuple[Factorisation, Any, Elasticity, Any]]:
+    """The factorisation of the rows that are kept and what `solved(opened, state, factor, elasticity, ...)` gives with
+    it: the solution, the closure that it has, and whether that is found. Of known numbers each set is solved once."""
+    done: dict[bytes, tuple[Factorisation, Any, Elasticity, Any]] = {}
+
+    def of_set(system: AbstractSystem, state: State, elasticity: Elasticity, kept: Any, *more: Any) -> tuple:
+        key = kept.tobytes() if known else b""
+        if key in done:
+            return done[key]
+        opened = system.opened(kept) if system.names.one_sided else system
+        factor = factorised(opened, state, None)
+        found = factor, *solved(opened, state, factor, without_rows(elasticity, kept), *more)
+        if known:
+            done[key] = found
+        return found
+
+    return of_set
+
+
+def active_set(
+    system: AbstractSystem,
+    state: State,
+    elasticity: Elasticity,
+    of_set: Callable[..., tuple[Factorisation, Any, Elasticity, Any]],
+) -> ActiveSet:
+    """The rows that are kept, by `of_rows`. It has no derivatives: those of a solution are at a fixed active set."""
     system, state, elasticity = stop_gradient((system, state, elasticity))
     rows = np.array(system.names.one_sided)
     model = model_at(system.anonymous, state)
@@ -82,14 +119,13 @@ def active_set(system: AbstractSystem, state: State, elasticity: Elasticity, sol
     most = 8 * rows.size + 8
 
     def body(step: _Step) -> _Step:
-        opened = system.opened(step.kept)
-        factor = factorised(opened, state, None)
-        solution = solved(opened, state, factor, without_rows(elasticity, step.kept))
-        wrong, does = _signs(rows, closed, step.kept, (model, scales), factor, solution, elasticity)
+        factor, solution, bent, found = of_set(system, state, elasticity, step.kept)
+        bent = with_rows(bent, step.kept, elasticity)
+        wrong, does = _signs(rows, closed, step.kept, (model, scales), factor, solution, bent)
         # The worst first; then the first, which cannot go round in circles.
         place = xp.where(step.changes < 2 * rows.size, xp.argmax(wrong), xp.argmax(wrong > 0))
         flip = xp.asarray(np.arange(one_sided.size)) == take(xp.asarray(rows), place)
-        failed = differs(solution.result, RESULTS.successful)
+        failed = ~found | differs(solution.result, RESULTS.successful)
         settled = xp.all(wrong <= 0) | failed
         kept = xp.where(flip & ~settled, ~step.kept, step.kept)
         changes = step.changes + xp.where(settled, 0, 1)
@@ -149,8 +185,9 @@ def _signs(
     pulls, closes = -force, xp.where(decided, xp.maximum(into, -strain), into)
     wrong = xp.where(closed, xp.where(kept, pulls, closes), -1.0)
     carries, lifts = kept & (force > _CLEAR), ~kept & (into < -_CLEAR)
-    code = xp.where(carries, 3, xp.where(lifts, 1, 2))
-    return xp.where(wrong > _CLEAR, wrong, -1.0), xp.where(closed, code, 0)
+    opened, lifted, touching, loaded = map(code_of, Contact)
+    code = xp.where(carries, loaded, xp.where(lifts, lifted, touching))
+    return xp.where(wrong > _CLEAR, wrong, -1.0), xp.where(closed, code, opened)
 
 
 def _positive(x: Array) -> Array:

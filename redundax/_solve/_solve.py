@@ -26,7 +26,6 @@ from .._closures._closure import (
 from .._closures._elastic_joints import ElasticJoints
 from .._closures._unit_check import check_units
 from .._equations._culprits import thrown
-from .._equations._factorisation import factorised
 from .._equations._factorize import AnyFactorisation, dense_at, factorisation_at
 from .._equations._response import Response, times
 from .._solvers._continuation import Continuation
@@ -57,7 +56,8 @@ from .._tools._numbers import (
     take,
     xp,
 )
-from ._contacts import active_set, without_rows
+from ._contacts import active_set, all_kept, of_rows
+from ._play import apart_from_contacts, at_sides
 from ._reduced import Reduced, reduce
 from ._solution import Solution, Stats
 
@@ -94,8 +94,8 @@ def solve(
 
     - `system`: a `Mechanism` or `System`.
     - `state`: position, velocity and time, on the constraint manifold.
-    - `closure`: which of the multipliers to take where they are not unique. `None` leaves the choice to
-      Newton's open iteration (38) from `x0`, whose end point depends on `x0`.
+    - `closure`: which of the multipliers to take where they are not unique; joints may have play. `None` leaves the
+      choice to Newton's open iteration (38) from `x0`, whose end point depends on `x0`.
     - `solver`: used where friction depends on load: `Continuation()` if not given, `Newton()` or `FixedPoint()`;
       without a closure `Newton()`.
     - `x0`: initial guess [qdd; lam], shape (n + m,), a number stands for that many equal entries; the
@@ -144,7 +144,7 @@ def solve(
     if sense is not None:
         sense = vector("sense", sense, system.slips, " of slips")
     given = system, state, rank, closure, solver, x0, sense
-    if system.names.one_sided:
+    if system.names.one_sided or (closure is not None and closure.clearances(system) is not None):
         solution, factor = _with_contacts(system, state, rank, closure, solver, (x0, sense))
         return _told(solution, system, state, throw, factor)
     if factor is None and not are_known(system, state, rank):
@@ -173,26 +173,27 @@ def _with_contacts(
     solver: AbstractSolver,
     given: tuple[Array | None, Array | None],
 ) -> tuple[Solution, AnyFactorisation]:
-    """The solution with the one-sided contacts that carry, and its factorisation."""
+    """The solution with the one-sided contacts that carry and the sides of play, and its factorisation."""
     if closure is None or rank is not None or system.plan is not None:
+        what = "`system` has one-sided contacts" if system.names.one_sided else "`closure` has play"
         raise RedundaxError(
-            "Argument `system` has one-sided contacts, which need a closure and dense matrices, and decide the rank "
-            "themselves. Give a closure, and leave out `rank` and `sparse()`."
+            f"Argument {what}, for which `solve` takes a closure and dense matrices, and decides the rank itself. Give "
+            "a closure, and leave out `rank` and `sparse()`."
         )
     known = are_known(system, state, closure, solver, given)
 
-    def solved(opened: AbstractSystem, state: State, factor: Any, chosen: Elasticity, *of: Any) -> Solution:
+    def alone(opened: AbstractSystem, state: State, factor: Any, chosen: Elasticity, *of: Any) -> Solution:
         return solve_factorised(opened.anonymous, state, factor, chosen, solver, *(of or stop_gradient(given)))
 
     with computing() if known else contextlib.nullcontext():
-        at = as_numbers(state) if known else state
-        chosen = elasticity(closure, system, at)
-        found = active_set(system, at, chosen, solved)
-        opened = system.opened(found.kept)
-        factor = factorised(opened, at, None)
-        solution = solved(opened, at, factor, without_rows(chosen, found.kept), *given)
+        at, play = as_numbers((state, closure.clearances(system))) if known else (state, closure.clearances(system))
+        play, chosen = apart_from_contacts(play, system.names.one_sided, elasticity(closure, system, at, play=True))
+        of_set = of_rows(at_sides(play, alone), known=known)
+        found = active_set(system, at, chosen, of_set) if system.names.one_sided else all_kept(len(system.rows))
+        factor, solution, _, is_found = of_set(system, at, chosen, found.kept, *given)
+        settled = found.settled & is_found
     arrays = (solution.acceleration, solution.multipliers, solution.friction)
-    a, lam, tau = (nan_where(~found.settled, x) for x in arrays)
+    a, lam, tau = (nan_where(~settled, x) for x in arrays)
     left = xp.sum(~found.kept)
     solution = replace_fields(
         solution,
@@ -200,7 +201,7 @@ def _with_contacts(
         multipliers=lam,
         friction=tau,
         contact=found.contacts,
-        result=chosen_result(found.settled, solution.result, RESULTS.contacts_undecided),
+        result=chosen_result(settled, solution.result, RESULTS.contacts_undecided),
         stats=replace_fields(solution.stats, redundancy=solution.stats.redundancy - left),
     )
     return (as_arrays(solution) if known and not is_computing() else solution), factor

@@ -18,7 +18,14 @@ class Contact(enum.StrEnum):
 
 
 _WORDS = tuple(Contact)
-LEFT_OUT = tuple(_WORDS.index(word) for word in (Contact.open, Contact.lifts))  # codes of what carries in no solution
+
+
+def code_of(word: Contact) -> int:
+    """Its number in arrays."""
+    return _WORDS.index(word)
+
+
+LEFT_OUT = tuple(map(code_of, (Contact.open, Contact.lifts)))  # codes of what carries in no solution
 
 
 def words(codes: Any, names: tuple[str, ...]) -> dict[str, Any]:

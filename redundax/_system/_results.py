@@ -132,8 +132,9 @@ class RESULTS(eqx.Enumeration, metaclass=_Words):
         "The friction iteration reached `max_steps` before it met the tolerance. Raise `max_steps` or `rtol`."
     )
     contacts_undecided = (
-        "Which contacts carry was not found: they open and close in turn. With friction there may be no solution (the "
-        "mechanism jams) or several. Reduce the friction, or say which contacts carry by leaving the others out."
+        "Which contacts carry, or at which side joints with play stand, was not found: they change in turn. With "
+        "friction there may be no solution (the mechanism jams) or several. Reduce the friction, or say which contacts "
+        "carry by leaving the others out."
     )
     steps_exhausted = "The motion took `max_steps` steps before `t1`. Raise `max_steps` or `rtol`."
     step_too_small = (

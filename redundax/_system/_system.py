@@ -489,14 +489,14 @@ def check_system(system: object) -> None:
     check_kind("system", system, AbstractSystem, "a mechanism or system", "Give that first, then its state.")
 
 
-def refuse_contacts(call: str, system: object) -> None:
+def refuse_contacts(call: str, system: object, where: str = "") -> None:
     """Refuse a system with one-sided contacts, for a call that would hold all of them."""
     check_system(system)
     names = cast(AbstractSystem, system).names
     if names.one_sided:
         raise RedundaxError(
             f"Argument `system` has one-sided contacts, {', '.join(names.contacts)}, which `{call}` does not open and "
-            "close. Ask `solve` or `analyze` which of them carry, and give the mechanism with these alone, not "
+            f"close{where}. Ask `solve` or `analyze` which of them carry, and give the mechanism with these alone, not "
             "one-sided."
         )
 

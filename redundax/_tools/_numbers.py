@@ -142,6 +142,7 @@ _OF_NUMPY = {
     "svd": _or_nan(np.linalg.svd, _no_svd),
     "cholesky": _or_nan(np.linalg.cholesky, _nan_like),
     "inv": _or_nan(np.linalg.inv, _nan_like),
+    "pinv": _or_nan(np.linalg.pinv, lambda a, **_: _nan_like(a)),
     "solve": _or_nan(np.linalg.solve, _each_solved),
     "eigh": _or_nan(np.linalg.eigh, lambda a: (np.full(len(a), np.nan, a.dtype), _nan_like(a))),
     "eigvalsh": _or_nan(np.linalg.eigvalsh, lambda a: np.full(len(a), np.nan, a.dtype)),

@@ -18,6 +18,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int, PyTree
 
 from .._closures._closure import AbstractClosure, check_closure
+from .._closures._play import Play
 from .._solve._solution import Solution
 from .._system._axis import Axis
 from .._system._friction import AbstractFriction
@@ -264,6 +265,13 @@ class _RescaledClosure(AbstractClosure):
 
     def by_place(self, system: AbstractSystem) -> "_RescaledClosure":
         return replace_fields(self, inner=self.inner.by_place(system.inner if isinstance(system, Rescaled) else system))
+
+    def clearances(self, system: AbstractSystem) -> Play | None:
+        play = self.inner.clearances(system.inner) if isinstance(system, Rescaled) else None
+        if not isinstance(system, Rescaled) or play is None:
+            return None
+        first = np.array([rows[0] for rows in play.rows])
+        return Play(play.clearance * system.units.of(system.rows)[first], play.rows)
 
     def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
         if not isinstance(system, Rescaled):

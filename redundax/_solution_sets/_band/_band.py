@@ -10,7 +10,7 @@ their friction is any within its limits, and `_loads_at_rest` finds inner and ou
 import dataclasses
 import itertools
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from jax.typing import ArrayLike
@@ -24,23 +24,23 @@ from ..._equations._culprits import culprits
 from ..._equations._factorisation import Factorisation
 from ..._equations._factorize import dense_at
 from ..._solve._all_solutions import start_factors
-from ..._solvers._friction_problem import Law
 from ..._system._export import bands_dataset
 from ..._system._names import ByName, index_of, senses, unit_of
 from ..._system._pushing import changing, in_words, pulling
 from ..._system._results import RESULTS
 from ..._system._state import State
-from ..._system._system import AbstractSystem, refuse_contacts
+from ..._system._system import AbstractSystem, check_system_at, refuse_contacts
 from ..._system._units import with_unit
 from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._module import replace_fields
 from ..._tools._numbers import computed
 from ..._tools._table import figures, group, page
 from .._at_rest import is_still
-from .._bounds import AbstractBounds, cases_of, check_bounds, title_of
+from .._bounds import AbstractBounds, Pushing, cases_of, checked_bounds, title_of
 from .._cases import AbstractCases, Affine
 from .._family._solution_family import solutions_of
 from .._loads_at_rest._band_at_rest import bands_at_rest
+from .._pushing import Held, held
 from .._search import Search, best, few, proved_single
 from .._solution_set import SolutionSet, solution_set
 
@@ -139,7 +139,9 @@ class Bands:
         )
         lines += page([rows._replace(sides="<>><")], [], "All of them: bands.to_pandas()")
         endless = np.isinf(self.lower) | np.isinf(self.upper)
-        if np.any(endless):
+        if np.any(endless) and self.bounds == Pushing.__name__:
+            lines.append("Without end: that contacts push does not bound these. Give bounds of preload, or stiffness.")
+        elif np.any(endless):
             lines.append("Without end: friction grows with the loads that it causes, so that joints wedge themselves.")
         if np.any((np.isinf(self.outer_lower) | np.isinf(self.outer_upper)) & ~self.exact & ~endless):
             lines.append("Inner estimates: all within is attained; more may be, and no outer bound is known.")
@@ -169,7 +171,7 @@ def band(
     system: AbstractSystem,
     state: State,
     outputs: Sequence[str] | str | None,
-    bounds: AbstractBounds | AbstractClosure,
+    bounds: AbstractBounds | AbstractClosure | None = None,
     *,
     samples: int = 256,
     starts: int = 8,
@@ -201,7 +203,8 @@ def band(
       `Mechanism`, "K.travel''" of joint coordinates and those of `analyze(...).verdicts["reaction"]`; None for all
       accelerations of coordinates.
     - `bounds`: `AmplitudeBox`, `PreloadBox`, `PreloadNorm`, `MisfitBox` or `ComplianceBox`; or a closure, for the
-      loads that it picks.
+      loads that it picks. With one-sided contacts it may be left out: they push, which bounds much by itself. With
+      these nothing with friction may move.
     - `samples`: random cases that are looked at where the band is not exact, beside vertices.
     - `starts`, `seed`: random initial loads for each of them, where the number of solutions is not proved.
     - `nodes`: linear programmes at most for each extreme at rest; a few times as many where sleeves, balls or plates
@@ -210,12 +213,14 @@ def band(
 
     **Raises:** as `solution_family`; `ValueError` where bounds or outputs do not fit the system.
     """
-    refuse_contacts("band", system)
-    check_bounds(bounds)
+    check_system_at(system, state)
+    bounds = checked_bounds(bounds, system)
+    if system.names.one_sided:
+        return _with_contacts(system, state, outputs, bounds, sense, nodes)
     system, factor = dense_at(system, state, rank, factor)
     report = analyze(system, state, sense=sense, factor=factor)
     if report.at_rest:
-        return _at_rest(system, state, outputs, bounds, report, factor, sense, nodes)
+        return _at_rest(Held(system, factor, ()), state, outputs, bounds, report, sense, nodes)
     solutions = solutions_of(system, state, factor, report, sense)
     wanted = _wanted(system, state, outputs, report)
     matrix, unique = wanted.matrix, wanted.unique
@@ -253,24 +258,40 @@ def band(
     return _of_outputs(system, bands, wanted.asked)
 
 
-def _at_rest(
+def _with_contacts(
     system: AbstractSystem,
     state: State,
     outputs: Sequence[str] | str | None,
     bounds: AbstractBounds | AbstractClosure,
-    report: Report,
-    factor: Factorisation,
     sense: ByName | None,
     nodes: int,
 ) -> Bands:
-    """The bands of a mechanism whose joints rest, or some of them."""
+    """The bands of a mechanism whose closed contacts push."""
+    report = analyze(system, state, sense=sense)
+    if system.friction and not report.at_rest and not report.problem:
+        refuse_contacts("band", system, " where joints with friction move")
+    return _at_rest(held(system, state, report), state, outputs, bounds, report, sense, nodes)
+
+
+def _at_rest(
+    at: Held,
+    state: State,
+    outputs: Sequence[str] | str | None,
+    bounds: AbstractBounds | AbstractClosure,
+    report: Report,
+    sense: ByName | None,
+    nodes: int,
+) -> Bands:
+    """The bands of a mechanism whose joints rest, or some of them, or have no friction."""
     if report.problem:
         raise NoSolutionError(report.problem)
+    system, factor, pushing = at
     if is_still(system, state, factor):
         state = replace_fields(state, memory=())  # bristles that bend let it move, so they do not count
     solutions = solution_set(system, state, factor, report.self_stress, senses(system.slips, sense))
+    solutions = replace_fields(solutions, pushing=pushing)
     turns = np.where(system.slips.angular, np.asarray(factor.length), 1.0)
-    if np.any(factor.motion_of(cast(Law, solutions.law).rate * turns).is_undecided):
+    if solutions.law is not None and np.any(factor.motion_of(solutions.law.rate * turns).is_undecided):
         raise NoSolutionError(RESULTS[RESULTS.ambiguous_rest] + culprits(system, state, factor, RESULTS.ambiguous_rest))
     if solutions.undetermined is not None:
         raise NoSolutionError(RESULTS[RESULTS.singular_position])
@@ -296,7 +317,7 @@ def _at_rest(
         outer_lower=outer_lower,
         outer_upper=outer_upper,
         sense=_sense(solutions),
-        stands=stands,
+        stands=stands if system.friction else None,
     )
     return _of_outputs(system, bands, wanted.asked)
 

@@ -54,7 +54,8 @@ def sizes_of(solutions: SolutionSet, cases: AbstractCases, added: np.ndarray = _
     law, rows = solutions.law, np.asarray(solutions.rows)
     if law is None:
         return FrictionSizes(np.zeros(0), True, np.zeros((0, 0)), added)
-    lower, upper = cases.lower, cases.upper
+    endless = np.isinf(cases.upper)
+    lower, upper = (np.where(endless, 0.0, end) for end in (cases.lower, cases.upper))
     bases, unit = cases.chosen(np.stack([lower, (lower + upper) / 2, upper]))
     unit = (unit if unit.ndim == 2 else unit[1])[rows, : len(law.rate) + len(added)]
     limits = [np.abs(np.stack(_limits_at(law, base[rows])[:2])).max(axis=0) for base in bases]
@@ -62,7 +63,7 @@ def sizes_of(solutions: SolutionSet, cases: AbstractCases, added: np.ndarray = _
     changes = law.largest_changes(np.concatenate([np.eye(len(rows)), unit, slope], axis=1))
     parts = np.cumsum([len(rows), len(limits[0]), len(added)])
     growth, gamma, by_added, change = np.split(changes, parts, axis=1)
-    if isinstance(cases, Affine) and np.all(np.isfinite(gamma)) and spectral_radius(gamma) < 1:
+    if isinstance(cases, Affine) and not endless.any() and np.all(np.isfinite(gamma)) and spectral_radius(gamma) < 1:
         given = limits[1] + change @ np.abs(upper - lower) / 2 + by_added @ added
         friction = np.linalg.solve(np.eye(len(gamma)) - gamma, given) * _WIDER
         return FrictionSizes(_shared(law, np.where(friction > 0, friction, 1.0)), True, growth, added)

@@ -24,13 +24,14 @@ from ..._equations._response import Response
 from ..._system._names import ByName, unit_of, vector
 from ..._system._pushing import changing, in_words, pulling
 from ..._system._state import State
-from ..._system._system import AbstractSystem, check_system_at, refuse_contacts
+from ..._system._system import AbstractSystem, check_system_at
 from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._module import replace_fields
 from ..._tools._numbers import Numeric, as_numbers, computed, xp
 from .._at_rest import NONE, ReducedForce, drive, velocity_basis
-from .._bounds import AbstractBounds, cases_of, check_bounds, title_of
+from .._bounds import AbstractBounds, cases_of, checked_bounds, title_of
 from .._cases import AbstractCases
+from .._pushing import held
 from .._solution_set import SolutionSet, solution_set
 from ._extreme import Extreme, LoadsAtRest
 from ._friction_limits import sizes_of
@@ -43,6 +44,7 @@ _SLIPS = 1e-6  # rate of a slip that is none, relative to the largest
 _REACHED = 0.99  # share of the amounts looked at from which their end counts as reached
 _SHARES, _GAPS = 8, 6  # of the amounts that are borne, to ask for gaps between them; and gaps in a row
 _AT_LIMIT = 1e-7  # what is left of a limit that is none, relative to the friction
+_UNLOADED = 1e-5  # share of the largest load that is none: what amounts 1e-7 from the end leave, by levers up to 100
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,6 +69,8 @@ class LimitLoad:
     - `bounds`, `parameters`, `box`: what was bounded, the names of the entries of a case, and their bounds, (q, 2).
     - `title`: all that was bounded, in words.
     - `pulling`: names of the rows of teeth that pull at an end: their other flanks are in contact there.
+    - `lifts`, `carries`: names of the closed one-sided contacts that have no load left at each end, and of the others:
+      it tips about these.
 
     ??? example
 
@@ -94,6 +98,8 @@ class LimitLoad:
     title: str
     units: tuple[str, ...] = ()
     pulling: tuple[str, ...] = ()
+    lifts: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
+    carries: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
 
     def to_dict(self) -> dict[str, Any]:
         """Plain Python data; infinities and NaN become None."""
@@ -109,7 +115,8 @@ class LimitLoad:
         choice = "Can stand, in the most favourable case," if np.ptp(self.box, axis=-1).any() else "Stands"
         lines.append(f"{choice} with amounts from {self.lower:.6g} to {self.upper:.6g}")
         ends = (self.lower, self.outer_lower, "below"), (self.upper, self.outer_upper, "above")
-        for (inner, outer, side), slips, looked in zip(ends, self.slips, self.looked, strict=True):
+        way = zip(ends, self.slips, self.lifts, self.carries, self.looked, strict=True)
+        for (inner, outer, side), slips, lifts, carries, looked in way:
             if np.isinf(inner):
                 lines.append(f"{side}: locks itself, as far as {looked:.4g}")
                 continue
@@ -118,7 +125,10 @@ class LimitLoad:
                 if np.isfinite(outer)
                 else "no outer bound is known"
             )
-            lines.append(f"{side}: {', '.join(slips) or 'what no friction holds'} give way ({proof})")
+            tips = f"{', '.join(lifts)} lift{'s' * (len(lifts) == 1)}, about {', '.join(carries) or 'nothing'}"
+            gives = f"{', '.join(slips) or 'what no friction holds'} give way"
+            told = [gives] * bool(slips or not lifts) + [tips] * bool(lifts)
+            lines.append(f"{side}: {'; '.join(told)} ({proof})")
         if self.pulling:
             lines.append(f"{changing(self.pulling)} at an end: {in_words(self.pulling)}")
         return "\n".join(lines)
@@ -129,7 +139,7 @@ def limit_load(
     system: AbstractSystem,
     state: State,
     load: ByName,
-    bounds: AbstractBounds | AbstractClosure = _MINIMUM_NORM,
+    bounds: AbstractBounds | AbstractClosure | None = None,
     *,
     nodes: int = 400,
     rank: ArrayLike | None = None,
@@ -151,7 +161,8 @@ def limit_load(
 
     - `system`, `state`: concrete values, at rest; not inside `jit` or `vmap`.
     - `load`: generalised forces by name of coordinate, N or N m, or an array of shape (n,).
-    - `bounds`: what is known of preload, misfit or compliance, as of `band`; or a closure, for the loads that it picks.
+    - `bounds`: what is known of preload, misfit or compliance, as of `band`; or a closure, for the loads that it picks,
+      `MinimumNorm()` if not given. With one-sided contacts that they push is enough.
     - `nodes`: linear programmes at most for each end; a few times as many where sleeves, balls or plates rest,
       which can take tens of seconds.
     - `rank`, `factor`: as in `solve`.
@@ -160,12 +171,15 @@ def limit_load(
 
     **Raises:** `ValueError` where the state moves or the load drives no motion; `RuntimeError` as `band`.
     """
-    refuse_contacts("limit_load", system)
-    check_bounds(bounds)
     check_system_at(system, state)
-    state = replace_fields(state, memory=())
-    system, factor = dense_at(system, state, rank, factor)
-    report = analyze(system, state, factor=factor)
+    bounds = checked_bounds(bounds, system, _MINIMUM_NORM)
+    state, names = replace_fields(state, memory=()), system.names
+    if names.one_sided:
+        report = analyze(system, state)
+        system, factor, pushing = held(system, state, report)
+    else:
+        system, factor = dense_at(system, state, rank, factor)
+        report, pushing = analyze(system, state, factor=factor), ()
     if report.problem:
         raise NoSolutionError(report.problem)
     if not isinstance(load, Mapping) and np.ndim(load) != 1:
@@ -176,7 +190,8 @@ def limit_load(
     force: Numeric = as_numbers(vector("load", load, system.coordinates, " of coordinates"))
     start, ways = drive(system, state, factor), velocity_basis(system, factor)
     own = force @ ways
-    if not np.linalg.norm(own) > NONE * np.linalg.norm(force):
+    own = np.where(np.linalg.norm(own) > NONE * np.linalg.norm(force), own, 0.0)
+    if not pushing and not own.any():
         raise RedundaxError(
             "Argument `load` must drive a motion that the joints leave, but does none. "
             "Name a coordinate that moves; what holds a locked mechanism is a multiplier, which `band` bounds."
@@ -185,11 +200,13 @@ def limit_load(
         solution_set(system, state, factor, report.self_stress, None),
         _response(factor, elasticity(_MINIMUM_NORM, system, state), force),
     )
+    solutions = replace_fields(solutions, pushing=pushing)
     cases = cases_of(bounds, system, state, report, solutions)
     scale = _scale(solutions, cases, start, own)
     given = AddedLoad(start, own, scale)
     ends = [_end(sign, system, state, factor, solutions, cases, given, nodes) for sign in (-1.0, 1.0)]
     multipliers = np.stack([end.multipliers for end in ends])
+    words = dict(zip(names.one_sided, names.contacts, strict=True))
     return LimitLoad(
         load={name: float(amount) for name, amount in zip(system.coordinates.labels, force, strict=True) if amount},
         lower=ends[0].value,
@@ -198,6 +215,8 @@ def limit_load(
         outer_upper=ends[1].bound,
         looked=(ends[0].looked, ends[1].looked),
         slips=(ends[0].slips, ends[1].slips),
+        lifts=(_named(words, ends[0].lifts), _named(words, ends[1].lifts)),
+        carries=(_named(words, ends[0].carries), _named(words, ends[1].carries)),
         motion=np.stack([end.motion for end in ends]),
         case=np.stack([end.case for end in ends]),
         multipliers=multipliers,
@@ -226,6 +245,12 @@ class _End(NamedTuple):
     case: np.ndarray
     multipliers: np.ndarray
     friction: np.ndarray
+    lifts: tuple[int, ...] = ()
+    carries: tuple[int, ...] = ()
+
+
+def _named(names: dict[int, str], rows: tuple[int, ...]) -> tuple[str, ...]:
+    return tuple(names[row] for row in rows)
 
 
 def _end(
@@ -251,8 +276,9 @@ def _end(
     if extreme.x is None or looked is None:
         value = np.nan if extreme.x is None else sign * np.inf
         lost = [np.full(length, np.nan) for length in (n, cases.lower.size, m, len(system.slips))]
-        return _End(value, sign * np.inf, sign * size, (), *lost)
+        return _End(value, sign * np.inf, sign * size, (), lost[0], lost[1], lost[2], lost[3])
     slips, motion = _way(system, factor, found, extreme.x, given.start, sign * given.drive)
+    lifts, carries = _tipping(found, extreme.x, solutions.pushing, nodes)
     own = found.unknowns
     return _End(
         sign * extreme.value * size + 0.0,
@@ -263,7 +289,22 @@ def _end(
         found.figures(extreme.x),
         own.multipliers(extreme.x),
         own.friction(extreme.x),
+        lifts,
+        carries,
     )
+
+
+def _tipping(
+    found: Standing, x: np.ndarray, pushing: tuple[int, ...], nodes: int
+) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Rows of contacts that have no load in any state with the amount of x, and of the others."""
+    loads, box = found.unknowns.multipliers, found.programme.box.copy()
+    none = _UNLOADED * np.abs(loads(x)).max(initial=0.0)
+    box[-1] = x[-1] - _AT_LIMIT * np.abs(x[-1]), x[-1] + _AT_LIMIT * np.abs(x[-1])
+    bare = [row for row in pushing if loads(x)[row] <= none]
+    whole = LoadsAtRest(found.programme, most=nodes).narrowed(box) if bare else None
+    lifts = [row for row in bare if whole and whole.extreme(loads.matrix[row]).bound + loads.offset[row] <= none]
+    return tuple(lifts), tuple(row for row in pushing if row not in lifts)
 
 
 def _first_end(programme: Programme, sign: float, nodes: int) -> tuple[Extreme, float | None]:
@@ -352,7 +393,9 @@ def _left(programme: Programme, x: np.ndarray) -> np.ndarray:
 def _scale(solutions: SolutionSet, cases: AbstractCases, start: ReducedForce, own: np.ndarray) -> float:
     """The amount that friction without it holds, about."""
     friction = sizes_of(solutions, cases).friction
-    size = np.linalg.norm(own)
+    size, unit = np.linalg.norm(own), solutions.response.unit.multipliers[:, -1]
+    if not size > 0:  # it moves nothing while all contacts are closed
+        return float(np.abs(solutions.response.free.multipliers).max() / (np.abs(unit).max() or 1.0)) or 1.0
     held = np.abs(start.load @ own) / size + np.abs(start.slips @ own) @ friction / size
     return float(held / size) or 1.0
 

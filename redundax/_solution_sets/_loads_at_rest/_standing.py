@@ -65,10 +65,10 @@ def standing(
     found = bounded(cases, solutions, sizes)
     balance, unknowns = _balance(system, state, factor, solutions, found.unknowns, added)
     limited = [*friction_limits(solutions, unknowns.friction, unknowns.multipliers, sizes), *found.limited]
-    none = found.equal.rows(np.zeros(0, int))
+    none, pushes = found.equal.rows(np.zeros(0, int)), unknowns.multipliers.rows(np.array(solutions.pushing, int))
     programme = Programme(
         equal=_right(stacked([balance, found.equal])),
-        within=_right(found.within),
+        within=_right(stacked([found.within, pushes.times(-np.eye(len(solutions.pushing)))])),
         norm=found.norm,
         box=unknowns.box,
         bounded=stacked([none, *(part.bounded for part in limited)]),
@@ -89,8 +89,10 @@ def _balance(
     unknowns: Unknowns,
     added: AddedLoad | None,
 ) -> tuple[AffineMap, Unknowns]:
-    """What vanishes: all accelerations at rest, those of the slips that rest where others move."""
+    """What vanishes: all accelerations at rest, those of the slips that rest where others move, or nothing."""
     law = solutions.law
+    if law is None and added is None:
+        return unknowns.acceleration.rows(np.zeros(0, int)), unknowns
     if is_still(system, state, factor) and (law is None or np.all(law.is_open)):
         start = drive(system, state, factor) if added is None else added.start
         n = len(system.coordinates)

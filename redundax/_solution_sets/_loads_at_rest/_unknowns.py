@@ -67,7 +67,9 @@ def figures_at(cases: AbstractCases, unknowns: Unknowns, x: np.ndarray) -> np.nd
 def _of_cases(cases: Affine, solutions: SolutionSet, sizes: FrictionSizes) -> Bounded:
     """theta and tau; limits of multipliers, or their norm."""
     rows, least, most, width = cases.rows, cases.least, cases.most, cases.width
-    middle, half, ends = (cases.lower + cases.upper) / 2, (cases.upper - cases.lower) / 2, np.ones(len(cases.lower))
+    endless = np.isinf(cases.upper)
+    lower, upper = np.where(endless, [[-1.0], [1.0]] * _reach(cases, sizes), [cases.lower, cases.upper])
+    middle, half, ends = (lower + upper) / 2, (upper - lower) / 2, np.where(endless, np.inf, 1.0)
     unknowns = _unknowns(solutions, middle, half, ends, sizes, (cases.start, cases.slope, cases.unit))
     own = unknowns.multipliers.rows(rows)
     none = own.rows(np.zeros(0, int))
@@ -75,6 +77,13 @@ def _of_cases(cases: Affine, solutions: SolutionSet, sizes: FrictionSizes) -> Bo
         return Bounded(unknowns, none, none, own.over(most), [])
     above, below = (own.times(np.diag(sign / width), -sign * end / width) for sign, end in ((1, most), (-1, least)))
     return Bounded(unknowns, none, stacked([above, below]), none, [])
+
+
+def _reach(cases: Affine, sizes: FrictionSizes) -> np.ndarray:
+    """The size of a case that changes multipliers by as much as there is."""
+    loads = np.abs(cases.start) + np.abs(cases.unit) @ np.concatenate([sizes.friction, sizes.added])
+    reach = np.abs(np.linalg.pinv(cases.slope)) @ loads
+    return np.where(reach > 0, reach, 1.0)
 
 
 def _of_compliances(cases: Fractional, solutions: SolutionSet, sizes: FrictionSizes) -> Bounded:

@@ -6,6 +6,8 @@ import numpy as np
 
 from ..._analysis._analyze import analyze
 from ..._bodies._mechanism import Mechanism
+from ..._solve._solution import Solution
+from ..._system._contact import Contact
 from ..._system._state import State
 from ..._tools._errors import RedundaxError
 from ._arrows import LOADS, SMOOTH, STRESSES, Arrows
@@ -25,6 +27,17 @@ def load_groups(
         look = LOADS if mechanism.friction else SMOOTH
         groups.append(Arrows(look, artist.loads(stage, mechanism, state, lam)))
     return groups
+
+
+def idle_contacts(mechanism: Mechanism, state: State, solution: Solution) -> dict[str, str]:
+    """What one-sided contacts do that do not carry, by name, and the gap of those that are open."""
+    names, rows = mechanism.names, np.array(mechanism.names.one_sided, int)
+    gaps, out = -np.asarray(mechanism.constraint(state.q, state.t)), {}
+    for row, (name, word) in zip(rows, solution.contacts.items(), strict=True):
+        gap = f" by {gaps[row]:.3g} {names.units.of('linear')}".rstrip() if word == Contact.open else ""
+        if word != Contact.carries:
+            out[name] = f" {word}{gap}"
+    return out
 
 
 def check(mechanism: Any, scale: float | None) -> None:

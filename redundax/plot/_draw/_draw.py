@@ -11,9 +11,10 @@ from jax.typing import ArrayLike
 
 from ..._analysis._report import Report
 from ..._bodies._mechanism import Mechanism
+from ..._solve._solution import Solution
 from ..._system._state import State
 from ..._tools._module import Numbers
-from ._arguments import check, check_state, load_groups
+from ._arguments import check, check_state, idle_contacts, load_groups
 from ._arrows import FORCES, LOADS, LONGEST, Arrows
 from ._artists import artist_of, not_unique
 from ._key import draw_key, key_height
@@ -40,7 +41,7 @@ def draw(
     *,
     axes: "matplotlib.axes.Axes | None" = None,
     self_stress: int | ArrayLike | Sequence[float] | None = None,
-    multipliers: ArrayLike | Sequence[float] | None = None,
+    multipliers: ArrayLike | Sequence[float] | Solution | None = None,
     report: Report | Collection[str] | None = None,
     names: bool = True,
     scale: float | None = None,
@@ -50,9 +51,9 @@ def draw(
     """Draw a mechanism at a state, and joint loads as arrows. Needs matplotlib.
 
     In the plane, bodies are rounded bars or plates spanned by their joints and centre of mass. Circles are revolute
-    joints, blocks between rails translational ones, dark pins in white slots pin-in-slot joints, black squares fixed
-    joints, M a driven angle, a cylinder a driven distance, diamonds joints of other kinds; hatching is the ground. The
-    arrow of a
+    joints, blocks between rails translational ones, dark pins in white slots pin-in-slot joints, above a line where
+    they are one-sided, black squares fixed joints, M a driven angle, a cylinder a driven distance, diamonds joints of
+    other kinds; hatching is the ground. The arrow of a
     joint starts at the joint and is what the joint does to its **body i**: -lam for a revolute joint, +lam along the
     normal for a translational one, and in general -(d residual / d pose_i)^T lam, moments about the joint's point on
     body i. Moments are circular arrows, counterclockwise where positive, with their values. Loads below 1e-4
@@ -84,7 +85,8 @@ def draw(
     - `axes`: matplotlib axes to draw on, whose limits are set; those of a new pyplot figure if not given.
     - `self_stress`: a self-stress state as open arrows: its values (m,), or its index in
       `analyze(mechanism, state).self_stress`.
-    - `multipliers`: lam, shape (m,), as filled arrows: those of a solution, say.
+    - `multipliers`: lam, shape (m,), as filled arrows; or a solution, of which one-sided contacts that do not carry
+      are told beside their names: "f1 lifts", "f2 touches", "f3 open by 0.001 m".
     - `report`: of `rx.analyze`, or the names of joints whose load is not unique: these are red, with a question mark,
       and in space joints are green where it is and red where not.
     - `names`: whether joints and bodies are named.
@@ -100,7 +102,8 @@ def draw(
     check_state(mechanism, state)
     artist = artist_of(mechanism, [state], view=view, shapes=shapes, not_unique=not_unique(report))
     stage = artist.scene(mechanism, state)
-    groups = load_groups(artist, stage, mechanism, state, self_stress, multipliers)
+    loads = multipliers.multipliers if isinstance(multipliers, Solution) else multipliers
+    groups = load_groups(artist, stage, mechanism, state, self_stress, loads)
     applied = Arrows(FORCES, artist.applied(stage))
     if axes is None:
         from matplotlib import pyplot
@@ -115,7 +118,8 @@ def draw(
     draw_key(Pen(axes, point), groups, stage)
     if not legible(stage, point):
         return axes
-    named = [*joint_labels(pen, stage, not_unique(report)), *_body_labels(pen, stage, outlines)] if names else []
+    said = idle_contacts(mechanism, state, multipliers) if isinstance(multipliers, Solution) else {}
+    named = [*joint_labels(pen, stage, not_unique(report), said), *_body_labels(pen, stage, outlines)] if names else []
     place(pen, [*named, *values], ceiling)
     return axes
 
@@ -214,9 +218,13 @@ def _set_scales(groups: list[Arrows], longest: float, scale: float | None) -> No
             applied.scale = group.scale
 
 
-def joint_labels(pen: Pen, stage: Stage, not_unique: frozenset[str] | None = None) -> list[Label]:
-    """One label for all joints at a place; red with a question mark where a load is not unique."""
+def joint_labels(
+    pen: Pen, stage: Stage, not_unique: frozenset[str] | None = None, said: Mapping[str, str] | None = None
+) -> list[Label]:
+    """One label for all joints at a place, with what is said of them; red with a question mark where a load is not
+    unique."""
     doubtful, labels = not_unique or frozenset(), []
+    said = said or {}
     spots = np.array([joint.spot for joint in stage.joints]).reshape(-1, 2)
     left = np.ones(len(spots), bool)
     for first, spot in enumerate(spots):
@@ -229,7 +237,7 @@ def joint_labels(pen: Pen, stage: Stage, not_unique: frozenset[str] | None = Non
         wide = max(PIN + 2.5 if joint.axis is None else BLOCK[1] / 2 + 4.0 for joint in found)
         labels.append(
             Label(
-                ", ".join(f"{name}?" if name in doubtful else name for name in names),
+                ", ".join(f"{name}{'?' * (name in doubtful)}{said.get(name, '')}" for name in names),
                 f"joint name {found[0].name}",
                 *around(pen, spot, wide),
                 weight="bold",

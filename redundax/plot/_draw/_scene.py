@@ -31,7 +31,8 @@ class Joint:
 
     `axis` is the unit vector along its guide, `length` the guide's length and `ratio` that of a coupling of angles,
     where the joint has such a thing, `mesh` its teeth and `radius` that of a wheel on a line; `pointed` is whether it
-    has a point. `locks` are the names of its rows. `group` and `member` say where in the mechanism's stacks it lies.
+    has a point, `one_sided` whether it only pushes. `locks` are the names of its rows. `group` and `member` say where
+    in the mechanism's stacks it lies.
     """
 
     name: str
@@ -49,6 +50,7 @@ class Joint:
     ratio: float | None
     pointed: bool
     mesh: Mesh | None = None
+    one_sided: bool = False
     radius: float | None = None
 
     @property
@@ -187,6 +189,7 @@ def _joints(mechanism: Mechanism, group: int, r: np.ndarray, phi: np.ndarray) ->
             ratio=None if ratio is None else float(ratio[k]),
             pointed=pointed,
             mesh=meshes[k],
+            one_sided=element.one_sided,
             radius=None if radius is None else float(radius[k]),
         )
         for k in range(len(i))

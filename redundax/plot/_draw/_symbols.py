@@ -125,9 +125,23 @@ def _translational(pen: Pen, scene: Scene, joint: Joint) -> None:
     pen.cover_line(joint.on_i - reach, joint.on_i + reach, BLOCK[1] + 4.0, HARD)
 
 
+def _floor(pen: Pen, scene: Scene, joint: Joint) -> None:
+    """The side of a slot that pushes, under the pin as far as their gap; hatched where it belongs to the ground."""
+    axis = np.asarray(joint.axis)
+    foot = joint.on_j + axis * ((joint.on_i - joint.on_j) @ axis) - across(axis) * (PIN + 0.5) * pen.point
+    reach = guide_reach(joint.length, pen.point) * axis
+    if joint.j == scene.ground:
+        pen.hatched(foot - reach, foot + reach, GROUND)
+    else:
+        pen.line([foot - reach, foot + reach], dark(body_colour(joint.j, scene.ground)), BODY_Z + 0.9, linewidth=1.8)
+        pen.cover_line(foot - reach, foot + reach, 4.0, HARD)
+
+
 def _pin_in_slot(pen: Pen, scene: Scene, joint: Joint) -> None:
     half, colour = PIN + 1.6, dark(body_colour(joint.i, scene.ground))
-    if joint.j == scene.ground:
+    if joint.one_sided:
+        _floor(pen, scene, joint)
+    elif joint.j == scene.ground:
         _guide(pen, scene, joint, half)
     else:
         axis = np.asarray(joint.axis)

@@ -1,0 +1,98 @@
+"""What contacts may carry, and how much they bear, as they only push: against closed forms and linear programmes."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+from test_contacts import G, table_of_joints
+
+import redundax as rx
+
+
+def block(mu, feet):
+    """A block of 10 kg on feet 0.3 m to either side, its centre 0.5 m up; they rub."""
+    law = {"normal": (0.0, 1.0), "friction": rx.Coulomb(mu), "one_sided": True}
+    joints = [
+        rx.PinInSlot(f"f{k}", "block", "ground", (x, -0.5), (x, 0.0), **law)
+        for k, x in enumerate(np.linspace(-0.3, 0.3, feet))
+    ]
+    mechanism = rx.Mechanism([rx.Body("block", 10.0, 1.0)], joints, gravity=(0.0, -G))
+    return mechanism, rx.State(jnp.array([0.0, 0.5, 0.0]), jnp.zeros(3))
+
+
+@pytest.mark.parametrize("mu", [0.3, 0.9])
+def test_a_block_slides_or_tips(mu):
+    """It slides from mu m g, and tips from m g 0.3/0.5, whichever is less."""
+    found = rx.limit_load(*block(mu, 2), {"block.x": 1.0})
+    least = 10 * G * min(mu, 0.6)
+    assert (found.lower, found.upper) == pytest.approx((-least, least), rel=1e-7)
+    assert found.outer_upper == pytest.approx(least, rel=1e-6)
+    if mu == 0.3:
+        assert found.slips == (("f0", "f1"),) * 2 and found.lifts == ((), ())
+    else:
+        assert found.lifts == (("f1",), ("f0",)) and found.carries == (("f0",), ("f1",))
+        assert "above: f0 lifts, about f1 (moves" in str(found)
+
+
+def test_three_feet_may_carry_what_pushing_and_rubbing_allow():
+    """No stiffness and no preload: an outer foot half the weight, the middle one all of it.
+
+    Its friction is against that of the others, mu (m g - N) at most, so that mu m g / 2 is the largest.
+    """
+    bands = rx.band(*block(0.3, 3), ["f0.perpendicular", "f1.perpendicular", "tau f1"])
+    assert bands.exact.all() and bands.stands == "yes"
+    np.testing.assert_allclose(bands.lower, [0, 0, -0.3 * 5 * G], rtol=1e-7, atol=1e-7)
+    np.testing.assert_allclose(bands.upper, [5 * G, 10 * G, 0.3 * 5 * G], rtol=1e-7)
+
+
+def test_a_table_tips_about_the_feet_that_are_named():
+    mechanism = table_of_joints()
+    found = rx.limit_load(mechanism, rx.assemble(mechanism), {"table.x": 1.0})
+    assert found.upper == pytest.approx(10 * G * 0.4 / 0.7, rel=1e-9)
+    assert found.lifts == (("f2", "f3"), ("f1", "f4"))
+    assert "above: f1, f4 lift, about f2, f3" in str(found)
+
+
+def test_bands_of_legs_are_those_of_linear_programmes():
+    push = 30.0
+    mechanism = table_of_joints(push)
+    legs = [f"f{k}.axial" for k in range(1, 5)]
+    bands = rx.band(mechanism, rx.assemble(mechanism), legs)
+    balance = np.array([[1, 1, 1, 1], [-0.4, 0.4, 0.4, -0.4], [-0.3, -0.3, 0.3, 0.3]])
+    for k in range(4):
+        for sign, found in ((1, bands.lower[k]), (-1, bands.upper[k])):
+            truth = linprog(sign * np.eye(4)[k], A_eq=balance, b_eq=[10 * G, 0.7 * push, 0.0]).fun
+            assert found == pytest.approx(sign * truth, abs=1e-7)
+    assert bands.exact.all()
+    box = rx.band(mechanism, rx.assemble(mechanism), legs[:1], rx.PreloadBox({"f1.axial": (20.0, 60.0)}))
+    np.testing.assert_allclose([box.lower, box.upper], [[20.0], [5 * G - 0.7 * push / 0.8]], rtol=1e-7)
+
+
+def test_pictures_say_what_does_not_carry():
+    """Two feet of a pushed table lift; a foot above a lower floor is open by its gap. They have no arrows."""
+    table = table_of_joints(60.0)
+    law = {"normal": (0.0, 1.0), "one_sided": True}
+    feet = [
+        rx.PinInSlot(name, "block", "ground", (x, -0.5), (x, y), **law)
+        for name, x, y in (("a", -0.3, 0.0), ("b", 0.1, 0.0), ("c", 0.3, -0.1))
+    ]
+    stool = rx.Mechanism([rx.Body("block", 10.0, 1.0)], feet, gravity=(0.0, -G), units=rx.units.SI)
+    for mechanism, state, told in (
+        (table, rx.assemble(table), {"f1 lifts", "f4 lifts", "f2", "f3"}),
+        (stool, rx.assemble(stool, {"block.y": 0.5}), {"a", "b", "c open by 0.1 m"}),
+    ):
+        axes = rx.plot.draw(mechanism, state, multipliers=rx.solve(mechanism, state))
+        texts = {text.get_text() for text in axes.texts}
+        assert told <= texts
+        loaded = {word for word in told if " " not in word}
+        assert {text.split(":")[0] for text in texts if ": " in text} & {"f1", "f4", "c"} == set()
+        assert all(any(text.startswith(f"{name}:") for text in texts) for name in loaded)
+
+
+def test_what_may_move_is_refused():
+    mechanism, state = block(0.3, 2)
+    moving = rx.State(state.q, jnp.array([1.0, 0.0, 0.0]))
+    with pytest.raises(rx.RedundaxError, match="does not open and close where joints with friction move"):
+        rx.band(mechanism, moving, "f0.perpendicular")
+    with pytest.raises(rx.RedundaxError, match="`bounds`"):
+        rx.band(rx.mechanisms.wojtyra2020(), rx.mechanisms.wojtyra2020().state(phi=0.8, rate=0.0), "A.x")
