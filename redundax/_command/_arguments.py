@@ -71,9 +71,9 @@ def _own_mechanism(commands: Any) -> None:
             metavar="FILE.py:NAME",
             help="a pair (system, state), a function that returns one, or a system beside a State named 'state'",
         )
-    examination = _audit(commands)
+    examination, referee = _audit(commands), _check(commands)
     _drive(commands)
-    for command in (analysis, study, examination):
+    for command in (analysis, study, examination, referee):
         command.add_argument("--json", action="store_true", help="print JSON")
     page.add_argument(
         "-o",
@@ -152,6 +152,32 @@ def _audit(commands: Any) -> argparse.ArgumentParser:
         help="rows that --fix is to free, as the audit names them; by default what the audit marks",
     )
     return examination
+
+
+def _check(commands: Any) -> argparse.ArgumentParser:
+    """Add the command on logs."""
+    referee = commands.add_parser(
+        "check",
+        help="which joint loads of another program's log are determined, and whether those are right",
+        description="Stamps each joint load of a log: determined by the machine and right, determined and wrong, or "
+        "not determined, with the self-stress that it carries.",
+        epilog="Columns are t, joint coordinates such as A.angle, with ' behind for rates and '' for accelerations, "
+        "and loads such as 'A force x on crank' or A.fx, in N and N m about the joint's point. Exit status: 0 if no "
+        "load is wrong, 2 if a file cannot be read or does not fit, 3 if a load is wrong, 4 if a constraint of the "
+        "model is left out.",
+    )
+    referee.add_argument("system", metavar="MODEL", help=".xml (MJCF), .urdf, .asmt, or FILE.py:NAME as for analyze")
+    referee.add_argument("log", metavar="LOG", nargs="?", help="a file of CSV; by default the run that an .asmt stores")
+    referee.add_argument("--run", metavar="S", type=_size, help="make the log by MuJoCo, so many seconds from rest")
+    referee.add_argument("--axes", choices=("global", "body", "joint"), help="of components; by default what fits best")
+    referee.add_argument("--drive", metavar="NAME", action="append", default=[], help="a coordinate that is driven")
+    referee.add_argument("--rtol", type=_size, default=1e-3, help="what is right, of the joint's load (default 1e-3)")
+    referee.add_argument(
+        "--png", metavar="FILE", type=_picture, default=argparse.SUPPRESS, help="also draw loads over time"
+    )
+    for name, text in (("--closures", "loops of a URDF, as of audit"), ("--keyframe", "of an MJCF, as of audit")):
+        referee.add_argument(name, metavar="FILE" if name == "--closures" else "NAME", help=text)
+    return referee
 
 
 def _drive(commands: Any) -> None:

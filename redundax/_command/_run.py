@@ -15,6 +15,7 @@ import jax
 from .._tools._cache import keep_programs
 from ._arguments import argument_parser
 from ._audit import audit_file
+from ._check import check_file
 from ._drive import drive_file
 from ._file import FileError, blaming, check_target, load
 from ._output import tell
@@ -41,6 +42,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             return first_page(arguments.png)
         if arguments.command == "audit":
             return audit_file(arguments)
+        if arguments.command == "check":
+            return check_file(arguments)
         if arguments.command == "drive":
             return drive_file(arguments)
         with blaming(arguments.system):

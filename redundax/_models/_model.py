@@ -15,6 +15,7 @@ from .._tools._module import Numbers, floats, on_device
 from ._build import mechanism_of, position_of
 from ._description import WITHOUT, Description, missing_of
 from ._formats import describe
+from ._mujoco_run import run
 from ._series import Series
 from ._start import Limit, Start, outside, start
 from ._tree import OPEN, Tree
@@ -131,6 +132,14 @@ class Model:
     def series(self) -> Series | None:
         """What a program has stored of a run in the file: positions of bodies and reactions of joints over time."""
         return self.described.series
+
+    def run(self, seconds: float) -> Series:
+        """A run of the model by MuJoCo, from rest where it is, as `series`: of MJCF, and of URDF with loops beside it.
+
+        Loads are those of MuJoCo's constraint forces, which make loops soft; contact, limits of joints and drives are
+        switched off.
+        """
+        return run(self.tree, self.positions, seconds)
 
     @property
     def described(self) -> Description:

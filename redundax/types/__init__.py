@@ -7,6 +7,7 @@ from .._analysis._release import Release as Release
 from .._analysis._report import Report as Report
 from .._analysis._stability import Stability as Stability
 from .._analysis._verdict import Judged as Judged
+from .._check._report import LogReport as LogReport
 from .._drive._run import Run as Run
 from .._equations._factorisation import Factorisation as Factorisation
 from .._equations._sparse_factorisation import SparseFactorisation as SparseFactorisation

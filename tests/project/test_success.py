@@ -141,7 +141,12 @@ AT_REST: dict[str, Call] = {
     "limit_load": lambda system, state, closure: rx.limit_load(system, state, [1.0, 0.0], closure),
     "simulate": simulated,
 }
-ELSEWHERE = {"drive", "assemble_along", "keep_programs"}  # of joints that follow laws, and of no machine at all
+ELSEWHERE = {
+    "drive",
+    "assemble_along",
+    "check",
+    "keep_programs",
+}  # of joints that follow laws, and of no machine at all
 OF_BATCHES = {"study", "ensemble", "tolerance_study", "identify"}
 DEAR = ("simulate", "analyze_along", "solution_family")  # compile for long, or repeat what others do
 each_call = pytest.mark.parametrize("call", [pytest.param(name, marks=slow if name in DEAR else ()) for name in CALLS])
