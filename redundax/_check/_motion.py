@@ -310,6 +310,8 @@ def _newton(
         matrix = slopes[which] * scale.coordinates / np.concatenate([scale.rows, unit])[:, None]
         if alone:
             residual, matrix = residual[:m], matrix[:m]
+        if not (np.all(np.isfinite(residual)) and np.all(np.isfinite(matrix))):  # as of a law of time that ends
+            return at, d, np.inf
         step = np.linalg.lstsq(matrix, -residual, rcond=_RANK)[0]
         left, size = float(np.abs(residual[:m]).max(initial=0.0)) / scale.length, float(np.abs(step).max(initial=0.0))
         d = d + step * min(1.0, 1.0 / max(size, 1.0))

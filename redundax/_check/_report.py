@@ -137,7 +137,8 @@ class LogReport:
 
     def _digits(self, known: list[int]) -> str:
         largest = np.abs(self.expected[self.judged][:, known]).max(initial=0.0)
-        return f", to {self.worst[known].max() / largest:.1g} of the largest" if largest else ""
+        some = largest > np.median(self.tolerance[:, known])
+        return f", to {self.worst[known].max() / largest:.1g} of the largest" if some else ""
 
     def _at(self, k: int) -> tuple[float, float, str]:
         """When a load is worst, by how much, and what share of the load that is."""

@@ -9,6 +9,7 @@ Joints that allow it span a tree from the ground, those with motions first; bodi
 asks. The others close loops.
 """
 
+import dataclasses
 import pathlib
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
@@ -20,7 +21,7 @@ from .._bodies._space._rotation import quaternion
 from .._tools._errors import RedundaxError
 from .._tools._words import ended, short
 from ._content import not_in_utf8
-from ._description import SIZES, WITHOUT, Body, Description, End, Joint, Loop, Motor, unique
+from ._description import SIZES, WITHOUT, Body, Description, End, Joint, Loop, Motor, Tie, unique
 from ._formula import FUNCTIONS, law_of
 from ._series import BodySeries, ReactionSeries, Series
 
@@ -38,13 +39,18 @@ _KINDS = {  # of joints that are joints of `_description` or `_loop_rows`, and t
     "PointInPlaneJoint": ("point-on-plane joint", "offset"),
     "ParallelAxesJoint": ("parallel-axes joint", ""),
     "SphSphJoint": ("distance joint", "distanceIJ"),
+    "AngleJoint": ("angle joint", "theIzJz"),
+    "PerpendicularJoint": ("angle joint", ""),
+    "NoRotationJoint": ("no-rotation joint", ""),
 }
+_COUPLINGS = ("GearJoint", "RackPinionJoint", "ScrewJoint")  # of which each holds one row
 _CLOSING = {"ball": "connect", "fixed joint": "weld"}  # what joints of a tree are called that close loops
 _MOTIONS = {"RotationalMotion": ("RotationZ", "angle"), "TranslationalMotion": ("TranslationZ", "travel")}
 _COORDINATES = {("hinge", "angle"): 0, ("slide", "travel"): 0, ("cylindrical joint", "angle"): 0}
 _COORDINATES |= {("cylindrical joint", "travel"): 1, ("planar joint", "angle"): 2}
 _ALIGNED = ("hinge", "cylindrical joint", "slide", "planar joint", "fixed joint")
 _MOVED = 1e-6  # m or rad: more than the digits of a file
+_TURNED = 1e-4  # of entries of a rotation matrix: as of files that programs wrote in single precision
 _DEEPEST = 60
 
 
@@ -109,6 +115,7 @@ class _Reader:
             raise self._refuse("has no line `Assembly`, or several. Export it again")
         self._root, self._rows = found[0], lines[cut + 1 :]
         self._notes: list[str] = []
+        self._couplings: list[tuple[Node, str, tuple[int, _Frame], tuple[int, _Frame]]] = []
         self._name = self._word(self._root, "Name")
         parts = list(self._only(self._root, "Parts").all("Part"))
         self._parts = [self._word(part, "Name") for part in parts]
@@ -178,7 +185,7 @@ class _Reader:
     def _frame(self, node: Node) -> _Frame:
         rows = self._only(node, "RotationMatrix").inner
         axes = np.array([self._numbers(row, 3) for row in rows])
-        if axes.shape != (3, 3) or np.abs(axes @ axes.T - np.eye(3)).max() > _MOVED or np.linalg.det(axes) < 0:
+        if axes.shape != (3, 3) or np.abs(axes @ axes.T - np.eye(3)).max() > _TURNED or np.linalg.det(axes) < 0:
             raise self._refuse(f"has no rotation matrix in {short(node.text)} of line {node.line}. Correct it")
         left, _, right = np.linalg.svd(axes)
         return _Frame(self._values(node, "Position3D", 3), left @ right)
@@ -194,6 +201,10 @@ class _Reader:
             raise self._refuse(f"gives '{name}' {what}. Give a positive number, or 0 for a body that weighs nothing")
         return mass, place.point, place.axes @ np.diag(moments) @ place.axes.T
 
+    def _name_of(self, node: Node) -> str:
+        """The name of a joint; its kind where the file gives none."""
+        return self._word(node, "Name") if self._only(node, "Name").inner else node.text
+
     def _marker(self, node: Node, word: str) -> tuple[int, _Frame]:
         name = self._word(node, word)
         if name not in self._markers:
@@ -203,15 +214,18 @@ class _Reader:
     def _held(self) -> Iterator[_Held]:
         """Joints, and of those that are not taken over a note."""
         for node in self._only(self._only(self._root, "ConstraintSets"), "Joints").inner:
-            name = self._word(node, "Name")
-            i, j = (self._marker(node, word) for word in ("MarkerI", "MarkerJ"))
+            name = self._name_of(node)
             kind, word = _KINDS.get(node.text, ("", ""))
-            value = float(self._values(node, word)[0]) if word and any(node.all(word)) else 0.0
-            if node.text in ("AngleJoint", "PerpendicularJoint"):
-                angle = float(self._values(node, "theIzJz")[0]) if any(node.all("theIzJz")) else np.pi / 2
-                kind = "parallel-axes joint" if abs(np.sin(angle)) < _MOVED else ""
-            if not kind:
+            if not kind and node.text not in _COUPLINGS:
                 self._notes.append(f"{node.text} '{name}' is left out: no joint here is of its kind{WITHOUT}")
+                continue
+            i, j = (self._marker(node, word) for word in ("MarkerI", "MarkerJ"))
+            value = float(self._values(node, word)[0]) if word and any(node.all(word)) else 0.0
+            if kind == "angle joint":
+                value = np.pi / 2 if node.text == "PerpendicularJoint" else value
+                kind = "parallel-axes joint" if abs(np.sin(value)) < _MOVED else kind
+            if node.text in _COUPLINGS:
+                self._couplings.append((node, name, i, j))
             elif i[0] == j[0]:
                 self._notes.append(f"{node.text} '{name}' is left out: both of its markers are on one body")
             else:
@@ -253,9 +267,8 @@ class _Reader:
         closing = [
             Loop(each.name, _CLOSING.get(each.kind, each.kind), *self._ends(each, end), each.value) for each in loops
         ]
-        limits = list(self._only(self._root, "ConstraintSets").all("Limits"))
-        if limits and limits[0].inner:
-            self._notes.append(f"stops at {len(limits[0].inner)} limits of the file, which bear no load here")
+        ties = self._screws(joints, numbers)
+        joints = self._limited(joints, held, numbers)
         if self._only(self._root, "ForceTorques").inner:
             self._notes.append(f"forces of the file: {len(self._only(self._root, 'ForceTorques').inner)}")
         motors = []
@@ -264,9 +277,7 @@ class _Reader:
             if number is None or (joints[number].kind, coordinate) not in _COORDINATES:
                 self._notes.append(f"motion '{name}' is left out: it is of no joint that a body hangs on")
                 continue
-            sign = (
-                1 if next(each for each in held if each.name == of).i[0] == numbers[joints[number].parent.body] else -1
-            )
+            sign = self._sign(joints[number], held, numbers)
             place = _COORDINATES[joints[number].kind, coordinate]
             motors.append(Motor(name, number, place, law if sign > 0 else _reversed(law)))
         rates = np.zeros((len(motors), sum(SIZES[joint.kind][1] for joint in joints)))
@@ -279,7 +290,7 @@ class _Reader:
             tuple(bodies),
             tuple(joints),
             tuple(closing),
-            (),
+            ties,
             tuple(gravity.tolist()),
             tuple(motor.name for motor in motors),
             lambda positions: rates,
@@ -289,6 +300,66 @@ class _Reader:
             motors=tuple(motors),
             series=self._series(held, [GROUND, *body_names], end),
         )
+
+    @staticmethod
+    def _sign(joint: Joint, held: list[_Held], numbers: list[int]) -> int:
+        """Of the file's coordinates of a joint, which are those of marker J as marker I sees it."""
+        own = next(each for each in held if each.name == joint.name)
+        return 1 if own.i[0] == numbers[joint.parent.body] else -1
+
+    def _screws(self, joints: list[Joint], numbers: list[int]) -> tuple[Tie, ...]:
+        """Screws as ties of travel and angle of the cylindrical joint that has their axis."""
+        ties = []
+        for node, name, i, j in self._couplings:
+            pair = {i[0], j[0]}
+            found = next(
+                (
+                    k
+                    for k, joint in enumerate(joints)
+                    if joint.kind == "cylindrical joint"
+                    and {numbers[joint.child.body], numbers[joint.parent.body]} == pair
+                    and self._is_along(joint, self._global(i))
+                ),
+                None,
+            )
+            if node.text != "ScrewJoint" or found is None:
+                why = "it needs a cylindrical joint of its axis between its parts" if found is None else ""
+                why = why if node.text == "ScrewJoint" else "forces of teeth are not taken over"
+                self._notes.append(f"{node.text} '{name}' is left out: {why}{WITHOUT}")
+                continue
+            per_turn = float(self._values(node, "pitch")[0]) / (2 * np.pi)
+            ties.append(Tie(name, found, found, np.array([0.0, per_turn]), (1, 0)))
+        return tuple(ties)
+
+    @staticmethod
+    def _is_along(joint: Joint, frame: _Frame) -> bool:
+        """Whether a marker is on the axis of a joint."""
+        axis, apart = joint.parent.axes[:, 2], frame.point - joint.parent.point
+        off = np.linalg.norm(np.cross(axis, frame.axes[:, 2])), np.linalg.norm(np.cross(axis, apart))
+        return bool(max(off) < _TURNED)
+
+    def _limited(self, joints: list[Joint], held: list[_Held], numbers: list[int]) -> list[Joint]:
+        """The same with limits of hinges and slides."""
+        ends: dict[str, dict[str, float]] = {}
+        for node in (each for part in self._only(self._root, "ConstraintSets").all("Limits") for each in part.inner):
+            law = law_of(self._word(node, "Limit"))
+            if law is None:
+                raise self._refuse(f"has the limit {short(self._word(node, 'Limit'))}, which is no number. Correct it")
+            if not self._only(node, "MotionJoint").inner:
+                self._notes.append(f"{node.text} '{self._name_of(node)}' is of no joint: it bears no load here")
+                continue
+            kind = "low" if ">" in self._word(node, "Type") else "high"
+            ends.setdefault(self._word(node, "MotionJoint").rpartition("/")[2], {})[kind] = float(law(0.0))
+        out = []
+        for joint in joints:
+            own = ends.pop(joint.name, {}) if joint.kind in ("hinge", "slide") else {}
+            low, high = own.get("low", -np.inf), own.get("high", np.inf)
+            if own and self._sign(joint, held, numbers) < 0:
+                low, high = -high, -low
+            out.append(dataclasses.replace(joint, limits=(low, high)) if own else joint)
+        for name in ends:
+            self._notes.append(f"limits of '{name}', which is no hinge or slide of the tree: they bear no load here")
+        return out
 
     def _global(self, marker: tuple[int, _Frame]) -> _Frame:
         return self._poses[marker[0]].of(marker[1])

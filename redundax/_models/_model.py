@@ -129,6 +129,12 @@ class Model:
         return mechanism_of(self.described, driven=True)[0]
 
     @property
+    def stopped(self) -> Mechanism:
+        """The mechanism with the limits of hinges and slides as stops, which only push and are named "stop of" the
+        joint: for `solve` and `analyze`, which tell which of them carry."""
+        return mechanism_of(self.described, stopped=True)[0]
+
+    @property
     def series(self) -> Series | None:
         """What a program has stored of a run in the file: positions of bodies and reactions of joints over time."""
         return self.described.series
@@ -189,6 +195,10 @@ def load_model(
     _tell_missing(path, described.notes)
     if not described.joints:
         raise RedundaxError(f"Argument `path`: '{path}' has no joints, so nothing that moves. Add some.")
+    if all(joint.kind == "free" for joint in described.joints) and not (described.loops or described.ties):
+        raise RedundaxError(
+            f"Argument `path`: '{path}' has free bodies alone, so nothing that constrains. Add joints or loops."
+        )
     tree = Tree(described)
     first = start(tree, keyframe)
     _check_closed(path, tree, first)
