@@ -253,8 +253,14 @@ def moving(
 
 
 def _least(matrices: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """The least solution at each time."""
-    return np.stack([np.linalg.lstsq(a, b, rcond=_RANK)[0] for a, b in zip(matrices, values, strict=True)])
+    """The least solution at each time, NaN where there are no numbers, as of a law that has no rate at its start."""
+    none = np.full(matrices.shape[-1], np.nan)
+    return np.stack(
+        [
+            np.linalg.lstsq(a, b, rcond=_RANK)[0] if np.all(np.isfinite(b)) else none
+            for a, b in zip(matrices, values, strict=True)
+        ]
+    )
 
 
 def _rank(matrix: np.ndarray) -> int:

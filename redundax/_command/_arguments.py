@@ -105,7 +105,7 @@ def _audit(commands: Any) -> argparse.ArgumentParser:
     """Add the command on models from files."""
     examination = commands.add_parser(
         "audit",
-        help="what is redundant in a model from a file: MJCF, URDF, ASMT or yours",
+        help="what is redundant in a model from a file: MJCF, URDF, SDF, ASMT or yours",
         description="Closes the loops of a model and says how many constraints are redundant, which joint loads are "
         "unique, and what to release; at several positions, which must agree.",
         epilog="Exit status: 0 if nothing is redundant, or no more than allowed, 2 if the file cannot be read or "
@@ -113,7 +113,7 @@ def _audit(commands: Any) -> argparse.ArgumentParser:
         "constraint of the file is left out.",
     )
     examination.add_argument(
-        "system", metavar="MODEL", help=".xml (MJCF), .urdf, .asmt, or FILE.py:NAME as for analyze"
+        "system", metavar="MODEL", help=".xml (MJCF), .urdf, .sdf, .asmt, or FILE.py:NAME as for analyze"
     )
     examination.add_argument(
         "--closures",
@@ -166,7 +166,9 @@ def _check(commands: Any) -> argparse.ArgumentParser:
         "load is wrong, 2 if a file cannot be read or does not fit, 3 if a load is wrong, 4 if a constraint of the "
         "model is left out.",
     )
-    referee.add_argument("system", metavar="MODEL", help=".xml (MJCF), .urdf, .asmt, or FILE.py:NAME as for analyze")
+    referee.add_argument(
+        "system", metavar="MODEL", help=".xml (MJCF), .urdf, .sdf, .asmt, or FILE.py:NAME as for analyze"
+    )
     referee.add_argument("log", metavar="LOG", nargs="?", help="a file of CSV; by default the run that an .asmt stores")
     referee.add_argument("--run", metavar="S", type=_size, help="make the log by MuJoCo, so many seconds from rest")
     referee.add_argument("--axes", choices=("global", "body", "joint"), help="of components; by default what fits best")
