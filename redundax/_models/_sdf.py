@@ -33,8 +33,11 @@ _KINDS = {
 }
 _SILENT = ("pose", "static", "self_collide", "allow_auto_disable", "enable_wind", "plugin", "gripper", "link", "joint")
 _SILENT += ("frame", "model", "include", "description", "author")
+_SILENT += ("gravity", "physics", "light", "scene", "gui", "magnetic_field", "atmosphere", "spherical_coordinates")
+_SILENT += ("wind", "audio", "state", "road", "population", "sdf", "actor", "material")  # of worlds
 _GRAVITY = (0.0, 0.0, -9.8)  # SDF's own, where a file says nothing
 _ENDLESS = 1e15  # rad or m: SDF's limits of joints that have none are 1e16
+_LARGEST = 1e30  # of a length, and of what a file has of vectors
 _SQUARE = 1e-3  # of the cosine of the axes of a cross, by which a file of few digits may be off
 _HOLDING = re.compile("constraint|joint|bushing|weld|mimic|gear", re.IGNORECASE)
 _DEEPEST = 60  # models in models, and frames on frames
@@ -82,12 +85,11 @@ class _Reader:
         if include := next(iter(root.iter("include")), None):
             what = short((include.findtext("uri") or "").strip())
             raise self._refuse(f"includes {what}, another file, which is not read. Print it whole by `gz sdf -p FILE`")
-        models = list(self._world.iterfind("model"))
-        if not models:
+        if self._world.find("model") is None:
             raise RedundaxError(f"Argument `path`: '{path}' has no <model>. Name a file with one.")
         self._notes: list[str] = []
         self._scopes: list[_Scope] = []
-        self._top = {self._name(each): self._scope(each, "", None, False, 0) for each in models}
+        self._scope(self._world, "", None, False, 0)
         self._parts, self._poses, self._weights = [], [NOWHERE], [(0.0, np.zeros(3), np.zeros((3, 3)))]
         self._numbers_of: dict[tuple[int, str], int] = {}
         for scope in self._scopes:
@@ -112,18 +114,20 @@ class _Reader:
         if twice := [name for name, count in Counter(names).items() if count > 1]:
             raise self._refuse(f"has the name {short(twice[0])} twice in a model. Rename one")
         self._scopes.append(scope)
+        several = len(element.findall("model")) > 1 or element.find("joint") is not None
         for each in element.iterfind("model"):
             name = self._name(each)
-            scope.inner[name] = self._scope(each, f"{prefix}{name}::", scope, scope.is_static, depth + 1)
+            within = f"{prefix}{name}::" if above is not None or several else ""
+            scope.inner[name] = self._scope(each, within, scope, scope.is_static, depth + 1)
         return scope
 
-    def _numbers(self, text: str | None, count: int, what: str) -> np.ndarray:
+    def _numbers(self, text: str | None, count: int, what: str, largest: float = _LARGEST) -> np.ndarray:
         words = (text or "").split()
         try:
             found = np.array([float(word) for word in words])
         except ValueError:
             found = np.zeros(0)
-        if found.size != count or not np.all(np.abs(found) < 1e30):
+        if found.size != count or not np.all(np.abs(found) < largest):
             raise self._refuse(f"must have {count} numbers in {what}, but has {short(text)}. Correct it")
         return found
 
@@ -131,7 +135,7 @@ class _Reader:
         text = None if element is None else element.findtext(word)
         if text is None or text.strip().lower() in ("inf", "-inf", "+inf"):
             return default if text is None else float(text)
-        return float(self._numbers(text, 1, f"<{word}>")[0])
+        return float(self._numbers(text, 1, f"<{word}>", np.inf)[0])
 
     def _frame(self, element: Any) -> Frame:
         """The pose of an element, as it is written."""
@@ -179,19 +183,16 @@ class _Reader:
         return base.of(self._frame(element))
 
     def _pose_of_model(self, scope: _Scope, depth: int) -> Frame:
+        if scope.above is None:  # the world
+            return NOWHERE
         pose = scope.element.find("pose")
         given = "" if pose is None else (pose.get("relative_to") or "").strip()
-        own = self._frame(scope.element)
-        if scope.above is not None:
-            own = self._pose_of(*self._lookup(scope.above, given, f"'{scope.prefix}'"), depth + 1).of(own)
-        elif given in self._top:
-            own = self._pose_of_model(self._top[given], depth + 1).of(own) if depth <= _DEEPEST else own
-        elif given not in ("", "world"):
-            raise self._refuse(f"puts a model relative to {short(given)}, which is no model here. Correct the name")
-        placed = (scope.element.get("placement_frame") or "").strip()
-        if placed:
+        if placed := (scope.element.get("placement_frame") or "").strip():
             raise self._refuse(f"places a model by its frame {short(placed)}, which is not read. Give the model's pose")
-        return own
+        own = self._frame(scope.element)
+        return (
+            own if given == "world" else self._pose_of(*self._lookup(scope.above, given, "a pose"), depth + 1).of(own)
+        )
 
     def _add_link(self, scope: _Scope, name: str, element: Any) -> None:
         place = self._pose_of(scope, name)
@@ -369,7 +370,7 @@ class _Reader:
             mimic = None if axis is None else axis.find("mimic")
             if mimic is None:
                 continue
-            other = mimic.get("joint", "")
+            other = f"{name.rpartition('::')[0]}::{mimic.get('joint', '')}".removeprefix("::")
             both = [numbers[each] for each in (name, other) if each in numbers]
             if len(both) < 2 or any(joints[k].kind not in ("hinge", "slide") for k in both):
                 why = "it is not of two hinges or slides of the tree"

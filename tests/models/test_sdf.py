@@ -99,16 +99,50 @@ def test_models_in_models_and_static_ones(write):
     )
     post = model(LINK.format("base", "0 0 0 0 0 0", ""), "<static>true</static>", name="post", around="{}")
     joint = JOINT.format("pin", "revolute", "world", "inner::rod", Y)
-    outer = model(inner, joint, around="{}")
+    outer = model(inner, joint, name="outer", around="{}")
     text = f"<sdf version='1.9'><world name='w'><gravity>0 0 -9.81</gravity>{post}{outer}</world></sdf>"
     described = describe(write(text, "post.world"))
-    assert [body.name for body in described.bodies] == ["ground", "inner::rod"] and described.gravity == (0, 0, -9.81)
+    assert [body.name for body in described.bodies] == ["ground", "outer::inner::rod"] and described.gravity == (
+        0,
+        0,
+        -9.81,
+    )
     np.testing.assert_allclose(described.joints[0].child.axes[:, 2], [-1, 0, 0], atol=1e-15)
     np.testing.assert_allclose(described.bodies[1].centre, [0, 0.1, 1], atol=1e-15)
     loaded = rx.load_model(write(text, "post.world"))
     solution = rx.solve(loaded.mechanism, loaded.state)
     about = 0.02 + 2 * 0.1**2  # a rod that falls from the horizontal
-    np.testing.assert_allclose(abs(float(solution["pin.angle''"])), 2 * 9.81 * 0.1 / about, rtol=1e-12)
+    np.testing.assert_allclose(abs(float(solution["outer::pin.angle''"])), 2 * 9.81 * 0.1 / about, rtol=1e-12)
+
+
+def test_a_joint_of_the_world_joins_models(write):
+    """A rod on a floating frame: two pins of one axis, the second in the world."""
+    links = [model(LINK.format(name, "0 0 0 0 0 0", ""), name=name, around="{}") for name in ("frame", "rod")]
+    pins = [JOINT.format(name, "revolute", "frame::frame", "rod::rod", Y) for name in ("a", "b")]
+    hold = JOINT.format("c", "fixed", "world", "frame", "")
+    text = f"<sdf version='1.11'><world name='w'>{''.join([*links, *pins, hold])}</world></sdf>"
+    assert figures(write(text, "w.world"))[:2] == (5, 1)
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_a_joint_that_mimics_another_of_its_model(write, several):
+    """Whichever way round their links are held."""
+    links = [LINK.format(name, "0 0 0 0 0 0", "") for name in ("one", "two")]
+    mimic = Y.replace("</axis>", '<mimic joint="lead"><multiplier>-2</multiplier></mimic></axis>')
+    joints = (
+        JOINT.format("lead", "revolute", "world", "one", Y),
+        JOINT.format("follow", "revolute", "two", "world", mimic),
+    )
+    pair = model(*links, *joints, name="pair", around="{}")
+    other = model(LINK.format("rest", "0 0 0 0 0 0", ""), name="other", around="{}") if several else ""
+    (tie,) = describe(write(f"<sdf version='1.11'>{pair}{other}</sdf>")).ties
+    assert (tie.first, tie.second) == (1, 0)
+    np.testing.assert_allclose(tie.polynomial, [0, 2])
+
+
+def test_limits_that_are_no_limits(write):
+    axis = "<axis><xyz>0 1 0</xyz><limit><lower>-1.79769e+308</lower><upper>1e16</upper></limit></axis>"
+    assert describe(write(parallelogram().replace(Y, axis))).joints[0].limits is None
 
 
 def test_what_acts_in_a_joint_and_a_screw(write):
