@@ -116,6 +116,8 @@ def _of_loop(mujoco: Any, model: Any, data: Any, number: int, loop: Loop) -> tup
     the vector part of conj(p) p' of the orientations p of the second and p' of the first."""
     rows = (data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY) & (data.efc_id == number)
     own = np.asarray(data.efc_force)[rows]
+    if not own.size:  # MuJoCo leaves out what no joint of its tree can move
+        return np.zeros(3), np.zeros(3)
     if own.size < 6:
         return own[:3].copy(), np.zeros(3)
     moment = np.zeros(3)

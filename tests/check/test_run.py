@@ -58,6 +58,15 @@ def test_a_door_that_rests_is_in_balance_and_its_hinges_are_open(load):
     assert report.stamps["lower force z on door"] == "not determined"
 
 
+def test_a_loop_that_no_joint_can_move_bears_nothing_in_mujoco(load):
+    """A point on the door's own hinge: MuJoCo leaves its rows out, and all loads to the hinge."""
+    pin = '<equality><connect name="top" body1="door" body2="world" anchor="0 0 1.8"/></equality></mujoco>'
+    model = load(f"{LEAVES.partition('<equality>')[0]}{pin}")
+    report = rx.check(model.mechanism, model.run(0.05))
+    assert report.is_right and report.stamps["top force x on door"] == "not determined"
+    assert not report.logged[:, report.names.index("top force x on door")].any()
+
+
 def test_what_mujoco_does_not_run_is_told(tmp_path, capsys):
     (tmp_path / "loop.urdf").write_text(
         '<robot name="r"><link name="base"/><link name="rod"><inertial><mass value="1"/>'
