@@ -138,6 +138,13 @@ def _audit(commands: Any) -> argparse.ArgumentParser:
         'needs pip install "redundax[html]"',
     )
     examination.add_argument(
+        "--loads",
+        metavar="FILE",
+        type=_loads_file,
+        help="also write what each body bears at rest in this position, joint by joint in its own axes, for a program "
+        "of finite elements: a table, .csv, or cards of CalculiX, .inp; where loads are not unique those of least norm",
+    )
+    examination.add_argument(
         "--fix",
         metavar="FILE",
         type=pathlib.Path,
@@ -236,6 +243,10 @@ def _picture(text: str) -> pathlib.Path:
 
 def _page_file(text: str) -> pathlib.Path:
     return _target(text, FORMATS)
+
+
+def _loads_file(text: str) -> pathlib.Path:
+    return _target(text, (".csv", ".inp"))
 
 
 def _browser_page(text: str) -> pathlib.Path:

@@ -36,7 +36,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         if arguments.command == "tables":
             return tables_as_json() if arguments.json else tables_as_text()
-        for target in filter(None, (getattr(arguments, name, None) for name in ("png", "output", "html", "csv"))):
+        for target in filter(
+            None, (getattr(arguments, name, None) for name in ("png", "output", "html", "csv", "loads"))
+        ):
             check_target(target)
         if arguments.command is None:
             return first_page(arguments.png)

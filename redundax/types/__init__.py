@@ -11,6 +11,7 @@ from .._check._report import LogReport as LogReport
 from .._drive._run import Run as Run
 from .._equations._factorisation import Factorisation as Factorisation
 from .._equations._sparse_factorisation import SparseFactorisation as SparseFactorisation
+from .._finite_elements._body_loads import BodyLoad as BodyLoad
 from .._models._model import Model as Model
 from .._models._series import BodySeries as BodySeries
 from .._models._series import ReactionSeries as ReactionSeries
