@@ -64,9 +64,11 @@ class Path(NamedTuple):
 
 
 class Models(NamedTuple):
-    """The model at each time: Phi' and gamma, Phi_q, M, Q; slopes of coordinates by d, and what of their accelerations
-    the velocity adds, where they are asked for."""
+    """The model at each time: q, Phi, Phi' and gamma, Phi_q, M, Q; slopes of coordinates by d, and what of their
+    accelerations the velocity adds, where they are asked for."""
 
+    q: Numeric
+    value: Numeric
     rate: Numeric
     gamma: Numeric
     jacobian: Numeric
@@ -99,17 +101,21 @@ def in_batches(program: Callable[..., Any], *arrays: np.ndarray) -> Any:
     return jax.tree.map(lambda *x: np.concatenate(x), *parts)
 
 
-def models(system: Mechanism, times: np.ndarray, q: np.ndarray, qd: np.ndarray, coordinates: bool) -> Models:
-    """The model at all times; of `coordinates` too, or without them."""
-    return in_batches(lambda *x: _models(system.anonymous, coordinates, *x), times, q, qd)
+def models(
+    system: Mechanism, times: np.ndarray, q: np.ndarray, qd: np.ndarray, coordinates: bool, d: np.ndarray | None = None
+) -> Models:
+    """The model at all times, at q [+] d; of `coordinates` too, or without them."""
+    moved = np.zeros_like(qd) if d is None else d
+    return in_batches(lambda *x: _models(system.anonymous, coordinates, *x), times, q, qd, moved)
 
 
 @compiled
-def _models(system: Mechanism, coordinates: bool, times: Array, q: Array, qd: Array) -> Models:
-    return jax.vmap(lambda *given: _model(system, coordinates, *given))(times, q, qd)
+def _models(system: Mechanism, coordinates: bool, times: Array, q: Array, qd: Array, d: Array) -> Models:
+    return jax.vmap(lambda *given: _model(system, coordinates, *given))(times, q, qd, d)
 
 
-def _model(system: Mechanism, coordinates: bool, t: Array, q: Array, qd: Array) -> Models:
+def _model(system: Mechanism, coordinates: bool, t: Array, q: Array, qd: Array, d: Array) -> Models:
+    q = system.retract(q, d)
     state, joints, none = State(q, qd, t), system.joint_coordinates, jnp.zeros_like(qd)
     motion = along_motion(system, state)
     slopes, bend = jnp.zeros((0, qd.size)), jnp.zeros(0)
@@ -118,7 +124,8 @@ def _model(system: Mechanism, coordinates: bool, t: Array, q: Array, qd: Array) 
         bend = joints.motion(state, none).acceleration
         if system.adds:
             slopes, bend = jnp.concatenate([jnp.eye(qd.size), slopes]), jnp.concatenate([none, bend])
-    return Models(motion.rate, motion.gamma, system.jacobian(q, t), system.mass(q, t), system.load(state), slopes, bend)
+    model = system.jacobian(q, t), system.mass(q, t), system.load(state)
+    return Models(q, motion.value, motion.rate, motion.gamma, *model, slopes, bend)
 
 
 def reactions(system: Mechanism, path: "Path", other: bool) -> tuple[Reactions, Reactions]:
@@ -185,13 +192,12 @@ def _matrix(pose: Any) -> Array:
     return jnp.stack(pose.axes, axis=-1) if isinstance(pose.axes, tuple) else pose.axes
 
 
-def scale_of(system: Mechanism, q: np.ndarray, t: float) -> Scale:
+def scale_by(system: Mechanism, jacobian: np.ndarray) -> Scale:
     """Scales by the constraints at a position: the length is the largest arm of a force."""
-    m, angular = len(system.rows), np.asarray(system.coordinates.angular)
-    slopes = closing_at(system.anonymous, q, np.zeros(len(angular)), t)[2][:m]
-    length = float(np.abs(slopes[~np.asarray(system.rows.angular)][:, angular]).max(initial=0.0)) or 1.0
+    angular = np.asarray(system.coordinates.angular)
+    length = float(np.abs(jacobian[~np.asarray(system.rows.angular)][:, angular]).max(initial=0.0)) or 1.0
     coordinates = np.where(angular, 1 / length, 1.0)
-    rows = np.linalg.norm(slopes * coordinates, axis=1)
+    rows = np.linalg.norm(jacobian * coordinates, axis=1)
     return Scale(coordinates, np.where(rows > 0, rows, 1.0), length)
 
 
@@ -210,7 +216,8 @@ def path_of(system: Mechanism, log: Log, q: Any, drives: Sequence[str] | None) -
     wraps = _wraps(system)
     given = np.stack([log.positions[name] for name in names], axis=-1) if names else np.zeros((log.times.size, 0))
     with computing():
-        scale = scale_of(system, q, log.times[0])
+        slopes = closing_at(system.anonymous, q, np.zeros(len(system.coordinates)), log.times[0])[2]
+        scale = scale_by(system, slopes[:m])
         found, apart = _followed(system, scale, log.times, given, places, wraps, q)
         return moving(system, scale, log, found, (names, places, drives), apart)
 
@@ -328,16 +335,26 @@ def _newton(
     return at, d, left
 
 
-def nearest(system: Mechanism, scale: Scale, q: np.ndarray, t: float) -> np.ndarray:
-    """The position on the constraints next to one that meets them but for digits."""
-    none = np.zeros(0)
-    at, _, left = _newton(system, scale, q, t, (none, none.astype(int), none.astype(bool), none), None)
-    if not left < _OPEN:
+def nearest(system: Mechanism, times: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, Scale]:
+    """Positions on the constraints next to some that meet them but for digits, and the scales of the first."""
+    none = np.zeros((len(q), len(system.coordinates)))
+    d, left, scale = none, np.full(len(q), np.inf), None
+    for _ in range(_STEPS):
+        found = models(system, times, q, none, False, d)
+        q, scale = found.q, scale or scale_by(system, found.jacobian[0])
+        residual = found.value / scale.rows
+        left = np.abs(residual).max(axis=1) / scale.length
+        step = -_least(found.jacobian * scale.coordinates / scale.rows[:, None], residual)
+        if not np.nanmax(np.abs(step)) > _DONE * scale.length:
+            break
+        d = scale.coordinates * step
+    worst = int(np.argmax(np.where(np.isfinite(left), left, np.inf)))
+    if scale is None or not left[worst] < _OPEN:
         raise NoSolutionError(
-            f"At t = {t:.6g} the loops do not close at the positions of the log, by {left:.1g} of the size of the "
-            "machine. Check that the log is of this model."
+            f"At t = {times[worst]:.6g} the loops do not close at the positions of the log, by {left[worst]:.1g} of "
+            "the size of the machine. Check that the log is of this model."
         )
-    return at
+    return q, scale
 
 
 def _turn(angle: np.ndarray) -> np.ndarray:

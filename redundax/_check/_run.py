@@ -7,7 +7,7 @@ from .._bodies._space._rotation import as_quaternion, rotation
 from .._models._series import ReactionSeries, Series
 from .._tools._errors import RedundaxError
 from ._log import Figure, Log
-from ._motion import Path, moving, nearest, scale_of
+from ._motion import Path, moving, nearest
 
 
 def of_series(system: Mechanism, series: Series) -> tuple[Log, Path]:
@@ -17,8 +17,7 @@ def of_series(system: Mechanism, series: Series) -> tuple[Log, Path]:
             f"Argument `log` must have positions of all bodies, but not of '{missing[0]}'. Run it again."
         )
     q, qd = _states(system, series)
-    scale = scale_of(system, q[0], series.times[0])
-    closed = np.stack([nearest(system, scale, one, t) for one, t in zip(q, series.times, strict=True)])
+    closed, scale = nearest(system, series.times, q)
     centres = 3 * len(system.names.bodies)
     apart = float(np.abs(closed - q)[:, :centres].max(initial=0.0))
     names, figures, unused = [joint for stack in system.names.joints for joint in stack], [], []
