@@ -79,6 +79,11 @@ def loads_along(system: Mechanism, path: Path, model: Models) -> Loads:
     found, stress, ranks = [], [], []
     per_row = np.concatenate([scale.rows, sizes])
     for K, g, M, f in zip(rows, gamma, mass, load, strict=True):
+        if not all(np.all(np.isfinite(x)) for x in (K, g, M, f)):  # as where a law of time has no rate
+            found.append(np.full(len(K), np.nan))
+            stress.append(np.zeros((len(K), 0)))
+            ranks.append(-1)
+            continue
         U, values, axes = np.linalg.svd(K)
         rank = int(np.sum(values > _RANK * values.max(initial=0.0)))
         U1, V1, Z = U[:, :rank], axes[:rank].T, axes[rank:].T
@@ -90,7 +95,7 @@ def loads_along(system: Mechanism, path: Path, model: Models) -> Loads:
         found.append(U1 @ (V1.T @ (f - M @ a) / values[:rank]) / per_row)
         stress.append(U[:, rank:] / per_row[:, None])
         ranks.append(rank)
-    usual = max(set(ranks), key=ranks.count)
+    usual = max(set(ranks), key=lambda rank: (rank >= 0, ranks.count(rank)))
     finite = np.all(np.isfinite(np.stack(found)), axis=1)
     return Loads(np.stack(found), stress, (np.array(ranks) == usual) & finite, count + len(places) - usual)
 
@@ -149,6 +154,8 @@ def judged(loads: Loads, B: np.ndarray, logged: np.ndarray, of: Kinds, rtol: flo
     tolerance = _tolerance(least[loads.judged], logged[loads.judged], of, rtol) + slack
     stress, determined = np.zeros_like(least), np.zeros(least.shape, bool)
     for k, N in enumerate(loads.stress):
+        if not loads.judged[k]:
+            continue
         by = B[k] @ N
         sizes = np.linalg.norm(by, axis=1)
         whole = np.linalg.norm(B[k], axis=1)
@@ -167,7 +174,7 @@ def _tolerance(least: np.ndarray, logged: np.ndarray, of: Kinds, rtol: float) ->
     digits; a moment counts as a force at the length of the machine."""
     sizes = np.array([np.linalg.norm(least[:, of.groups == group], axis=1).max(initial=0.0) for group in of.groups])
     lever = np.where(of.turns, of.length, 1.0)
-    largest = max((sizes / lever).max(initial=0.0), of.weight)
+    largest = max((sizes / lever).max(initial=0.0), of.weight) or float(np.abs(logged).max(initial=0.0)) or 1.0
     floor = _DIGITS * largest * lever
     rounding = _ROUNDING * np.abs(logged).max(axis=0, initial=0.0)
     return rtol * sizes + floor + rounding

@@ -201,6 +201,15 @@ def test_a_picture_shows_what_is_wrong_first(door):
     assert figure.axes[0].get_title() == "hinge 1.angle torque: determined, wrong" and len(figure.axes) == 6
 
 
+def test_a_machine_without_mass_bears_nothing_and_what_a_log_adds_is_wrong():
+    pin = rx.Revolute("O", "rod", "ground", (-0.5, 0.0), (0.0, 0.0))
+    rod = rx.Mechanism([rx.Body("rod", 0.0, 0.0)], [pin])
+    log = {"t": TIMES, "O": TIMES, "O'": 1 + 0 * TIMES, "O''": 0 * TIMES, "O.fx": 0 * TIMES, "O.fy": 0 * TIMES}
+    q = jnp.array([0.5, 0.0, 0.0])
+    assert rx.check(rod, log, q=q).is_right
+    assert not rx.check(rod, log | {"O.fx": 1 + TIMES}, q=q).is_right
+
+
 def test_the_plane_is_judged_as_well():
     """A rod on one pin, w t from below: the pin bears m (a - g), and all of it is determined."""
     pin = rx.Revolute("O", "rod", "ground", (-0.5, 0.0), (0.0, 0.0))
