@@ -60,6 +60,7 @@ from ._bodies._pose import Motion as Motion
 from ._bodies._pose import Pose as Pose
 from ._bodies._pose import Wrench as Wrench
 from ._bodies._speed_driver import SpeedDriver as SpeedDriver
+from ._check._check import check as check
 from ._closures._as_built import AsBuilt as AsBuilt
 from ._closures._as_built import heated as heated
 from ._closures._as_built import misfit as misfit

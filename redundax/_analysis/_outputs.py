@@ -30,9 +30,10 @@ def outputs(system: AbstractSystem, state: State) -> dict[str, tuple[list[str], 
     identity = np.eye(len(names))
     parts = {"acceleration": slice(0, n), "multiplier": slice(n, n + m), "friction": slice(n + m, None)}
     out = {kind: (list(names[part]), identity[part]) for kind, part in parts.items()}
-    if isinstance(system, Mechanism):
-        joints, wrenches = joint_outputs(system, state)
-        out["reaction"] = joints, np.pad(wrenches, ((0, 0), (n, len(names) - n - m)))
+    base = system.undriven  # whose rows come before those of drives
+    if isinstance(base, Mechanism):
+        joints, wrenches = joint_outputs(base, state)
+        out["reaction"] = joints, np.pad(wrenches, ((0, 0), (n, len(names) - n - wrenches.shape[1])))
     return out
 
 

@@ -71,9 +71,9 @@ def _own_mechanism(commands: Any) -> None:
             metavar="FILE.py:NAME",
             help="a pair (system, state), a function that returns one, or a system beside a State named 'state'",
         )
-    examination = _audit(commands)
+    examination, referee = _audit(commands), _check(commands)
     _drive(commands)
-    for command in (analysis, study, examination):
+    for command in (analysis, study, examination, referee):
         command.add_argument("--json", action="store_true", help="print JSON")
     page.add_argument(
         "-o",
@@ -105,7 +105,7 @@ def _audit(commands: Any) -> argparse.ArgumentParser:
     """Add the command on models from files."""
     examination = commands.add_parser(
         "audit",
-        help="what is redundant in a model from a file: MJCF, URDF, ASMT or yours",
+        help="what is redundant in a model from a file: MJCF, URDF, SDF, ASMT or yours",
         description="Closes the loops of a model and says how many constraints are redundant, which joint loads are "
         "unique, and what to release; at several positions, which must agree.",
         epilog="Exit status: 0 if nothing is redundant, or no more than allowed, 2 if the file cannot be read or "
@@ -113,7 +113,7 @@ def _audit(commands: Any) -> argparse.ArgumentParser:
         "constraint of the file is left out.",
     )
     examination.add_argument(
-        "system", metavar="MODEL", help=".xml (MJCF), .urdf, .asmt, or FILE.py:NAME as for analyze"
+        "system", metavar="MODEL", help=".xml (MJCF), .urdf, .sdf, .asmt, or FILE.py:NAME as for analyze"
     )
     examination.add_argument(
         "--closures",
@@ -138,6 +138,13 @@ def _audit(commands: Any) -> argparse.ArgumentParser:
         'needs pip install "redundax[html]"',
     )
     examination.add_argument(
+        "--loads",
+        metavar="FILE",
+        type=_loads_file,
+        help="also write what each body bears at rest in this position, joint by joint in its own axes, for a program "
+        "of finite elements: a table, .csv, or cards of CalculiX, .inp; where loads are not unique those of least norm",
+    )
+    examination.add_argument(
         "--fix",
         metavar="FILE",
         type=pathlib.Path,
@@ -152,6 +159,34 @@ def _audit(commands: Any) -> argparse.ArgumentParser:
         help="rows that --fix is to free, as the audit names them; by default what the audit marks",
     )
     return examination
+
+
+def _check(commands: Any) -> argparse.ArgumentParser:
+    """Add the command on logs."""
+    referee = commands.add_parser(
+        "check",
+        help="which joint loads of another program's log are determined, and whether those are right",
+        description="Stamps each joint load of a log: determined by the machine and right, determined and wrong, or "
+        "not determined, with the self-stress that it carries.",
+        epilog="Columns are t, joint coordinates such as A.angle, with ' behind for rates and '' for accelerations, "
+        "and loads such as 'A force x on crank' or A.fx, in N and N m about the joint's point. Exit status: 0 if no "
+        "load is wrong, 2 if a file cannot be read or does not fit, 3 if a load is wrong, 4 if a constraint of the "
+        "model is left out.",
+    )
+    referee.add_argument(
+        "system", metavar="MODEL", help=".xml (MJCF), .urdf, .sdf, .asmt, or FILE.py:NAME as for analyze"
+    )
+    referee.add_argument("log", metavar="LOG", nargs="?", help="a file of CSV; by default the run that an .asmt stores")
+    referee.add_argument("--run", metavar="S", type=_size, help="make the log by MuJoCo, so many seconds from rest")
+    referee.add_argument("--axes", choices=("global", "body", "joint"), help="of components; by default what fits best")
+    referee.add_argument("--drive", metavar="NAME", action="append", default=[], help="a coordinate that is driven")
+    referee.add_argument("--rtol", type=_size, default=1e-3, help="what is right, of the joint's load (default 1e-3)")
+    referee.add_argument(
+        "--png", metavar="FILE", type=_picture, default=argparse.SUPPRESS, help="also draw loads over time"
+    )
+    for name, text in (("--closures", "loops of a URDF, as of audit"), ("--keyframe", "of an MJCF, as of audit")):
+        referee.add_argument(name, metavar="FILE" if name == "--closures" else "NAME", help=text)
+    return referee
 
 
 def _drive(commands: Any) -> None:
@@ -208,6 +243,10 @@ def _picture(text: str) -> pathlib.Path:
 
 def _page_file(text: str) -> pathlib.Path:
     return _target(text, FORMATS)
+
+
+def _loads_file(text: str) -> pathlib.Path:
+    return _target(text, (".csv", ".inp"))
 
 
 def _browser_page(text: str) -> pathlib.Path:

@@ -8,14 +8,16 @@ import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .._bodies._mechanism import Mechanism
 from .._equations._assemble import assemble
 from .._equations._factorize import factorize_dense
+from .._finite_elements._body_loads import as_calculix, as_csv, body_loads
 from .._models._audit import Audit, audit
 from .._models._audit_page import audit_page
 from .._models._choice import listed
@@ -25,13 +27,15 @@ from .._models._formats import MODELS, not_a_model
 from .._models._model import Model, load_model
 from .._models._repair import language
 from .._models._repair_page import wrapped
+from .._solve._solve import solve
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._progress import stage
 from .._tools._words import ended, printable
 from ._audit_html import check_pictures, write_page
 from ._copy import check_copy
-from ._file import FileError, blaming, load
+from ._file import FileError, blaming, load, writing
 from ._output import show, tell
 
 _POSITIONS = 3  # beside that of the file
@@ -62,10 +66,22 @@ def audit_file(arguments: argparse.Namespace) -> int:
     )
     if mended:
         tell(str(mended))
+    if arguments.loads:
+        _write_loads(arguments.loads, system, state)
     if arguments.html:
         write_page(arguments.html, printable(f"Audit of {arguments.system}"), printable(text), system, state, found)
         tell(f"written: {arguments.html}")
     return _status(found, about.get("whole", True), arguments.allow)
+
+
+def _write_loads(file: pathlib.Path, system: AbstractSystem, state: State) -> None:
+    try:
+        found = body_loads(cast(Mechanism, system), state, solve(system, state))
+    except (RedundaxError, NoSolutionError) as error:
+        raise FileError(f"Argument `--loads`: {error}") from error
+    with writing(file):
+        file.write_text(as_calculix(found) if file.suffix == ".inp" else as_csv(found), encoding="utf8")
+    tell(f"written: {file}")
 
 
 def _status(found: Audit, whole: bool, allow: int) -> int:

@@ -15,6 +15,7 @@ import jax
 from .._tools._cache import keep_programs
 from ._arguments import argument_parser
 from ._audit import audit_file
+from ._check import check_file
 from ._drive import drive_file
 from ._file import FileError, blaming, check_target, load
 from ._output import tell
@@ -35,12 +36,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         if arguments.command == "tables":
             return tables_as_json() if arguments.json else tables_as_text()
-        for target in filter(None, (getattr(arguments, name, None) for name in ("png", "output", "html", "csv"))):
+        for target in filter(
+            None, (getattr(arguments, name, None) for name in ("png", "output", "html", "csv", "loads"))
+        ):
             check_target(target)
         if arguments.command is None:
             return first_page(arguments.png)
         if arguments.command == "audit":
             return audit_file(arguments)
+        if arguments.command == "check":
+            return check_file(arguments)
         if arguments.command == "drive":
             return drive_file(arguments)
         with blaming(arguments.system):

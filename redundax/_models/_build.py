@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from .._bodies._body import GROUND
-from .._bodies._coupler import Coupler
+from .._bodies._coupler import Coupler, Stop
 from .._bodies._friction_model import ConstantFriction
 from .._bodies._mechanism import Mechanism
 from .._bodies._space._body import Body
 from .._bodies._space._joints._distance import Distance
 from .._bodies._space._joints._drivers import AngleDriver, TravelDriver
+from .._bodies._space._joints._orientation import AngleOfAxes, NoRotation
 from .._bodies._space._joints._pairs import (
     ConstantVelocity,
     Cylindrical,
@@ -57,21 +58,23 @@ _KINDS: dict[str, Callable[..., Any]] = {
     "point-on-plane joint": PointOnPlane,
     "parallel-axes joint": ParallelAxes,
     "constant-velocity joint": ConstantVelocity,
+    "no-rotation joint": NoRotation,
 }
 
 
-def mechanism_of(described: Description, *, driven: bool = False) -> tuple[Mechanism, list[str]]:
-    """The mechanism, with or without the file's motions by laws of time, and what of its joints is left out, a line
-    each."""
+def mechanism_of(described: Description, *, driven: bool = False, stopped: bool = False) -> tuple[Mechanism, list[str]]:
+    """The mechanism, with or without the file's motions by laws of time and the limits of its joints as stops, and what
+    of its joints is left out, a line each."""
     bodies: dict[str, Any] = {body.name: body for body in _bodies(described)}
     loads, notes = joint_loads(described, {GROUND: GROUND, **bodies})
     joints = [_joint(described, joint) for joint in described.joints]
     joints += [_loop(described, loop) for loop in described.loops]
-    couplers = [
+    couplers: list[Any] = [
         Coupler(tie.name, *(coordinate(described, tie, which) for which in (0, 1)), polynomial=tie.polynomial)
         for tie in described.ties
         if tie.second >= 0
     ]
+    couplers += list(_stops(described)) if stopped else []
     joints += [_lock(described, tie) for tie in described.ties if tie.second < 0]
     joints += [_motion(described, motor) for motor in described.motors if driven]
     weightless = [
@@ -152,6 +155,8 @@ def _loop(described: Description, loop: Loop) -> Any:
         held = _held(described, loop.name, loop.second, first)
         points = {on: held.pop(on).point for on in ("on_i", "on_j")}
         return Distance(**held, **points, distance=loop.value)
+    if loop.kind == "angle joint":
+        return AngleOfAxes(**_held(described, loop.name, loop.second, first), angle=loop.value)
     if loop.kind == "point-on-plane joint":
         first = first._replace(point=first.point + loop.value * first.axes[:, 2])
     return _KINDS[loop.kind](**_held(described, loop.name, loop.second, first))
@@ -164,6 +169,20 @@ def _motion(described: Description, motor: Motor) -> Any:
     if COORDINATES[joint.kind][motor.coordinate] == "angle":
         return AngleDriver(**held, angle=motor.law)
     return TravelDriver(**held, travel=motor.law)
+
+
+def _stops(described: Description) -> Iterator[Stop]:
+    """Limits of hinges and slides, which a mechanism counts from the reference pose."""
+    for joint in described.joints:
+        if joint.limits is None or joint.kind not in ("hinge", "slide"):
+            continue
+        low, high = (limit - float(joint.reference[0]) for limit in joint.limits)
+        if joint.kind == "hinge" and high - low >= 2 * np.pi:  # angles are counted from -pi to pi
+            continue
+        ends = {"least": low, "most": high}
+        given = {end: at for end, at in ends.items() if np.isfinite(at)}
+        if given:
+            yield Stop(f"stop of {joint.name}", f"{joint.name}.{COORDINATES[joint.kind][0]}", **given)
 
 
 def _lock(described: Description, tie: Tie) -> Any:

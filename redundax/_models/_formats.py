@@ -13,6 +13,7 @@ from ._asmt import FIRST_LINES, read_asmt
 from ._content import first_element
 from ._description import Description
 from ._mjcf import read_mjcf
+from ._sdf import read_sdf
 from ._urdf import read_urdf
 
 
@@ -33,6 +34,7 @@ class Format(NamedTuple):
 FORMATS = (
     Format("MJCF", (".xml", ".mjcf"), lambda path, _: read_mjcf(path), "mujoco"),
     Format("URDF", (".urdf",), read_urdf, "robot"),
+    Format("SDF", (".sdf", ".world"), lambda path, _: read_sdf(path), "sdf"),
     Format("ASMT", (".asmt",), lambda path, _: read_asmt(path), first=FIRST_LINES),
 )
 MODELS = tuple(ending for form in FORMATS for ending in form.endings)
@@ -42,7 +44,6 @@ _CONVERT = f"{_READ}: convert it, with loops in `equality` of MJCF or in a file 
 _EXPORT = f"{_READ}: export one of these, or describe the mechanism in Python"
 _UNPACK = "Unpack it first"
 _OTHERS = (  # endings, what such a file is, and what to do
-    (".sdf .world", "SDF, which is not read", _CONVERT),
     (".usd .usda .usdc .usdz", "USD, which is not read", _CONVERT),
     (".wbt .proto", "a model of Webots, which is not read", _CONVERT),
     (".slx .mdl", "a model of Simulink, which is not read", _CONVERT),

@@ -25,6 +25,7 @@ _KINDS = {  # force along axes of the first end; axes of the first and the secon
     "point-on-plane joint": ((2,), ()),
     "parallel-axes joint": ((), ((0, 2), (1, 2))),
     "angle joint": ((), ((2, 2),)),
+    "no-rotation joint": ((), ((0, 2), (1, 2), (1, 0))),
 }
 
 

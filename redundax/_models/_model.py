@@ -15,6 +15,7 @@ from .._tools._module import Numbers, floats, on_device
 from ._build import mechanism_of, position_of
 from ._description import WITHOUT, Description, missing_of
 from ._formats import describe
+from ._mujoco_run import run
 from ._series import Series
 from ._start import Limit, Start, outside, start
 from ._tree import OPEN, Tree
@@ -128,9 +129,23 @@ class Model:
         return mechanism_of(self.described, driven=True)[0]
 
     @property
+    def stopped(self) -> Mechanism:
+        """The mechanism with the limits of hinges and slides as stops, which only push and are named "stop of" the
+        joint: for `solve` and `analyze`, which tell which of them carry."""
+        return mechanism_of(self.described, stopped=True)[0]
+
+    @property
     def series(self) -> Series | None:
         """What a program has stored of a run in the file: positions of bodies and reactions of joints over time."""
         return self.described.series
+
+    def run(self, seconds: float) -> Series:
+        """A run of the model by MuJoCo, from rest where it is, as `series`: of MJCF, and of URDF with loops beside it.
+
+        Loads are those of MuJoCo's constraint forces, which make loops soft; contact, limits of joints and drives are
+        switched off.
+        """
+        return run(self.tree, self.positions, seconds)
 
     @property
     def described(self) -> Description:
@@ -141,7 +156,8 @@ class Model:
 def load_model(
     path: str | pathlib.Path, closures: str | pathlib.Path | None = None, *, keyframe: str | None = None
 ) -> Model:
-    """A mechanism in space, closed, from a file of MJCF (.xml), URDF or ASMT; the first two need `redundax[models]`.
+    """A mechanism in space, closed, from a file of MJCF (.xml), URDF, SDF or ASMT; `redundax[models]` reads the first
+    two.
 
     Constraints that MuJoCo makes soft, `connect`, `weld` and `joint`, are ideal here. Bodies that the file fixes to
     others are one with them. Springs, damping, gravity and armature act; contact, limits of joints, sensors, forces of
@@ -180,6 +196,10 @@ def load_model(
     _tell_missing(path, described.notes)
     if not described.joints:
         raise RedundaxError(f"Argument `path`: '{path}' has no joints, so nothing that moves. Add some.")
+    if all(joint.kind == "free" for joint in described.joints) and not (described.loops or described.ties):
+        raise RedundaxError(
+            f"Argument `path`: '{path}' has free bodies alone, so nothing that constrains. Add joints or loops."
+        )
     tree = Tree(described)
     first = start(tree, keyframe)
     _check_closed(path, tree, first)

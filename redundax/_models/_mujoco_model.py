@@ -12,7 +12,7 @@ from ._description import WITHOUT, Body, Description, End, Joint, Loop, Tie, uni
 from ._vectors import axes_of
 
 LEAST = 1e-14  # kg and kg m^2: less is no mass at all, which MuJoCo takes for no moving body
-_TORQUE_SCALE = 10  # of a weld: where its data have it
+TORQUE_SCALE = 10  # of a weld: where its data have it
 _KINDS = ("free", "ball", "slide", "hinge")  # of joints, as MuJoCo numbers them
 
 
@@ -186,7 +186,7 @@ def _constraints(
         if ends[0].body == ends[1].body:
             notes.append(f"constraint '{name}' is left out: the file fixes both of its bodies to each other")
         else:
-            holds_turns = word == "weld" and model.eq_data[k, _TORQUE_SCALE] != 0
+            holds_turns = word == "weld" and model.eq_data[k, TORQUE_SCALE] != 0
             loops.append(Loop(name, "weld" if holds_turns else "connect", ends[0], ends[1]))
             places.setdefault(name, k)
     moved = [model.body(body).name or f"body {body}" for body in range(model.nbody) if model.body_mocapid[body] >= 0]

@@ -485,8 +485,13 @@ def _count(kinds: Any) -> int | None:
 
 
 def check_system(system: object) -> None:
-    """Refuse what is no system."""
+    """Refuse what is no system, and one that nothing constrains."""
     check_kind("system", system, AbstractSystem, "a mechanism or system", "Give that first, then its state.")
+    if not len(cast(AbstractSystem, system).rows):
+        raise RedundaxError(
+            "Argument `system` must have a constraint, but has none: all of its bodies are free. Add a joint that "
+            "holds one of them."
+        )
 
 
 def refuse_contacts(call: str, system: object, where: str = "") -> None:

@@ -1,6 +1,7 @@
 """Drawings of mechanisms, plots of results, and the pages of reports; matplotlib is imported when one is made."""
 
 from ._band_along import band_along as band_along
+from ._check import check as check
 from ._draw import animate as animate
 from ._draw import draw as draw
 from ._draw import html as html

@@ -42,3 +42,4 @@ from .._bodies._space._pose import Motion as Motion
 from .._bodies._space._pose import Pose as Pose
 from .._bodies._space._pose import Wrench as Wrench
 from .._closures._joint_compliance_in_space import JointCompliance as JointCompliance
+from .._finite_elements._body_loads import body_loads as body_loads

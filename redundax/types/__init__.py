@@ -7,9 +7,11 @@ from .._analysis._release import Release as Release
 from .._analysis._report import Report as Report
 from .._analysis._stability import Stability as Stability
 from .._analysis._verdict import Judged as Judged
+from .._check._report import LogReport as LogReport
 from .._drive._run import Run as Run
 from .._equations._factorisation import Factorisation as Factorisation
 from .._equations._sparse_factorisation import SparseFactorisation as SparseFactorisation
+from .._finite_elements._body_loads import BodyLoad as BodyLoad
 from .._models._model import Model as Model
 from .._models._series import BodySeries as BodySeries
 from .._models._series import ReactionSeries as ReactionSeries

@@ -232,9 +232,12 @@ def test_what_a_link_leads_to_is_not_written_over(monkeypatch, tmp_path, words):
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("audit", "x.sdf"), "is SDF, which is not read. MJCF (.xml), URDF (.urdf) and ASMT (.asmt) are read"),
+        (
+            ("audit", "x.slx"),
+            "which is not read. MJCF (.xml), URDF (.urdf), SDF (.sdf) and ASMT (.asmt) are read",
+        ),
         (("analyze", "x.usd"), "is USD, which is not read"),
-        (("audit", "x.json"), "must be a model, .xml, .mjcf, .urdf, .asmt, or FILE.py:NAME"),
+        (("audit", "x.json"), "must be a model, .xml, .mjcf, .urdf, .sdf, .world, .asmt, or FILE.py:NAME"),
         (("report", "x.urdf"), "is a model. Type `redundax audit x.urdf`"),
         (("audit", ""), "must be a model"),
         (("audit", "https://x.org/x.xml"), "is an address. Fetch the file first"),

@@ -129,11 +129,15 @@ def test_a_parallelogram_is_redundant_by_what_closes_it(write, last, values, red
         ("AngleJoint", 2, {"theIzJz": 0.0}),
         ("UniversalJoint", 4, {}),
         ("SphSphJoint", 1, {"distanceIJ": 0.1}),
+        ("AngleJoint", 1, {"theIzJz": np.pi / 2}),
+        ("PerpendicularJoint", 1, {}),
+        ("NoRotationJoint", 3, {}),
     ],
 )
 def test_each_joint_holds_its_rows_in_a_tree_and_in_a_loop(write, kind, rows, values):
     """The plate stands 0.1 m along z where the joint asks for it; a cross needs axes that are square."""
-    eye = ((0.0, 0.0, 0.0), AXES["x"]) if kind == "UniversalJoint" else (0, 0, 0)
+    is_square = kind in ("UniversalJoint", "PerpendicularJoint") or values.get("theIzJz")
+    eye = ((0.0, 0.0, 0.0), AXES["x"]) if is_square else (0, 0, 0)
     place = (0, 0, 0.1) if values.get("offset") or kind == "SphSphJoint" else (0, 0, 0)
     part = asmt.part("plate", place, None, 1.0, (0, 0, 0), (0.1, 0.1, 0.1), {"eye": eye})
     joints = [asmt.joint(kind, name, "base", "plate/eye", **values) for name in ("one", "two")]
@@ -180,3 +184,47 @@ def test_files_that_are_cut_off_are_told_in_a_line(write, share):
 def test_names_with_markup_stay_names(write):
     model = rx.load_model(write(crank().replace("crank", "<b>&amp;</b>")))
     assert tuple(model.mechanism.names.bodies) == ("<b>&amp;</b>",)
+
+
+def nut(*more, limits=()):
+    """A nut of 2 kg on a vertical guide, by joints besides its cylindrical one."""
+    part = asmt.part("nut", (0, 0, 0), None, 2.0, (0, 0, 0), (0.1, 0.1, 0.1), {"eye": (0, 0, 0)})
+    joints = [asmt.joint("CylindricalJoint", "guide", "base", "nut/eye"), *more]
+    return asmt.assembly({"base": (0, 0, 0)}, [part], joints, (), (0.0, 0.0, -G), limits=limits)
+
+
+def test_a_screw_turns_its_weight_into_a_moment(write):
+    """By a pitch p each turn the weight m g falls by p: with it a spindle that is held bears m g p / 2 pi."""
+    screw = asmt.joint("ScrewJoint", "thread", "base", "nut/eye", pitch=0.02)
+    stop = asmt.joint("NoRotationJoint", "key", "base", "nut/eye")
+    model = rx.load_model(write(nut(screw, stop)))
+    report = rx.analyze(model.mechanism, model.state)
+    assert (len(model.mechanism.rows), report.redundancy, report.freedom) == (8, 2, 0) and not model.notes
+    solution = rx.solve(model.mechanism, model.state)
+    np.testing.assert_allclose(abs(float(solution["key moment z on nut"])), MASS * G * 0.02 / (2 * np.pi), rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["GearJoint", "RackPinionJoint", "ScrewJoint"])
+def test_couplings_that_are_not_taken_over_are_told_and_undecided(write, kind, capsys):
+    values = {"ScrewJoint": {"pitch": 0.02}, "GearJoint": {"radiusI": 0.1, "radiusJ": 0.2}}.get(
+        kind, {"pitchRadius": 0.1}
+    )
+    text = nut(asmt.joint(kind, "mesh", "base", "nut/eye", **values)).replace("CylindricalJoint", "PlanarJoint")
+    assert command.main(["audit", str(write(text))]) == 4
+    assert f"{kind} 'mesh' is left out" in capsys.readouterr().out
+
+
+def test_limits_are_stops_where_they_are_asked_for(write):
+    """A nut that rests on the lower end of its guide."""
+    slide = nut(limits=[("TranslationLimit", "guide", "0.0", "=>"), ("TranslationLimit", "guide", "0.5d", "=<")])
+    model = rx.load_model(write(slide.replace("CylindricalJoint", "TranslationalJoint")))
+    assert model.described.joints[0].limits == (0.0, 0.5)
+    stopped = model.stopped
+    assert len(stopped.rows) == 2 + len(model.mechanism.rows)
+    solution = rx.solve(stopped, model.state)
+    np.testing.assert_allclose(float(solution["stop of guide.least"]), MASS * G, rtol=1e-9)
+
+
+def test_joints_without_a_name_have_that_of_their_kind(write):
+    model = rx.load_model(write(crank().replace("\t\t\t\t\tpin\n", "\t\t\t\t\t\n", 1)))
+    assert tuple(model.mechanism.names.joints[0]) == ("RevoluteJoint",)

@@ -50,7 +50,7 @@ def write(tmp_path):
         ("a.urdf", ARM.format(1, 1).replace('"j"', '"grün"').encode("latin-1"), "is not in UTF-8: see line 1"),
         ("a.xml", "hello", "holds no XML: it begins with b'hello'"),
         ("a.xml", "<!DOCTYPE html>\n<html/>", "its first element is <html>"),
-        ("a.xml", '<?xml version="1.0"?><!-- <mujoco> --><sdf/>', "is SDF, which is not read"),
+        ("a.xml", '<?xml version="1.0"?><!-- <mujoco> --><sdf/>', "holds SDF, by its first element <sdf>"),
         ("a.xml", "<mujocoinclude/>", "is a part of MJCF, <mujocoinclude>. Name the file that includes it"),
         ("a.xml", "<Mujoco/>", "Did you mean 'mujoco'?"),
         ("a.xml", ARM.format(1, 1), "holds URDF, by its first element <robot>. Rename it to end in .urdf"),
@@ -78,7 +78,7 @@ def test_what_a_file_is_and_what_to_do_is_told(write, name, content, told):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("name", ["a.usd", "b.XACRO", "c.sldasm", "d.xml.gz", "e.sdf", "f.stp", "g.yaml"])
+@pytest.mark.parametrize("name", ["a.usd", "b.XACRO", "c.sldasm", "d.xml.gz", "e.wbt", "f.stp", "g.yaml"])
 def test_other_formats_are_known_by_their_endings(name):
     assert not_a_model(name)
     assert not any(map(not_a_model, ("a.xml", "a.urdf", "a.mjcf", "a.py", "a.py:m", "a")))

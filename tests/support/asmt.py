@@ -72,7 +72,13 @@ def motion(kind, name, of, word, formula):
     return [*found, *_lines(5, f"/rig/{of}"), *_lines(4, word), *_lines(5, formula)]
 
 
-def assembly(ground, parts, joints, motions=(), gravity=(0.0, 0.0, 0.0), rows=()):
+def _limit(number, kind, of, value, sign):
+    """A limit of a joint, "=>" from below or "=<" from above."""
+    words = {"Name": f"limit {number}", "MotionJoint": f"/rig/{of}", "Limit": value, "Type": sign}
+    return [*_lines(3, kind), *(line for word, text in words.items() for line in [*_lines(4, word), *_lines(5, text)])]
+
+
+def assembly(ground, parts, joints, motions=(), gravity=(0.0, 0.0, 0.0), rows=(), limits=()):
     """The whole file: markers of the ground, parts, joints, motions, and the rows of a stored run."""
     return "\n".join(
         [
@@ -95,6 +101,8 @@ def assembly(ground, parts, joints, motions=(), gravity=(0.0, 0.0, 0.0), rows=()
             *(line for each in joints for line in each),
             *_lines(2, "Motions"),
             *(line for each in motions for line in each),
+            *(_lines(2, "Limits") if limits else []),
+            *(line for k, each in enumerate(limits) for line in _limit(k, *each)),
             *_lines(2, "GeneralConstraintSets"),
             *_lines(1, "ForceTorques", "ConstantGravity"),
             *_lines(2, _row(gravity)),

@@ -1,0 +1,1 @@
+"""Loads of bodies for programs of finite elements."""

@@ -1,0 +1,218 @@
+"""SDF: frames, axes, loops and models in models, as Gazebo and Drake write them, and what is said of spoiled files
+
+A parallelogram of 0.2 by 0.4 m whose hinges are along y: three redundant as hinges, one as a ball, freedom 1.
+"""
+
+import numpy as np
+import pytest
+
+import redundax as rx
+from redundax import __main__ as command
+from redundax._models._formats import describe
+from redundax._models._tree import Tree
+
+LINK = """<link name="{0}"><pose {2}>{1}</pose><inertial><pose>0.1 0 0 0 0 0</pose><mass>2</mass>
+  <inertia><ixx>0.01</ixx><iyy>0.02</iyy><izz>0.02</izz></inertia></inertial></link>"""
+JOINT = """<joint name="{0}" type="{1}"><parent>{2}</parent><child>{3}</child>{4}</joint>"""
+Y = "<axis><xyz>0 1 0</xyz></axis>"
+
+
+def model(*parts, name="swing", around="<sdf version='1.9'>{}</sdf>"):
+    return around.format(f'<model name="{name}">{"".join(parts)}</model>')
+
+
+def parallelogram(last="revolute", axis=Y, links=None, more=""):
+    """The arm points along z, its own x; so does the strut."""
+    up = "0 -1.5707963267948966 0"
+    given = links or [
+        LINK.format("arm", f"0 0 0 {up}", ""),
+        LINK.format("bar", "0 0 0.2 0 0 0", ""),
+        LINK.format("strut", f"0.4 0 0 {up}", ""),
+    ]
+    joints = [
+        JOINT.format("p", "revolute", "world", "arm", Y),
+        JOINT.format("q", "revolute", "arm", "bar", Y),
+        JOINT.format("r", "revolute", "world", "strut", Y),
+        JOINT.format("s", last, "strut", "bar", f"<pose>0.4 0 0 0 0 0</pose>{axis}"),
+    ]
+    return model(*given, *joints, more)
+
+
+@pytest.fixture
+def write(tmp_path):
+    def written(text, name="swing.sdf"):
+        (tmp_path / name).write_text(text)
+        return tmp_path / name
+
+    return written
+
+
+def figures(path):
+    """Redundancy and freedom of the loops at the position of the file, and how far it is from closed."""
+    tree = Tree(describe(path))
+    slopes = tree.system(tree.reference)[1]
+    rank = int(np.linalg.matrix_rank(slopes, tol=1e-9))
+    return len(slopes) - rank, tree.nv - rank, tree.misfit(tree.reference)
+
+
+@pytest.mark.parametrize(("last", "redundant"), [("revolute", 3), ("ball", 1), ("universal", 2), ("fixed", 3)])
+def test_a_second_parent_closes_a_loop(write, last, redundant):
+    cross = "<axis><xyz>0 1 0</xyz></axis><axis2><xyz>1 0 0</xyz></axis2>"
+    found = figures(write(parallelogram(last, cross if last == "universal" else Y)))
+    assert found[:2] == (redundant, 0 if last == "fixed" else 1) and found[2] < 1e-12
+
+
+def test_drakes_ball_constraint_closes_a_loop(write):
+    ball = """<drake:ball_constraint><drake:ball_constraint_body_A>bar</drake:ball_constraint_body_A>
+      <drake:ball_constraint_body_B>strut</drake:ball_constraint_body_B>
+      <drake:ball_constraint_p_AP>0.4 0 0</drake:ball_constraint_p_AP>
+      <drake:ball_constraint_p_BQ>0.2 0 0</drake:ball_constraint_p_BQ></drake:ball_constraint>"""
+    text = parallelogram(more=ball).replace(
+        JOINT.format("s", "revolute", "strut", "bar", f"<pose>0.4 0 0 0 0 0</pose>{Y}"), ""
+    )
+    assert figures(write(text))[:2] == (1, 1)
+
+
+def test_frames_and_axes_in_them_are_those_of_a_flat_file(write):
+    """The same by poses relative to frames and joints, and an axis in the frame of another link, which is turned."""
+    up = "0 0 0 0 -90 0"
+    links = [
+        '<frame name="feet"><pose degrees="true">0.4 0 0 0 0 30</pose></frame>',
+        '<frame name="foot" attached_to="feet"><pose degrees="true">0 0 0 0 0 -30</pose></frame>',
+        LINK.format("arm", up, 'degrees="true"'),
+        LINK.format("bar", "0.2 0 0 0 90 0", 'relative_to="arm" degrees="true"'),
+        LINK.format("strut", up, 'relative_to="foot" degrees="true"'),
+    ]
+    axis = '<axis><xyz expressed_in="foot">0 1 0</xyz></axis>'
+    flat, framed = (describe(write(text, name)) for text, name in (
+        (parallelogram(), "flat.sdf"), (parallelogram(axis=axis, links=links), "framed.sdf")))  # fmt: skip
+    for one, other in zip(flat.bodies, framed.bodies, strict=True):
+        np.testing.assert_allclose(one.centre, other.centre, atol=1e-15)
+        np.testing.assert_allclose(one.inertia, other.inertia, atol=1e-15)
+    assert figures(write(parallelogram(axis=axis, links=links)))[:2] == (3, 1)
+
+
+def test_models_in_models_and_static_ones(write):
+    """A rod in a model that is turned by 90 degrees about z and moved, on a static post: its pin is along -x."""
+    inner = model(LINK.format("rod", "0 0 0 0 0 0", ""), name="inner", around="{}").replace(
+        '<model name="inner">', '<model name="inner"><pose>0 0 1 0 0 1.5707963267948966</pose>'
+    )
+    post = model(LINK.format("base", "0 0 0 0 0 0", ""), "<static>true</static>", name="post", around="{}")
+    joint = JOINT.format("pin", "revolute", "world", "inner::rod", Y)
+    outer = model(inner, joint, name="outer", around="{}")
+    text = f"<sdf version='1.9'><world name='w'><gravity>0 0 -9.81</gravity>{post}{outer}</world></sdf>"
+    described = describe(write(text, "post.world"))
+    assert [body.name for body in described.bodies] == ["ground", "outer::inner::rod"] and described.gravity == (
+        0,
+        0,
+        -9.81,
+    )
+    np.testing.assert_allclose(described.joints[0].child.axes[:, 2], [-1, 0, 0], atol=1e-15)
+    np.testing.assert_allclose(described.bodies[1].centre, [0, 0.1, 1], atol=1e-15)
+    loaded = rx.load_model(write(text, "post.world"))
+    solution = rx.solve(loaded.mechanism, loaded.state)
+    about = 0.02 + 2 * 0.1**2  # a rod that falls from the horizontal
+    np.testing.assert_allclose(abs(float(solution["outer::pin.angle''"])), 2 * 9.81 * 0.1 / about, rtol=1e-12)
+
+
+def test_a_joint_of_the_world_joins_models(write):
+    """A rod on a floating frame: two pins of one axis, the second in the world."""
+    links = [model(LINK.format(name, "0 0 0 0 0 0", ""), name=name, around="{}") for name in ("frame", "rod")]
+    pins = [JOINT.format(name, "revolute", "frame::frame", "rod::rod", Y) for name in ("a", "b")]
+    hold = JOINT.format("c", "fixed", "world", "frame", "")
+    text = f"<sdf version='1.11'><world name='w'>{''.join([*links, *pins, hold])}</world></sdf>"
+    assert figures(write(text, "w.world"))[:2] == (5, 1)
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_a_joint_that_mimics_another_of_its_model(write, several):
+    """Whichever way round their links are held."""
+    links = [LINK.format(name, "0 0 0 0 0 0", "") for name in ("one", "two")]
+    mimic = Y.replace("</axis>", '<mimic joint="lead"><multiplier>-2</multiplier></mimic></axis>')
+    joints = (
+        JOINT.format("lead", "revolute", "world", "one", Y),
+        JOINT.format("follow", "revolute", "two", "world", mimic),
+    )
+    pair = model(*links, *joints, name="pair", around="{}")
+    other = model(LINK.format("rest", "0 0 0 0 0 0", ""), name="other", around="{}") if several else ""
+    (tie,) = describe(write(f"<sdf version='1.11'>{pair}{other}</sdf>")).ties
+    assert (tie.first, tie.second) == (1, 0)
+    np.testing.assert_allclose(tie.polynomial, [0, 2])
+
+
+def test_limits_that_are_no_limits(write):
+    axis = "<axis><xyz>0 1 0</xyz><limit><lower>-1.79769e+308</lower><upper>1e16</upper></limit></axis>"
+    assert describe(write(parallelogram().replace(Y, axis))).joints[0].limits is None
+
+
+def test_what_acts_in_a_joint_and_a_screw(write):
+    acts = """<axis><xyz>0 0 1</xyz><limit><lower>-1</lower><upper>2</upper></limit><dynamics><damping>0.3</damping>
+      <friction>0.1</friction><spring_stiffness>5</spring_stiffness><spring_reference>0.4</spring_reference></dynamics></axis>"""
+    links = [LINK.format(name, "0 0 0 0 0 0", "") for name in ("door", "nut")]
+    nut = "<screw_thread_pitch>0.02</screw_thread_pitch><axis><xyz>0 0 1</xyz></axis>"
+    joints = (
+        JOINT.format("pin", "revolute", "world", "door", acts),
+        JOINT.format("thread", "screw", "world", "nut", nut),
+    )
+    described = describe(write(model(*links, *joints)))
+    pin, (tie,) = described.joints[0], described.ties
+    assert (pin.limits, pin.stiffness, pin.rest[0], pin.damping, pin.friction) == ((-1, 2), 5, 0.4, 0.3, 0.1)
+    assert described.joints[1].kind == "cylindrical joint" and tie.coordinates == (1, 0)
+    np.testing.assert_allclose(tie.polynomial, [0, 0.02 / (2 * np.pi)])
+    turned = describe(write(model(*links, JOINT.format("pin", "revolute", "door", "world", acts))))
+    assert turned.joints[0].limits == (-2, 1) and turned.joints[0].rest[0] == -0.4
+
+
+@pytest.mark.parametrize(
+    ("was", "now", "told"),
+    [
+        ("<child>bar</child>", "<child>bra</child>", "Did you mean 'bar'"),
+        ("<mass>2</mass>", "<mass>-2</mass>", "gives 'arm' a negative mass"),
+        ("<mass>2</mass>", "<mass>two</mass>", "must have 1 numbers in <mass>"),
+        ("0.4 0 0 0 0 0", "0.4 0 0 0", "must have 6 numbers in the pose"),
+        ("0 1 0", "0 0 0", "the axis 0 0 0"),
+        ('name="bar"', 'name="arm"', "has the name 'arm' twice"),
+        ('name="bar"', "", "without a name"),
+        ("<parent>world</parent>", "", "has no parent or child in the joint 'p'"),
+        (
+            '<model name="swing">',
+            '<model name="swing"><include><uri>../../etc/passwd</uri></include>',
+            "includes '../../etc/passwd'",
+        ),
+        ("<sdf", '<!DOCTYPE sdf [<!ENTITY a "b">]><sdf', "declares a document type"),
+        ("<sdf version='1.9'>", "<robot>", "holds URDF"),
+        ("</link>", "", "is no well-formed XML"),
+    ],
+)
+def test_spoiled_files_are_told_in_a_line(write, was, now, told):
+    with pytest.raises(rx.RedundaxError, match=r"^Argument `path`: [^\n]*[.?]\s?[^\n]*$") as caught:
+        describe(write(parallelogram().replace(was, now)))
+    assert told in str(caught.value)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.4, 0.7, 0.95])
+def test_files_that_are_cut_off_are_told_in_a_line(write, share):
+    text = parallelogram()
+    with pytest.raises(rx.RedundaxError, match=r"^Argument `path`: [^\n]*\.$"):
+        describe(write(text[: int(share * len(text))]))
+
+
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        (JOINT.format("odd", "gearbox", "arm", "bar", Y), "joint 'odd' is left out: gearbox"),
+        ("<drake:distance_constraint/>", "<drake:distance_constraint> of 'swing' is left out"),
+        (
+            '<plugin name="hook" filename="detachable_joint"><child_model>x</child_model></plugin>',
+            "plugin 'hook' is left out",
+        ),
+    ],
+)
+def test_what_constrains_and_is_not_read_is_undecided(write, more, told, capsys):
+    assert command.main(["audit", str(write(parallelogram("ball", more=more)))]) == 4
+    assert told in capsys.readouterr().out
+
+
+def test_names_with_markup_stay_names(write):
+    described = describe(write(parallelogram().replace("strut", "&lt;b&gt;&amp;")))
+    assert "<b>&" in [body.name for body in described.bodies]
