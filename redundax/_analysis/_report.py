@@ -201,7 +201,7 @@ class Report:
             lines.append(f"LEFT OUT: {self.left_out}")
         if self.pulling:
             lines.append(f"CHANGE OF FLANK: {in_words(self.pulling)}")
-        return "\n".join(textwrap.fill(line, WIDTH, subsequent_indent="  ") for line in lines)
+        return "\n".join(lines)
 
     def __str__(self) -> str:
         lines = [self.heading, *best_in_words(self.releases, self.rows)]
