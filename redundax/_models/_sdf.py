@@ -14,12 +14,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .._bodies._space._rotation import rotation
 from .._tools._errors import RedundaxError
 from .._tools._words import did_you_mean, ended, short
 from ._assembly import NOWHERE, Assembly, Frame, Held
 from ._content import document
 from ._description import SIZES, WITHOUT, Description, Joint, Tie, unique
-from ._vectors import axes_of
+from ._vectors import about_fixed_axes, axes_of
 
 _KINDS = {
     "revolute": "hinge",
@@ -145,11 +146,9 @@ class _Reader:
         is_quaternion = pose.get("rotation_format") == "quat_xyzw"
         values = self._numbers(pose.text, 7 if is_quaternion else 6, f"the pose of '{element.get('name', '')}'")
         if is_quaternion:
-            x, y, z, w = values[3:] / np.linalg.norm(values[3:])
-            skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-            return Frame(values[:3], np.eye(3) + 2 * w * skew + 2 * skew @ skew)
+            return Frame(values[:3], rotation(values[[6, 3, 4, 5]]))
         angles = np.deg2rad(values[3:]) if pose.get("degrees") in ("1", "true") else values[3:]
-        return Frame(values[:3], _roll_pitch_yaw(angles))
+        return Frame(values[:3], about_fixed_axes(angles))
 
     def _lookup(self, scope: _Scope, name: str, what: str) -> tuple[_Scope, str]:
         """The scope and own name of what a name stands for."""
@@ -390,11 +389,3 @@ class _Reader:
 
 
 _MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-
-
-def _roll_pitch_yaw(angles: np.ndarray) -> np.ndarray:
-    """About the fixed x, then y, then z."""
-    (a, b, c), (p, q, r) = np.cos(angles), np.sin(angles)
-    about_x = np.array([[1, 0, 0], [0, a, -p], [0, p, a]])
-    about_y = np.array([[b, 0, q], [0, 1, 0], [-q, 0, b]])
-    return np.array([[c, -r, 0], [r, c, 0], [0, 0, 1]]) @ about_y @ about_x

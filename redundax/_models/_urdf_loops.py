@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._bodies._space._rotation import quaternion
-from ._vectors import axes_of
+from ._vectors import about_fixed_axes, axes_of
 
 _KINDS = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "fixed": "weld"}
 _KINDS |= {"ball": "connect", "spherical": "connect"}
@@ -106,7 +106,7 @@ def _of_gazebo(root: Any) -> Iterator[UrdfLoop]:
             axis = np.eye(3)
         if kind is None or pose is None or axis is None or not element.get("name"):
             continue
-        point, axes = pose[:3], _turn(pose[3:])
+        point, axes = pose[:3], about_fixed_axes(pose[3:])
         yield UrdfLoop(element, element.get("name"), kind, Held(parent), Held(child, point, axes @ axis))
 
 
@@ -125,15 +125,7 @@ def _numbers(text: str | None, count: int = 3) -> np.ndarray | None:
 
 def _frame(xyz: str | None, rpy: str | None) -> tuple[np.ndarray, np.ndarray] | None:
     point, angles = _numbers(xyz or "0 0 0"), _numbers(rpy or "0 0 0")
-    return None if point is None or angles is None else (point, _turn(angles))
-
-
-def _turn(angles: np.ndarray) -> np.ndarray:
-    """Axes turned about fixed x, y and z, in this order."""
-    (a, b, c), (p, q, r) = np.cos(angles), np.sin(angles)
-    about_x = np.array([[1, 0, 0], [0, a, -p], [0, p, a]])
-    about_y = np.array([[b, 0, q], [0, 1, 0], [-q, 0, b]])
-    return np.array([[c, -r, 0], [r, c, 0], [0, 0, 1]]) @ about_y @ about_x
+    return None if point is None or angles is None else (point, about_fixed_axes(angles))
 
 
 def _axis(text: str | None) -> np.ndarray | None:

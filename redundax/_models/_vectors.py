@@ -20,6 +20,14 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return a[..., one] * b[..., two] - a[..., two] * b[..., one]
 
 
+def about_fixed_axes(angles: np.ndarray) -> np.ndarray:
+    """Axes turned about the fixed x, then y, then z, by angles in rad: roll, pitch and yaw."""
+    (a, b, c), (p, q, r) = np.cos(angles), np.sin(angles)
+    about_x = np.array([[1, 0, 0], [0, a, -p], [0, p, a]])
+    about_y = np.array([[b, 0, q], [0, 1, 0], [-q, 0, b]])
+    return np.array([[c, -r, 0], [r, c, 0], [0, 0, 1]]) @ about_y @ about_x
+
+
 def turned(own: np.ndarray, vector: np.ndarray) -> np.ndarray:
     """A quaternion turned by a rotation vector about its own axes, of length 1."""
     angle = float(np.linalg.norm(vector))
