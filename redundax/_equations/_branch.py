@@ -30,7 +30,7 @@ from .._system._decision import CLEAR, Decision
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._numbers import xp
+from .._tools._numbers import or_one, xp
 from .._tools._value import AbstractModule
 from ._evidence import ratio
 from ._kinematics import third_order
@@ -121,11 +121,11 @@ def lacking(
     """K and g with the rows that they lack; `noise` is that of K and that of the velocity."""
     rate, third = third_order(system, state)
     turn = rate * scales.coordinates / scales.rows[:, None]
-    size = _positive(xp.linalg.norm(turn))
+    size = or_one(xp.linalg.norm(turn))
     turn, bend = turn / size, third / scales.rows / (3 * size)
     rows, wanted = parts.stress @ turn, -parts.stress @ bend
     seen = rows @ parts.motion
-    largest = _positive(xp.linalg.norm(seen))
+    largest = or_one(xp.linalg.norm(seen))
     blur = noise[0] / kept + noise[1] / (scales.size * size)
     found, spectrum = split(seen / largest, blur / largest, None)
     inverse, local = found.inverse / largest, parts.stress - parts.stress @ found.stress
@@ -154,7 +154,3 @@ def lost_rows(more: Lacking, stress: Float[Array, "m m"], noise: Float[Array, ""
         linked = linked.astype(stress.dtype) @ linked.astype(stress.dtype) > 0
     touched = (xp.linalg.norm(more.local, axis=1) > xp.minimum(100 * more.blur, 1e-3)) & (more.states > 0)
     return xp.any(linked & touched, axis=1) | touched
-
-
-def _positive(size: Array) -> Array:
-    return xp.where(size > 0, size, 1.0)

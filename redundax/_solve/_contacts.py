@@ -30,7 +30,7 @@ from .._system._results import RESULTS, differs
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
-from .._tools._numbers import stop_gradient, take, while_loop, xp
+from .._tools._numbers import or_one, stop_gradient, take, while_loop, xp
 
 _CLEAR = 1e-9  # a share of the largest force or acceleration that is a sign, and no rounding of a solve
 _WITHIN = 1e-6  # a part of a row that is outside the others: far above rounding of a projector, far below a lever arm
@@ -169,18 +169,18 @@ def _signs(
     jacobian, gamma = model.jacobian, model.motion.gamma
     kept = take(all_kept, rows)
     force = scales.rows * solution.multipliers
-    force = take(force, rows) / _positive(xp.max(xp.abs(force)))
+    force = take(force, rows) / or_one(xp.max(xp.abs(force)))
     a = solution.acceleration
     into = (jacobian @ a - gamma) / scales.rows  # how the rows close
     terms = xp.max((xp.abs(jacobian) @ xp.abs(a) + xp.abs(gamma)) / scales.rows)
-    into = take(into, rows) / _positive(terms)
+    into = take(into, rows) / or_one(terms)
     # s of what is left out, in its own unit: by how much it closes beside the others
     bent = elasticity.compliance @ solution.multipliers - elasticity.misfit
     own = factor.scaling
     u = own.coordinates * (factor.split.inverse @ (xp.where(all_kept, bent, 0.0) / own.rows))
-    strain = take(bent - jacobian @ u, rows) / _positive(xp.max(xp.abs(bent)))
+    strain = take(bent - jacobian @ u, rows) / or_one(xp.max(xp.abs(bent)))
     turned = jacobian * own.coordinates
-    beyond = xp.linalg.norm(turned @ factor.split.motion, axis=1) / _positive(xp.linalg.norm(turned, axis=1))
+    beyond = xp.linalg.norm(turned @ factor.split.motion, axis=1) / or_one(xp.linalg.norm(turned, axis=1))
     decided = take(beyond, rows) < _WITHIN  # by the other rows: it moves with them
     pulls, closes = -force, xp.where(decided, xp.maximum(into, -strain), into)
     wrong = xp.where(closed, xp.where(kept, pulls, closes), -1.0)
@@ -188,7 +188,3 @@ def _signs(
     opened, lifted, touching, loaded = map(code_of, Contact)
     code = xp.where(carries, loaded, xp.where(lifts, lifted, touching))
     return xp.where(wrong > _CLEAR, wrong, -1.0), xp.where(closed, code, opened)
-
-
-def _positive(x: Array) -> Array:
-    return xp.where(x > 0, x, 1.0)

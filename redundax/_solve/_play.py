@@ -33,7 +33,7 @@ from .._equations._factorisation import Factorisation
 from .._equations._unloaded import among_unloaded, unloaded
 from .._system._results import RESULTS, differs
 from .._tools._module import replace_fields
-from .._tools._numbers import fori_loop, stop_gradient, take, while_loop, xp
+from .._tools._numbers import fori_loop, or_one, stop_gradient, take, while_loop, xp
 
 _SPLITTINGS = 20  # steps before each of Newton's, which has its region of convergence then in most cases
 _MOST = 100  # turns; of 3600 random cases of up to 18 rows 1 in 300 takes more
@@ -84,7 +84,7 @@ class _Clearance:
 
     def shrunk(self, v: Array, s: Array) -> Array:
         """S(v)."""
-        return v * xp.maximum(0.0, 1 - s * self.size / _positive(self.norm(v)))
+        return v * xp.maximum(0.0, 1 - s * self.size / or_one(self.norm(v)))
 
     def gap(self, v: Array, s: Array) -> Array:
         """r of v."""
@@ -105,13 +105,13 @@ class _Clearance:
     def sides(self, v: Array, s: Array) -> Sides:
         load = self.norm(v) - s * self.size
         zero = self.switches & (load <= _ON_EDGE * s * self.size)
-        direction = xp.where(self.switches & ~zero, v / _positive(self.norm(v)), 0.0)
+        direction = xp.where(self.switches & ~zero, v / or_one(self.norm(v)), 0.0)
         return Sides(zero, direction, load, self.gap(v, s))
 
     def bend(self, sides: Sides) -> Float[Array, "m m"]:
         """H."""
         turned = xp.eye(self.own.size) - xp.outer(sides.direction, sides.direction)
-        slope = xp.where(self.switches & ~sides.zero, self.size / _positive(sides.load), 0.0)
+        slope = xp.where(self.switches & ~sides.zero, self.size / or_one(sides.load), 0.0)
         return xp.where(self.together, slope[:, None] * turned, 0.0)
 
     def closure(self, sides: Sides) -> Elasticity:
@@ -130,14 +130,14 @@ class _Clearance:
 
     def outside(self, multipliers: Array) -> Array:
         """c n of rows that are not redundant."""
-        along = multipliers / _positive(self.norm(multipliers))
+        along = multipliers / or_one(self.norm(multipliers))
         return xp.where((self.own > 0) & ~self.switches, self.own * along, 0.0)
 
     def balanced(self, v: Array, s: Array, share: Array) -> Array:
         """The share of the stiffness for which loads and s r are alike in size: what splitting is quick with."""
         loads = xp.linalg.norm(xp.where(self.switches, self.shrunk(v, s), 0.0))
         gaps = xp.linalg.norm(self.stiffness * self.gap(v, s))
-        wanted = xp.where(loads > 0, xp.clip(loads / _positive(gaps), *_SHARES), share * _SHARES[1] ** -0.5)
+        wanted = xp.where(loads > 0, xp.clip(loads / or_one(gaps), *_SHARES), share * _SHARES[1] ** -0.5)
         return xp.where(gaps > 0, xp.sqrt(share * wanted), share)
 
 
@@ -190,7 +190,7 @@ def _found(play: Play, solved: Callable[..., Any], given: tuple) -> _Turn:
         solution = solved(system, state, unloaded(factor, sides.zero), clearance.closure(sides), *more)
         lam = solution.multipliers
         reached = lam + xp.where(clearance.switches, s * clearance.gaps(sides, lam), 0.0)
-        along = xp.where(clearance.switches & ~sides.zero, lam / _positive(clearance.norm(lam)), 0.0)
+        along = xp.where(clearance.switches & ~sides.zero, lam / or_one(clearance.norm(lam)), 0.0)
         size = factor.row_scale * xp.abs(lam)
         # To the rounding of a solve that a thousand rows have, which what carries nothing adds to.
         consistent = (
@@ -211,7 +211,3 @@ def _found(play: Play, solved: Callable[..., Any], given: tuple) -> _Turn:
     sides = clearance.sides(lam, clearance.stiffness)
     start = _Turn(lam, one, lam, sides, xp.zeros((), int), xp.ones((), bool), xp.zeros((), bool))
     return while_loop(lambda turn: turn.goes_on, body, start)
-
-
-def _positive(x: Array) -> Array:
-    return xp.where(x > 0, x, 1.0)

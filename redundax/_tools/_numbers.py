@@ -190,6 +190,11 @@ def chosen_of(flag: Any, yes: Any, no: Any) -> Any:
     return xp.where(xp.reshape(flag, np.shape(flag) + (1,) * (np.ndim(yes) - np.ndim(flag))), yes, no)
 
 
+def or_one(size: Any) -> Any:
+    """Sizes to divide by: 1 where there is none."""
+    return xp.where(size > 0, size, 1.0)
+
+
 def product(matrix: Any, vector: Any) -> Any:
     """matrix @ vector, sample by sample where axes for them stand in front."""
     return matrix @ vector if vector.ndim == 1 else (matrix @ vector[..., None])[..., 0]
