@@ -46,6 +46,11 @@ def check_wheel(wheel: Any, known: tuple[str, ...]) -> None:
         )
 
 
+def parted(touching: Array, i: Any, j: Any, from_i: Any, from_j: Any) -> Array:
+    """How the points of both bodies that touch at a global point have parted."""
+    return i.point(from_i.local(touching)) - j.point(from_j.local(touching))
+
+
 class AbstractRollingRows:
     """The rows that a wheel was given, all forces: of the contact, which pushes, and of rolling."""
 
@@ -113,8 +118,7 @@ class Wheel(AbstractRollingRows, AbstractPointJoint):  # pyright: ignore[reportI
     def rolled(self, i: Pose, j: Pose, from_i: Pose, from_j: Pose) -> Array:
         n = from_j.rotate(self.normal)
         touching = from_i.point(self.point_i) - self.radius * n
-        slip = i.point(from_i.local(touching)) - j.point(from_j.local(touching))
-        return self.only(along=perpendicular(n) @ slip)
+        return self.only(along=perpendicular(n) @ parted(touching, i, j, from_i, from_j))
 
 
 class KnifeEdge(AbstractJoint):
@@ -149,5 +153,5 @@ class KnifeEdge(AbstractJoint):
         return jnp.zeros(1, i.r.dtype)
 
     def rolled(self, i: Pose, j: Pose, from_i: Pose, from_j: Pose) -> Array:
-        shift = i.point(self.point_i) - j.point(from_j.local(from_i.point(self.point_i)))
+        shift = parted(from_i.point(self.point_i), i, j, from_i, from_j)
         return -(perpendicular(from_i.rotate(self.direction)) @ shift)[None]

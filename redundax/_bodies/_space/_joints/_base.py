@@ -61,7 +61,31 @@ class AbstractJoint(AbstractAnyJoint):
         """Constraint residual, one entry for each of `row_kinds`."""
 
 
-class AbstractPlacedJoint(AbstractJoint):
+class AbstractJointOfPlacements(AbstractJoint):
+    """A joint with a point and axes, z the one that is given, on both bodies."""
+
+    name: str = eqx.field(static=True)
+    i: str = eqx.field(static=True)
+    j: str = eqx.field(static=True)
+    point_i: Float[Array, "3"]
+    axes_i: Float[Array, "3 3"]
+    point_j: Float[Array, "3"]
+    axes_j: Float[Array, "3 3"]
+
+    def place_both(
+        self,
+        name: str,
+        i: Body | str,
+        j: Body | str,
+        given: Sequence[Placement | None],
+        own: Sequence[Placement | None],
+    ) -> None:
+        """Set the fields of a joint that is being made, with a global placement for each body."""
+        self.name, (self.i, self.j, on_i, on_j) = name, placed(name, i, j, given, own)
+        (self.point_i, self.axes_i), (self.point_j, self.axes_j) = ((on.point, on.axes) for on in (on_i, on_j))
+
+
+class AbstractPlacedJoint(AbstractJointOfPlacements):
     """A joint that sits at a point and axis of both bodies.
 
     A new kind of joint gives `row_kinds`. Rows called radial_1, radial_2, axial, bend_1, bend_2 and twist lock these
@@ -94,13 +118,6 @@ class AbstractPlacedJoint(AbstractJoint):
     """
 
     coordinate_kinds: ClassVar[tuple[Row, ...]] = ()
-    name: str = eqx.field(static=True)
-    i: str = eqx.field(static=True)
-    j: str = eqx.field(static=True)
-    point_i: Float[Array, "3"]
-    axes_i: Float[Array, "3 3"]
-    point_j: Float[Array, "3"]
-    axes_j: Float[Array, "3 3"]
 
     def __init__(
         self,
@@ -127,20 +144,8 @@ class AbstractPlacedJoint(AbstractJoint):
         on_i: Placement | None = None,
         on_j: Placement | None = None,
     ) -> None:
-        """Set the fields of a joint that is being made, at one place."""
+        """The same of a joint at one place."""
         self.place_both(name, i, j, (given, given), (on_i, on_j))
-
-    def place_both(
-        self,
-        name: str,
-        i: Body | str,
-        j: Body | str,
-        given: Sequence[Placement | None],
-        own: Sequence[Placement | None],
-    ) -> None:
-        """The same of a joint with a global placement for each body."""
-        self.name, (self.i, self.j, on_i, on_j) = name, placed(name, i, j, given, own)
-        (self.point_i, self.axes_i), (self.point_j, self.axes_j) = ((on.point, on.axes) for on in (on_i, on_j))
 
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:
         return values(LOCKED, self.row_kinds, f"a `{type(self).__name__}`", self.relative(i, j))

@@ -20,43 +20,21 @@ from jaxtyping import Array, Float
 from ...._tools._errors import RedundaxError
 from ...._tools._module import Numbers, as_float, numpy_of, replace_fields, safe_norm
 from ..._joints._base import Row
-from ..._joints._wheels import ORDER, AbstractRollingRows, check_wheel, in_order
+from ..._joints._wheels import ORDER, AbstractRollingRows, check_wheel, in_order, parted
 from .._body import Body
-from .._placement import Placement, at_reference, placed
+from .._placement import Placement, at_reference
 from .._pose import Pose
 from .._rotation import cross
-from ._base import AbstractJoint
+from ._base import AbstractJointOfPlacements
 
 _UP = (0.0, 0.0, 1.0)
 
 
-class AbstractOnPlane(AbstractJoint):
+class AbstractOnPlane(AbstractJointOfPlacements):
     """What touches a plane of body j: the axis z of its placement on body i is axle or blade, on body j the normal."""
-
-    name: str = eqx.field(static=True)
-    i: str = eqx.field(static=True)
-    j: str = eqx.field(static=True)
-    point_i: Float[Array, "3"]
-    axes_i: Float[Array, "3 3"]
-    point_j: Float[Array, "3"]
-    axes_j: Float[Array, "3 3"]
-
-    def place(
-        self,
-        ends: tuple[str, Body | str, Body | str],
-        given: tuple[Placement | None, Placement | None],
-        own: tuple[Placement | None, Placement | None],
-    ) -> None:
-        """Set the fields of a joint that is being made: its name and bodies, and its placements, global or on these."""
-        self.name, (self.i, self.j, on_i, on_j) = ends[0], placed(*ends, given, own)
-        (self.point_i, self.axes_i), (self.point_j, self.axes_j) = ((on.point, on.axes) for on in (on_i, on_j))
 
     def directions(self) -> dict[str, Array]:
         return {"i": self.axes_i[..., 2], "j": self.axes_j[..., 2]}
-
-    def shifted(self, touching: Array, i: Pose, j: Pose, from_i: Pose, from_j: Pose) -> Array:
-        """How the points of both bodies that touch at a global point have parted."""
-        return i.point(from_i.local(touching)) - j.point(from_j.local(touching))
 
 
 class Wheel(AbstractRollingRows, AbstractOnPlane):  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -125,7 +103,7 @@ class Wheel(AbstractRollingRows, AbstractOnPlane):  # pyright: ignore[reportInco
             up = n - (a @ n) * a
             touching = xp.asarray(given_i.point) - xp.asarray(self.radius) * up / xp.linalg.norm(up)
             given_j = replace_fields(given_j, point=as_float(touching))
-        self.place((name, i, j), (given_i, given_j), (on_i, on_j))
+        self.place_both(name, i, j, (given_i, given_j), (on_i, on_j))
         check_wheel(self, ORDER)
 
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:
@@ -136,7 +114,7 @@ class Wheel(AbstractRollingRows, AbstractOnPlane):  # pyright: ignore[reportInco
     def rolled(self, i: Pose, j: Pose, from_i: Pose, from_j: Pose) -> Array:
         a, n = from_i.rotate(self.axes_i[:, 2]), from_j.rotate(self.axes_j[:, 2])
         touching = from_i.point(self.point_i) - self.radius * _unit(n - (a @ n) * a)
-        shift, t = self.shifted(touching, i, j, from_i, from_j), _unit(cross(a, n))
+        shift, t = parted(touching, i, j, from_i, from_j), _unit(cross(a, n))
         return self.only(along=-t @ shift, across=-cross(n, t) @ shift)
 
 
@@ -179,14 +157,14 @@ class KnifeEdge(AbstractOnPlane):
         on_j: Placement | None = None,
     ):
         given = at_reference(name, point, direction), None if point is None else at_reference(name, point, normal)
-        self.place((name, i, j), given, (on_i, on_j))
+        self.place_both(name, i, j, given, (on_i, on_j))
 
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:
         return jnp.zeros(1, i.r.dtype)
 
     def rolled(self, i: Pose, j: Pose, from_i: Pose, from_j: Pose) -> Array:
         d, n = from_i.rotate(self.axes_i[:, 2]), from_j.rotate(self.axes_j[:, 2])
-        shift = self.shifted(from_i.point(self.point_i), i, j, from_i, from_j)
+        shift = parted(from_i.point(self.point_i), i, j, from_i, from_j)
         return -(_unit(cross(n, d)) @ shift)[None]
 
 
