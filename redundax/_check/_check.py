@@ -4,7 +4,7 @@ import dataclasses
 import itertools
 import pathlib
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -146,9 +146,8 @@ def _best(
 def _on(system: Mechanism, figure: Figure, other: bool) -> Figure:
     """A load with the body that it acts on."""
     is_other = other if figure.is_other is None else figure.is_other
-    name = [joint for stack in system.names.joints for joint in stack][figure.joint]
     told = system.names.reactions.labels[figure.joint * system.frame.size]
-    pair = next(pair for joint, *pair in system.names.joined if joint == name)
+    pair = cast(tuple[str, str], system.names.bodies_at(system.names.joint_names[figure.joint]))
     is_first = told.endswith(f" on {pair[0]}")
     return dataclasses.replace(figure, is_other=is_other, on=pair[is_first == is_other])
 

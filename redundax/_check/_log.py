@@ -16,7 +16,7 @@ import io
 import pathlib
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -182,7 +182,7 @@ def _coordinates(names: Names) -> dict[str, str]:
 
 
 def _figure(mechanism: Mechanism, name: str, values: np.ndarray) -> Figure | None:
-    names, flat = mechanism.names, [joint for stack in mechanism.names.joints for joint in stack]
+    names, flat = mechanism.names, mechanism.names.joint_names
     found = _LOAD.match(name)
     if found is None or found[1].strip() not in flat:
         return None
@@ -190,7 +190,7 @@ def _figure(mechanism: Mechanism, name: str, values: np.ndarray) -> Figure | Non
     axes = mechanism.frame.linear if part == "force" or len(mechanism.frame.linear) == 3 else ("",)
     if axis not in axes:
         return None
-    pair = next((i, j) for known, i, j in names.joined if known == flat[joint])
+    pair = cast(tuple[str, str], names.bodies_at(flat[joint]))
     if body is not None and body not in pair:
         if _plain(name) != name:  # a unit stands behind
             return None

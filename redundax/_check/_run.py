@@ -20,7 +20,7 @@ def of_series(system: Mechanism, series: Series) -> tuple[Log, Path]:
     closed, scale = nearest(system, series.times, q)
     centres = 3 * len(system.names.bodies)
     apart = float(np.abs(closed - q)[:, :centres].max(initial=0.0))
-    names, figures, unused = [joint for stack in system.names.joints for joint in stack], [], []
+    names, figures, unused = system.names.joint_names, [], []
     for name, reaction in series.reactions.items():
         if name in names:
             figures += _figures(system, name, names.index(name), reaction, _points(system, closed, reaction))

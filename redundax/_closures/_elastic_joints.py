@@ -111,7 +111,7 @@ class ElasticJoints(AbstractClosure):
         if isinstance(joints, Mapping):
             joints = [kind(name, *_pair(name, figures)) for name, figures in joints.items()]
         _check_space(joints, mechanism.frame)
-        names = [name for members in mechanism.names.joints for name in members]
+        names = mechanism.names.joint_names
         given = {joint.joint: joint for joint in joints}
         if len(given) < len(joints):
             raise RedundaxError("Argument `joints` must name each joint once, but names some twice. Leave one out.")

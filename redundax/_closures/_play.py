@@ -76,8 +76,7 @@ def _rows(mechanism: Mechanism, name: str) -> tuple[int, ...]:
     labels, kinds = mechanism.rows.labels, mechanism.rows.kinds
     if name in labels:
         return (labels.index(name),)
-    joints = [joint for members in mechanism.names.joints for joint in members]
-    index_of("play", name, (*joints, *labels), " of joints and rows")
+    index_of("play", name, (*mechanism.names.joint_names, *labels), " of joints and rows")
     own = [k for k, label in enumerate(labels) if label.rpartition(".")[0] == name]
     if len(own) == 1 or all(kinds[k] == "force" for k in own):
         return tuple(own)

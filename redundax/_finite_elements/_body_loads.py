@@ -11,6 +11,7 @@ import csv
 import dataclasses
 import io
 import re
+from typing import cast
 
 import jax
 import numpy as np
@@ -95,7 +96,7 @@ def body_loads(mechanism: Mechanism, state: State, solution: Solution) -> tuple[
         for number, name in enumerate(members):
             rows = np.asarray(mechanism.rows_of_joints[k])[number]
             told = names.reactions.labels[6 * place].rpartition(" on ")[2]
-            pair = next(pair for joint, *pair in names.joined if joint == name)
+            pair = cast(tuple[str, str], names.bodies_at(name))
             for other, body in enumerate((told, pair[pair[0] == told])):
                 if body == GROUND:
                     continue

@@ -123,6 +123,11 @@ class Names:
         friction = ("friction moment" if angular else "friction force" for angular in self.slips.angular)
         return Axis(tuple(each.name for each in parts), (*self.coordinates.kinds, *self.rows.kinds, *friction))
 
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of joints in the order of their reactions."""
+        return tuple(name for members in self.joints for name in members)
+
     def carriers(self, slips: Sequence[str]) -> list[str]:
         """The bodies on which the friction of slips acts as it is told; "" of a system without joints."""
         return [(self.bodies_at(slip) or ("", ""))[0] for slip in slips]

@@ -52,7 +52,7 @@ def joint_wrench(
             "Argument `mechanism` must be one of `rx.spatial`, but is planar. Read the loads of its joints from "
             'the solution, as in `solution["A force x on rod"]`.'
         )
-    names = [name for stack in mechanism.names.joints for name in stack]
+    names = mechanism.names.joint_names
     place = index_of("joint", joint, names, " of joints")
     loads = joint_reactions(mechanism.joint_coordinates, state, multipliers)[6 * place : 6 * place + 6]
     stack = next(k for k, members in enumerate(mechanism.names.joints) if joint in members)

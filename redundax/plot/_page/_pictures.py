@@ -30,7 +30,7 @@ def drawing(
     pyplot.close(figure)
     if not_unique(report):
         caption += "; a question mark is at joints whose load is not unique"
-    joints = ", ".join(name for names in system.names.joints for name in names)
+    joints = ", ".join(system.names.joint_names)
     alt = f"{caption}: drawing of the bodies {', '.join(system.names.bodies)} and the joints {joints}"
     return [Picture(png, caption, f"{alt}, with loads as arrows." if loads else f"{alt}.")]
 
