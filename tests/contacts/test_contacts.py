@@ -143,6 +143,7 @@ def least_energy(active, at):
     return out
 
 
+@pytest.mark.slow
 def test_batches_and_derivatives_of_a_beam_on_supports():
     """The support that the load is far from carries nothing; derivatives are those of the active set."""
     at = np.array([-0.6, 0.1, 0.2, 0.5, 0.75])

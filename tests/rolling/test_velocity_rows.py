@@ -60,6 +60,7 @@ def test_rank_and_velocities_are_of_all_rows_and_positions_are_free():
     assert "without them 0 redundant, 3 degrees of freedom; with them 0 more redundant, 1 less" in str(report)
 
 
+@pytest.mark.slow
 def test_derivatives_by_the_place_of_the_blade():
     u, w = 1.3, 0.7
     turn = lambda ahead: rx.solve(written(ahead), _state_by(ahead, u, w)).acceleration[2]  # noqa: E731
