@@ -29,7 +29,7 @@ from .._equations._rank import Spectrum, Split, split
 from .._solve._contacts import as_held
 from .._solve._solution import Solution
 from .._solve._solve import solve
-from .._system._contact import LEFT_OUT
+from .._system._contact import LEFT_OUT, rows_that_hold
 from .._system._names import ByName, senses
 from .._system._results import RESULTS, is_one_of
 from .._system._state import State
@@ -79,7 +79,8 @@ def analyze(
     pushed, out = None, np.zeros(len(system.rows), bool)
     if one_sided.size:
         pushed, factor = solve(system, state, closure=closure, sense=sense, throw=False), None
-        out[one_sided] = np.isin(np.asarray(pushed.contact), LEFT_OUT)
+        closed = ~np.isin(np.asarray(pushed.contact), LEFT_OUT)
+        out = ~np.asarray(rows_that_hold(system.names, closed, closed))
         system = as_held(system, ~out)
     closure = without_play(closure)  # which makes no load unique
     system, factor = dense_at(system, state, rank, factor)

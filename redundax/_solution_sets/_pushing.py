@@ -8,7 +8,7 @@ from .._analysis._report import Report
 from .._equations._factorisation import Factorisation
 from .._equations._factorize import dense_at
 from .._solve._contacts import as_held
-from .._system._contact import Contact
+from .._system._contact import Contact, rows_that_hold
 from .._system._state import State
 from .._system._system import AbstractSystem
 
@@ -23,9 +23,7 @@ class Held(NamedTuple):
 
 def held(system: AbstractSystem, state: State, report: Report) -> Held:
     """The system of a report without the contacts that are open or lift."""
-    closed = [report.contacts[name] not in (Contact.open, Contact.lifts) for name in system.names.contacts]
-    rows = np.array(system.names.one_sided, int)
-    kept = np.ones(len(system.rows), bool)
-    kept[rows] = closed
+    closed = np.array([report.contacts[name] not in (Contact.open, Contact.lifts) for name in system.names.contacts])
+    rows, kept = np.array(system.names.one_sided, int), rows_that_hold(system.names, closed, closed)
     system, factor = dense_at(as_held(system, kept), state, None, None)
     return Held(system, factor, tuple(rows[closed].tolist()))
