@@ -97,6 +97,8 @@ def analyze(
     if is_one_of(result, RESULTS.successful):
         figures, solution = _family(system, state, factor, closure, stress, sense)
         result, pulling = solution.result, solution.pulling
+    if pushed is not None and is_one_of(pushed.result, RESULTS.contacts_undecided):
+        figures, result = None, pushed.result
     ranges = {}
     if pushed is not None and not system.friction and is_one_of(pushed.result, RESULTS.successful):
         ranges = _ranges(system, state, np.asarray(pushed.multipliers), stress, one_sided[~out[one_sided]])
