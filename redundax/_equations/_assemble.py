@@ -173,7 +173,9 @@ def _rows_that_hold(
         more = kept[0] | (reached > tolerance)
         return more, xp.any(more & ~kept[0])
 
-    first = xp.asarray(wanted) | (closing(start) > -tolerance)
+    begins = closing(start)
+    most = tolerance if wanted.any() else np.inf  # those that are wanted may push the others out
+    first = xp.asarray(wanted) | ((begins > -tolerance) & (begins <= most))
     kept, _ = while_loop(lambda kept: kept[1], body, (first, xp.ones((), bool)))
     return rows_that_hold(names, kept, kept)
 
