@@ -200,8 +200,6 @@ def test_what_is_no_row_of_velocity_is_refused():
         rx.System(None, jnp.ones(2), velocity_constraints=lambda q, qd, t, p: qd[:1], one_sided=[0])
     with pytest.raises(rx.RedundaxError, match="where a `retraction` is given"):
         rx.System(None, jnp.ones(2), velocity_constraints=lambda q, qd, t, p: qd[:1], retraction=lambda q, d: q + d)
-    with pytest.raises(rx.RedundaxError, match=r"has rows of velocity, blade\.across"):
-        rx.drive(rx.mechanisms.skate(), {"sleigh.x": 1.0}, [0.0, 1.0])
     with pytest.raises(rx.RedundaxError, match="Sparse matrices take no rows of velocity"):
         rx.mechanisms.skate().sparse()
 

@@ -307,8 +307,6 @@ def test_wheels_that_cannot_be_are_refused():
         rx.Wheel("w", "a", "ground", (0, 0), (0, 0), (0, 1), 0.3, rows=("across",))
     with pytest.raises(rx.RedundaxError, match="`radius` of joint 'w' must be positive"):
         rx.Wheel("w", "a", "ground", (0, 0), (0, 0), (0, 1), 0.0)
-    with pytest.raises(rx.RedundaxError, match="`one_sided` of the wheel 'w' must be left out where it rolls"):
-        rx.Wheel("w", "a", "ground", (0, 0), (0, 0), (0, 1), 0.3, one_sided=True)
     disc = rx.spatial.Body("disc", 1.0, (1, 1, 1))
     with pytest.raises(rx.RedundaxError, match="must hold some of normal, along, across"):
         rx.spatial.Wheel("w", disc, "ground", (0, 0, 0.3), (0, 1, 0), radius=0.3, rows=("spin",))

@@ -15,11 +15,9 @@ import equinox as eqx
 import numpy as np
 from jax.typing import ArrayLike
 
-from ..._analysis._analyze import analyze
 from ..._analysis._outputs import plain
 from ..._closures._closure import AbstractClosure, Elasticity, MinimumNorm, elasticity
 from ..._equations._factorisation import Factorisation
-from ..._equations._factorize import dense_at
 from ..._equations._response import Response
 from ..._system._names import ByName, unit_of, vector
 from ..._system._pushing import changing, in_words, pulling
@@ -31,7 +29,7 @@ from ..._tools._numbers import Numeric, as_numbers, computed, xp
 from .._at_rest import NONE, ReducedForce, drive, velocity_basis
 from .._bounds import AbstractBounds, cases_of, checked_bounds, title_of
 from .._cases import AbstractCases
-from .._pushing import held
+from .._pushing import analyzed
 from .._solution_set import SolutionSet, solution_set
 from ._extreme import Extreme, LoadsAtRest
 from ._friction_limits import sizes_of
@@ -174,12 +172,7 @@ def limit_load(
     check_system_at(system, state)
     bounds = checked_bounds(bounds, system, _MINIMUM_NORM)
     state, names = replace_fields(state, memory=()), system.names
-    if names.one_sided:
-        report = analyze(system, state)
-        system, factor, pushing = held(system, state, report)
-    else:
-        system, factor = dense_at(system, state, rank, factor)
-        report, pushing = analyze(system, state, factor=factor), ()
+    (system, factor, pushing), report = analyzed(system, state, rank, factor)
     if report.problem:
         raise NoSolutionError(report.problem)
     if not isinstance(load, Mapping) and np.ndim(load) != 1:
