@@ -72,9 +72,8 @@ class _Reader:
 
     def __init__(self, path: pathlib.Path):
         self._path = path
-        Tf, Usd, UsdGeom, UsdPhysics = (
-            optional(f"pxr.{each}", "usd") for each in ("Tf", "Usd", "UsdGeom", "UsdPhysics")
-        )
+        Tf, Usd = optional("pxr.Tf", "usd"), optional("pxr.Usd", "usd")
+        UsdGeom, UsdPhysics = optional("pxr.UsdGeom", "usd"), optional("pxr.UsdPhysics", "usd")
         self._geometry, self._physics, self._notes = UsdGeom, UsdPhysics, []
         try:
             stage = Usd.Stage.Open(str(path))
@@ -406,9 +405,7 @@ class _Reader:
             given = self._values(scene, "physics:gravityDirection", 3)
             value = float(self._values(scene, "physics:gravityMagnitude")[0])
             if not (np.all(np.abs(given) < _LARGEST) and value < _LARGEST):
-                raise self._refuse(
-                    "has a gravity that is no number. Correct `physics:gravityMagnitude` and its direction"
-                )
+                raise self._refuse("has a gravity that is no number. Correct its `physics:gravityMagnitude`")
             way = given / np.linalg.norm(given) if np.any(given) else way
             size = value * self._length if value >= 0 else size
         x, y, z = (size * way).tolist()

@@ -239,7 +239,7 @@ def test_what_a_link_leads_to_is_not_written_over(monkeypatch, tmp_path, words):
         (("analyze", "x.wbt"), "is a model of Webots, which is not read"),
         (
             ("audit", "x.json"),
-            "must be a model, .xml, .mjcf, .urdf, .sdf, .world, .asmt, .usd, .usda, .usdc, .usdz, or FILE.py:NAME",
+            ".asmt, .usd, .usda, .usdc, .usdz, or FILE.py:NAME",
         ),
         (("report", "x.urdf"), "is a model. Type `redundax audit x.urdf`"),
         (("audit", ""), "must be a model"),
