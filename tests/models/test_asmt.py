@@ -204,13 +204,74 @@ def test_a_screw_turns_its_weight_into_a_moment(write):
     np.testing.assert_allclose(abs(float(solution["key moment z on nut"])), MASS * G * 0.02 / (2 * np.pi), rtol=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["GearJoint", "RackPinionJoint", "ScrewJoint"])
-def test_couplings_that_are_not_taken_over_are_told_and_undecided(write, kind, capsys):
-    values = {"ScrewJoint": {"pitch": 0.02}, "GearJoint": {"radiusI": 0.1, "radiusJ": 0.2}}.get(
-        kind, {"pitchRadius": 0.1}
+@pytest.mark.parametrize("flip", [False, True])
+def test_wheels_in_mesh_press_tangentially(write, flip):
+    """A pinion, r = 0.1, turns a wheel, 0.3, both on pins, by b: the teeth bear J b r / R^2 = F, and the pins the same
+    force across the line of centres, x here; the motor (I + J r^2 / R^2) b."""
+    b, moments = 4.0, (0.05, 0.9)
+    wheels = [
+        asmt.part(name, place, None, 0.0, (0, 0, 0), (0.0, 0.0, moment), {"eye": (0, 0, 0)})
+        for name, place, moment in zip(("pinion", "wheel"), ((0, 0, 0), (0.4, 0, 0)), moments, strict=True)
+    ]
+    ends = ("pinion/eye", "wheel/eye"), {"radiusI": 0.1, "radiusJ": 0.3}
+    mesh = asmt.joint("GearJoint", "mesh", *ends[0][::-1], radiusI=0.3, radiusJ=0.1) if flip else asmt.joint(
+        "GearJoint", "mesh", *ends[0], **ends[1])  # fmt: skip
+    joints = [asmt.joint("RevoluteJoint", "p", "a", "pinion/eye"), asmt.joint("RevoluteJoint", "w", "b", "wheel/eye")]
+    motion = asmt.motion("RotationalMotion", "turn", "p", "RotationZ", "2.0d*time^2")
+    text = asmt.assembly({"a": (0, 0, 0), "b": (0.4, 0, 0)}, wheels, [*joints, mesh], [motion], (0.0, 0.0, 0.0))
+    model = rx.load_model(write(text))
+    tree = Tree(model.described)
+    assert not model.notes[:0] and len(tree.system(tree.reference)[1]) == 1
+    solution = rx.solve(model.driven, rx.State(model.state.q, model.state.qd, jnp.zeros(())))
+    force = moments[1] * b * 0.1 / 0.3**2
+    np.testing.assert_allclose(float(solution["w.angle''"]), -b / 3, rtol=1e-12)
+    np.testing.assert_allclose(abs(float(solution["w force y on wheel"])), force, rtol=1e-12)
+    np.testing.assert_allclose(
+        float(solution["p force y on pinion"]), -float(solution["w force y on wheel"]), rtol=1e-12
     )
-    text = nut(asmt.joint(kind, "mesh", "base", "nut/eye", **values)).replace("CylindricalJoint", "PlanarJoint")
-    assert command.main(["audit", str(write(text))]) == 4
+    np.testing.assert_allclose(float(solution["w force x on wheel"]), 0.0, atol=1e-12)
+    torque = moments[0] * b + force * 0.1
+    np.testing.assert_allclose(abs(float(solution["turn moment z on pinion"])), torque, rtol=1e-12)
+
+
+def test_a_rack_and_a_pinion(write):
+    """A weight m on an upright rack turns a pinion of radius r on its pin: it falls by g m r^2 / (m r^2 + I)."""
+    up = ((0.0, 0.0, 0.0), ((0, -1, 0), (1, 0, 0), (0, 0, 1)))  # x along y
+    slide = ((0.0, 0.0, 0.0), ((1, 0, 0), (0, 0, 1), (0, -1, 0)))  # z along y
+    parts = [
+        asmt.part("rack", (0.1, 0.7, 0), None, 2.0, (0, 0, 0), (0.1, 0.1, 0.1), {"teeth": up, "eye": slide}),
+        asmt.part("pinion", (0, 0, 0), None, 1.0, (0, 0, 0), (0.1, 0.1, 0.03), {"eye": (0, 0, 0)}),
+    ]
+    joints = [
+        asmt.joint("TranslationalJoint", "guide", "foot", "rack/eye"),
+        asmt.joint("RevoluteJoint", "pin", "base", "pinion/eye"),
+        asmt.joint("RackPinionJoint", "mesh", "rack/teeth", "pinion/eye", pitchRadius=0.1),
+    ]
+    places = {"base": (0, 0, 0), "foot": ((0.1, 0.0, 0.0), slide[1])}
+    model = rx.load_model(write(asmt.assembly(places, parts, joints, (), (0.0, -G, 0.0))))
+    solution = rx.solve(model.mechanism, model.state)
+    fall = G * 2 * 0.1**2 / (2 * 0.1**2 + 0.03)
+    np.testing.assert_allclose(abs(float(solution["guide.travel''"])), fall, rtol=1e-12)
+    np.testing.assert_allclose(abs(float(solution["pin.angle''"])), fall / 0.1, rtol=1e-12)
+    np.testing.assert_allclose(float(solution["pin force y on pinion"]), G + 0.03 * fall / 0.1**2, rtol=1e-12)
+    assert rx.analyze(model.mechanism, model.state).redundancy == 0
+
+
+def test_loops_have_the_rows_of_their_joints(write):
+    """What an audit computes, at other positions too, as of the mechanism."""
+    nut_and_rack = nut(asmt.joint("ScrewJoint", "thread", "base", "nut/eye", pitch=0.3),
+                       asmt.joint("RackPinionJoint", "mesh", "base", "nut/eye", pitchRadius=0.2))  # fmt: skip
+    model = rx.load_model(write(nut_and_rack.replace("CylindricalJoint", "PlanarJoint")))
+    slopes = model.tree.system(model.positions)[1]
+    jacobian = np.asarray(model.mechanism.jacobian(model.state.q, jnp.zeros(())))
+    assert np.linalg.matrix_rank(slopes, tol=1e-9) == 2 and np.linalg.matrix_rank(jacobian, tol=1e-9) == 5
+
+
+@pytest.mark.parametrize(
+    ("kind", "values"), [("GearJoint", {"radiusI": np.pi, "radiusJ": 1.0}), ("ScrewJoint", {"pitch": 0.0})]
+)
+def test_couplings_that_are_not_taken_over_are_told_and_undecided(write, kind, values, capsys):
+    assert command.main(["audit", str(write(nut(asmt.joint(kind, "mesh", "base", "nut/eye", **values))))]) == 4
     assert f"{kind} 'mesh' is left out" in capsys.readouterr().out
 
 
