@@ -227,11 +227,11 @@ class _Reader:
         else:
             value = held.value if held.kind == "rack joint" else -held.value / (2 * np.pi)
             turns = (0.0, -float(seen.point[ROLLED[held.kind]]) / value - now)
-        ends = (
+        i, j = (
             (part, at.of(Frame(np.zeros(3), about_fixed_axes(np.array([0.0, 0.0, turn])))))
             for (part, at), turn in zip((held.i, held.j), turns, strict=True)
         )
-        return Held(held.name, held.kind, *ends, value)
+        return held._replace(i=i, j=j, value=value)
 
     def _motions(self) -> list[tuple[str, str, str, Callable[[Any], Any]]]:
         """Name, joint, coordinate and law of each motion."""
