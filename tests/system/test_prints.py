@@ -208,7 +208,7 @@ def test_a_report_fits_a_terminal():
         assert max(map(len, text.splitlines())) <= WIDTH
     assert len(above.splitlines()) > len(below.splitlines()) + 1
     lines = [line for line in above.splitlines() if not line.startswith(" ")]
-    assert [line.split()[0] for line in lines] == ["6", "Singular", "15", "Units:"]
+    assert [line.split()[0] for line in lines] == ["6", "Least", "15", "Units:"]
 
 
 def test_inside_of_transformations_shapes_are_printed():
