@@ -236,7 +236,8 @@ def _notes(about: dict[str, Any]) -> list[str]:
     """What the model here is without."""
     soft = ["Loops are taken as rigid, where MuJoCo has springs."] if about.get("loops") and about["soft"] else []
     notes = [" ".join(note.split()) for note in about.get("left_out", ())]
-    return [*soft, *(note if " is left out" in note else f"left out: {note}" for note in notes)]
+    told = [*soft, *(note if " is left out" in note else f"left out: {note}" for note in notes)]
+    return [line for each in told for line in wrapped(each, subsequent_indent="    ")]
 
 
 def _next(arguments: argparse.Namespace, found: Audit) -> list[str]:
@@ -245,4 +246,4 @@ def _next(arguments: argparse.Namespace, found: Audit) -> list[str]:
     if kind not in MODELS or arguments.fix or not found.figures[0]:
         return []
     fix = f"--fix COPY{kind} writes a mended copy; " if any(each.choices for each in found.repairs) else ""
-    return [f"Next: {fix}--all lists all releases; --html PAGE.html shows it."]
+    return wrapped(f"Next: {fix}--all lists all releases; --html PAGE.html shows it.")

@@ -99,7 +99,7 @@ def _coordinate(name: str, system: AbstractSystem) -> str:
     try:
         index_of("--law", name, labels, " of coordinates")
     except RedundaxError as error:
-        raise FileError(str(error)) from error
+        raise FileError(f"{error} Laws are given to joints, not to the actuators of a file.") from error
     return name
 
 

@@ -33,7 +33,7 @@ from ..._system._units import with_unit
 from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._module import replace_fields
 from ..._tools._numbers import computed
-from ..._tools._table import figures, group, page
+from ..._tools._table import figures, group, page, text_of
 from .._at_rest import is_still
 from .._bounds import AbstractBounds, Pushing, cases_of, checked_bounds, title_of
 from .._cases import AbstractCases, Affine
@@ -129,7 +129,7 @@ class Bands:
         if self.stands is not None:
             lines.append(_STANDS[self.stands])
         if self.empty:
-            return "\n".join(lines if self.stands is not None else [*lines, _EMPTY])
+            return text_of(lines if self.stands is not None else [*lines, _EMPTY])
         if self.solved < 1:
             lines.append(f"NO SOLUTION for {1 - self.solved:.0%} of the cases looked at.")
         ends = [figures(end, np.stack([self.lower, self.upper])) for end in (self.lower, self.upper)]
@@ -143,10 +143,10 @@ class Bands:
         elif np.any(endless):
             lines.append("Without end: friction grows with the loads that it causes, so that joints wedge themselves.")
         if np.any((np.isinf(self.outer_lower) | np.isinf(self.outer_upper)) & ~self.exact & ~endless):
-            lines.append("Inner estimates: all within is attained; more may be, and no outer bound is known.")
+            lines.append("Inner estimates: all within is attained, more may be: no outer bound is known.")
         if self.pulling:
             lines.append(f"{changing(self.pulling)} within these bands: {in_words(self.pulling)}")
-        return "\n".join(lines)
+        return text_of(lines)
 
     def _kind(self, k: int) -> str:
         if self.exact[k]:

@@ -13,7 +13,6 @@ solutions to branches.
 import dataclasses
 import math
 from collections.abc import Callable, Iterable, Sequence
-from textwrap import wrap
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,6 +32,7 @@ from ..._system._units import with_unit
 from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._module import Numbers, as_float, replace_fields
 from ..._tools._numbers import computed
+from ..._tools._table import text_of
 from .._bounds import check_definite
 from .._pushing import analyzed, pulling_rows
 from .._solution_set import SolutionSet, solution_set
@@ -139,12 +139,11 @@ class SolutionFamily:
             f"{name}, a {kinds[name]}, from {axis[0]:.4g} to {axis[-1]:.4g} {unit}".rstrip()
             for name, axis, unit in zip(self.along, self.axes, self._amounts, strict=True)
         )
-        lines = wrap(f"Along the self-stress of {where} about {self.about}:" if where else "No self-stress:", 96)
-        lines += wrap(self.assumption, 96)
-        lines.append(self._counted())
+        lines = [f"Along the self-stress of {where} about {self.about}:" if where else "No self-stress:"]
+        lines += [*([self.assumption] if self.assumption else []), self._counted()]
         if len(self.z):
             lines += self._table()
-        return "\n".join(lines)
+        return text_of(lines)
 
     def _counted(self) -> str:
         numbers, places = np.unique(self.count, return_counts=True)
@@ -160,16 +159,17 @@ class SolutionFamily:
         return text + (f"; lost at {self.lost} places" if self.lost else "")
 
     def _table(self) -> list[str]:
-        wide = max(len(name) for name in self.names) + 2
+        labels = [with_unit(name, unit) for name, unit in zip(self.names, self.units, strict=True)]
+        wide = max(map(len, labels)) + 2
         middle = int(np.argmin(np.linalg.norm(self.z, axis=1)))
-        lines = [f"{'':{wide}}{'nearest 0':>14}{'least':>14}{'largest':>14}"]
+        lines = [f"{'':{wide}}{'nearest 0':>13}{'least':>13}{'largest':>13}"]
         least, largest = self.values.min(axis=0), self.values.max(axis=0)
-        for k, (name, size) in enumerate(zip(self.names, self.sizes, strict=True)):
+        for k, (label, size) in enumerate(zip(labels, self.sizes, strict=True)):
             same = largest[k] - least[k] <= 1e-9 * size
             word = "no value" if np.isnan(least[k]) else "the same" if same else "varies"
             figures = (self.values[middle, k], least[k], largest[k])
-            row = "".join(f"{0.0 if abs(x) <= 1e-12 * size else x:14.6g}" for x in figures)
-            lines.append(f"{name:{wide}}{row}  {word:8}  {with_unit(self.kinds[k], self.units[k])}")
+            row = "".join(f"{0.0 if abs(x) <= 1e-12 * size else x:13.6g}" for x in figures)
+            lines.append(f"{label:{wide}}{row}  {word:8}  {self.kinds[k].removeprefix('friction ')}")
         return lines
 
 

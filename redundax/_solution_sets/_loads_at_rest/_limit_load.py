@@ -26,6 +26,7 @@ from ..._system._system import AbstractSystem, check_system_at
 from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._module import replace_fields
 from ..._tools._numbers import Numeric, as_numbers, computed, xp
+from ..._tools._table import text_of
 from .._at_rest import NONE, ReducedForce, drive, velocity_basis
 from .._bounds import AbstractBounds, cases_of, checked_bounds, title_of
 from .._cases import AbstractCases
@@ -109,7 +110,7 @@ class LimitLoad:
         lines = [f"Added load of amount 1: {load}", self.title]
         if np.isnan(self.lower) and np.isnan(self.upper):
             none = f"Stands with no amount from {self.looked[0]:.4g} to {self.looked[1]:.4g} found."
-            return "\n".join([*lines, none])
+            return text_of([*lines, none])
         choice = "Can stand, in the most favourable case," if np.ptp(self.box, axis=-1).any() else "Stands"
         lines.append(f"{choice} with amounts from {self.lower:.6g} to {self.upper:.6g}")
         ends = (self.lower, self.outer_lower, "below"), (self.upper, self.outer_upper, "above")
@@ -129,7 +130,7 @@ class LimitLoad:
             lines.append(f"{side}: {'; '.join(told)} ({proof})")
         if self.pulling:
             lines.append(f"{changing(self.pulling)} at an end: {in_words(self.pulling)}")
-        return "\n".join(lines)
+        return text_of(lines)
 
 
 @computed
