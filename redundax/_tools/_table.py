@@ -18,11 +18,11 @@ LINES = 26  # of a page, beside what is said above it
 
 def text_of(lines: Iterable[str]) -> str:
     """Lines as one text; what is wider than a terminal goes on in lines below, four columns further in."""
-    how = {"break_long_words": False, "break_on_hyphens": False}
     folded = []
     for line in "\n".join(lines).split("\n"):
         indent = " " * (len(line) - len(line.lstrip()) + 4)
-        folded += textwrap.wrap(line, WIDTH, subsequent_indent=indent, **how) if len(line) > WIDTH else [line]
+        below = textwrap.TextWrapper(WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+        folded += below.wrap(line) if len(line) > WIDTH else [line]
     return "\n".join(folded)
 
 

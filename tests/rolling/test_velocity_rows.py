@@ -57,7 +57,9 @@ def test_rank_and_velocities_are_of_all_rows_and_positions_are_free():
     report = rx.analyze(system, state)
     assert (report.rank, report.redundancy, report.freedom, report.holonomic_rank) == (1, 0, 2, 0)
     assert report.velocity_rows == ("0",)
-    assert "without them 0 redundant, 3 degrees of freedom; with them 0 more redundant, 1 less" in str(report)
+    assert "without them 0 redundant, 3 degrees of freedom; with them 0 more redundant, 1 less" in " ".join(
+        str(report).split()
+    )
 
 
 @pytest.mark.slow
