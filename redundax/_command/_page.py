@@ -29,7 +29,7 @@ _OUTPUTS = ("1.phi''", "4.y''", "A.x", "K.perpendicular", "L.perpendicular", "K.
 _NEXT = {
     "redundax --png picture.png": "this page, and a picture of all solutions",
     "redundax tables": "the tables beside their printed figures",
-    "redundax report FILE.py:NAME": "such a page, with pictures, of your mechanism",
+    "redundax report FILE.py:NAME": "such a page with pictures, of your mechanism",
     "redundax --help": "all commands",
 }
 
