@@ -131,6 +131,11 @@ def _audit(commands: Any) -> argparse.ArgumentParser:
     )
     examination.add_argument("--all", action="store_true", help="list all releases that were found, too")
     examination.add_argument(
+        "--stops",
+        action="store_true",
+        help="also what joint limits bear in this position as stops that only push, at rest and let go",
+    )
+    examination.add_argument(
         "--html",
         metavar="FILE",
         type=_browser_page,
