@@ -1,8 +1,9 @@
 """Exudyn: rigid bodies in redundant coordinates, joints by the axes that they lock, a hundred steps of 1e-6 s
 
-By default its solver stops at a singular Jacobian; that of `EigenDense` may ignore it, as its manual says for redundant
-constraints. What it prints as torque are the multipliers of its equations of angles: a hinge that alone carries a weight
-shows that (a, b) is the moment (b, -a), and of a slide or a fixed joint (a, b, c) is (a, -b, -c). `turned` prints it so.
+By default its solver stops at a singular Jacobian; that of `EigenDense` may ignore it, as its manual says for
+redundant constraints. What it prints as torque are the multipliers of its equations of angles: a hinge that alone
+carries a weight shows that (a, b) is the moment (b, -a), and of a slide or a fixed joint (a, b, c) is (a, -b, -c).
+`turned` prints it so.
 """
 
 from functools import partial
