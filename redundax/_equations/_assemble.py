@@ -37,7 +37,18 @@ from .._tools._compilation import compiled
 from .._tools._errors import RedundaxError
 from .._tools._module import as_float, check_position, floats, is_concrete, numpy_of, on_device, replace_fields
 from .._tools._no_answer import nan_where
-from .._tools._numbers import custom_jvp, fori_loop, known, of_model, on_numbers, stop_gradient, take, while_loop, xp
+from .._tools._numbers import (
+    computed,
+    custom_jvp,
+    fori_loop,
+    known,
+    of_model,
+    on_numbers,
+    stop_gradient,
+    take,
+    while_loop,
+    xp,
+)
 from .._tools._value import AbstractModule
 from ._guess import ask_for_radians, check_finite
 from ._kinematics import along_motion, model_at, velocity
@@ -154,6 +165,7 @@ def assemble(
     return state
 
 
+@computed
 def _rows_that_hold(
     names: Names, system: AbstractSystem, run: Any, given: tuple, closed: Sequence[str]
 ) -> Bool[Array, " m"]:
@@ -163,8 +175,10 @@ def _rows_that_hold(
     wanted = np.isin(known_names, _checked(closed, known_names))
     tolerance = largest_violation(start.qd.dtype)
 
+    whole = system.opened(xp.ones(len(system.rows), bool))  # one program for all sets of rows
+
     def closing(state: State) -> Array:
-        model = model_at(system, state)
+        model = model_at(whole, state)
         scales = scaling(system, model)
         return take(model.motion.value / scales.rows, rows) / scales.size
 

@@ -117,7 +117,8 @@ def active_set(
     system, state, elasticity = stop_gradient((system, state, elasticity))
     names = system.names
     rows, has_tied = np.array(names.one_sided), np.array([bool(tied) for tied in names.tied] or [False])
-    model = model_at(system.anonymous, state)
+    every = system.opened(xp.ones(len(system.rows), bool))  # by the program that all sets of rows have
+    model = model_at(every.anonymous.without_friction, state)
     scales = scaling(system, model)
     closed = take(_closed(model, scales, state), rows)
     most = 8 * rows.size + 8
