@@ -33,6 +33,7 @@ from .._bodies._space._joints._pairs import (
 )
 from .._bodies._space._joints._rolled import Rack, Thread
 from .._bodies._space._joints._universal import Universal
+from .._bodies._space._loads._applied import AppliedForce
 from .._bodies._space._placement import Placement
 from .._bodies._space._rotation import as_quaternion
 from ._description import Description, End, Joint, Loop, Motor, Tie
@@ -70,6 +71,9 @@ def mechanism_of(described: Description, *, driven: bool = False, stopped: bool 
     of its joints is left out, a line each."""
     bodies: dict[str, Any] = {body.name: body for body in _bodies(described)}
     loads, notes = joint_loads(described, {GROUND: GROUND, **bodies})
+    for number, point, force in described.lifts:
+        body = described.bodies[number]
+        loads.append(AppliedForce(body.name, force, on_i=body.axes.T @ (point - body.position)))
     joints = [_joint(described, joint) for joint in described.joints]
     joints += [_loop(described, loop) for loop in described.loops]
     couplers: list[Any] = [
