@@ -176,8 +176,8 @@ def chosen(flag: Bool[Array, ""], yes: RESULTS, no: RESULTS) -> RESULTS:
     return (yes if flag else no) if is_number(flag) else RESULTS.where(flag, yes, no)
 
 
-def differs(one: RESULTS, other: RESULTS) -> Bool[Array, ""]:
-    """Whether two results differ."""
+def differs(one: object, other: object) -> Bool[Array, ""]:
+    """Whether two results differ, of whichever kind."""
     values = jax.tree.leaves((one, other))
     return np.not_equal(*values) if all(map(is_number, values)) else one != other
 
