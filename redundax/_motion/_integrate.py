@@ -28,7 +28,7 @@ from .._tools._numbers import are_numbers, as_numbers, as_program, on_numbers, s
 from ._held_rank import AnyHeld, held_by, hold
 from ._held_sparse import hold_sparse
 from ._moving import Equations, Moving, rechart
-from ._phases import Options, PhaseState, like, run
+from ._phases import Options, PhaseState, like, run, stretch
 from ._project import project
 from ._slip import no_plan
 from ._stabilisation import AbstractStabilisation
@@ -86,10 +86,12 @@ def _integrate(
         tolerance,
         ts,
     )
-    begin = _start(equations, state, factor, held)
-    result = chosen(ordered, begin.result, RESULTS.times_out_of_order)
+    before = _before(equations, state, held, ts)
+    result, mode = _start(equations, state, factor, before, options)
+    result = chosen(ordered, result, RESULTS.times_out_of_order)
     lost = differs(result, RESULTS.successful)
-    before = _before(begin.onward, _moving(equations, state), state.t, held, ts, lost)
+    y = before.y._replace(qd=xp.where(mode.resting, 0.0, state.qd))
+    before = before._replace(y=y, mode=mode, plan=no_plan(mode), going=~lost & mode.decided)
     before, equations, options = cut_where(lost, (before, equations, options))
     done = run(before, equations, options, course.max_phases)
     solved, found = _solved(equations, done, options.ts, rank, course.redundancy, course.singular)
@@ -121,13 +123,6 @@ def integrate(
 ) -> Trajectory:
     """The motion, given the factorisation at the start."""
     return (_dense if system.plan is None else _large)(system, state, factor, closure, course)
-
-
-class _Start(eqx.Module):
-    """How the motion starts."""
-
-    result: RESULTS
-    onward: Mode
 
 
 def _equations(
@@ -165,67 +160,66 @@ def _controller(rtol: Array | None, first: Array) -> diffrax.PIDController:
     return diffrax.PIDController(atol=rtol, **limits)
 
 
-def _start(equations: Equations, state: State, factor: AnyFactorisation, held: AnyHeld) -> _Start:
-    system, none = equations.system, xp.zeros_like(state.t, bool)
-    start = Mode(equations.sense, equations.sense, none, ~none)
+def _start(
+    equations: Equations, state: State, factor: AnyFactorisation, before: PhaseState, options: Options
+) -> tuple[RESULTS, Mode]:
+    """Whether the motion starts, and how."""
+    system, start = equations.system, before.mode
     if not system.friction:
-        return _Start(factor.result, start)
+        return factor.result, start
     if equations.has_sense:
-        start = _first_mode(equations, state, held)
+        start = _first_mode(equations, state, before, options)
     fixed = stop_gradient((system, state, factor, elasticity(equations.closure, system, state)))
     solution = solve_factorised(
         *fixed, Continuation() if system.plan is None else of_large(Continuation()), None, start.sense
     )
     sticks = xp.any(equations.with_sense(start.sense).sticking)
-    result = chosen(sticks, factor.result, solution.result)
     tau = xp.where(differs(solution.result, RESULTS.successful), 0.0, solution.friction)  # else nothing moves
-    return _Start(result, start._replace(tau=xp.where(sticks, start.tau, tau)))
+    return chosen(sticks, factor.result, solution.result), start._replace(tau=xp.where(sticks, start.tau, tau))
 
 
-def _first_mode(equations: Equations, state: State, held: AnyHeld) -> Mode:
-    """How it goes on from the start; nothing is asked of known joints that all slip."""
-    if are_numbers(state):
-        rate, _ = slip_motion(equations.system, state)
-        if not np.any(equations.still(rate)):
-            sense = xp.where(np.asarray(equations.sensed), equations.sense_of(rate, rate)[1], 1.0)
-            return Mode(sense, xp.zeros_like(rate), np.False_, np.True_)
-    return _next_mode(equations, state, held, np.True_)
+def _first_mode(equations: Equations, state: State, before: PhaseState, options: Options) -> Mode:
+    """How it goes on from the start. Of known joints that all slip nothing is asked; of others the program of a step,
+    one that ends at once in an event."""
+    if not are_numbers(state):
+        return next_mode(equations, state, before.held, xp.ones_like(state.t, bool))
+    rate, _ = slip_motion(equations.system, state)
+    if not np.any(equations.still(rate)):
+        sense = xp.where(np.asarray(equations.sensed), equations.sense_of(rate, rate)[1], 1.0)
+        return before.mode._replace(sense=sense)
+    at_once = 1e-9 * options.controller.first + 100 * xp.finfo(state.t.dtype).eps * xp.abs(state.t)
+    plan = no_plan(before.mode)._replace(time=state.t + at_once, stops=np.True_, joint=np.asarray(-1))
+    rests = before.mode._replace(resting=np.True_)
+    return stretch(before._replace(mode=rests, plan=plan), equations, options, np.True_).mode
 
 
-_next_mode = as_program(next_mode)
-
-
-def _moving(equations: Equations, state: State) -> Moving:
+def _before(equations: Equations, state: State, held: AnyHeld, ts: Array) -> PhaseState:
+    """The run before its first phase, with all joints in the sense 1."""
     memory = list(memories(equations.system.friction, state))
-    return Moving(state.q, None if equations.system.adds else state.q, state.qd, xp.zeros_like(state.t), memory)
-
-
-def _before(start: Mode, y: Moving, t: Array, held: AnyHeld, ts: Array, lost: Array) -> PhaseState:
-    """The run before its first phase."""
-    y = y._replace(qd=xp.where(start.resting, 0.0, y.qd))
-    path = jax.tree.map(lambda x: xp.full((ts.size, *x.shape), xp.nan, x.dtype), y)
-    none = xp.zeros_like(lost, int)
+    zero, base = xp.zeros_like(state.t), None if equations.system.adds else state.q
+    y, sense, none = Moving(state.q, base, state.qd, zero, memory), equations.sense, xp.zeros_like(state.t, int)
+    mode = Mode(sense, xp.zeros_like(sense), none > 0, none == 0)
     return PhaseState(
-        t=t,
+        t=state.t,
         y=y,
-        mode=start,
+        mode=mode,
         held=held,
-        since=t,
-        plan=no_plan(start),
-        path=path,
-        senses=xp.full((ts.size, *start.sense.shape), xp.nan, t.dtype),
+        since=state.t,
+        plan=no_plan(mode),
+        path=jax.tree.map(lambda x: xp.full((ts.size, *x.shape), xp.nan, x.dtype), y),
+        senses=xp.full((ts.size, sense.size), xp.nan, ts.dtype),
         rests=xp.zeros_like(ts, bool),
-        going=~lost & start.decided,
-        released=start.sense != start.sense,
+        going=none == 0,
+        released=sense != sense,
         ended=as_numbers(diffrax.RESULTS.successful),
-        watch=at_start(xp.zeros_like(t)),
+        watch=at_start(zero),
         steps=none,
         rejected=none,
         phases=none,
     )
 
 
-@partial(as_program, runs_long=True)
+@as_program
 def _solved(
     equations: Equations, done: PhaseState, ts: Array, rank: Array, redundancy: int | None, singular: bool
 ) -> tuple[tuple, Array]:

@@ -196,7 +196,6 @@ class Equations(eqx.Module):
         """Whether any friction depends on loads."""
         return any(group.rows.size for group in self.system.friction)
 
-    @eqx.filter_jit  # traced once, for the many places that it stands in
     def linear(
         self, state: State, held: AnyHeld, factor: AnyHeldFactorisation | None = None, *, closed: bool = True
     ) -> Linear:
@@ -204,8 +203,12 @@ class Equations(eqx.Module):
 
         `closed` says whether the multipliers are the closure's, or some.
         """
+        factor = factorize_held(self.system, state, held) if factor is None else factor
+        return self._linear(state, factor, closed=closed)
+
+    @eqx.filter_jit  # traced once, for the places that it stands in
+    def _linear(self, state: State, factor: AnyHeldFactorisation, *, closed: bool) -> Linear:
         system = self.system
-        factor = factorize_held(system, state, held) if factor is None else factor
         if system.plan is not None and system.friction:
             return self._linear_map(state, cast(SparseHeldFactorisation, factor), closed=closed)
         load, rate, directions = system.load(state), state.qd[:0], jnp.zeros((state.qd.size, 0), state.qd.dtype)

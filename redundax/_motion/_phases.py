@@ -72,10 +72,10 @@ class PhaseState(NamedTuple):
 def run(start: PhaseState, equations: Equations, options: Options, max_phases: int) -> PhaseState:
     """The motion up to the end; after the last phase, to the event at which it ends."""
     if not equations.has_sense:
-        return _stretch(start, equations, options, np.False_)
+        return stretch(start, equations, options, np.False_)
 
     def phase(k: Array | int, now: PhaseState) -> PhaseState:
-        done = _stretch(now, equations, options, xp.equal(k, max_phases))
+        done = stretch(now, equations, options, xp.equal(k, max_phases))
         return done if equations.directions is None else _set_out(done, equations, options)
 
     if are_known(start, equations, options):
@@ -95,7 +95,7 @@ def run(start: PhaseState, equations: Equations, options: Options, max_phases: i
 
 
 @partial(as_program, runs_long=True)
-def _stretch(now: PhaseState, equations: Equations, options: Options, lands: Array | np.bool_) -> PhaseState:
+def stretch(now: PhaseState, equations: Equations, options: Options, lands: Array | np.bool_) -> PhaseState:
     """Steps up to the next event, or only to the one ahead."""
     controller = options.controller
     sense, mode = jax.lax.stop_gradient((now.mode.sense, now.mode))

@@ -43,7 +43,7 @@ class Plan(NamedTuple):
     """The event that the next step ends at.
 
     - `time`: infinite where there is none.
-    - `joint`: of which slip h is.
+    - `joint`: of which slip h is, negative if the event is where the step ends.
     - `slope`: h' of joints let go.
     - `free`: which joints are let go, shape (p,).
     - `stops`: whether a joint comes to a stop.
@@ -286,7 +286,7 @@ def landing(
     free = jnp.any(plan.free)
     h = chosen(equations, jnp.where(free, seen.solved.slip, seen.rate), plan.joint, along)
     slope = jnp.where(free, plan.slope, chosen(equations, seen.solved.slip, plan.joint, along))
-    good = step.lands & (plan.stops | free) & (slope != 0)
+    good = step.lands & (plan.joint >= 0) & (plan.stops | free) & (slope != 0)
     slope = jnp.where(good, slope, 1.0)
     onward = jax.tree.map(lambda a, b: jnp.where(plan.stops, a, b), seen.there, plan.onward)
     halt = None

@@ -223,6 +223,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
         none = begin.mode.sense != begin.mode.sense
         return Carried(inner, begin.mode, begin.since, begin.held, context.along, begin.plan, none, *fixed)
 
+    @eqx.filter_jit  # diffrax traces it three times
     def step(
         self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: Carried, made_jump: Any
     ) -> tuple[Any, Any, Any, Carried, Any]:
