@@ -1,6 +1,5 @@
 """A motion: its start, its phases, and what is given at the times asked for."""
 
-from functools import partial
 import diffrax
 import equinox as eqx
 import jax
@@ -212,6 +211,7 @@ def _before(equations: Equations, state: State, held: AnyHeld, ts: Array) -> Pha
         going=none == 0,
         released=sense != sense,
         ended=as_numbers(diffrax.RESULTS.successful),
+        begun=none,
         watch=at_start(zero),
         steps=none,
         rejected=none,

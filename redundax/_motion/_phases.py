@@ -16,10 +16,10 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._system._directions import Directions
 from .._tools._module import batch_any
-from .._tools._numbers import are_known, as_program, xp
+from .._tools._numbers import are_known, as_program, cond, xp
 from ._held_rank import AnyHeld
 from ._moving import Context, Equations, Moving
-from ._release import Onward, Release, set_out
+from ._release import Release, set_out
 from ._slip import Plan
 from ._stepper import Begin, Carried, Control, Controller, Diagnostics, Stepper
 from ._stick import Mode
@@ -48,6 +48,7 @@ class PhaseState(NamedTuple):
     - `going`: whether it goes on.
     - `released`: which joints with several slips have just been let go.
     - `ended`: how the last steps ended.
+    - `begun`: how many phases began, rests too.
     - `watch`, `steps`, `rejected`, `phases`: the evidence.
     """
 
@@ -63,35 +64,44 @@ class PhaseState(NamedTuple):
     going: Bool[Array, ""]
     released: Bool[Array, " p"]
     ended: diffrax.RESULTS
+    begun: Int[Array, ""]
     watch: Diagnostics
     steps: Int[Array, ""]
     rejected: Int[Array, ""]
     phases: Int[Array, ""]
 
+    def goes_on(self, max_phases: int) -> Bool[Array, ""]:
+        """Whether it does, to the event at which the last phase ends."""
+        return self.going & ((self.begun < max_phases) | (self.plan.time < xp.inf))
+
 
 def run(start: PhaseState, equations: Equations, options: Options, max_phases: int) -> PhaseState:
-    """The motion up to the end; after the last phase, to the event at which it ends."""
+    """The motion up to the end."""
     if not equations.has_sense:
         return stretch(start, equations, options, np.False_)
 
-    def phase(k: Array | int, now: PhaseState) -> PhaseState:
-        done = stretch(now, equations, options, xp.equal(k, max_phases))
-        return done if equations.directions is None else _set_out(done, equations, options)
+    def phase(now: PhaseState) -> PhaseState:
+        done = stretch(now, equations, options, now.begun >= max_phases)
+        if equations.directions is None:
+            return done
+        lets_go = batch_any(xp.any(done.released))
+        return cond(lets_go, lambda: _set_out(done, equations, options), lambda: done)
 
     if are_known(start, equations, options):
-        for k in range(max_phases + 1):
-            if not start.going:
-                break
-            start = phase(k, start)
+        while start.goes_on(max_phases):
+            start = phase(start)
         return start
 
-    def after(k: Array, now: PhaseState) -> PhaseState:
+    def after(_: Array, now: PhaseState) -> PhaseState:
+        goes_on = now.goes_on(max_phases)
+
         def gone() -> PhaseState:
-            return jax.tree.map(lambda a, b: jnp.where(now.going, a, b), phase(k, now), now)
+            return jax.tree.map(lambda a, b: jnp.where(goes_on, a, b), phase(now), now)
 
-        return jax.lax.cond(batch_any(now.going), gone, lambda: now)
+        return jax.lax.cond(batch_any(goes_on), gone, lambda: now)
 
-    return jax.lax.fori_loop(0, max_phases + 1, after, start)
+    stretches = max_phases + 1 if equations.directions is None else 2 * max_phases + 1
+    return jax.lax.fori_loop(0, stretches, after, start)
 
 
 @partial(as_program, runs_long=True)
@@ -130,7 +140,8 @@ def stretch(now: PhaseState, equations: Equations, options: Options, lands: Arra
     senses = jnp.where((now.plan.time < jnp.inf) & after[:, None], carried.mode.sense, sense)
     rests = jnp.where((now.plan.time < jnp.inf) & after, carried.mode.resting, mode.resting)
     plan = carried.plan if control.plan is None else control.plan
-    ahead, lets_go = plan.time < jnp.inf, jnp.any(carried.released)
+    # Surfaces that may turn take steps up to an event, and others from there.
+    short = (now.plan.time < jnp.inf) & (equations.directions is not None)
     return PhaseState(
         t=t,
         y=y,
@@ -141,13 +152,14 @@ def stretch(now: PhaseState, equations: Equations, options: Options, lands: Arra
         path=jax.tree.map(lambda new, old: jnp.where(like(here, new), new, old), path, now.path),
         senses=jnp.where(here[:, None], senses, now.senses),
         rests=jnp.where(here, rests, now.rests),
-        going=carried.mode.decided & (ahead | lets_go | lands) & (t < controller.end),
+        going=carried.mode.decided & ((plan.time < jnp.inf) | short | carried.cut | lands) & (t < controller.end),
         released=carried.released,
         ended=solution.result,
         watch=_join(now.watch, carried.watch),
         steps=now.steps + solution.stats["num_accepted_steps"],
         rejected=now.rejected + solution.stats["num_rejected_steps"],
-        phases=now.phases + (carried.mode.decided & ~carried.mode.resting & ~lands),
+        begun=now.begun + ~short,
+        phases=now.phases + (carried.cut | (carried.mode.decided & ~carried.mode.resting & ~short & ~lands)),
     )
 
 

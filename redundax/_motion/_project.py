@@ -23,8 +23,8 @@ def project(system: AbstractSystem, t: Array, y: Moving, held: AnyHeld) -> Movin
     return y._replace(q=q, base=None if y.base is None else q, qd=qd, work=y.work + moved)
 
 
-# Chord iterations: a step leaves position and velocity off by e, each turns e^k into e^(k+1), the velocity by the position
-# before.
+# Chord iterations: a step leaves position and velocity off by e, each turns e^k into e^(k+1), the velocity that
+# of the position before.
 _CHORDS = 5
 
 

@@ -33,8 +33,12 @@ from ._stick import Mode, mode_of
 
 # Halvings of a step: the square of what is left is below rounding. Looks at rest.
 _HALVINGS, _LOOKS = 30, 100
-# Part of the step over which h' is a difference: as much of it is lost to curvature, 1e-10 of it to rounding.
-_APART = 2.0**-20
+# Part of the step to both sides over which h' is a difference: its square is lost to curvature.
+_APART = 2.0**-14
+# Part of a step by which it passes the stop of surfaces that may turn: near its end its dense output is as good as it.
+PAST = 0.005
+# A step so short, in lengths of the mechanism, is as good in between: the eighth power is below rounding.
+_SHORT = 1e-2
 # Slip across the direction that comes to a stop, relative to the speed of the mechanism, at least so many roundings.
 _BESIDE = 1e-8, 1e2
 
@@ -159,9 +163,15 @@ def chosen(equations: Equations, rates: Float[Array, " p"], joint: Array, sense:
     return jnp.where(equations.directions.directed, whole, rates)[joint]
 
 
+def turns(equations: Equations, plan: Plan) -> Bool[Array, ""]:
+    """Whether what stops are surfaces that may turn as they slide."""
+    directions = equations.directions
+    return plan.stops & (False if directions is None else jnp.asarray(directions.directed)[plan.joint])
+
+
 class Step(NamedTuple):
     """A step: its times, its end, and whether it is a rest, or ends at an event; `trial` are the senses of friction at
-    that."""
+    that, and `along` the directions in which surfaces slide."""
 
     start: Array
     end: Array
@@ -169,16 +179,17 @@ class Step(NamedTuple):
     rests: Bool[Array, ""]
     lands: Bool[Array, ""]
     trial: Float[Array, " p"]
+    along: Float[Array, " p"] | None
 
 
-# What is done next: look, halve the bracket, take h at its end and a little before.
-_LOOK, _HALVE, _AT, _BEFORE, _DONE = range(5)
+# What is done next: look, halve the bracket, take h a little after and before, or see what stops there.
+_LOOK, _HALVE, _AT, _BEFORE, _CUT, _DONE = range(6)
 
 
 class _Looking(NamedTuple):
     """What is done next, how often it was done, and with which senses of friction; the bracket, what was found at its
-    end and with which slips against their sense; which of them are at the end of the step, and h at the event; what was
-    seen last."""
+    end and with which slips against their sense; which of them are at the end of the step, and if that ends well; h at
+    the event; whether the step is cut there; what was seen last."""
 
     stage: Array
     count: Array
@@ -187,7 +198,9 @@ class _Looking(NamedTuple):
     plan: Plan
     late: Float[Array, " p"]
     over: Bool[Array, " p"]
+    well: Array
     h: Array
+    cut: Array
     seen: Seen
 
 
@@ -195,21 +208,26 @@ def look(
     equations: Equations,
     step: Step,
     between: Callable[[Array], Moving],
-    see: Callable[[Array, Moving, Array], Seen],
-) -> tuple[Seen, Plan]:
-    """What is seen at the end of a step, and the first event in it."""
+    see: Callable[[Array, Moving, Array, Array], Seen],
+) -> tuple[Seen, Plan, Bool[Array, ""], Bool[Array, ""]]:
+    """What is seen at the end of a step, and the first event in it; whether the step ends well, and whether it is cut
+    at the event, which was seen then: near a stop of surfaces that turn no step ends well, but one just past it."""
     width, waits = step.end - step.start, step.rests & ~step.lands
 
     def body(now: _Looking) -> _Looking:
         stage, high = now.stage, now.plan.time
         looks, halves = stage == _LOOK, stage == _HALVE
-        ends, early = looks & ~waits, jnp.maximum(high - _APART * width, step.start)
+        ends, beyond, early = looks & ~waits, high + _APART * width, jnp.maximum(high - _APART * width, step.start)
         wait = step.start + width * ((now.count + 1) / _LOOKS)
-        t = jnp.select([ends, looks, halves, stage == _AT], [step.end, wait, (now.low + high) / 2, high], early)
+        cut, after, half = stage == _CUT, stage == _AT, (now.low + high) / 2
+        t = jnp.select([ends, looks, halves, cut, after], [step.end, wait, half, high, beyond], early)
         y = jax.tree.map(lambda a, b: jnp.where(ends, a, b), step.last, rechart(equations.system, between(t))[0])
-        found = see(t, y, now.trial)
+        found = see(t, y, now.trial, step.lands | cut)
         there, go = found.there, _released(equations, found.there)
         over = jnp.where(ends, found.against > 0, now.over)
+        well = (
+            now.well if step.along is None else jnp.where(ends, ends_well(equations, found.rate, step.along), now.well)
+        )
         late = jnp.where(over, found.against, 0.0)
         event = jnp.where(waits, ~there.resting, _is_event(equations, there, found.against)) & ~step.lands
         moves = waits & event & ~jnp.any(go)  # what no friction held
@@ -220,27 +238,37 @@ def look(
         plan = Plan(jnp.where(moves, now.low, t), joint, now.plan.slope, go & ~stops, stops, mode)
         plan, late = jax.tree.map(lambda a, b: jnp.where(later, a, b), (plan, late), (now.plan, now.late))
         h = chosen(equations, found.solved.slip, plan.joint, now.trial)
-        apart = high - early
+        apart = beyond - early
         slope = (now.h - h) / jnp.where(apart > 0, apart, 1.0)
-        root = jnp.clip(early - h / jnp.where(slope != 0, slope, jnp.inf), step.start, high)
+        root = jnp.clip(early - h / jnp.where(slope != 0, slope, jnp.inf), step.start, beyond)
         before = stage == _BEFORE
         plan = plan._replace(time=jnp.where(before, root, plan.time), slope=jnp.where(before, slope, plan.slope))
-        after_look = jnp.where(event & ~moves, _HALVE, jnp.where(waits & ~event & (now.count + 1 < _LOOKS), _LOOK, _DONE))
-        after_half = jnp.where(now.count + 1 < _HALVINGS, _HALVE, jnp.where(plan.stops, _DONE, _AT))
-        after = jnp.select([looks, halves, stage == _AT], [after_look, after_half, _BEFORE], _DONE)
+        after_look = jnp.where(
+            event & ~moves, _HALVE, jnp.where(waits & ~event & (now.count + 1 < _LOOKS), _LOOK, _DONE)
+        )
+        stop = _DONE
+        if equations.directions is not None:
+            near = (high > step.start + (1 - 2 * PAST) * width) | (
+                width * equations.speed < _SHORT * equations.scaling.size
+            )
+            stop = jnp.where(turns(equations, plan) & near, _CUT, _DONE)
+        after_half = jnp.where(now.count + 1 < _HALVINGS, _HALVE, jnp.where(plan.stops, stop, _AT))
+        following = jnp.select([looks, halves, after], [after_look, after_half, _BEFORE], _DONE)
         return _Looking(
-            stage=after,
-            count=jnp.where(after == stage, now.count + 1, 0),
-            trial=jnp.where((after == _AT) & plan.free, plan.onward.sense, now.trial),
+            stage=following,
+            count=jnp.where(following == stage, now.count + 1, 0),
+            trial=jnp.where((following == _AT) & plan.free, plan.onward.sense, now.trial),
             low=jnp.where((looks | halves) & ~later, t, now.low),
             plan=plan,
             late=late,
             over=over,
+            well=well,
             h=h,
+            cut=cut,
             seen=found,
         )
 
-    none, like = jnp.zeros((), int), jax.eval_shape(see, step.end, step.last, step.trial)
+    none, like = jnp.zeros((), int), jax.eval_shape(see, step.end, step.last, step.trial, step.lands)
     nothing = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), like)
     begin = _Looking(
         none,
@@ -250,11 +278,13 @@ def look(
         no_plan(nothing.there),
         jnp.zeros_like(step.trial),
         step.trial != step.trial,
+        none == 0,
         jnp.zeros_like(width),
+        none > 0,
         nothing,
     )
     found = jax.lax.while_loop(lambda now: now.stage < _DONE, body, begin)
-    return found.seen, found.plan
+    return found.seen, found.plan, found.well, found.cut
 
 
 class Landing(NamedTuple):
@@ -277,11 +307,9 @@ class Landing(NamedTuple):
     halt: Float[Array, "n p"] | None
 
 
-def landing(
-    equations: Equations, context: Context, step: Step, plan: Plan, seen: Seen, change: Moving
-) -> tuple[Landing, Mode]:
+def landing(equations: Equations, step: Step, plan: Plan, seen: Seen, change: Moving) -> tuple[Landing, Mode]:
     """The end of a step, and how it goes on if that is an event."""
-    along = equations.sense if context.along is None else context.along
+    along = equations.sense if step.along is None else step.along
     along = jnp.where(step.trial == equations.sense, along, step.trial)
     free = jnp.any(plan.free)
     h = chosen(equations, jnp.where(free, seen.solved.slip, seen.rate), plan.joint, along)
@@ -325,7 +353,7 @@ def _landed_jvp(primals: tuple, tangents: tuple) -> tuple[tuple[Array, Moving], 
         return slip, rate
 
     def moved() -> tuple[Array, Moving]:
-        (slip, rate), (slip_dot, rate_dot) = eqx.filter_jvp(told, (equations, t, y), tangents[:3])
+        (slip, _), (slip_dot, rate_dot) = eqx.filter_jvp(told, (equations, t, y), tangents[:3])
         h_dot = chosen(equations, jnp.where(end.free, slip_dot, rate_dot), end.joint, end.along)
         shift = jnp.where(end.lands, -h_dot / end.slope, 0.0)
         y_dot = jax.tree.map(lambda dot, change: dot + shift * change, given, end.change)

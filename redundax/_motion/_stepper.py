@@ -24,7 +24,7 @@ from .._tools._numbers import stop_gradient, xp
 from ._held_rank import AnyHeld, AnyHeldFactorisation, factorize_held
 from ._moving import Context, Equations, Moving, Solved, rechart, tolerance_of
 from ._project import project
-from ._slip import Plan, Seen, Step, ends_well, landed, landing, look, no_plan, seen
+from ._slip import PAST, Plan, Seen, Step, landed, landing, look, no_plan, seen, turns
 from ._stick import Mode
 
 # Relative constraint residual after a projection beyond which it has failed, at least so many roundings.
@@ -77,8 +77,8 @@ class Begin(NamedTuple):
 
 class Carried(NamedTuple):
     """State: the solver's own; how it moves and since when, what is held, the directions in which surfaces slide; the
-    event that the next step ends at, and which joints with several slips were let go; the watch, and pivots now and
-    largest."""
+    event that the next step ends at, which joints with several slips were let go, and whether the last step was cut at
+    an event; the watch, and pivots now and largest."""
 
     inner: Any
     mode: Mode
@@ -87,6 +87,7 @@ class Carried(NamedTuple):
     along: Float[Array, " p"] | None
     plan: Plan
     released: Bool[Array, " p"]
+    cut: Bool[Array, ""]
     watch: Diagnostics
     pivot: Float[Array, ""]
     largest: Float[Array, ""]
@@ -104,6 +105,7 @@ class Verdict(NamedTuple):
     - `plan`: the event that it has passed; None where there are none.
     - `lands`, `rests`, `ends`: whether it ends at an event, at rest, and whether steps end there.
     - `shift`: how much later that event is.
+    - `ahead`: until when the next step goes at most; `again` says that it goes there.
     """
 
     size: Array
@@ -112,6 +114,8 @@ class Verdict(NamedTuple):
     rests: Array
     ends: Array
     shift: Array
+    ahead: Array
+    again: Array
 
 
 class Control(NamedTuple):
@@ -151,7 +155,14 @@ class Controller(diffrax.AbstractAdaptiveStepSizeController):
         return end, Control(inner, no_plan(begin.mode) if equations.has_sense else None)
 
     def adapt_step_size(
-        self, t0: Any, t1: Any, y0: Any, y1_candidate: Any, args: Any, y_error: Any, error_order: Any,
+        self,
+        t0: Any,
+        t1: Any,
+        y0: Any,
+        y1_candidate: Any,
+        args: Any,
+        y_error: Any,
+        error_order: Any,
         controller_state: Control,
     ) -> tuple[Any, ...]:
         verdict, zero = y_error, jnp.zeros_like(t1)
@@ -164,11 +175,13 @@ class Controller(diffrax.AbstractAdaptiveStepSizeController):
         taken = keep & ~event
         lands = taken & (verdict.lands > 0)
         t = jnp.where(taken, t1 + verdict.shift, t0)
+        again = verdict.again > 0
+        following = jnp.where(again, verdict.ahead, jnp.minimum(following, verdict.ahead))
         following = jnp.where(lands, t + self.first, following)
         following = jnp.where(taken & (verdict.rests > 0), jnp.maximum(self.end, following), following)
         _, fresh = self.controller.init(None, t0, t1, zero, self.first, args, None, error_order)
         inner = jax.tree.map(lambda a, b: jnp.where(lands, a, b), fresh, inner)
-        result = diffrax.RESULTS.where(lands, diffrax.RESULTS.successful, result)
+        result = diffrax.RESULTS.where(lands | again, diffrax.RESULTS.successful, result)
         result = diffrax.RESULTS.where(event | (taken & (verdict.ends > 0)), diffrax.RESULTS.event_occurred, result)
         plan = jax.tree.map(
             lambda a, b: jnp.where(event, b.astype(a.dtype), a), controller_state.plan, stop_gradient(verdict.plan)
@@ -221,7 +234,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
         zero = jnp.zeros_like(kinetic)
         fixed = jax.lax.stop_gradient((watch, zero, zero))
         none = begin.mode.sense != begin.mode.sense
-        return Carried(inner, begin.mode, begin.since, begin.held, context.along, begin.plan, none, *fixed)
+        return Carried(inner, begin.mode, begin.since, begin.held, context.along, begin.plan, none, zero > 0, *fixed)
 
     @eqx.filter_jit  # diffrax traces it three times
     def step(
@@ -232,9 +245,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
         if equations.has_sense:
             equations = equations.with_sense(now.mode.sense)
         made_jump = True if projects or not system.adds else made_jump
-        y, error, dense, inner, result = self.solver.step(
-            terms, t0, t1, y0, (equations, context), now.inner, made_jump
-        )
+        y, error, dense, inner, result = self.solver.step(terms, t0, t1, y0, (equations, context), now.inner, made_jump)
         raw = y
         y, settled = rechart(system, y)
         if projects:
@@ -244,17 +255,17 @@ class Stepper(diffrax.AbstractWrappedSolver):
         # What is watched and what the next step starts from have no derivatives.
         fixed, there, begun, t, before, path = stop_gradient((equations, y, t0, t1, now, dense))
         if not equations.has_sense:
-            found, plan, step = _see(fixed, t, there, before, None), None, None
+            found, plan, step, well = _see(fixed, t, there, before, None), None, None, True
         else:
-            lands = before.plan.time <= t + 0.5 * (t - begun)
+            lands = before.plan.time <= t + 10 * jnp.finfo(t.dtype).eps * jnp.abs(t)
             trial = jnp.where(lands & before.plan.free, before.plan.onward.sense, fixed.sense)
-            step = Step(begun, t, there, context.rests, lands, trial)
+            step = Step(begun, t, there, context.rests, lands, trial, before.along)
             steps = self.solver.interpolation_cls(t0=begun, t1=t, **path)
-            found, plan = look(
-                fixed, step, steps.evaluate, lambda t, y, trial: _see(fixed, t, y, before, Trial(trial, lands))
+            found, plan, well, cut = look(
+                fixed, step, steps.evaluate, lambda t, y, trial, asks: _see(fixed, t, y, before, Trial(trial, asks))
             )
         sight, solved = (found, None) if not system.friction else (found.watch, found.solved)
-        mode, along, jump, well, rests = now.mode, now.along, jnp.zeros_like(sight.off), True, jnp.zeros((), bool)
+        mode, along, jump = now.mode, now.along, jnp.zeros_like(sight.off)
         watch = sight.watch
         if system.friction:
             change = jnp.where(fixed.sticking, 0.0, jnp.abs(solved.tau - mode.tau) / solved.size)
@@ -264,7 +275,6 @@ class Stepper(diffrax.AbstractWrappedSolver):
             )
             mode = mode._replace(tau=solved.tau)
             if along is not None:
-                well = ends_well(fixed, found.rate, along)
                 along = fixed.turned(found.rate, along, jnp.zeros((), bool))
         carried = now._replace(
             inner=inner,
@@ -285,11 +295,25 @@ class Stepper(diffrax.AbstractWrappedSolver):
             size = size_of(_relative(error, t1 - t0, equations, y0, now, carried))
         if step is None:
             zero = jnp.zeros_like(t1)
-            return y, Verdict(jnp.where(good, size, jnp.inf), None, zero, zero, zero, zero), dense, carried, result
-        good = good & (well | step.lands)
+            return y, Verdict(jnp.where(good, size, jnp.inf), None, *[zero] * 6), dense, carried, result
+        end, at, ahead, again = t1, now.plan, now.plan.time, jnp.zeros((), bool)
+        if equations.directions is not None:
+            steps = self.solver.interpolation_cls(t0=t0, t1=t1, **dense)
+            cut_at, _ = rechart(system, steps.evaluate(jnp.where(cut, plan.time, t1)))
+            y = jax.tree.map(lambda a, b: jnp.where(cut, a, b), cut_at, y)
+            end, at = (jax.tree.map(lambda a, b: jnp.where(cut, a, b), *two) for two in ((plan.time, t1), (plan, at)))
+            step = step._replace(end=jnp.where(cut, plan.time, step.end), lands=step.lands | cut)
+            again = turns(fixed, plan) & (plan.time < jnp.inf) & ~cut
+            ahead = jnp.where(again, (1 + PAST) * plan.time - PAST * begun, ahead)
+            plan = plan._replace(time=jnp.where(turns(fixed, plan), jnp.inf, plan.time))
+            carried = carried._replace(cut=cut)
+        good = good & (well | step.lands) & ~again
         size = jnp.where(context.rests, 0.0, jnp.where(good, size, jnp.inf))
-        y, carried, told = _landed(equations, (t1, y), now, carried, step, found)
-        return y, told._replace(size=size, plan=plan), dense, carried, result
+        y, carried, told = _landed(equations, (end, y), now._replace(plan=at), carried, step, found)
+        told = told._replace(
+            size=size, plan=plan, shift=end - t1 + told.shift, ahead=ahead, again=again.astype(t1.dtype)
+        )
+        return y, told, dense, carried, result
 
 
 class Trial(NamedTuple):
@@ -340,7 +364,7 @@ def _landed(
     fixed, there = stop_gradient((equations, y))
     change = fixed.change(there.at(step.end), there, found.rate, found.solved)
     change = jax.tree.map(lambda x: jnp.where(context.rests, 0.0, x), change)
-    end, onward = landing(fixed, context, step, plan, found, change)
+    end, onward = landing(fixed, step, plan, found, change)
     shift, y = landed(equations, t, y, context, step.trial, found.rate, end)
 
     def new(a: Any, b: Any) -> Any:
@@ -358,9 +382,9 @@ def _landed(
         released=released,
         watch=jax.tree.map(lambda a, b: jnp.where(context.rests, a, b), now.watch, after.watch),
     )
-    ends = jnp.any(released) | ~mode.decided
+    ends = ~mode.decided if equations.directions is None else step.lands
     lands, rests, ends = (flag.astype(t.dtype) for flag in (step.lands, mode.resting, ends))
-    return y, carried, Verdict(t, None, lands, rests, ends, shift)
+    return y, carried, Verdict(t, None, lands, rests, ends, shift, t, t)
 
 
 def _may_end(off: Array, excess: Array, before: Carried, end: Array) -> Bool[Array, ""]:
@@ -375,9 +399,7 @@ def _may_end(off: Array, excess: Array, before: Carried, end: Array) -> Bool[Arr
     return (off <= tolerance_of(_CLOSED, off)) & (excess <= _SAME * eps**0.5) & (clear | (before.pivot < beside))
 
 
-def _relative(
-    error: Moving, dt: Array, equations: Equations, begin: Moving, before: Carried, after: Carried
-) -> Moving:
+def _relative(error: Moving, dt: Array, equations: Equations, begin: Moving, before: Carried, after: Carried) -> Moving:
     """The error of a step free of units, of which the tolerance is taken: positions relative to the size of the
     mechanism, velocities to the largest that it had, internal states to their sizes.
 

@@ -31,8 +31,8 @@ from .._tools._numbers import stop_gradient
 from ._held_rank import AnyHeld
 from ._moving import STILL, Equations, Linear, tolerance_of
 
-# Accelerations at an event, relative to the sum of the parts that cancel, and changes of friction after which sweeps have
-# settled it; each with the roundings that it is at least.
+# Accelerations at an event, relative to the sum of the parts that cancel, and changes of friction after which sweeps
+# have settled it; each with the roundings that it is at least.
 _HELD, _SETTLED = (1e-7, 1e3), (1e-10, 1e3)
 # Accelerations that are none, relative to a speed squared over the size of the mechanism.
 _ROUNDING = 1e-12, 1e2
