@@ -64,7 +64,7 @@ def _integrate(
     system: AbstractSystem, state: State, factor: AnyFactorisation, closure: AbstractClosure, course: Course
 ) -> Trajectory:
     given, rank = course.ts, factor.spectrum.rank
-    ordered = in_order(state.t, course.t1, given)
+    ordered = xp.asarray(in_order(state.t, course.t1, given))
     t1, ts = (xp.where(ordered, t, state.t) for t in (course.t1, within(state.t, course.t1, given)))
     state = replace_fields(state, q=xp.where(ordered, state.q, xp.nan))
     if isinstance(factor, SparseFactorisation):
@@ -73,12 +73,11 @@ def _integrate(
         held = held_by(system, state, factor.scaling, factor.split.stress, course.redundancy, singular=course.singular)
     equations = _equations(system, state, factor, closure, course.stabilisation, t1)
     first = 0.01 * factor.scaling.size / equations.speed if course.dt0 is None else course.dt0
-    constant = course.rtol is None
-    tolerance = xp.asarray(1e-8, first.dtype) if constant else course.rtol
+    tolerance = xp.asarray(1e-8, first.dtype) if course.rtol is None else course.rtol
     options = Options(
         course.solver,
-        constant,
-        Controller(_controller(course.rtol, first), first, t1),
+        course.rtol is None,
+        Controller(_controller(course.rtol, first), first, t1),  # pyright: ignore[reportCallIssue] (properties there)
         course.adjoint,
         course.meter,
         course.max_steps,

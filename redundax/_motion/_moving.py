@@ -325,7 +325,7 @@ class Equations(eqx.Module):
     def still(self, rate: Float[Array, " p"]) -> Bool[Array, " p"]:
         """Which joints slip by so little that they may stick."""
         slows = xp.abs(rate) <= tolerance_of(STILL, rate) * self.speed / self.slip_size
-        return np.asarray(self.sensed) & (self.whole(slows) | self.sticking)
+        return (self.whole(slows) | self.sticking) & np.asarray(self.sensed)
 
     def is_none(self, rate: Float[Array, " p"]) -> Bool[Array, " p"]:
         """Which joints slip by no more than rounding."""

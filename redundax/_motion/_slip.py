@@ -192,7 +192,7 @@ class _Looking(NamedTuple):
     the event; whether the step is cut there; what was seen last."""
 
     stage: Array
-    count: Array
+    turn: Array
     trial: Float[Array, " p"]
     low: Array
     plan: Plan
@@ -218,7 +218,7 @@ def look(
         stage, high = now.stage, now.plan.time
         looks, halves = stage == _LOOK, stage == _HALVE
         ends, beyond, early = looks & ~waits, high + _APART * width, jnp.maximum(high - _APART * width, step.start)
-        wait = step.start + width * ((now.count + 1) / _LOOKS)
+        wait = step.start + width * ((now.turn + 1) / _LOOKS)
         cut, after, half = stage == _CUT, stage == _AT, (now.low + high) / 2
         t = jnp.select([ends, looks, halves, cut, after], [step.end, wait, half, high, beyond], early)
         y = jax.tree.map(lambda a, b: jnp.where(ends, a, b), step.last, rechart(equations.system, between(t))[0])
@@ -244,7 +244,7 @@ def look(
         before = stage == _BEFORE
         plan = plan._replace(time=jnp.where(before, root, plan.time), slope=jnp.where(before, slope, plan.slope))
         after_look = jnp.where(
-            event & ~moves, _HALVE, jnp.where(waits & ~event & (now.count + 1 < _LOOKS), _LOOK, _DONE)
+            event & ~moves, _HALVE, jnp.where(waits & ~event & (now.turn + 1 < _LOOKS), _LOOK, _DONE)
         )
         stop = _DONE
         if equations.directions is not None:
@@ -252,11 +252,11 @@ def look(
                 width * equations.speed < _SHORT * equations.scaling.size
             )
             stop = jnp.where(turns(equations, plan) & near, _CUT, _DONE)
-        after_half = jnp.where(now.count + 1 < _HALVINGS, _HALVE, jnp.where(plan.stops, stop, _AT))
+        after_half = jnp.where(now.turn + 1 < _HALVINGS, _HALVE, jnp.where(plan.stops, stop, _AT))
         following = jnp.select([looks, halves, after], [after_look, after_half, _BEFORE], _DONE)
         return _Looking(
             stage=following,
-            count=jnp.where(following == stage, now.count + 1, 0),
+            turn=jnp.where(following == stage, now.turn + 1, 0),
             trial=jnp.where((following == _AT) & plan.free, plan.onward.sense, now.trial),
             low=jnp.where((looks | halves) & ~later, t, now.low),
             plan=plan,
@@ -319,13 +319,10 @@ def landing(equations: Equations, step: Step, plan: Plan, seen: Seen, change: Mo
     onward = jax.tree.map(lambda a, b: jnp.where(plan.stops, a, b), seen.there, plan.onward)
     halt = None
     if seen.yields is not None:
-        stick = equations.with_sense(onward.sense).sticking
-        inverse = jax.lax.cond(
-            batch_any(step.lands),
-            lambda: equations.least_friction(seen.yields[1], stick),
-            lambda: jnp.zeros_like(seen.yields[1]),
+        stick, (unit, yields) = equations.with_sense(onward.sense).sticking, seen.yields
+        halt = unit @ jax.lax.cond(
+            batch_any(step.lands), lambda: equations.least_friction(yields, stick), lambda: jnp.zeros_like(yields)
         )
-        halt = seen.yields[0] @ inverse
     return Landing(good, free, plan.joint, along, slope, jnp.where(good, -h / slope, 0.0), change, halt), onward
 
 

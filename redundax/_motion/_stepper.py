@@ -118,6 +118,10 @@ class Verdict(NamedTuple):
     again: Array
 
 
+def _unused(*_: Any) -> Any:
+    """The vector field, which a first step that is given does not ask for."""
+
+
 class Control(NamedTuple):
     """State of the controller: its own, and the event that ended the steps."""
 
@@ -179,7 +183,7 @@ class Controller(diffrax.AbstractAdaptiveStepSizeController):
         following = jnp.where(again, verdict.ahead, jnp.minimum(following, verdict.ahead))
         following = jnp.where(lands, t + self.first, following)
         following = jnp.where(taken & (verdict.rests > 0), jnp.maximum(self.end, following), following)
-        _, fresh = self.controller.init(None, t0, t1, zero, self.first, args, None, error_order)
+        _, fresh = self.controller.init(None, t0, t1, zero, self.first, args, _unused, error_order)
         inner = jax.tree.map(lambda a, b: jnp.where(lands, a, b), fresh, inner)
         result = diffrax.RESULTS.where(lands | again, diffrax.RESULTS.successful, result)
         result = diffrax.RESULTS.where(event | (taken & (verdict.ends > 0)), diffrax.RESULTS.event_occurred, result)
@@ -254,8 +258,13 @@ class Stepper(diffrax.AbstractWrappedSolver):
             y = jax.tree.map(lambda a, b: jnp.where(context.rests, a, b), y0, y)
         # What is watched and what the next step starts from have no derivatives.
         fixed, there, begun, t, before, path = stop_gradient((equations, y, t0, t1, now, dense))
+        found: Any = None
+        plan: Any = None
+        step: Any = None
+        cut: Any = None
+        well = True
         if not equations.has_sense:
-            found, plan, step, well = _see(fixed, t, there, before, None), None, None, True
+            found = _see(fixed, t, there, before, None)
         else:
             lands = before.plan.time <= t + 10 * jnp.finfo(t.dtype).eps * jnp.abs(t)
             trial = jnp.where(lands & before.plan.free, before.plan.onward.sense, fixed.sense)
@@ -264,10 +273,11 @@ class Stepper(diffrax.AbstractWrappedSolver):
             found, plan, well, cut = look(
                 fixed, step, steps.evaluate, lambda t, y, trial, asks: _see(fixed, t, y, before, Trial(trial, asks))
             )
-        sight, solved = (found, None) if not system.friction else (found.watch, found.solved)
+        sight: Sight = found.watch if system.friction else found
         mode, along, jump = now.mode, now.along, jnp.zeros_like(sight.off)
         watch = sight.watch
         if system.friction:
+            solved: Solved = found.solved
             change = jnp.where(fixed.sticking, 0.0, jnp.abs(solved.tau - mode.tau) / solved.size)
             jump = jnp.where(solved.contraction < 1, 0.0, jnp.max(change))
             watch = watch._replace(
