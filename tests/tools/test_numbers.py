@@ -27,6 +27,9 @@ PROGRAMS = {
     "closure": (lambda m, s: rx.solve(m, s, closure=rx.Compliance(np.full(len(m.rows), 1e-8))), 1),
     "sense": (lambda m, s: rx.solve(m, s, sense=np.ones(len(m.slips))), 0),
     "analyze": (lambda m, s: str(rx.analyze(m, s)), 5),
+    # With a stop on its way: steps, what is given at the times asked for, the closure, and three of a few operations.
+    "motion": (lambda m, s: rx.simulate(m, s, 0.05), 6),
+    "another motion": (lambda m, s: rx.simulate(m, m.state(phi=0.7, rate=1.1), 0.1), 0),
 }
 
 
