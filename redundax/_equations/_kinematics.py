@@ -57,17 +57,17 @@ def along_motion(system: AbstractSystem, state: State) -> AlongMotion:
     return _along(system, state, state.qd, jnp.ones_like(state.t))
 
 
-def constraint_rate(system: AbstractSystem, state: State) -> Float[Array, " m"]:
-    """Phi_q qd + Phi_t."""
+def constraint_motion(system: AbstractSystem, state: State) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
+    """Phi, and Phi_q qd + Phi_t."""
     zero, one = jnp.zeros_like(state.t), jnp.ones_like(state.t)
     path = system.path(state.q, state.qd)
     if path is not None:
-        return jax.jvp(system.constraint_at, (path.poses, state.t), (path.rate, one))[1]
+        return jax.jvp(system.constraint_at, (path.poses, state.t), (path.rate, one))
 
     def value(s: Array) -> Array:
         return system.constraint(system.retract(state.q, s * state.qd), state.t + s)
 
-    return jax.jvp(value, (zero,), (one,))[1]
+    return jax.jvp(value, (zero,), (one,))
 
 
 def explicit_gamma(system: AbstractSystem, state: State) -> Float[Array, " m"]:

@@ -244,6 +244,11 @@ def take(x: Any, places: Any) -> Any:
     return x[places] if is_number(places) else jnp.asarray(x)[places]
 
 
+def cholesky(a: Any) -> Any:
+    """The lower factor of a symmetric matrix, of which its lower triangle is read."""
+    return xp.linalg.cholesky(a) if is_number(a) else jnp.linalg.cholesky(a, symmetrize_input=False)
+
+
 def solve_triangular(a: Any, b: Any, *, lower: bool) -> Any:
     """`jax.scipy.linalg.solve_triangular`."""
     if not (is_number(a) and is_number(b)):
@@ -377,6 +382,18 @@ def _structure(tree: Any) -> tuple[Any, ...]:
     """What a program is keyed by."""
     leaves, structure = jax.tree.flatten(tree)
     return structure, *((np.shape(x), x.dtype) if eqx.is_array(x) else x for x in leaves)
+
+
+def as_program(function: Callable[..., Any], **how: Any) -> Callable[..., Any]:
+    """What repeats a thousand times: `compiled`, of numbers and giving such where those are known."""
+    program = compiled(function, **how)
+
+    @functools.wraps(function)
+    def run(*arguments: Any) -> Any:
+        out = program(*arguments)
+        return as_numbers(out) if are_numbers(arguments) else out
+
+    return run
 
 
 def of_model(function: Callable[..., Any]) -> Callable[..., Any]:

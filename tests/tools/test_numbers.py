@@ -51,6 +51,9 @@ PROGRAMS = {
     "band at rest": (lambda m, s: str(rx.band(m, at_rest(s), "A.x", BOX)), 0),
     "limit load": (lambda m, s: str(rx.limit_load(m, at_rest(s), {"1.phi": 1.0})), 0),
     "band along": (lambda m, s: str(rx.band_along(m, way(s), "A.x", BOX, samples=8)), 1),  # motions of joints
+    # With a stop on its way: steps, what is given at the times asked for, the closure, and three of a few operations.
+    "motion": (lambda m, s: rx.simulate(m, s, 0.05), 6),
+    "another motion": (lambda m, s: rx.simulate(m, m.state(phi=0.7, rate=1.1), 0.1), 0),
 }
 
 
