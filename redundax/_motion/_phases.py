@@ -5,7 +5,6 @@ the next phase begins with the step to there. The number of phases is bounded, s
 in reverse mode; those that no sample of a batch needs are passed over.
 """
 
-from functools import partial
 from typing import NamedTuple, cast
 
 import diffrax
@@ -15,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._system._directions import Directions
+from .._tools._compilation import is_single
 from .._tools._module import batch_any
 from .._tools._numbers import are_known, as_program, cond, xp
 from ._held_rank import AnyHeld
@@ -104,7 +104,7 @@ def run(start: PhaseState, equations: Equations, options: Options, max_phases: i
     return jax.lax.fori_loop(0, stretches, after, start)
 
 
-@partial(as_program, runs_long=True)
+@as_program
 def stretch(now: PhaseState, equations: Equations, options: Options, lands: Array | np.bool_) -> PhaseState:
     """Steps up to the next event, or only to the one ahead."""
     controller = options.controller
@@ -127,7 +127,7 @@ def stretch(now: PhaseState, equations: Equations, options: Options, lands: Arra
             solver_state=True,
             controller_state=True,
         ),
-        adjoint=options.adjoint,
+        adjoint=diffrax.ForwardMode() if is_single() else options.adjoint,  # of known numbers none are taken
         max_steps=options.max_steps,
         progress_meter=options.meter,
         throw=False,

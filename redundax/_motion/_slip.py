@@ -9,8 +9,9 @@ left is made up by a step of Newton's method on the time (`landed`),
 h a slip rate, or of a joint let go its slip acceleration with the friction of its sense. So the event has its own
 derivative. Joints let go start from there; where a slip rate is zero it is asked which joints stick (`_stick`).
 
-Where a joint has several slips with one friction h is the velocity of its surfaces, or their acceleration, along the
-direction in which they slide as the step begins, or in which they are let go: that of what holds them. Beyond a stop
+Where a joint has several slips with one friction h is the velocity of its surfaces along the
+direction in which they slide as the step begins. Where they are let go, in the direction of what holds them, h is what
+their friction lacks to hold them: accelerations turn otherwise than friction where masses differ. Beyond a stop
 friction goes on as before it. Steps that end against that direction must pass a stop (`ends_well`). The first moments
 after a release are those of `_release`.
 
@@ -18,13 +19,14 @@ A mechanism at rest is looked at from time to time: loads that change may let it
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from .._system._directions import Directions
 from .._system._state import State
 from .._tools._module import batch_any
 from .._tools._numbers import xp
@@ -48,7 +50,7 @@ class Plan(NamedTuple):
 
     - `time`: infinite where there is none.
     - `joint`: of which slip h is, negative if the event is where the step ends.
-    - `slope`: h' of joints let go.
+    - `slope`: rates of the slip accelerations where joints are let go, shape (p,).
     - `free`: which joints are let go, shape (p,).
     - `stops`: whether a joint comes to a stop.
     - `onward`: else how it goes on.
@@ -56,7 +58,7 @@ class Plan(NamedTuple):
 
     time: Float[Array, ""]
     joint: Array
-    slope: Float[Array, ""]
+    slope: Float[Array, " p"]
     free: Bool[Array, " p"]
     stops: Bool[Array, ""]
     onward: Mode
@@ -65,7 +67,7 @@ class Plan(NamedTuple):
 def no_plan(mode: Mode) -> Plan:
     """No event ahead."""
     zero, none = xp.zeros((), mode.tau.dtype), xp.zeros((), bool)
-    return Plan(zero + xp.inf, xp.zeros((), int), zero, mode.sense != mode.sense, none, mode)
+    return Plan(zero + xp.inf, xp.zeros((), int), xp.zeros_like(mode.tau), mode.sense != mode.sense, none, mode)
 
 
 class Seen(NamedTuple):
@@ -188,8 +190,8 @@ _LOOK, _HALVE, _AT, _BEFORE, _CUT, _DONE = range(6)
 
 class _Looking(NamedTuple):
     """What is done next, how often it was done, and with which senses of friction; the bracket, what was found at its
-    end and with which slips against their sense; which of them are at the end of the step, and if that ends well; h at
-    the event; whether the step is cut there; what was seen last."""
+    end and with which slips against their sense; which of them are at the end of the step, and if that ends well; slip
+    accelerations beyond the event; whether the step is cut there; what was seen last."""
 
     stage: Array
     turn: Array
@@ -199,7 +201,7 @@ class _Looking(NamedTuple):
     late: Float[Array, " p"]
     over: Bool[Array, " p"]
     well: Array
-    h: Array
+    slip: Float[Array, " p"]
     cut: Array
     seen: Seen
 
@@ -237,10 +239,10 @@ def look(
         mode = there._replace(sense=_let_go(equations, there, found.solved.tau), resting=jnp.zeros((), bool))
         plan = Plan(jnp.where(moves, now.low, t), joint, now.plan.slope, go & ~stops, stops, mode)
         plan, late = jax.tree.map(lambda a, b: jnp.where(later, a, b), (plan, late), (now.plan, now.late))
-        h = chosen(equations, found.solved.slip, plan.joint, now.trial)
-        apart = beyond - early
-        slope = (now.h - h) / jnp.where(apart > 0, apart, 1.0)
-        root = jnp.clip(early - h / jnp.where(slope != 0, slope, jnp.inf), step.start, beyond)
+        apart, slip = beyond - early, found.solved.slip
+        slope = (now.slip - slip) / jnp.where(apart > 0, apart, 1.0)
+        h, rise = (chosen(equations, x, plan.joint, now.trial) for x in (slip, slope))
+        root = jnp.clip(early - h / jnp.where(rise != 0, rise, jnp.inf), step.start, beyond)
         before = stage == _BEFORE
         plan = plan._replace(time=jnp.where(before, root, plan.time), slope=jnp.where(before, slope, plan.slope))
         after_look = jnp.where(
@@ -263,7 +265,7 @@ def look(
             late=late,
             over=over,
             well=well,
-            h=h,
+            slip=slip,
             cut=cut,
             seen=found,
         )
@@ -279,7 +281,7 @@ def look(
         jnp.zeros_like(step.trial),
         step.trial != step.trial,
         none == 0,
-        jnp.zeros_like(width),
+        jnp.zeros_like(step.trial),
         none > 0,
         nothing,
     )
@@ -291,7 +293,8 @@ class Landing(NamedTuple):
     """What a step ends with that ends at an event.
 
     - `lands`, `free`: whether one does, and if joints are let go there.
-    - `joint`, `along`, `slope`: of which slip h is, the directions in which joints slide, and h'.
+    - `weights`, `along`, `slope`: those of h among slip rates, or slip accelerations; the directions in which joints
+      slide; and h'.
     - `shift`: how much later the event is.
     - `change`: y' there.
     - `halt`: the impulse that leaves joints that stick no slip, by slip rates, where joints have several.
@@ -299,7 +302,7 @@ class Landing(NamedTuple):
 
     lands: Bool[Array, ""]
     free: Bool[Array, ""]
-    joint: Array
+    weights: Float[Array, " p"]
     along: Float[Array, " p"]
     slope: Float[Array, ""]
     shift: Float[Array, ""]
@@ -312,18 +315,32 @@ def landing(equations: Equations, step: Step, plan: Plan, seen: Seen, change: Mo
     along = equations.sense if step.along is None else step.along
     along = jnp.where(step.trial == equations.sense, along, step.trial)
     free = jnp.any(plan.free)
-    h = chosen(equations, jnp.where(free, seen.solved.slip, seen.rate), plan.joint, along)
-    slope = jnp.where(free, plan.slope, chosen(equations, seen.solved.slip, plan.joint, along))
+    onward = jax.tree.map(lambda a, b: jnp.where(plan.stops, a, b), seen.there, plan.onward)
+    weights, halt = jnp.zeros_like(along).at[plan.joint].set(1.0), None
+    if seen.yields is not None:
+        sense, (unit, yields) = jnp.where(free, equations.sense, onward.sense), seen.yields
+        inverse = jax.lax.cond(
+            batch_any(step.lands),
+            lambda: equations.least_friction(yields, equations.with_sense(sense).sticking),
+            lambda: jnp.zeros_like(yields),
+        )
+        halt, weights = unit @ inverse, _weights(equations, plan.joint, along, free, inverse)
+    h = weights @ jnp.where(free, seen.solved.slip, seen.rate)
+    slope = weights @ jnp.where(free, plan.slope, seen.solved.slip)
     good = step.lands & (plan.joint >= 0) & (plan.stops | free) & (slope != 0)
     slope = jnp.where(good, slope, 1.0)
-    onward = jax.tree.map(lambda a, b: jnp.where(plan.stops, a, b), seen.there, plan.onward)
-    halt = None
-    if seen.yields is not None:
-        stick, (unit, yields) = equations.with_sense(onward.sense).sticking, seen.yields
-        halt = unit @ jax.lax.cond(
-            batch_any(step.lands), lambda: equations.least_friction(yields, stick), lambda: jnp.zeros_like(yields)
-        )
-    return Landing(good, free, plan.joint, along, slope, jnp.where(good, -h / slope, 0.0), change, halt), onward
+    return Landing(good, free, weights, along, slope, jnp.where(good, -h / slope, 0.0), change, halt), onward
+
+
+def _weights(equations: Equations, joint: Array, along: Array, free: Array, inverse: Array) -> Float[Array, " p"]:
+    """Of slip rates in the velocity of a joint's surfaces along a direction; of slip accelerations of one that is let
+    go in what its friction lacks to hold it, of which the direction as it turns does not matter."""
+    directions = cast(Directions, equations.directions)
+    same = jnp.asarray(directions.same)[joint]
+    whole = jnp.where(same, directions.arms * along, 0.0)
+    lacks = jnp.where(same, along / directions.arms, 0.0) @ inverse
+    one = jnp.zeros_like(along).at[joint].set(1.0)
+    return jnp.where(jnp.asarray(directions.directed)[joint], jnp.where(free, lacks, whole), one)
 
 
 @eqx.filter_custom_jvp
@@ -351,7 +368,7 @@ def _landed_jvp(primals: tuple, tangents: tuple) -> tuple[tuple[Array, Moving], 
 
     def moved() -> tuple[Array, Moving]:
         (slip, _), (slip_dot, rate_dot) = eqx.filter_jvp(told, (equations, t, y), tangents[:3])
-        h_dot = chosen(equations, jnp.where(end.free, slip_dot, rate_dot), end.joint, end.along)
+        h_dot = end.weights @ jnp.where(end.free, slip_dot, rate_dot)
         shift = jnp.where(end.lands, -h_dot / end.slope, 0.0)
         y_dot = jax.tree.map(lambda dot, change: dot + shift * change, given, end.change)
         if end.halt is not None:

@@ -180,6 +180,12 @@ class Controller(diffrax.AbstractAdaptiveStepSizeController):
         lands = taken & (verdict.lands > 0)
         t = jnp.where(taken, t1 + verdict.shift, t0)
         again = verdict.again > 0
+        # What is wrong beyond an event does not matter: a step that is refused is tried up to there, if that is less.
+        goal = (1 + PAST) * verdict.plan.time - PAST * t0
+        aims = ~keep & (goal < t1 - 0.1 * (t1 - t0))
+        following = jnp.where(
+            aims, jnp.where(jnp.isfinite(verdict.size), jnp.minimum(following, goal), goal), following
+        )
         following = jnp.where(again, verdict.ahead, jnp.minimum(following, verdict.ahead))
         following = jnp.where(lands, t + self.first, following)
         following = jnp.where(taken & (verdict.rests > 0), jnp.maximum(self.end, following), following)
