@@ -33,8 +33,9 @@ from .._tools._numbers import xp
 from ._moving import NONE, Context, Equations, Linear, Moving, Solved, rechart, tolerance_of
 from ._stick import Mode, mode_of
 
-# Halvings of a step: the square of what is left is below rounding. Looks at rest.
-_HALVINGS, _LOOKS = 30, 100
+# Halvings of a step: the square of what is left is below rounding; so it is after fewer, and a secant, where slip rates
+# to both sides are known. Looks at rest.
+_HALVINGS, _WITH_SECANT, _LOOKS = 30, 14, 100
 # Part of the step to both sides over which h' is a difference: its square is lost to curvature.
 _APART = 2.0**-14
 # Part of a step by which it passes the stop of surfaces that may turn: near its end its dense output is as good as it.
@@ -190,14 +191,15 @@ _LOOK, _HALVE, _AT, _BEFORE, _CUT, _DONE = range(6)
 
 class _Looking(NamedTuple):
     """What is done next, how often it was done, and with which senses of friction; the bracket, what was found at its
-    end and with which slips against their sense; which of them are at the end of the step, and if that ends well; slip
-    accelerations beyond the event; whether the step is cut there; what was seen last."""
+    end, and slips against their sense at its start and end; which of them are at the end of the step, and if that ends
+    well; slip accelerations beyond the event; whether the step is cut there; what was seen last."""
 
     stage: Array
     turn: Array
     trial: Float[Array, " p"]
     low: Array
     plan: Plan
+    early: Float[Array, " p"]
     late: Float[Array, " p"]
     over: Bool[Array, " p"]
     well: Array
@@ -219,10 +221,10 @@ def look(
     def body(now: _Looking) -> _Looking:
         stage, high = now.stage, now.plan.time
         looks, halves = stage == _LOOK, stage == _HALVE
-        ends, beyond, early = looks & ~waits, high + _APART * width, jnp.maximum(high - _APART * width, step.start)
+        ends, beyond, short = looks & ~waits, high + _APART * width, jnp.maximum(high - _APART * width, step.start)
         wait = step.start + width * ((now.turn + 1) / _LOOKS)
         cut, after, half = stage == _CUT, stage == _AT, (now.low + high) / 2
-        t = jnp.select([ends, looks, halves, cut, after], [step.end, wait, half, high, beyond], early)
+        t = jnp.select([ends, looks, halves, cut, after], [step.end, wait, half, high, beyond], short)
         y = jax.tree.map(lambda a, b: jnp.where(ends, a, b), step.last, rechart(equations.system, between(t))[0])
         found = see(t, y, now.trial, step.lands | cut)
         there, go = found.there, _released(equations, found.there)
@@ -239,10 +241,10 @@ def look(
         mode = there._replace(sense=_let_go(equations, there, found.solved.tau), resting=jnp.zeros((), bool))
         plan = Plan(jnp.where(moves, now.low, t), joint, now.plan.slope, go & ~stops, stops, mode)
         plan, late = jax.tree.map(lambda a, b: jnp.where(later, a, b), (plan, late), (now.plan, now.late))
-        apart, slip = beyond - early, found.solved.slip
+        apart, slip = beyond - short, found.solved.slip
         slope = (now.slip - slip) / jnp.where(apart > 0, apart, 1.0)
         h, rise = (chosen(equations, x, plan.joint, now.trial) for x in (slip, slope))
-        root = jnp.clip(early - h / jnp.where(rise != 0, rise, jnp.inf), step.start, beyond)
+        root = jnp.clip(short - h / jnp.where(rise != 0, rise, jnp.inf), step.start, beyond)
         before = stage == _BEFORE
         plan = plan._replace(time=jnp.where(before, root, plan.time), slope=jnp.where(before, slope, plan.slope))
         after_look = jnp.where(
@@ -254,14 +256,24 @@ def look(
                 width * equations.speed < _SHORT * equations.scaling.size
             )
             stop = jnp.where(turns(equations, plan) & near, _CUT, _DONE)
-        after_half = jnp.where(now.turn + 1 < _HALVINGS, _HALVE, jnp.where(plan.stops, stop, _AT))
+        low = jnp.where((looks | halves) & ~later, t, now.low)
+        early = jnp.where(halves & ~later, found.against, now.early)
+        soon = plan.stops & (low > step.start) & ~turns(equations, plan)
+        enough = now.turn + 1 >= jnp.where(soon, _WITH_SECANT, _HALVINGS)
+        roots = jnp.where(late > 0, low + (plan.time - low) * jnp.maximum(-early, 0.0) / (late - early), jnp.inf)
+        first = halves & soon & enough
+        plan = plan._replace(
+            time=jnp.where(first, jnp.min(roots), plan.time), joint=jnp.where(first, jnp.argmin(roots), plan.joint)
+        )
+        after_half = jnp.where(~enough, _HALVE, jnp.where(plan.stops, stop, _AT))
         following = jnp.select([looks, halves, after], [after_look, after_half, _BEFORE], _DONE)
         return _Looking(
             stage=following,
             turn=jnp.where(following == stage, now.turn + 1, 0),
             trial=jnp.where((following == _AT) & plan.free, plan.onward.sense, now.trial),
-            low=jnp.where((looks | halves) & ~later, t, now.low),
+            low=low,
             plan=plan,
+            early=early,
             late=late,
             over=over,
             well=well,
@@ -278,6 +290,7 @@ def look(
         step.trial,
         step.start,
         no_plan(nothing.there),
+        jnp.zeros_like(step.trial),
         jnp.zeros_like(step.trial),
         step.trial != step.trial,
         none == 0,

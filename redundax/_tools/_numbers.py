@@ -16,6 +16,7 @@ import collections
 import contextlib
 import functools
 import threading
+import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, TypeAlias, TypeVar
@@ -384,14 +385,29 @@ def _structure(tree: Any) -> tuple[Any, ...]:
     return structure, *((np.shape(x), x.dtype) if eqx.is_array(x) else x for x in leaves)
 
 
-def as_program(function: Callable[..., Any], **how: Any) -> Callable[..., Any]:
-    """What repeats a thousand times: `compiled`, of numbers and giving such where those are known."""
-    program = compiled(function, **how)
+# Seconds that a program has run in all, by calls of one structure, when one with all optimisation takes over, which
+# compiles for about as long.
+LONG = 5.0
+
+
+def as_program(function: Callable[..., Any]) -> Callable[..., Any]:
+    """What repeats a thousand times: `compiled`, of numbers and giving such where those are known.
+
+    It is compiled in little time at first, and anew with all optimisation once it has run for `LONG`.
+    """
+    first, fast, spent = compiled(function), compiled(function, runs_long=True), collections.defaultdict(float)
 
     @functools.wraps(function)
     def run(*arguments: Any) -> Any:
-        out = program(*arguments)
-        return as_numbers(out) if are_numbers(arguments) else out
+        if not are_numbers(arguments):
+            return first(*arguments)
+        if (key := hash(_structure(arguments))) not in spent:
+            spent[key] = 0.0  # compiled now, which does not count
+            return as_numbers(first(*arguments))
+        begun = time.perf_counter()
+        out = as_numbers((fast if spent[key] > LONG else first)(*arguments))
+        spent[key] += time.perf_counter() - begun
+        return out
 
     return run
 
