@@ -113,7 +113,7 @@ def _integrate(
     )
 
 
-_dense, _large = on_numbers(_integrate), compiled(_integrate, runs_long=True, is_large=lambda *_: True)
+_dense, _large = on_numbers(_integrate, is_long=True), compiled(_integrate, runs_long=True, is_large=lambda *_: True)
 
 
 def integrate(

@@ -33,9 +33,11 @@ from .._tools._numbers import xp
 from ._moving import NONE, Context, Equations, Linear, Moving, Solved, rechart, tolerance_of
 from ._stick import Mode, mode_of
 
-# Halvings of a step: the square of what is left is below rounding; so it is after fewer, and a secant, where slip rates
-# to both sides are known. Looks at rest.
-_HALVINGS, _WITH_SECANT, _LOOKS = 30, 14, 100
+# Halvings of a step: the square of what is left is below rounding. Looks at rest.
+_HALVINGS, _LOOKS = 30, 100
+# Part of the time to a stop at which a secant of slip rates to both sides leaves as little, and of that how much later
+# the step ends: its end is not before the stop, so that no time asked for lies between.
+_SECANT, _LATER = 2.0**-14, 2.0**-12
 # Part of the step to both sides over which h' is a difference: its square is lost to curvature.
 _APART = 2.0**-14
 # Part of a step by which it passes the stop of surfaces that may turn: near its end its dense output is as good as it.
@@ -258,10 +260,11 @@ def look(
             stop = jnp.where(turns(equations, plan) & near, _CUT, _DONE)
         low = jnp.where((looks | halves) & ~later, t, now.low)
         early = jnp.where(halves & ~later, found.against, now.early)
-        soon = plan.stops & (low > step.start) & ~turns(equations, plan)
-        enough = now.turn + 1 >= jnp.where(soon, _WITH_SECANT, _HALVINGS)
-        roots = jnp.where(late > 0, low + (plan.time - low) * jnp.maximum(-early, 0.0) / (late - early), jnp.inf)
-        first = halves & soon & enough
+        close = plan.time - low <= _SECANT * (plan.time - step.start)
+        first = halves & plan.stops & close & (low > step.start) & ~turns(equations, plan)
+        enough = first | (now.turn + 1 >= _HALVINGS)
+        passed = jnp.maximum(-early, 0.0) / (late - early) + _LATER
+        roots = jnp.where(late > 0, jnp.minimum(low + (plan.time - low) * passed, plan.time), jnp.inf)
         plan = plan._replace(
             time=jnp.where(first, jnp.min(roots), plan.time), joint=jnp.where(first, jnp.argmin(roots), plan.joint)
         )

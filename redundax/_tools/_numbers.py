@@ -28,7 +28,7 @@ import jax.numpy as jnp
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
-from ._compilation import compiled, quick_options
+from ._compilation import compiled, once, quick_options
 
 T = TypeVar("T")
 F = TypeVar("F", bound=Callable[..., Any])
@@ -347,12 +347,16 @@ def computing() -> Iterator[None]:
 OFTEN = 300
 
 
-def on_numbers(function: Callable[..., Any], *, jit: bool = True, repeats: bool = False) -> Callable[..., Any]:
+def on_numbers(
+    function: Callable[..., Any], *, jit: bool = True, repeats: bool = False, is_long: bool = False
+) -> Callable[..., Any]:
     """A function that runs on NumPy's arrays where all its arguments are known, and gives JAX's; else it is traced.
 
-    One that `repeats` is a program of its own from call `OFTEN` on with arguments of one structure.
+    One that `repeats` is a program of its own from call `OFTEN` on with arguments of one structure; one that `is_long`
+    compiles in little time where it is traced for a derivative or a batch alone.
     """
-    traced, program, calls = eqx.filter_jit(function) if jit else function, compiled(function), collections.Counter()
+    traced = once(function) if is_long else eqx.filter_jit(function) if jit else function
+    program, calls = compiled(function), collections.Counter()
 
     @functools.wraps(function)
     def run(*arguments: Any, **named: Any) -> Any:
