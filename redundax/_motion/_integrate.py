@@ -113,14 +113,19 @@ def _integrate(
     )
 
 
-_dense, _large = on_numbers(_integrate, is_long=True), compiled(_integrate, runs_long=True, is_large=lambda *_: True)
+_dense, _forward = on_numbers(_integrate), on_numbers(_integrate, is_long=True)
+_large = compiled(_integrate, runs_long=True, is_large=lambda *_: True)
 
 
 def integrate(
     system: AbstractSystem, state: State, factor: AnyFactorisation, closure: AbstractClosure, course: Course
 ) -> Trajectory:
     """The motion, given the factorisation at the start."""
-    return (_dense if system.plan is None else _large)(system, state, factor, closure, course)
+    if system.plan is not None:
+        return _large(system, state, factor, closure, course)
+    # JAX takes options of compiling for no program that is cut for reverse mode.
+    forward = isinstance(course.adjoint, diffrax.ForwardMode)
+    return (_forward if forward else _dense)(system, state, factor, closure, course)
 
 
 def _equations(

@@ -79,7 +79,7 @@ def is_staged() -> bool:
 
 def once(function: Callable[P, T]) -> Callable[P, T]:
     """`eqx.filter_jit` of what is traced, compiled in little time where no program is around it: a derivative that is
-    asked for once waits for its compiling alone."""
+    asked for once waits for its compiling alone. Not for reverse mode."""
     inside = eqx.filter_jit(function)
 
     @functools.cache

@@ -353,7 +353,7 @@ def on_numbers(
     """A function that runs on NumPy's arrays where all its arguments are known, and gives JAX's; else it is traced.
 
     One that `repeats` is a program of its own from call `OFTEN` on with arguments of one structure; one that `is_long`
-    compiles in little time where it is traced for a derivative or a batch alone.
+    compiles in little time where it is traced for a derivative alone, in forward mode.
     """
     traced = once(function) if is_long else eqx.filter_jit(function) if jit else function
     program, calls = compiled(function), collections.Counter()
