@@ -260,14 +260,8 @@ def look(
             stop = jnp.where(turns(equations, plan) & near, _CUT, _DONE)
         low = jnp.where((looks | halves) & ~later, t, now.low)
         early = jnp.where(halves & ~later, found.against, now.early)
-        close = plan.time - low <= _SECANT * (plan.time - step.start)
-        first = halves & plan.stops & close & (low > step.start) & ~turns(equations, plan)
-        enough = first | (now.turn + 1 >= _HALVINGS)
-        passed = jnp.maximum(-early, 0.0) / (late - early) + _LATER
-        roots = jnp.where(late > 0, jnp.minimum(low + (plan.time - low) * passed, plan.time), jnp.inf)
-        plan = plan._replace(
-            time=jnp.where(first, jnp.min(roots), plan.time), joint=jnp.where(first, jnp.argmin(roots), plan.joint)
-        )
+        found_so, plan = _by_secant(equations, plan, halves, (step.start, low), (early, late))
+        enough = found_so | (now.turn + 1 >= _HALVINGS)
         after_half = jnp.where(~enough, _HALVE, jnp.where(plan.stops, stop, _AT))
         following = jnp.select([looks, halves, after], [after_look, after_half, _BEFORE], _DONE)
         return _Looking(
@@ -285,9 +279,15 @@ def look(
             seen=found,
         )
 
+    begin = _nothing_seen(step, see)
+    found = jax.lax.while_loop(lambda now: now.stage < _DONE, body, begin)
+    return found.seen, found.plan, found.well, found.cut
+
+
+def _nothing_seen(step: Step, see: Callable[[Array, Moving, Array, Array], Seen]) -> _Looking:
     none, like = jnp.zeros((), int), jax.eval_shape(see, step.end, step.last, step.trial, step.lands)
     nothing = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), like)
-    begin = _Looking(
+    return _Looking(
         none,
         none,
         step.trial,
@@ -301,8 +301,20 @@ def look(
         none > 0,
         nothing,
     )
-    found = jax.lax.while_loop(lambda now: now.stage < _DONE, body, begin)
-    return found.seen, found.plan, found.well, found.cut
+
+
+def _by_secant(
+    equations: Equations, plan: Plan, halves: Array, low: tuple[Array, Array], against: tuple[Array, Array]
+) -> tuple[Bool[Array, ""], Plan]:
+    """Whether the bracket is so short that a secant tells which joint is the first to stop, and when; `low` are the
+    start of the step and of the bracket, `against` the slips against their sense at both ends of it."""
+    (start, first), (early, late) = low, against
+    short = plan.time - first <= _SECANT * (plan.time - start)
+    told = halves & plan.stops & short & (first > start) & ~turns(equations, plan)
+    passed = jnp.maximum(-early, 0.0) / (late - early) + _LATER
+    roots = jnp.where(late > 0, jnp.minimum(first + (plan.time - first) * passed, plan.time), jnp.inf)
+    time, joint = jnp.where(told, jnp.min(roots), plan.time), jnp.where(told, jnp.argmin(roots), plan.joint)
+    return told, plan._replace(time=time, joint=joint)
 
 
 class Landing(NamedTuple):

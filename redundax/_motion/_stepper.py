@@ -279,28 +279,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
             found, plan, well, cut = look(
                 fixed, step, steps.evaluate, lambda t, y, trial, asks: _see(fixed, t, y, before, Trial(trial, asks))
             )
-        sight: Sight = found.watch if system.friction else found
-        mode, along, jump = now.mode, now.along, jnp.zeros_like(sight.off)
-        watch = sight.watch
-        if system.friction:
-            solved: Solved = found.solved
-            change = jnp.where(fixed.sticking, 0.0, jnp.abs(solved.tau - mode.tau) / solved.size)
-            jump = jnp.where(solved.contraction < 1, 0.0, jnp.max(change))
-            watch = watch._replace(
-                contraction=jnp.maximum(watch.contraction, solved.contraction), jump=jnp.maximum(watch.jump, jump)
-            )
-            mode = mode._replace(tau=solved.tau)
-            if along is not None:
-                along = fixed.turned(found.rate, along, jnp.zeros((), bool))
-        carried = now._replace(
-            inner=inner,
-            mode=mode,
-            held=sight.held,
-            along=along,
-            watch=watch,
-            pivot=sight.pivot,
-            largest=jnp.maximum(now.largest, sight.pivot),
-        )
+        sight, carried, jump = _watched(fixed, now, found, inner)
         good = _may_end(sight.off, sight.excess, now, sight.pivot) if projects else jnp.isfinite(sight.off)
         good = good & settled & (jump <= _JUMP)
         if self.constant or error is None:
@@ -370,6 +349,27 @@ class Found(NamedTuple):
 
     solved: Solved
     watch: Sight
+
+
+def _watched(equations: Equations, now: Carried, found: Any, inner: Any) -> tuple[Sight, Carried, Array]:
+    """What was seen at the end of a step, what is carried on from there, and how much friction jumps where it may have
+    several solutions."""
+    friction = equations.system.friction
+    sight: Sight = found.watch if friction else found
+    mode, along, jump, watch = now.mode, now.along, jnp.zeros_like(sight.off), sight.watch
+    if friction:
+        solved: Solved = found.solved
+        change = jnp.where(equations.sticking, 0.0, jnp.abs(solved.tau - mode.tau) / solved.size)
+        jump = jnp.where(solved.contraction < 1, 0.0, jnp.max(change))
+        watch = watch._replace(
+            contraction=jnp.maximum(watch.contraction, solved.contraction), jump=jnp.maximum(watch.jump, jump)
+        )
+        mode = mode._replace(tau=solved.tau)
+        if along is not None:
+            along = equations.turned(found.rate, along, jnp.zeros((), bool))
+    largest = jnp.maximum(now.largest, sight.pivot)
+    parts = {"inner": inner, "mode": mode, "held": sight.held, "along": along, "watch": watch}
+    return sight, now._replace(**parts, pivot=sight.pivot, largest=largest), jump
 
 
 def _landed(
