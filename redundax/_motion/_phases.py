@@ -120,7 +120,7 @@ def stretch(now: PhaseState, equations: Equations, options: Options, lands: Arra
         end,
         jnp.minimum(first, end - now.t),
         now.y,
-        (equations.with_sense(sense), context, Begin(mode, now.since, now.held, now.plan)),
+        (equations.with_sense(sense), context, Begin(mode, now.since, now.held, now.plan, lands)),
         stepsize_controller=controller,
         saveat=diffrax.SaveAt(
             subs=[diffrax.SubSaveAt(ts=within(now.t, end, options.ts)), diffrax.SubSaveAt(t1=True)],

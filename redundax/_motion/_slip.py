@@ -246,7 +246,8 @@ def look(
         apart, slip = beyond - short, found.solved.slip
         slope = (now.slip - slip) / jnp.where(apart > 0, apart, 1.0)
         h, rise = (chosen(equations, x, plan.joint, now.trial) for x in (slip, slope))
-        root = jnp.clip(short - h / jnp.where(rise != 0, rise, jnp.inf), step.start, beyond)
+        later_by = 16 * _APART**2 * width  # what curvature leaves, so that the step ends not before the event
+        root = jnp.clip(short - h / jnp.where(rise != 0, rise, jnp.inf) + later_by, step.start, beyond)
         before = stage == _BEFORE
         plan = plan._replace(time=jnp.where(before, root, plan.time), slope=jnp.where(before, slope, plan.slope))
         after_look = jnp.where(

@@ -67,12 +67,14 @@ def at_start(like: Float[Array, ""]) -> Diagnostics:
 
 
 class Begin(NamedTuple):
-    """How steps begin: how it moves and since when, what is held, and the event that the first step ends at."""
+    """How steps begin: how it moves and since when, what is held, and the event that the first step ends at; whether it
+    is the last."""
 
     mode: Mode
     since: Array
     held: AnyHeld
     plan: Plan
+    lands: Any
 
 
 class Carried(NamedTuple):
@@ -306,7 +308,12 @@ class Stepper(diffrax.AbstractWrappedSolver):
         size = jnp.where(context.rests, 0.0, jnp.where(good, size, jnp.inf))
         y, carried, told = _landed(equations, (end, y), now._replace(plan=at), carried, step, found)
         told = told._replace(
-            size=size, plan=plan, shift=end - t1 + told.shift, ahead=ahead, again=again.astype(t1.dtype)
+            size=size,
+            plan=plan,
+            shift=end - t1 + told.shift,
+            ahead=ahead,
+            again=again.astype(t1.dtype),
+            ends=jnp.where(step.lands & args[2].lands, 1.0, told.ends),
         )
         return y, told, dense, carried, result
 

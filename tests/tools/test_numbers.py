@@ -81,6 +81,17 @@ def test_known_calls_compile_the_model_alone():
         assert HEARD.count <= most, name
 
 
+def test_a_program_that_has_run_for_long_is_optimised_and_gives_the_same(monkeypatch):
+    """The first call compiles and does not count; the second runs; from the third on the other takes over."""
+    monkeypatch.setattr(_numbers, "LONG", 0.0)
+    run, x, counts = _numbers.as_program(lambda x: jnp.sin(x) * jnp.arange(3)), np.array([0.1, 0.2, 0.3]), []
+    for _ in range(4):
+        HEARD.count = 0
+        np.testing.assert_allclose(run(x), np.sin(x) * [0, 1, 2], rtol=1e-15)
+        counts.append(HEARD.count > 0)
+    assert counts == [True, False, True, False]
+
+
 def test_an_edited_machine_of_the_same_structure_compiles_nothing():
     for mu in (0.02, 0.03):
         mechanism = rx.mechanisms.wojtyra2020(mu_rho=mu)
