@@ -35,9 +35,8 @@ from ._stick import Mode, mode_of
 
 # Halvings of a step: the square of what is left is below rounding. Looks at rest.
 _HALVINGS, _LOOKS = 30, 100
-# Part of the time to a stop at which a secant of slip rates to both sides leaves as little, and of that how much later
-# the step ends: its end is not before the stop, so that no time asked for lies between.
-_SECANT, _LATER = 2.0**-14, 2.0**-12
+# Part of the time to a stop at which a secant of slip rates to both sides leaves as little.
+_SECANT = 2.0**-14
 # Part of the step to both sides over which h' is a difference: its square is lost to curvature.
 _APART = 2.0**-14
 # Part of a step by which it passes the stop of surfaces that may turn: near its end its dense output is as good as it.
@@ -187,8 +186,10 @@ class Step(NamedTuple):
     along: Float[Array, " p"] | None
 
 
-# What is done next: look, halve the bracket, take h a little after and before, or see what stops there.
-_LOOK, _HALVE, _AT, _BEFORE, _CUT, _DONE = range(6)
+# Part of the step by which it ends later than the event found, so that no time asked for lies between.
+_LATER = 2.0**-40
+# What is done next: look, halve the bracket, take h a little after and before, there, or see what stops there.
+_LOOK, _HALVE, _AT, _BEFORE, _THERE, _CUT, _DONE = range(7)
 
 
 class _Looking(NamedTuple):
@@ -225,8 +226,8 @@ def look(
         looks, halves = stage == _LOOK, stage == _HALVE
         ends, beyond, short = looks & ~waits, high + _APART * width, jnp.maximum(high - _APART * width, step.start)
         wait = step.start + width * ((now.turn + 1) / _LOOKS)
-        cut, after, half = stage == _CUT, stage == _AT, (now.low + high) / 2
-        t = jnp.select([ends, looks, halves, cut, after], [step.end, wait, half, high, beyond], short)
+        cut, after, half, at_root = stage == _CUT, stage == _AT, (now.low + high) / 2, stage == _THERE
+        t = jnp.select([ends, looks, halves, cut | at_root, after], [step.end, wait, half, high, beyond], short)
         y = jax.tree.map(lambda a, b: jnp.where(ends, a, b), step.last, rechart(equations.system, between(t))[0])
         found = see(t, y, now.trial, step.lands | cut)
         there, go = found.there, _released(equations, found.there)
@@ -245,11 +246,12 @@ def look(
         plan, late = jax.tree.map(lambda a, b: jnp.where(later, a, b), (plan, late), (now.plan, now.late))
         apart, slip = beyond - short, found.solved.slip
         slope = (now.slip - slip) / jnp.where(apart > 0, apart, 1.0)
-        h, rise = (chosen(equations, x, plan.joint, now.trial) for x in (slip, slope))
-        later_by = 16 * _APART**2 * width  # what curvature leaves, so that the step ends not before the event
-        root = jnp.clip(short - h / jnp.where(rise != 0, rise, jnp.inf) + later_by, step.start, beyond)
-        before = stage == _BEFORE
-        plan = plan._replace(time=jnp.where(before, root, plan.time), slope=jnp.where(before, slope, plan.slope))
+        before, free = stage == _BEFORE, jnp.any(plan.free)
+        slope = jnp.where(before, slope, plan.slope)
+        of_event = jnp.where(free, slip, found.rate), jnp.where(free, slope, slip)
+        h, rise = (chosen(equations, x, plan.joint, now.trial) for x in of_event)
+        root = jnp.clip(t - h / jnp.where(rise != 0, rise, jnp.inf) + _LATER * width, step.start, beyond)
+        plan = plan._replace(time=jnp.where(before | at_root, root, plan.time), slope=slope)
         after_look = jnp.where(
             event & ~moves, _HALVE, jnp.where(waits & ~event & (now.turn + 1 < _LOOKS), _LOOK, _DONE)
         )
@@ -263,8 +265,8 @@ def look(
         early = jnp.where(halves & ~later, found.against, now.early)
         found_so, plan = _by_secant(equations, plan, halves, (step.start, low), (early, late))
         enough = found_so | (now.turn + 1 >= _HALVINGS)
-        after_half = jnp.where(~enough, _HALVE, jnp.where(plan.stops, stop, _AT))
-        following = jnp.select([looks, halves, after], [after_look, after_half, _BEFORE], _DONE)
+        after_half = jnp.where(~enough, _HALVE, jnp.where(found_so, _THERE, jnp.where(plan.stops, stop, _AT)))
+        following = jnp.select([looks, halves, after, before], [after_look, after_half, _BEFORE, _THERE], _DONE)
         return _Looking(
             stage=following,
             turn=jnp.where(following == stage, now.turn + 1, 0),
@@ -312,7 +314,7 @@ def _by_secant(
     (start, first), (early, late) = low, against
     short = plan.time - first <= _SECANT * (plan.time - start)
     told = halves & plan.stops & short & (first > start) & ~turns(equations, plan)
-    passed = jnp.maximum(-early, 0.0) / (late - early) + _LATER
+    passed = jnp.maximum(-early, 0.0) / (late - early)
     roots = jnp.where(late > 0, jnp.minimum(first + (plan.time - first) * passed, plan.time), jnp.inf)
     time, joint = jnp.where(told, jnp.min(roots), plan.time), jnp.where(told, jnp.argmin(roots), plan.joint)
     return told, plan._replace(time=time, joint=joint)
