@@ -35,9 +35,8 @@ from ._stick import Mode, mode_of
 
 # Halvings of a step: the square of what is left is below rounding. Looks at rest.
 _HALVINGS, _LOOKS = 30, 100
-# Part of the time to a stop at which a secant of slip rates to both sides leaves as little.
-_SECANT = 2.0**-14
-# Part of the step to both sides over which h' is a difference: its square is lost to curvature.
+# Part of the step to both sides over which h' is a difference, and that Newton's method on the time may have left of
+# the way to a stop before its last step: its square is lost to curvature.
 _APART = 2.0**-14
 # Part of a step by which it passes the stop of surfaces that may turn: near its end its dense output is as good as it.
 PAST = 0.005
@@ -193,17 +192,16 @@ _LOOK, _HALVE, _AT, _BEFORE, _THERE, _CUT, _DONE = range(7)
 
 
 class _Looking(NamedTuple):
-    """What is done next, how often it was done, and with which senses of friction; the bracket, what was found at its
-    end, and slips against their sense at its start and end; which of them are at the end of the step, and if that ends
-    well; slip accelerations beyond the event; whether the step is cut there; what was seen last."""
+    """What is done next, how often it was done, and with which senses of friction; the start of the bracket, when to
+    look next in it, and what was found at its end; which joints slip against their sense at the end of the step, and if
+    that ends well; slip accelerations beyond the event; whether the step is cut there; what was seen last."""
 
     stage: Array
     turn: Array
     trial: Float[Array, " p"]
     low: Array
+    aim: Array
     plan: Plan
-    early: Float[Array, " p"]
-    late: Float[Array, " p"]
     over: Bool[Array, " p"]
     well: Array
     slip: Float[Array, " p"]
@@ -226,8 +224,8 @@ def look(
         looks, halves = stage == _LOOK, stage == _HALVE
         ends, beyond, short = looks & ~waits, high + _APART * width, jnp.maximum(high - _APART * width, step.start)
         wait = step.start + width * ((now.turn + 1) / _LOOKS)
-        cut, after, half, at_root = stage == _CUT, stage == _AT, (now.low + high) / 2, stage == _THERE
-        t = jnp.select([ends, looks, halves, cut | at_root, after], [step.end, wait, half, high, beyond], short)
+        cut, after, at_root = stage == _CUT, stage == _AT, stage == _THERE
+        t = jnp.select([ends, looks, halves, cut | at_root, after], [step.end, wait, now.aim, high, beyond], short)
         y = jax.tree.map(lambda a, b: jnp.where(ends, a, b), step.last, rechart(equations.system, between(t))[0])
         found = see(t, y, now.trial, step.lands | cut)
         there, go = found.there, _released(equations, found.there)
@@ -243,7 +241,7 @@ def look(
         joint = jnp.where(stops, jnp.argmax(late), jnp.argmax(go))
         mode = there._replace(sense=_let_go(equations, there, found.solved.tau), resting=jnp.zeros((), bool))
         plan = Plan(jnp.where(moves, now.low, t), joint, now.plan.slope, go & ~stops, stops, mode)
-        plan, late = jax.tree.map(lambda a, b: jnp.where(later, a, b), (plan, late), (now.plan, now.late))
+        plan = jax.tree.map(lambda a, b: jnp.where(later, a, b), plan, now.plan)
         apart, slip = beyond - short, found.solved.slip
         slope = (now.slip - slip) / jnp.where(apart > 0, apart, 1.0)
         before, free = stage == _BEFORE, jnp.any(plan.free)
@@ -262,19 +260,20 @@ def look(
             )
             stop = jnp.where(turns(equations, plan) & near, _CUT, _DONE)
         low = jnp.where((looks | halves) & ~later, t, now.low)
-        early = jnp.where(halves & ~later, found.against, now.early)
-        found_so, plan = _by_secant(equations, plan, halves, (step.start, low), (early, late))
-        enough = found_so | (now.turn + 1 >= _HALVINGS)
-        after_half = jnp.where(~enough, _HALVE, jnp.where(found_so, _THERE, jnp.where(plan.stops, stop, _AT)))
+        aim, first, told = _by_newton(equations, plan, (t, found, over), (low, _APART * width))
+        told = halves & told
+        time, joint = jnp.where(told, aim, plan.time), jnp.where(told, first, plan.joint)
+        plan = plan._replace(time=time, joint=joint)
+        halvable = now.turn + 1 < _HALVINGS
+        after_half = jnp.select([told, halvable], [_THERE, _HALVE], jnp.where(plan.stops, stop, _AT))
         following = jnp.select([looks, halves, after, before], [after_look, after_half, _BEFORE, _THERE], _DONE)
         return _Looking(
             stage=following,
             turn=jnp.where(following == stage, now.turn + 1, 0),
             trial=jnp.where((following == _AT) & plan.free, plan.onward.sense, now.trial),
             low=low,
+            aim=aim,
             plan=plan,
-            early=early,
-            late=late,
             over=over,
             well=well,
             slip=slip,
@@ -295,9 +294,8 @@ def _nothing_seen(step: Step, see: Callable[[Array, Moving, Array, Array], Seen]
         none,
         step.trial,
         step.start,
+        step.end,
         no_plan(nothing.there),
-        jnp.zeros_like(step.trial),
-        jnp.zeros_like(step.trial),
         step.trial != step.trial,
         none == 0,
         jnp.zeros_like(step.trial),
@@ -306,18 +304,23 @@ def _nothing_seen(step: Step, see: Callable[[Array, Moving, Array, Array], Seen]
     )
 
 
-def _by_secant(
-    equations: Equations, plan: Plan, halves: Array, low: tuple[Array, Array], against: tuple[Array, Array]
-) -> tuple[Bool[Array, ""], Plan]:
-    """Whether the bracket is so short that a secant tells which joint is the first to stop, and when; `low` are the
-    start of the step and of the bracket, `against` the slips against their sense at both ends of it."""
-    (start, first), (early, late) = low, against
-    short = plan.time - first <= _SECANT * (plan.time - start)
-    told = halves & plan.stops & short & (first > start) & ~turns(equations, plan)
-    passed = jnp.maximum(-early, 0.0) / (late - early)
-    roots = jnp.where(late > 0, jnp.minimum(first + (plan.time - first) * passed, plan.time), jnp.inf)
-    time, joint = jnp.where(told, jnp.min(roots), plan.time), jnp.where(told, jnp.argmin(roots), plan.joint)
-    return told, plan._replace(time=time, joint=joint)
+def _by_newton(
+    equations: Equations, plan: Plan, at: tuple[Array, Seen, Bool[Array, " p"]], known: tuple[Array, Array]
+) -> tuple[Array, Array, Bool[Array, ""]]:
+    """When to look next for an event before that of the plan: where Newton's method from what was seen at a time has
+    the first of the joints that stop, or halfway where it leaves the bracket; that joint, and whether the time moves by
+    little. `known` are the start of the bracket and what is little."""
+    (t, found, over), (low, little) = at, known
+    rate, slip = found.rate, found.solved.slip
+    roots = jnp.where(over, t - rate / jnp.where(slip != 0, slip, 1.0), jnp.inf)
+    root, directions = jnp.min(roots), equations.directions
+    crossed = over & (found.against > 0)
+    sound = plan.stops & (root < jnp.inf) & jnp.all(jnp.where(over, (slip != 0) & (crossed == (roots < t)), True))
+    if directions is not None:
+        sound = sound & ~jnp.any(over & jnp.asarray(directions.directed))
+    told = sound & (jnp.abs(root - t) <= little)
+    aim = jnp.where(told | (sound & (low < root) & (root < plan.time)), root, (low + plan.time) / 2)
+    return aim, jnp.argmin(roots), told
 
 
 class Landing(NamedTuple):
