@@ -27,8 +27,8 @@ def project(system: AbstractSystem, t: Array, y: Moving, held: AnyHeld) -> Movin
     return y._replace(q=q, base=None if y.base is None else q, qd=qd, work=y.work + moved)
 
 
-# Chord iterations: a step leaves position and velocity off by e, each turns e^k into e^(k+1), the velocity that
-# of the position before.
+# Chord iterations: a step leaves position and velocity off by e, each turns e^k into e^(k+1), the velocity that of the
+# position before; the last moves the velocity alone, as beside a singular position rounding moves positions by more.
 _CHORDS = 5
 
 
@@ -39,10 +39,11 @@ def _least_change(
     """The least displacement from q that meets the held rows, and the velocity nearest to qd that does so there."""
     factor = factorize_held(system, State(q, qd, t), held)
 
-    def nearer(_: Array, now: tuple[Array, Array]) -> tuple[Array, Array]:
+    def nearer(k: Array, now: tuple[Array, Array]) -> tuple[Array, Array]:
         d, qd = now
         off, rate = constraint_motion(system, State(system.retract(q, d), qd, t))
-        return d - factor.nearest(_completed(system, factor, off)), qd - factor.nearest(rate)
+        moved = jnp.where(k < _CHORDS - 1, factor.nearest(_completed(system, factor, off)), 0.0)
+        return d - moved, qd - factor.nearest(rate)
 
     return jax.lax.fori_loop(0, _CHORDS, nearer, (jnp.zeros_like(qd), qd))
 
