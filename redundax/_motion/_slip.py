@@ -1,8 +1,8 @@
 """Events: a joint that slips comes to a stop, or joints that stick are let go.
 
-A step goes on with the senses held, smoothly through the event. At its end the event is seen, and halving of the
-step's dense output tells when it is (`look`). The step is not taken: the next one ends there, and what interpolation
-left is made up by a step of Newton's method on the time (`landed`),
+A step goes on with the senses held, smoothly through the event. At its end the event is seen, and Newton's method on
+the step's dense output, or halving of it, tells when it is (`look`). The step is not taken: the next one ends there,
+and what interpolation left is made up by a step of Newton's method on the time (`landed`),
 
     dt = -h / h',   y <- y + y' dt
 
@@ -187,8 +187,9 @@ class Step(NamedTuple):
 
 # Part of the step by which it ends later than the event found, so that no time asked for lies between.
 _LATER = 2.0**-40
-# What is done next: look, halve the bracket, take h a little after and before, there, or see what stops there.
-_LOOK, _HALVE, _AT, _BEFORE, _THERE, _CUT, _DONE = range(7)
+# What is done next: look, halve the bracket, take h a little after and before, ask for the direction of what holds at
+# the event, as looks find a release late by a tolerance, take h there, or see what stops there.
+_LOOK, _HALVE, _AT, _BEFORE, _HELD, _THERE, _CUT, _DONE = range(8)
 
 
 class _Looking(NamedTuple):
@@ -224,10 +225,11 @@ def look(
         looks, halves = stage == _LOOK, stage == _HALVE
         ends, beyond, short = looks & ~waits, high + _APART * width, jnp.maximum(high - _APART * width, step.start)
         wait = step.start + width * ((now.turn + 1) / _LOOKS)
-        cut, after, at_root = stage == _CUT, stage == _AT, stage == _THERE
-        t = jnp.select([ends, looks, halves, cut | at_root, after], [step.end, wait, now.aim, high, beyond], short)
+        after, held, at_root, cut = (stage == kind for kind in (_AT, _HELD, _THERE, _CUT))
+        at_event = held | at_root | cut
+        t = jnp.select([ends, looks, halves, at_event, after], [step.end, wait, now.aim, high, beyond], short)
         y = jax.tree.map(lambda a, b: jnp.where(ends, a, b), step.last, rechart(equations.system, between(t))[0])
-        found = see(t, y, now.trial, step.lands | cut)
+        found = see(t, y, jnp.where(held, step.trial, now.trial), step.lands | cut)
         there, go = found.there, _released(equations, found.there)
         over = jnp.where(ends, found.against > 0, now.over)
         well = (
@@ -250,6 +252,7 @@ def look(
         h, rise = (chosen(equations, x, plan.joint, now.trial) for x in of_event)
         root = jnp.clip(t - h / jnp.where(rise != 0, rise, jnp.inf) + _LATER * width, step.start, beyond)
         plan = plan._replace(time=jnp.where(before | at_root, root, plan.time), slope=slope)
+        plan = _turned(equations, plan, found, held)
         after_look = jnp.where(
             event & ~moves, _HALVE, jnp.where(waits & ~event & (now.turn + 1 < _LOOKS), _LOOK, _DONE)
         )
@@ -266,11 +269,13 @@ def look(
         plan = plan._replace(time=time, joint=joint)
         halvable = now.turn + 1 < _HALVINGS
         after_half = jnp.select([told, halvable], [_THERE, _HALVE], jnp.where(plan.stops, stop, _AT))
-        following = jnp.select([looks, halves, after, before], [after_look, after_half, _BEFORE, _THERE], _DONE)
+        release = _THERE if equations.directions is None else _HELD
+        nexts = [after_look, after_half, _BEFORE, release, _THERE]
+        following = jnp.select([looks, halves, after, before, held], nexts, _DONE)
         return _Looking(
             stage=following,
             turn=jnp.where(following == stage, now.turn + 1, 0),
-            trial=jnp.where((following == _AT) & plan.free, plan.onward.sense, now.trial),
+            trial=jnp.where(((following == _AT) | (following == _THERE)) & plan.free, plan.onward.sense, now.trial),
             low=low,
             aim=aim,
             plan=plan,
@@ -284,6 +289,16 @@ def look(
     begin = _nothing_seen(step, see)
     found = jax.lax.while_loop(lambda now: now.stage < _DONE, body, begin)
     return found.seen, found.plan, found.well, found.cut
+
+
+def _turned(equations: Equations, plan: Plan, found: Seen, held: Array) -> Plan:
+    """The plan, in which joints are let go against what was found to hold them, if so."""
+    directions = equations.directions
+    if directions is None:
+        return plan
+    against = directions.unit(-found.solved.tau / directions.arms)
+    sense = jnp.where(held & plan.free & directions.directed, against, plan.onward.sense)
+    return plan._replace(onward=plan.onward._replace(sense=sense))
 
 
 def _nothing_seen(step: Step, see: Callable[[Array, Moving, Array, Array], Seen]) -> _Looking:
