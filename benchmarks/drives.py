@@ -73,14 +73,7 @@ def torque_by_numpy(phi):
     _, rates, accelerations, changes, half = motion(phi)
     count = phi.size
     matrix = np.zeros((count, 9, 9))  # rows x, y, moment of each body; unknowns A, B, C, D (on the first body), torque
-    for body, (pin, sign, end) in (
-        (0, (0, 1, -1)),
-        (0, (1, -1, 1)),
-        (1, (1, 1, -1)),
-        (1, (2, -1, 1)),
-        (2, (2, 1, 1)),
-        (2, (3, 1, -1)),
-    ):
+    for body, (pin, sign, end) in PINS:
         arm = end * half[:, body]
         for axis in range(2):
             matrix[:, 3 * body + axis, 2 * pin + axis] += sign

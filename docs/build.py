@@ -27,6 +27,7 @@ import numpy as np
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from examples import PAGES, examples, steps
+from links import SITE, dead
 from matplotlib.figure import Figure
 from shown import SHOWN, with_shown
 
@@ -69,7 +70,8 @@ def main() -> None:
     for path in notebooks:
         (MADE / f"notebook_{path.stem}.md").write_text(page_of(path), encoding="utf8")
     command = [sys.executable, "-m", "zensical", "build", "--clean", "--strict", "-f", str(ROOT / "mkdocs.yml")]
-    sys.exit(subprocess.run(command, check=False, env={**os.environ, "PYTHONPATH": str(ROOT)}).returncode)
+    status = subprocess.run(command, check=False, env={**os.environ, "PYTHONPATH": str(ROOT)}).returncode
+    sys.exit(status or "\n".join(f"dead link: {link}" for link in dead(SITE)) or 0)
 
 
 def shown_by_examples(known: dict[str, Any]) -> dict[str, Any]:
@@ -122,7 +124,9 @@ def page_of(path: Path) -> str:
     folder.mkdir(exist_ok=True)
     parts, count = [], 0
     for cell in nbformat.read(path, as_version=4).cells:
-        parts.append(cell.source if cell.cell_type == "markdown" else f"```python\n{cell.source}\n```")
+        parts.append(
+            beside(cell.source, path, folder) if cell.cell_type == "markdown" else f"```python\n{cell.source}\n```"
+        )
         for output in cell.get("outputs", []):
             data = output.get("data", {})
             if "image/png" in data:
@@ -133,6 +137,19 @@ def page_of(path: Path) -> str:
                 parts.append(f"```text\n{text.rstrip()}\n```")
     parts.append(f"This page is `notebooks/{path.name}`, where its code can be run and changed.")
     return "\n\n".join(parts) + "\n"
+
+
+def beside(text: str, path: Path, folder: Path) -> str:
+    """The text of a notebook with the files that it links copied beside its page; those that it writes are words."""
+
+    def copied(match: re.Match[str]) -> str:
+        source = path.parent / match[2]
+        if not source.is_file():
+            return match[1].strip("![]")
+        shutil.copy(source, folder)
+        return f"{match[1]}({folder.name}/{source.name})"
+
+    return re.sub(r"(!?\[[^\]]*\])\(([^):#]+)\)", copied, text)
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ come so that a program of trees may hang each body on the first joint that has i
 from typing import NamedTuple
 
 import mpmath as mp
+import numpy as np
 
 mp.mp.dps = 50
 GRAVITY = (mp.mpf("1.5"), mp.mpf("-2.5"), mp.mpf("-9"))  # m/s^2, oblique, so that every direction is loaded
@@ -40,6 +41,30 @@ class Case(NamedTuple):
     joints: dict[str, Joint]
     redundancy: int
     freedom: int
+
+
+def hung(case: Case) -> tuple[dict[str, str], list[str]]:
+    """For programs of trees: the joint that each body hangs on, and the joints that close loops."""
+    found: dict[str, str] = {}
+    closing = []
+    for name, joint in case.joints.items():
+        if joint.i not in found and (joint.j in found or joint.j == GROUND):
+            found[joint.i] = name
+        else:
+            closing.append(name)
+    return found, closing
+
+
+def floats(values):
+    return np.array([float(x) for x in values])
+
+
+def axes_along(axis):
+    """Axes whose z is a direction, as columns."""
+    z = floats(axis)
+    x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z], axis=1)
 
 
 def vector(*values):

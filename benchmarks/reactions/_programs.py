@@ -1,9 +1,10 @@
 """What programs say of a case: force and moment of each joint on body i, global, (6,), or None where they cannot say it
 
-A program is a function of a `Case`. To add one, write it and put it in `PROGRAMS`. MuJoCo has no hinge that
-closes a loop: two points on its axis stand for it.
+A program is a function of a `Case` in a file of its own, with its name and the package that it needs in `PEERS`: where
+that is not installed, it is left out. MuJoCo has no hinge that closes a loop: two points on its axis stand for it.
 """
 
+import importlib
 import importlib.util
 import pathlib
 import tempfile
@@ -15,7 +16,7 @@ import numpy as np
 jax.config.update("jax_enable_x64", True)
 import redundax as rx  # noqa: E402
 
-from ._cases import GRAVITY, GROUND, Case  # noqa: E402
+from ._cases import GRAVITY, GROUND, Case, floats, hung  # noqa: E402
 from ._truth import MISFIT, ROTATION, TRANSLATION  # noqa: E402
 
 Answer = dict[str, np.ndarray] | None
@@ -27,10 +28,6 @@ _JOINTS = {
     "fixed": rx.spatial.Fixed,
 }
 _HALF = 0.05  # m: of two points that stand for a hinge
-
-
-def floats(values):
-    return np.array([float(x) for x in values])
 
 
 def mechanism(case: Case) -> rx.Mechanism:
@@ -108,13 +105,7 @@ def mujoco(case: Case, settings: str) -> Answer:
 
 def _mjcf(case: Case, settings: str) -> str | None:
     """The model; None of one that it has no words for."""
-    hung: dict[str, str] = {}
-    closing = []
-    for name, joint in case.joints.items():
-        if joint.i not in hung and (joint.j in hung or joint.j == GROUND):
-            hung[joint.i] = name
-        else:
-            closing.append(name)
+    hanging, closing = hung(case)
     if any(case.joints[name].kind not in ("hinge", "ball", "fixed") for name in closing):
         return None
 
@@ -122,20 +113,20 @@ def _mjcf(case: Case, settings: str) -> str | None:
         return " ".join(repr(float(x)) for x in values)
 
     def body(name: str, above: np.ndarray) -> str:
-        own, joint = case.bodies[name], case.joints[hung[name]]
+        own, joint = case.bodies[name], case.joints[hanging[name]]
         place = floats(own.centre)
         at, axis = numbers(floats(joint.point) - place), numbers(joint.axis)
         kinds = {"cylindrical": ("slide", "hinge"), "fixed": ()}.get(joint.kind, (joint.kind,))
         inside = "".join(
-            f'<joint name="{hung[name]}{" slide" * (len(kinds) > 1 and kind == "slide")}" type="{kind}" pos="{at}" '
+            f'<joint name="{hanging[name]}{" slide" * (len(kinds) > 1 and kind == "slide")}" type="{kind}" pos="{at}" '
             f'axis="{axis}"/>'
             for kind in kinds
         )
         inside += f'<inertial pos="0 0 0" mass="{float(own.mass)!r}" diaginertia="{numbers(own.inertia)}"/>'
-        inside += "".join(body(each, place) for each in hung if case.joints[hung[each]].j == name)
+        inside += "".join(body(each, place) for each in hanging if case.joints[hanging[each]].j == name)
         return f'<body name="{name}" pos="{numbers(place - above)}">{inside}</body>'
 
-    tree = "".join(body(each, np.zeros(3)) for each in hung if case.joints[hung[each]].j == GROUND)
+    tree = "".join(body(each, np.zeros(3)) for each in hanging if case.joints[hanging[each]].j == GROUND)
     loops = ""
     for name in closing:
         joint = case.joints[name]
@@ -154,7 +145,21 @@ def _mjcf(case: Case, settings: str) -> str | None:
     )
 
 
+PEERS = {  # names, the package that each needs, and the file and function that ask it
+    "Exudyn, as printed": ("exudyn", "_exudyn", "answer"),
+    "Exudyn, moments turned": ("exudyn", "_exudyn", "turned"),
+    "Pinocchio": ("pinocchio", "_pinocchio", "answer"),
+    "OndselSolver": ("pyondsel", "_ondsel", "answer"),
+}
 PROGRAMS: dict[str, Callable[[Case], Answer]] = {}
+ABSENT: list[str] = []
 if importlib.util.find_spec("mujoco"):
     PROGRAMS["MuJoCo, its defaults"] = lambda case: mujoco(case, "")
     PROGRAMS["MuJoCo, stiff loops"] = lambda case: mujoco(case, 'solref="2e-5 1" solimp="0.99999 0.99999 0.001"')
+else:
+    ABSENT.append("MuJoCo (mujoco)")
+for _name, (_package, _file, _function) in PEERS.items():
+    if importlib.util.find_spec(_package):
+        PROGRAMS[_name] = getattr(importlib.import_module(f"benchmarks.reactions.{_file}"), _function)
+    else:
+        ABSENT.append(f"{_name} ({_package})")

@@ -21,6 +21,7 @@ from .._system._state import State, states_of
 from .._system._system import AbstractSystem, refuse_contacts
 from .._tools._errors import RedundaxError
 from .._tools._numbers import computed
+from .._tools._table import text_of
 from ._analyze import analyze, orthonormal
 from ._outputs import plain
 from ._release import Release, determinant
@@ -133,11 +134,9 @@ class MotionReport:
                 if names := self.always(kind, verdict):
                     lines += [f"{kind.capitalize()}, {verdict.value} at every state:", *columns(list(names))]
         if self.releases:
-            lines.append(
-                "Releases by their least determinant over the motion (1 is best, 0: adds a freedom somewhere):"
-            )
+            lines.append("Releases by their least determinant (1 is best, 0 adds a freedom somewhere):")
             lines += [f"    {release}" for release in self.releases]
-        return "\n".join(lines)
+        return text_of(lines)
 
     def _changes(self) -> list[str]:
         """Changes from state to state, those that say the same together."""

@@ -29,7 +29,7 @@ from .._equations._rank import Spectrum, Split, split
 from .._solve._contacts import as_held
 from .._solve._solution import Solution
 from .._solve._solve import solve
-from .._system._contact import LEFT_OUT
+from .._system._contact import LEFT_OUT, rows_that_hold
 from .._system._names import ByName, senses
 from .._system._results import RESULTS, is_one_of
 from .._system._state import State
@@ -79,7 +79,8 @@ def analyze(
     pushed, out = None, np.zeros(len(system.rows), bool)
     if one_sided.size:
         pushed, factor = solve(system, state, closure=closure, sense=sense, throw=False), None
-        out[one_sided] = np.isin(np.asarray(pushed.contact), LEFT_OUT)
+        closed = ~np.isin(np.asarray(pushed.contact), LEFT_OUT)
+        out = ~np.asarray(rows_that_hold(system.names, closed, closed))
         system = as_held(system, ~out)
     closure = without_play(closure)  # which makes no load unique
     system, factor = dense_at(system, state, rank, factor)
@@ -96,6 +97,8 @@ def analyze(
     if is_one_of(result, RESULTS.successful):
         figures, solution = _family(system, state, factor, closure, stress, sense)
         result, pulling = solution.result, solution.pulling
+    if pushed is not None and is_one_of(pushed.result, RESULTS.contacts_undecided):
+        figures, result = None, pushed.result
     ranges = {}
     if pushed is not None and not system.friction and is_one_of(pushed.result, RESULTS.successful):
         ranges = _ranges(system, state, np.asarray(pushed.multipliers), stress, one_sided[~out[one_sided]])

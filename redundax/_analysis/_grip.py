@@ -27,7 +27,8 @@ def grip(mechanism: Mechanism, solution: Solution) -> dict[str, Float[Array, "*b
     - `mechanism`: with joints `Wheel` that have the row "normal" and one of rolling at least; others are left out.
     - `solution`: of it, or a batch.
 
-    **Returns:** a number for each wheel, 0 where it rolls freely and infinite where it is not pressed on but must hold.
+    **Returns:** a number for each wheel, 0 where it rolls freely or lifts, and infinite where it is not pressed on but
+    must hold.
     """
     check_kind("mechanism", mechanism, Mechanism, "a mechanism", "Give that first, then its solution.")
     labels, found = mechanism.rows.labels, {}

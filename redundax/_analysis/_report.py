@@ -3,13 +3,12 @@
 import dataclasses
 import json
 import re
-import textwrap
 from typing import Any
 
 import numpy as np
 
 from .._system._pushing import in_words
-from .._tools._table import WIDTH
+from .._tools._table import WIDTH, text_of
 from ._bearing_words import best_in_words
 from ._release import Release
 from ._verdict import Judged, Verdict
@@ -169,8 +168,8 @@ class Report:
         lines = [
             f"{len(self.coordinates)} coordinates, {len(self.rows)} constraints of rank {self.rank}: "
             f"{self.redundancy} redundant, {count_of(self.freedom, 'degree')} of freedom",
-            f"Smallest kept singular value {self.singular_values[max(self.rank - 1, 0)]:.2g} of the largest, "
-            + (f"{self.gap:.1e} times the largest dropped one" if np.isfinite(self.gap) else "none dropped"),
+            f"Least singular value kept: {self.singular_values[max(self.rank - 1, 0)]:.2g} of the largest, "
+            + (f"{self.gap:.1e} times any dropped" if np.isfinite(self.gap) else "none dropped"),
         ]
         if self.velocity_rows:
             own, freedom = self.holonomic_redundancy, len(self.coordinates) - self.holonomic_rank
@@ -201,7 +200,7 @@ class Report:
             lines.append(f"LEFT OUT: {self.left_out}")
         if self.pulling:
             lines.append(f"CHANGE OF FLANK: {in_words(self.pulling)}")
-        return "\n".join(lines)
+        return text_of(lines)
 
     def __str__(self) -> str:
         lines = [self.heading, *best_in_words(self.releases, self.rows)]
@@ -230,10 +229,9 @@ class Report:
         lines += self._pushing()
         lines += self._with_friction()
         if self.releases:
-            lines.append("To remove the redundancy and add no degree of freedom, release one of (1 is best):")
-            for release in self.releases:
-                lines += textwrap.wrap(str(release), WIDTH, initial_indent="    ", subsequent_indent="        ")
-        return "\n".join(lines)
+            lines.append("To remove the redundancy and add no freedom, release one of (1 is best):")
+            lines += [f"    {release}" for release in self.releases]
+        return text_of(lines)
 
     def _pushing(self) -> list[str]:
         """What contacts do, and what pushing alone leaves."""
@@ -258,7 +256,7 @@ class Report:
             lines.append("  a joint is at rest, where friction can take any value up to its bound")
         else:
             radius = f"spectral radius {self.spectral_radius:.2g}"
-            one = "one solution for each stiffness and fit of joints"
+            one = "one solution for each stiffness and fit"
             lines.append(
                 f"  {one} (proved: {radius} < 1)" if self.spectral_radius < 1 else f"  not proved: {one} ({radius})"
             )

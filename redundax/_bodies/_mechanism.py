@@ -58,7 +58,7 @@ from ._meshing import Turns, in_mesh, teeth_in_doubt, turns_into_mesh
 from ._names import check_frames, check_kinds, check_names
 from ._pattern import LARGE, LARGEST_DENSE, Pattern, dense
 from ._pins import warn_of_large_pins
-from ._row_order import ordered_rows, pushing_rows, velocity_rows
+from ._row_order import ordered_rows, pushing_rows, tied_rows, velocity_rows
 from ._speed_driver import DrivenSpeed, SpeedDriver, SpeedRow, driven_speeds
 from ._stack import Stack, indices, stacked, stacks
 
@@ -165,6 +165,7 @@ class Mechanism(AbstractSystem):
             joined=tuple((joint.name, joint.i, joint.j) for joint in joints),
             pushing=pushing_rows([*joints, *coupled], rows),
             one_sided=pushing_rows([each for each in (*joints, *coupled) if each.one_sided], rows),
+            tied=tied_rows([each for each in (*joints, *coupled) if each.one_sided], rows),
             velocity_rows=velocity_rows([*joints, *coupled], rows),
             units=of_model(units),
             adds=self.frame.adds,

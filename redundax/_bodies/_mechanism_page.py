@@ -9,7 +9,7 @@ import numpy as np
 
 from .._system._names import Names
 from .._system._units import StatedUnits, with_unit
-from .._tools._table import WIDTH, Group, figures, group, page
+from .._tools._table import WIDTH, Group, figures, group, page, text_of
 from ._armature import Armature
 from ._body import GROUND
 from ._joint_friction import FrictionMembers
@@ -45,7 +45,7 @@ def mechanism_page(
         *textwrap.wrap(f"Loads: {', '.join(acting) or 'none'}", WIDTH, max_lines=2, placeholder=" ..."),
         *textwrap.wrap(f"Armature: {', '.join(rotors)}" if rotors else "", WIDTH, max_lines=2, placeholder=" ..."),
     ]
-    return "\n".join([*head, *page([_bodies(names, body)], [_joints(names, joints, friction, couplers)], _MORE)])
+    return text_of([*head, *page([_bodies(names, body)], [_joints(names, joints, friction, couplers)], _MORE)])
 
 
 def _bodies(names: Names, body: Any) -> Group:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .._system._axis import Axis
+from .._tools._errors import RedundaxError
 from ._coupler import CoupledRow
 from ._joints import AbstractJoint
 from ._speed_driver import SpeedRow
@@ -20,6 +21,19 @@ def pushing_rows(joints: Sequence[AnyRows], rows: Axis) -> tuple[int, ...]:
 def velocity_rows(joints: Sequence[AnyRows], rows: Axis) -> tuple[int, ...]:
     """Rows that constrain velocities alone."""
     return tuple(rows.labels.index(f"{joint.name}.{row}") for joint in joints for row in joint.velocity_rows)
+
+
+def tied_rows(joints: Sequence[AnyRows], rows: Axis) -> tuple[tuple[int, ...], ...]:
+    """Of each row whose contact pushes alone the rows of velocity of its joint, which open with it."""
+    found = []
+    for joint in joints:
+        if joint.velocity_rows and len(joint.pushing) != 1:
+            raise RedundaxError(
+                f"Argument `one_sided` of joint '{joint.name}' must be left out, or it must have one row that pushes, "
+                f"with which its rows of velocity open, but it has {len(joint.pushing)}. Name one in `pushing`."
+            )
+        found += [velocity_rows([joint], rows)] * len(joint.pushing)
+    return tuple(found)
 
 
 def ordered_rows(

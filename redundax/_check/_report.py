@@ -8,6 +8,7 @@ import numpy as np
 
 from .._analysis._outputs import plain
 from .._tools._optional import optional
+from .._tools._table import WIDTH, text_of
 
 if TYPE_CHECKING:
     import pandas
@@ -220,7 +221,8 @@ class LogReport:
         )
 
     def __str__(self) -> str:
-        return "\n".join([*_wrapped(self.summary), "", *self._table(), *([""] * bool(self.remarks)), *self.remarks])
+        lines = [*textwrap.wrap(self.summary, WIDTH), "", *self._table(), *([""] * bool(self.remarks)), *self.remarks]
+        return text_of(lines)
 
     def _table(self) -> list[str]:
         order = {WRONG: 0, UNBALANCED: 1, RIGHT: 2, OPEN: 3}
@@ -256,7 +258,3 @@ def _all(some: list[int], of: list[str]) -> str:
 
 def _is(some: list[int]) -> str:
     return "is" if len(some) == 1 else "are"
-
-
-def _wrapped(text: str) -> list[str]:
-    return textwrap.wrap(text, 110)

@@ -105,7 +105,7 @@ def _audit(commands: Any) -> argparse.ArgumentParser:
     """Add the command on models from files."""
     examination = commands.add_parser(
         "audit",
-        help="what is redundant in a model from a file: MJCF, URDF, SDF, ASMT or yours",
+        help="what is redundant in a model from a file: MJCF, URDF, SDF, ASMT, USD or yours",
         description="Closes the loops of a model and says how many constraints are redundant, which joint loads are "
         "unique, and what to release; at several positions, which must agree.",
         epilog="Exit status: 0 if nothing is redundant, or no more than allowed, 2 if the file cannot be read or "
@@ -130,6 +130,11 @@ def _audit(commands: Any) -> argparse.ArgumentParser:
         "--allow", metavar="K", type=_whole, default=0, help="so many redundant constraints are no fault (default 0)"
     )
     examination.add_argument("--all", action="store_true", help="list all releases that were found, too")
+    examination.add_argument(
+        "--stops",
+        action="store_true",
+        help="also what joint limits bear in this position as stops that only push, at rest and let go",
+    )
     examination.add_argument(
         "--html",
         metavar="FILE",

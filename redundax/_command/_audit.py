@@ -37,6 +37,7 @@ from ._audit_html import check_pictures, write_page
 from ._copy import check_copy
 from ._file import FileError, blaming, load, writing
 from ._output import show, tell
+from ._stops import stops_of, stops_page
 
 _POSITIONS = 3  # beside that of the file
 _REACH = 0.3  # of them, rad or lengths of the mechanism
@@ -50,20 +51,18 @@ def audit_file(arguments: argparse.Namespace) -> int:
         check_pictures()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        system, state, found, about, mended, says, lines = _found(arguments)
+        system, state, found, about, mended, says, stops, lines = _found(arguments)
     told = list(dict.fromkeys(str(each.message) for each in caught if each.category is UserWarning))
     heading = [
         *_heading(arguments.system, about, arguments.keyframe is not None),
         *(f"warning: {each}" for each in told),
     ]
     page = audit_page(found, about, lines=lines, language=says, allowed=arguments.allow, everything=arguments.all)
-    rest = [*_next(arguments, found), *_notes(about)]
+    rest = [*(stops_page(stops) if stops else ()), *_next(arguments, found), *_notes(about)]
     text = "\n".join([*heading, "", page, *([""] if rest else []), *rest])
-    show(
-        json.dumps({"model": arguments.system, **about, "warnings": told, **found.to_dict()})
-        if arguments.json
-        else text
-    )
+    data = {"model": arguments.system, **about, "warnings": told, **found.to_dict()}
+    data |= {"stops": stops} if stops else {}
+    show(json.dumps(data) if arguments.json else text)
     if mended:
         tell(str(mended))
     if arguments.loads:
@@ -99,6 +98,7 @@ class _Found(NamedTuple):
     about: dict[str, Any]
     fix: Fix | None = None
     language: str = ""
+    stops: dict[str, Any] | None = None
     lines: Mapping[tuple[str, ...], Sequence[str]] = MappingProxyType({})
 
 
@@ -117,6 +117,8 @@ def _found(arguments: argparse.Namespace) -> _Found:
         raise FileError("Argument `--release` says what `--fix` is to free. Give --fix FILE too.")
     if arguments.keyframe is not None and kind not in MODELS:
         raise FileError("Argument `--keyframe` names a position of an MJCF file. Leave it out.")
+    if arguments.stops and kind not in MODELS:
+        raise FileError("Argument `--stops` asks for the joint limits of a file of a model. Leave it out.")
     if arguments.fix:
         with _clearly(path):
             check_copy(path, arguments.closures, arguments.fix)
@@ -135,7 +137,8 @@ def _found(arguments: argparse.Namespace) -> _Found:
         says, lines = language(model), {}
         for edit in (edit for each in found.repairs for choice in each.choices for edit in choice.edits):
             lines[edit.rows] = says.lines(model, [edit])
-        return _Found(model.mechanism, model.state, found, _about(model), mended, says.name, lines)
+        stops = stops_of(model, model.state) if arguments.stops else None
+        return _Found(model.mechanism, model.state, found, _about(model), mended, says.name, stops, lines)
 
 
 def _check_size(bodies: int) -> None:
@@ -236,7 +239,8 @@ def _notes(about: dict[str, Any]) -> list[str]:
     """What the model here is without."""
     soft = ["Loops are taken as rigid, where MuJoCo has springs."] if about.get("loops") and about["soft"] else []
     notes = [" ".join(note.split()) for note in about.get("left_out", ())]
-    return [*soft, *(note if " is left out" in note else f"left out: {note}" for note in notes)]
+    told = [*soft, *(note if " is left out" in note else f"left out: {note}" for note in notes)]
+    return [line for each in told for line in wrapped(each, subsequent_indent="    ")]
 
 
 def _next(arguments: argparse.Namespace, found: Audit) -> list[str]:
@@ -245,4 +249,4 @@ def _next(arguments: argparse.Namespace, found: Audit) -> list[str]:
     if kind not in MODELS or arguments.fix or not found.figures[0]:
         return []
     fix = f"--fix COPY{kind} writes a mended copy; " if any(each.choices for each in found.repairs) else ""
-    return [f"Next: {fix}--all lists all releases; --html PAGE.html shows it."]
+    return wrapped(f"Next: {fix}--all lists all releases; --html PAGE.html shows it.")

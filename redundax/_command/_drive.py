@@ -34,6 +34,7 @@ def _polynomial(*coefficients: float) -> Polynomial:
     return Polynomial([*coefficients])
 
 
+_TO_JOINTS = "Give the law to a joint, not to an actuator of the file."
 _LAWS: dict[str, Callable[..., Any]] = {
     "trapezoid": Trapezoid,
     "scurve": SCurve,
@@ -99,7 +100,7 @@ def _coordinate(name: str, system: AbstractSystem) -> str:
     try:
         index_of("--law", name, labels, " of coordinates")
     except RedundaxError as error:
-        raise FileError(str(error)) from error
+        raise FileError(f"{error} {_TO_JOINTS}") from error
     return name
 
 

@@ -18,7 +18,7 @@ from .._solution_sets._family._solution_family import SolutionFamily, solution_f
 from .._solve._solve import solve
 from .._system._state import State
 from .._tools._progress import stage
-from .._tools._table import WIDTH
+from .._tools._table import WIDTH, text_of
 from ..mechanisms import wojtyra2020
 from ._arguments import version
 from ._families import draw_families
@@ -29,7 +29,7 @@ _OUTPUTS = ("1.phi''", "4.y''", "A.x", "K.perpendicular", "L.perpendicular", "K.
 _NEXT = {
     "redundax --png picture.png": "this page, and a picture of all solutions",
     "redundax tables": "the tables beside their printed figures",
-    "redundax report FILE.py:NAME": "a page like this, with pictures, of a mechanism of yours",
+    "redundax report FILE.py:NAME": "such a page with pictures, of your mechanism",
     "redundax --help": "all commands",
 }
 
@@ -63,29 +63,30 @@ def _heading(mechanism: Mechanism) -> str:
         "friction, guides K and L none. 1 is the driven crank, 4 the slider; 1.phi'' is an angular acceleration, "
         "A.x a joint force."
     )
-    title = f"redundax {version()}: what of a machine's motion and joint forces does a model really determine?"
+    title = f"redundax {version()}: what does the model of a machine really determine?"
     return f"{title}\n\n{textwrap.fill(about, WIDTH)}\n"
 
 
 def _unique(report: Report) -> str:
     lines = ["What is unique: rx.analyze", "", *str(report).splitlines()[:1]]
     if report.problem:
-        return "\n".join([*lines, f"PROBLEM: {report.problem}", ""])
+        return text_of([*lines, f"PROBLEM: {report.problem}", ""])
     alone = [*(["all accelerations"] if report.unique_accelerations else []), *report.unique_multipliers]
     found = {"Without friction, unique": alone}
     judged = [each for kind in ("acceleration", "friction", "multiplier") for each in report.verdicts[kind]]
     for verdict in Verdict:
         found[f"With friction, {verdict.value}"] = [each.name for each in judged if each.with_friction is verdict]
     lists = [f"{what}: {', '.join(names)}" for what, names in found.items() if names]
-    return "\n".join([*lines, *(textwrap.fill(each, WIDTH, subsequent_indent="    ") for each in lists), ""])
+    return text_of([*lines, *lists, ""])
 
 
 def _ranges(family: SolutionFamily) -> str:
     """Of some outputs."""
-    title = f"How far the rest varies where assembly preloads A by up to {_PRELOAD:g} N along x: rx.solution_family"
-    _, solutions, columns, *rows = str(family).splitlines()
-    chosen = [row for row in rows if row.partition("  ")[0] in _OUTPUTS]
-    return "\n".join([title, "", solutions, columns, *chosen, ""])
+    title = f"How far the rest varies, with A preloaded by up to {_PRELOAD:g} N: rx.solution_family"
+    lines = str(family).splitlines()
+    found, head = (next(k for k, line in enumerate(lines) if word in line) for word in ("solutions", "nearest 0"))
+    chosen = [row for row in lines[head:] if row.split("  ")[0].partition(",")[0] in _OUTPUTS]
+    return text_of([title, "", *lines[found : head + 1], *chosen, ""])
 
 
 def _differences(mechanism: Mechanism, state: State) -> list[str]:
@@ -98,9 +99,9 @@ def _differences(mechanism: Mechanism, state: State) -> list[str]:
 def _figures(wrong: list[str], count: int) -> str:
     right, total = _paper.reproduced()
     lines = [
-        f"Tables 2 to 4 of the paper: {right} of {total} printed figures reproduced; `redundax tables` shows them.",
+        f"Tables 2 to 4 of the paper: {right} of {total} printed figures reproduced.",
         f"! At this state these differ from Table 3: {', '.join(wrong)}."
         if wrong
         else f"The {count} of this state were checked just now.",
     ]
-    return "\n".join([*lines, ""])
+    return text_of([*lines, ""])

@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._bodies._law_of_time import check_law, law_of_time
 from .._equations._assemble import assemble, closing_at
+from .._equations._kinematics import model_at
 from .._equations._scaling import Scaling, scaling_at
 from .._system._axis import Axis, join
 from .._system._driven import Driven
@@ -24,6 +25,7 @@ from .._tools._module import Numbers, as_float, is_concrete, replace_fields
 from .._tools._numbers import are_known, as_arrays, as_numbers, computing, on_numbers, stop_gradient, xp
 from ._follow import begun, follow, follow_known
 from ._loads import Moving, moving
+from ._roll import velocity_at
 
 Laws = Mapping[str, Callable[[Array], Array] | ArrayLike]
 
@@ -99,16 +101,16 @@ def along(
 ) -> Path:
     """What both calls need of the motion."""
     check_system(system)
-    if system.velocity_rows:
-        rows = [system.rows.labels[row] for row in system.velocity_rows]
-        raise RedundaxError(
-            f"Argument `system` has rows of velocity, {', '.join(rows[:_NAMED])}, so that its positions depend on the "
-            "way there and not on the laws of the time alone. Give drivers among the joints or `SpeedDriver`s and "
-            "`rx.simulate` it; `rx.analyze` tells which of their loads are unique."
-        )
     system, times = system.whole, _times(ts)
     driven = with_laws(system, laws)
     known = are_known(driven, times, q)
+    if system.velocity_rows and not known:
+        rows = [system.rows.labels[row] for row in system.velocity_rows]
+        raise RedundaxError(
+            f"Argument `system` has rows of velocity, {', '.join(rows[:_NAMED])}, so that positions depend on the way "
+            "there, which has no derivative here. Call it outside of `jit`, `vmap` and `grad`, or `rx.simulate` the "
+            "system with `SpeedDriver`s."
+        )
     start = assemble(system, q, t=times[0], positions=_first(laws, times[0]), throw=throw)
     if hold:
         driven = with_laws(system, dict(laws) | _held_at(system, start, hold))
@@ -118,7 +120,7 @@ def along(
         q, reached = _followed(driven.anonymous, scale, start, times)
         found = in_batches(_moving_batch, (driven.anonymous, scale), (q, times, _beside(times)))
         if throw is not False and not np.all(reached):
-            raise _lost(driven, scale, q, times, reached)
+            raise _lost(driven, scale, start, q, times, reached)
         return Path(driven, scale, times, found, reached)
     still, q0, at = stop_gradient((driven.anonymous, start.q, times))
     scale, _ = stop_gradient(_scaled(still, stop_gradient(start)))
@@ -147,6 +149,9 @@ def _scaled(system: AbstractSystem, state: State) -> tuple[Scaling, Float[Array,
     scale = scaling_at(base.anonymous, still)
     slopes = closing_at(base.anonymous, still.q, still.qd, still.t)[2] * scale.coordinates
     m = len(base.rows)
+    if base.velocity_rows:
+        rolling = model_at(base.anonymous, still).jacobian * scale.coordinates
+        slopes = xp.concatenate([rolling, slopes[m:]])
     own = slopes[m + np.array(places, int)]
     rows = xp.concatenate([scale.rows, xp.linalg.norm(own, axis=1)])
     return scale._replace(rows=rows), xp.concatenate([slopes[:m], own]) / rows[:, None]
@@ -311,10 +316,18 @@ def _narrowed(path: Path, low: int, high: int) -> tuple[float, float]:
     return at, value
 
 
-def _lost(system: AbstractSystem, scale: Scaling, q: np.ndarray, times: Array, reached: np.ndarray) -> NoSolutionError:
+def _lost(
+    system: AbstractSystem, scale: Scaling, start: State, q: np.ndarray, times: Array, reached: np.ndarray
+) -> NoSolutionError:
     """What to say of a motion that ends."""
     last = int(np.argmin(reached))
     t = np.asarray(times)
+    at = (q[max(last - 1, 0)], t[last]) if last else (np.asarray(start.q), t[0])
+    if system.velocity_rows and not velocity_at(system.anonymous, scale, *map(jnp.asarray, at))[1]:
+        return NoSolutionError(
+            f"The motion ends at t = {float(at[1]):.6g}: rows of velocity and laws prescribe speeds there that "
+            "contradict each other. Give a law to fewer wheels, or laws that agree."
+        )
     if last == 0:
         return NoSolutionError(f"The motion does not leave its first position, at t = {t[0]:.6g}.")
     track = begun(jnp.asarray(q[last - 1]), jnp.asarray(t[last - 1]), len(system.coordinates))

@@ -18,6 +18,7 @@ from .._bodies._law_of_time import Polynomial
 from .._bodies._mechanism import Mechanism
 from .._bodies._space._joints._drivers import AngleDriver as SpatialAngleDriver
 from .._bodies._space._joints._drivers import TravelDriver
+from .._bodies._speed_driver import DrivenSpeed
 from .._closures._closure import AbstractClosure, MinimumNorm, check_closure, placed
 from .._closures._play import refuse_play
 from .._solve._solve import solve
@@ -165,7 +166,7 @@ def _of_joints_that_never_slip(path: Path, senses: Senses) -> tuple[str, ...]:
 
 
 def drives_of(system: AbstractSystem) -> tuple[Drive, ...]:
-    """Drivers among the joints, and coordinates that follow laws."""
+    """Drivers among the joints, drives of speed, and coordinates that follow laws."""
     base, found = system.undriven, []
     labels, angular = system.rows.labels, system.rows.angular.tolist()
     if isinstance(base, Mechanism):
@@ -177,6 +178,10 @@ def drives_of(system: AbstractSystem) -> tuple[Drive, ...]:
                     continue
                 rows = [labels.index(f"{name}.{driver.row_kinds[0][0]}") for name in names]
                 found += [Drive(name, row, angular[row]) for name, row in zip(names, rows, strict=True)]
+        for speed in base.couplings:
+            if isinstance(speed, DrivenSpeed):
+                row = int(np.asarray(speed.rows)[0])
+                found.append(Drive(labels[row].removesuffix(".speed"), row, angular[row]))
     for row in range(len(base.rows), len(labels)):
         found.append(Drive(labels[row].removesuffix(DRIVE), row, angular[row]))
     return tuple(found)

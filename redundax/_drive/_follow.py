@@ -4,7 +4,8 @@
 
 with the scaled residual r and Jacobian K. A step is taken in one piece only where Newton's method starts close and
 contracts, so that it stays on its branch: the mode of assembly is kept, and where angles turn, turns are counted. Else
-it is halved. Where halving does not help the position ends: a singular one is near, or there is none beyond.
+it is halved. Where halving does not help the position ends: a singular one is near, or there is none beyond. With rows
+of velocity positions depend on the way there (`_roll`).
 """
 
 from typing import NamedTuple
@@ -16,6 +17,7 @@ from jaxtyping import Array, Bool, Float, Int
 from .._equations._scaling import Scaling
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
+from ._roll import rolled
 
 _MOVED = 0.5  # of the size, as radians: predicted and prescribed motion within a step, so that no turn is missed
 _CLOSE, _CONTRACTS = 0.1, 0.3  # first correction within a step, and each later one by the one before
@@ -61,6 +63,9 @@ def follow(system: AbstractSystem, scale: Scaling, start: _Track, ts: Float[Arra
     """The positions at times that follow each other, from one at the first of them or before."""
 
     def to_next(track: _Track, target: Array) -> tuple[_Track, tuple[Array, Array]]:
+        if system.velocity_rows:
+            q, rate, t, good = rolled(system, scale, track.q, track.t, target)
+            return _Track(q, rate, track.bend, t, track.step), (q, good)
         way = target - track.t
         least = _HALVED * way
         track = track._replace(step=jnp.where(way > 0, jnp.minimum(track.step, way), track.step))

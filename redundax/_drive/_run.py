@@ -17,7 +17,7 @@ from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._system._units import with_unit
-from .._tools._table import are_known, figures, group, page
+from .._tools._table import are_known, figures, group, page, text_of
 from .._tools._value import AbstractModule
 
 if TYPE_CHECKING:
@@ -235,7 +235,7 @@ class Run(AbstractNamed):
                 "rms",
                 "mean power",
                 "energy",
-                "determined by the rigid machine",
+                "determined",
             )
             span = t[-1] - t[0] if t.size > 1 else 1.0
             energy = np.array([float(self.energy[drive.name]) for drive in drives])
@@ -248,7 +248,7 @@ class Run(AbstractNamed):
             groups.append(group(head, [d.name for d in drives], *columns, [self._verdict(k) for k in some]))
         said = [*self.remarks, in_words(self.pulling)]
         head = [*outcome(self.result, f"Drives at {time}"), *notes(self.names, " ".join(filter(None, said)))]
-        return "\n".join([*head, *page(groups, [], "")])
+        return text_of([*head, *page(groups, [], "")])
 
     def _verdict(self, k: int) -> str:
         """What is told of a drive's force over all times."""

@@ -28,6 +28,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
 from .._system._axis import Axis, join
+from .._system._contact import rows_that_hold
 from .._system._names import ByName, Names, index_of, vector
 from .._system._state import State
 from .._system._system import AbstractSystem, check_system
@@ -36,7 +37,18 @@ from .._tools._compilation import compiled
 from .._tools._errors import RedundaxError
 from .._tools._module import as_float, check_position, floats, is_concrete, numpy_of, on_device, replace_fields
 from .._tools._no_answer import nan_where
-from .._tools._numbers import custom_jvp, fori_loop, known, of_model, on_numbers, stop_gradient, take, while_loop, xp
+from .._tools._numbers import (
+    computed,
+    custom_jvp,
+    fori_loop,
+    known,
+    of_model,
+    on_numbers,
+    stop_gradient,
+    take,
+    while_loop,
+    xp,
+)
 from .._tools._value import AbstractModule
 from ._guess import ask_for_radians, check_finite
 from ._kinematics import along_motion, model_at, velocity
@@ -153,28 +165,33 @@ def assemble(
     return state
 
 
+@computed
 def _rows_that_hold(
     names: Names, system: AbstractSystem, run: Any, given: tuple, closed: Sequence[str]
 ) -> Bool[Array, " m"]:
     """The rows that hold: all but contacts with a gap at the guess that stay open. No derivatives."""
     system, (start, *others) = stop_gradient((system, given))
     rows, known_names = np.array(names.one_sided), names.contacts
-    wanted = [known_names.index(name) for name in _checked(closed, known_names)]
-    always = np.isin(np.arange(len(system.rows)), rows[wanted]) | ~np.isin(np.arange(len(system.rows)), rows)
+    wanted = np.isin(known_names, _checked(closed, known_names))
     tolerance = largest_violation(start.qd.dtype)
 
+    whole = system.opened(xp.ones(len(system.rows), bool))  # one program for all sets of rows
+
     def closing(state: State) -> Array:
-        model = model_at(system, state)
+        model = model_at(whole, state)
         scales = scaling(system, model)
-        return model.motion.value / scales.rows / scales.size
+        return take(model.motion.value / scales.rows, rows) / scales.size
 
     def body(kept: tuple[Array, Array]) -> tuple[Array, Array]:
-        reached = closing(run(system.opened(kept[0]), start, *others)[0])
+        reached = closing(run(system.opened(rows_that_hold(names, kept[0], kept[0])), start, *others)[0])
         more = kept[0] | (reached > tolerance)
         return more, xp.any(more & ~kept[0])
 
-    first = xp.asarray(always) | (closing(start) > -tolerance)
-    return while_loop(lambda kept: kept[1], body, (first, xp.ones((), bool)))[0]
+    begins = closing(start)
+    most = tolerance if wanted.any() else np.inf  # those that are wanted may push the others out
+    first = xp.asarray(wanted) | ((begins > -tolerance) & (begins <= most))
+    kept, _ = while_loop(lambda kept: kept[1], body, (first, xp.ones((), bool)))
+    return rows_that_hold(names, kept, kept)
 
 
 def _checked(closed: Sequence[str], contacts: tuple[str, ...]) -> Sequence[str]:

@@ -12,6 +12,7 @@ asks. The others close loops.
 import dataclasses
 import pathlib
 from collections.abc import Callable, Iterator
+from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,9 +21,11 @@ from .._tools._errors import RedundaxError
 from .._tools._words import ended, short
 from ._assembly import NOWHERE, Assembly, Frame, Held
 from ._content import not_in_utf8
-from ._description import SIZES, WITHOUT, Description, Joint, Motor, Tie, unique
+from ._description import SIZES, WITHOUT, Description, Joint, Motor, unique
 from ._formula import FUNCTIONS, law_of
+from ._loop_rows import MOST_TEETH, ROLLED
 from ._series import BodySeries, ReactionSeries, Series
+from ._vectors import about_fixed_axes
 
 FIRST_LINES = (b"freeCAD: 3D CAD with Motion Simulation  by  askoh.com", b"OndselSolver")
 _KINDS = {  # of joints that are joints of `_description` or `_loop_rows`, and the value that these count from
@@ -41,8 +44,10 @@ _KINDS = {  # of joints that are joints of `_description` or `_loop_rows`, and t
     "AngleJoint": ("angle joint", "theIzJz"),
     "PerpendicularJoint": ("angle joint", ""),
     "NoRotationJoint": ("no-rotation joint", ""),
+    "GearJoint": ("gear joint", "radiusI"),
+    "RackPinionJoint": ("rack joint", "pitchRadius"),
+    "ScrewJoint": ("thread joint", "pitch"),
 }
-_COUPLINGS = ("GearJoint", "RackPinionJoint", "ScrewJoint")  # of which each holds one row
 _MOTIONS = {"RotationalMotion": ("RotationZ", "angle"), "TranslationalMotion": ("TranslationZ", "travel")}
 _COORDINATES = {("hinge", "angle"): 0, ("slide", "travel"): 0, ("cylindrical joint", "angle"): 0}
 _COORDINATES |= {("cylindrical joint", "travel"): 1, ("planar joint", "angle"): 2}
@@ -84,7 +89,6 @@ class _Reader:
             raise self._refuse("has no line `Assembly`, or several. Export it again")
         self._root, self._rows = found[0], lines[cut + 1 :]
         self._notes: list[str] = []
-        self._couplings: list[tuple[Node, str, tuple[int, Frame], tuple[int, Frame]]] = []
         self._name = self._word(self._root, "Name")
         parts = list(self._only(self._root, "Parts").all("Part"))
         self._parts = [self._word(part, "Name") for part in parts]
@@ -185,7 +189,7 @@ class _Reader:
         for node in self._only(self._only(self._root, "ConstraintSets"), "Joints").inner:
             name = self._name_of(node)
             kind, word = _KINDS.get(node.text, ("", ""))
-            if not kind and node.text not in _COUPLINGS:
+            if not kind:
                 self._notes.append(f"{node.text} '{name}' is left out: no joint here is of its kind{WITHOUT}")
                 continue
             i, j = (self._marker(node, word) for word in ("MarkerI", "MarkerJ"))
@@ -193,14 +197,41 @@ class _Reader:
             if kind == "angle joint":
                 value = np.pi / 2 if node.text == "PerpendicularJoint" else value
                 kind = "parallel-axes joint" if abs(np.sin(value)) < _PARALLEL else kind
-            if node.text in _COUPLINGS:
-                self._couplings.append((node, name, i, j))
-            elif i[0] == j[0]:
+            if i[0] == j[0]:
                 self._notes.append(f"{node.text} '{name}' is left out: both of its markers are on one body")
             else:
                 if kind in ("planar joint", "point-on-plane joint"):
                     i, value = (i[0], i[1].of(Frame(np.array([0.0, 0.0, value]), np.eye(3)))), 0.0
-                yield Held(name, kind, i, j, value)
+                held = Held(name, kind, i, j, value)
+                meshed = self._meshed(node, held) if kind in ("gear joint", *ROLLED) else held
+                if meshed is None:
+                    why = "its axes are not parallel, or its sizes none of teeth"
+                    self._notes.append(f"{node.text} '{name}' is left out: {why}{WITHOUT}")
+                else:
+                    yield meshed
+
+    def _meshed(self, node: Node, held: Held) -> Held | None:
+        """A gear, rack or thread that is closed where the file has it, by a turn of its markers about their axes."""
+        i, j = (self._poses[part].of(at) for part, at in (held.i, held.j))
+        seen = i.back().of(j)
+        if not held.value or np.abs(seen.axes[:, 2] - [0.0, 0.0, 1.0]).max() > _TURNED:
+            return None
+        now = float(np.arctan2(seen.axes[1, 0] - seen.axes[0, 1], seen.axes[0, 0] + seen.axes[1, 1]))
+        if held.kind == "gear joint":
+            ratio = held.value / float(self._values(node, "radiusJ")[0])
+            along = float(np.arctan2(-seen.point[1], -seen.point[0]))  # from J to I
+            turns, value = (along, along - now), ratio
+            teeth = Fraction(ratio).limit_denominator(MOST_TEETH)
+            if not np.linalg.norm(seen.point[:2]) > 0 or abs(float(teeth) - ratio) > _PARALLEL * abs(ratio):
+                return None
+        else:
+            value = held.value if held.kind == "rack joint" else -held.value / (2 * np.pi)
+            turns = (0.0, -float(seen.point[ROLLED[held.kind]]) / value - now)
+        i, j = (
+            (part, at.of(Frame(np.zeros(3), about_fixed_axes(np.array([0.0, 0.0, turn])))))
+            for (part, at), turn in zip((held.i, held.j), turns, strict=True)
+        )
+        return held._replace(i=i, j=j, value=value)
 
     def _motions(self) -> list[tuple[str, str, str, Callable[[Any], Any]]]:
         """Name, joint, coordinate and law of each motion."""
@@ -228,7 +259,6 @@ class _Reader:
         assembly = Assembly(self._parts, self._poses, held)
         self._notes += assembly.notes
         joints, bodies = assembly.joints, assembly.bodies(self._weights)
-        ties = self._screws(assembly)
         joints = self._limited(assembly, held)
         if self._only(self._root, "ForceTorques").inner:
             self._notes.append(f"forces of the file: {len(self._only(self._root, 'ForceTorques').inner)}")
@@ -251,7 +281,7 @@ class _Reader:
             bodies,
             tuple(joints),
             assembly.loops(),
-            ties,
+            (),
             tuple(gravity.tolist()),
             tuple(motor.name for motor in motors),
             lambda positions: rates,
@@ -261,37 +291,6 @@ class _Reader:
             motors=tuple(motors),
             series=self._series(held, [body.name for body in bodies], assembly.ends),
         )
-
-    def _screws(self, assembly: Assembly) -> tuple[Tie, ...]:
-        """Screws as ties of travel and angle of the cylindrical joint that has their axis."""
-        ties = []
-        for node, name, i, j in self._couplings:
-            pair = {i[0], j[0]}
-            found = next(
-                (
-                    k
-                    for k, joint in enumerate(assembly.joints)
-                    if joint.kind == "cylindrical joint"
-                    and {assembly.numbers[end.body] for end in (joint.child, joint.parent)} == pair
-                    and self._is_along(joint, assembly.place(i))
-                ),
-                None,
-            )
-            if node.text != "ScrewJoint" or found is None:
-                why = "it needs a cylindrical joint of its axis between its parts" if found is None else ""
-                why = why if node.text == "ScrewJoint" else "forces of teeth are not taken over"
-                self._notes.append(f"{node.text} '{name}' is left out: {why}{WITHOUT}")
-                continue
-            per_turn = float(self._values(node, "pitch")[0]) / (2 * np.pi)
-            ties.append(Tie(name, found, found, np.array([0.0, per_turn]), (1, 0)))
-        return tuple(ties)
-
-    @staticmethod
-    def _is_along(joint: Joint, frame: Frame) -> bool:
-        """Whether a marker is on the axis of a joint."""
-        axis, apart = joint.parent.axes[:, 2], frame.point - joint.parent.point
-        off = np.linalg.norm(np.cross(axis, frame.axes[:, 2])), np.linalg.norm(np.cross(axis, apart))
-        return bool(max(off) < _TURNED)
 
     def _limited(self, assembly: Assembly, held: list[Held]) -> list[Joint]:
         """The same with limits of hinges and slides."""

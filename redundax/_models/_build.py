@@ -16,6 +16,7 @@ from .._bodies._mechanism import Mechanism
 from .._bodies._space._body import Body
 from .._bodies._space._joints._distance import Distance
 from .._bodies._space._joints._drivers import AngleDriver, TravelDriver
+from .._bodies._space._joints._gear import Gear
 from .._bodies._space._joints._orientation import AngleOfAxes, NoRotation
 from .._bodies._space._joints._pairs import (
     ConstantVelocity,
@@ -30,11 +31,14 @@ from .._bodies._space._joints._pairs import (
     Revolute,
     Spherical,
 )
+from .._bodies._space._joints._rolled import Rack, Thread
 from .._bodies._space._joints._universal import Universal
+from .._bodies._space._loads._applied import AppliedForce
 from .._bodies._space._placement import Placement
 from .._bodies._space._rotation import as_quaternion
 from ._description import Description, End, Joint, Loop, Motor, Tie
 from ._joint_loads import armature, carried_armature, joint_loads
+from ._loop_rows import ROLLED, teeth_of
 from ._tree import Tree
 
 COORDINATES = {  # of joints, in the order of their positions
@@ -67,6 +71,9 @@ def mechanism_of(described: Description, *, driven: bool = False, stopped: bool 
     of its joints is left out, a line each."""
     bodies: dict[str, Any] = {body.name: body for body in _bodies(described)}
     loads, notes = joint_loads(described, {GROUND: GROUND, **bodies})
+    for number, point, force in described.lifts:
+        body = described.bodies[number]
+        loads.append(AppliedForce(body.name, force, on_i=body.axes.T @ (point - body.position)))
     joints = [_joint(described, joint) for joint in described.joints]
     joints += [_loop(described, loop) for loop in described.loops]
     couplers: list[Any] = [
@@ -157,6 +164,11 @@ def _loop(described: Description, loop: Loop) -> Any:
         return Distance(**held, **points, distance=loop.value)
     if loop.kind == "angle joint":
         return AngleOfAxes(**_held(described, loop.name, loop.second, first), angle=loop.value)
+    if loop.kind == "gear joint":
+        return Gear(**_held(described, loop.name, loop.second, first), teeth=teeth_of(loop))
+    if loop.kind in ROLLED:
+        kind = Rack if loop.kind == "rack joint" else Thread
+        return kind(**_held(described, loop.name, loop.second, first), radius=loop.value)
     if loop.kind == "point-on-plane joint":
         first = first._replace(point=first.point + loop.value * first.axes[:, 2])
     return _KINDS[loop.kind](**_held(described, loop.name, loop.second, first))

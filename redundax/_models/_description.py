@@ -121,6 +121,7 @@ class Description:
     - `motors`: those that the file drives by laws of time.
     - `points`: that tell how large it is, (points, 3); `keyframes`: positions of all joints, by name.
     - `notes`: what was left out, a line each; `is_soft`: whether the program of the format makes springs of loops.
+    - `lifts`: constant forces that carry weight, N: the number of the body, the point of it, and the force.
     - `series`: what a program has stored of a run; `origin`: what the format itself keeps of the file.
     """
 
@@ -137,6 +138,7 @@ class Description:
     notes: tuple[str, ...]
     is_soft: bool = False
     motors: tuple[Motor, ...] = ()
+    lifts: tuple[tuple[int, np.ndarray, np.ndarray], ...] = ()
     series: Series | None = None
     origin: Any = None
 

@@ -15,12 +15,13 @@ from ._description import Description
 from ._mjcf import read_mjcf
 from ._sdf import read_sdf
 from ._urdf import read_urdf
+from ._usd import FIRST, read_usd
 
 
 class Format(NamedTuple):
     """A format: its name, the endings of its files, how they begin, and what reads them.
 
-    - `root`: the first element of a format of XML, or "" of others; `first`: lines that others begin with.
+    - `root`: the first element of a format of XML, or "" of others; `first`: how others begin.
     - `read`: of a path and the file of its loops, which most formats have none of.
     """
 
@@ -36,6 +37,7 @@ FORMATS = (
     Format("URDF", (".urdf",), read_urdf, "robot"),
     Format("SDF", (".sdf", ".world"), lambda path, _: read_sdf(path), "sdf"),
     Format("ASMT", (".asmt",), lambda path, _: read_asmt(path), first=FIRST_LINES),
+    Format("USD", (".usd", ".usda", ".usdc", ".usdz"), lambda path, _: read_usd(path), first=FIRST),
 )
 MODELS = tuple(ending for form in FORMATS for ending in form.endings)
 _WORDS = [f"{form.name} ({form.endings[0]})" for form in FORMATS]
@@ -44,7 +46,6 @@ _CONVERT = f"{_READ}: convert it, with loops in `equality` of MJCF or in a file 
 _EXPORT = f"{_READ}: export one of these, or describe the mechanism in Python"
 _UNPACK = "Unpack it first"
 _OTHERS = (  # endings, what such a file is, and what to do
-    (".usd .usda .usdc .usdz", "USD, which is not read", _CONVERT),
     (".wbt .proto", "a model of Webots, which is not read", _CONVERT),
     (".slx .mdl", "a model of Simulink, which is not read", _CONVERT),
     (".adm", "a model of Adams, which is not read", _CONVERT),
@@ -124,14 +125,14 @@ def _check_content(path: pathlib.Path, form: Format) -> None:
         begins = " or ".join(f"`{each.root}`" for each in FORMATS if each.root) if form.root else "any line"
         raise refuse(f"is empty, without {begins}. Check whether it was saved, or exported")
     for start, what, advice in _STARTS:
-        if content.startswith(start):
+        if content.startswith(start) and start not in form.first:
             raise refuse(f"{what}. {advice}")
     if b"\0" in content[:4]:
         raise refuse(f"is in UTF-16 or UTF-32, or no text: it begins with {short(content[:4])}. Save it in UTF-8")
     line, root = content.lstrip().split(b"\n", 1)[0].strip(), first_element(content)
-    own = next((each for each in FORMATS if (root and root == each.root) or line in each.first), None)
+    own = next((each for each in FORMATS if (root and root == each.root) or line.startswith(each.first)), None)
     if own is not None and own is not form:
-        by = f"first element <{root}>" if root else f"first line {short(line.decode())}"
+        by = f"first element <{root}>" if root else f"first line {short(line.decode(errors='replace'))}"
         raise refuse(f"holds {own.name}, by its {by}. Rename it to end in {own.endings[0]}")
     if own is not None:
         return

@@ -8,6 +8,7 @@ of the velocities of the two bodies at points a and b and of their turns: the ro
 moment m.
 """
 
+from fractions import Fraction
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +28,8 @@ _KINDS = {  # force along axes of the first end; axes of the first and the secon
     "angle joint": ((), ((2, 2),)),
     "no-rotation joint": ((), ((0, 2), (1, 2), (1, 0))),
 }
+ROLLED = {"rack joint": 0, "thread joint": 2}  # the axis of the first end along which a turn about z travels
+MOST_TEETH = 1000  # of a wheel whose size alone a file tells
 
 
 class LoopRows(NamedTuple):
@@ -55,6 +58,8 @@ def loop_rows(loop: Loop, first: tuple[np.ndarray, np.ndarray], second: tuple[np
         angle = np.array([axes[:, 0] @ others[:, 1] + axes[:, 1] @ others[:, 0]])
         moments = np.concatenate([np.zeros((3, 3)), turns[None]])
         return LoopRows(np.concatenate([axes.T @ apart, angle]), -np.eye(4, 3) @ axes.T, moments, (other, other))
+    if loop.kind in ROLLED or loop.kind == "gear joint":
+        return _meshing(loop, (point, axes), (other, others))
     along, pairs = _KINDS[loop.kind]
     shift = axes.T[list(along)]
     offset, cosine = (loop.value, 0.0) if along else (0.0, np.cos(loop.value) if len(pairs) == 1 else 0.0)
@@ -67,3 +72,29 @@ def loop_rows(loop: Loop, first: tuple[np.ndarray, np.ndarray], second: tuple[np
         np.concatenate([none[0], turns]),
         (other, other),
     )
+
+
+def teeth_of(loop: Loop) -> tuple[int, int]:
+    """Numbers of teeth of the wheels on the second and the first end, by the ratio of the radii of first and second."""
+    ratio = Fraction(loop.value).limit_denominator(MOST_TEETH)
+    return ratio.denominator, ratio.numerator
+
+
+def _meshing(loop: Loop, first: tuple[np.ndarray, np.ndarray], second: tuple[np.ndarray, np.ndarray]) -> LoopRows:
+    """Wheels, a rack or a thread, as `Gear`, `Rack` and `Thread` have them."""
+    (point, axes), (other, others) = first, second
+    z = axes[:, 2]
+    if loop.kind in ROLLED:  # x + R a = 0, modulo turns
+        way, turn = axes[:, ROLLED[loop.kind]], axes.T @ others
+        angle = np.arctan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1])
+        gap = np.remainder(way @ (other - point) / loop.value + angle + np.pi, 2 * np.pi) - np.pi
+        return LoopRows(np.array([loop.value * gap]), -way[None], -loop.value * z[None], (other, other))
+    teeth = teeth_of(loop)
+    line = point - other
+    line = line - (line @ z) * z
+    own, far = (-np.arctan2(line @ each[:, 1], line @ each[:, 0]) for each in (others, axes))
+    period = 2 * np.pi / abs(teeth[0])
+    gap = own + teeth[1] / teeth[0] * far
+    touch = other + line * teeth[0] / sum(teeth)
+    tangent = cross(z, line) * sum(teeth) / teeth[0] / (line @ line)
+    return LoopRows(np.array([gap - period * np.round(gap / period)]), -tangent[None], np.zeros((1, 3)), (touch, touch))

@@ -198,8 +198,6 @@ def _stripped(mujoco: Any, spec: Any) -> list[str]:
         geom.material = ""
     for each in (*spec.materials, *spec.textures):
         spec.delete(each)
-    floating = [_name(body) for body in spec.bodies if body.gravcomp]
-    notes += [f"compensation of gravity of {', '.join(floating)}"] if floating else []
     if spec.option.viscosity or spec.option.density:
         notes.append("forces of the fluid around, of the density and viscosity in the file's options")
     if spec.geoms:

@@ -156,8 +156,8 @@ class Model:
 def load_model(
     path: str | pathlib.Path, closures: str | pathlib.Path | None = None, *, keyframe: str | None = None
 ) -> Model:
-    """A mechanism in space, closed, from a file of MJCF (.xml), URDF, SDF or ASMT; `redundax[models]` reads the first
-    two.
+    """A mechanism in space, closed, from a file of MJCF (.xml), URDF, SDF, ASMT or USD; `redundax[models]` reads the
+    first two, `redundax[usd]` the last.
 
     Constraints that MuJoCo makes soft, `connect`, `weld` and `joint`, are ideal here. Bodies that the file fixes to
     others are one with them. Springs, damping, gravity and armature act; contact, limits of joints, sensors, forces of

@@ -56,6 +56,11 @@ def described(
         _keyframes(mujoco, model),
         (*more, *notes),
         is_soft=True,
+        lifts=tuple(
+            (number[root_of(model, k)], data.xipos[k].copy(), -model.body_gravcomp[k] * mass * model.opt.gravity)
+            for k, mass in enumerate(model.body_mass)
+            if model.body_gravcomp[k] and root_of(model, k) and mass > 2 * LEAST
+        ),
         origin=Origin(model, places),
     )
 

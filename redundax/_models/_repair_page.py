@@ -18,11 +18,12 @@ Lines = Mapping[tuple[str, ...], Sequence[str]]  # what to write in a file, by t
 _MOST = 4  # rows to be typed
 _WRITTEN = 2  # changes of a file told in full
 VECTOR = re.compile(r"\([-\d.e+]+ [-\d.e+]+ [-\d.e+]+\)")
+_WHOLE = re.compile(rf"{VECTOR.pattern}|(?:<- )?--release (?:'[^']*'|\S+)|\w+=\"[^\"]*\"")
 
 
 def wrapped(text: str, **how: Any) -> list[str]:
-    """Lines of a text, with directions in one piece."""
-    whole = VECTOR.sub(lambda found: found[0].replace(" ", "\0"), text)
+    """Lines of a text, with directions, attributes and what is to be typed in one piece."""
+    whole = _WHOLE.sub(lambda found: found[0].replace(" ", "\0"), text)
     return [line.replace("\0", " ") for line in textwrap.wrap(whole, WIDTH, **how)]
 
 

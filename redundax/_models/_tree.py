@@ -7,6 +7,7 @@ Loops are closed by truncated Gauss-Newton steps in the positions of the joints,
 so that bodies stay in their joints and joints of no loop where they are, however far the file is from closed.
 """
 
+import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -251,7 +252,7 @@ class Tree:
                 own += step[dofs]
         return positions
 
-    @property
+    @functools.cached_property
     def rows(self) -> int:
         """How many conditions the loops and ties set."""
         return self.system(self.reference)[0].size

@@ -4,6 +4,8 @@ import numpy as np
 
 from .._bodies._space._rotation import NEAR_X, product, quaternion
 
+_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
+
 
 def axes_of(z: np.ndarray) -> np.ndarray:
     """Axes of which z is one and x is as of a `Placement` without a mark, in double precision whatever JAX computes
@@ -16,8 +18,7 @@ def axes_of(z: np.ndarray) -> np.ndarray:
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """a x b, which NumPy's own takes ten times as long for."""
-    (a, b), one, two = np.broadcast_arrays(a, b), [1, 2, 0], [2, 0, 1]
-    return a[..., one] * b[..., two] - a[..., two] * b[..., one]
+    return a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]
 
 
 def about_fixed_axes(angles: np.ndarray) -> np.ndarray:

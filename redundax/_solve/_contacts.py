@@ -12,6 +12,10 @@ contacts the closure (W, d) decides as stiff joints do: the loads are nearest in
 whose conditions are 0 <= p _|_ s >= 0 with s = W lam - d - Phi_q u, u the displacement at which the closed rows have
 none. A row that does not push is left out of Phi, and all else is solved as it is. Rows change one at a time (Murty's
 principal pivoting, which ends at the one answer that there is without friction).
+
+Rows of velocity may be tied to a contact, as those of a wheel: they hold while it carries or touches, however large
+their force, and are left out where it lifts or is open. That is friction without bound, with which there may be no
+answer and several.
 """
 
 import dataclasses
@@ -25,7 +29,7 @@ from .._closures._closure import Elasticity
 from .._equations._factorisation import Factorisation, factorised
 from .._equations._kinematics import Model, model_at
 from .._equations._scaling import Scaling, largest_violation, scaling
-from .._system._contact import Contact, code_of
+from .._system._contact import Contact, code_of, rows_that_hold
 from .._system._results import RESULTS, differs
 from .._system._state import State
 from .._system._system import AbstractSystem
@@ -72,9 +76,10 @@ def as_held(system: AbstractSystem, kept: Any) -> AbstractSystem:
 
 
 class _Step(NamedTuple):
-    """The active set on its way."""
+    """The active set on its way: contacts whose row is kept, and those whose tied rows are."""
 
-    kept: Bool[Array, " m"]
+    loaded: Bool[Array, " c"]
+    rolling: Bool[Array, " c"]
     changes: Int[Array, ""]
     goes_on: Bool[Array, ""]
     settled: Bool[Array, ""]
@@ -110,41 +115,37 @@ def active_set(
 ) -> ActiveSet:
     """The rows that are kept, by `of_rows`. It has no derivatives: those of a solution are at a fixed active set."""
     system, state, elasticity = stop_gradient((system, state, elasticity))
-    rows = np.array(system.names.one_sided)
-    model = model_at(system.anonymous, state)
+    names = system.names
+    rows, has_tied = np.array(names.one_sided), np.array([bool(tied) for tied in names.tied] or [False])
+    every = system.opened(xp.ones(len(system.rows), bool))  # by the program that all sets of rows have
+    model = model_at(every.anonymous.without_friction, state)
     scales = scaling(system, model)
     closed = take(_closed(model, scales, state), rows)
-    one_sided = np.isin(np.arange(len(system.rows)), rows)
-    start = ~xp.asarray(one_sided) | _placed(closed, rows, one_sided)
     most = 8 * rows.size + 8
 
     def body(step: _Step) -> _Step:
-        factor, solution, bent, found = of_set(system, state, elasticity, step.kept)
-        bent = with_rows(bent, step.kept, elasticity)
-        wrong, does = _signs(rows, closed, step.kept, (model, scales), factor, solution, bent)
+        kept = rows_that_hold(names, step.loaded, step.rolling)
+        factor, solution, bent, found = of_set(system, state, elasticity, kept)
+        bent = with_rows(bent, kept, elasticity)
+        wrong, does = _signs(rows, closed, kept, (model, scales), factor, solution, bent)
         # The worst first; then the first, which cannot go round in circles.
         place = xp.where(step.changes < 2 * rows.size, xp.argmax(wrong), xp.argmax(wrong > 0))
-        flip = xp.asarray(np.arange(one_sided.size)) == take(xp.asarray(rows), place)
+        flip = (xp.asarray(np.arange(rows.size)) == place) & xp.any(wrong > 0)
+        loaded = step.loaded ^ flip
+        # What is tied goes with its row as that changes, and, where none does, stays with contacts that touch.
+        touching = (does == code_of(Contact.touches)) | (does == code_of(Contact.carries))
+        rolling = xp.where(xp.any(flip), xp.where(flip, loaded, step.rolling), touching) & xp.asarray(has_tied)
         failed = ~found | differs(solution.result, RESULTS.successful)
-        settled = xp.all(wrong <= 0) | failed
-        kept = xp.where(flip & ~settled, ~step.kept, step.kept)
+        settled = ~xp.any(flip | (rolling ^ step.rolling)) | failed
         changes = step.changes + xp.where(settled, 0, 1)
-        return _Step(kept, changes, ~settled & (changes < most), settled, does)
+        loaded, rolling = xp.where(settled, step.loaded, loaded), xp.where(settled, step.rolling, rolling)
+        return _Step(loaded, rolling, changes, ~settled & (changes < most), settled, does)
 
-    none = xp.zeros((), int)
-    end = while_loop(
-        lambda step: step.goes_on,
-        body,
-        _Step(start, none, xp.ones((), bool), xp.zeros((), bool), xp.zeros(rows.size, int)),
-    )
-    return stop_gradient(ActiveSet(end.kept, end.changes, end.settled, end.contacts))
-
-
-def _placed(values: Array, rows: np.ndarray, one_sided: np.ndarray) -> Array:
-    """Values of one-sided rows at their places among all rows."""
-    places = np.zeros(one_sided.size, int)
-    places[rows] = np.arange(rows.size)
-    return xp.asarray(one_sided) & take(values, places)
+    start = closed, closed & xp.asarray(has_tied)
+    none, yes = xp.zeros((), int), xp.ones((), bool)
+    end = while_loop(lambda step: step.goes_on, body, _Step(*start, none, yes, ~yes, xp.zeros(rows.size, int)))
+    kept = rows_that_hold(names, end.loaded, end.rolling)
+    return stop_gradient(ActiveSet(kept, end.changes, end.settled, end.contacts))
 
 
 def _closed(model: Model, scales: Scaling, state: State) -> Bool[Array, " m"]:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .._tools._table import text_of
 from ._combination import Combination, Points, word
 from ._distributions import entries
 
@@ -96,7 +97,7 @@ class Identification:
             lines.append(f"  {values}; chi^2 {one.chi_square:.4g}")
         if len(self.rivals) > _LISTED:
             lines.append(f"  and {len(self.rivals) - _LISTED} more in `rivals`")
-        return "\n".join(lines)
+        return text_of(lines)
 
 
 Shapes = tuple[tuple[str, tuple[int, ...]], ...]

@@ -4,6 +4,10 @@ import enum
 from typing import Any
 
 import numpy as np
+from jaxtyping import Array, Bool
+
+from .._tools._numbers import take, xp
+from ._names import Names
 
 
 class Contact(enum.StrEnum):
@@ -26,6 +30,17 @@ def code_of(word: Contact) -> int:
 
 
 LEFT_OUT = tuple(map(code_of, (Contact.open, Contact.lifts)))  # codes of what carries in no solution
+
+
+def rows_that_hold(names: Names, loaded: Any, closed: Any) -> Bool[Array, " m"]:
+    """All rows but those of contacts that do not hold, (contacts,) each: the one-sided row holds where it is loaded,
+    and rows of velocity that are tied to it where it is closed."""
+    count = len(names.one_sided)
+    places = np.full(len(names.rows), -1)
+    places[list(names.one_sided)] = np.arange(count)
+    for contact, rows in enumerate(names.tied):
+        places[list(rows)] = count + contact
+    return take(xp.concatenate([xp.asarray(loaded), xp.asarray(closed), xp.ones(1, bool)]), places)
 
 
 def words(codes: Any, names: tuple[str, ...]) -> dict[str, Any]:

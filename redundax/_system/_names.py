@@ -84,6 +84,7 @@ class Names:
     - `joined`: of each joint by name its bodies i, on which friction is told, and j.
     - `pushing`: indices of the rows whose multiplier is positive where contacts push, as teeth do.
     - `one_sided`: indices of those of them that open where contacts would pull.
+    - `tied`: of each of `one_sided` the rows of velocity that open with it, as those of a wheel that lifts.
     - `velocity_rows`: indices of the rows that constrain velocities alone.
     - `units`: those that the model states.
     - `adds`: whether velocities are rates of positions, which then have the names of coordinates.
@@ -100,6 +101,7 @@ class Names:
     joined: tuple[tuple[str, str, str], ...] = ()
     pushing: tuple[int, ...] = ()
     one_sided: tuple[int, ...] = ()
+    tied: tuple[tuple[int, ...], ...] = ()
     velocity_rows: tuple[int, ...] = ()
     units: StatedUnits = UNSTATED
     adds: bool = True

@@ -133,8 +133,8 @@ class RESULTS(eqx.Enumeration, metaclass=_Words):
     )
     contacts_undecided = (
         "Which contacts carry, or at which side joints with play stand, was not found: they change in turn. With "
-        "friction there may be no solution (the mechanism jams) or several. Reduce the friction, or say which contacts "
-        "carry by leaving the others out."
+        "friction, and with wheels that roll with any load, there may be no solution (the mechanism jams, or a wheel "
+        "slips) or several. Reduce the friction, or say which contacts carry by leaving the others out."
     )
     steps_exhausted = "The motion took `max_steps` steps before `t1`. Raise `max_steps` or `rtol`."
     step_too_small = (

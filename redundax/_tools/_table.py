@@ -2,7 +2,8 @@
 out."""
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+import textwrap
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -13,6 +14,16 @@ from ._module import is_concrete
 
 WIDTH = 80  # of a terminal
 LINES = 26  # of a page, beside what is said above it
+
+
+def text_of(lines: Iterable[str]) -> str:
+    """Lines as one text; what is wider than a terminal goes on in lines below, four columns further in."""
+    folded = []
+    for line in "\n".join(lines).split("\n"):
+        indent = " " * (len(line) - len(line.lstrip()) + 4)
+        below = textwrap.TextWrapper(WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+        folded += below.wrap(line) if len(line) > WIDTH else [line]
+    return "\n".join(folded)
 
 
 class AbstractFigures:

@@ -19,6 +19,7 @@ from .._analysis._verdict import Verdict
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._errors import RedundaxError
+from .._tools._table import text_of
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,7 +71,7 @@ class UnitCertificate:
                         reasons.setdefault(verdict.reason, []).append(verdict.name)
                 word = "the same" if invariant else "may CHANGE"
                 lines += [f"  {what} {', '.join(names)}: {word}, {reason}" for reason, names in reasons.items()]
-        return "\n".join([*lines, "Under a compliance with units (Compliance, ElasticJoints) all are the same."])
+        return text_of([*lines, "Under a compliance with units (Compliance, ElasticJoints) all are the same."])
 
 
 def unit_certificate(system: AbstractSystem, state: State) -> UnitCertificate:

@@ -30,7 +30,7 @@ def check(lines):
     assert passes(lines), "\n" + troubles(lines)
 
 
-@pytest.mark.parametrize("family", ["drift", "folds"])
+@pytest.mark.parametrize("family", ["drift", pytest.param("folds", marks=pytest.mark.slow)])
 def test_selection(family):
     """Some cases of some families in float64, on the default route or, of closures, the closure."""
     cases = FAMILIES[family].cases(quick=True)

@@ -142,6 +142,7 @@ def test_other_units_change_nothing(plain, units):
     np.testing.assert_allclose(back.multipliers, here.multipliers, atol=1e-10 * np.max(np.abs(here.multipliers)))
 
 
+@pytest.mark.slow
 def test_figures_may_be_in_other_units(plain):
     mechanism, state, closure, _ = plain
     units, grown = rx.units.Units(length=1000.0, mass=0.001), np.array([1e3] * 3 + [1.0] * 3)

@@ -9,14 +9,15 @@ from test_contacts import G, table_of_joints
 import redundax as rx
 
 
-def block(mu, feet):
+def block(mu, feet, push=0.0):
     """A block of 10 kg on feet 0.3 m to either side, its centre 0.5 m up; they rub."""
     law = {"normal": (0.0, 1.0), "friction": rx.Coulomb(mu), "one_sided": True}
     joints = [
         rx.PinInSlot(f"f{k}", "block", "ground", (x, -0.5), (x, 0.0), **law)
         for k, x in enumerate(np.linspace(-0.3, 0.3, feet))
     ]
-    mechanism = rx.Mechanism([rx.Body("block", 10.0, 1.0)], joints, gravity=(0.0, -G))
+    loads = [rx.AppliedForce("block", (push, 0.0))]
+    mechanism = rx.Mechanism([rx.Body("block", 10.0, 1.0)], joints, loads=loads, gravity=(0.0, -G))
     return mechanism, rx.State(jnp.array([0.0, 0.5, 0.0]), jnp.zeros(3))
 
 
@@ -96,3 +97,32 @@ def test_what_may_move_is_refused():
         rx.band(mechanism, moving, "f0.perpendicular")
     with pytest.raises(rx.RedundaxError, match="`bounds`"):
         rx.band(rx.mechanisms.wojtyra2020(), rx.mechanisms.wojtyra2020().state(phi=0.8, rate=0.0), "A.x")
+
+
+def test_families_hold_the_solutions_in_which_feet_push():
+    """The one self-stress of a table adds +1 to two feet and -1 to the others: each carries from 0 to half of all."""
+    mechanism = table_of_joints()
+    state, amounts = rx.assemble(mechanism), np.linspace(-40.0, 40.0, 9)
+    family = rx.solution_family(mechanism, state, z=amounts)
+    inside = np.abs(amounts) <= 10 * G / 4
+    np.testing.assert_array_equal(family.count, inside)
+    np.testing.assert_allclose(family.z[:, 0], amounts[inside], rtol=0, atol=1e-12)
+    feet = np.stack([family[f"f{k}.axial"] for k in range(1, 5)])
+    assert feet.min() > 0
+    np.testing.assert_allclose(feet.sum(axis=0), 10 * G, rtol=1e-12)
+    for call, asked in ((rx.band, "f1.axial"), (rx.limit_load, {"table.x": 1.0})):
+        with pytest.raises(rx.RedundaxError, match="`rank` and `factor` must be left out where contacts are one-sided"):
+            call(mechanism, state, asked, rank=3)
+
+
+def test_a_block_on_feet_sticks_slips_or_tips():
+    """By mu m g against the push: margin mu m g / push - 1. From m g 0.3/0.5 on a foot lifts, and that is said."""
+    for mu, push, verdict in ((0.3, 20.0, "must stick"), (0.3, 40.0, "must slip"), (0.9, 70.0, None)):
+        mechanism, state = block(mu, 2, push)
+        if verdict is None:
+            with pytest.raises(rx.NoSolutionError, match=r"Contacts would pull in f0\.perpendicular"):
+                rx.sticking(mechanism, state)
+            continue
+        found = rx.sticking(mechanism, state)
+        assert found.verdict == verdict and found.proved
+        np.testing.assert_allclose(found.margin, mu * 10 * G / push - 1, rtol=0, atol=1e-6)

@@ -180,6 +180,7 @@ def loads(numbers):
 GIVEN = jnp.array([[1e-5, 2e-5, 5e-6, 20.0, -50.0], [3e-4, 1e-5, 1e-6, 20.0, -50.0], [0, 0, 0, 1.0, 2.0]])
 
 
+@pytest.mark.slow
 def test_batches_find_the_sides_of_each_sample():
     found, result = jax.jit(jax.vmap(loads))(GIVEN)
     assert (result == rx.RESULTS.successful).all()

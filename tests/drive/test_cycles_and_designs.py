@@ -11,6 +11,7 @@ import redundax as rx
 SPEED = 6.0  # rad/s of the crank
 
 
+@pytest.mark.slow
 def test_over_a_cycle_the_drive_gives_what_friction_takes():
     """A rubbing slider-crank at constant speed: the mean over one turn, by a rule that is exact for smooth cycles."""
     crank = rx.mechanisms.slider_crank(guides=1, crank=0.1, mu_rho=0.004)
@@ -22,6 +23,7 @@ def test_over_a_cycle_the_drive_gives_what_friction_takes():
     assert given == pytest.approx(-taken, rel=1e-10)
 
 
+@pytest.mark.slow
 def test_the_torque_found_makes_the_motion_that_was_asked_for():
     """The spline of the torque at 801 times on the crank without drive: `simulate` follows the law to 1e-8."""
     crank = rx.mechanisms.slider_crank(guides=1, crank=0.1)
@@ -48,6 +50,7 @@ def test_the_torque_found_makes_the_motion_that_was_asked_for():
     np.testing.assert_allclose(motion["crank.phi"], jax.vmap(law)(some), rtol=0, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_peak_and_rms_are_differentiable_by_lengths_masses_friction_and_law_and_batch_over_designs():
     """Against central differences of the calls on known numbers."""
     ts = np.linspace(0.0, 0.4, 9)

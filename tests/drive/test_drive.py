@@ -88,6 +88,7 @@ def elastic(mechanism, drives=None):
     return rx.ElasticJoints(mechanism, figures, drives=drives)
 
 
+@pytest.mark.slow
 def test_a_ball_screw_needs_the_torque_by_hand_and_friction_differs_on_both_sides_of_rest():
     """Without friction (J 2 pi / p + m p / 2 pi) a + F p / 2 pi: 0.31499, 0.03183, 0.25133 N m; a stroke and back."""
     there_and_back = rx.Trapezoid(STROKE, SPEED, RATE, start=-STROKE / 2, dwell=0.2)

@@ -57,7 +57,10 @@ PLATES = {
 }
 
 
-@pytest.mark.parametrize(("digits", "sparse"), [*((digits, False) for digits in DIGITS), (16, True), (6, True)])
+@pytest.mark.parametrize(
+    ("digits", "sparse"),
+    [*((digits, False) for digits in DIGITS), pytest.param(16, True, marks=pytest.mark.slow), (6, True)],
+)
 @pytest.mark.parametrize("case", PLATES)
 def test_points_of_few_digits_keep_rank_and_accelerations(case, digits, sparse):
     mechanism, position = plate(digits, *PLATES[case])
@@ -78,12 +81,12 @@ def test_points_of_few_digits_keep_rank_and_accelerations(case, digits, sparse):
 
 
 @pytest.mark.parametrize(
-    ("cases", "sparse"),
-    [(200, False), *(pytest.param(*case, marks=pytest.mark.slow) for case in ((1600, False), (1000, True)))],
+    ("seed", "cases", "sparse"),
+    [(3, 30, False), *(pytest.param(0, *case, marks=pytest.mark.slow) for case in ((1600, False), (1000, True)))],
 )
-def test_no_rank_is_one_too_high_where_rounded_points_close_at_an_isolated_position(cases, sparse):
+def test_no_rank_is_one_too_high_where_rounded_points_close_at_an_isolated_position(seed, cases, sparse):
     """The rounding of the points is all that the last of twelve constraints says there, and their misfit is zero."""
-    rng, successful, closed = np.random.default_rng(0), 0, 0
+    rng, successful, closed = np.random.default_rng(seed), 0, 0
     for case in range(cases):
         digits, along = int(rng.integers(5, 11)), np.sort(rng.uniform(0, 2, 3))
         turns, crank, phi = rng.uniform(-3, 3, 2), rng.uniform(0.1, 0.6), rng.uniform(-3, 3)
@@ -147,7 +150,7 @@ def test_guides_of_few_digits(digits):
 def test_bodies_without_load_in_two_guides_slide_or_stand(skew):
     """Nothing accelerates them, and of the guessed velocity skew guides leave nothing, not even its rounding."""
     rng = np.random.default_rng(skew)
-    for _ in range(50):
+    for _ in range(12):
         place, angle, ends = rng.normal(size=2), rng.normal(), rng.normal(size=(2, 2))
         first = rng.normal(size=2)
         normals = first, turned(rng.uniform(0.1, 3.0), first) if skew else first

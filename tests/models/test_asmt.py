@@ -204,13 +204,73 @@ def test_a_screw_turns_its_weight_into_a_moment(write):
     np.testing.assert_allclose(abs(float(solution["key moment z on nut"])), MASS * G * 0.02 / (2 * np.pi), rtol=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["GearJoint", "RackPinionJoint", "ScrewJoint"])
-def test_couplings_that_are_not_taken_over_are_told_and_undecided(write, kind, capsys):
-    values = {"ScrewJoint": {"pitch": 0.02}, "GearJoint": {"radiusI": 0.1, "radiusJ": 0.2}}.get(
-        kind, {"pitchRadius": 0.1}
-    )
-    text = nut(asmt.joint(kind, "mesh", "base", "nut/eye", **values)).replace("CylindricalJoint", "PlanarJoint")
-    assert command.main(["audit", str(write(text))]) == 4
+@pytest.mark.parametrize("flip", [False, True])
+def test_wheels_in_mesh_press_tangentially(write, flip):
+    """A pinion, r = 0.1, turns a wheel, R = 0.3, both on pins, by b: the teeth bear F = J b r / R^2, and the pins the
+    same force across the line of centres, x here; the motor (I + J r^2 / R^2) b."""
+    b, moments = 4.0, (0.05, 0.9)
+    wheels = [
+        asmt.part(name, place, None, 0.0, (0, 0, 0), (0.0, 0.0, moment), {"eye": (0, 0, 0)})
+        for name, place, moment in zip(("pinion", "wheel"), ((0, 0, 0), (0.4, 0, 0)), moments, strict=True)
+    ]
+    ends, radii = ("pinion/eye", "wheel/eye"), (0.2, 0.6)  # whose ratio alone counts
+    ends, radii = (ends[::-1], radii[::-1]) if flip else (ends, radii)
+    mesh = asmt.joint("GearJoint", "mesh", *ends, radiusI=radii[0], radiusJ=radii[1])
+    joints = [asmt.joint("RevoluteJoint", "p", "a", "pinion/eye"), asmt.joint("RevoluteJoint", "w", "b", "wheel/eye")]
+    motion = asmt.motion("RotationalMotion", "turn", "p", "RotationZ", "2.0d*time^2")
+    text = asmt.assembly({"a": (0, 0, 0), "b": (0.4, 0, 0)}, wheels, [*joints, mesh], [motion], (0.0, 0.0, 0.0))
+    model = rx.load_model(write(text))
+    tree = Tree(model.described)
+    assert tree.misfit(tree.reference) < 1e-14 and len(tree.system(tree.reference)[1]) == 1
+    solution = rx.solve(model.driven, rx.State(model.state.q, model.state.qd, jnp.zeros(())))
+    force = moments[1] * b * 0.1 / 0.3**2
+    np.testing.assert_allclose(float(solution["w.angle''"]), -b / 3, rtol=1e-12)
+    np.testing.assert_allclose(abs(float(solution["w force y on wheel"])), force, rtol=1e-12)
+    np.testing.assert_allclose(abs(float(solution["p force y on pinion"])), force, rtol=1e-12)
+    np.testing.assert_allclose(float(solution["w force x on wheel"]), 0.0, atol=1e-12)
+    torque = moments[0] * b + force * 0.1
+    np.testing.assert_allclose(abs(float(solution["turn moment z on pinion"])), torque, rtol=1e-12)
+
+
+def test_a_rack_and_a_pinion(write):
+    """A weight m on an upright rack turns a pinion of radius r on its pin: it falls by g m r^2 / (m r^2 + I)."""
+    up = ((0.0, 0.0, 0.0), ((0, -1, 0), (1, 0, 0), (0, 0, 1)))  # x along y
+    slide = ((0.0, 0.0, 0.0), ((1, 0, 0), (0, 0, 1), (0, -1, 0)))  # z along y
+    parts = [
+        asmt.part("rack", (0.1, 0.7, 0), None, 2.0, (0, 0, 0), (0.1, 0.1, 0.1), {"teeth": up, "eye": slide}),
+        asmt.part("pinion", (0, 0, 0), None, 1.0, (0, 0, 0), (0.1, 0.1, 0.03), {"eye": (0, 0, 0)}),
+    ]
+    joints = [
+        asmt.joint("TranslationalJoint", "guide", "foot", "rack/eye"),
+        asmt.joint("RevoluteJoint", "pin", "base", "pinion/eye"),
+        asmt.joint("RackPinionJoint", "mesh", "rack/teeth", "pinion/eye", pitchRadius=0.1),
+    ]
+    places = {"base": (0, 0, 0), "foot": ((0.1, 0.0, 0.0), slide[1])}
+    model = rx.load_model(write(asmt.assembly(places, parts, joints, (), (0.0, -G, 0.0))))
+    solution = rx.solve(model.mechanism, model.state)
+    fall = G * 2 * 0.1**2 / (2 * 0.1**2 + 0.03)
+    np.testing.assert_allclose(abs(float(solution["guide.travel''"])), fall, rtol=1e-12)
+    np.testing.assert_allclose(abs(float(solution["pin.angle''"])), fall / 0.1, rtol=1e-12)
+    np.testing.assert_allclose(float(solution["pin force y on pinion"]), G + 0.03 * fall / 0.1**2, rtol=1e-12)
+    assert rx.analyze(model.mechanism, model.state).redundancy == 0
+
+
+def test_rows_of_teeth_are_slopes_of_what_they_close(write):
+    """By differences, where the joints are apart."""
+    joints = [asmt.joint("ScrewJoint", "thread", "base", "nut/eye", pitch=0.3),
+              asmt.joint("RackPinionJoint", "mesh", "nut/eye", "base", pitchRadius=0.2)]  # fmt: skip
+    tree = Tree(describe(write(nut(*joints).replace("CylindricalJoint", "PlanarJoint"))))
+    at = tree.moved(tree.reference, np.array([0.03, 0.02, 0.4]))
+    steps = [[tree.system(tree.moved(at, h * axis))[0] for h in (1e-6, -1e-6)] for axis in np.eye(3)]
+    differences = np.array([(after - before) / 2e-6 for after, before in steps]).T
+    np.testing.assert_allclose(tree.system(at)[1], differences, atol=1e-8)  # rounding over the step
+
+
+@pytest.mark.parametrize(
+    ("kind", "values"), [("GearJoint", {"radiusI": np.pi, "radiusJ": 1.0}), ("ScrewJoint", {"pitch": 0.0})]
+)
+def test_couplings_that_are_not_taken_over_are_told_and_undecided(write, kind, values, capsys):
+    assert command.main(["audit", str(write(nut(asmt.joint(kind, "mesh", "base", "nut/eye", **values))))]) == 4
     assert f"{kind} 'mesh' is left out" in capsys.readouterr().out
 
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import json
 import re
 import sys
 
@@ -60,3 +61,35 @@ def test_a_missing_package_is_told_before_anything_is_computed(tmp_path, monkeyp
     assert (status, out) == (2, "")
     assert error == 'redundax: --html: This needs the package plotly: pip install "redundax[html]".\n'
     assert not (tmp_path / "door.html").exists()
+
+
+ARM = """<body name="{name}" pos="0 {y} 0"><joint name="{name}" axis="0 1 0" {limits}/>
+  <geom type="sphere" size="0.1" mass="2" pos="0.5 0 0"/></body>"""
+
+
+def arms(limits, coupled=False):
+    parts = "".join(ARM.format(name=name, y=y, limits=limits) for name, y in (("a", 0), ("b", 1)))
+    tie = '<equality><joint joint1="a" joint2="b"/></equality>' if coupled else ""
+    return f"<mujoco><worldbody>{parts}</worldbody>{tie}</mujoco>"
+
+
+@pytest.mark.slow
+def test_stops_tell_what_joint_limits_bear(tmp_path):
+    """Arms of 2 kg reach 0.5 m out, and their limit keeps them from falling; ones that are tied share as they like."""
+    file = tmp_path / "arms.xml"
+    file.write_text(arms('range="-90 0"'))
+    status, out, _ = run(file, "--stops")
+    assert status == 0
+    assert "With joint limits as stops, at rest and let go: 0 redundant, 0 free; 2 of 4 stops are open." in out
+    assert "  a.most carries 9.81 N m, unique\n" in out
+    file.write_text(arms('range="-90 0"', coupled=True))
+    stops = json.loads(run(file, "--stops", "--json")[1])["stops"]
+    assert (stops["redundancy"], stops["freedom"]) == (1, 0)
+    loads = [stops["stops"][f"{name}.most"] for name in "ab"]
+    assert sum(stop["load"] for stop in loads) == pytest.approx(2 * 9.81, rel=1e-9)
+    assert not any(stop["unique"] for stop in loads)
+    file.write_text(arms('range="0 90"'))
+    assert "  a.least and b.least: lifts\n" in run(file, "--stops")[1]
+    file.write_text(arms(""))
+    assert "Stops: the file limits no hinge and no slide." in run(file, "--stops")[1]
+    assert "Stops" not in run(file)[1]

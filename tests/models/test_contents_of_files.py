@@ -78,10 +78,10 @@ def test_what_a_file_is_and_what_to_do_is_told(write, name, content, told):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("name", ["a.usd", "b.XACRO", "c.sldasm", "d.xml.gz", "e.wbt", "f.stp", "g.yaml"])
+@pytest.mark.parametrize("name", ["a.slx", "b.XACRO", "c.sldasm", "d.xml.gz", "e.wbt", "f.stp", "g.yaml"])
 def test_other_formats_are_known_by_their_endings(name):
     assert not_a_model(name)
-    assert not any(map(not_a_model, ("a.xml", "a.urdf", "a.mjcf", "a.py", "a.py:m", "a")))
+    assert not any(map(not_a_model, ("a.xml", "a.urdf", "a.usd", "a.mjcf", "a.py", "a.py:m", "a")))
 
 
 @pytest.mark.parametrize(("template", "name"), [(ARM, "a.urdf"), (INERTIAL, "a.xml")])

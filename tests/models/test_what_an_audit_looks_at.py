@@ -249,7 +249,7 @@ def legs(count, radial):
     return f"<mujoco>{head}<worldbody>{bodies}</worldbody><equality>{loops}</equality></mujoco>"
 
 
-@pytest.mark.parametrize("radial", [False, True])
+@pytest.mark.parametrize("radial", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_alike_parts_are_told_once_with_how_many(audit, radial):
     text = legs(4, radial)
     out = audit(text)[0]

@@ -124,6 +124,7 @@ def test_motion_of_every_kind_of_mass(kind):
     np.testing.assert_allclose(turn @ end.q[0], pendulum_truth(0.7, 1.3), rtol=0, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_batch_of_motions_keeps_each_to_itself():
     """One sample starts off the manifold and is NaN; the others do not notice."""
     rates = jnp.array([0.5, 1.0, 2.0])

@@ -70,6 +70,7 @@ def test_frames_have_one_scale_and_no_text_on_another(motion):
     assert np.all(trajectory.q[:, :6:2] > low[0]) and np.all(trajectory.q[:, 1:6:2] < high[1])
 
 
+@pytest.mark.slow
 def test_html_and_a_motion_without_loads(motion, tmp_path):
     mechanism, trajectory = motion
     multipliers = trajectory.multipliers.at[2:].set(np.nan)  # as at rest

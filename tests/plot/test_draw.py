@@ -505,6 +505,7 @@ def test_joints_at_one_place_but_for_rounding_are_named():
     assert {"P0, P1", "r1", "r2"} <= {text.get_text() for text in axes.texts}
 
 
+@pytest.mark.slow
 def test_where_joints_are_nearer_than_texts_none_is_named():
     few, many = (rx.mechanisms.n_four_bar(loops) for loops in (30, 300))
     for mechanism, named in ((few, True), (many, False)):

@@ -464,6 +464,7 @@ def test_frames_have_one_view_and_keep_what_stands(motion):
         np.testing.assert_array_equal(np.concatenate(one), np.concatenate(fixed[0]))
 
 
+@pytest.mark.slow
 def test_a_page_needs_nothing_else_and_has_a_frame_for_each_time(motion, tmp_path):
     mechanism, trajectory = motion
     figure = rx.plot.html(mechanism, trajectory, tmp_path / "door.html", shapes={"door": LEAF})

@@ -45,6 +45,7 @@ def test_no_answer_violates_a_law(recipe, number, seed, friction, masses, compli
     assert report.false_flags <= 0.01 * report.clear
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("recipe", SLOW)
 def test_projector_and_inverse_satisfy_penrose(recipe):
     structure = fuzz.structure_of(recipe, 0)

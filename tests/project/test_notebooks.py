@@ -26,7 +26,7 @@ def code(notebook):
 def test_notebooks_are_there():
     names = "own_mechanism paper_step_by_step solution_family physical_closures sensitivities motion own_constraint"
     more = "speed_against_error spatial_linkage door_on_three_hinges loads_at_rest audit_of_a_model torque_of_drives"
-    more += " four_legged_table"
+    more += " four_legged_table check_a_log"
     assert {path.stem for path in NOTEBOOKS} >= {*names.split(), *more.split()}
 
 

@@ -308,6 +308,7 @@ def test_a_spoiled_guess_of_a_batch_is_not_assembled():
         assert np.isnan(batch.q[k]).all() and np.isnan(batch.qd[k]).all() if bad else np.isfinite(batch.q[k]).all()
 
 
+@pytest.mark.slow
 def test_a_study_tells_its_spoiled_samples():
     run = with_state(lambda system, state: rx.solve(system, state, closure=SOFT))
     _, samples = of_all(with_state(lambda system, state: state.t))

@@ -90,7 +90,7 @@ def agrees(system, state, length=1.0) -> set:
         assert {name: many[name] for name in moved & told if many[name] < DIFFERS} == {}
         assert {name: many[name] for name in sure if many[name] > SAME} == {}
         assert {name: few[name] for name in told - moved if few[name] > SAME} == {}
-        words = {line.partition("  ")[0] for line in str(near).splitlines() if "  varies  " in line}
+        words = {line.split("  ")[0].partition(",")[0] for line in str(near).splitlines() if "  varies  " in line}
         assert words & told <= moved
     bands_agree(system, state, judged, [near for near, _ in found], length)
     return {one.with_friction for one in judged.values()}
@@ -182,7 +182,7 @@ SYSTEMS = {
 }
 SYSTEMS |= {name: lambda one=one: (one.rubbing, one.state) for name, one in CASES.items() if name not in MORE}
 SYSTEMS |= {"lift": lift, "pendulum on two pins": pendulum_on_two_pins, "wheels": wheels}
-QUICK = ("lift", "pendulum on two pins", "slider_crank")
+QUICK = ("lift", "slider_crank")
 
 
 @pytest.mark.parametrize(

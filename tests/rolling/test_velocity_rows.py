@@ -57,9 +57,12 @@ def test_rank_and_velocities_are_of_all_rows_and_positions_are_free():
     report = rx.analyze(system, state)
     assert (report.rank, report.redundancy, report.freedom, report.holonomic_rank) == (1, 0, 2, 0)
     assert report.velocity_rows == ("0",)
-    assert "without them 0 redundant, 3 degrees of freedom; with them 0 more redundant, 1 less" in str(report)
+    assert "without them 0 redundant, 3 degrees of freedom; with them 0 more redundant, 1 less" in " ".join(
+        str(report).split()
+    )
 
 
+@pytest.mark.slow
 def test_derivatives_by_the_place_of_the_blade():
     u, w = 1.3, 0.7
     turn = lambda ahead: rx.solve(written(ahead), _state_by(ahead, u, w)).acceleration[2]  # noqa: E731
@@ -199,8 +202,6 @@ def test_what_is_no_row_of_velocity_is_refused():
         rx.System(None, jnp.ones(2), velocity_constraints=lambda q, qd, t, p: qd[:1], one_sided=[0])
     with pytest.raises(rx.RedundaxError, match="where a `retraction` is given"):
         rx.System(None, jnp.ones(2), velocity_constraints=lambda q, qd, t, p: qd[:1], retraction=lambda q, d: q + d)
-    with pytest.raises(rx.RedundaxError, match=r"has rows of velocity, blade\.across"):
-        rx.drive(rx.mechanisms.skate(), {"sleigh.x": 1.0}, [0.0, 1.0])
     with pytest.raises(rx.RedundaxError, match="Sparse matrices take no rows of velocity"):
         rx.mechanisms.skate().sparse()
 

@@ -277,6 +277,7 @@ def test_a_state_that_fails_is_named():
         rx.band_along(mechanism, [], "tau K", rx.MinimumNorm())
 
 
+@pytest.mark.slow
 def test_states_after_the_first_compile_nothing(programs):
     mechanism, states = drawn_block()
     rx.band_along(mechanism, [states[0], states[3]], "tau K", rx.MinimumNorm())

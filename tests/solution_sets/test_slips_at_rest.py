@@ -56,6 +56,7 @@ def test_a_block_on_a_plane_pushed_from_the_side(turn):
     np.testing.assert_allclose(found.friction[1], [*(-MU * WEIGHT * along), 0], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_block_pushed_beside_its_middle_and_up():
     """(F, F c / R) in the ball, and the push takes load from the plane: mu (W - F s) = F |(1, c / R)|."""
     aside, up = 0.04, 0.3

@@ -133,6 +133,7 @@ def test_one_amplitude_is_searched_as_well_as_many(rate):
     assert set(counts) == ({0, 1, 2, 4} if rate == 1 else {0, 1})
 
 
+@pytest.mark.slow
 def test_where_no_solution_exists_none_is_reported():
     assert truth("0.15", "0") == []
     found = rx.solution_family(*paper(0.15), z=np.array([-10.0, 0.0, 10.0]))
@@ -187,6 +188,7 @@ def test_assumed_preload():
         assert axis[0] == -axis[-1]
 
 
+@pytest.mark.slow
 def test_open_newton_ends_on_the_family_and_does_not_cover_it():
     """Newton (38) ends at solutions near the self-stress of x0: starts without any end in a corner of the family."""
     system, state = paper(0.02)

@@ -82,6 +82,7 @@ def test_forward_reverse_and_differences_agree(closure, solver):
     assert_consistent(both, np.ones(SIZES.size), np.eye(SIZES.size), WEIGHTS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mu_rho", [0.0, 0.02])
 @pytest.mark.parametrize("solver", [rx.Continuation(), slow(rx.Newton()), slow(rx.FixedPoint())])
 def test_the_gradient_of_a_batch_is_the_batch_of_slopes(mu_rho, solver):

@@ -31,6 +31,7 @@ def test_assembly_is_that_of_dense_matrices(case):
     assert np.abs(mechanism.jacobian(free.q, free.t) @ free.qd).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_bodies_turn_by_more_than_half_a_turn():
     """From guesses on the other side, whose quaternions end with the opposite sign."""
     mechanism, state = ladder(1)
@@ -91,6 +92,7 @@ def test_derivatives_by_a_point_are_those_of_dense_matrices(pin):
     np.testing.assert_allclose(jax.jacrev(assembled)(0.0, sparse), forward, rtol=0, atol=1e-10)
 
 
+@pytest.mark.slow
 def test_a_thousand_loops_close_at_the_angle_given():
     mechanism = rx.mechanisms.n_four_bar(1000)
     assert mechanism.plan is not None

@@ -1,6 +1,6 @@
 """Which files of slow tests a commit runs: those of what changed, and one share of the others, in turn.
 
-    python tests/support/share.py [--of 3]
+    python tests/support/share.py [--of 3] [--all]      with --all, of all tests
 
 Prints them, a line each, and on stderr which share it is and why. Files are dealt in their order, so that a share has
 some of each folder, and the number of the commit says whose turn it is: as many commits in a row run every file. Where
@@ -64,19 +64,17 @@ def names_of(file: Path) -> set[str]:
     return words | {file.parent.name, file.stem.removeprefix("test_")}
 
 
-def chosen(root: Path, of: int) -> tuple[list[str], str]:
+def chosen(root: Path, of: int, mark: str = "mark.slow") -> tuple[list[str], str]:
     """The files, and in words which they are."""
-    every = sorted(
-        file for file in (root / "tests").rglob("test_*.py") if "mark.slow" in file.read_text(encoding="utf8")
-    )
+    every = sorted(file for file in (root / "tests").rglob("test_*.py") if mark in file.read_text(encoding="utf8"))
     paths, number = changed(root), turn(root, of)
     parts, most = parts_of(paths), len(every) // (2 * of)
     own = [file for file in every if file.relative_to(root).as_posix() in paths]
     touched = [*own, *(file for file in every if file not in own and names_of(file) & parts)]
     taken = {*touched[:most], *every[number::of]}
     words = (
-        f"slow tests: share {number + 1} of {of}, {len(every[number::of])} files, and {len(touched[:most])} files of "
-        f"what changed in {HOURS} hours"
+        f"{'slow ' if mark else ''}tests: share {number + 1} of {of}, {len(every[number::of])} files, and "
+        f"{len(touched[:most])} files of what changed in {HOURS} hours"
     )
     left = len(set(touched) - taken)
     return [file.relative_to(root).as_posix() for file in every if file in taken], words + f" ({left} more wait)" * (
@@ -88,7 +86,9 @@ def main() -> None:
     """Print the files."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--of", type=int, default=3, help="number of shares; 1 runs all (default 3)")
-    files, words = chosen(Path(__file__).resolve().parents[2], parser.parse_args().of)
+    parser.add_argument("--all", action="store_true", help="files of all tests, not of slow ones alone")
+    given = parser.parse_args()
+    files, words = chosen(Path(__file__).resolve().parents[2], given.of, "" if given.all else "mark.slow")
     print(words, file=sys.stderr)
     print("\n".join(files))
 

@@ -131,6 +131,7 @@ def test_names_are_those_of_the_entries_in_order():
         assert [float(solution[name]) for name in names] == array[: len(names)].tolist()
 
 
+@pytest.mark.slow
 def test_names_pass_through_jit_and_batches():
     system = bead()
 

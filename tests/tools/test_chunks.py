@@ -22,6 +22,7 @@ def solve(h, solver=None):
     return rx.solve(MECHANISM, STATE, closure=rx.MinimumNorm(h), solver=solver)
 
 
+@pytest.mark.slow
 def test_a_batch_in_chunks_is_the_batch(monkeypatch):
     """The last chunk reaches back."""
     h = jnp.linspace(-100.0, 100.0, 10)
@@ -181,6 +182,7 @@ def test_many_joints_of_weak_and_strong_friction_in_one_batch():
             assert np.max(np.abs(part[place] - wanted)) <= 1e-13 * np.max(np.abs(wanted))
 
 
+@pytest.mark.slow
 def test_numbers_that_a_function_of_the_user_holds_may_be_of_the_batch():
     def accelerations(mu):
         def force(loads, rate, sense, memory, state, p):

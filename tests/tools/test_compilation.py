@@ -47,6 +47,7 @@ def frictional(mu_rho):
     return mechanism, mechanism.state(phi=0.47, rate=1.0)
 
 
+@pytest.mark.slow
 def test_a_call_by_itself_ends_on_the_branch_of_an_optimised_program():
     """Whether Newton's method alone settles it or the branch is followed, from any start; the fold too."""
     closure, found = rx.MinimumNorm(-17.0), []
@@ -84,6 +85,7 @@ def test_a_motion_shares_the_factorisation_of_a_solve(programs):
     assert programs.count("jit(model_at)") == 1
 
 
+@pytest.mark.slow
 def test_a_motion_is_compiled_once_for_closures_that_do_not_depend_on_the_state(programs):
     mechanism = rx.mechanisms.wojtyra2020()
     state = mechanism.state(phi=0.7, rate=1.3)

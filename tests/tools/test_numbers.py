@@ -142,6 +142,20 @@ def test_known_and_traced_answers_agree():
             )
 
 
+def test_contacts_compile_the_model_alone():
+    feet = [
+        rx.PinInSlot(name, "beam", "ground", (x, 0.0), (x, 0.0), (0.0, 1.0), one_sided=True)
+        for name, x in (("a", -0.5), ("b", 0.1), ("c", 0.5))
+    ]
+    beam = rx.Mechanism([rx.Body("beam", 2.0, 0.5)], feet, gravity=(0.0, -9.81))
+    jax.clear_caches()
+    before = HEARD.count
+    state = rx.assemble(beam, {"beam.y": 0.01}, closed=["a", "b"])
+    assert HEARD.count - before <= 3
+    assert set(rx.solve(beam, state, throw=False).contacts) == {"a", "b", "c"}
+    assert HEARD.count - before <= 5
+
+
 def test_programs_that_take_over_give_the_same(monkeypatch):
     mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02)
     state = mechanism.state(phi=0.8, rate=1.0)

@@ -144,6 +144,7 @@ def test_with_friction_the_motion_depends_on_the_unit():
     assert "friction depends on" in certificate.to_dict()["accelerations"][0]["reason"]
 
 
+@pytest.mark.slow
 def test_under_a_physical_closure_motion_and_loads_are_the_same_in_all_units():
     """wojtyra2020 with friction, built anew with lengths in other units, from u = 0.001 to 1000."""
     joints = [rx.JointCompliance(name, 1e-8, misfit=(1e-5, 2e-5, 0.0), frame="1") for name in "AB"]

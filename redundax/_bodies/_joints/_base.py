@@ -7,7 +7,7 @@ bodies is -Phi_q^T lam.
 
 import abc
 from collections.abc import Callable
-from typing import Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import equinox as eqx
 import jax
@@ -49,7 +49,10 @@ class AbstractJoint(AbstractBetweenBodies):
         ```
     """
 
-    row_kinds: eqx.AbstractClassVar[tuple[Row, ...]]
+    if TYPE_CHECKING:  # for checkers of types, to whom the word of Equinox would make an argument of it
+        row_kinds: ClassVar[tuple[Row, ...]]
+    else:
+        row_kinds: eqx.AbstractClassVar[tuple[Row, ...]]
     frame: ClassVar[AbstractFrame] = PLANE
     coordinate_kinds: ClassVar[tuple[Row, ...]] = ()  # names of coordinates of i relative to j: "linear" or "angular"
     pushing: ClassVar[tuple[str, ...]] = ()

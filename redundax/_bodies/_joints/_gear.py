@@ -15,6 +15,9 @@ the mean of that distance over the path of contact, which lasts eps_i p before a
 
 so that it is a moment on body i and its opposite on body j. The force of friction, across the line of action, changes
 its sign at the pitch point and has no mean: this ripple on the bearings is left out.
+
+With backlash B, along the line of action, both flanks are there, each thinner by half of it: two gaps that add to B at
+the standard centre distance, and two rows, minus these, that push alone.
 """
 
 import abc
@@ -31,6 +34,7 @@ from ..._tools._module import (
     Numbers,
     as_float,
     is_concrete,
+    not_negative,
     numpy_of,
     on_device,
     optional_float,
@@ -58,10 +62,9 @@ def whole(value: Numbers) -> Int[Array, "..."]:
 
 
 class AbstractMesh(AbstractPointJoint, AbstractFrictionalJoint):
-    """Teeth in contact on one flank: one row whose multiplier is the force that presses them together, N."""
+    """Teeth in contact on one flank: one row whose multiplier is the force that presses them together, N; with backlash
+    one for each flank, of which both may be open."""
 
-    row_kinds: ClassVar[tuple[Row, ...]] = (("teeth", "force"),)
-    pushing: ClassVar[tuple[str, ...]] = ("teeth",)
     slip_kind: ClassVar[str] = "angular"
     read_by_law: ClassVar[tuple[str, ...]] = ("friction", "sliding_arm")
     teeth: eqx.AbstractVar[Int[Array, "..."]]
@@ -69,6 +72,21 @@ class AbstractMesh(AbstractPointJoint, AbstractFrictionalJoint):
     pressure_angle: eqx.AbstractVar[Float[Array, ""]]
     flank: eqx.AbstractVar[Int[Array, ""]]
     sliding_arm: eqx.AbstractVar[Float[Array, ""] | None]
+    backlash: eqx.AbstractVar[Float[Array, ""] | None]
+
+    @property
+    def row_kinds(self) -> tuple[Row, ...]:
+        """That of the flank, or those of both."""
+        return tuple((row, "force") for row in self.pushing)
+
+    @property
+    def pushing(self) -> tuple[str, ...]:
+        """All of them."""
+        return ("teeth",) if self.backlash is None else ("right", "left")
+
+    @property
+    def one_sided(self) -> bool:
+        return self.backlash is not None
 
     @property
     @abc.abstractmethod
@@ -100,11 +118,19 @@ class AbstractMesh(AbstractPointJoint, AbstractFrictionalJoint):
         return i.phi - j.phi
 
     def normal_load(self, multipliers: Array) -> Array:
-        return jnp.abs(multipliers[0])
+        return jnp.sum(jnp.abs(multipliers))  # one flank carries
 
     def in_pitch(self, residual: Array) -> Array:
         """The residual to the nearest tooth."""
         return residual - self.base_pitch * jnp.round(residual / self.base_pitch)
+
+    def of_flanks(self, rolled: Array, opening: Array) -> Float[Array, " rows"]:
+        """Minus the gaps: by how far a tooth of i is from the middle of its space on j, as the right flank opens, and
+        by how far both open with the distance."""
+        if self.backlash is None:
+            return jnp.stack([self.in_pitch(-(self.flank * rolled + opening))])
+        turned, play = self.in_pitch(rolled), opening + self.backlash / 2
+        return -jnp.stack([play + turned, play - turned])
 
 
 def check_mesh(mesh: AbstractMesh) -> None:
@@ -121,6 +147,13 @@ def check_mesh(mesh: AbstractMesh) -> None:
             f"Argument `flank` of '{mesh.name}' must be 1 or -1, but is {mesh.flank}. Give 1 where the force on its "
             "teeth turns body i counterclockwise."
         )
+    if mesh.backlash is not None:
+        not_negative("backlash", mesh.backlash)
+        if is_concrete(mesh.flank) and int(mesh.flank) != 1:
+            raise RedundaxError(
+                f"Argument `flank` of '{mesh.name}' must be left out where `backlash` is given, but is {mesh.flank}: "
+                "both flanks are there then."
+            )
 
 
 def tip_path(radius: Any, other: Any, module: Any, pressure_angle: Any) -> Any:
@@ -143,6 +176,9 @@ class GearPair(AbstractMesh):
     Teeth are of the standard profile, half a pitch thick at the pitch circles: they mesh without backlash at the centre
     distance m (z_i + z_j) / 2, and touch on the flank given at any other. Between the base circles, at a distance of at
     most |b_i + b_j|, no teeth reach each other: the row is not met there.
+
+    With `backlash` both flanks push alone, in rows "name.right" and "name.left", and between them the teeth are apart:
+    `solution.contacts` tells which carries. `assemble(..., closed="mesh.right")` lays one on.
 
     `AngleCoupling` couples angles alone, for belts and chains and where no force of teeth is asked for.
 
@@ -168,6 +204,8 @@ class GearPair(AbstractMesh):
     - `sliding_arm`: mean distance of the contact from the pitch point, m, for friction; that of teeth with an addendum
       of one module if not given. The mean loss of an ideal pair is mu arm (1 / b_i + 1 / b_j) of its power.
     - `friction`: `Coulomb` with its coefficient mu, or another model: the mean of a tooth's way through the mesh.
+    - `backlash`: along the line of action, m, at the standard centre distance: how far teeth are apart on one flank
+      where they touch on the other. Without it they stay on the flank given.
     """
 
     teeth: Int[Array, "2"] = eqx.field(converter=whole)
@@ -178,6 +216,7 @@ class GearPair(AbstractMesh):
     angle_j: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
     sliding_arm: Float[Array, ""] | None = eqx.field(converter=optional_float, default=None)
     friction: AbstractFrictionModel | None = None
+    backlash: Float[Array, ""] | None = eqx.field(converter=optional_float, default=None)
 
     def __check_init__(self) -> None:
         check_mesh(self)
@@ -209,5 +248,5 @@ class GearPair(AbstractMesh):
         height = jnp.sqrt(jnp.where(reaches, distance**2 - size**2, 1.0))
         opening = jnp.sign(radius) * (height - size * jnp.arctan2(height, size))
         closed = radius * (jnp.tan(self.pressure_angle) - self.pressure_angle)
-        gap = self.flank * (rolled - between) + opening - closed
-        return jnp.stack([jnp.where(reaches, self.in_pitch(-gap), self.base_pitch + size - distance)])
+        rows = self.of_flanks(rolled - between, opening - closed)
+        return jnp.where(reaches, rows, self.base_pitch + size - distance)

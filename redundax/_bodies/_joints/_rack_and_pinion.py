@@ -43,7 +43,7 @@ class RackAndPinion(AbstractMesh):
     - `point_j`: a point of the rack's pitch line, in the middle of a tooth, in the frame of j, m.
     - `normal`: vector of body j perpendicular to that line, from the rack to the pinion; it is normalised.
     - `teeth`: whole number of the pinion.
-    - `module`, `pressure_angle`, `flank`, `sliding_arm`, `friction`: as of `GearPair`.
+    - `module`, `pressure_angle`, `flank`, `sliding_arm`, `friction`, `backlash`: as of `GearPair`.
     - `angle_i`: where the middle of a tooth of the pinion is in its frame, from the x axis, rad.
     """
 
@@ -56,6 +56,7 @@ class RackAndPinion(AbstractMesh):
     angle_i: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
     sliding_arm: Float[Array, ""] | None = eqx.field(converter=optional_float, default=None)
     friction: AbstractFrictionModel | None = None
+    backlash: Float[Array, ""] | None = eqx.field(converter=optional_float, default=None)
 
     def __check_init__(self) -> None:
         check_mesh(self)
@@ -80,5 +81,4 @@ class RackAndPinion(AbstractMesh):
         rolled = self.base_radii * (i.phi + self.angle_i - j.phi - towards_rack)
         shifted = along * jnp.cos(self.pressure_angle) - self.base_pitch / 2
         above = off - self.module * self.teeth / 2
-        gap = self.flank * (rolled + shifted) + above * jnp.sin(self.pressure_angle)
-        return jnp.stack([self.in_pitch(-gap)])
+        return self.of_flanks(rolled + shifted, above * jnp.sin(self.pressure_angle))

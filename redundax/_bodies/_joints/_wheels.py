@@ -30,7 +30,7 @@ def in_order(rows: Sequence[str] | str) -> tuple[str, ...]:
 
 
 def check_wheel(wheel: Any, known: tuple[str, ...]) -> None:
-    """Refuse rows that a wheel does not have, no radius, and a contact that would open rows of velocity."""
+    """Refuse rows that a wheel does not have, no radius, and a contact that opens where there is none."""
     with part(f"joint '{wheel.name}'"):
         positive("radius", wheel.radius)
     if not wheel.rows or set(wheel.rows) - set(known):
@@ -38,11 +38,10 @@ def check_wheel(wheel: Any, known: tuple[str, ...]) -> None:
             f"Argument `rows` of the wheel '{wheel.name}' must hold some of {', '.join(known)}, but is {wheel.rows!r}. "
             "Name those that hold."
         )
-    if wheel.one_sided and wheel.rows != ("normal",):
+    if wheel.one_sided and "normal" not in wheel.rows:
         raise RedundaxError(
-            f"Argument `one_sided` of the wheel '{wheel.name}' must be left out where it rolls: rows of velocity do "
-            'not open with the contact. Give `rows=("normal",)` for a disc that stands without rolling rows, or leave '
-            "`one_sided` out: results warn where the contact pulls."
+            f"Argument `one_sided` of the wheel '{wheel.name}' must be left out where it has no row \"normal\", "
+            f"which is what opens, but `rows` is {wheel.rows!r}. Add that row."
         )
 
 
@@ -99,7 +98,7 @@ class Wheel(AbstractRollingRows, AbstractPointJoint):  # pyright: ignore[reportI
     - `normal`: vector of body j square to the line, to the side of the disc; it is normalised.
     - `radius`: of the disc, m.
     - `rows`: those that hold; without "along" it slips freely, without "normal" something else holds it on the line.
-    - `one_sided`: whether the disc may leave the line; for `rows=("normal",)`.
+    - `one_sided`: whether the disc may leave the line, and rolls only while it touches it.
     """
 
     vectors: ClassVar[tuple[str, ...]] = ("point_i", "point_j", "normal")

@@ -15,14 +15,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from jax.typing import ArrayLike
 
-from ..._analysis._analyze import Report, analyze
+from ..._analysis._analyze import Report
 from ..._analysis._outputs import evaluated, joint_accelerations, plain
 from ..._analysis._outputs import outputs as named_outputs
 from ..._analysis._verdict import Verdict
 from ..._closures._closure import AbstractClosure
 from ..._equations._culprits import culprits
 from ..._equations._factorisation import Factorisation
-from ..._equations._factorize import dense_at
 from ..._solve._all_solutions import start_factors
 from ..._system._export import bands_dataset
 from ..._system._names import ByName, index_of, senses, unit_of
@@ -34,13 +33,13 @@ from ..._system._units import with_unit
 from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._module import replace_fields
 from ..._tools._numbers import computed
-from ..._tools._table import figures, group, page
+from ..._tools._table import figures, group, page, text_of
 from .._at_rest import is_still
 from .._bounds import AbstractBounds, Pushing, cases_of, checked_bounds, title_of
 from .._cases import AbstractCases, Affine
 from .._family._solution_family import solutions_of
 from .._loads_at_rest._band_at_rest import bands_at_rest
-from .._pushing import Held, held
+from .._pushing import Held, analyzed
 from .._search import Search, best, few, proved_single
 from .._solution_set import SolutionSet, solution_set
 
@@ -130,7 +129,7 @@ class Bands:
         if self.stands is not None:
             lines.append(_STANDS[self.stands])
         if self.empty:
-            return "\n".join(lines if self.stands is not None else [*lines, _EMPTY])
+            return text_of(lines if self.stands is not None else [*lines, _EMPTY])
         if self.solved < 1:
             lines.append(f"NO SOLUTION for {1 - self.solved:.0%} of the cases looked at.")
         ends = [figures(end, np.stack([self.lower, self.upper])) for end in (self.lower, self.upper)]
@@ -144,10 +143,10 @@ class Bands:
         elif np.any(endless):
             lines.append("Without end: friction grows with the loads that it causes, so that joints wedge themselves.")
         if np.any((np.isinf(self.outer_lower) | np.isinf(self.outer_upper)) & ~self.exact & ~endless):
-            lines.append("Inner estimates: all within is attained; more may be, and no outer bound is known.")
+            lines.append("Inner estimates: all within is attained, more may be: no outer bound is known.")
         if self.pulling:
             lines.append(f"{changing(self.pulling)} within these bands: {in_words(self.pulling)}")
-        return "\n".join(lines)
+        return text_of(lines)
 
     def _kind(self, k: int) -> str:
         if self.exact[k]:
@@ -209,18 +208,19 @@ def band(
     - `starts`, `seed`: random initial loads for each of them, where the number of solutions is not proved.
     - `nodes`: linear programmes at most for each extreme at rest; a few times as many where sleeves, balls or plates
       rest, which can take tens of seconds.
-    - `sense`, `rank`, `factor`: as in `solve`; joints at rest that are given a sense begin to slip.
+    - `sense`, `rank`, `factor`: as in `solve`; joints at rest that are given a sense begin to slip. Contacts take
+      neither `rank` nor `factor`.
 
     **Raises:** as `solution_family`; `ValueError` where bounds or outputs do not fit the system.
     """
     check_system_at(system, state)
     bounds = checked_bounds(bounds, system)
-    if system.names.one_sided:
-        return _with_contacts(system, state, outputs, bounds, sense, nodes)
-    system, factor = dense_at(system, state, rank, factor)
-    report = analyze(system, state, sense=sense, factor=factor)
-    if report.at_rest:
-        return _at_rest(Held(system, factor, ()), state, outputs, bounds, report, sense, nodes)
+    at, report = analyzed(system, state, rank, factor, sense=sense)
+    if system.names.one_sided and system.friction and not report.at_rest and not report.problem:
+        refuse_contacts("band", system, " where joints with friction move")
+    if report.at_rest or system.names.one_sided:
+        return _at_rest(at, state, outputs, bounds, report, sense, nodes)
+    system, factor, _ = at
     solutions = solutions_of(system, state, factor, report, sense)
     wanted = _wanted(system, state, outputs, report)
     matrix, unique = wanted.matrix, wanted.unique
@@ -256,21 +256,6 @@ def band(
         sense=_sense(solutions),
     )
     return _of_outputs(system, bands, wanted.asked)
-
-
-def _with_contacts(
-    system: AbstractSystem,
-    state: State,
-    outputs: Sequence[str] | str | None,
-    bounds: AbstractBounds | AbstractClosure,
-    sense: ByName | None,
-    nodes: int,
-) -> Bands:
-    """The bands of a mechanism whose closed contacts push."""
-    report = analyze(system, state, sense=sense)
-    if system.friction and not report.at_rest and not report.problem:
-        refuse_contacts("band", system, " where joints with friction move")
-    return _at_rest(held(system, state, report), state, outputs, bounds, report, sense, nodes)
 
 
 def _at_rest(

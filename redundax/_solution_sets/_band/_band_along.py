@@ -28,6 +28,7 @@ from ..._system._state import State, states_of
 from ..._system._system import AbstractSystem, refuse_contacts
 from ..._system._units import with_unit
 from ..._tools._numbers import computed, xp
+from ..._tools._table import text_of
 from .._bounds import AbstractBounds
 from ._band import Bands, band
 
@@ -179,11 +180,11 @@ class BandPath:
         size = max(len(word) for word, _ in runs)
         shown = max(1, _LINES // (len(runs) + 1))
         for k, (name, unit) in enumerate(list(zip(self.names, self.units, strict=True))[:shown]):
-            lines.append(f"{with_unit(name, unit):{size + 26}}{'least':>14}{'largest':>14}")
+            lines.append(f"{with_unit(name, unit):{size + 22}}{'least':>13}{'largest':>13}")
             lines += [self._line(k, word.ljust(size), run) for word, run in runs]
         if len(self.names) > shown:
             lines.append(f"{len(self.names) - shown} more: {', '.join(self.names[shown:])}")
-        return "\n".join(lines)
+        return text_of(lines)
 
     def _flags(self) -> list[str]:
         """What has no band, by time."""
@@ -204,9 +205,9 @@ class BandPath:
         t, lower, upper = self.t[run], self.lower[run, k], self.upper[run, k]
         span = f"t = {t[0]:.6g}" + (f" to {t[-1]:.6g}" if len(t) > 1 else "")
         if np.isnan(lower).all():
-            return f"  {word}  {span:22}{'none':>14}"
-        proved = "exact" if self.exact[run, k][~np.isnan(lower)].all() else "inner estimate"
-        return f"  {word}  {span:22}{np.nanmin(lower):14.6g}{np.nanmax(upper):14.6g}  {proved}"
+            return f"  {word}  {span:18}{'none':>13}"
+        proved = "exact" if self.exact[run, k][~np.isnan(lower)].all() else "inner"
+        return f"  {word}  {span:18}{np.nanmin(lower):13.6g}{np.nanmax(upper):13.6g}  {proved}"
 
 
 def _moving(system: AbstractSystem, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

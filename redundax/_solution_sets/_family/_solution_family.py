@@ -13,28 +13,28 @@ solutions to branches.
 import dataclasses
 import math
 from collections.abc import Callable, Iterable, Sequence
-from textwrap import wrap
 from typing import Any, NamedTuple
 
 import numpy as np
 from jax.typing import ArrayLike
 
-from ..._analysis._analyze import Report, analyze
 from ..._analysis._outputs import plain, sizes
+from ..._analysis._report import Report
 from ..._closures._closure import AbstractClosure, MinimumNorm, check_closure, elasticity
 from ..._equations._culprits import culprits
 from ..._equations._factorisation import Factorisation
-from ..._equations._factorize import dense_at
 from ..._solve._all_solutions import SEARCH_STARTS, start_factors
 from ..._system._names import ByName, index_of, senses, unit_of
 from ..._system._results import RESULTS
 from ..._system._state import State
-from ..._system._system import AbstractSystem, refuse_contacts
+from ..._system._system import AbstractSystem, check_system_at
 from ..._system._units import with_unit
 from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._module import Numbers, as_float, replace_fields
 from ..._tools._numbers import computed
+from ..._tools._table import text_of
 from .._bounds import check_definite
+from .._pushing import analyzed, pulling_rows
 from .._solution_set import SolutionSet, solution_set
 from ._branches import Branches, trace
 from ._preload import in_words, preload
@@ -139,12 +139,11 @@ class SolutionFamily:
             f"{name}, a {kinds[name]}, from {axis[0]:.4g} to {axis[-1]:.4g} {unit}".rstrip()
             for name, axis, unit in zip(self.along, self.axes, self._amounts, strict=True)
         )
-        lines = wrap(f"Along the self-stress of {where} about {self.about}:" if where else "No self-stress:", 96)
-        lines += wrap(self.assumption, 96)
-        lines.append(self._counted())
+        lines = [f"Along the self-stress of {where} about {self.about}:" if where else "No self-stress:"]
+        lines += [*([self.assumption] if self.assumption else []), self._counted()]
         if len(self.z):
             lines += self._table()
-        return "\n".join(lines)
+        return text_of(lines)
 
     def _counted(self) -> str:
         numbers, places = np.unique(self.count, return_counts=True)
@@ -160,16 +159,17 @@ class SolutionFamily:
         return text + (f"; lost at {self.lost} places" if self.lost else "")
 
     def _table(self) -> list[str]:
-        wide = max(len(name) for name in self.names) + 2
+        labels = [with_unit(name, unit) for name, unit in zip(self.names, self.units, strict=True)]
+        wide = max(map(len, labels)) + 2
         middle = int(np.argmin(np.linalg.norm(self.z, axis=1)))
-        lines = [f"{'':{wide}}{'nearest 0':>14}{'least':>14}{'largest':>14}"]
+        lines = [f"{'':{wide}}{'nearest 0':>13}{'least':>13}{'largest':>13}"]
         least, largest = self.values.min(axis=0), self.values.max(axis=0)
-        for k, (name, size) in enumerate(zip(self.names, self.sizes, strict=True)):
+        for k, (label, size) in enumerate(zip(labels, self.sizes, strict=True)):
             same = largest[k] - least[k] <= 1e-9 * size
             word = "no value" if np.isnan(least[k]) else "the same" if same else "varies"
             figures = (self.values[middle, k], least[k], largest[k])
-            row = "".join(f"{0.0 if abs(x) <= 1e-12 * size else x:14.6g}" for x in figures)
-            lines.append(f"{name:{wide}}{row}  {word:8}  {with_unit(self.kinds[k], self.units[k])}")
+            row = "".join(f"{0.0 if abs(x) <= 1e-12 * size else x:13.6g}" for x in figures)
+            lines.append(f"{label:{wide}}{row}  {word:8}  {self.kinds[k].removeprefix('friction ')}")
         return lines
 
 
@@ -215,14 +215,18 @@ def solution_family(
     - `sense`, `rank`, `factor`: as in `solve`.
     - `watch`: passes the steps of the work on, one by one, and may tell how far it is.
 
+    One-sided contacts are those that are closed and do not lift in the closure's solution; what is left are the
+    solutions in which they push. Others, in which some of them lift, are not looked for.
+
     **Raises:** `RuntimeError` where the equations cannot be trusted at all, whatever the friction, or a joint is at
     rest, as `solve` does; `ValueError` for arguments that do not fit the system.
     """
-    refuse_contacts("solution_family", system)
+    check_system_at(system, state)
     check_closure(closure)
-    system, factor = dense_at(system, state, rank, factor)
-    report = analyze(system, state, closure=closure, sense=sense, factor=factor)
-    known = _Known(system, state, factor, report, closure, solutions_of(system, state, factor, report, sense, closure))
+    (system, factor, pushing), report = analyzed(system, state, rank, factor, closure=closure, sense=sense)
+    solutions = solutions_of(system, state, factor, report, sense, closure)
+    solutions = replace_fields(solutions, pushing=pushing)
+    known = _Known(system, state, factor, report, closure, solutions)
     return _family(known, _chosen(report, along), _Search(z, samples, starts, seed, watch))
 
 
@@ -283,7 +287,7 @@ def _family(known: _Known, chosen: list[int], search: _Search) -> SolutionFamily
     factors = start_factors(solutions.rows.size, 0 if proved else starts, search.seed)
     branches = trace(solutions, axes, factors, proved, search.watch)
     names, kinds = system.names.unknowns.labels, system.names.unknowns.kinds
-    values = _values(solutions, branches)
+    branches, values = _that_push(solutions, axes, branches, _values(solutions, branches))
     return SolutionFamily(
         along=tuple(report.pivots[state] for state in chosen),
         stress=stress,
@@ -367,6 +371,21 @@ def _axes(stress: np.ndarray, z: Numbers | Sequence[Numbers]) -> tuple[np.ndarra
             "Sort them, and drop those that occur twice."
         )
     return out
+
+
+def _that_push(
+    solutions: SolutionSet, axes: tuple[np.ndarray, ...], branches: Branches, values: np.ndarray
+) -> tuple[Branches, np.ndarray]:
+    """The solutions in which no contact pulls, and their values."""
+    n = solutions.response.free.acceleration.size
+    pulls = pulling_rows(values[:, n : n + len(solutions.stress)], solutions.pushing).any(axis=1)
+    if not pulls.any():
+        return branches, values
+    count = branches.count.copy()
+    for z in branches.z[pulls & ~branches.fold]:
+        count[tuple(int(np.argmin(np.abs(axis - own))) for axis, own in zip(axes, z, strict=True))] -= 1
+    z, tau, branch, fold = (x[~pulls] for x in (branches.z, branches.tau, branches.branch, branches.fold))
+    return Branches(count, z, tau, np.unique(branch, return_inverse=True)[1], fold, branches.lost), values[~pulls]
 
 
 def _values(solutions: SolutionSet, branches: Branches) -> np.ndarray:

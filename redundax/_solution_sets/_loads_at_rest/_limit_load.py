@@ -15,11 +15,9 @@ import equinox as eqx
 import numpy as np
 from jax.typing import ArrayLike
 
-from ..._analysis._analyze import analyze
 from ..._analysis._outputs import plain
 from ..._closures._closure import AbstractClosure, Elasticity, MinimumNorm, elasticity
 from ..._equations._factorisation import Factorisation
-from ..._equations._factorize import dense_at
 from ..._equations._response import Response
 from ..._system._names import ByName, unit_of, vector
 from ..._system._pushing import changing, in_words, pulling
@@ -28,10 +26,11 @@ from ..._system._system import AbstractSystem, check_system_at
 from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._module import replace_fields
 from ..._tools._numbers import Numeric, as_numbers, computed, xp
+from ..._tools._table import text_of
 from .._at_rest import NONE, ReducedForce, drive, velocity_basis
 from .._bounds import AbstractBounds, cases_of, checked_bounds, title_of
 from .._cases import AbstractCases
-from .._pushing import held
+from .._pushing import analyzed
 from .._solution_set import SolutionSet, solution_set
 from ._extreme import Extreme, LoadsAtRest
 from ._friction_limits import sizes_of
@@ -111,7 +110,7 @@ class LimitLoad:
         lines = [f"Added load of amount 1: {load}", self.title]
         if np.isnan(self.lower) and np.isnan(self.upper):
             none = f"Stands with no amount from {self.looked[0]:.4g} to {self.looked[1]:.4g} found."
-            return "\n".join([*lines, none])
+            return text_of([*lines, none])
         choice = "Can stand, in the most favourable case," if np.ptp(self.box, axis=-1).any() else "Stands"
         lines.append(f"{choice} with amounts from {self.lower:.6g} to {self.upper:.6g}")
         ends = (self.lower, self.outer_lower, "below"), (self.upper, self.outer_upper, "above")
@@ -131,7 +130,7 @@ class LimitLoad:
             lines.append(f"{side}: {'; '.join(told)} ({proof})")
         if self.pulling:
             lines.append(f"{changing(self.pulling)} at an end: {in_words(self.pulling)}")
-        return "\n".join(lines)
+        return text_of(lines)
 
 
 @computed
@@ -174,12 +173,7 @@ def limit_load(
     check_system_at(system, state)
     bounds = checked_bounds(bounds, system, _MINIMUM_NORM)
     state, names = replace_fields(state, memory=()), system.names
-    if names.one_sided:
-        report = analyze(system, state)
-        system, factor, pushing = held(system, state, report)
-    else:
-        system, factor = dense_at(system, state, rank, factor)
-        report, pushing = analyze(system, state, factor=factor), ()
+    (system, factor, pushing), report = analyzed(system, state, rank, factor)
     if report.problem:
         raise NoSolutionError(report.problem)
     if not isinstance(load, Mapping) and np.ndim(load) != 1:

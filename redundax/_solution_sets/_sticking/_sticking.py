@@ -26,16 +26,16 @@ from ..._analysis._analyze import analyze
 from ..._analysis._report import Report
 from ..._closures._closure import AbstractClosure, MinimumNorm
 from ..._equations._factorisation import Factorisation
-from ..._equations._factorize import dense_at
 from ..._solve._all_solutions import start_factors
 from ..._system._state import State
-from ..._system._system import AbstractSystem, check_system_at, refuse_contacts
+from ..._system._system import AbstractSystem, check_system_at
 from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._module import replace_fields
 from ..._tools._numbers import computed
 from .._at_rest import LIMIT, Ends, ReducedForce, drive
 from .._bounds import AbstractBounds, cases_of, check_bounds, title_of
 from .._loads_at_rest._wedged import wedged
+from .._pushing import held, pulling_rows
 from .._search import Search, proved_single
 from .._solution_set import solution_set
 from ._joint_verdicts import joint_verdicts
@@ -79,14 +79,16 @@ def sticking(
     - `starts`, `seed`: random initial loads for each of them, where the number of solutions is not proved.
     - `rank`, `factor`: as in `solve`.
 
+    One-sided contacts that are closed are held; where one would pull in a case it lifts, and an error tells which. Over
+    bounds nothing is proved then.
+
     **Raises:** `ValueError` where the state moves, drivers set it in motion, the system has no degree of freedom, or
     bounds do not fit it; `RuntimeError` where the equations cannot be trusted, as `solve` does.
     """
-    refuse_contacts("sticking", system)
     check_bounds(bounds)
     check_system_at(system, state)
     state = replace_fields(state, memory=())  # bristles that bend let it move, so they do not count
-    system, factor = dense_at(system, state, rank, factor)
+    system, factor, pushing = held(system, state, rank, factor)
     start = drive(system, state, factor)
     report = analyze(system, state, sense=start.sense, factor=factor)
     if report.problem:
@@ -103,15 +105,20 @@ def sticking(
     many = ManyFreedoms(search, start, len(theta), reads=not fixed)
     ends = many.ends(theta, seed)
     ends = ends if single else _with_wedged(ends, system, state, factor, bounds, report)
+    _check_pushes(ends, pushing, report)
     verdict = _verdict(ends)
     known = fixed and ends.solved == 1 and one_start(start, many.gamma)  # the one state that was found is all
     if report.freedom == 1 and not known:
         known = verdict != "undecided" and (
             start.none or (single and _proved_of_one(verdict, search, start, fixed=fixed))
         )
-    proved = known or many.proves(verdict)
-    blocked = np.logical_not(start.slips.any(axis=1))
-    joints = joint_verdicts(ends, blocked, lambda verdict, joint: known or many.proves(verdict, joint))
+    may_pull = bool(pushing) and not isinstance(bounds, AbstractClosure)  # in cases that nobody looked at
+
+    def proves(verdict: str, joint: int | None = None) -> bool:
+        return not may_pull and (known or many.proves(verdict, joint))
+
+    proved, blocked = proves(verdict), np.logical_not(start.slips.any(axis=1))
+    joints = joint_verdicts(ends, blocked, proves)
     order = [np.argmin(ends.margin), np.argmax(ends.margin)] if len(ends.margin) else []
     return Sticking(
         verdict=verdict,
@@ -134,6 +141,17 @@ def sticking(
         can_hold=any(group.has_sense for group in system.friction),
         solved=ends.solved,
     )
+
+
+def _check_pushes(ends: Ends, pushing: tuple[int, ...], report: Report) -> None:
+    """Refuse states in which a contact would pull: there it lifts, and the mechanism is another."""
+    pulls = np.ravel(pulling_rows(ends.multipliers, pushing).any(axis=0))
+    if pulls.any():
+        rows = ", ".join(report.rows[row] for row, own in zip(pushing, pulls, strict=True) if own)
+        raise NoSolutionError(
+            f"Contacts would pull in {rows} in a case that was found: they lift, which `sticking` does not follow. "
+            "`limit_load` tells how much load they bear until they lift, and `solve` how they do."
+        )
 
 
 def _verdict(ends: Ends) -> str:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..._analysis._outputs import plain
+from ..._tools._table import text_of
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,7 +84,7 @@ class Sticking:
         for what, k in (("least", 0), ("largest", 1)):
             if len(self.margin) and not (k and self.margin[0] == self.margin[1]):
                 lines += self._end(what if self.parameters else "", k)
-        return "\n".join([*lines, *self._joints()])
+        return text_of([*lines, *self._joints()])
 
     def _joints(self) -> list[str]:
         """What is known of the slips, in words."""

@@ -65,7 +65,7 @@ class Wheel(AbstractRollingRows, AbstractOnPlane):  # pyright: ignore[reportInco
       "along" it does where it rolls to, and without "normal" something else holds it on the plane.
     - `on_i`, `on_j`: in place of the global figures the `Placement` on each body: centre and axle, a point of the plane
       and its normal.
-    - `one_sided`: whether the disc may leave the plane; for `rows=("normal",)`.
+    - `one_sided`: whether the disc may leave the plane, and rolls only while it touches it.
     """
 
     radius: Float[Array, ""]
