@@ -36,6 +36,7 @@ from .._equations._response import AbstractFactorisation, AbstractPick, Response
 from .._equations._scaling import Scaling
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._module import replace_fields
 from .._tools._numbers import are_numbers, cholesky, solve_triangular, stop_gradient, xp
 from .._tools._value import AbstractModule
 from ._held_sparse import SparseHeld, SparseHeldFactorisation, factorize_sparse, hold_sparse
@@ -59,6 +60,10 @@ class Held(AbstractModule):
     def projector(self) -> Float[Array, "m m"]:
         """N0 N0^T."""
         return self.basis if _is_projector(self.basis) else self.basis @ self.basis.T
+
+    def renewed_by(self, found: "Held") -> "Held":
+        """With the basis found without derivatives; those of the mass stay."""
+        return replace_fields(self, basis=found.basis)
 
 
 class HeldPick(AbstractPick):

@@ -375,7 +375,7 @@ def _watched(equations: Equations, now: Carried, found: Any, inner: Any) -> tupl
         if along is not None:
             along = equations.turned(found.rate, along, jnp.zeros((), bool))
     largest = jnp.maximum(now.largest, sight.pivot)
-    parts = {"inner": inner, "mode": mode, "held": sight.held, "along": along, "watch": watch}
+    parts = {"inner": inner, "mode": mode, "held": now.held.renewed_by(sight.held), "along": along, "watch": watch}
     return sight, now._replace(**parts, pivot=sight.pivot, largest=largest), jump
 
 
