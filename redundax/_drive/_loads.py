@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._closures._closure import AbstractClosure
-from .._equations._kinematics import along_motion, constraint_rate, slip_motion
+from .._equations._kinematics import along_motion, constraint_motion, slip_motion
 from .._equations._scaling import Scaling
 from .._solvers._friction_problem import FrictionProblem, Law
 from .._solvers._iterate import Progress
@@ -85,7 +85,7 @@ def moving(system: AbstractSystem, scale: Scaling, q: Array, t: Array, beside: F
     held, zero = _held(system, scale, q, t), jnp.zeros(len(system.coordinates), q.dtype)
 
     def rates(t: Array) -> tuple[Array, Array]:
-        prescribed = -constraint_rate(system, State(q, zero, t))
+        prescribed = -constraint_motion(system, State(q, zero, t))[1]
         return scale.coordinates * held.least_squares(prescribed / scale.rows), prescribed
 
     qds, prescribed = jax.vmap(rates)(jnp.concatenate([t[None], beside]))

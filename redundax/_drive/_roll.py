@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .._equations._kinematics import constraint_rate
+from .._equations._kinematics import constraint_motion
 from .._equations._scaling import Scaling
 from .._system._state import State
 from .._system._system import AbstractSystem
@@ -32,7 +32,7 @@ def velocity_of(
     """S^-1 v of all rows by least squares, and whether it meets them. Normal equations, refined once."""
     matrix = system.jacobian(q, t) * scale.coordinates / scale.rows[:, None]
     still = State(q, jnp.zeros(len(system.coordinates), q.dtype), t)
-    right = -constraint_rate(system, still) / scale.rows
+    right = -constraint_motion(system, still)[1] / scale.rows
     factor = jnp.linalg.cholesky(matrix.T @ matrix), True
     first = jax.scipy.linalg.cho_solve(factor, matrix.T @ right)
     found = first + jax.scipy.linalg.cho_solve(factor, matrix.T @ (right - matrix @ first))

@@ -62,8 +62,8 @@ def along_motion(system: AbstractSystem, state: State) -> AlongMotion:
     return _along(system, state, state.qd, jnp.ones_like(state.t))
 
 
-def constraint_rate(system: AbstractSystem, state: State) -> Float[Array, " m"]:
-    """Phi_q qd + Phi_t."""
+def constraint_motion(system: AbstractSystem, state: State) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
+    """Phi, and Phi_q qd + Phi_t."""
     zero, one = jnp.zeros_like(state.t), jnp.ones_like(state.t)
     path = system.path(state.q, state.qd)
 
@@ -71,10 +71,12 @@ def constraint_rate(system: AbstractSystem, state: State) -> Float[Array, " m"]:
         return system.constraint(system.retract(state.q, s * state.qd), state.t + s)
 
     if path is not None:
-        rate = jax.jvp(system.constraint_at, (path.poses, state.t), (path.rate, one))[1]
+        phi, rate = jax.jvp(system.constraint_at, (path.poses, state.t), (path.rate, one))
     else:
-        rate = jax.jvp(value, (zero,), (one,))[1]
-    return rate + system.velocity_constraint(state.q, state.qd, state.t) if system.velocity_rows else rate
+        phi, rate = jax.jvp(value, (zero,), (one,))
+    if system.velocity_rows:
+        rate = rate + system.velocity_constraint(state.q, state.qd, state.t)
+    return phi, rate
 
 
 def prescribed_rate(system: AbstractSystem, q: Array, t: Array) -> Float[Array, " m"]:

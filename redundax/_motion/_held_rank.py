@@ -30,12 +30,14 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from .._equations._kinematics import AlongMotion, along_motion
+from .._equations._kinematics import AlongMotion, along_motion, model_at
 from .._equations._rank import split
 from .._equations._response import AbstractFactorisation, AbstractPick, Response, times, total
 from .._equations._scaling import Scaling
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._module import replace_fields
+from .._tools._numbers import are_numbers, cholesky, solve_triangular, stop_gradient, xp
 from .._tools._value import AbstractModule
 from ._held_sparse import SparseHeld, SparseHeldFactorisation, factorize_sparse, hold_sparse
 
@@ -58,6 +60,10 @@ class Held(AbstractModule):
     def projector(self) -> Float[Array, "m m"]:
         """N0 N0^T."""
         return self.basis if _is_projector(self.basis) else self.basis @ self.basis.T
+
+    def renewed_by(self, found: "Held") -> "Held":
+        """With the basis found without derivatives; those of the mass stay."""
+        return replace_fields(self, basis=found.basis)
 
 
 class HeldPick(AbstractPick):
@@ -152,7 +158,7 @@ def factorize_held(system: AbstractSystem, state: State, held: AnyHeld) -> AnyHe
         mass = system.mass(state.q, state.t)
         inverse_mass = _inverse(mass + rows.T @ rows if held.singular else mass)
     response = _times(inverse_mass, rows.T)
-    factor = jnp.linalg.cholesky(rows @ response + held.projector, symmetrize_input=False)
+    factor = cholesky(rows @ response + held.projector)
     stress = _solved(factor, held.basis)
     return HeldFactorisation(held, rows, along_motion(system, state), inverse_mass, response, factor, stress)
 
@@ -168,8 +174,7 @@ def _solved(factor: Array, right: Array) -> Array:
 
 def _whitening(matrix: Array) -> Array:
     """The inverse of the lower Cholesky factor: two LAPACK calls, which a batch pays for one by one."""
-    factor = jnp.linalg.cholesky(matrix, symmetrize_input=False)
-    return jax.scipy.linalg.solve_triangular(factor, jnp.eye(matrix.shape[0], dtype=matrix.dtype), lower=True)
+    return solve_triangular(cholesky(matrix), xp.eye(matrix.shape[0], dtype=matrix.dtype), lower=True)
 
 
 def _times(inverse_mass: Array, force: Float[Array, "n p"]) -> Float[Array, "n p"]:
@@ -189,10 +194,10 @@ def _root(spanned: Array, basis: Array, compliance: Array | None) -> Float[Array
     inside = spanned.T @ (spanned if compliance is None else compliance @ spanned)
     if not _is_projector(basis):
         return spanned @ _whitening(inside).T
-    size = jnp.trace(inside) / (2 * jnp.maximum(jnp.trace(basis), 1.0))
-    size = jnp.where(size > 0, size, 1.0)
-    kept = jnp.eye(inside.shape[0], dtype=inside.dtype) - basis
-    return spanned @ _whitening(inside / size + kept).T / jnp.sqrt(size)
+    size = xp.trace(inside) / (2 * xp.maximum(xp.trace(basis), 1.0))
+    size = xp.where(size > 0, size, 1.0)
+    kept = xp.eye(inside.shape[0], dtype=inside.dtype) - basis
+    return spanned @ _whitening(inside / size + kept).T / xp.sqrt(size)
 
 
 def _orthonormal(spanned: Array, basis: Array) -> Float[Array, "m k"]:
@@ -204,7 +209,7 @@ def _orthonormal(spanned: Array, basis: Array) -> Float[Array, "m k"]:
 def _basis_of(projector: Float[Array, "m m"], redundancy: int | None) -> Float[Array, "m k"]:
     """An orthonormal basis of so many columns, or the projector itself."""
     m = len(projector)
-    return projector if redundancy is None or redundancy == m else jnp.linalg.eigh(projector)[1][:, m - redundancy :]
+    return projector if redundancy is None or redundancy == m else xp.linalg.eigh(projector)[1][:, m - redundancy :]
 
 
 def hold(
@@ -221,9 +226,9 @@ def hold(
     if system.plan is not None:
         return hold_sparse(system, state, rank)
     matrix = system.jacobian(state.q, state.t)
-    position = jnp.max(jnp.abs(system.constraint(state.q, state.t)) / scale.rows) / scale.size
+    position = xp.max(xp.abs(system.constraint(state.q, state.t)) / scale.rows) / scale.size
     parts, spectrum = split(matrix * scale.coordinates / scale.rows[:, None], position, rank)
-    found = jnp.sum(spectrum.singular_values > spectrum.tolerance)
+    found = xp.sum(spectrum.singular_values > spectrum.tolerance)
     return held_by(system, state, scale, parts.stress, redundancy, singular=singular), found
 
 
@@ -238,18 +243,21 @@ def held_by(
 ) -> Held:
     """Hold the rank that the projector onto the self-stress of the scaled rows has; the rest as in `hold`."""
     basis = _basis_of(stress, redundancy)
-    matrix, mass = system.jacobian(state.q, state.t), system.mass(state.q, state.t)
+    if are_numbers(state):
+        matrix, mass, *_ = model_at(system.without_friction, state)
+    else:
+        matrix, mass = system.jacobian(state.q, state.t), system.mass(state.q, state.t)
     if singular:  # rows as heavy as M, so that M + B^T B is well conditioned
-        heavy = jnp.trace(mass) / mass.shape[0] / jnp.mean(jnp.sum(matrix**2, axis=1))
+        heavy = xp.trace(mass) / mass.shape[0] / xp.mean(xp.sum(matrix**2, axis=1))
         mass = mass + heavy * matrix.T @ matrix
     if system.diagonal_mass and not singular:
-        own = jnp.diagonal(mass)
-        inverse_mass = 1 / jnp.where(own > 0, own, jnp.nan)
+        own = xp.diagonal(mass)
+        inverse_mass = 1 / xp.where(own > 0, own, xp.nan)
     else:
-        inverse_mass = _inverse(mass + 0.0 * jnp.sum(basis))  # two LAPACK calls side by side can hang
-    row_scale = jnp.sqrt(jnp.sum(matrix.T * _times(inverse_mass, matrix.T), axis=0))
-    row_scale = jnp.where(row_scale > 0, row_scale, 1.0)
+        inverse_mass = _inverse(mass + 0.0 * xp.sum(basis))  # two LAPACK calls side by side can hang
+    row_scale = xp.sqrt(xp.sum(matrix.T * _times(inverse_mass, matrix.T), axis=0))
+    row_scale = xp.where(row_scale > 0, row_scale, 1.0)
     basis = _orthonormal((row_scale / scale.rows)[:, None] * basis, basis)
-    held = jax.lax.stop_gradient((basis, row_scale))
+    held = stop_gradient((basis, row_scale))
     constant = system.constant_mass and not singular
     return Held(*held, inverse_mass if constant else None, singular)

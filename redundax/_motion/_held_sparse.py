@@ -19,6 +19,7 @@ from .._sparse._plan import Plan
 from .._sparse._rows import Rows
 from .._system._state import State
 from .._system._system import AbstractSystem
+from .._tools._module import replace_fields
 from .._tools._value import AbstractModule
 
 _LEFT = 0.1  # of the least pivot
@@ -38,6 +39,10 @@ class SparseHeld(AbstractModule):
     inverse_mass: Float[Array, "bodies s s"]
     mass: Float[Array, "bodies s s"] | None
     least: Float[Array, ""]
+
+    def renewed_by(self, found: "SparseHeld") -> "SparseHeld":
+        """With the rows found without derivatives; those of the mass stay."""
+        return replace_fields(self, kept=found.kept, least=found.least)
 
 
 class SparseHeldFactorisation(AbstractFactorisation[Array]):

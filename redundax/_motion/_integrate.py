@@ -1,16 +1,15 @@
-"""The compiled part of `simulate`: the start, the phases of the motion, and what is given at the times asked for."""
-
-from functools import partial
-from typing import Any
+"""A motion: its start, its phases, and what is given at the times asked for."""
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .._closures._closure import AbstractClosure, elasticity
 from .._equations._factorize import AnyFactorisation
+from .._equations._kinematics import slip_motion
 from .._equations._sparse_factorisation import SparseFactorisation
 from .._solve._solve import solve_factorised
 from .._solvers._continuation import Continuation
@@ -18,83 +17,91 @@ from .._solvers._mixing import Mixing
 from .._solvers._solver import Newton, of_large
 from .._system._directions import directions_of
 from .._system._friction import have_sense, memories
-from .._system._results import RESULTS, first_failure
+from .._system._results import RESULTS, chosen, differs, first_failure
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
+from .._tools._module import replace_fields
 from .._tools._no_answer import cut_where, nan_where, spoiled_where
-from .._tools._numbers import stop_gradient
+from .._tools._numbers import are_numbers, as_numbers, as_program, on_numbers, stop_gradient, xp
 from .._tools._value import AbstractModule
 from ._held_rank import AnyHeld, held_by, hold
 from ._held_sparse import hold_sparse
 from ._moving import Equations, Moving, rechart
-from ._phases import Options, PhaseState, like, run
+from ._phases import Options, PhaseState, like, run, stretch
 from ._project import project
+from ._slip import no_plan
 from ._stabilisation import AbstractStabilisation
-from ._stepper import at_start, size_of
+from ._stepper import Controller, at_start
 from ._stick import Mode, next_mode
 from ._times import in_order, within
 from ._trajectory import Trajectory, TrajectoryStats
 
 
-def has_plan(system: AbstractSystem, *_: Any, **__: Any) -> bool:
-    """Whether matrices are sparse."""
-    return system.plan is not None
+class Course(AbstractModule):
+    """What a motion runs through, and how it is integrated.
+
+    - `t1`, `ts`: its end, and the times asked for.
+    - `rtol`, `dt0`, `max_steps`, `max_phases`, `solver`, `stabilisation`, `adjoint`: as of `simulate`.
+    - `redundancy`: how many rows are redundant at the start, None where that is a traced number.
+    - `singular`: whether the mass matrix may be singular.
+    """
+
+    t1: Float[Array, ""]
+    ts: Float[Array, " times"]
+    rtol: Float[Array, ""] | None
+    dt0: Float[Array, ""] | None
+    solver: diffrax.AbstractSolver
+    stabilisation: AbstractStabilisation
+    adjoint: diffrax.AbstractAdjoint
+    meter: diffrax.AbstractProgressMeter
+    max_steps: int = eqx.field(static=True)
+    max_phases: int = eqx.field(static=True)
+    redundancy: int | None = eqx.field(static=True)
+    singular: bool = eqx.field(static=True)
 
 
-@partial(compiled, runs_long=True, is_large=has_plan)
-def integrate(
-    system: AbstractSystem,
-    state: State,
-    factor: AnyFactorisation,
-    t1: Array,
-    ts: Float[Array, " times"],
-    closure: AbstractClosure,
-    solver: diffrax.AbstractSolver,
-    stabilisation: AbstractStabilisation,
-    rtol: Array | None,
-    dt0: Array | None,
-    max_steps: int,
-    max_phases: int,
-    adjoint: diffrax.AbstractAdjoint,
-    meter: diffrax.AbstractProgressMeter,
-    *,
-    redundancy: int | None,
-    singular: bool,
+def _integrate(
+    system: AbstractSystem, state: State, factor: AnyFactorisation, closure: AbstractClosure, course: Course
 ) -> Trajectory:
-    """The motion, given the factorisation at the start; `redundancy` is how many rows are redundant there, None where
-    that is a traced number, and `singular` says whether M may be."""
-    ordered, given = in_order(state.t, t1, ts), ts
-    t1, ts = (jnp.where(ordered, t, state.t) for t in (t1, within(state.t, t1, ts)))
-    state = eqx.tree_at(lambda state: state.q, state, jnp.where(ordered, state.q, jnp.nan))
-    rank = factor.spectrum.rank
+    given, rank = course.ts, factor.spectrum.rank
+    ordered = xp.asarray(in_order(state.t, course.t1, given))
+    t1, ts = (xp.where(ordered, t, state.t) for t in (course.t1, within(state.t, course.t1, given)))
+    state = replace_fields(state, q=xp.where(ordered, state.q, xp.nan))
     if isinstance(factor, SparseFactorisation):
         held, _ = hold_sparse(system, state, rank)
     else:
-        held = held_by(system, state, factor.scaling, factor.split.stress, redundancy, singular=singular)
-    equations = _equations(system, state, factor, closure, stabilisation, t1)
-    first = 0.01 * factor.scaling.size / equations.speed if dt0 is None else dt0
-    tolerance = jnp.asarray(1e-8, first.dtype) if rtol is None else rtol
+        held = held_by(system, state, factor.scaling, factor.split.stress, course.redundancy, singular=course.singular)
+    equations = _equations(system, state, factor, closure, course.stabilisation, t1)
+    first = 0.01 * factor.scaling.size / equations.speed if course.dt0 is None else course.dt0
+    tolerance = xp.asarray(1e-8, first.dtype) if course.rtol is None else course.rtol
     options = Options(
-        solver, rtol is None, _controller(rtol, first), adjoint, meter, max_steps, tolerance, first, t1, ts
+        course.solver,
+        course.rtol is None,
+        Controller(_controller(course.rtol, first), first, t1),  # pyright: ignore[reportCallIssue] (properties there)
+        course.adjoint,
+        course.meter,
+        course.max_steps,
+        tolerance,
+        ts,
     )
-    begin = _start(equations, state, factor, held)
-    result = RESULTS.where(ordered, begin.result, RESULTS.times_out_of_order)
-    begin = eqx.tree_at(lambda begin: begin.result, begin, result)
-    before = _before(begin, _moving(equations, state), state.t, held, ts)
-    lost = begin.result != RESULTS.successful
+    before = _before(equations, state, held, ts)
+    result, mode = _start(equations, state, factor, before, options)
+    result = chosen(ordered, result, RESULTS.times_out_of_order)
+    lost = differs(result, RESULTS.successful)
+    y = before.y._replace(qd=xp.where(mode.resting, 0.0, state.qd))
+    before = before._replace(y=y, mode=mode, plan=no_plan(mode), going=~lost & mode.decided)
     before, equations, options = cut_where(lost, (before, equations, options))
-    done = run(before, equations, options, max_phases)
-    solved, found = _solved(equations, done, options.ts, rank, redundancy, singular)
+    done = run(before, equations, options, course.max_phases)
+    solved, found = _solved(equations, done, options.ts, rank, course.redundancy, course.singular)
     solved = spoiled_where(lost, solved, (system, state, closure, t1, ts))
-    ended = _ended(done, found == rank)
-    ended = RESULTS.where(begin.result == RESULTS.successful, ended, begin.result)
+    ended = chosen(lost, result, _ended(done, found == rank))
     q, qd, acceleration, multipliers, friction, sense, memory = solved
     if isinstance(factor, SparseFactorisation):  # gradients that close it may not settle
         open_ = jnp.isfinite(acceleration).all(axis=1) & ~jnp.isfinite(multipliers).all(axis=1) & ~done.rests
         ended = RESULTS.where((ended == RESULTS.successful) & jnp.any(open_), RESULTS.ambiguous_closure, ended)
     return Trajectory(
-        jnp.where(ordered, ts, given),
+        xp.where(ordered, ts, given),
         q,
         qd,
         acceleration,
@@ -107,11 +114,19 @@ def integrate(
     )
 
 
-class _Start(AbstractModule):
-    """How the motion starts."""
+_dense, _forward = on_numbers(_integrate), on_numbers(_integrate, is_long=True)
+_large = compiled(_integrate, runs_long=True, is_large=lambda *_: True)
 
-    result: RESULTS
-    onward: Mode
+
+def integrate(
+    system: AbstractSystem, state: State, factor: AnyFactorisation, closure: AbstractClosure, course: Course
+) -> Trajectory:
+    """The motion, given the factorisation at the start."""
+    if system.plan is not None:
+        return _large(system, state, factor, closure, course)
+    # JAX takes options of compiling for no program that is cut for reverse mode.
+    forward = isinstance(course.adjoint, diffrax.ForwardMode)
+    return (_forward if forward else _dense)(system, state, factor, closure, course)
 
 
 def _equations(
@@ -123,84 +138,93 @@ def _equations(
     t1: Array,
 ) -> Equations:
     scale = factor.scaling
-    reach = jnp.max(jnp.abs(factor.acceleration) / scale.coordinates)
-    speed = jnp.max(jnp.abs(state.qd) / scale.coordinates) + jnp.sqrt(reach * scale.size)
-    slow = scale.size / jnp.where(t1 > state.t, t1 - state.t, 1.0)
-    speed = jax.lax.stop_gradient(jnp.where(speed > 0, speed, slow))
-    angular = jnp.asarray(system.slips.angular)
+    reach = xp.max(xp.abs(factor.acceleration) / scale.coordinates)
+    speed = xp.max(xp.abs(state.qd) / scale.coordinates) + xp.sqrt(reach * scale.size)
+    slow = scale.size / xp.where(t1 > state.t, t1 - state.t, 1.0)
+    angular = np.asarray(system.slips.angular)
     return Equations(
         system,
         closure,
         Newton() if system.plan is None else of_large(Mixing(first=1.0)),
         stabilisation,
-        jnp.ones(angular.size, state.qd.dtype),
+        xp.ones_like(scale.length, shape=angular.size),
         scale,
-        speed,
-        jnp.where(angular, scale.length, 1.0),
+        stop_gradient(xp.where(speed > 0, speed, slow)),
+        xp.where(angular, scale.length, 1.0),
         stop_gradient(directions_of(system.friction)),
         have_sense(system.friction),
     )
 
 
-def _controller(rtol: Array | None, first: Array) -> diffrax.AbstractStepSizeController:
-    """Of the relative errors that the stepper gives; without tolerance steps are constant unless they cannot end so."""
-    limits = {"rtol": 0.0, "dtmin": 1e-10 * first, "force_dtmin": False, "norm": size_of}
+def _controller(rtol: Array | None, first: Array) -> diffrax.PIDController:
+    """Of errors by the tolerance; without tolerance steps are constant unless they cannot end so."""
+    limits = {"rtol": 0.0, "dtmin": 1e-10 * first, "force_dtmin": False, "norm": jnp.abs}
     if rtol is None:
         return diffrax.PIDController(atol=1.0, dtmax=first, **limits)
     return diffrax.PIDController(atol=rtol, **limits)
 
 
-def _start(equations: Equations, state: State, factor: AnyFactorisation, held: AnyHeld) -> _Start:
-    system, none = equations.system, jnp.zeros((), bool)
-    start = Mode(equations.sense, equations.sense, none, ~none)
+def _start(
+    equations: Equations, state: State, factor: AnyFactorisation, before: PhaseState, options: Options
+) -> tuple[RESULTS, Mode]:
+    """Whether the motion starts, and how."""
+    system, start = equations.system, before.mode
     if not system.friction:
-        return _Start(factor.result, start)
+        return factor.result, start
     if equations.has_sense:
-        start = next_mode(equations, state, held, ~none)
+        start = _first_mode(equations, state, before, options)
     fixed = stop_gradient((system, state, factor, elasticity(equations.closure, system, state)))
     solution = solve_factorised(
         *fixed, Continuation() if system.plan is None else of_large(Continuation()), None, start.sense
     )
-    sticks = jnp.any(equations.with_sense(start.sense).sticking)
-    result = RESULTS.where(sticks, factor.result, solution.result)
-    tau = jnp.where(solution.result == RESULTS.successful, solution.friction, 0.0)  # else nothing moves
-    return _Start(result, start._replace(tau=jnp.where(sticks, start.tau, tau)))
+    sticks = xp.any(equations.with_sense(start.sense).sticking)
+    tau = xp.where(differs(solution.result, RESULTS.successful), 0.0, solution.friction)  # else nothing moves
+    return chosen(sticks, factor.result, solution.result), start._replace(tau=xp.where(sticks, start.tau, tau))
 
 
-def _moving(equations: Equations, state: State) -> Moving:
-    none = jnp.zeros_like(state.t)
+def _first_mode(equations: Equations, state: State, before: PhaseState, options: Options) -> Mode:
+    """How it goes on from the start. Of known joints that all slip nothing is asked; of others the program of a step,
+    one that ends at once in an event."""
+    if not are_numbers(state):
+        return next_mode(equations, state, before.held, xp.ones_like(state.t, bool))
+    rate, _ = slip_motion(equations.system, state)
+    if not np.any(equations.still(rate)):
+        sense = xp.where(np.asarray(equations.sensed), equations.sense_of(rate, rate)[1], 1.0)
+        return before.mode._replace(sense=sense)
+    at_once = 1e-9 * options.controller.first + 100 * xp.finfo(state.t.dtype).eps * xp.abs(state.t)
+    plan = no_plan(before.mode)._replace(time=state.t + at_once, stops=np.True_, joint=np.asarray(-1))
+    rests = before.mode._replace(resting=np.True_)
+    return stretch(before._replace(mode=rests, plan=plan), equations, options, np.True_).mode
+
+
+def _before(equations: Equations, state: State, held: AnyHeld, ts: Array) -> PhaseState:
+    """The run before its first phase, with all joints in the sense 1."""
     memory = list(memories(equations.system.friction, state))
-    base = None if equations.system.adds else state.q
-    return Moving(state.q, base, state.qd, none, none if equations.has_sense else None, memory)
-
-
-def _before(begin: _Start, y: Moving, t: Array, held: AnyHeld, ts: Array) -> PhaseState:
-    """The run before its first phase."""
-    start = begin.onward
-    y = y._replace(qd=jnp.where(start.resting, 0.0, y.qd))
-    path = jax.tree.map(lambda x: jnp.full((ts.size, *x.shape), jnp.nan, x.dtype), y)
-    none = jnp.zeros((), int)
+    zero, base = xp.zeros_like(state.t), None if equations.system.adds else state.q
+    y, sense, none = Moving(state.q, base, state.qd, zero, memory), equations.sense, xp.zeros_like(state.t, int)
+    mode = Mode(sense, xp.zeros_like(sense), none > 0, none == 0)
     return PhaseState(
-        t=t,
+        t=state.t,
         y=y,
-        sense=start.sense,
-        tau=start.tau,
+        mode=mode,
         held=held,
-        resting=start.resting,
-        since=t,
-        path=path,
-        senses=jnp.full((ts.size, *start.sense.shape), jnp.nan, t.dtype),
-        rests=jnp.zeros(ts.shape, bool),
-        going=(begin.result == RESULTS.successful) & start.decided,
-        decided=start.decided,
-        ended=diffrax.RESULTS.successful,
-        watch=at_start(jnp.zeros_like(t)),
+        since=state.t,
+        plan=no_plan(mode),
+        path=jax.tree.map(lambda x: xp.full((ts.size, *x.shape), xp.nan, x.dtype), y),
+        senses=xp.full((ts.size, sense.size), xp.nan, ts.dtype),
+        rests=xp.zeros_like(ts, bool),
+        going=none == 0,
+        released=sense != sense,
+        ended=as_numbers(diffrax.RESULTS.successful),
+        begun=none,
+        watch=at_start(zero),
         steps=none,
         rejected=none,
         phases=none,
     )
 
 
+@as_program
 def _solved(
     equations: Equations, done: PhaseState, ts: Array, rank: Array, redundancy: int | None, singular: bool
 ) -> tuple[tuple, Array]:
@@ -224,7 +248,7 @@ def _solved(
         loads = tuple(nan_where(resting, x) for x in (solved.multipliers, solved.tau))
         return (y.q, y.qd, acceleration, *loads, sense, tuple(y.memory)), found
 
-    path, here = (ts, done.path, done.senses, done.rests), (done.t, done.y, done.sense, done.resting)
+    path, here = (ts, done.path, done.senses, done.rests), (done.t, done.y, done.mode.sense, done.mode.resting)
     lost = jax.vmap(lambda y: ~jnp.all(jnp.isfinite(jnp.append(y.q, y.qd))))(done.path)
     # Where the motion did not get to stands its end: 0 times the derivatives at NaN would be NaN in every gradient.
     path = jax.tree.map(lambda a, b: jnp.where(like(lost, a), b, a), path, here)
@@ -234,17 +258,16 @@ def _solved(
 
 def _ended(done: PhaseState, same: Array) -> RESULTS:
     """The result of a motion; `same` says whether the rank is what it was."""
-    events = done.ended == diffrax.RESULTS.event_occurred
-    stopped = done.ended == diffrax.RESULTS.successful
+    goes_on = ~differs(done.ended, diffrax.RESULTS.event_occurred) | ~differs(done.ended, diffrax.RESULTS.successful)
     return first_failure(
         (
-            (jnp.all(jnp.isfinite(done.y.q)) & jnp.all(jnp.isfinite(done.y.qd)), RESULTS.not_finite),
-            (done.ended != diffrax.RESULTS.max_steps_reached, RESULTS.steps_exhausted),
-            (done.decided, RESULTS.joint_sticks),
+            (xp.all(xp.isfinite(done.y.q)) & xp.all(xp.isfinite(done.y.qd)), RESULTS.not_finite),
+            (differs(done.ended, diffrax.RESULTS.max_steps_reached), RESULTS.steps_exhausted),
+            (done.mode.decided, RESULTS.joint_sticks),
             (~done.going, RESULTS.phases_exhausted),
-            (events | stopped | same, RESULTS.rank_changed),
-            (events | stopped, RESULTS.step_too_small),
-            (~done.resting, RESULTS.stuck),
+            (goes_on | same, RESULTS.rank_changed),
+            (goes_on, RESULTS.step_too_small),
+            (~done.mode.resting, RESULTS.stuck),
         )
     )
 
@@ -255,11 +278,11 @@ def _stats(done: PhaseState) -> TrajectoryStats:
         steps=done.steps,
         rejected=done.rejected,
         phases=done.phases,
-        end=jnp.where(done.resting, done.since, done.t),
+        end=xp.where(done.mode.resting, done.since, done.t),
         position_violation=watch.position,
-        velocity_violation=watch.velocity / jnp.where(watch.speed > 0, watch.speed, 1.0),
+        velocity_violation=watch.velocity / xp.where(watch.speed > 0, watch.speed, 1.0),
         kinetic_energy=watch.kinetic,
-        energy_error=watch.energy / jnp.where(watch.kinetic > 0, watch.kinetic, 1.0),
+        energy_error=watch.energy / xp.where(watch.kinetic > 0, watch.kinetic, 1.0),
         nearest_singularity=watch.nearest,
         contraction=watch.contraction,
         jump=watch.jump,

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, cast
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, PyTree
 
@@ -41,6 +42,7 @@ from .._system._system import AbstractSystem
 from .._tools._least_solution import least_solution
 from .._tools._linear_map import LinearMap
 from .._tools._no_answer import nan_where
+from .._tools._numbers import xp
 from .._tools._value import AbstractModule
 from ._held_rank import AnyHeld, AnyHeldFactorisation, factorize_held
 from ._held_sparse import SparseHeldFactorisation
@@ -48,7 +50,7 @@ from ._stabilisation import AbstractStabilisation
 
 
 class Moving(NamedTuple):
-    """Position, velocity and work done so far; and, where friction has senses, 1 from an event on, else 0.
+    """Position, velocity and work done so far.
 
     `base`, where coordinates do not add, is the position on the chart in which the last step ended. `memory` are the
     internal states of friction, group by group, `None` of those without one; a list, because Equinox takes an empty
@@ -59,7 +61,6 @@ class Moving(NamedTuple):
     base: Float[Array, "..."] | None
     qd: Float[Array, " n"]
     work: Float[Array, ""]
-    event: Float[Array, ""] | None
     memory: list[PyTree]
 
     def at(self, t: Array) -> State:
@@ -69,21 +70,25 @@ class Moving(NamedTuple):
 
 # Eigenvalues of unit slip accelerations of joints that stick, relative to the largest, that count as 0.
 _DEPENDENT = 1e-10
+# Slips at an event, relative to those of the mechanism, at least so many roundings.
+STILL = 1e-6, 1e3
 # Slips that count as none, relative to those of the mechanism, at least so many roundings.
 NONE = 1e-9, 10
 
 
 def tolerance_of(tolerance: tuple[float, float], like: Array) -> float:
     """A tolerance, at least so many roundings."""
-    return max(tolerance[0], tolerance[1] * float(jnp.finfo(like.dtype).eps))
+    return max(tolerance[0], tolerance[1] * float(xp.finfo(like.dtype).eps))
 
 
 class Context(NamedTuple):
-    """What stays the same within a step: the held rank, the friction forces that a solve starts from, and where joints
-    have several slips with one friction the unit directions in which their surfaces slide as it begins."""
+    """What stays the same within a step: the held rank, the friction forces that a solve starts from, whether all is at
+    rest, and where joints have several slips with one friction the unit directions in which their surfaces slide as it
+    begins."""
 
     held: AnyHeld
     tau: Float[Array, " p"]
+    rests: Bool[Array, ""]
     along: Float[Array, " p"] | None = None
 
 
@@ -158,18 +163,19 @@ class Equations(AbstractModule):
     def sticking(self) -> Bool[Array, " p"]:
         """Which joints stick."""
         still = self.sense == 0
-        return (still if self.directions is None else self.directions.every(still)) & jnp.asarray(self.sensed)
+        return (still if self.directions is None else self.directions.every(still)) & np.asarray(self.sensed)
 
     def with_sense(self, sense: Float[Array, " p"]) -> "Equations":
         """The same equations with other senses."""
         return eqx.tree_at(lambda e: e.sense, self, sense)
 
     def derivative(self, t: Array, y: Moving, context: Context) -> Moving:
-        """y'.
+        """y', 0 at rest.
 
         The closure matters to it only through friction: a self-stress does no work.
         """
-        return self.instant(t, y, context)[0]
+        slope = self.instant(t, y, context)[0]
+        return jax.tree.map(lambda x: jnp.where(context.rests, 0.0, x), slope) if self.has_sense else slope
 
     def instant(
         self, t: Array, y: Moving, context: Context, felt: Float[Array, " p"] | None = None
@@ -179,17 +185,19 @@ class Equations(AbstractModule):
         linear = self.linear(state, context.held, closed=self.loaded)
         own = linear if felt is None else linear._replace(rate=felt)
         solved = self.solved(state, own, context.tau, context.along)
-        base, event = jax.tree.map(jnp.zeros_like, (y.base, y.event))
-        memory = list(memory_rates(self.system.friction, linear.rate, state))
-        slope = Moving(chart_rate(self.system, state), base, solved.acceleration, solved.power, event, memory)
-        return slope, solved.slip, linear.rate
+        return self.change(state, y, linear.rate, solved), solved.slip, linear.rate
+
+    def change(self, state: State, y: Moving, rate: Float[Array, " p"], solved: Solved) -> Moving:
+        """y', of the equations solved."""
+        base = jax.tree.map(jnp.zeros_like, y.base)
+        memory = list(memory_rates(self.system.friction, rate, state))
+        return Moving(chart_rate(self.system, state), base, solved.acceleration, solved.power, memory)
 
     @property
     def loaded(self) -> bool:
         """Whether any friction depends on loads."""
         return any(group.rows.size for group in self.system.friction)
 
-    @eqx.filter_jit  # traced once, for the many places that it stands in
     def linear(
         self, state: State, held: AnyHeld, factor: AnyHeldFactorisation | None = None, *, closed: bool = True
     ) -> Linear:
@@ -197,8 +205,12 @@ class Equations(AbstractModule):
 
         `closed` says whether the multipliers are the closure's, or some.
         """
+        factor = factorize_held(self.system, state, held) if factor is None else factor
+        return self._linear(state, factor, closed=closed)
+
+    @eqx.filter_jit  # traced once, for the places that it stands in
+    def _linear(self, state: State, factor: AnyHeldFactorisation, *, closed: bool) -> Linear:
         system = self.system
-        factor = factorize_held(system, state, held) if factor is None else factor
         if system.plan is not None and system.friction:
             return self._linear_map(state, cast(SparseHeldFactorisation, factor), closed=closed)
         load, rate, directions = system.load(state), state.qd[:0], jnp.zeros((state.qd.size, 0), state.qd.dtype)
@@ -312,27 +324,27 @@ class Equations(AbstractModule):
         """For each slip whether it is so for all that share its friction."""
         return flags if self.directions is None else self.directions.every(flags)
 
+    def still(self, rate: Float[Array, " p"]) -> Bool[Array, " p"]:
+        """Which joints slip by so little that they may stick."""
+        slows = xp.abs(rate) <= tolerance_of(STILL, rate) * self.speed / self.slip_size
+        return (self.whole(slows) | self.sticking) & np.asarray(self.sensed)
+
     def is_none(self, rate: Float[Array, " p"]) -> Bool[Array, " p"]:
         """Which joints slip by no more than rounding."""
-        return self.whole(jnp.abs(rate) * self.slip_size <= tolerance_of(NONE, rate) * self.speed)
+        return self.whole(xp.abs(rate) * self.slip_size <= tolerance_of(NONE, rate) * self.speed)
 
     def sense_of(
         self, rate: Float[Array, " p"], acceleration: Float[Array, " p"]
     ) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
         """Senses of joints that begin to slip, and of those that do."""
         if self.directions is None:
-            return jnp.sign(acceleration), jnp.sign(rate)
-        surface = self.directions.arms * jnp.where(self.directions.directed & ~self.is_none(rate), rate, acceleration)
+            return xp.sign(acceleration), xp.sign(rate)
+        surface = self.directions.arms * xp.where(self.directions.directed & ~self.is_none(rate), rate, acceleration)
         return self.directions.unit(surface), self.directions.unit(self.directions.arms * rate)
 
     def turned(self, rate: Float[Array, " p"], along: Float[Array, " p"], event: Bool[Array, ""]) -> Float[Array, " p"]:
         """The directions in which surfaces slide as the next step begins; those of the last where it is an event."""
         return jnp.where(event | self.is_none(rate) | self.sticking, along, self.sense_of(rate, rate)[1])
-
-    def halted(self, state: State, held: AnyHeld) -> Float[Array, " n"]:
-        """Velocities after an impulse of friction that leaves joints that stick no slip."""
-        linear = self.linear(state, held, closed=False)
-        return state.qd - linear.response.unit.acceleration @ (self.inverse(linear, self.sticking) @ linear.rate)
 
     def inverse(self, linear: Linear, stick: Bool[Array, " p"], rounding: ArrayLike = 0.0) -> Any:
         """From slip accelerations of joints that stick to the least friction, as of contacts equally compliant, that
@@ -342,9 +354,12 @@ class Equations(AbstractModule):
         if linear.is_large:
             scale = jnp.where(stick, self.slip_size, 0.0)
             return LinearMap(_least_friction, (scale, linear.yields, linear.mobility, rounding))
-        yielding = self.yielding(linear)
-        scale = jnp.where(stick, 1 / jnp.sqrt(yielding), 0.0)
-        matrix, one = scale[:, None] * linear.yields * scale, jnp.eye(stick.size, dtype=scale.dtype)
+        return self.least_friction(linear.yields, stick)
+
+    def least_friction(self, yields: Float[Array, "p p"], stick: Bool[Array, " p"]) -> Float[Array, "p p"]:
+        """`inverse`, as a matrix."""
+        scale = jnp.where(stick, 1 / jnp.sqrt(self.yielding(yields)), 0.0)
+        matrix, one = scale[:, None] * yields * scale, jnp.eye(stick.size, dtype=scale.dtype)
         inverse = jnp.linalg.pinv(matrix, rtol=max(_DEPENDENT, 100 * float(jnp.finfo(one.dtype).eps)), hermitian=True)
         weight = (scale / self.slip_size) ** 2
         weight = jnp.where(scale > 0, weight / jnp.max(weight, initial=jnp.finfo(one.dtype).tiny), 1.0)
@@ -352,9 +367,9 @@ class Equations(AbstractModule):
         least = inverse - jnp.linalg.solve(idle * weight @ idle + one - idle, idle * weight @ inverse)
         return scale[:, None] * least * scale
 
-    def yielding(self, linear: Linear) -> Float[Array, " p"]:
+    def yielding(self, yields: Float[Array, "p p"]) -> Float[Array, " p"]:
         """Slip acceleration of each joint by its own unit friction; infinite where constraints leave it no slip."""
-        own = jnp.diagonal(linear.yields)
+        own = jnp.diagonal(yields)
         size = own * self.slip_size**2
         blocked = size <= 10 * jnp.finfo(own.dtype).eps * jnp.max(size)
         return jnp.where(blocked, jnp.inf, jnp.where(blocked, 1.0, own))

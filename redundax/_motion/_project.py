@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._equations._kinematics import constraint_rate
+from .._equations._kinematics import constraint_motion
 from .._system._state import State
 from .._system._system import AbstractSystem
 from ._held_rank import AnyHeld, AnyHeldFactorisation, HeldFactorisation, factorize_held
@@ -27,8 +27,9 @@ def project(system: AbstractSystem, t: Array, y: Moving, held: AnyHeld) -> Movin
     return y._replace(q=q, base=None if y.base is None else q, qd=qd, work=y.work + moved)
 
 
-# Chord iterations of position and velocity: a step leaves them off by e, each turns e^k into e^(k+1).
-_CHORDS = 4
+# Chord iterations: a step leaves position and velocity off by e, each turns e^k into e^(k+1), the velocity that of the
+# position before; the last moves the velocity alone, as beside a singular position rounding moves positions by more.
+_CHORDS = 5
 
 
 @eqx.filter_custom_jvp
@@ -38,16 +39,13 @@ def _least_change(
     """The least displacement from q that meets the held rows, and the velocity nearest to qd that does so there."""
     factor = factorize_held(system, State(q, qd, t), held)
 
-    def position(_: Array, d: Array) -> Array:
-        return d - factor.nearest(_completed(system, factor, _residual(system, q, d, t)))
+    def nearer(k: Array, now: tuple[Array, Array]) -> tuple[Array, Array]:
+        d, qd = now
+        off, rate = constraint_motion(system, State(system.retract(q, d), qd, t))
+        moved = jnp.where(k < _CHORDS - 1, factor.nearest(_completed(system, factor, off)), 0.0)
+        return d - moved, qd - factor.nearest(rate)
 
-    d = jax.lax.fori_loop(0, _CHORDS, position, jnp.zeros_like(qd))
-    there = system.retract(q, d)
-
-    def velocity(_: Array, qd: Array) -> Array:
-        return qd - factor.nearest(constraint_rate(system, State(there, qd, t)))
-
-    return d, jax.lax.fori_loop(0, _CHORDS, velocity, qd)
+    return jax.lax.fori_loop(0, _CHORDS, nearer, (jnp.zeros_like(qd), qd))
 
 
 @_least_change.def_jvp
@@ -60,7 +58,7 @@ def _least_change_jvp(primals: tuple, tangents: tuple) -> tuple[tuple[Array, Arr
     _, off = eqx.filter_jvp(lambda system, q, t: _residual(system, q, d, t), (system, q, t), (system_dot, q_dot, t_dot))
     d_dot = -factor.nearest(_completed(system, factor, off))
     _, (own, off) = eqx.filter_jvp(
-        lambda system, q, d, qd, t: (qd, constraint_rate(system, State(system.retract(q, d), qd, t))),
+        lambda system, q, d, qd, t: (qd, constraint_motion(system, State(system.retract(q, d), qd, t))[1]),
         (system, q, d, qd, t),
         (system_dot, q_dot, d_dot, qd_dot, t_dot),
     )

@@ -116,7 +116,7 @@ def simulate(
     """
     import diffrax  # here, as its import takes time that only motions need
 
-    from ._integrate import integrate
+    from ._integrate import Course, integrate
 
     refuse_contacts("simulate", system)
     check_closure(closure)
@@ -144,24 +144,21 @@ def simulate(
         mass = factor.mass if is_concrete(factor.mass) else system.mass(state.q, state.t)
     else:
         factor, mass = sparse_factorised(*fixed, rank), np.eye(1)
-    trajectory = integrate(
-        system.anonymous,
-        state,
-        factor,
+    course = Course(
         t1,
         given,
-        for_motion(closure, system, state),
-        solver,
-        stabilisation,
         None if rtol is None else cast(Array, floats(rtol)),
         None if dt0 is None else cast(Array, floats(dt0)),
-        max_steps,
-        max_phases,
+        solver,
+        stabilisation,
         diffrax.RecursiveCheckpointAdjoint(_CHECKPOINTS) if adjoint is None else adjoint,
         diffrax.TextProgressMeter() if progress else diffrax.NoProgressMeter(),
+        max_steps,
+        max_phases,
         redundancy=_redundancy(system, factor.spectrum.rank),
         singular=is_concrete(mass) and _singular(np.asarray(mass)),
     )
+    trajectory = integrate(system.anonymous, state, factor, for_motion(closure, system, state), course)
     trajectory = replace_fields(trajectory, names=system.names, joint_coordinates=system.joint_coordinates)
     good, end = (RESULTS.successful, RESULTS.stuck), trajectory.stats.end
     return thrown(trajectory, throw, system, state, factor, *good, end=end)

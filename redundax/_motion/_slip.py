@@ -1,66 +1,124 @@
 """Events: a joint that slips comes to a stop, or joints that stick are let go.
 
-A step goes on with the senses held, smoothly through the event; at its end it is seen (`has_event`), and taken back:
-bisection of the interpolated step brackets the event, and Newton's method on the time finds it,
+A step goes on with the senses held, smoothly through the event. At its end the event is seen, and Newton's method on
+the step's dense output, or halving of it, tells when it is (`look`). The step is not taken: the next one ends there,
+and what interpolation left is made up by a step of Newton's method on the time (`landed`),
 
-    dt = -h / h',   y <- y(t + dt) by one step of order 8,
+    dt = -h / h',   y <- y + y' dt
 
-h a slip rate, or of a joint let go its slip acceleration with the friction of its sense. The end of the iteration is
-the event, and its derivative that of the event. Joints let go start from there; where a slip rate is zero it is asked
-which joints stick (`_stick`).
+h a slip rate, or of a joint let go its slip acceleration with the friction of its sense. So the event has its own
+derivative. Joints let go start from there; where a slip rate is zero it is asked which joints stick (`_stick`).
 
-Where a joint has several slips with one friction h is the velocity of its surfaces, or their acceleration, along the
-direction in which they slide as the step begins, or in which they are let go: that of what holds them. Beyond a stop
-friction goes on as before it. Steps that end against that direction must pass a stop (`ends_well`), and Newton's method
-stays within them, as friction turns the slip ever faster about a stop and h' is of its rounding there. The first
-moments after a release are those of `_release`.
+Where a joint has several slips with one friction h is the velocity of its surfaces along the
+direction in which they slide as the step begins. Where they are let go, in the direction of what holds them, h is what
+their friction lacks to hold them: accelerations turn otherwise than friction where masses differ. Beyond a stop
+friction goes on as before it. Steps that end against that direction must pass a stop (`ends_well`). The first moments
+after a release are those of `_release`.
 
 A mechanism at rest is looked at from time to time: loads that change may let it go.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
-import diffrax
+import equinox as eqx
 import jax
-import jax.flatten_util
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .._equations._kinematics import between
 from .._system._directions import Directions
 from .._system._state import State
-from .._tools._numbers import stop_gradient
-from ._moving import NONE, Context, Equations, Linear, Moving, rechart, tolerance_of
-from ._project import project
-from ._stick import Mode, mode_of, next_mode
+from .._tools._module import batch_any
+from .._tools._numbers import xp
+from ._moving import NONE, Context, Equations, Linear, Moving, Solved, rechart, tolerance_of
+from ._stick import Mode, mode_of
 
-# Halvings of the step, steps that locate an event, into the bracket and then Newton's, and looks at rest.
-_HALVINGS, _NEWTON, _LOOKS = 8, 5, 100
+# Halvings of a step: the square of what is left is below rounding. Looks at rest.
+_HALVINGS, _LOOKS = 30, 100
+# Part of the step to both sides over which h' is a difference, and that Newton's method on the time may have left of
+# the way to a stop before its last step: its square is lost to curvature.
+_APART = 2.0**-14
+# Part of a step by which it passes the stop of surfaces that may turn: near its end its dense output is as good as it.
+PAST = 0.005
+# A step so short, in lengths of the mechanism, is as good in between: the eighth power is below rounding.
+_SHORT = 1e-2
 # Slip across the direction that comes to a stop, relative to the speed of the mechanism, at least so many roundings.
 _BESIDE = 1e-8, 1e2
 
 
-class Bracket(NamedTuple):
-    """Where an event is, to a fraction of a step or of the time between two looks.
+class Plan(NamedTuple):
+    """The event that the next step ends at.
 
-    - `low`, `high`: instants before and just after it; both the end where there is none.
-    - `there`: what joints do at `high`.
-    - `against`: slip rates against their sense, as lengths, of joints that stop; shape (p,).
+    - `time`: infinite where there is none.
+    - `joint`: of which slip h is, negative if the event is where the step ends.
+    - `slope`: rates of the slip accelerations where joints are let go, shape (p,).
+    - `free`: which joints are let go, shape (p,).
+    - `stops`: whether a joint comes to a stop.
+    - `onward`: else how it goes on.
     """
 
-    low: Array
-    high: Array
+    time: Float[Array, ""]
+    joint: Array
+    slope: Float[Array, " p"]
+    free: Bool[Array, " p"]
+    stops: Bool[Array, ""]
+    onward: Mode
+
+
+def no_plan(mode: Mode) -> Plan:
+    """No event ahead."""
+    zero, none = xp.zeros((), mode.tau.dtype), xp.zeros((), bool)
+    return Plan(zero + xp.inf, xp.zeros((), int), xp.zeros_like(mode.tau), mode.sense != mode.sense, none, mode)
+
+
+class Seen(NamedTuple):
+    """What is found at an instant.
+
+    - `rate`, `solved`: slip rates and the equations solved.
+    - `there`: what joints do, with the senses held.
+    - `against`: slip rates against their sense, as lengths; shape (p,).
+    - `yields`: accelerations and slip accelerations by unit friction, where joints have several slips.
+    - `watch`: what else is watched.
+    """
+
+    rate: Float[Array, " p"]
+    solved: Solved
     there: Mode
     against: Float[Array, " p"]
+    yields: tuple[Array, Array] | None
+    watch: Any
+
+
+def seen(
+    equations: Equations,
+    state: State,
+    linear: Linear,
+    context: Context,
+    trial: Float[Array, " p"],
+    lands: Bool[Array, ""],
+    watch: Any,
+) -> Seen:
+    """What is found at a state, friction with the senses of `trial`; `lands` says whether which joints stick is asked
+    even if none do."""
+    along, yields = context.along, None
+    if along is not None:
+        along = jnp.where(trial == equations.sense, along, trial)
+        yields = linear.response.unit.acceleration, linear.yields
+    solved = equations.with_sense(trial).solved(state, linear, context.tau, along)
+    there = mode_of(equations, state, linear, jnp.any(equations.sticking) | lands)
+    against = _against(equations, linear.rate, context.along) * equations.slip_size
+    return Seen(linear.rate, solved, there, against, yields, watch)
 
 
 def has_event(equations: Equations, state: State, linear: Linear, along: Array | None) -> Bool[Array, ""]:
     """Whether a joint slips against its sense, or joints that stick do not any longer."""
     there = mode_of(equations, state, linear, jnp.any(equations.sticking))
-    small = tolerance_of(NONE, linear.rate) * equations.speed / equations.slip_size
-    return jnp.any(is_released(equations, there)) | jnp.any(_against(equations, linear.rate, along) > small)
+    return _is_event(equations, there, _against(equations, linear.rate, along) * equations.slip_size)
+
+
+def _is_event(equations: Equations, there: Mode, against: Float[Array, " p"]) -> Bool[Array, ""]:
+    small = tolerance_of(NONE, against) * equations.speed
+    return jnp.any(_released(equations, there)) | jnp.any(against > small)
 
 
 def ends_well(equations: Equations, rate: Float[Array, " p"], along: Float[Array, " p"]) -> Bool[Array, ""]:
@@ -75,7 +133,7 @@ def ends_well(equations: Equations, rate: Float[Array, " p"], along: Float[Array
     return jnp.all((ahead >= 0) | passed | ~directions.directed)
 
 
-def is_released(equations: Equations, there: Mode) -> Bool[Array, " p"]:
+def _released(equations: Equations, there: Mode) -> Bool[Array, " p"]:
     """Which joints that stick are let go."""
     return equations.sticking & (there.sense != 0)
 
@@ -90,172 +148,281 @@ def _against(equations: Equations, rate: Float[Array, " p"], along: Float[Array,
     return jnp.where(directions.directed, whole, against)
 
 
-def bracket_event(
-    equations: Equations,
-    first: State,
-    last: State,
-    context: Context,
-    resting: Bool[Array, ""],
-    happened: Bool[Array, ""],
-) -> Bracket:
-    """The first event between two states, if one has happened; or where the loads let a mechanism at rest go."""
-    equations, first, last, (held, _, along) = stop_gradient((equations, first, last, context))
-    span = jnp.where(last.t > first.t, last.t - first.t, 1.0)
+def _let_go(equations: Equations, there: Mode, tau: Float[Array, " p"]) -> Float[Array, " p"]:
+    """Senses after joints are let go: of several slips with one friction the direction against what holds them."""
+    go, directions = _released(equations, there), equations.directions
+    sense = jnp.where(go, there.sense, equations.sense)
+    if directions is None:
+        return sense
+    against = directions.unit(-tau / directions.arms)
+    return jnp.where(directions.directed, jnp.where(go, against, there.sense), sense)
 
-    def here(t: Array, wanted: Array) -> tuple[Mode, Float[Array, " p"]]:
-        state = between(equations.system, first, last, (t - first.t) / span)
-        linear = equations.linear(state, held, closed=equations.loaded)
-        there = mode_of(equations, state, linear, jnp.any(equations.sticking) & wanted)
-        return there, _against(equations, linear.rate, along) * equations.slip_size
 
-    def look(carry: _Looking) -> _Looking:
-        low, high, count = carry.found.low, carry.found.high, carry.looks
-        next_look = first.t + (last.t - first.t) * ((count + 1) / _LOOKS)
-        t = jnp.where(carry.halves, jnp.where(count == 0, high, (low + high) / 2), next_look)
-        there, against = here(t, ~carry.ends)
-        over = jnp.where(carry.halves & (count == 0), against > 0, carry.over)
-        late, free = jnp.where(over, against, 0.0), is_released(equations, there)
-        before = (carry.halves & (count > 0) & ~jnp.any(free) & jnp.all(late <= 0)) | (~carry.halves & there.resting)
-        old, new = carry.found._replace(low=t), Bracket(low, t, there, late)
-        found = jax.tree.map(lambda a, b: jnp.where(before, a, b), old, new)
-        starts = ~carry.halves & ~there.resting & jnp.any(free)
-        ends = jnp.where(carry.halves, count == _HALVINGS, (before & (count + 1 == _LOOKS)) | ~(before | starts))
-        return _Looking(jnp.where(starts, 1, count + 1), found, over, carry.halves | starts, ends)
+def chosen(equations: Equations, rates: Float[Array, " p"], joint: Array, sense: Float[Array, " p"]) -> Array:
+    """The rate of a slip, or of the surfaces of its joint along its direction."""
+    if equations.directions is None:
+        return rates[joint]
+    whole = equations.directions.along(rates, sense)
+    return jnp.where(equations.directions.directed, whole, rates)[joint]
 
-    zero, none = jnp.zeros_like(equations.sense), jnp.zeros((), bool)
-    whole = Bracket(first.t, last.t, Mode(equations.sense, zero, ~none, none), zero)
-    begin = _Looking(jnp.zeros((), int), whole, zero > 0, ~resting, ~(resting | happened))
-    return jax.lax.while_loop(lambda carry: ~carry.ends, look, begin).found
+
+def turns(equations: Equations, plan: Plan) -> Bool[Array, ""]:
+    """Whether what stops are surfaces that may turn as they slide."""
+    directions = equations.directions
+    return plan.stops & (False if directions is None else jnp.asarray(directions.directed)[plan.joint])
+
+
+class Step(NamedTuple):
+    """A step: its times, its end, and whether it is a rest, or ends at an event; `trial` are the senses of friction at
+    that, and `along` the directions in which surfaces slide."""
+
+    start: Array
+    end: Array
+    last: Moving
+    rests: Bool[Array, ""]
+    lands: Bool[Array, ""]
+    trial: Float[Array, " p"]
+    along: Float[Array, " p"] | None
+
+
+# Part of the step by which it ends later than the event found, so that no time asked for lies between.
+_LATER = 2.0**-40
+# What is done next: look, halve the bracket, take h a little after and before, ask for the direction of what holds at
+# the event, as looks find a release late by a tolerance, take h there, or see what stops there.
+_LOOK, _HALVE, _AT, _BEFORE, _HELD, _THERE, _CUT, _DONE = range(8)
 
 
 class _Looking(NamedTuple):
-    """How often it was looked, what was found, which joints slip against their sense at the end of the step, whether
-    an event is closed in on by halves, and whether that is all."""
+    """What is done next, how often it was done, and with which senses of friction; the start of the bracket, when to
+    look next in it, and what was found at its end; which joints slip against their sense at the end of the step, and if
+    that ends well; slip accelerations beyond the event; whether the step is cut there; what was seen last."""
 
-    looks: Array
-    found: Bracket
+    stage: Array
+    turn: Array
+    trial: Float[Array, " p"]
+    low: Array
+    aim: Array
+    plan: Plan
     over: Bool[Array, " p"]
-    halves: Bool[Array, ""]
-    ends: Bool[Array, ""]
+    well: Array
+    slip: Float[Array, " p"]
+    cut: Array
+    seen: Seen
 
 
-def locate(
-    equations: Equations, bracket: Bracket, t: Array, y: Moving, context: Context, event: Bool[Array, ""]
-) -> tuple[Array, Moving, Mode, Bool[Array, " p"] | None]:
-    """The event of the bracket, from (t, y) after it, how it goes on from there, and which joints with several slips
-    are let go.
+def look(
+    equations: Equations,
+    step: Step,
+    between: Callable[[Array], Moving],
+    see: Callable[[Array, Moving, Array, Array], Seen],
+) -> tuple[Seen, Plan, Bool[Array, ""], Bool[Array, ""]]:
+    """What is seen at the end of a step, and the first event in it; whether the step ends well, and whether it is cut
+    at the event, which was seen then: near a stop of surfaces that turn no step ends well, but one just past it."""
+    width, waits = step.end - step.start, step.rests & ~step.lands
 
-    `event` says whether there is one: a batch looks where there is none.
-    """
-    fixed, last = stop_gradient(equations), t
-    reverses, go = jnp.any(bracket.against > 0), is_released(fixed, bracket.there)
-    joint = jnp.where(reverses, jnp.argmax(bracket.against), jnp.argmax(go))
-    free = ~reverses & jnp.any(go)
-    starts = equations.with_sense(jnp.where(free & go, bracket.there.sense, equations.sense))
-
-    def newton(carry: _Newton, count: Array) -> tuple[_Newton, None]:
-        t, y = carry.t, carry.y
-        begins, begin = starts, context
-        if equations.directions is not None and context.along is not None:
-            begins = starts.with_sense(
-                jnp.where(free & go & equations.directions.directed, _let_go(equations, y.at(t), context), starts.sense)
+    def body(now: _Looking) -> _Looking:
+        stage, high = now.stage, now.plan.time
+        looks, halves = stage == _LOOK, stage == _HALVE
+        ends, beyond, short = looks & ~waits, high + _APART * width, jnp.maximum(high - _APART * width, step.start)
+        wait = step.start + width * ((now.turn + 1) / _LOOKS)
+        after, held, at_root, cut = (stage == kind for kind in (_AT, _HELD, _THERE, _CUT))
+        at_event = held | at_root | cut
+        t = jnp.select([ends, looks, halves, at_event, after], [step.end, wait, now.aim, high, beyond], short)
+        y = jax.tree.map(lambda a, b: jnp.where(ends, a, b), step.last, rechart(equations.system, between(t))[0])
+        found = see(t, y, jnp.where(held, step.trial, now.trial), step.lands | cut)
+        there, go = found.there, _released(equations, found.there)
+        over = jnp.where(ends, found.against > 0, now.over)
+        well = (
+            now.well if step.along is None else jnp.where(ends, ends_well(equations, found.rate, step.along), now.well)
+        )
+        late = jnp.where(over, found.against, 0.0)
+        event = jnp.where(waits, ~there.resting, _is_event(equations, there, found.against)) & ~step.lands
+        moves = waits & event & ~jnp.any(go)  # what no friction held
+        later = jnp.where(looks, event, halves & (jnp.any(go) | jnp.any(late > 0)))
+        stops = jnp.any(late > 0)
+        joint = jnp.where(stops, jnp.argmax(late), jnp.argmax(go))
+        mode = there._replace(sense=_let_go(equations, there, found.solved.tau), resting=jnp.zeros((), bool))
+        plan = Plan(jnp.where(moves, now.low, t), joint, now.plan.slope, go & ~stops, stops, mode)
+        plan = jax.tree.map(lambda a, b: jnp.where(later, a, b), plan, now.plan)
+        apart, slip = beyond - short, found.solved.slip
+        slope = (now.slip - slip) / jnp.where(apart > 0, apart, 1.0)
+        before, free = stage == _BEFORE, jnp.any(plan.free)
+        slope = jnp.where(before, slope, plan.slope)
+        of_event = jnp.where(free, slip, found.rate), jnp.where(free, slope, slip)
+        h, rise = (chosen(equations, x, plan.joint, now.trial) for x in of_event)
+        root = jnp.clip(t - h / jnp.where(rise != 0, rise, jnp.inf) + _LATER * width, step.start, beyond)
+        plan = plan._replace(time=jnp.where(before | at_root, root, plan.time), slope=slope)
+        plan = _turned(equations, plan, found, held)
+        after_look = jnp.where(
+            event & ~moves, _HALVE, jnp.where(waits & ~event & (now.turn + 1 < _LOOKS), _LOOK, _DONE)
+        )
+        stop = _DONE
+        if equations.directions is not None:
+            near = (high > step.start + (1 - 2 * PAST) * width) | (
+                width * equations.speed < _SHORT * equations.scaling.size
             )
-            begin = context._replace(along=jnp.where(free & go, begins.sense, context.along))
+            stop = jnp.where(turns(equations, plan) & near, _CUT, _DONE)
+        low = jnp.where((looks | halves) & ~later, t, now.low)
+        aim, first, told = _by_newton(equations, plan, (t, found, over), (low, _APART * width))
+        told = halves & told
+        time, joint = jnp.where(told, aim, plan.time), jnp.where(told, first, plan.joint)
+        plan = plan._replace(time=time, joint=joint)
+        halvable = now.turn + 1 < _HALVINGS
+        after_half = jnp.select([told, halvable], [_THERE, _HALVE], jnp.where(plan.stops, stop, _AT))
+        release = _THERE if equations.directions is None else _HELD
+        nexts = [after_look, after_half, _BEFORE, release, _THERE]
+        following = jnp.select([looks, halves, after, before, held], nexts, _DONE)
+        return _Looking(
+            stage=following,
+            turn=jnp.where(following == stage, now.turn + 1, 0),
+            trial=jnp.where(((following == _AT) | (following == _THERE)) & plan.free, plan.onward.sense, now.trial),
+            low=low,
+            aim=aim,
+            plan=plan,
+            over=over,
+            well=well,
+            slip=slip,
+            cut=cut,
+            seen=found,
+        )
 
-        def chosen(rates: Array) -> Array:
-            if equations.directions is None or begin.along is None:
-                return rates[joint]
-            return equations.directions.along(rates, begin.along)[joint]
-
-        def ahead(slip: Array, rate: Array) -> _Ahead:
-            h, width = chosen(jnp.where(free, slip, rate)), bracket.high - bracket.low
-            secant = jax.lax.stop_gradient(h - carry.h) / jnp.where(width > 0, width, 1.0)
-            slope = jnp.where(free, jnp.where(count == 2, secant, carry.slope), chosen(slip))
-            dt = jnp.where(slope != 0, -h / jnp.where(slope != 0, slope, 1.0), 0.0)
-            first = jnp.where(free, bracket.low, bracket.high) - t
-            dt = jnp.where(count == 0, first, jnp.where(free & (count == 1), width, dt))
-            if equations.directions is not None:
-                within = jnp.clip(dt, last - 2**_HALVINGS * width - t, last - t)
-                dt = jnp.where(free, dt, dt + jax.lax.stop_gradient(within - dt))
-            return _Ahead(jnp.where(event, dt, 0.0), h, slope)
-
-        y, (dt, h, slope) = _stepped((equations, context), (begins, begin), t, y, ahead)
-        y = project(equations.system, t + dt, rechart(equations.system, y)[0], context.held)
-        return _Newton(t + dt, y, h, slope), None
-
-    zero = jnp.zeros_like(t)
-    (t, y, *_), _ = jax.lax.scan(newton, _Newton(t, y, zero, zero), jnp.arange(_NEWTON))
-    stopped = next_mode(fixed, y.at(t), context.held, event)
-    sense = starts.sense
-    if equations.directions is not None:
-        let_go = _let_go(equations, y.at(t), context)
-        turned = jnp.where(go, let_go, bracket.there.sense)
-        sense = jnp.where(equations.directions.directed, turned, sense)
-    going = bracket.there._replace(sense=sense, resting=jnp.zeros((), bool))
-    onward = jax.tree.map(lambda a, b: jnp.where(free, a, b), going, stopped)
-    if equations.directions is not None:  # what is left of slip has a direction
-        qd = equations.with_sense(onward.sense).halted(y.at(t), context.held)
-        y = y._replace(qd=jnp.where(event, qd, y.qd))
-        return t, y, onward, event & free & go & equations.directions.directed
-    return t, y, onward, None
+    begin = _nothing_seen(step, see)
+    found = jax.lax.while_loop(lambda now: now.stage < _DONE, body, begin)
+    return found.seen, found.plan, found.well, found.cut
 
 
-def _let_go(equations: Equations, state: State, context: Context) -> Float[Array, " p"]:
-    """Senses in which joints that stick are let go: against what holds them, where they have a direction."""
-    directions = cast(Directions, equations.directions)
-    linear = equations.linear(state, context.held, closed=equations.loaded)
-    tau = equations.solved(state, linear, context.tau, context.along).tau
-    return directions.unit(-tau / directions.arms)
+def _turned(equations: Equations, plan: Plan, found: Seen, held: Array) -> Plan:
+    """The plan, in which joints are let go against what was found to hold them, if so."""
+    directions = equations.directions
+    if directions is None:
+        return plan
+    against = directions.unit(-found.solved.tau / directions.arms)
+    sense = jnp.where(held & plan.free & directions.directed, against, plan.onward.sense)
+    return plan._replace(onward=plan.onward._replace(sense=sense))
 
 
-class _Newton(NamedTuple):
-    """Where the iteration is, h there before, and the slope of h of a joint that is let go."""
+def _nothing_seen(step: Step, see: Callable[[Array, Moving, Array, Array], Seen]) -> _Looking:
+    none, like = jnp.zeros((), int), jax.eval_shape(see, step.end, step.last, step.trial, step.lands)
+    nothing = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), like)
+    return _Looking(
+        none,
+        none,
+        step.trial,
+        step.start,
+        step.end,
+        no_plan(nothing.there),
+        step.trial != step.trial,
+        none == 0,
+        jnp.zeros_like(step.trial),
+        none > 0,
+        nothing,
+    )
 
-    t: Array
-    y: Moving
-    h: Array
-    slope: Array
+
+def _by_newton(
+    equations: Equations, plan: Plan, at: tuple[Array, Seen, Bool[Array, " p"]], known: tuple[Array, Array]
+) -> tuple[Array, Array, Bool[Array, ""]]:
+    """When to look next for an event before that of the plan: where Newton's method from what was seen at a time has
+    the first of the joints that stop, or halfway where it leaves the bracket; that joint, and whether the time moves by
+    little. `known` are the start of the bracket and what is little."""
+    (t, found, over), (low, little) = at, known
+    rate, slip = found.rate, found.solved.slip
+    roots = jnp.where(over, t - rate / jnp.where(slip != 0, slip, 1.0), jnp.inf)
+    root, directions = jnp.min(roots), equations.directions
+    crossed = over & (found.against > 0)
+    sound = plan.stops & (root < jnp.inf) & jnp.all(jnp.where(over, (slip != 0) & (crossed == (roots < t)), True))
+    if directions is not None:
+        sound = sound & ~jnp.any(over & jnp.asarray(directions.directed))
+    told = sound & (jnp.abs(root - t) <= little)
+    aim = jnp.where(told | (sound & (low < root) & (root < plan.time)), root, (low + plan.time) / 2)
+    return aim, jnp.argmin(roots), told
 
 
-class _Ahead(NamedTuple):
-    """How far to step, h, and its slope."""
+class Landing(NamedTuple):
+    """What a step ends with that ends at an event.
 
-    dt: Array
-    h: Array
-    slope: Array
-
-
-def _stepped(
-    whole: tuple[Equations, Context],
-    first: tuple[Equations, Context],
-    t: Array,
-    y: Moving,
-    ahead: Callable[[Float[Array, " p"], Float[Array, " p"]], _Ahead],
-) -> tuple[Moving, _Ahead]:
-    """One explicit step of the method of Dormand and Prince of order 8, which both modes of derivatives pass.
-
-    How far it goes is told by rates of the slip rates, with the senses of `first`, and slip rates where it begins.
+    - `lands`, `free`: whether one does, and if joints are let go there.
+    - `weights`, `along`, `slope`: those of h among slip rates, or slip accelerations; the directions in which joints
+      slide; and h'.
+    - `shift`: how much later the event is.
+    - `change`: y' there.
+    - `halt`: the impulse that leaves joints that stick no slip, by slip rates, where joints have several.
     """
-    flat, unravel = jax.flatten_util.ravel_pytree(y)
-    tableau = diffrax.Dopri8.tableau
-    weights = [np.zeros(0), np.zeros(0), *tableau.a_lower]  # the first looks how far, the others are the method's
-    stages = len(weights)
-    lower = np.array([np.pad(row, (k > 0, stages - row.size - (k > 0))) for k, row in enumerate(weights)])
-    lower = jnp.asarray(lower, flat.dtype)
-    nodes = jnp.asarray(np.concatenate([np.zeros(2), tableau.c]), flat.dtype)
 
-    def stage(k: Array, carry: tuple[Array, _Ahead]) -> tuple[Array, _Ahead]:
-        slopes, told = carry
-        (equations, context), (starts, begin) = whole, first
-        there = equations.with_sense(jnp.where(k == 0, starts.sense, equations.sense))
-        if context.along is not None and begin.along is not None:
-            context = context._replace(along=jnp.where(k == 0, begin.along, context.along))
-        at = unravel(flat + told.dt * lower[k] @ slopes)
-        slope, slip, rate = there.instant(t + nodes[k] * told.dt, at, context)
-        told = jax.tree.map(lambda a, b: jnp.where(k == 0, a, b), ahead(slip, rate), told)
-        return slopes.at[k].set(jax.flatten_util.ravel_pytree(slope)[0]), told
+    lands: Bool[Array, ""]
+    free: Bool[Array, ""]
+    weights: Float[Array, " p"]
+    along: Float[Array, " p"]
+    slope: Float[Array, ""]
+    shift: Float[Array, ""]
+    change: Moving
+    halt: Float[Array, "n p"] | None
 
-    zero = jnp.zeros_like(t)
-    start = jnp.zeros((stages, flat.size), flat.dtype), _Ahead(zero, zero, zero)
-    slopes, told = jax.lax.fori_loop(0, stages, stage, start)
-    return unravel(flat + told.dt * jnp.asarray(tableau.b_sol, flat.dtype) @ slopes[1:]), told
+
+def landing(equations: Equations, step: Step, plan: Plan, seen: Seen, change: Moving) -> tuple[Landing, Mode]:
+    """The end of a step, and how it goes on if that is an event."""
+    along = equations.sense if step.along is None else step.along
+    along = jnp.where(step.trial == equations.sense, along, step.trial)
+    free = jnp.any(plan.free)
+    onward = jax.tree.map(lambda a, b: jnp.where(plan.stops, a, b), seen.there, plan.onward)
+    weights, halt = jnp.zeros_like(along).at[plan.joint].set(1.0), None
+    if seen.yields is not None:
+        sense, (unit, yields) = jnp.where(free, equations.sense, onward.sense), seen.yields
+        inverse = jax.lax.cond(
+            batch_any(step.lands),
+            lambda: equations.least_friction(yields, equations.with_sense(sense).sticking),
+            lambda: jnp.zeros_like(yields),
+        )
+        halt, weights = unit @ inverse, _weights(equations, plan.joint, along, free, inverse)
+    h = weights @ jnp.where(free, seen.solved.slip, seen.rate)
+    slope = weights @ jnp.where(free, plan.slope, seen.solved.slip)
+    good = step.lands & (plan.joint >= 0) & (plan.stops | free) & (slope != 0)
+    slope = jnp.where(good, slope, 1.0)
+    return Landing(good, free, weights, along, slope, jnp.where(good, -h / slope, 0.0), change, halt), onward
+
+
+def _weights(equations: Equations, joint: Array, along: Array, free: Array, inverse: Array) -> Float[Array, " p"]:
+    """Of slip rates in the velocity of a joint's surfaces along a direction; of slip accelerations of one that is let
+    go in what its friction lacks to hold it, of which the direction as it turns does not matter."""
+    directions = cast(Directions, equations.directions)
+    same = jnp.asarray(directions.same)[joint]
+    whole = jnp.where(same, directions.arms * along, 0.0)
+    lacks = jnp.where(same, along / directions.arms, 0.0) @ inverse
+    one = jnp.zeros_like(along).at[joint].set(1.0)
+    return jnp.where(jnp.asarray(directions.directed)[joint], jnp.where(free, lacks, whole), one)
+
+
+@eqx.filter_custom_jvp
+def landed(
+    equations: Equations, t: Array, y: Moving, context: Context, trial: Array, rate: Array, end: Landing
+) -> tuple[Array, Moving]:
+    """How much later the event is, and the state there."""
+    y = jax.tree.map(lambda x, change: x + end.shift * change, y, end.change)
+    return end.shift, y if end.halt is None else y._replace(qd=y.qd - jnp.where(end.lands, end.halt @ rate, 0.0))
+
+
+@landed.def_jvp
+def _landed_jvp(primals: tuple, tangents: tuple) -> tuple[tuple[Array, Moving], tuple[Array, Moving]]:
+    """dt = -dh / h', as h stays 0 at the event; slip rates that are halted stay so."""
+    equations, t, y, context, trial, _, end = primals
+    shape = jax.tree.map(jnp.zeros_like, (end.shift, y))
+    given = jax.tree.map(lambda x, dot: x if dot is None else dot, shape[1], tangents[2], is_leaf=lambda x: x is None)
+
+    if context.along is not None:
+        context = context._replace(along=end.along)
+
+    def told(equations: Equations, t: Array, y: Moving) -> tuple[Array, Array]:
+        _, slip, rate = equations.with_sense(trial).instant(t, y, context)
+        return slip, rate
+
+    def moved() -> tuple[Array, Moving]:
+        (slip, _), (slip_dot, rate_dot) = eqx.filter_jvp(told, (equations, t, y), tangents[:3])
+        h_dot = end.weights @ jnp.where(end.free, slip_dot, rate_dot)
+        shift = jnp.where(end.lands, -h_dot / end.slope, 0.0)
+        y_dot = jax.tree.map(lambda dot, change: dot + shift * change, given, end.change)
+        if end.halt is not None:
+            halted = jnp.where(end.lands, end.halt @ (rate_dot + shift * slip), 0.0)
+            y_dot = y_dot._replace(qd=y_dot.qd - halted)
+        return shift, y_dot
+
+    return landed(*primals), jax.lax.cond(batch_any(end.lands), moved, lambda: (shape[0], given))

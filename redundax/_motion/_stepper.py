@@ -5,6 +5,9 @@ error of the step that the solver's own estimate need not see, and is added to i
 the mechanism the step is rejected. So it is where friction changes by much that may have several solutions: the motion
 follows its branch, and where the branch ends steps become too small. Solvers that reuse their last stage are told that
 the state jumped.
+
+Where friction has senses the end is looked at for events (`_slip`). A step that passes one is not taken, and steps end;
+when they go on, the first ends at the event, beyond which senses are others.
 """
 
 from typing import Any, NamedTuple
@@ -17,11 +20,12 @@ import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
 from .._equations._kinematics import velocity
-from .._tools._numbers import stop_gradient
-from ._held_rank import AnyHeldFactorisation, factorize_held
-from ._moving import Context, Equations, Moving, rechart, tolerance_of
+from .._tools._numbers import stop_gradient, xp
+from ._held_rank import AnyHeld, AnyHeldFactorisation, factorize_held
+from ._moving import Context, Equations, Moving, Solved, rechart, tolerance_of
 from ._project import project
-from ._slip import ends_well, has_event
+from ._slip import PAST, Plan, Seen, Step, landed, landing, look, no_plan, seen, turns
+from ._stick import Mode
 
 # Relative constraint residual after a projection beyond which it has failed, at least so many roundings.
 _CLOSED = 2e-10, 1e3
@@ -58,19 +62,143 @@ class Diagnostics(NamedTuple):
 
 def at_start(like: Float[Array, ""]) -> Diagnostics:
     """Nothing seen yet."""
-    zero = jnp.zeros_like(like)
-    return Diagnostics(zero, zero, zero, zero, zero, zero, jnp.full_like(zero, jnp.inf), zero, zero)
+    zero = xp.zeros_like(like)
+    return Diagnostics(zero, zero, zero, zero, zero, zero, xp.full_like(zero, xp.inf), zero, zero)
+
+
+class Begin(NamedTuple):
+    """How steps begin: how it moves and since when, what is held, and the event that the first step ends at; whether it
+    is the last."""
+
+    mode: Mode
+    since: Array
+    held: AnyHeld
+    plan: Plan
+    lands: Any
 
 
 class Carried(NamedTuple):
-    """State: the solver's own, what is held, the watch, pivots now and largest, the start of the step."""
+    """State: the solver's own; how it moves and since when, what is held, the directions in which surfaces slide; the
+    event that the next step ends at, which joints with several slips were let go, and whether the last step was cut at
+    an event; the watch, and pivots now and largest."""
 
     inner: Any
-    context: Context
+    mode: Mode
+    since: Array
+    held: AnyHeld
+    along: Float[Array, " p"] | None
+    plan: Plan
+    released: Bool[Array, " p"]
+    cut: Bool[Array, ""]
     watch: Diagnostics
     pivot: Float[Array, ""]
     largest: Float[Array, ""]
-    start: tuple[Array, Moving]
+
+    @property
+    def context(self) -> Context:
+        """What stays the same within a step."""
+        return Context(self.held, self.mode.tau, self.mode.resting, self.along)
+
+
+class Verdict(NamedTuple):
+    """What is told of a step, as numbers, in place of its error.
+
+    - `size`: the error by the tolerance, infinite where the step may not end so.
+    - `plan`: the event that it has passed; None where there are none.
+    - `lands`, `rests`, `ends`: whether it ends at an event, at rest, and whether steps end there.
+    - `shift`: how much later that event is.
+    - `ahead`: until when the next step goes at most; `again` says that it goes there.
+    """
+
+    size: Array
+    plan: Plan | None
+    lands: Array
+    rests: Array
+    ends: Array
+    shift: Array
+    ahead: Array
+    again: Array
+
+
+def _unused(*_: Any) -> Any:
+    """The vector field, which a first step that is given does not ask for."""
+
+
+class Control(NamedTuple):
+    """State of the controller: its own, and the event that ended the steps."""
+
+    inner: Any
+    plan: Plan | None
+
+
+class Controller(diffrax.AbstractAdaptiveStepSizeController):
+    """Steps by the errors of verdicts, up to events, and from there on as at first."""
+
+    controller: diffrax.PIDController
+    first: Float[Array, ""]
+    end: Float[Array, ""]
+
+    @property
+    def rtol(self) -> Any:  # pyright: ignore
+        return self.controller.rtol
+
+    @property
+    def atol(self) -> Any:  # pyright: ignore
+        return self.controller.atol
+
+    @property
+    def norm(self) -> Any:  # pyright: ignore
+        return size_of
+
+    def wrap(self, direction: Any) -> "Controller":
+        return self
+
+    def init(
+        self, terms: Any, t0: Any, t1: Any, y0: Any, dt0: Any, args: Any, func: Any, error_order: Any
+    ) -> tuple[Any, Control]:
+        equations, begin = args[0], args[2]
+        end, inner = self.controller.init(terms, t0, t1, y0, dt0, args, func, error_order)
+        return end, Control(inner, no_plan(begin.mode) if equations.has_sense else None)
+
+    def adapt_step_size(
+        self,
+        t0: Any,
+        t1: Any,
+        y0: Any,
+        y1_candidate: Any,
+        args: Any,
+        y_error: Any,
+        error_order: Any,
+        controller_state: Control,
+    ) -> tuple[Any, ...]:
+        verdict, zero = y_error, jnp.zeros_like(t1)
+        keep, t, following, _, inner, result = self.controller.adapt_step_size(
+            t0, t1, zero, zero, args, verdict.size, error_order, controller_state.inner
+        )
+        if verdict.plan is None:
+            return keep, t, following, False, Control(inner, None), result
+        event = keep & jnp.isfinite(verdict.plan.time)
+        taken = keep & ~event
+        lands = taken & (verdict.lands > 0)
+        t = jnp.where(taken, t1 + verdict.shift, t0)
+        again = verdict.again > 0
+        # What is wrong beyond an event does not matter: a step that is refused is tried up to there, if that is less.
+        goal = (1 + PAST) * verdict.plan.time - PAST * t0
+        aims = ~keep & (goal < t1 - 0.1 * (t1 - t0))
+        following = jnp.where(
+            aims, jnp.where(jnp.isfinite(verdict.size), jnp.minimum(following, goal), goal), following
+        )
+        following = jnp.where(again, verdict.ahead, jnp.minimum(following, verdict.ahead))
+        following = jnp.where(lands, t + self.first, following)
+        following = jnp.where(taken & (verdict.rests > 0), jnp.maximum(self.end, following), following)
+        _, fresh = self.controller.init(None, t0, t1, zero, self.first, args, _unused, error_order)
+        inner = jax.tree.map(lambda a, b: jnp.where(lands, a, b), fresh, inner)
+        result = diffrax.RESULTS.where(lands | again, diffrax.RESULTS.successful, result)
+        result = diffrax.RESULTS.where(event | (taken & (verdict.ends > 0)), diffrax.RESULTS.event_occurred, result)
+        plan = jax.tree.map(
+            lambda a, b: jnp.where(event, b.astype(a.dtype), a), controller_state.plan, stop_gradient(verdict.plan)
+        )
+        return taken, t, following, lands, Control(inner, plan), result
 
 
 class Stepper(diffrax.AbstractWrappedSolver):
@@ -111,60 +239,175 @@ class Stepper(diffrax.AbstractWrappedSolver):
         return self.solver.func(terms, t0, y0, args)
 
     def init(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any) -> Carried:
-        equations, context = args
-        inner = self.solver.init(terms, t0, t1, y0, args)
+        equations, context, begin = args
+        inner = self.solver.init(terms, t0, t1, y0, (equations, context))
         kinetic = equations.kinetic_energy(t0, y0)
         watch = at_start(kinetic)._replace(speed=equations.speed, kinetic=kinetic, start=kinetic - y0.work)
         zero = jnp.zeros_like(kinetic)
-        return Carried(inner, context, *jax.lax.stop_gradient((watch, zero, zero, (t0, y0))))
+        fixed = jax.lax.stop_gradient((watch, zero, zero))
+        none = begin.mode.sense != begin.mode.sense
+        return Carried(inner, begin.mode, begin.since, begin.held, context.along, begin.plan, none, zero > 0, *fixed)
 
+    @eqx.filter_jit  # diffrax traces it three times
     def step(
         self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: Carried, made_jump: Any
     ) -> tuple[Any, Any, Any, Carried, Any]:
-        equations, _ = args
-        system, context = equations.system, solver_state.context
-        projects = equations.stabilisation.projects
-        y, error, dense, inner, result = self.solver.step(
-            terms, t0, t1, y0, (equations, context), solver_state.inner, made_jump or projects or not system.adds
-        )
+        now, equations, system = solver_state, args[0], args[0].system
+        context, projects = now.context, equations.stabilisation.projects
+        if equations.has_sense:
+            equations = equations.with_sense(now.mode.sense)
+        made_jump = True if projects or not system.adds else made_jump
+        y, error, dense, inner, result = self.solver.step(terms, t0, t1, y0, (equations, context), now.inner, made_jump)
         raw = y
         y, settled = rechart(system, y)
         if projects:
             y = project(system, t1, y, context.held)
+        if equations.has_sense:
+            y = jax.tree.map(lambda a, b: jnp.where(context.rests, a, b), y0, y)
         # What is watched and what the next step starts from have no derivatives.
-        fixed, there, t, before = stop_gradient((equations, y, t1, context.held))
-        factor = factorize_held(fixed.system, there.at(t), before)
-        held, excess = factor.renewed(context.held)
-        watch, off = _diagnostics_after(solver_state.watch, fixed, t, there, factor)
-        pivot = jnp.min(factor.pivots)
-        (_, tau, along), state, well = context, there.at(t), True
-        jump = jnp.zeros_like(off)
-        if system.friction:
-            linear = fixed.linear(state, before, factor, closed=fixed.loaded)
-            solved = fixed.solved(state, linear, tau, along)
-            change = jnp.where(fixed.sticking, 0.0, jnp.abs(solved.tau - tau) / solved.size)
-            jump = jnp.where(solved.contraction < 1, 0.0, jnp.max(change))
-            watch = watch._replace(
-                contraction=jnp.maximum(watch.contraction, solved.contraction), jump=jnp.maximum(watch.jump, jump)
+        fixed, there, begun, t, before, path = stop_gradient((equations, y, t0, t1, now, dense))
+        found: Any = None
+        plan: Any = None
+        step: Any = None
+        cut: Any = None
+        well = True
+        if not equations.has_sense:
+            found = _see(fixed, t, there, before, None)
+        else:
+            lands = before.plan.time <= t + 10 * jnp.finfo(t.dtype).eps * jnp.abs(t)
+            trial = jnp.where(lands & before.plan.free, before.plan.onward.sense, fixed.sense)
+            step = Step(begun, t, there, context.rests, lands, trial, before.along)
+            steps = self.solver.interpolation_cls(t0=begun, t1=t, **path)
+            found, plan, well, cut = look(
+                fixed, step, steps.evaluate, lambda t, y, trial, asks: _see(fixed, t, y, before, Trial(trial, asks))
             )
-            tau = solved.tau
-            if fixed.has_sense:
-                event = has_event(fixed, state, linear, along)
-                y = y._replace(event=event.astype(t.dtype))
-                if along is not None:
-                    well, along = ends_well(fixed, linear.rate, along), fixed.turned(linear.rate, along, event)
-        largest = jnp.maximum(solver_state.largest, pivot)
-        carried = Carried(inner, Context(held, tau, along), watch, pivot, largest, jax.lax.stop_gradient((t0, y0)))
-        good = _may_end(off, excess, solver_state, pivot) if projects else jnp.isfinite(off)
-        good = good & settled & (jump <= _JUMP) & well
+        sight, carried, jump = _watched(fixed, now, found, inner)
+        good = _may_end(sight.off, sight.excess, now, sight.pivot) if projects else jnp.isfinite(sight.off)
+        good = good & settled & (jump <= _JUMP)
         if self.constant or error is None:
-            error = jax.tree.map(jnp.zeros_like, y)
+            size = jnp.zeros_like(t1)
         else:
             if projects or not system.adds:
                 error = jax.tree.map(lambda e, a, b: jnp.abs(e) + jnp.abs(a - b), error, y, raw)
-            error = _relative(error, t1 - t0, equations, solver_state, carried)
-        error = jax.tree.map(lambda e: jnp.where(good, e, jnp.inf), error)
-        return y, error, dense, carried, result
+            size = size_of(_relative(error, t1 - t0, equations, y0, now, carried))
+        if step is None:
+            zero = jnp.zeros_like(t1)
+            return y, Verdict(jnp.where(good, size, jnp.inf), None, *[zero] * 6), dense, carried, result
+        end, at, ahead, again = t1, now.plan, now.plan.time, jnp.zeros((), bool)
+        if equations.directions is not None:
+            steps = self.solver.interpolation_cls(t0=t0, t1=t1, **dense)
+            cut_at, _ = rechart(system, steps.evaluate(jnp.where(cut, plan.time, t1)))
+            y = jax.tree.map(lambda a, b: jnp.where(cut, a, b), cut_at, y)
+            end, at = (jax.tree.map(lambda a, b: jnp.where(cut, a, b), *two) for two in ((plan.time, t1), (plan, at)))
+            step = step._replace(end=jnp.where(cut, plan.time, step.end), lands=step.lands | cut)
+            again = turns(fixed, plan) & (plan.time < jnp.inf) & ~cut
+            ahead = jnp.where(again, (1 + PAST) * plan.time - PAST * begun, ahead)
+            plan = plan._replace(time=jnp.where(turns(fixed, plan), jnp.inf, plan.time))
+            carried = carried._replace(cut=cut)
+        good = good & (well | step.lands) & ~again
+        size = jnp.where(context.rests, 0.0, jnp.where(good, size, jnp.inf))
+        y, carried, told = _landed(equations, (end, y), now._replace(plan=at), carried, step, found)
+        told = told._replace(
+            size=size,
+            plan=plan,
+            shift=end - t1 + told.shift,
+            ahead=ahead,
+            again=again.astype(t1.dtype),
+            ends=jnp.where(step.lands & args[2].lands, 1.0, told.ends),
+        )
+        return y, told, dense, carried, result
+
+
+class Trial(NamedTuple):
+    """The senses of friction at an instant, and whether an event is there."""
+
+    sense: Float[Array, " p"]
+    lands: Array
+
+
+class Sight(NamedTuple):
+    """What is watched at an instant: what is held from there on, how much the rows left out contribute, the watch, the
+    violation of the position, and the least pivot."""
+
+    held: AnyHeld
+    excess: Array
+    watch: Diagnostics
+    off: Array
+    pivot: Array
+
+
+@eqx.filter_jit  # traced once
+def _see(equations: Equations, t: Array, y: Moving, now: Carried, trial: Trial | None) -> Any:
+    """What is found at an instant; without senses the equations solved, without friction what is watched alone."""
+    state, context = y.at(t), now.context
+    factor = factorize_held(equations.system, state, context.held)
+    held, excess = factor.renewed(context.held)
+    sight = Sight(held, excess, *_diagnostics_after(now.watch, equations, t, y, factor), jnp.min(factor.pivots))
+    if not equations.system.friction:
+        return sight
+    linear = equations.linear(state, context.held, factor, closed=equations.loaded)
+    if trial is not None:
+        return seen(equations, state, linear, context, trial.sense, trial.lands, sight)
+    return Found(equations.solved(state, linear, context.tau, context.along), sight)
+
+
+class Found(NamedTuple):
+    """The equations solved at an instant, and what is watched."""
+
+    solved: Solved
+    watch: Sight
+
+
+def _watched(equations: Equations, now: Carried, found: Any, inner: Any) -> tuple[Sight, Carried, Array]:
+    """What was seen at the end of a step, what is carried on from there, and how much friction jumps where it may have
+    several solutions."""
+    friction = equations.system.friction
+    sight: Sight = found.watch if friction else found
+    mode, along, jump, watch = now.mode, now.along, jnp.zeros_like(sight.off), sight.watch
+    if friction:
+        solved: Solved = found.solved
+        change = jnp.where(equations.sticking, 0.0, jnp.abs(solved.tau - mode.tau) / solved.size)
+        jump = jnp.where(solved.contraction < 1, 0.0, jnp.max(change))
+        watch = watch._replace(
+            contraction=jnp.maximum(watch.contraction, solved.contraction), jump=jnp.maximum(watch.jump, jump)
+        )
+        mode = mode._replace(tau=solved.tau)
+        if along is not None:
+            along = equations.turned(found.rate, along, jnp.zeros((), bool))
+    largest = jnp.maximum(now.largest, sight.pivot)
+    parts = {"inner": inner, "mode": mode, "held": now.held.renewed_by(sight.held), "along": along, "watch": watch}
+    return sight, now._replace(**parts, pivot=sight.pivot, largest=largest), jump
+
+
+def _landed(
+    equations: Equations, at: tuple[Array, Moving], now: Carried, after: Carried, step: Step, found: Seen
+) -> tuple[Moving, Carried, Verdict]:
+    """The end of a step that may be an event, and what is told of it."""
+    (t, y), context, plan = at, now.context, now.plan
+    fixed, there = stop_gradient((equations, y))
+    change = fixed.change(there.at(step.end), there, found.rate, found.solved)
+    change = jax.tree.map(lambda x: jnp.where(context.rests, 0.0, x), change)
+    end, onward = landing(fixed, step, plan, found, change)
+    shift, y = landed(equations, t, y, context, step.trial, found.rate, end)
+
+    def new(a: Any, b: Any) -> Any:
+        return jax.tree.map(lambda a, b: jnp.where(step.lands, a, b), a, b)
+
+    mode = new(onward, jax.tree.map(lambda a, b: jnp.where(context.rests, a, b), now.mode, after.mode))
+    released = step.lands & plan.free
+    released = released & (False if equations.directions is None else equations.directions.directed)
+    y = y._replace(qd=jnp.where(mode.resting, 0.0, y.qd))
+    carried = after._replace(
+        mode=mode,
+        since=new(t + shift, now.since),
+        along=None if after.along is None else new(onward.sense, after.along),
+        plan=new(plan._replace(time=jnp.full_like(plan.time, jnp.inf)), plan),
+        released=released,
+        watch=jax.tree.map(lambda a, b: jnp.where(context.rests, a, b), now.watch, after.watch),
+    )
+    ends = ~mode.decided if equations.directions is None else step.lands
+    lands, rests, ends = (flag.astype(t.dtype) for flag in (step.lands, mode.resting, ends))
+    return y, carried, Verdict(t, None, lands, rests, ends, shift, t, t)
 
 
 def _may_end(off: Array, excess: Array, before: Carried, end: Array) -> Bool[Array, ""]:
@@ -179,7 +422,7 @@ def _may_end(off: Array, excess: Array, before: Carried, end: Array) -> Bool[Arr
     return (off <= tolerance_of(_CLOSED, off)) & (excess <= _SAME * eps**0.5) & (clear | (before.pivot < beside))
 
 
-def _relative(error: Moving, dt: Array, equations: Equations, before: Carried, after: Carried) -> Moving:
+def _relative(error: Moving, dt: Array, equations: Equations, begin: Moving, before: Carried, after: Carried) -> Moving:
     """The error of a step free of units, of which the tolerance is taken: positions relative to the size of the
     mechanism, velocities to the largest that it had, internal states to their sizes.
 
@@ -196,14 +439,13 @@ def _relative(error: Moving, dt: Array, equations: Equations, before: Carried, a
 
     system, off = equations.system, error.q
     if not system.adds:
-        off = velocity(system, after.start[1].q, off)
+        off = velocity(system, jax.lax.stop_gradient(begin.q), off)
     position = counted(off, sizes.size * sizes.coordinates, blur * (1 + shift**2))
     return Moving(
         position if system.adds else jnp.full_like(error.q, jnp.max(position)),
         jax.tree.map(jnp.zeros_like, error.base),
         counted(error.qd, speed * sizes.coordinates, blur / pivot * (1 + shift)),
         jnp.zeros_like(error.work),
-        jax.tree.map(jnp.zeros_like, error.event),
         [
             jax.tree.map(lambda e, size: jnp.abs(e) / size, own, group.memory_size())
             for own, group in zip(error.memory, system.friction, strict=True)

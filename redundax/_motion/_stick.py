@@ -29,11 +29,11 @@ from .._system._friction import friction_force, load_rows
 from .._system._state import State
 from .._tools._numbers import stop_gradient
 from ._held_rank import AnyHeld
-from ._moving import Equations, Linear, tolerance_of
+from ._moving import STILL, Equations, Linear, tolerance_of
 
-# Slips and velocities at an event, relative to those of the mechanism; accelerations, relative to the sum of the parts
-# that cancel; and changes of friction after which sweeps have settled it. Each with the roundings that it is at least.
-_STILL, _HELD, _SETTLED = (1e-6, 1e3), (1e-7, 1e3), (1e-10, 1e3)
+# Accelerations at an event, relative to the sum of the parts that cancel, and changes of friction after which sweeps
+# have settled it; each with the roundings that it is at least.
+_HELD, _SETTLED = (1e-7, 1e3), (1e-10, 1e3)
 # Accelerations that are none, relative to a speed squared over the size of the mechanism.
 _ROUNDING = 1e-12, 1e2
 
@@ -59,9 +59,8 @@ def next_mode(equations: Equations, state: State, held: AnyHeld, wanted: Bool[Ar
 def mode_of(equations: Equations, state: State, linear: Linear, wanted: Bool[Array, ""]) -> Mode:
     """`next_mode`, given the equations at the state."""
     sensed = jnp.asarray(equations.sensed)
-    slow, held = tolerance_of(_STILL, linear.rate) * equations.speed, tolerance_of(_HELD, linear.rate)
-    slows = jnp.abs(linear.rate) <= slow / equations.slip_size
-    still = sensed & (equations.whole(slows) | equations.sticking)
+    slow, held = tolerance_of(STILL, linear.rate) * equations.speed, tolerance_of(_HELD, linear.rate)
+    still = equations.still(linear.rate)
     if linear.is_large:
         wanted = wanted & jnp.any(still)
     tau, caused, change, decided = _sticking_friction(equations, state, linear, still, wanted)
@@ -114,7 +113,7 @@ def _sticking_friction(
     if linear.is_large:
         return _of_large(equations, state, linear, still, limits, wanted)
     gain, unit = linear.response.unit.multipliers[rows], linear.response.unit.acceleration
-    yielding = equations.yielding(linear)
+    yielding = equations.yielding(linear.yields)
     pull = jnp.abs(linear.slip) * sizes
     reverses = jnp.isinf(yielding) & (pull > tolerance_of(_HELD, pull) * jnp.max(pull))  # whatever its friction
     yielding = jnp.where(reverses, jnp.finfo(pull.dtype).tiny, yielding)

@@ -5,12 +5,12 @@
 Times that rounding puts beyond an end count as that end.
 """
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from .._tools._errors import RedundaxError
 from .._tools._module import is_concrete, numpy_of
+from .._tools._numbers import xp
 
 _ROUNDINGS = 10
 
@@ -28,8 +28,8 @@ def in_order(start: Times, end: Times, ts: Times) -> np.bool_ | Array:
 
 def within(start: Array, end: Array, ts: Float[Array, " times"]) -> Float[Array, " times"]:
     """The times, those beyond an end at that end; where they touch it, the derivative is theirs."""
-    ts = jnp.where(ts < start, start, ts)
-    return jnp.where(ts > end, end, ts)
+    ts = xp.where(ts < start, start, ts)
+    return xp.where(ts > end, end, ts)
 
 
 def check_times(start: Times, end: Times, ts: Times) -> None:

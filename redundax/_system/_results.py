@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Bool
 
 from .._tools._module import is_concrete
-from .._tools._numbers import is_number
+from .._tools._numbers import is_number, xp
 
 
 class _Words(type(eqx.Enumeration)):
@@ -181,10 +181,9 @@ def chosen(flag: Bool[Array, ""], yes: RESULTS, no: RESULTS) -> RESULTS:
     return (yes if flag else no) if is_number(flag) else RESULTS.where(flag, yes, no)
 
 
-def differs(one: RESULTS, other: RESULTS) -> Bool[Array, ""]:
-    """Whether two results differ."""
-    values = jax.tree.leaves((one, other))
-    return np.not_equal(*values) if all(map(is_number, values)) else one != other
+def differs(one: object, other: object) -> Bool[Array, ""]:
+    """Whether two results differ, of whichever kind."""
+    return xp.not_equal(*jax.tree.leaves((one, other)))
 
 
 def first_failure(checks: Sequence[tuple[Bool[Array, ""], RESULTS]]) -> RESULTS:

@@ -14,6 +14,7 @@ from typing import ParamSpec, TypeVar
 import equinox as eqx
 import jax
 import jax.core
+import jax.numpy as jnp
 
 from ._waiting import tell_of_long_compiling
 
@@ -29,6 +30,9 @@ _QUICK: Options = {
     **_LIGHT,
     "xla_backend_optimization_level": 0,
     "xla_llvm_disable_expensive_passes": True,
+    # What loops repeat is little; to look for it takes a third of the time that a motion's step takes to compile.
+    "xla_disable_hlo_passes": "while-loop-simplifier,while-loop-invariant-code-motion,"
+    "while-loop-expensive-invariant-code-motion",
 }
 
 tell_of_long_compiling()
@@ -64,6 +68,27 @@ def compiled(
                 return outside(is_large(*arguments, **named))(*arguments, **named)
         except jax.errors.UnexpectedTracerError:  # a function of the user holds a traced number
             return inside(*arguments, **named)
+
+    return run
+
+
+def is_staged() -> bool:
+    """Whether this is traced as a part of a program, and not for a derivative or a batch alone."""
+    return isinstance(jnp.zeros(()) + 1, jax.core.Tracer)
+
+
+def once(function: Callable[P, T]) -> Callable[P, T]:
+    """`eqx.filter_jit` of what is traced, compiled in little time where no program is around it: a derivative that is
+    asked for once waits for its compiling alone. Not for reverse mode."""
+    inside = eqx.filter_jit(function)
+
+    @functools.cache
+    def alone() -> Callable[P, T]:
+        return eqx.filter_jit(function, compiler_options=quick_options())  # pyright: ignore[reportCallIssue]
+
+    @functools.wraps(function)
+    def run(*arguments: P.args, **named: P.kwargs) -> T:
+        return (inside if is_staged() else alone())(*arguments, **named)
 
     return run
 

@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from ._numbers import custom_jvp, xp
+from ._numbers import are_numbers, custom_jvp, is_number, xp
 
 T = TypeVar("T")
 
@@ -56,6 +56,8 @@ def nan_derivative_where(lost: Bool[Array, "..."], tangent: Array) -> Array:
 
 def cut_where(failed: Bool[Array, ""], tree: T) -> T:
     """The same, without derivatives where a call has failed: what it computes there is lost, and 0 times it is NaN."""
+    if is_number(failed):
+        return tree
     return jax.tree.map(
         lambda x: jnp.where(failed, jax.lax.stop_gradient(x), x) if eqx.is_inexact_array(x) else x, tree
     )
@@ -64,6 +66,8 @@ def cut_where(failed: Bool[Array, ""], tree: T) -> T:
 def spoiled_where(failed: Bool[Array, ""], tree: T, given: Any, lose: Callable[..., Array] = nan_where) -> T:
     """The same, NaN where a call has failed, and so are its derivatives by all that was given; of tangents by
     `nan_derivative_where`."""
+    if are_numbers(failed, tree):
+        return jax.tree.map(lambda x: nan_where(failed, x), tree)
     some = sum(jnp.sum(x) for x in jax.tree.leaves(given) if eqx.is_inexact_array(x))
     return jax.tree.map(
         lambda x: jnp.where(failed, lose(failed, jnp.broadcast_to(some, x.shape).astype(x.dtype)), x), tree

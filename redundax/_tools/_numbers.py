@@ -16,6 +16,7 @@ import collections
 import contextlib
 import functools
 import threading
+import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, TypeAlias, TypeVar
@@ -27,7 +28,7 @@ import jax.numpy as jnp
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
-from ._compilation import compiled, quick_options
+from ._compilation import compiled, once, quick_options
 
 T = TypeVar("T")
 F = TypeVar("F", bound=Callable[..., Any])
@@ -250,6 +251,11 @@ def take(x: Any, places: Any) -> Any:
     return x[places] if is_number(places) else jnp.asarray(x)[places]
 
 
+def cholesky(a: Any) -> Any:
+    """The lower factor of a symmetric matrix, of which its lower triangle is read."""
+    return xp.linalg.cholesky(a) if is_number(a) else jnp.linalg.cholesky(a, symmetrize_input=False)
+
+
 def solve_triangular(a: Any, b: Any, *, lower: bool) -> Any:
     """`jax.scipy.linalg.solve_triangular`."""
     if not (is_number(a) and is_number(b)):
@@ -347,12 +353,16 @@ def computing() -> Iterator[None]:
 OFTEN = 300
 
 
-def on_numbers(function: Callable[..., Any], *, jit: bool = True, repeats: bool = False) -> Callable[..., Any]:
+def on_numbers(
+    function: Callable[..., Any], *, jit: bool = True, repeats: bool = False, is_long: bool = False
+) -> Callable[..., Any]:
     """A function that runs on NumPy's arrays where all its arguments are known, and gives JAX's; else it is traced.
 
-    One that `repeats` is a program of its own from call `OFTEN` on with arguments of one structure.
+    One that `repeats` is a program of its own from call `OFTEN` on with arguments of one structure; one that `is_long`
+    compiles in little time where it is traced for a derivative alone, in forward mode.
     """
-    traced, program, calls = eqx.filter_jit(function) if jit else function, compiled(function), collections.Counter()
+    traced = once(function) if is_long else eqx.filter_jit(function) if jit else function
+    program, calls = compiled(function), collections.Counter()
 
     @functools.wraps(function)
     def run(*arguments: Any, **named: Any) -> Any:
@@ -383,6 +393,33 @@ def _structure(tree: Any) -> tuple[Any, ...]:
     """What a program is keyed by."""
     leaves, structure = jax.tree.flatten(tree)
     return structure, *((np.shape(x), x.dtype) if eqx.is_array(x) else x for x in leaves)
+
+
+# Seconds that a program has run in all, by calls of one structure, when one with all optimisation takes over, which
+# compiles for about as long.
+LONG = 5.0
+
+
+def as_program(function: Callable[..., Any]) -> Callable[..., Any]:
+    """What repeats a thousand times: `compiled`, of numbers and giving such where those are known.
+
+    It is compiled in little time at first, and anew with all optimisation once it has run for `LONG`.
+    """
+    first, fast, spent = compiled(function), compiled(function, runs_long=True), collections.defaultdict(float)
+
+    @functools.wraps(function)
+    def run(*arguments: Any) -> Any:
+        if not are_numbers(arguments):
+            return first(*arguments)
+        if (key := hash(_structure(arguments))) not in spent:
+            spent[key] = 0.0  # compiled now, which does not count
+            return as_numbers(first(*arguments))
+        begun = time.perf_counter()
+        out = as_numbers((fast if spent[key] > LONG else first)(*arguments))
+        spent[key] += time.perf_counter() - begun
+        return out
+
+    return run
 
 
 def of_model(function: Callable[..., Any]) -> Callable[..., Any]:

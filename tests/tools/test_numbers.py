@@ -51,6 +51,9 @@ PROGRAMS = {
     "band at rest": (lambda m, s: str(rx.band(m, at_rest(s), "A.x", BOX)), 0),
     "limit load": (lambda m, s: str(rx.limit_load(m, at_rest(s), {"1.phi": 1.0})), 0),
     "band along": (lambda m, s: str(rx.band_along(m, way(s), "A.x", BOX, samples=8)), 1),  # motions of joints
+    # With a stop on its way: steps, what is given at the times asked for, the closure, and three of a few operations.
+    "motion": (lambda m, s: rx.simulate(m, s, 0.05), 6),
+    "another motion": (lambda m, s: rx.simulate(m, m.state(phi=0.7, rate=1.1), 0.1), 0),
 }
 
 
@@ -76,6 +79,17 @@ def test_known_calls_compile_the_model_alone():
         HEARD.count = 0
         call(mechanism, state)
         assert HEARD.count <= most, name
+
+
+def test_a_program_that_has_run_for_long_is_optimised_and_gives_the_same(monkeypatch):
+    """The first call compiles and does not count; the second runs; from the third on the other takes over."""
+    monkeypatch.setattr(_numbers, "LONG", 0.0)
+    run, x, counts = _numbers.as_program(lambda x: jnp.sin(x) * jnp.arange(3)), np.array([0.1, 0.2, 0.3]), []
+    for _ in range(4):
+        HEARD.count = 0
+        np.testing.assert_allclose(run(x), np.sin(x) * [0, 1, 2], rtol=1e-15)
+        counts.append(HEARD.count > 0)
+    assert counts == [True, False, True, False]
 
 
 def test_an_edited_machine_of_the_same_structure_compiles_nothing():
