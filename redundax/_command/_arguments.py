@@ -7,9 +7,11 @@ from collections.abc import Sequence
 from importlib import metadata
 from typing import Any
 
+from .._models._formats import MODELS
 from .._tools._cache import LIMIT
 from ..plot._page._formats import FORMATS
 
+_MODELS = ", ".join(MODELS)
 _PICK = (
     "Figures with friction are about the minimum norm with the mechanism's own length as its unit, so that no unit "
     "changes them; rx.solve takes the unit of the model unless it is told."
@@ -112,9 +114,7 @@ def _audit(commands: Any) -> argparse.ArgumentParser:
         "closed, 3 if something is redundant, 4 if positions do not agree or cannot be decided, or a "
         "constraint of the file is left out.",
     )
-    examination.add_argument(
-        "system", metavar="MODEL", help=".xml (MJCF), .urdf, .sdf, .asmt, or FILE.py:NAME as for analyze"
-    )
+    examination.add_argument("system", metavar="MODEL", help=f"{_MODELS}, or FILE.py:NAME as for analyze")
     examination.add_argument(
         "--closures",
         metavar="FILE",
@@ -178,9 +178,7 @@ def _check(commands: Any) -> argparse.ArgumentParser:
         "load is wrong, 2 if a file cannot be read or does not fit, 3 if a load is wrong, 4 if a constraint of the "
         "model is left out.",
     )
-    referee.add_argument(
-        "system", metavar="MODEL", help=".xml (MJCF), .urdf, .sdf, .asmt, or FILE.py:NAME as for analyze"
-    )
+    referee.add_argument("system", metavar="MODEL", help=f"{_MODELS}, or FILE.py:NAME as for analyze")
     referee.add_argument("log", metavar="LOG", nargs="?", help="a file of CSV; by default the run that an .asmt stores")
     referee.add_argument("--run", metavar="S", type=_size, help="make the log by MuJoCo, so many seconds from rest")
     referee.add_argument("--axes", choices=("global", "body", "joint"), help="of components; by default what fits best")
@@ -207,7 +205,7 @@ def _drive(commands: Any) -> None:
         "before the way back. Moves begin where the model is. Exit status: 0 if all went well, 1 without a solution, 2 "
         "if arguments or the file are wrong.",
     )
-    motion.add_argument("system", metavar="MODEL", help=".xml (MJCF), .urdf, or FILE.py:NAME as for analyze")
+    motion.add_argument("system", metavar="MODEL", help=f"{_MODELS}, or FILE.py:NAME as for analyze")
     motion.add_argument("--law", metavar="NAME=LAW", action="append", default=[], help="of a coordinate; once for each")
     motion.add_argument("--hold", metavar="NAME", action="append", default=[], help="a coordinate that rests")
     motion.add_argument("--time", metavar="S", type=_size, help="how long; by default until the last law ends")

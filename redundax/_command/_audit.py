@@ -108,7 +108,7 @@ def _found(arguments: argparse.Namespace) -> _Found:
     if "://" in path:
         raise FileError(f"'{path}' is an address. Fetch the file first, and name it.")
     if path and pathlib.Path(path).is_dir():
-        raise FileError(f"'{path}' is a folder. Name an .xml or .urdf file, or FILE.py:NAME.")
+        raise FileError(f"'{path}' is a folder. Name a file in it, or FILE.py:NAME.")
     if what := not_a_model(path):
         raise FileError(f"'{path}' {ended(what)}")
     if ":" not in path and kind not in (*MODELS, ".py"):

@@ -3,6 +3,7 @@
 from typing import Any
 
 from .._analysis._analyze import analyze
+from .._analysis._outputs import plain
 from .._models._choice import listed
 from .._models._model import Model
 from .._solve._solve import solve
@@ -27,7 +28,7 @@ def stops_of(model: Model, state: State) -> dict[str, Any]:
         "stops": {
             row.removeprefix("stop of "): {
                 "does": str(word),
-                "load": loads[row],
+                "load": plain(loads[row]),
                 "kind": names.rows.kinds[place],
                 "unique": row in report.unique_multipliers,
             }

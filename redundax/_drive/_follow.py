@@ -65,7 +65,8 @@ def follow(system: AbstractSystem, scale: Scaling, start: _Track, ts: Float[Arra
     def to_next(track: _Track, target: Array) -> tuple[_Track, tuple[Array, Array]]:
         if system.velocity_rows:
             q, rate, t, good = rolled(system, scale, track.q, track.t, target)
-            return _Track(q, rate, track.bend, t, track.step), (q, good)
+            good = good & (track.step > 0)  # none beyond one that was not reached
+            return _Track(q, rate, track.bend, t, jnp.where(good, track.step, 0.0)), (q, good)
         way = target - track.t
         least = _HALVED * way
         track = track._replace(step=jnp.where(way > 0, jnp.minimum(track.step, way), track.step))

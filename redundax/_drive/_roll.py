@@ -50,12 +50,15 @@ def rolled(
     import diffrax  # here, as its import takes time that few need
 
     def rate(t: Array, q: Array, _: object) -> Array:
-        along = scale.coordinates * velocity_of(system, scale, q, t)[0]
+        found, agree = velocity_of(system, scale, q, t)
+        along = jnp.where(agree, scale.coordinates * found, jnp.nan)  # steps end where laws contradict each other
         zero, one = jnp.zeros((), q.dtype), jnp.ones((), q.dtype)
         return jax.jvp(lambda s: system.retract(q, s * along), (zero,), (one,))[1]
 
     rtol = max(_RTOL, 20 * float(jnp.finfo(q.dtype).eps))
-    steps = diffrax.PIDController(rtol, rtol * jnp.minimum(scale.length, 1.0), dtmin=_LEAST * (end - t))
+    steps = diffrax.PIDController(
+        rtol, rtol * jnp.minimum(scale.length, 1.0), dtmin=_LEAST * (end - t), force_dtmin=False
+    )
 
     def integrated() -> tuple[Array, Array, Array]:
         term, way = diffrax.ODETerm(rate), end - t  # pyright: ignore[reportArgumentType]

@@ -205,7 +205,7 @@ class _Reader:
                 held = Held(name, kind, i, j, value)
                 meshed = self._meshed(node, held) if kind in ("gear joint", *ROLLED) else held
                 if meshed is None:
-                    why = "its axes are not parallel, or its sizes none of teeth"
+                    why = "its axes do not point the same way, or its sizes are those of a belt, or of no teeth"
                     self._notes.append(f"{node.text} '{name}' is left out: {why}{WITHOUT}")
                 else:
                     yield meshed
@@ -214,11 +214,17 @@ class _Reader:
         """A gear, rack or thread that is closed where the file has it, by a turn of its markers about their axes."""
         i, j = (self._poses[part].of(at) for part, at in (held.i, held.j))
         seen = i.back().of(j)
-        if not held.value or np.abs(seen.axes[:, 2] - [0.0, 0.0, 1.0]).max() > _TURNED:
+        other = float(self._values(node, "radiusJ")[0]) if held.kind == "gear joint" else 1.0
+        # FreeCAD writes a belt as gears of which one radius is negative: its forces are not those of teeth.
+        if (
+            not held.value
+            or not held.value / (other or np.inf) > 0
+            or np.abs(seen.axes[:, 2] - [0.0, 0.0, 1.0]).max() > _TURNED
+        ):
             return None
         now = float(np.arctan2(seen.axes[1, 0] - seen.axes[0, 1], seen.axes[0, 0] + seen.axes[1, 1]))
         if held.kind == "gear joint":
-            ratio = held.value / float(self._values(node, "radiusJ")[0])
+            ratio = held.value / other
             along = float(np.arctan2(-seen.point[1], -seen.point[0]))  # from J to I
             turns, value = (along, along - now), ratio
             teeth = Fraction(ratio).limit_denominator(MOST_TEETH)

@@ -153,6 +153,10 @@ class _Reader:
         for prim in self._prims:
             if prim.HasAPI(self._physics.CollisionAPI) and self._carrier(prim) == body.GetPath():
                 shape = shape_of(prim, self._geometry)
+                if shape is None and not (own["mass"] and own["inertia"] is not None):
+                    self._notes.append(
+                        f"{prim.GetTypeName()} '{prim.GetName()}' of '{name}': it adds nothing to its mass"
+                    )
                 if shape is not None:
                     linear, shift = self._map(prim)
                     back = pose.axes.T
@@ -166,10 +170,10 @@ class _Reader:
             inertia *= own["mass"] / mass
         mass = own["mass"] or mass
         if not mass or (not inertia.any() and own["inertia"] is None):
-            missing = "inertia" if mass else "mass"
-            self._notes.append(
-                f"{missing} of '{name}', which the file does not say: {'' if mass else '1 kg and '}1 kg m^2"
-            )
+            assumed = {"mass": None if mass else "1 kg", "inertia": None if own["inertia"] is not None else "1 kg m^2"}
+            missing = {word: value for word, value in assumed.items() if value}
+            told, values = (" and ".join(words) for words in (missing, missing.values()))
+            self._notes.append(f"{told} of '{name}', which the file does not say: {values}")
             mass, inertia = mass or 1.0, np.eye(3)
         if own["centre"] is not None:
             linear, shift = self._map(body)

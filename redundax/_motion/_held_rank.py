@@ -61,7 +61,7 @@ class Held(AbstractModule):
         """N0 N0^T."""
         return self.basis if _is_projector(self.basis) else self.basis @ self.basis.T
 
-    def renewed_by(self, found: "Held") -> "Held":
+    def renewed_by(self, found: Any) -> "Held":
         """With the basis found without derivatives; those of the mass stay."""
         return replace_fields(self, basis=found.basis)
 

@@ -40,7 +40,7 @@ class SparseHeld(AbstractModule):
     mass: Float[Array, "bodies s s"] | None
     least: Float[Array, ""]
 
-    def renewed_by(self, found: "SparseHeld") -> "SparseHeld":
+    def renewed_by(self, found: Any) -> "SparseHeld":
         """With the rows found without derivatives; those of the mass stay."""
         return replace_fields(self, kept=found.kept, least=found.least)
 

@@ -232,6 +232,19 @@ def test_wheels_in_mesh_press_tangentially(write, flip):
     np.testing.assert_allclose(abs(float(solution["turn moment z on pinion"])), torque, rtol=1e-12)
 
 
+@pytest.mark.parametrize("other", [-0.2, -0.1, -0.6, 0.0])
+def test_a_belt_is_left_out_as_its_forces_are_not_those_of_teeth(write, other):
+    parts = [
+        asmt.part(name, place, None, 0.0, (0, 0, 0), (0.0, 0.0, 0.1), {"eye": (0, 0, 0)})
+        for name, place in (("pinion", (0, 0, 0)), ("wheel", (0.4, 0, 0)))
+    ]
+    joints = [asmt.joint("RevoluteJoint", "p", "a", "pinion/eye"), asmt.joint("RevoluteJoint", "w", "b", "wheel/eye")]
+    belt = asmt.joint("GearJoint", "belt", "pinion/eye", "wheel/eye", radiusI=0.2, radiusJ=other)
+    text = asmt.assembly({"a": (0, 0, 0), "b": (0.4, 0, 0)}, parts, [*joints, belt], [], (0.0, 0.0, 0.0))
+    with pytest.warns(UserWarning, match="GearJoint 'belt' is left out"):
+        rx.load_model(write(text))
+
+
 def test_a_rack_and_a_pinion(write):
     """A weight m on an upright rack turns a pinion of radius r on its pin: it falls by g m r^2 / (m r^2 + I)."""
     up = ((0.0, 0.0, 0.0), ((0, -1, 0), (1, 0, 0), (0, 0, 1)))  # x along y
