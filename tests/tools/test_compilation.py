@@ -102,7 +102,7 @@ def test_a_motion_is_compiled_once_for_closures_that_do_not_depend_on_the_state(
         end = rx.State(motion.q[-1], motion.qd[-1], motion.t[-1])
         loads = rx.solve(mechanism, end, closure=closure).multipliers
         np.testing.assert_allclose(motion.multipliers[-1], loads, rtol=1e-9, atol=1e-9 * np.abs(loads).max())
-    assert programs.count("jit(integrate)") == 1
+    assert programs.count("jit(stretch)") == 1
 
 
 def test_what_is_known_is_known_inside_transformations():
