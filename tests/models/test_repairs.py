@@ -249,4 +249,4 @@ def test_bodies_that_move_while_drives_rest_are_told(folder):
 
 
 def test_a_folder_is_no_model(folder):
-    assert run(folder) == (2, "", f"redundax: '{folder}' is a folder. Name an .xml or .urdf file, or FILE.py:NAME.")
+    assert run(folder) == (2, "", f"redundax: '{folder}' is a folder. Name a file in it, or FILE.py:NAME.")
