@@ -21,7 +21,7 @@ from .._tools._errors import RedundaxError
 from .._tools._words import ended, short
 from ._assembly import NOWHERE, Assembly, Frame, Held
 from ._content import not_in_utf8
-from ._description import SIZES, WITHOUT, Description, Joint, Motor, unique
+from ._description import WITHOUT, Description, Joint, Motor, drive_rates, unique
 from ._formula import FUNCTIONS, law_of
 from ._loop_rows import MOST_TEETH, ROLLED
 from ._series import BodySeries, ReactionSeries, Series
@@ -277,9 +277,7 @@ class _Reader:
             sign = assembly.sign(joints[number], held)
             place = _COORDINATES[joints[number].kind, coordinate]
             motors.append(Motor(name, number, place, law if sign > 0 else _reversed(law)))
-        rates = np.zeros((len(motors), sum(SIZES[joint.kind][1] for joint in joints)))
-        for row, motor in zip(rates, motors, strict=True):
-            row[sum(SIZES[joint.kind][1] for joint in joints[: motor.joint]) + motor.coordinate] = 1.0
+        rates = drive_rates(joints, [(motor.joint, motor.coordinate) for motor in motors])
         gravity = self._numbers(self._only(self._root, "ConstantGravity").inner[0], 3)
         points = [body.centre for body in bodies] + [joint.child.point for joint in joints]
         return Description(

@@ -7,7 +7,7 @@ ties displacements of joints to each other a `Tie`.
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -165,6 +165,12 @@ class Description:
             if each.parent.body in hung:
                 hung.add(each.child.body)
         return float(sum(self.bodies[body].mass for body in hung))
+
+
+def drive_rates(joints: Sequence[Joint], coordinates: Sequence[tuple[int, int]]) -> np.ndarray:
+    """Rates of coordinates of joints, by numbers of both, by the velocities of all joints, (drives, nv)."""
+    starts = np.cumsum([0, *(SIZES[joint.kind][1] for joint in joints)])
+    return np.eye(starts[-1])[np.array([starts[joint] + coordinate for joint, coordinate in coordinates], int)]
 
 
 def unique(names: list[str], taken: Any) -> list[str]:

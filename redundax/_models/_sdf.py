@@ -19,7 +19,7 @@ from .._tools._errors import RedundaxError
 from .._tools._words import did_you_mean, ended, short
 from ._assembly import NOWHERE, Assembly, Frame, Held
 from ._content import document
-from ._description import SIZES, WITHOUT, Description, Joint, Tie, unique
+from ._description import WITHOUT, Description, Joint, Tie, drive_rates, unique
 from ._vectors import about_fixed_axes, axes_of
 
 _KINDS = {
@@ -333,7 +333,7 @@ class _Reader:
             tuple(self._ties(joints, elements, signs)),
             (x, y, z),
             (),
-            lambda positions: np.zeros((0, sum(SIZES[joint.kind][1] for joint in joints))),
+            lambda positions: drive_rates(joints, ()),
             np.array(points),
             {},
             tuple(self._notes),

@@ -21,7 +21,7 @@ from .._tools._errors import RedundaxError
 from .._tools._optional import optional
 from .._tools._words import did_you_mean, ended, printable, short
 from ._assembly import NOWHERE, Assembly, Frame, Held
-from ._description import SIZES, WITHOUT, Description, Joint, unique
+from ._description import WITHOUT, Description, Joint, drive_rates, unique
 from ._usd_masses import shape_of, together
 
 FIRST = (b"#usda", b"PXR-USDC", b"PK\x03\x04")
@@ -93,6 +93,10 @@ class _Reader:
         self._up = np.eye(3)["XYZ".index(str(UsdGeom.GetStageUpAxis(stage)))]
         self._poses, self._weights = [NOWHERE], [(0.0, np.zeros(3), np.zeros((3, 3)))]
         self._part_of: dict[Any, int] = {}
+        self._shapes: dict[Any, list[Any]] = {}  # by the paths of the bodies that they are on
+        for prim in self._prims:
+            if prim.HasAPI(UsdPhysics.CollisionAPI):
+                self._shapes.setdefault(self._carrier(prim), []).append(prim)
         bodies = [prim for prim in self._prims if prim.HasAPI(UsdPhysics.RigidBodyAPI)]
         for prim in bodies:
             self._add_body(prim)
@@ -150,21 +154,20 @@ class _Reader:
         """Mass, and centre and inertia in the axes of a body; what it does not say itself is of its shapes."""
         own, name = self._said(body), str(body.GetPath())
         shapes, densities = [], []
-        for prim in self._prims:
-            if prim.HasAPI(self._physics.CollisionAPI) and self._carrier(prim) == body.GetPath():
-                shape = shape_of(prim, self._geometry)
-                if shape is None and not (own["mass"] and own["inertia"] is not None):
-                    self._notes.append(
-                        f"{prim.GetTypeName()} '{prim.GetName()}' of '{name}': it adds nothing to its mass"
-                    )
-                if shape is not None:
-                    linear, shift = self._map(prim)
-                    back = pose.axes.T
-                    shape = shape.mapped(back @ linear, back @ (shift - pose.point))
-                    said = self._said(prim)
-                    density = said["density"] or own["density"] or self._of_material(prim) or _WATER
-                    shapes.append(shape)
-                    densities.append(said["mass"] / shape.volume if said["mass"] else density)
+        for prim in self._shapes.get(body.GetPath(), ()):
+            shape = shape_of(prim, self._geometry)
+            if shape is None:
+                if not own["mass"] or own["inertia"] is None:
+                    kind = prim.GetTypeName()
+                    self._notes.append(f"{kind} '{prim.GetName()}' of '{name}': it adds nothing to its mass")
+                continue
+            linear, shift = self._map(prim)
+            back = pose.axes.T
+            shape = shape.mapped(back @ linear, back @ (shift - pose.point))
+            said = self._said(prim)
+            density = said["density"] or own["density"] or self._of_material(prim) or _WATER
+            shapes.append(shape)
+            densities.append(said["mass"] / shape.volume if said["mass"] else density)
         mass, centre, inertia = together(shapes, densities)
         if own["mass"] and mass:
             inertia *= own["mass"] / mass
@@ -209,7 +212,7 @@ class _Reader:
     def _carrier(self, prim: Any) -> Any:
         """The path of the body that a prim is, or is on; None of one that rests."""
         while prim and not prim.IsPseudoRoot():
-            if prim.GetPath() in self._part_of or prim.HasAPI(self._physics.RigidBodyAPI):
+            if prim.HasAPI(self._physics.RigidBodyAPI):
                 return prim.GetPath()
             prim = prim.GetParent()
         return None
@@ -368,15 +371,13 @@ class _Reader:
             for k, joint in enumerate(joints)
             if joint.kind in ("hinge", "slide") and joint.name in acting and acting[joint.name].is_driven
         ]
-        rates = np.zeros((len(driven), sum(SIZES[joint.kind][1] for joint in joints)))
-        for row, k in zip(rates, driven, strict=True):
-            row[sum(SIZES[joint.kind][1] for joint in joints[:k])] = 1.0
+        rates = drive_rates(joints, [(k, 0) for k in driven])
         for name, acts in acting.items():
             if acts.is_driven and name not in [joints[k].name for k in driven]:
                 self._notes.append(f"drive of '{name}', which is no hinge or slide of the tree")
         if driven:
             self._notes.append(f"forces of {len(driven)} drive{'s' * (len(driven) > 1)}")
-        shapes = sum(prim.HasAPI(self._physics.CollisionAPI) for prim in self._prims)
+        shapes = sum(map(len, self._shapes.values()))
         self._notes += [f"contact of {shapes} shape{'s' * (shapes > 1)}"] if shapes else []
         points = [body.centre for body in bodies] + [joint.child.point for joint in joints]
         return Description(

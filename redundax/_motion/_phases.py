@@ -187,7 +187,7 @@ def _release(done: PhaseState, equations: Equations) -> Release:
     state, directions = done.y.at(done.t), cast(Directions, equations.directions)
     before = equations.with_sense(held)
     linear = before.linear(state, done.held, closed=before.loaded)
-    let_go = directions.unit(-before.solved(state, linear, done.mode.tau, held).tau / directions.arms)
+    let_go = directions.against(before.solved(state, linear, done.mode.tau, held).tau)
     sense = jnp.where(done.released, let_go, held)
     context = Context(done.held, done.mode.tau, done.mode.resting, sense)
     return Release(equations.with_sense(sense), done.t, done.y, context, done.released)

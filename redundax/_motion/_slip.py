@@ -154,8 +154,7 @@ def _let_go(equations: Equations, there: Mode, tau: Float[Array, " p"]) -> Float
     sense = jnp.where(go, there.sense, equations.sense)
     if directions is None:
         return sense
-    against = directions.unit(-tau / directions.arms)
-    return jnp.where(directions.directed, jnp.where(go, against, there.sense), sense)
+    return jnp.where(directions.directed, jnp.where(go, directions.against(tau), there.sense), sense)
 
 
 def chosen(equations: Equations, rates: Float[Array, " p"], joint: Array, sense: Float[Array, " p"]) -> Array:
@@ -296,8 +295,8 @@ def _turned(equations: Equations, plan: Plan, found: Seen, held: Array) -> Plan:
     directions = equations.directions
     if directions is None:
         return plan
-    against = directions.unit(-found.solved.tau / directions.arms)
-    sense = jnp.where(held & plan.free & directions.directed, against, plan.onward.sense)
+    turns = held & plan.free & directions.directed
+    sense = jnp.where(turns, directions.against(found.solved.tau), plan.onward.sense)
     return plan._replace(onward=plan.onward._replace(sense=sense))
 
 

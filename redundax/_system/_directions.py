@@ -57,6 +57,10 @@ class Directions(AbstractModule):
         squared = xp.sum(xp.where(self.same, scaled**2, 0.0), axis=1)
         return scaled / xp.sqrt(xp.where(squared > 0, squared, 1.0))
 
+    def against(self, friction: Float[Array, " p"]) -> Float[Array, " p"]:
+        """Unit directions against generalised forces of friction: in which joints slip that it holds no longer."""
+        return self.unit(-friction / self.arms)
+
     def along(self, rate: Float[Array, " p"], direction: Float[Array, " p"]) -> Float[Array, " p"]:
         """Part of the velocity of each joint's surfaces along a unit direction."""
         return xp.sum(xp.where(self.same, self.arms * rate * direction, 0.0), axis=1)

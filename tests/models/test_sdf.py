@@ -5,11 +5,11 @@ A parallelogram of 0.2 by 0.4 m whose hinges are along y: three redundant as hin
 
 import numpy as np
 import pytest
+from loops import figures
 
 import redundax as rx
 from redundax import __main__ as command
 from redundax._models._formats import describe
-from redundax._models._tree import Tree
 
 LINK = """<link name="{0}"><pose {2}>{1}</pose><inertial><pose>0.1 0 0 0 0 0</pose><mass>2</mass>
   <inertia><ixx>0.01</ixx><iyy>0.02</iyy><izz>0.02</izz></inertia></inertial></link>"""
@@ -45,14 +45,6 @@ def write(tmp_path):
         return tmp_path / name
 
     return written
-
-
-def figures(path):
-    """Redundancy and freedom of the loops at the position of the file, and how far it is from closed."""
-    tree = Tree(describe(path))
-    slopes = tree.system(tree.reference)[1]
-    rank = int(np.linalg.matrix_rank(slopes, tol=1e-9))
-    return len(slopes) - rank, tree.nv - rank, tree.misfit(tree.reference)
 
 
 @pytest.mark.parametrize(("last", "redundant"), [("revolute", 3), ("ball", 1), ("universal", 2), ("fixed", 3)])

@@ -12,11 +12,11 @@ import sys
 
 import numpy as np
 import pytest
+from loops import figures
 
 import redundax as rx
 from redundax import __main__ as command
 from redundax._models._formats import describe
-from redundax._models._tree import Tree
 
 pytest.importorskip("pxr")
 
@@ -92,14 +92,6 @@ def write(tmp_path):
         return tmp_path / name
 
     return written
-
-
-def figures(path):
-    """Redundancy and freedom of the loops at the position of the file, and how far it is from closed."""
-    tree = Tree(describe(path))
-    slopes = tree.system(tree.reference)[1]
-    rank = int(np.linalg.matrix_rank(slopes, tol=1e-9))
-    return len(slopes) - rank, tree.nv - rank, tree.misfit(tree.reference)
 
 
 @pytest.mark.parametrize(
