@@ -5,10 +5,13 @@
 The crank turns at constant speed; all four pins rub with the size of their load. The peer is one NumPy program of
 arrays, for this mechanism alone: circles that intersect, nine equations of balance for eight pin forces and
 the torque, in batches, and friction by fixed-point sweeps to rounding. Times are of CPU. Errors are differences of the
-two torques, whose equations are written independently, relative to the peak.
+two torques, whose equations are written independently, relative to the peak. At none of the times a pin turns round.
+Pinocchio, where it is installed, knows no such friction: it is asked without, by recursive Newton-Euler of the tree at
+NumPy's positions, and told beside NumPy without friction.
 """
 
 import argparse
+import importlib.util
 import time
 
 import jax
@@ -68,7 +71,26 @@ def _solve(matrix, right):
     return np.linalg.solve(matrix, right[..., None])[..., 0]
 
 
-def torque_by_numpy(phi):
+def torque_by_pinocchio(phi):
+    """The same without friction."""
+    import pinocchio
+
+    model, turn = pinocchio.Model(), np.eye(3)
+    model.gravity.linear = np.array([0.0, -GRAVITY, 0.0])
+    above = 0
+    for k, (place, length) in enumerate((((0.0, 0.0), A), ((A, 0.0), B), ((D, 0.0), C))):
+        at = pinocchio.SE3(turn, np.array([*place, 0.0]))
+        above = model.addJoint(above if k < 2 else 0, pinocchio.JointModelRZ(), at, f"joint {k}")
+        inertia = pinocchio.Inertia(MASS[k], np.array([length / 2, 0, 0]), np.diag([INERTIA[k]] * 3))
+        model.appendBodyToJoint(above, inertia, pinocchio.SE3.Identity())
+    data, (q, rates, _, changes, _) = model.createData(), motion(phi)
+    crank, coupler, rocker = np.stack([q[:, :, 2].T, rates, changes], axis=2)
+    given = np.stack([crank, coupler - crank, rocker], axis=1)  # angles of joints, rates and changes
+    found = np.array([pinocchio.rnea(model, data, *each) for each in given.transpose(0, 2, 1)])
+    return np.sum(found * given[:, :, 1], axis=1) / SPEED
+
+
+def torque_by_numpy(phi, rubbing=RUBBING):
     """The torque on the crank for crank angles."""
     _, rates, accelerations, changes, half = motion(phi)
     count = phi.size
@@ -95,7 +117,7 @@ def torque_by_numpy(phi):
     tau = np.zeros((count, 4))
     for _ in range(SWEEPS):
         found = np.einsum("nij,nj->ni", inverse, need - tau @ on)
-        new = -RUBBING * np.hypot(found[:, 0:8:2], found[:, 1:8:2]) * np.sign(slips.T)
+        new = -rubbing * np.hypot(found[:, 0:8:2], found[:, 1:8:2]) * np.sign(slips.T)
         change, tau = np.abs(new - tau).max(), new
         if change <= SETTLED * np.abs(tau).max():
             break
@@ -110,10 +132,20 @@ def main():
     arguments = parser.parse_args()
     count = 100 if arguments.smallest else arguments.times
     machine, guess = mechanism()
-    ts = np.linspace(0.0, 6 * np.pi / SPEED, count)
+    ts = np.linspace(0.01, 0.01 + 6 * np.pi / SPEED, count)
     begun = time.process_time()
     by_numpy = torque_by_numpy(SPEED * ts)
     numpy_time = time.process_time() - begun
+    if importlib.util.find_spec("pinocchio"):
+        begun = time.process_time()
+        found = torque_by_pinocchio(SPEED * ts)
+        took = time.process_time() - begun
+        begun = time.process_time()
+        wanted = torque_by_numpy(SPEED * ts, 0.0)
+        alone = time.process_time() - begun
+        error = np.abs(found - wanted).max() / np.abs(wanted).max()
+        times = [1e6 * each / count for each in (alone, took)]
+        print("without friction: NumPy {:.2f}, Pinocchio {:.2f} us a time, {:.1e}".format(*times, error))
     law = {"A.angle": rx.Polynomial([0.0, SPEED])}
     print(f"{count} times of a rubbing four-bar: positions, velocities, pin forces and the torque of the motor")
     print(f"NumPy, one program of arrays          {numpy_time:8.3f} s of CPU {1e6 * numpy_time / count:8.2f} us a time")

@@ -78,11 +78,13 @@ from ._drive._laws import Harmonic as Harmonic
 from ._drive._laws import Sampled as Sampled
 from ._drive._laws import SCurve as SCurve
 from ._drive._laws import Trapezoid as Trapezoid
+from ._drive._peaks import with_peaks as with_peaks
 from ._drive._share import LeastNorm as LeastNorm
 from ._drive._share import LeastPeak as LeastPeak
 from ._equations._assemble import assemble as assemble
 from ._equations._factorize import factorize as factorize
 from ._models._model import load_model as load_model
+from ._motion._radau_solver import Radau as Radau
 from ._motion._simulate import simulate as simulate
 from ._motion._stabilisation import AbstractStabilisation as AbstractStabilisation
 from ._motion._stabilisation import Baumgarte as Baumgarte

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import diffrax
 import jax.numpy as jnp
 import numpy as np
 import spaces
@@ -25,7 +24,6 @@ class Problem:
     error: Callable[[np.ndarray], float]
     t1: float = T1
     loops: int = 0
-    solver: diffrax.AbstractSolver | None = None
 
 
 @dataclass(frozen=True)
@@ -126,7 +124,7 @@ def a05() -> SpatialProblem:
     rest = dict.fromkeys(("pin 1.angle", "pin 2.angle", "sleeve.travel"), 0.0)
     state = rx.assemble(mechanism, rates={"axis.angle": governor.SPIN, **rest})
     height = governor.released(np.array([T1]))[1, 0]
-    return _in_space("A05, stiff governor", mechanism, state, 1, np.array([0, 0, height]), diffrax.Dopri5())
+    return _in_space("A05, stiff governor", mechanism, state, 1, np.array([0, 0, height]))
 
 
 def _in_space(
@@ -135,9 +133,8 @@ def _in_space(
     state: rx.State,
     body: int,
     end: np.ndarray,
-    solver: diffrax.AbstractSolver | None = None,
 ) -> SpatialProblem:
     def error(q: np.ndarray) -> float:
         return float(np.abs(mechanism.poses(jnp.asarray(q)).r[body] - end).max())
 
-    return SpatialProblem(name, mechanism, state, error, solver=solver, body=body, end=tuple(end))
+    return SpatialProblem(name, mechanism, state, error, body=body, end=tuple(end))

@@ -3,6 +3,8 @@
 Its loops are points and frames: a hinge that closes a loop is two points on its axis, as for MuJoCo.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 import pinocchio
 
@@ -21,10 +23,8 @@ def answer(case: Case) -> dict[str, np.ndarray] | None:
     model = pinocchio.Model()
     model.gravity.linear = floats(GRAVITY)
     numbers, axes, at = {GROUND: 0}, {0: np.eye(3)}, {0: np.zeros(3)}
-    waiting = dict(hanging)
-    while waiting:
-        body = next(each for each in waiting if case.joints[waiting[each]].j in numbers)
-        joint = case.joints[waiting.pop(body)]
+    for body in _depth_first(case, hanging, GROUND):
+        joint = case.joints[hanging[body]]
         above, own = numbers[joint.j], axes_along(joint.axis)
         place = pinocchio.SE3(axes[above].T @ own, axes[above].T @ (floats(joint.point) - at[above]))
         number = model.addJoint(above, _moving(joint.kind), place, body)
@@ -66,6 +66,15 @@ def answer(case: Case) -> dict[str, np.ndarray] | None:
         k = numbers[body]
         found[name] = np.concatenate([axes[k] @ data.f[k].linear, axes[k] @ data.f[k].angular])
     return found
+
+
+def _depth_first(case: Case, hanging: dict[str, str], above: str) -> Iterator[str]:
+    """Bodies that hang on one, each before those on it: Pinocchio's matrices take all of a branch to be numbered
+    together, and are wrong without a word where they are not."""
+    for body, joint in hanging.items():
+        if case.joints[joint].j == above:
+            yield body
+            yield from _depth_first(case, hanging, body)
 
 
 def _moving(kind: str):

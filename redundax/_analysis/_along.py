@@ -6,19 +6,23 @@ curve is to the constraints says how small a singular value can be told from zer
 """
 
 import dataclasses
+import itertools
 from typing import Any, cast
 
 import numpy as np
 from jax.typing import ArrayLike
+from jaxtyping import Array
 
 from .._closures._closure import AbstractClosure, MinimumNorm
 from .._equations._factorisation import factorised
 from .._equations._factorize import factorize_dense
 from .._equations._kinematics import between
 from .._equations._rank import Spectrum
+from .._solve._contacts import as_held
+from .._system._contact import is_closed, refuse_declared, rows_closed
 from .._system._names import ByName
 from .._system._state import State, states_of
-from .._system._system import AbstractSystem, refuse_contacts
+from .._system._system import AbstractSystem, check_system
 from .._tools._errors import RedundaxError
 from .._tools._numbers import computed
 from .._tools._table import text_of
@@ -37,7 +41,7 @@ class Change:
     """What is no longer said of an output.
 
     - `start`, `end`: times of the two states between which it changes.
-    - `name`: of the output; "rank", "problem" and "rest" too.
+    - `name`: of the output; "rank", "problem", "rest" and "contact f1" too.
     - `before`, `after`: what is said at them.
     """
 
@@ -78,6 +82,9 @@ class MotionReport:
     - `changes`: what is said differently at two successive states.
     - `narrow`: positions between states at which the rank drops or nearly does, by time.
     - `releases`: as in a `Report`, with the least |det N_S| over the motion; directions are constant in the rows.
+
+    Of one-sided contacts those are rows at each state that are closed there and do not lift. `changes` tells what
+    contacts do; between two states at which others are closed no rank is looked for, and no release is advised.
 
     ??? example
 
@@ -127,7 +134,8 @@ class MotionReport:
             f"{self.t.size} states from t = {self.t[0]:.6g} to {self.t[-1]:.6g}: {n} coordinates, {m} constraints of "
             f"rank {ranks}"
         ]
-        lines += [f"  {found}" for found in self.narrow] or ["  the rank drops nowhere between them"]
+        between = "them" if len(set(map(_closed, self.reports))) == 1 else "states with the same contacts"
+        lines += [f"  {found}" for found in self.narrow] or [f"  the rank drops nowhere between {between}"]
         lines += ["Changes:", *self._changes()] if self.changes else ["Nothing changes."]
         for kind in self.reports[0].verdicts:
             for verdict in Verdict:
@@ -178,30 +186,51 @@ def analyze_along(
 
     **Raises:** `ValueError` for fewer than two states.
     """
-    refuse_contacts("analyze_along", system)
+    check_system(system)
     each = states_of(states)
     if len(each) < 2:
         raise RedundaxError(
             f"Argument `states` must hold two finite states at least, but has {len(each)}. "
             "Simulate longer, or give more states."
         )
-    system, reports, row_scales = system.whole, [], []
-    for state in each:
-        factor = factorize_dense(system, state, rank)
-        reports.append(analyze(system, state, closure=closure, sense=sense, factor=factor))
-        row_scales.append(np.asarray(factor.row_scale))
+    refuse_declared(system.names, rank=rank)
+    system = system.whole
+    held = [_at(system, state, closure, sense, rank) for state in each]
+    reports, row_scales = [report for _, report, _ in held], [np.asarray(scale) for *_, scale in held]
     ranks, t = np.array([report.rank for report in reports]), np.array([float(state.t) for state in each])
-    most = int(ranks.max())
-    smallest = np.array([report.singular_values[max(most - 1, 0)] for report in reports])
+    runs = [[*run] for _, run in itertools.groupby(range(len(each)), lambda k: _closed(reports[k]))]
+    most = np.concatenate([np.full(len(run), ranks[run].max()) for run in runs])
+    smallest = np.array([one.singular_values[max(rank - 1, 0)] for one, rank in zip(reports, most, strict=True)])
+    narrow = [_narrow(held[run[0]][0], [each[k] for k in run], smallest[run], int(most[run[0]])) for run in runs]
     return MotionReport(
         t=t,
         reports=tuple(reports),
         rank=ranks,
         smallest=smallest,
         changes=_changes(t, reports),
-        narrow=_narrow(system, each, smallest, most) if most else (),
-        releases=_releases(reports, row_scales),
+        narrow=tuple(itertools.chain(*narrow)),
+        releases=_releases(reports, row_scales) if len(runs) == 1 else (),
     )
+
+
+def _at(
+    system: AbstractSystem,
+    state: State,
+    closure: AbstractClosure,
+    sense: ByName | None,
+    rank: ArrayLike | None,
+) -> tuple[AbstractSystem, Report, Array]:
+    """The system at a state, of one with one-sided contacts that whose closed ones hold; its report and row scales."""
+    if not system.names.one_sided:
+        factor = factorize_dense(system, state, rank)
+        return system, analyze(system, state, closure=closure, sense=sense, factor=factor), factor.row_scale
+    report = analyze(system, state, closure=closure, sense=sense)
+    system = as_held(system, rows_closed(system.names, report.contacts)[1])
+    return system, report, factorize_dense(system, state, None).row_scale
+
+
+def _closed(report: Report) -> tuple[bool, ...]:
+    return tuple(map(is_closed, report.contacts.values()))
 
 
 def _changes(t: np.ndarray, reports: list[Report]) -> tuple[Change, ...]:
@@ -220,14 +249,18 @@ def _said(report: Report) -> dict[str, str]:
         "problem": report.problem or "none",
         "rest": "a joint rests" if report.at_rest else "none",
     }
+    out |= {f"contact {name}": word for name, word in report.contacts.items()}
     for kind, judged in report.verdicts.items():
         out |= {f"{kind} {one.name}": one.with_friction.value for one in judged}
     return out
 
 
 def _narrow(system: AbstractSystem, states: list[State], smallest: np.ndarray, rank: int) -> tuple[Narrow, ...]:
-    """Minima of the singular value that decides the rank, between the states."""
+    """Minima of the singular value that decides the rank, between states at which the same contacts are closed."""
     from scipy.optimize import fminbound
+
+    if not rank or len(states) < 2:
+        return ()
 
     anonymous, last = system.anonymous.without_friction, len(states) - 1
 

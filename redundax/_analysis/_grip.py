@@ -31,6 +31,7 @@ def grip(mechanism: Mechanism, solution: Solution) -> dict[str, Float[Array, "*b
     must hold.
     """
     check_kind("mechanism", mechanism, Mechanism, "a mechanism", "Give that first, then its solution.")
+    check_kind("solution", solution, Solution, "a solution", "Give what `rx.solve` gives.")
     labels, found = mechanism.rows.labels, {}
     for stack, names in zip(mechanism.joints, mechanism.names.joints, strict=True):
         wheel = stack.element

@@ -19,21 +19,24 @@ stiffer, so the verdict is one on the ratios of compliances.
 
 import dataclasses
 import enum
+import itertools
 from typing import Any
 
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Bool, Complex, Float
 
 from .._closures._closure import AbstractClosure, Elasticity, check_closure, elasticity
 from .._equations._factorisation import Factorisation
 from .._equations._factorize import dense_at
+from .._solve._contacts import as_held, without_rows
 from .._solve._reduced import reduce
 from .._solve._solution import Solution
+from .._system._contact import Contact, code_of, refuse_declared, rows_that_hold
 from .._system._names import ByName, senses
 from .._system._results import RESULTS, is_one_of
 from .._system._state import State
-from .._system._system import AbstractSystem, refuse_contacts
+from .._system._system import AbstractSystem, check_system
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._numbers import computed, xp
 
@@ -42,7 +45,7 @@ _COMPLEX = 1e-7  # relative imaginary part of s that rounding at a double eigenv
 
 
 class Settling(enum.Enum):
-    """What stiff elastic joints do beside a solution.
+    """What stiff elastic joints do beside a solution; nothing where none carries, as of a body that falls.
 
     ??? example
 
@@ -56,6 +59,7 @@ class Settling(enum.Enum):
     STABLE = "stable: the joints vibrate about it"
     FLUTTER = "flutter: a vibration of the joints grows unless damped"
     DIVERGENCE = "divergence: the joints' loads run away from it"
+    NOTHING = "nothing to judge: no joint that carries gives way"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,9 +67,11 @@ class Stability:
     """Stability of a solution under the compliance of its joints; `str()` gives a sentence.
 
     - `eigenvalues`: s, squares of angular frequencies of the joints' vibrations, rad^2/s^2, by increasing real part;
-      one for each direction in which joints give way against a mass, at most r.
+      one for each direction in which joints give way against a mass, at most r; none where nothing that carries does.
     - `growth`: the fastest growth among them, Im sqrt(s), 1/s; 0 where all vibrate. Damping adds to that.
     - `verdict`: what follows.
+    - `touching`: one-sided contacts that touch without load. They are stiff to one side alone, which no linear figure
+      tells, and are left out here.
 
     ??? example
 
@@ -80,15 +86,18 @@ class Stability:
     eigenvalues: Complex[np.ndarray, " modes"]
     growth: float
     verdict: Settling
+    touching: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Plain Python data; an eigenvalue is a pair (real, imaginary)."""
         pairs = [[float(np.real(s)), float(np.imag(s))] for s in self.eigenvalues]
-        return {"eigenvalues": pairs, "growth": self.growth, "verdict": self.verdict.value}
+        said = {"eigenvalues": pairs, "growth": self.growth, "verdict": self.verdict.value}
+        return said | {"touching": list(self.touching)}
 
     def __str__(self) -> str:
         growth = f", growth {self.growth:.3g} 1/s" if self.growth else ""
-        return f"{self.verdict.value}{growth}"
+        left_out = f", without {', '.join(self.touching)}, which touch without load" if self.touching else ""
+        return f"{self.verdict.value}{growth}{left_out}"
 
 
 @computed
@@ -119,19 +128,26 @@ def stability(
     - `closure`: the compliance of the joints.
     - `sense`, `rank`, `factor`: as in `solve`.
 
+    Of one-sided contacts those vibrate that carry in the solution: small vibrations do not open them.
+
     **Raises:** `ValueError` where the solution has no numbers; `RuntimeError` at a singular position.
     """
-    refuse_contacts("stability", system)
+    check_system(system)
     check_closure(closure)
     if not is_one_of(solution.result, RESULTS.successful):
         raise RedundaxError(
             "Argument `solution` must be successful, but ended with another result. Solve with `throw=True` to see why."
         )
+    kept, touching = None, ()
+    if system.names.one_sided:
+        kept, touching = _carried(system, solution, rank, factor)
+        system = as_held(system, kept)
     system, factor = dense_at(system, state, rank, factor)
     slips = senses(system.slips, sense)
     if factor.branch is not None:  # what is stiff here is soft beside it
         raise NoSolutionError(RESULTS[RESULTS.singular_position])
     given = elasticity(closure, system, state)
+    given = given if kept is None else without_rows(given, kept)
     compliance, response = _figures(system.anonymous, state, factor, solution.multipliers, given, slips)
     size, axes = np.linalg.eigh(compliance)
     soft = size > _RIGID * size[-1]
@@ -142,10 +158,27 @@ def stability(
     complex_ = np.abs(np.imag(eigenvalues)) > _COMPLEX * np.abs(eigenvalues)
     eigenvalues = np.sort_complex(np.where(complex_, eigenvalues, np.real(eigenvalues)))
     growth = float(np.abs(np.imag(np.sqrt(eigenvalues))).max(initial=0.0))
-    return Stability(eigenvalues, growth, _verdict(eigenvalues))
+    return Stability(eigenvalues, growth, _verdict(eigenvalues), touching)
+
+
+def _carried(
+    system: AbstractSystem, solution: Solution, rank: ArrayLike | None, factor: Factorisation | None
+) -> tuple[Bool[Array, " m"], tuple[str, ...]]:
+    """The rows that hold in a solution, without contacts that carry nothing; and names of those of them that touch."""
+    names, codes = system.names, np.asarray(solution.contact)
+    refuse_declared(names, rank=rank, factor=factor)
+    if solution.contact is None or codes.shape != (len(names.one_sided),):
+        raise RedundaxError(
+            f"Argument `solution` must be one of `solve` for this system, which has one-sided contacts, "
+            f"{', '.join(names.contacts)}, but does not tell what they do. Solve the same system."
+        )
+    carries, touches = (codes == code_of(word) for word in (Contact.carries, Contact.touches))
+    return rows_that_hold(names, carries, carries | touches), tuple(itertools.compress(names.contacts, touches))
 
 
 def _verdict(eigenvalues: np.ndarray) -> Settling:
+    if not eigenvalues.size:
+        return Settling.NOTHING
     turning = np.imag(eigenvalues) != 0
     if np.any(~turning & (np.real(eigenvalues) < 0)):
         return Settling.DIVERGENCE

@@ -1,14 +1,13 @@
 """Rigid bodies: what those of all mechanisms have, and planar ones."""
 
 import abc
-import functools
 
 import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
 from .._tools._errors import RedundaxError
-from .._tools._module import as_float, check_kind, is_concrete
+from .._tools._module import check_kind, figure, is_concrete
 from .._tools._value import AbstractModule
 from ._figures import check_figures
 from ._frame import AbstractFrame
@@ -58,8 +57,8 @@ class Body(AbstractBody):
     """
 
     name: str = eqx.field(static=True)
-    mass: Float[Array, ""] = eqx.field(converter=functools.partial(as_float, argument="mass"))
-    inertia: Float[Array, ""] = eqx.field(converter=functools.partial(as_float, argument="inertia"))
+    mass: Float[Array, ""] = eqx.field(converter=figure("mass"))
+    inertia: Float[Array, ""] = eqx.field(converter=figure("inertia"))
 
     def __check_init__(self) -> None:
         check_amount("mass", self.name, self.mass)

@@ -1,4 +1,5 @@
-"""One coordinate c of joints of one kind, its derivative J by the velocities of both bodies, and where these are."""
+"""One coordinate c of joints of one kind, its derivative J by the velocities of both bodies, and where these are; and
+sums of such coordinates."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -51,6 +52,30 @@ class Coordinate(AbstractModule):
         outside = np.full(frame.size, frame.size * count)
         columns = [*(frame.columns(body, count) for body in range(count)), outside]
         return np.array(columns)[self.bodies(joints)].reshape(-1, 2 * frame.size)
+
+
+class Total(AbstractModule):
+    """Sums of coordinates, each times a weight."""
+
+    parts: tuple[Coordinate, ...]
+    weights: Float[Array, "size parts"]
+
+    def value(self, joints: Sequence[Stack], bodies: Any) -> Float[Array, " size"]:
+        first, *others = (self.weights[:, k] * part.value(joints, bodies) for k, part in enumerate(self.parts))
+        return sum(others, first)
+
+    def slopes(self, joints: Sequence[Stack], bodies: Any) -> Float[Array, "size columns"]:
+        """Derivatives by the velocities of both bodies of each part, one after the other."""
+        parts = [self.weights[:, k, None] * part.slopes(joints, bodies) for k, part in enumerate(self.parts)]
+        return jnp.concatenate(parts, axis=1)
+
+    def bodies(self, joints: Sequence[Stack]) -> np.ndarray:
+        """These bodies, (size, 2 parts); concrete values."""
+        return np.concatenate([part.bodies(joints) for part in self.parts], axis=1)
+
+    def columns(self, joints: Sequence[Stack], frame: AbstractFrame, count: int) -> np.ndarray:
+        """Where their velocities are, as of `Coordinate`."""
+        return np.concatenate([part.columns(joints, frame, count) for part in self.parts], axis=1)
 
 
 def coordinate_places(joints: Sequence[AbstractJoint], groups: Sequence[Sequence[int]]) -> dict[str, Place]:

@@ -22,7 +22,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from .._tools._module import as_float, floats, not_negative, positive, safe_norm
+from .._tools._module import figure, floats, not_negative, positive, safe_norm
 from .._tools._value import AbstractModule
 
 
@@ -63,27 +63,36 @@ class AbstractFrictionModel(AbstractModule):
         return _AtRadius(self, radius)
 
 
-class _AtRadius(AbstractFrictionModel):
+class _AbstractOfModel(AbstractFrictionModel):
+    """Friction that follows from that of a model."""
+
+    model: eqx.AbstractVar[AbstractFrictionModel]
+
+    @property
+    def depends_on_load(self) -> bool:
+        """As the model."""
+        return self.model.depends_on_load
+
+    @property
+    def has_sense(self) -> bool:
+        """As the model."""
+        return self.model.has_sense
+
+    @property
+    def is_proportional(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """As the model."""
+        return self.model.is_proportional
+
+    def memory_size(self) -> PyTree:
+        return self.model.memory_size()
+
+
+class _AtRadius(_AbstractOfModel):
     model: AbstractFrictionModel
     radius: Float[Array, ""]
 
     def __init__(self, model: AbstractFrictionModel, radius: Float[Array, ""]):
         self.model, self.radius = model, radius
-
-    @property
-    def depends_on_load(self) -> bool:
-        """As the model of the surfaces."""
-        return self.model.depends_on_load
-
-    @property
-    def has_sense(self) -> bool:
-        """As the model of the surfaces."""
-        return self.model.has_sense
-
-    @property
-    def is_proportional(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """As the model of the surfaces."""
-        return self.model.is_proportional
 
     def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
         return self.radius * self.model.force(normal_load, self.radius * rate, sense, memory)
@@ -91,11 +100,27 @@ class _AtRadius(AbstractFrictionModel):
     def slope_bound(self, rate: Array, memory: PyTree) -> Array:
         return self.radius * self.model.slope_bound(self.radius * rate, memory)
 
-    def memory_size(self) -> PyTree:
-        return self.model.memory_size()
-
     def memory_rate(self, rate: Array, memory: PyTree) -> PyTree:
         return self.model.memory_rate(self.radius * rate, memory)
+
+
+class Times(_AbstractOfModel):
+    """A multiple of the friction of a model."""
+
+    model: AbstractFrictionModel
+    factor: Float[Array, "..."]
+
+    def __init__(self, model: AbstractFrictionModel, factor: Float[Array, "..."]):
+        self.model, self.factor = model, factor
+
+    def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
+        return self.factor * self.model.force(normal_load, rate, sense, memory)
+
+    def slope_bound(self, rate: Array, memory: PyTree) -> Array:
+        return self.factor * self.model.slope_bound(rate, memory)
+
+    def memory_rate(self, rate: Array, memory: PyTree) -> PyTree:
+        return self.model.memory_rate(rate, memory)
 
 
 class Coulomb(AbstractFrictionModel):
@@ -117,8 +142,8 @@ class Coulomb(AbstractFrictionModel):
     depends_on_load: ClassVar[bool] = True
     has_sense: ClassVar[bool] = True
     is_proportional: ClassVar[bool] = True
-    mu: Float[Array, ""] = eqx.field(converter=as_float)
-    preload: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    mu: Float[Array, ""] = eqx.field(converter=figure("mu"))
+    preload: Float[Array, ""] = eqx.field(converter=figure("preload"), default=0.0)
 
     def __check_init__(self) -> None:
         for name in ("mu", "preload"):
@@ -155,9 +180,9 @@ class RegularisedCoulomb(AbstractFrictionModel):
     depends_on_load: ClassVar[bool] = True
     has_sense: ClassVar[bool] = False
     is_proportional: ClassVar[bool] = True
-    mu: Float[Array, ""] = eqx.field(converter=as_float)
-    velocity: Float[Array, ""] = eqx.field(converter=as_float)
-    preload: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    mu: Float[Array, ""] = eqx.field(converter=figure("mu"))
+    velocity: Float[Array, ""] = eqx.field(converter=figure("velocity"))
+    preload: Float[Array, ""] = eqx.field(converter=figure("preload"), default=0.0)
 
     def __check_init__(self) -> None:
         for name in ("mu", "preload"):
@@ -193,11 +218,11 @@ class Stribeck(AbstractFrictionModel):
     depends_on_load: ClassVar[bool] = True
     has_sense: ClassVar[bool] = True
     is_proportional: ClassVar[bool] = True
-    static: Float[Array, ""] = eqx.field(converter=as_float)
-    kinetic: Float[Array, ""] = eqx.field(converter=as_float)
-    velocity: Float[Array, ""] = eqx.field(converter=as_float)
-    viscous: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
-    preload: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    static: Float[Array, ""] = eqx.field(converter=figure("static"))
+    kinetic: Float[Array, ""] = eqx.field(converter=figure("kinetic"))
+    velocity: Float[Array, ""] = eqx.field(converter=figure("velocity"))
+    viscous: Float[Array, ""] = eqx.field(converter=figure("viscous"), default=0.0)
+    preload: Float[Array, ""] = eqx.field(converter=figure("preload"), default=0.0)
 
     def __check_init__(self) -> None:
         for name in ("static", "kinetic", "viscous", "preload"):
@@ -229,7 +254,7 @@ class ConstantFriction(AbstractFrictionModel):
     depends_on_load: ClassVar[bool] = False
     has_sense: ClassVar[bool] = True
     is_proportional: ClassVar[bool] = True
-    size: Float[Array, ""] = eqx.field(converter=as_float)
+    size: Float[Array, ""] = eqx.field(converter=figure("size"))
 
     def force(self, normal_load: Array, rate: Array, sense: Array, memory: PyTree) -> Array:
         return -self.size * sense
@@ -263,9 +288,9 @@ class Dahl(AbstractFrictionModel):
     depends_on_load: ClassVar[bool] = True
     has_sense: ClassVar[bool] = False
     is_proportional: ClassVar[bool] = True
-    mu: Float[Array, ""] = eqx.field(converter=as_float)
-    stiffness: Float[Array, ""] = eqx.field(converter=as_float)
-    preload: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    mu: Float[Array, ""] = eqx.field(converter=figure("mu"))
+    stiffness: Float[Array, ""] = eqx.field(converter=figure("stiffness"))
+    preload: Float[Array, ""] = eqx.field(converter=figure("preload"), default=0.0)
 
     def __check_init__(self) -> None:
         positive("mu", self.mu)
@@ -292,8 +317,8 @@ class LuGre(AbstractFrictionModel):
         g = kinetic + (static - kinetic) exp(-(rate / velocity)^2)
 
     There is no jump at a reversal, so that joints come to rest on their bristles and never stick. Bristles relax at the
-    rate stiffness |rate| / g; where that is ten thousand times faster than the motion, an implicit solver suits, as in
-    `simulate(..., solver=diffrax.Kvaerno3(), rtol=1e-6)`. The damping times the largest slip rate should stay well
+    rate stiffness |rate| / g; where that is thousands of times faster than the motion, `simulate` takes `Radau()`,
+    which inside of transformations is given by hand. The damping times the largest slip rate should stay well
     below `static`, or to begin to slip takes more friction than slip itself.
 
     ??? example
@@ -314,13 +339,13 @@ class LuGre(AbstractFrictionModel):
     depends_on_load: ClassVar[bool] = True
     has_sense: ClassVar[bool] = False
     is_proportional: ClassVar[bool] = True
-    static: Float[Array, ""] = eqx.field(converter=as_float)
-    kinetic: Float[Array, ""] = eqx.field(converter=as_float)
-    velocity: Float[Array, ""] = eqx.field(converter=as_float)
-    stiffness: Float[Array, ""] = eqx.field(converter=as_float)
-    damping: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
-    viscous: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
-    preload: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    static: Float[Array, ""] = eqx.field(converter=figure("static"))
+    kinetic: Float[Array, ""] = eqx.field(converter=figure("kinetic"))
+    velocity: Float[Array, ""] = eqx.field(converter=figure("velocity"))
+    stiffness: Float[Array, ""] = eqx.field(converter=figure("stiffness"))
+    damping: Float[Array, ""] = eqx.field(converter=figure("damping"), default=0.0)
+    viscous: Float[Array, ""] = eqx.field(converter=figure("viscous"), default=0.0)
+    preload: Float[Array, ""] = eqx.field(converter=figure("preload"), default=0.0)
 
     def __check_init__(self) -> None:
         for name in ("static", "kinetic", "stiffness"):

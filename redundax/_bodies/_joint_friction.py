@@ -3,22 +3,23 @@
 A mechanism keeps which joints have friction as indices; their geometry stays in the stacks of the joints.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Self
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int, PyTree
 
 from .._system._axis import Axis
 from .._system._friction import AbstractFriction
 from .._system._state import State
-from .._tools._module import as_functions, replace_fields, tree_take
+from .._tools._module import as_float, as_functions, replace_fields, tree_take
 from .._tools._value import AbstractModule
 from ._frame import AbstractFrame
-from ._friction_model import AbstractFrictionModel
+from ._friction_model import AbstractFrictionModel, Times
 from ._joints import AbstractJoint, AbstractRubbingJoint
 from ._stack import Stack, indices, kinds, stacked
 
@@ -138,6 +139,11 @@ class FrictionMembers(AbstractModule):
         """Names of the joints."""
         width = len(self.slips) // len(self.rows)
         return [label if width == 1 else label.rpartition(".")[0] for label in self.slips.labels[::width]]
+
+    def times(self, factors: Mapping[str, ArrayLike]) -> Self:
+        """The same with friction of some joints, by name, as a multiple."""
+        own = as_float(np.array([factors.get(name, 1.0) for name in self.joints]))
+        return replace_fields(self, model=Times(self.model, own))
 
     def of_stack(self, parts: Sequence[Any]) -> Any:
         """What these joints have, of parts that the stacks of joints have; None where theirs is."""

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from .._system._axis import Axis
 from .._tools._errors import RedundaxError
-from .._tools._module import tracing
+from .._tools._module import check_takes, tracing
 from ._body import GROUND
 from ._frame import AbstractFrame
 from ._joints import AbstractJoint
@@ -46,6 +46,7 @@ def check_residuals(joints: tuple[Stack, ...], names: Sequence[str], poses: Call
         kind = type(stack.element)
         if not is_of_user(kind):
             continue
+        check_takes(f"residual` of `{kind.__name__}", stack.element.residual, "i", "j", "t")
         with tracing(f"residual` of `{kind.__name__}"):
             given = jax.eval_shape(
                 lambda stack=stack: residuals((stack,), Positions(poses(), (None,)), jnp.zeros(()))[0]
@@ -56,6 +57,11 @@ def check_residuals(joints: tuple[Stack, ...], names: Sequence[str], poses: Call
             raise RedundaxError(
                 f"`residual` of {kind.__name__} '{name}' must have shape ({wanted},), one entry for each of "
                 f"`row_kinds`, but {shown}. Write `jnp.stack([...])` with as many entries."
+            )
+        if not jnp.issubdtype(given.dtype, jnp.floating):
+            raise RedundaxError(
+                f"`residual` of {kind.__name__} '{name}' must be floating-point numbers of the poses, but is of type "
+                f"{given.dtype}. Write it with the poses of `i` and `j`."
             )
 
 

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, as_float, as_functions, finite, floats, is_concrete, tracing
+from .._tools._module import Numbers, as_functions, check_takes, figure, finite, floats, is_concrete, part, tracing
 from .._tools._value import AbstractModule
 
 
@@ -16,7 +16,7 @@ def law_of_time(value: Callable[[Array], Array] | Numbers, argument: str | None 
     """A function of time; a number stands for one that is constant."""
     if callable(value):
         return as_functions(value)
-    number = floats(value)
+    number = floats(value, argument or "")
     if number.shape:
         raise RedundaxError(
             f"Argument {f'`{argument}`' if argument else '`angle` or `distance`'} of a driver must be a function of "
@@ -29,6 +29,8 @@ def check_law(argument: str, name: str, law: Callable[[Array], Array]) -> None:
     """Refuse a law that cannot be traced or gives anything but a number."""
     if isinstance(law, Polynomial):
         finite(argument, law.coefficients, f"the driver '{name}'")
+    with part(f"the driver '{name}'"):
+        check_takes(argument, law, "t")
     with tracing(argument):
         given = jax.eval_shape(law, jax.ShapeDtypeStruct((), jnp.result_type(float)))
     shapes = [leaf.shape for leaf in jax.tree.leaves(given)]
@@ -66,7 +68,14 @@ class Polynomial(AbstractModule):
     - `coefficients`: shape (degree + 1,), lowest power first.
     """
 
-    coefficients: Float[Array, " terms"] = eqx.field(converter=as_float)
+    coefficients: Float[Array, " terms"] = eqx.field(converter=figure("coefficients"))
+
+    def __check_init__(self) -> None:
+        if self.coefficients.ndim != 1 or not self.coefficients.size:
+            raise RedundaxError(
+                "Argument `coefficients` must be a list of one number or more, lowest power first, but has shape "
+                f"{self.coefficients.shape}. Give [0.5, 2.0] for 0.5 + 2 t, say."
+            )
 
     def __call__(self, t: Float[Array, ""]) -> Float[Array, ""]:
         return jnp.polyval(self.coefficients[::-1], t)

@@ -20,8 +20,7 @@ from .._system._axis import Axis, join
 from .._system._names import Names, index_of
 from .._system._state import State
 from .._system._system import AbstractSystem, Path, among
-from .._system._units import Units, of_model
-from .._tools._compilation import compiled
+from .._system._units import Units, stated
 from .._tools._errors import RedundaxError
 from .._tools._module import (
     Numbers,
@@ -34,6 +33,7 @@ from .._tools._module import (
     replace_fields,
     tree_take,
 )
+from .._tools._numbers import asked_of_model
 from .._tools._table import are_known
 from ._armature import Armature, armature_load, armature_mass, armatures
 from ._body import GROUND, AbstractBody
@@ -167,7 +167,7 @@ class Mechanism(AbstractSystem):
             one_sided=pushing_rows([each for each in (*joints, *coupled) if each.one_sided], rows),
             tied=tied_rows([each for each in (*joints, *coupled) if each.one_sided], rows),
             velocity_rows=velocity_rows([*joints, *coupled], rows),
-            units=of_model(units),
+            units=stated(units),
             adds=self.frame.adds,
         )
         is_large = len(rows) + self.frame.size * len(names) >= LARGE
@@ -309,9 +309,14 @@ class Mechanism(AbstractSystem):
             ```
         """
         known = (*self.names.bodies, GROUND)
-        pose = self.poses(state.q)[index_of("body", body, known, " of bodies")]
-        return pose.point(self.frame.vector("at", at))
+        place = np.asarray(index_of("body", body, known, " of bodies"))
+        return self._point(state.q, place, self.frame.vector("at", at))
 
+    @asked_of_model
+    def _point(self, q: Array, place: Int[Array, ""], at: Float[Array, " axes"]) -> Float[Array, " axes"]:
+        return self.poses(q)[place].point(at)
+
+    @asked_of_model
     def mass(self, q: Array, t: Array) -> Float[Array, "n n"]:
         own = self.frame.mass(self.body)
         return own + armature_mass(self.armature, self.joints, self.poses(q), len(own)) if self.armature else own
@@ -321,6 +326,7 @@ class Mechanism(AbstractSystem):
         self.frame.check(q, len(self.coordinates))
         return self.frame.poses(self.frame.centres(self.body), q)
 
+    @asked_of_model
     def constraint(self, q: Array, t: Array) -> Float[Array, " m"]:
         return self.constraint_at(Positions(self.poses(q), (None,) * len(self.joints)), t)
 
@@ -328,9 +334,11 @@ class Mechanism(AbstractSystem):
         found = self.frame.path(self.frame.centres(self.body), q, rate)
         return None if found is None else Path(found[0], *Positions.path(self.joints, self.poses(q), found[1]))
 
+    @asked_of_model
     def displacement(self, base: Array, q: Array) -> tuple[Array, Array] | None:
         return self.frame.displacement(base, q)
 
+    @asked_of_model
     def velocity(self, q: Array, rate: Array) -> Array:
         return self.frame.velocity(q, rate)
 
@@ -338,6 +346,7 @@ class Mechanism(AbstractSystem):
         coupled = [each.residuals(self.joints, at.poses) for each in self.couplings]
         return among(self._kept, self.of_rows([*residuals(self.joints, at, t), *coupled]))
 
+    @asked_of_model
     def velocity_constraint(self, q: Array, qd: Array, t: Array, u: Array | None = None) -> Float[Array, " m"]:
         zero, one, none = jnp.zeros((), qd.dtype), jnp.ones((), qd.dtype), (None,) * len(self.joints)
         at, rate = jax.jvp(lambda s: self.poses(self.retract(q, s * qd)), (zero,), (one,))
@@ -359,6 +368,12 @@ class Mechanism(AbstractSystem):
     def opened(self, kept: Array) -> Self:
         return replace_fields(self, _kept=kept)
 
+    def rubbing(self, factors: Mapping[str, ArrayLike]) -> Self:
+        joints = [name for members in self._friction for name in members.joints]
+        for name in factors:
+            index_of("friction", name, joints, " of joints with friction")
+        return replace_fields(self, _friction=tuple(members.times(factors) for members in self._friction))
+
     def slips_at(self, at: Positions) -> Float[Array, " p"]:
         parts = zip(self.friction, self._friction, strict=True)
         return jnp.concatenate([group.slip_at(at.poses, members.of_stack(at.relatives)) for group, members in parts])
@@ -366,6 +381,7 @@ class Mechanism(AbstractSystem):
     def slip_directions(self, at: Positions) -> Float[Array, "n p"]:
         return jnp.concatenate([group.directions_at(at.poses) for group in self.friction], axis=1)
 
+    @asked_of_model
     def jacobian(self, q: Array, t: Array) -> Float[Array, "m n"]:
         """Joint by joint: each reads the coordinates of two bodies."""
         body = self.poses(q)
@@ -409,6 +425,7 @@ class Mechanism(AbstractSystem):
         flat = xp.split(places, np.cumsum([size * rows for size, rows in sizes]))[:-1]
         return [part.reshape(size) for part, size in zip(flat, sizes, strict=True)]
 
+    @asked_of_model
     def load(self, state: State) -> Float[Array, " n"]:
         count, motion = self.body.mass.shape[0], self.frame.motions(self.body, state)
         force = jnp.zeros((count + 1, self.gravity.shape[0]), state.qd.dtype)
@@ -427,6 +444,7 @@ class Mechanism(AbstractSystem):
 
         return load - armature_load(self.armature, self.joints, along, state.qd)
 
+    @asked_of_model
     def retract(self, q: Array, d: Array) -> Array:
         return self.frame.retract(q, d)
 
@@ -460,7 +478,7 @@ class Mechanism(AbstractSystem):
         return mechanism_page(self.names, *parts, couplers)
 
 
-@compiled
+@asked_of_model
 def _along(
     pose: Callable[..., Array], values: tuple[Array, ...], rates: tuple[Array, ...], names: tuple[str, ...]
 ) -> tuple[Array, Array]:

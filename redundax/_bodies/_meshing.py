@@ -72,14 +72,14 @@ def in_mesh(turns: tuple[Turns, ...], joints: tuple[Stack, ...], q: Array, t: Ar
 
         def residual(angle: Array) -> Array:
             at = poses(q.at[angles + body].add(angle))
-            return mesh.element.residual(tree_take(at, mesh.i), tree_take(at, mesh.j), t)[0]
+            return _off(mesh.element.residual(tree_take(at, mesh.i), tree_take(at, mesh.j), t))
 
         off, slope = jax.jvp(residual, (jnp.zeros((), q.dtype),), (jnp.ones((), q.dtype),))
         turns = slope != 0  # not those that are too near to mesh, nor a rack
         return q.at[angles + body].add(jnp.where(turns, -off / jnp.where(turns, slope, 1.0), 0.0)), None
 
     def off(stack: Stack) -> Array:
-        return stack.over(lambda mesh, i, j: jnp.abs(mesh.residual(i, j, t)[0]) / mesh.base_pitch, poses(base))
+        return stack.over(lambda mesh, i, j: jnp.abs(_off(mesh.residual(i, j, t))) / mesh.base_pitch, poses(base))
 
     far = [jnp.max(off(joints[k])) > _NEAR for k in sorted({each.stack for each in turns})]
     found = base
@@ -87,6 +87,11 @@ def in_mesh(turns: tuple[Turns, ...], joints: tuple[Stack, ...], q: Array, t: Ar
         stack = joints[each.stack]
         found, _ = jax.lax.scan(lambda q, turn, stack=stack: turned(stack, q, turn), found, (each.members, each.bodies))
     return q + stop_gradient(jnp.where(jnp.any(jnp.stack(far)), found - base, 0.0))
+
+
+def _off(rows: Array) -> Array:
+    """By how far teeth are from their mesh: from the flank that carries, or from the middle of the gap between two."""
+    return rows[0] if len(rows) == 1 else (rows[0] - rows[1]) / 2
 
 
 def teeth_in_doubt(joints: Sequence[Stack], bodies: Sequence[str]) -> str:

@@ -1,7 +1,7 @@
 """Parts of a mechanism: each in its list, and between bodies that exist."""
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from types import UnionType
 
 from .._tools._errors import RedundaxError
 from ._body import GROUND, AbstractBody
@@ -10,7 +10,7 @@ from ._joints import AbstractJoint
 from ._loads import AbstractLoad
 from ._speed_driver import SpeedDriver
 
-_LISTS: tuple[tuple[str, Any, str], ...] = (
+_LISTS: tuple[tuple[str, type | UnionType, str], ...] = (
     ("bodies", AbstractBody, "Body"),
     ("joints", AbstractJoint, AbstractJoint.__name__),
     ("loads", AbstractLoad, AbstractLoad.__name__),
@@ -18,13 +18,12 @@ _LISTS: tuple[tuple[str, Any, str], ...] = (
 )
 
 
-def check_kinds(bodies: Any, joints: Any, loads: Any, couplers: Any) -> None:
+def check_kinds(bodies: object, joints: object, loads: object, couplers: object) -> None:
     """Refuse what stands in the wrong list, or in none."""
     for (what, kind, fitting), elements in zip(_LISTS, (bodies, joints, loads, couplers), strict=True):
         if not isinstance(elements, Sequence):
-            raise RedundaxError(
-                f"Argument `{what}` must be a list, but is {_words(elements)}. Put it in brackets: [...]."
-            )
+            way = "Give a list of its values." if isinstance(elements, Mapping) else "Put it in brackets: [...]."
+            raise RedundaxError(f"Argument `{what}` must be a list, but is {_words(elements)}. {way}")
         for element in elements:
             if not isinstance(element, kind):
                 right = [f"Put it among `{other}`." for other, fit, _ in _LISTS if isinstance(element, fit)]
@@ -46,7 +45,7 @@ def check_frames(bodies: Sequence[AbstractBody], elements: Sequence[AbstractJoin
             )
 
 
-def _words(element: Any) -> str:
+def _words(element: object) -> str:
     """Class of an element, and its name or the body that it acts on."""
     if isinstance(element, type):
         return f"the class {element.__name__}"
@@ -67,6 +66,8 @@ def check_names(
             raise RedundaxError(
                 f"Argument `{what}` must have different names, but {twice} occur more than once. Rename them."
             )
+        if not all(name.strip() for name in names):
+            raise RedundaxError(f"Argument `{what}` must have names, but one is called {min(names)!r}. Give it a word.")
         if not names:
             raise RedundaxError(f"Argument `{what}` must hold at least one element, but is empty. Add one.")
     if GROUND in bodies:

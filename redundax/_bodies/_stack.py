@@ -6,7 +6,7 @@ same counts of each kind.
 
 import dataclasses
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from typing import Any, ClassVar, Generic, Self, TypeVar
 
 import equinox as eqx
@@ -114,7 +114,7 @@ class Stack(AbstractModule, Generic[E]):
 
 def kinds(elements: Sequence[E]) -> list[list[int]]:
     """Positions of the elements that differ in their arrays alone, in order of first appearance."""
-    groups: dict[Any, list[int]] = {}
+    groups: dict[Hashable, list[int]] = {}
     for position, element in enumerate(elements):
         arrays, rest = eqx.partition(element, eqx.is_array)
         shapes = tuple((x.shape, x.dtype) for x in jax.tree.leaves(arrays))
@@ -146,6 +146,6 @@ def stacks(elements: Sequence[B], bodies: Sequence[str]) -> tuple[tuple[Stack[B]
     ), groups
 
 
-def indices(values: Any) -> Int[Array, "..."]:
+def indices(values: Sequence[int] | Sequence[Sequence[int]] | np.ndarray) -> Int[Array, "..."]:
     """Indices as data."""
     return on_device(np.array(values, dtype=np.int32))

@@ -12,20 +12,20 @@ from .._bodies._law_of_time import Polynomial
 from .._bodies._mechanism import Mechanism
 from .._closures._closure import AbstractClosure, check_closure
 from .._drive._along import with_laws
-from .._equations._assemble import closing_at
+from .._equations._dense_closing import closing_at
 from .._models._series import Series
 from .._solution_sets._band._band import band
 from .._solution_sets._bounds import AbstractBounds
 from .._system._state import State
-from .._system._system import refuse_contacts
 from .._tools._errors import RedundaxError
 from .._tools._module import check_kind, floats
 from .._tools._numbers import as_arrays, computing
 from ._judge import AXES, Judgement, Kinds, Loads, closed_loads, coefficients_of, judged, loads_along
 from ._log import Figure, Log, read_log, table_of
 from ._motion import Path, models, path_of, reactions
+from ._pushing import Held, check_open, held_at
 from ._report import LogReport
-from ._run import of_series
+from ._run import of_series, states_of
 
 _GRAVITY = 9.81  # m/s^2: where all loads are rounding, they are so beside the weight
 _WILD = 1e3  # times the tolerance: so much counts of one figure, where axes are sought
@@ -59,7 +59,8 @@ def check(
 
     **Arguments:**
 
-    - `mechanism`: without friction that depends on loads. Drivers among its joints are its motion.
+    - `mechanism`: without friction that depends on loads. Drivers among its joints are its motion. One-sided
+      contacts that have no gap at the first position hold all along, and those that pull are wrong.
     - `log`: a file of CSV, a table with columns by name, or the stored run of a model, `model.series`. Columns are `t`,
       coordinates of joints, "A.angle", with ' their rates and with '' their accelerations, loads of joints, as in
       "A force x on crank", and what drives a coordinate, "A.angle torque". Units are those of the mechanism; moments
@@ -76,11 +77,13 @@ def check(
 
     **Returns:** a `LogReport`, to print.
 
-    **Raises:** `RedundaxError` for a log that does not tell the motion or has no load, `NoSolutionError` where the
-    loops do not close at its coordinates.
+    **Raises:** `RedundaxError` for a log that does not tell the motion or has no load, or along which a contact closes;
+    `NoSolutionError` where the loops do not close at its coordinates, or a contact would open.
     """
     check_kind("mechanism", mechanism, Mechanism, "a `Mechanism`", "Give one of `rx.Mechanism` or of `rx.load_model`.")
-    refuse_contacts("check", mechanism)
+    check_kind(
+        "log", log, (Series, Mapping, str, pathlib.Path), "a log", "Give a file of CSV, a table or `model.series`."
+    )
     if closure is not None:
         check_closure(closure)
     if axes is not None and axes not in AXES:
@@ -89,37 +92,41 @@ def check(
         )
     if not 0 < rtol < 1:
         raise RedundaxError(f"Argument `rtol` must be between 0 and 1, but is {rtol!r}. Give 1e-3, say.")
-    system = mechanism.whole
+    whole = mechanism.whole
     with computing():
         if isinstance(log, Series):
-            read, path = of_series(system, log)
+            held = held_at(whole, states_of(whole, log)[0][0], log.times[0])
+            read, path = of_series(held.system, log)
             axes = "global"
         else:
             table = table_of(pathlib.Path(log)) if isinstance(log, str | pathlib.Path) else log
-            read = read_log(system, table)
-            guess = np.asarray(floats(system.reference if q is None else q))
-            path = path_of(system, read, guess, drives)
+            read = read_log(whole, table)
+            guess = np.asarray(floats(whole.reference if q is None else q))
+            held = held_at(whole, guess, read.times[0])
+            path = path_of(held.system, read, guess, drives)
+        check_open(held, path)
+        system = held.system
         model = models(system, path.times, path.q, path.qd, bool(path.drive.names))
-        loads = loads_along(system, path, model)
+        loads = loads_along(held, path, model)
         doubt = np.zeros_like(loads.multipliers)
         if path.splined:
             drive = path.drive._replace(accelerations=path.drive.accelerations + path.drive.doubt)
-            doubt = loads_along(system, path._replace(drive=drive), model).multipliers - loads.multipliers
+            doubt = loads_along(held, path._replace(drive=drive), model).multipliers - loads.multipliers
         if not loads.judged.any():
             raise RedundaxError(
                 "Argument `log` has no time whose loads are finite. Check its numbers and those of masses."
             )
-        found, B, logged, chosen = _best(system, path, loads, read, axes, (rtol, doubt))
-    closed = None if closure is None else closed_loads(system, path, closure, B, loads)
+        found, B, logged, chosen = _best(held, path, loads, read, axes, (rtol, doubt))
+    closed = None if closure is None else closed_loads(held, path, closure, B, loads)
     report = _report(system, path, loads, read, (found, logged, chosen), closed)
-    return report if bounds is None else _with_bands(system, path, read, report, bounds)
+    return report if bounds is None else _with_bands(whole, path, read, report, bounds)
 
 
 def _best(
-    system: Mechanism, path: Path, loads: Loads, log: Log, axes: str | None, right: tuple
+    held: Held, path: Path, loads: Loads, log: Log, axes: str | None, right: tuple
 ) -> tuple[Judgement, np.ndarray, np.ndarray, tuple[str, bool]]:
     """The judgement, B and the loads of the log, in axes and on bodies that are told, or on those which fit best."""
-    forces = [name for name in path.drive.names if name in log.drives]
+    system, forces = held.system, [name for name in path.drive.names if name in log.drives]
     columns = len(system.rows) + len(path.drive.names)
     of_drives = np.zeros((len(path.q), len(forces), columns))
     for k, name in enumerate(forces):
@@ -135,7 +142,7 @@ def _best(
     for other, way in itertools.product(others, AXES if axes is None else (axes,)):
         figures = [_on(system, figure, other) for figure in log.figures]
         B = np.concatenate([coefficients_of(system, columns, on, figures, way), of_drives], axis=1)
-        found = judged(loads, B, logged, kinds, *right)
+        found = judged(held, loads, B, logged, kinds, *right)
         miss = np.abs(found.wrong[loads.judged]) / found.tolerance
         cost = float(np.sum(np.minimum(miss.max(axis=0), _WILD)))
         if best is None or cost < (1 - _BETTER) * best[0]:

@@ -25,6 +25,7 @@ from .._tools._errors import RedundaxError
 from .._tools._numbers import as_arrays, computing
 from ._log import Figure
 from ._motion import Models, Path, Reactions
+from ._pushing import Held, pushed
 
 AXES = ("global", "body", "joint")
 _RANK = 1e-6  # singular values below, relative to the largest: numbers of files have no more digits
@@ -38,6 +39,7 @@ class Loads(NamedTuple):
     """Over time: multipliers of least norm, self-stress N, (m, k), and which times have the usual rank; and how many
     rows are more than that."""
 
+    times: np.ndarray
     multipliers: np.ndarray
     stress: list[np.ndarray]
     judged: np.ndarray
@@ -65,8 +67,9 @@ class Judgement(NamedTuple):
     tolerance: np.ndarray
 
 
-def loads_along(system: Mechanism, path: Path, model: Models) -> Loads:
+def loads_along(held: Held, path: Path, model: Models) -> Loads:
     """The loads that carry a motion."""
+    system, open_rows = held.system, list(held.open_rows)
     scale, count, places = path.scale, len(system.rows), path.drive.places
     own = model.slopes[:, places] * scale.coordinates
     sizes = np.linalg.norm(own, axis=2).max(axis=0, initial=1e-300)
@@ -93,11 +96,20 @@ def loads_along(system: Mechanism, path: Path, model: Models) -> Loads:
             heavy = inertia > _MASSLESS * inertia.max(initial=0.0)
             a = a + Z @ (vectors[:, heavy] @ (vectors[:, heavy].T @ (Z.T @ (f - M @ a)) / inertia[heavy]))
         found.append(U1 @ (V1.T @ (f - M @ a) / values[:rank]) / per_row)
-        stress.append(U[:, rank:] / per_row[:, None])
+        stress.append(_without(U[:, rank:], open_rows) / per_row[:, None])
         ranks.append(rank)
     usual = max(set(ranks), key=lambda rank: (rank >= 0, ranks.count(rank)))
     finite = np.all(np.isfinite(np.stack(found)), axis=1)
-    return Loads(np.stack(found), stress, (np.array(ranks) == usual) & finite, count + len(places) - usual)
+    redundancy = count + len(places) - usual - len(open_rows)
+    return Loads(path.times, np.stack(found), stress, (np.array(ranks) == usual) & finite, redundancy)
+
+
+def _without(stress: np.ndarray, rows: list[int]) -> np.ndarray:
+    """Self-stress without that of each of some rows by itself, which are zeros."""
+    if not rows:
+        return stress
+    left = np.where(np.isin(np.arange(len(stress)), rows)[:, None], 0.0, stress)
+    return np.linalg.svd(left)[0][:, : stress.shape[1] - len(rows)]
 
 
 def _friction(system: Mechanism, path: Path) -> Any:
@@ -140,7 +152,9 @@ def coefficients_of(
     return out
 
 
-def judged(loads: Loads, B: np.ndarray, logged: np.ndarray, of: Kinds, rtol: float, doubt: np.ndarray) -> Judgement:
+def judged(
+    held: Held, loads: Loads, B: np.ndarray, logged: np.ndarray, of: Kinds, rtol: float, doubt: np.ndarray
+) -> Judgement:
     """What is right of a log.
 
     **Arguments:**
@@ -163,9 +177,15 @@ def judged(loads: Loads, B: np.ndarray, logged: np.ndarray, of: Kinds, rtol: flo
         scaled_stress = np.linalg.norm(N, 2) if N.size else 0.0
         determined[k] = sizes <= _LOOSE * floor * scaled_stress
         by[determined[k]] = 0.0
+        fit, z = (by / tolerance[k, :, None], (logged[k] - least[k]) / tolerance[k]), np.zeros(N.shape[1])
         if N.shape[1] and not determined[k].all():
-            z = np.linalg.lstsq(by / tolerance[k, :, None], (logged[k] - least[k]) / tolerance[k], rcond=1e-9)[0]
-            stress[k] = by @ z
+            z = np.linalg.lstsq(*fit, rcond=1e-9)[0]
+        if held.pushing:
+            rows = list(held.pushing)
+            contacts = ", ".join(held.system.rows.labels[row] for row in rows)
+            said = f"At t = {loads.times[k]:.6g} the contacts {contacts}"
+            z = pushed(z, (loads.multipliers[k, rows], N[rows]), fit, rtol, said)
+        stress[k] = by @ z
     return Judgement(least, stress, logged - least - stress, determined, tolerance)
 
 
@@ -180,8 +200,10 @@ def _tolerance(least: np.ndarray, logged: np.ndarray, of: Kinds, rtol: float) ->
     return rtol * sizes + floor + rounding
 
 
-def closed_loads(system: Mechanism, path: Path, closure: AbstractClosure, B: np.ndarray, loads: Loads) -> np.ndarray:
-    """Figures by a closure, NaN where it leaves them open: lam_0 + N z with N^T W N z = N^T (d - W lam_0)."""
+def closed_loads(held: Held, path: Path, closure: AbstractClosure, B: np.ndarray, loads: Loads) -> np.ndarray:
+    """Figures by a closure, NaN where it leaves them open or contacts would pull: lam_0 + N z with
+    N^T W N z = N^T (d - W lam_0)."""
+    system, pushing = held.system, list(held.pushing)
     out, count = np.full(B.shape[:2], np.nan), len(system.rows)
     given: list[np.ndarray] = []
     with computing():
@@ -195,5 +217,7 @@ def closed_loads(system: Mechanism, path: Path, closure: AbstractClosure, B: np.
             if N.shape[1] and np.linalg.cond(inner) > 1 / _MASSLESS:
                 continue
             z = np.linalg.solve(inner, own.T @ (d - W @ least[:count]))
-            out[k] = B[k] @ (least + N @ z)
+            found = least + N @ z
+            if np.all(found[pushing] >= -_ROUNDING * np.abs(found[pushing]).max(initial=0.0)):
+                out[k] = B[k] @ found
     return out

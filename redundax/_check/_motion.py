@@ -14,13 +14,12 @@ from jaxtyping import Array
 
 from .._bodies._joint_coordinates import coefficients
 from .._bodies._mechanism import Mechanism
-from .._equations._assemble import closing_at
+from .._equations._dense_closing import closing_at
 from .._equations._kinematics import along_motion
 from .._system._names import index_of
 from .._system._state import State
-from .._tools._compilation import compiled
 from .._tools._errors import NoSolutionError, RedundaxError
-from .._tools._numbers import Numeric, as_arrays, computing
+from .._tools._numbers import Numeric, computing, of_model
 from ._log import Log
 
 _TOGETHER = 64  # times that a program takes at once, so that other numbers of them compile nothing
@@ -96,7 +95,7 @@ def in_batches(program: Callable[..., Any], *arrays: np.ndarray) -> Any:
         own = [np.asarray(x[first : first + _TOGETHER]) for x in arrays]
         size = len(own[0])
         full = [np.concatenate([x, np.repeat(x[-1:], _TOGETHER - size, 0)]) for x in own]
-        found = jax.device_get(program(*as_arrays(tuple(full))))
+        found = program(*full)
         parts.append(jax.tree.map(lambda x, size=size: np.asarray(x)[:size], found))
     return jax.tree.map(lambda *x: np.concatenate(x), *parts)
 
@@ -109,7 +108,7 @@ def models(
     return in_batches(lambda *x: _models(system.anonymous, coordinates, *x), times, q, qd, moved)
 
 
-@compiled
+@of_model
 def _models(system: Mechanism, coordinates: bool, times: Array, q: Array, qd: Array, d: Array) -> Models:
     return jax.vmap(lambda *given: _model(system, coordinates, *given))(times, q, qd, d)
 
@@ -139,7 +138,7 @@ def reactions(system: Mechanism, path: "Path", other: bool) -> tuple[Reactions, 
     return told, in_batches(lambda *x: _reactions(system.anonymous, True, *x), *arrays)  # the ground may take a part
 
 
-@compiled
+@of_model
 def _reactions(system: Mechanism, other: bool, times: Array, q: Array, qd: Array) -> Reactions:
     joints = system.joint_coordinates.opposite if other else system.joint_coordinates
 
@@ -288,20 +287,21 @@ def _followed(
     turns = wraps[places - m]
     unit = np.array([1.0 if turn else scale.length for turn in turns])
     q, out, apart = np.asarray(q), [], 0.0
-    at = closing_at(system.anonymous, q, np.zeros(n), times[0])[1][places]
-    t, last, base = times[0], at, None
+    found = closing_at(system.anonymous, q, np.zeros(n), times[0])[1][places]
+    t, last, base = times[0], found, None
     for k, (time, target) in enumerate(zip(times, given, strict=True)):
         change = np.where(turns, _turn(target - last), target - last) if k == 0 else target - last
         count = max(1, int(np.ceil(np.abs(change / unit).max(initial=0.0) / _STEP)))
         for step in range(1, count + 1):
             wish, then = last + change * step / count, t + (time - t) * step / count
-            q, base, misfit = _newton(system, scale, q, then, (wish, places, turns, unit), base if count == 1 else None)
+            q, base, misfit, found = _newton(
+                system, scale, q, then, (wish, places, turns, unit), base if count == 1 else None
+            )
             if not misfit < _OPEN:
                 raise NoSolutionError(
                     f"At t = {time:.6g} the loops do not close at the coordinates of the log, by {misfit:.1g} of the "
                     "size of the machine. Check units, signs and zeros of the columns, or give `q` near the first one."
                 )
-        found = closing_at(system.anonymous, q, np.zeros(n), time)[1][places]
         apart = max(apart, float(np.abs(np.where(turns, _turn(found - target), found - target)).max(initial=0.0)))
         out.append(q)
         last, t = target, time
@@ -310,12 +310,13 @@ def _followed(
 
 def _newton(
     system: Mechanism, scale: Scale, q: np.ndarray, t: float, wish: tuple, start: np.ndarray | None
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """The position on the constraints next to wanted coordinates, how far it is from q, and the misfit left."""
+) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
+    """The position on the constraints next to wanted coordinates, how far it is from q, the misfit left, and the
+    coordinates there."""
     target, places, turns, unit = wish
     m, d = len(system.rows), np.zeros(len(system.coordinates)) if start is None else start
     which, alone = np.concatenate([np.arange(m), places]), False
-    at, left = q, np.inf
+    at, left, values = q, np.inf, np.zeros(0)
     for _ in range(_STEPS):
         at, values, slopes = closing_at(system.anonymous, q, scale.coordinates * d, t)
         apart = values[places] - target
@@ -324,7 +325,7 @@ def _newton(
         if alone:
             residual, matrix = residual[:m], matrix[:m]
         if not (np.all(np.isfinite(residual)) and np.all(np.isfinite(matrix))):  # as of a law of time that ends
-            return at, d, np.inf
+            return at, d, np.inf, values[places]
         step = np.linalg.lstsq(matrix, -residual, rcond=_RANK)[0]
         left, size = float(np.abs(residual[:m]).max(initial=0.0)) / scale.length, float(np.abs(step).max(initial=0.0))
         d = d + step * min(1.0, 1.0 / max(size, 1.0))
@@ -332,7 +333,7 @@ def _newton(
             break
         # more coordinates than freedoms, of few digits, do not all fit: the constraints have the last word
         alone = alone or (len(places) > 0 and size < _OPEN * scale.length)
-    return at, d, left
+    return at, d, left, values[places]
 
 
 def nearest(system: Mechanism, times: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, Scale]:

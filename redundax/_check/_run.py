@@ -16,7 +16,7 @@ def of_series(system: Mechanism, series: Series) -> tuple[Log, Path]:
         raise RedundaxError(
             f"Argument `log` must have positions of all bodies, but not of '{missing[0]}'. Run it again."
         )
-    q, qd = _states(system, series)
+    q, qd = states_of(system, series)
     closed, scale = nearest(system, series.times, q)
     centres = 3 * len(system.names.bodies)
     apart = float(np.abs(closed - q)[:, :centres].max(initial=0.0))
@@ -32,7 +32,7 @@ def of_series(system: Mechanism, series: Series) -> tuple[Log, Path]:
     return log, moving(system, scale, log, closed, ([], np.zeros(0, int), []), apart, qd)
 
 
-def _states(system: Mechanism, series: Series) -> tuple[np.ndarray, np.ndarray]:
+def states_of(system: Mechanism, series: Series) -> tuple[np.ndarray, np.ndarray]:
     """Positions q and velocities; 0 where those are not stored."""
     points, turns, speeds, spins = [], [], [], []
     for name, centre in zip(system.names.bodies, np.asarray(system.frame.centres(system.body)), strict=True):

@@ -17,11 +17,13 @@ from .._bodies._body import GROUND
 from .._bodies._mechanism import Mechanism
 from .._system._names import index_of
 from .._system._state import State
-from .._system._system import AbstractSystem
-from .._tools._module import as_float, replace_fields
+from .._system._system import AbstractSystem, check_system_at
+from .._tools._module import as_float, check_kind, replace_fields
 from ._closure import AbstractClosure, check_closure
 from ._comparison import check_comparable, residual_by_axes_of
 from ._play import Play
+
+_ACTUAL = "a mechanism, or a system", "Give the machine as it is, with the joints of the nominal one."
 
 
 def misfit(system: AbstractSystem, actual: AbstractSystem, state: State) -> Float[Array, " m"]:
@@ -53,6 +55,8 @@ def misfit(system: AbstractSystem, actual: AbstractSystem, state: State) -> Floa
 
     **Raises:** `RedundaxError`, by the name of a body, joint or row, where `actual` is another mechanism.
     """
+    check_system_at(system, state)
+    check_kind("actual", actual, AbstractSystem, *_ACTUAL)
     check_comparable(system, actual)
     if not (isinstance(actual, Mechanism) and isinstance(system, Mechanism)):
         return actual.constraint(state.q, state.t) - system.constraint(state.q, state.t)
@@ -82,6 +86,7 @@ class AsBuilt(AbstractClosure):
 
     def __init__(self, closure: AbstractClosure, actual: AbstractSystem):
         check_closure(closure)
+        check_kind("actual", actual, AbstractSystem, *_ACTUAL)
         self.closure, self.actual = closure, actual
 
     def by_place(self, system: AbstractSystem) -> "AsBuilt":
@@ -117,6 +122,7 @@ def heated(mechanism: Mechanism, warmer: Mapping[str, ArrayLike], expansion: Arr
     - `warmer`: temperature differences, K, by name of body, or "ground".
     - `expansion`: coefficient of linear thermal expansion, 1/K.
     """
+    check_kind("mechanism", mechanism, Mechanism, "a mechanism", "Give that first, then which bodies are warmer.")
     bodies = (*mechanism.names.bodies, GROUND)
     for body in warmer:
         index_of("warmer", body, bodies, " of bodies")

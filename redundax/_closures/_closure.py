@@ -131,12 +131,21 @@ def _by_joint(closure: AbstractClosure, system: AbstractSystem, state: State, *,
 
 class _Constant(AbstractClosure):
     given: Elasticity
+    play: Play | None = None
+
+    def clearances(self, system: AbstractSystem) -> Play | None:
+        return self.play
 
     def compliance(self, system: AbstractSystem, state: State) -> Elasticity:
         return self.given
 
     def by_joint(self, system: AbstractSystem, state: State) -> Elasticity:
         return self.given
+
+
+def constant(elasticity: Elasticity, play: Play | None = None) -> AbstractClosure:
+    """The closure of this compliance, misfit and play."""
+    return _Constant(elasticity, play)
 
 
 def with_mates(compliance: Float[Array, "m m"], plan: Plan) -> Float[Array, "m j"]:
@@ -162,7 +171,7 @@ def for_motion(closure: AbstractClosure, system: AbstractSystem, state: State) -
 def placed(closure: AbstractClosure, system: AbstractSystem) -> AbstractClosure:
     """`by_place`; of a system with drives that of its own rows, and what the closure says of the drives."""
     base = system.undriven
-    if base is system or isinstance(closure, _OfDrives):
+    if base is system or isinstance(closure, _OfDrives | _Constant):  # of all rows already
         return closure.by_place(system)
     coordinates = [name.removesuffix(DRIVE) for name in system.rows.labels[len(base.rows) :]]
     return _OfDrives(closure.by_place(base), *closure.of_drives(coordinates))

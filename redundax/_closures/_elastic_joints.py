@@ -34,7 +34,7 @@ from .._system._system import AbstractSystem
 from .._system._units import Units, checked_units
 from .._tools._errors import RedundaxError
 from .._tools._module import as_float, check_kind, is_concrete, not_negative
-from .._tools._numbers import as_numbers, known, on_numbers, xp
+from .._tools._numbers import as_numbers, asked_of_model, known, on_numbers, xp
 from .._tools._value import AbstractModule
 from ._closure import AbstractClosure
 from ._joint_compliance import AbstractJointCompliance, JointCompliance
@@ -90,8 +90,9 @@ class ElasticJoints(AbstractClosure):
       mechanism.
     - `play`: clearance from the middle to either side, m or rad, by name of joint or row, as in {"A": 20e-6,
       "K.angle": 1e-4}. Of a pin, a sleeve or a ball it is radial: that of the radii. A joint carries nothing until its
-      parts have moved by it. The ideal mechanism moves as without play: what is not redundant is not loosened. `solve`
-      and `analyze` alone take it.
+      parts have moved by it. The ideal mechanism moves as without play: what is not redundant is not loosened. In
+      `band` it is the most that there may be. Motions take it without one-sided contacts and friction of
+      sleeves, balls and plates, and with dense matrices.
     """
 
     seats: tuple[_Seat, ...]
@@ -141,6 +142,7 @@ class ElasticJoints(AbstractClosure):
         pairs = [self.drives.get(name, (xp.zeros(()), xp.zeros(()))) for name in names]
         return xp.stack([softness for softness, _ in pairs]), xp.stack([error for _, error in pairs])
 
+    @asked_of_model
     def compliance(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
         a, bent, misfit, joint = self._rows(system, state)
         return jnp.where(joint[:, None] == joint, bent @ a.T, 0.0), misfit

@@ -17,7 +17,7 @@ from .._bodies._mechanism import Mechanism
 from .._system._names import index_of
 from .._system._units import Units
 from .._tools._errors import RedundaxError
-from .._tools._module import as_float, check_kind, not_negative
+from .._tools._module import as_float, check_kind, finite, not_negative
 from .._tools._numbers import entries_set, take, xp
 from .._tools._value import AbstractModule
 
@@ -58,6 +58,7 @@ def play_of(mechanism: Mechanism, given: Mapping[str, ArrayLike] | None, units: 
                 f"Argument `play` must have one number for '{name}', but has {value.shape}. Give its clearance from "
                 "the middle to either side."
             )
+        finite("play", value, f"'{name}'")
         not_negative("play", value)
         taken = {row for each in rows for row in each} & set(own)
         if taken:
@@ -99,6 +100,6 @@ def refuse_play(closure: Any, system: Any) -> None:
     """Refuse a closure with play, for a call that would leave it out."""
     if closure.clearances(system) is not None:
         raise RedundaxError(
-            "Argument `closure` has play, which `solve` and `analyze` alone take. Give it without `play`, or with its "
-            "bounds as misfits."
+            "Argument `closure` has play, which this call does not take. Give it without `play`, or with its bounds as "
+            "misfits."
         )

@@ -5,7 +5,6 @@ import contextlib
 import json
 import pathlib
 import warnings
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple, cast
@@ -24,7 +23,7 @@ from .._models._choice import listed
 from .._models._examine import examine
 from .._models._fix import Fix, fix
 from .._models._formats import MODELS, not_a_model
-from .._models._model import Model, load_model
+from .._models._model import Model, contents, load_model
 from .._models._repair import language
 from .._models._repair_page import wrapped
 from .._solve._solve import solve
@@ -136,7 +135,7 @@ def _found(arguments: argparse.Namespace) -> _Found:
         mended = fix(model, found, arguments.fix, arguments.release) if arguments.fix else None
         says, lines = language(model), {}
         for edit in (edit for each in found.repairs for choice in each.choices for edit in choice.edits):
-            lines[edit.rows] = says.lines(model, [edit])
+            lines[edit.rows] = says.lines(model, edit)
         stops = stops_of(model, model.state) if arguments.stops else None
         return _Found(model.mechanism, model.state, found, _about(model), mended, says.name, stops, lines)
 
@@ -205,10 +204,8 @@ def _about(model: Model) -> dict[str, Any]:
 def _heading(path: str, about: dict[str, Any], asked: bool) -> list[str]:
     if not about:
         return [path]
-    kinds = Counter(kind for part in ("joints", "loops") for kind, names in about[part].items() for _ in names)
-    counts = [f"{count} {kind}{'s' * (count > 1)}" for kind, count in kinds.items()]
-    lines = [f"{path}: {about['bodies']} {'body' if about['bodies'] == 1 else 'bodies'}; {', '.join(counts)}"]
-    return [*lines, *(line for each in _position(about, asked) for line in wrapped(each))]
+    first = f"{path}: {contents(about['bodies'], about['joints'], about['loops'])}"
+    return [first, *(line for each in _position(about, asked) for line in wrapped(each))]
 
 
 def _position(about: dict[str, Any], asked: bool) -> Iterator[str]:
@@ -246,7 +243,8 @@ def _notes(about: dict[str, Any]) -> list[str]:
 def _next(arguments: argparse.Namespace, found: Audit) -> list[str]:
     """What to type next, for a model that can be mended."""
     kind = pathlib.Path(arguments.system).suffix.lower()
-    if kind not in MODELS or arguments.fix or not found.figures[0]:
+    if kind not in MODELS or arguments.fix or not found.figures[0] or not found.is_decided:
         return []
-    fix = f"--fix COPY{kind} writes a mended copy; " if any(each.choices for each in found.repairs) else ""
+    copy = kind.replace(".usdz", ".usda")  # whose copy is a layer over it
+    fix = f"--fix COPY{copy} writes a mended copy; " if any(each.choices for each in found.repairs) else ""
     return wrapped(f"Next: {fix}--all lists all releases; --html PAGE.html shows it.")

@@ -1,7 +1,6 @@
 """An audit as a page for a browser: its text beside the mechanism, with joints in the colours of the verdict."""
 
-import base64
-import html
+import dataclasses
 import pathlib
 
 from .._bodies._mechanism import Mechanism
@@ -10,6 +9,8 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._optional import optional
 from ..plot._draw import html as turning
+from ..plot._page._blocks import Code
+from ..plot._page._formats import block_as_html, document
 from ..plot._page._pictures import drawing
 from ._file import FileError, writing
 
@@ -34,16 +35,9 @@ def check_pictures() -> None:
 
 def write_page(file: pathlib.Path, title: str, text: str, system: AbstractSystem, state: State, found: Audit) -> None:
     """Write one file that loads nothing from elsewhere."""
-    words, head = html.escape(text), html.escape(title)
-    page = [
-        "<!DOCTYPE html>",
-        f'<html lang="en"><head><meta charset="utf-8"><title>{head}</title>',
-        f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{_STYLE}</style></head>',
-        f"<body><h1>{head}</h1><main><pre>{words}</pre>{_picture(system, state, found)}</main></body></html>",
-        "",
-    ]
+    body = f"{block_as_html(Code(text))}{_picture(system, state, found)}"
     with writing(file):
-        file.write_text("\n".join(page), encoding="utf-8")
+        file.write_text(document(title, _STYLE, body), encoding="utf-8")
 
 
 def _picture(system: AbstractSystem, state: State, found: Audit) -> str:
@@ -52,14 +46,8 @@ def _picture(system: AbstractSystem, state: State, found: Audit) -> str:
     loose = [part.name for part in found.parts if part.loose]
     if system.frame.word == "spatial":
         figure = turning(system, state, report=loose)
-        inside = figure.to_html(
-            full_html=False, include_plotlyjs=True, default_height="75vh", config={"displaylogo": False}
-        )
-    else:
-        (picture,) = drawing(system, state, _CAPTION, report=loose)
-        inside = f'<img alt="{html.escape(picture.alt)}" src="data:image/png;base64,{_text(picture.png)}">'
-    return f"<figure>{inside}<figcaption>{_CAPTION}</figcaption></figure>"
-
-
-def _text(png: bytes) -> str:
-    return base64.b64encode(png).decode("ascii")
+        options = {"full_html": False, "include_plotlyjs": True, "config": {"displaylogo": False}}
+        turned = figure.to_html(default_height="75vh", **options)
+        return f"<figure>{turned}<figcaption>{_CAPTION}</figcaption></figure>"
+    (picture,) = drawing(system, state, _CAPTION, report=loose)
+    return block_as_html(dataclasses.replace(picture, caption=_CAPTION))

@@ -84,5 +84,7 @@ def _log(arguments: argparse.Namespace, model: Model) -> Series | pathlib.Path:
     if arguments.log is not None:
         return pathlib.Path(arguments.log)
     if model.series is None:
-        raise FileError(f"'{arguments.system}' stores no run. Name a log, a file of CSV, or give --run SECONDS.")
+        spoiled = [note.partition(" that ")[2].rstrip(".") for note in model.notes if note.startswith("stored run")]
+        what = spoiled[0] if spoiled else "stores no run"
+        raise FileError(f"'{arguments.system}' {what}. Name a log, a file of CSV, or give --run SECONDS.")
     return model.series

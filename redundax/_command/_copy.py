@@ -1,14 +1,16 @@
 """Copies of models that `redundax audit --fix` must not write: over files of the model, or away from what it names."""
 
 import pathlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from typing import Any
 
 from .._models._content import document
+from .._models._edit_usd import layers_of
 from .._models._formats import MODELS
 from .._models._urdf import closures_of
 from ._file import FileError, check_target
 
-_WRITTEN = (".xml", ".mjcf", ".urdf")
+_LAYERS = (".usda", ".usd", ".usdc")
 _PICTURES = ("texture",)  # of the elements that name files, those that `texturedir` is for
 
 
@@ -18,17 +20,18 @@ def check_copy(system: str, closures: str | None, file: pathlib.Path) -> None:
     kind = source.suffix.lower()
     if kind not in MODELS:
         raise FileError(f"Argument `--fix` copies {', '.join(MODELS)}, but '{system}' is none. Leave it out.")
-    if kind not in _WRITTEN:
-        raise FileError(f"Argument `--fix` writes {', '.join(_WRITTEN)}, but '{system}' is none. Leave it out.")
-    if file.suffix.lower() != kind:
+    is_usd = kind in (*_LAYERS, ".usdz")
+    if is_usd and file.suffix.lower() not in _LAYERS:
+        raise FileError(f"Argument `--fix` must end in {', '.join(_LAYERS)} for USD, but is '{file}'. Rename it.")
+    if not is_usd and file.suffix.lower() != kind:
         raise FileError(f"Argument `--fix` must end in {kind} as the model does, but is '{file}'. Rename it.")
     if _same(file, source):
         raise FileError(f"Argument `--fix` must name another file than the model '{source}'. Rename it.")
     check_target(file)
     if kind == ".urdf":
         _check_loops(closures_of(source, closures), file)
-    if source.is_file():
-        _check_named(source, file)
+    if source.is_file() and kind != ".asmt":
+        _check_named(source, layers_of(source) if is_usd else _named(source), file)
 
 
 def _check_loops(closures: pathlib.Path | None, file: pathlib.Path) -> None:
@@ -45,9 +48,9 @@ def _check_loops(closures: pathlib.Path | None, file: pathlib.Path) -> None:
     check_target(beside)
 
 
-def _check_named(source: pathlib.Path, file: pathlib.Path) -> None:
+def _check_named(source: pathlib.Path, names: Iterable[pathlib.Path], file: pathlib.Path) -> None:
     """Refuse to write over a file that the model names, or where its relative paths lead elsewhere."""
-    named = [path for path in _named(source) if (source.parent / path).exists()]
+    named = [path for path in names if (source.parent / path).exists()]
     for path in named:
         if _same(file, source.parent / path):
             raise FileError(f"Argument `--fix` must not name '{file}', which the model names as '{path}'. Rename it.")
@@ -68,6 +71,11 @@ def _named(source: pathlib.Path) -> Iterator[pathlib.Path]:
         folder = folders.get("texturedir" if element.tag in _PICTURES else "meshdir", folders.get("assetdir", ""))
         of = "" if element.tag in ("include", "model") or source.suffix.lower() == ".urdf" else folder
         yield from (pathlib.Path(of, text) for text in paths)
+    yield from (pathlib.Path(text) for text in map(_of_sdf, root.iter("uri")) if text and "://" not in text)
+
+
+def _of_sdf(element: Any) -> str:
+    return (element.text or "").strip()
 
 
 def _same(one: pathlib.Path, other: pathlib.Path) -> bool:

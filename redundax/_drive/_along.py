@@ -8,10 +8,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from .._bodies._law_of_time import check_law, law_of_time
-from .._equations._assemble import assemble, closing_at
+from .._equations._assemble import assemble
+from .._equations._dense_closing import closing_at
 from .._equations._kinematics import model_at
 from .._equations._scaling import Scaling, scaling_at
 from .._system._axis import Axis, join
@@ -29,8 +30,9 @@ from ._roll import velocity_at
 
 Laws = Mapping[str, Callable[[Array], Array] | ArrayLike]
 
-_TOGETHER = 64  # times that a program takes at once, so that other numbers of them compile nothing
-_MANY = 4096  # the same of more times than that: a program of its own, whose calls cost nothing beside the work
+# Times that a program takes at once, so that other numbers of them compile nothing; more where a call's own cost tells.
+_TOGETHER, _MANY, _MOST = 64, 512, 4096
+_NEAR = 2**17  # numbers in matrices of all of these that a core keeps near: twice as many take three times as long
 _FREE = 1e-9  # singular value, relative to the largest, of a direction in which nothing is held
 _NARROW = 0.05  # the same of a position that is told as near to a singular one where a motion ends
 _DIP, _ROUNDS, _SINGULAR = 0.3, 4, 1e-5  # of the usual value: worth a look; 64 finer times each; and singular
@@ -39,18 +41,22 @@ _BESIDE = 0.01  # of the way to the next time: where laws are asked which way jo
 
 
 class Path(NamedTuple):
-    """A driven system, the scales of its first position, how it moves at all times, and which times were reached."""
+    """A driven system, the scales of its first position, and its positions at all times; NaN where not reached."""
 
     system: AbstractSystem
     scale: Scaling
     t: Float[Array, " times"]
-    moving: Moving
-    reached: Bool[Array | np.ndarray, " times"]
+    q: Float[Array | np.ndarray, "times ..."]
 
     @property
-    def states(self) -> State:
-        """The states at all times."""
-        return State(self.moving.q, self.moving.qd, self.t)
+    def given(self) -> tuple[AbstractSystem, Scaling]:
+        """What of it stays the same."""
+        return self.system.anonymous, self.scale
+
+    @property
+    def beside(self) -> Float[Array, "times 2"]:
+        """Times just before and just after each."""
+        return _beside(self.t)
 
 
 def assemble_along(
@@ -93,15 +99,25 @@ def assemble_along(
     **Raises:** `RedundaxError` for laws that leave coordinates free, with their names, and `NoSolutionError` with the
     time at which a motion ends, at a singular position or out of reach.
     """
-    return along(system, laws, ts, q, hold, throw).states
+    path = along(system, laws, ts, q, hold, throw)
+    asked: Any = path.q, path.t, path.beside
+    known = are_known(path)
+    found = in_batches(path, _moving_batch, path.given, asked) if known else _moving_of(*path.given, *asked)
+    return as_arrays(State(found.q, found.qd, path.t))
 
 
 def along(
-    system: AbstractSystem, laws: Laws, ts: Numbers, q: ByName | None, hold: Sequence[str], throw: bool | None
+    system: AbstractSystem,
+    laws: Laws,
+    ts: Numbers,
+    q: ByName | None,
+    hold: Sequence[str],
+    throw: bool | None,
+    start: State | None = None,
 ) -> Path:
-    """What both calls need of the motion."""
+    """What both calls need of the motion; it is assembled from `q` where no start is given."""
     check_system(system)
-    system, times = system.whole, _times(ts)
+    system, times = system.whole, times_of(ts)
     driven = with_laws(system, laws)
     known = are_known(driven, times, q)
     if system.velocity_rows and not known:
@@ -111,28 +127,35 @@ def along(
             "there, which has no derivative here. Call it outside of `jit`, `vmap` and `grad`, or `rx.simulate` the "
             "system with `SpeedDriver`s."
         )
-    start = assemble(system, q, t=times[0], positions=_first(laws, times[0]), throw=throw)
+    start = started(driven, laws, times, q, throw) if start is None else start
     if hold:
         driven = with_laws(system, dict(laws) | _held_at(system, start, hold))
     if known:
         scale, matrix = _scaled(driven, start)
         _check_freedom(driven, scale, np.asarray(matrix), start)
         q, reached = _followed(driven.anonymous, scale, start, times)
-        found = in_batches(_moving_batch, (driven.anonymous, scale), (q, times, _beside(times)))
         if throw is not False and not np.all(reached):
             raise _lost(driven, scale, start, q, times, reached)
-        return Path(driven, scale, times, found, reached)
+        return Path(driven, scale, times, q)
     still, q0, at = stop_gradient((driven.anonymous, start.q, times))
     scale, _ = stop_gradient(_scaled(still, stop_gradient(start)))
     track = follow(still, scale, begun(q0, at[0], len(system.coordinates)), at)
-    q = jnp.where(_column(track.reached, track.q), track.q, jnp.nan)
-    found = jax.vmap(partial(moving, driven.anonymous, scale))(q, times, _beside(times))
-    return Path(driven, scale, times, found, track.reached)
+    return Path(driven, scale, times, jnp.where(_column(track.reached, track.q), track.q, jnp.nan))
 
 
-def _first(laws: Laws, t: Array) -> dict[str, Array]:
-    """The first values of the laws."""
-    return {name: jnp.asarray(law_of_time(law)(t)) for name, law in laws.items()}
+def started(system: AbstractSystem, laws: Laws, ts: Numbers, q: ByName | None, throw: bool | None) -> State:
+    """Where the motion of a system with laws begins, at their first values."""
+    t, base = times_of(ts)[0], system.undriven if laws else system
+    positions = {name: jnp.asarray(law_of_time(law)(t)) for name, law in laws.items()}
+    traced = not are_known(system, t, q)
+    if traced or are_known(positions):
+        state = assemble(base, q, t=t, positions=positions, throw=throw)
+        if traced or are_known(state):
+            return state
+    raise RedundaxError(
+        "Argument `laws` must hold what `jit`, `vmap` or `grad` traces, but a function reads it from outside. "
+        "Write `jax.tree_util.Partial(lambda size, t: size * jnp.sin(t), size)`, say, or take a ready law."
+    )
 
 
 def values_of(system: AbstractSystem, state: State) -> Array:
@@ -183,7 +206,8 @@ def coordinates_of(system: AbstractSystem) -> Axis:
     return join([own, joints]) if system.adds else joints
 
 
-def _times(ts: Numbers) -> Array:
+def times_of(ts: Numbers) -> Array:
+    """Times, checked."""
     times = as_float(ts, "ts")
     known = is_concrete(times)
     if times.ndim != 1 or not times.size or (known and not np.all(np.isfinite(times))):
@@ -231,7 +255,8 @@ def _check_freedom(system: AbstractSystem, scale: Scaling, matrix: np.ndarray, s
     raise RedundaxError(
         f"Argument `laws` must leave no freedom, but {left} {'is' if left == 1 else 'are'} left at the first position: "
         f"{words or 'bodies'} can move there. Give a law to one of them, or its name to `hold`; `rx.simulate` moves "
-        "what is free. If nothing should be free, the first position is a singular one: start beside it."
+        "what is free, with drivers among the joints. If nothing should be free, the first position is a singular one: "
+        "start beside it."
     )
 
 
@@ -239,10 +264,10 @@ def _followed(system: AbstractSystem, scale: Scaling, start: State, times: Array
     """Positions at known times, chunk after chunk; NaN where they are not reached."""
     track = begun(start.q, start.t, len(system.coordinates))
     found, reached, ts = [], [], np.asarray(times)
-    together = _together(ts.size)
-    for first in range(0, ts.size, together):
-        part = ts[first : first + together]
-        full = np.pad(part, (0, together - part.size), mode="edge")
+    size = together(ts.size)
+    for first in range(0, ts.size, size):
+        part = ts[first : first + size]
+        full = np.pad(part, (0, size - part.size), mode="edge")
         out = follow_known(system, scale, track, jnp.asarray(full))
         ok = np.asarray(out.reached)[: part.size]
         found.append(np.where(_column(ok, out.q), np.asarray(out.q)[: part.size], np.nan))
@@ -260,31 +285,37 @@ def _column(flags: Any, like: Any) -> Any:
     return flags.reshape(flags.shape + (1,) * (like.ndim - 1))
 
 
-def _together(count: int) -> int:
-    return _TOGETHER if count <= _MANY else _MANY
+def together(count: int) -> int:
+    """How many of as many times a program takes at once."""
+    return next((size for size in (_TOGETHER, _MANY) if count <= 4 * size), _MOST)
 
 
-def in_batches(program: Callable[..., Any], fixed: tuple, arrays: tuple) -> Any:
-    """A batched program on known numbers, some at a time, the last ones filled up."""
-    count, parts = len(arrays[0]), []
-    arrays, together = jax.tree.map(np.asarray, arrays), _together(count)
-    for first in range(0, count, together):
-        part = jax.tree.map(lambda x, first=first: x[first : first + together], arrays)
-        size = len(part[0])
-        full = jax.tree.map(lambda x, size=size: np.concatenate([x, np.repeat(x[-1:], together - size, 0)]), part)
+def in_batches(path: Path, program: Callable[..., Any], fixed: tuple, arrays: tuple) -> Any:
+    """A batched program on known numbers of a path, some at a time, the last ones filled up."""
+    near = 2 ** int(np.log2(max(_NEAR / len(path.system.rows) ** 2, 1)))
+    count, parts, size = len(arrays[0]), [], min(together(len(path.t)), near)
+    arrays = jax.tree.map(np.asarray, arrays)
+    for first in range(0, count, size):
+        part = jax.tree.map(lambda x, first=first: x[first : first + size], arrays)
+        own = len(part[0])
+        full = part
+        if own < size:
+            full = jax.tree.map(lambda x, own=own: np.concatenate([x, np.repeat(x[-1:], size - own, 0)]), part)
         out = program(*fixed, *as_arrays(full))
-        parts.append(jax.tree.map(lambda x, size=size: np.asarray(x)[:size], out))
+        parts.append(jax.tree.map(lambda x, own=own: np.asarray(x)[:own], out))
     return jax.tree.map(lambda *x: np.concatenate(x), *parts)
 
 
-@compiled
-def _moving_batch(system: AbstractSystem, scale: Scaling, q: Array, t: Array, beside: Array) -> Moving:
-    return jax.vmap(partial(moving, system, scale))(q, t, beside)
+def _moving_of(system: AbstractSystem, scale: Scaling, q: Array, t: Array, beside: Array) -> Moving:
+    return jax.vmap(lambda *at: moving(system, scale, *at)[0])(q, t, beside)
 
 
-def narrow_places(path: Path) -> tuple[str, ...]:
+_moving_batch = compiled(_moving_of)
+
+
+def narrow_places(path: Path, weakest: np.ndarray) -> tuple[str, ...]:
     """What is to be said of singular positions that lie between known times, found by finer and finer times."""
-    t, weakest = np.asarray(path.t), np.asarray(path.moving.weakest)
+    t = np.asarray(path.t)
     if len(t) < 3 or not np.all(np.isfinite(weakest)):
         return ()
     usual, padded = float(np.median(weakest)), np.concatenate([[np.inf], weakest, [np.inf]])
@@ -301,11 +332,11 @@ def narrow_places(path: Path) -> tuple[str, ...]:
 
 def _narrowed(path: Path, low: int, high: int) -> tuple[float, float]:
     """When between two of the times the least singular value is least, and that."""
-    q, t = path.moving.q[low], (path.t[low], path.t[high])
-    given, at, value = (path.system.anonymous, path.scale), float(t[0]), np.inf
+    q, t = path.q[low], (path.t[low], path.t[high])
+    given, at, value = path.given, float(t[0]), np.inf
     for _ in range(_ROUNDS):
         times = np.linspace(float(t[0]), float(t[1]), _TOGETHER)
-        track = begun(jnp.asarray(q), jnp.asarray(times[0]), path.moving.qd.shape[1])
+        track = begun(jnp.asarray(q), jnp.asarray(times[0]), len(path.system.coordinates))
         positions = follow_known(*given, track, jnp.asarray(times)).q
         values = np.asarray(
             _moving_batch(*given, *map(jnp.asarray, (positions, times, _beside(jnp.asarray(times))))).weakest

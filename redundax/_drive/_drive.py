@@ -6,8 +6,10 @@ asked of `solve`, time by time.
 """
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -21,22 +23,22 @@ from .._bodies._space._joints._drivers import TravelDriver
 from .._bodies._speed_driver import DrivenSpeed
 from .._closures._closure import AbstractClosure, MinimumNorm, check_closure, placed
 from .._closures._play import refuse_play
-from .._solve._solve import solve
+from .._equations._scaling import Scaling
 from .._solvers._solver import AbstractSolver, Newton, check_solver
 from .._system._directions import directions_of
 from .._system._friction import have_sense
-from .._system._names import DRIVE, ByName
+from .._system._names import DRIVE, ByName, Names
 from .._system._results import RESULTS, result_codes
-from .._system._state import State
-from .._system._system import AbstractSystem, refuse_contacts
+from .._system._system import AbstractSystem, check_system
 from .._tools._compilation import compiled
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import Numbers, replace_fields
 from .._tools._numbers import are_known, as_arrays
-from ._along import Laws, Path, along, in_batches, narrow_places
-from ._loads import Loads, loads
+from ._along import Laws, Path, along, in_batches, narrow_places, started, with_laws
+from ._loads import Loads, Moving, loads, moving
+from ._one_by_one import as_closed, asked_again, of_closed_contacts, until_reached
 from ._run import Drive, Moment, Run
-from ._senses import Senses, senses_of
+from ._senses import Senses, senses_of, signs_of
 from ._share import LeastPeak
 
 _MINIMUM_NORM = MinimumNorm()
@@ -72,7 +74,8 @@ def drive(
 
     - `system`, `laws`, `ts`, `q`, `hold`: as of `assemble_along`. Leave `laws` empty, {}, where drivers among the
       joints say all.
-    - `closure`: which of the loads to take where they are not unique, as of `solve`. Where drives are more than the
+    - `closure`: which of the loads to take where they are not unique, as of `solve`; its joints may have play, but not
+      inside of `jit`, `vmap` and `grad`, and `solve` is then asked time by time. Where drives are more than the
       freedoms they fight: `ElasticJoints(..., drives=...)` has the stiffness of their servos and their synchronising
       errors, `LeastNorm` and `LeastPeak` share the load.
     - `solver`: of friction: `Newton()` if not given.
@@ -82,23 +85,32 @@ def drive(
 
     **Raises:** as of `assemble_along`, and `NoSolutionError` with the time at which loads have no solution.
     """
-    refuse_contacts("drive", system)
+    check_system(system)
     if not isinstance(closure, LeastPeak):
         check_closure(closure)
-    own = closure.closure if isinstance(closure, LeastPeak) else closure
-    if own is not None:
-        refuse_play(own, system)
+    elif closure.closure is not None:
+        refuse_play(closure.closure, system)
     if solver is not None:
         check_solver(solver)
     solver = solver or Newton()
-    path = along(system, laws, ts, q, hold, throw)
+    names, start = system.names, None
+    if names.one_sided and are_known(driven := with_laws(system, laws), ts, q):
+        start = started(driven, laws, ts, q, throw)
+        names = of_closed_contacts(system, start)
+    path = along(as_closed(system, names), laws, ts, q, hold, throw, start)
+    if not are_known(path, closure):
+        _refuse_contacts(system.names)
+        if not isinstance(closure, LeastPeak):
+            refuse_play(closure, system)
     if not drives_of(path.system):
         raise RedundaxError(
             "Argument `laws` must name a coordinate that is driven, but is empty, and no joint is a driver. Write "
             '{"motor.angle": rx.Harmonic(0.1, 2.0)}, say.'
         )
+    path, said = until_reached(system, names, path, throw) if are_known(path) else (path, ())
     if not isinstance(closure, LeastPeak):
-        return _solved(path, closure, solver, throw)
+        run = _solved(path, names, closure, solver, throw)
+        return replace_fields(run, remarks=(*run.remarks, *said)) if said else run
     if not are_known(path, closure):
         raise RedundaxError(
             "Argument `closure` must be another than `LeastPeak` inside of `jit`, `vmap` and `grad`: `LeastNorm`, say."
@@ -106,56 +118,130 @@ def drive(
     count = len(path.system.undriven.rows)
 
     def forces_of(one: AbstractClosure) -> np.ndarray:
-        return -np.asarray(_solved(path, one, solver, False).multipliers)[:, count:]
+        return -np.asarray(_solved(path, names, one, solver, False).multipliers)[:, count:]
 
-    names = [each.name for each in drives_of(path.system) if each.row >= count]
-    chosen, said = closure.shared(forces_of, names, np.asarray(path.t))
-    run = _solved(path, chosen, solver, throw)
-    return replace_fields(run, remarks=(*run.remarks, *said))
+    sharing = [each.name for each in drives_of(path.system) if each.row >= count]
+    chosen, shared = closure.shared(forces_of, sharing, np.asarray(path.t))
+    run = _solved(path, names, chosen, solver, throw)
+    return replace_fields(run, remarks=(*run.remarks, *said, *shared))
 
 
-def _solved(path: Path, closure: AbstractClosure, solver: AbstractSolver, throw: bool | None) -> Run:
+def _refuse_contacts(names: Names) -> None:
+    """Refuse one-sided contacts inside of transformations, where all of them would be held."""
+    if names.one_sided:
+        raise RedundaxError(
+            f"Argument `system` has one-sided contacts, {', '.join(names.contacts)}, which `drive` does not open and "
+            "close inside of `jit`, `vmap` and `grad`. Ask `solve` or `analyze` which of them carry, and give the "
+            "mechanism with these alone, not one-sided."
+        )
+
+
+def _solved(path: Path, names: Names, closure: AbstractClosure, solver: AbstractSolver, throw: bool | None) -> Run:
     """The loads along a motion."""
     known, drives = are_known(path, closure, solver), drives_of(path.system)
-    anonymous, choices = path.system.anonymous, (placed(closure, path.system), solver)
-    senses = senses_of(path.system, path.moving.slips, path.scale.length)
-    both: Any = (np if known else jnp).stack([senses.after, senses.before], axis=1)
-    given = anonymous, path.scale, choices
-    asked = path.moving.q, path.moving.qd, path.t, path.moving.acceleration, both, senses.rests
-    found: Loads = in_batches(_loads_batch, given, asked) if known else _loads_of(*given, *asked)
-    good: Any = _is_good(path, found, solver)
+    choices = placed(closure, path.system), solver
     rows = np.array([each.row for each in drives], int)
+    at, found, senses = (_on_numbers if known else _traced)(path, choices)
+    good: Any = _is_good(at, found, solver)
     run = Run(
         t=path.t,
-        q=path.moving.q,
-        qd=path.moving.qd,
-        acceleration=path.moving.acceleration,
+        q=at.q,
+        qd=at.qd,
+        acceleration=at.acceleration,
         multipliers=found.multipliers[:, 0],
         friction=found.friction[:, 0],
         before=Moment(found.multipliers[:, 1], found.friction[:, 1]),
         result=RESULTS.successful,
-        rates=path.moving.prescribed[:, rows],
+        rates=at.prescribed[:, rows],
         determined=~found.depends[:, rows],
         determined_without_friction=~found.direct[:, rows],
-        stays=_stays(path, given, senses, rows) if known else jnp.full((len(path.t), len(rows), 2), jnp.nan),
-        weakest=path.moving.weakest,
+        stays=_stays(path, choices, at, senses, rows) if known else jnp.full((len(path.t), len(rows), 2), jnp.nan),
+        weakest=at.weakest,
         drives=drives,
         names=path.system.names,
         joint_coordinates=path.system.joint_coordinates,
     )
     if not known:
         return _masked(run, good)
-    remarks = *narrow_places(path), *_of_joints_that_never_slip(path, senses)
+    remarks = *narrow_places(path, np.asarray(at.weakest)), *_of_joints_that_never_slip(path.system, senses)
     run = replace_fields(run, system=path.system, remarks=remarks)
-    run = _asked_again(run, path.system, good, closure, both)
+    run = asked_again(run, names, good, closure, _both(senses), throw)
     if throw is not False:
         _check(run)
     return as_arrays(run)
 
 
-def _of_joints_that_never_slip(path: Path, senses: Senses) -> tuple[str, ...]:
+def _both(senses: Senses) -> Any:
+    """Senses after and before each time, shape (times, 2, p)."""
+    return (np if are_known(senses) else jnp).stack([senses.after, senses.before], axis=1)
+
+
+@eqx.filter_jit  # one program of a derivative that is asked outside of programs
+def _traced(path: Path, choices: tuple) -> tuple[Moving, Loads, Senses]:
+    """How it moves at all times, and loads on both sides of each."""
+    system, scale = path.given
+    found, held = jax.vmap(lambda *at: moving(system, scale, *at))(path.q, path.t, path.beside)
+    senses = senses_of(system, found.slips, scale.length)
+    asked = found, held, path.t, _both(senses), senses.rests
+    return found, jax.vmap(lambda *at: loads(system, scale, choices, *at))(*asked), senses
+
+
+@partial(compiled, runs_long=True)
+def _batch(
+    system: AbstractSystem,
+    scale: Scaling,
+    choices: tuple,
+    q: Array,
+    t: Array,
+    beside: Array,
+    going: Array,
+    sense: Array,
+    rests: Array,
+) -> tuple[Moving, Loads]:
+    """How it moves, and loads for one sense of each slip: NaN for its own."""
+
+    def of_one(q: Array, t: Array, beside: Array, going: Array, sense: Array, rests: Array) -> tuple[Moving, Loads]:
+        found, held = moving(system, scale, q, t, beside, going)
+        sense = jnp.where(jnp.isnan(sense), signs_of(system, found.slips[0]), sense)
+        return found, loads(system, scale, choices, found, held, t, sense[None], rests)
+
+    return jax.vmap(of_one)(q, t, beside, going, sense, rests)
+
+
+def _asked(
+    path: Path, choices: tuple, at: np.ndarray, going: float, sense: np.ndarray, rests: Any
+) -> tuple[Moving, Loads]:
+    """The batch at some of the times."""
+    asked = (np.asarray(x)[at] for x in (path.q, path.t, path.beside))
+    asked = *asked, np.full(len(at), going), sense, rests
+    return in_batches(path, _batch, (*path.given, choices), asked)
+
+
+def _on_numbers(path: Path, choices: tuple) -> tuple[Moving, Loads, Senses]:
+    """The same of known numbers: where joints rest they are asked again, for both sides."""
+    own = np.full((len(path.t), len(path.system.slips)), np.nan)
+    found, one = _asked(path, choices, np.arange(len(path.t)), 1.0, own, np.zeros(own.shape, bool))
+    senses = senses_of(path.system, found.slips, path.scale.length)
+    once = one.multipliers, one.friction, one.progress
+    both = jax.tree.map(lambda x: np.repeat(x, 2, axis=1), once)
+    rest = np.flatnonzero(senses.rests.any(axis=1))
+    if rest.size:
+        turns = rest[(senses.before != senses.after)[rest].any(axis=1)]
+        at, sense = np.concatenate([rest, turns]), np.concatenate([senses.after[rest], senses.before[turns]])
+        _, again = _asked(path, choices, at, 1.0, sense, senses.rests[at])
+        again = again.multipliers, again.friction, again.progress
+        jax.tree.map(lambda x, new: _put(x, new[:, 0], rest, turns), both, again)
+    return found, one._replace(**dict(zip(("multipliers", "friction", "progress"), both, strict=True))), senses
+
+
+def _put(x: np.ndarray, new: np.ndarray, rest: np.ndarray, turns: np.ndarray) -> None:
+    """Write what was asked again of instants of rest, and of those where a motion turns round."""
+    x[rest] = new[: rest.size, None]
+    x[turns, 1] = new[rest.size :]
+
+
+def _of_joints_that_never_slip(system: AbstractSystem, senses: Senses) -> tuple[str, ...]:
     """What is to be said of friction that no motion gives a sense."""
-    system = path.system
     never = np.all((senses.after == 0) & (senses.before == 0), axis=0) & np.array(have_sense(system.friction), bool)
     joints = directions_of(system.friction) if never.any() else None
     never = never if joints is None else np.asarray(joints.every(never))
@@ -187,50 +273,29 @@ def drives_of(system: AbstractSystem) -> tuple[Drive, ...]:
     return tuple(found)
 
 
-def _loads_of(
-    system: AbstractSystem,
-    scale: Any,
-    choices: tuple,
-    q: Array,
-    qd: Array,
-    t: Array,
-    acceleration: Array,
-    senses: Array,
-    rests: Array,
-) -> Loads:
-    def of_one(q: Array, qd: Array, t: Array, *given: Array) -> Loads:
-        return loads(system, scale, choices, State(q, qd, t), *given)
-
-    return jax.vmap(of_one)(q, qd, t, acceleration, senses, rests)
-
-
-_loads_batch = compiled(_loads_of)
-
-
-def _is_good(path: Path, found: Loads, solver: AbstractSolver) -> Bool[Array, " times"]:
+def _is_good(at: Moving, found: Loads, solver: AbstractSolver) -> Bool[Array, " times"]:
     """At which times the batch has answered."""
     xp = np if are_known(found) else jnp
-    good = found.decided & (path.moving.weakest > _SINGULAR) & (path.moving.contradiction < _CONTRADICTS)
-    for x in (found.multipliers, found.friction, path.moving.acceleration):
+    good = found.decided & (at.weakest > _SINGULAR) & (at.contradiction < _CONTRADICTS)
+    for x in (found.multipliers, found.friction, at.acceleration):
         good = good & xp.all(xp.isfinite(x.reshape(len(x), -1)), axis=1)
     if found.progress is not None:
-        rtol = solver.tolerance(path.moving.qd.dtype)
+        rtol = solver.tolerance(at.qd.dtype)
         good = good & xp.all(xp.asarray(found.progress.converged(rtol)), axis=1)
     return good
 
 
-def _stays(path: Path, given: tuple, senses: Senses, rows: np.ndarray) -> Any:
+def _stays(path: Path, choices: tuple, at: Moving, senses: Senses, rows: np.ndarray) -> Any:
     """Forces of the drives between which the machine stays, where all of it rests: friction the one way and the other,
     nothing accelerates."""
     out = np.full((len(path.t), len(rows), 2), np.nan)
-    speed = np.abs(path.moving.qd).max(axis=1)
+    speed = np.abs(at.qd).max(axis=1)
     still = np.flatnonzero((speed <= 1e-9 * np.nanmax(speed, initial=0.0)) & np.isfinite(speed))  # rounding of none
     if still.size:
-        none = np.zeros_like(path.moving.qd[still])
-        ways = np.stack([senses.after[still], -senses.after[still]], axis=1)
-        asked = path.moving.q[still], none, np.asarray(path.t)[still], none, ways, np.ones_like(senses.rests[still])
-        forces = -in_batches(_loads_batch, given, asked).multipliers[:, :, rows]
-        out[still, :, 0], out[still, :, 1] = forces.min(axis=1), forces.max(axis=1)
+        ways = np.concatenate([senses.after[still], -senses.after[still]])
+        found = _asked(path, choices, np.tile(still, 2), 0.0, ways, np.ones(ways.shape, bool))[1]
+        forces = -found.multipliers[:, 0, rows].reshape(2, still.size, len(rows))
+        out[still, :, 0], out[still, :, 1] = forces.min(axis=0), forces.max(axis=0)
     return out
 
 
@@ -245,31 +310,6 @@ def _masked(run: Run, good: Array) -> Run:
     return replace_fields(
         run, multipliers=kept(run.multipliers), friction=kept(run.friction), before=before, result=result
     )
-
-
-def _asked_again(
-    run: Run, system: AbstractSystem, good: np.ndarray, closure: AbstractClosure, senses: np.ndarray
-) -> Run:
-    """Of known numbers: what the batch left open is asked of `solve`."""
-    codes = np.full(len(good), result_codes()["successful"])
-    arrays = {name: np.array(getattr(run, name)) for name in ("multipliers", "friction", "acceleration")}
-    before: Any = Moment(*(np.array(x) for x in (run.before.multipliers, run.before.friction)))  # pyright: ignore
-    for k in np.flatnonzero(~good).tolist():
-        if not np.all(np.isfinite(run.q[k])):
-            codes[k], found = result_codes()["no_position"], None
-        else:
-            state = as_arrays(State(run.q[k], run.qd[k], np.asarray(run.t)[k]))
-            found = [
-                solve(system, state, closure=closure, sense=jnp.asarray(sense), throw=False) for sense in senses[k]
-            ]
-            ends = [int(jax.tree.leaves(one.result)[0]) for one in found]
-            codes[k] = max(ends)
-        for name, array in arrays.items():
-            array[k] = np.nan if found is None else np.asarray(getattr(found[0], name))
-        for name in ("multipliers", "friction"):
-            getattr(before, name)[k] = np.nan if found is None else np.asarray(getattr(found[1], name))
-    result = jax.tree.map(lambda _: codes, RESULTS.successful)
-    return replace_fields(run, **arrays, before=before, result=result)
 
 
 def _check(run: Run) -> None:

@@ -23,12 +23,15 @@ _MOVED = 0.5  # of the size, as radians: predicted and prescribed motion within 
 _CLOSE, _CONTRACTS = 0.1, 0.3  # first correction within a step, and each later one by the one before
 _SETTLED = 1e-9  # a correction whose square, which Newton's method leaves, is rounding
 _CORRECTIONS = 6  # from 0.1 on, by squares, and two more
+_SLIVER = (
+    1e-6  # of the step to try: rates at the ends of a shorter one differ by rounding, if two times are almost the same
+)
 _HALVED = 2.0**-14  # of the way to the next time
 _LOOKS = 4  # times within a step at which laws are asked how fast they are
 
 
 class _Track(NamedTuple):
-    """Position, scaled velocity and its rate, time, and the next step to try."""
+    """Position, scaled velocity and its rate, time, and the next step to try, which may go beyond the next time."""
 
     q: Array
     rate: Array
@@ -38,8 +41,10 @@ class _Track(NamedTuple):
 
 
 class _Newton(NamedTuple):
+    """A position, and the scaled velocity at the one before the last correction, which is all but that."""
+
     q: Array
-    first: Float[Array, ""]
+    rate: Array
     last: Float[Array, ""]
     steps: Int[Array, ""]
     good: Bool[Array, ""]
@@ -69,7 +74,6 @@ def follow(system: AbstractSystem, scale: Scaling, start: _Track, ts: Float[Arra
             return _Track(q, rate, track.bend, t, jnp.where(good, track.step, 0.0)), (q, good)
         way = target - track.t
         least = _HALVED * way
-        track = track._replace(step=jnp.where(way > 0, jnp.minimum(track.step, way), track.step))
 
         def going(track: _Track) -> Array:
             return (track.t < target) & (track.step > least)
@@ -84,11 +88,11 @@ def follow(system: AbstractSystem, scale: Scaling, start: _Track, ts: Float[Arra
     return Followed(q, reached, end)
 
 
-follow_known = compiled(follow)
+follow_known = compiled(follow, runs_long=True)
 
 
 def _attempt(system: AbstractSystem, scale: Scaling, track: _Track, target: Array) -> _Track:
-    h = track.step
+    h = jnp.minimum(track.step, target - track.t)
     t = jnp.where(track.t + h * (1 + 1e-9) >= target, target, track.t + h)  # no sliver of rounding is left
     ahead = h * track.rate + h**2 / 2 * track.bend
     found = _corrected(system, scale, system.retract(track.q, scale.coordinates * ahead), t)
@@ -96,29 +100,28 @@ def _attempt(system: AbstractSystem, scale: Scaling, track: _Track, target: Arra
     prescribed = jax.vmap(lambda at: jnp.max(jnp.abs(_prescribed(system, scale, track.q, at))))(looks)
     moved = jnp.maximum(jnp.max(jnp.abs(ahead)), h * jnp.max(prescribed)) / scale.size
     good = found.good & (moved <= _MOVED)
-    matrix, _ = _linearised(system, scale, found.q, t)
-    rate = -_least_squares(matrix, _prescribed(system, scale, found.q, t))
-    good = good & jnp.all(jnp.isfinite(rate)) & (h * jnp.max(jnp.abs(rate)) <= 2 * _MOVED * scale.size)
-    further = _Track(found.q, rate, (rate - track.rate) / h, t, jnp.minimum(2 * h, target - t))
-    further = further._replace(step=jnp.where(t >= target, 2 * h, further.step))
+    good = good & jnp.all(jnp.isfinite(found.rate)) & (h * jnp.max(jnp.abs(found.rate)) <= 2 * _MOVED * scale.size)
+    bend = jnp.where(h > _SLIVER * track.step, (found.rate - track.rate) / h, track.bend)
+    step = jnp.maximum(jnp.where(jnp.isinf(track.step), 0.0, track.step), 2 * h)
+    further = _Track(found.q, found.rate, bend, t, step)
     return jax.tree.map(lambda a, b: jnp.where(good, a, b), further, track._replace(step=h / 2))
 
 
 def _corrected(system: AbstractSystem, scale: Scaling, q: Array, t: Array) -> _Newton:
     def step(now: _Newton) -> _Newton:
         matrix, residual = _linearised(system, scale, now.q, t)
-        u = -_least_squares(matrix, residual)
+        u, rate = -_least_squares(matrix, jnp.stack([residual, _prescribed(system, scale, now.q, t)], axis=1)).T
         size = jnp.max(jnp.abs(u)) / scale.size
         begins = now.steps == 0
         limit = jnp.where(begins, _CLOSE, jnp.maximum(_CONTRACTS * now.last, _SETTLED))
         q = system.retract(now.q, scale.coordinates * u)
-        return _Newton(q, jnp.where(begins, size, now.first), size, now.steps + 1, size <= limit)  # NaN is not
+        return _Newton(q, rate, size, now.steps + 1, size <= limit)  # NaN is not
 
     def going(now: _Newton) -> Array:
         return now.good & (now.last > _SETTLED) & (now.steps < _CORRECTIONS)
 
-    far = jnp.full((), jnp.inf, q.dtype)
-    end = jax.lax.while_loop(going, step, _Newton(q, far, far, jnp.zeros((), int), jnp.ones((), bool)))
+    far, none = jnp.full((), jnp.inf, q.dtype), jnp.zeros(len(system.coordinates), q.dtype)
+    end = jax.lax.while_loop(going, step, _Newton(q, none, far, jnp.zeros((), int), jnp.ones((), bool)))
     return end._replace(good=end.good & (end.last <= _SETTLED))
 
 

@@ -79,17 +79,26 @@ def _held(system: AbstractSystem, scale: Scaling, q: Array, t: Array) -> Held:
     return Held.of(system.jacobian(q, t) * scale.coordinates / scale.rows[:, None])
 
 
-def moving(system: AbstractSystem, scale: Scaling, q: Array, t: Array, beside: Float[Array, "2"]) -> Moving:
-    """How it moves at a position; `beside` are times before and after, at which laws are asked for senses of slip."""
+def moving(
+    system: AbstractSystem,
+    scale: Scaling,
+    q: Array,
+    t: Array,
+    beside: Float[Array, "2"],
+    going: Float[Array, ""] | None = None,
+) -> tuple[Moving, Held]:
+    """How it moves at a position, and the equations there. `beside` are times before and after, at which laws are asked
+    for senses of slip; where `going` is 0 it stands still."""
     q = on_constraints(q, system, scale, t)
     held, zero = _held(system, scale, q, t), jnp.zeros(len(system.coordinates), q.dtype)
+    going = jnp.ones((), q.dtype) if going is None else going
 
     def rates(t: Array) -> tuple[Array, Array]:
-        prescribed = -constraint_motion(system, State(q, zero, t))[1]
+        prescribed = -going * constraint_motion(system, State(q, zero, t))[1]
         return scale.coordinates * held.least_squares(prescribed / scale.rows), prescribed
 
     qds, prescribed = jax.vmap(rates)(jnp.concatenate([t[None], beside]))
-    gamma = along_motion(system, State(q, qds[0], t)).gamma / scale.rows
+    gamma = going * along_motion(system, State(q, qds[0], t)).gamma / scale.rows
     a = held.least_squares(gamma)
     size = jnp.max(jnp.abs(gamma)) + jnp.max(jnp.abs(qds[0] / scale.coordinates)) ** 2 / scale.size
     off = jnp.max(jnp.abs(gamma - held.matrix @ a)) / jnp.where(size > 0, size, 1.0)
@@ -97,35 +106,35 @@ def moving(system: AbstractSystem, scale: Scaling, q: Array, t: Array, beside: F
         slips = jax.vmap(lambda qd: slip_motion(system, State(q, qd, t))[0])(qds)
     else:
         slips = jnp.zeros((3, 0), q.dtype)
-    return Moving(q, qds[0], scale.coordinates * a, prescribed[0], slips, held.weakest, off)
+    return Moving(q, qds[0], scale.coordinates * a, prescribed[0], slips, held.weakest, off), held
 
 
 def loads(
     system: AbstractSystem,
     scale: Scaling,
     choices: tuple[AbstractClosure, AbstractSolver],
-    state: State,
-    acceleration: Float[Array, " n"],
+    at: Moving,
+    held: Held,
+    t: Array,
     senses: Float[Array, "s p"],
     rests: Bool[Array, " p"],
 ) -> Loads:
-    """Loads at a state that accelerates so, for each of some senses of slip where joints rest; batched by these."""
-    closure, solver = choices
-    held = _held(system, scale, state.q, state.t)
+    """Loads of a motion, for each of some senses of slip where joints rest; batched by these."""
+    (closure, solver), state = choices, State(at.q, at.qd, t)
     W, d = closure.compliance(system, state)
-    W = W / scale.rows[:, None] / scale.rows
+    softness = held.softness(W / scale.rows[:, None] / scale.rows)
     misfit = jnp.broadcast_to(jnp.asarray(d, W.dtype), scale.rows.shape) / scale.rows
-    need = scale.coordinates * (system.load(state) - system.mass(state.q, state.t) @ acceleration)
-    given = held.carried(W, misfit, need)[0] / scale.rows
-    decided = _is_definite(jax.lax.stop_gradient(held.restricted(W)))
+    need = scale.coordinates * (system.load(state) - system.mass(state.q, t) @ at.acceleration)
+    given = held.carried(softness, misfit, need)[0] / scale.rows
     direct = jnp.linalg.norm(held.stress, axis=1) > _NOTHING
     if not system.friction:
         both = (jnp.broadcast_to(given, (len(senses), given.size)), jnp.zeros((len(senses), 0), given.dtype))
-        return Loads(*both, direct, direct, decided, None)
+        return Loads(*both, direct, direct, softness.decides, None)
     rate, directions = slip_motion(system, state)
     rate = jnp.where(rests, 0.0, rate)  # rounding has a direction, rest has none
     pulls = scale.coordinates[:, None] * directions
-    by_friction = jax.vmap(lambda pull: held.carried(W, jnp.zeros_like(misfit), pull)[0], in_axes=1, out_axes=1)(pulls)
+    none = jnp.zeros_like(misfit)
+    by_friction = jax.vmap(lambda pull: held.carried(softness, none, pull)[0], in_axes=1, out_axes=1)(pulls)
     by_friction = by_friction / scale.rows[:, None]
     rows = load_rows(system.friction)
     angular = jnp.asarray(system.rows.angular)[rows]
@@ -144,7 +153,7 @@ def loads(
     law = Law(system.friction, rate, jnp.ones_like(rate), state)
     least = held.across(jax.lax.stop_gradient(pulls))
     depends = direct | _through_friction(jax.lax.stop_gradient(law), held.stress, least, scale.rows, rows)
-    return Loads(multipliers, friction, direct, depends, decided, progress)
+    return Loads(multipliers, friction, direct, depends, softness.decides, progress)
 
 
 def _through_friction(law: Law, stress: Array, scaled: Array, row_scale: Array, rows: Array) -> Bool[Array, " m"]:
@@ -162,13 +171,3 @@ def _through_friction(law: Law, stress: Array, scaled: Array, row_scale: Array, 
         touched = touched | (moves & touched).any(axis=1)
     moved = jnp.abs(scaled) > _NOTHING * jnp.linalg.norm(scaled, axis=0)
     return (moved & touched).any(axis=1)
-
-
-def _is_definite(matrix: Array) -> Bool[Array, ""]:
-    """Whether N^T W N is positive definite beyond rounding, at a unit diagonal."""
-    if not matrix.shape[0]:
-        return jnp.ones((), bool)
-    diagonal = jnp.diagonal(matrix)
-    size = 1 / jnp.sqrt(jnp.where(diagonal > 0, diagonal, 1.0))
-    values = jnp.linalg.eigvalsh(matrix * size[:, None] * size)
-    return jnp.all(diagonal > 0) & (values[0] > matrix.shape[0] * 100 * jnp.finfo(matrix.dtype).eps * values[-1])

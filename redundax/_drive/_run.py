@@ -3,9 +3,8 @@
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from .._system._export import frame_of
 from .._system._joint_coordinates import JointMotion, joint_motion, joint_reactions
@@ -17,6 +16,8 @@ from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._system._units import with_unit
+from .._tools._module import is_concrete, on_device
+from .._tools._numbers import computed, xp
 from .._tools._table import are_known, figures, group, page, text_of
 from .._tools._value import AbstractModule
 
@@ -67,7 +68,7 @@ class Run(AbstractNamed):
     - `determined`: which forces of drives the rigid machine determines, friction included, shape (times, drives);
       `determined_without_friction` too. The closure decides the others.
     - `stays`: the least and the largest force of each drive with which the machine stays at rest, shape (times, drives,
-      2), NaN where it moves. Beyond them it breaks away, the one way and the other.
+      2), NaN where it moves and of joints with play. Beyond them it breaks away, the one way and the other.
     - `remarks`: what else is to be said, which a print shows.
     - `weakest`: the least singular value of the scaled constraints over their size: 0 at a singular position.
     - `drives`: their names, rows and kinds.
@@ -127,56 +128,74 @@ class Run(AbstractNamed):
         return pulling(self.names, self.multipliers)
 
     @property
+    @computed
     def forces(self) -> Float[Array, "times drives"]:
         """What the drives give, N or N m."""
         return self._of(self.multipliers)
 
     @property
+    @computed
     def forces_before(self) -> Float[Array, "times drives"]:
         """The same on the other side of an instant of rest."""
         return self._of(self.before.multipliers)
 
     @property
+    @computed
     def powers(self) -> Float[Array, "times drives"]:
         """Force by rate, W, positive where the drive gives energy."""
         return self.forces * self.rates
 
     @property
+    @computed
     def energies(self) -> Float[Array, "times drives"]:
         """What each drive has given since the first time, J, by the trapezoidal rule between the times."""
         power = self._after_and_before(self.powers, self.forces_before * self.rates)
-        none = jnp.zeros((1, len(self.drives)), power.dtype)
-        return jnp.concatenate([none, jnp.cumsum(power * jnp.diff(self.t)[:, None], axis=0)])
+        none = xp.zeros((1, len(self.drives)), power.dtype)
+        return xp.concatenate([none, xp.cumsum(power * xp.diff(self.t)[:, None], axis=0)])
 
     @property
+    @computed
     def peak(self) -> dict[str, Array]:
-        """The largest size of each drive's force, by name, at the times and on both sides of instants of rest."""
-        largest = jnp.max(jnp.maximum(jnp.abs(self.forces), jnp.abs(self.forces_before)), axis=0)
-        return self._by_name(largest)
+        """The largest size of each drive's force, by name, at the times and on both sides of instants of rest;
+        `rx.with_peaks` looks between them too."""
+        return self._by_name(xp.max(self._sizes, axis=0))
 
     @property
+    @computed
     def peak_time(self) -> dict[str, Array]:
         """When each is largest."""
-        sizes = jnp.maximum(jnp.abs(self.forces), jnp.abs(self.forces_before))
-        return self._by_name(self.t[jnp.argmax(jnp.where(jnp.isnan(sizes), -1.0, sizes), axis=0)])
+        return self._by_name(self.t[self.largest])
 
     @property
+    @computed
+    def largest(self) -> Int[Array, " drives"]:
+        """At which of the times that is."""
+        return xp.argmax(xp.where(xp.isnan(self._sizes), -1.0, self._sizes), axis=0)
+
+    @property
+    @computed
     def rms(self) -> dict[str, Array]:
         """The root of the mean square of each drive's force over the time, by the trapezoidal rule; of a rest that of
         both of its sides."""
         square = self._after_and_before(self.forces**2, self.forces_before**2)
-        mean = jnp.sum(square * jnp.diff(self.t)[:, None], axis=0) / (self.t[-1] - self.t[0])
-        return self._by_name(jnp.sqrt(mean))
+        mean = xp.sum(square * xp.diff(self.t)[:, None], axis=0) / (self.t[-1] - self.t[0])
+        return self._by_name(xp.sqrt(mean))
 
     @property
+    @computed
     def power(self) -> dict[str, Array]:
         """The power of each drive over time, by name."""
         return self._by_name(self.powers.T)
 
     @property
+    @computed
     def energy(self) -> dict[str, Array]:
         """What each drive has given in all, by name."""
         return self._by_name(self.energies[-1])
+
+    @property
+    def _sizes(self) -> Array:
+        return xp.maximum(xp.abs(self.forces), xp.abs(self.forces_before))
 
     def _of(self, multipliers: Array) -> Array:
         return -multipliers[..., np.array([drive.row for drive in self.drives], int)]
@@ -202,7 +221,8 @@ class Run(AbstractNamed):
         own = self._own
         if name in own:
             array, k = own[name]
-            return getattr(self, array)[..., k]
+            values = getattr(self, array)
+            return on_device(np.asarray(values)[..., k]) if is_concrete(values) else values[..., k]
         known = [entry.name for entry in self.entries]
         if self.names is not None and name not in known and self.names.other_end(name) is None:
             index_of("name", name, [*own, *known])

@@ -31,20 +31,14 @@ class Senses(NamedTuple):
 def senses_of(system: AbstractSystem, slips: Float[Array, "times 3 p"], length: Array) -> Senses:
     """Of slip rates now, just before and just after each time."""
     xp: Any = np if is_concrete(slips) else jnp
-    slips, p = xp.asarray(slips), slips.shape[-1]
-    directions = directions_of(system.friction) if system.friction else None
-    same = np.eye(p, dtype=bool) if directions is None else np.asarray(directions.same)
+    slips, same = xp.asarray(slips), _same(system)
     fastest = xp.abs(slips) * xp.where(xp.asarray(system.slips.angular), xp.asarray(length), 1.0)
     fastest = xp.where(xp.isfinite(fastest), fastest, 0.0)
     noise = _NOISE * xp.max(fastest, initial=0.0)
-    joint = xp.max(xp.where(same, fastest[..., None, :], 0.0), axis=-1, initial=0.0)  # of all slips of each joint
+    joint = _largest_of_joints(fastest, same, xp)
     now, early, late = (joint[:, k] for k in range(3))
     rests = (now <= noise) | (now <= _RESTS * xp.maximum(early, late))
-    signs = xp.sign(slips)
-    if directions is not None:  # the direction in which surfaces slide
-        largest = xp.max(xp.where(same, xp.abs(slips)[..., None, :], 0.0), axis=-1, initial=0.0)
-        along = slips / xp.where(largest > 0, largest, 1.0)
-        signs = xp.where(np.asarray(directions.directed), along, signs)
+    signs = signs_of(system, slips)
     starts = xp.where(early > noise, signs[:, 1], xp.where(rests, 0.0, signs[:, 0]))
     ends = xp.where(late > noise, signs[:, 2], xp.where(rests, 0.0, signs[:, 0]))
     moves_early, moves_late = (early > noise) | ~rests, (late > noise) | ~rests
@@ -56,12 +50,34 @@ def senses_of(system: AbstractSystem, slips: Float[Array, "times 3 p"], length: 
     return Senses(rests, xp.where(rests, before, sliding), xp.where(rests, after, sliding))
 
 
-def _of_joints(flags: Any, same: np.ndarray, xp: Any) -> Any:
+def signs_of(system: AbstractSystem, slips: Float[Array, "... p"]) -> Float[Array, "... p"]:
+    """Senses of slip rates: signs, and of surfaces the direction in which they slide."""
+    xp: Any = np if is_concrete(slips) else jnp
+    directions = directions_of(system.friction) if system.friction else None
+    if directions is None:
+        return xp.sign(slips)
+    largest = _largest_of_joints(xp.abs(slips), _same(system), xp)
+    along = slips / xp.where(largest > 0, largest, 1.0)
+    return xp.where(np.asarray(directions.directed), along, xp.sign(slips))
+
+
+def _same(system: AbstractSystem) -> np.ndarray | None:
+    """For each slip which are of its joint; None where each is of its own."""
+    directions = directions_of(system.friction) if system.friction else None
+    return None if directions is None else np.asarray(directions.same)
+
+
+def _largest_of_joints(sizes: Array, same: np.ndarray | None, xp: Any) -> Array:
+    """For each slip the largest of all slips of its joint."""
+    return sizes if same is None else xp.max(xp.where(same, sizes[..., None, :], 0.0), axis=-1, initial=0.0)
+
+
+def _of_joints(flags: Array, same: np.ndarray | None, xp: Any) -> Array:
     """For each slip whether it is so for any slip of its joint."""
-    return xp.any(flags[..., None, :] & same, axis=-1)
+    return flags if same is None else xp.any(flags[..., None, :] & same, axis=-1)
 
 
-def _filled(own: Any, has: Any, others: Any, has_others: Any, *, backward: bool) -> Any:
+def _filled(own: Array, has: Array, others: Array, has_others: Array, *, backward: bool) -> Array:
     """Own senses, or where there are none the nearest of the others at later times, or at earlier ones."""
     xp: Any = np if is_concrete(own) else jnp
     if backward:

@@ -53,9 +53,11 @@ def culprits(system: AbstractSystem, state: State, factor: Any, result: RESULTS)
     if factor is None:
         return ""
     if result == RESULTS.violated_constraints:
-        return _rows(system, np.asarray(along_motion(system, state).value), "Violated rows")
+        value, apart = _apart(system, state)
+        return _rows(system, np.where(apart, 0.0, value), "Violated rows")
     if result == RESULTS.inadmissible_velocity:
-        rates = _rows(system, np.asarray(along_motion(system, state).rate), "Rows with the largest rates")
+        rate = np.where(_apart(system, state)[1], 0.0, np.asarray(along_motion(system, state).rate))
+        rates = _rows(system, rate, "Rows with the largest rates")
         if factor.local:  # which leaves out the self-stress of here alone
             factor = factorised(system, state, factor.spectrum.rank)
         return rates or _rows(system, np.asarray(factor.contradicting(factor.gamma)), "N^T gamma in rows")
@@ -83,6 +85,12 @@ def culprits(system: AbstractSystem, state: State, factor: Any, result: RESULTS)
         resting, labels = np.asarray(~factor.motion_of(rate).is_yes), slips.labels
         return f" At rest: {', '.join(label for label, rests in zip(labels, resting, strict=True) if rests)}."
     return ""
+
+
+def _apart(system: AbstractSystem, state: State) -> tuple[np.ndarray, np.ndarray]:
+    """Phi, and which rows are of contacts that have a gap."""
+    value, contacts = np.asarray(along_motion(system, state).value), list(system.names.one_sided)
+    return value, np.isin(np.arange(value.size), contacts) & (value < 0)
 
 
 def _massless(system: AbstractSystem, factor: Factorisation) -> list[str]:

@@ -16,6 +16,8 @@ number is that of K, not its square. One step of iterative refinement follows, w
 """
 
 import functools
+from collections.abc import Callable
+from typing import Any
 
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
@@ -26,15 +28,26 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._lapack import in_order
 from .._tools._module import replace_fields
-from .._tools._numbers import on_numbers, stop_gradient, xp
+from .._tools._numbers import computed, is_number, on_numbers, stop_gradient, xp
 from ._branch import Branch
 from ._evidence import Violation, independence_of, rate_noise, singularity_of, violation_of
-from ._rank import Spectrum, Split, split
+from ._rank import Spectrum, Split, checked_rank, split
 from ._response import AbstractSolvedFactorisation, Pick, Response
 from ._restricted_inverse import restricted_inverse
 from ._scaled_equations import reached_by, refined, residual_of
 from ._scaled_kinematics import scaled_kinematics
 from ._scaling import Scaling, largest_violation
+
+
+def _asked(method: Callable[["Factorisation"], Any]) -> Callable[["Factorisation"], Any]:
+    """What users ask of a factorisation that they hold, in arrays of JAX, is computed as on numbers."""
+    outside = computed(method)
+
+    @functools.wraps(method)
+    def run(self: "Factorisation") -> Any:
+        return (method if is_number(self.gamma) else outside)(self)
+
+    return run
 
 
 class Factorisation(AbstractSolvedFactorisation):
@@ -144,11 +157,13 @@ class Factorisation(AbstractSolvedFactorisation):
         return Scaling(self._coordinate_scale, self.row_scale, self.length, self._size)
 
     @property
+    @_asked
     def self_stress(self) -> Float[Array, "m m"]:
         """Orthogonal projector P = N N^T onto the self-stress states null(Phi_q^T), in the units of the multipliers."""
         return self.stress_response(xp.eye(self.gamma.size, dtype=self.gamma.dtype))[0]
 
     @property
+    @_asked
     def unique_multipliers(self) -> Bool[Array, " m"]:
         """Which multipliers are unique without friction: those whose row of P, so of N, is zero, Eq. (13).
 
@@ -192,6 +207,7 @@ class Factorisation(AbstractSolvedFactorisation):
         return self.singularity.is_yes
 
     @property
+    @_asked
     def lost_digits(self) -> Float[Array, ""]:
         """Decimal digits that accelerations and multipliers lose to the smallest kept singular value."""
         return -xp.log10(self.least_kept)
@@ -223,6 +239,7 @@ class Factorisation(AbstractSolvedFactorisation):
         )
 
     @property
+    @_asked
     def result(self) -> RESULTS:
         """The first check that fails, or `RESULTS.successful`."""
         return first_failure(self.checks)
@@ -255,6 +272,7 @@ class Factorisation(AbstractSolvedFactorisation):
         coupled = xp.any((compliance != 0) & lost & lasting[:, None])
         return lost | (lasting & (coupled | ~self.branch.alone))
 
+    @_asked
     def apparent_mass(self) -> Float[Array, "m m"]:
         """M_c = C^+ for regular M: the multipliers -lam of accelerations g of the constraints.
 
@@ -274,6 +292,7 @@ class Factorisation(AbstractSolvedFactorisation):
 
 def factorised(system: AbstractSystem, state: State, rank: ArrayLike | None) -> Factorisation:
     """The equations at a state, decided by singular values."""
+    rank = checked_rank(rank, len(system.rows), len(system.coordinates))
     return _factorised(system.anonymous.without_friction, state, None if rank is None else xp.asarray(rank))
 
 

@@ -12,11 +12,12 @@ With the singular value decomposition K = U diag(sigma) V^T cut at rank r,
 A batch, or a large matrix under `jit`, needs no decomposition where the spectrum has a wide gap. With c = |K|_F^2 and
 a small delta, the iteration
 
-    X = K^T (K K^T + delta c I)^-1,   X <- X (2 I - K X)
+    X = K^T (K K^T + delta c I)^-1,   X <- X (I + R),   R = I - K X
 
-squares the relative error delta c / (sigma^2 + delta c) of each kept singular value and leaves what is rounding small:
-P = I - K X, K^+ = X (I - P), Z = I - K^+ K. That tr P = |P|_F^2 proves that it projects onto a whole number of
-directions, |P K|_F bounds the singular values that it drops from above, and 1 / |K^+| those that it keeps from below.
+squares the relative error delta c / (sigma^2 + delta c) of each kept singular value and leaves what is rounding small.
+As N^T R = N^T, P = R^T R is free of what rounding has made of X N; K^+ = X (I + R) (I - P), Z = I - K^+ K. That
+tr P = |P|_F^2 proves that it projects onto a whole number of directions, |P K|_F bounds the singular values that it
+drops from above, and 1 / |K^+| those that it keeps from below.
 Where these bounds do not decide, the decomposition does; a chunk of a batch pays for it only if it holds such a sample.
 
 Traced code knows the self-stress space and the space of motions only through P and Z: they have a fixed
@@ -31,20 +32,24 @@ They follow from P K = 0, K Z = 0 and the Penrose conditions; repeated singular 
 from typing import NamedTuple
 
 import jax
+import numpy as np
+from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
 from .._system._decision import CLEAR, Decision
 from .._tools._chunks import in_chunks
 from .._tools._compilation import is_single
+from .._tools._errors import RedundaxError
 from .._tools._lapack import one_by_one
-from .._tools._module import batch_any
-from .._tools._numbers import are_numbers, cond, custom_jvp, solve_triangular, stop_gradient, xp
+from .._tools._module import batch_any, is_concrete
+from .._tools._numbers import are_numbers, cholesky, cond, custom_jvp, or_one, solve_triangular, stop_gradient, xp
 from .._tools._table import AbstractFigures
 from .._tools._value import value
 
 _DELTA = 0.45  # power of the rounding: large enough that the Cholesky factor exists, else as small as can be
 _LARGE = 24  # rows and columns from which products take much less time than a decomposition
-_STEPS = 2  # and one where the first error calls for it
+_STEPS = 1  # and one where the first error calls for it
+_POWERS = 3  # steps towards the direction of the smallest kept singular value: any number gives a bound
 
 
 @value
@@ -88,6 +93,18 @@ class _Decided(NamedTuple):
     rank: Int[Array, ""]
     kept: Float[Array, ""]
     decision: Decision
+
+
+def checked_rank(rank: ArrayLike | None, rows: int, columns: int) -> ArrayLike | None:
+    """A declared rank, if any; one that no Jacobian of this shape has is refused."""
+    if rank is not None and is_concrete(rank):
+        known = np.asarray(rank)
+        if known.shape != () or known.dtype.kind not in "iuf" or known % 1 != 0 or not 0 <= known <= min(rows, columns):
+            raise RedundaxError(
+                f"Argument `rank` must be a whole number from 0 to {min(rows, columns)}, as there are {rows} rows and "
+                f"{columns} coordinates, but is {rank!r}. Leave it out, and it is decided."
+            )
+    return rank
 
 
 def split(
@@ -159,39 +176,53 @@ def _decide_by_products(
     m, n = scaled.shape
     one, eps = xp.eye(m, dtype=scaled.dtype), float(xp.finfo(scaled.dtype).eps)
     size, gram = _gram(scaled)
-    factor = xp.linalg.cholesky(gram + eps**_DELTA * one)
-    half = solve_triangular(factor, one, lower=True)
-    inverse = (scaled.T / size @ half.T) @ half
-    image = scaled @ inverse
-    begun = _between(_symmetric(one - image))
+    half = _inverse_of_lower(cholesky(gram + eps**_DELTA * one))
+    inverse = _transposed(half @ scaled / size) @ half
+    left = one - scaled @ inverse
+    more = _between(left) ** 2 ** (_STEPS + 1) > _noise(scaled)  # P and K^+ have squared it once more than R
 
-    def step(inverse: Array, image: Array) -> tuple[Array, Array]:
-        inverse = 2 * inverse - inverse @ image
-        return inverse, scaled @ inverse
+    def step(inverse: Array, left: Array) -> tuple[Array, Array]:
+        inverse = inverse + inverse @ left
+        return inverse, one - scaled @ inverse
 
     for _ in range(_STEPS):
-        inverse, image = step(inverse, image)
-    more = begun ** (2**_STEPS) > _noise(scaled)
+        inverse, left = step(inverse, left)
 
     def once_more(*ended: Array) -> tuple[Array, ...]:
         return tuple(xp.where(more, new, old) for new, old in zip(step(*ended), ended, strict=True))
 
-    inverse, image = cond(batch_any(more), once_more, lambda *ended: ended, inverse, image)
-    between = _between(_symmetric(one - image))
-    stress = _stress_of(image)
+    inverse, left = cond(batch_any(more), once_more, lambda *ended: ended, inverse, left)
+    stress = _transposed(left) @ left
+    inverse = inverse + inverse @ left
     inverse = inverse - inverse @ stress
     motion = _symmetric(xp.eye(n, dtype=scaled.dtype) - inverse @ scaled)
     largest = _largest(size, gram, 1)
-    kept = 1 / (largest * _largest(*_gram(inverse), 2))
+    kept = 1 / (largest * _weakest(inverse))
     found = m - xp.round(xp.sum(xp.diagonal(stress))).astype(int)
     parts = _without_rounding(scaled, inverse, stress, motion, found, kept)
     proved = (
-        (between <= _noise(scaled) / kept)
+        (xp.abs(_between(stress)) <= _noise(scaled) / kept)
         & (xp.linalg.norm(parts.stress @ scaled) <= (_rounding(scaled) + violation) * largest)
         & (kept >= 10 * tolerance)
         & (True if rank is None else found == rank)
     )
     return _Decided(parts, found, kept, Decision(kept / tolerance)), proved
+
+
+def _inverse_of_lower(factor: Array) -> Array:
+    """L^-1 by halves, which takes less time than LAPACK does for the whole."""
+    half = len(factor) // 2
+    first, last = (
+        solve_triangular(part, xp.eye(len(part), dtype=part.dtype), lower=True)
+        for part in (factor[:half, :half], factor[half:, half:])
+    )
+    below = -last @ (factor[half:, :half] @ first)
+    return xp.concatenate(
+        [
+            xp.concatenate([first, xp.zeros_like(factor[:half, half:])], axis=1),
+            xp.concatenate([below, last], axis=1),
+        ]
+    )
 
 
 def _between(projector: Array) -> Array:
@@ -209,7 +240,12 @@ def _gram(matrix: Array) -> tuple[Array, Array]:
     """|A|_F^2, or 1 if it is zero, and A A^T over it."""
     size = xp.sum(matrix**2)
     size = xp.where(size > 0, size, 1.0)
-    return size, matrix @ (matrix.T / size)
+    return size, matrix @ _transposed(matrix) / size
+
+
+def _transposed(matrix: Array) -> Array:
+    """A^T as an array of its own: XLA's products of rows and columns take half as long as those of columns."""
+    return jax.lax.optimization_barrier(matrix.T)
 
 
 def _largest(size: Array, gram: Array, squares: int) -> Array:
@@ -217,6 +253,24 @@ def _largest(size: Array, gram: Array, squares: int) -> Array:
     for _ in range(squares):
         gram = gram @ gram
     return xp.sqrt(size) * xp.sum(gram**2) ** (0.25 / 2**squares)
+
+
+def _weakest(inverse: Array) -> Array:
+    """A bound above the largest singular value of K^+: nearly that where it stands out, else at most r^(1/4) times it.
+
+    Of a unit vector v and A = K^+ K^+T it is that of the matrix ( l  e ; e  b ), l = v^T A v, e = |A v - l v|, as
+    b = (|A|_F^2 - l^2 - 2 e^2)^(1/2) bounds A square to v. Steps of the power method give v.
+    """
+    size, gram = _gram(inverse)
+    v = gram[xp.argmax(xp.diagonal(gram))]
+    for _ in range(_POWERS):
+        v = gram @ (v / or_one(xp.linalg.norm(v)))
+    v = v / or_one(xp.linalg.norm(v))
+    image = gram @ v
+    along = v @ image
+    off = xp.sum((image - along * v) ** 2)
+    beside = xp.sqrt(xp.maximum(xp.sum(gram**2) - along**2 - 2 * off, 0.0))
+    return xp.sqrt(size * ((along + beside) / 2 + xp.sqrt(((along - beside) / 2) ** 2 + off)))
 
 
 def _symmetric(matrix: Array) -> Array:

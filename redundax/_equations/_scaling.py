@@ -21,6 +21,10 @@ from .._tools._by_number import sum_few
 from .._tools._numbers import known, stop_gradient, take, xp
 from ._kinematics import Model, model_at, second_order
 
+# Radius of curvature beside a mechanism's usual size beyond which rows are straight where contacts have gaps: within
+# that size their Jacobian is the same to a tenth. Coordinates do not enter, so that no shift of the origin counts.
+_CURVED = 10.0
+
 
 class Scaling(NamedTuple):
     """S, shape (n,), and D, shape (m,); the length L, which turns angles to lengths; and the size of the mechanism.
@@ -41,8 +45,8 @@ def largest_violation(dtype: DTypeLike) -> float:
 
 def scaling(system: AbstractSystem, model: Model) -> Scaling:
     """The scales of a system from its figures at a state."""
-    jacobian, turned, mass = stop_gradient((model.jacobian, model.turned, xp.diagonal(model.mass)))
-    length = _length(jacobian, turned, mass, system)
+    model = stop_gradient(model)
+    jacobian, length = model.jacobian, _length(system, model)
     columns = xp.where(system.coordinates.angular, 1 / length, 1.0).astype(jacobian.dtype)
     return scales_of(system, xp.linalg.norm(jacobian * columns, axis=1), columns, length)
 
@@ -87,15 +91,21 @@ def scales_of(
     )
 
 
-def _length(jacobian: Array, turned: Array, mass: Array, system: AbstractSystem) -> Float[Array, ""]:
-    square, angular = jacobian**2, system.coordinates.angular
+def _length(system: AbstractSystem, model: Model) -> Float[Array, ""]:
+    square, angular = model.jacobian**2, system.coordinates.angular
     if not angular.any():
-        return _radius(xp.sum(square, axis=1), turned) / known(system.radian).astype(square.dtype)
+        usual, radian = (known(x).astype(square.dtype) for x in (system.length, system.radian))
+        if system.has_length:
+            return usual / radian
+        radius = _radius(xp.sum(square, axis=1), model.turned)
+        bends = radius <= _CURVED * usual if system.names.one_sided else xp.isfinite(radius)
+        return xp.where(bends, radius, usual) / radian
 
     def parts(rows: Any) -> tuple[Array, Array]:
         return xp.sum(square[rows][:, ~angular]), xp.sum(square[rows][:, angular])
 
-    return length_of(system, parts, turned, (xp.sum(mass[angular]), xp.sum(mass[~angular])))
+    mass = xp.diagonal(model.mass)
+    return length_of(system, parts, model.turned, (xp.sum(mass[angular]), xp.sum(mass[~angular])))
 
 
 def length_of(
@@ -124,9 +134,7 @@ def length_of(
 
 
 def _radius(square: Array, bends: Array) -> Float[Array, ""]:
-    """Radius of curvature of the rows, |Phi_r| / |Phi''|: how far off them the Jacobian turns by a radian.
-
-    Straight rows alone have none; their Jacobian is the same wherever a state is, and it is 1.
-    """
+    """Radius of curvature of the rows, |Phi_r| / |Phi''|, infinite of straight ones: how far off them the Jacobian
+    turns by a radian."""
     curvature = xp.sqrt(xp.mean(xp.where(square > 0, bends**2 / xp.where(square > 0, square, 1.0), 0.0)))
-    return xp.where(curvature > 0, 1 / xp.where(curvature > 0, curvature, 1.0), 1.0)
+    return xp.where(curvature > 0, 1 / xp.where(curvature > 0, curvature, 1.0), xp.inf)

@@ -23,7 +23,7 @@ from .._tools._by_number import sum_few
 from .._tools._compilation import compiled
 from ._evidence import Violation, ratio
 from ._kinematics import second_derivative, second_order
-from ._rank import Spectrum
+from ._rank import Spectrum, checked_rank
 from ._response import AbstractPick, AbstractSolvedFactorisation, Response, total
 from ._scaling import Scaling, largest_violation, sparse_scaling
 from ._sparse_rank import decided, with_least
@@ -209,6 +209,7 @@ def closed(stress: Gram, row_scale: Array, entries: Float[Array, "m j"]) -> tupl
 
 def sparse_factorised(system: AbstractSystem, state: State, rank: ArrayLike | None) -> SparseFactorisation:
     """The equations of a system with a plan at a state."""
+    rank = checked_rank(rank, len(system.rows), len(system.coordinates))
     return _factorised(system.anonymous.without_friction, state, None if rank is None else jnp.asarray(rank))
 
 

@@ -43,11 +43,13 @@ def no_position(system: AbstractSystem, residual: np.ndarray, off: Misfit, given
     most = int(np.argmax(off.relative))
     missed = np.flatnonzero(off.relative > _PART * off.relative[most])
     change = f", or change `positions` ({', '.join(given)})" if given else ""
+    farthest, told = rows.at_guess(np.abs(residual), off)
+    joints = "this joint" if told <= 1 else "these joints"
     advice = system.doubt or (
-        f" If the guess is good, check the points and axes of this joint; else give a better one{change}."
+        f" If the guess is good, check the points and axes of {joints}; else give a better one{change}."
     )
     return NoSolutionError(
-        f"{head} {rows.at_guess(np.abs(residual), off)} The nearest position found misses {missed.size} "
+        f"{head} {farthest} The nearest position found misses {missed.size} "
         f"row{'s' if missed.size > 1 else ''}, {rows.off(most, off.size[most])} the most.{advice}"
     )
 
@@ -82,21 +84,22 @@ class _Rows:
         """By how much a row is off, as in "B.x by 0.02 m"; and between which bodies."""
         unit = self.names.units.of("angular" if self.angular[k] else "linear", self.rates)
         bodies = self.names.bodies_at(self.labels[k]) if where else ()
-        return (
-            f"{self.labels[k]} by {size:.2g}{unit and f' {unit}'}{f' ({bodies[0]} on {bodies[1]})' if bodies else ''}"
-        )
+        shown = f"{size:.2g}" if size < 100 else f"{size:.0f}"
+        return f"{self.labels[k]} by {shown}{unit and f' {unit}'}{f' ({bodies[0]} on {bodies[1]})' if bodies else ''}"
 
-    def at_guess(self, size: np.ndarray, off: Misfit) -> str:
-        """Which rows are farthest off at the guess, and how many are met there."""
+    def at_guess(self, size: np.ndarray, off: Misfit) -> tuple[str, int]:
+        """Which rows are farthest off at the guess, and how many are met there; of how many joints these are."""
         relative = size / off.scale[: size.size]
         order = np.argsort(-relative, kind="stable")
         largest = relative[order[0]]
         if largest <= _PART * np.max(off.relative):
-            return "All rows are met at the guess."
+            return "All rows are met at the guess.", 0
         first = [k for k in order[:_LISTED] if relative[k] > _NEARLY * largest]
         rest, met = size.size - len(first), int(np.sum(relative <= _PART * largest))
         others = f"; {'all' if met == rest else f'{met} of the'} {rest} others are met there" if met else ""
-        return f"Farthest off at the guess: {', '.join(self.off(k, size[k], where=True) for k in first)}{others}."
+        joints = {self.labels[k].rpartition(".")[0] for k in first}
+        words = ", ".join(self.off(k, size[k], where=True) for k in first)
+        return f"Farthest off at the guess: {words}{others}.", len(joints)
 
     def contradiction(self, misfit: Misfit, what: str) -> str:
         """Rows that alone are left, which cannot be met together; "" where there are more."""

@@ -9,7 +9,6 @@ Joints that allow it span a tree from the ground, those with motions first; bodi
 asks. The others close loops.
 """
 
-import dataclasses
 import pathlib
 from collections.abc import Callable, Iterator
 from fractions import Fraction
@@ -18,16 +17,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._tools._errors import RedundaxError
-from .._tools._words import ended, short
-from ._assembly import NOWHERE, Assembly, Frame, Held
+from .._tools._words import short
+from ._assembly import NOWHERE, Frame, Held
 from ._content import not_in_utf8
-from ._description import WITHOUT, Description, Joint, Motor, drive_rates, unique
+from ._description import Description, Motor, Place
 from ._formula import FUNCTIONS, law_of
+from ._kinds import coordinates_of
 from ._loop_rows import MOST_TEETH, ROLLED
+from ._reader import AbstractReader, named
 from ._series import BodySeries, ReactionSeries, Series
-from ._vectors import about_fixed_axes
+from ._vectors import about_fixed_axes, about_z
 
-FIRST_LINES = (b"freeCAD: 3D CAD with Motion Simulation  by  askoh.com", b"OndselSolver")
+FIRST_LINES = (b"freeCAD: 3D CAD with Motion Simulation  by  askoh.com", b"OndselSolver", b"FreeCADMbD")
 _KINDS = {  # of joints that are joints of `_description` or `_loop_rows`, and the value that these count from
     "RevoluteJoint": ("hinge", ""),
     "CylindricalJoint": ("cylindrical joint", ""),
@@ -39,6 +40,7 @@ _KINDS = {  # of joints that are joints of `_description` or `_loop_rows`, and t
     "ConstantVelocityJoint": ("constant-velocity joint", ""),
     "PointInLineJoint": ("point-on-line joint", ""),
     "PointInPlaneJoint": ("point-on-plane joint", "offset"),
+    "LineInPlaneJoint": ("point-on-plane joint", "offset"),
     "ParallelAxesJoint": ("parallel-axes joint", ""),
     "SphSphJoint": ("distance joint", "distanceIJ"),
     "AngleJoint": ("angle joint", "theIzJz"),
@@ -48,9 +50,14 @@ _KINDS = {  # of joints that are joints of `_description` or `_loop_rows`, and t
     "RackPinionJoint": ("rack joint", "pitchRadius"),
     "ScrewJoint": ("thread joint", "pitch"),
 }
+_RODS = {  # of joints between the ends of a rod without mass: what its ends are, on I and on J
+    "RevCylJoint": ("cylindrical joint", "hinge"),
+    "CylSphJoint": ("cylindrical joint", "ball"),
+    "RevRevJoint": ("hinge", "hinge"),
+}
+_UNREAD = {"CurveCurveContact": "cams, whose curves press each other, are not read"}
+WORDS = {kind: word for word, (kind, _) in reversed(_KINDS.items())}  # of kinds of joints
 _MOTIONS = {"RotationalMotion": ("RotationZ", "angle"), "TranslationalMotion": ("TranslationZ", "travel")}
-_COORDINATES = {("hinge", "angle"): 0, ("slide", "travel"): 0, ("cylindrical joint", "angle"): 0}
-_COORDINATES |= {("cylindrical joint", "travel"): 1, ("planar joint", "angle"): 2}
 _PARALLEL = 1e-6  # sine of an angle: more than the digits of a file
 _TURNED = 1e-4  # of entries of a rotation matrix: as of files that programs wrote in single precision
 _DEEPEST = 60
@@ -73,11 +80,12 @@ def read_asmt(path: pathlib.Path) -> Description:
     return _Reader(path).description()
 
 
-class _Reader:
+class _Reader(AbstractReader):
     """A file of ASMT that is being read."""
 
-    def __init__(self, path: pathlib.Path):
-        self._path = path
+    form = "ASMT"
+
+    def _begin(self, path: pathlib.Path) -> None:
         content = path.read_bytes()
         if wrong := not_in_utf8(content):
             raise self._refuse(f"{wrong}. Save it in UTF-8")
@@ -88,27 +96,19 @@ class _Reader:
         if len(found) != 1:
             raise self._refuse("has no line `Assembly`, or several. Export it again")
         self._root, self._rows = found[0], lines[cut + 1 :]
-        self._notes: list[str] = []
         self._name = self._word(self._root, "Name")
-        parts = list(self._only(self._root, "Parts").all("Part"))
-        self._parts = [self._word(part, "Name") for part in parts]
         self._markers: dict[str, tuple[int, Frame]] = {}
-        self._poses, self._weights = [NOWHERE], [(0.0, np.zeros(3), np.zeros((3, 3)))]
-        for number, (part, name) in enumerate(zip([self._root, *parts], ["", *self._parts], strict=True)):
-            prefix = f"/{self._name}/{name}/" if name else f"/{self._name}/"
-            own = self._frame(part) if number else NOWHERE
-            if number:
-                self._poses.append(own)
-                self._weights.append(self._weight(part))
-            elif any(np.abs(got - none).max() > 0 for got, none in zip(self._frame(part), NOWHERE, strict=True)):
-                raise self._refuse(f"moves its assembly `{self._name}` from the origin. Put it there")
+        if any(np.abs(got - none).max() > 0 for got, none in zip(self._frame(self._root), NOWHERE, strict=True)):
+            raise self._refuse(f"moves its assembly `{self._name}` from the origin. Put it there")
+        for part in (self._root, *self._only(self._root, "Parts").all("Part")):
+            number, prefix = 0, f"/{self._name}/"
+            if part is not self._root:
+                number = self._add(self._word(part, "Name"), self._frame(part), self._weight(part))
+                prefix += f"{self._parts[-1]}/"
             for point in self._only(part, "RefPoints").all("RefPoint"):
                 for marker in self._only(point, "Markers").all("Marker"):
                     place = self._frame(point).of(self._frame(marker))
                     self._markers[prefix + self._word(marker, "Name")] = number, place
-
-    def _refuse(self, why: str) -> RedundaxError:
-        return RedundaxError(f"Argument `path`: '{self._path}' {ended(why)}")
 
     def _nodes(self, lines: list[str]) -> list[Node]:
         top: list[Node] = []
@@ -140,24 +140,18 @@ class _Reader:
             raise self._refuse(f"has no single `{word}` in {short(node.text)} of line {node.line}. Export it again")
         return inner[0].text
 
-    def _numbers(self, node: Node, count: int) -> np.ndarray:
-        try:
-            found = np.array([float(word) for word in node.text.split()])
-        except ValueError:
-            found = np.zeros(0)
-        if found.size != count or not np.all(np.abs(found) < 1e30):
-            raise self._refuse(f"must have {count} numbers in line {node.line}, but has {short(node.text)}. Correct it")
-        return found
+    def _row(self, node: Node, count: int = 3) -> np.ndarray:
+        return self._numbers(node.text, count, f"line {node.line}")
 
     def _values(self, node: Node, word: str, count: int = 1) -> np.ndarray:
         inner = self._only(node, word).inner
         if len(inner) != 1:
             raise self._refuse(f"has no numbers for `{word}` of line {node.line}. Export it again")
-        return self._numbers(inner[0], count)
+        return self._row(inner[0], count)
 
     def _frame(self, node: Node) -> Frame:
         rows = self._only(node, "RotationMatrix").inner
-        axes = np.array([self._numbers(row, 3) for row in rows])
+        axes = np.array([self._row(row) for row in rows])
         if axes.shape != (3, 3) or np.abs(axes @ axes.T - np.eye(3)).max() > _TURNED or np.linalg.det(axes) < 0:
             raise self._refuse(f"has no rotation matrix in {short(node.text)} of line {node.line}. Correct it")
         left, _, right = np.linalg.svd(axes)
@@ -185,30 +179,50 @@ class _Reader:
         return self._markers[name]
 
     def _held(self) -> Iterator[Held]:
-        """Joints, and of those that are not taken over a note."""
+        """Joints with their lines, if they may be changed, and of those that are not taken over a note."""
         for node in self._only(self._only(self._root, "ConstraintSets"), "Joints").inner:
             name = self._name_of(node)
-            kind, word = _KINDS.get(node.text, ("", ""))
-            if not kind:
-                self._notes.append(f"{node.text} '{name}' is left out: no joint here is of its kind{WITHOUT}")
+            if node.text not in (*_KINDS, *_RODS):
+                self._leave_out(f"{node.text} '{name}'", _UNREAD.get(node.text, "no joint here is of its kind"))
                 continue
             i, j = (self._marker(node, word) for word in ("MarkerI", "MarkerJ"))
+            kind, word = _KINDS.get(node.text, ("", "distanceIJ"))
             value = float(self._values(node, word)[0]) if word and any(node.all(word)) else 0.0
+            if i[0] == j[0]:
+                self._leave_out(f"{node.text} '{name}'", "both of its markers are on one body", constrains=False)
+                continue
+            if kind in ("planar joint", "point-on-plane joint"):
+                i, value = (i[0], i[1].of(Frame(np.array([0.0, 0.0, value]), np.eye(3)))), 0.0
+            if node.text == "LineInPlaneJoint":
+                yield Held(f"direction of {name}", "angle joint", i, j, np.pi / 2)
             if kind == "angle joint":
                 value = np.pi / 2 if node.text == "PerpendicularJoint" else value
                 kind = "parallel-axes joint" if abs(np.sin(value)) < _PARALLEL else kind
-            if i[0] == j[0]:
-                self._notes.append(f"{node.text} '{name}' is left out: both of its markers are on one body")
+            if node.text in _RODS:
+                found = self._rod(name, _RODS[node.text], i, j, value)
+                why = "its rod has no length"
             else:
-                if kind in ("planar joint", "point-on-plane joint"):
-                    i, value = (i[0], i[1].of(Frame(np.array([0.0, 0.0, value]), np.eye(3)))), 0.0
-                held = Held(name, kind, i, j, value)
-                meshed = self._meshed(node, held) if kind in ("gear joint", *ROLLED) else held
-                if meshed is None:
-                    why = "its axes do not point the same way, or its sizes are those of a belt, or of no teeth"
-                    self._notes.append(f"{node.text} '{name}' is left out: {why}{WITHOUT}")
-                else:
-                    yield meshed
+                held = Held(name, kind, i, j, value, said=node.line if node.text != "LineInPlaneJoint" else 0)
+                held = self._meshed(node, held) if kind in ("gear joint", *ROLLED) else held
+                found = [held] if held else []
+                why = "its axes do not point the same way, or its sizes are those of a belt, or of no teeth"
+            if not found:
+                self._leave_out(f"{node.text} '{name}'", why)
+            yield from found
+
+    def _rod(
+        self, name: str, kinds: tuple[str, str], i: tuple[int, Frame], j: tuple[int, Frame], length: float
+    ) -> list[Held]:
+        """What is at a distance from an axis, as the ends of a rod that starts square from it; none without length."""
+        if not length > 0:
+            return []
+        on = self._poses[i[0]].of(i[1])
+        x, y, z = on.back().of(self._poses[j[0]].of(j[1])).point
+        turn = Frame(np.zeros(3), about_fixed_axes(np.array([0.0, 0.0, float(np.arctan2(y, x))])))
+        above = Frame(np.array([0.0, 0.0, z if kinds[0] != "hinge" else 0.0]), np.eye(3))
+        rod = self._add(f"rod of {name}", on.of(above).of(turn))
+        ends = [(rod, Frame(np.array([at, 0.0, 0.0]), np.eye(3))) for at in (0.0, length)]
+        return [Held(name, kinds[0], i, ends[0], 0.0), Held(f"far end of {name}", kinds[1], ends[1], j, 0.0)]
 
     def _meshed(self, node: Node, held: Held) -> Held | None:
         """A gear, rack or thread that is closed where the file has it, by a turn of its markers about their axes."""
@@ -218,11 +232,11 @@ class _Reader:
         # FreeCAD writes a belt as gears of which one radius is negative: its forces are not those of teeth.
         if (
             not held.value
-            or not held.value / (other or np.inf) > 0
+            or (held.kind == "gear joint" and not held.value / (other or np.inf) > 0)
             or np.abs(seen.axes[:, 2] - [0.0, 0.0, 1.0]).max() > _TURNED
         ):
             return None
-        now = float(np.arctan2(seen.axes[1, 0] - seen.axes[0, 1], seen.axes[0, 0] + seen.axes[1, 1]))
+        now = about_z(seen.axes)
         if held.kind == "gear joint":
             ratio = held.value / other
             along = float(np.arctan2(-seen.point[1], -seen.point[0]))  # from J to I
@@ -245,7 +259,7 @@ class _Reader:
         for node in self._only(self._only(self._root, "ConstraintSets"), "Motions").inner:
             name, (word, coordinate) = self._word(node, "Name"), _MOTIONS.get(node.text, ("", ""))
             if not word or not any(node.all("MotionJoint")):
-                self._notes.append(f"{node.text} '{name}' is left out: it is no motion of a joint{WITHOUT}")
+                self._leave_out(f"{node.text} '{name}'", "it is no motion of a joint")
                 continue
             text = self._word(node, word)
             law = law_of(text)
@@ -257,46 +271,38 @@ class _Reader:
 
     def description(self) -> Description:
         """What the file says."""
-        motions, held = self._motions(), list(self._held())
-        names = unique([each.name for each in held], ())
-        held = [each._replace(name=name) for each, name in zip(held, names, strict=True)]
+        motions, held = self._motions(), named(list(self._held()))
+        used = {text.rpartition("/")[2] for text in _texts(self._only(self._root, "ConstraintSets"), "MotionJoint")}
+        places = {each.name: Place(each.said, each.name in used) for each in held if each.said}
         driven = {joint for _, joint, _, _ in motions}
-        held.sort(key=lambda each: each.name not in driven)
-        assembly = Assembly(self._parts, self._poses, held)
-        self._notes += assembly.notes
+        held = self._limited(sorted(held, key=lambda each: each.name not in driven))
+        assembly = self._assembled(held)
         joints, bodies = assembly.joints, assembly.bodies(self._weights)
-        joints = self._limited(assembly, held)
         if self._only(self._root, "ForceTorques").inner:
             self._notes.append(f"forces of the file: {len(self._only(self._root, 'ForceTorques').inner)}")
         motors = []
         for name, of, coordinate, law in motions:
             number = next((k for k, joint in enumerate(joints) if joint.name == of), None)
-            if number is None or (joints[number].kind, coordinate) not in _COORDINATES:
-                self._notes.append(f"motion '{name}' is left out: it is of no joint that a body hangs on")
+            if number is None or coordinate not in coordinates_of(joints[number].kind):
+                self._leave_out(f"motion '{name}'", "it is of no joint that a body hangs on", constrains=False)
                 continue
-            sign = assembly.sign(joints[number], held)
-            place = _COORDINATES[joints[number].kind, coordinate]
-            motors.append(Motor(name, number, place, law if sign > 0 else _reversed(law)))
-        rates = drive_rates(joints, [(motor.joint, motor.coordinate) for motor in motors])
-        gravity = self._numbers(self._only(self._root, "ConstantGravity").inner[0], 3)
-        points = [body.centre for body in bodies] + [joint.child.point for joint in joints]
-        return Description(
-            "ASMT",
-            bodies,
-            tuple(joints),
-            assembly.loops(),
-            (),
-            tuple(gravity.tolist()),
-            tuple(motor.name for motor in motors),
-            lambda positions: rates,
-            np.array(points),
-            {},
-            tuple(self._notes),
+            place = coordinates_of(joints[number].kind).index(coordinate)
+            motors.append(Motor(name, number, place, law if assembly.signs[of] > 0 else _reversed(law)))
+        try:
+            series = self._series(held, [body.name for body in bodies], assembly.ends)
+        except RedundaxError as error:  # which an audit needs none of
+            series = None
+            self._notes.append(f"stored run of a file that {str(error).partition(repr(str(self._path)))[2].strip()}")
+        return self._described(
+            assembly,
+            self._values(self._root, "ConstantGravity", 3),
+            [motor[:3] for motor in motors],
             motors=tuple(motors),
-            series=self._series(held, [body.name for body in bodies], assembly.ends),
+            series=series,
+            origin=places,
         )
 
-    def _limited(self, assembly: Assembly, held: list[Held]) -> list[Joint]:
+    def _limited(self, held: list[Held]) -> list[Held]:
         """The same with limits of hinges and slides."""
         ends: dict[str, dict[str, float]] = {}
         for node in (each for part in self._only(self._root, "ConstraintSets").all("Limits") for each in part.inner):
@@ -309,14 +315,12 @@ class _Reader:
             kind = "low" if ">" in self._word(node, "Type") else "high"
             ends.setdefault(self._word(node, "MotionJoint").rpartition("/")[2], {})[kind] = float(law(0.0))
         out = []
-        for joint in assembly.joints:
-            own = ends.pop(joint.name, {}) if joint.kind in ("hinge", "slide") else {}
-            low, high = own.get("low", -np.inf), own.get("high", np.inf)
-            if own and assembly.sign(joint, held) < 0:
-                low, high = -high, -low
-            out.append(dataclasses.replace(joint, limits=(low, high)) if own else joint)
+        for each in held:
+            own = ends.pop(each.name, {}) if each.kind in ("hinge", "slide") else {}
+            limits = own.get("low", -np.inf), own.get("high", np.inf)
+            out.append(each._replace(limits=limits) if own else each)
         for name in ends:
-            self._notes.append(f"limits of '{name}', which is no hinge or slide of the tree: they bear no load here")
+            self._notes.append(f"limits of '{name}', which is no hinge or slide: they bear no load here")
         return out
 
     def _series(self, held: list[Held], bodies: list[str], end: dict[int, int]) -> Series | None:
@@ -366,6 +370,13 @@ class _Reader:
                 wrench = three(table, "FXonI FYonI FZonI"), three(table, "TXonI TYonI TZonI")
                 reactions[name] = ReactionSeries(bodies[end[own.i[0]]], own.i[1].point, *wrench)
         return Series(times, parts, reactions)
+
+
+def _texts(node: Node, word: str) -> Iterator[str]:
+    """What stands under a word anywhere in a node."""
+    for each in node.inner:
+        yield from (inner.text for inner in each.inner if each.text == word)
+        yield from _texts(each, word)
 
 
 def _reversed(law: Callable[[Any], Any]) -> Callable[[Any], Any]:

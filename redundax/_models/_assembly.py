@@ -4,13 +4,16 @@ A joint holds a frame I on one part to a frame J on another. Joints that allow i
 order in which they come; bodies are moved as little as closing them asks. The others close loops.
 """
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .._bodies._body import GROUND
 from .._bodies._space._rotation import quaternion
-from ._description import SIZES, Body, End, Joint, Loop, unique
+from ._description import CLOSING, Body, End, Joint, Loop, unique
+from ._kinds import KINDS
+from ._vectors import about_z
 
 _CLOSING = {"ball": "connect", "fixed joint": "weld"}  # what joints of a tree are called that close loops
 _ALIGNED = ("hinge", "cylindrical joint", "slide", "planar joint", "fixed joint")
@@ -36,13 +39,16 @@ NOWHERE = Frame(np.zeros(3), np.eye(3))
 
 
 class Held(NamedTuple):
-    """A joint of the file: its name, its kind here, the markers that it holds, as part and place, and a value."""
+    """A joint of the file: its name, its kind here, the markers that it holds, as part and place, a value, and of a
+    hinge or slide the least and the largest position of J as I sees it."""
 
     name: str
     kind: str
     i: tuple[int, Frame]
     j: tuple[int, Frame]
     value: float
+    limits: tuple[float, float] | None = None
+    said: Any = None  # what the reader of the format keeps of it
 
 
 class Assembly:
@@ -50,11 +56,14 @@ class Assembly:
 
     - `poses`: where the file has the parts, of which the first is the ground; joints of the tree are closed in them.
     - `joints`: of the tree; `numbers`: which part each of its bodies is; `left`: joints that close loops.
+    - `signs`: of coordinates of J as I sees it, by names of joints of the tree, which have those of their child as the
+      parent sees it.
     - `notes`: what closing has moved, a line each.
     """
 
-    def __init__(self, parts: list[str], poses: list[Frame], held: list[Held]):
+    def __init__(self, parts: Sequence[str], poses: Sequence[Frame], held: Sequence[Held]):
         self._parts, self.poses, self.notes = parts, list(poses), []
+        self.signs: dict[str, int] = {}
         self.joints, self.numbers, self.left = self._tree(held)
         self.ends = {part: number for number, part in enumerate(self.numbers)}
 
@@ -70,15 +79,10 @@ class Assembly:
 
     def loops(self) -> tuple[Loop, ...]:
         """What closes loops."""
-        return tuple(
-            Loop(each.name, _CLOSING.get(each.kind, each.kind), *self._loop_ends(each), each.value)
-            for each in self.left
-        )
+        return tuple(self._loop(each) for each in self.left)
 
-    def sign(self, joint: Joint, held: list[Held]) -> int:
-        """Of coordinates of J as I sees it, where the joint has those of its child as the parent sees it."""
-        own = next(each for each in held if each.name == joint.name)
-        return 1 if own.i[0] == self.numbers[joint.parent.body] else -1
+    def _loop(self, held: Held) -> Loop:
+        return Loop(held.name, _CLOSING.get(held.kind, held.kind), *self._loop_ends(held), held.value, held.limits)
 
     def place(self, marker: tuple[int, Frame]) -> Frame:
         """Where a frame of a part is."""
@@ -92,11 +96,11 @@ class Assembly:
             j = j._replace(axes=j.axes @ closed(like, i.back().of(j))[2])
         return End(self.ends[held.i[0]], *i), End(self.ends[held.j[0]], *j)
 
-    def _tree(self, held: list[Held]) -> tuple[list[Joint], list[int], list[Held]]:
+    def _tree(self, held: Sequence[Held]) -> tuple[list[Joint], list[int], list[Held]]:
         """Joints that bodies hang on, parts by the numbers of their bodies, and what closes loops."""
         joints, numbers, left = [], [0], list(held)
         while len(numbers) < len(self.poses):
-            found = next((e for e in left if e.kind in SIZES and (e.i[0] in numbers) != (e.j[0] in numbers)), None)
+            found = next((e for e in left if _carries(e) and (e.i[0] in numbers) != (e.j[0] in numbers)), None)
             if found is None:
                 body = next(k for k in range(len(self.poses)) if k not in numbers)
                 pose, name = self.poses[body], unique([f"free {self._parts[body - 1]}"], [each.name for each in held])
@@ -121,10 +125,18 @@ class Assembly:
         move = there.of(marked.back())
         size = max(float(np.abs(move.axes - np.eye(3)).max()), float(np.abs(there.point - at.point).max()))
         if size > _MOVED:
-            self.notes.append(f"closing of '{held.name}' moved '{self._parts[child[0] - 1]}' by {size:.2g} (m or rad)")
+            self.notes.append(f"{CLOSING}'{held.name}' moved '{self._parts[child[0] - 1]}' by {size:.2g} (m or rad)")
         self.poses[child[0]] = move.of(self.poses[child[0]])
         ends = End(len(numbers), *there), End(numbers.index(parent[0]), *on)
-        return Joint(held.name, held.kind, *ends, reference, reference)
+        limits, self.signs[held.name] = held.limits, 1 if parent[0] == held.i[0] else -1
+        if limits is not None and self.signs[held.name] < 0:
+            limits = -limits[1], -limits[0]
+        return Joint(held.name, held.kind, *ends, reference, reference, limits)
+
+
+def _carries(held: Held) -> bool:
+    """Whether a body may hang on a joint."""
+    return held.kind in KINDS and KINDS[held.kind].may_carry
 
 
 def closed(kind: str, seen: Frame) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -141,7 +153,7 @@ def closed(kind: str, seen: Frame) -> tuple[np.ndarray, np.ndarray, np.ndarray, 
         return np.zeros(3), np.stack([x, np.cross(z, x), z], axis=1), np.eye(3), np.zeros(2)
     own = np.diag([1.0, -1.0, -1.0]) if axes[2, 2] < 0 else np.eye(3)
     axes = axes @ own
-    angle = float(np.arctan2(axes[1, 0] - axes[0, 1], axes[0, 0] + axes[1, 1]))
+    angle = about_z(axes)
     if kind in ("slide", "fixed joint"):
         if abs(angle) > np.pi / 2:
             own = own @ np.diag([-1.0, -1.0, 1.0])

@@ -4,17 +4,19 @@ The reference pose is that of the description, where all joints are closed.
 """
 
 import warnings
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, TypeGuard
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from .._bodies._body import GROUND
 from .._bodies._coupler import Coupler, Stop
 from .._bodies._friction_model import ConstantFriction
 from .._bodies._mechanism import Mechanism
 from .._bodies._space._body import Body
-from .._bodies._space._joints._distance import Distance
+from .._bodies._space._joints._distance import Cable, Distance, Span
 from .._bodies._space._joints._drivers import AngleDriver, TravelDriver
 from .._bodies._space._joints._gear import Gear
 from .._bodies._space._joints._orientation import AngleOfAxes, NoRotation
@@ -36,18 +38,15 @@ from .._bodies._space._joints._universal import Universal
 from .._bodies._space._loads._applied import AppliedForce
 from .._bodies._space._placement import Placement
 from .._bodies._space._rotation import as_quaternion
-from ._description import Description, End, Joint, Loop, Motor, Tie
+from .._system._names import index_of
+from .._system._units import ready_units
+from .._tools._errors import RedundaxError
+from ._description import Description, End, Joint, Loop, Motor, Term, Tie
 from ._joint_loads import armature, carried_armature, joint_loads
-from ._loop_rows import ROLLED, teeth_of
+from ._kinds import coordinates_of
+from ._loop_rows import ROLLED, count_of, teeth_of
 from ._tree import Tree
 
-COORDINATES = {  # of joints, in the order of their positions
-    "hinge": ("angle",),
-    "slide": ("travel",),
-    "cylindrical joint": ("angle", "travel"),
-    "universal joint": ("angle_1", "angle_2"),
-    "planar joint": ("travel_1", "travel_2", "angle"),
-}
 _KINDS: dict[str, Callable[..., Any]] = {
     "hinge": Revolute,
     "slide": Prismatic,
@@ -66,23 +65,35 @@ _KINDS: dict[str, Callable[..., Any]] = {
 }
 
 
-def mechanism_of(described: Description, *, driven: bool = False, stopped: bool = False) -> tuple[Mechanism, list[str]]:
-    """The mechanism, with or without the file's motions by laws of time and the limits of its joints as stops, and what
-    of its joints is left out, a line each."""
-    bodies: dict[str, Any] = {body.name: body for body in _bodies(described)}
+def mechanism_of(
+    described: Description,
+    *,
+    driven: bool = False,
+    stopped: bool = False,
+    added: Mapping[str, Sequence[Any]] = MappingProxyType({}),
+    rubbing: Mapping[str, Any] = MappingProxyType({}),
+) -> tuple[Mechanism, list[str]]:
+    """The mechanism, with or without the file's motions by laws of time and the limits of its joints as stops, with
+    `added` "joints", "couplers" and "loads", and joints that are `rubbing` as arguments of their constructors say; and
+    what of its joints is left out, a line each."""
+    bodies: dict[str, Any] = {body.name: body for body in bodies_of(described)}
     loads, notes = joint_loads(described, {GROUND: GROUND, **bodies})
     for number, point, force in described.lifts:
         body = described.bodies[number]
         loads.append(AppliedForce(body.name, force, on_i=body.axes.T @ (point - body.position)))
-    joints = [_joint(described, joint) for joint in described.joints]
-    joints += [_loop(described, loop) for loop in described.loops]
+    _check_rubbing(described, rubbing)
+    joints = [_joint(described, joint, rubbing.get(joint.name)) for joint in described.joints]
+    joints += [_loop(described, loop, rubbing.get(loop.name, {})) for loop in described.loops]
     couplers: list[Any] = [
-        Coupler(tie.name, *(coordinate(described, tie, which) for which in (0, 1)), polynomial=tie.polynomial)
+        Coupler(tie.name, _sum(described, tie.first), _sum(described, tie.second), polynomial=_counted(tie))
         for tie in described.ties
-        if tie.second >= 0
+        if tie.second
     ]
+    spans = {term.name: term for tie in described.ties for term, _ in (*tie.first, *tie.second) if _is_span(term, tie)}
+    joints += [Span(**_apart(described, term.name, term)) for term in spans.values()]
     couplers += list(_stops(described)) if stopped else []
-    joints += [_lock(described, tie) for tie in described.ties if tie.second < 0]
+    joints += [Cable(**_apart(described, f"stop of {each.name}", each)) for each in described.cables if stopped]
+    joints += [_lock(described, tie) for tie in described.ties if not tie.second]
     joints += [_motion(described, motor) for motor in described.motors if driven]
     weightless = [
         described.child(joint)
@@ -91,14 +102,37 @@ def mechanism_of(described: Description, *, driven: bool = False, stopped: bool 
     ]
     if weightless:
         notes.append(f"bodies without mass in the file: {', '.join(weightless)}; what they carry is found all the same")
-    parts: dict[str, Any] = {"couplers": couplers, "loads": loads, "armature": armature(described)}
-    return Mechanism(list(bodies.values()), joints, **parts, gravity=described.gravity), notes
+    parts: dict[str, list[Any]] = {"joints": joints, "couplers": couplers, "loads": loads}
+    parts = {kind: [*parts[kind], *added.get(kind, ())] for kind in parts}
+    own: dict[str, Any] = {"armature": armature(described), "gravity": described.gravity, "units": ready_units("SI")}
+    return Mechanism(list(bodies.values()), **parts, **own), notes
 
 
-def coordinate(described: Description, tie: Tie, which: int) -> str:
-    """The name of the first or second coordinate that is tied."""
-    joint = described.joints[(tie.first, tie.second)[which]]
-    return f"{joint.name}.{COORDINATES[joint.kind][tie.coordinates[which]]}"
+def _is_span(term: int | Loop, tie: Tie) -> TypeGuard[Loop]:
+    """Whether it is a distance that a coupler ties."""
+    return isinstance(term, Loop) and bool(tie.second)
+
+
+def _sum(described: Description, terms: Sequence[Term]) -> str | dict[str, float]:
+    """Coordinates that are tied and their weights; of a single one the name."""
+    found = {}
+    for term, weight in terms:
+        part = term if isinstance(term, Loop) else described.joints[term]
+        coordinate = "distance" if isinstance(term, Loop) else coordinates_of(part.kind)[0]
+        found[f"{part.name}.{coordinate}"] = weight
+    return next(iter(found)) if [*found.values()] == [1.0] else found
+
+
+def _counted(tie: Tie) -> np.ndarray:
+    """The polynomial of a tie, of coordinates of a mechanism: distances count from 0."""
+    one, other = (
+        sum(weight * term.value for term, weight in terms if isinstance(term, Loop))
+        for terms in (tie.first, tie.second)
+    )
+    if not one and not other:
+        return tie.polynomial
+    shifted = Polynomial(tie.polynomial)(Polynomial([-other, 1.0])) + one
+    return np.pad(shifted.coef, (0, max(0, 2 - shifted.coef.size)))
 
 
 def position_of(tree: Tree, mechanism: Mechanism, positions: np.ndarray) -> np.ndarray:
@@ -113,7 +147,8 @@ def position_of(tree: Tree, mechanism: Mechanism, positions: np.ndarray) -> np.n
     return np.concatenate([np.ravel(points), *turns])
 
 
-def _bodies(described: Description) -> Iterator[Body]:
+def bodies_of(described: Description) -> Iterator[Body]:
+    """The moving bodies, in the order of joints."""
     for joint in described.joints:
         body = described.body(joint.child)
         inertia, rotor = body.inertia, carried_armature(described, joint)
@@ -147,21 +182,45 @@ def _held(described: Description, name: str, i: End, j: End) -> dict[str, Any]:
     }
 
 
-def _joint(described: Description, joint: Joint) -> Any:
+def _joint(described: Description, joint: Joint, given: Mapping[str, Any] | None) -> Any:
     if joint.kind == "free":
         return Free(joint.name, described.child(joint), described.parent(joint))
     rubs: dict[str, Any] = {"friction": ConstantFriction(joint.friction)} if joint.friction else {}
     if rubs and joint.kind == "hinge":  # no load changes it: its moment is the force at a radius of 1 m
         rubs["pin_radius"] = 1.0
-    return _KINDS[joint.kind](**_held(described, joint.name, joint.child, joint.parent), **rubs)
+    return _pair(_held(described, joint.name, joint.child, joint.parent), joint.kind, rubs if given is None else given)
 
 
-def _loop(described: Description, loop: Loop) -> Any:
+def _pair(held: dict[str, Any], kind: str, rubs: Mapping[str, Any]) -> Any:
+    try:
+        return _KINDS[kind](**held, **rubs)
+    except TypeError as error:
+        raise RedundaxError(
+            f"Argument `friction` must hold arguments of `rx.spatial.{_KINDS[kind].__name__}` for '{held['name']}', "
+            f"but holds {', '.join(rubs)}: {error}."
+        ) from error
+
+
+def _check_rubbing(described: Description, rubbing: Any) -> None:
+    """Refuse what is not by the names of joints that can rub."""
+    kinds = {each.name: each.kind for each in (*described.joints, *described.loops)}
+    if not isinstance(rubbing, Mapping) or not all(isinstance(given, Mapping) for given in rubbing.values()):
+        raise RedundaxError(
+            f"Argument `friction` must hold arguments of joints by their names, but is {rubbing!r}. Write "
+            '{"guide": {"friction": rx.Coulomb(0.1), "guide_length": 0.08}}, say.'
+        )
+    for name in rubbing:
+        index_of("friction", name, list(kinds), " of joints")
+        if kinds[name] not in _KINDS:
+            raise RedundaxError(
+                f"Argument `friction` must name joints that can rub, but '{name}' is a {kinds[name]}. Leave it out."
+            )
+
+
+def _loop(described: Description, loop: Loop, rubs: Mapping[str, Any]) -> Any:
     first = loop.first
     if loop.kind == "distance joint":
-        held = _held(described, loop.name, loop.second, first)
-        points = {on: held.pop(on).point for on in ("on_i", "on_j")}
-        return Distance(**held, **points, distance=loop.value)
+        return Distance(**_apart(described, loop.name, loop))
     if loop.kind == "angle joint":
         return AngleOfAxes(**_held(described, loop.name, loop.second, first), angle=loop.value)
     if loop.kind == "gear joint":
@@ -171,34 +230,45 @@ def _loop(described: Description, loop: Loop) -> Any:
         return kind(**_held(described, loop.name, loop.second, first), radius=loop.value)
     if loop.kind == "point-on-plane joint":
         first = first._replace(point=first.point + loop.value * first.axes[:, 2])
-    return _KINDS[loop.kind](**_held(described, loop.name, loop.second, first))
+    return _pair(_held(described, loop.name, loop.second, first), loop.kind, rubs)
+
+
+def _apart(described: Description, name: str, loop: Loop) -> dict[str, Any]:
+    """What constructors of distances take."""
+    held = _held(described, name, loop.second, loop.first)
+    return held | {on: held[on].point for on in ("on_i", "on_j")} | {"distance": loop.value}
 
 
 def _motion(described: Description, motor: Motor) -> Any:
     """What moves a joint by its law of time."""
     joint = described.joints[motor.joint]
     held = _held(described, motor.name, joint.child, joint.parent)
-    if COORDINATES[joint.kind][motor.coordinate] == "angle":
+    if coordinates_of(joint.kind)[motor.coordinate] == "angle":
         return AngleDriver(**held, angle=motor.law)
     return TravelDriver(**held, travel=motor.law)
 
 
 def _stops(described: Description) -> Iterator[Stop]:
     """Limits of hinges and slides, which a mechanism counts from the reference pose."""
-    for joint in described.joints:
-        if joint.limits is None or joint.kind not in ("hinge", "slide"):
+    for part in (*described.joints, *described.loops):
+        if part.limits is None or part.kind not in ("hinge", "slide"):
             continue
-        low, high = (limit - float(joint.reference[0]) for limit in joint.limits)
-        if joint.kind == "hinge" and high - low >= 2 * np.pi:  # angles are counted from -pi to pi
+        is_loop = isinstance(part, Loop)
+        now = count_of(part, part.first[1:], part.second[1:]) if is_loop else float(part.reference[0])
+        low, high = (limit - now for limit in part.limits)
+        if part.kind == "hinge" and 2 * np.pi <= high - low < np.inf:  # angles are counted from -pi to pi
             continue
-        ends = {"least": low, "most": high}
-        given = {end: at for end, at in ends.items() if np.isfinite(at)}
+        ends, most = {"least": low, "most": high}, np.pi if part.kind == "hinge" else np.inf
+        given = {end: at for end, at in ends.items() if abs(at) < most}
         if given:
-            yield Stop(f"stop of {joint.name}", f"{joint.name}.{COORDINATES[joint.kind][0]}", **given)
+            yield Stop(f"stop of {part.name}", f"{part.name}.{coordinates_of(part.kind)[0]}", **given)
 
 
 def _lock(described: Description, tie: Tie) -> Any:
-    """What holds a hinge or slide at a displacement."""
-    joint, at = described.joints[tie.first], float(tie.polynomial[0])
+    """What holds a hinge, a slide or a distance at a displacement."""
+    term, at = tie.first[0][0], float(tie.polynomial[0])
+    if isinstance(term, Loop):
+        return Distance(**_apart(described, tie.name, term._replace(value=term.value + at)))
+    joint = described.joints[term]
     held = _held(described, tie.name, joint.child, joint.parent)
     return AngleDriver(**held, angle=at) if joint.kind == "hinge" else TravelDriver(**held, travel=at)

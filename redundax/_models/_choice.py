@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from ._description import Joint
-from ._edit import ROWS, Edit
+from ._edit import Edit
+from ._kinds import KINDS
 
 LEAST = 1e-3  # margins: of what adds no motion
 USABLE = 0.02  # and of what stays clear of it along the motion
@@ -145,8 +146,16 @@ def _change(edits: Sequence[Edit], directions: Mapping[str, np.ndarray]) -> str:
     if how == "couple":
         return "becomes a joint equality, which bears nothing else|become joint equalities, which bear nothing else"
     rows = [row for edit in edits for row in edit.rows]
-    if isinstance(target, Joint) and len(rows) == len(ROWS[target.kind]):
+    if how == "become":
+        kind = f"{edits[0].kind.removesuffix(' joint')} joint"
+        return f"becomes a {kind}, which {_freed(edits, directions)}"
+    if isinstance(target, Joint) and len(rows) == len(KINDS[target.kind].rows):
         return "carries nothing then: it is free in all directions|carry nothing then: they are free in all directions"
+    return _freed(edits, directions)
+
+
+def _freed(edits: Sequence[Edit], directions: Mapping[str, np.ndarray]) -> str:
+    target, rows = edits[0].target, [row for edit in edits for row in edit.rows]
     told: dict[str, list[str]] = {}
     for row in rows:
         is_ball = isinstance(target, Joint) and target.kind == "ball"  # it has no axis

@@ -12,12 +12,13 @@ as in Gepetto/example-parallel-robots.
 import difflib
 import pathlib
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 from .._tools._errors import RedundaxError
 from .._tools._optional import optional
-from .._tools._words import did_you_mean, ended, short
-from ._content import document, not_in_utf8
+from .._tools._words import did_you_mean, short
+from ._content import document, not_in_utf8, refusal
 
 _AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 KEYS = ("closed_loop", "type", "joint_name", "joint_type", "name_mot")
@@ -30,7 +31,11 @@ _ALIKE = 0.75  # of words, one of which is a slip for the other
 def add_closed_loops(spec: Any, path: pathlib.Path, closures: pathlib.Path) -> list[str]:
     """Add the loops and drives of the file `closures` to the specification of the file `path`, and say in a line each
     what of it is not read, and which joints are driven that there are not."""
-    mujoco, loops, refuse = optional("mujoco", "models"), loops_in(closures), _refuser(closures)
+    mujoco, loops, refuse = (
+        optional("mujoco", "models"),
+        loops_in(closures),
+        partial(refusal, closures, argument="closures"),
+    )
     pairs, kinds, names, replaced, driven = (_list(loops, key, refuse) for key in KEYS)
     for (key, values), (other, types) in (
         (("closed_loop", pairs), ("type", kinds)),
@@ -77,7 +82,7 @@ def transmissions(path: pathlib.Path) -> list[str]:
 
 def loops_in(closures: pathlib.Path) -> dict[str, Any]:
     """What a file of loops holds."""
-    yaml, refuse = optional("yaml", "models"), _refuser(closures)
+    yaml, refuse = optional("yaml", "models"), partial(refusal, closures, argument="closures")
     if not closures.is_file():  # to read what is a pipe or a device may last for ever
         raise refuse("is no file. Name a file" if closures.exists() else "is not there. Check the path")
     try:
@@ -130,13 +135,6 @@ def _check_events(events: Iterable[Any], yaml: Any, refuse: Callable[[str], Redu
     twice = next((key for key in KEYS if keys.count(key) > 1), None)
     if twice:
         raise refuse(f"has the key `{twice}` twice. Put all in one list")
-
-
-def _refuser(closures: pathlib.Path) -> Callable[[str], RedundaxError]:
-    def refuse(why: str) -> RedundaxError:
-        return RedundaxError(f"Argument `closures`: '{closures}' {ended(why)}")
-
-    return refuse
 
 
 def _list(loops: dict[str, Any], key: str, refuse: Callable[[str], RedundaxError]) -> list[Any]:

@@ -6,10 +6,28 @@ from typing import Any
 from xml.etree import ElementTree
 from xml.parsers import expat
 
+import numpy as np
+
 from .._tools._errors import RedundaxError
+from .._tools._words import ended
 
 _MARK = b"\xef\xbb\xbf"  # that some editors put before UTF-8
+_COMMENT = re.compile(rb"<!--(.*?)-->", re.DOTALL)
 _FIRST = re.compile(rb"(?:\s+|<\?.*?\?>|<!--.*?-->|<!DOCTYPE[^\[>]*+(?:\[.*?\]\s*)?>)*+<([A-Za-z_][\w.:-]*)", re.DOTALL)
+
+
+def refusal(path: str | pathlib.Path, why: str, argument: str = "path") -> RedundaxError:
+    """What a file is refused by: what is wrong of it, and what to do."""
+    return RedundaxError(f"Argument `{argument}`: '{path}' {ended(why)}")
+
+
+def numbers_in(text: str | None, count: int, largest: float = np.inf) -> np.ndarray | None:
+    """So many numbers of a text, each below a largest; None where it has others."""
+    try:
+        found = np.array([float(word) for word in (text or "").split()])
+    except ValueError:
+        return None
+    return found if found.size == count and np.all(np.abs(found) < largest) else None
 
 
 def document(path: pathlib.Path) -> Any:
@@ -19,10 +37,15 @@ def document(path: pathlib.Path) -> Any:
     parser.CharacterDataHandler = builder.data
     content = path.read_bytes()
     try:
-        parser.Parse(content, True)
+        parser.Parse(strict(content), True)
         return builder.close()
     except (expat.ExpatError, ValueError, LookupError) as error:
-        raise RedundaxError(f"Argument `path`: '{path}' is no well-formed XML: {error}. {_advice(content)}.") from error
+        raise refusal(path, f"is no well-formed XML: {error}. {_advice(content)}") from error
+
+
+def strict(content: bytes) -> bytes:
+    """A file of XML of the same length without dashes in comments, which Gazebo and MuJoCo read and expat does not."""
+    return _COMMENT.sub(lambda found: b"<!--" + found[1].replace(b"-", b" ") + b"-->", content)
 
 
 def encoding_of(content: bytes) -> str:

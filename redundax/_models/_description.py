@@ -12,19 +12,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ._kinds import KINDS
 from ._series import Series
 
 WITHOUT = "; the figures are without it"
-SIZES = {  # of kinds of joints: how many numbers their positions and their velocities have
-    "hinge": (1, 1),
-    "slide": (1, 1),
-    "ball": (4, 3),
-    "free": (7, 6),
-    "cylindrical joint": (2, 2),
-    "universal joint": (2, 2),
-    "planar joint": (3, 3),
-    "fixed joint": (0, 0),
-}
+CLOSING = "closing of "  # a joint of the tree, which begins a note that it moved a body
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -56,7 +48,7 @@ class End(NamedTuple):
 class Joint:
     """A joint that a body hangs on.
 
-    - `kind`: one of `SIZES`.
+    - `kind`: one of `KINDS` that a body may hang on.
     - `reference`, `rest`: positions, as the file counts them, in the reference pose and where its spring is free.
     - `limits`: the least and the largest position of a hinge or slide, or of a ball how far it turns; None if any.
     - `stiffness`, `damping`, `armature`, `friction`: of the spring, the damper, the rotor and dry friction, SI.
@@ -80,7 +72,9 @@ class Joint:
 class Loop(NamedTuple):
     """Two bodies that a joint of a kind closes to a loop: at a point ("connect"), wholly ("weld"), or as joints do.
 
-    - `value`: what the kind counts from, m or rad: a distance, an offset, an angle; see `loops_of`.
+    - `value`: what the kind counts from, m or rad: a distance, an offset, an angle.
+    - `limits`: of a hinge or slide the least and the largest position of the second end as the first sees it; None if
+      any.
     """
 
     name: str
@@ -88,19 +82,21 @@ class Loop(NamedTuple):
     first: End
     second: End
     value: float = 0.0
+    limits: tuple[float, float] | None = None
+
+
+Term = tuple[int | Loop, float]
 
 
 class Tie(NamedTuple):
-    """Displacement of one joint as a polynomial of that of another, by their numbers; of none, -1, a number.
-
-    - `coordinates`: which displacement of joints that have more.
-    """
+    """A sum of displacements of joints as a polynomial of that of others, as numbers of joints and weights; of no
+    others a number. In place of a joint may stand a distance of two points, as a loop of kind "distance joint", and
+    its displacement from the value of that."""
 
     name: str
-    first: int
-    second: int
+    first: tuple[Term, ...]
+    second: tuple[Term, ...]
     polynomial: np.ndarray
-    coordinates: tuple[int, int] = (0, 0)
 
 
 class Motor(NamedTuple):
@@ -113,6 +109,14 @@ class Motor(NamedTuple):
     law: Callable[[Any], Any]
 
 
+class Place(NamedTuple):
+    """Where a file has a joint, as its format counts; and whether something else of the file acts in the joint, which
+    one that leaves more free would not take."""
+
+    at: Any
+    is_used: bool = False
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class Description:
     """A model as its file has it.
@@ -121,8 +125,10 @@ class Description:
     - `motors`: those that the file drives by laws of time.
     - `points`: that tell how large it is, (points, 3); `keyframes`: positions of all joints, by name.
     - `notes`: what was left out, a line each; `is_soft`: whether the program of the format makes springs of loops.
+    - `cables`: what two bodies cannot be farther apart than, as loops of kind "distance joint".
     - `lifts`: constant forces that carry weight, N: the number of the body, the point of it, and the force.
-    - `series`: what a program has stored of a run; `origin`: what the format itself keeps of the file.
+    - `series`: what a program has stored of a run; `origin`: what the format itself keeps of the file, as places of
+      joints by their names.
     """
 
     format: str
@@ -138,6 +144,7 @@ class Description:
     notes: tuple[str, ...]
     is_soft: bool = False
     motors: tuple[Motor, ...] = ()
+    cables: tuple[Loop, ...] = ()
     lifts: tuple[tuple[int, np.ndarray, np.ndarray], ...] = ()
     series: Series | None = None
     origin: Any = None
@@ -169,7 +176,7 @@ class Description:
 
 def drive_rates(joints: Sequence[Joint], coordinates: Sequence[tuple[int, int]]) -> np.ndarray:
     """Rates of coordinates of joints, by numbers of both, by the velocities of all joints, (drives, nv)."""
-    starts = np.cumsum([0, *(SIZES[joint.kind][1] for joint in joints)])
+    starts = np.cumsum([0, *(KINDS[joint.kind].sizes[1] for joint in joints)])
     return np.eye(starts[-1])[np.array([starts[joint] + coordinate for joint, coordinate in coordinates], int)]
 
 

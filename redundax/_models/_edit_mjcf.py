@@ -12,7 +12,8 @@ import numpy as np
 from .._tools._errors import RedundaxError
 from .._tools._optional import optional
 from ._description import Joint, Loop, unique
-from ._edit import ROWS, TURNS, Edit, Written
+from ._edit import Changed, Edit, deleted
+from ._kinds import KINDS, TURNS
 from ._mjcf import specification
 from ._model import Model
 from ._mujoco_model import body_ends
@@ -28,6 +29,7 @@ _FREE = {
     "frictionloss": "0",
 }
 _ANY = ("name", "class", "active", "solref", "solimp")  # attributes of any loop
+_OF_JOINTS = ("joint", "tendon")  # equalities that tie joints
 _EXACT = 1e-9  # misfit of a weld in the file whose anchor a connect can take over, m or rad
 
 
@@ -35,18 +37,15 @@ def mjcf_moves(model: Model) -> list[Edit]:
     """What MJCF can say, of the joints and loops of a model."""
     moves = []
     for joint in model.tree.joints:
-        for row in ROWS.get(joint.kind, ()):
+        for row in KINDS[joint.kind].rows:
             moves.append(Edit((f"{joint.name}.{row}",), joint, "free", model.described.weight_on(joint)))
     for loop in model.tree.loops:
         if loop.kind == "weld" and model.misfits[loop.name] < _EXACT:
             moves.append(Edit(tuple(f"{loop.name}.{row}" for row in TURNS), loop, "point"))
             pair = _alike(model, loop)
             moves += [_coupling(model, loop, pair)] if pair else []
-        moves.append(Edit(tuple(f"{loop.name}.{row}" for row in ROWS[loop.kind]), loop, "delete"))
-    for tie in model.tree.ties:
-        rows = tuple(row for row in model.mechanism.rows.labels if row.rpartition(".")[0] == tie.name)
-        moves.append(Edit(rows, tie.name, "delete"))
-    return moves
+        moves.append(deleted(model, loop))
+    return [*moves, *(deleted(model, tie) for tie in model.tree.ties)]
 
 
 def _alike(model: Model, loop: Loop) -> tuple[int, int] | None:
@@ -74,39 +73,28 @@ def _coupling(model: Model, loop: Loop, pair: tuple[int, int]) -> Edit:
     """Of a weld of bodies whose joints are alike: couple these, so that each bears what it bears alone."""
     joint = model.tree.joints[pair[0]]
     kept = int(np.argmax(np.abs(loop.first.axes.T @ joint.parent.axes[:, 2]))) + 3 * (joint.kind == "hinge")
-    rows = tuple(f"{loop.name}.{row}" for k, row in enumerate(ROWS["weld"]) if k != kept)
+    rows = tuple(f"{loop.name}.{row}" for k, row in enumerate(KINDS["weld"].rows) if k != kept)
     return Edit(rows, loop, "couple", joints=pair)
 
 
-def write_mjcf(model: Model, edits: Sequence[Edit], file: pathlib.Path) -> Written:
-    """Write the file of a model with changes; keyframes, which say nothing of joints that are new, are left out."""
+def mjcf_change(model: Model, edits: Sequence[Edit], file: pathlib.Path) -> Changed:
+    """The file of a model with changes; keyframes, which say nothing of joints that are new, are left out."""
     source = Source(model.path)
-    for edit in edits:
-        _change(source, model, edit)
+    told = [_change(source, model, edit) for edit in edits]
     is_longer = any(edit.how == "free" for edit in edits)
     keys = [each for each in source.root.all() if each.tag == "key"] if is_longer else []
     for key in keys:
         source.remove(key)
-    file.write_bytes(source.changed())
-    notes = [f"It is without {_keyframes(keys)} of the file, which count fewer joints."] if keys else []
-    included = specification(optional("mujoco", "models"), file)[0].keys if is_longer else []
-    notes += [f"Take {_keyframes(included)} out of the included files: they count fewer joints."] if included else []
-    return Written((file,), " ".join(notes))
+    notes = [f"It is without {_keyframes(len(keys))} of the file, which count fewer joints."] if keys else []
+    every = len(specification(optional("mujoco", "models"), model.path)[0].keys) if is_longer else 0
+    if every > len(keys):
+        included = _keyframes(every - len(keys))
+        notes.append(f"Take {included} out of the included files: they count fewer joints.")
+    return Changed({file: source.changed()}, told, " ".join(notes))
 
 
-def mjcf_lines(model: Model, edits: Sequence[Edit]) -> list[str]:
-    """What to write where, a line for each change; none for what stands in an included file."""
-    source, lines = Source(model.path), []
-    for edit in edits:
-        try:
-            lines.append(_change(source, model, edit))
-        except ValueError:
-            continue
-    return lines
-
-
-def _keyframes(keys: Sequence[Any]) -> str:
-    return f"{len(keys)} keyframe{'s' * (len(keys) > 1)}"
+def _keyframes(count: int) -> str:
+    return f"{count} keyframe{'s' * (count > 1)}"
 
 
 def _change(source: Source, model: Model, edit: Edit) -> str:
@@ -221,7 +209,7 @@ def _equality(source: Source, model: Model, name: str) -> Element:
     elements = [each for each in source.root.all() if each.parent and each.parent.tag == "equality"]
     elements, names = [each for each in elements if each.get("active") != "false" and not _in_defaults(each)], []
     for element in elements:
-        pair = [element.get(word, "0" if element.tag == "joint" else "world") for word in _ends(element)]
+        pair = [element.get(word, "0" if element.tag in _OF_JOINTS else "world") for word in _ends(element)]
         word = "couple" if element.tag == "joint" else element.tag
         names.append(element.get("name") or f"{word} {' ~ '.join(pair)}")
     for element, own in zip(elements, unique(names, ()), strict=True):
@@ -231,8 +219,8 @@ def _equality(source: Source, model: Model, name: str) -> Element:
 
 
 def _ends(element: Element) -> tuple[str, str]:
-    if element.tag == "joint":
-        return "joint1", "joint2"
+    if element.tag in _OF_JOINTS:
+        return f"{element.tag}1", f"{element.tag}2"
     return ("site1", "site2") if "site1" in element.attributes else ("body1", "body2")
 
 

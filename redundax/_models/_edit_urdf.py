@@ -1,13 +1,13 @@
 """Releases of a URDF, in the YAML file of its loops: SPHERICAL in place of a hinge, 3d in place of 6d"""
 
 import pathlib
-import shutil
 from collections.abc import Sequence
 
 from .._tools._optional import optional
 from ._closed_loops import children, loops_in
 from ._description import Joint, Loop
-from ._edit import TURNS, Edit, Written
+from ._edit import Changed, Edit
+from ._kinds import TURNS
 from ._model import Model
 
 
@@ -28,8 +28,8 @@ def urdf_moves(model: Model) -> list[Edit]:
     return moves
 
 
-def write_urdf(model: Model, edits: Sequence[Edit], file: pathlib.Path) -> Written:
-    """Copy the file of a model, and write that of its loops with changes; return what was written."""
+def urdf_change(model: Model, edits: Sequence[Edit], file: pathlib.Path) -> Changed:
+    """The file of a model, and that of its loops with changes."""
     loops = {} if model.closures is None else loops_in(model.closures)
     spherical = [edit.target.name for edit in edits if isinstance(edit.target, Joint)]
     loops["joint_name"] = [*(loops.get("joint_name") or []), *spherical]
@@ -40,7 +40,5 @@ def write_urdf(model: Model, edits: Sequence[Edit], file: pathlib.Path) -> Writt
         "3d" if f"weld {' ~ '.join(map(str, pair))}" in points else kind
         for pair, kind in zip(pairs, loops.get("type") or [], strict=True)
     ]
-    beside = file.with_suffix(".yaml")
-    shutil.copyfile(model.path, file)
-    beside.write_text(optional("yaml", "models").safe_dump(loops, sort_keys=False), encoding="utf8")
-    return Written((file, beside))
+    beside = optional("yaml", "models").safe_dump(loops, sort_keys=False).encode("utf8")
+    return Changed({file: model.path.read_bytes(), file.with_suffix(".yaml"): beside}, [])

@@ -45,7 +45,7 @@ def examine(model: Model, count: int = 3) -> Audit:
         spins=spins(model.tree, places[regular], found.regular.freedom),
         outside=sum(bool(outside(model.tree, positions)) for positions, _ in beside),
     )
-    if found.is_stuck:
+    if not found.is_decided:
         return dataclasses.replace(found, groups=tuple(dataclasses.replace(each, releases=()) for each in found.groups))
     way = along(model, found, places[regular], moved)
     groups = tuple(_ranked(group, way, found) for group in found.groups)

@@ -10,7 +10,8 @@ import numpy as np
 from .._tools._errors import RedundaxError
 from ._audit import Audit
 from ._choice import USABLE, Choice, in_words, listed
-from ._edit import Edit
+from ._description import missing_of
+from ._edit import Changed, Edit
 from ._formats import describe
 from ._model import Model
 from ._repair import Language, best_of, language
@@ -58,12 +59,14 @@ def fix(model: Model, found: Audit, file: pathlib.Path, wanted: Sequence[str] = 
         worst = best_of(found, found.along, moves) if found.along else None
         edits = worst.edits if worst else ()
     redundancy, freedom = found.figures
-    if found.is_stuck:
-        return Fix((), (), redundancy, freedom, ("the model is at a dead point, which tells nothing of the machine.",))
+    if not found.is_decided:
+        why = "undecided, as its positions do not agree or are not clear: no release is proved"
+        why = "at a dead point, which tells nothing of the machine" if found.is_stuck else why
+        return Fix((), (), redundancy, freedom, (f"the model is {why}.",))
     if not edits:
         why = f"nothing that takes off redundancy and adds no motion can be said in {says.name}: {says.lacks}."
         return Fix((), (), redundancy, freedom, (why if redundancy else "nothing is redundant.",))
-    files, more = says.write(model, edits, file)
+    written = says.change(model, edits, file).write()
     left, expected = _figures(model, file), (redundancy - sum(len(edit.rows) for edit in edits), freedom)
     notes = [*_unfreed(wanted, edits)]
     if left != expected:
@@ -71,9 +74,16 @@ def fix(model: Model, found: Audit, file: pathlib.Path, wanted: Sequence[str] = 
         notes.append(f"{figures} were expected, so look at the copy before you use it.")
     if left[0] and not wanted:
         notes.append(f"{says.name} cannot say what would take off the rest: {says.lacks}.")
-    notes += [more] if more else []
+    if missing := missing_of(model.notes):
+        them = "it" if len(missing) == 1 else "them"
+        notes.append(
+            f"These figures are without {listed(missing)}. What is freed repeats others with {them} too; whether more "
+            "does is undecided."
+        )
+    notes += [written.note] if written.note else []
     notes += [*_warned(model, found, edits, worst)]
-    return Fix(files, tuple(in_words(edits, found.directions)), *left, tuple(notes), _changes(model.path, file))
+    words = tuple(in_words(edits, found.directions))
+    return Fix(tuple(written.files), words, *left, tuple(notes), _changes(written, model.path, file))
 
 
 def _unfreed(wanted: Sequence[str], edits: Sequence[Edit]) -> Iterable[str]:
@@ -108,10 +118,10 @@ def _warned(model: Model, found: Audit, edits: Sequence[Edit], worst: Choice | N
         )
 
 
-def _changes(before: pathlib.Path, after: pathlib.Path) -> tuple[str, ...]:
+def _changes(written: Changed, before: pathlib.Path, after: pathlib.Path) -> tuple[str, ...]:
     """Lines of a file that are other in another."""
-    old, new = (path.read_text(encoding="utf8", errors="replace").splitlines() for path in (before, after))
-    lines = [*difflib.unified_diff(old, new, n=0, lineterm="")][2:]
+    old, new = written.texts or (path.read_text(encoding="utf8", errors="replace") for path in (before, after))
+    lines = [*difflib.unified_diff(old.splitlines(), new.splitlines(), n=0, lineterm="")][2:]
     return tuple(line for line in lines if not line.startswith("@@"))
 
 

@@ -5,17 +5,19 @@ A format is one entry of `FORMATS`; all else asks a `Description`.
 
 import pathlib
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 from .._tools._errors import RedundaxError
-from .._tools._words import did_you_mean, ended, short
+from .._tools._words import did_you_mean, short
 from ._asmt import FIRST_LINES, read_asmt
-from ._content import first_element
+from ._content import first_element, refusal
 from ._description import Description
 from ._mjcf import read_mjcf
 from ._sdf import read_sdf
 from ._urdf import read_urdf
-from ._usd import FIRST, read_usd
+from ._usd import read_usd
+from ._usd_stage import FIRST
 
 
 class Format(NamedTuple):
@@ -106,17 +108,14 @@ def describe(path: pathlib.Path, closures: pathlib.Path | None = None) -> Descri
     form = format_of(path)
     if form is None:
         what = not_a_model(path) or f"must end in {', '.join(MODELS[:-1])} or {MODELS[-1]}. Rename the file"
-        raise RedundaxError(f"Argument `path`: '{path}' {what.partition('. ')[0]}. {ended(what.partition('. ')[2])}")
+        raise refusal(path, what)
     _check_content(path, form)
     return form.read(path, closures)
 
 
 def _check_content(path: pathlib.Path, form: Format) -> None:
     """Refuse a file that does not begin as those of its format do."""
-
-    def refuse(why: str) -> RedundaxError:
-        return RedundaxError(f"Argument `path`: '{path}' {ended(why)}")
-
+    refuse = partial(refusal, path)
     try:
         content = path.read_bytes()
     except OSError as error:

@@ -6,8 +6,9 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
+
+from .._tools._numbers import xp
 
 _OPERATORS: dict[type, Callable[..., Any]] = {
     ast.Add: operator.add,
@@ -19,31 +20,37 @@ _OPERATORS: dict[type, Callable[..., Any]] = {
     ast.UAdd: operator.pos,
 }
 FUNCTIONS: dict[str, Callable[[Any], Any]] = {
-    "sin": jnp.sin,
-    "cos": jnp.cos,
-    "tan": jnp.tan,
-    "arcsin": jnp.arcsin,
-    "arccos": jnp.arccos,
-    "arctan": jnp.arctan,
-    "exp": jnp.exp,
-    "ln": jnp.log,
-    "log": jnp.log10,
-    "sqrt": jnp.sqrt,
-    "abs": jnp.abs,
+    "sin": xp.sin,
+    "cos": xp.cos,
+    "tan": xp.tan,
+    "arcsin": xp.arcsin,
+    "arccos": xp.arccos,
+    "arctan": xp.arctan,
+    "asin": xp.arcsin,
+    "acos": xp.arccos,
+    "atan": xp.arctan,
+    "exp": xp.exp,
+    "ln": xp.log,
+    "log": xp.log10,
+    "sqrt": xp.sqrt,
+    "abs": xp.abs,
 }
 _LONGEST = 2000  # characters
 
 
 def law_of(text: str) -> Callable[[Any], Any] | None:
-    """The function of time of a formula; None of a text that is none."""
-    plain = re.sub(r"(?<![\w.])(\d+\.?\d*|\.\d+)[dD](?![\w.+-])", r"\1", text)  # a number of double precision
+    """The function of time of a formula; None of a text that is none. What stands in double quotes is a comment, and
+    <n> the end of a line."""
+    plain = re.sub(r'"[^"]*"|<n>', " ", text)
+    plain = re.sub(r"(?<![\w.])(\d+\.?\d*|\.\d+)[dD](?![\w.+-])", r"\1", plain)  # a number of double precision
     plain = re.sub(r"(?<![\w.])(\d+\.?\d*|\.\d+)[dD](?=[+-]?\d)", r"\1e", plain).replace("^", "**").strip()
     if len(plain) > _LONGEST:
         return None
     try:
         tree = ast.parse(plain, mode="eval").body
-        if not _is_formula(tree) or not np.isfinite(float(_value(tree, 1.0))):
-            return None
+        with np.errstate(all="ignore"):
+            if not _is_formula(tree) or not np.isfinite(float(_value(tree, 1.0))):
+                return None
     except (SyntaxError, RecursionError, MemoryError, ArithmeticError, ValueError):
         return None
     return lambda t: _value(tree, t)

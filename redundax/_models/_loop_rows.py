@@ -14,20 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ._description import Loop
-from ._vectors import cross, vector_of
+from ._kinds import KINDS
+from ._vectors import about_z, cross, vector_of
 
-_KINDS = {  # force along axes of the first end; axes of the first and the second end that stay at the angle of `value`
-    "hinge": ((0, 1, 2), ((0, 2), (1, 2))),
-    "slide": ((0, 1), ((0, 2), (1, 2), (1, 0))),
-    "cylindrical joint": ((0, 1), ((0, 2), (1, 2))),
-    "universal joint": ((0, 1, 2), ((2, 2),)),
-    "planar joint": ((2,), ((0, 2), (1, 2))),
-    "point-on-line joint": ((0, 1), ()),
-    "point-on-plane joint": ((2,), ()),
-    "parallel-axes joint": ((), ((0, 2), (1, 2))),
-    "angle joint": ((), ((2, 2),)),
-    "no-rotation joint": ((), ((0, 2), (1, 2), (1, 0))),
-}
 ROLLED = {"rack joint": 0, "thread joint": 2}  # the axis of the first end along which a turn about z travels
 MOST_TEETH = 1000  # of a wheel whose size alone a file tells
 
@@ -52,7 +41,8 @@ def loop_rows(loop: Loop, first: tuple[np.ndarray, np.ndarray], second: tuple[np
     apart = other - point
     if loop.kind == "distance joint":
         length = float(np.linalg.norm(apart))
-        return LoopRows(np.array([length - loop.value]), -apart[None] / length, np.zeros((1, 3)), (point, other))
+        along = apart / (length or 1.0)  # what a rope runs through has none
+        return LoopRows(np.array([length - loop.value]), -along[None], np.zeros((1, 3)), (point, other))
     if loop.kind == "constant-velocity joint":  # what both shafts turn about the normal of their plane is the same
         turns = cross(axes[:, 0], others[:, 1]) + cross(axes[:, 1], others[:, 0])
         angle = np.array([axes[:, 0] @ others[:, 1] + axes[:, 1] @ others[:, 0]])
@@ -60,7 +50,7 @@ def loop_rows(loop: Loop, first: tuple[np.ndarray, np.ndarray], second: tuple[np
         return LoopRows(np.concatenate([axes.T @ apart, angle]), -np.eye(4, 3) @ axes.T, moments, (other, other))
     if loop.kind in ROLLED or loop.kind == "gear joint":
         return _meshing(loop, (point, axes), (other, others))
-    along, pairs = _KINDS[loop.kind]
+    along, pairs = KINDS[loop.kind][:2]
     shift = axes.T[list(along)]
     offset, cosine = (loop.value, 0.0) if along else (0.0, np.cos(loop.value) if len(pairs) == 1 else 0.0)
     turns = np.array([cross(axes[:, one], others[:, two]) for one, two in pairs]).reshape(-1, 3)
@@ -74,6 +64,16 @@ def loop_rows(loop: Loop, first: tuple[np.ndarray, np.ndarray], second: tuple[np
     )
 
 
+def count_of(loop: Loop, first: tuple[np.ndarray, np.ndarray], second: tuple[np.ndarray, np.ndarray]) -> float:
+    """Where the second end of a hinge or slide is as the first sees it, rad or m; of a hinge the turn in the middle of
+    its limits."""
+    (point, axes), (other, others) = first, second
+    if loop.kind == "slide":
+        return float(axes[:, 2] @ (other - point))
+    middle, turn = np.mean(loop.limits or 0.0), about_z(axes.T @ others)
+    return turn + 2 * np.pi * float(np.round((middle - turn) / (2 * np.pi))) if np.isfinite(middle) else turn
+
+
 def teeth_of(loop: Loop) -> tuple[int, int]:
     """Numbers of teeth of the wheels on the second and the first end, by the ratio of the radii of first and second."""
     ratio = Fraction(loop.value).limit_denominator(MOST_TEETH)
@@ -85,9 +85,8 @@ def _meshing(loop: Loop, first: tuple[np.ndarray, np.ndarray], second: tuple[np.
     (point, axes), (other, others) = first, second
     z = axes[:, 2]
     if loop.kind in ROLLED:  # x + R a = 0, modulo turns
-        way, turn = axes[:, ROLLED[loop.kind]], axes.T @ others
-        angle = np.arctan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1])
-        gap = np.remainder(way @ (other - point) / loop.value + angle + np.pi, 2 * np.pi) - np.pi
+        way = axes[:, ROLLED[loop.kind]]
+        gap = np.remainder(way @ (other - point) / loop.value + about_z(axes.T @ others) + np.pi, 2 * np.pi) - np.pi
         return LoopRows(np.array([loop.value * gap]), -way[None], -loop.value * z[None], (other, other))
     teeth = teeth_of(loop)
     line = point - other

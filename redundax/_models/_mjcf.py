@@ -16,8 +16,8 @@ import numpy as np
 
 from .._tools._errors import RedundaxError
 from .._tools._optional import optional
-from .._tools._words import did_you_mean, ended
-from ._content import document, not_in_utf8
+from .._tools._words import did_you_mean
+from ._content import document, not_in_utf8, refusal
 from ._description import WITHOUT, Description, unique
 from ._foreign import known_part
 from ._mujoco_model import LEAST, described
@@ -78,21 +78,18 @@ def by_mujoco(
     """
     mujoco, content = optional("mujoco", "models"), path.read_bytes()
     if (size := max(content.count(b"<body"), content.count(b"<link"))) > _MOST_BODIES:
-        raise RedundaxError(
-            f"Argument `path`: '{path}' has {size} bodies, which MuJoCo would read for minutes, and whose matrices of "
-            f"constraints no machine holds: {_MOST_BODIES} at most. Cut out the part whose loops you ask for."
-        )
+        why = "which MuJoCo would read for minutes, and whose matrices of constraints no machine holds"
+        advice = "Cut out the part whose loops you ask for"
+        raise refusal(path, f"has {size} bodies, {why}: {_MOST_BODIES} at most. {advice}")
     with _silent(mujoco) as warned:
         try:
             model, notes = _read(mujoco, path, change, without)
             bytes(model.names).decode()
         except UnicodeDecodeError as error:
             what = not_in_utf8(content) or "includes a file that is not in UTF-8"
-            raise RedundaxError(
-                f"Argument `path`: '{path}' {what}. Save it in UTF-8, and have its first line say so."
-            ) from error
+            raise refusal(path, f"{what}. Save it in UTF-8, and have its first line say so") from error
     if any("'NaN'" in text for text in warned):
-        raise RedundaxError(f"Argument `path`: '{path}' has a number that is nan. Correct it.")
+        raise refusal(path, "has a number that is nan. Correct it")
     return described(form, model, notes, closed)
 
 
@@ -120,7 +117,7 @@ def _read(
     for what, of in _NUMBERS.items():
         values = getattr(model, what)
         if not np.all(np.abs(values) < _LARGEST):
-            raise RedundaxError(f"Argument `path`: '{path}' has {of} that are no numbers, or beyond all. Correct them.")
+            raise refusal(path, f"has {of} that are no numbers, or beyond all. Correct them")
     return model, notes
 
 
@@ -159,18 +156,16 @@ def _check_weights(spec: Any, path: pathlib.Path) -> None:
         for what, values in (("mass", np.array([body.mass])), ("inertia", inertia)):
             wrong = values[~((values >= 0) & (values < _LARGEST))]
             if wrong.size:
-                raise RedundaxError(
-                    f"Argument `path`: '{path}' gives '{_name(body)}' the {what} {wrong[0]:g}. Give a positive number, "
-                    "or 0 for a body that weighs nothing."
-                )
+                advice = "Give a positive number, or 0 for a body that weighs nothing"
+                raise refusal(path, f"gives '{_name(body)}' the {what} {wrong[0]:g}. {advice}")
 
 
 def _stripped(mujoco: Any, spec: Any) -> list[str]:
     """Delete what needs other files or constrains nothing, and say so."""
     notes = []
     for equality in list(spec.equalities):
-        kinds = mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD, mujoco.mjtEq.mjEQ_JOINT
-        if equality.type not in kinds or not equality.active:
+        kinds = (f"mjEQ_{word}" for word in ("CONNECT", "WELD", "JOINT", "TENDON"))
+        if equality.type.name not in kinds or not equality.active:
             why = f"its kind is not taken over{WITHOUT}" if equality.active else "it is not active"
             kind = equality.type.name.removeprefix("mjEQ_").lower()
             notes.append(f"constraint '{equality.name or kind}' is left out: {why}")
@@ -194,9 +189,9 @@ def _stripped(mujoco: Any, spec: Any) -> list[str]:
         notes += [f"mass that shapes from meshes give to {', '.join(lighter)}"] if lighter else []
     for each in (*shapes, *spec.meshes, *spec.hfields):
         spec.delete(each)
-    for geom in spec.geoms:
-        geom.material = ""
-    for each in (*spec.materials, *spec.textures):
+    for each in (*spec.geoms, *spec.sites, *spec.tendons):
+        each.material = ""
+    for each in (*spec.lights, *spec.materials, *spec.textures):
         spec.delete(each)
     if spec.option.viscosity or spec.option.density:
         notes.append("forces of the fluid around, of the density and viscosity in the file's options")
@@ -242,6 +237,7 @@ def _shapes(found: Any) -> str:
 def _compiled(spec: Any, path: pathlib.Path, notes: list[str]) -> Any:
     spec.compiler.fusestatic = spec.compiler.discardvisual = False
     spec.compiler.boundmass = spec.compiler.boundinertia = LEAST
+    spec.compiler.LRopt.mode = 0  # ranges of lengths of muscles, whose forces do not act
     try:
         return spec.compile()
     except (ValueError, RuntimeError) as error:
@@ -272,4 +268,4 @@ def _unreadable(path: pathlib.Path, error: Exception) -> RedundaxError:
         names = re.findall(r'name="([^"]*)"', path.read_text(encoding="utf-8", errors="replace"))
         advice = f"{advice}. {did_you_mean(unknown[1], names)}".rstrip()
     version = optional("mujoco", "models").__version__
-    return RedundaxError(f"Argument `path`: '{path}' cannot be read by MuJoCo {version}: {why}. {ended(advice)}")
+    return refusal(path, f"cannot be read by MuJoCo {version}: {why}. {advice}")

@@ -1,19 +1,31 @@
 """Models from files as mechanisms in space."""
 
 import dataclasses
+import os
 import pathlib
 import warnings
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._bodies._coupler import Coupler, Stop
+from .._bodies._joints import AbstractJoint
+from .._bodies._loads import AbstractLoad
 from .._bodies._mechanism import Mechanism
+from .._bodies._space._body import Body
+from .._bodies._speed_driver import SpeedDriver
+from .._system._names import index_of
 from .._system._state import State
 from .._tools._errors import NoSolutionError, RedundaxError
-from .._tools._module import Numbers, floats, on_device
-from ._build import mechanism_of, position_of
-from ._description import WITHOUT, Description, missing_of
+from .._tools._module import Numbers, check_kind, floats, on_device
+from .._tools._table import text_of
+from .._tools._words import printable
+from ._build import bodies_of, mechanism_of, position_of
+from ._content import refusal
+from ._description import CLOSING, WITHOUT, Description, missing_of
 from ._formats import describe
 from ._mujoco_run import run
 from ._series import Series
@@ -78,23 +90,28 @@ class Model:
     path: pathlib.Path = dataclasses.field(compare=False)
     closures: pathlib.Path | None = dataclasses.field(compare=False)
 
+    def __str__(self) -> str:
+        """What the file has, how far joints were moved to close it, what was left out, and the mechanism."""
+        has = contents(len(self.mechanism.names.bodies), self.joints, self.loops)
+        moved = [f"moved to close it: {name} by {size:.2g} (rad or m)" for name, size in self.moved.items()]
+        notes = [note if " is left out" in note else f"left out: {note}" for note in self.notes]
+        return printable(text_of([f"{self.path.name}: {has}", *moved, *notes, str(self.mechanism)]))
+
     def guess(self, positions: Mapping[str, Numbers]) -> Float[Array, " q"]:
         """Coordinates q of the mechanism with joints at given positions, to start `rx.assemble` from.
 
         **Arguments:**
 
-        - `positions`: by the name of the joint in the file, as the file counts them: the angle of a hinge, rad, the
-          travel of a slide, m, the quaternion (w, x, y, z) of a ball; position and quaternion of a free joint. Others
-          stay as in `state`.
+        - `positions`: by the name of the joint in the file, or of its coordinate, as the file counts them: the angle of
+          a hinge, rad, the travel of a slide, m, the quaternion (w, x, y, z) of a ball; position and quaternion of a
+          free joint. Others stay as in `state`.
         """
         chosen, tree = self.positions.copy(), self.tree
         places = {joint.name: (joint, place) for joint, place in zip(tree.joints, tree.places, strict=True)}
         for name, value in positions.items():
-            if name not in places:
-                raise RedundaxError(
-                    f"Argument `positions` names '{name}', which is no joint of the model. It has {sorted(places)}."
-                )
-            joint, place = places[name]
+            plain = name if name in places else name.removesuffix(".angle").removesuffix(".travel")
+            index_of("positions", plain, list(places), " of joints")
+            joint, place = places[plain]
             if np.size(value) != (size := place.stop - place.start):
                 raise RedundaxError(
                     f"Argument `positions` must hold {size} for the {joint.kind} '{name}', but holds {np.size(value)}. "
@@ -135,6 +152,44 @@ class Model:
         return mechanism_of(self.described, stopped=True)[0]
 
     @property
+    def bodies(self) -> dict[str, Body]:
+        """The moving bodies by their names, for joints and loads that `extended` adds."""
+        return {body.name: body for body in bodies_of(self.described)}
+
+    def extended(
+        self,
+        joints: Sequence[AbstractJoint] = (),
+        *,
+        couplers: Sequence[Coupler | Stop | SpeedDriver] = (),
+        loads: Sequence[AbstractLoad] = (),
+        friction: Mapping[str, Any] | None = None,
+    ) -> Mechanism:
+        """The mechanism with parts that the file does not have: feet on a floor, stops, drives, loads, friction.
+
+        Global points and axes are those of the pose that the file draws; `bodies` are what they need. Coordinates are
+        those of `mechanism`, so that `guess` serves.
+
+        ??? example
+
+            ```python
+            leg = model.bodies["leg"]
+            foot = rx.spatial.PointOnPlane("foot", leg, "ground", (0.2, 0, 0), axis=(0, 0, 1), one_sided=True)
+            standing = model.extended([foot])
+            print(rx.solve(standing, rx.assemble(standing, model.guess({}))).contacts)
+            ```
+
+        **Arguments:**
+
+        - `joints`, `couplers`, `loads`: those of `rx.Mechanism`, in space.
+        - `friction`: of joints of the file by their names, as arguments of their constructors in `rx.spatial`, in place
+          of what the file says: {"guide": {"friction": rx.Coulomb(0.1), "guide_length": 0.08}}.
+        """
+        added = {"joints": joints, "couplers": couplers, "loads": loads}
+        for name, given in added.items():
+            check_kind(name, given, Sequence, "a list", f"Write it with brackets, as in `{name}=[...]`.")
+        return mechanism_of(self.described, added=added, rubbing={} if friction is None else friction)[0]
+
+    @property
     def series(self) -> Series | None:
         """What a program has stored of a run in the file: positions of bodies and reactions of joints over time."""
         return self.described.series
@@ -151,6 +206,13 @@ class Model:
     def described(self) -> Description:
         """What the file says."""
         return self.tree.description
+
+
+def contents(bodies: int, *parts: Mapping[str, Sequence[str]]) -> str:
+    """What a model has, as in "3 bodies; 3 hinges, 1 connect", of names by kind."""
+    kinds = Counter(kind for part in parts for kind, names in part.items() for _ in names)
+    counts = [f"{count} {kind}{'s' * (count > 1)}" for kind, count in kinds.items()]
+    return f"{bodies} {'body' if bodies == 1 else 'bodies'}; {', '.join(counts)}"
 
 
 def load_model(
@@ -190,23 +252,25 @@ def load_model(
     **Raises:** `ValueError` for a file that cannot be read, `RuntimeError` for loops that do not close. It warns of
     what constrains and is not read.
     """
+    check_kind("path", path, (str, os.PathLike), "the name of a file", 'Write "gripper.xml", say.')
     path = pathlib.Path(path)
     loops = closures_of(path, closures)
     described = describe(path, loops)
     _tell_missing(path, described.notes)
     if not described.joints:
-        raise RedundaxError(f"Argument `path`: '{path}' has no joints, so nothing that moves. Add some.")
+        beside = "".join(f" beside {each}, which is not read" for each in missing_of(described.notes)[:1])
+        raise refusal(path, f"has no joints{beside}, so nothing that moves. Add some")
     if all(joint.kind == "free" for joint in described.joints) and not (described.loops or described.ties):
-        raise RedundaxError(
-            f"Argument `path`: '{path}' has free bodies alone, so nothing that constrains. Add joints or loops."
-        )
+        raise refusal(path, "has free bodies alone, so nothing that constrains. Add joints or loops")
     tree = Tree(described)
     first = start(tree, keyframe)
     _check_closed(path, tree, first)
     _tell_misfit(path, tree.misfits(first.positions), first.left)
     mechanism, others = mechanism_of(described)
-    if limited := sum(joint.limits is not None for joint in described.joints):
-        others.append(f"stops at the limits of {limited} joint{'s' * (limited > 1)}, which bear no load here")
+    limited = sum(part.limits is not None for part in (*described.joints, *described.loops))
+    for count, what in ((limited, "joint"), (len(described.cables), "tendon")):
+        if count:
+            others.append(f"stops at the limits of {count} {what}{'s' * (count > 1)}, which bear no load here")
     return Model(
         mechanism,
         _state(tree, mechanism, first.positions),
@@ -232,8 +296,10 @@ def _check_closed(path: pathlib.Path, tree: Tree, first: Start) -> None:
     if first.left > OPEN:
         worst = sorted(tree.misfits(first.positions).items(), key=lambda item: -item[1])
         told = ", ".join(f"'{name}' by {misfit:.2g}" for name, misfit in worst[:4] if misfit > OPEN * tree.size)
+        moved = [note for note in tree.description.notes if note.startswith(CLOSING)]
+        there = f" Other joints are open in the file, too: {'; '.join(moved[:4])}." if moved else ""
         raise NoSolutionError(
-            f"The loops of '{path}' cannot be closed: the nearest position leaves open {told} (m or rad). "
+            f"The loops of '{path}' cannot be closed: the nearest position leaves open {told} (m or rad).{there} "
             "Correct lengths, anchors or loops."
         )
 

@@ -1,6 +1,6 @@
 """A model of MuJoCo, described without it: what MJCF and URDF are read to"""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,7 +8,7 @@ import numpy as np
 from .._bodies._body import GROUND
 from .._bodies._space._rotation import rotation
 from .._tools._optional import optional
-from ._description import WITHOUT, Body, Description, End, Joint, Loop, Tie, unique
+from ._description import WITHOUT, Body, Description, End, Joint, Loop, Term, Tie, unique
 from ._vectors import axes_of
 
 LEAST = 1e-14  # kg and kg m^2: less is no mass at all, which MuJoCo takes for no moving body
@@ -41,6 +41,7 @@ def described(
     names = unique([part.name for part in (*loops, *ties)], ())
     loops = [loop._replace(name=name) for loop, name in zip(loops, names, strict=False)]
     ties = [tie._replace(name=name) for tie, name in zip(ties, names[len(loops) :], strict=True)]
+    names += [term.name for tie in ties for term, _ in (*tie.first, *tie.second) if isinstance(term, Loop)]
     joint_names = unique([_joint_name(model, joint) for joint in range(model.njnt)], names)
     bodies = _bodies(model, data, movers, joint_names)
     return Description(
@@ -56,6 +57,7 @@ def described(
         _keyframes(mujoco, model),
         (*more, *notes),
         is_soft=True,
+        cables=tuple(_cables(mujoco, model, data, number)),
         lifts=tuple(
             (number[root_of(model, k)], data.xipos[k].copy(), -model.body_gravcomp[k] * mass * model.opt.gravity)
             for k, mass in enumerate(model.body_mass)
@@ -176,9 +178,23 @@ def _constraints(
         if kind == mujoco.mjtEq.mjEQ_JOINT:
             name = _named(model, k, "couple", model.joint(one).name, model.joint(two).name if two >= 0 else "0")
             if all(_KINDS[int(model.jnt_type[joint])] in ("hinge", "slide") for joint in (one, two) if joint >= 0):
-                ties.append(Tie(name, one, two, model.eq_data[k, :5].copy()))
+                terms = ((one, 1.0),), ((two, 1.0),) if two >= 0 else ()
+                ties.append(Tie(name, *terms, model.eq_data[k, :5].copy()))
             else:
                 notes.append(f"constraint '{name}' is left out: it does not couple two hinges or slides{WITHOUT}")
+            continue
+        if kind == mujoco.mjtEq.mjEQ_TENDON:
+            name = _named(model, k, "tendon", model.tendon(one).name, model.tendon(two).name if two >= 0 else "0")
+            found = _of_tendons(_Tendons(mujoco, model, data, number), k, name)
+            ends = _rod(mujoco, model, data, one, number) if two < 0 else None
+            length = float(model.tendon_length0[one] + model.eq_data[k, 0])
+            if ends is not None and length > 0:
+                loops.append(Loop(name, "distance joint", *ends, length))
+                places.setdefault(name, k)
+            elif isinstance(found, Tie):
+                ties.append(found)
+            else:
+                notes.append(f"constraint '{name}' is left out: {found}{WITHOUT}")
             continue
         word = "weld" if kind == mujoco.mjtEq.mjEQ_WELD else "connect"
         of_sites = model.eq_objtype[k] == mujoco.mjtObj.mjOBJ_SITE
@@ -198,6 +214,93 @@ def _constraints(
     if moved:
         notes.append(f"motion from outside (mocap) of {', '.join(moved)}: they rest where the file has them")
     return loops, ties, places, notes
+
+
+def _of_tendons(tendons: "_Tendons", k: int, name: str) -> Tie | str:
+    """What ties joints by lengths of tendons, a . x - p(b . x) = 0 in displacements x of the joints and of distances of
+    sites; or why none."""
+    model = tendons.model
+    ends = [end for end in (int(model.eq_obj1id[k]), int(model.eq_obj2id[k])) if end >= 0]
+    first, second = ({} if end is None else tendons.terms(end) for end in (*ends, None)[:2])
+    if first is None or second is None:
+        return "a tendon of it wraps about a sphere or a cylinder"
+    polynomial = model.eq_data[k, :5].copy()
+    if not second or not np.any(polynomial[2:]):
+        both = {joint: first.get(joint, 0.0) - polynomial[1] * second.get(joint, 0.0) for joint in {**first, **second}}
+        first, second = {}, {}
+        for joint, value in both.items():
+            if value:
+                (second if first else first)[joint] = -value if first else value
+        polynomial[1] = 1.0
+    if not first or (second and {*first} == {*second}):
+        return "it ties joints to themselves" if first else "nothing moves what it ties"
+    (size, *more), (slope, *others) = first.values(), second.values() or (0.0,)
+    first = first if more else dict.fromkeys(first, 1.0)
+    second = second if others else dict.fromkeys(second, 1.0)
+    polynomial = polynomial / (1.0 if more else size) * (1.0 if others else slope) ** np.arange(5)
+    return Tie(name, tendons.parts(first), tendons.parts(second), polynomial)
+
+
+def _rod(mujoco: Any, model: Any, data: Any, tendon: int, number: dict[int, int]) -> tuple[End, End] | None:
+    """The ends of a tendon that goes straight from a site to another, on another body."""
+    first, count = int(model.tendon_adr[tendon]), int(model.tendon_num[tendon])
+    if count != 2 or np.any(model.wrap_type[first : first + count] != mujoco.mjtWrap.mjWRAP_SITE):
+        return None
+    one, two = model.wrap_objid[first : first + count].tolist()
+    start, end = _site_ends(model, data, one, two, number)
+    return (start, end) if start.body != end.body else None
+
+
+def _cables(mujoco: Any, model: Any, data: Any, number: dict[int, int]) -> Iterator[Loop]:
+    """Tendons between two sites that have a greatest length."""
+    for tendon in np.flatnonzero(model.tendon_limited).tolist():
+        ends, (_, most) = _rod(mujoco, model, data, tendon, number), model.tendon_range[tendon].tolist()
+        if ends is not None and most > 0:
+            yield Loop(model.tendon(tendon).name or f"tendon {tendon + 1}", "distance joint", *ends, most)
+
+
+class _Tendons(NamedTuple):
+    """Tendons of a model, of joints or from site to site, by numbers of those."""
+
+    mujoco: Any
+    model: Any
+    data: Any
+    number: dict[int, int]
+
+    def terms(self, tendon: int) -> dict[int | tuple[int, int], float] | None:
+        """By how much displacements of joints, and of distances of sites, make a tendon longer; None of one that wraps
+        about a geometry."""
+        model, kinds, first = self.model, self.mujoco.mjtWrap, int(self.model.tendon_adr[tendon])
+        found: dict[int | tuple[int, int], float] = {}
+        share, last = 1.0, -1
+        for place in range(first, first + int(model.tendon_num[tendon])):
+            kind, at, value = model.wrap_type[place], int(model.wrap_objid[place]), float(model.wrap_prm[place])
+            if kind == kinds.mjWRAP_JOINT:
+                found[at] = value
+            elif kind == kinds.mjWRAP_PULLEY:  # what follows is pulled by a share, and begins anew
+                share, last = 1.0 / value, -1
+            elif kind == kinds.mjWRAP_SITE:
+                pair = (min(last, at), max(last, at))
+                if last >= 0 and self.part(pair) is not None:
+                    found[pair] = found.get(pair, 0.0) + share
+                last = at
+            else:
+                return None
+        return {key: value for key, value in found.items() if value}
+
+    def parts(self, terms: dict[int | tuple[int, int], float]) -> tuple[Term, ...]:
+        """Terms that move."""
+        both = [(self.part(key), weight) for key, weight in terms.items()]
+        return tuple((part, weight) for part, weight in both if part is not None)
+
+    def part(self, key: int | tuple[int, int]) -> int | Loop | None:
+        """A joint, or the distance of two sites; None of sites that move alike."""
+        if isinstance(key, int):
+            return key
+        start, end = _site_ends(self.model, self.data, *key, self.number)
+        name = f"span from {' to '.join(self.model.site(site).name or f'site {site}' for site in key)}"
+        length = float(np.linalg.norm(end.point - start.point))
+        return Loop(name, "distance joint", start, end, length) if start.body != end.body else None
 
 
 def _named(model: Any, k: int, word: str, one: str, two: str) -> str:

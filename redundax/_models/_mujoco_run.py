@@ -89,6 +89,9 @@ def _loads(
             found[joint.name] = (*_placed(tree, joint.child), *wrench)
     for loop in tree.loops:
         wrench = _of_loop(mujoco, model, data, origin.equalities[loop.name], loop)
+        if loop.kind == "distance joint":  # MuJoCo's row is the length of a tendon
+            apart = poses.point(loop.first) - poses.point(loop.second)
+            wrench = wrench[0].sum() * apart / np.linalg.norm(apart), np.zeros(3)
         found[loop.name] = (*_placed(tree, loop.first), *wrench)
     return found
 

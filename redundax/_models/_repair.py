@@ -9,21 +9,27 @@ stay clear of 0 all along, those are taken that do at the first position, and sa
 that are made one after the other, N of what those before leave is N times the null space of their N_R.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any, NamedTuple
+import pathlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from .._analysis._release import Release, releases
+from .._tools._errors import RedundaxError
 from ._audit import Audit, Group
 from ._choice import LEAST, USABLE, Choice, Repair
-from ._edit import Edit, Written
-from ._edit_mjcf import mjcf_lines, mjcf_moves, write_mjcf
-from ._edit_urdf import urdf_moves, write_urdf
+from ._edit import Changed, Edit
+from ._edit_asmt import asmt_change, asmt_moves
+from ._edit_mjcf import mjcf_change, mjcf_moves
+from ._edit_sdf import sdf_change, sdf_moves
+from ._edit_urdf import urdf_change, urdf_moves
+from ._edit_usd import usd_change, usd_moves
 from ._model import Model
 from ._stress import Along, Stress
 from ._travel import Travel
 
+_REST = 1e-9  # of unit rows: what no choice of rows can free
 _GOOD = 0.1
 _BETWEEN = 4  # positions looked at for each that was walked to
 _NEAR = 1e-4  # of a singular position, where self-stress is not clear
@@ -31,33 +37,35 @@ _TURNED = 0.7  # least cosine of self-stress at neighbouring positions
 
 
 class Language(NamedTuple):
-    """What a kind of file can say: its moves, how they are written, and what it has no words for."""
+    """What a kind of file can say: its moves, its copies with changes, and what it has no words for."""
 
     name: str
     moves: Callable[[Model], list[Edit]]
-    lines: Callable[[Model, Sequence[Edit]], list[str]]
-    write: Callable[[Model, Sequence[Edit], Any], Written]
+    change: Callable[[Model, Sequence[Edit], pathlib.Path], Changed]
     lacks: str
 
+    def lines(self, model: Model, edit: Edit) -> list[str]:
+        """What to write where; nothing for what stands in an included file."""
+        try:
+            return self.change(model, [edit], model.path).lines
+        except RedundaxError:
+            return []
 
-MJCF = Language("MJCF", mjcf_moves, mjcf_lines, write_mjcf, "it cannot free single directions of a connect or weld")
-URDF = Language(
-    "URDF", urdf_moves, lambda model, edits: [], write_urdf, "it knows ball joints in place of hinges, and 3d loops"
-)
-_NONE = Language(
-    "a format that has no words for releases",
-    lambda model: [],
-    lambda model, edits: [],
-    lambda model, edits, file: Written(()),
-    "redundax writes MJCF and URDF alone",
+
+_LANGUAGES = (
+    Language("MJCF", mjcf_moves, mjcf_change, "it cannot free single directions of a connect or weld"),
+    Language("URDF", urdf_moves, urdf_change, "it knows ball joints in place of hinges, and 3d loops"),
+    Language(
+        "SDF", sdf_moves, sdf_change, "it knows ball and universal joints in place of hinges, and none that slide"
+    ),
+    Language("ASMT", asmt_moves, asmt_change, "it has no joint that frees a single tilt"),
+    Language("USD", usd_moves, usd_change, "no joint of it that is read frees a single tilt"),
 )
 
 
 def language(model: Model) -> Language:
     """That of the file of a model."""
-    return {each.name: each for each in (MJCF, URDF)}.get(
-        model.described.format, _NONE._replace(name=model.described.format)
-    )
+    return next(each for each in _LANGUAGES if each.name == model.described.format)
 
 
 def along(model: Model, found: Audit, at: np.ndarray, travel: Travel | None) -> Along:
@@ -166,28 +174,39 @@ def _picked(
     def size(picks: Sequence[int]) -> int:
         return sum(len(blocks[k]) for k in picks)
 
+    def becomes(k: int) -> str:
+        return moves[k].name if moves[k].how == "become" else ""
+
+    def fits(k: int, picks: Sequence[int]) -> bool:  # a joint becomes one kind
+        return not becomes(k) or becomes(k) not in map(becomes, picks)
+
     best: list[int] = []
     for bases, least in ((way, USABLE), (Along(way.bases[:1], way.places), LEAST)):
         if best:
             break
-        best = _greedy(bases, blocks, allowed, least, key, [])
-        for start in allowed if size(best) < way.bases.shape[2] else ():
-            if bases.worst(blocks[start]) > least:
-                best = max(best, _greedy(bases, blocks, allowed, least, key, [start]), key=size)
+        worst = bases.worsts([blocks[k] for k in allowed])
+        usable = [k for k, margin in zip(allowed, worst, strict=True) if margin > least]  # others free no more of it
+        rows = sorted({row for k in usable for row in blocks[k]})
+        own = {k: [rows.index(row) for row in blocks[k]] for k in usable}
+        mine = bases.only(rows)
+        best = _greedy(mine, own, least, key, fits, [])
+        for start in usable if size(best) < np.linalg.matrix_rank(mine.bases[0], tol=_REST) else ():
+            best = max(best, _greedy(mine, own, least, key, fits, [start]), key=size)
     return best
 
 
 def _greedy(
     way: Along,
-    blocks: Sequence[list[int]],
-    allowed: Sequence[int],
+    blocks: Mapping[int, list[int]],
     least: float,
     key: Callable[[int, float], tuple],
+    fits: Callable[[int, Sequence[int]], bool],
     picks: list[int],
 ) -> list[int]:
     left, picks = way.freed([row for k in picks for row in blocks[k]]), list(picks)
     while left.bases.shape[2]:
-        worst = {k: left.worst(blocks[k]) for k in allowed if k not in picks}
+        others = [k for k in blocks if k not in picks and fits(k, picks)]
+        worst = dict(zip(others, left.worsts([blocks[k] for k in others]), strict=True))
         usable = [k for k, margin in worst.items() if margin > least]
         if not usable:
             break

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from xml.parsers import expat
 from xml.sax.saxutils import quoteattr
 
-from .._tools._errors import RedundaxError
+from ._content import refusal, strict
 
 
 @dataclasses.dataclass(eq=False)
@@ -44,11 +44,9 @@ class Source:
         parser.StartElementHandler = lambda tag, attributes: self._begins(parser.CurrentByteIndex, tag, attributes)
         parser.EndElementHandler = lambda _: self._ends(parser.CurrentByteIndex)
         try:
-            parser.Parse(self.content, True)
+            parser.Parse(strict(self.content), True)
         except (expat.ExpatError, ValueError) as error:
-            raise RedundaxError(
-                f"Argument `path`: '{path}' is no well-formed XML: {error}. Correct the file."
-            ) from error
+            raise refusal(path, f"is no well-formed XML: {error}. Correct the file") from error
 
     def _declared(self, _: str, encoding: str | None, __: int) -> None:
         self._encoding = encoding or self._encoding
@@ -76,7 +74,7 @@ class Source:
                 quote = sign
             elif sign == ord(">"):
                 return k + 1
-        raise RedundaxError(f"Argument `path`: '{self._path}' is no well-formed XML. Correct the file.")
+        raise refusal(self._path, "is no well-formed XML. Correct the file")
 
     def text(self, element: Element) -> str:
         """The first tag of an element, as it is written."""

@@ -64,13 +64,13 @@ def outside(tree: Tree, positions: np.ndarray) -> tuple[Limit, ...]:
 
 
 def _outside(tree: Tree, positions: np.ndarray) -> Iterator[Limit]:
-    scale = tree.scale()
-    for joint, place, dofs in zip(tree.joints, tree.places, tree.dofs, strict=True):
-        if joint.limits is None:
-            continue
-        (low, high), own = joint.limits, positions[place]
-        at, slack = float(own[0]), DIGITS * float(scale[dofs.start])
-        if joint.kind == "ball":
-            at = 2 * float(np.arctan2(np.linalg.norm(own[1:]), abs(at)))
-        if not low - slack <= at <= high + slack:
-            yield Limit(joint.name, at, low if at < low else high)
+    at = {part.name: float(count) for part, count in zip(tree.limited, tree.counts(positions), strict=True)}
+    for joint, place in zip(tree.joints, tree.places, strict=True):
+        if joint.kind == "ball" and joint.limits:
+            turn = positions[place]
+            at[joint.name] = 2 * float(np.arctan2(np.linalg.norm(turn[1:]), abs(turn[0])))
+    for part in (*tree.joints, *tree.loops):
+        if part.limits and part.name in at:
+            (low, high), own, slack = part.limits, at[part.name], DIGITS * (tree.size if part.kind == "slide" else 1.0)
+            if not low - slack <= own <= high + slack:
+                yield Limit(part.name, own, low if own < low else high)

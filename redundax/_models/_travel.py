@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.linalg
 
+from ._description import Loop
 from ._tree import CLOSED, DIGITS, Tree
 
 _STEP, _STEPS, _LONGEST = 0.1, 240, 6.4  # of the joint that moves most, rad or sizes; in all; of one way
@@ -97,11 +98,13 @@ def resolution(left: float) -> float:
 
 
 class _Point(NamedTuple):
-    """A position, the way on, and the singular values of the loops relative to the largest, of the rank kept."""
+    """A position, the way on, the singular values of the loops relative to the largest, of the rank kept, and where
+    joints with limits are, turns counted."""
 
     positions: np.ndarray
     way: np.ndarray
     values: np.ndarray
+    counts: np.ndarray
 
     @property
     def kept(self) -> float:
@@ -115,26 +118,26 @@ class _Path:
     def __init__(self, tree: Tree, freedom: int, left: float):
         self.tree, self.freedom, self.rank = tree, freedom, tree.nv - freedom
         self._most = max(10 * left, DIGITS / 10)
-        self.limits = {
-            k: joint.limits for k, joint in enumerate(tree.joints) if joint.limits is not None and joint.kind in _SINGLE
-        }
-        self._places = [tree.places[joint].start for joint in self.limits]
-        self._ranges = np.array(list(self.limits.values())).reshape(-1, 2)
-        self.stops: dict[tuple[int, float], None] = {}  # joints and their limits that stopped a step
+        self._ranges = np.array([part.limits for part in tree.limited]).reshape(-1, 2)
+        self._turns = np.array([isinstance(part, Loop) and part.kind == "hinge" for part in tree.limited], bool)
+        self.stops: dict[tuple[str, float], None] = {}  # joints and their limits that stopped a step
 
-    def at(self, positions: np.ndarray, way: np.ndarray) -> _Point:
+    def at(self, positions: np.ndarray, way: np.ndarray, counts: np.ndarray | None = None) -> _Point:
         _, values, basis = np.linalg.svd(self.tree.system(positions)[1] * self.tree.scale())
         motion = basis[np.sum(values[: self.rank] > _HELD * values[:1]) :]  # at a singular position straight on
         on = motion.T @ (motion @ way)
-        return _Point(positions, on / (np.abs(on).max() or 1.0), values[: self.rank] / values[0])
+        counts = self.tree.counts(positions) if counts is None else counts
+        return _Point(positions, on / (np.abs(on).max() or 1.0), values[: self.rank] / values[0], counts)
 
     def step(self, here: _Point, length: float) -> _Point | None:
         """A step on, where the loops close and the joints are within their limits."""
         start = self.tree.moved(here.positions, length * self.tree.scale() * here.way)
         moved, misfit = self.tree.descend(start, _CORRECTIONS)
-        if misfit > self._most or self._stopped(here.positions, moved):
+        if misfit > self._most:
             return None
-        return self.at(moved, here.way)
+        steps = self.tree.counts(moved) - here.counts
+        counts = here.counts + steps - 2 * np.pi * self._turns * np.round(steps / (2 * np.pi))
+        return None if self._stopped(here.counts, counts) else self.at(moved, here.way, counts)
 
     def on(self, here: _Point) -> _Point | None:
         """A step on, shorter where a limit stops it."""
@@ -182,10 +185,10 @@ class _Path:
 
     def _within(self, end: float, dof: int) -> float:
         """The limit of a joint where an end passes it by no more than a step may."""
-        joint = int(self.tree.joint_of_dof[dof])
-        if joint not in self.limits:
+        joint = self.tree.joints[int(self.tree.joint_of_dof[dof])]
+        if joint.limits is None or joint.kind not in _SINGLE:
             return end
-        inside = float(np.clip(end, *self.limits[joint]))
+        inside = float(np.clip(end, *joint.limits))
         return inside if abs(end - inside) <= DIGITS else end
 
     def _end(self, points: list[_Point], at: np.ndarray, dof: int, sign: float) -> float:
@@ -203,16 +206,11 @@ class _Path:
 
     def _stopped(self, here: np.ndarray, there: np.ndarray) -> bool:
         """Whether joints are farther beyond their limits than before; which they are is kept."""
-        before, after = (self._beyond(each) for each in (here, there))
+        low, high = self._ranges.T
+        before, after = (np.maximum(np.stack([low - at, at - high], axis=1), 0.0) for at in (here, there))
         places = np.argwhere(after > before + DIGITS)
-        joints = list(self.limits)
-        self._hit = tuple((joints[k], float(self._ranges[k, side])) for k, side in places)
+        self._hit = tuple((self.tree.limited[k].name, float(self._ranges[k, side])) for k, side in places)
         return bool(self._hit)
-
-    def _beyond(self, positions: np.ndarray) -> np.ndarray:
-        """How far joints are beyond their lower and their upper limit, (joints, 2)."""
-        at, (low, high) = positions[self._places], self._ranges.T
-        return np.maximum(np.stack([low - at, at - high], axis=1), 0.0)
 
 
 def travel(tree: Tree, positions: np.ndarray, freedom: int, left: float = 0.0) -> Travel | None:
@@ -225,7 +223,6 @@ def travel(tree: Tree, positions: np.ndarray, freedom: int, left: float = 0.0) -
     leaders = order[:freedom]
     ways = motion @ np.linalg.inv(motion[leaders])
     path, ranges, found, walked, moved = _Path(tree, freedom, left), {}, [], [], []
-    names = [joint.name for joint in tree.joints]
     held = np.abs(tree.system(positions)[1] * tree.scale()).max(axis=0) > _HELD
     felt = [
         (leader, way) for leader, way in zip(leaders.tolist(), ways.T, strict=True) if np.any(np.abs(way[held]) > _HELD)
@@ -247,8 +244,8 @@ def travel(tree: Tree, positions: np.ndarray, freedom: int, left: float = 0.0) -
         low, high = (_rounded(end, settled[leader]) for end in path.range_of(points, at, leader))
         ranges[name], moved = (low, high), [*moved, *[name] * bool(high - low > _MOTION * tree.scale()[leader])]
         walked.append(Way(name, at, *(np.array([getattr(p, of) for p in points]) for of in ("positions", "kept"))))
-    stops = tuple((names[joint], _rounded(limit, DIGITS)) for joint, limit in path.stops)
-    return Travel(ranges, tuple(found), least, bool(path.limits), stops, tuple(moved), tuple(walked))
+    stops = tuple((joint, _rounded(limit, DIGITS)) for joint, limit in path.stops)
+    return Travel(ranges, tuple(found), least, bool(tree.limited), stops, tuple(moved), tuple(walked))
 
 
 def _rounded(at: float, resolution: float) -> float:

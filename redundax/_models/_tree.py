@@ -8,14 +8,15 @@ so that bodies stay in their joints and joints of no loop where they are, howeve
 """
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from .._bodies._space._rotation import between, rotation
-from ._description import SIZES, Description, End, Joint, Loop, Tie
-from ._loop_rows import LoopRows, loop_rows
+from ._description import Description, End, Joint, Loop, Term
+from ._kinds import KINDS
+from ._loop_rows import LoopRows, count_of, loop_rows
 from ._vectors import cross, turned, vector_of
 
 _STEPS, _STARTS, _ENOUGH, _LONGEST = 200, 20, 5, 0.3  # the longest step: rad, and the share of the model's size
@@ -25,13 +26,6 @@ DIGITS = 1e-6  # relative: numbers of a file may have no more digits, so that le
 _STILL = 1e-12  # steps that lead nowhere
 _NEAR = 1e-3  # rad, or the share of the model's size
 _REACH = 0.8  # rad, or the share of the model's size: the largest of random displacements of joints
-_MOTIONS = {  # of joints whose displacements are numbers: turns or slides, about or along which axis of which end
-    "hinge": ((True, "parent", 2),),
-    "slide": ((False, "parent", 2),),
-    "cylindrical joint": ((True, "parent", 2), (False, "parent", 2)),
-    "universal joint": ((True, "parent", 2), (True, "child", 2)),
-    "planar joint": ((False, "parent", 0), (False, "parent", 1), (True, "parent", 2)),
-}
 
 
 class _Motion:
@@ -68,6 +62,10 @@ class Poses(NamedTuple):
         """Of an end, global."""
         return self.turns[end.body] @ end.axes
 
+    def frame(self, end: End) -> tuple[np.ndarray, np.ndarray]:
+        """Both."""
+        return self.point(end), self.axes(end)
+
 
 class Tree:
     """The joints of a description, with its loops and ties.
@@ -79,7 +77,7 @@ class Tree:
     def __init__(self, description: Description):
         self.description, self.joints = description, description.joints
         self.loops, self.ties = description.loops, description.ties
-        sizes = np.array([SIZES[joint.kind] for joint in self.joints]).reshape(-1, 2)
+        sizes = np.array([KINDS[joint.kind].sizes for joint in self.joints]).reshape(-1, 2)
         ends = np.concatenate([np.zeros((1, 2), int), np.cumsum(sizes, axis=0)])
         self.nq, self.nv = ends[-1].tolist()
         self.places, self.dofs = (
@@ -88,6 +86,7 @@ class Tree:
         self.joint_of_dof = np.repeat(np.arange(len(self.joints)), sizes[:, 1])
         self.reference = np.concatenate([np.zeros(0), *(joint.reference for joint in self.joints)])
         self._motions = [_motions(joint) for joint in self.joints]
+        self._last: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
         self.below = np.zeros((len(description.bodies), self.nv), dtype=bool)
         for joint, dofs in zip(self.joints, self.dofs, strict=True):
             self.below[joint.child.body] = self.below[joint.parent.body]
@@ -189,8 +188,11 @@ class Tree:
         found = np.zeros(self.nv, dtype=bool)
         for loop in self.loops:
             found |= self.below[loop.first.body] ^ self.below[loop.second.body]
-        for joint in (joint for tie in self.ties for joint in (tie.first, tie.second) if joint >= 0):
-            found[self.dofs[joint]] = True
+        for term, _ in (each for tie in self.ties for each in (*tie.first, *tie.second)):
+            if isinstance(term, Loop):
+                found |= self.below[term.first.body] ^ self.below[term.second.body]
+            else:
+                found[self.dofs[term]] = True
         return found
 
     def elsewhere(
@@ -271,6 +273,10 @@ class Tree:
 
     def scale(self) -> np.ndarray:
         """Of a long step of each joint: the size of the model for one that slides or floats, 1 for one that turns."""
+        return self._scale
+
+    @functools.cached_property
+    def _scale(self) -> np.ndarray:
         slides = [np.full(dofs.stop - dofs.start, joint.kind == "free") for joint, dofs in self._each()]
         for found, motions in zip(slides, self._motions, strict=True):
             found[: len(motions)] = [not motion.is_turn for motion in motions]
@@ -279,58 +285,88 @@ class Tree:
     def _each(self) -> list[tuple[Joint, slice]]:
         return list(zip(self.joints, self.dofs, strict=True))
 
+    @functools.cached_property
+    def limited(self) -> tuple[Joint | Loop, ...]:
+        """Hinges and slides that have limits, of the tree and then of loops."""
+        return tuple(part for part in (*self.joints, *self.loops) if part.limits and part.kind in ("hinge", "slide"))
+
+    def counts(self, positions: np.ndarray) -> np.ndarray:
+        """Where these are, rad or m as the file counts."""
+        places = {joint.name: place.start for joint, place in zip(self.joints, self.places, strict=True)}
+        found = [positions[places[part.name]] for part in self.limited if isinstance(part, Joint)]
+        if loops := [part for part in self.limited if isinstance(part, Loop)]:
+            poses = self.at(positions)
+            found += [count_of(loop, *(poses.frame(end) for end in (loop.first, loop.second))) for loop in loops]
+        return np.array(found)
+
     def rows_of_loops(self, positions: np.ndarray) -> list[LoopRows]:
         """What each loop holds at positions of the joints."""
         poses = self.at(positions)
-        return [
-            loop_rows(loop, *((poses.point(end), poses.axes(end)) for end in (loop.first, loop.second)))
-            for loop in self.loops
-        ]
+        return [loop_rows(loop, *(poses.frame(end) for end in (loop.first, loop.second))) for loop in self.loops]
 
     def system(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residual of all loops and ties, and its derivative by the velocities of the joints."""
+        if self._last is None or not np.array_equal(self._last[0], positions):  # a descent ends where the next look is
+            self._last = positions.copy(), *self._system(positions)
+        return self._last[1:]
+
+    def _system(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         poses, residuals, slopes = self.at(positions), [np.zeros(0)], [np.zeros((0, self.nv))]
         for loop in self.loops:
             rows = _rows(poses, loop)
-            one, other = (
-                self.velocities_at(poses, end.body, point)
-                for end, point in zip((loop.first, loop.second), rows.points, strict=True)
-            )
             residuals.append(rows.residual)
-            slopes.append(rows.forces @ (one[0] - other[0]) + rows.moments @ (one[1] - other[1]))
-        for tie in self.ties:
+            slopes.append(self._slopes(poses, loop, rows))
+        for terms in self.terms(positions):
             row = np.zeros((1, self.nv))
-            row[0, self._dof(tie, 0)] = 1.0
-            if tie.second >= 0:
-                slope = np.polyval(np.polyder(tie.polynomial[::-1]), self._displacement(positions, tie, 1))
-                row[0, self._dof(tie, 1)] -= slope
+            for term, weight in terms:
+                if isinstance(term, Loop):
+                    row += weight * self._slopes(poses, term, _rows(poses, term))
+                else:
+                    row[0, self.dofs[term].start] += weight
             slopes.append(row)
         return np.concatenate([*residuals, *self._lags(positions)]), np.concatenate(slopes)
 
-    def _dof(self, tie: Tie, which: int) -> int:
-        return self.dofs[(tie.first, tie.second)[which]].start + tie.coordinates[which]
+    def _slopes(self, poses: Poses, loop: Loop, rows: LoopRows) -> np.ndarray:
+        """Rates of rows by the velocities of the joints."""
+        one, other = (
+            self.velocities_at(poses, end.body, point)
+            for end, point in zip((loop.first, loop.second), rows.points, strict=True)
+        )
+        return rows.forces @ (one[0] - other[0]) + rows.moments @ (one[1] - other[1])
 
-    def _displacement(self, positions: np.ndarray, tie: Tie, which: int) -> float:
-        place = self.places[(tie.first, tie.second)[which]].start + tie.coordinates[which]
-        return float(positions[place] - self.reference[place])
-
-    def _lags(self, positions: np.ndarray) -> list[np.ndarray]:
+    def terms(self, positions: np.ndarray) -> list[list[Term]]:
+        """Of each tie what its row is of, and how much a unit of that changes it."""
         found = []
         for tie in self.ties:
-            other = self._displacement(positions, tie, 1) if tie.second >= 0 else 0.0
-            wanted = np.polyval(tie.polynomial[::-1], other)
-            found.append(np.array([self._displacement(positions, tie, 0) - wanted]))
+            slope = float(np.polyval(np.polyder(tie.polynomial[::-1]), self._displacement(positions, tie.second)))
+            both = ((tie.first, 1.0), (tie.second, -slope))
+            found.append([(term, by * weight) for terms, by in both for term, weight in terms])
         return found
+
+    def _displacement(self, positions: np.ndarray, terms: Sequence[Term]) -> float:
+        """The sum of displacements of joints and distances, times their weights."""
+        away, found = positions - self.reference, 0.0
+        for term, weight in terms:
+            if isinstance(term, Loop):
+                found += weight * float(_rows(self.at(positions), term).residual[0])
+            else:
+                found += weight * float(away[self.places[term].start])
+        return found
+
+    def _lags(self, positions: np.ndarray) -> list[np.ndarray]:
+        """What ties miss."""
+        sums = [[self._displacement(positions, terms) for terms in (tie.first, tie.second)] for tie in self.ties]
+        polynomials = [tie.polynomial[::-1] for tie in self.ties]
+        return [np.array([one - np.polyval(by, other)]) for (one, other), by in zip(sums, polynomials, strict=True)]
 
 
 def _rows(poses: Poses, loop: Loop) -> LoopRows:
-    first, second = ((poses.point(end), poses.axes(end)) for end in (loop.first, loop.second))
-    return loop_rows(loop, first, second)
+    return loop_rows(loop, poses.frame(loop.first), poses.frame(loop.second))
 
 
 def _motions(joint: Joint) -> list[_Motion]:
     ends = {"child": joint.child, "parent": joint.parent}
     return [
         _Motion(is_turn, ends[end].axes[:, column], joint.child.point)
-        for is_turn, end, column in _MOTIONS.get(joint.kind, ())
+        for _, is_turn, end, column in KINDS[joint.kind].coordinates
     ]

@@ -4,18 +4,19 @@ URDF is a tree: each link is the child of one joint at most. Programs close loop
 other one reads; these are found by their names, or by naming two links.
 """
 
+import functools
 import pathlib
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Any
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from .._tools._errors import RedundaxError
-from .._tools._words import did_you_mean, ended, short
+from .._tools._words import did_you_mean, short
 from ._closed_loops import add_closed_loops, add_drives, loops_in, transmissions
-from ._content import document
+from ._content import document, refusal
 from ._description import WITHOUT, Description
 from ._mjcf import by_mujoco
 from ._urdf_loops import loops_of, second_parents
@@ -71,12 +72,9 @@ def read_urdf(path: pathlib.Path, closures: pathlib.Path | None) -> Description:
     return by_mujoco("URDF", path, changed, closed, twice)
 
 
-def check_urdf(path: pathlib.Path, root: Any) -> None:
+def check_urdf(path: pathlib.Path, root: Element) -> None:
     """Refuse a URDF whose names do not fit, or that is no tree, and say how its loop is given."""
-
-    def refuse(why: str) -> RedundaxError:
-        return RedundaxError(f"Argument `path`: '{path}' {ended(why)}")
-
+    refuse = functools.partial(refusal, path)
     _check_expanded(root, refuse)
     links = [each.get("name", "") for each in root.iterfind("link")]
     for what in ("link", "joint"):
@@ -120,7 +118,9 @@ def check_urdf(path: pathlib.Path, root: Any) -> None:
         hung.update(passed)
 
 
-def unread(path: pathlib.Path, root: Any, closed: Sequence[Sequence[str]], taken: Sequence[Any] = ()) -> list[str]:
+def unread(
+    path: pathlib.Path, root: Element, closed: Sequence[Sequence[str]], taken: Sequence[Element] = ()
+) -> list[str]:
     """What of a URDF is not read, and may constrain or press, a line each, where no loop that a file of closures has
     holds the same links; `closed` are the frames of those loops, `taken` elements that are read."""
     links, joints = {each.get("name", "") for each in root.iterfind("link")}, _joints(root)
@@ -161,11 +161,11 @@ def unread(path: pathlib.Path, root: Any, closed: Sequence[Sequence[str]], taken
     return found
 
 
-def _joints(root: Any) -> dict[str, Any]:
+def _joints(root: Element) -> dict[str, Element]:
     return {each.get("name", ""): each for each in root.iterfind("joint")}
 
 
-def _is_empty(joint: Any) -> bool:
+def _is_empty(joint: Element) -> bool:
     """Whether limits that are given leave a joint no travel; those that are no numbers are told by MuJoCo."""
     limit = joint.find("limit")
     if limit is None or joint.get("type") not in ("revolute", "prismatic"):
@@ -176,7 +176,7 @@ def _is_empty(joint: Any) -> bool:
         return False
 
 
-def _carriers(joints: dict[str, Any]) -> dict[str, str]:
+def _carriers(joints: dict[str, Element]) -> dict[str, str]:
     """The link that carries a link fixed to it, or the child of a joint, by their names."""
     fixed = {_end(joint, "child"): _end(joint, "parent") for joint in joints.values() if joint.get("type") == "fixed"}
     found = {}
@@ -188,7 +188,7 @@ def _carriers(joints: dict[str, Any]) -> dict[str, str]:
     return found
 
 
-def _check_expanded(root: Any, refuse: Any) -> None:
+def _check_expanded(root: Element, refuse: Any) -> None:
     """Refuse a template."""
     for element in root.iter():
         texts = [text for name, text in element.attrib.items() if name != "filename"]
@@ -209,7 +209,7 @@ def _looped(path: pathlib.Path, link: str, what: str, joint: str) -> str:
     )
 
 
-def _within(element: Any, links: set[str], joints: dict[str, Any]) -> Iterator[Any]:
+def _within(element: Element, links: set[str], joints: dict[str, Element]) -> Iterator[Element]:
     """The outermost elements that may be loops: joints between links, and what is called like one and names a part."""
     if _local(element.tag) == "joint":
         mimics = any("mimic" in each.attrib.values() for each in element.iterfind("param"))
@@ -225,18 +225,18 @@ def _within(element: Any, links: set[str], joints: dict[str, Any]) -> Iterator[A
         yield from _within(child, links, joints)
 
 
-def _is_read(element: Any, joints: dict[str, Any]) -> bool:
+def _is_read(element: Element, joints: dict[str, Element]) -> bool:
     """Whether this says again what a joint says of itself, that it mimics another."""
     return any(joints[name].find("mimic") is not None for name in _named(element, joints))
 
 
-def _named(element: Any, names: Any) -> list[str]:
+def _named(element: Element, names: Collection[str]) -> list[str]:
     """Those of some names that an element has as values or text, in order."""
     texts = (text.strip() for each in element.iter() for text in (*each.attrib.values(), each.text or ""))
     return list(dict.fromkeys(text for text in texts if text in names))
 
 
-def _told(element: Any, links: set[str], joints: dict[str, Any]) -> str:
+def _told(element: Element, links: set[str], joints: dict[str, Element]) -> str:
     own = f" {short(element.get('name'))}" if element.get("name") else ""
     ends = [name for name in _named(element, links) or _named(element, joints) if name != element.get("name")]
     return f"<{element.tag}>{own}{f' of {_listed(ends)}' if ends else ''}"
@@ -246,7 +246,7 @@ def _listed(names: Sequence[str]) -> str:
     return " and ".join(names[:2]) + (f" and {len(names) - 2} more" if len(names) > 2 else "")
 
 
-def _end(joint: Any, end: str) -> str:
+def _end(joint: Element, end: str) -> str:
     found = joint.find(end)
     return "" if found is None else found.get("link", "")
 

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._bodies._space._rotation import quaternion
+from ._content import numbers_in
 from ._vectors import about_fixed_axes, axes_of
 
 _KINDS = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "fixed": "weld"}
@@ -71,9 +72,9 @@ def second_parents(root: Any) -> Iterator[UrdfLoop]:
 
 def _loop_joints(root: Any) -> Iterator[UrdfLoop]:
     for element in root.iterfind("loop_joint"):
-        ends, kind = [element.find(word) for word in ("link1", "link2")], _KINDS.get(element.get("type", ""))
-        axis = _axis(_of(element, "axis", "xyz") or "1 0 0")
-        if None in ends or kind is None or axis is None or not all(end.get("xyz") for end in ends):
+        ends = [end for end in element if end.tag in ("link1", "link2")]  # the page of Isaac Sim has `link1` twice
+        kind, axis = _KINDS.get(element.get("type", "")), _axis(_of(element, "axis", "xyz") or "1 0 0")
+        if len(ends) != 2 or kind is None or axis is None or not all(end.get("xyz") for end in ends):
             continue
         held = []
         for end in ends:
@@ -90,7 +91,9 @@ def _ball_constraints(root: Any) -> Iterator[UrdfLoop]:
             continue
         inner = {each.tag: each for each in element}
         names = [inner[f"{word}_body_{end}"].get("name") for end in "AB" if f"{word}_body_{end}" in inner]
-        points = [_numbers(inner[f"{word}_p_{end}"].get("value")) for end in ("AP", "BQ") if f"{word}_p_{end}" in inner]
+        points = [
+            numbers_in(inner[f"{word}_p_{end}"].get("value"), 3) for end in ("AP", "BQ") if f"{word}_p_{end}" in inner
+        ]
         if len(names) == len(points) == 2 and all(names) and all(point is not None for point in points):
             held = [Held(name, point, np.eye(3)) for name, point in zip(names, points, strict=True)]
             yield UrdfLoop(element, f"ball_constraint {' ~ '.join(names)}", "connect", *held)
@@ -100,7 +103,7 @@ def _of_gazebo(root: Any) -> Iterator[UrdfLoop]:
     for element in root.iterfind("gazebo/joint"):
         kind, xyz = _KINDS.get(element.get("type", "")), element.find("axis/xyz")
         parent, child = ((element.findtext(end) or "").strip() for end in ("parent", "child"))
-        pose = _numbers(element.findtext("pose") or "0 0 0 0 0 0", 6)
+        pose = numbers_in(element.findtext("pose") or "0 0 0 0 0 0", 6)
         axis = _axis(xyz.text) if xyz is not None and not xyz.attrib else None
         if kind in ("weld", "connect"):
             axis = np.eye(3)
@@ -115,20 +118,12 @@ def _of(element: Any, child: str, name: str) -> str:
     return "" if found is None else found.get(name, "")
 
 
-def _numbers(text: str | None, count: int = 3) -> np.ndarray | None:
-    try:
-        found = np.array([float(word) for word in (text or "").split()])
-    except ValueError:
-        return None
-    return found if found.size == count and np.all(np.isfinite(found)) else None
-
-
 def _frame(xyz: str | None, rpy: str | None) -> tuple[np.ndarray, np.ndarray] | None:
-    point, angles = _numbers(xyz or "0 0 0"), _numbers(rpy or "0 0 0")
+    point, angles = numbers_in(xyz or "0 0 0", 3), numbers_in(rpy or "0 0 0", 3)
     return None if point is None or angles is None else (point, about_fixed_axes(angles))
 
 
 def _axis(text: str | None) -> np.ndarray | None:
     """Axes whose z is along a direction."""
-    axis = _numbers(text)
+    axis = numbers_in(text, 3)
     return None if axis is None or not np.any(axis) else axes_of(axis / np.linalg.norm(axis))

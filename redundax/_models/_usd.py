@@ -8,7 +8,6 @@ Lengths are in `metersPerUnit`, masses in `kilogramsPerUnit`, angles in degrees;
 joints are in single precision, and are taken as the shortest decimals that they may have been written as.
 """
 
-import dataclasses
 import pathlib
 import re
 from collections.abc import Iterator
@@ -16,15 +15,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .._bodies._body import GROUND
 from .._bodies._space._rotation import rotation
-from .._tools._errors import RedundaxError
 from .._tools._optional import optional
-from .._tools._words import did_you_mean, ended, printable, short
-from ._assembly import NOWHERE, Assembly, Frame, Held
-from ._description import WITHOUT, Description, Joint, drive_rates, unique
-from ._usd_masses import shape_of, together
+from .._tools._words import did_you_mean, printable, short
+from ._assembly import Frame, Held
+from ._content import refusal
+from ._description import Description, Joint, Place, Tie, unique
+from ._reader import LARGEST, AbstractReader
+from ._usd_masses import Shape, shape_of, together
+from ._usd_stage import stage_of
 
-FIRST = (b"#usda", b"PXR-USDC", b"PK\x03\x04")
 _KINDS = {
     "PhysicsFixedJoint": "fixed joint",
     "PhysicsRevoluteJoint": "hinge",
@@ -43,18 +44,29 @@ _GENERIC = {  # what a generic joint leaves free: travels and turns, of which z 
     ("xyz", "z"): "parallel-axes joint",
     ("xyz", ""): "no-rotation joint",
 }
-_TO_Z = {"X": (1, 2, 0), "Y": (2, 0, 1), "Z": (0, 1, 2)}  # axes of a frame, in an order in which one of them is z
+TO_Z = {"X": (1, 2, 0), "Y": (2, 0, 1), "Z": (0, 1, 2)}  # axes of a frame, in an order in which one of them is z
 _HOLDING = re.compile("joint|constraint|gear|rack|tendon|mimic|attachment|weld|equality", re.IGNORECASE)
 _SILENT = re.compile("^(Mjc|Newton|Physx)JointAPI|^Physx(Limit|Articulation)|JointStateAPI")  # which hold nothing
+_MIMICS = re.compile("^(PhysxMimicJoint|NewtonMimic|MjcEqualityJoint)API")
+_SERIES = "MjcJointAPI"
+_CURVED = tuple(f"mjc:coef{k}" for k in range(5))  # of equalities of MuJoCo, which count otherwise
 _EARTH, _WATER = 9.81, 1000.0  # m/s^2, kg/m^3: of USD where a file says nothing
-_LARGEST = 1e30
+
+
+class UsdPlace(NamedTuple):
+    """Where a joint is: its path, and the axis of its frames that it is about or along, or that of each body."""
+
+    path: str
+    axis: str
 
 
 class _Acting(NamedTuple):
-    """What is known of a joint besides what it holds: its limits, and whether it is driven."""
+    """What is known of a joint besides what it holds: whether it is driven, where it is, and
+    whether others between the same bodies come after it."""
 
-    limits: tuple[float, float] | None
     is_driven: bool
+    place: Place
+    is_in_series: bool
 
 
 def read_usd(path: pathlib.Path) -> Description:
@@ -63,35 +75,35 @@ def read_usd(path: pathlib.Path) -> Description:
     with Tf.DiagnosticTrap() as told:
         try:
             return _Reader(path).description()
+        except (Tf.ErrorException, UnicodeDecodeError) as error:
+            why = _told(error).replace(f"{path}:", "line ")
+            raise refusal(path, f"cannot be read as USD: {why}. Correct the file") from error
         finally:
             told.ClearWarnings()  # none on the screen: what matters is in a note
 
 
-class _Reader:
+class _Reader(AbstractReader):
     """A stage of USD that is being read."""
 
-    def __init__(self, path: pathlib.Path):
-        self._path = path
-        Tf, Usd = optional("pxr.Tf", "usd"), optional("pxr.Usd", "usd")
-        UsdGeom, UsdPhysics = optional("pxr.UsdGeom", "usd"), optional("pxr.UsdPhysics", "usd")
-        self._geometry, self._physics, self._notes = UsdGeom, UsdPhysics, []
-        try:
-            stage = Usd.Stage.Open(str(path))
-            lost = [printable(" ".join(str(each).split())) for each in stage.GetCompositionErrors()]
-        except Tf.ErrorException as error:
-            why = printable(" ".join(str(getattr(error.args[0], "commentary", error)).split()))
-            raise self._refuse(
-                f"cannot be read as USD: {why.replace(f'{path}:', 'line ')}. Correct the file"
-            ) from error
-        self._notes += [f"part of the stage is left out: {each}{WITHOUT}" for each in lost]
+    form = "USD"
+
+    def _begin(self, path: pathlib.Path) -> None:
+        Usd, UsdGeom, UsdPhysics = (optional(f"pxr.{name}", "usd") for name in ("Usd", "UsdGeom", "UsdPhysics"))
+        self._geometry, self._physics = UsdGeom, UsdPhysics
+        stage = stage_of(path)
+        lost = [printable(" ".join(str(each).split())) for each in stage.GetCompositionErrors()]
+        for each in lost:
+            self._leave_out("part of the stage", each)
         self._stage = stage  # prims live as long as it does
         self._prims = list(Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()))
         self._at = UsdGeom.XformCache(Usd.TimeCode.EarliestTime())
         self._length, self._mass = UsdGeom.GetStageMetersPerUnit(stage), UsdPhysics.GetStageKilogramsPerUnit(stage)
-        if not (0 < self._length < _LARGEST and 0 < self._mass < _LARGEST):
+        if not all(1 / LARGEST < unit < LARGEST for unit in (self._length, self._mass)):
             raise self._refuse(f"has {self._length:g} m and {self._mass:g} kg in a unit. Give positive numbers")
-        self._up = np.eye(3)["XYZ".index(str(UsdGeom.GetStageUpAxis(stage)))]
-        self._poses, self._weights = [NOWHERE], [(0.0, np.zeros(3), np.zeros((3, 3)))]
+        up = str(UsdGeom.GetStageUpAxis(stage))
+        if up not in TO_Z:
+            raise self._refuse(f"has the axis {short(up)} up. Give X, Y or Z")
+        self._up = np.eye(3)["XYZ".index(up)]
         self._part_of: dict[Any, int] = {}
         self._shapes: dict[Any, list[Any]] = {}  # by the paths of the bodies that they are on
         for prim in self._prims:
@@ -106,15 +118,15 @@ class _Reader:
             raise self._refuse(f"has no body that moves, by `PhysicsRigidBodyAPI`. {advice}")
         self._parts = _named(moving)
 
-    def _refuse(self, why: str) -> RedundaxError:
-        return RedundaxError(f"Argument `path`: '{self._path}' {ended(why)}")
-
     def _values(self, prim: Any, name: str, size: int = 1) -> np.ndarray:
         """Numbers of an attribute: in single precision as the shortest decimals that they may have been written as."""
         value = prim.GetAttribute(name).Get()
         if value is not None and hasattr(value, "GetImaginary"):
             value = [value.GetReal(), *value.GetImaginary()]
-        found = np.array([float(str(np.float32(x))) for x in np.ravel([] if value is None else value)])
+        try:
+            found = np.array([float(str(np.float32(x))) for x in np.ravel([] if value is None else value)])
+        except (TypeError, ValueError):  # of another type than the schema has
+            found = np.zeros(0)
         if found.size != size or np.any(np.isnan(found)):
             raise self._refuse(f"must have {size} numbers in {short(name)} of {short(str(prim.GetPath()))}. Correct it")
         return found
@@ -122,7 +134,7 @@ class _Reader:
     def _map(self, prim: Any) -> tuple[np.ndarray, np.ndarray]:
         """What takes points of a prim, in its units, to global ones in m: a matrix and a shift."""
         matrix = np.array(self._at.GetLocalToWorldTransform(prim))
-        if not np.all(np.abs(matrix) < _LARGEST) or not np.linalg.det(matrix[:3, :3]):
+        if not np.all(np.abs(matrix) < LARGEST) or not np.linalg.det(matrix[:3, :3]):
             raise self._refuse(f"places {short(str(prim.GetPath()))} by no usable numbers. Correct its transform")
         return self._length * matrix[:3, :3].T, self._length * matrix[3, :3]
 
@@ -146,24 +158,20 @@ class _Reader:
         self._part_of[prim.GetPath()] = 0
         if is_held or not own.GetRigidBodyEnabledAttr().Get():
             return
-        self._part_of[prim.GetPath()] = len(self._poses)
-        self._poses.append(self._frame(prim))
-        self._weights.append(self._weight(prim, self._poses[-1]))
+        pose = self._frame(prim)
+        self._part_of[prim.GetPath()] = self._add("", pose, self._weight(prim, pose))
 
     def _weight(self, body: Any, pose: Frame) -> tuple[float, np.ndarray, np.ndarray]:
         """Mass, and centre and inertia in the axes of a body; what it does not say itself is of its shapes."""
         own, name = self._said(body), str(body.GetPath())
         shapes, densities = [], []
         for prim in self._shapes.get(body.GetPath(), ()):
-            shape = shape_of(prim, self._geometry)
+            shape = self._shape(prim, pose)
             if shape is None:
                 if not own["mass"] or own["inertia"] is None:
                     kind = prim.GetTypeName()
                     self._notes.append(f"{kind} '{prim.GetName()}' of '{name}': it adds nothing to its mass")
                 continue
-            linear, shift = self._map(prim)
-            back = pose.axes.T
-            shape = shape.mapped(back @ linear, back @ (shift - pose.point))
             said = self._said(prim)
             density = said["density"] or own["density"] or self._of_material(prim) or _WATER
             shapes.append(shape)
@@ -183,6 +191,16 @@ class _Reader:
             centre = pose.axes.T @ (linear @ own["centre"] + shift - pose.point)
         return mass, centre, inertia if own["inertia"] is None else own["inertia"]
 
+    def _shape(self, prim: Any, pose: Frame) -> Shape | None:
+        """A shape in the axes of a body; None of one without a volume that can be told."""
+        try:
+            shape = shape_of(prim, self._geometry)
+        except (TypeError, ValueError):  # of words where numbers are
+            return None
+        linear, shift = self._map(prim)
+        found = None if shape is None else shape.mapped(pose.axes.T @ linear, pose.axes.T @ (shift - pose.point))
+        return found if found is not None and 0 < found.volume < LARGEST else None
+
     def _said(self, prim: Any) -> dict[str, Any]:
         """What a prim says of its mass, SI: 0 or None where nothing, as of USD; its centre in its own units."""
         found: dict[str, Any] = {"mass": 0.0, "density": 0.0, "centre": None, "inertia": None}
@@ -190,10 +208,10 @@ class _Reader:
             return found
         mass, density = (float(self._values(prim, f"physics:{word}")[0]) for word in ("mass", "density"))
         moments, centre = (self._values(prim, f"physics:{word}", 3) for word in ("diagonalInertia", "centerOfMass"))
-        if min(mass, density, *moments) < 0 or not max(mass, density, *moments) < _LARGEST:
+        if min(mass, density, *moments) < 0 or not max(mass, density, *moments) < LARGEST:
             raise self._refuse(f"gives {short(str(prim.GetPath()))} a mass that none has. Give positive numbers")
         found["mass"], found["density"] = mass * self._mass, density * self._mass / self._length**3
-        if np.all(np.abs(centre) < _LARGEST):
+        if np.all(np.abs(centre) < LARGEST):
             found["centre"] = centre
         if np.any(moments):
             axes = np.eye(3)
@@ -221,7 +239,7 @@ class _Reader:
         """A frame of a joint on the part that it is on, in which axes are those of the prim that it names."""
         targets = prim.GetRelationship(f"physics:body{side}").GetTargets()
         here = self._values(prim, f"physics:localPos{side}", 3), self._turn(prim, f"physics:localRot{side}")
-        if not np.all(np.abs(here[0]) < _LARGEST):
+        if not np.all(np.abs(here[0]) < LARGEST):
             raise self._refuse(f"places {short(str(prim.GetPath()))} by no usable numbers. Correct its frames")
         if not targets:
             return 0, Frame(self._length * here[0], here[1])
@@ -238,39 +256,33 @@ class _Reader:
         part = self._part_of.get(self._carrier(target), 0)
         return part, self._poses[part].back().of(at)
 
-    def _held(self) -> Iterator[tuple[Held, _Acting]]:
+    def _held(self) -> Iterator[Held]:
         """Joints, with what acts in them, and of those that are not taken over a note."""
         joints = [prim for prim in self._prims if prim.IsA(self._physics.Joint) and self._is_on(prim)]
         joints.sort(key=lambda prim: bool(prim.GetAttribute("physics:excludeFromArticulation").Get()))
-        series: dict[tuple[int, int], list[str]] = {}
         for prim, name in zip(joints, _named(joints), strict=True):
             kind, axis, value, limits = self._kind(prim, name)
             i, j = self._end(prim, 0), self._end(prim, 1)
             if i[0] == j[0]:
-                self._notes.append(f"joint '{name}' is left out: both of its ends are on one body")
+                self._leave_out(f"joint '{name}'", "both of its ends are on one body", constrains=False)
             elif kind:
-                turns = (Frame(np.zeros(3), np.eye(3)[:, _TO_Z[each]]) for each in (axis[0], axis[-1]))
+                turns = (Frame(np.zeros(3), np.eye(3)[:, TO_Z[each]]) for each in (axis[0], axis[-1]))
                 i, j = ((part, at.of(turn)) for (part, at), turn in zip((i, j), turns, strict=True))
                 driven = any(self._drives(prim, each) for each in prim.GetAppliedSchemas())
-                yield Held(name, kind, i, j, value), _Acting(limits, driven)
-                pair = min(i[0], j[0]), max(i[0], j[0])
-                if "MjcJointAPI" in _applied(prim):
-                    series.setdefault(pair, []).append(name)
-        for some in (each for each in series.values() if len(each) > 1):
-            told = ", ".join(some)
-            self._notes.append(f"series of {told} is left out: MuJoCo has them one after the other{WITHOUT}")
+                place = Place(UsdPlace(str(prim.GetPath()), axis), driven or prim.IsInstanceProxy())
+                yield Held(name, kind, i, j, value, limits, _Acting(driven, place, _SERIES in _applied(prim)))
         for prim in self._prims:
             kind, own = str(prim.GetTypeName()), prim.IsA(self._physics.Joint)
             if kind and _HOLDING.search(kind) and not own and not kind.startswith("Skel"):
-                self._notes.append(f"{kind} '{prim.GetName()}' is left out: it is not read{WITHOUT}")
+                self._leave_out(f"{kind} '{prim.GetName()}'", "it is not read")
             for each in _applied(prim):
-                if _HOLDING.search(each) and not _SILENT.search(each):
-                    self._notes.append(f"{each} of '{prim.GetName()}' is left out: it is not read{WITHOUT}")
+                if _HOLDING.search(each) and not (_SILENT.search(each) or _MIMICS.search(each)):
+                    self._leave_out(f"{each} of '{prim.GetName()}'", "it is not read")
 
     def _is_on(self, prim: Any) -> bool:
         is_on = bool(prim.GetAttribute("physics:jointEnabled").Get())
         if not is_on:
-            self._notes.append(f"joint '{prim.GetName()}' is left out: the file switches it off")
+            self._leave_out(f"joint '{prim.GetName()}'", "the file switches it off", constrains=False)
         return is_on
 
     def _drives(self, prim: Any, schema: str) -> bool:
@@ -291,17 +303,17 @@ class _Reader:
             low, high = (float(self._values(prim, f"physics:{word}Distance")[0]) for word in ("min", "max"))
             if 0 < low == high:
                 return "distance joint", "Z", low * self._length, None
-            self._notes.append(f"joint '{name}' is left out: its distances are limits, which bear no load here")
+            self._leave_out(f"joint '{name}'", "its distances are limits, which bear no load here", constrains=False)
             return "", "Z", 0.0, None
         if kind not in _KINDS:
-            self._notes.append(f"joint '{name}' is left out: {kind} is not taken over{WITHOUT}")
+            self._leave_out(f"joint '{name}'", f"{kind} is not taken over")
             return "", "Z", 0.0, None
         limits = None
         if kind in ("PhysicsRevoluteJoint", "PhysicsPrismaticJoint"):
             unit = np.pi / 180 if kind == "PhysicsRevoluteJoint" else self._length
             low, high = (float(self._values(prim, f"physics:{word}Limit")[0]) * unit for word in ("lower", "upper"))
             if low >= high:
-                self._notes.append(f"lock of '{name}' by its limits is left out: they leave it no way{WITHOUT}")
+                self._leave_out(f"lock of '{name}' by its limits", "they leave it no way")
             elif np.isfinite(low) or np.isfinite(high):
                 limits = low, high
         cones = (
@@ -312,7 +324,7 @@ class _Reader:
         if any(0 < each < 360 for each in cones):
             self._notes.append(f"limits of '{name}': they bear no load here")
         axis = "Z" if kind == "PhysicsFixedJoint" else str(prim.GetAttribute("physics:axis").Get())
-        if axis not in _TO_Z:
+        if axis not in TO_Z:
             raise self._refuse(f"gives '{name}' the axis {short(axis)}. Give X, Y or Z")
         return _KINDS[kind], axis, 0.0, limits
 
@@ -327,7 +339,7 @@ class _Reader:
             of = f"limit:{word}{axis}:physics:"
             low, high = (float(self._values(prim, of + each)[0]) for each in ("low", "high"))
             if (low == high and low) or word == "distance":
-                self._notes.append(f"limit {word}{axis} of '{name}' is left out: it is not read{WITHOUT}")
+                self._leave_out(f"limit {word}{axis} of '{name}'", "it is not read")
             if low < high or word == "distance":
                 free[word] = free.get(word, "") + axis
             if low < high and (np.isfinite(low) or np.isfinite(high)):
@@ -336,11 +348,11 @@ class _Reader:
         moves, turns = free["trans"], free["rot"]
         own = next((each for each in (turns, moves) if len(each) == 1), "")
         own = own or (next(each for each in "XYZ" if each not in moves) if len(moves) == 2 else "Z")
-        order = dict(zip(("XYZ"[k] for k in _TO_Z[own]), "xyz", strict=True))
+        order = dict(zip(("XYZ"[k] for k in TO_Z[own]), "xyz", strict=True))
         left = ["".join(sorted(order[each] for each in some)) for some in (moves, turns)]
         key = left[0], left[1]
         if key == ("xyz", "xyz"):
-            self._notes.append(f"joint '{name}' is left out: it leaves all free")
+            self._leave_out(f"joint '{name}'", "it leaves all free", constrains=False)
             return "", "Z", 0.0, None
         if not moves and len(turns) == 2:
             self._notes.append(
@@ -350,56 +362,87 @@ class _Reader:
         kind = _GENERIC.get(key, "")
         if not kind:
             told = [f"{word}{axis}" for word in ("trans", "rot") for axis in free[word]]
-            self._notes.append(
-                f"joint '{name}' is left out: no joint here leaves {', '.join(told)} free alone{WITHOUT}"
-            )
+            self._leave_out(f"joint '{name}'", f"no joint here leaves {', '.join(told)} free alone")
         if limited and kind not in ("hinge", "slide"):
             self._notes.append(f"limits of '{name}': they bear no load here")
         return kind, own, 0.0, next(iter(limited.values()), None) if kind in ("hinge", "slide") else None
 
     def description(self) -> Description:
         """What the file says."""
-        found = list(self._held())
-        held = [each for each, _ in found]
-        acting = {each.name: acts for each, acts in found}
-        assembly = Assembly(self._parts, self._poses, held)
-        self._notes += assembly.notes
-        joints = [self._limited(assembly, joint, acting.get(joint.name), held) for joint in assembly.joints]
-        bodies = assembly.bodies(self._weights)
-        driven = [
-            k
-            for k, joint in enumerate(joints)
-            if joint.kind in ("hinge", "slide") and joint.name in acting and acting[joint.name].is_driven
-        ]
-        rates = drive_rates(joints, [(k, 0) for k in driven])
+        held = list(self._held())
+        acting = {each.name: each.said for each in held}
+        assembly = self._assembled(list(self._in_series(held)))
+        joints, paths = assembly.joints, {name: acts.place.at.path for name, acts in acting.items()}
+        single = {joint.name: k for k, joint in enumerate(joints) if joint.kind in ("hinge", "slide")}
+        driven = [(name, k, 0) for name, k in single.items() if name in acting and acting[name].is_driven]
+        ties = tuple(self._ties(joints, assembly.signs, paths))
+        tied = {joints[k].name for tie in ties for k, _ in (*tie.first, *tie.second) if isinstance(k, int)}
         for name, acts in acting.items():
-            if acts.is_driven and name not in [joints[k].name for k in driven]:
+            if acts.is_driven and name not in single:
                 self._notes.append(f"drive of '{name}', which is no hinge or slide of the tree")
         if driven:
             self._notes.append(f"forces of {len(driven)} drive{'s' * (len(driven) > 1)}")
-        shapes = sum(map(len, self._shapes.values()))
-        self._notes += [f"contact of {shapes} shape{'s' * (shapes > 1)}"] if shapes else []
-        points = [body.centre for body in bodies] + [joint.child.point for joint in joints]
-        return Description(
-            "USD",
-            bodies,
-            tuple(joints),
-            assembly.loops(),
-            (),
+        return self._described(
+            assembly,
             self._gravity(),
-            tuple(joints[k].name for k in driven),
-            lambda positions: rates,
-            np.array(points),
-            {},
-            tuple(self._notes),
+            driven,
+            sum(map(len, self._shapes.values())),
+            ties=ties,
+            origin={name: acts.place for name, acts in acting.items() if name not in tied},
         )
 
-    def _limited(self, assembly: Assembly, joint: Joint, acts: _Acting | None, held: list[Held]) -> Joint:
-        """A joint with its limits, of the child as the parent sees it."""
-        if acts is None or acts.limits is None:
-            return joint
-        low, high = acts.limits
-        return dataclasses.replace(joint, limits=(low, high) if assembly.sign(joint, held) > 0 else (-high, -low))
+    def _ties(self, joints: list[Joint], signs: dict[str, int], paths: dict[str, str]) -> Iterator[Tie]:
+        """Joints that mimic others: q = a + b q' of their positions, in degrees or in units of length.
+
+        So the schemas have it: PhysX's as q + gearing q' + offset = 0, Newton's as q = mimicCoef0 + mimicCoef1 q'.
+        """
+        numbers = {paths[joint.name]: k for k, joint in enumerate(joints) if joint.name in paths}
+        names = {path: name for name, path in paths.items()}
+        for prim in self._prims:
+            for schema in filter(_MIMICS.search, _applied(prim)):
+                path, name = str(prim.GetPath()), names.get(str(prim.GetPath()), prim.GetName())
+                if prim.GetAttribute("newton:mimicEnabled").Get() is False:
+                    continue
+                other, offset, slope, is_linear = self._mimicked(prim, schema)
+                both = [numbers.get(each, -1) for each in (path, other)]
+                kinds = {joints[k].kind if k >= 0 else "" for k in both}
+                if not is_linear or kinds not in ({"hinge"}, {"slide"}) or both[0] == both[1]:
+                    why = "it is not of two hinges or two slides of the tree, and linear"
+                    self._leave_out(f"{schema} of '{name}'", why)
+                    continue
+                one, two = (joints[k] for k in both)
+                sign, unit = signs[one.name] * signs[two.name], np.pi / 180 if kinds == {"hinge"} else self._length
+                constant = signs[one.name] * unit * offset + sign * slope * two.reference[0] - one.reference[0]
+                first, second = (((k, 1.0),) for k in both)
+                yield Tie(f"{one.name} as {two.name}", first, second, np.array([constant, sign * slope]))
+
+    def _mimicked(self, prim: Any, schema: str) -> tuple[str, float, float, bool]:
+        """The path of the joint that one mimics, offset and slope; and whether there is no more to it."""
+        of = f"physxMimicJoint:{schema.partition(':')[2]}:" if schema.startswith("Physx") else "newton:mimic"
+        word, least, most, sign = ("referenceJoint", "offset", "gearing", -1.0) if schema.startswith("Physx") else (
+            "Joint", "Coef0", "Coef1", 1.0)  # fmt: skip
+        targets = prim.GetRelationship(of + word).GetTargets()
+        given = [self._values(prim, of + each)[0] if prim.GetAttribute(of + each).HasValue() else default
+                 for each, default in ((least, 0.0), (most, 1.0))]  # fmt: skip
+        more = [each for each in prim.GetAttributes() if each.GetName() in _CURVED and each.Get()]
+        return str(targets[0]) if len(targets) == 1 else "", sign * given[0], sign * given[1], not more
+
+    def _in_series(self, held: list[Held]) -> Iterator[Held]:
+        """Joints of MuJoCo between the same two bodies one after the other, with bodies without mass between them."""
+        groups: dict[Any, list[Held]] = {}
+        for each in held:
+            groups.setdefault((each.i[0], each.j[0]) if each.said.is_in_series else each.name, []).append(each)
+        for some in groups.values():
+            part = some[0].j[0]
+            seen = self._poses[part].back().of(self._poses[some[0].i[0]])  # from the body below, where all are closed
+            above = some[0].i[0]
+            for each in some:
+                each = each._replace(i=each.i if above == each.i[0] else (above, seen.of(each.i[1])))
+                if each.name != some[-1].name:
+                    own = self._parts[part - 1] if part else GROUND
+                    above = self._add(f"{own} after {each.name}", self._poses[part])
+                    each = each._replace(j=(above, each.j[1]))
+                yield each
 
     def _gravity(self) -> tuple[float, float, float]:
         scenes = [prim for prim in self._prims if prim.IsA(self._physics.Scene)]
@@ -409,12 +452,20 @@ class _Reader:
         for scene in scenes[:1]:
             given = self._values(scene, "physics:gravityDirection", 3)
             value = float(self._values(scene, "physics:gravityMagnitude")[0])
-            if not (np.all(np.abs(given) < _LARGEST) and value < _LARGEST):
+            if not (np.all(np.abs(given) < LARGEST) and value < LARGEST):
                 raise self._refuse("has a gravity that is no number. Correct its `physics:gravityMagnitude`")
             way = given / np.linalg.norm(given) if np.any(given) else way
             size = value * self._length if value >= 0 else size
         x, y, z = (size * way).tolist()
         return x, y, z
+
+
+def _told(error: Exception) -> str:
+    """An error of USD in a line; those of spoiled binary files may be in no encoding."""
+    try:
+        return printable(" ".join(str(getattr(error.args[0], "commentary", error)).split()))
+    except UnicodeDecodeError:
+        return "it holds text that is not in UTF-8"
 
 
 def _applied(prim: Any) -> list[str]:

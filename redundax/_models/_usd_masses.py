@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+_FAR = 1e30  # of a point of a mesh, which may be anything else in a file that is spoiled
+
 
 class Shape(NamedTuple):
     """Volume, centre and second moments."""
@@ -59,7 +61,11 @@ def _mesh(mesh: Any) -> Shape | None:
     counts, corners = (
         np.array(each.Get() or [], int) for each in (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr())
     )
-    if counts.sum() != corners.size or (corners.size and not 0 <= corners.min() <= corners.max() < len(points)):
+    if (
+        not np.all(np.abs(points) < _FAR)
+        or counts.sum() != corners.size
+        or (corners.size and not 0 <= corners.min() <= corners.max() < len(points))
+    ):
         return None
     starts = np.cumsum(counts) - counts
     fans = [(s, s + k, s + k + 1) for s, count in zip(starts, counts, strict=True) for k in range(1, count - 1)]

@@ -29,6 +29,11 @@ def about_fixed_axes(angles: np.ndarray) -> np.ndarray:
     return np.array([[c, -r, 0], [r, c, 0], [0, 0, 1]]) @ about_y @ about_x
 
 
+def about_z(axes: np.ndarray) -> float:
+    """The angle about z by which axes are turned that have, or nearly have, the z of those in which they are given."""
+    return float(np.arctan2(axes[1, 0] - axes[0, 1], axes[0, 0] + axes[1, 1]))
+
+
 def turned(own: np.ndarray, vector: np.ndarray) -> np.ndarray:
     """A quaternion turned by a rotation vector about its own axes, of length 1."""
     angle = float(np.linalg.norm(vector))

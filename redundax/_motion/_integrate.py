@@ -1,57 +1,75 @@
 """A motion: its start, its phases, and what is given at the times asked for."""
 
+from functools import partial
+
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
-from .._closures._closure import AbstractClosure, elasticity
+from .._closures._closure import AbstractClosure
 from .._equations._factorize import AnyFactorisation
+from .._equations._gaps import model_of_all
 from .._equations._kinematics import slip_motion
+from .._equations._scaling import largest_violation, scaling
 from .._equations._sparse_factorisation import SparseFactorisation
+from .._solve._contacts import CLEAR
+from .._solve._play import at_sides
 from .._solve._solve import solve_factorised
 from .._solvers._continuation import Continuation
 from .._solvers._mixing import Mixing
 from .._solvers._solver import Newton, of_large
+from .._system._contact import UNKNOWN, Contact, code_of
 from .._system._directions import directions_of
 from .._system._friction import have_sense, memories
 from .._system._results import RESULTS, chosen, differs, first_failure
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._compilation import compiled
+from .._tools._errors import RedundaxError
 from .._tools._module import replace_fields
 from .._tools._no_answer import cut_where, nan_where, spoiled_where
-from .._tools._numbers import are_numbers, as_numbers, as_program, on_numbers, stop_gradient, xp
+from .._tools._numbers import are_numbers, as_numbers, as_program, on_numbers, stop_gradient, take, xp
 from .._tools._value import AbstractModule
 from ._held_rank import AnyHeld, held_by, hold
 from ._held_sparse import hold_sparse
-from ._moving import Equations, Moving, rechart
-from ._phases import Options, PhaseState, like, run, stretch
+from ._moving import STILL, Equations, Moving, Touch, rechart, tolerance_of
+from ._phases import Contacts, ImpactLog, Options, PhaseState, like, run, stretch
 from ._project import project
+from ._radau_solver import Radau
 from ._slip import no_plan
 from ._stabilisation import AbstractStabilisation
 from ._stepper import Controller, at_start
 from ._stick import Mode, next_mode
+from ._stiffness import STIFF, Watched
+from ._tangent import in_tangent
 from ._times import in_order, within
-from ._trajectory import Trajectory, TrajectoryStats
+from ._touch import Hit
+from ._trajectory import Impacts, Trajectory, TrajectoryStats
+
+# Part of a motion with contacts that a step takes at most: in flight nothing else bounds steps, and in each gaps are
+# looked at a few times.
+_LONGEST = 1 / 64
 
 
 class Course(AbstractModule):
     """What a motion runs through, and how it is integrated.
 
     - `t1`, `ts`: its end, and the times asked for.
-    - `rtol`, `dt0`, `max_steps`, `max_phases`, `solver`, `stabilisation`, `adjoint`: as of `simulate`.
+    - `rtol`, `dt0`, `max_steps`, `max_phases`, `solver`, `stabilisation`, `adjoint`: as of `simulate`; no solver where
+      it is chosen here.
     - `redundancy`: how many rows are redundant at the start, None where that is a traced number.
     - `singular`: whether the mass matrix may be singular.
+    - `restitution`: of one-sided contacts; None where there are none.
     """
 
     t1: Float[Array, ""]
     ts: Float[Array, " times"]
     rtol: Float[Array, ""] | None
     dt0: Float[Array, ""] | None
-    solver: diffrax.AbstractSolver
+    solver: diffrax.AbstractSolver | Radau | None
     stabilisation: AbstractStabilisation
     adjoint: diffrax.AbstractAdjoint
     meter: diffrax.AbstractProgressMeter
@@ -59,6 +77,7 @@ class Course(AbstractModule):
     max_phases: int = eqx.field(static=True)
     redundancy: int | None = eqx.field(static=True)
     singular: bool = eqx.field(static=True)
+    restitution: Float[Array, " c"] | None = None
 
 
 def _integrate(
@@ -73,33 +92,46 @@ def _integrate(
     else:
         held = held_by(system, state, factor.scaling, factor.split.stress, course.redundancy, singular=course.singular)
     equations = _equations(system, state, factor, closure, course.stabilisation, t1)
+    if course.restitution is not None:
+        equations = replace_fields(equations, scaling=scaling(system, model_of_all(system, state)))
     first = 0.01 * factor.scaling.size / equations.speed if course.dt0 is None else course.dt0
+    longest = None if course.restitution is None else _LONGEST * (t1 - state.t)
     tolerance = xp.asarray(1e-8, first.dtype) if course.rtol is None else course.rtol
     options = Options(
-        course.solver,
+        _solver(course, system, tolerance, known=are_numbers(state.q, state.t, course.t1)),
         course.rtol is None,
-        Controller(_controller(course.rtol, first), first, t1),  # pyright: ignore[reportCallIssue] (properties there)
+        Controller(_controller(course.rtol, first, longest), first, t1),  # pyright: ignore[reportCallIssue] (properties there)
         course.adjoint,
         course.meter,
         course.max_steps,
         tolerance,
         ts,
+        course.restitution,
     )
     before = _before(equations, state, held, ts)
-    result, mode = _start(equations, state, factor, before, options)
+    if course.restitution is None:
+        result, mode = _start(equations, state, factor, before, options)
+        y = before.y._replace(qd=xp.where(mode.resting, 0.0, state.qd))
+        before = before._replace(y=y, mode=mode, plan=no_plan(mode), going=before.going & mode.decided)
+    else:
+        before, result = _with_contacts(before, equations, state, rank, course.max_phases)
     result = chosen(ordered, result, RESULTS.times_out_of_order)
     lost = differs(result, RESULTS.successful)
-    y = before.y._replace(qd=xp.where(mode.resting, 0.0, state.qd))
-    before = before._replace(y=y, mode=mode, plan=no_plan(mode), going=~lost & mode.decided)
+    before = before._replace(going=before.going & ~lost)
     before, equations, options = cut_where(lost, (before, equations, options))
-    done = run(before, equations, options, course.max_phases)
-    solved, found = _solved(equations, done, options.ts, rank, course.redundancy, course.singular)
+    done = _run(before, equations, options, course.max_phases)
+    if done.contacts is not None:
+        result = chosen(lost, result, done.contacts.first)
+        lost = differs(result, RESULTS.successful)
+    solved, (found, does) = _solved(equations, done, options.ts, rank, course.redundancy, course.singular)
     solved = spoiled_where(lost, solved, (system, state, closure, t1, ts))
-    ended = chosen(lost, result, _ended(done, found == rank))
+    ended = chosen(lost, result, _ended(done, found, rank))
     q, qd, acceleration, multipliers, friction, sense, memory = solved
-    if isinstance(factor, SparseFactorisation):  # gradients that close it may not settle
-        open_ = jnp.isfinite(acceleration).all(axis=1) & ~jnp.isfinite(multipliers).all(axis=1) & ~done.rests
-        ended = RESULTS.where((ended == RESULTS.successful) & jnp.any(open_), RESULTS.ambiguous_closure, ended)
+    is_large = isinstance(factor, SparseFactorisation)
+    if is_large or equations.play is not None:  # gradients that close it may not settle, nor may sides of joints
+        open_ = xp.all(xp.isfinite(acceleration), axis=1) & ~xp.all(xp.isfinite(multipliers), axis=1) & ~done.rests
+        failure = RESULTS.ambiguous_closure if is_large else RESULTS.contacts_undecided
+        ended = chosen(differs(ended, RESULTS.successful) | ~xp.any(open_), ended, failure)
     return Trajectory(
         xp.where(ordered, ts, given),
         q,
@@ -110,7 +142,9 @@ def _integrate(
         sense,
         memory,
         ended,
-        _stats(done),
+        _stats(done, _usual_work(equations, factor.load)),
+        does,
+        _impacts(done),
     )
 
 
@@ -127,6 +161,28 @@ def integrate(
     # JAX takes options of compiling for no program that is cut for reverse mode.
     forward = isinstance(course.adjoint, diffrax.ForwardMode)
     return (_forward if forward else _dense)(system, state, factor, closure, course)
+
+
+def _with_contacts(
+    before: PhaseState, equations: Equations, state: State, rank: Array, most: int
+) -> tuple[PhaseState, RESULTS]:
+    """The run before its first phase, which begins with an event of the contacts that are closed; and whether none of
+    them overlap."""
+    system, ts = equations.system, before.path.work
+    rows, near, none = np.array(system.names.one_sided), largest_violation(state.qd.dtype), before.t != before.t
+    gap = take(-model_of_all(system, state).motion.value / equations.scaling.rows, rows)
+    which = gap < near * equations.scaling.size
+    touch = Touch(xp.asarray(~np.isin(np.arange(len(system.rows)), rows)), which & none, rank)
+    path = jax.tree.map(lambda x: xp.broadcast_to(x, (ts.size, *x.shape)), touch)
+    impacts = ImpactLog(
+        xp.zeros_like(state.t, int), *(xp.full((most + 1, *size), xp.nan, ts.dtype) for size in ((), rows.shape, ()))
+    )
+    good = as_numbers(RESULTS.successful)
+    contacts = Contacts(touch, Hit(state.t, which), ~none, ~none, good, path, impacts)
+    within = xp.all(gap >= -near * equations.scaling.size)
+    plan = before.plan._replace(time=state.t)
+    before = before._replace(contacts=contacts, begun=before.begun - 1, plan=plan)
+    return before, chosen(within, good, RESULTS.violated_constraints)
 
 
 def _equations(
@@ -156,12 +212,47 @@ def _equations(
     )
 
 
-def _controller(rtol: Array | None, first: Array) -> diffrax.PIDController:
+def _solver(course: Course, system: AbstractSystem, tolerance: Array, *, known: bool) -> diffrax.AbstractSolver:
+    """The solver: an implicit one in coordinates of the freedoms, if they are had, the one not given watched."""
+    # Rows of velocity leave positions more freedoms than velocities; contacts change their number.
+    dense = system.plan is None and not system.velocity_rows and course.restitution is None
+    solver, has_freedoms = course.solver, dense and course.stabilisation.projects
+    if solver is None:
+        watched = known and has_freedoms and course.redundancy is not None and course.rtol is not None
+        return Watched() if watched else diffrax.Dopri8()
+    if has_freedoms and isinstance(solver, (Radau, diffrax.AbstractImplicitSolver)):
+        return in_tangent(solver, tolerance, known=course.redundancy is not None)
+    if isinstance(solver, Radau):
+        raise RedundaxError(
+            "Argument `solver` must be another than `rx.Radau()` with matrices that are sparse, rows of velocity, "
+            "one-sided contacts or a stabilisation other than `rx.Projection()`. Give `diffrax.Kvaerno5()`, say."
+        )
+    return solver
+
+
+def _run(before: PhaseState, equations: Equations, options: Options, most: int) -> PhaseState:
+    """The motion up to the end; an implicit solver takes over where the explicit one finds it stiff."""
+    done = run(before, equations, options, most)
+    if not isinstance(options.solver, Watched) or not _is_stiff(done, options):
+        return done
+    done = done._replace(going=np.True_, begun=done.begun - 1, phases=done.phases - 1)
+    solver = in_tangent(Radau(), options.tolerance, known=True)
+    return run(done, equations, options._replace(solver=solver), most)
+
+
+def _is_stiff(done: PhaseState, options: Options) -> bool:
+    """Whether steps ended because they are stiff, and nothing else did end them."""
+    ended = ~done.going & ~differs(done.ended, diffrax.RESULTS.event_occurred) & (done.plan.time == np.inf)
+    goes_on = done.mode.decided & ~done.mode.resting & (done.t < options.controller.end)
+    return bool(ended & goes_on & (done.watch.stiff >= STIFF))
+
+
+def _controller(rtol: Array | None, first: Array, longest: Array | None) -> diffrax.PIDController:
     """Of errors by the tolerance; without tolerance steps are constant unless they cannot end so."""
     limits = {"rtol": 0.0, "dtmin": 1e-10 * first, "force_dtmin": False, "norm": jnp.abs}
     if rtol is None:
         return diffrax.PIDController(atol=1.0, dtmax=first, **limits)
-    return diffrax.PIDController(atol=rtol, **limits)
+    return diffrax.PIDController(atol=rtol, dtmax=longest, **limits)
 
 
 def _start(
@@ -173,13 +264,14 @@ def _start(
         return factor.result, start
     if equations.has_sense:
         start = _first_mode(equations, state, before, options)
-    fixed = stop_gradient((system, state, factor, elasticity(equations.closure, system, state)))
-    solution = solve_factorised(
-        *fixed, Continuation() if system.plan is None else of_large(Continuation()), None, start.sense
-    )
+    fixed = stop_gradient((system, state, factor, equations.elasticity(state)))
+    solver = Continuation() if system.plan is None else of_large(Continuation())
+    solved = partial(solve_factorised, solver=solver, x0=None, sense=start.sense)
+    solution, _, settled = at_sides(stop_gradient(equations.play), solved)(*fixed)
+    result = chosen(settled, solution.result, RESULTS.contacts_undecided)
     sticks = xp.any(equations.with_sense(start.sense).sticking)
-    tau = xp.where(differs(solution.result, RESULTS.successful), 0.0, solution.friction)  # else nothing moves
-    return chosen(sticks, factor.result, solution.result), start._replace(tau=xp.where(sticks, start.tau, tau))
+    tau = xp.where(differs(result, RESULTS.successful), 0.0, solution.friction)  # else nothing moves
+    return chosen(sticks, factor.result, result), start._replace(tau=xp.where(sticks, start.tau, tau))
 
 
 def _first_mode(equations: Equations, state: State, before: PhaseState, options: Options) -> Mode:
@@ -200,6 +292,7 @@ def _first_mode(equations: Equations, state: State, before: PhaseState, options:
 def _before(equations: Equations, state: State, held: AnyHeld, ts: Array) -> PhaseState:
     """The run before its first phase, with all joints in the sense 1."""
     memory = list(memories(equations.system.friction, state))
+    memory = as_numbers(memory) if are_numbers(state) else memory
     zero, base = xp.zeros_like(state.t), None if equations.system.adds else state.q
     y, sense, none = Moving(state.q, base, state.qd, zero, memory), equations.sense, xp.zeros_like(state.t, int)
     mode = Mode(sense, xp.zeros_like(sense), none > 0, none == 0)
@@ -227,14 +320,15 @@ def _before(equations: Equations, state: State, held: AnyHeld, ts: Array) -> Pha
 @as_program
 def _solved(
     equations: Equations, done: PhaseState, ts: Array, rank: Array, redundancy: int | None, singular: bool
-) -> tuple[tuple, Array]:
-    """Position, velocity, acceleration, multipliers and friction at times; and the rank found at the end."""
-    system = equations.system
+) -> tuple[tuple, tuple[Array, Array | None]]:
+    """Position, velocity, acceleration, multipliers and friction at times; and the rank found at the end, and what
+    contacts do at the times."""
 
-    def at(point: tuple[Array, Moving, Array, Array]) -> tuple[tuple, Array]:
-        t, y, sense, resting = point
-        there = equations.with_sense(sense)
-        held, found = hold(system, y.at(t), equations.scaling, rank, redundancy, singular=singular)
+    def at(point: tuple[Array, Moving, Array, Array, Touch | None]) -> tuple[tuple, tuple]:
+        t, y, sense, resting, touch = point
+        there = equations.with_sense(sense).with_touch(touch)
+        system, declared = there.system, rank if touch is None else touch.rank
+        held, found = hold(system, y.at(t), equations.scaling, declared, redundancy, singular=singular)
         y, _ = rechart(system, y)
         if equations.stabilisation.projects:
             y = jax.tree.map(lambda a, b: jnp.where(resting, a, b), y, project(system, t, y, held))
@@ -246,23 +340,50 @@ def _solved(
             sense = jnp.where(there.directions.directed, turned, sense)
         acceleration = jnp.where(resting, 0.0, solved.acceleration)
         loads = tuple(nan_where(resting, x) for x in (solved.multipliers, solved.tau))
-        return (y.q, y.qd, acceleration, *loads, sense, tuple(y.memory)), found
+        does = None if touch is None else _does(there, touch, solved.multipliers)
+        return (y.q, y.qd, acceleration, *loads, sense, tuple(y.memory)), (found, does)
 
-    path, here = (ts, done.path, done.senses, done.rests), (done.t, done.y, done.mode.sense, done.mode.resting)
+    touch, touches = (None, None) if done.contacts is None else (done.contacts.touch, done.contacts.path)
+    path = (ts, done.path, done.senses, done.rests, touches)
+    here = (done.t, done.y, done.mode.sense, done.mode.resting, touch)
     lost = jax.vmap(lambda y: ~jnp.all(jnp.isfinite(jnp.append(y.q, y.qd))))(done.path)
     # Where the motion did not get to stands its end: 0 times the derivatives at NaN would be NaN in every gradient.
     path = jax.tree.map(lambda a, b: jnp.where(like(lost, a), b, a), path, here)
     solved, found = jax.lax.map(at, jax.tree.map(lambda a, b: jnp.concatenate([a, b[None]]), path, here))
-    return jax.tree.map(lambda x: nan_where(like(lost, x), x[:-1]), solved), found[-1]
+    solved = jax.tree.map(lambda x: nan_where(like(lost, x), x[:-1]), solved)
+    return solved, (found[0][-1], None if touch is None else jnp.where(lost[:, None], UNKNOWN, found[1][:-1]))
 
 
-def _ended(done: PhaseState, same: Array) -> RESULTS:
-    """The result of a motion; `same` says whether the rank is what it was."""
+def _does(equations: Equations, touch: Touch, multipliers: Array) -> Int[Array, " c"]:
+    """What contacts do, as numbers."""
+    rows = np.array(equations.system.names.one_sided)
+    force = equations.scaling.rows * multipliers
+    holds, loaded = touch.kept[rows], force[rows] > CLEAR * jnp.max(jnp.abs(force))
+    opened, touches, carries = map(code_of, (Contact.open, Contact.touches, Contact.carries))
+    return jnp.where(holds & loaded, carries, jnp.where(holds | touch.rests, touches, opened))
+
+
+def _impacts(done: PhaseState) -> Impacts | None:
+    """The impacts, of known numbers as many as there are."""
+    if done.contacts is None:
+        return None
+    count, *figures = done.contacts.impacts
+    return Impacts(*(figure[: int(count)] if are_numbers(count) else figure for figure in figures))
+
+
+def _ended(done: PhaseState, found: Array, rank: Array) -> RESULTS:
+    """The result of a motion, given the rank found at its end and that at its start."""
+    contacts = done.contacts
+    same, settled, known = found == rank, True, True
+    if contacts is not None:
+        same, settled, known = found == contacts.touch.rank, contacts.found, contacts.known
     goes_on = ~differs(done.ended, diffrax.RESULTS.event_occurred) | ~differs(done.ended, diffrax.RESULTS.successful)
     return first_failure(
         (
             (xp.all(xp.isfinite(done.y.q)) & xp.all(xp.isfinite(done.y.qd)), RESULTS.not_finite),
             (differs(done.ended, diffrax.RESULTS.max_steps_reached), RESULTS.steps_exhausted),
+            (xp.asarray(known), RESULTS.impulse_unknown),
+            (xp.asarray(settled), RESULTS.contacts_undecided),
             (done.mode.decided, RESULTS.joint_sticks),
             (~done.going, RESULTS.phases_exhausted),
             (goes_on | same, RESULTS.rank_changed),
@@ -272,8 +393,15 @@ def _ended(done: PhaseState, same: Array) -> RESULTS:
     )
 
 
-def _stats(done: PhaseState) -> TrajectoryStats:
-    watch = done.watch
+def _usual_work(equations: Equations, load: Float[Array, " n"]) -> Float[Array, ""]:
+    """What loads do along the size of the mechanism."""
+    scale = equations.scaling
+    return stop_gradient(xp.max(xp.abs(load) * scale.coordinates) * scale.size)
+
+
+def _stats(done: PhaseState, usual: Array) -> TrajectoryStats:
+    watch, most = done.watch, done.watch.kinetic
+    most = xp.where(most > tolerance_of(STILL, most) ** 2 * usual, most, usual)  # what stands has none but of rounding
     return TrajectoryStats(
         steps=done.steps,
         rejected=done.rejected,
@@ -282,7 +410,7 @@ def _stats(done: PhaseState) -> TrajectoryStats:
         position_violation=watch.position,
         velocity_violation=watch.velocity / xp.where(watch.speed > 0, watch.speed, 1.0),
         kinetic_energy=watch.kinetic,
-        energy_error=watch.energy / xp.where(watch.kinetic > 0, watch.kinetic, 1.0),
+        energy_error=watch.energy / xp.where(most > 0, most, 1.0),
         nearest_singularity=watch.nearest,
         contraction=watch.contraction,
         jump=watch.jump,

@@ -16,9 +16,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Bool, Float, PyTree
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from .._closures._closure import AbstractClosure, elasticity
+from .._closures._closure import AbstractClosure, Elasticity, elasticity
+from .._closures._play import Play
+from .._equations._factorisation import Factorisation, factorised
 from .._equations._friction_response import friction_forces, friction_response, slip_accelerations
 from .._equations._kinematics import (
     along_slips,
@@ -32,6 +34,8 @@ from .._equations._kinematics import (
 )
 from .._equations._response import LinearResponse, Response
 from .._equations._scaling import Scaling
+from .._solve._contacts import without_rows
+from .._solve._play import at_own_sides
 from .._solvers._friction_problem import FrictionProblem, Law
 from .._solvers._solver import AbstractSolver, closed_root
 from .._system._directions import Directions
@@ -41,10 +45,11 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._least_solution import least_solution
 from .._tools._linear_map import LinearMap
+from .._tools._module import replace_fields
 from .._tools._no_answer import nan_where
-from .._tools._numbers import xp
+from .._tools._numbers import are_numbers, as_numbers, stop_gradient, xp
 from .._tools._value import AbstractModule
-from ._held_rank import AnyHeld, AnyHeldFactorisation, factorize_held
+from ._held_rank import AnyHeld, AnyHeldFactorisation, Held, factorize_held
 from ._held_sparse import SparseHeldFactorisation
 from ._stabilisation import AbstractStabilisation
 
@@ -65,7 +70,8 @@ class Moving(NamedTuple):
 
     def at(self, t: Array) -> State:
         """The state at a time."""
-        return State(self.q, self.qd, t, tuple(self.memory))
+        state = State(self.q, self.qd, t, tuple(self.memory))
+        return as_numbers(state) if are_numbers(self, t) else state
 
 
 # Eigenvalues of unit slip accelerations of joints that stick, relative to the largest, that count as 0.
@@ -90,6 +96,19 @@ class Context(NamedTuple):
     tau: Float[Array, " p"]
     rests: Bool[Array, ""]
     along: Float[Array, " p"] | None = None
+
+
+class Touch(NamedTuple):
+    """What one-sided contacts do in a phase.
+
+    - `kept`: the rows that hold: all but those of contacts that are open or touch alone; shape (m,).
+    - `rests`: contacts that touch, held closed by others; shape (c,).
+    - `rank`: that of the rows that hold.
+    """
+
+    kept: Bool[Array, " m"]
+    rests: Bool[Array, " c"]
+    rank: Int[Array, ""]
 
 
 class Linear(NamedTuple):
@@ -141,6 +160,7 @@ class Equations(AbstractModule):
     - `slip_size`: the length by which slips are made lengths, 1 for those that are; shape (p,).
     - `directions`: which slips share one friction, `None` if none do; their sense is a unit direction together.
     - `sensed`: whose friction depends on the sense of slip, so that it can stick.
+    - `touch`: what one-sided contacts do, `None` if there are none.
     """
 
     system: AbstractSystem
@@ -153,6 +173,7 @@ class Equations(AbstractModule):
     slip_size: Float[Array, " p"]
     directions: Directions | None
     sensed: tuple[bool, ...] = eqx.field(static=True)
+    touch: Touch | None = None
 
     @property
     def has_sense(self) -> bool:
@@ -168,6 +189,22 @@ class Equations(AbstractModule):
     def with_sense(self, sense: Float[Array, " p"]) -> "Equations":
         """The same equations with other senses."""
         return eqx.tree_at(lambda e: e.sense, self, sense)
+
+    @property
+    def touching(self) -> Touch:
+        """What contacts do, where there are some."""
+        return cast(Touch, self.touch)
+
+    def with_touch(self, touch: Touch | None) -> "Equations":
+        """The same equations with the rows of other contacts."""
+        if touch is None:
+            return self
+        return replace_fields(self, system=self.system.opened(touch.kept), touch=touch)
+
+    def elasticity(self, state: State) -> Elasticity:
+        """Compliance and misfit of the closure, of the rows that hold."""
+        chosen = elasticity(self.closure, self.system, state, play=True)
+        return chosen if self.touch is None else without_rows(chosen, self.touch.kept)
 
     def derivative(self, t: Array, y: Moving, context: Context) -> Moving:
         """y', 0 at rest.
@@ -194,6 +231,11 @@ class Equations(AbstractModule):
         return Moving(chart_rate(self.system, state), base, solved.acceleration, solved.power, memory)
 
     @property
+    def play(self) -> Play | None:
+        """That of the closure."""
+        return self.closure.clearances(self.system)
+
+    @property
     def loaded(self) -> bool:
         """Whether any friction depends on loads."""
         return any(group.rows.size for group in self.system.friction)
@@ -203,10 +245,30 @@ class Equations(AbstractModule):
     ) -> Linear:
         """What load and unit friction cause, given the factorisation at the state if it is known.
 
-        `closed` says whether the multipliers are the closure's, or some.
+        `closed` says whether the multipliers are the closure's, or some. Those of joints with play are linear at the
+        sides at which these stand.
         """
         factor = factorize_held(self.system, state, held) if factor is None else factor
+        if closed and self.play is not None:
+            return self._at_sides(state, held, factor)
         return self._linear(state, factor, closed=closed)
+
+    def _at_sides(self, state: State, held: AnyHeld, factor: AnyHeldFactorisation) -> Linear:
+        """`linear` with multipliers of joints with play."""
+        linear, gamma = self._linear(state, factor, closed=False), self.stabilisation.gamma(factor.motion)
+        fixed = stop_gradient((self, linear, gamma))
+        rank = gamma.size - jnp.round(jnp.trace(cast(Held, held).projector)).astype(int)
+
+        def solved(_: AbstractSystem, state: State, factor: Factorisation, chosen: Elasticity) -> _Loads:
+            equations, linear, gamma = fixed
+            loads = equations.solved(state, _closed(linear, gamma, factor, chosen), None).multipliers
+            finite = jnp.all(jnp.isfinite(loads))
+            return _Loads(loads, RESULTS.where(finite, RESULTS.successful, RESULTS.not_finite))
+
+        whole = factorised(self.system, state, rank)
+        given = self.system, state, whole, self.elasticity(state)
+        without, chosen, settled, _ = at_own_sides(cast(Play, self.play), solved, given)
+        return _closed(linear, gamma, without, chosen._replace(misfit=nan_where(~settled, chosen.misfit)))
 
     @eqx.filter_jit  # traced once, for the places that it stands in
     def _linear(self, state: State, factor: AnyHeldFactorisation, *, closed: bool) -> Linear:
@@ -220,7 +282,7 @@ class Equations(AbstractModule):
         columns = jnp.concatenate([load[:, None], directions], axis=1)
         a, lam = factor.respond(columns, jnp.pad(gamma[:, None], ((0, 0), (0, rate.size))))
         if closed:
-            compliance, misfit = elasticity(self.closure, system, state)
+            compliance, misfit = self.elasticity(state)
             pick, _ = factor.close(compliance)
             lam = pick.columns(lam, misfit)
         slip = directions.T @ a
@@ -235,7 +297,7 @@ class Equations(AbstractModule):
         a, lam = factor.respond(load[:, None], self.stabilisation.gamma(factor.motion)[:, None])
         pick = None
         if closed:
-            compliance, misfit = elasticity(self.closure, system, state)
+            compliance, misfit = self.elasticity(state)
             pick, _ = factor.close(compliance)
             lam = pick.columns(lam, misfit)
         unit, unclosed = (friction_response(system, state, factor, choice) for choice in (pick, None))
@@ -388,6 +450,21 @@ class Equations(AbstractModule):
             return y.qd @ self.system.mass(y.q, t) @ y.qd / 2
         own = y.qd[self.system.plan.columns]
         return jnp.einsum("bi,bij,bj->", own, self.system.by_bodies(y.q, t)[1], own) / 2
+
+
+class _Loads(NamedTuple):
+    multipliers: Float[Array, " m"]
+    result: RESULTS
+
+
+def _closed(linear: Linear, gamma: Float[Array, " m"], factor: Factorisation, chosen: Elasticity) -> Linear:
+    """The same with multipliers of a closure, which a factorisation at the state has."""
+    free, unit = linear.response.free, linear.response.unit
+    forces = jnp.concatenate([linear.load[:, None], linear.directions], axis=1)
+    lam = factor.respond(forces, jnp.pad(gamma[:, None], ((0, 0), (0, linear.rate.size)))).multipliers
+    lam = factor.close(chosen.compliance)[0].columns(lam, chosen.misfit)
+    parts = Response(free.acceleration, lam[:, 0]), Response(unit.acceleration, lam[:, 1:])
+    return linear._replace(response=LinearResponse(*parts))
 
 
 def _scaled(scale: Float[Array, " p"], yields: LinearMap, force: Float[Array, " p"]) -> Float[Array, " p"]:

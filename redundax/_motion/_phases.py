@@ -14,20 +14,24 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._system._directions import Directions
+from .._system._results import RESULTS, chosen
 from .._tools._compilation import is_single
 from .._tools._module import batch_any
-from .._tools._numbers import are_known, as_program, cond, xp
-from ._held_rank import AnyHeld
-from ._moving import Context, Equations, Moving
+from .._tools._numbers import are_known, are_numbers, as_program, cond, stop_gradient, take, xp
+from ._held_rank import AnyHeld, Held, held_by
+from ._impact import TOGETHER, After, Before, settle
+from ._moving import STILL, Context, Equations, Moving, Touch, tolerance_of
 from ._release import Release, set_out
-from ._slip import Plan
+from ._slip import Plan, no_plan
 from ._stepper import Begin, Carried, Control, Controller, Diagnostics, Stepper
 from ._stick import Mode
 from ._times import within
+from ._touch import Hit, arrived, no_hit
 
 
 class Options(NamedTuple):
-    """Arguments of diffrax, the tolerance of a step, the end of the motion, and the times asked for."""
+    """Arguments of diffrax, the tolerance of a step, the end of the motion, the times asked for, and the restitution of
+    one-sided contacts."""
 
     solver: diffrax.AbstractSolver
     constant: bool
@@ -37,6 +41,30 @@ class Options(NamedTuple):
     max_steps: int
     tolerance: Array
     ts: Float[Array, " times"]
+    restitution: Float[Array, " c"] | None
+
+
+class ImpactLog(NamedTuple):
+    """Impacts so far: how many, when, the impulses of contacts, and the energy that they took; NaN of the others."""
+
+    number: Int[Array, ""]
+    t: Float[Array, " impacts"]
+    impulses: Float[Array, "impacts c"]
+    lost: Float[Array, " impacts"]
+
+
+class Contacts(NamedTuple):
+    """One-sided contacts so far: what they do, the event ahead, whether it was found how they went on, and the friction
+    of impacts known; what is wrong with the state in which they settled at first; what they do at the times asked for,
+    and the impacts."""
+
+    touch: Touch
+    hit: Hit
+    found: Bool[Array, ""]
+    known: Bool[Array, ""]
+    first: RESULTS
+    path: Touch
+    impacts: ImpactLog
 
 
 class PhaseState(NamedTuple):
@@ -48,8 +76,9 @@ class PhaseState(NamedTuple):
     - `going`: whether it goes on.
     - `released`: which joints with several slips have just been let go.
     - `ended`: how the last steps ended.
-    - `begun`: how many phases began, rests too.
+    - `begun`: how many phases began, rests too; -1 before contacts have settled.
     - `watch`, `steps`, `rejected`, `phases`: the evidence.
+    - `contacts`: the one-sided ones, if there are some.
     """
 
     t: Array
@@ -69,6 +98,7 @@ class PhaseState(NamedTuple):
     steps: Int[Array, ""]
     rejected: Int[Array, ""]
     phases: Int[Array, ""]
+    contacts: Contacts | None = None
 
     def goes_on(self, max_phases: int) -> Bool[Array, ""]:
         """Whether it does, to the event at which the last phase ends."""
@@ -77,10 +107,16 @@ class PhaseState(NamedTuple):
 
 def run(start: PhaseState, equations: Equations, options: Options, max_phases: int) -> PhaseState:
     """The motion up to the end."""
-    if not equations.has_sense:
+    if not equations.has_sense and start.contacts is None:
         return stretch(start, equations, options, np.False_)
 
     def phase(now: PhaseState) -> PhaseState:
+        if now.contacts is not None:
+            lands = now.contacts.hit.time < xp.inf
+            ends = lands | (now.begun >= max_phases)
+            done = cond(now.begun < 0, lambda: now, lambda: stretch(now, equations, options, ends))
+            any_lands = lands if are_numbers(lands) else batch_any(lands)
+            return cond(any_lands, lambda: _struck(done, lands, equations, options), lambda: done)
         done = stretch(now, equations, options, now.begun >= max_phases)
         if equations.directions is None:
             return done
@@ -100,14 +136,18 @@ def run(start: PhaseState, equations: Equations, options: Options, max_phases: i
 
         return jax.lax.cond(batch_any(goes_on), gone, lambda: now)
 
-    stretches = max_phases + 1 if equations.directions is None else 2 * max_phases + 1
+    twice = equations.directions is not None or start.contacts is not None
+    stretches = 2 * max_phases + 1 if twice else max_phases + 1
+    stretches += start.contacts is not None  # which settle first
     return jax.lax.fori_loop(0, stretches, after, start)
 
 
 @as_program
 def stretch(now: PhaseState, equations: Equations, options: Options, lands: Array | np.bool_) -> PhaseState:
     """Steps up to the next event, or only to the one ahead."""
-    controller = options.controller
+    controller, contacts = options.controller, now.contacts
+    if contacts is not None:
+        equations = equations.with_touch(contacts.touch)
     sense, mode = jax.lax.stop_gradient((now.mode.sense, now.mode))
     end = jnp.where(now.going, jnp.where(lands, now.plan.time, controller.end), now.t)
     first = jnp.where(now.plan.time < jnp.inf, now.plan.time - now.t, controller.first)
@@ -142,6 +182,14 @@ def stretch(now: PhaseState, equations: Equations, options: Options, lands: Arra
     plan = carried.plan if control.plan is None else control.plan
     # Surfaces that may turn take steps up to an event, and others from there.
     short = (now.plan.time < jnp.inf) & (equations.directions is not None)
+    begins = ~short
+    if contacts is not None and control.hit is not None:
+        begins, hits = ~jnp.asarray(lands), control.hit.time < jnp.inf
+        ahead = no_plan(carried.mode)._replace(time=control.hit.time, joint=jnp.asarray(-1))
+        slips = plan if equations.has_sense else plan._replace(time=jnp.full_like(plan.time, jnp.inf))
+        plan = jax.tree.map(lambda a, b: jnp.where(hits, a, b), ahead, slips)
+        path_of = jax.tree.map(lambda new, old: jnp.where(like(here, old), new, old), contacts.touch, contacts.path)
+        contacts = contacts._replace(hit=_next(lands, contacts.hit, control.hit), path=path_of)
     return PhaseState(
         t=t,
         y=y,
@@ -158,9 +206,77 @@ def stretch(now: PhaseState, equations: Equations, options: Options, lands: Arra
         watch=_join(now.watch, carried.watch),
         steps=now.steps + solution.stats["num_accepted_steps"],
         rejected=now.rejected + solution.stats["num_rejected_steps"],
-        begun=now.begun + ~short,
+        begun=now.begun + begins,
+        contacts=contacts,
         phases=now.phases + (carried.cut | (carried.mode.decided & ~carried.mode.resting & ~short & ~lands)),
     )
+
+
+def _next(lands: Array | np.bool_, now: Hit, found: Hit) -> Hit:
+    """The contacts that the event is of that steps landed at, and the event that they ended before."""
+    return Hit(found.time, jnp.where(lands, now.which, found.which))
+
+
+def _struck(done: PhaseState, lands: Array | np.bool_, equations: Equations, options: Options) -> PhaseState:
+    """What the motion is after an event of contacts, if it has landed at one; its start is one."""
+    contacts, starts = cast(Contacts, done.contacts), done.begun < 0
+    touch, which = contacts.touch, contacts.hit.which
+    there = equations.with_touch(touch).with_sense(stop_gradient(done.mode.sense))
+    context = Context(done.held, done.mode.tau, done.mode.resting)
+    t, y = cond(starts, lambda: (done.t, done.y), lambda: arrived(there, done.t, done.y, context, which))
+    loaded = take(touch.kept, np.array(there.system.names.one_sided))
+    closed, near = loaded | touch.rests | which, tolerance_of(TOGETHER, done.t)
+    after = settle(there, y.at(t), cast(Array, options.restitution), Before(closed, loaded ^ which, near))
+    left = options.controller.end - done.since
+    after = after._replace(found=after.found & (starts | ~_goes_round(done, after, there, (t, left))))
+    onward = _settled(done._replace(t=t, y=y), after, there, starts)
+    here = (options.ts > done.t) & (options.ts <= t)  # as the step may end before the event
+    path = jax.tree.map(lambda new, old: xp.where(like(here, old), new, old), onward.y, done.path)
+    going = onward.going & done.going & (starts | (t < options.controller.end))
+    onward = onward._replace(path=path, going=going, begun=xp.maximum(onward.begun, 0))
+    return jax.tree.map(lambda a, b: xp.where(lands, a, b), onward, done)
+
+
+def _goes_round(done: PhaseState, after: After, equations: Equations, times: tuple[Array, Array]) -> Bool[Array, ""]:
+    """Whether nothing changes at an event, a moment after another: what opens would close, and what closes open; given
+    its time and that to the end."""
+    (t, left), touch = times, equations.touching
+    moment = tolerance_of(STILL, t) * xp.minimum(equations.scaling.size / equations.speed, left)
+    same = xp.all(after.touch.kept == touch.kept) & xp.all(after.touch.rests == touch.rests) & ~after.strikes
+    if after.mode is not None:
+        same = same & xp.all(after.mode.sense == done.mode.sense)
+    return same & (t - done.since <= moment)
+
+
+def _settled(now: PhaseState, after: After, equations: Equations, starts: Bool[Array, ""]) -> PhaseState:
+    """The motion from an instant on at which contacts have settled."""
+    contacts, factor = cast(Contacts, now.contacts), after.factor
+    system, touch = equations.system.opened(after.touch.kept), stop_gradient(after.touch)
+    held = held_by(
+        system, after.state, factor.scaling, factor.split.stress, None, singular=cast(Held, now.held).singular
+    )
+    impacts = contacts.impacts
+    place = xp.asarray(np.arange(len(impacts.t))) == impacts.number
+    strikes = after.strikes & after.known
+    place = place & strikes
+    noted = ImpactLog(
+        impacts.number + strikes,
+        xp.where(place, after.state.t, impacts.t),
+        xp.where(place[:, None], after.impulses, impacts.impulses),
+        xp.where(place, after.lost, impacts.lost),
+    )
+    y = now.y._replace(qd=after.state.qd, work=now.y.work - after.lost)
+    plan = now.plan._replace(time=xp.full_like(now.plan.time, xp.inf))
+    contacts = contacts._replace(
+        touch=touch,
+        hit=no_hit(touch, now.t),
+        found=after.found,
+        known=after.known,
+        first=chosen(starts, after.factor.result, contacts.first),
+        impacts=noted,
+    )
+    mode, going = now.mode if after.mode is None else after.mode, now.going & after.found & after.known
+    return now._replace(y=y, mode=mode, held=held, since=now.t, plan=plan, contacts=contacts, going=going)
 
 
 @as_program

@@ -6,9 +6,11 @@ The rank is found once and held (`_held_rank`); each step is projected (`_steppe
 friction at the times asked for are computed with the held rank; at regular positions they are those of `solve`.
 """
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, cast
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array
@@ -17,13 +19,16 @@ from .._closures._closure import AbstractClosure, MinimumNorm, check_closure, fo
 from .._equations._culprits import thrown
 from .._equations._factorisation import factorised
 from .._equations._sparse_factorisation import sparse_factorised
+from .._system._axis import Axis
 from .._system._friction import have_direction
+from .._system._names import ByName, vector
 from .._system._results import RESULTS
 from .._system._state import State
-from .._system._system import AbstractSystem, check_system_at, refuse_contacts
+from .._system._system import AbstractSystem, check_system_at
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, check_kind, floats, is_concrete, numpy_of, positive, replace_fields
 from .._tools._numbers import stop_gradient
+from ._radau_solver import Radau
 from ._stabilisation import AbstractStabilisation, Projection, check_stabilisation
 from ._times import Times, check_times
 from ._trajectory import Trajectory
@@ -43,7 +48,7 @@ def simulate(
     t1: ArrayLike,
     *,
     closure: AbstractClosure = _MINIMUM_NORM,
-    solver: "diffrax.AbstractSolver | None" = None,
+    solver: "diffrax.AbstractSolver | Radau | None" = None,
     stabilisation: AbstractStabilisation = _PROJECTION,
     ts: Numbers | None = None,
     rtol: ArrayLike | None = 1e-8,
@@ -51,6 +56,7 @@ def simulate(
     max_steps: int = 100_000,
     max_phases: int = 32,
     rank: ArrayLike | None = None,
+    restitution: ByName = 0.0,
     adjoint: "diffrax.AbstractAdjoint | None" = None,
     throw: bool | None = None,
     progress: bool = False,
@@ -71,9 +77,11 @@ def simulate(
     - `state`: position, velocity and time at the start, on the constraint manifold and not in a singular position.
     - `t1`: time at the end, not before that of `state`: motions run forward.
     - `closure`: which of the multipliers to take where they are not unique; it matters to the motion where friction
-      depends on load.
-    - `solver`: of time, not of friction as in `solve`: any diffrax solver of ordinary differential equations,
-      `diffrax.Dopri8()` if not given; explicit ones suit stiff constraints, not stiff loads.
+      depends on load. Joints may have play, without one-sided contacts and friction of sleeves, balls and plates.
+    - `solver`: of time, not of friction as in `solve`: `Radau()` for stiff loads, or any diffrax solver of ordinary
+      differential equations; implicit ones take their steps as `Radau` does. If not given `diffrax.Dopri8()`, until
+      stability bounds its steps and `Radau()` takes over: not inside of transformations such as `jit` and `grad`, with
+      sparse matrices, one-sided contacts, rows of velocity or constant steps, nor if less than 3000 steps are left.
     - `stabilisation`: `Projection()`, `Baumgarte(alpha, beta)` or `NoStabilisation()`.
     - `ts`: times to give the motion at, one or more, ascending from start to end; 101 if not given. Between steps it
       is interpolated, some ten times less accurately than steps are, and projected. Whole turns of joints in space are
@@ -85,6 +93,8 @@ def simulate(
     - `max_steps`: steps of a phase at most, rejected ones included.
     - `max_phases`: phases at most; where friction depends on the sense of slip each stop, release and rest begins one.
       Reverse mode takes time and memory for each, reached or not.
+    - `restitution`: of one-sided contacts, the speed at which they part after an impact over that before: from 0,
+      plastic, to 1, one number or some by name, the others 0.
     - `rank`: declared rank of the constraint Jacobian; decided at the start if not given. It is held over the motion.
     - `adjoint`: how derivatives are taken, `diffrax.RecursiveCheckpointAdjoint(checkpoints=32)` (reverse mode) if not
       given: more checkpoints save time where a phase has more steps, and take memory in all;
@@ -98,6 +108,14 @@ def simulate(
     are NaN past a release that loads touch without growing. A mechanism at rest stays there until its loads let it
     go, which is asked at 100 instants up to `t1`; it ends as `RESULTS.stuck` if none does.
 
+    One-sided contacts open where their load passes zero and close where their gap does, with an impact: velocities
+    after it are the nearest in the metric of the mass at which none approaches. Both are events of the same kind, and
+    begin a phase. Rebounds slower than 1.4e-6 of the speed of the mechanism are none. A state at which closed contacts
+    approach begins with an impact. Dry friction has an impulse, by the coefficient of a joint at rest and against the
+    slip that the impact leaves; what rests beside contacts goes on as `RESULTS.successful`. Bristles, and friction of
+    your own by loads, have no law of impulses: a motion ends as `RESULTS.impulse_unknown` at an impact that loads them.
+    Contacts take no friction of sleeves, balls and plates beside them, and need dense matrices.
+
     Of large mechanisms, whose matrices are sparse, friction that holds joints is sought among as many directions as
     they have freedoms, each of which costs one solution. Dry sleeves, balls and plates need dense matrices:
     `mechanism.sparse(False)`.
@@ -108,8 +126,8 @@ def simulate(
 
     **Returns:** a `Trajectory`. The motion passes singular positions on the branch that its velocity lies on. Where
     more joints stick than need to while others move, their friction is the least that holds, as of contacts equally
-    compliant; it is NaN at rest. Where teeth pull at any of the times its `pulling` names them, and a warning does as
-    in `solve`.
+    compliant; it is NaN at rest. `contacts` and `impacts` tell what one-sided contacts did. Where teeth pull at any of
+    the times its `pulling` names them, and a warning does as in `solve`.
 
     **Raises:** `ValueError` for arguments that do not fit; `RuntimeError` with the message of the result where `throw`
     says so.
@@ -118,27 +136,30 @@ def simulate(
 
     from ._integrate import Course, integrate
 
-    refuse_contacts("simulate", system)
+    check_system_at(system, state)
     check_closure(closure)
     check_stabilisation(stabilisation)
     if solver is not None:
         advice = "Give one of diffrax, as `diffrax.Dopri8()`. Solvers of friction go to `rx.solve`."
-        check_kind("solver", solver, diffrax.AbstractSolver, "a solver of time", advice)
+        check_kind("solver", solver, diffrax.AbstractSolver | Radau, "a solver of time", advice)
     if adjoint is not None:
         advice = "Give `diffrax.ForwardMode()`, say."
         check_kind("adjoint", adjoint, diffrax.AbstractAdjoint, "one of diffrax", advice)
-    positive("max_phases", floats(max_phases))
-    solver = diffrax.Dopri8() if solver is None else solver
-    _check(system, state, rtol, dt0, max_steps)
-    if rtol is not None and not isinstance(solver, diffrax.AbstractAdaptiveSolver):
+    positive("max_phases", floats(max_phases, "max_phases"))
+    _check(system, state, closure, rtol, dt0, max_steps)
+    if rtol is not None and not isinstance(solver, diffrax.AbstractAdaptiveSolver | Radau | None):
         raise RedundaxError(
             f"Argument `rtol` must be None with {type(solver).__name__}, which does not estimate its error, but it is "
             "given. Give `rtol=None` and a constant step `dt0`, or another solver."
         )
-    t1 = cast(Array, floats(t1).astype(state.qd.dtype))
-    given = cast(Array, (_evenly(state.t, t1) if ts is None else floats(ts)).astype(t1.dtype))
+    t1 = cast(Array, floats(t1, "t1").astype(state.qd.dtype))
+    given = cast(Array, (_evenly(state.t, t1) if ts is None else floats(ts, "ts")).astype(t1.dtype))
     check_times(state.t, t1, given)
-    fixed = stop_gradient((system, state))  # it only decides how to compute
+    bounces = _restitution(system, restitution, stabilisation, rank)
+    decided = system
+    if bounces is not None:  # all contacts open: the motion decides which are
+        decided = system.opened(jnp.asarray(~np.isin(np.arange(len(system.rows)), system.names.one_sided)))
+    fixed = stop_gradient((decided, state))  # it only decides how to compute
     if system.plan is None:
         factor = factorised(*fixed, rank)
         mass = factor.mass if is_concrete(factor.mass) else system.mass(state.q, state.t)
@@ -155,13 +176,55 @@ def simulate(
         diffrax.TextProgressMeter() if progress else diffrax.NoProgressMeter(),
         max_steps,
         max_phases,
-        redundancy=_redundancy(system, factor.spectrum.rank),
+        redundancy=_redundancy(system, factor.spectrum.rank) if bounces is None else None,
         singular=is_concrete(mass) and _singular(np.asarray(mass)),
+        restitution=bounces,
     )
-    trajectory = integrate(system.anonymous, state, factor, for_motion(closure, system, state), course)
+    trajectory = integrate(decided.anonymous, state, factor, for_motion(closure, system, state), course)
     trajectory = replace_fields(trajectory, names=system.names, joint_coordinates=system.joint_coordinates)
     good, end = (RESULTS.successful, RESULTS.stuck), trajectory.stats.end
     return thrown(trajectory, throw, system, state, factor, *good, end=end)
+
+
+def _restitution(
+    system: AbstractSystem,
+    restitution: ByName,
+    stabilisation: AbstractStabilisation,
+    rank: ArrayLike | None,
+) -> Array | None:
+    """Restitution of each contact; None without contacts. Refuses what motions with contacts cannot be asked."""
+    names = system.names
+    if not names.one_sided:
+        if isinstance(restitution, Mapping) and restitution:
+            raise RedundaxError(
+                "Argument `restitution` must be left out, but names contacts: the system has none that only push."
+            )
+        return None
+    contacts = ", ".join(names.contacts)
+    if system.plan is not None:
+        raise RedundaxError(
+            f"Argument `system` must have dense matrices, as it has one-sided contacts, {contacts}. Simulate "
+            "`mechanism.sparse(False)`."
+        )
+    if have_direction(system.friction).any():
+        raise RedundaxError(
+            "Argument `system` must have no friction of sleeves, balls and plates beside one-sided contacts, "
+            f"{contacts}, but has: its impulse in impacts is not known. Leave it out, or give contacts that stay "
+            "closed without `one_sided`."
+        )
+    if not stabilisation.projects or rank is not None:
+        raise RedundaxError(
+            f"Arguments `stabilisation` and `rank` must be left out where there are one-sided contacts, {contacts}: "
+            "each phase is projected, and has a rank of its own."
+        )
+    axis = Axis(names.contacts, ("force",) * len(names.contacts))
+    values = jnp.broadcast_to(vector("restitution", restitution, axis, " of contacts"), (len(names.contacts),))
+    if is_concrete(values) and not np.all((np.asarray(values) >= 0) & (np.asarray(values) <= 1)):
+        raise RedundaxError(
+            f"Argument `restitution` must be between 0, plastic, and 1, but is {np.asarray(values).tolist()}. Give the "
+            "speed after an impact over that before."
+        )
+    return values
 
 
 def _evenly(start: Times, end: Times) -> Times:
@@ -170,13 +233,27 @@ def _evenly(start: Times, end: Times) -> Times:
     return first + (last - first) * np.linspace(0.0, 1.0, 101, dtype=end.dtype)
 
 
-def _check(system: AbstractSystem, state: State, rtol: ArrayLike | None, dt0: ArrayLike | None, max_steps: int) -> None:
+def _check(
+    system: AbstractSystem,
+    state: State,
+    closure: AbstractClosure,
+    rtol: ArrayLike | None,
+    dt0: ArrayLike | None,
+    max_steps: int,
+) -> None:
     """Refuse what cannot be integrated."""
     check_system_at(system, state)
     if system.plan is not None and have_direction(system.friction).any():
         raise RedundaxError(
             "Argument `system` must have no dry friction of sleeves, balls or plates where matrices are sparse, but "
             "has. Simulate `mechanism.sparse(False)`."
+        )
+    if closure.clearances(system) is not None and (
+        system.names.one_sided or system.plan is not None or have_direction(system.friction).any()
+    ):
+        raise RedundaxError(
+            "Argument `closure` may have play in motions of mechanisms with dense matrices alone, without one-sided "
+            "contacts and without friction of sleeves, balls and plates. Leave these out, or give it without `play`."
         )
     n = len(system.coordinates)
     if state.qd.shape != (n,) or (system.adds and state.q.shape != (n,)):
@@ -188,7 +265,7 @@ def _check(system: AbstractSystem, state: State, rtol: ArrayLike | None, dt0: Ar
         _check_chart(system, state)
     for name, value in (("rtol", rtol), ("dt0", dt0), ("max_steps", max_steps)):
         if value is not None:
-            positive(name, floats(value))
+            positive(name, floats(value, name))
     if rtol is None and dt0 is None:
         raise RedundaxError(
             "Argument `dt0` must be given where `rtol` is None, but it is None: it is the constant step."

@@ -31,7 +31,7 @@ from .._system._state import State
 from .._tools._module import batch_any
 from .._tools._numbers import xp
 from ._moving import NONE, Context, Equations, Linear, Moving, Solved, rechart, tolerance_of
-from ._stick import Mode, mode_of
+from ._stick import Mode, mode_at, mode_of
 
 # Halvings of a step: the square of what is left is below rounding. Looks at rest.
 _HALVINGS, _LOOKS = 30, 100
@@ -105,7 +105,7 @@ def seen(
         along = jnp.where(trial == equations.sense, along, trial)
         yields = linear.response.unit.acceleration, linear.yields
     solved = equations.with_sense(trial).solved(state, linear, context.tau, along)
-    there = mode_of(equations, state, linear, jnp.any(equations.sticking) | lands)
+    there = mode_at(equations, state, context.held, linear, jnp.any(equations.sticking) | lands)
     against = _against(equations, linear.rate, context.along) * equations.slip_size
     return Seen(linear.rate, solved, there, against, yields, watch)
 

@@ -26,11 +26,15 @@ from ._moving import Context, Equations, Moving, Solved, rechart, tolerance_of
 from ._project import project
 from ._slip import PAST, Plan, Seen, Step, landed, landing, look, no_plan, seen, turns
 from ._stick import Mode
+from ._stiffness import Watched, is_worth, stiff_steps
+from ._touch import Hit, first_hit, no_hit
 
 # Relative constraint residual after a projection beyond which it has failed, at least so many roundings.
 _CLOSED = 2e-10, 1e3
 # Largest change of friction in a step, relative to its size, where it may have several solutions.
 _JUMP = 0.1
+# By how much a step may raise the largest velocity: what grows more is no measure of its error, but unstable.
+_FASTER = 10.0
 # Part of the rows left out, in roots of the rounding, at which they are constraints of their own.
 _SAME = 1e2
 # Least part of its pivot that a step leaves; and of the largest pivot, at least so many cube roots of the rounding.
@@ -47,6 +51,7 @@ class Diagnostics(NamedTuple):
     - `nearest`: smallest pivot of the constraints, mass-weighted: 0 in a singular position.
     - `contraction`: largest bound of that of friction at all loads.
     - `jump`: largest change of friction in a step, relative to its size, where that bound is 1 or more.
+    - `stiff`: how many steps more are stiff than are not, where that is watched.
     """
 
     position: Float[Array, ""]
@@ -58,12 +63,13 @@ class Diagnostics(NamedTuple):
     nearest: Float[Array, ""]
     contraction: Float[Array, ""]
     jump: Float[Array, ""]
+    stiff: Float[Array, ""]
 
 
 def at_start(like: Float[Array, ""]) -> Diagnostics:
     """Nothing seen yet."""
     zero = xp.zeros_like(like)
-    return Diagnostics(zero, zero, zero, zero, zero, zero, xp.full_like(zero, xp.inf), zero, zero)
+    return Diagnostics(zero, zero, zero, zero, zero, zero, xp.full_like(zero, xp.inf), zero, zero, zero)
 
 
 class Begin(NamedTuple):
@@ -108,6 +114,8 @@ class Verdict(NamedTuple):
     - `lands`, `rests`, `ends`: whether it ends at an event, at rest, and whether steps end there.
     - `shift`: how much later that event is.
     - `ahead`: until when the next step goes at most; `again` says that it goes there.
+    - `hit`: the event of one-sided contacts that it has passed; None where there are none.
+    - `stiff`: how many steps more are stiff than are not.
     """
 
     size: Array
@@ -118,6 +126,8 @@ class Verdict(NamedTuple):
     shift: Array
     ahead: Array
     again: Array
+    hit: Hit | None = None
+    stiff: Array | float = 0.0
 
 
 def _unused(*_: Any) -> Any:
@@ -125,10 +135,11 @@ def _unused(*_: Any) -> Any:
 
 
 class Control(NamedTuple):
-    """State of the controller: its own, and the event that ended the steps."""
+    """State of the controller: its own, and the event that ended the steps, one of slips or one of contacts."""
 
     inner: Any
     plan: Plan | None
+    hit: Hit | None = None
 
 
 class Controller(diffrax.AbstractAdaptiveStepSizeController):
@@ -158,7 +169,8 @@ class Controller(diffrax.AbstractAdaptiveStepSizeController):
     ) -> tuple[Any, Control]:
         equations, begin = args[0], args[2]
         end, inner = self.controller.init(terms, t0, t1, y0, dt0, args, func, error_order)
-        return end, Control(inner, no_plan(begin.mode) if equations.has_sense else None)
+        hit = None if equations.touch is None else no_hit(equations.touch, t0)
+        return end, Control(inner, no_plan(begin.mode) if equations.has_sense else None, hit)
 
     def adapt_step_size(
         self,
@@ -175,9 +187,19 @@ class Controller(diffrax.AbstractAdaptiveStepSizeController):
         keep, t, following, _, inner, result = self.controller.adapt_step_size(
             t0, t1, zero, zero, args, verdict.size, error_order, controller_state.inner
         )
+        stiff = keep & is_worth(jnp.asarray(verdict.stiff), t1, t1 - t0, self.end)
+        hit, hits = None, False
+        if verdict.hit is not None:
+            found, hits = stop_gradient(verdict.hit), keep & jnp.isfinite(verdict.hit.time)
+            hit = jax.tree.map(lambda a, b: jnp.where(hits, a.astype(b.dtype), b), found, controller_state.hit)
         if verdict.plan is None:
-            return keep, t, following, False, Control(inner, None), result
+            if hit is not None:
+                keep, t = keep & ~hits, jnp.where(hits, t0, t)
+                result = diffrax.RESULTS.where(hits, diffrax.RESULTS.event_occurred, result)
+            result = diffrax.RESULTS.where(stiff, diffrax.RESULTS.event_occurred, result)
+            return keep, t, following, False, Control(inner, None, hit), result
         event = keep & jnp.isfinite(verdict.plan.time)
+        event = event if hit is None else event | hits
         taken = keep & ~event
         lands = taken & (verdict.lands > 0)
         t = jnp.where(taken, t1 + verdict.shift, t0)
@@ -194,11 +216,13 @@ class Controller(diffrax.AbstractAdaptiveStepSizeController):
         _, fresh = self.controller.init(None, t0, t1, zero, self.first, args, _unused, error_order)
         inner = jax.tree.map(lambda a, b: jnp.where(lands, a, b), fresh, inner)
         result = diffrax.RESULTS.where(lands | again, diffrax.RESULTS.successful, result)
-        result = diffrax.RESULTS.where(event | (taken & (verdict.ends > 0)), diffrax.RESULTS.event_occurred, result)
+        result = diffrax.RESULTS.where(
+            event | (taken & ((verdict.ends > 0) | stiff)), diffrax.RESULTS.event_occurred, result
+        )
         plan = jax.tree.map(
             lambda a, b: jnp.where(event, b.astype(a.dtype), a), controller_state.plan, stop_gradient(verdict.plan)
         )
-        return taken, t, following, lands, Control(inner, plan), result
+        return taken, t, following, lands, Control(inner, plan, hit), result
 
 
 class Stepper(diffrax.AbstractWrappedSolver):
@@ -265,7 +289,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
         if equations.has_sense:
             y = jax.tree.map(lambda a, b: jnp.where(context.rests, a, b), y0, y)
         # What is watched and what the next step starts from have no derivatives.
-        fixed, there, begun, t, before, path = stop_gradient((equations, y, t0, t1, now, dense))
+        fixed, there, begun_at, begun, t, before, path = stop_gradient((equations, y, y0, t0, t1, now, dense))
         found: Any = None
         plan: Any = None
         step: Any = None
@@ -282,17 +306,24 @@ class Stepper(diffrax.AbstractWrappedSolver):
                 fixed, step, steps.evaluate, lambda t, y, trial, asks: _see(fixed, t, y, before, Trial(trial, asks))
             )
         sight, carried, jump = _watched(fixed, now, found, inner)
+        if isinstance(self.solver, Watched):
+            stiff = stiff_steps(carried.watch.stiff, fixed, begun_at, path["k"], t - begun)
+            carried = carried._replace(watch=carried.watch._replace(stiff=stiff))
         good = _may_end(sight.off, sight.excess, now, sight.pivot) if projects else jnp.isfinite(sight.off)
         good = good & settled & (jump <= _JUMP)
-        if self.constant or error is None:
-            size = jnp.zeros_like(t1)
-        else:
-            if projects or not system.adds:
-                error = jax.tree.map(lambda e, a, b: jnp.abs(e) + jnp.abs(a - b), error, y, raw)
-            size = size_of(_relative(error, t1 - t0, equations, y0, now, carried))
+        size = jnp.zeros_like(t1)
+        if error is not None and not self.constant:
+            size = size_of(_relative(_error(error, y, raw, equations), t1 - t0, equations, y0, now, carried))
+        hit = None
+        if fixed.touch is not None:
+            steps = self.solver.interpolation_cls(t0=begun, t1=t, **path)
+            hit = first_hit(fixed, (begun, t), there, steps.evaluate, before.context)
         if step is None:
-            zero = jnp.zeros_like(t1)
-            return y, Verdict(jnp.where(good, size, jnp.inf), None, *[zero] * 6), dense, carried, result
+            if hit is not None:
+                hit = hit._replace(time=jnp.where(args[2].lands, jnp.inf, hit.time))
+            told, no = jnp.where(good, size, jnp.inf), jnp.zeros_like(t1)
+            told = Verdict(told, None, no, no, no, no, no, no, hit, carried.watch.stiff)
+            return y, told, dense, carried, result
         end, at, ahead, again = t1, now.plan, now.plan.time, jnp.zeros((), bool)
         if equations.directions is not None:
             steps = self.solver.interpolation_cls(t0=t0, t1=t1, **dense)
@@ -304,6 +335,10 @@ class Stepper(diffrax.AbstractWrappedSolver):
             ahead = jnp.where(again, (1 + PAST) * plan.time - PAST * begun, ahead)
             plan = plan._replace(time=jnp.where(turns(fixed, plan), jnp.inf, plan.time))
             carried = carried._replace(cut=cut)
+        if hit is not None:
+            first = (hit.time <= plan.time) & ~step.lands
+            hit = hit._replace(time=jnp.where(first, hit.time, jnp.inf))
+            plan = plan._replace(time=jnp.where(first, jnp.inf, plan.time))
         good = good & (well | step.lands) & ~again
         size = jnp.where(context.rests, 0.0, jnp.where(good, size, jnp.inf))
         y, carried, told = _landed(equations, (end, y), now._replace(plan=at), carried, step, found)
@@ -314,6 +349,8 @@ class Stepper(diffrax.AbstractWrappedSolver):
             ahead=ahead,
             again=again.astype(t1.dtype),
             ends=jnp.where(step.lands & args[2].lands, 1.0, told.ends),
+            hit=hit,
+            stiff=carried.watch.stiff,
         )
         return y, told, dense, carried, result
 
@@ -422,6 +459,13 @@ def _may_end(off: Array, excess: Array, before: Carried, end: Array) -> Bool[Arr
     return (off <= tolerance_of(_CLOSED, off)) & (excess <= _SAME * eps**0.5) & (clear | (before.pivot < beside))
 
 
+def _error(error: Moving, y: Moving, raw: Moving, equations: Equations) -> Moving:
+    """The error of a step, and by how much its end was moved."""
+    if not equations.stabilisation.projects and equations.system.adds:
+        return error
+    return jax.tree.map(lambda e, a, b: jnp.abs(e) + jnp.abs(a - b), error, y, raw)
+
+
 def _relative(error: Moving, dt: Array, equations: Equations, begin: Moving, before: Carried, after: Carried) -> Moving:
     """The error of a step free of units, of which the tolerance is taken: positions relative to the size of the
     mechanism, velocities to the largest that it had, internal states to their sizes.
@@ -429,7 +473,7 @@ def _relative(error: Moving, dt: Array, equations: Equations, begin: Moving, bef
     At the pivot p, rounding is magnified by 1 / p in positions, its square in velocities, and its cube in
     accelerations, whatever the length of a step; that much is not counted.
     """
-    sizes, speed = equations.scaling, after.watch.speed
+    sizes, speed = equations.scaling, jnp.minimum(after.watch.speed, _FASTER * before.watch.speed)
     pivot = jnp.minimum(jnp.where(before.pivot > 0, before.pivot, after.pivot), after.pivot)
     blur = 10 * jnp.finfo(speed.dtype).eps / pivot
     shift = speed * jnp.abs(dt) / sizes.size / pivot

@@ -18,6 +18,7 @@ takes the place of the interval, and its surfaces start to slide against their f
 from collections.abc import Callable
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
@@ -36,6 +37,8 @@ from ._moving import STILL, Equations, Linear, tolerance_of
 _HELD, _SETTLED = (1e-7, 1e3), (1e-10, 1e3)
 # Accelerations that are none, relative to a speed squared over the size of the mechanism.
 _ROUNDING = 1e-12, 1e2
+# Times that it is asked which joints stick where joints with play stand as that makes them; two agree in most cases.
+_ROUNDS = 3
 
 
 class Mode(NamedTuple):
@@ -53,7 +56,22 @@ class Mode(NamedTuple):
 def next_mode(equations: Equations, state: State, held: AnyHeld, wanted: Bool[Array, ""]) -> Mode:
     """How the motion goes on from an instant at which a slip rate is zero, if wanted; it has no derivative."""
     equations, state, held = stop_gradient((equations, state, held))
-    return mode_of(equations, state, equations.linear(state, held, closed=equations.loaded), wanted)
+    return mode_at(equations, state, held, equations.linear(state, held, closed=equations.loaded), wanted)
+
+
+def mode_at(equations: Equations, state: State, held: AnyHeld, linear: Linear, wanted: Bool[Array, ""]) -> Mode:
+    """`next_mode`, given the equations at the state with joints as they slip before it, and with play as they stand."""
+    mode = mode_of(equations, state, linear, wanted)
+    if equations.play is None or not equations.loaded:
+        return mode
+
+    def again(_: Array, now: tuple[Mode, Bool[Array, ""]]) -> tuple[Mode, Bool[Array, ""]]:
+        mode, _ = now
+        there = mode_of(equations, state, equations.with_sense(mode.sense).linear(state, held), wanted)
+        return there, jnp.all(there.sense == mode.sense)
+
+    mode, same = jax.lax.fori_loop(0, _ROUNDS, again, (mode, jnp.zeros((), bool)))
+    return mode._replace(decided=mode.decided & same)
 
 
 def mode_of(equations: Equations, state: State, linear: Linear, wanted: Bool[Array, ""]) -> Mode:
@@ -63,20 +81,24 @@ def mode_of(equations: Equations, state: State, linear: Linear, wanted: Bool[Arr
     still = equations.still(linear.rate)
     if linear.is_large:
         wanted = wanted & jnp.any(still)
-    tau, caused, change, decided = _sticking_friction(equations, state, linear, still, wanted)
+    tau, caused, change, decided = sticking_friction(equations, state, linear, still, wanted)
     acceleration = linear.slip + change.value
     size = size_of_parts(jnp.abs(linear.slip) + change.parts, equations.slip_size, still, held)
-    sticks = still & equations.whole(jnp.abs(acceleration) * equations.slip_size <= held * size)
+    least = tolerance_of(_ROUNDING, slow) * equations.speed**2 / equations.scaling.size
+    enough = held * size if equations.touch is None else jnp.maximum(held * size, least)  # as nothing rests
+    sticks = still & equations.whole(jnp.abs(acceleration) * equations.slip_size <= enough)
     begins, goes = equations.sense_of(linear.rate, acceleration)
     sense = jnp.where(still, jnp.where(sticks, 0.0, begins), goes)
     scale, free = equations.scaling.coordinates, linear.response.free.acceleration
     moved = jnp.abs(free + caused.value)
     whole = jnp.abs(free) + caused.parts
     rests = jnp.max(jnp.abs(state.qd) / scale) <= slow
-    least = tolerance_of(_ROUNDING, slow) * equations.speed**2 / equations.scaling.size
     stays = jnp.max(moved / scale) <= jnp.maximum(held * jnp.max(whole / scale), least)
     decided = decided | ~jnp.any(still)
-    return Mode(jnp.where(sensed, sense, 1.0), tau, rests & stays & jnp.any(sticks), decided)
+    rests = rests & stays & jnp.any(sticks)
+    if equations.touch is not None:  # what rests does not ask for contacts
+        rests = jnp.zeros_like(rests)
+    return Mode(jnp.where(sensed, sense, 1.0), tau, rests, decided)
 
 
 class Change(NamedTuple):
@@ -95,9 +117,10 @@ class Holding(NamedTuple):
     found: Bool[Array, ""]
 
 
-def _sticking_friction(
+def sticking_friction(
     equations: Equations, state: State, linear: Linear, still: Bool[Array, " p"], wanted: Bool[Array, ""]
 ) -> Holding:
+    """Friction of joints that stick or start to slip, if wanted, and of those that slip."""
     friction, rows = equations.system.friction, load_rows(equations.system.friction)
     rho0, sizes = linear.response.free.multipliers[rows], equations.slip_size
     senses = [jnp.where(still, sense, jnp.sign(linear.rate)) for sense in (1.0, -1.0)]

@@ -2,17 +2,20 @@
 
 import itertools
 import math
+from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
+from .._system._contact import words
 from .._system._joint_coordinates import JointMotion, joint_motion, joint_reactions
 from .._system._named import AbstractNamed
 from .._system._pages import further, notes, numbers_of, outcome, ranges_of, spans_of
 from .._system._pushing import in_words, pulling
 from .._system._results import RESULTS
 from .._system._state import State
-from .._tools._table import AbstractFigures, are_known, page
+from .._tools._table import AbstractFigures, are_known, page, text_of
 from .._tools._value import AbstractModule
 
 
@@ -26,11 +29,13 @@ class TrajectoryStats(AbstractFigures, AbstractModule):
     - `velocity_violation`: largest |Phi_q qd + Phi_t|, relative to the largest velocity.
     - `kinetic_energy`: the largest.
     - `energy_error`: largest change of kinetic energy less the work of loads, friction and drivers, relative to the
-      largest kinetic energy; it is 0 for the exact motion.
+      largest kinetic energy, or of what stands to what loads do along the size of the mechanism; 0 for the exact
+      motion.
     - `nearest_singularity`: how near to a singular position steps ended: 0 in it, about 1 far from it, infinite where
       there was no step.
     - `contraction`: largest bound of the contraction of friction at all loads; below 1 friction, and so the motion, is
-      proved unique under the closure. By sparse matrices it is an estimate where the motion is, which proves nothing.
+      proved unique under the closure. By sparse matrices it is an estimate where the motion is, and of joints with play
+      that of the sides at which they stand, which proves nothing.
     - `jump`: where it is not, the largest change of friction in a step, relative to its size; at most 0.1, so that the
       motion follows one branch of solutions.
     """
@@ -46,6 +51,32 @@ class TrajectoryStats(AbstractFigures, AbstractModule):
     nearest_singularity: Float[Array, ""]
     contraction: Float[Array, ""]
     jump: Float[Array, ""]
+
+
+class Impacts(AbstractModule):
+    """Impacts of one-sided contacts in a motion, in order; inside of transformations there are as many as phases at
+    most, NaN behind the last.
+
+    ??? example
+
+        ```python
+        fall = rx.State([1.0], [0.0])
+        ball = rx.System(
+            lambda q, t, p: -q, [2.0], lambda q, qd, t, p: jnp.array([-19.6]), rows="force", m=1, one_sided=[0]
+        )
+        impacts = rx.simulate(ball, fall, 1.0, restitution=0.5).impacts
+        impacts.t, impacts.energy  # s, J
+        impacts.impulses  # N s of each contact, in the order of `contacts`
+        ```
+
+    - `t`: times, shape (impacts,).
+    - `impulses`: of all contacts, positive where they push, shape (impacts, contacts).
+    - `energy`: kinetic energy that they took, shape (impacts,).
+    """
+
+    t: Float[Array, " impacts"]
+    impulses: Float[Array, "impacts contacts"]
+    energy: Float[Array, " impacts"]
 
 
 class Trajectory(AbstractNamed):
@@ -68,6 +99,9 @@ class Trajectory(AbstractNamed):
     - `memory`: internal states of friction laws that have some, one entry for each friction group.
     - `result`: how the motion ended.
     - `stats`: the evidence.
+    - `contact`: what one-sided contacts do, as the numbers of `contacts`, shape (times, contacts), -1 where the motion
+      did not get to; None where there are none.
+    - `impacts`: those of one-sided contacts, None where there are none.
     - `names`: what is called how.
     - `joint_coordinates`: what joint coordinates are computed from when they are asked for by name, or by `joints`.
 
@@ -91,6 +125,16 @@ class Trajectory(AbstractNamed):
     memory: tuple[PyTree, ...]
     result: RESULTS
     stats: TrajectoryStats
+    contact: Int[Array, "times c"] | None = None
+    impacts: Impacts | None = None
+
+    @property
+    def contacts(self) -> dict[str, Any]:
+        """What one-sided contacts do at the times, by name: arrays of "carries", "touches" and "open"; "" where the
+        motion did not get to."""
+        if self.contact is None or self.names is None:
+            return {}
+        return words(self.contact, self.names.contacts)
 
     @property
     def centres(self) -> Float[Array, "..."]:
@@ -146,7 +190,22 @@ class Trajectory(AbstractNamed):
             "violation of positions": stats.position_violation,
             "of velocities": stats.velocity_violation,
         }
-        return [*outcome(self.result, f"{what} at {times}"), *numbers_of(steps), *numbers_of(sizes)]
+        return [*outcome(self.result, f"{what} at {times}"), *numbers_of(steps), *numbers_of(sizes), *self._impacts()]
+
+    def _impacts(self) -> list[str]:
+        """A line on the impacts of one motion."""
+        if self.impacts is None or self.t.ndim > 1 or self.names is None or not self.impacts.t.size:
+            return []
+        (first, *_, last), count = (*self.impacts.t, self.impacts.t[-1]), self.impacts.t.size
+        struck = [
+            name
+            for name, own in zip(self.names.contacts, self.impacts.impulses.T, strict=True)
+            if np.any(np.asarray(own) > 0)
+        ]
+        when = f"at t = {first:.6g}" if count == 1 else f"from t = {first:.6g} to {last:.6g}"
+        what = "Impact" if count == 1 else f"{count} impacts"
+        took = f"which took energy {jnp.sum(self.impacts.energy):.6g}"
+        return text_of([f"{what} of {', '.join(struck)} {when}, {took}"]).splitlines()
 
 
 _MORE = "All of them, at all times: motion.to_pandas()"

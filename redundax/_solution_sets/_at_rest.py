@@ -18,7 +18,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array
 
 from .._equations._factorisation import Factorisation
-from .._equations._kinematics import slip_motion
+from .._equations._kinematics import slip_gamma, slip_motion
 from .._system._directions import Directions, directions_of
 from .._system._state import State
 from .._system._system import AbstractSystem
@@ -29,6 +29,7 @@ T = TypeVar("T")
 
 NONE = 1e-10  # relative size of a drive or of a slip that is rounding
 LIMIT = 1e-9  # margin that is rounding
+_HELD = 1e-6  # slip that constraints hold, beside a free one: what `solve` takes for met, relative to the size
 
 
 class ReducedForce(NamedTuple):
@@ -85,9 +86,9 @@ def drive(system: AbstractSystem, state: State, factor: Factorisation) -> Reduce
             f"Argument `state` must be at rest, but has velocities up to {_largest_rate(system, state, factor):.3g}. "
             "Take `qd = 0`, or `simulate` to where it comes to rest."
         )
-    none = max(NONE, 100 * float(np.finfo(factor.load.dtype).eps))
+    none = _rounding(factor)
     a, mass, load = (np.asarray(x, float) for x in (factor.acceleration, factor.mass, factor.load))
-    if np.abs(factor.gamma).max(initial=0.0) > none * np.abs(factor.jacobian @ a).max(initial=0.0):
+    if _is_accelerated(factor):
         raise RedundaxError(
             "Argument `state` must be free to stay at rest, but a driver accelerates the mechanism. "
             "Lock the driver, or choose another time `t`."
@@ -115,6 +116,44 @@ def ball_sizes(directions: Directions, high: np.ndarray) -> np.ndarray:
     """Largest |friction| of each slip within limits -high, high, those of joints with a direction by the ball there."""
     arms = np.asarray(directions.arms)
     return arms * np.sqrt((high / arms) ** 2 @ directions.same)
+
+
+def _rounding(factor: Factorisation) -> float:
+    return max(NONE, 100 * float(np.finfo(factor.load.dtype).eps))
+
+
+def _is_accelerated(factor: Factorisation) -> bool:
+    """Whether drivers accelerate it."""
+    prescribed = np.abs(factor.jacobian @ np.asarray(factor.acceleration)).max(initial=0.0)
+    return bool(np.abs(factor.gamma).max(initial=0.0) > _rounding(factor) * prescribed)
+
+
+def sense_of_start(system: AbstractSystem, state: State, factor: Factorisation) -> np.ndarray | None:
+    """Which way joints with friction slip from an instant of rest, where drives or a motion that goes on accelerate
+    them whatever the forces; 0 of all others, None where there are no such joints."""
+    if is_still(system, state, factor) and not _is_accelerated(factor):
+        return None
+    rates, slopes = (np.asarray(x) for x in slip_motion(system.anonymous, state))
+    turns = np.where(system.slips.angular, np.asarray(factor.length), 1.0)
+    a, gamma = np.asarray(factor.acceleration), np.asarray(slip_gamma(system.anonymous, state))
+    begins = slopes.T @ a - gamma
+    size = (np.abs(slopes).T @ np.abs(a) + np.abs(gamma)) * turns
+    starts, free = np.abs(begins) * turns > _HELD * size.max(initial=0.0), free_slips(system, state, factor)
+    moves = np.asarray(factor.motion_of(xp.asarray(rates * turns)).is_yes)
+    directions = directions_of(system.friction)
+    if directions is not None:
+        starts, free, moves = (np.asarray(directions.any(flags)) for flags in (starts, free, moves))
+    sense = np.where(starts & ~free & ~moves, begins, 0.0)
+    return sense if sense.any() else None
+
+
+def free_slips(system: AbstractSystem, state: State, factor: Factorisation) -> np.ndarray:
+    """Which slips the constraints leave free at a state."""
+    if not system.friction:
+        return np.zeros(0, bool)
+    slopes = slip_motion(system.anonymous, state)[1] * factor.scaling.coordinates[:, None]
+    left, whole = (np.linalg.norm(x, axis=0) for x in (factor.split.motion @ slopes, slopes))
+    return left > _HELD * whole
 
 
 def is_still(system: AbstractSystem, state: State, factor: Factorisation) -> bool:

@@ -9,8 +9,8 @@ Bounds are given by name: {"A.x": (lower, upper)}.
 """
 
 import abc
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import numpy as np
@@ -32,7 +32,14 @@ Box = Mapping[str, tuple[float, float]]
 _ONE_BY_ONE = 4  # entries of a case, above which those of equal bounds are told together
 
 
-def title_of(bounds: "AbstractBounds | AbstractClosure", cases: AbstractCases) -> str:
+class Parameters(NamedTuple):
+    """What varies of cases that are told by no `AbstractCases`, and between what, (q, 2)."""
+
+    names: tuple[str, ...]
+    box: np.ndarray
+
+
+def title_of(bounds: "AbstractBounds | AbstractClosure", cases: AbstractCases | Parameters) -> str:
     """What was bounded: all that was given, of which some is the box of the cases and all else limits them."""
     if isinstance(bounds, Pushing):
         return "Contacts push, and no more is known of the loads"
@@ -41,7 +48,11 @@ def title_of(bounds: "AbstractBounds | AbstractClosure", cases: AbstractCases) -
     if isinstance(bounds, PreloadNorm):
         ends = np.array([*bounds.sizes.values()])
         return _in_words(type(bounds).__name__, [*bounds.sizes], np.stack([-ends, ends], axis=1))
-    return _in_words(type(bounds).__name__, cases.names, cases.box)
+    rubbing = bounds.friction if isinstance(bounds, MisfitBox) else {}
+    parts = dict(zip(cases.names, cases.box, strict=True)) | {
+        f"friction {name}": ends for name, ends in rubbing.items()
+    }
+    return _in_words(type(bounds).__name__, [*parts], np.array([*parts.values()]).reshape(-1, 2))
 
 
 def _in_words(bounds: str, parameters: Sequence[str], box: np.ndarray) -> str:
@@ -56,14 +67,19 @@ def _in_words(bounds: str, parameters: Sequence[str], box: np.ndarray) -> str:
     return "\n  ".join([f"{bounds}:", *(f"{within}: {by_joint(names)}" for within, names in alike.items())])
 
 
-def _pairs(box: Any) -> Box:
-    try:
-        return {name: (float(lower), float(upper)) for name, (lower, upper) in box.items()}
-    except (AttributeError, TypeError, ValueError) as error:
-        raise RedundaxError(
-            f"Argument `box` must give the least and the largest value by name, but is {box!r}. Write "
-            '{"A.x": (-40.0, 40.0)}, say.'
-        ) from error
+def _pairs(argument: str = "box", example: str = '{"A.x": (-40.0, 40.0)}') -> Callable[[Any], Box]:
+    """What reads the least and the largest values of an argument."""
+
+    def read(box: Any) -> Box:
+        try:
+            return {name: (float(lower), float(upper)) for name, (lower, upper) in box.items()}
+        except (AttributeError, TypeError, ValueError) as error:
+            raise RedundaxError(
+                f"Argument `{argument}` must give the least and the largest value by name, but is {box!r}. Write "
+                f"{example}, say."
+            ) from error
+
+    return read
 
 
 def _numbers(sizes: Any) -> Mapping[str, float]:
@@ -107,7 +123,7 @@ class AmplitudeBox(AbstractBounds):
       largest amplitude in units of that multiplier; states without an entry have amplitude 0.
     """
 
-    box: Box = eqx.field(static=True, converter=_pairs)
+    box: Box = eqx.field(static=True, converter=_pairs())
 
     def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Affine:
         places, lower, upper = _box("box", self.box, report.pivots)
@@ -131,7 +147,7 @@ class PreloadBox(AbstractBounds):
       every self-stress state.
     """
 
-    box: Box = eqx.field(static=True, converter=_pairs)
+    box: Box = eqx.field(static=True, converter=_pairs())
 
     def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Affine:
         rows, lower, upper = _box("box", self.box, report.rows)
@@ -174,19 +190,47 @@ class MisfitBox(AbstractBounds):
 
     **Arguments:**
 
-    - `closure`: the compliance, and the misfit of rows without an entry in `box`.
-    - `box`: for rows, least and largest misfit, m for force-type and rad for moment-type rows.
+    - `closure`: the compliance, and the misfit of rows without an entry in `box`. Play of its joints is a bound too:
+      from none to as much.
+    - `box`: for rows, least and largest misfit, m for force-type and rad for moment-type rows; {} for none.
+    - `friction`: for joints, by name, the least and the largest multiple of the friction that their models give:
+      {"K": (0.5, 2.0)} where a coefficient of 0.1 may be from 0.05 to 0.2.
     """
 
     closure: AbstractClosure
-    box: Box = eqx.field(static=True, converter=_pairs)
+    box: Box = eqx.field(static=True, converter=_pairs())
+    friction: Box = eqx.field(static=True, converter=_pairs("friction", '{"K": (0.5, 2.0)}'), default_factory=dict)
 
     def __check_init__(self) -> None:
         check_closure(self.closure)
+        for name, (least, most) in self.friction.items():
+            if not 0 <= least <= most < np.inf:
+                raise RedundaxError(
+                    "Argument `friction` must hold finite multiples (least, largest) of at least 0, but that of "
+                    f'{name} is {(least, most)}. Write {{"K": (0.5, 2.0)}}, say.'
+                )
+
+    @property
+    def of_misfits(self) -> "MisfitBox | AbstractClosure":
+        """The same without limits of friction."""
+        if not self.friction:
+            return self
+        return MisfitBox(self.closure, self.box) if self.box else self.closure
+
+    def misfits(self, rows: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+        """Rows that are bounded, and least and largest misfits, (q, 2)."""
+        if not self.box and self.friction:
+            return np.zeros(0, int), np.zeros((0, 2))
+        places, lower, upper = _box("box", self.box, rows)
+        return places, np.stack([lower, upper], axis=1)
 
     def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Affine:
+        if self.friction:
+            raise RedundaxError(
+                "Argument `bounds` must hold no `friction`, except in `band` and `band_along`. Set it in the joints."
+            )
         rows, lower, upper = _box("box", self.box, report.rows)
-        start, response, unit = _closed(self.closure, system, state, solutions, rows)
+        start, response, unit = closed_by(self.closure, system, state, solutions, rows)
         return _affine(tuple(self.box), lower, upper, solutions, start, response, unit)
 
 
@@ -207,7 +251,7 @@ class ComplianceBox(AbstractBounds):
     """
 
     closure: AbstractClosure
-    box: Box = eqx.field(static=True, converter=_pairs)
+    box: Box = eqx.field(static=True, converter=_pairs())
 
     def __check_init__(self) -> None:
         check_closure(self.closure)
@@ -270,11 +314,11 @@ def cases_of(
 def one_case(closure: AbstractClosure, system: AbstractSystem, state: State, solutions: SolutionSet) -> Affine:
     """The one case that a closure picks."""
     nothing = np.zeros(0)
-    start, response, unit = _closed(closure, system, state, solutions, nothing.astype(int))
+    start, response, unit = closed_by(closure, system, state, solutions, nothing.astype(int))
     return _affine((), nothing, nothing, solutions, start, response, unit)
 
 
-def _closed(
+def closed_by(
     closure: AbstractClosure, system: AbstractSystem, state: State, solutions: SolutionSet, rows: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Multipliers without friction, by misfits of `rows`, else left out, and by friction under a closure."""

@@ -12,11 +12,10 @@ from .._closures._closure import AbstractClosure, MinimumNorm
 from .._equations._factorisation import Factorisation
 from .._equations._factorize import dense_at
 from .._solve._contacts import as_held
-from .._system._contact import Contact, rows_that_hold
+from .._system._contact import Contact, refuse_declared, rows_closed
 from .._system._names import ByName
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._errors import RedundaxError
 
 _MINIMUM_NORM = MinimumNorm()
 _PULLS = 1e-9  # of the largest load: more than rounding
@@ -45,27 +44,35 @@ def analyzed(
     *,
     closure: AbstractClosure = _MINIMUM_NORM,
     sense: ByName | None = None,
+    lifting: bool = False,
 ) -> tuple[Held, Report]:
-    """The same, and the report of the system."""
+    """The same, and the report of the system; with `lifting` with the contacts that lift, which other loads close."""
     if system.names.one_sided:
         report = analyze(system, state, closure=closure, sense=sense)
-        return _closed(system, state, report, rank, factor), report
+        at = _closed(system, state, report, rank, factor, lifting=lifting)
+        if lifting and Contact.lifts in report.contacts.values():
+            report = analyze(at.system, state, closure=closure, sense=sense, factor=at.factor)
+        return at, report
     at = held(system, state, rank, factor)
     return at, analyze(at.system, state, closure=closure, sense=sense, factor=at.factor)
 
 
 def _closed(
-    system: AbstractSystem, state: State, report: Report, rank: ArrayLike | None, factor: Factorisation | None
+    system: AbstractSystem,
+    state: State,
+    report: Report,
+    rank: ArrayLike | None,
+    factor: Factorisation | None,
+    *,
+    lifting: bool = False,
 ) -> Held:
-    names = system.names
-    if rank is not None or factor is not None:
-        raise RedundaxError(
-            f"Arguments `rank` and `factor` must be left out where contacts are one-sided, "
-            f"{', '.join(names.contacts)}: which of them are closed decides both."
-        )
-    closed = np.array([report.contacts[name] not in (Contact.open, Contact.lifts) for name in names.contacts])
-    rows, kept = np.array(names.one_sided, int), rows_that_hold(names, closed, closed)
-    return Held(*dense_at(as_held(system, kept), state, None, None), tuple(rows[closed].tolist()))
+    names, contacts = system.names, report.contacts
+    refuse_declared(names, rank=rank, factor=factor)
+    if lifting:
+        contacts = {name: Contact.touches if does == Contact.lifts else does for name, does in contacts.items()}
+    closed, kept = rows_closed(names, contacts)
+    rows = np.array(names.one_sided, int)[closed]
+    return Held(*dense_at(as_held(system, kept), state, None, None), tuple(rows.tolist()))
 
 
 def pulling_rows(

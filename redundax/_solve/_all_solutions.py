@@ -5,29 +5,35 @@ solution and runs Newton's method from many random loads, of sizes from a tenth 
 friction, all in one batch, and keeps what differs. Finding no more is no proof that there are no more.
 """
 
+import itertools
+from collections.abc import Iterator
 from typing import cast
 
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Bool, Float
+from jaxtyping import Array, Bool, Float
 
-from .._closures._closure import AbstractClosure, MinimumNorm, elasticity
-from .._equations._factorisation import Factorisation
+from .._closures._closure import AbstractClosure, Elasticity, MinimumNorm, elasticity
+from .._equations._factorisation import Factorisation, factorised
 from .._equations._factorize import dense_at
 from .._solvers._continuation import Continuation
 from .._solvers._friction_problem import FrictionProblem
 from .._solvers._solver import AbstractSolver, Newton, Root
+from .._system._contact import Contact, code_of, refuse_declared, rows_that_hold
 from .._system._names import ByName, senses
 from .._system._results import RESULTS, is_one_of
 from .._system._state import State
-from .._system._system import AbstractSystem, refuse_contacts
-from .._tools._module import floats
+from .._system._system import AbstractSystem, check_system
+from .._tools._errors import RedundaxError
+from .._tools._module import floats, replace_fields
 from .._tools._numbers import Numeric, computed, xp
+from ._contacts import CLEAR, as_held, contacts_at, signs, strains, with_rows, without_rows
 from ._reduced import reduce
 from ._solution import Solution
-from ._solve import solve
+from ._solve import solve, solve_factorised
 
 SEARCH_STARTS = 1000  # random initial loads of a search
+_MOST_CLOSED = 8  # contacts, of which 256 sets are tried
 _MINIMUM_NORM = MinimumNorm()
 
 
@@ -55,7 +61,8 @@ def frictional_solutions(
     **Arguments:**
 
     - `system`, `state`: concrete values; not inside `jit` or `vmap`.
-    - `closure`, `sense`, `rank`, `factor`: as in `solve`.
+    - `closure`, `sense`, `rank`, `factor`: as in `solve`. With one-sided contacts the search is made for every set of
+      those that are closed, 8 at most, and keeps what pushes in it and does not close outside of it.
     - `starts`: number of random initial loads.
     - `seed`: of their random numbers.
 
@@ -63,7 +70,10 @@ def frictional_solutions(
 
     **Raises:** `RuntimeError` where the equations cannot be trusted at all, whatever the friction, as `solve` does.
     """
-    refuse_contacts("frictional_solutions", system)
+    check_system(system)
+    if system.names.one_sided:
+        refuse_declared(system.names, rank=rank, factor=factor)
+        return _with_contacts(system, state, closure, senses(system.slips, sense), (starts, seed))
     system, factor = dense_at(system, state, rank, factor)
     options = {"closure": closure, "sense": sense, "factor": factor}
     first = solve(system, state, **options, throw=False)
@@ -71,19 +81,115 @@ def frictional_solutions(
         solve(system, state, **options, throw=True)
     if not system.friction:
         return [first]
-    slips, chosen = senses(system.slips, sense), elasticity(closure, system, state)
+    chosen = elasticity(closure, system, state)
+    found = _searched(system, state, factor, chosen, senses(system.slips, sense), (starts, seed))
+    batch = [solve(system, state, x0=guess, **options, solver=solver, throw=False) for guess, solver in found]
+    return [solution for solution in batch if is_one_of(solution.result, RESULTS.successful)]
+
+
+def _searched(
+    system: AbstractSystem,
+    state: State,
+    factor: Factorisation,
+    chosen: Elasticity,
+    slips: Array | None,
+    effort: tuple[int, int],
+) -> list[tuple[Array, Newton]]:
+    """Guesses [qdd; lam] of solutions, and solvers that end at them, by increasing largest friction."""
     reduced = reduce(system.anonymous, state, factor, chosen, sense=slips)
     problem, response = cast(FrictionProblem, reduced.problem), reduced.response
-    tau, found = search(problem.alone, start_factors(reduced.rows.size, starts, seed))
+    tau, found = search(problem.alone, start_factors(reduced.rows.size, *effort))
     size = xp.max(xp.abs(tau[0] / problem.friction_size), axis=1)
     rtol = 100 * xp.finfo(size.dtype).eps * xp.maximum(size, 1.0)
     order = [k for k in np.argsort(size) if found[0, k]]
-    guesses = [xp.concatenate(response.at(tau[0, k])) for k in order]
-    batch = [
-        solve(system, state, x0=guess, **options, solver=Newton(rtol[k]), throw=False)
-        for guess, k in zip(guesses, order, strict=True)
+    return [(xp.concatenate(response.at(tau[0, k])), Newton(rtol[k])) for k in order]
+
+
+def _with_contacts(
+    system: AbstractSystem,
+    state: State,
+    closure: AbstractClosure,
+    slips: Array | None,
+    effort: tuple[int, int],
+) -> list[Solution]:
+    """Those of all sets of closed contacts in which the ones that are kept push and the others do not close."""
+    names = system.names
+    first = solve(system, state, closure=closure, sense=slips, throw=False)
+    if not is_one_of(first.result, RESULTS.successful, RESULTS.no_solution_found, RESULTS.contacts_undecided):
+        solve(system, state, closure=closure, sense=slips, throw=True)
+    if not system.friction:
+        return [first]
+    closed, at = contacts_at(system, state)
+    every = elasticity(closure, system, state)
+    if np.sum(closed) > _MOST_CLOSED:
+        raise RedundaxError(
+            f"Argument `system` must have at most {_MOST_CLOSED} closed contacts here, of which every set is tried, "
+            f"but has {int(np.sum(closed))}. Ask `solve` for one solution, or hold contacts that carry in all of them."
+        )
+    rows, found = np.array(names.one_sided), list[Solution]()
+    tied = np.array([bool(own) for own in names.tied] or [False] * rows.size)
+    for loaded, rolling in _sets(np.asarray(closed), tied):
+        kept = rows_that_hold(names, loaded, rolling)
+        held, own = as_held(system, kept), without_rows(every, kept)
+        factor = factorised(held, state, None)
+        for guess, solver in _searched(held, state, factor, own, slips, effort):
+            solution = solve_factorised(held.anonymous, state, factor, own, solver, guess, slips)
+            if not is_one_of(solution.result, RESULTS.successful):
+                continue
+            whole = with_rows(own, kept, every)
+            wrong, does, _ = signs(rows, closed, kept, at, factor, solution, whole)
+            touching = np.isin(does, [code_of(Contact.touches), code_of(Contact.carries)])
+            beside, own_rows = touching & ~np.asarray(kept)[rows], np.array_equal(rolling, touching & tied)
+            room = strains(rows, kept, at[0], factor, solution.multipliers, whole)
+            left, free = (np.asarray(x)[beside] for x in room)
+            if not np.any(wrong > 0) and own_rows and _has_room(left, free):
+                redundancy = solution.stats.redundancy - np.sum(~kept)
+                stats = replace_fields(solution.stats, redundancy=redundancy)
+                found.append(replace_fields(solution, contact=does, stats=stats))
+    found.sort(key=lambda solution: float(np.max(np.abs(solution.friction))))
+    told = {"names": names, "state": state, "joint_coordinates": system.joint_coordinates}
+    return [replace_fields(solution, **told) for solution in _different(found)]
+
+
+def _has_room(strain: np.ndarray, free: np.ndarray) -> bool:
+    """Whether contacts that touch stay clear of load somewhere along what the others leave free, as they give way."""
+    from scipy.optimize import linprog  # here, because its import takes a second
+
+    if np.all(strain >= -CLEAR):
+        return True
+    most = linprog(
+        np.r_[np.zeros(free.shape[1]), -1.0],
+        np.hstack([free, np.ones((len(free), 1))]),
+        strain,
+        bounds=[(None, None)] * free.shape[1] + [(None, 0.0)],
+    )
+    return most.status == 0 and -most.fun >= -CLEAR
+
+
+def _sets(closed: np.ndarray, tied: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Which contacts carry and which hold their rows of velocity, for all that is possible among closed ones."""
+    none, rolls = (False, False), (False, True)
+    ways = [
+        ([none, rolls, (True, True)] if has_tied else [none, (True, False)]) if is_closed else [none]
+        for is_closed, has_tied in zip(closed, tied, strict=True)
     ]
-    return [solution for solution in batch if is_one_of(solution.result, RESULTS.successful)]
+    for chosen in itertools.product(*ways):
+        loaded, rolling = zip(*chosen, strict=True)
+        yield np.array(loaded, bool), np.array(rolling, bool)
+
+
+def _different(solutions: list[Solution]) -> list[Solution]:
+    """One of each that are the same, as where a contact that touches is kept or is not."""
+    kept, near = list[Solution](), 10 * np.finfo(float).eps ** 0.5
+    for solution in solutions:
+        own = _arrays(solution)
+        if all(np.max(np.abs(own - _arrays(other))) > near * np.max(np.abs(own)) for other in kept):
+            kept.append(solution)
+    return kept
+
+
+def _arrays(solution: Solution) -> np.ndarray:
+    return np.concatenate([solution.acceleration, solution.multipliers, solution.friction])
 
 
 def start_factors(loads: int, starts: int, seed: int) -> Float[np.ndarray, "starts l"]:

@@ -27,7 +27,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._closures._closure import Elasticity
 from .._equations._factorisation import Factorisation, factorised
-from .._equations._kinematics import Model, model_at
+from .._equations._gaps import model_of_all
+from .._equations._kinematics import Model
 from .._equations._scaling import Scaling, largest_violation, scaling
 from .._system._contact import Contact, code_of, rows_that_hold
 from .._system._results import RESULTS, differs
@@ -36,22 +37,24 @@ from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
 from .._tools._numbers import or_one, stop_gradient, take, while_loop, xp
 
-_CLEAR = 1e-9  # a share of the largest force or acceleration that is a sign, and no rounding of a solve
+CLEAR = 1e-9  # a share of the largest force or acceleration that is a sign, and no rounding of a solve
 _WITHIN = 1e-6  # a part of a row that is outside the others: far above rounding of a projector, far below a lever arm
 
 
 class ActiveSet(NamedTuple):
-    """Which rows are kept, how many changed, whether they are final, and what each contact does, as a number."""
+    """Which rows are kept, how many changed, whether they are final, what each contact does, as a number, and which
+    contacts move with the rows that are kept."""
 
     kept: Bool[Array, " m"]
     changes: Int[Array, ""]
     settled: Bool[Array, ""]
     contacts: Int[Array, " c"] | None
+    decided: Bool[Array, " c"] | None
 
 
 def all_kept(m: int) -> ActiveSet:
     """That of a system without contacts."""
-    return ActiveSet(xp.ones(m, bool), xp.zeros((), int), xp.ones((), bool), None)
+    return ActiveSet(xp.ones(m, bool), xp.zeros((), int), xp.ones((), bool), None, None)
 
 
 def without_rows(elasticity: Elasticity, kept: Bool[Array, " m"]) -> Elasticity:
@@ -84,23 +87,39 @@ class _Step(NamedTuple):
     goes_on: Bool[Array, ""]
     settled: Bool[Array, ""]
     contacts: Int[Array, " c"]
+    decided: Bool[Array, " c"]
+
+
+class Asked(NamedTuple):
+    """What is asked of an active set, if not that of accelerations at rest relative to what is closed.
+
+    - `closed`: which contacts are.
+    - `loaded`: those that it begins with.
+    - `at`: Phi_q, what Phi_q x is, of closed rows at most, and the scales of all rows.
+    - `lets_go`: whether what touches without load, and no other row holds, is open from there on, with what is tied.
+    """
+
+    closed: Bool[Array, " c"]
+    loaded: Bool[Array, " c"]
+    at: tuple[Array, Array, Scaling]
+    lets_go: Bool[Array, ""]
 
 
 def of_rows(
-    solved: Callable[..., tuple[Any, Elasticity, Any]], *, known: bool
+    solved: Callable[..., tuple[Any, Elasticity, Any]], done: dict[bytes, tuple] | None
 ) -> Callable[..., tuple[Factorisation, Any, Elasticity, Any]]:
     """The factorisation of the rows that are kept and what `solved(opened, state, factor, elasticity, ...)` gives with
-    it: the solution, the closure that it has, and whether that is found. Of known numbers each set is solved once."""
-    done: dict[bytes, tuple[Factorisation, Any, Elasticity, Any]] = {}
+    it: the solution, the closure that it has, and whether that is found. Of known numbers each set is solved once, and
+    `done` holds those that are."""
 
     def of_set(system: AbstractSystem, state: State, elasticity: Elasticity, kept: Any, *more: Any) -> tuple:
-        key = kept.tobytes() if known else b""
-        if key in done:
+        key = b"" if done is None else kept.tobytes()
+        if done and key in done:
             return done[key]
         opened = system.opened(kept) if system.names.one_sided else system
         factor = factorised(opened, state, None)
         found = factor, *solved(opened, state, factor, without_rows(elasticity, kept), *more)
-        if known:
+        if done is not None:
             done[key] = found
         return found
 
@@ -112,80 +131,134 @@ def active_set(
     state: State,
     elasticity: Elasticity,
     of_set: Callable[..., tuple[Factorisation, Any, Elasticity, Any]],
+    asked: Asked | None = None,
 ) -> ActiveSet:
     """The rows that are kept, by `of_rows`. It has no derivatives: those of a solution are at a fixed active set."""
-    system, state, elasticity = stop_gradient((system, state, elasticity))
+    system, state, elasticity, asked = stop_gradient((system, state, elasticity, asked))
     names = system.names
     rows, has_tied = np.array(names.one_sided), np.array([bool(tied) for tied in names.tied] or [False])
-    every = system.opened(xp.ones(len(system.rows), bool))  # by the program that all sets of rows have
-    model = model_at(every.anonymous.without_friction, state)
-    scales = scaling(system, model)
-    closed = take(_closed(model, scales, state), rows)
+    if asked is None:
+        closed, at = contacts_at(system, state)
+        asked = Asked(closed, closed, at, xp.zeros((), bool))
+    closed, at = asked.closed, asked.at
     most = 8 * rows.size + 8
 
     def body(step: _Step) -> _Step:
         kept = rows_that_hold(names, step.loaded, step.rolling)
         factor, solution, bent, found = of_set(system, state, elasticity, kept)
         bent = with_rows(bent, kept, elasticity)
-        wrong, does = _signs(rows, closed, kept, (model, scales), factor, solution, bent)
+        wrong, does, decided = signs(rows, closed, kept, at, factor, solution, bent)
+        pulls = _contradicted(rows, closed, kept, at, factor, solution)
+        wrong = xp.where(xp.any(pulls > 0), pulls, wrong)
         # The worst first; then the first, which cannot go round in circles.
         place = xp.where(step.changes < 2 * rows.size, xp.argmax(wrong), xp.argmax(wrong > 0))
         flip = (xp.asarray(np.arange(rows.size)) == place) & xp.any(wrong > 0)
         loaded = step.loaded ^ flip
         # What is tied goes with its row as that changes, and, where none does, stays with contacts that touch.
         touching = (does == code_of(Contact.touches)) | (does == code_of(Contact.carries))
+        touching = touching & (~asked.lets_go | step.loaded | decided)
         rolling = xp.where(xp.any(flip), xp.where(flip, loaded, step.rolling), touching) & xp.asarray(has_tied)
-        failed = ~found | differs(solution.result, RESULTS.successful)
+        failed = (~found | differs(solution.result, RESULTS.successful)) & ~xp.any(pulls > 0)
         settled = ~xp.any(flip | (rolling ^ step.rolling)) | failed
         changes = step.changes + xp.where(settled, 0, 1)
         loaded, rolling = xp.where(settled, step.loaded, loaded), xp.where(settled, step.rolling, rolling)
-        return _Step(loaded, rolling, changes, ~settled & (changes < most), settled, does)
+        return _Step(loaded, rolling, changes, ~settled & (changes < most), settled, does, decided)
 
-    start = closed, closed & xp.asarray(has_tied)
+    start = asked.loaded, xp.where(asked.lets_go, asked.loaded, closed) & xp.asarray(has_tied)
     none, yes = xp.zeros((), int), xp.ones((), bool)
-    end = while_loop(lambda step: step.goes_on, body, _Step(*start, none, yes, ~yes, xp.zeros(rows.size, int)))
+    begin = _Step(*start, none, yes, ~yes, xp.zeros(rows.size, int), closed)
+    end = while_loop(lambda step: step.goes_on, body, begin)
     kept = rows_that_hold(names, end.loaded, end.rolling)
-    return stop_gradient(ActiveSet(kept, end.changes, end.settled, end.contacts))
+    return stop_gradient(ActiveSet(kept, end.changes, end.settled, end.contacts, end.decided))
+
+
+def contacts_at(system: AbstractSystem, state: State) -> tuple[Bool[Array, " c"], tuple[Array, Array, Scaling]]:
+    """Which contacts are closed at a state and at rest relative to it; Phi_q, gamma and the scales of all rows."""
+    model = model_of_all(system, state)
+    scales = scaling(system, model)
+    closed = take(_closed(model, scales, state), np.array(system.names.one_sided))
+    return closed, (model.jacobian, model.motion.gamma, scales)
 
 
 def _closed(model: Model, scales: Scaling, state: State) -> Bool[Array, " m"]:
-    """Which rows have neither a gap nor a velocity that opens one."""
-    tolerance = largest_violation(state.qd.dtype)
+    """Which rows have neither a gap nor a velocity that opens one, relative to velocities and to those that loads cause
+    over the size of the mechanism: what is left of a motion that has come to rest opens none."""
+    tolerance, mass = largest_violation(state.qd.dtype), xp.diagonal(model.mass)
     position = model.motion.value / scales.rows / scales.size
-    speed = xp.max(xp.abs(state.qd / scales.coordinates), initial=0.0)
+    pulled = xp.where(mass > 0, model.load / or_one(mass), 0.0)
+    reach, speed = (xp.max(xp.abs(x / scales.coordinates), initial=0.0) for x in (pulled, state.qd))
+    speed = speed + xp.sqrt(reach * scales.size)
     return (position > -tolerance) & (model.motion.rate / scales.rows >= -tolerance * speed)
 
 
-def _signs(
+def signs(
     rows: np.ndarray,
     closed: Bool[Array, " c"],
     all_kept: Bool[Array, " m"],
-    at: tuple[Model, Scaling],
+    at: tuple[Array, Array, Scaling],
     factor: Factorisation,
     solution: Any,
     elasticity: Elasticity,
-) -> tuple[Float[Array, " c"], Int[Array, " c"]]:
-    """How wrong each contact is, relative and positive where it must change; and what it does."""
-    model, scales = at
-    jacobian, gamma = model.jacobian, model.motion.gamma
+) -> tuple[Float[Array, " c"], Int[Array, " c"], Bool[Array, " c"]]:
+    """How wrong each contact is, relative and positive where it must change; what it does; and which move with the rows
+    that are kept. `at` is Phi_q, gamma and the scales."""
+    jacobian, gamma, scales = at
     kept = take(all_kept, rows)
     force = scales.rows * solution.multipliers
     force = take(force, rows) / or_one(xp.max(xp.abs(force)))
-    a = solution.acceleration
-    into = (jacobian @ a - gamma) / scales.rows  # how the rows close
-    terms = xp.max((xp.abs(jacobian) @ xp.abs(a) + xp.abs(gamma)) / scales.rows)
-    into = take(into, rows) / or_one(terms)
-    # s of what is left out, in its own unit: by how much it closes beside the others
-    bent = elasticity.compliance @ solution.multipliers - elasticity.misfit
+    into = (jacobian @ solution.acceleration - gamma) / scales.rows  # how the rows close
+    into = take(into, rows) / or_one(_size(at, factor, solution))
+    strain, free = strains(rows, all_kept, jacobian, factor, solution.multipliers, elasticity)
+    turned = take(xp.linalg.norm(jacobian * factor.scaling.coordinates, axis=1), rows)
+    decided = xp.linalg.norm(free, axis=1) / or_one(turned) < _WITHIN  # by the other rows: it moves with them
+    together = decided & (into > -largest_violation(into.dtype))  # else these take it away, however little they give
+    pulls, closes = -force, xp.where(together, xp.maximum(into, -strain), into)
+    wrong = xp.where(closed, xp.where(kept, pulls, closes), -1.0)
+    carries, lifts = kept & (force > CLEAR), ~kept & (into < -CLEAR)
+    opened, lifted, touching, loaded = map(code_of, Contact)
+    code = xp.where(carries, loaded, xp.where(lifts, lifted, touching))
+    return xp.where(wrong > CLEAR, wrong, -1.0), xp.where(closed, code, opened), decided
+
+
+def _size(at: tuple[Array, Array, Scaling], factor: Factorisation, solution: Any) -> Float[Array, ""]:
+    """The largest sum of the parts of an acceleration along a row, which may cancel in it."""
+    jacobian, gamma, scales = at
+    pulled, mass = xp.abs(jacobian).T @ xp.abs(solution.multipliers), xp.diagonal(factor.mass)
+    parts = xp.abs(solution.acceleration) + xp.where(mass > 0, pulled / or_one(mass), 0.0)
+    return xp.max((xp.abs(jacobian) @ parts + xp.abs(gamma)) / scales.rows)
+
+
+def _contradicted(
+    rows: np.ndarray,
+    closed: Bool[Array, " c"],
+    all_kept: Bool[Array, " m"],
+    at: tuple[Array, Array, Scaling],
+    factor: Factorisation,
+    solution: Any,
+) -> Float[Array, " c"]:
+    """How far others take contacts away that are kept, relative and positive where they do.
+
+    Rows that give way a little would then have forces beyond all others, along P gamma.
+    """
+    size = _size(at, factor, solution)  # not a number where `solve` has refused the contradiction
+    size = xp.where(xp.isfinite(size), size, _size(at, factor, factor))
+    off = take(factor.split.stress @ xp.where(all_kept, at[1] / at[2].rows, 0.0), rows) / or_one(size)
+    # Positions may be off by as much, and what they prescribe is.
+    return xp.where(closed & take(all_kept, rows) & (off > largest_violation(off.dtype)), off, -1.0)
+
+
+def strains(
+    rows: np.ndarray,
+    all_kept: Bool[Array, " m"],
+    jacobian: Float[Array, "m n"],
+    factor: Factorisation,
+    multipliers: Float[Array, " m"],
+    elasticity: Elasticity,
+) -> tuple[Float[Array, " c"], Float[Array, "c n"]]:
+    """What is left between contacts beside what gives way of the rows that are kept, relative and negative where it
+    closes; and by how much each closes as what these leave free moves."""
+    bent = elasticity.compliance @ multipliers - elasticity.misfit
     own = factor.scaling
     u = own.coordinates * (factor.split.inverse @ (xp.where(all_kept, bent, 0.0) / own.rows))
     strain = take(bent - jacobian @ u, rows) / or_one(xp.max(xp.abs(bent)))
-    turned = jacobian * own.coordinates
-    beyond = xp.linalg.norm(turned @ factor.split.motion, axis=1) / or_one(xp.linalg.norm(turned, axis=1))
-    decided = take(beyond, rows) < _WITHIN  # by the other rows: it moves with them
-    pulls, closes = -force, xp.where(decided, xp.maximum(into, -strain), into)
-    wrong = xp.where(closed, xp.where(kept, pulls, closes), -1.0)
-    carries, lifts = kept & (force > _CLEAR), ~kept & (into < -_CLEAR)
-    opened, lifted, touching, loaded = map(code_of, Contact)
-    code = xp.where(carries, loaded, xp.where(lifts, lifted, touching))
-    return xp.where(wrong > _CLEAR, wrong, -1.0), xp.where(closed, code, opened)
+    return strain, take((jacobian * own.coordinates) @ factor.split.motion, rows)

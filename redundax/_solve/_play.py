@@ -41,6 +41,7 @@ _SHARES = (
     1e-8,
     1e2,
 )  # of the stiffness, between which s is: loads from 1e-8 of those by which clearances would be closed
+_SAME, _BEYOND = 0.1, 0.05  # of a change, as parts of it: splitting makes good what is off, from anywhere
 _ON_EDGE = 1e-9  # of a clearance: what just closes it is no load; above the rounding of r, whose size is that of W lam
 
 
@@ -101,6 +102,17 @@ class _Clearance:
             return base + pick.caused(soft * (2 * x - v)) - x
 
         return change
+
+    def past_drift(self, v: Array, s: Array, change: Callable[[Array], Array]) -> Array:
+        """v where its change first differs, if it is the same up to there: small loads cross wide clearances slowly."""
+        way, size = change(v), s * self.size
+        a, b, c = self.together @ way**2, self.together @ (v * way), self.norm(v) ** 2 - size**2
+        root = xp.sqrt(xp.maximum(b**2 - a * c, 0.0))
+        comes_in = (b < 0) & (root > 0)
+        far = xp.where(c < 0, root - b, xp.where(comes_in, -b - root, xp.inf)) / or_one(a)
+        far = xp.min(xp.where(self.switches & (a > 0), far, xp.inf))
+        there = v + xp.where(far < xp.inf, far + _BEYOND, 0.0) * way
+        return xp.where(xp.linalg.norm(change(there) - way) <= _SAME * xp.linalg.norm(way), there, v)
 
     def sides(self, v: Array, s: Array) -> Sides:
         load = self.norm(v) - s * self.size
@@ -164,17 +176,27 @@ def at_sides(play: Play | None, solved: Callable[..., Any]) -> Callable[..., tup
     def run(
         system: Any, state: Any, factor: Factorisation, elasticity: Elasticity, *more: Any
     ) -> tuple[Any, Elasticity, Bool[Array, ""]]:
-        turn = _found(play, solved, (system, state, factor, elasticity, *more))
-        sides, clearance = stop_gradient(turn.sides), _Clearance(play, factor, elasticity)
-        closure = clearance.closure(sides)
-        solution = solved(system, state, unloaded(factor, sides.zero), closure, *more)
+        without, closure, settled, (sides, clearance) = at_own_sides(
+            play, solved, (system, state, factor, elasticity, *more)
+        )
+        solution = solved(system, state, without, closure, *more)
         counts = {name: getattr(factor, name) for name in ("spectrum", "redundancy", "freedom")}
         gaps = xp.where(sides.zero, clearance.gaps(sides, solution.multipliers), 0.0)
         misfit = closure.misfit - gaps - clearance.outside(solution.multipliers)
         solution = replace_fields(solution, stats=replace_fields(solution.stats, **counts))
-        return solution, Elasticity(closure.compliance, misfit), turn.settled
+        return solution, Elasticity(closure.compliance, misfit), settled
 
     return run
+
+
+def at_own_sides(
+    play: Play, solved: Callable[..., Any], given: tuple
+) -> tuple[Factorisation, Elasticity, Bool[Array, ""], tuple[Sides, _Clearance]]:
+    """The factorisation and the closure at the sides at which the solution is consistent with itself, and whether they
+    are found; with the sides."""
+    turn, (_, _, factor, elasticity, *_) = _found(play, solved, given), given
+    sides, clearance = stop_gradient(turn.sides), _Clearance(play, factor, elasticity)
+    return unloaded(factor, sides.zero), clearance.closure(sides), turn.settled, (sides, clearance)
 
 
 def _found(play: Play, solved: Callable[..., Any], given: tuple) -> _Turn:
@@ -185,7 +207,7 @@ def _found(play: Play, solved: Callable[..., Any], given: tuple) -> _Turn:
     def body(turn: _Turn) -> _Turn:
         s = xp.where(clearance.switches, turn.share * clearance.stiffness, 1.0)
         change = clearance.splitting(turn.multipliers, s)
-        v = fori_loop(0, _SPLITTINGS, lambda _, v: v + change(v), turn.v)
+        v = clearance.past_drift(fori_loop(0, _SPLITTINGS, lambda _, v: v + change(v), turn.v), s, change)
         sides = clearance.sides(v, s)
         solution = solved(system, state, unloaded(factor, sides.zero), clearance.closure(sides), *more)
         lam = solution.multipliers

@@ -188,7 +188,7 @@ def _with_contacts(
     with computing() if known else contextlib.nullcontext():
         at, play = as_numbers((state, closure.clearances(system))) if known else (state, closure.clearances(system))
         play, chosen = apart_from_contacts(play, system.names.one_sided, elasticity(closure, system, at, play=True))
-        of_set = of_rows(at_sides(play, alone), known=known)
+        of_set = of_rows(at_sides(play, alone), {} if known else None)
         found = active_set(system, at, chosen, of_set) if system.names.one_sided else all_kept(len(system.rows))
         factor, solution, _, is_found = of_set(system, at, chosen, found.kept, *given)
         settled = found.settled & is_found
@@ -434,7 +434,7 @@ def _check_state(system: AbstractSystem, state: State) -> None:
 
 def _vector(name: str, value: Numbers, size: int, what: str) -> Array:
     """`value`, checked: a number stands for that many equal entries, and stays one until they are needed."""
-    array = as_float(value)
+    array = as_float(value, name)
     if array.shape not in ((), (size,)):
         raise RedundaxError(
             f"Argument `{name}` must be a number or have shape ({size},) for {what}, but has {array.shape}. "

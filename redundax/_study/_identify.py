@@ -25,7 +25,7 @@ import numpy as np
 from jaxtyping import Array
 
 from .._tools._errors import NoSolutionError, RedundaxError
-from .._tools._module import Numbers, as_float
+from .._tools._module import Numbers, as_float, check_call
 from ._distributions import AbstractDistribution, check_distributions, check_power, sobol
 from ._identification import Ends, Identification, Shapes, Space, identified, restore
 
@@ -79,6 +79,7 @@ def identify(
     did not has the least misfit, and `throw` says so.
     """
     data, sigma = _checked(measured, noise, parameters, starts)
+    check_call("predict", predict, **parameters)
     shapes = tuple((name, one.shape) for name, one in parameters.items())
     middle = jnp.concatenate([jnp.ravel(one.nominal) for one in parameters.values()])
     scale = jnp.concatenate([jnp.ravel(one.std) for one in parameters.values()])
@@ -114,7 +115,7 @@ def _checked(
 ) -> tuple[Array, Array]:
     check_distributions(parameters, "What is known belongs into `predict`.")
     check_power("starts", starts, least=1)
-    data, sigma = as_float(measured), as_float(noise)
+    data, sigma = as_float(measured, "measured"), as_float(noise, "noise")
     if not bool(jnp.all(jnp.isfinite(data))):
         raise RedundaxError(
             "Argument `measured` must be finite. Leave out of it, and of what `predict` gives, what is missing."

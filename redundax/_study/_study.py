@@ -21,7 +21,7 @@ from jax.sharding import Mesh
 
 from .._system._system import AbstractSystem
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers
+from .._tools._module import Numbers, check_call
 from .._tools._optional import optional
 from .._tools._progress import progress as told
 from ._layout import Layout, layout, named, storable
@@ -91,6 +91,7 @@ def study(
         raise RedundaxError(
             f"Argument `chunk` must be at least 1, but is {chunk}. Leave it out unless memory runs short."
         )
+    check_call("run", run, **given)
     one = jax.jit(lambda sample: run(**sample))  # traced once, for the shapes
     plan = layout(given, jax.eval_shape(one, {name: values[0] for name, values in given.items()}), system)
     check_threads(mesh)

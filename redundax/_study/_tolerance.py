@@ -26,6 +26,7 @@ from .._system._names import QUANTITIES
 from .._system._results import RESULTS, is_one_of, result_codes
 from .._system._system import AbstractSystem
 from .._tools._errors import NoSolutionError, RedundaxError
+from .._tools._module import check_call
 from ._distributions import AbstractDistribution, check_distributions, check_power, entries, sobol
 from ._layout import SAMPLE, named, outcomes
 from ._study import study, whole
@@ -109,6 +110,7 @@ def tolerance_study(
     the shares to, have no solution.
     """
     _check(parameters, samples, percentiles)
+    check_call("build", build, **parameters)
 
     def run(**values: Array) -> Any:
         found = build(**values)

@@ -1,11 +1,13 @@
 """What a one-sided contact does, in words."""
 
 import enum
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from jaxtyping import Array, Bool
 
+from .._tools._errors import RedundaxError
 from .._tools._numbers import take, xp
 from ._names import Names
 
@@ -29,6 +31,7 @@ def code_of(word: Contact) -> int:
     return _WORDS.index(word)
 
 
+UNKNOWN = -1  # in arrays, where there is no answer
 LEFT_OUT = tuple(map(code_of, (Contact.open, Contact.lifts)))  # codes of what carries in no solution
 
 
@@ -43,12 +46,34 @@ def rows_that_hold(names: Names, loaded: Any, closed: Any) -> Bool[Array, " m"]:
     return take(xp.concatenate([xp.asarray(loaded), xp.asarray(closed), xp.ones(1, bool)]), places)
 
 
+def refuse_declared(names: Names, **given: object) -> None:
+    """Refuse arguments, by name, that declare what one-sided contacts decide, such as the rank."""
+    if names.one_sided and any(value is not None for value in given.values()):
+        several = len(given) > 1
+        raise RedundaxError(
+            f"Argument{'s' if several else ''} {' and '.join(f'`{name}`' for name in given)} must be left out where "
+            f"contacts are one-sided, {', '.join(names.contacts)}: which of them are closed decides "
+            f"{'both' if several else 'it'}."
+        )
+
+
+def is_closed(word: str) -> bool:
+    """Whether a contact of which this is said is closed and stays so."""
+    return word not in (Contact.open, Contact.lifts)
+
+
+def rows_closed(names: Names, contacts: Mapping[str, str]) -> tuple[Bool[np.ndarray, " c"], Bool[Array, " m"]]:
+    """Which contacts are closed and stay so, by what each does in words, and the rows that hold then."""
+    closed = np.array([is_closed(contacts[name]) for name in names.contacts])
+    return closed, rows_that_hold(names, closed, closed)
+
+
 def words(codes: Any, names: tuple[str, ...]) -> dict[str, Any]:
-    """What contacts do, by name; of a batch arrays of words."""
-    table = np.array([str(word) for word in _WORDS])
+    """What contacts do, by name, and "" where it is not known; of a batch arrays of words."""
+    table = np.array([*map(str, _WORDS), ""])
     columns = np.moveaxis(np.asarray(codes), -1, 0)
     return {
-        name: _WORDS[int(column)] if column.ndim == 0 else table[column]
+        name: (*_WORDS, "")[int(column)] if column.ndim == 0 else table[column]
         for name, column in zip(names, columns, strict=True)
     }
 

@@ -7,13 +7,14 @@ one of a joint. The rows stand behind those of the system and are called "name d
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Self
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from .._tools._module import replace_fields
@@ -54,6 +55,14 @@ class Driven(AbstractSystem):
         return self.base.radian
 
     @property
+    def length(self) -> Any:
+        return self.base.length
+
+    @property
+    def has_length(self) -> bool:
+        return self.base.has_length
+
+    @property
     def constant_mass(self) -> bool:
         return self.base.constant_mass
 
@@ -86,6 +95,12 @@ class Driven(AbstractSystem):
 
     def velocity_constraint(self, q: Array, qd: Array, t: Array, u: Array | None = None) -> Float[Array, " m"]:
         return jnp.pad(self.base.velocity_constraint(q, qd, t, u), (0, len(self.laws)))
+
+    def opened(self, kept: Array) -> Self:
+        return replace_fields(self, base=self.base.opened(kept[: len(self.base.rows)]))
+
+    def rubbing(self, factors: Mapping[str, ArrayLike]) -> Self:
+        return replace_fields(self, base=self.base.rubbing(factors))
 
     def load(self, state: State) -> Array:
         return self.base.load(state)

@@ -18,9 +18,8 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 
-from .._tools._compilation import compiled
 from .._tools._module import replace_fields
-from .._tools._numbers import on_numbers
+from .._tools._numbers import of_model, on_numbers
 from .._tools._value import AbstractModule
 from ._state import State
 
@@ -109,7 +108,7 @@ def _at_state(joints: AbstractJointCoordinates, state: State, multipliers: Array
     return joints.reactions(state, multipliers)
 
 
-@compiled
+@of_model
 def _everywhere(what: str, joints: AbstractJointCoordinates, state: State, values: Array, times: bool) -> Any:
     def of_one(joints: AbstractJointCoordinates, *given: Any) -> Any:
         function = getattr(joints, what)

@@ -45,7 +45,8 @@ class AbstractNamed(AbstractModule):
         labels = [each.name for each in known]
         told = None if self.names is None or name in labels else self.names.other_end(name)
         if told is None or self.joint_coordinates is None:
-            return self.entry(known[index_of("name", name, labels)])
+            more = [] if self.names is None or name in labels or told is not None else self.names.other_ends
+            return self.entry(known[index_of("name", name, labels, also=more)])
         turned = replace_fields(self, joint_coordinates=self.joint_coordinates.opposite)
         return turned.entry(known[labels.index(told)])
 

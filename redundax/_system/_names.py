@@ -151,6 +151,17 @@ class Names:
         return None
 
     @property
+    def other_ends(self) -> list[str]:
+        """Names of reactions on the other body of each joint, by which they are known too."""
+        return [
+            f"{label.removesuffix(told)}{other}"
+            for joint, *bodies in self.joined
+            for told, other in (bodies, bodies[::-1])
+            for label in self.reactions.labels
+            if label.startswith(f"{joint} ") and label.endswith(f" on {told}")
+        ]
+
+    @property
     def contacts(self) -> tuple[str, ...]:
         """Names of one-sided contacts: of their joints, where these have no other one, or of their rows."""
         rows = [self.rows.labels[row] for row in self.one_sided]
@@ -161,10 +172,19 @@ class Names:
 
     @property
     def anonymous(self) -> "Names":
-        """The same kinds without names."""
+        """The same kinds, and rows that open, without names."""
         coordinates, rows, slips, joints, reactions, centres = (axis.anonymous for axis in self.axes.values())
         return Names(
-            coordinates, rows, slips, joints, reactions, centres, velocity_rows=self.velocity_rows, adds=self.adds
+            coordinates,
+            rows,
+            slips,
+            joints,
+            reactions,
+            centres,
+            one_sided=self.one_sided,
+            tied=self.tied,
+            velocity_rows=self.velocity_rows,
+            adds=self.adds,
         )
 
     def with_slips(self, slips: Axis) -> "Names":
@@ -231,9 +251,9 @@ def by_joint(names: Sequence[str]) -> str:
     return ", ".join(words)
 
 
-def index_of(argument: str, name: str, known: Sequence[str], what: str = "") -> int:
-    """Index of a name among those known; `ValueError` where there are none or several."""
-    found = indices_of(argument, name, known, what)
+def index_of(argument: str, name: str, known: Sequence[str], what: str = "", also: Sequence[str] = ()) -> int:
+    """Index of a name among those known; an error where there are none or several, with near ones of `also` too."""
+    found = indices_of(argument, name, known, what, also)
     if len(found) > 1:
         raise RedundaxError(
             f"Argument `{argument}` must name one entry, but {name!r} names {len(found)}. Rename one, or index arrays."
@@ -241,14 +261,14 @@ def index_of(argument: str, name: str, known: Sequence[str], what: str = "") -> 
     return found[0]
 
 
-def indices_of(argument: str, name: str, known: Sequence[str], what: str = "") -> list[int]:
-    """Indices of all that have a name; `ValueError` with near names where nothing has."""
+def indices_of(argument: str, name: str, known: Sequence[str], what: str = "", also: Sequence[str] = ()) -> list[int]:
+    """Indices of all that have a name; an error with near names where nothing has."""
     found = [k for k, each in enumerate(known) if each == name]
     if found:
         return found
     more = f" and {len(known) - _LISTED} more: print(solution) shows what is called how" if len(known) > _LISTED else ""
     raise UnknownName(
-        f"Argument `{argument}` must hold names{what}, but holds {name!r}. {did_you_mean(str(name), known)}"
+        f"Argument `{argument}` must hold names{what}, but holds {name!r}. {did_you_mean(str(name), [*known, *also])}"
         f"There are {', '.join(known[:_LISTED]) or 'none'}{more}."
     )
 
@@ -259,8 +279,8 @@ def vector(argument: str, value: ByName, axis: Axis, what: str) -> Array:
         found: list[Any] = [0.0] * len(axis)
         for name, number in value.items():
             found[index_of(argument, name, axis.labels, what)] = number
-        return as_float(found)
-    array = as_float(value)
+        return as_float(found, argument)
+    array = as_float(value, argument)
     if array.shape not in ((), (len(axis),)):
         raise RedundaxError(
             f"Argument `{argument}` must be a number, have shape ({len(axis)},){what}, or give numbers by name, but "

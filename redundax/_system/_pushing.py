@@ -1,10 +1,11 @@
 """Contacts that push alone, as teeth do: which of them pull in a solution, and what that means."""
 
 import warnings
+from collections.abc import Sequence
 
 import jax
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from .._tools._errors import RedundaxError
 from .._tools._module import is_concrete
@@ -14,18 +15,25 @@ _ROUNDING = 1e-9  # relative to the largest force of a joint
 
 
 def pulling(names: Names | None, multipliers: Float[Array | np.ndarray, "*batch m"]) -> tuple[str, ...]:
-    """Names of the rows of pushing contacts that pull, in any sample of a batch or at any time; concrete values."""
-    if names is None or not names.pushing:
+    """Names of the rows of pushing contacts that pull, in any sample of a batch or at any time; concrete values. Those
+    that open do not."""
+    rows = [] if names is None else sorted({*names.pushing} - {*names.one_sided})
+    if names is None or not rows:
         return ()
     if not is_concrete(multipliers):
         raise RedundaxError(
             "What pulls is told where numbers are known, not inside of transformations. Look at the signs of the "
-            f"multipliers {', '.join(names.rows.labels[row] for row in names.pushing)} there."
+            f"multipliers {', '.join(names.rows.labels[row] for row in rows)} there."
         )
-    values, rows = np.nan_to_num(jax.device_get(multipliers)), list(names.pushing)
-    largest = np.abs(values[..., ~names.rows.angular]).max(axis=-1, keepdims=True)
-    pulls = values[..., rows] < -_ROUNDING * largest
-    return tuple(names.rows.labels[row] for row, own in zip(rows, np.moveaxis(pulls, -1, 0), strict=True) if own.any())
+    pulls = np.moveaxis(pulls_of(jax.device_get(multipliers), rows, names.rows.angular), -1, 0)
+    return tuple(names.rows.labels[row] for row, own in zip(rows, pulls, strict=True) if own.any())
+
+
+def pulls_of(multipliers: np.ndarray, rows: Sequence[int], angular: np.ndarray) -> Bool[np.ndarray, "*batch rows"]:
+    """Which of some rows pull, beyond rounding beside the largest force."""
+    values = np.nan_to_num(multipliers)
+    largest = np.abs(values[..., ~angular]).max(axis=-1, keepdims=True)
+    return values[..., list(rows)] < -_ROUNDING * largest
 
 
 def in_words(rows: tuple[str, ...]) -> str:

@@ -132,16 +132,21 @@ class RESULTS(eqx.Enumeration, metaclass=_Words):
         "The friction iteration reached `max_steps` before it met the tolerance. Raise `max_steps` or `rtol`."
     )
     contacts_undecided = (
-        "Which contacts carry, or at which side joints with play stand, was not found: they change in turn. With "
-        "friction, and with wheels that roll with any load, there may be no solution (the mechanism jams, or a wheel "
-        "slips) or several. Reduce the friction, or say which contacts carry by leaving the others out."
+        "Which contacts carry, or at which side joints with play stand, was not found: no choice that was tried meets "
+        "all conditions. Drivers may contradict contacts that push: look at what they drive there. Where joints have "
+        "friction, or wheels roll with any load, there may be no solution (the mechanism jams, or a wheel slips) or "
+        "several: reduce the friction. Or say which contacts carry by leaving the others out."
+    )
+    impulse_unknown = (
+        "The motion ended at an impact: it loads joints whose friction has no law of impulses, bristles or a "
+        "`Friction` of your own that depends on loads. Give them `Coulomb`, or no friction."
     )
     steps_exhausted = "The motion took `max_steps` steps before `t1`. Raise `max_steps` or `rtol`."
     step_too_small = (
         "The motion stopped where steps became too small. Where "
         "`stats.nearest_singularity` is far below 1 a singular position is next, a flat or dead one, that the motion "
         "does not pass; start beyond it, and in float64. Else friction may have no solution further on (it jams) or "
-        "one on another branch only (see `stats.contraction`), or the loads are not smooth there."
+        "one on another branch only (see `stats.contraction`), or loads or laws of time are not smooth there, or end."
     )
     stuck = (
         "The mechanism came to rest and sticks: admissible friction forces hold it, and its loads do not let it go by "
@@ -151,7 +156,10 @@ class RESULTS(eqx.Enumeration, metaclass=_Words):
         "The motion stopped where it could not be decided which joints stick and which slip on. "
         "Friction this large may jam; `RegularisedCoulomb` goes on."
     )
-    phases_exhausted = "Joints stopped, reversed or were let go `max_phases` times before `t1`. Raise `max_phases`."
+    phases_exhausted = (
+        "Joints stopped, reversed or were let go, or contacts opened or closed, `max_phases` times before `t1`. Raise "
+        "`max_phases`."
+    )
     rank_changed = (
         "The motion stopped where the rank of its constraints changes for good. Start a motion of its own beyond."
     )

@@ -48,8 +48,8 @@ class State(AbstractModule):
     memory: tuple[PyTree, ...]
 
     def __init__(self, q: Numbers, qd: Numbers, t: ArrayLike = 0.0, memory: tuple[PyTree, ...] = ()):
-        self.q, self.qd = as_float(q), as_float(qd)
-        self.t = as_float(t).astype(self.qd.dtype)
+        self.q, self.qd = as_float(q, "q"), as_float(qd, "qd")
+        self.t = as_float(t, "t").astype(self.qd.dtype)
         self.memory = memory
 
     @property

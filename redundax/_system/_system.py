@@ -12,7 +12,7 @@ Phi they are zero whatever the position, in Phi_q they are A, in Phi_q qd + Phi_
 """
 
 import abc
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Self, cast
 
 import equinox as eqx
@@ -30,10 +30,15 @@ from .._tools._module import (
     as_functions,
     as_parameters,
     check_kind,
+    check_takes,
+    finite,
     is_concrete,
     moved,
+    one_number,
+    positive,
     replace_fields,
 )
+from .._tools._numbers import asked_of_model
 from .._tools._table import are_known, page
 from .._tools._value import AbstractModule
 from ._axis import Axis, axis
@@ -42,7 +47,7 @@ from ._joint_coordinates import AbstractJointCoordinates, NoJointCoordinates, jo
 from ._names import Names, index_of
 from ._pages import notes, values_of
 from ._state import State
-from ._units import Units, of_model
+from ._units import StatedUnits, Units, stated
 from ._velocity_constraints import no_positions, rows_of_velocity
 
 
@@ -93,6 +98,16 @@ class AbstractSystem(AbstractModule):
         return 1.0
 
     @property
+    def length(self) -> ArrayLike:
+        """Its size where it has no angles and its rows are straight, so that these tell none."""
+        return 1.0
+
+    @property
+    def has_length(self) -> bool:
+        """Whether that is declared, so that no curvature of its rows counts."""
+        return False
+
+    @property
     @abc.abstractmethod
     def constant_mass(self) -> bool:
         """Whether `mass` depends on neither position nor time."""
@@ -110,6 +125,7 @@ class AbstractSystem(AbstractModule):
     def constraint(self, q: Float[Array, "..."], t: Float[Array, ""]) -> Float[Array, " m"]:
         """Constraint residual Phi(q, t), Eq. (2)."""
 
+    @asked_of_model
     def jacobian(self, q: Float[Array, "..."], t: Float[Array, ""]) -> Float[Array, "m n"]:
         """Constraint Jacobian Phi_q through the retraction, A in rows of velocity; whoever overrides it says the same
         as `constraint` and `velocity_constraint`."""
@@ -251,6 +267,13 @@ class AbstractSystem(AbstractModule):
     def anonymous(self) -> Self:
         """The same system without names: what compiled programs are keyed on."""
 
+    def rubbing(self, factors: Mapping[str, ArrayLike]) -> Self:
+        """The same with friction of joints, by name, as a multiple of what their models give."""
+        raise RedundaxError(
+            f"Argument `friction` must name joints of a `Mechanism`, but the system is a {type(self).__name__}. "
+            "Ask for each friction by itself."
+        )
+
     @property
     def without_friction(self) -> Self:
         """The same without friction, which a factorisation does not read, where it can be left out."""
@@ -292,6 +315,10 @@ class System(AbstractSystem):
     - `velocity_constraints`: `(q, qd, t, parameters) -> (k,)`, what the velocity misses of k more rows
       A(q, t) qd - b(q, t) = 0, affine in qd. They stand behind those of `constraint`, which may be `None` then, and
       `rows` holds the kinds of all: of a row in m/s the multiplier is a force, of one in rad/s a moment.
+    - `length`: about how large the mechanism is, in the unit of its coordinates, for a system without angles. Gaps and
+      residuals are judged beside it, a contact is closed within 1e-6 of it. If not given it is the radius of curvature
+      of the rows, and where these are straight, or beside contacts of a radius above 10 m, 1 m. Where no `units` are
+      stated that is 10 and 1 of what coordinates are in: with contacts in mm, state units or give the length.
     """
 
     _names: Names = eqx.field(static=True)
@@ -303,6 +330,8 @@ class System(AbstractSystem):
     _retraction: Callable[..., Array] | None
     _kept: Bool[Array, " m"] | None
     _velocity_constraints: Callable[..., Array] | None
+    _length: Float[Array, ""]
+    _has_length: bool = eqx.field(static=True)
 
     def __init__(
         self,
@@ -320,9 +349,19 @@ class System(AbstractSystem):
         units: Units | None = None,
         one_sided: Sequence[str | int] = (),
         velocity_constraints: Callable[..., Array] | None = None,
+        length: ArrayLike | None = None,
     ):
         if constraint is None and velocity_constraints is not None:
             constraint = no_positions
+        for argument, function, given in (
+            ("constraint", constraint, ("q", "t", "parameters")),
+            ("mass", mass, ("q", "t", "parameters")),
+            ("load", load, ("q", "qd", "t", "parameters")),
+            ("retraction", retraction, ("q", "d")),
+            ("velocity_constraints", velocity_constraints, ("q", "qd", "t", "parameters")),
+        ):
+            if callable(function):
+                check_takes(argument, function, *given)
         self.parameters, self._kept = as_parameters(parameters), None
         self._constraint, self._load, self._retraction = map(as_functions, (constraint, load, retraction))
         self._velocity_constraints = as_functions(velocity_constraints)
@@ -358,13 +397,15 @@ class System(AbstractSystem):
                     f"{np.asarray(group.rows).ravel().tolist()}. Count from 0."
                 )
         contacts = tuple(sorted(_index(row, rows) for row in one_sided))
+        named = stated(units)
+        self._has_length, self._length = length is not None, _length_of(length, coordinates, named)
         self._names = Names(
             coordinates,
             rows,
             pushing=contacts,
             one_sided=contacts,
             velocity_rows=self._velocity_rows_of(n, m, contacts),
-            units=of_model(units),
+            units=named,
             adds=retraction is None,
         )
         if not len(self.rows):
@@ -450,6 +491,14 @@ class System(AbstractSystem):
     def opened(self, kept: Array) -> Self:
         return replace_fields(self, _kept=kept)
 
+    @property
+    def length(self) -> Array:
+        return self._length
+
+    @property
+    def has_length(self) -> bool:
+        return self._has_length
+
     def load(self, state: State) -> Float[Array, " n"]:
         if self._load is None:
             return jnp.zeros_like(state.qd)
@@ -480,6 +529,21 @@ def _index(row: str | int, rows: Axis) -> int:
     return int(row)
 
 
+def _length_of(length: ArrayLike | None, coordinates: Axis, units: StatedUnits) -> Float[Array, ""]:
+    """The size that is declared, or 1 m, or 1 where no units are stated."""
+    if length is None:
+        return as_float(units.length or 1.0)
+    if coordinates.angular.any():
+        raise RedundaxError(
+            "Argument `length` must be left out where coordinates are angular: rows tell it there. Leave it out."
+        )
+    size = as_float(length, "length")
+    one_number("length", size)
+    finite("length", size)
+    positive("length", size)
+    return size
+
+
 def _count(kinds: Any) -> int | None:
     return None if isinstance(kinds, str) else len(kinds)
 
@@ -491,18 +555,6 @@ def check_system(system: object) -> None:
         raise RedundaxError(
             "Argument `system` must have a constraint, but has none: all of its bodies are free. Add a joint that "
             "holds one of them."
-        )
-
-
-def refuse_contacts(call: str, system: object, where: str = "") -> None:
-    """Refuse a system with one-sided contacts, for a call that would hold all of them."""
-    check_system(system)
-    names = cast(AbstractSystem, system).names
-    if names.one_sided:
-        raise RedundaxError(
-            f"Argument `system` has one-sided contacts, {', '.join(names.contacts)}, which `{call}` does not open and "
-            f"close{where}. Ask `solve` or `analyze` which of them carry, and give the mechanism with these alone, not "
-            "one-sided."
         )
 
 

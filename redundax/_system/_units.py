@@ -145,7 +145,7 @@ def checked_units(units: Units | None) -> Units | None:
     return units
 
 
-def of_model(units: Units | None) -> StatedUnits:
+def stated(units: Units | None) -> StatedUnits:
     """Those of a model whose figures are in `units`, as factors from SI; none where a factor is traced."""
     units = checked_units(units)
     stated = StatedUnits() if units is None else StatedUnits(1.0).in_units(units)

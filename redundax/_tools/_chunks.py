@@ -21,15 +21,15 @@ T = TypeVar("T", bound=PyTree)
 
 _CHUNK = 4096  # samples at most for a core, four times as many where cores share a device and its loops
 _NUMBERS = 2**21  # that go into a chunk and come out of it, at most
-_INSIDE = 2**16  # numbers of one kind, as of matrices, within a chunk: half a MiB of them, as the cache of a core holds
-_ACCELERATOR = 64, 16  # times as many elsewhere than on CPUs, for threads by the thousand
+_INSIDE = 2**14  # numbers of one kind, as of matrices, within a chunk: 128 KiB, as the cache of a core holds several
+_ACCELERATOR = 64, 16, 256  # times as many elsewhere than on CPUs, for threads by the thousand
 
 
 def limits() -> tuple[int, int, int]:
     """Samples of a chunk, numbers in and out of it, and numbers of one kind within it, at most."""
     if jax.default_backend() != "cpu":
-        samples, numbers = _ACCELERATOR
-        return samples * _CHUNK, numbers * _NUMBERS, samples * _INSIDE
+        samples, numbers, inside = _ACCELERATOR
+        return samples * _CHUNK, numbers * _NUMBERS, inside * _INSIDE
     return (_CHUNK if jax.local_device_count() >= cores() else 4 * _CHUNK), _NUMBERS, _INSIDE
 
 

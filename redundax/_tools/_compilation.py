@@ -7,8 +7,10 @@ numbers is not traced again for them. Such a program of a single sample has one 
 and derivatives is left out of it.
 """
 
+import contextlib
 import functools
-from collections.abc import Callable
+import gc
+from collections.abc import Callable, Iterator
 from typing import ParamSpec, TypeVar
 
 import equinox as eqx
@@ -29,19 +31,38 @@ _LIGHT: Options = {**_IN_ORDER, "xla_cpu_use_fusion_emitters": False}  # the old
 _QUICK: Options = {
     **_LIGHT,
     "xla_backend_optimization_level": 0,
+    "xla_cpu_parallel_codegen_split_count": 4,  # each part costs as much as what stands in it
     "xla_llvm_disable_expensive_passes": True,
     # What loops repeat is little; to look for it takes a third of the time that a motion's step takes to compile.
-    "xla_disable_hlo_passes": "while-loop-simplifier,while-loop-invariant-code-motion,"
+    "xla_disable_hlo_passes": "simplify-while-loops,while-loop-invariant-code-motion,"
     "while-loop-expensive-invariant-code-motion",
 }
 
 tell_of_long_compiling()
-_single = jax.make_user_context(False)  # a part of what JAX knows programs by
+# Parts of what JAX knows programs by.
+_single, in_little_time = jax.make_user_context(False), jax.make_user_context(False)
 
 
 def is_single() -> bool:
     """Whether what is traced is the program of a call outside transformations, with no batch around it."""
     return _single.value
+
+
+def is_quick() -> bool:
+    """Whether what is traced is compiled in little time: the less there is of it the better, as nothing is fused."""
+    return in_little_time.value
+
+
+@contextlib.contextmanager
+def uncollected() -> Iterator[None]:
+    """Without search for garbage, which takes a fifth of the time that tracing takes and finds nothing in it."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
 
 
 def compiled(
@@ -64,7 +85,7 @@ def compiled(
         if any(isinstance(x, jax.core.Tracer) for x in jax.tree.leaves((arguments, named))):
             return inside(*arguments, **named)
         try:
-            with jax.core.eval_context(), _single(True):
+            with jax.core.eval_context(), _single(True), in_little_time(not runs_long):
                 return outside(is_large(*arguments, **named))(*arguments, **named)
         except jax.errors.UnexpectedTracerError:  # a function of the user holds a traced number
             return inside(*arguments, **named)
@@ -88,7 +109,10 @@ def once(function: Callable[P, T]) -> Callable[P, T]:
 
     @functools.wraps(function)
     def run(*arguments: P.args, **named: P.kwargs) -> T:
-        return (inside if is_staged() else alone())(*arguments, **named)
+        if is_staged():
+            return inside(*arguments, **named)
+        with in_little_time(True):
+            return alone()(*arguments, **named)
 
     return run
 

@@ -22,6 +22,7 @@ from jaxtyping import Array, Bool, Float, Integer
 from ._errors import RedundaxError
 from ._numbers import are_numbers
 from ._value import AbstractModule
+from ._words import short
 
 T = TypeVar("T")
 
@@ -37,10 +38,7 @@ def as_float(value: Numbers, argument: str = "") -> Array:
     """
     if isinstance(value, jax.Array) and is_concrete(value) and value.dtype == _float_type(value):
         return value
-    array = floats(value, argument)
-    if array.dtype == np.float32 and is_concrete(array) and np.any(np.asarray(value) != array):
-        _tell_of_single_precision()
-    return on_device(array)
+    return on_device(floats(value, argument))
 
 
 @functools.cache
@@ -56,13 +54,19 @@ def _tell_of_single_precision() -> None:
 
 def floats(value: Numbers, argument: str = "") -> np.ndarray | Array:
     """`value` as floating-point numbers: in NumPy, which compiles nothing, where they are known, else traced."""
-    array = numpy_of(value).asarray(value)
-    if array.dtype.kind in "OSU":  # objects and words
+    try:
+        array = numpy_of(value).asarray(value)
+    except ValueError:  # lists of several lengths
+        array = np.asarray(None)
+    if array.dtype.kind in "OSUc":  # objects, words and complex numbers
         raise RedundaxError(
             f"{f'Argument `{argument}`' if argument else 'A figure'} must be a number, or a list of numbers, but is "
-            f"{value!r}. Give it without a unit: `units=` of a mechanism states that of all."
+            f"{short(value)}. Give it without a unit: `units=` of a mechanism states that of all."
         )
-    return array.astype(_float_type(array))
+    found = array.astype(_float_type(array))
+    if found.dtype == np.float32 and found.dtype != array.dtype and is_concrete(found) and np.any(array != found):
+        _tell_of_single_precision()
+    return found
 
 
 def _float_type(array: np.ndarray | Array) -> np.dtype:
@@ -87,6 +91,11 @@ def on_device(array: np.ndarray | Array) -> Array:
         return array
     with jax.core.eval_context():
         return jax.device_put(array)
+
+
+def figure(argument: str) -> Callable[[Numbers], Array]:
+    """`as_float` as the converter of a field, which is the `argument` of that name."""
+    return functools.partial(as_float, argument=argument)
 
 
 def optional_float(value: Numbers | None) -> Array | None:
@@ -138,6 +147,21 @@ def tracing(argument: str) -> Iterator[None]:
             f"Argument `{argument}` must be a function that JAX can trace, but math.sin, np.sin, float() or an `if` in "
             "it wants a known number. Write it with jax.numpy: jnp.sin, jnp.where."
         ) from error
+
+
+def check_takes(argument: str, function: Callable[..., Any], *given: str) -> None:
+    """Refuse a function of the user that does not take what it will be given, one after the other."""
+    try:
+        wanted = inspect.signature(function.function if isinstance(function, Plain) else function)
+    except (TypeError, ValueError):  # of a compiled function, which does not tell
+        return
+    try:
+        wanted.bind(*given)
+    except TypeError:
+        raise RedundaxError(
+            f"Argument `{argument}` must be a function of ({', '.join(given)}), but is one of "
+            f"({', '.join(wanted.parameters)}). Give it these arguments, in this order."
+        ) from None
 
 
 def check_call(name: str, function: Callable[..., Any], *arguments: Any, **named: Any) -> None:

@@ -3,7 +3,8 @@
 `xp` has the functions of both. Each looks at its arguments: of NumPy's arrays and Python's numbers alone it is NumPy's
 and gives NumPy's, of any array of JAX it is JAX's. So one text of an equation serves a call on known numbers, whose
 arguments its entry (`on_numbers`) has turned into NumPy's, and a program, in which they are traced. What is the model's
-(`of_model`), that a user writes for JAX, is a compiled program where numbers are known, and gives NumPy's arrays again.
+(`of_model`), that a user writes for JAX, is traced by itself where numbers are known: NumPy computes its equations
+(`_interpreted`) the first times, and a program from then on.
 
 A batch of samples on numbers has axes for them in front, as `vmap` gives it to what is traced: `product`, `solution`,
 `chosen_of` and `while_loop` take both.
@@ -15,6 +16,7 @@ derivatives given by hand, factors that do not exist.
 import collections
 import contextlib
 import functools
+import inspect
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -26,9 +28,11 @@ import jax
 import jax.core
 import jax.numpy as jnp
 import numpy as np
+from jax.extend.core import jaxpr_as_fun
 from threadpoolctl import ThreadpoolController
 
-from ._compilation import compiled, once, quick_options
+from ._compilation import compiled, in_little_time, once, quick_options, uncollected
+from ._interpreted import Interpreted
 
 T = TypeVar("T")
 F = TypeVar("F", bound=Callable[..., Any])
@@ -217,6 +221,18 @@ def fori_loop(first: int, last: int, body: Callable[[Any, T], T], start: T) -> T
     return start
 
 
+def scan(body: Callable[[T, Any], tuple[T, Any]], start: T, places: np.ndarray) -> tuple[T, list[Any]]:
+    """`jax.lax.scan`, and what each turn gives, in a list."""
+    if not are_numbers(start):
+        end, stacked = jax.lax.scan(body, start, jnp.asarray(places))
+        return end, [jax.tree.map(lambda x, k=k: x[k], stacked) for k in range(len(places))]
+    given = []
+    for place in places:
+        start, own = body(start, place)
+        given.append(own)
+    return start, given
+
+
 def cond(flag: Any, yes: Callable[..., T], no: Callable[..., T], *operands: Any) -> T:
     """`jax.lax.cond`."""
     if not is_number(flag):
@@ -384,6 +400,11 @@ def on_numbers(
     return run
 
 
+def asked_of_model(function: Callable[..., Any]) -> Callable[..., Any]:
+    """`of_model` for what users ask of a model themselves: it gives JAX's arrays of NumPy's, too."""
+    return on_numbers(of_model(function), jit=False)
+
+
 def computed(function: F) -> F:
     """`on_numbers` for a call that no program holds."""
     return on_numbers(function, jit=False)  # pyright: ignore[reportReturnType]
@@ -413,7 +434,8 @@ def as_program(function: Callable[..., Any]) -> Callable[..., Any]:
             return first(*arguments)
         if (key := hash(_structure(arguments))) not in spent:
             spent[key] = 0.0  # compiled now, which does not count
-            return as_numbers(first(*arguments))
+            with uncollected():
+                return as_numbers(first(*arguments))
         begun = time.perf_counter()
         out = as_numbers((fast if spent[key] > LONG else first)(*arguments))
         spent[key] += time.perf_counter() - begun
@@ -422,22 +444,66 @@ def as_program(function: Callable[..., Any]) -> Callable[..., Any]:
     return run
 
 
-def of_model(function: Callable[..., Any]) -> Callable[..., Any]:
-    """What of a model is a program of its own where numbers are known, and part of another where some are traced."""
+# Calls of one structure in which NumPy computes the model; compiling a program takes as long as some hundred of them.
+FEW = 100
+_RECENT = 128  # structures of which one function is kept traced
 
-    @functools.cache
-    def program() -> Callable[..., Any]:
-        return eqx.filter_jit(function, compiler_options=quick_options(False, False))  # pyright: ignore[reportCallIssue]
+
+class _Traced:
+    """A function of a model with arguments of one structure: computed by NumPy at first, by a program from `FEW` on."""
+
+    def __init__(self, function: Callable[..., Any], arguments: Any):
+        with in_little_time(True), uncollected():
+            self.closed, of_arrays, self.others = eqx.filter_make_jaxpr(function)(*arguments)
+        self.function, self.structure, self.calls = function, jax.tree.structure(of_arrays), 0
+        self.first = None
+        with contextlib.suppress(Exception):  # functions of a user may hold what NumPy has not
+            self.first = Interpreted(self.closed)
+
+    @functools.cached_property
+    def program(self) -> Callable[..., Any]:
+        run = functools.wraps(self.function)(jaxpr_as_fun(self.closed))
+        return jax.jit(run, compiler_options=quick_options())
+
+    def __call__(self, given: list[Any]) -> Any:
+        self.calls += 1
+        out = None
+        if self.first is not None and self.calls <= FEW:
+            with contextlib.suppress(Exception):
+                out = self.first([np.asarray(x) for x in given])
+        if out is None:
+            self.first = None
+            out = [np.asarray(x) for x in self.program(*given)]
+        return eqx.combine(jax.tree.unflatten(self.structure, out), self.others)
+
+
+def of_model(function: Callable[..., Any]) -> Callable[..., Any]:
+    """What of a model is traced by itself where numbers are known, and part of a program where some are traced; of
+    arrays of JAX it gives such."""
+    recent: collections.OrderedDict[Any, _Traced] = collections.OrderedDict()
+
+    def computed(*arguments: Any) -> Any:
+        key = jax.config.jax_enable_x64, _structure(arguments)  # pyright: ignore[reportAttributeAccessIssue]
+        if (traced := recent.get(key)) is None:
+            traced = recent[key] = _Traced(function, arguments)
+            if len(recent) > _RECENT:
+                recent.popitem(last=False)
+        return traced([x for x in jax.tree.leaves(arguments) if eqx.is_array(x)])
 
     @functools.wraps(function)
-    def run(*arguments: Any) -> Any:
-        if not are_known(arguments):
-            return function(*arguments)
+    def run(*arguments: Any, **named: Any) -> Any:
+        if not are_known(arguments, named):
+            return function(*arguments, **named)
+        if named:
+            arguments = inspect.signature(function).bind(*arguments, **named).args
         try:
             with jax.core.eval_context():
-                out = program()(*arguments)
+                if are_numbers(arguments):
+                    return computed(*arguments)
+                with computing():
+                    out = computed(*as_numbers(arguments))
+                return as_arrays(out)
         except jax.errors.UnexpectedTracerError:  # a function of the user holds a traced number
             return function(*arguments)
-        return as_numbers(out) if are_numbers(arguments) else out
 
     return run

@@ -97,9 +97,14 @@ def page(left: Sequence[Group], right: Sequence[Group], more: str) -> list[str]:
 def figures(values: np.ndarray, beside: np.ndarray | None = None, digits: int = 6) -> list[str]:
     """Numbers as text; what is rounding beside the largest, of these or of others, is 0."""
     values = np.asarray(values)
-    others = np.abs(values if beside is None else beside)
+    return [f"{x:.{digits}g}" for x in without_rounding(values, values if beside is None else beside).tolist()]
+
+
+def without_rounding(values: np.ndarray, beside: np.ndarray) -> np.ndarray:
+    """Numbers, of which those that are rounding beside the largest of others are 0."""
+    others = np.abs(beside)
     rounding = 100 * np.finfo(values.dtype).eps * others[np.isfinite(others)].max(initial=0.0)
-    return [f"{0.0 if abs(x) <= rounding else x:.{digits}g}" for x in values.tolist()]
+    return np.where(np.abs(values) <= rounding, 0.0, values)
 
 
 def apart(low: float, high: float, digits: int = 5) -> tuple[str, str]:

@@ -8,15 +8,27 @@ from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform
 
 import equinox as eqx
 import jax
+import jax.core
+import numpy as np
 
 T = TypeVar("T")
 
 
 class AbstractModule(eqx.Module):
-    """An Equinox module whose attributes are those of Python: a method is bound, not wrapped as a pytree of its own."""
+    """An Equinox module whose attributes are those of Python: a method is bound, not wrapped as a pytree of its own.
+
+    It is shown with its figures, where these are few and known."""
 
     if not TYPE_CHECKING:
         __getattribute__ = object.__getattribute__
+
+    def __repr__(self) -> str:
+        return eqx.tree_pformat(jax.tree.map(_shown, self))
+
+
+def _shown(x: Any) -> Any:
+    is_known = isinstance(x, np.ndarray | jax.Array) and not isinstance(x, jax.core.Tracer)
+    return np.asarray(x).tolist() if is_known and x.ndim <= 2 and x.size <= 9 else x  # a matrix in space
 
 
 @dataclass_transform(frozen_default=True)

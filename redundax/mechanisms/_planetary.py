@@ -94,6 +94,12 @@ def planetary(
             f"Argument `planets` must divide the {sun_teeth + ring_teeth} teeth of sun and ring together, but is "
             f"{planets}: else the teeth of the planets do not fit. Change a number of teeth."
         )
+    apart = (sun_teeth + planet_teeth) * np.sin(np.pi / planets)  # of neighbours, in modules, tips one beyond the pitch
+    if planets > 1 and apart <= planet_teeth + 2:
+        raise RedundaxError(
+            f"Argument `planets` must leave room between planets of {planet_teeth} teeth around a sun of {sun_teeth}, "
+            f"but {planets} overlap. Take fewer, or give the sun more teeth."
+        )
     module, gravity = floats(module), floats(gravity)
     radii, distance = (module * sun_teeth / 2, module * planet_teeth / 2), module * (sun_teeth + planet_teeth) / 2
     pins, rubs = rubbing("mu_rho", mu_rho, 2 + planets), coulomb("mu", mu, 2 * planets)

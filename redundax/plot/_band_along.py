@@ -9,7 +9,7 @@ from .._solution_sets._band._band_along import BandPath
 from .._system._names import index_of
 from .._system._units import with_unit
 from .._tools._errors import RedundaxError
-from ._solution_sets import COLOURS, finish, new_figure
+from ._solution_sets import COLOURS, finish, shared_legend, stacked
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,17 +49,14 @@ def band_along(path: BandPath, outputs: Sequence[str] | str | None = None, *, ag
     names = path.names[:_MOST] if outputs is None else [outputs] if isinstance(outputs, str) else outputs
     places = [index_of("outputs", name, path.names, " of the path") for name in names]
     coordinate, x, label = _across(path, against)
-    figure = new_figure(6.6, 2.2 * len(places) + 0.9)
-    panels = figure.subplots(len(places), 1, sharex=True, squeeze=False)[:, 0]
+    figure, panels = stacked([2.2] * len(places), 0.9, label)
     for axes, k in zip(panels, places, strict=True):
         for said, run in path.runs(coordinate):
             _run(axes, path, k, x, run, said, _colour(path, coordinate, run))
         _flags(axes, path, k, x)
-        finish(axes, path.names[k], "")
+        finish(axes, path.names[k])
         axes.set_ylabel(path.units[k], fontsize=9)
-    panels[-1].set_xlabel(label, fontsize=9)
-    known = {name: artist for axes in panels for artist, name in zip(*axes.get_legend_handles_labels(), strict=True)}
-    figure.legend(known.values(), known.keys(), loc="outside upper center", ncols=3, fontsize=8, frameon=False)
+    shared_legend(figure, "outside upper center", 3)
     return figure
 
 
@@ -84,7 +81,7 @@ def _run(axes: "Axes", path: BandPath, k: int, x: np.ndarray, run: slice, said: 
     """Successive states that do the same: an area, or bars where they rest or are one."""
     x, lower, upper = x[run], path.lower[run, k], path.upper[run, k]
     outer = path.outer_lower[run, k], path.outer_upper[run, k]
-    if path.motion[run.start] == "rests" or len(x) == 1:
+    if path.motion[run.start] in ("rests", "lifts") or len(x) == 1:
         axes.vlines(x, lower, upper, color=colour, linewidth=2.0, label=said)
         for end in (lower, upper):
             axes.plot(x, end, "_", color=colour, markersize=8, markeredgewidth=2.0)
@@ -92,8 +89,9 @@ def _run(axes: "Axes", path: BandPath, k: int, x: np.ndarray, run: slice, said: 
         axes.fill_between(x, lower, upper, color=colour, alpha=0.3, linewidth=0)
         axes.plot(x, lower, color=colour, linewidth=1.4, label=said)
         axes.plot(x, upper, color=colour, linewidth=1.4)
+    size = np.nanmax(np.abs([lower, upper]), initial=0.0)
     for own, end in zip(outer, (lower, upper), strict=True):
-        if np.all(np.isfinite(own)) and np.any(np.abs(own - end) > 1e-3 * np.nanmax(np.abs(end), initial=0.0)):
+        if np.all(np.isfinite(own)) and np.any(np.abs(own - end) > 1e-3 * size):
             axes.plot(x, own, ":" if len(x) > 1 else "_", color=colour, linewidth=1.2, alpha=0.6)
 
 
@@ -101,6 +99,7 @@ def _flags(axes: "Axes", path: BandPath, k: int, x: np.ndarray) -> None:
     """States without a band."""
     gone = np.isnan(path.lower[:, k])
     words = {"no": "cannot stand", "undecided": "undecided whether it stands", None: "no solution", "yes": ""}
+    words["slips"] = words[None]
     for word in dict.fromkeys(np.array(path.stands, object)[gone]):
         here = gone & (np.array(path.stands, object) == word)
         low = axes.get_xaxis_transform()

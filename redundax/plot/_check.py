@@ -7,7 +7,7 @@ import numpy as np
 
 from .._check._report import OPEN, RIGHT, UNBALANCED, WRONG, LogReport
 from .._system._names import index_of
-from ._solution_sets import COLOURS, finish, new_figure
+from ._solution_sets import COLOURS, finish, shared_legend, stacked
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -48,8 +48,7 @@ def check(report: LogReport, loads: Sequence[str] | str | None = None) -> "Figur
     else:
         names = [loads] if isinstance(loads, str) else loads
         places = [index_of("loads", name, report.names, " of the log") for name in names]
-    figure = new_figure(6.6, 1.9 * len(places) + 0.9)
-    panels = figure.subplots(len(places), 1, sharex=True, squeeze=False)[:, 0]
+    figure, panels = stacked([1.9] * len(places), 0.9, "time, s")
     t, shown = report.t, report.judged
     for axes, k in zip(panels, places, strict=True):
         expected = np.where(shown, report.expected[:, k], np.nan)
@@ -59,9 +58,7 @@ def check(report: LogReport, loads: Sequence[str] | str | None = None) -> "Figur
             axes.fill_between(t, least, expected, color="#999999", alpha=0.35, linewidth=0, label="self-stress")
         axes.plot(t, report.logged[:, k], color=colour, linewidth=1.6, label="log")
         axes.plot(t, expected, color="black", linewidth=1.0, linestyle=(0, (4, 3)), label="possible")
-        finish(axes, f"{report.names[k]}: {stamps[k]}", "")
+        finish(axes, f"{report.names[k]}: {stamps[k]}")
         axes.set_ylabel(report.units[k], fontsize=9)
-    panels[-1].set_xlabel("time, s", fontsize=9)
-    known = {name: artist for axes in panels for artist, name in zip(*axes.get_legend_handles_labels(), strict=True)}
-    figure.legend(known.values(), known.keys(), loc="outside upper center", ncols=3, fontsize=8, frameon=False)
+    shared_legend(figure, "outside upper center", 3)
     return figure

@@ -6,7 +6,7 @@ import numpy as np
 
 from .._drive._run import Run
 from .._system._units import with_unit
-from ._solution_sets import COLOURS, DASHES, finish, new_figure
+from ._solution_sets import COLOURS, DASHES, finish, legend_beside, stacked
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,8 +35,7 @@ def drive(run: Run) -> "Figure":
     """
     units = run.names.units if run.names is not None else None
     kinds = [turns for turns in (True, False) if any(drive.turns is turns for drive in run.drives)]
-    figure = new_figure(6.6, 2.2 * (len(kinds) + 1) + 0.4)
-    panels = figure.subplots(len(kinds) + 1, 1, sharex=True, squeeze=False)[:, 0]
+    figure, panels = stacked([2.2] * (len(kinds) + 1), 0.4, with_unit("time", units.of("time") if units else ""))
     t, powers = np.asarray(run.t), np.asarray(run.powers)
     for k, drive in enumerate(run.drives):
         panel, (low, high) = panels[kinds.index(drive.turns)], np.asarray(run.stays)[:, k].T
@@ -54,10 +53,9 @@ def drive(run: Run) -> "Figure":
     is_si = units is not None and (units.of("force"), units.of("linear"), units.of("time")) == ("N", "m", "s")
     panels[-1].set_ylabel("power, W" if is_si else "power", fontsize=9)
     for panel in panels:
-        finish(panel, "", "")
+        finish(panel)
         panel.axhline(0.0, color="#999999", linewidth=0.6, zorder=0)
-        panel.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    panels[-1].set_xlabel(with_unit("time", units.of("time") if units else ""), fontsize=9)
+        legend_beside(panel)
     return figure
 
 

@@ -11,7 +11,7 @@ from .._system._axis import Axis
 from .._system._names import KEPT, Entry, entries
 from .._system._units import with_unit
 from ._outputs import chosen
-from ._solution_sets import COLOURS, DASHES, finish, new_figure
+from ._solution_sets import COLOURS, DASHES, finish, new_figure, shared_legend, words
 
 if TYPE_CHECKING:
     import xarray
@@ -55,12 +55,11 @@ def ensemble(
     unnamed = () if ensemble.q_band.dims == ensemble.qd_band.dims else ("q",)
     known = entries(_axes(ensemble), [array for array in KEPT if array not in unnamed])
     drawn = chosen(known, outputs, lambda output: _values(ensemble, output).T)
-    columns = min(2, max(1, len(drawn)))
-    rows = max(1, -(-len(drawn) // columns))
-    figure = new_figure(5.2 * columns, 2.5 * rows + 0.8)
     if not drawn:
-        figure.text(0.5, 0.5, "No position varies between the motions.", ha="center")
-        return figure
+        return words("No position varies between the motions.")
+    columns = min(2, len(drawn))
+    rows = -(-len(drawn) // columns)
+    figure = new_figure(5.2 * columns, 2.5 * rows + 0.8)
     for number, output in enumerate(drawn, 1):
         panel = figure.add_subplot(rows, columns, number)
         _band(panel, ensemble, output, percentiles)
@@ -69,10 +68,7 @@ def ensemble(
         clock = with_unit("time", ensemble.time.attrs.get("units", ""))
         finish(panel, "", clock if number > len(drawn) - columns else "")
         panel.set_ylabel(with_unit(output.name, _unit(ensemble, output)), fontsize=9)
-    handles = {}
-    for panel in figure.axes:
-        handles |= dict(zip(*panel.get_legend_handles_labels()[::-1], strict=True))
-    figure.legend(handles.values(), handles, fontsize=8, loc="outside lower center", ncols=4, frameon=False)
+    shared_legend(figure, "outside lower center", 4)
     figure.suptitle(_title(ensemble), fontsize=10, wrap=True)
     return figure
 

@@ -7,7 +7,9 @@ import numpy as np
 from .._system._names import Entry, indices_of
 
 _MOST = 6  # positions that are drawn where no outputs are named
-_ROUNDING = 1e-9
+_ROUNDING = (
+    1e-9  # of the largest, up to which values are the same: motions are integrated to 1e-8 unless told otherwise
+)
 
 
 def chosen(known: Sequence[Entry], names: Sequence[str] | None, values: Callable[[Entry], np.ndarray]) -> list[Entry]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from textwrap import fill
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
@@ -66,7 +66,7 @@ def spectrum(report: Report) -> "Figure":
     gap = f"; gap {report.gap:.1g}" if np.isfinite(report.gap) else ""
     finish(axes, f"rank {rank} of {len(report.rows)} constraints{gap}", "number of the singular value")
     axes.set_ylabel("relative to the largest", fontsize=9)
-    axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    legend_beside(axes)
     return figure
 
 
@@ -103,9 +103,7 @@ def family_of(family: SolutionFamily, names: Sequence[str], most: int | None = N
     """The same of those outputs that change most; as many as there is room for, if not given."""
     varying = _varying(family, names)
     if not varying or len(family.along) not in _MOST:
-        figure = new_figure(4.0, 1.0)
-        figure.text(0.5, 0.5, "Nothing varies along the self-stress.", ha="center")
-        return figure
+        return words("Nothing varies along the self-stress.")
     shown = _most(varying, _MOST[len(family.along)] if most is None else most)
     figure = _curves(family, shown) if len(family.along) == 1 else _maps(family, shown)
     if len(shown) < len(varying):
@@ -134,16 +132,14 @@ def band(bands: Bands) -> "Figure":
     """
     kinds = np.array([kind.removeprefix("friction ") for kind in bands.kinds])
     groups = [panel for kind in KINDS for panel in _panels(bands, np.flatnonzero(kinds == kind).tolist())]
-    size = np.maximum(np.abs(bands.lower), np.abs(bands.upper))
+    size = np.fmax(np.abs(bands.lower), np.abs(bands.upper))
     heights = [0.3 * len(members) + 0.7 for members in groups]
-    figure = new_figure(8.0, sum(heights) + 0.5)
     if bands.empty:
-        nothing = "No solution within the bounds was found."
-        figure.text(0.5, 0.5, "It cannot stand: proved." if bands.stands == "no" else nothing, ha="center")
-        return figure
+        return words("It cannot stand: proved." if bands.stands == "no" else "No solution within the bounds was found.")
+    figure = new_figure(8.0, sum(heights) + 0.5)
     rows = figure.subplots(len(groups), 1, squeeze=False, height_ratios=heights)[:, 0]
     for axes, members in zip(rows, groups, strict=True):
-        rounding = _ROUNDING * size[kinds == kinds[members[0]]].max()
+        rounding = _ROUNDING * np.fmax.reduce(size[kinds == kinds[members[0]]])
         for place, k in enumerate(members):
             outer = bands.outer_lower[k], bands.outer_upper[k]
             if not bands.exact[k] and np.all(np.isfinite(outer)):
@@ -172,6 +168,11 @@ def _panels(bands: Bands, members: list[int]) -> list[list[int]]:
 
 
 def _bar(axes: "Axes", place: int, lower: float, upper: float, exact: bool, rounding: float) -> None:
+    if np.isnan(upper - lower):
+        axes.annotate(
+            "not found", (0.5, place), xycoords=("axes fraction", "data"), ha="center", va="bottom", fontsize=8
+        )
+        return
     if upper - lower <= rounding:
         middle = (lower + upper) / 2 if abs(lower + upper) > rounding else 0.0
         axes.plot(middle, place, "D", color=COLOURS[-1], markersize=5)
@@ -189,6 +190,36 @@ def new_figure(width: float, height: float) -> "Figure":
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), layout="constrained", dpi=110)
+
+
+def words(text: str) -> "Figure":
+    """A figure that says why there is nothing to draw."""
+    figure = new_figure(4.0, 1.0)
+    figure.text(0.5, 0.5, text, ha="center")
+    return figure
+
+
+def stacked(heights: Sequence[float], strip: float, label: str) -> tuple["Figure", "list[Axes]"]:
+    """A figure of panels below each other of these heights, with a strip above, that share what is drawn across."""
+    figure = new_figure(6.6, sum(heights) + strip)
+    panels = list(figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0])
+    panels[-1].set_xlabel(label, fontsize=9)
+    return figure, panels
+
+
+def shared_legend(
+    figure: "Figure", place: Literal["outside upper center", "outside lower center"], columns: int
+) -> None:
+    """One legend of all panels, in which each name stands once."""
+    known = {}
+    for axes in figure.axes:
+        known |= dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
+    figure.legend(known.values(), known.keys(), loc=place, ncols=columns, fontsize=8, frameon=False)
+
+
+def legend_beside(axes: "Axes", columns: int = 1) -> None:
+    """The legend of a panel to its right."""
+    axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, ncols=columns)
 
 
 class _Varying(NamedTuple):
@@ -243,7 +274,7 @@ def _curves(family: SolutionFamily, varying: list[_Varying]) -> "Figure":
             on = family.branch == piece
             axes.plot(z[on], one.values[on], color=COLOURS[piece % len(COLOURS)], linewidth=1.4)
         axes.plot(z[family.fold], one.values[family.fold], "o", color=COLOURS[-1], markersize=4)
-        finish(axes, one.title, "")
+        finish(axes, one.title)
         axes.set_ylabel(one.unit, fontsize=9)
         axes.ticklabel_format(useOffset=False)
         axes.locator_params(axis="x", nbins=5)
@@ -283,9 +314,10 @@ def _label(family: SolutionFamily, state: int) -> str:
     return with_unit(f"self-stress added to {name}", family.units[family.names.index(name)])
 
 
-def finish(axes: "Axes", title: str, label: str) -> None:
+def finish(axes: "Axes", title: str = "", label: str = "") -> None:
     """Title, label and grid of a panel."""
     axes.set_title(title, fontsize=10)
-    axes.set_xlabel(label, fontsize=9)
+    if label:
+        axes.set_xlabel(label, fontsize=9)
     axes.tick_params(labelsize=8)
     axes.grid(alpha=0.3)

@@ -8,7 +8,7 @@ import numpy as np
 from .._system._names import index_of
 from .._system._units import with_unit
 from .._tools._table import apart
-from ._solution_sets import COLOURS, KINDS, finish, new_figure
+from ._solution_sets import COLOURS, KINDS, finish, new_figure, words
 
 if TYPE_CHECKING:
     import xarray
@@ -51,10 +51,9 @@ def tolerance(study: "xarray.Dataset", outputs: Sequence[str] | None = None) -> 
     groups = [[k for k in wanted if varies[k] and kinds[k] == kind] for kind in (*KINDS, "")]
     groups = [members for members in groups if members]
     heights = [0.3 * len(members) + 0.7 for members in groups]
-    figure = new_figure(10.0, sum(heights) + 1.2)
     if not groups:
-        figure.text(0.5, 0.5, "Nothing varies with the parameters.", ha="center")
-        return figure
+        return words("Nothing varies with the parameters.")
+    figure = new_figure(10.0, sum(heights) + 1.2)
     panels = figure.subplots(len(groups), 2, squeeze=False, height_ratios=heights, width_ratios=(3, 2))
     for (left, right), members in zip(panels, groups, strict=True):
         for place, k in enumerate(members):
@@ -68,7 +67,7 @@ def tolerance(study: "xarray.Dataset", outputs: Sequence[str] | None = None) -> 
         right.set_yticks([])
         right.set_xlim(0, 1)
         finish(left, "", with_unit("change from nominal", str(study.output_unit.values[members[0]])))
-        finish(right, "", "")
+        finish(right)
     panels[-1, 1].set_xlabel("share of the variance; white: not linear", fontsize=9)
     largest = np.max([study["share"].values[k] for members in groups for k in members], axis=0)
     _legend(panels[0, 1], {k: str(study.parameter.values[k]) for k in np.flatnonzero(largest > _SEEN).tolist()})

@@ -10,8 +10,9 @@ from .._system._names import Entry
 from .._system._system import AbstractSystem
 from .._system._units import with_unit
 from .._tools._module import replace_fields
+from ._contacts import contacts_over_time
 from ._outputs import chosen
-from ._solution_sets import COLOURS, DASHES, finish, new_figure
+from ._solution_sets import COLOURS, DASHES, finish, legend_beside, stacked, words
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,6 +39,9 @@ def trajectory(system: AbstractSystem, trajectory: Trajectory, outputs: Sequence
       vary, angles first, if not given. Positions have names where velocities are their rates; where not,
       velocities take their place.
 
+    One-sided contacts have a panel of their own: a bar while one carries, a pale one while it touches alone, and a
+    triangle for each impact that loads it, which is a line in the other panels.
+
     **Returns:** a matplotlib figure, with the units that the system states. Curves end where the motion did.
 
     **Raises:** `ValueError` for names that are not there.
@@ -50,18 +54,19 @@ def trajectory(system: AbstractSystem, trajectory: Trajectory, outputs: Sequence
 
     wanted = chosen(named.entries, outputs, values)
     groups = [[one for one in wanted if one.dimension == each] for each in dict.fromkeys(x.dimension for x in wanted)]
-    figure = new_figure(6.6, 2.0 * max(len(groups), 1) + 0.5)
-    if not groups:
-        figure.text(0.5, 0.5, "Nothing moves.", ha="center")
-        return figure
-    panels = figure.subplots(len(groups), 1, sharex=True, squeeze=False)[:, 0]
-    for panel, group in zip(panels, groups, strict=True):
+    contacts = named.contacts
+    if not groups and not contacts:
+        return words("Nothing moves.")
+    heights = [2.0] * len(groups) + ([0.25 * len(contacts) + 0.25] if contacts else [])
+    figure, panels = stacked(heights, 0.5, with_unit("time", system.names.units.of("time")))
+    for panel, group in zip(panels, groups, strict=False):
         for k, output in enumerate(group):
             style = {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % 4], "linewidth": 1.4}
             panel.plot(np.asarray(trajectory.t), values(output), label=output.name, **style)
-        finish(panel, "", "")
+        finish(panel)
         panel.set_ylabel(group[0].unit, fontsize=9)
-        columns = 1 + (len(group) - 1) // _LINES
-        panel.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, ncols=columns)
-    panels[-1].set_xlabel(with_unit("time", system.names.units.of("time")), fontsize=9)
+        legend_beside(panel, 1 + (len(group) - 1) // _LINES)
+    if contacts:
+        finish(panels[-1])
+        contacts_over_time(panels[-1], panels[:-1], named)
     return figure

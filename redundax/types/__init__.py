@@ -16,6 +16,7 @@ from .._models._model import Model as Model
 from .._models._series import BodySeries as BodySeries
 from .._models._series import ReactionSeries as ReactionSeries
 from .._models._series import Series as Series
+from .._motion._trajectory import Impacts as Impacts
 from .._motion._trajectory import Trajectory as Trajectory
 from .._motion._trajectory import TrajectoryStats as TrajectoryStats
 from .._solution_sets._band._band import Bands as Bands

@@ -57,6 +57,15 @@ class Rescaled(AbstractSystem):
         return self.units.angle * self.inner.radian
 
     @property
+    def length(self) -> ArrayLike:
+        """That of the inner system in the new unit."""
+        return self.units.length * self.inner.length
+
+    @property
+    def has_length(self) -> bool:
+        return self.inner.has_length
+
+    @property
     def _scale(self) -> Float[Array, " n"]:
         return self.units.of(self.coordinates)
 

@@ -61,6 +61,13 @@ def test_an_analysis_takes_memory_of_a_few_matrices():
     assert megabytes < 1000
 
 
+def test_a_long_row_of_four_bars_is_analysed():
+    """6 N + 3 coordinates, and a row fewer, all independent; all second derivatives at once asked for 1 TB."""
+    mechanism = rx.mechanisms.n_four_bar(100)
+    report = rx.analyze(mechanism, mechanism.state(1.0, rate=1.0))
+    assert (report.rank, report.redundancy, report.freedom) == (602, 0, 1)
+
+
 def test_as_much_self_stress_vanishes_as_there_are_forms():
     """At q = 0 four motions bend ten rows, one for each product of two of them; two more rows repeat one of these."""
     pairs = list(itertools.combinations_with_replacement(range(4), 2))

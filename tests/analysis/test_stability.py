@@ -9,7 +9,7 @@ from truth import paper
 
 import redundax as rx
 
-STABLE, FLUTTER, DIVERGENCE = rx.Settling
+STABLE, FLUTTER, DIVERGENCE, _ = rx.Settling
 
 
 def solve(system, state, closure):

@@ -11,7 +11,7 @@ from redundax._equations._kinematics import model_at
 rs = rx.spatial
 
 
-def fingers(space, ratio=-1.5, of_hand=False, second="R.angle"):
+def fingers(space, ratio=-1.5, of_hand=False, second="R.angle", first="L.angle"):
     """Two fingers on pins of a hand that is fixed or turns on a pin of its own."""
     if not space:
         bodies = [rx.Body(name, 1.0, inertia) for name, inertia in (("left", 0.2), ("right", 0.5), ("hand", 2.0))]
@@ -22,7 +22,7 @@ def fingers(space, ratio=-1.5, of_hand=False, second="R.angle"):
             rx.Revolute("H", "hand", "ground", (0, 0), (0, 0)),
         ]
         return rx.Mechanism(
-            bodies, joints, couplers=[rx.Coupler("C", "L.angle", second, ratio)],
+            bodies, joints, couplers=[rx.Coupler("C", first, second, ratio)],
             loads=[rx.AppliedForce("right", moment=3.0)],
         )  # fmt: skip
     left, right, hand = (
@@ -36,7 +36,7 @@ def fingers(space, ratio=-1.5, of_hand=False, second="R.angle"):
         rs.Revolute("H", hand, "ground", (0, 0, 0)),
     ]
     return rx.Mechanism(
-        [left, right, hand], joints, couplers=[rx.Coupler("C", "L.angle", second, ratio)],
+        [left, right, hand], joints, couplers=[rx.Coupler("C", first, second, ratio)],
         loads=[rs.AppliedForce("right", moment=(0, 0, 3.0))],
     )  # fmt: skip
 
@@ -47,6 +47,19 @@ def closed(mechanism, of_space, **given):
         if of_space
         else rx.assemble(mechanism, {"left.x": -0.1, "right.x": 0.1}, **given)
     )
+
+
+@pytest.mark.parametrize("space", [False, True])
+def test_a_differential_shares_the_moment(space):
+    """h = (l + r) / 2 of inertias 2, 0.2 and 0.5, and 3 N m on r: (J_l + J_h / 4) l" + J_h / 4 r" = 0, and likewise."""
+    mechanism = fingers(space, 1.0, second={"L.angle": 0.5, "R.angle": 0.5}, first="H.angle")
+    state = closed(mechanism, space, positions={"L.angle": 0.4, "R.angle": -0.2})
+    found = rx.solve(mechanism, state)
+    np.testing.assert_allclose(found["H.angle"], 0.1, rtol=1e-12)
+    left, right = np.linalg.solve([[0.2 + 0.5, 0.5], [0.5, 0.5 + 0.5]], [0.0, 3.0])
+    np.testing.assert_allclose([found["L.angle''"], found["R.angle''"]], [left, right], rtol=1e-12)
+    np.testing.assert_allclose(abs(float(found["C.coupling"])), abs(2 * (left + right) / 2), rtol=1e-12)
+    assert "H.angle, 0.5 L.angle + 0.5 R.angle" in str(mechanism)
 
 
 @pytest.mark.slow
@@ -201,6 +214,15 @@ def test_redundant_couplers_are_found_and_closed():
     [
         (lambda: rx.Coupler("C", "L.angle", "R.angle"), "either `ratio` or `polynomial`"),
         (lambda: rx.Coupler("C", "L.angle", "R.angle", (1.0, 2.0)), "a number as `ratio`"),
+        (lambda: rx.Coupler("C", {}, "R.angle", 1.0), "name of a coordinate, or weights of several"),
+        (lambda: rx.Coupler("C", "L.angle", {"R.angle": np.nan}, 1.0), "`second` of coupler 'C' .* nan of 'R.angle'"),
+        (lambda: rx.Coupler("C", {"L.angle": 1, "H.angle": 0}, "R.angle", 1.0), "`first` .* has 0 of 'H.angle'"),
+        (lambda: rx.Coupler("C", {"L.angle": np.float32("inf")}, "R.angle", 1.0), "`first` .* has inf of 'L.angle'"),
+        (lambda: rx.Coupler("C", "L.angle", {"R.angle": np.ones(2)}, 1.0), "name of a coordinate, or weights"),
+        (lambda: rx.Coupler("C", "L.angle", "R.angle", np.nan), "`ratio` of coupler 'C' must be finite"),
+        (lambda: rx.Coupler("C", "L.angle", "R.angle", polynomial=(0, np.inf)), "`polynomial` .* must be finite"),
+        (lambda: rx.Stop("S", "L.angle", most=np.nan), "`most` of stop 'S' must be finite"),
+        (lambda: fingers(False, second={"L.angle": 1.0, "Q.angle": 1.0}), "joint coordinates"),
         (lambda: fingers(True, ratio=jnp.ones(2)), "a number as `ratio`"),
         (lambda: fingers(True, second="R.travel"), "joint coordinates"),
     ],
@@ -208,6 +230,11 @@ def test_redundant_couplers_are_found_and_closed():
 def test_bad_couplers_say_what_to_do(make, words):
     with pytest.raises(rx.RedundaxError, match=words):
         make()
+
+
+@pytest.mark.parametrize("number", [np.float32, np.float64, np.int32, np.uint8, np.asarray, jnp.asarray, int])
+def test_weights_are_numbers_of_any_library(number):
+    assert rx.Coupler("C", {"L.angle": number(2)}, "R.angle", 1.0).first == (("L.angle", 2.0),)
 
 
 def test_couplers_of_kinds_in_turn_have_residuals_and_slopes_in_the_same_rows():

@@ -267,6 +267,6 @@ def test_bad_input_says_what_to_do(name):
 @pytest.mark.slow
 def test_what_does_not_press_needs_no_size():
     only = rs.EndContacts(axial=False, bend=False)
-    rotor(bearing_length=None, thrust_radius=None, contact=only)
-    rotor(bearing_length=None, thrust_radius=None, friction=rx.ConstantFriction(3.0))
-    rotor(bearing_length=None, thrust_radius=None, contact=OnRollers())
+    for rubs in ({"contact": only}, {"friction": rx.ConstantFriction(3.0)}, {"contact": OnRollers()}):
+        mechanism, _ = rotor(bearing_length=None, thrust_radius=None, **rubs)
+        assert mechanism.names.slips.labels == ("pin",)

@@ -116,3 +116,15 @@ def test_a_rack_is_driven_on_one_flank_and_let_go_by_the_other_way():
         assert float(found["pinion.phi''"]) == pytest.approx(torque / inertia, rel=1e-9)
         gap = -float(mechanism.constraint(laid.q, laid.t)[mechanism.rows.labels.index("mesh.left")])
         assert gap == pytest.approx(1e-4, rel=1e-9)
+
+
+@pytest.mark.parametrize("flank", ["right", "left"])
+def test_teeth_that_stand_on_each_other_are_turned_to_the_flank_that_is_asked_for(flank):
+    """From half a pitch off, either way: the other flank then has all of the backlash."""
+    pins = [rx.Revolute("p", "a", "ground", (0, 0), (0, 0)), rx.Revolute("w", "b", "ground", (0, 0), (0.06, 0))]
+    mesh = rx.GearPair("mesh", "a", "b", (0, 0), (0, 0), (20, 40), 0.002, backlash=1e-4)
+    train = rx.Mechanism([rx.Body("a", 0.5, 1e-4), rx.Body("b", 1.0, 4e-4)], [*pins, mesh])
+    state = rx.assemble(train, {"b.x": 0.06}, closed=f"mesh.{flank}")
+    gaps = dict(zip(train.rows.labels, -np.asarray(train.constraint(state.q, state.t)), strict=True))
+    assert gaps[f"mesh.{flank}"] == pytest.approx(0.0, abs=1e-12)
+    assert sum(gaps[f"mesh.{side}"] for side in ("right", "left")) == pytest.approx(1e-4, abs=1e-12)

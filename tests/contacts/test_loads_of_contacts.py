@@ -11,10 +11,10 @@ import redundax as rx
 
 def block(mu, feet, push=0.0):
     """A block of 10 kg on feet 0.3 m to either side, its centre 0.5 m up; they rub."""
-    law = {"normal": (0.0, 1.0), "friction": rx.Coulomb(mu), "one_sided": True}
+    law = {"normal": (0.0, 1.0), "one_sided": True}
     joints = [
-        rx.PinInSlot(f"f{k}", "block", "ground", (x, -0.5), (x, 0.0), **law)
-        for k, x in enumerate(np.linspace(-0.3, 0.3, feet))
+        rx.PinInSlot(f"f{k}", "block", "ground", (x, -0.5), (x, 0.0), friction=rx.Coulomb(own), **law)
+        for k, (x, own) in enumerate(zip(np.linspace(-0.3, 0.3, feet), np.broadcast_to(mu, feet), strict=True))
     ]
     loads = [rx.AppliedForce("block", (push, 0.0))]
     mechanism = rx.Mechanism([rx.Body("block", 10.0, 1.0)], joints, loads=loads, gravity=(0.0, -G))
@@ -52,6 +52,40 @@ def test_a_table_tips_about_the_feet_that_are_named():
     assert found.upper == pytest.approx(10 * G * 0.4 / 0.7, rel=1e-9)
     assert found.lifts == (("f2", "f3"), ("f1", "f4"))
     assert "above: f1, f4 lift, about f2, f3" in str(found)
+
+
+@pytest.mark.parametrize("height", [0.7, 0.85])
+def test_a_table_stands_after_a_leg_has_lost_its_load(height):
+    """It tips at m g 0.4 / height, whatever the legs are made of: a short one leaves its load to the others before."""
+    mechanism = table_of_joints()
+    push = {"table.x": 1.0, "table.phi_y": height - 0.7}
+    legs = rx.ElasticJoints(mechanism, {"f1": 2e-6, "f2": 1e-6, "f3": 1e-6, "f4": 1e-6})
+    state = rx.assemble(mechanism)
+    for bounds in (rx.MinimumNorm(), rx.MisfitBox(legs, {"f1.axial": (-3e-5, -3e-5)})):
+        found = rx.limit_load(mechanism, state, push, bounds)
+        np.testing.assert_allclose([found.lower, found.upper], np.array([-1, 1]) * 10 * G * 0.4 / height, rtol=1e-9)
+        np.testing.assert_allclose([found.outer_lower, found.outer_upper], [found.lower, found.upper], rtol=1e-6)
+        assert found.lifts == (("f2", "f3"), ("f1", "f4")) and found.carries == (("f1", "f4"), ("f2", "f3"))
+
+
+def test_a_table_that_tips_stands_under_a_load_against_its_push():
+    mechanism, tips = table_of_joints(60.0), 10 * G * 0.4 / 0.7
+    found = rx.limit_load(mechanism, rx.assemble(mechanism), {"table.x": 1.0})
+    np.testing.assert_allclose([found.lower, found.upper], [-60.0 - tips, -60.0 + tips], rtol=1e-9)
+
+
+@pytest.mark.parametrize("mu, carries, end", [(0.9, 3, 10 * G * 1.1 / 3), (1.2, 2, 1.2 * 10 * G / (1 + 1.1 / 0.6))])
+def test_a_foot_of_three_that_loses_its_load_leaves_it_to_the_others(mu, carries, end):
+    """Feet of equal stiffness, 0.1, mu and 0.1 rough, at -0.3, 0 and 0.3 m under a push s = sum mu_i N_i, 0.5 m up.
+
+    A third of the weight each -s/1.2, 0, s/1.2, as long as the first, m g/3 - s/1.2, carries. From s = 0.4 m g on the
+    others carry s/0.6 and the rest of the weight.
+    """
+    found = rx.limit_load(*block((0.1, mu, 0.1), 3), {"block.x": 1.0}, rx.MinimumNorm())
+    assert (found.lower, found.upper) == pytest.approx((-end, end), rel=1e-7)
+    assert found.outer_upper == pytest.approx(end, rel=1e-6)
+    assert found.carries == (("f0", "f1", "f2")[:carries], ("f0", "f1", "f2")[-carries:])
+    assert ("f0 has no load left" in str(found)) == (carries == 2)
 
 
 def test_bands_of_legs_are_those_of_linear_programmes():
@@ -93,8 +127,15 @@ def test_pictures_say_what_does_not_carry():
 def test_what_may_move_is_refused():
     mechanism, state = block(0.3, 2)
     moving = rx.State(state.q, jnp.array([1.0, 0.0, 0.0]))
-    with pytest.raises(rx.RedundaxError, match="does not open and close where joints with friction move"):
+    with pytest.raises(rx.RedundaxError, match="one-sided contacts, f0, f1, and joints with friction that move"):
         rx.band(mechanism, moving, "f0.perpendicular")
+    mechanism, state = block(0.3, 3)
+    soft = rx.ElasticJoints(mechanism, {f"f{k}": 1e-6 for k in range(3)})
+    for box in ({}, {"f1.perpendicular": (-1e-3, 1e-3)}):
+        with pytest.raises(
+            rx.RedundaxError, match="one-sided contacts, f0, f1, f2, and joints with friction that move"
+        ):
+            rx.band(mechanism, moving, "f0.perpendicular", rx.MisfitBox(soft, box, friction={"f1": (0.5, 2.0)}))
     with pytest.raises(rx.RedundaxError, match="`bounds`"):
         rx.band(rx.mechanisms.wojtyra2020(), rx.mechanisms.wojtyra2020().state(phi=0.8, rate=0.0), "A.x")
 

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import redundax as rx
@@ -48,6 +49,32 @@ def test_the_torque_found_makes_the_motion_that_was_asked_for():
     some = np.linspace(0.0, 0.5, 6)
     motion = rx.simulate(free, crank.state(0.3), 0.5, ts=some, rtol=1e-11)
     np.testing.assert_allclose(motion["crank.phi"], jax.vmap(law)(some), rtol=0, atol=1e-8)
+
+
+@pytest.mark.slow
+def test_what_laws_leave_free_is_refused_and_moves_in_simulate():
+    """A pendulum on an arm that a driver swings, against SciPy on its one equation."""
+    joints = [
+        rx.Revolute("shoulder", "upper", "ground", (-0.5, 0.0), (0.0, 0.0)),
+        rx.Revolute("elbow", "lower", "upper", (-0.5, 0.0), (0.5, 0.0)),
+        rx.AngleDriver("motor", "upper", "ground", rx.Harmonic(0.2, frequency=1.0)),
+    ]
+    arms = rx.Mechanism([rx.Body(name, 1.0, 0.1) for name in ("upper", "lower")], joints, gravity=(0.0, -9.81))
+    ts, start, rate = np.linspace(0.0, 0.5, 6), {"upper.x": 0.5, "lower.x": 1.5}, 2 * np.pi
+    with pytest.raises(rx.RedundaxError, match=r"elbow.angle can move there.*`rx.simulate` moves what is free"):
+        rx.drive(arms, {}, ts, start)
+    state = rx.assemble(arms, start, t=0.0, rates={"lower.phi": 0.2 * rate})
+    motion = rx.simulate(arms, state, 0.5, ts=ts, rtol=1e-10)
+
+    def swing(t, y):
+        angle, speed, change = 0.2 * np.array(
+            [np.sin(rate * t), rate * np.cos(rate * t), -(rate**2) * np.sin(rate * t)]
+        )
+        normal = np.cos(y[0] - angle) * change + np.sin(y[0] - angle) * speed**2  # of the elbow, to the pendulum
+        return [y[1], -0.5 * (normal + 9.81 * np.cos(y[0])) / (0.1 + 0.25)]
+
+    wanted = solve_ivp(swing, (0.0, 0.5), [0.0, 0.2 * rate], rtol=1e-12, atol=1e-12, t_eval=ts).y[0]
+    np.testing.assert_allclose(motion["lower.phi"], wanted, rtol=0, atol=1e-8)
 
 
 @pytest.mark.slow

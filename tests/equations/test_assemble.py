@@ -4,6 +4,7 @@ import re
 import warnings
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -262,3 +263,19 @@ def test_rows_without_a_value_at_the_guess_are_named():
     mechanism = rx.Mechanism([wheel], [rx.spatial.Revolute("A", "wheel", "ground", **ends)])
     with pytest.raises(rx.NoSolutionError, match=r"no value at the guess: A.bend_1, A.bend_2\. Give another guess"):
         rx.assemble(mechanism)
+
+
+@pytest.mark.slow
+def test_a_machine_in_space_that_is_drawn_elsewhere_is_assembled_there():
+    """The derivative of the position is that of the reference pose where this is closed, not the smallest way to it."""
+
+    def position(x):
+        rod = rx.spatial.Body(
+            "rod", 1.0, (0.1, 0.1, 0.1), position=jnp.stack([x, 0.0 * x, 0.0 * x]), centre=(0.0, 0.5, 0.0)
+        )
+        pin = rx.spatial.Revolute("A", rod, "ground", point=jnp.stack([x, 0.0 * x, 0.0 * x]), axis=(0.0, 0.0, 1.0))
+        return rx.assemble(rx.Mechanism([rod], [pin]), throw=False).q
+
+    q, slope = jax.jvp(position, (jnp.asarray(0.3),), (jnp.asarray(1.0),))
+    np.testing.assert_allclose(q, [0.3, 0.5, 0, 1, 0, 0, 0], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(slope, [1, 0, 0, 0, 0, 0, 0], rtol=0, atol=1e-12)

@@ -44,6 +44,11 @@ def test_the_joint_with_a_slip_is_told_first(slip, words):
     assert str(told.value).count("bend") + str(told.value).count("axial") <= 2  # no list of all rows
 
 
+def test_sizes_in_another_unit_and_several_joints_are_told_in_plain_figures():
+    with pytest.raises(rx.NoSolutionError, match=r"c\.radial_1 by 350 m .* points and axes of this joint;"):
+        rx.assemble(four_bar(shift=(350.0, 0.0, 0.0)))
+
+
 def turned(first, second, **rates):
     """A rod on a pin with two drivers."""
     drivers = [rx.AngleDriver(name, "rod", "ground", law) for name, law in (("motor", first), ("lock", second))]

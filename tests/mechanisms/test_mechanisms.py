@@ -491,7 +491,7 @@ def compiled_programs():
 
 
 @with_and_without_friction
-def test_second_mechanism_of_the_same_counts_compiles_nothing(friction):
+def test_second_mechanism_of_the_same_counts_compiles_nothing(friction, programs_at_once):
     """Other names, lengths and masses, and even other bodies on the joints; results by name neither."""
     jax.clear_caches()
     mu_rho = 0.001 if friction else None

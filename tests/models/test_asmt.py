@@ -5,6 +5,7 @@ bears m (a - g) with a the acceleration of the centre, and the motion (I + m c^2
 """
 
 import asmt
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import pytest
 import redundax as rx
 from redundax import __main__ as command
 from redundax._models._formats import describe
+from redundax._models._formula import law_of
 from redundax._models._tree import Tree
 
 PART = "X Y Z Bryantx Bryanty Bryantz VX VY VZ OmegaX OmegaY OmegaZ"
@@ -58,7 +60,7 @@ def crank(times=(), formula="2.0d*time^2"):
     )
 
 
-def four_bar(last="RevoluteJoint", **values):
+def four_bar(last="RevoluteJoint", limits=(), gravity=(0.0, 0.0, 0.0), **values):
     """A parallelogram of own numbers, 0.2 by 0.5 m, in the plane across z, a part turned in its file."""
     quarter = ((0, -1, 0), (1, 0, 0), (0, 0, 1))
     arm = ("arm", (0, 0, 0), quarter, 1.0, (0.1, 0, 0), (0.01, 0.01, 0.01), {"a": (0, 0, 0), "b": (0.2, 0, 0)})
@@ -71,7 +73,7 @@ def four_bar(last="RevoluteJoint", **values):
         asmt.joint(last, "s", "strut/a", "other", **values),
     ]
     parts = [asmt.part(*each) for each in (arm, bar, strut)]
-    return asmt.assembly({"base": (0, 0, 0), "other": (0.5, 0, 0)}, parts, joints)
+    return asmt.assembly({"base": (0, 0, 0), "other": (0.5, 0, 0)}, parts, joints, (), gravity, limits=limits)
 
 
 def test_a_stored_run_is_that_of_the_closed_form_and_so_are_the_loads_of_the_mechanism(write):
@@ -186,6 +188,27 @@ def test_names_with_markup_stay_names(write):
     assert tuple(model.mechanism.names.bodies) == ("<b>&amp;</b>",)
 
 
+# As the program before OndselSolver writes a ramp: its own words in quotes, and <n> for the end of a line.
+RAMP = (
+    '-1*("((1/pi)*(arctan(1000*(time - T1)) - arctan(1000*(time - T2))))*(H1)"<n>((1/pi)*(arctan(1000*(time - (-1)))'
+    " - arctan(1000*(time - 2))))*((((-0.5) - (-1))/(2 - (-1)))*(time - (-1)) + (-1))<n>+<n>0)"
+)
+
+
+@pytest.mark.parametrize(
+    ("formula", "value"),
+    [
+        (RAMP, 7 / 12 * (np.arctan(2500.0) + np.arctan(500.0)) / np.pi),
+        ("asin(0.5)<n>+ time", np.pi / 6 + 1.5),
+        ('"1.0 + "2.0d*time', 3.0),
+    ],
+)
+def test_formulas_are_read_as_ondsel_and_its_forerunner_write_them(formula, value):
+    law = law_of(formula)
+    np.testing.assert_allclose(law(1.5), value, rtol=1e-13)
+    np.testing.assert_allclose(jax.jit(law)(1.5), value, rtol=1e-12)
+
+
 def nut(*more, limits=()):
     """A nut of 2 kg on a vertical guide, by joints besides its cylindrical one."""
     part = asmt.part("nut", (0, 0, 0), None, 2.0, (0, 0, 0), (0.1, 0.1, 0.1), {"eye": (0, 0, 0)})
@@ -280,8 +303,58 @@ def test_rows_of_teeth_are_slopes_of_what_they_close(write):
     np.testing.assert_allclose(tree.system(at)[1], differences, atol=1e-8)  # rounding over the step
 
 
+def hanging(kind, at=(0.0, -0.5, 0.3), eye=(0, 0, 0), **values):
+    part = asmt.part("bob", at, None, 2.0, (0, 0, 0), (0.1, 0.1, 0.1), {"eye": eye})
+    return asmt.assembly(
+        {"base": (0, 0, 0)}, [part], [asmt.joint(kind, "r", "base", "bob/eye", **values)], (), (0, -G, 0)
+    )
+
+
+@pytest.mark.parametrize(("kind", "freedom"), [("RevRevJoint", 2), ("RevCylJoint", 3), ("CylSphJoint", 5)])
+def test_joints_at_a_distance_from_an_axis_are_rods(write, kind, freedom):
+    """Whatever the positions, the point of J is 0.5 from the axis z of I, and what the joint holds besides is held."""
+    described = describe(write(hanging(kind, distanceIJ=0.5)))
+    tree = Tree(described)
+    assert (tree.nv, described.loops, [body.name for body in described.bodies]) == (
+        freedom,
+        (),
+        ["ground", "rod of r", "bob"],
+    )
+    step = np.linspace(0.3, -1.2, tree.nv)
+    poses, bob = tree.at(tree.moved(tree.reference, step)), described.bodies[2]
+    place = poses.turns[2] @ bob.position + poses.shifts[2]
+    np.testing.assert_allclose(np.linalg.norm(place[:2]), 0.5, rtol=1e-12)
+    up = (poses.turns[2] @ bob.axes)[:, 2]
+    assert kind == "CylSphJoint" or abs(up[2] - 1) < 1e-12
+    assert (abs(place[2]) < 1e-12) == (kind == "RevRevJoint")
+
+
+def test_a_rod_bears_what_hangs_on_it(write):
+    model = rx.load_model(write(hanging("CylSphJoint", distanceIJ=0.5)))
+    solution = rx.solve(model.mechanism, model.state)
+    np.testing.assert_allclose(float(solution["far end of r force y on bob"]), 2 * G, rtol=1e-12)
+    model = rx.load_model(write(hanging("RevRevJoint", at=(0.0, -7.0, 0.0), distanceIJ=0.5)))  # not closed in the file
+    np.testing.assert_allclose(model.described.bodies[2].position, (0.0, -0.5, 0.0), atol=1e-12)
+
+
+def test_a_line_in_a_plane_leaves_four_motions(write):
+    eye = ((0.0, 0.0, 0.0), AXES["x"])
+    tree = Tree(describe(write(hanging("LineInPlaneJoint", (0.4, 0.0, 0.2), eye, offset=0.2))))
+    residual, slopes = tree.system(tree.reference)
+    assert np.abs(residual).max() < 1e-14 and np.linalg.matrix_rank(slopes) == 2 and tree.nv == 6
+    away, lifted, tipped = (np.eye(6)[k] * 0.1 for k in (0, 2, 4))
+    misfits = [np.abs(tree.system(tree.moved(tree.reference, step))[0]).max() for step in (away, lifted, tipped)]
+    np.testing.assert_allclose(misfits, [0.0, 0.1, np.sin(0.1)], atol=1e-12)
+
+
 @pytest.mark.parametrize(
-    ("kind", "values"), [("GearJoint", {"radiusI": np.pi, "radiusJ": 1.0}), ("ScrewJoint", {"pitch": 0.0})]
+    ("kind", "values"),
+    [
+        ("RevCylJoint", {}),
+        ("CurveCurveContact", {}),
+        ("GearJoint", {"radiusI": np.pi, "radiusJ": 1.0}),
+        ("ScrewJoint", {"pitch": 0.0}),
+    ],
 )
 def test_couplings_that_are_not_taken_over_are_told_and_undecided(write, kind, values, capsys):
     assert command.main(["audit", str(write(nut(asmt.joint(kind, "mesh", "base", "nut/eye", **values))))]) == 4
@@ -297,6 +370,38 @@ def test_limits_are_stops_where_they_are_asked_for(write):
     assert len(stopped.rows) == 2 + len(model.mechanism.rows)
     solution = rx.solve(stopped, model.state)
     np.testing.assert_allclose(float(solution["stop of guide.least"]), MASS * G, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("sign", "side", "share"), [("=>", "least", 1.0), ("=<", "most", 0.0)])
+def test_limits_of_a_joint_that_closes_a_loop_are_stops_too(write, sign, side, share):
+    """Gravity along -x turns legs of 1 kg and the bar of 1.5 kg on them to the left, by g (2 0.1 + 1.5 0.2) N m: the
+    base, marker J, turns to the right as a leg sees it, so that its least angle holds it, and its largest does not."""
+    limits = [("RotationLimit", "s", "0.0", sign)]
+    model = rx.load_model(write(four_bar(limits=limits, gravity=(-G, 0.0, 0.0))))
+    assert [loop.name for loop in model.described.loops] == ["s"]
+    solution = rx.solve(model.stopped, model.state)
+    np.testing.assert_allclose(float(solution[f"stop of s.{side}"]), share * 0.5 * G, rtol=1e-9, atol=1e-12)
+    assert any("stops at the limits of 1 joint" in note for note in model.notes)
+
+
+def test_what_cannot_close_is_told_with_what_the_file_itself_has_open(write):
+    """A ground pin 5 m away, and a bar 0.01 m off the pin that it hangs on."""
+    text = four_bar().replace("0.5\t0.0\t0.0", "5.0\t0.0\t0.0", 1).replace("0.0\t0.2\t0.0", "0.0\t0.21\t0.0", 1)
+    with pytest.raises(rx.NoSolutionError, match=r"leaves open 's' by .* closing of 'q' moved 'bar' by 0.01 \(m or"):
+        rx.load_model(write(text))
+
+
+@pytest.mark.parametrize("was", ["Time\tInput\t0.0\t", "FXonI\t0\t"])
+def test_a_stored_run_that_is_spoiled_is_told_and_the_rest_is_read(write, was, capsys):
+    file = write(crank((0.0, 0.3)).replace(was, was + "1.0\t", 1))
+    model = rx.load_model(file)
+    assert model.series is None and any("stored run of a file that must have" in note for note in model.notes)
+    assert command.main(["check", str(file)]) == 2
+    assert "must have" in capsys.readouterr().err
+
+
+def test_files_of_the_older_workbench_are_read(write):
+    assert len(rx.load_model(write(crank().replace("OndselSolver", "FreeCADMbD", 1))).mechanism.rows) == 5
 
 
 def test_joints_without_a_name_have_that_of_their_kind(write):

@@ -118,6 +118,17 @@ def test_plugins_and_attributes_of_defaults_that_mujoco_does_not_know_are_left_o
     ]
 
 
+def test_pictures_and_muscles_need_nothing_that_is_left_out(write):
+    """A light and materials have pictures, and a muscle lengths that MuJoCo looks for; here it finds none."""
+    light = '<asset><texture name="sky" type="cube" builtin="flat" width="8" height="8"/><material name="m"/></asset>'
+    bar = '<body><joint name="A" axis="1 0 0"/><geom size="0.1" pos="0 0 1"/><site name="end" pos="0 0 1"/></body>'
+    muscle = '<tendon><spatial name="t" material="m"><site site="foot"/><site site="end"/></spatial></tendon>'
+    muscle += '<actuator><muscle name="m" tendon="t"/></actuator>'
+    world = f'<worldbody><light type="image" texture="sky"/><site name="foot" material="m"/>{bar}</worldbody>'
+    described = describe(write("a.xml", f"<mujoco>{light}{world}{muscle}</mujoco>"))
+    assert (len(described.joints), described.drives) == (1, ("m",))
+
+
 @pytest.mark.parametrize("name", ["a.mjcf", "a.XML", "b.URDF"])
 def test_endings_that_mujoco_does_not_know_are_read_as_said(write, name):
     assert len(describe(write(name, ARM.format(1, 1) if name.startswith("b") else PLAIN)).joints) == 1

@@ -1,6 +1,7 @@
 """Copies of models with releases: by MuJoCo's own Jacobian of their loops, less is redundant and nothing more moves."""
 
 import contextlib
+import dataclasses
 import io
 
 import numpy as np
@@ -10,7 +11,8 @@ import redundax as rx
 from redundax import __main__ as command
 from redundax._command._copy import check_copy
 from redundax._command._file import FileError
-from redundax._models._edit_mjcf import mjcf_lines, mjcf_moves, write_mjcf
+from redundax._models._description import WITHOUT
+from redundax._models._edit_mjcf import mjcf_change, mjcf_moves
 from redundax._models._examine import examine
 from redundax._models._fix import fix
 from redundax._models._formats import describe
@@ -106,6 +108,19 @@ def test_the_best_releases_leave_nothing_redundant(four_bar, tmp_path):
     assert "<!-- kept -->" in text and 'file="nowhere.stl"' in text
 
 
+def test_what_is_undecided_is_not_mended(four_bar, tmp_path):
+    """Positions that disagree prove no release; one that is proved of what was read holds with what was not, too."""
+    model, found = four_bar
+    other = dataclasses.replace(found.here, rank=found.here.rank - 1, redundancy=5, freedom=2)
+    told = str(fix(model, dataclasses.replace(found, others=(other,)), tmp_path / "none.xml"))
+    assert told.startswith("no copy is written: the model is undecided, as its positions do not agree")
+    assert not (tmp_path / "none.xml").exists()
+    model = dataclasses.replace(model, notes=(f"plugin 'p' is left out: it joins models{WITHOUT}",))
+    told = str(fix(model, found, tmp_path / "proved.xml"))
+    assert "These figures are without plugin 'p'. What is freed repeats others with it too" in told
+    assert figures(tmp_path / "proved.xml") == (0, 1)
+
+
 @pytest.mark.parametrize("row", ["A.axial", "A.bend_2", "hinge of coupler.axial", "C.bend_1", "C.axial"])
 def test_each_row_that_is_redundant_can_be_freed_alone(four_bar, tmp_path, row):
     model, found = four_bar
@@ -165,8 +180,9 @@ def test_keyframes_of_included_files_are_told(write, tmp_path):
     keys, _, after = rest.partition("</keyframe>")
     write("keys.xml", f"<mujoco><keyframe>{keys}</keyframe></mujoco>")
     model = rx.load_model(write("framed.xml", f'{before}<include file="keys.xml"/>{after}'))
-    written = write_mjcf(model, mjcf_moves(model)[:1], tmp_path / "copy.xml")
-    assert written == ((tmp_path / "copy.xml",), "Take 2 keyframes out of the included files: they count fewer joints.")
+    made = mjcf_change(model, mjcf_moves(model)[:1], tmp_path / "copy.xml").write()
+    assert [*made.files] == [tmp_path / "copy.xml"]
+    assert made.note == "Take 2 keyframes out of the included files: they count fewer joints."
 
 
 UNNAMED = """<mujoco>{}<worldbody>
@@ -181,21 +197,21 @@ def test_joints_of_bodies_without_a_name_are_found_by_their_place(write, tmp_pat
     edits = [edit for edit in mjcf_moves(model) if edit.rows[0].endswith(".axial")]
     assert len(edits) == 5
     for edit, (body, before) in zip(edits, ((1, 0), (2, 1), (2, 2), (3, 3), (5, 4)), strict=True):
-        write_mjcf(model, [edit], tmp_path / "copy.xml")
+        mjcf_change(model, [edit], tmp_path / "copy.xml").write()
         copy = mujoco.MjModel.from_xml_path(str(tmp_path / "copy.xml"))
         assert (int(copy.joint(before).bodyid[0]), copy.joint(before).name) == (body, edit.rows[0].replace(".", " "))
-        assert mjcf_lines(model, [edit])[0].endswith(f" in body {body}")
+        assert mjcf_change(model, [edit], model.path).lines[0].endswith(f" in body {body}")
     write("more.xml", "<mujoco><worldbody><body><joint/><geom size='0.1'/></body></worldbody></mujoco>")
     model = rx.load_model(write("unnamed.xml", UNNAMED.format('<include file="more.xml"/>')))
     for edit in mjcf_moves(model):
         with pytest.raises(rx.RedundaxError, match=r"is not in '.*' itself"):
-            write_mjcf(model, [edit], tmp_path / "copy.xml")
+            mjcf_change(model, [edit], tmp_path / "copy.xml").write()
 
 
 def test_what_is_freed_has_no_spring_of_the_defaults(write, tmp_path):
     more = '<default><joint axis="0 1 0" springdamper="0.1 1" armature="1"/></default>'
     model = rx.load_model(write("sprung.xml", UNNAMED.format(more)))
-    write_mjcf(model, mjcf_moves(model)[:1], tmp_path / "copy.xml")
+    mjcf_change(model, mjcf_moves(model)[:1], tmp_path / "copy.xml").write()
     copy = mujoco.MjModel.from_xml_path(str(tmp_path / "copy.xml"))
     for values in (copy.jnt_stiffness, copy.dof_damping, copy.dof_armature):
         assert values[0] == 0 and (values[1:] > 0).all()

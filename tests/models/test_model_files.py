@@ -234,13 +234,15 @@ def test_compensation_of_gravity_lifts_a_body_at_its_centre(write):
 
 @pytest.mark.parametrize("active", ["true", "false"])
 def test_a_constraint_that_is_not_taken_over_is_told_by_the_exit_status(write, active):
-    """A tendon that ties two joints, where it is active; an audit without it must not pass for that of the file."""
-    tendon = '<tendon><fixed name="t"><joint joint="A" coef="1"/><joint joint="B" coef="-1"/></fixed></tendon>'
-    tied = f'<equality><tendon name="tie" tendon1="t" active="{active}"/></equality>'
+    """A tendon that ties joints to themselves, if it is active: an audit without it must not pass for the file."""
+    tendon = '<tendon><fixed name="t"><joint joint="A" coef="1"/><joint joint="B" coef="-1"/></fixed>'
+    tendon += '<fixed name="u"><joint joint="A" coef="1"/><joint joint="B" coef="2"/></fixed></tendon>'
+    tied = '<equality><tendon name="tie" tendon1="t" tendon2="u" polycoef="0 1 1 0 0" active="{}"/></equality>'
+    tied = tied.format(active)
     file = write("tied.xml", TWO.format(more="", beside=tendon + tied))
     status, out, _ = run(file)
     assert status == (4 if active == "true" else 0)
-    told = "'tie' is left out: its kind is not taken over; the figures are without it"
+    told = "'tie' is left out: it ties joints to themselves; the figures are without it"
     assert (told in " ".join(out.split())) == (active == "true")
     assert json.loads(run("--json", file)[1])["whole"] == (active == "false")
 
@@ -528,9 +530,49 @@ def test_what_has_no_inertia_is_told_and_read(write):
 
 def test_positions_of_joints_that_are_not_there_are_refused(write):
     model = rx.load_model(write("arm.xml", ARM))
-    with pytest.raises(rx.RedundaxError, match="'elbow', which is no joint"):
+    with pytest.raises(rx.RedundaxError, match=r"holds 'elbow'\. There are"):
         model.guess({"elbow": 1.0})
     with pytest.raises(rx.RedundaxError, match="must hold 1 for the hinge 'A'"):
         model.guess({"A": [1.0, 2.0]})
     with pytest.raises(rx.RedundaxError, match="there is no file"):
         rx.load_model(pathlib.Path("nowhere.xml"))
+
+
+def test_feet_and_loads_are_added_to_a_model(write):
+    text = """<mujoco><worldbody><body name="table" pos="0 0 0.5"><freejoint name="floats"/>
+      <geom type="box" size="0.4 0.3 0.1" mass="8"/>
+      <body name="drawer"><joint type="slide" axis="0 1 0"/><geom type="box" size="0.2 0.2 0.1" mass="2"/></body>
+    </body></worldbody></mujoco>"""
+    model = rx.load_model(write("table.xml", text))
+    table, corners = model.bodies["table"], {"f1": (-0.4, -0.3), "f2": (0.4, -0.3), "f3": (0.4, 0.3), "f4": (-0.4, 0.3)}
+    feet = [
+        rx.spatial.PointOnPlane(name, table, "ground", (*at, 0.0), axis=(0.0, 0.0, 1.0), one_sided=True)
+        for name, at in corners.items()
+    ]
+    push = rx.spatial.AppliedForce(table, (0.0, 0.0, -50.0), point=(0.4, 0.3, 0.5))  # above f3
+    standing = model.extended(feet, loads=[push])
+    solution = rx.solve(standing, rx.assemble(standing, model.guess({})))
+    loads = {name: solution[f"{name} force z on table"] for name in corners}
+    assert loads["f1"] + loads["f4"] == pytest.approx(49.05, abs=1e-9)
+    assert loads["f2"] + loads["f3"] == pytest.approx(99.05, abs=1e-9)
+    assert loads["f3"] + loads["f4"] == pytest.approx(99.05, abs=1e-9)
+    assert min(loads.values()) >= 0
+    assert np.abs(solution.acceleration).max() < 1e-9
+
+
+def test_a_joint_of_a_file_rubs_by_its_load(write):
+    text = """<mujoco><worldbody><body name="block"><joint name="way" type="slide" axis="1 0 0"/>
+      <geom type="box" size="0.1 0.1 0.1" mass="2"/></body></worldbody></mujoco>"""
+    model = rx.load_model(write("block.xml", text))
+    rubs = {"friction": rx.Coulomb(0.3), "guide_length": 0.2, "twist_radius": 0.05}
+    mechanism = model.extended(friction={"way": rubs})
+    state = rx.assemble(mechanism, model.guess({"way.travel": 0.1}), rates={"way.travel": 1.0})
+    assert rx.solve(mechanism, state)["block.x''"] == pytest.approx(-0.3 * 9.81, rel=1e-9)
+    with pytest.raises(rx.RedundaxError, match=r"but holds 'wya'. Did you mean 'way'\?"):
+        model.extended(friction={"wya": rubs})
+    for wrong, said in (
+        ({"way": rx.Coulomb(0.3)}, "must hold arguments of joints by their names"),
+        ({"way": {"name": "w"}}, "must hold arguments of `rx.spatial.Prismatic` for 'way'"),
+    ):
+        with pytest.raises(rx.RedundaxError, match=said):
+            model.extended(friction=wrong)

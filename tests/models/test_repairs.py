@@ -221,13 +221,16 @@ def test_a_dead_point_that_cannot_be_left_is_told_and_not_mended(folder):
 def test_a_model_without_loops_or_of_which_some_are_left_out_is_told_at_once(folder):
     arm = '<mujoco><worldbody><body><joint name="A"/><geom size="0.1"/></body></worldbody>{}</mujoco>'
     tied = (
-        '<tendon><fixed name="t"><joint joint="A" coef="1"/></fixed></tendon>'
-        '<equality><tendon tendon1="t"/>{}</equality>'
+        '<tendon><fixed name="t"><joint joint="A" coef="1"/></fixed><fixed name="u"><joint joint="A" coef="1"/></fixed>'
+        '</tendon><equality><tendon tendon1="t" tendon2="u" polycoef="0 0 1 0 0"/>{}</equality>'
     )
     for more, first in (
         ("", "NOT REDUNDANT: no loops"),
-        (tied.format(""), "UNDECIDED: constraint 'tendon' is not taken over. Without it:"),
-        (tied.format('<tendon name="u" tendon1="t"/>'), "are not taken over. Without them:"),
+        (tied.format(""), "UNDECIDED: constraint 'tendon t ~ u' is not taken over. Without it:"),
+        (
+            tied.format('<tendon name="v" tendon1="u" tendon2="t" polycoef="0 0 1 0 0"/>'),
+            "are not taken over. Without them:",
+        ),
     ):
         (folder / "arm.xml").write_text(arm.format(more))
         assert first in run(folder / "arm.xml")[1]

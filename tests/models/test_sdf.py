@@ -3,6 +3,8 @@
 A parallelogram of 0.2 by 0.4 m whose hinges are along y: three redundant as hinges, one as a ball, freedom 1.
 """
 
+import re
+
 import numpy as np
 import pytest
 from loops import figures
@@ -10,6 +12,10 @@ from loops import figures
 import redundax as rx
 from redundax import __main__ as command
 from redundax._models._formats import describe
+from redundax._models._source import Source
+from redundax._models._start import outside
+from redundax._models._travel import travel
+from redundax._models._tree import Tree
 
 LINK = """<link name="{0}"><pose {2}>{1}</pose><inertial><pose>0.1 0 0 0 0 0</pose><mass>2</mass>
   <inertia><ixx>0.01</ixx><iyy>0.02</iyy><izz>0.02</izz></inertia></inertial></link>"""
@@ -120,7 +126,8 @@ def test_a_joint_of_the_world_joins_models(write):
 def test_a_joint_that_mimics_another_of_its_model(write, several):
     """Whichever way round their links are held."""
     links = [LINK.format(name, "0 0 0 0 0 0", "") for name in ("one", "two")]
-    mimic = Y.replace("</axis>", '<mimic joint="lead"><multiplier>-2</multiplier></mimic></axis>')
+    numbers = "<multiplier>-2</multiplier><offset>0.1</offset><reference>0.3</reference>"
+    mimic = Y.replace("</axis>", f'<mimic joint="lead">{numbers}</mimic></axis>')
     joints = (
         JOINT.format("lead", "revolute", "world", "one", Y),
         JOINT.format("follow", "revolute", "two", "world", mimic),
@@ -128,8 +135,29 @@ def test_a_joint_that_mimics_another_of_its_model(write, several):
     pair = model(*links, *joints, name="pair", around="{}")
     other = model(LINK.format("rest", "0 0 0 0 0 0", ""), name="other", around="{}") if several else ""
     (tie,) = describe(write(f"<sdf version='1.11'>{pair}{other}</sdf>")).ties
-    assert (tie.first, tie.second) == (1, 0)
-    np.testing.assert_allclose(tie.polynomial, [0, 2])
+    assert (tie.first, tie.second) == (((1, 1.0),), ((0, 1.0),))
+    np.testing.assert_allclose(tie.polynomial, [-0.7, 2])  # follow = -2 (lead - 0.3) + 0.1, and turned the other way
+
+
+def test_limits_of_a_joint_that_closes_a_loop_are_stops_too(write):
+    """Of the bar as the strut, its parent, sees it, from the pose of the file on."""
+    limited = Y.replace("</axis>", "<limit><lower>-0.1</lower><upper>0.2</upper></limit></axis>")
+    loaded = rx.load_model(write(parallelogram(axis=limited)))
+    (loop,) = loaded.described.loops
+    np.testing.assert_allclose(loop.limits, (-0.1, 0.2), atol=1e-12)
+    assert loaded.stopped.names.rows.labels[-2:] == ("stop of s.least", "stop of s.most")
+
+
+@pytest.mark.parametrize(("least", "most"), [(-0.1, 0.2), (-4.0, 3.5), (-np.inf, 4.0), (0.3, 0.5)])
+def test_limits_of_a_joint_that_closes_a_loop_bound_motions(write, least, most):
+    """The strut, whose angle is that of the arm, sees the bar turn back; angles beyond half a turn are counted on."""
+    limited = Y.replace("</axis>", f"<limit><lower>{least}</lower><upper>{most}</upper></limit></axis>")
+    tree = Tree(describe(write(parallelogram(axis=limited))))
+    found, beyond = travel(tree, tree.reference, 1), outside(tree, tree.reference)
+    assert [(each.joint, each.limit) for each in beyond] == ([("s", least)] if least > 0 else [])
+    low, high = found.ranges["p"]
+    np.testing.assert_allclose((low, min(high, 6.0)), (-most, min(-min(least, 0.0), 6.0)), atol=2e-3)
+    assert ("s", most) in found.stops and (("s", least) in found.stops) == (least > -np.inf)
 
 
 def test_limits_that_are_no_limits(write):
@@ -147,10 +175,9 @@ def test_what_acts_in_a_joint_and_a_screw(write):
         JOINT.format("thread", "screw", "world", "nut", nut),
     )
     described = describe(write(model(*links, *joints)))
-    pin, (tie,) = described.joints[0], described.ties
+    pin, (thread,) = described.joints[0], described.loops
     assert (pin.limits, pin.stiffness, pin.rest[0], pin.damping, pin.friction) == ((-1, 2), 5, 0.4, 0.3, 0.1)
-    assert described.joints[1].kind == "cylindrical joint" and tie.coordinates == (1, 0)
-    np.testing.assert_allclose(tie.polynomial, [0, 0.02 / (2 * np.pi)])
+    assert described.joints[1].kind == "cylindrical joint" and thread.kind == "thread joint"
     turned = describe(write(model(*links, JOINT.format("pin", "revolute", "door", "world", acts))))
     assert turned.joints[0].limits == (-2, 1) and turned.joints[0].rest[0] == -0.4
 
@@ -171,6 +198,9 @@ def test_what_acts_in_a_joint_and_a_screw(write):
             '<model name="swing"><include><uri>../../etc/passwd</uri></include>',
             "includes '../../etc/passwd'",
         ),
+        ("</axis>", '<mimic joint="p"/></axis>', "makes the joint 'p' mimic itself"),
+        ("</axis>", '<mimic joint="q"><multiplier>inf</multiplier></mimic></axis>', "in <multiplier>, but has 'inf'"),
+        ("<mass>2</mass>", "<mass>inf</mass>", "in <mass>, but has 'inf'"),
         ("<sdf", '<!DOCTYPE sdf [<!ENTITY a "b">]><sdf', "declares a document type"),
         ("<sdf version='1.9'>", "<robot>", "holds URDF"),
         ("</link>", "", "is no well-formed XML"),
@@ -193,6 +223,10 @@ def test_files_that_are_cut_off_are_told_in_a_line(write, share):
     ("more", "told"),
     [
         (JOINT.format("odd", "gearbox", "arm", "bar", Y), "joint 'odd' is left out: gearbox"),
+        (
+            JOINT.format("odd", "universal", "arm", "bar", Y + Y.replace("axis>", "axis2>")),
+            "joint 'odd' is left out: its two axes are not square",
+        ),
         ("<drake:distance_constraint/>", "<drake:distance_constraint> of 'swing' is left out"),
         (
             '<plugin name="hook" filename="detachable_joint"><child_model>x</child_model></plugin>',
@@ -205,6 +239,47 @@ def test_what_constrains_and_is_not_read_is_undecided(write, more, told, capsys)
     assert told in " ".join(capsys.readouterr().out.split())
 
 
+def test_a_second_axis_that_mimics_is_told(write):
+    cross = '<axis><xyz>0 1 0</xyz></axis><axis2><xyz>1 0 0</xyz><mimic joint="p"/></axis2>'
+    notes = describe(write(parallelogram("universal", cross))).notes
+    assert "mimic of 's' is left out: it is of a second axis; the figures are without it" in notes
+
+
 def test_names_with_markup_stay_names(write):
     described = describe(write(parallelogram().replace("strut", "&lt;b&gt;&amp;")))
     assert "<b>&" in [body.name for body in described.bodies]
+
+
+def test_names_with_markup_stay_names_and_masses_that_are_missing_are_told(write):
+    text = parallelogram().replace('"bar"', '"&lt;b&gt;&amp;"').replace(">bar<", ">&lt;b&gt;&amp;<")
+    found = describe(write(re.sub("<inertial>.*?</inertial>", "", text, count=1, flags=re.DOTALL)))
+    assert [body.name for body in found.bodies] == ["ground", "arm", "<b>&", "strut"]
+    assert found.bodies[1].mass == 1.0 and "mass of 'arm', which the file does not say: 1 kg" in found.notes[0]
+
+
+def test_comments_with_dashes_are_read_as_gazebo_reads_them(write):
+    """Its own worlds tell in comments what to type, with `--` before options, which strict XML has none of."""
+    text = parallelogram().replace("<model", "<!-- gz topic --msgtype gz.msgs.Double -p '<link/>' --->\n<model", 1)
+    assert figures(write(text))[:2] == (3, 1)
+    assert [each.tag for each in Source(write(text)).root.children[0].children] == ["model"]
+
+
+@pytest.mark.parametrize(
+    "pitch", ["<screw_thread_pitch>0.02</screw_thread_pitch>", "<thread_pitch>-314.159265358979</thread_pitch>"]
+)
+@pytest.mark.parametrize("ends", [("world", "nut"), ("nut", "world")])
+@pytest.mark.parametrize("closes", [False, True])
+def test_a_screw_travels_by_its_lead_in_a_tree_and_in_a_loop(write, pitch, ends, closes):
+    """A nut of m = 2 kg and J = 0.02 kg m^2 falls along its axis by m g / (m + J / lead^2), and turns by that over the
+    lead, right-handed as the child sees it from its parent; a cylindrical screw of the world holds it once or twice."""
+    link = LINK.format("nut", "0 0 0 0 0 0", "").replace("0.1 0 0 0 0 0", "0 0 0 0 0 0")
+    screws = [
+        JOINT.format(name, "screw", *ends, f"{pitch}<axis><xyz>0 0 1</xyz></axis>") for name in ("a", "b")[: 1 + closes]
+    ]
+    model_ = rx.load_model(write(model(link, *screws)))
+    report = rx.analyze(model_.mechanism, model_.state)
+    assert (report.redundancy, report.freedom) == (5 * closes, 1) and not model_.notes
+    solution, lead = rx.solve(model_.mechanism, model_.state), 0.02 / (2 * np.pi)
+    fall = float(solution["a.travel''"])
+    np.testing.assert_allclose(abs(fall), 2 * 9.8 / (2 + 0.02 / lead**2), rtol=1e-9)
+    np.testing.assert_allclose(fall, lead * float(solution["a.angle''"]), rtol=1e-9)

@@ -1,10 +1,14 @@
 """Files that chance has spoiled: each is read, or refused by the package in one line."""
 
+import importlib.util
 import random
 import re
 
 import numpy as np
 import pytest
+import test_asmt
+import test_sdf
+import usd
 
 import redundax
 from redundax._models._build import mechanism_of
@@ -14,6 +18,28 @@ from redundax._models._urdf import closures_of
 
 pytest.importorskip("mujoco")
 pytest.importorskip("yaml")
+
+NEEDS_USD = pytest.mark.skipif(importlib.util.find_spec("pxr") is None, reason="without usd-core")
+SHAPES = "".join(
+    [
+        usd.HEAD.format(1, 1, "Z"),
+        usd.body(
+            "b",
+            "0, 0, 0",
+            inside=usd.shape(
+                'def Mesh "s"',
+                f"point3f[] points = [{usd.BOX}]\n int[] faceVertexCounts = [4, 4, 4, 4, 4, 4]\n"
+                f"int[] faceVertexIndices = [{usd.FACES}]",
+            )
+            + usd.shape(
+                'def Capsule "t"',
+                'double radius = 0.2\n double height = 0.6\n uniform token axis = "Z"\n float physics:density = 500',
+            ),
+        ),
+        usd.joint("h", "PhysicsRevoluteJoint", "", "/b"),
+    ]
+)
+CROSS = "<axis><xyz>0 1 0</xyz></axis><axis2><xyz>1 0 0</xyz></axis2>"
 
 BAR = """<mujoco>
   <compiler angle="radian"/><default><joint axis="0 1 0" damping="0.1"/><geom type="capsule" size="0.01"/></default>
@@ -85,6 +111,10 @@ def outcome(folder, seed):
     file.write_text(text, encoding="utf8")
     if loops is not None:
         file.with_suffix(".yaml").write_text(loops, encoding="utf8")
+    return read(file, seed)
+
+
+def read(file, seed):
     try:
         with np.errstate(divide="raise", invalid="raise", over="raise"):
             tree = Tree(describe(file, closures_of(file, None)))
@@ -96,7 +126,24 @@ def outcome(folder, seed):
     return "read"
 
 
-def check(folder, seeds, capfd, monkeypatch):
+def of_assemblies(kind):
+    """What makes a spoiled file of a format, by a seed."""
+    texts = {
+        "asmt": (test_asmt.four_bar(), test_asmt.crank((0.0, 0.3)), test_asmt.nut()),
+        "sdf": (test_sdf.parallelogram(), test_sdf.parallelogram("universal", CROSS)),
+        "usda": (usd.parallelogram(), usd.parallelogram("PhysicsJoint", ("rotX", "rotY"), 0.01), SHAPES),
+    }[kind]
+
+    def spoil(folder, seed):
+        chance = random.Random(seed)
+        file = folder / f"machine.{kind}"
+        file.write_text(spoiled(chance.choice(texts), chance), encoding="utf8")
+        return read(file, seed)
+
+    return spoil
+
+
+def check(folder, seeds, capfd, monkeypatch, outcome=outcome):
     monkeypatch.chdir(folder)
     outcomes = [outcome(folder, seed) for seed in seeds]
     assert "read" in outcomes and len(set(outcomes)) > len(seeds) / 20
@@ -111,3 +158,30 @@ def test_spoiled_files_are_read_or_refused_in_a_line(tmp_path, capfd, monkeypatc
 @pytest.mark.slow
 def test_many_spoiled_files_are_read_or_refused_in_a_line(tmp_path, capfd, monkeypatch):
     check(tmp_path, range(60, 4000), capfd, monkeypatch)
+
+
+@pytest.mark.parametrize("kind", ["asmt", "sdf", pytest.param("usda", marks=NEEDS_USD)])
+def test_spoiled_assemblies_are_read_or_refused_in_a_line(tmp_path, capfd, monkeypatch, kind):
+    check(tmp_path, range(60), capfd, monkeypatch, of_assemblies(kind))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["asmt", "sdf", pytest.param("usda", marks=NEEDS_USD)])
+def test_many_spoiled_assemblies_are_read_or_refused_in_a_line(tmp_path, capfd, monkeypatch, kind):
+    check(tmp_path, range(60, 3000), capfd, monkeypatch, of_assemblies(kind))
+
+
+@NEEDS_USD
+def test_spoiled_packages_are_read_or_refused_in_a_line(tmp_path, capfd):
+    """A package of USD that is cut off, or of which a byte is another."""
+    Sdf, UsdUtils = pytest.importorskip("pxr.Sdf"), pytest.importorskip("pxr.UsdUtils")
+    (tmp_path / "machine.usda").write_text(usd.parallelogram())
+    UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(tmp_path / "machine.usda")), str(tmp_path / "whole.usdz"))
+    whole, chance, outcomes = (tmp_path / "whole.usdz").read_bytes(), random.Random(0), []
+    for seed in range(40):
+        place, file = chance.randrange(len(whole)), tmp_path / f"{seed}.usdz"
+        rest = b"" if seed % 2 else bytes([chance.randrange(256)]) + whole[place + 1 :]
+        file.write_bytes(whole[:place] + rest)
+        outcomes.append(read(file, seed))
+    assert "read" in outcomes and len(set(outcomes)) > 2
+    assert capfd.readouterr() == ("", "")

@@ -53,6 +53,9 @@ def test_a_misfit_that_joints_can_close_moves_these_alone_and_is_told(load):
         warnings.simplefilter("error")
         model = load(text)
     assert set(model.moved) == {"A", "B", "C"}
+    lines = str(model).splitlines()
+    assert lines[0] == "model.xml: 5 bodies; 4 hinges, 1 ball, 1 connect"
+    assert lines[1].startswith("moved to close it: A by 0.00") and lines[4] == "left out: contact of 5 shapes"
     foot = crank_chain(*model.positions[:3])
     np.testing.assert_allclose(foot, [0.401, 0.0], atol=1e-12)
     shape = least(lambda x: crank_chain(*x) - [0.401, 0.0], np.zeros(3))

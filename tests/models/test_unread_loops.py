@@ -50,6 +50,7 @@ TOP = '<link2 link="strut" xyz="0 0 0.2" rpy="0 0 0"/>'
 CLOSED = {  # what closes the parallelogram, and its redundancy and freedom
     HINGE.format("continuous", TOP): (3, 1),
     HINGE.format("spherical", TOP): (1, 1),
+    HINGE.format("spherical", TOP.replace("link2", "link1")): (1, 1),
     HINGE.format("fixed", TOP): (3, 0),
     '<drake:ball_constraint><drake:ball_constraint_body_A name="bar"/><drake:ball_constraint_body_B name="strut"/>'
     '<drake:ball_constraint_p_AP value="0.4 0 0"/><drake:ball_constraint_p_BQ value="0 0 0.2"/>'

@@ -8,81 +8,22 @@ a circle of 0.2 m: of gravity g across the legs the angle accelerates by
 """
 
 import pathlib
+import struct
 import sys
 
 import numpy as np
 import pytest
 from loops import figures
+from usd import BOX, FACES, HEAD, TURNED, body, joint, locked, parallelogram, shape, weighing
 
 import redundax as rx
 from redundax import __main__ as command
+from redundax._models._build import _stops
+from redundax._models._description import missing_of
 from redundax._models._formats import describe
+from redundax._models._tree import Tree
 
 pytest.importorskip("pxr")
-
-HEAD = '#usda 1.0\n(\n  metersPerUnit = {0}\n  kilogramsPerUnit = {1}\n  upAxis = "{2}"\n)\n'
-TURNED = "0.7071067811865476, 0, -0.7071067811865476, 0"  # x along z
-
-
-def body(name, place, turn="1, 0, 0, 0", inside=""):
-    return f"""def Xform "{name}" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"])
-{{
-    double3 xformOp:translate = ({place})
-    quatd xformOp:orient = ({turn})
-    uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:orient"]
-    {inside}
-}}
-"""
-
-
-def joint(name, kind, first="", second="", places=("0, 0, 0", "0, 0, 0"), more='token physics:axis = "Y"', schemas=""):
-    ends = "".join(f"rel physics:body{k} = <{each}>\n" for k, each in enumerate((first, second)) if each)
-    return f"""def {kind} "{name}" {schemas}
-{{
-    {ends}point3f physics:localPos0 = ({places[0]})
-    point3f physics:localPos1 = ({places[1]})
-    {more}
-}}
-"""
-
-
-def weighing(length=1.0, mass=1.0):
-    """2 kg at 0.1 m along x, in other units."""
-    x, one, two = 0.1 / length, 0.01 / mass / length**2, 0.02 / mass / length**2
-    return f"""float physics:mass = {2 / mass}
-    point3f physics:centerOfMass = ({x}, 0, 0)
-    float3 physics:diagonalInertia = ({two}, {one}, {two})
-    quatf physics:principalAxes = (0.70710678, 0, 0, 0.70710678)"""
-
-
-def locked(*free):
-    names = [f"{word}{axis}" for word in ("trans", "rot") for axis in "XYZ" if f"{word}{axis}" not in free]
-    schemas = ", ".join(f'"PhysicsLimitAPI:{name}"' for name in names)
-    limits = "\n".join(
-        f"float limit:{name}:physics:{end} = {value}" for name in names for end, value in (("low", 1), ("high", -1))
-    )
-    return f"(prepend apiSchemas = [{schemas}])", limits
-
-
-def parallelogram(last="PhysicsRevoluteJoint", free=None, length=1.0, mass=1.0, up="Z", more="", feet=""):
-    a, b = 0.2 / length, 0.4 / length
-    schemas, limits = ("", 'token physics:axis = "Y"') if free is None else locked(*free)
-    inside, first = weighing(length, mass), f"quatf physics:localRot0 = ({TURNED})"
-    return HEAD.format(length, mass, up) + "".join(
-        [
-            'def PhysicsScene "scene"\n{\n vector3f physics:gravityDirection = (1, 0, 0)\n',
-            f"float physics:gravityMagnitude = {9.81 / length}\n}}\n",
-            body("arm", "0, 0, 0", TURNED, inside),
-            body("bar", f"0, 0, {a}", inside=inside),
-            body("strut", f"{b}, 0, 0", TURNED, inside),
-            joint("p", "PhysicsRevoluteJoint", "", "/arm", more=f'{first}\n token physics:axis = "Y"\n{feet}'),
-            joint("s", last, "/strut", "/bar", (f"{a}, 0, 0", f"{b}, 0, 0"),
-                  f"{limits}\n bool physics:excludeFromArticulation = 1", schemas),
-            joint("q", "PhysicsRevoluteJoint", "/arm", "/bar", (f"{a}, 0, 0", "0, 0, 0")),
-            joint("r", "PhysicsRevoluteJoint", "", "/strut", (f"{b}, 0, 0", "0, 0, 0")),
-            more,
-        ]
-    )  # fmt: skip
 
 
 @pytest.fixture
@@ -162,15 +103,6 @@ SOLIDS = {  # of r = 0.2, h = 0.6 along z, of density 500: mass, centre on z, in
     'def Sphere "s"': (4 / 3 * np.pi * 0.008, 0.0, 0.4 * 0.04, 0.4 * 0.04),
     'def Cube "s"': (0.008, 0.0, 0.04 / 6, 0.04 / 6),
 }
-BOX = "(-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1), (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1)"
-FACES = "0, 3, 2, 1, 4, 5, 6, 7, 0, 1, 5, 4, 2, 3, 7, 6, 1, 2, 6, 5, 0, 4, 7, 3"
-
-
-def shape(kind, more):
-    return f"""{kind} (prepend apiSchemas = ["PhysicsCollisionAPI", "PhysicsMassAPI"])
-    {{
-        {more}
-    }}"""
 
 
 def weighed(write, inside):
@@ -231,6 +163,17 @@ def test_limits_and_drives_of_joints(write):
     np.testing.assert_allclose(describe(write(turned)).joints[0].limits, np.deg2rad([-60, 30]), rtol=1e-12)
 
 
+def test_limits_of_a_joint_that_closes_a_loop_count_from_where_it_is(write):
+    """The bar is a quarter of a turn from the strut, about y, in the file: 10 degrees above the limit."""
+    text = parallelogram().replace("localPos1 = (0.4, 0, 0)", "localPos1 = (0.4, 0, 0)\n float physics:lowerLimit = 80")
+    described = describe(write(text))
+    assert described.loops[0].limits == (np.deg2rad(80), np.inf)
+    tree = Tree(described)
+    np.testing.assert_allclose(tree.counts(tree.reference), [np.pi / 2], rtol=1e-7)
+    (stop,) = _stops(described)
+    np.testing.assert_allclose(stop.least, np.deg2rad(-10), rtol=1e-6)
+
+
 def test_frames_on_parts_of_bodies_that_are_scaled(write):
     """A pin on a part that is scaled by 2, 1 m up on a body: 0.1 there is 0.2 m."""
     part = """def Xform "lug"
@@ -248,9 +191,7 @@ def test_frames_on_parts_of_bodies_that_are_scaled(write):
 
 
 def test_binary_files_are_read_as_text_is(write, tmp_path):
-    from pxr import Sdf
-
-    path = write(parallelogram())
+    Sdf, path = pytest.importorskip("pxr.Sdf"), write(parallelogram())
     Sdf.Layer.FindOrOpen(str(path)).Export(str(tmp_path / "swing.usdc"))
     (tmp_path / "swing.usd").write_bytes((tmp_path / "swing.usdc").read_bytes())
     for name in ("swing.usdc", "swing.usd"):
@@ -315,21 +256,106 @@ def test_what_constrains_and_is_not_read_is_undecided(write, more, told):
     assert len(notes) == 1 and notes[0].endswith("; the figures are without it")
 
 
+PHYSX = "physxMimicJoint:rotY:"
+MIMICS = {
+    "PhysX": (
+        "PhysxMimicJointAPI:rotY",
+        f"rel {PHYSX}referenceJoint",
+        f"{PHYSX}gearing = -0.5",
+        f"{PHYSX}offset = -20",
+    ),
+    "Newton": ("NewtonMimicAPI", "rel newton:mimicJoint", "newton:mimicCoef1 = 0.5", "newton:mimicCoef0 = 20"),
+}
+
+
+@pytest.mark.parametrize("flip", [False, True])
+@pytest.mark.parametrize(("schema", "rel", "slope", "offset"), MIMICS.values(), ids=MIMICS)
+def test_a_joint_that_mimics_another(write, flip, schema, rel, slope, offset):
+    """p = 20 degrees + r / 2, as the file counts: whichever body of p is the first, and wherever they are drawn."""
+    words = 'token physics:axis = "Y"', f"{rel} = </r>", f"float {slope}", f"float {offset}"
+    more = "\n".join([*words, "quatf physics:localRot0 = (0.8, 0, 0.6, 0)"])
+    ends = ("/arm", "") if flip else ("", "/arm")
+    text = (
+        HEAD.format(1, 1, "Z") + body("arm", "0, 0, 0", TURNED, weighing()) + body("leg", "1, 0, 0", inside=weighing())
+    )
+    text += joint("p", "PhysicsRevoluteJoint", *ends, more=more, schemas=f'(prepend apiSchemas = ["{schema}"])')
+    text += joint("r", "PhysicsRevoluteJoint", "", "/leg", ("1, 0, 0", "0, 0, 0"))
+    described = describe(write(text))
+    tree = Tree(described)
+    positions, left = tree.closed(np.array([0.3, 0.8]))
+    p, r = positions * [-1 if flip else 1, 1]
+    np.testing.assert_allclose(p, np.deg2rad(20) + r / 2, atol=1e-9)
+    assert left < 1e-12 and abs(r) > 0.1 and not missing_of(described.notes)
+    assert set(described.origin) == set()  # neither is to become another joint in a copy
+
+
 def test_an_audit_of_what_is_not_whole_ends_undecided(write, capsys):
     more = 'def PhysxPhysicsRackAndPinionJoint "rack"\n{\n}\n'
     assert command.main(["audit", str(write(parallelogram("PhysicsSphericalJoint", more=more)))]) == 4
     assert "'rack' is left out" in capsys.readouterr().out
 
 
-def test_joints_in_series_of_mujoco_are_told(write):
-    """Two hinges of a body, which its converter writes as joints of the same two bodies."""
+def test_joints_in_series_of_mujoco_move_as_in_mjcf(write):
+    """Two hinges and a slide of a body, which its converter writes as joints of the same two bodies."""
+    pytest.importorskip("mujoco")
     schemas = '(prepend apiSchemas = ["MjcJointAPI"])'
-    pins = [joint(name, "PhysicsRevoluteJoint", "", "/b", schemas=schemas) for name in "xy"]
-    described = describe(write(HEAD.format(1, 1, "Z") + body("b", "0, 0, 0", inside=weighing()) + "".join(pins)))
-    assert any(note.startswith("series of x, y is left out") for note in described.notes)
+    kinds = (("y", "Revolute", "Y"), ("x", "Revolute", "X"), ("s", "Prismatic", "Z"))
+    joints = [
+        joint(name, f"Physics{kind}Joint", "", "/b", ("0, 0, 1", "0, 0, 0"), f'token physics:axis = "{axis}"', schemas)
+        for name, kind, axis in kinds
+    ]
+    scene = 'def PhysicsScene "scene"\n{\nvector3f physics:gravityDirection = (0, -4, -3)\n}\n'
+    text = HEAD.format(1, 1, "Z") + scene + body("b", "0, 0, 1", inside=weighing()) + "".join(joints)
+    usd = rx.load_model(write(text))
+    inertial = '<inertial pos="0.1 0 0" mass="2" diaginertia="0.01 0.02 0.02"/>'
+    xml = f"""<mujoco><option gravity="0 -7.848 -5.886"/><worldbody><body name="b" pos="0 0 1">
+      <joint name="y" axis="0 1 0"/><joint name="x" axis="1 0 0"/><joint name="s" type="slide" axis="0 0 1"/>
+      {inertial}</body></worldbody></mujoco>"""
+    mjcf = rx.load_model(write(xml, "b.xml"))
+    assert usd.mechanism.names.bodies == mjcf.mechanism.names.bodies == ("b after y", "b after x", "b")
+    at = {"y": 0.3, "x": -0.7, "s": 0.2}
+    for name in ("y.angle''", "x.angle''", "s.travel''"):
+        one, other = (
+            rx.solve(each.mechanism, rx.assemble(each.mechanism, each.guess(at)))[name] for each in (usd, mjcf)
+        )
+        np.testing.assert_allclose(float(one), float(other), rtol=1e-7)
+    assert not [note for note in usd.notes if "left out" in note]
 
 
 def test_without_the_extra_it_is_named(write, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "pxr.Tf", None)
     assert command.main(["audit", str(write(parallelogram()))]) == 2
     assert 'pip install "redundax[usd]"' in capsys.readouterr().err
+
+
+def test_masses_that_are_missing_are_told_and_files_that_are_not_there_are_not_looked_for(write):
+    text = parallelogram().replace(weighing(), "", 1)
+    found = describe(write(text))
+    assert found.bodies[1].mass == 1.0
+    assert "mass and inertia of '/arm', which the file does not say: 1 kg and 1 kg m^2" in found.notes
+    outside = HEAD.format(1, 1, "Z") + 'def Xform "all" (references = @/nowhere/etc/passwd@)\n{\n}\n'
+    with pytest.raises(rx.RedundaxError, match=r"has no body that moves, .* Bring what it refers to: .*/nowhere/etc/"):
+        describe(write(outside))
+
+
+@pytest.mark.parametrize("share", [0.1, 0.4, 0.7, 0.95])
+def test_binary_files_that_are_cut_off_are_told_in_a_line(write, tmp_path, share):
+    Sdf = pytest.importorskip("pxr.Sdf")
+    Sdf.Layer.FindOrOpen(str(write(parallelogram()))).Export(str(tmp_path / "swing.usdc"))
+    content = (tmp_path / "swing.usdc").read_bytes()
+    (tmp_path / "cut.usdc").write_bytes(content[: int(share * len(content))])
+    with pytest.raises(rx.RedundaxError, match=r"^Argument `path`: [^\n]* cannot be read as USD: [^\n]*\.$"):
+        describe(tmp_path / "cut.usdc")
+
+
+@pytest.mark.parametrize("of", ["value", "count of fields"])
+def test_binary_files_that_are_spoiled_break_no_more_than_a_reader_of_their_own(write, tmp_path, of):
+    """The first value, at which USD breaks, and a count for which it asks more memory than there is."""
+    Sdf = pytest.importorskip("pxr.Sdf")
+    Sdf.Layer.FindOrOpen(str(write(parallelogram()))).Export(str(tmp_path / "swing.usdc"))
+    content = bytearray((tmp_path / "swing.usdc").read_bytes())
+    at = struct.unpack_from("<q", content, content.index(b"FIELDS\0") + 16)[0] + 5 if of != "value" else 88
+    content[at] ^= 0x7F
+    (tmp_path / "spoiled.usdc").write_bytes(content)
+    with pytest.raises(rx.RedundaxError, match=r"cannot be read as USD: it is spoiled, [^\n]* Export it again\.$"):
+        describe(tmp_path / "spoiled.usdc")

@@ -298,3 +298,12 @@ def test_derivatives_by_the_times_are_velocities():
     qd = rx.simulate(system, state, T1, ts=ts).qd
     _, slope = jax.jvp(moved, (ts,), (jnp.ones(3),))
     np.testing.assert_allclose(slope, qd, rtol=0, atol=1e-6)
+
+
+@pytest.mark.slow
+def test_the_error_of_energy_of_what_stands_is_that_of_a_motion():
+    """It has no kinetic energy but that of rounding, which says nothing."""
+    pin = rx.Revolute("A", "rod", "ground", (0.0, 0.4), (0.0, 0.0))
+    rod = rx.Mechanism([rx.Body("rod", 1.5, 0.1)], [pin], gravity=(0.0, -9.81))
+    hangs = rx.simulate(rod, rx.State(jnp.array([0.0, -0.4, 0.0]), jnp.zeros(3)), 1.0, ts=[1.0])
+    assert hangs.stats.energy_error < 1e-12

@@ -1,7 +1,7 @@
 """Pictures: every mechanism draws, names stay apart, and arrows are as long and point as the loads say."""
 
 import itertools
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 from mechanisms import CASES, MORE
 
 import redundax as rx
-from redundax._bodies._reactions import joint_wrenches
 from redundax.plot._draw import draw
-from redundax.plot._draw._arrows import Arrow, on_bodies
-from redundax.plot._draw._coverage import Coverage
+from redundax.plot._draw._arrows import joint_arrows
+from redundax.plot._draw._labels import _BLACK, _Ink
+from redundax.plot._draw._pen import Pen
 from redundax.plot._draw._scene import scene
 
 matplotlib.use("Agg")
@@ -29,10 +29,24 @@ def axes():
     return Figure(figsize=(8, 6), dpi=100).add_subplot()
 
 
-def loads_of(mechanism: rx.Mechanism, state: rx.State, multipliers) -> dict[str, Arrow]:
+class Load(NamedTuple):
+    """A load in the plane, in which all of it lies."""
+
+    body: str
+    at: np.ndarray
+    force: np.ndarray
+    moment: float
+
+    @property
+    def size(self) -> float:
+        return float(np.hypot(*self.force))
+
+
+def loads_of(mechanism: rx.Mechanism, state: rx.State, multipliers) -> dict[str, Load]:
     """Loads on the bodies i as they are drawn, by the joint's name."""
-    wrenches = joint_wrenches(mechanism, state, np.asarray(multipliers, float))
-    return {each.name: each for each in on_bodies(scene(mechanism, state), wrenches)}
+    found = joint_arrows(scene(mechanism, state), mechanism, state, np.asarray(multipliers, float))
+    assert not any(np.any(each.moment[:2]) or each.force[2] or each.at[2] for each in found)
+    return {each.name: Load(each.body, each.at[:2], each.force[:2], float(each.moment[2])) for each in found}
 
 
 def artists(axes, start: str) -> dict:
@@ -478,22 +492,16 @@ def test_float32(float32, axes):
     assert overlapping(axes) == []
 
 
-def test_what_a_text_covers_is_the_overlap_with_every_box():
-    """Exactly where its edges are on lines of the grid; elsewhere, that of boxes spread over a cell."""
-    random = np.random.default_rng(4)
-    corners = np.sort(random.uniform(-10.0, 60.0, (40, 2, 2)), axis=1)
-    boxes = np.column_stack([corners.reshape(40, 4), random.uniform(1.0, 20.0, 40)])
-    drawn = Coverage(boxes, np.array([-3.0, 2.0]), np.array([45.0, 41.0]))
-
-    def overlap(centre, size):
-        lower, upper = np.maximum(boxes[:, :2], centre - size / 2), np.minimum(boxes[:, 2:4], centre + size / 2)
-        return np.prod(np.maximum(upper - lower, 0.0), axis=1) @ boxes[:, 4]
-
-    size = np.array([6.0, 4.0])
-    centres = np.array([[0.0, 4.0], [20.0, 30.0], [42.0, 39.0]])
-    np.testing.assert_allclose(drawn.of(centres, size), [overlap(centre, size) for centre in centres], rtol=1e-12)
-    between = centres[1] + np.array([0.3, 0.6])
-    assert abs(drawn.of(between[None], size)[0] / overlap(between, size) - 1.0) < 0.05
+def test_what_a_text_covers_is_the_ink_below_it():
+    """A black square of 20 points and a grey one as light as a body, on axes of 360 by 216 points."""
+    axes = Figure(figsize=(5, 3), dpi=144).add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0, 360), ylim=(0, 216))
+    axes.set_axis_off()
+    pen = Pen(axes, 1.0)
+    for x, fill in ((100.0, "black"), (200.0, "#DDDDDD")):
+        pen.polygon(x + np.array([[0, 0], [20, 0], [20, 20], [0, 20]]) * 1.0, fill, "none")
+    ink = _Ink(pen, np.zeros(2), np.array([360.0, 216.0]))
+    found = ink.below(np.array([[110.0, 110.0], [125.0, 105.0], [210.0, 210.0], [50.0, 50.0]]), np.array([20.0, 10.0]))
+    np.testing.assert_allclose(found, [200.0 * _BLACK, 50.0 * _BLACK, 0.0, 0.0], rtol=0.05, atol=1e-9)
 
 
 def test_joints_at_one_place_but_for_rounding_are_named():

@@ -17,10 +17,10 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import redundax as rx
-from redundax.plot._draw._space._scene import space_scene
-from redundax.plot._draw._space._solids import arrow, ball, box, cone, hull_solids, ring, rod
-from redundax.plot._draw._space._symbols import pitch_circles, solids
-from redundax.plot._draw._space._view import View, best_view
+from redundax.plot._draw._camera import Camera, View, best_view
+from redundax.plot._draw._scene import scene
+from redundax.plot._draw._solids import arrow, ball, box, cone, hull_solids, ring, rod
+from redundax.plot._draw._symbols import solids
 from redundax.plot._page._pictures import drawing
 
 matplotlib.use("Agg")
@@ -291,8 +291,7 @@ def test_new_figure_holds_everything():
 
 
 def scene_of(mechanism, state, **options):
-    given = {"view": View(*VIEW), "shapes": {}, "not_unique": None} | options
-    return space_scene(mechanism, state, **given)
+    return scene(mechanism, state, Camera(View(*VIEW), **options))
 
 
 def test_symbols_sit_at_the_joints_along_their_axes():
@@ -329,11 +328,12 @@ def test_joints_have_the_colour_of_the_verdict():
     hue = {name: next(to_rgb(s.colour) for s in made if s.name == f"joint {name}") for name in places}
     assert hue["low"] == hue["high"]
     assert hue["low"][0] > hue["low"][1] and hue["single"][1] > hue["single"][0]  # red and green
-    # In the plane names have the colour.
     case = rx.mechanisms.parallelogram(3)
     flat = case.state(0.5)
-    drawn = rx.plot.draw(case, flat, axes=Figure().add_subplot(), report=rx.analyze(case, flat))
-    assert any(text.get_text() == "A1?" for text in drawn.texts)
+    drawn = rx.plot.draw(case, flat, axes=Figure().add_subplot(), report=["A1"])
+    assert {"A1?", "A2"} <= {text.get_text() for text in drawn.texts}
+    shown = {tuple(fill[:3]) for part in drawn.collections for fill in part.get_facecolor()}
+    assert {hue["low"], hue["single"]} <= shown
 
 
 def test_shapes_are_drawn_in_the_frame_of_the_body():
@@ -394,7 +394,7 @@ def test_pitch_circles_touch(teeth):
     gear = space.Gear("mesh", *bodies, (0, 0, 0), (0, 0, 1), (0.3, 0.4, 0.1), (0, 0, 1), teeth=teeth)
     mechanism = rx.Mechanism(bodies, [gear])
     (joint,) = scene_of(mechanism, rx.State(mechanism.reference, np.zeros(12))).joints
-    (p, _, r, _), (q, _, other, _) = pitch_circles(joint)
+    (p, _, r, _), (q, _, other, _) = joint.mesh.circles
     assert r / other == pytest.approx(abs(teeth[0] / teeth[1]))
     assert np.linalg.norm(p - q) == pytest.approx(r + other if teeth[1] > 0 else other - r)
     np.testing.assert_allclose(q, [0.3, 0.4, 0.0], atol=1e-12)
@@ -405,10 +405,12 @@ def test_bevel_wheels_meet_at_one_point():
     gear = space.Gear("mesh", *bodies, (0, 0, -0.3), (0, 0, 1), (-0.2, 0, 0), (1, 0, 0), teeth=(40, 60))
     mechanism = rx.Mechanism(bodies, [gear])
     (joint,) = scene_of(mechanism, rx.State(mechanism.reference, np.zeros(12))).joints
-    (p, _, r, _), (q, _, other, _) = pitch_circles(joint)
+    (p, _, r, _), (q, _, other, _) = joint.mesh.circles
     # Axes that are square to each other: each wheel reaches as far from its axis as the other is from the apex.
     np.testing.assert_allclose([*p, *q], [0, 0, -0.3, -0.2, 0, 0], atol=1e-12)
     assert r == pytest.approx(0.3 * 40 / 60) and other == pytest.approx(0.2 * 60 / 40)
+    points = scene_of(mechanism, rx.State(mechanism.reference, np.zeros(12))).space_points  # that a picture holds
+    np.testing.assert_allclose([points.min(axis=0), points.max(axis=0)], [[-0.2, -0.3, -0.3], [0.2, 0.3, 0.3]])
 
 
 # Views ---------------------------------------------------------------------------------------

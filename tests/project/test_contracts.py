@@ -16,10 +16,8 @@ from redundax._equations._kinematics import along_motion, slip_motion
 from redundax._models._choice import _WORDS
 from redundax._models._stress import AXES
 from redundax._tools._module import replace_fields
-from redundax.plot._draw import _scene, _symbols
-from redundax.plot._draw._space import _scene as _scene_in_space
-from redundax.plot._draw._space import _symbols as _symbols_in_space
-from redundax.plot._draw._space._view import View
+from redundax.plot._draw import _symbols
+from redundax.plot._draw._scene import scene
 
 rs, ZERO = rx.spatial, jnp.zeros(())
 SAMPLES = {
@@ -200,19 +198,16 @@ def test_turns_of_axes_that_change_no_constraint():
     assert broken_axes(known("space")[0]) == []
 
 
-def unknown_pictures(frame, mechanism, state):
+def unknown_pictures(mechanism, state):
     """Joints that are drawn as none that the library knows."""
-    if frame == "space":
-        joints = _scene_in_space.space_scene(mechanism, state, View(-60.0, 20.0), {}, None).joints
-        return [joint.name for joint in joints if _symbols_in_space.symbol(joint) is _symbols_in_space._unknown]
-    joints = _scene.scene(mechanism, state).joints
+    joints = scene(mechanism, state).joints
     return [joint.name for joint in joints if _symbols.symbol(joint) is _symbols._unknown]
 
 
 @each_frame
 def test_every_joint_has_a_symbol(frame):
     mechanism, state, _, _ = known(frame)
-    assert set(unknown_pictures(frame, mechanism, state)) <= {"Free"}  # which holds nothing
+    assert set(unknown_pictures(mechanism, state)) <= {"Free"}  # which holds nothing
 
 
 # --------------------------------------------------------------------------------------- the rest
@@ -401,4 +396,4 @@ def test_parts_that_break_a_law_are_found():
     assert broken_axes(small) == ["Hook"]
     assert broken_units(small, here, there, 10.0) == ["Rule.askew", "Brake"]
     assert broken_claims(small, here) == ["Brake"]
-    assert unknown_pictures("space", small, state) == ["Rule"]
+    assert unknown_pictures(small, state) == ["Rule"]

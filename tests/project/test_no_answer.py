@@ -48,6 +48,20 @@ def test_a_lost_entry_has_a_derivative_of_nan_unless_its_cotangent_is_zero(lose)
     assert np.isnan(change)  # of what is not linear the second derivative too
 
 
+def test_of_a_peak_forward_mode_tells_what_reverse_mode_of_jax_does_not():
+    """Inside `jit` JAX takes the gradient of a maximum that is NaN for 0, before redundax is asked."""
+    good, x = jnp.array([True, False, True]), jnp.array([1.0, 2.0, 3.0])
+
+    def peak(scale, masked=False):
+        values = jax.vmap(nan_where)(~good, scale * x)
+        return jnp.max(jnp.where(good, values, -jnp.inf) if masked else values)
+
+    assert np.isnan(jax.jit(peak)(1.0)) and np.isnan(jax.jit(jax.jacfwd(peak))(1.0)) and np.isnan(jax.grad(peak)(1.0))
+    assert jax.jit(jax.grad(lambda scale: jnp.max(scale + jnp.where(good, x, jnp.nan))))(1.0) == 0  # JAX by itself
+    for derivative in (jax.grad, jax.jacfwd):
+        assert jax.jit(derivative(lambda scale: peak(scale, masked=True)))(1.0) == 3
+
+
 DATA = {"mu": 0.1, "inertia": 1.0, "x": 0.5, "y": 0.0, "dx": 1.0, "soft": 1.0}
 SAMPLES = [
     {},

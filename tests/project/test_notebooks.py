@@ -26,7 +26,7 @@ def code(notebook):
 def test_notebooks_are_there():
     names = "own_mechanism paper_step_by_step solution_family physical_closures sensitivities motion own_constraint"
     more = "speed_against_error spatial_linkage door_on_three_hinges loads_at_rest audit_of_a_model torque_of_drives"
-    more += " four_legged_table check_a_log"
+    more += " four_legged_table check_a_log backlash_turned_round"
     assert {path.stem for path in NOTEBOOKS} >= {*names.split(), *more.split()}
 
 
@@ -62,16 +62,11 @@ def numbers(pattern, text):
 
 
 def agrees_with_the_page(printed):
-    """What the notebook of speeds prints: which program is faster, and errors and steps as the page tells them.
-
-    Times move with machine and load; errors by a few roundings.
-    """
+    """What the notebook of speeds prints: errors and steps as the page tells them; they move by a few roundings."""
     for kind, program in (("NumPy, one array program", "vectorised"), ("redundax, `vmap`", "redundax, vmap")):
         ((_, claim),) = numbers(rf"\| {kind}[^|]*\| N us[^|]*\|[^|]*\| N \|", PAGE)[:1]
         for *_, found in numbers(rf"N .*{program} +N µs per solve, error N", printed):
             assert found < 10 * claim
-    assert np.all(numbers("in one call is N times as fast", printed) > 1)
-    assert np.all(numbers("at its best size is N times as fast", printed) > 1)
     ((steps, rtol, _, error),) = numbers(r"redundax, N steps at `rtol=N`[^|]*\| N s \|[^|]*\| N rad", PAGE)
     rows = numbers(r"rtol N: N s, N steps, error N rad", printed)
     coarse, fine = rows[rows[:, 0] > rtol][-1], rows[rows[:, 0] < rtol][0]
@@ -79,6 +74,15 @@ def agrees_with_the_page(printed):
     assert fine[3] < error < coarse[3]
     rows = dict(re.findall(r"the paper's mechanism +(\S.*?)  +([\d.e+-]+)", printed))
     assert float(rows["Cholesky, reg., refined"]) > 1e3 * float(rows["redundax, solve"])  # it loses digits
+
+
+def test_the_stored_notebook_of_speeds_agrees_with_the_page():
+    """Its times are held here, where they were measured: beside another test the order may turn."""
+    outputs = [output for cell in code(read(FOLDER / "speed_against_error.ipynb")) for output in cell.outputs]
+    printed = "".join(output.get("text", "") for output in outputs)
+    agrees_with_the_page(printed)
+    assert np.all(numbers("in one call is N times as fast", printed) > 1)
+    assert np.all(numbers("at its best size is N times as fast", printed) > 1)
 
 
 def test_every_hard_case_is_counted():

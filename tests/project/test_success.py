@@ -144,6 +144,7 @@ AT_REST: dict[str, Call] = {
 ELSEWHERE = {
     "drive",
     "assemble_along",
+    "with_peaks",
     "grip",
     "check",
     "keep_programs",

@@ -42,6 +42,7 @@ def torques(rates, changes):
 TS = np.linspace(0.0, 2.0, 17)
 
 
+@pytest.mark.slow
 def test_a_cart_on_two_motors_runs_in_a_circle():
     """At constant speeds the axle's middle is at v / w (sin w t, 1 - cos w t)."""
     mechanism = cart()

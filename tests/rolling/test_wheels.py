@@ -145,7 +145,7 @@ def statics_of(driven):
         pytest.param((), marks=pytest.mark.slow),
         ("rear left",),
         pytest.param(("rear left", "rear right"), marks=pytest.mark.slow),
-        NAMES,
+        pytest.param(NAMES, marks=pytest.mark.slow),
     ],
     ids=len,
 )

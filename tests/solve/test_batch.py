@@ -158,7 +158,7 @@ def test_the_count_counts():
 
 
 @pytest.mark.parametrize("options", OPTIONS)
-def test_new_numbers_compile_nothing(options):
+def test_new_numbers_compile_nothing(options, programs_at_once):
     """Lengths, masses, friction, gravity, units and states are data; so are names."""
     rx.solve(*data(OPTIONS[options]), **OPTIONS[options])
     other = data(OPTIONS[options], length=0.3, mass=2.0, gravity=9.81, u=2.0)
@@ -173,7 +173,7 @@ def renamed(joints):
 
 
 @pytest.mark.parametrize("friction", [None, registry.coulomb], ids=["smooth", "rubs"])
-def test_one_program_serves_all_mechanisms_with_the_same_counts(friction):
+def test_one_program_serves_all_mechanisms_with_the_same_counts(friction, programs_at_once):
     """Other names, and joints that join other bodies: nothing is compiled anew."""
     mechanism = registry.MECHANISMS["parallelogram"]()
     first = rx.solve(*registry.build(mechanism, friction))
@@ -279,7 +279,7 @@ def test_plain_functions_pass_through_jax_transformations(make):
     assert any(np.any(slope != 0) for slope in slopes)
 
 
-def test_a_users_system_compiles_nothing_for_new_parameters():
+def test_a_users_system_compiles_nothing_for_new_parameters(programs_at_once):
     case = registry.case("pendulum")
     direct = whole(rx.solve(case.system, case.state))
     through = eqx.filter_jit(lambda m, s: whole(rx.solve(m, s)))(case.system, case.state)

@@ -85,3 +85,6 @@ def test_single_precision_that_nobody_asked_for_is_told_once():
         rx.Body("a", 0.1, 0.5)
         rx.State(np.array([0.1, 0.2]), [0.0, 0.3])
     assert len(told) == 1
+    _tell_of_single_precision.cache_clear()
+    with pytest.warns(UserWarning, match="jax_enable_x64"):
+        rx.mechanisms.wojtyra2020()

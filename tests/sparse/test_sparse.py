@@ -55,14 +55,17 @@ def test_a_factor_on_a_plan_solves_what_numpy_solves(pairs, bodies):
         mass[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = each
     matrix = whole @ np.linalg.solve(mass, whole.T) + np.eye(len(whole))
     right = RNG.normal(size=(len(whole), 2))
-    np.testing.assert_allclose(rows.gram(jnp.asarray(right)) + right, matrix @ right, rtol=1e-10, atol=1e-10)
-    ones = jnp.ones(len(whole))
-    entries = rows.entries(ones, jnp.zeros(rows.plan.mates.shape).at[:, 0].set(1.0))
-    found = factor(rows.plan, entries)
-    np.testing.assert_allclose(
-        solution(rows.plan, found, jnp.asarray(right)), np.linalg.solve(matrix, right), atol=1e-9
-    )
-    size = np.sum(np.log(pivots(rows.plan, found)))
+
+    @eqx.filter_jit
+    def solved(rows, right):
+        entries = rows.entries(jnp.ones(len(whole)), jnp.zeros(rows.plan.mates.shape).at[:, 0].set(1.0))
+        found = factor(rows.plan, entries)
+        return rows.gram(right) + right, solution(rows.plan, found, right), pivots(rows.plan, found)
+
+    product, found, roots = solved(rows, jnp.asarray(right))
+    np.testing.assert_allclose(product, matrix @ right, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(found, np.linalg.solve(matrix, right), atol=1e-9)
+    size = np.sum(np.log(roots))
     assert size == pytest.approx(np.linalg.slogdet(matrix)[1] / 2, rel=1e-10)
 
 

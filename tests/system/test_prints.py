@@ -124,6 +124,17 @@ def test_a_state_is_a_table():
     assert "velocity, m/s\n" in text and "velocity, rad/s\n" in text
 
 
+def test_parts_are_shown_with_their_figures():
+    assert str(rx.Body("rod", 2.0, 0.25)) == "Body(name='rod', mass=2.0, inertia=0.25)"
+    pin = rx.Revolute("A", "rod", rx.GROUND, (0.5, 0.0), (0, 0), 0.01, rx.Coulomb(0.1))
+    for figure in ("point_i=[0.5, 0.0]", "pin_radius=0.01", "Coulomb(mu=0.1"):
+        assert figure in str(pin)
+    assert str(rx.Polynomial(jnp.arange(99.0))) == "Polynomial(coefficients=f64[99])"
+    told = []
+    jax.make_jaxpr(lambda mass: told.append(str(rx.Body("rod", mass, mass))) or mass)(1.0)
+    assert told == ["Body(name='rod', mass=f64[], inertia=f64[])"]
+
+
 def test_a_sweep_has_least_largest_and_what_failed():
     """From the horizontal to 60 degrees, and one state that the pin does not allow."""
     mechanism = rod(rx.units.SI)

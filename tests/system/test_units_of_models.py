@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import redundax as rx
-from redundax._system._units import of_model
+from redundax._system._units import stated
 
 # What symbols mean in SI, written anew.
 SI = {
@@ -81,7 +81,7 @@ def test_figures_times_their_units_are_the_same_in_every_unit(name):
     ],
 )
 def test_units_without_a_name_say_what_they_are(units, kind, symbol):
-    assert of_model(units).of(kind) == symbol
+    assert stated(units).of(kind) == symbol
 
 
 def test_angles_in_degrees_have_moments_by_degree():

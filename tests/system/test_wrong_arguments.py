@@ -71,6 +71,10 @@ KINDS = {
     ),
     "compliances": (lambda: rx.ElasticJoints(PENDULUM, ["A"]), "`joints` must be compliances of joints alone"),
     "a load": (lambda: rx.limit_load(PENDULUM, STATE, 1.0), "`load` must be generalised forces by name"),
+    "a load of a mechanism": (
+        lambda: rx.limit_load(PENDULUM, STATE, [rx.AppliedForce("rod", (1.0, 0.0))]),
+        "`load` must be generalised forces by name",
+    ),
     "of a function": (
         lambda: rx.LoadFunction("rod", lambda i, j, t, p: t),
         "LoadFunction on 'rod' must give two wrenches",
@@ -83,6 +87,45 @@ KINDS = {
         "`rx.Coulomb` go to joints",
     ),
     "a list": (lambda: rx.assemble([PENDULUM], {}), "`system` .* type list"),
+    "parts by name": (lambda: rx.Mechanism([ROD], {"A": PIN}), "`joints` .* list of its values"),
+    "without a name": (lambda: rx.Mechanism([ROD, rx.Body("", 1.0, 1.0)], [PIN]), "`bodies` must have names"),
+    "coupled with itself": (
+        lambda: rx.Coupler("c", "A.angle", "A.angle", 1.0),
+        "'c' must .* 'A.angle' twice",
+    ),
+    "a law of two": (
+        lambda: rx.AngleDriver("M", "rod", "ground", lambda t, p: p * t),
+        r"`angle` of the driver 'M' must be a function of \(t\), but is one of \(t, p\)",
+    ),
+    "a load of three": (lambda: rx.LoadFunction("rod", lambda i, j, t: None), r"\(motion_i, motion_j, t, parameters\)"),
+    "a constraint of one": (lambda: rx.System(lambda q: q[:1], [1.0]), r"`constraint` .* of \(q, t, parameters\)"),
+    "a load of the state": (
+        lambda: rx.System(lambda q, t, p: q[:1], [1.0], lambda q, qd: q),
+        r"`load` must be a function of \(q, qd, t, parameters\)",
+    ),
+    "a sample of another name": (
+        lambda: rx.study(lambda phi: phi, {"mu": np.ones(3)}),
+        "Arguments of `run` must be phi, but: .*'phi'",
+    ),
+    "of tolerances": (lambda: rx.tolerance_study(lambda a: a, {"b": rx.Normal(0.0, 1.0)}), "Arguments of `build`"),
+    "of a fit": (
+        lambda: rx.identify(lambda a: a, 1.0, {"b": rx.Normal(0, 1)}, noise=1.0),
+        "Arguments of `predict`",
+    ),
+    "misfit swapped": (
+        lambda: rx.misfit(PENDULUM, STATE, PENDULUM),
+        "`state` must be a state, but is of the type Mech",
+    ),
+    "actual": (lambda: rx.misfit(PENDULUM, SOFT, STATE), "`actual` must be a mechanism, .* type Compliance"),
+    "as built": (lambda: rx.AsBuilt(SOFT, STATE), "`actual` must be a mechanism, .* type State"),
+    "warm": (lambda: rx.heated(STATE, {"rod": 20.0}, 1e-5), "`mechanism` must be a mechanism, .* type State"),
+    "no log": (lambda: rx.check(PENDULUM, 3), "`log` must be a log, but is 3"),
+    "no file": (lambda: rx.load_model(None), "`path` must be the name of a file, but is None"),
+    "no solution": (lambda: rx.grip(PENDULUM, STATE), "`solution` must be a solution, but is of the type State"),
+    "rank a word": (lambda: rx.solve(PENDULUM, STATE, rank="full"), "`rank` must be a whole number from 0 to 2"),
+    "rank too large": (lambda: rx.solve(PENDULUM, STATE, rank=3), "2 rows and 3 coordinates, but is 3"),
+    "rank of a motion": (lambda: rx.simulate(PENDULUM, STATE, 1.0, rank=1.5), r"`rank` .* but is 1\.5"),
+    "a sense": (lambda: rx.solve(PENDULUM, STATE, sense="left"), "`sense` must be a number"),
 }
 NUMBERS = {
     "mass NaN": (lambda: rx.Body("rod", NAN, 0.1), "`mass` of body 'rod' must be finite, but is nan"),
@@ -111,6 +154,16 @@ NUMBERS = {
         lambda: rx.DistanceDriver("D", "rod", "ground", HERE, (0, 1), 0.0),
         "`distance` of 'D' must be",
     ),
+    "figures of a point": (lambda: rx.Revolute("A", "rod", "ground", "0, 0", HERE), "`point_i` must be a number"),
+    "rows of two lengths": (lambda: rx.Body("rod", [[1.0], [1.0, 2.0]], 1.0), "`mass` must be a number"),
+    "complex": (lambda: rx.Body("rod", 1j, 1.0), "`mass` must be a number"),
+    "moment of 3": (lambda: rx.AppliedForce("rod", moment=(0, 0, 1)), r"`moment` of AppliedForce .*\(3,\)"),
+    "guide of no length": (
+        lambda: rx.Translational("K", "rod", "ground", HERE, HERE, (0, 1), guide_length=-1.0),
+        "`guide_length` of joint 'K' must be positive",
+    ),
+    "no coefficients": (lambda: rx.Polynomial([]), r"`coefficients` must be a list .*\(0,\)"),
+    "planets that overlap": (lambda: rx.mechanisms.planetary(7), "`planets` must leave room .* 7 overlap"),
     "in space too": (
         lambda: rs.Distance("D", BAR, "ground", (0, 0, 0), (0, 0, 0)),
         "`distance` of 'D' must be",
@@ -170,8 +223,8 @@ def test_the_load_on_either_body_of_a_joint_has_its_name():
         np.testing.assert_allclose(solution[f"wall {part} on rod"], value, rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(solution[f"wall {part} on ground"], -value, rtol=1e-12, atol=1e-12)
     assert not any(name.endswith(" on ground") for name in (each.name for each in solution.entries))  # told once
-    with pytest.raises(KeyError, match="Did you mean"):
-        solution["wall force y on grond"]
+    with pytest.raises(KeyError, match="Did you mean 'wall force y on ground'"):
+        solution["wall force y on Ground"]
 
 
 class Own(rx.AbstractJoint):
@@ -196,6 +249,11 @@ class Own(rx.AbstractJoint):
             {"residual": lambda self, i, j, t: np.sin(i.phi)},
             "`residual` of `Own` .* that JAX can trace",
         ),
+        (
+            {"residual": lambda self, i, j: i.r[1:]},
+            r"`residual` of `Own` must be a function of \(i, j, t\)",
+        ),
+        ({"residual": lambda self, i, j, t: np.array([1])}, "Own 'own' must be floating-point .* type int64"),
         ({"row_kinds": ("y", "force")}, r"`row_kinds` of Own must give a name and a kind.*with both commas"),
         ({"row_kinds": (("y", "length"),)}, "'force' or 'moment'"),
         ({"pushing": ("z",)}, "`pushing` of Own must hold names of its rows, but holds 'z'"),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import redundax as rx
+from redundax._bodies._space._rotation import rotation, times
 from redundax._tools import _compilation
 from redundax._tools._compilation import compiled, quick_options
 
@@ -103,6 +104,27 @@ def test_a_motion_is_compiled_once_for_closures_that_do_not_depend_on_the_state(
         loads = rx.solve(mechanism, end, closure=closure).multipliers
         np.testing.assert_allclose(motion.multipliers[-1], loads, rtol=1e-9, atol=1e-9 * np.abs(loads).max())
     assert programs.count("jit(stretch)") == 1
+
+
+def test_turns_in_space_are_less_text_where_they_are_compiled_in_little_time():
+    """Products of matrices; inside transformations, and in what runs long, sums written out, which XLA fuses."""
+    texts = []
+
+    def turned(p, v):
+        return times(rotation(p), v)
+
+    def traced(p, v):
+        texts.append(str(jax.make_jaxpr(turned)(p, v)))
+        return turned(p, v)
+
+    given = jnp.array([[0.5, -0.5, 0.5, 0.5], [3.0, 0.0, 0.0, 3.0]]), jnp.array([[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]])
+    for run in (compiled(traced), compiled(traced, runs_long=True), jax.jit(traced)):
+        exact = [[-0.2, 0.3, -0.1], [-0.5, 0.4, 0.6]]  # a cyclic permutation with signs, a quarter turn about z
+        np.testing.assert_allclose(run(*given), exact, rtol=0, atol=1e-15)
+    quick, long, inside = texts
+    assert long == inside
+    assert "dot_general" not in inside
+    assert 2 * len(quick.splitlines()) < len(inside.splitlines())
 
 
 def test_what_is_known_is_known_inside_transformations():

@@ -103,9 +103,6 @@ def two_on_rods(place, off):
     return system, rx.State(ends.ravel(), [0.6, 0.8, 0.6, 0.8])
 
 
-STRAIGHT = "bead", "massless"  # constraints that turn no angle and do not bend: no length is compared, and it is 1
-
-
 # Figures ------------------------------------------------------------------------------------
 
 
@@ -130,8 +127,7 @@ def test_verdicts(name, unit):
         assert here_said == rounded, field
     assert {**one.verdicts, "reaction": ()} == {**other.verdicts, "reaction": ()}  # which systems in other units lack
     assert one.pivots == other.pivots
-    length = 1.0 if name in STRAIGHT else units.length
-    assert other.length == pytest.approx(one.length * float(length / units.angle), rel=1e-9)
+    assert other.length == pytest.approx(one.length * float(units.length / units.angle), rel=1e-9)
     assert np.allclose(one.singular_values, other.singular_values, rtol=0, atol=1e-12)
     assert (one.spectral_radius is None) is (other.spectral_radius is None)
     assert (one.spectral_radius or 0.0) == pytest.approx(other.spectral_radius or 0.0, rel=1e-9)
@@ -349,6 +345,11 @@ def shapes(folder, unit, **options):
         (patch.get_gid(), axes.transData.transform(patch.get_xy()) * 72 / axes.figure.dpi)
         for patch in axes.findobj(Polygon)
         if not (patch.get_gid() or "").endswith("key")
+    ]
+    on_paper += [
+        (None, axes.transData.transform(path.vertices) * 72 / axes.figure.dpi)
+        for collection in axes.collections
+        for path in collection.get_paths()
     ]
     pyplot.close(axes.figure)
     return on_paper

@@ -9,7 +9,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..._tools._module import as_float
+from ..._tools._module import figure
 from .._pose import Pose
 from ._base import AbstractJoint, Row
 
@@ -41,8 +41,8 @@ class AngleCoupling(AbstractJoint):
     name: str = eqx.field(static=True)
     i: str = eqx.field(static=True)
     j: str = eqx.field(static=True)
-    ratio: Float[Array, ""] = eqx.field(converter=as_float)
-    angle: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    ratio: Float[Array, ""] = eqx.field(converter=figure("ratio"))
+    angle: Float[Array, ""] = eqx.field(converter=figure("angle"), default=0.0)
 
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:
         return jnp.stack([i.phi + self.ratio * j.phi - self.angle])

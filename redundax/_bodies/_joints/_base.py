@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..._tools._errors import RedundaxError
-from ..._tools._module import as_float, check_kind, part, replace_fields
+from ..._tools._module import check_kind, figure, part, replace_fields
 from .._frame import AbstractFrame
 from .._friction_model import AbstractFrictionModel
 from .._plane import PLANE
@@ -120,8 +120,8 @@ class AbstractPointJoint(AbstractJoint):
     name: str = eqx.field(static=True)
     i: str = eqx.field(static=True)
     j: str = eqx.field(static=True)
-    point_i: Float[Array, "2"] = eqx.field(converter=as_float)
-    point_j: Float[Array, "2"] = eqx.field(converter=as_float)
+    point_i: Float[Array, "2"] = eqx.field(converter=figure("point_i"))
+    point_j: Float[Array, "2"] = eqx.field(converter=figure("point_j"))
 
 
 def check_rows(joint: AbstractJoint) -> None:

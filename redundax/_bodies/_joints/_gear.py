@@ -32,7 +32,7 @@ from jaxtyping import Array, Float, Int
 from ..._tools._errors import RedundaxError
 from ..._tools._module import (
     Numbers,
-    as_float,
+    figure,
     is_concrete,
     not_negative,
     numpy_of,
@@ -46,7 +46,7 @@ from .._pose import Pose
 from ._base import AbstractPointJoint, Row
 from ._rubbing import AbstractFrictionalJoint
 
-STANDARD_PRESSURE_ANGLE = np.pi / 9
+STANDARD_PRESSURE_ANGLE = np.pi / 9  # 20 degrees, ISO 53
 
 
 def whole(value: Numbers) -> Int[Array, "..."]:
@@ -209,11 +209,11 @@ class GearPair(AbstractMesh):
     """
 
     teeth: Int[Array, "2"] = eqx.field(converter=whole)
-    module: Float[Array, ""] = eqx.field(converter=as_float)
-    pressure_angle: Float[Array, ""] = eqx.field(converter=as_float, default=STANDARD_PRESSURE_ANGLE)
+    module: Float[Array, ""] = eqx.field(converter=figure("module"))
+    pressure_angle: Float[Array, ""] = eqx.field(converter=figure("pressure_angle"), default=STANDARD_PRESSURE_ANGLE)
     flank: Int[Array, ""] = eqx.field(converter=whole, default=1)
-    angle_i: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
-    angle_j: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    angle_i: Float[Array, ""] = eqx.field(converter=figure("angle_i"), default=0.0)
+    angle_j: Float[Array, ""] = eqx.field(converter=figure("angle_j"), default=0.0)
     sliding_arm: Float[Array, ""] | None = eqx.field(converter=optional_float, default=None)
     friction: AbstractFrictionModel | None = None
     backlash: Float[Array, ""] | None = eqx.field(converter=optional_float, default=None)

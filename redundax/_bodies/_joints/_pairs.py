@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..._tools._errors import RedundaxError
-from ..._tools._module import as_float, not_negative, optional_float, part, safe_norm, unit
+from ..._tools._module import figure, not_negative, optional_float, part, positive, safe_norm, unit
 from .._friction_model import AbstractFrictionModel
 from .._pose import Pose, perpendicular
 from ._base import AbstractPointJoint, Row, check_friction
@@ -22,7 +22,7 @@ from ._components import Components, picked, values
 from ._rubbing import AbstractFrictionalJoint
 
 
-def _offset(joint: Any, i: Pose, j: Pose) -> Array:
+def _offset(joint: AbstractPointJoint, i: Pose, j: Pose) -> Array:
     return i.point(joint.point_i) - j.point(joint.point_j)
 
 
@@ -134,7 +134,7 @@ class Translational(AbstractPair, AbstractFrictionalJoint):
     slip_kind: ClassVar[str] = "linear"
     vectors: ClassVar[tuple[str, ...]] = ("point_i", "point_j", "normal")
     normal: Float[Array, "2"] = eqx.field(converter=unit)
-    angle: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    angle: Float[Array, ""] = eqx.field(converter=figure("angle"), default=0.0)
     guide_length: Float[Array, ""] | None = eqx.field(converter=optional_float, default=None)
     friction: AbstractFrictionModel | None = None
 
@@ -144,6 +144,9 @@ class Translational(AbstractPair, AbstractFrictionalJoint):
                 f"Argument `guide_length` of the translational joint '{self.name}' must be given where the joint "
                 "has friction, but it is None: the guide moment presses the slider's two ends."
             )
+        if self.guide_length is not None:
+            with part(f"joint '{self.name}'"):
+                positive("guide_length", self.guide_length)
 
     def slip(self, i: Pose, j: Pose) -> Array:
         return _travel(self, i, j)
@@ -214,4 +217,4 @@ class Fixed(AbstractPair):
     """
 
     row_kinds: ClassVar[tuple[Row, ...]] = (*FORCE, ANGLE)
-    angle: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    angle: Float[Array, ""] = eqx.field(converter=figure("angle"), default=0.0)

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..._tools._errors import RedundaxError
-from ..._tools._module import as_float, part, positive, unit
+from ..._tools._module import figure, part, positive, unit
 from .._pose import Pose, perpendicular
 from ._base import AbstractJoint, AbstractPointJoint, Row
 
@@ -103,7 +103,7 @@ class Wheel(AbstractRollingRows, AbstractPointJoint):  # pyright: ignore[reportI
 
     vectors: ClassVar[tuple[str, ...]] = ("point_i", "point_j", "normal")
     normal: Float[Array, "2"] = eqx.field(converter=unit)
-    radius: Float[Array, ""] = eqx.field(converter=as_float)
+    radius: Float[Array, ""] = eqx.field(converter=figure("radius"))
     rows: tuple[str, ...] = eqx.field(static=True, converter=in_order, default=("normal", "along"))
     one_sided: bool = eqx.field(static=True, default=False)  # pyright: ignore[reportIncompatibleMethodOverride]
 
@@ -145,7 +145,7 @@ class KnifeEdge(AbstractJoint):
     name: str = eqx.field(static=True)
     i: str = eqx.field(static=True)
     j: str = eqx.field(static=True)
-    point_i: Float[Array, "2"] = eqx.field(converter=as_float)
+    point_i: Float[Array, "2"] = eqx.field(converter=figure("point_i"))
     direction: Float[Array, "2"] = eqx.field(converter=unit)
 
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..._tools._module import as_float
+from ..._tools._module import figure, one_number, part
 from .._body import GROUND
 from .._pose import Motion, Wrench
 from ._base import AbstractLoad
@@ -33,11 +33,15 @@ class AppliedForce(AbstractLoad):
 
     vectors: ClassVar[tuple[str, ...]] = ("force", "point")
     i: str = eqx.field(static=True)
-    force: Float[Array, "2"] = eqx.field(converter=as_float, default=(0.0, 0.0))
-    point: Float[Array, "2"] = eqx.field(converter=as_float, default=(0.0, 0.0))
-    moment: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    force: Float[Array, "2"] = eqx.field(converter=figure("force"), default=(0.0, 0.0))
+    point: Float[Array, "2"] = eqx.field(converter=figure("point"), default=(0.0, 0.0))
+    moment: Float[Array, ""] = eqx.field(converter=figure("moment"), default=0.0)
     follows: bool = eqx.field(static=True, default=False)
     j: str = eqx.field(static=True, default=GROUND)
+
+    def __check_init__(self) -> None:
+        with part(f"{type(self).__name__} on '{self.i}'"):
+            one_number("moment", self.moment)
 
     def wrenches(self, i: Motion, j: Motion, t: Array) -> tuple[Wrench, Wrench]:
         wrench = i.wrench(i.pose.rotate(self.force) if self.follows else self.force, self.point)

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from ..._tools._errors import RedundaxError
-from ..._tools._module import as_functions, as_parameters, check_kind, part, tracing
+from ..._tools._module import as_functions, as_parameters, check_kind, check_takes, part, tracing
 from .._body import GROUND, name_of
 from .._pose import Motion, Pose
 from ._base import AbstractLoad
@@ -33,6 +33,7 @@ class AbstractLoadFunction(AbstractLoad):
         with part(f"{type(self).__name__} on '{self.i}'"):
             advice = "Give one of both motions, time and parameters."
             check_kind("function", self.function, Callable, "a function", advice)
+            check_takes("function", self.function, "motion_i", "motion_j", "t", "parameters")
         with tracing("function"):
             given = jax.eval_shape(lambda: self.function(self.still(), self.still(), jnp.zeros(()), self.parameters))
         force, moment = (len(self.frame.linear),), (len(self.frame.angular),) if len(self.frame.angular) > 1 else ()

@@ -10,7 +10,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..._tools._module import as_float, one_number, safe_norm
+from ..._tools._module import figure, one_number, safe_norm
 from .._pose import Motion, Wrench
 from ._base import AbstractLoad
 
@@ -59,11 +59,11 @@ class SpringDamper(AbstractSpringDamper):
 
     i: str = eqx.field(static=True)
     j: str = eqx.field(static=True)
-    point_i: Float[Array, "2"] = eqx.field(converter=as_float)
-    point_j: Float[Array, "2"] = eqx.field(converter=as_float)
-    stiffness: Float[Array, ""] = eqx.field(converter=as_float)
-    free_length: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
-    damping: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    point_i: Float[Array, "2"] = eqx.field(converter=figure("point_i"))
+    point_j: Float[Array, "2"] = eqx.field(converter=figure("point_j"))
+    stiffness: Float[Array, ""] = eqx.field(converter=figure("stiffness"))
+    free_length: Float[Array, ""] = eqx.field(converter=figure("free_length"), default=0.0)
+    damping: Float[Array, ""] = eqx.field(converter=figure("damping"), default=0.0)
 
 
 class TorsionSpring(AbstractLoad):
@@ -85,9 +85,9 @@ class TorsionSpring(AbstractLoad):
 
     i: str = eqx.field(static=True)
     j: str = eqx.field(static=True)
-    stiffness: Float[Array, ""] = eqx.field(converter=as_float)
-    free_angle: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
-    damping: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    stiffness: Float[Array, ""] = eqx.field(converter=figure("stiffness"))
+    free_angle: Float[Array, ""] = eqx.field(converter=figure("free_angle"), default=0.0)
+    damping: Float[Array, ""] = eqx.field(converter=figure("damping"), default=0.0)
 
     def __check_init__(self) -> None:
         for name in ("stiffness", "free_angle", "damping"):

@@ -9,7 +9,7 @@ from ..._system._joint_coordinates import joint_reactions
 from ..._system._names import index_of
 from ..._system._state import State
 from ..._tools._errors import RedundaxError
-from ..._tools._module import tree_take
+from ..._tools._module import as_float, tree_take
 from .._mechanism import Mechanism
 from ._frame import SPACE
 from ._pose import Wrench
@@ -52,7 +52,7 @@ def joint_wrench(
             "Argument `mechanism` must be one of `rx.spatial`, but is planar. Read the loads of its joints from "
             'the solution, as in `solution["A force x on rod"]`.'
         )
-    names = mechanism.names.joint_names
+    multipliers, names = as_float(multipliers, "multipliers"), mechanism.names.joint_names
     place = index_of("joint", joint, names, " of joints")
     loads = joint_reactions(mechanism.joint_coordinates, state, multipliers)[6 * place : 6 * place + 6]
     stack = next(k for k, members in enumerate(mechanism.names.joints) if joint in members)

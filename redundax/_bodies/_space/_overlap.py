@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..._tools._errors import RedundaxError
-from ..._tools._module import Numbers, as_float, is_concrete, optional_float
+from ..._tools._module import Numbers, as_float, is_concrete
 from ..._tools._value import AbstractModule
 
 
@@ -51,8 +51,3 @@ class Overlap(AbstractModule):
         first = jnp.maximum(self.slider[0], self.guide[0] - travel)
         last = jnp.minimum(self.slider[1], self.guide[1] - travel)
         return jnp.where(last > first, last - first, jnp.nan), (first + last) / 2
-
-
-def length_or_overlap(value: "Numbers | Overlap | None") -> "Array | Overlap | None":
-    """A length as a number; an `Overlap` as it is."""
-    return value if isinstance(value, Overlap) else optional_float(value)

@@ -10,7 +10,7 @@ their friction is any within its limits, and `_loads_at_rest` finds inner and ou
 import dataclasses
 import itertools
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from jax.typing import ArrayLike
@@ -19,29 +19,43 @@ from ..._analysis._analyze import Report
 from ..._analysis._outputs import evaluated, joint_accelerations, plain
 from ..._analysis._outputs import outputs as named_outputs
 from ..._analysis._verdict import Verdict
-from ..._closures._closure import AbstractClosure
+from ..._closures._closure import AbstractClosure, constant, elasticity
+from ..._closures._play import without_play
 from ..._equations._culprits import culprits
 from ..._equations._factorisation import Factorisation
 from ..._solve._all_solutions import start_factors
+from ..._solve._solve import solve
 from ..._system._export import bands_dataset
 from ..._system._names import ByName, index_of, senses, unit_of
 from ..._system._pushing import changing, in_words, pulling
 from ..._system._results import RESULTS
 from ..._system._state import State
-from ..._system._system import AbstractSystem, check_system_at, refuse_contacts
+from ..._system._system import AbstractSystem, check_system_at
 from ..._system._units import with_unit
 from ..._tools._errors import NoSolutionError, RedundaxError
-from ..._tools._module import replace_fields
+from ..._tools._module import finite, replace_fields
 from ..._tools._numbers import computed
 from ..._tools._table import figures, group, page, text_of
-from .._at_rest import is_still
-from .._bounds import AbstractBounds, Pushing, cases_of, checked_bounds, title_of
+from .._at_rest import is_still, sense_of_start
+from .._bounds import (
+    AbstractBounds,
+    Box,
+    MisfitBox,
+    Parameters,
+    Pushing,
+    cases_of,
+    check_definite,
+    checked_bounds,
+    title_of,
+)
 from .._cases import AbstractCases, Affine
 from .._family._solution_family import solutions_of
 from .._loads_at_rest._band_at_rest import bands_at_rest
 from .._pushing import Held, analyzed
 from .._search import Search, best, few, proved_single
 from .._solution_set import SolutionSet, solution_set
+from ._one_by_one import one_by_one, searched
+from ._with_play import SidesOfJoints, joints_of
 
 if TYPE_CHECKING:
     import pandas
@@ -57,23 +71,25 @@ class Bands:
     - `names`, `kinds`: of the outputs; kinds are "linear", "angular", "force", "moment", "friction force" and
       "friction moment".
     - `units`: of the outputs, as in "m/s²"; "" where the system states none.
-    - `lower`, `upper`: the bands, shape (outputs,); NaN where no solution within the bounds was found, infinite at rest
-      where joints wedge themselves: their friction then holds any loads that it causes.
+    - `lower`, `upper`: the bands, shape (outputs,); NaN where no solution within the bounds was found, or `nodes` were
+      too few to find that end; infinite at rest where joints wedge themselves: their friction then holds any loads that
+      it causes.
     - `exact`: which bands are proved, shape (outputs,); the others are inner bounds: their ends are attained, more may
       be. More `samples` and `starts`, or `nodes` at rest, search better.
     - `outer_lower`, `outer_upper`: outer bounds, proved not to be exceeded, shape (outputs,); infinite where none is
       known.
     - `bounds`: what was bounded: the name of the class.
     - `parameters`, `box`: names of the entries of a case, and their bounds, shape (q, 2).
-    - `lower_case`, `upper_case`: the case that attains each extreme: amplitude, preload, misfit or compliance, shape
-      (outputs, q).
+    - `lower_case`, `upper_case`: the case that attains each extreme: amplitude, preload, misfit, compliance or play,
+      shape (outputs, q).
     - `lower_solution`, `upper_solution`: [qdd; lam; tau] there, shape (outputs, n + m + p).
     - `solved`: share of the cases looked at that have a solution; below 1 some of what the bounds allow is impossible
       at this state, as past a fold of friction.
     - `sense`: of each slip, 1 or -1, and 0 where it rests, shape (p,).
     - `title`: all that was bounded, in words.
-    - `stands`: where joints with friction rest, whether they may stay at rest: "yes", "no" (proved) or "undecided";
-      None where all slip.
+    - `stands`: where joints with friction rest, whether they may stay at rest: "yes", "no" (proved), "undecided",
+      or "slips", where others move and those that rest may not go on to, but which way they slip is not known; None
+      where all slip.
     - `pulling`: names of the rows of teeth that pull in some of what is possible: their other flanks touch there.
 
     ??? example
@@ -108,7 +124,7 @@ class Bands:
     @property
     def empty(self) -> bool:
         """Whether no solution within the bounds was found."""
-        return bool(np.isnan(self.lower).any())
+        return bool(np.isnan([self.lower, self.upper]).all())
 
     def to_pandas(self) -> "pandas.DataFrame":
         """One row for each output, with its unit; needs pandas, of the extra `study`."""
@@ -128,7 +144,7 @@ class Bands:
         lines = [self.title]
         if self.stands is not None:
             lines.append(_STANDS[self.stands])
-        if self.empty:
+        if self.empty and not np.isfinite([self.outer_lower, self.outer_upper]).any():
             return text_of(lines if self.stands is not None else [*lines, _EMPTY])
         if self.solved < 1:
             lines.append(f"NO SOLUTION for {1 - self.solved:.0%} of the cases looked at.")
@@ -151,15 +167,26 @@ class Bands:
     def _kind(self, k: int) -> str:
         if self.exact[k]:
             return "exact"
+        found = "not found" if np.isnan([self.lower[k], self.upper[k]]).any() else "inner"
         if np.isinf(self.outer_lower[k]) or np.isinf(self.outer_upper[k]):
-            return "inner estimate"
-        return f"inner; outer {self.outer_lower[k]:.6g} to {self.outer_upper[k]:.6g} (proved)"
+            return found if found == "not found" else "inner estimate"
+        return f"{found}; outer {self.outer_lower[k]:.6g} to {self.outer_upper[k]:.6g} (proved)"
+
+
+class Effort(NamedTuple):
+    """How long bands are looked for, as in `band`."""
+
+    samples: int
+    starts: int
+    seed: int
+    nodes: int
 
 
 _EMPTY = "NO SOLUTION within the bounds was found."
 _STANDS = {
     "yes": "At rest: it can stand so, held by friction within its limits.",
     "no": "CANNOT STAND (proved): no friction within its limits holds it.",
+    "slips": "NO SOLUTION with the joints that rest held at rest: they begin to slip. Give their `sense`.",
     "undecided": "UNDECIDED whether it can stand: it is at its limit, as far as rounding tells, or the search ended.",
 }
 _MEET = 1e-6  # distance of inner and outer bounds that is none, relative to the largest value
@@ -202,12 +229,14 @@ def band(
       `Mechanism`, "K.travel''" of joint coordinates and those of `analyze(...).verdicts["reaction"]`; None for all
       accelerations of coordinates.
     - `bounds`: `AmplitudeBox`, `PreloadBox`, `PreloadNorm`, `MisfitBox` or `ComplianceBox`; or a closure, for the
-      loads that it picks. With one-sided contacts it may be left out: they push, which bounds much by itself. With
-      these nothing with friction may move.
-    - `samples`: random cases that are looked at where the band is not exact, beside vertices.
+      loads that it picks. Joints of either that have play have any from none to as much, where none with friction rest.
+      With one-sided contacts it may be left out: they push, which bounds much by itself. With these nothing with
+      friction may move.
+    - `samples`: random cases that are looked at where the band is not exact, beside vertices; an eighth of them where
+      each is solved by itself, as joints with friction have play, or it is known within limits: a second or two.
     - `starts`, `seed`: random initial loads for each of them, where the number of solutions is not proved.
-    - `nodes`: linear programmes at most for each extreme at rest; a few times as many where sleeves, balls or plates
-      rest, which can take tens of seconds.
+    - `nodes`: linear programmes at most for each extreme at rest, or with play; a few times as many where sleeves,
+      balls or plates rest, which can take tens of seconds, and where pins have play.
     - `sense`, `rank`, `factor`: as in `solve`; joints at rest that are given a sense begin to slip. Contacts take
       neither `rank` nor `factor`.
 
@@ -215,12 +244,66 @@ def band(
     """
     check_system_at(system, state)
     bounds = checked_bounds(bounds, system)
+    asked, sense = asked_at(system, state, rank, factor, sense)
+    return bands_of(system, asked, state, outputs, bounds, sense, Effort(samples, starts, seed, nodes))
+
+
+def asked_at(
+    system: AbstractSystem, state: State, rank: ArrayLike | None, factor: Factorisation | None, sense: ByName | None
+) -> tuple[tuple[Held, Report], ByName | None]:
+    """The system with the contacts that are closed and its report; and the senses of slip: where none are given those
+    in which drives, or the motion that goes on, start the joints that rest."""
     at, report = analyzed(system, state, rank, factor, sense=sense)
-    if system.names.one_sided and system.friction and not report.at_rest and not report.problem:
-        refuse_contacts("band", system, " where joints with friction move")
-    if report.at_rest or system.names.one_sided:
-        return _at_rest(at, state, outputs, bounds, report, sense, nodes)
+    if sense is None and report.at_rest and system.friction and not report.contacts:
+        sense = sense_of_start(at.system, state, at.factor)
+        report = report if sense is None else analyzed(system, state, rank, at.factor, sense=sense)[1]
+    return (at, report), sense
+
+
+def bands_of(
+    system: AbstractSystem,
+    asked: tuple[Held, Report],
+    state: State,
+    outputs: Sequence[str] | str | None,
+    bounds: AbstractBounds | AbstractClosure,
+    sense: ByName | None,
+    effort: Effort,
+) -> Bands:
+    """`band`, given the system with the contacts that are closed, and its report."""
+    at, report = asked
+    closure = bounds if isinstance(bounds, AbstractClosure) else getattr(bounds, "closure", None)
+    rubbing = bounds.friction if isinstance(bounds, MisfitBox) else {}
+    if rubbing and not system.friction:
+        raise RedundaxError("Argument `bounds` must hold no `friction` where no joint has any. Give joints some first.")
+    play = None if closure is None or not report.pivots else closure.clearances(system)
+    if play is not None and not isinstance(bounds, AbstractClosure | MisfitBox):
+        raise RedundaxError(
+            f"Argument `bounds` must have no play in a {type(bounds).__name__}: what joints may carry is known for one "
+            "compliance at a time there. Give the closure itself, or a `MisfitBox` of it."
+        )
+    has_sides = report.pivots and not system.friction and (play is not None or at.pushing)
+    if has_sides and isinstance(bounds, AbstractClosure | MisfitBox):
+        return _of_joints(system, (at, report), state, outputs, bounds, effort)
+    bounds = bounds if report.pivots else without_play(bounds)
+    if system.friction and play is not None and report.at_rest:
+        raise RedundaxError(
+            "Argument `bounds` must have no play where joints with friction rest: what they may carry there is known "
+            "for one play at a time. Leave such states out, or give `sense`, with which they begin to slip."
+        )
+    if rubbing and report.at_rest:
+        at = _at_most(at, state, rubbing, sense)
     system, factor, _ = at
+    if report.contacts and system.friction and not report.at_rest and not report.problem:
+        raise RedundaxError(
+            f"Argument `system` has one-sided contacts, {', '.join(report.contacts)}, and joints with friction that "
+            "move: which of the contacts are closed changes with the loads there, which bands do not follow. Ask "
+            "`solve` with closures, or give the contacts that carry alone, not one-sided."
+        )
+    if report.at_rest or report.contacts:
+        return _at_rest(at, state, outputs, bounds, report, sense, effort.nodes)
+    if rubbing or (system.friction and play is not None):
+        return _by_solving((at, report), state, outputs, cast(AbstractClosure | MisfitBox, bounds), sense, effort)
+    samples, starts, seed, _ = effort
     solutions = solutions_of(system, state, factor, report, sense)
     wanted = _wanted(system, state, outputs, report)
     matrix, unique = wanted.matrix, wanted.unique
@@ -258,6 +341,121 @@ def band(
     return _of_outputs(system, bands, wanted.asked)
 
 
+def _of_joints(
+    whole: AbstractSystem,
+    asked: tuple[Held, Report],
+    state: State,
+    outputs: Sequence[str] | str | None,
+    bounds: AbstractClosure | MisfitBox,
+    effort: Effort,
+) -> Bands:
+    """The bands of elastic joints that have play or push, without friction."""
+    (system, factor, pushing), report = asked
+    if report.problem:
+        raise NoSolutionError(report.problem)
+    solutions = solution_set(system, state, factor, report.self_stress, None)
+    if solutions.undetermined is not None:
+        raise NoSolutionError(RESULTS[RESULTS.singular_position])
+    wanted = _wanted(system, state, outputs, report)
+    closure = bounds if isinstance(bounds, AbstractClosure) else bounds.closure
+    none = np.zeros(0, int), np.zeros((0, 2))
+    misfits = none if isinstance(bounds, AbstractClosure) else bounds.misfits(report.rows)
+    elastic = elasticity(closure, system, state, play=True)
+    finite("misfit", elastic.misfit, "the closure")
+    check_definite(solutions.stress.T @ elastic.compliance @ solutions.stress)
+    free = solutions.response.free
+    joints = joints_of(free.multipliers, solutions.stress, elastic, misfits, closure.clearances(system), pushing)
+
+    def attained(misfits: np.ndarray, plays: np.ndarray) -> np.ndarray:
+        own = constant(joints.elasticity_at(misfits), joints.play_of(plays))
+        return np.asarray(solve(whole, state, closure=own, throw=False).multipliers)
+
+    sides, n, m = SidesOfJoints(joints, attained, effort.nodes), len(free.acceleration), len(free.multipliers)
+    ends = [[sides.extreme(sign * row[n : n + m]) for row in wanted.matrix] for sign in (-1.0, 1.0)]
+    base = wanted.matrix[:, :n] @ free.acceleration + wanted.offset
+    (lower, outer_lower), (upper, outer_upper) = (
+        [base + sign * np.array([getattr(end, name) for end in own]) for name in ("value", "bound")]
+        for sign, own in zip((-1.0, 1.0), ends, strict=True)
+    )
+    lower, upper = (np.where(np.isfinite(values), values, np.nan) for values in (lower, upper))
+    names = (*(report.rows[row] for row in misfits[0]), *(f"play {joints.name(g, report.rows)}" for g in joints.played))
+    box = np.array([*misfits[1], *([0.0, group.play] for group in joints.played)]).reshape(-1, 2)
+    solutions_at = [np.stack([np.r_[free.acceleration, end.multipliers] for end in own]) for own in ends]
+    bands = Bands(
+        **_described(system, wanted, bounds, Parameters(names, box)),
+        lower=lower,
+        upper=upper,
+        exact=_met(np.stack([lower, upper]), np.stack([outer_lower, outer_upper])),
+        lower_case=np.stack([end.case for end in ends[0]]),
+        upper_case=np.stack([end.case for end in ends[1]]),
+        lower_solution=solutions_at[0],
+        upper_solution=solutions_at[1],
+        solved=1.0,
+        outer_lower=outer_lower,
+        outer_upper=outer_upper,
+        sense=np.zeros(0),
+    )
+    return _of_outputs(system, bands, wanted.asked)
+
+
+def _at_most(at: Held, state: State, friction: Box, sense: ByName | None) -> Held:
+    """Where joints rest, their friction is all within the largest limits."""
+    if sense is not None or not is_still(at.system, state, at.factor):
+        raise RedundaxError(
+            "Argument `bounds` must hold no `friction` where some joints with friction rest and others move. Leave "
+            "such states out, or give `sense` to those that rest, with which they begin to slip."
+        )
+    return at._replace(system=at.system.rubbing({name: most for name, (_, most) in friction.items()}))
+
+
+def _by_solving(
+    asked: tuple[Held, Report],
+    state: State,
+    outputs: Sequence[str] | str | None,
+    bounds: AbstractClosure | MisfitBox,
+    sense: ByName | None,
+    effort: Effort,
+) -> Bands:
+    """The bands of joints that move with friction, which have play, or whose friction is known within limits."""
+    (system, factor, _), report = asked
+    solutions, wanted = solutions_of(system, state, factor, report, sense), _wanted(system, state, outputs, report)
+    _check_values(wanted.names, wanted.matrix, solutions)
+    closure, rubbing = (bounds, {}) if isinstance(bounds, AbstractClosure) else (bounds.closure, bounds.friction)
+    none = np.zeros(0, int), np.zeros((0, 2))
+    misfits = none if isinstance(bounds, AbstractClosure) else bounds.misfits(report.rows)
+    elastic = elasticity(closure, system, state, play=True)
+    check_definite(solutions.stress.T @ elastic.compliance @ solutions.stress)
+    given = solutions.response.free.multipliers, solutions.stress, elastic, misfits
+    joints = joints_of(*given, closure.clearances(system) if report.pivots else None, ())
+    names = (*(report.rows[row] for row in misfits[0]), *(f"play {joints.name(g, report.rows)}" for g in joints.played))
+    ends = [*misfits[1], *([0.0, group.play] for group in joints.played), *rubbing.values()]
+    cases = Parameters((*names, *(f"friction {name}" for name in rubbing)), np.array(ends).reshape(-1, 2))
+    solved = one_by_one(system, state, factor, senses(system.slips, sense))
+
+    def attained(case: np.ndarray) -> np.ndarray:
+        own, plays, factors = np.split(case, np.cumsum([len(misfits[0]), len(joints.played)]))
+        return solved(dict(zip(rubbing, factors, strict=True)), joints.elasticity_at(own), joints.play_of(plays))
+
+    found = searched(attained, cases.box, wanted.matrix, effort.samples, effort.seed)
+    exact = wanted.unique & (not rubbing) & np.isfinite(found.lower)
+    lower, upper = found.lower + wanted.offset, found.upper + wanted.offset
+    bands = Bands(
+        **_described(system, wanted, bounds, cases),
+        lower=lower,
+        upper=upper,
+        exact=exact,
+        lower_case=found.lower_case,
+        upper_case=found.upper_case,
+        lower_solution=found.lower_solution,
+        upper_solution=found.upper_solution,
+        solved=found.solved,
+        outer_lower=np.where(exact, lower, -np.inf),
+        outer_upper=np.where(exact, upper, np.inf),
+        sense=_sense(solutions),
+    )
+    return _of_outputs(system, bands, wanted.asked)
+
+
 def _at_rest(
     at: Held,
     state: State,
@@ -271,7 +469,8 @@ def _at_rest(
     if report.problem:
         raise NoSolutionError(report.problem)
     system, factor, pushing = at
-    if is_still(system, state, factor):
+    still = is_still(system, state, factor)
+    if still:
         state = replace_fields(state, memory=())  # bristles that bend let it move, so they do not count
     solutions = solution_set(system, state, factor, report.self_stress, senses(system.slips, sense))
     solutions = replace_fields(solutions, pushing=pushing)
@@ -281,19 +480,16 @@ def _at_rest(
     if solutions.undetermined is not None:
         raise NoSolutionError(RESULTS[RESULTS.singular_position])
     wanted = _wanted(system, state, outputs, report)
-    cases = cases_of(bounds, system, state, report, solutions)
+    within = bounds.of_misfits if isinstance(bounds, MisfitBox) else bounds
+    cases = cases_of(within, system, state, report, solutions)
     lower, upper, stands = bands_at_rest(system, state, factor, solutions, cases, wanted.matrix, nodes, wanted.asked)
+    stands = "slips" if stands == "no" and not still else stands
     outer_lower, outer_upper = lower.bound + wanted.offset, upper.bound + wanted.offset
-    size = np.maximum(np.abs(lower.value), np.abs(upper.value))
-    enough = _MEET * np.where((size > 0) & np.isfinite(size), size, 1.0)
-    with np.errstate(invalid="ignore"):  # of two infinite ends
-        gaps = [np.where(end.value == end.bound, 0.0, np.abs(end.bound - end.value)) for end in (lower, upper)]
-    met = np.maximum(*gaps) <= enough
     bands = Bands(
         **_described(system, wanted, bounds, cases),
         lower=lower.value + wanted.offset,
         upper=upper.value + wanted.offset,
-        exact=met,
+        exact=_met(np.stack([lower.value, upper.value]), np.stack([lower.bound, upper.bound])),
         lower_case=lower.case,
         upper_case=upper.case,
         lower_solution=lower.solution,
@@ -305,6 +501,14 @@ def _at_rest(
         stands=stands if system.friction else None,
     )
     return _of_outputs(system, bands, wanted.asked)
+
+
+def _met(inner: np.ndarray, outer: np.ndarray) -> np.ndarray:
+    """Where inner and outer bounds of both ends, (2, outputs), are one."""
+    size = np.abs(inner).max(axis=0)
+    enough = _MEET * np.where((size > 0) & np.isfinite(size), size, 1.0)
+    with np.errstate(invalid="ignore"):  # of two infinite ends
+        return np.where(inner == outer, 0.0, np.abs(outer - inner)).max(axis=0) <= enough
 
 
 def _of_outputs(system: AbstractSystem, bands: Bands, asked: int) -> Bands:
@@ -323,7 +527,10 @@ def _sense(solutions: SolutionSet) -> np.ndarray:
 
 
 def _described(
-    system: AbstractSystem, wanted: "_Wanted", bounds: AbstractBounds | AbstractClosure, cases: AbstractCases
+    system: AbstractSystem,
+    wanted: "_Wanted",
+    bounds: AbstractBounds | AbstractClosure,
+    cases: AbstractCases | Parameters,
 ) -> dict[str, Any]:
     """What bands are of, and what was bounded."""
     return {

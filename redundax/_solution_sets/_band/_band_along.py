@@ -6,8 +6,7 @@ So a drive needs more to raise than to hold, and less to lower: hysteresis, whic
 
 import dataclasses
 import itertools
-from collections.abc import Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,22 +14,21 @@ from jax.typing import ArrayLike
 
 from ..._analysis._outputs import plain
 from ..._closures._closure import AbstractClosure
-from ..._equations._factorisation import Factorisation
-from ..._equations._factorize import dense_at
-from ..._equations._kinematics import slip_motion
 from ..._system._axis import Axis, join
+from ..._system._contact import Contact, in_sentences
 from ..._system._directions import directions_of
 from ..._system._export import bands_dataset
 from ..._system._joint_coordinates import joint_motion
 from ..._system._names import ByName
 from ..._system._pushing import changing
 from ..._system._state import State, states_of
-from ..._system._system import AbstractSystem, refuse_contacts
+from ..._system._system import AbstractSystem, check_system
 from ..._system._units import with_unit
 from ..._tools._numbers import computed, xp
-from ..._tools._table import text_of
-from .._bounds import AbstractBounds
-from ._band import Bands, band
+from ..._tools._table import text_of, without_rounding
+from .._at_rest import free_slips, is_still
+from .._bounds import AbstractBounds, checked_bounds
+from ._band import Bands, Effort, asked_at, bands_of
 
 if TYPE_CHECKING:
     import pandas
@@ -38,9 +36,6 @@ if TYPE_CHECKING:
 
 _LINES = 40  # of a table
 _STILL = 1e-9  # rate of a coordinate that is rounding, relative to the fastest
-_HELD = (
-    1e-6  # slip of a joint that constraints hold, beside a free one: what `solve` takes for met, relative to the size
-)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,8 +48,10 @@ class BandPath:
     - `coordinates`, `coordinate_units`, `time_unit`: names and kinds of what moves, and units.
     - `own`: how many coordinates are the system's own, which stand first.
     - `bands`: what `band` gives at each state, with the cases and solutions that attain the ends.
-    - `motion`: of each state "rests", "moves" or "partly", where some joints with friction rest and others move. A
-      joint that does not slip at any state, and cannot, as constraints and drivers hold it, does not count.
+    - `motion`: of each state "rests", "moves", "partly", where some joints with friction rest and others move, or
+      "lifts", where nothing moves yet and a one-sided contact opens, as of what tips. A joint that does not slip at any
+      state, and cannot, as constraints and drivers hold it, does not count.
+    - `contacts`: of each state what one-sided contacts do, by name; empty without these.
 
     Of all states, besides, shape (states, outputs): `lower`, `upper`, `outer_lower`, `outer_upper` and `exact` as in
     `Bands`, NaN where there is no solution; `stands`, a word for each state.
@@ -77,6 +74,7 @@ class BandPath:
     own: int
     bands: tuple[Bands, ...]
     motion: tuple[str, ...]
+    contacts: tuple[dict[str, str], ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -140,6 +138,9 @@ class BandPath:
         """Sign of the rate of a coordinate at each state, 0 where all rests, shape (states,)."""
         moves = np.array([word != "rests" for word in self.motion])
         rate = np.zeros(len(moves)) if coordinate is None else self.qd[:, coordinate]
+        rate = np.where(
+            np.abs(rate) > _STILL * np.nanmax(np.abs(rate)), rate, 0.0
+        )  # at an instant where it turns round
         return np.where(moves, np.sign(rate), 0.0).astype(int)
 
     def runs(self, coordinate: int | None) -> list[tuple[str, slice]]:
@@ -149,7 +150,7 @@ class BandPath:
         for (word, sign), group in itertools.groupby(zip(words, signs.tolist(), strict=True)):
             size = len(list(group))
             way = {1: f"{label} increases", -1: f"{label} decreases", 0: "moves"}[sign]
-            said = "rests" if word == "rests" else way + (", partly at rest" if word == "partly" else "")
+            said = word if word in ("rests", "lifts") else way + (", partly at rest" if word == "partly" else "")
             out.append((said, slice(first, first + size)))
             first += size
         return out
@@ -170,6 +171,7 @@ class BandPath:
         return {
             **{name: plain(getattr(self, name)) for name in figures},
             "coordinates": plain(self.coordinates.labels),
+            "contacts": [*self.contacts],
             "bands": [bands.to_dict() for bands in self.bands],
         }
 
@@ -192,22 +194,29 @@ class BandPath:
         pull = tuple(row for bands in self.bands for row in bands.pulling)
         found = {
             "CANNOT STAND (proved)": [word == "no" for word in self.stands],
+            "NO SOLUTION with joints that rest held so (give `sense`)": [word == "slips" for word in self.stands],
             "UNDECIDED whether it can stand": [word == "undecided" for word in self.stands],
             "NO SOLUTION within the bounds was found": [
                 gone and word is None for gone, word in zip(empty, self.stands, strict=True)
             ],
             f"{changing(pull)}, as contacts pull,": [bool(bands.pulling) for bands in self.bands],
         }
-        return [f"{said} at t = {_times(self.t[flags])}." for said, flags in found.items() if any(flags)]
+        lines = [f"{said} at t = {_times(self.t[flags])}." for said, flags in found.items() if any(flags)]
+        told = ["".join(in_sentences(contacts)) for contacts in self.contacts]
+        for said, group in itertools.groupby(range(len(told)), told.__getitem__):
+            lines.append(f"{said}, at {_span(self.t[list(group)])}.")
+        return lines
 
     def _line(self, k: int, word: str, run: slice) -> str:
         """What an output is over a run."""
-        t, lower, upper = self.t[run], self.lower[run, k], self.upper[run, k]
-        span = f"t = {t[0]:.6g}" + (f" to {t[-1]:.6g}" if len(t) > 1 else "")
-        if np.isnan(lower).all():
+        ends = np.stack([self.lower, self.upper])
+        t, (lower, upper) = self.t[run], without_rounding(ends, ends)[:, run, k]
+        span = _span(t)
+        found = ~(np.isnan(lower) & np.isnan(upper))
+        if not found.any():
             return f"  {word}  {span:18}{'none':>13}"
-        proved = "exact" if self.exact[run, k][~np.isnan(lower)].all() else "inner"
-        return f"  {word}  {span:18}{np.nanmin(lower):13.6g}{np.nanmax(upper):13.6g}  {proved}"
+        proved = "exact" if self.exact[run, k][found].all() else "inner"
+        return f"  {word}  {span:18}{np.fmin.reduce(lower):13.6g}{np.fmax.reduce(upper):13.6g}  {proved}"
 
 
 def _moving(system: AbstractSystem, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -218,26 +227,30 @@ def _moving(system: AbstractSystem, state: State) -> tuple[np.ndarray, np.ndarra
     return np.asarray(state.t), q, qd
 
 
-def _motion(system: AbstractSystem, found: Sequence[Bands], slips: np.ndarray, rates: np.ndarray) -> tuple[str, ...]:
-    """A word for each state, given which slips its constraints leave free, and the rates of coordinates."""
+def _begins(word: str, contacts: Mapping[str, str]) -> str:
+    """What a state does, of which one that rests may be about to open contacts."""
+    return "lifts" if word == "rests" and Contact.lifts in contacts.values() else word
+
+
+def _motion(
+    system: AbstractSystem, found: Sequence[Bands], slips: np.ndarray, moving: Sequence[bool]
+) -> tuple[str, ...]:
+    """A word for each state, given which slips its constraints leave free, and whether anything moves."""
     if not slips.size:
-        return tuple("moves" if any(rate) else "rests" for rate in rates)
+        return tuple("moves" if some else "rests" for some in moving)
     moves = np.stack([bands.sense != 0 for bands in found])
     directions = directions_of(system.friction)
     if directions is not None:  # a sleeve that slides and does not turn moves
         moves, slips = (np.stack([directions.any(of) for of in flags]) for flags in (moves, slips))
     counts = np.any(moves | slips, axis=0)
-    return tuple("rests" if not of.any() else "moves" if of[counts].all() else "partly" for of in moves)
+    return tuple(
+        "rests" if not (some or of.any()) else "moves" if of[counts].all() else "partly"
+        for some, of in zip(moving, moves, strict=True)
+    )
 
 
-def _free_slips(system: AbstractSystem, state: State, factor: Factorisation) -> np.ndarray:
-    """Which slips the constraints leave free at a state."""
-    if not system.friction:
-        return np.zeros(0, bool)
-    _, slopes = slip_motion(system.anonymous, state)
-    slopes = slopes * factor.scaling.coordinates[:, None]
-    left, whole = (np.linalg.norm(x, axis=0) for x in (factor.split.motion @ slopes, slopes))
-    return left > _HELD * whole
+def _span(t: np.ndarray) -> str:
+    return f"t = {t[0]:.6g}" + (f" to {t[-1]:.6g}" if len(t) > 1 else "")
 
 
 def _times(t: np.ndarray) -> str:
@@ -250,7 +263,7 @@ def band_along(
     system: AbstractSystem,
     states: State | Sequence[State],
     outputs: Sequence[str] | str | None,
-    bounds: AbstractBounds | AbstractClosure,
+    bounds: AbstractBounds | AbstractClosure | None = None,
     *,
     samples: int = 256,
     starts: int = 8,
@@ -279,21 +292,23 @@ def band_along(
     - `system`: concrete values.
     - `states`: successive states, or a `State` whose arrays have an axis for them in front, as `Trajectory.states`
       gives them; states with NaN are left out of that.
-    - `outputs` to `rank`: as in `band`.
+    - `outputs` to `rank`: as in `band`. Of one-sided contacts those hold at each state that are closed there.
 
-    **Returns:** a `types.BandPath`. Where a state cannot stand its `stands` is "no" and its band NaN.
+    **Returns:** a `types.BandPath`. Where a state cannot stand its `stands` is "no" and its band NaN. Joints
+    that rest for an instant while the machine moves have the sense in which constraints and drives make them go on.
 
     **Raises:** as `band`; a note tells at which state.
     """
-    refuse_contacts("band_along", system)
-    each, found, slips = states_of(states), [], []
-    effort = {"samples": samples, "starts": starts, "seed": seed, "nodes": nodes}
-    ask = partial(band, outputs=outputs, bounds=bounds, sense=sense, **effort)
+    check_system(system)
+    each, found, slips, contacts, moves = states_of(states), [], [], [], []
+    bounds, effort = checked_bounds(bounds, system), Effort(samples, starts, seed, nodes)
     for k, state in enumerate(each):
         try:
-            whole, factor = dense_at(system, state, rank, None)
-            found.append(ask(whole, state, factor=factor))
-            slips.append(_free_slips(whole, state, factor))
+            (at, report), own = asked_at(system, state, rank, None, sense)
+            found.append(bands_of(system, (at, report), state, outputs, bounds, own, effort))
+            slips.append(free_slips(at.system, state, at.factor))
+            contacts.append(report.contacts)
+            moves.append(not is_still(at.system, state, at.factor))
         except (ValueError, RuntimeError) as error:
             error.add_note(f"This is state {k} of the path, at t = {float(state.t):.6g}.")
             raise
@@ -308,5 +323,6 @@ def band_along(
         time_unit=units.of("time"),
         own=len(system.coordinates),
         bands=tuple(found),
-        motion=_motion(system, found, np.stack(slips), qd),
+        motion=tuple(map(_begins, _motion(system, found, np.stack(slips), moves), contacts)),
+        contacts=tuple(contacts) if system.names.one_sided else (),
     )

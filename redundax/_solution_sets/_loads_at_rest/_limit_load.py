@@ -4,11 +4,14 @@
 
 over all cases within bounds. At an end the friction of some joints is at its limit; the mechanism starts to move in a
 way in which no other joint slips.
+
+Contacts that only push open where stiffness would have them pull (`_opening`). Where friction reads no load that is not
+unique, there are loads of any stiffness wherever any equilibrium with contacts that push is: these alone decide.
 """
 
 import dataclasses
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -27,13 +30,15 @@ from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._module import replace_fields
 from ..._tools._numbers import Numeric, as_numbers, computed, xp
 from ..._tools._table import text_of
+from ..._tools._words import short
 from .._at_rest import NONE, ReducedForce, drive, velocity_basis
-from .._bounds import AbstractBounds, cases_of, checked_bounds, title_of
+from .._bounds import AbstractBounds, Pushing, cases_of, checked_bounds, title_of
 from .._cases import AbstractCases
 from .._pushing import analyzed
 from .._solution_set import SolutionSet, solution_set
 from ._extreme import Extreme, LoadsAtRest
 from ._friction_limits import sizes_of
+from ._opening import opening
 from ._programme import Programme
 from ._standing import AddedLoad, Standing, standing
 
@@ -43,6 +48,7 @@ _SLIPS = 1e-6  # rate of a slip that is none, relative to the largest
 _REACHED = 0.99  # share of the amounts looked at from which their end counts as reached
 _SHARES, _GAPS = 8, 6  # of the amounts that are borne, to ask for gaps between them; and gaps in a row
 _AT_LIMIT = 1e-7  # what is left of a limit that is none, relative to the friction
+_WHATEVER = "\nWhatever that is, contacts that only push decide alone here what stands"
 _UNLOADED = 1e-5  # share of the largest load that is none: what amounts 1e-7 from the end leave, by levers up to 100
 
 
@@ -66,10 +72,11 @@ class LimitLoad:
     - `case`: the case of each: amplitude, preload, misfit or compliance, shape (2, q).
     - `multipliers`, `friction`: the loads of each, shapes (2, m) and (2, p).
     - `bounds`, `parameters`, `box`: what was bounded, the names of the entries of a case, and their bounds, (q, 2).
+      There are none, q = 0, where contacts that only push decide alone what stands.
     - `title`: all that was bounded, in words.
     - `pulling`: names of the rows of teeth that pull at an end: their other flanks are in contact there.
     - `lifts`, `carries`: names of the closed one-sided contacts that have no load left at each end, and of the others:
-      it tips about these.
+      it tips about these, where nothing slips.
 
     ??? example
 
@@ -126,7 +133,8 @@ class LimitLoad:
             )
             tips = f"{', '.join(lifts)} lift{'s' * (len(lifts) == 1)}, about {', '.join(carries) or 'nothing'}"
             gives = f"{', '.join(slips) or 'what no friction holds'} give way"
-            told = [gives] * bool(slips or not lifts) + [tips] * bool(lifts)
+            bare = f"{', '.join(lifts)} {'has' if len(lifts) == 1 else 'have'} no load left"
+            told = [gives] * bool(slips or not lifts) + [bare if slips else tips] * bool(lifts)
             lines.append(f"{side}: {'; '.join(told)} ({proof})")
         if self.pulling:
             lines.append(f"{changing(self.pulling)} at an end: {in_words(self.pulling)}")
@@ -161,7 +169,10 @@ def limit_load(
     - `system`, `state`: concrete values, at rest; not inside `jit` or `vmap`.
     - `load`: generalised forces by name of coordinate, N or N m, or an array of shape (n,).
     - `bounds`: what is known of preload, misfit or compliance, as of `band`; or a closure, for the loads that it picks,
-      `MinimumNorm()` if not given. With one-sided contacts that they push is enough.
+      `MinimumNorm()` if not given. With one-sided contacts that they push is enough: where stiffness would have one
+      pull, it opens and the others take over. Where friction does not depend on how they share the load, bounds and
+      closure do not matter, as of a table without friction. Where it does, 6 contacts at most are followed, by closures
+      and `MisfitBox`, and bounds of loads hold for all amounts.
     - `nodes`: linear programmes at most for each end; a few times as many where sleeves, balls or plates rest,
       which can take tens of seconds.
     - `rank`, `factor`: as in `solve`.
@@ -173,13 +184,13 @@ def limit_load(
     check_system_at(system, state)
     bounds = checked_bounds(bounds, system, _MINIMUM_NORM)
     state, names = replace_fields(state, memory=()), system.names
-    (system, factor, pushing), report = analyzed(system, state, rank, factor)
+    (system, factor, pushing), report = analyzed(system, state, rank, factor, lifting=True)
     if report.problem:
         raise NoSolutionError(report.problem)
-    if not isinstance(load, Mapping) and np.ndim(load) != 1:
+    if not isinstance(load, Mapping) and (np.ndim(load) != 1 or np.asarray(load).dtype == object):
         raise RedundaxError(
-            f"Argument `load` must be generalised forces by name of coordinate or as a vector, but is {load!r}. Write "
-            f"{{{system.coordinates.labels[0]!r}: 1.0}}, say."
+            "Argument `load` must be generalised forces by name of coordinate or as a vector, but is "
+            f"{short(load)}. Write {{{system.coordinates.labels[0]!r}: 1.0}}, say."
         )
     force: Numeric = as_numbers(vector("load", load, system.coordinates, " of coordinates"))
     start, ways = drive(system, state, factor), velocity_basis(system, factor)
@@ -196,9 +207,17 @@ def limit_load(
     )
     solutions = replace_fields(solutions, pushing=pushing)
     cases = cases_of(bounds, system, state, report, solutions)
-    scale = _scale(solutions, cases, start, own)
-    given = AddedLoad(start, own, scale)
-    ends = [_end(sign, system, state, factor, solutions, cases, given, nodes) for sign in (-1.0, 1.0)]
+    title, parameters, box = title_of(bounds, cases), cases.names, cases.box
+    if not pushing:
+        all_cases = [cases]
+    elif report.friction_reads:
+        all_cases = opening(bounds, cases, system, state, solutions)
+    else:
+        title += "" if isinstance(bounds, Pushing) else _WHATEVER
+        all_cases = [cases_of(Pushing(), system, state, report, solutions)]
+        parameters, box = (), np.zeros((0, 2))  # no case matters
+    given = AddedLoad(start, own, _scale(solutions, all_cases[0], start, own))
+    ends = [_end(sign, system, state, factor, solutions, all_cases, given, nodes) for sign in (-1.0, 1.0)]
     multipliers = np.stack([end.multipliers for end in ends])
     words = dict(zip(names.one_sided, names.contacts, strict=True))
     return LimitLoad(
@@ -212,13 +231,13 @@ def limit_load(
         lifts=(_named(words, ends[0].lifts), _named(words, ends[1].lifts)),
         carries=(_named(words, ends[0].carries), _named(words, ends[1].carries)),
         motion=np.stack([end.motion for end in ends]),
-        case=np.stack([end.case for end in ends]),
+        case=np.stack([end.case[: len(parameters)] for end in ends]),
         multipliers=multipliers,
         friction=np.stack([end.friction for end in ends]),
         bounds=type(bounds).__name__,
-        parameters=cases.names,
-        box=cases.box,
-        title=title_of(bounds, cases),
+        parameters=parameters,
+        box=box,
+        title=title,
         units=tuple(
             unit_of("moment" if angular else "force", system.names.units)
             for angular, amount in zip(system.coordinates.angular, force, strict=True)
@@ -253,15 +272,16 @@ def _end(
     state: State,
     factor: Factorisation,
     solutions: SolutionSet,
-    cases: AbstractCases,
+    all_cases: Sequence[AbstractCases],
     given: AddedLoad,
     nodes: int,
 ) -> _End:
     """The end of the amounts that are borne; they are looked at up to bounds that grow until none is reached."""
     most = _FIRST
     while True:
-        found = standing(system, state, factor, solutions, cases, given._replace(most=most * given.most))
-        extreme, looked = _first_end(found.programme, sign, nodes)
+        added = given._replace(most=most * given.most)
+        sets = [standing(system, state, factor, solutions, cases, added) for cases in all_cases]
+        extreme, looked, at = _first_end([part.programme for part in sets], sign, nodes)
         reached = extreme.x is None or looked is None
         if not reached or most >= _LAST:
             break
@@ -269,10 +289,11 @@ def _end(
     size, n, m = most * given.most, len(system.coordinates), len(system.rows)
     if extreme.x is None or looked is None:
         value = np.nan if extreme.x is None else sign * np.inf
-        lost = [np.full(length, np.nan) for length in (n, cases.lower.size, m, len(system.slips))]
+        lost = [np.full(length, np.nan) for length in (n, all_cases[0].lower.size, m, len(system.slips))]
         return _End(value, sign * np.inf, sign * size, (), lost[0], lost[1], lost[2], lost[3])
+    found = sets[at]
     slips, motion = _way(system, factor, found, extreme.x, given.start, sign * given.drive)
-    lifts, carries = _tipping(found, extreme.x, solutions.pushing, nodes)
+    lifts, carries = _tipping(sets, at, extreme.x, solutions.pushing, nodes)
     own = found.unknowns
     return _End(
         sign * extreme.value * size + 0.0,
@@ -289,47 +310,56 @@ def _end(
 
 
 def _tipping(
-    found: Standing, x: np.ndarray, pushing: tuple[int, ...], nodes: int
+    sets: Sequence[Standing], at: int, x: np.ndarray, pushing: tuple[int, ...], nodes: int
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Rows of contacts that have no load in any state with the amount of x, and of the others."""
-    loads, box = found.unknowns.multipliers, found.programme.box.copy()
-    none = _UNLOADED * np.abs(loads(x)).max(initial=0.0)
-    box[-1] = x[-1] - _AT_LIMIT * np.abs(x[-1]), x[-1] + _AT_LIMIT * np.abs(x[-1])
-    bare = [row for row in pushing if loads(x)[row] <= none]
-    whole = LoadsAtRest(found.programme, most=nodes).narrowed(box) if bare else None
-    lifts = [row for row in bare if whole and whole.extreme(loads.matrix[row]).bound + loads.offset[row] <= none]
+    """Rows of contacts that have no load in any state with the amount of x, which is of one of the sets; and others."""
+    loads = sets[at].unknowns.multipliers(x)
+    none = _UNLOADED * np.abs(loads).max(initial=0.0)
+    lifts = [row for row in pushing if loads[row] <= none]
+    near = x[-1] - _AT_LIMIT * np.abs(x[-1]), x[-1] + _AT_LIMIT * np.abs(x[-1])
+    for found in sets if lifts else ():
+        own, box = found.unknowns.multipliers, found.programme.box.copy()
+        box[-1] = near
+        part = LoadsAtRest(found.programme, most=nodes).narrowed(box)
+        lifts = [row for row in lifts if part.extreme(own.matrix[row]).bound + own.offset[row] <= none]
     return tuple(lifts), tuple(row for row in pushing if row not in lifts)
 
 
-def _first_end(programme: Programme, sign: float, nodes: int) -> tuple[Extreme, float | None]:
+def _first_end(programmes: Sequence[Programme], sign: float, nodes: int) -> tuple[Extreme, float | None, int]:
     """The largest amount, times its sign, that can be reached without one that was found not to be borne.
 
-    Amounts start at zero, or where that is not borne at any that is. Shares between there and the end are asked for,
-    and the first that is not borne bounds those that are looked at. With it, how far amounts were looked at; None where
-    all of them are borne.
+    What any of some programmes allows is borne. Amounts start at zero, or where that is not borne at any that is.
+    Shares between there and the end are asked for, and the first that is not borne bounds those that are looked at.
+    With it, how far amounts were looked at, None where all of them are borne; and whose extreme it is.
     """
-    cost, whole = np.zeros(len(programme.box)), LoadsAtRest(programme, most=nodes)
-    cost[-1] = sign
+    sets = [LoadsAtRest(programme, most=nodes) for programme in programmes]
 
-    def between(low: float, high: float, *, first: bool = False) -> Extreme:
-        box = programme.box.copy()
-        box[-1] = sorted((sign * low, sign * high))
-        return whole.narrowed(box).extreme(0 * cost if first else cost, first=first)
+    def between(low: float, high: float, *, first: bool = False) -> tuple[Extreme, int]:
+        found = []
+        for part in sets:
+            box, cost = part.relaxed.programme.box.copy(), np.zeros(len(part.relaxed.programme.box))
+            box[-1], cost[-1] = sorted((sign * low, sign * high)), 0.0 if first else sign
+            found.append(part.narrowed(box).extreme(cost, first=first))
+            if first and found[-1].x is not None:
+                break
+        at = max(range(len(found)), key=lambda k: found[k].value)
+        return found[at]._replace(bound=max(extreme.bound for extreme in found)), at
 
     start, looked = 0.0, 1.0
-    if between(0.0, 0.0, first=True).x is None:
-        some = between(-1.0, 1.0, first=True)
+    if between(0.0, 0.0, first=True)[0].x is None:
+        some, at = between(-1.0, 1.0, first=True)
         if some.x is None:
-            return some, None
+            return some, None, at
         start = sign * some.x[-1]
-    extreme = between(start, looked)
+    extreme, at = between(start, looked)
     for _ in range(_GAPS):
         places = start + (min(extreme.value, looked) - start) * np.arange(1, _SHARES) / _SHARES
-        gap = next((at for at in places if between(at, at, first=True).bound == -np.inf), None)
+        gap = next((place for place in places if between(place, place, first=True)[0].bound == -np.inf), None)
         if gap is None:
             break
-        extreme, looked = between(start, gap), gap
-    return extreme, None if looked == 1.0 and extreme.value > _REACHED else looked
+        looked = gap
+        extreme, at = between(start, gap)
+    return extreme, None if looked == 1.0 and extreme.value > _REACHED else looked, at
 
 
 def _way(

@@ -129,6 +129,9 @@ class Relaxation:
         from scipy.optimize import linprog  # here, because its import takes a second
 
         own, rows = self.programme, [*rows, *self.cuts]
+        if not len(cost):  # all is unique, and linprog takes no programme without unknowns
+            off = [*(-own.within[1]), *(-row.right for row in rows), *np.abs(own.equal[1])]
+            return Optimum(0.0, cost) if np.all(np.array(off) <= KEPT) else NOTHING
         left = np.array([*own.within[0], *(row.left for row in rows)]).reshape(-1, len(cost))
         right = np.array([*own.within[1], *(row.right for row in rows)])
         size = np.abs(left).max(axis=1, initial=0.0)

@@ -70,7 +70,10 @@ def _of_cases(cases: Affine, solutions: SolutionSet, sizes: FrictionSizes) -> Bo
     endless = np.isinf(cases.upper)
     lower, upper = np.where(endless, [[-1.0], [1.0]] * _reach(cases, sizes), [cases.lower, cases.upper])
     middle, half, ends = (lower + upper) / 2, (upper - lower) / 2, np.where(endless, np.inf, 1.0)
+    one_way = endless & np.isfinite(cases.lower)
+    middle = np.where(one_way, cases.lower, middle)
     unknowns = _unknowns(solutions, middle, half, ends, sizes, (cases.start, cases.slope, cases.unit))
+    unknowns.box[np.flatnonzero(one_way), 0] = 0.0
     own = unknowns.multipliers.rows(rows)
     none = own.rows(np.zeros(0, int))
     if cases.norm:

@@ -36,8 +36,8 @@ def governor(
     of the shaft and pointing down and outwards, each with a ball at its end, a point mass. Springs with dampers go from
     the slider's sides to the rods' middles. Revolutes "axis" (shaft on the ground), "pin 1" and "pin 2" (rods on the
     shaft), the prismatic joint "sleeve" (slider on the shaft). n = 24, m = 20, rank 20, k = 0, four degrees of freedom.
-    In the benchmark the shaft turns freely, at 2 pi rad/s at first. The springs are stiff: they set the length of a
-    step, not accuracy, and `diffrax.Dopri5()` takes some 1800 steps for each second at any tolerance down to 1e-6.
+    In the benchmark the shaft turns freely, at 2 pi rad/s at first. The springs are stiff: an explicit
+    solver takes some 1800 steps for each second at any tolerance down to 1e-6, `Radau` some 50.
 
     ??? example
 

@@ -4,9 +4,9 @@ The limits of the axes and the scale of the arrows are those that all frames nee
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import jax
 import numpy as np
@@ -16,29 +16,35 @@ from ..._motion._trajectory import Trajectory
 from ..._system._state import State
 from ..._tools._errors import RedundaxError
 from ..._tools._module import Numbers
-from ._arguments import check, positions
-from ._arrows import FORCES, LOADS, Arrow, Arrows
-from ._artists import artist_of
-from ._draw import framed, joint_labels, legible, new_axes, smaller
+from ._arguments import check, loads_of, positions
+from ._arrows import FORCES, LOADS, Arrow, Arrows, applied_arrows, draw_arrows
+from ._camera import Camera
+from ._draw import camera_of, framed, joint_labels, legible, new_axes, smaller
 from ._key import draw_key
 from ._labels import place
+from ._paint import dress, paint
 from ._pen import Pen
-from ._stage import Artist, Stage
+from ._scene import Scene, scene
 from ._style import FONT, LABEL_Z
 
 if TYPE_CHECKING:
+    import matplotlib.artist
     from matplotlib.animation import FuncAnimation
+    from matplotlib.figure import Figure
 
 _STRIP = 18.0  # points above the mechanism for the time
 
 
-class _Frame(NamedTuple):
-    """A time, what there is to draw at it, and the loads of joints and from outside."""
+class Moment(NamedTuple):
+    """What there is to see at a time."""
 
     t: float
-    stage: Stage
-    loads: list[Arrow]
-    applied: list[Arrow]
+    stage: Scene
+    groups: list[Arrows]
+
+    def of(self, gid: str) -> list[Arrow]:
+        """Arrows of a kind."""
+        return [arrow for group in self.groups if group.look.gid == gid for arrow in group.arrows]
 
 
 def animate(
@@ -89,11 +95,9 @@ def animate(
 
     check(mechanism, scale)
     target = _checked(mechanism, trajectory, path, fps)
-    states = [jax.tree.map(lambda x, k=k: x[k], trajectory.states) for k in finite_times(trajectory)]
-    artist = artist_of(mechanism, states, view=view, shapes=shapes)
-    frames = _frames(artist, mechanism, trajectory, states, loads)
+    frames = moments_of(mechanism, trajectory, loads, lambda states: camera_of(mechanism, states, view, shapes))
     figure = Figure()  # without a window, whose idle drawing would do every frame twice
-    update = _painter(artist, figure, frames, names, scale)
+    update = _painter(figure, frames, names, scale)
     film = FuncAnimation(figure, update, len(frames), list, interval=1000.0 / fps, cache_frame_data=False)
     if target is not None and target.suffix == ".gif":
         film.save(target, PillowWriter(fps=fps))  # pyright: ignore[reportArgumentType]
@@ -121,65 +125,72 @@ def _checked(mechanism: Mechanism, trajectory: Trajectory, path: str | Path | No
     check_motion(mechanism, trajectory)
     if not fps > 0:
         raise RedundaxError(f"Argument `fps` must be positive, but is {fps}. Give frames a second: 25, say.")
+    return checked_path(path, ".gif", ".html")
+
+
+def checked_path(path: str | Path | None, *endings: str) -> Path | None:
+    """A file that can be written, if there is one."""
     target = None if path is None else Path(path)
-    if target is not None and (target.suffix not in (".gif", ".html") or not target.resolve().parent.is_dir()):
+    if target is not None and (target.suffix not in endings or not target.resolve().parent.is_dir()):
         raise RedundaxError(
-            f"Argument `path` must end in .gif or .html and lie in a folder that exists, but is {path}. "
-            "Leave it out to write no file."
+            f"Argument `path` must end in {' or '.join(endings)} and lie in a folder that exists, but is {path}. Leave "
+            "it out to write no file."
         )
     return target
 
 
-def finite_times(trajectory: Trajectory) -> np.ndarray:
-    """Numbers of the times that the motion got to."""
-    return np.flatnonzero(np.all(np.isfinite(trajectory.q), axis=1))
-
-
-def _frames(
-    artist: Artist, mechanism: Mechanism, trajectory: Trajectory, states: list[State], loads: bool
-) -> list[_Frame]:
-    out = []
-    for k, state in zip(finite_times(trajectory), states, strict=True):
-        stage, lam = artist.scene(mechanism, state), np.asarray(trajectory.multipliers[k], float)
-        known = loads and bool(np.all(np.isfinite(lam)))
-        arrows = artist.loads(stage, mechanism, state, lam) if known else []
-        out.append(_Frame(float(state.t), stage, arrows, artist.applied(stage)))
+def moments_of(
+    mechanism: Mechanism, trajectory: Trajectory, loads: bool, camera: Callable[[list[State]], Camera]
+) -> list[Moment]:
+    """Those times that the motion got to, with joint loads where they are asked for and known."""
+    numbers = np.flatnonzero(np.all(np.isfinite(trajectory.q), axis=1))
+    states = [jax.tree.map(lambda x, k=k: x[k], trajectory.states) for k in numbers]
+    seen, out = camera(states), []
+    for state, lam in zip(states, np.asarray(trajectory.multipliers, float)[numbers], strict=True):
+        stage = scene(mechanism, state, seen)
+        known = loads and np.all(np.isfinite(lam))
+        given = [loads_of(stage, mechanism, state, lam)] if known else []
+        out.append(Moment(float(state.t), stage, [applied_arrows(stage), *given]))
     return out
 
 
-def _painter(artist: Artist, figure: Any, frames: list[_Frame], names: bool, scale: float | None) -> Any:
+def _painter(
+    figure: "Figure", frames: list[Moment], names: bool, scale: float | None
+) -> Callable[[int], list["matplotlib.artist.Artist"]]:
     """Axes that fit all frames, and the function that draws one of them."""
 
-    def sized(figsize: tuple[float, float]) -> Any:
+    def sized(figsize: tuple[float, float]) -> "Figure":
         figure.set_size_inches(*figsize)
         return figure
 
-    points = np.concatenate([frame.stage.points() for frame in frames])
-    loads = Arrows(dataclasses.replace(LOADS, text="joint load"), [arrow for frame in frames for arrow in frame.loads])
-    loads.longest_moment = loads.largest_moment()
-    applied = Arrows(FORCES, [arrow for frame in frames for arrow in frame.applied])
-    applied.longest_moment = applied.largest_moment()
+    points, stage = np.concatenate([frame.stage.points for frame in frames]), frames[0].stage
+    named, view = dataclasses.replace(LOADS, text="joint load"), stage.camera.view
+    loads, applied = (
+        Arrows(look, [arrow for frame in frames for arrow in frame.of(look.gid)], view) for look in (named, FORCES)
+    )
+    for every in (loads, applied):
+        every.longest_moment = every.largest_moment()
     groups = [loads] if loads.arrows else []
-    stage = frames[0].stage
-    axes = new_axes(artist, sized, points, stage, groups, _STRIP)
-    point, head = framed(artist, axes, points, stage, [*groups, applied], scale, _STRIP)
+    axes = new_axes(sized, points, stage, groups, _STRIP)
+    point, head = framed(axes, points, stage, [*groups, applied], scale, _STRIP)
     small, shows_names = smaller(stage.spacing, point), names and legible(stage, point)
     draw_key(Pen(axes, point), groups, stage)
     left, ceiling = axes.get_xlim()[0], axes.get_ylim()[1] - head * point
     at = (left + 8.0 * point, ceiling + 0.5 * _STRIP * point)
     clock = axes.text(*at, "", fontsize=FONT, va="center", zorder=LABEL_Z, gid="time")
     still = Pen(axes, point * small, small)
-    artist.surround(still, stage, points, ceiling)
+    dress(still, stage, points, ceiling)
     fixed = set(axes.get_children())
 
-    def update(number: int) -> list[Any]:
+    def update(number: int) -> list["matplotlib.artist.Artist"]:
         for drawn in set(axes.get_children()) - fixed:
             drawn.remove()
-        frame, pen = frames[number], dataclasses.replace(still, boxes=[*still.boxes])
+        frame, pen = frames[number], still
         clock.set_text(f"t = {frame.t:.3f} {stage.units.of('time')}".rstrip())
-        shown = [dataclasses.replace(loads, arrows=frame.loads), dataclasses.replace(applied, arrows=frame.applied)]
-        artist.paint(pen, frame.stage, shown)
-        place(pen, joint_labels(pen, frame.stage) if shows_names else [], ceiling)
+        shown = [dataclasses.replace(every, arrows=frame.of(every.look.gid)) for every in (loads, applied)]
+        paint(pen, frame.stage)
+        draw_arrows(pen, frame.stage, shown)
+        place(pen, joint_labels(pen, frame.stage, {}) if shows_names else [], ceiling)
         return []
 
     return update

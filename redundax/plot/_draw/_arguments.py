@@ -1,8 +1,9 @@
 """Arguments of drawings, checked, and the loads they ask for."""
 
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
+from jax.typing import ArrayLike
 
 from ..._analysis._analyze import analyze
 from ..._bodies._mechanism import Mechanism
@@ -10,23 +11,30 @@ from ..._solve._solution import Solution
 from ..._system._contact import Contact
 from ..._system._state import State
 from ..._tools._errors import RedundaxError
-from ._arrows import LOADS, SMOOTH, STRESSES, Arrows
-from ._stage import Artist
+from ._arrows import LOADS, SMOOTH, STRESSES, Arrows, joint_arrows
+from ._scene import Scene
+
+Given = ArrayLike | Sequence[float]
 
 
 def load_groups(
-    artist: Artist, stage: Any, mechanism: Mechanism, state: State, self_stress: Any, multipliers: Any
+    scene: Scene, mechanism: Mechanism, state: State, self_stress: int | Given | None, multipliers: Given | None
 ) -> list[Arrows]:
     """Arrows of a self-stress state and of joint loads, of what was given."""
     groups = []
     if self_stress is not None:
         lam = _stress(mechanism, state, self_stress)
-        groups.append(Arrows(STRESSES, artist.loads(stage, mechanism, state, lam)))
+        groups.append(Arrows(STRESSES, joint_arrows(scene, mechanism, state, lam), scene.camera.view))
     if multipliers is not None:
         lam = _vector("multipliers", multipliers, mechanism)
-        look = LOADS if mechanism.friction else SMOOTH
-        groups.append(Arrows(look, artist.loads(stage, mechanism, state, lam)))
+        groups.append(loads_of(scene, mechanism, state, lam))
     return groups
+
+
+def loads_of(scene: Scene, mechanism: Mechanism, state: State, multipliers: np.ndarray) -> Arrows:
+    """Arrows of joint loads."""
+    look = LOADS if mechanism.friction else SMOOTH
+    return Arrows(look, joint_arrows(scene, mechanism, state, multipliers), scene.camera.view)
 
 
 def idle_contacts(mechanism: Mechanism, state: State, solution: Solution) -> dict[str, str]:
@@ -40,7 +48,7 @@ def idle_contacts(mechanism: Mechanism, state: State, solution: Solution) -> dic
     return out
 
 
-def check(mechanism: Any, scale: float | None) -> None:
+def check(mechanism: object, scale: float | None) -> None:
     """Refuse what cannot be drawn."""
     if not isinstance(mechanism, Mechanism):
         raise RedundaxError(
@@ -77,7 +85,7 @@ def check_state(mechanism: Mechanism, state: State) -> None:
         )
 
 
-def _vector(argument: str, values: Any, mechanism: Mechanism) -> np.ndarray:
+def _vector(argument: str, values: Given, mechanism: Mechanism) -> np.ndarray:
     vector, m = np.asarray(values, float), len(mechanism.rows)
     if vector.shape != (m,):
         has = f"has {vector.shape[0]}" if vector.ndim == 1 else f"has shape {vector.shape}"
@@ -94,13 +102,13 @@ def _vector(argument: str, values: Any, mechanism: Mechanism) -> np.ndarray:
     return vector
 
 
-def _stress(mechanism: Mechanism, state: State, given: Any) -> np.ndarray:
+def _stress(mechanism: Mechanism, state: State, given: int | Given) -> np.ndarray:
     if np.ndim(given) > 0:
         return _vector("self_stress", given, mechanism)
-    states = analyze(mechanism, state).self_stress
-    if given != int(given) or not -len(states) <= given < len(states):
+    states, index = analyze(mechanism, state).self_stress, float(np.asarray(given))
+    if index != int(index) or not -len(states) <= index < len(states):
         raise RedundaxError(
             f"Argument `self_stress` must be an index below {len(states)}, the number of self-stress states here, "
             f"or a vector, but is {given}. Count from 0."
         )
-    return states[int(given)]
+    return states[int(index)]

@@ -1,22 +1,33 @@
-"""Loads as arrows: forces to scale, moments as circular arrows with their values.
+"""Loads as arrows: forces to scale, moments as arrows with two heads along their axes, or circular ones seen end-on
 
-Force and moment are those of the joint on its body i. An arrow starts at the joint and is |force| * scale long.
+A moment in space is to a scale of its own, the longest as long on paper as `MOMENT` points, and has its value; it turns
+as the fingers of the right hand do with the thumb along the arrow. A force that points at the viewer is a ring with a
+dot, one that points away a ring with a cross.
 """
 
 import dataclasses
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
 
-from ..._bodies._reactions import moment_about
+from ..._bodies._loads import AppliedForce
+from ..._bodies._mechanism import Mechanism
+from ..._bodies._reactions import reactions
+from ..._system._state import State
+from ._camera import View
 from ._labels import PATIENCE, Label, around
-from ._pen import Pen, across
-from ._scene import Scene
+from ._pen import Pen, Style, across, arrow
+from ._scene import Scene, lifted
 from ._style import APPLIED, ARROW_Z, LOAD, STRESS, TURN, dark, quantity
 
 LONGEST = 62.0  # points, of the longest arrow unless a scale is given
+MOMENT = 40.0  # points, of the longest arrow of a moment
 _FIXED = 32.0  # points, of an arrow that is not to scale
 _SMALLEST = 1e-4  # of the largest load; what is below is rounding or cannot be seen
+_END_ON = 6.0  # points, below which an arrow is a ring, as its head alone is longer
+_ASLANT = 0.35  # and its slope to the line of sight
+
+Places = tuple[np.ndarray, np.ndarray, np.ndarray]  # of a label: anchors, normals and costs
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,6 +39,16 @@ class Look:
     edge: str
     text: str
 
+    @property
+    def style(self) -> Style:
+        """Of an arrow's polygon."""
+        return {"fill": self.fill, "edge": self.edge, "linewidth": 1.2 if self.fill == "white" else 0.6}
+
+    @property
+    def colour(self) -> str:
+        """Of lines."""
+        return self.edge if self.fill == "white" else self.fill
+
 
 LOADS = Look("load", LOAD, "white", "joint load on the named body; friction is not drawn")
 SMOOTH = dataclasses.replace(LOADS, text="joint load on the named body")
@@ -35,36 +56,31 @@ STRESSES = Look("self-stress", "white", STRESS, "self-stress on the named body")
 FORCES = Look("applied", APPLIED, "white", "")
 
 
-class InSpace(NamedTuple):
-    """Where a load acts, its force and its moment, global components (3,)."""
-
-    start: np.ndarray
-    force: np.ndarray
-    moment: np.ndarray
-
-
-_NOT = InSpace(np.zeros(3), np.zeros(3), np.zeros(3))
-
-
 @dataclasses.dataclass(frozen=True)
 class Arrow:
-    """Force (2,) as the picture shows it and moment, in space |moment|, on a body at the place `at` of the picture.
-
-    A pure moment may be shown at `spot`. `in_space` is the whole load of a spatial mechanism.
-    """
+    """Force and moment on a body at a point, (3,) each; a pure moment may be shown at `spot`."""
 
     name: str
     body: str
     at: np.ndarray
     spot: np.ndarray
     force: np.ndarray
-    moment: float
-    in_space: InSpace = _NOT
+    moment: np.ndarray
 
     @property
     def size(self) -> float:
-        """|force|, of which the picture may show a part."""
-        return float(max(np.hypot(*self.force), np.linalg.norm(self.in_space.force)))
+        """|force|."""
+        return float(np.linalg.norm(self.force))
+
+    @property
+    def turn(self) -> float:
+        """|moment|."""
+        return float(np.linalg.norm(self.moment))
+
+    @property
+    def text(self) -> str:
+        """What stands beside it, with a gap for the value."""
+        return (f"{self.name}: " if self.name else "") + "{}" + (f" on {self.body}" if self.body else "")
 
 
 @dataclasses.dataclass
@@ -76,117 +92,145 @@ class Arrows:
 
     look: Look
     arrows: list[Arrow]
+    view: View
     scale: float | None = None
     longest_moment: float | None = None
 
     def largest_moment(self) -> float:
         """Largest moment."""
-        return self.longest_moment or max((abs(each.moment) for each in self.arrows), default=0.0)
+        return self.longest_moment or max((each.turn for each in self.arrows), default=0.0)
 
     def largest(self) -> float:
         """Largest force."""
         return max((each.size for each in self.arrows), default=0.0)
 
     def vector(self, each: Arrow, point: float) -> np.ndarray:
-        """The arrow of a force in data units."""
-        if self.scale is not None:
-            return each.force * self.scale
-        return each.force / max(each.size, 1e-300) * _FIXED * point
+        """The arrow of a force on the picture, in data units."""
+        scale = _FIXED * point / max(each.size, 1e-300) if self.scale is None else self.scale
+        return self.view.flat(each.force) * scale
+
+    def tips(self, point: float) -> list[np.ndarray]:
+        """Where arrows of forces end on the picture."""
+        return [self.view.flat(each.at) + self.vector(each, point) for each in self.arrows if each.size]
 
 
-def on_bodies(scene: Scene, wrenches: list[tuple[np.ndarray, np.ndarray]]) -> list[Arrow]:
-    """Loads of the joints on their bodies i, without rounding."""
+def joint_arrows(scene: Scene, mechanism: Mechanism, state: State, multipliers: np.ndarray) -> list[Arrow]:
+    """Loads of the joints on their bodies i, or j where i is the ground, without rounding; of teeth where they touch,
+    of others at the joint's point."""
+    found = reactions(mechanism, state, multipliers).reshape(len(scene.joints), -1)
+    forces, moments = (
+        (lifted(found[:, :2]), found[:, 2:] * [0.0, 0.0, 1.0]) if found.shape[1] == 3 else np.split(found, 2, axis=1)
+    )
     out = []
-    for joint in scene.joints:
-        force, moment = (part[joint.member] for part in wrenches[joint.group])
-        body = scene.names[joint.i] if joint.i < scene.ground else "ground"
-        about = float(moment_about(moment, force, joint.loaded_at - scene.centres[joint.i]))
-        out.append(Arrow(joint.name, body, joint.loaded_at, joint.spot, force, about))
-    size = float(np.ptp(scene.points(), axis=0).max()) or 1.0
-    least = _SMALLEST * max((max(a.size, abs(a.moment) / size) for a in out), default=0.0)
-    found = []
-    for each in out:
-        force = kept(each.force, least)
-        moment = each.moment if abs(each.moment) > least * size else 0.0
-        if np.any(force) or moment:
-            found.append(dataclasses.replace(each, force=force, moment=moment))
-    return found
+    for joint, force, moment in zip(scene.joints, forces, moments, strict=True):
+        body, at = (joint.j, joint.on_j) if joint.i == scene.ground else (joint.i, joint.on_i)
+        at = at if joint.mesh.pitch is None else joint.place
+        name = scene.names[body] if body < scene.ground else "ground"
+        out.append(Arrow(joint.name, name, at, joint.place, force, moment - np.cross(at - joint.told, force)))
+    size = float(np.linalg.norm(np.ptp(scene.space_points, axis=0))) or 1.0
+    least = _SMALLEST * max((max(each.size, each.turn / size) for each in out), default=0.0)
+    out = [
+        dataclasses.replace(each, force=_kept(each.force, least), moment=_kept(each.moment, least * size))
+        for each in out
+    ]
+    return [each for each in out if each.size or each.turn]
 
 
-def kept(values: np.ndarray, least: float) -> np.ndarray:
+def applied_arrows(scene: Scene) -> Arrows:
+    """Forces and moments on single bodies."""
+    given = [load for load in scene.loads if load.kind is AppliedForce]
+    found = [Arrow("", "", load.on_i, load.on_i, load.force, load.moment) for load in given]
+    return Arrows(FORCES, found, scene.camera.view)
+
+
+def _kept(values: np.ndarray, least: float) -> np.ndarray:
     """Values with 0 for those that are not larger than `least`."""
     return np.where(np.abs(values) > least, values, 0.0)
 
 
-def draw_arrows(pen: Pen, scene: Scene, groups: list[Arrows]) -> list[Label]:
+@dataclasses.dataclass
+class _Marks:
+    """Arrows drawn so far, with their tails, circular ones, and guides, whose symbols are larger."""
+
+    pen: Pen
+    guides: list[np.ndarray]
+    drawn: list[tuple[np.ndarray, np.ndarray]] = dataclasses.field(default_factory=list)
+    turns: list[np.ndarray] = dataclasses.field(default_factory=list)
+
+    def straight(self, at: np.ndarray, vector: np.ndarray, look: Look, gid: str, heads: int) -> Places:
+        """An arrow with one head or two; places for its value at the tip, or beside its shaft."""
+        pen, style = self.pen, look.style
+        tail = self._beside(at, vector)
+        tip = tail + vector
+        if heads == 2:
+            head = min(10.0 * pen.point, 0.4 * float(np.hypot(*vector))) * vector / np.hypot(*vector)
+            pen.polygon(arrow(tail, tip - 0.8 * head, 2.4 * pen.point), z=ARROW_Z, **style)
+            pen.arrow(tip - head, tip, style, ARROW_Z, f"{gid} head")
+            pen.line([tail, tip], "none", gid=gid)
+        else:
+            pen.arrow(tail, tip, style, ARROW_Z, gid)
+        beyond, side = around(pen, tip, 2.0, vector), across(vector) / np.hypot(*vector)
+        shaft = [tail + share * vector + sign * 3.0 * pen.point * side for share in (0.8, 0.5) for sign in (1, -1)]
+        normals, costs = np.array([side, -side, side, -side]), np.array([4.0, 4.0, 6.0, 6.0])
+        first, second, third = (
+            np.concatenate(pair) for pair in zip(beyond, (np.array(shaft), normals, costs), strict=True)
+        )
+        return first, second, third
+
+    def _beside(self, at: np.ndarray, vector: np.ndarray) -> np.ndarray:
+        """The tail of an arrow: the joint, or beside it where the arrow would lie on other ones."""
+        length, point = np.hypot(*vector), self.pen.point
+        unit = vector / length
+        places, others = np.array(self.drawn).reshape(-1, 2, 2).swapaxes(0, 1)
+        ends = (places - at) @ unit, (places + others - at) @ unit
+        overlaps = (np.maximum(*ends) > 2.0 * point) & (np.minimum(*ends) < length - 2.0 * point)
+        aligned = np.abs(others @ unit) > 0.97 * np.hypot(*others.T)
+        covered = overlaps & aligned & (np.abs((places - at) @ across(unit)) < 4.0 * point)
+        self.drawn.append((at, vector))
+        return at + across(unit) * 6.0 * point * np.sum(covered)
+
+    def ring(self, at: np.ndarray, towards: bool, look: Look, gid: str) -> Places:
+        """A force along the line of sight."""
+        pen, colour, reach = self.pen, look.colour, 3.0 * self.pen.point
+        pen.circle(at, 5.0, edge=colour, z=ARROW_Z, gid=gid, linewidth=1.6)
+        if towards:
+            pen.circle(at, 1.6, fill=colour, edge="none", z=ARROW_Z + 0.1)
+        for slope in () if towards else (1.0, -1.0):
+            pen.line(at + np.outer([-1.0, 1.0], [reach, slope * reach]), colour, ARROW_Z + 0.1)
+        return around(pen, at, 8.0)
+
+    def turn(self, at: np.ndarray, positive: bool, look: Look, gid: str) -> Places:
+        """A moment about the line of sight, around those that are there and symbols."""
+        radius = TURN + 6.0 * self._near(self.turns, at, 4.0) + 6.0 * (self._near(self.guides, at, 1.0) > 0)
+        self.turns.append(at)
+        self.pen.turn(at, radius, positive, look.style, ARROW_Z + 0.1, gid)
+        return around(self.pen, at, radius + 4.0)
+
+    def _near(self, places: list[np.ndarray], at: np.ndarray, points: float) -> int:
+        """How many places are nearer than some points of print."""
+        return int(np.sum(np.hypot(*(np.array(places).reshape(-1, 2) - at).T) < points * self.pen.point))
+
+
+def draw_arrows(pen: Pen, scene: Scene, groups: Sequence[Arrows]) -> list[Label]:
     """Draw all loads and return the labels with their values."""
-    labels: list[Label] = []
-    drawn: list[tuple[np.ndarray, np.ndarray]] = []
-    turns: list[np.ndarray] = []
-    guides = [joint.on_i for joint in scene.joints if joint.axis is not None]
-    force, moment = scene.units.of("force"), scene.units.of("moment")
+    labels, view = [], scene.camera.view
+    marks = _Marks(pen, [scene.flat(joint.place) for joint in scene.joints if joint.slides])
     for group in groups:
-        look = group.look
-        style = {"fill": look.fill, "edge": look.edge, "linewidth": line_width(look)}
+        look, scale = group.look, MOMENT * pen.point / (group.largest_moment() or 1.0)
         for number, each in enumerate(group.arrows):
-            name, text = each.name or str(number), value_text(each)
-            if np.any(each.force):
-                vector = group.vector(each, pen.point)
-                tail = beside(pen, each.at, vector, drawn)
-                pen.arrow(tail, tail + vector, z=ARROW_Z, gid=f"{look.gid} force {name}", **style)
-                labels.append(at_tip(pen, tail, vector, each, look, text.format(quantity(each.size, force))))
-            if each.moment:
-                at = each.at if np.any(each.force) else each.spot
-                radius = TURN + 6.0 * _near(at, turns, 4.0 * pen.point) + 6.0 * (_near(at, guides, pen.point) > 0)
-                turns.append(at)
-                pen.turn(at, radius, each.moment > 0, z=ARROW_Z + 0.1, gid=f"{look.gid} moment {name}", **style)
-                labels.append(_at_turn(pen, at, radius, each, look, text.format(quantity(each.moment, moment))))
+            for what, load in (("force", each.force), ("moment", each.moment)):
+                if not np.any(load):
+                    continue
+                seen, at = view.axes @ load, view.flat(each.at if each.size else each.spot)
+                vector = group.vector(each, pen.point) if what == "force" else scale * seen[:2]
+                gid = f"{look.gid} {what} {each.name or number}"
+                if np.hypot(*vector) >= _END_ON * pen.point or np.hypot(*seen[:2]) >= _ASLANT * abs(seen[2]):
+                    places = marks.straight(at, vector, look, gid, 1 if what == "force" else 2)
+                else:
+                    places = (marks.ring if what == "force" else marks.turn)(at, bool(seen[2] >= 0), look, gid)
+                unit = scene.units.of(what)
+                value = each.text.format(quantity(float(np.linalg.norm(load)), unit))
+                value = value if unit or what == "force" else f"moment {value}"
+                colour, name = dark(look.colour, 0.8), f"{look.gid} {what} value {each.name}"
+                labels.append(Label(value, name, *places, colour=colour, rank=2, patience=PATIENCE))
     return labels
-
-
-def _near(at: np.ndarray, places: list[np.ndarray], distance: float) -> int:
-    """How many places are nearer than a distance."""
-    return int(np.sum(np.hypot(*(np.array(places).reshape(-1, 2) - at).T) < distance))
-
-
-def value_text(each: Arrow) -> str:
-    """What stands beside an arrow."""
-    return (f"{each.name}: " if each.name else "") + "{}" + (f" on {each.body}" if each.body else "")
-
-
-def line_width(look: Look) -> float:
-    """Width of an arrow's edge, points."""
-    return 1.2 if look.fill == "white" else 0.6
-
-
-def _colour(look: Look) -> str:
-    return dark(look.edge if look.fill == "white" else look.fill, 0.8)
-
-
-def beside(pen: Pen, at: np.ndarray, vector: np.ndarray, drawn: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-    """The tail of an arrow: the joint, or beside it where the arrow would lie on other ones."""
-    length = np.hypot(*vector)
-    unit = vector / length
-    places, others = np.array(drawn).reshape(-1, 2, 2).swapaxes(0, 1)
-    ends = (places - at) @ unit, (places + others - at) @ unit
-    overlaps = (np.maximum(*ends) > 2.0 * pen.point) & (np.minimum(*ends) < length - 2.0 * pen.point)
-    aligned = np.abs(others @ unit) > 0.97 * np.hypot(*others.T)
-    covered = overlaps & aligned & (np.abs((places - at) @ across(unit)) < 4.0 * pen.point)
-    drawn.append((at, vector))
-    return at + across(unit) * 6.0 * pen.point * np.sum(covered)
-
-
-def at_tip(pen: Pen, tail: np.ndarray, vector: np.ndarray, each: Arrow, look: Look, text: str) -> Label:
-    """The value at the arrow's tip, or beside its shaft."""
-    beyond = around(pen, tail + vector, 2.0, vector)
-    side = across(vector) / np.hypot(*vector)
-    shaft = [tail + share * vector + sign * 3.0 * pen.point * side for share in (0.8, 0.5) for sign in (1, -1)]
-    normals, costs = np.array([side, -side, side, -side]), np.array([4.0, 4.0, 6.0, 6.0])
-    places = [np.concatenate(pair) for pair in zip(beyond, (np.array(shaft), normals, costs), strict=True)]
-    gid = f"{look.gid} force value {each.name}"
-    return Label(text, gid, *places, colour=_colour(look), rank=2, patience=PATIENCE)
-
-
-def _at_turn(pen: Pen, at: np.ndarray, radius: float, each: Arrow, look: Look, text: str) -> Label:
-    gid = f"{look.gid} moment value {each.name}"
-    return Label(text, gid, *around(pen, at, radius + 4.0), colour=_colour(look), rank=2, patience=PATIENCE)

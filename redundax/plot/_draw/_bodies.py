@@ -5,15 +5,21 @@
 
 import numpy as np
 
-from ._pen import OUTLINE, Pen, circle
+from ._pen import Pen, circle, hull
 from ._scene import Scene
-from ._style import BAR, BLOCK, BODY_Z, PIN, body_colour, dark
+from ._stands import rail_ends
+from ._style import BAR, BODY_Z, PIN, PIN_Z, body_colour, dark
 
 
 def draw_bodies(pen: Pen, scene: Scene) -> list[np.ndarray]:
-    """Draw all bodies and return their outlines, each (corners, 2)."""
-    spans, sliders = _spans(pen, scene), {joint.i for joint in scene.joints if joint.axis is not None}
-    symbols = np.array([spot for joint in scene.joints for spot in (joint.spot, joint.on_i)]).reshape(-1, 2)
+    """Draw all bodies of the plane and return their outlines, each (corners, 2)."""
+    guides, points = [joint for joint in scene.joints if joint.slides], [scene.flat(span) for span in scene.spans]
+    for joint in guides:
+        if joint.j < scene.ground:
+            points[joint.j] = np.concatenate(
+                [points[joint.j], scene.flat(np.array(rail_ends(scene, joint, pen.point)))]
+            )
+    spans, sliders = list(map(hull, points)), {joint.i for joint in guides}
     outlines = []
     for body, (span, alike) in enumerate(zip(spans, _alike(spans, pen.point), strict=True)):
         # Bodies that cover each other lie like plates on a pin: each later one is narrower.
@@ -23,42 +29,22 @@ def draw_bodies(pen: Pen, scene: Scene) -> list[np.ndarray]:
         colour, z = body_colour(body, scene.ground), BODY_Z + 0.6 * body / scene.ground
         if above < len(alike):
             pen.polygon(outline, "white", "none", z)
-        pen.polygon(outline, colour, dark(colour), z, opacity=0.4, gid=f"body {scene.names[body]}")
-        pen.cover_path(outline, 3.0, OUTLINE)
+        pen.polygon(outline, (colour, 0.4), dark(colour), z, gid=f"body {scene.names[body]}")
         outlines.append(outline)
-        if not np.any(np.hypot(*(symbols - scene.centres[body]).T) < (PIN + 5.0) * pen.point):
-            _centre_of_mass(pen, scene.centres[body], dark(colour))
     return outlines
 
 
-def _spans(pen: Pen, scene: Scene) -> list[np.ndarray]:
-    """Corners of what each body spans: its points and the guides that it carries."""
-    points = [[*scene.joint_points(body)] for body in range(scene.ground)]
-    for joint in scene.joints:
-        if joint.axis is not None and joint.j < scene.ground:
-            reach = guide_reach(joint.length, pen.point) * joint.axis
-            points[joint.j] += [joint.on_i - reach, joint.on_i + reach]
-    return [hull(np.array(each)) for each in points]
-
-
-def guide_reach(length: float | None, point: float) -> float:
-    """Half the length of a guide as drawn, in data units; `length` is that of the slider."""
-    return (block_length(length, point) / 2 + 17.0) * point
-
-
-def block_length(length: float | None, point: float) -> float:
-    """Length of a slider in points: its own where it has one, as long as that looks well."""
-    return float(np.clip((length or 0.0) / point, BLOCK[0], 90.0))
-
-
-def _centre_of_mass(pen: Pen, centre: np.ndarray, colour: str) -> None:
-    radius = 2.8
-    pen.circle(centre, radius, edge=colour, z=BODY_Z + 0.65, linewidth=0.8)
-    for start in (0.0, np.pi):
-        angle = start + np.linspace(0.0, np.pi / 2, 12)
-        wedge = np.concatenate([[[0.0, 0.0]], np.stack([np.cos(angle), np.sin(angle)], axis=1)])
-        pen.polygon(centre + radius * pen.point * wedge, colour, "none", BODY_Z + 0.7)
-    pen.cover(centre, radius, OUTLINE)
+def centres_of_mass(pen: Pen, scene: Scene) -> None:
+    """Symbols of centres of mass where no joint is."""
+    angle, radius = np.linspace(0.0, np.pi / 2, 12), 2.8
+    wedge = np.concatenate([[[0.0, 0.0]], np.stack([np.cos(angle), np.sin(angle)], axis=1)])
+    for body, centre in enumerate(scene.flat(scene.centres)):
+        if np.any(np.hypot(*(scene.spots - centre).T) < (PIN + 5.0) * pen.point):
+            continue
+        colour = dark(body_colour(body, scene.ground))
+        pen.circle(centre, radius, edge=colour, z=PIN_Z, linewidth=0.8)
+        for side in (1.0, -1.0):
+            pen.polygon(centre + side * radius * pen.point * wedge, colour, "none", PIN_Z)
 
 
 def _alike(spans: list[np.ndarray], point: float) -> list[list[int]]:
@@ -75,24 +61,3 @@ def _alike(spans: list[np.ndarray], point: float) -> list[list[int]]:
         others = np.unique(owner[np.hypot(*(corners - span[0]).T) < near])
         found.append([int(k) for k in others if k != body and covers(span, spans[k])])
     return found
-
-
-def hull(points: np.ndarray) -> np.ndarray:
-    """Corners of the convex hull, counterclockwise (monotone chain)."""
-    size = float(np.ptp(points, axis=0).max())
-    unique = np.unique(np.round(points, 12 - int(np.floor(np.log10(size))) if size else 12), axis=0)
-    if len(unique) < 3:
-        return unique
-
-    def chain(ordered: np.ndarray) -> list[np.ndarray]:
-        corners: list[np.ndarray] = []
-        for point in ordered:
-            while len(corners) > 1:
-                a, b = corners[-1] - corners[-2], point - corners[-2]
-                if a[0] * b[1] - a[1] * b[0] > 1e-9 * size**2:
-                    break
-                corners.pop()
-            corners.append(point)
-        return corners[:-1]
-
-    return np.array(chain(unique) + chain(unique[::-1]))

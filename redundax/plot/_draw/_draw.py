@@ -1,31 +1,38 @@
 """A mechanism at a state as a picture, with self-stress and joint loads as arrows to scale
 
-load of a joint on its body i = -(d Phi / d pose_i)^T lam,   length of an arrow = scale * |force|
+load of a joint = its reaction (`_joint_coordinates`),   length of an arrow = scale * |force|
 """
 
+import dataclasses
 from collections.abc import Callable, Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jax.typing import ArrayLike
 
 from ..._analysis._report import Report
 from ..._bodies._mechanism import Mechanism
+from ..._bodies._plane import Plane
 from ..._solve._solution import Solution
 from ..._system._state import State
 from ..._tools._module import Numbers
 from ._arguments import check, check_state, idle_contacts, load_groups
-from ._arrows import FORCES, LOADS, LONGEST, Arrows
-from ._artists import artist_of, not_unique
+from ._arrows import LOADS, LONGEST, Arrows, applied_arrows, draw_arrows
+from ._camera import PLANE, Camera, best_view, checked_shapes, not_unique, refuse_in_plane
 from ._key import draw_key, key_height
 from ._labels import Label, around, place
+from ._paint import dress, paint
 from ._pen import Pen
-from ._stage import Artist, Stage
-from ._style import BLOCK, INK, LOAD, PIN, body_colour, dark
+from ._scene import Scene, scene
+from ._stands import stand_sides
+from ._style import INK, LOAD, body_colour, dark
 
 if TYPE_CHECKING:
     import matplotlib.axes
+    from matplotlib.figure import Figure
 
+_MARGINS = {True: (54.0, 40.0, 14.0, 10.0), False: (8.0, 8.0, 8.0, 8.0)}  # points of new axes, with ticks in the plane
+_PIN, _GUIDE = 6.7, 11.0  # points from a joint to its name, clear of its symbol
 _PAD = np.array([34.0, 34.0])  # points between the mechanism and the edge of the axes
 _WIDER = np.array([26.0, 0.0])  # points more for values of loads
 _ROOM = np.array([330.0, 280.0])  # points, of the mechanism in a new figure unless it is dense
@@ -50,27 +57,25 @@ def draw(
 ) -> "matplotlib.axes.Axes":
     """Draw a mechanism at a state, and joint loads as arrows. Needs matplotlib.
 
-    In the plane, bodies are rounded bars or plates spanned by their joints and centre of mass. Circles are revolute
-    joints, blocks between rails translational ones, dark pins in white slots pin-in-slot joints, above a line where
-    they are one-sided, black squares fixed joints, M a driven angle, a cylinder a driven distance, diamonds joints of
-    other kinds; hatching is the ground. The arrow of a
-    joint starts at the joint and is what the joint does to its **body i**: -lam for a revolute joint, +lam along the
-    normal for a translational one, and in general -(d residual / d pose_i)^T lam, moments about the joint's point on
-    body i. Moments are circular arrows, counterclockwise where positive, with their values. Loads below 1e-4
-    of the largest are left out, and so are values and, in very dense pictures, names that would cover other ones; where
-    more than a hundred joints are nearer than 4 points of print to each other, all names and values are.
-    Applied forces are black, to the scale of `multipliers` where these are given and not four times smaller.
-    Gears in mesh are their pitch circles with the line of action; their arrow starts at the pitch point. Couplings of
-    angles look like gears, or belts where both bodies turn in the same sense; neither's force is there.
+    Bodies are bars, plates or hulls spanned by their joints and centre of mass, or the `shapes` given. Joints are drawn
+    by what they lock: circles, in space cylinders, are revolute joints; blocks on rails translational ones, a ball
+    there is a pin in a slot, one on a plate is one-sided; dark squares or cubes are fixed joints, balls spherical ones,
+    crosses universal ones, cylinders on a shaft cylindrical ones. M is a driven angle, a cylinder on a rod a driven
+    distance, octahedra are joints of other kinds; hatching, or grey pyramids, is the ground. Gears in mesh are their
+    pitch circles with the line of action; couplings of angles look like gears, or belts where both bodies turn in the
+    same sense.
 
-    In space, the picture is a parallel projection: lengths along an axis are to scale, and arrows in a corner say by
-    how much. Bodies are bars, plates or hulls of the same points, or the `shapes` given. Cylinders are revolute joints,
-    on a shaft cylindrical ones; blocks on rails are prismatic, balls spherical, crosses universal joints, dark cubes
-    fixed ones, octahedra those of other kinds; grey pyramids stand on the ground. Arrows start at the joint's point and
-    are what the joint does to its body i, or to body j where i is the ground, as in
-    `solution["top force x on door"]`; they look shorter as they point towards the viewer, where they are rings with a
-    dot, or away, with a cross. Moments are arrows with two heads by the right-hand rule, to a scale of their own, with
-    their values.
+    The arrow of a joint is what the joint does to its **body i**, or to body j where i is the ground, as in
+    `solution["top force x on door"]`: it starts at the joint's point there, that of teeth at the pitch point. Moments
+    are about that point, with their values: arrows with two heads by the right-hand rule, to a scale of their own, and
+    circular ones where they turn about the line of sight, as in the plane. Forces along it are rings with a dot, or
+    with a cross where they point away. Loads below 1e-4 of the largest are left out, and so are values and, in very
+    dense pictures, names that would cover other ones; where more than a hundred joints are nearer than 4 points of
+    print to each other, all names and values are. Applied forces are black, to the scale of `multipliers` where these
+    are given and not four times smaller.
+
+    A plane is seen along z. A picture in space is a parallel projection: lengths along an axis are to scale, and arrows
+    in a corner say by how much.
 
     ??? example
 
@@ -88,7 +93,7 @@ def draw(
     - `multipliers`: lam, shape (m,), as filled arrows; or a solution, of which one-sided contacts that do not carry
       are told beside their names: "f1 lifts", "f2 touches", "f3 open by 0.001 m".
     - `report`: of `rx.analyze`, or the names of joints whose load is not unique: these are red, with a question mark,
-      and in space joints are green where it is and red where not.
+      and others green.
     - `names`: whether joints and bodies are named.
     - `scale`: length of the arrows on the drawing for a force of 1; by default the longest arrow of either
       kind has a fixed length on paper. A key states it.
@@ -100,35 +105,55 @@ def draw(
     """
     check(mechanism, scale)
     check_state(mechanism, state)
-    artist = artist_of(mechanism, [state], view=view, shapes=shapes, not_unique=not_unique(report))
-    stage = artist.scene(mechanism, state)
+    shown = scene(mechanism, state, camera_of(mechanism, [state], view, shapes, report))
     loads = multipliers.multipliers if isinstance(multipliers, Solution) else multipliers
-    groups = load_groups(artist, stage, mechanism, state, self_stress, loads)
-    applied = Arrows(FORCES, artist.applied(stage))
+    groups = load_groups(shown, mechanism, state, self_stress, loads)
+    arrows = [*groups, applied_arrows(shown)]
     if axes is None:
         from matplotlib import pyplot
 
-        axes = new_axes(artist, pyplot.figure, stage.points(), stage, groups)
-    point, head = framed(artist, axes, stage.points(), stage, [*groups, applied], scale)
-    small = smaller(stage.spacing, point)
+        axes = new_axes(pyplot.figure, shown.points, shown, groups)
+    point, head = framed(axes, shown.points, shown, arrows, scale)
+    small = smaller(shown.spacing, point)
     pen = Pen(axes, point * small, small)
     ceiling = axes.get_ylim()[1] - head * point
-    artist.surround(pen, stage, stage.points(), ceiling)
-    outlines, values = artist.paint(pen, stage, [*groups, applied])
-    draw_key(Pen(axes, point), groups, stage)
-    if not legible(stage, point):
+    dress(pen, shown, shown.points, ceiling)
+    outlines, values = paint(pen, shown), draw_arrows(pen, shown, arrows)
+    draw_key(Pen(axes, point), groups, shown)
+    if not legible(shown, point):
         return axes
     said = idle_contacts(mechanism, state, multipliers) if isinstance(multipliers, Solution) else {}
-    named = [*joint_labels(pen, stage, not_unique(report), said), *_body_labels(pen, stage, outlines)] if names else []
+    named = [*joint_labels(pen, shown, said), *_body_labels(pen, shown, outlines)] if names else []
     place(pen, [*named, *values], ceiling)
     return axes
 
 
+def camera_of(
+    mechanism: Mechanism,
+    states: Sequence[State],
+    view: Sequence[float] | None = None,
+    shapes: Mapping[str, Numbers] | None = None,
+    report: Report | Collection[str] | None = None,
+) -> Camera:
+    """The view on a mechanism at these states; in space all have the same, and the same stands, that suit the first."""
+    if isinstance(mechanism.frame, Plane):
+        refuse_in_plane(view, shapes)
+        return Camera(PLANE, not_unique=not_unique(report))
+    shares, places = (0.0, 0.35, 0.65), []
+    for state in states[:: len(states) // 6 + 1]:
+        found = scene(mechanism, state)
+        within = [span.mean(axis=0) + share * (span - span.mean(axis=0)) for span in found.spans for share in shares]
+        places.append(np.concatenate([[joint.place for joint in found.joints], *within]))
+    seen = best_view(places, np.asarray(mechanism.gravity, float), view)
+    camera = Camera(seen, checked_shapes(mechanism, shapes or {}), not_unique(report))
+    return dataclasses.replace(camera, sides=stand_sides(scene(mechanism, states[0], camera)))
+
+
 def new_axes(
-    artist: Artist, make: Callable[..., Any], points: np.ndarray, stage: Stage, groups: list[Arrows], strip: float = 0.0
+    make: Callable[..., "Figure"], points: np.ndarray, stage: Scene, groups: list[Arrows], strip: float = 0.0
 ) -> "matplotlib.axes.Axes":
     """Axes of a figure that is made in a size that suits the points, with a strip of some points of print for more."""
-    left, lower, right, upper = artist.margins
+    left, lower, right, upper = _MARGINS[stage.is_flat]
     spread = np.ptp(points, axis=0)
     point = min(max(*(spread / _ROOM)), stage.spacing / (1.4 * _SPACING)) or 1.0
     reach = 1.2 * LONGEST if groups else 0.0
@@ -140,16 +165,21 @@ def new_axes(
 
 
 def framed(
-    artist: Artist,
-    axes: Any,
+    axes: "matplotlib.axes.Axes",
     points: np.ndarray,
-    stage: Stage,
+    stage: Scene,
     groups: list[Arrows],
     scale: float | None,
     strip: float = 0.0,
 ) -> tuple[float, float]:
     """Axes set so that points and arrows fit: size of a point of print in data units, points of the key above."""
-    artist.dress(axes, stage)
+    if stage.is_flat:
+        unit = stage.units.of("linear")
+        axes.set(**{f"{x}label": f"{x} ({unit})" if unit else x for x in "xy"})
+        axes.ticklabel_format(scilimits=(-3, 5))
+        axes.spines[["top", "right"]].set_visible(False)
+    else:
+        axes.set_axis_off()
     room = _room(axes)
     head = key_height(groups[:-1], stage, float(room[0])) + strip
     return _frame(axes, points, stage.spacing, groups, room, head, scale), head
@@ -164,21 +194,22 @@ def smaller(spacing: float, point: float) -> float:
     return float(np.clip(spacing / (_SPACING * point), 0.4, 1.0))
 
 
-def legible(stage: Stage, point: float) -> bool:
+def legible(stage: Scene, point: float) -> bool:
     """Whether joints are few, or far enough from each other on paper for texts to belong to one."""
     return len(stage.joints) <= _FEW or stage.spacing >= _LEGIBLE * point
 
 
-def _room(axes: Any) -> np.ndarray:
+def _room(axes: "matplotlib.axes.Axes") -> np.ndarray:
     """Width and height of the axes in points."""
-    if axes.figure.get_layout_engine() is not None:
-        axes.figure.draw_without_rendering()
+    figure = axes.get_figure(root=True)
+    if figure is not None and figure.get_layout_engine() is not None:
+        figure.draw_without_rendering()
     window = axes.get_window_extent()
     return np.array([window.width, window.height]) * 72.0 / axes.figure.dpi
 
 
 def _frame(
-    axes: Any,
+    axes: "matplotlib.axes.Axes",
     points: np.ndarray,
     spacing: float,
     groups: list[Arrows],
@@ -194,8 +225,7 @@ def _frame(
     for _ in range(12):  # arrows have lengths on paper, so the frame depends on itself
         point = max(*((high - low) / inner), 0.1 * size / inner.max()) or 1.0 / inner.max()
         _set_scales(groups, min(LONGEST, 0.25 * room.min()) * smaller(spacing, point) * point, scale)
-        tips = [a.at + g.vector(a, point) for g in groups for a in g.arrows if np.any(a.force)]
-        every = np.array([*points, *tips])
+        every = np.array([*points, *(tip for group in groups for tip in group.tips(point))])
         low, high = every.min(axis=0), every.max(axis=0)
     middle = (low + high) / 2 + [0.0, head / 2 * point]
     axes.set_xlim(middle[0] - room[0] / 2 * point, middle[0] + room[0] / 2 * point)
@@ -218,14 +248,10 @@ def _set_scales(groups: list[Arrows], longest: float, scale: float | None) -> No
             applied.scale = group.scale
 
 
-def joint_labels(
-    pen: Pen, stage: Stage, not_unique: frozenset[str] | None = None, said: Mapping[str, str] | None = None
-) -> list[Label]:
+def joint_labels(pen: Pen, stage: Scene, said: Mapping[str, str]) -> list[Label]:
     """One label for all joints at a place, with what is said of them; red with a question mark where a load is not
     unique."""
-    doubtful, labels = not_unique or frozenset(), []
-    said = said or {}
-    spots = np.array([joint.spot for joint in stage.joints]).reshape(-1, 2)
+    doubtful, spots, labels = stage.camera.not_unique or frozenset(), stage.spots, []
     left = np.ones(len(spots), bool)
     for first, spot in enumerate(spots):
         here = left & left[first] & (np.hypot(*(spots - spot).T) < 2.0 * pen.point)
@@ -234,7 +260,7 @@ def joint_labels(
         names = [joint.name for joint in found if joint.name]
         if not names:
             continue
-        wide = max(PIN + 2.5 if joint.axis is None else BLOCK[1] / 2 + 4.0 for joint in found)
+        wide = max(_GUIDE if joint.slides else _PIN for joint in found)
         labels.append(
             Label(
                 ", ".join(f"{name}{'?' * (name in doubtful)}{said.get(name, '')}" for name in names),
@@ -247,7 +273,7 @@ def joint_labels(
     return labels
 
 
-def _body_labels(pen: Pen, stage: Stage, outlines: list[np.ndarray]) -> list[Label]:
+def _body_labels(pen: Pen, stage: Scene, outlines: list[np.ndarray]) -> list[Label]:
     labels = []
     for body, (name, outline) in enumerate(zip(stage.names, outlines, strict=True)):
         middle = (outline.min(axis=0) + outline.max(axis=0)) / 2
@@ -265,7 +291,7 @@ def _body_labels(pen: Pen, stage: Stage, outlines: list[np.ndarray]) -> list[Lab
                 anchors[order],
                 normals[order],
                 0.35 * away[order],
-                inside=stage.joint_points(body).mean(axis=0, keepdims=True),
+                inside=stage.flat(stage.spans[body]).mean(axis=0, keepdims=True),
                 colour=dark(body_colour(body, stage.ground), 0.5),
                 style="italic",
                 rank=1,

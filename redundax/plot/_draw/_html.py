@@ -6,9 +6,9 @@ Each body, joint and load is a mesh of its own, which shows its name or value wh
 import itertools
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from types import ModuleType
+from typing import TYPE_CHECKING, TypeAlias
 
-import jax
 import numpy as np
 from jax.typing import ArrayLike
 
@@ -19,33 +19,27 @@ from ..._system._state import State
 from ..._tools._errors import RedundaxError
 from ..._tools._module import Numbers
 from ..._tools._optional import optional
-from ._animate import check_motion, finite_times
+from ._animate import Moment, check_motion, checked_path, moments_of
 from ._arguments import check, check_state, load_groups
-from ._arrows import FORCES, LOADS, SMOOTH, Arrows
-from ._artists import artist_of, not_unique
-from ._scene import spacing
-from ._space._arrows import MOMENT
-from ._space._scene import SpaceScene
-from ._space._solids import Solid, arrow
-from ._space._symbols import solids
+from ._arrows import MOMENT, applied_arrows
+from ._camera import Camera
+from ._draw import camera_of
+from ._scene import Scene, scene, spacing
+from ._solids import Solid, arrow
 from ._style import INK, quantity
+from ._symbols import solids
 
 if TYPE_CHECKING:
+    from plotly.basedatatypes import BaseTraceType
     from plotly.graph_objects import Figure
+
+Json: TypeAlias = "str | float | bool | Sequence[Json] | Mapping[str, Json] | None"  # what plotly takes
 
 _ACROSS = 420.0  # points of print that the mechanism is across
 _LETTER, _LINE = 7.0, 14.0  # points, of a name
 _LONGEST, _SHORTEST = 70.0, 14.0  # points, of arrows that no `scale` is given for
 _ROOM = (3.4, 2.0)  # across and upright, of what a page shows from the camera's distance
 _COLOURS = {"self-stress": "#0072B2", "load": "#D55E00", "applied": INK}
-
-
-class _Moment(NamedTuple):
-    """What there is to see at a time."""
-
-    t: float
-    stage: SpaceScene
-    groups: list[Arrows]
 
 
 def html(
@@ -91,8 +85,18 @@ def html(
     **Raises:** `ValueError` for arguments that do not fit; `ImportError` without plotly.
     """
     plotly = optional("plotly.graph_objects", "html")
-    target = _checked(mechanism, motion, path, scale)
-    moments = _moments(mechanism, motion, (self_stress, multipliers), report, loads, view, shapes)
+    _check(mechanism, motion, scale)
+    target = checked_path(path, ".html")
+
+    def camera(states: list[State]) -> Camera:
+        return camera_of(mechanism, states, view, shapes, report)
+
+    if isinstance(motion, State):
+        stage = scene(mechanism, motion, camera([motion]))
+        groups = [applied_arrows(stage), *load_groups(stage, mechanism, motion, self_stress, multipliers)]
+        moments = [Moment(float(motion.t), stage, groups)]
+    else:
+        moments = moments_of(mechanism, motion, loads, camera)
     point = _point(moments[0].stage)
     _set_scales(moments, point, scale)
     least = 0.0 if scale else _SHORTEST * point
@@ -114,7 +118,7 @@ def html(
     return figure
 
 
-def _checked(mechanism: Mechanism, motion: State | Trajectory, path: str | Path | None, scale: float | None) -> Any:
+def _check(mechanism: Mechanism, motion: State | Trajectory, scale: float | None) -> None:
     check(mechanism, scale)
     if mechanism.frame.word != "spatial":
         raise RedundaxError(
@@ -122,51 +126,16 @@ def _checked(mechanism: Mechanism, motion: State | Trajectory, path: str | Path 
             "HTML of planar motions."
         )
     check_state(mechanism, motion) if isinstance(motion, State) else check_motion(mechanism, motion)
-    target = None if path is None else Path(path)
-    if target is not None and (target.suffix != ".html" or not target.resolve().parent.is_dir()):
-        raise RedundaxError(
-            f"Argument `path` must end in .html and lie in a folder that exists, but is {path}. Leave it out to write "
-            "no file."
-        )
-    return target
 
 
-def _moments(
-    mechanism: Mechanism,
-    motion: State | Trajectory,
-    given: tuple[Any, Any],
-    report: Report | Collection[str] | None,
-    loads: bool,
-    view: Sequence[float] | None,
-    shapes: Mapping[str, Any] | None,
-) -> list[_Moment]:
-    if isinstance(motion, State):
-        states, lam = [motion], []
-    else:
-        numbers = finite_times(motion)
-        states = [jax.tree.map(lambda x, k=k: x[k], motion.states) for k in numbers]
-        lam = np.asarray(motion.multipliers, float)[numbers]
-    artist = artist_of(mechanism, states, view=view, shapes=shapes, not_unique=not_unique(report))
-    look, out = LOADS if mechanism.friction else SMOOTH, []
-    for number, state in enumerate(states):
-        stage = artist.scene(mechanism, state)
-        groups = [Arrows(FORCES, artist.applied(stage))]
-        if isinstance(motion, State):
-            groups += load_groups(artist, stage, mechanism, state, *given)
-        elif loads and np.all(np.isfinite(lam[number])):
-            groups.append(Arrows(look, artist.loads(stage, mechanism, state, lam[number])))
-        out.append(_Moment(float(state.t), stage, groups))
-    return out
-
-
-def _point(stage: SpaceScene) -> float:
+def _point(stage: Scene) -> float:
     """Size of a point of print in the model, smaller where joints are dense."""
-    size = float(np.linalg.norm(np.ptp(stage.space_points(), axis=0))) or 1.0
-    apart = spacing(np.array([joint.place for joint in stage.joints]), stage.space_points())
+    size = float(np.linalg.norm(np.ptp(stage.space_points, axis=0))) or 1.0
+    apart = spacing(np.array([joint.place for joint in stage.joints]), stage.space_points)
     return min(size / _ACROSS, max(apart / 45.0, size / 1500.0))
 
 
-def _set_scales(moments: list[_Moment], point: float, scale: float | None) -> None:
+def _set_scales(moments: list[Moment], point: float, scale: float | None) -> None:
     """One scale for all arrows of a kind at all times."""
     for gid in _COLOURS:
         groups = [group for moment in moments for group in moment.groups if group.look.gid == gid]
@@ -177,29 +146,29 @@ def _set_scales(moments: list[_Moment], point: float, scale: float | None) -> No
             group.scale = scale or (_LONGEST * point / largest if largest else None)
 
 
-def _traces(plotly: Any, moment: _Moment, point: float, least: float) -> list[Any]:
+def _traces(plotly: ModuleType, moment: Moment, point: float, least: float) -> "list[BaseTraceType]":
     """Meshes, the same number of them at all times."""
-    parts: dict[Any, list[Solid]] = {}
+    parts: dict[tuple[str, str, float], list[Solid]] = {}
     for solid in solids(moment.stage, point):
         parts.setdefault((solid.name, solid.colour, solid.opacity), []).append(solid)
     out = [_mesh(plotly, given, *key) for key, given in parts.items()]
     return [*out, *(_loads(plotly, moment, gid, point, least) for gid in _COLOURS)]
 
 
-def _texts(stage: SpaceScene) -> list[tuple[np.ndarray, str, str]]:
+def _texts(stage: Scene) -> list[tuple[np.ndarray, str, str]]:
     """Places, names and their sides: of joints, and of bodies at the centre of mass."""
     joints = [(joint.place, joint.name, "top right") for joint in stage.joints]
     bodies = zip(stage.names, stage.centres, strict=False)
     return [*joints, *((centre, f"<i>{name}</i>", "bottom left") for name, centre in bodies)]
 
 
-def _with_room(stage: SpaceScene, point: float) -> list[int]:
+def _with_room(stage: Scene, point: float) -> list[int]:
     """Names that cover no other one as the page opens: joints first."""
     boxes: list[np.ndarray] = []
     shown = []
     for number, (place, name, side) in enumerate(_texts(stage)):
         size = np.array([_LETTER * len(name.removeprefix("<i>").removesuffix("</i>")), _LINE])
-        corner = stage.view.axes[:2] @ place / point - (0.0 if side == "top right" else size)
+        corner = stage.camera.view.axes[:2] @ place / point - (0.0 if side == "top right" else size)
         box = np.array([corner, corner + size])
         if not any((box[0] < other[1]).all() and (other[0] < box[1]).all() for other in boxes):
             boxes.append(box)
@@ -207,11 +176,11 @@ def _with_room(stage: SpaceScene, point: float) -> list[int]:
     return shown
 
 
-def _names(plotly: Any, stage: SpaceScene, shown: list[int]) -> list[Any]:
+def _names(plotly: ModuleType, stage: Scene, shown: list[int]) -> "list[BaseTraceType]":
     """Names that have room, and all, of which a button shows either."""
     texts = _texts(stage)
 
-    def trace(some: list[int], visible: bool) -> Any:
+    def trace(some: list[int], visible: bool) -> "BaseTraceType":
         places, words, sides = zip(*(texts[number] for number in some), strict=True)
         x, y, z = np.array(places).T
         look = {"mode": "text", "hoverinfo": "skip", "showlegend": False, "visible": visible}
@@ -220,7 +189,7 @@ def _names(plotly: Any, stage: SpaceScene, shown: list[int]) -> list[Any]:
     return [trace(shown, True), trace(list(range(len(texts))), False)]
 
 
-def _choice_of_names(first: int) -> dict[str, Any]:
+def _choice_of_names(first: int) -> dict[str, Json]:
     """Buttons; without names a part still shows its own where it is pointed at."""
     ways = {"names": [True, False], "all names": [False, True], "no names": [False, False]}
     buttons = [
@@ -231,7 +200,7 @@ def _choice_of_names(first: int) -> dict[str, Any]:
     return {"type": "buttons", "direction": "left", "buttons": buttons, **place}
 
 
-def _loads(plotly: Any, moment: _Moment, gid: str, point: float, least: float) -> Any:
+def _loads(plotly: ModuleType, moment: Moment, gid: str, point: float, least: float) -> "BaseTraceType":
     """All arrows of a kind as one mesh, whose corners show what they are; none is shorter than the `least`."""
     made: list[Solid] = []
     stage = moment.stage
@@ -239,23 +208,22 @@ def _loads(plotly: Any, moment: _Moment, gid: str, point: float, least: float) -
     for group in moment.groups:
         largest = group.largest_moment()
         for each in group.arrows if group.look.gid == gid else ():
-            start, force_on, couple_on = each.in_space
             where = f" {each.name} on {each.body}" if each.body else ""
-            given = [(force_on * (group.scale or 0.0), 1, quantity(each.size, force))] if each.size else []
-            if each.moment:
-                given.append((couple_on / largest * MOMENT * point, 2, quantity(each.moment, couple)))
+            given = [(each.force * (group.scale or 0.0), 1, quantity(each.size, force))] if each.size else []
+            if each.turn:
+                given.append((each.moment / largest * MOMENT * point, 2, quantity(each.turn, couple)))
             for vector, heads, value in given:
                 length = float(np.linalg.norm(vector))
-                tip = start + vector * max(1.0, least / length if length else 1.0)
-                made += arrow(start, tip, 3.0 * point, _COLOURS[gid], heads=heads, name=f"{value}{where}")
+                tip = each.at + vector * max(1.0, least / length if length else 1.0)
+                made += arrow(each.at, tip, 3.0 * point, _COLOURS[gid], heads=heads, name=f"{value}{where}")
     if not made:  # a mesh that shows nothing, as plotly wants one of each at all times
         made = [Solid(np.tile(stage.centres[0], (3, 1)), ((0, 1, 2),), _COLOURS[gid])]
     return _mesh(plotly, made, gid, _COLOURS[gid], 1.0, [solid.name for solid in made for _ in solid.corners])
 
 
 def _mesh(
-    plotly: Any, given: list[Solid], name: str, colour: str, opacity: float, texts: list[str] | None = None
-) -> Any:
+    plotly: ModuleType, given: list[Solid], name: str, colour: str, opacity: float, texts: list[str] | None = None
+) -> "BaseTraceType":
     counts = np.cumsum([0, *(len(solid.corners) for solid in given)])
     corners = np.concatenate([solid.corners for solid in given]).astype(np.float32)
     triangles = [solid.triangles() + first for solid, first in zip(given, counts[:-1], strict=True)]
@@ -277,11 +245,11 @@ def _mesh(
     )
 
 
-def _layout(moments: list[_Moment], point: float) -> dict[str, Any]:
+def _layout(moments: list[Moment], point: float) -> dict[str, Json]:
     stage = moments[0].stage
-    every = np.concatenate([moment.stage.space_points() for moment in moments])
+    every = np.concatenate([moment.stage.space_points for moment in moments])
     tips = [
-        each.in_space.start + each.in_space.force * (group.scale or 0.0)
+        each.at + each.force * (group.scale or 0.0)
         for moment in moments
         for group in moment.groups
         for each in group.arrows
@@ -299,14 +267,14 @@ def _layout(moments: list[_Moment], point: float) -> dict[str, Any]:
         }
         for k, axis in enumerate("xyz")
     }
-    towards, up = 1.8 * stage.view.axes[2], np.eye(3)[stage.view.vertical]
+    towards, up = 1.8 * stage.camera.view.axes[2], np.eye(3)[stage.camera.view.vertical]
     camera = {
         "eye": dict(zip("xyz", towards.tolist(), strict=True)),
         "up": dict(zip("xyz", up.tolist(), strict=True)),
         "projection": {"type": "orthographic"},
     }
     corners = np.array(list(itertools.product((-0.5, 0.5), repeat=3))) * share
-    across, upright = np.ptp(corners @ stage.view.axes[:2].T, axis=0)
+    across, upright = np.ptp(corners @ stage.camera.view.axes[:2].T, axis=0)
     sides = share * min(_ROOM[0] / across, _ROOM[1] / upright)
     return {
         "scene": {
@@ -322,7 +290,7 @@ def _layout(moments: list[_Moment], point: float) -> dict[str, Any]:
     }
 
 
-def _key(moments: list[_Moment]) -> list[dict[str, Any]]:
+def _key(moments: list[Moment]) -> list[dict[str, Json]]:
     """What the arrows are, and how much the longest of each kind is."""
     force, lines = moments[0].stage.units.of("force"), []
     for gid, colour in _COLOURS.items():
@@ -337,7 +305,7 @@ def _key(moments: list[_Moment]) -> list[dict[str, Any]]:
     return [{**place, "text": text, "xanchor": "left", "yanchor": "bottom"}] if lines else []
 
 
-def _player(labels: list[str], moments: list[_Moment]) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+def _player(labels: list[str], moments: list[Moment]) -> tuple[dict[str, Json], list[dict[str, Json]]]:
     """Buttons and the slider; the motion plays in its own time."""
     step = 1000.0 * (moments[-1].t - moments[0].t) / (len(moments) - 1)
     still = {"mode": "immediate", "frame": {"duration": 0, "redraw": True}, "transition": {"duration": 0}}

@@ -6,37 +6,36 @@ are left out.
 
 import numpy as np
 
-from ._arrows import LONGEST, Arrows, line_width
+from ._arrows import LONGEST, Arrows
 from ._pen import Pen, arrow
-from ._stage import Stage
+from ._scene import Scene
 from ._style import APPLIED, FONT, LABEL_Z, quantity
 
 _ROW, _GRAVITY = 15.0, 26.0  # points, heights
 _LETTER = 0.62 * FONT  # points, a bound on the mean width of a letter
 
 
-def key_height(groups: list[Arrows], scene: Stage, room: float) -> float:
+def key_height(groups: list[Arrows], scene: Scene, room: float) -> float:
     """Points that the key takes in axes `room` points wide."""
     rows, weight = _ROW * len(_keys(groups)), _GRAVITY * (scene.weight > 0)
     height = max(rows, weight) if _abreast(groups, scene, room) else rows + weight
     return height + (8.0 if height else 0.0)
 
 
-def draw_key(pen: Pen, groups: list[Arrows], scene: Stage) -> None:
+def draw_key(pen: Pen, groups: list[Arrows], scene: Scene) -> None:
     """Draw the key: a force of round size for each look at the upper left, gravity at the upper right."""
     (left, right), top = pen.axes.get_xlim(), pen.axes.get_ylim()[1]
     room = float(right - left) / pen.point
-    keys, gravity = _keys(groups), scene.gravity
+    keys, gravity = _keys(groups), scene.flat(scene.gravity)
     for row, group in enumerate(keys):
         size, look = round_size(0.6 * group.largest()), group.look
         start = np.array([left + 8.0 * pen.point, top - (12.0 + _ROW * row) * pen.point])
         end = start + np.array([size * (group.scale or 0.0), 0.0])
         corners = arrow(start, end, 2.4 * pen.point)
-        pen.polygon(corners, look.fill, look.edge, LABEL_Z, gid=f"{look.gid} key", linewidth=line_width(look))
+        pen.polygon(corners, z=LABEL_Z, gid=f"{look.gid} key", **look.style)
         text = look.text if _length(group) < room else look.text.split(" on ")[0]
-        _write(
-            pen, end + np.array([5.0 * pen.point, 0.0]), f"{quantity(size, scene.units.of('force'))}: {text}", "left"
-        )
+        told = f"{quantity(size, scene.units.of('force'))}: {text}"
+        pen.write(end + np.array([5.0 * pen.point, 0.0]), told, "key", "left")
     if scene.weight > 0:
         above = 0.0 if _abreast(groups, scene, room) else _ROW * len(keys)
         along = gravity / scene.weight * 11.0 * pen.point
@@ -44,14 +43,14 @@ def draw_key(pen: Pen, groups: list[Arrows], scene: Stage) -> None:
         if np.hypot(*along) > pen.point:  # else it is seen end-on
             corners = arrow(centre - along, centre + along, 1.4 * pen.point)
             pen.polygon(corners, APPLIED, "none", LABEL_Z, gid="gravity")
-        _write(pen, centre - np.array([13.0 * pen.point, 0.0]), _weight(scene), "right")
+        pen.write(centre - np.array([13.0 * pen.point, 0.0]), _weight(scene), "key", "right")
 
 
 def _keys(groups: list[Arrows]) -> list[Arrows]:
     return [group for group in groups if group.look.text and group.largest() > 0]
 
 
-def _abreast(groups: list[Arrows], scene: Stage, room: float) -> bool:
+def _abreast(groups: list[Arrows], scene: Scene, room: float) -> bool:
     """Whether gravity has room beside the arrows."""
     longest = max((_length(group) for group in _keys(groups)), default=0.0)
     return longest + (35.0 + _LETTER * len(_weight(scene)) if scene.weight > 0 else 0.0) < room
@@ -61,12 +60,8 @@ def _length(group: Arrows) -> float:
     return 13.0 + 0.6 * LONGEST + _LETTER * (len(group.look.text) + 8)
 
 
-def _weight(scene: Stage) -> str:
+def _weight(scene: Scene) -> str:
     return f"g = {quantity(scene.weight, scene.units.of('linear', 2))}"
-
-
-def _write(pen: Pen, at: np.ndarray, text: str, side: str) -> None:
-    pen.axes.text(*at, text, fontsize=FONT, ha=side, va="center", zorder=LABEL_Z, gid="key")
 
 
 def round_size(size: float) -> float:

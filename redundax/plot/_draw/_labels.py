@@ -1,25 +1,30 @@
 """Names placed so that they cover nothing
 
-    cost = sum of weight * overlap over all that is drawn (`_coverage`) + distance from the preferred place
+    cost = ink of the picture below the text + distance from the preferred place
 
 over candidates around each name's object, greedily in the order of the names and then three times more with all others
 placed. A name that would still cover another one is left out. Everything is measured in points of print.
 """
 
 import dataclasses
-from typing import Any
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from ._coverage import Coverage
-from ._pen import HARD, Pen, circle
+from ._pen import Pen, circle
 from ._style import FONT, GROUND, INK, LABEL_Z
 
-_TEXT = 100.0
-PATIENCE = 40.0 * HARD  # of a text that may be left out
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from matplotlib.text import Text
+
+_BLACK = 20.0  # cost of covering a square point of black, as of moving the text by so many points
+_LIGHT, _DARK = 0.2, 0.5  # shares of black of fills, which may be covered, and of what counts whole: lines and arrows
+_TEXT = 100.0  # cost of covering another text: five times that of a symbol, so that none ever is
+PATIENCE = 40.0 * _BLACK  # of a text that may be left out
 _LEAST = 7.0  # points, the smallest font
-_GAPS = (2.0, 7.0, 14.0, 24.0, 38.0)
-_PAD = np.array([5.0, 1.5])
+_GAPS = (2.0, 7.0, 14.0, 24.0, 38.0)  # points from what is named, up to three lines of text
+_PAD = np.array([5.0, 2.5])  # points around a text: a letter's space, and less between lines
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,20 +60,45 @@ def around(
     return centre + clearance * pen.point * ring, ring, 4.0 * (1.0 - ring @ towards)
 
 
+class _Ink:
+    """How dark the picture is between two corners (2,), points: sums over its pixels from the lower left on."""
+
+    def __init__(self, pen: Pen, lower: np.ndarray, upper: np.ndarray):
+        from matplotlib.backends.backend_agg import RendererAgg
+
+        figure, window = cast("Figure", pen.axes.get_figure(root=True)), pen.axes.get_window_extent()
+        renderer = RendererAgg(*figure.bbox.size, figure.dpi)
+        pen.axes.draw(renderer)  # the axes alone: nobody is told of a drawing of the figure
+        x0, y0, x1, y1 = np.maximum(np.round(window.extents).astype(int), 0)
+        pixels = np.asarray(renderer.buffer_rgba())[::-1][y0:y1, x0:x1] / 255.0
+        dark = pixels[..., 3] * (1.0 - pixels[..., :3] @ [0.2126, 0.7152, 0.0722])  # luminance of sRGB, Rec. 709
+        self.lower, self.most = lower, np.array(dark.shape[::-1])
+        self.pixel = (upper - lower) / self.most  # points
+        weights = _BLACK * np.clip((dark.T - _LIGHT) / (_DARK - _LIGHT), 0.0, 1.0)
+        self.sums = np.pad(np.cumsum(np.cumsum(weights, axis=0), axis=1), ((1, 0), (1, 0)))
+
+    def below(self, centres: np.ndarray, size: np.ndarray) -> np.ndarray:
+        """What texts of a size (2,) about centres (texts, 2) would cover, (texts,)."""
+        low, high = (
+            np.clip(np.round((centres + side * size / 2 - self.lower) / self.pixel).astype(int), 0, self.most)
+            for side in (-1, 1)
+        )
+        (x0, y0), (x1, y1), sums = low.T, high.T, self.sums
+        return (sums[x1, y1] - sums[x0, y1] - sums[x1, y0] + sums[x0, y0]) * np.prod(self.pixel)
+
+
 def place(pen: Pen, labels: list[Label], ceiling: float) -> None:
     """Put the labels where they are out of the way, and below the height `ceiling`."""
     if not labels:
         return
     axes = pen.axes
     lower, upper = np.array([axes.get_xlim(), axes.get_ylim()]).T / pen.point
+    ink = _Ink(pen, lower, upper)
     upper[1] = ceiling / pen.point
-    boxes = np.array(pen.boxes).reshape(-1, 5)
-    boxes = np.concatenate([boxes[:, :4] / pen.point, boxes[:, 4:]], axis=1)
     texts = [_text(pen, label) for label in labels]
     sizes = [_size(pen, text) for text in texts]
     candidates = [_candidates(label, size, pen.point) for label, size in zip(labels, sizes, strict=True)]
-    drawn = Coverage(boxes, lower, upper)
-    fixed = [_costs(found, size, drawn, lower, upper) for found, size in zip(candidates, sizes, strict=True)]
+    fixed = [_costs(found, size, ink, lower, upper) for found, size in zip(candidates, sizes, strict=True)]
     reach = np.array(
         [
             [*(centres.min(axis=0) - size / 2), *(centres.max(axis=0) + size / 2)]
@@ -99,7 +129,7 @@ def place(pen: Pen, labels: list[Label], ceiling: float) -> None:
         _leader(pen, label, centre, size)
 
 
-def _text(pen: Pen, label: Label) -> Any:
+def _text(pen: Pen, label: Label) -> "Text":
     from matplotlib.patheffects import withStroke
 
     text = pen.axes.text(
@@ -120,7 +150,7 @@ def _text(pen: Pen, label: Label) -> Any:
     return text
 
 
-def _size(pen: Pen, text: Any) -> np.ndarray:
+def _size(pen: Pen, text: "Text") -> np.ndarray:
     extent = text.get_window_extent()
     return np.array([extent.width, extent.height]) * 72.0 / pen.axes.figure.dpi / pen.symbol + _PAD
 
@@ -138,11 +168,11 @@ def _candidates(label: Label, size: np.ndarray, point: float) -> tuple[np.ndarra
 
 
 def _costs(
-    candidates: tuple[np.ndarray, np.ndarray], size: np.ndarray, drawn: Coverage, lower: np.ndarray, upper: np.ndarray
+    candidates: tuple[np.ndarray, np.ndarray], size: np.ndarray, ink: _Ink, lower: np.ndarray, upper: np.ndarray
 ) -> np.ndarray:
     centres, costs = candidates
     outside = np.maximum(lower - (centres - size / 2), 0) + np.maximum(centres + size / 2 - upper, 0)
-    return costs + drawn.of(centres, size) + 1e4 * outside.sum(axis=1)
+    return costs + ink.below(centres, size) + 1e4 * outside.sum(axis=1)
 
 
 def _overlap(centres: np.ndarray, size: np.ndarray, boxes: np.ndarray) -> np.ndarray:

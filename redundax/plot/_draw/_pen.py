@@ -1,60 +1,91 @@
-"""Strokes in data coordinates whose sizes are points of print, and a record of what they cover.
+"""Strokes in data coordinates whose sizes are points of print
 
     1 point of print = `point` / `symbol` metres on the drawing
 
-so symbols look alike at every scale of the mechanism, and names can keep clear of what is drawn already. Where a
-mechanism is dense, all symbols are drawn smaller by the factor `symbol`; sizes below are points before that.
+so symbols look alike at every scale of the mechanism. Where it is dense, all are drawn smaller by the factor `symbol`;
+sizes below are points before that.
 """
 
 import dataclasses
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
-from ._style import GROUND, GROUND_Z, INK
+from ._style import FONT, GROUND, GROUND_Z, INK, LABEL_Z
 
-Box = tuple[float, float, float, float, float]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
-HARD, OUTLINE = 20.0, 4.0
+
+class Style(TypedDict):
+    """Colours of a closed shape, and the width of its edge in points."""
+
+    fill: str
+    edge: str
+    linewidth: float
 
 
 @dataclasses.dataclass
 class Pen:
-    """Draws on matplotlib axes. `boxes` are (x0, y0, x1, y1, weight), what a name should keep clear of.
+    """Draws on matplotlib axes; `point` is the size of a point in data units, after the factor `symbol`."""
 
-    `point` is the size of a point in data units, after the factor `symbol`.
-    """
-
-    axes: Any
+    axes: "Axes"
     point: float
     symbol: float = 1.0
-    boxes: list[Box] = dataclasses.field(default_factory=list)
 
-    def polygon(self, corners: np.ndarray, fill: str = "none", edge: str = INK, z: float = 1.0, **style: Any) -> None:
-        """A closed shape; `opacity` is that of its fill."""
-        from matplotlib.colors import to_rgba
+    def polygon(
+        self,
+        corners: np.ndarray,
+        fill: str | tuple[str, float] = "none",
+        edge: str = INK,
+        z: float = 1.0,
+        *,
+        linewidth: float = 1.0,
+        linestyle: str = "-",
+        gid: str | None = None,
+    ) -> None:
+        """A closed shape; `fill` may have an opacity beside its colour."""
         from matplotlib.patches import Polygon
 
-        face = to_rgba(fill, style.pop("opacity", 1.0)) if fill != "none" else "none"
-        style = {"joinstyle": "round", **style, "linewidth": self.symbol * style.get("linewidth", 1.0)}
-        self.axes.add_artist(Polygon(corners, closed=True, facecolor=face, edgecolor=edge, zorder=z, **style))
+        patch = Polygon(corners, closed=True, facecolor=fill, edgecolor=edge, zorder=z, linestyle=linestyle, gid=gid)
+        patch.set(joinstyle="round", linewidth=self.symbol * linewidth)
+        self.axes.add_artist(patch)
 
-    def line(self, points: Any, colour: str = INK, z: float = 1.0, **style: Any) -> None:
+    def line(
+        self,
+        points: np.ndarray | Sequence[np.ndarray],
+        colour: str = INK,
+        z: float = 1.0,
+        *,
+        linewidth: float = 1.0,
+        linestyle: str = "-",
+        gid: str | None = None,
+    ) -> None:
         """An open line."""
         from matplotlib.lines import Line2D
 
-        points = np.asarray(points)
-        style = {"solid_capstyle": "round", **style, "linewidth": self.symbol * style.get("linewidth", 1.0)}
-        self.axes.add_artist(Line2D(points[:, 0], points[:, 1], color=colour, zorder=z, **style))
+        (x, y), style = np.asarray(points).T, {"linestyle": linestyle, "solid_capstyle": "round", "gid": gid}
+        self.axes.add_artist(Line2D(x, y, linewidth=self.symbol * linewidth, color=colour, zorder=z, **style))
 
-    def circle(self, centre: np.ndarray, radius: float, fill: str = "white", **style: Any) -> None:
+    def circle(
+        self,
+        centre: np.ndarray,
+        radius: float,
+        fill: str = "white",
+        edge: str = INK,
+        z: float = 1.0,
+        *,
+        linewidth: float = 1.0,
+        gid: str | None = None,
+    ) -> None:
         """A circle; `radius` in points."""
-        self.polygon(centre + radius * self.point * circle(48), fill, **style)
+        self.polygon(centre + radius * self.point * circle(48), fill, edge, z, linewidth=linewidth, gid=gid)
 
-    def box(self, centre: np.ndarray, along: np.ndarray, length: float, width: float, **style: Any) -> None:
-        """A rectangle; `length` in direction `along` and `width` across it, in points."""
-        a, b = along * length / 2 * self.point, across(along) * width / 2 * self.point
-        self.polygon(np.array([centre + a + b, centre - a + b, centre - a - b, centre + a - b]), **style)
+    def write(self, at: np.ndarray, text: str, gid: str, side: str = "center") -> None:
+        """A text beside a place, or on it."""
+        x, y = at.tolist()
+        self.axes.text(x, y, text, fontsize=FONT, ha=side, va="center", zorder=LABEL_Z, gid=gid)
 
     def hatched(self, start: np.ndarray, end: np.ndarray, colour: str = GROUND) -> None:
         """A line of the ground from `start` to `end`, with hatching on its right side."""
@@ -66,37 +97,14 @@ class Pen:
             root = start + along * place * self.point
             self.line([root, root + slant], colour, GROUND_Z, linewidth=0.7)
         self.line([start, end], colour, GROUND_Z, linewidth=1.2)
-        self.cover_line(start, end, 4.0, HARD)
 
-    def arrow(self, tail: np.ndarray, tip: np.ndarray, width: float = 2.4, **style: Any) -> None:
+    def arrow(self, tail: np.ndarray, tip: np.ndarray, style: Style, z: float, gid: str) -> None:
         """A straight arrow; its polygon has the tip as fourth corner and the tail between the first and the last."""
-        self.polygon(arrow(tail, tip, width * self.point), **style)
-        self.cover_line(tail, tip, 6.0, HARD)
+        self.polygon(arrow(tail, tip, 2.4 * self.point), z=z, gid=gid, **style)
 
-    def turn(self, centre: np.ndarray, radius: float, positive: bool, **style: Any) -> None:
+    def turn(self, centre: np.ndarray, radius: float, positive: bool, style: Style, z: float, gid: str) -> None:
         """A circular arrow of 270 degrees, counterclockwise where `positive`; `radius` in points."""
-        self.polygon(turn(positive, radius) * self.point + centre, **style)
-        self.cover(centre, radius + 3.0, HARD)
-
-    def cover(self, centre: np.ndarray, radius: float, weight: float) -> None:
-        """Names should keep clear of this circle; `radius` in points."""
-        reach = 0.9 * radius * self.point
-        self.boxes.append((centre[0] - reach, centre[1] - reach, centre[0] + reach, centre[1] + reach, weight))
-
-    def cover_line(self, start: np.ndarray, end: np.ndarray, width: float, weight: float) -> None:
-        """Names should keep clear of this line of `width` points."""
-        step = 0.7 * width * self.point
-        number = min(max(int(np.hypot(*(end - start)) / step), 1), 400)
-        for share in np.linspace(0.0, 1.0, number + 1):
-            self.cover(start + share * (end - start), width / 2, weight)
-
-    def cover_path(self, corners: np.ndarray, width: float, weight: float) -> None:
-        """Names should keep clear of this closed path of `width` points."""
-        closed = np.concatenate([corners, corners[:1]])
-        lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))])
-        places = np.arange(0.0, lengths[-1], 0.8 * width * self.point)
-        for place in zip(*(np.interp(places, lengths, values) for values in closed.T), strict=True):
-            self.cover(np.array(place), width / 2, weight)
+        self.polygon(turn(positive, radius) * self.point + centre, z=z, gid=gid, **style)
 
 
 def circle(number: int) -> np.ndarray:
@@ -132,3 +140,24 @@ def turn(positive: bool, radius: float, width: float = 2.2) -> np.ndarray:
         [(radius + width / 2) * ring, [wings[0], tip, wings[1]], (radius - width / 2) * ring[::-1]]
     )
     return corners if positive else corners * np.array([-1.0, 1.0])
+
+
+def hull(points: np.ndarray) -> np.ndarray:
+    """Corners of the convex hull, counterclockwise (monotone chain)."""
+    size = float(np.ptp(points, axis=0).max())
+    unique = np.unique(np.round(points, 12 - int(np.floor(np.log10(size))) if size else 12), axis=0)
+    if len(unique) < 3:
+        return unique
+
+    def chain(ordered: np.ndarray) -> list[np.ndarray]:
+        corners: list[np.ndarray] = []
+        for point in ordered:
+            while len(corners) > 1:
+                a, b = corners[-1] - corners[-2], point - corners[-2]
+                if a[0] * b[1] - a[1] * b[0] > 1e-9 * size**2:
+                    break
+                corners.pop()
+            corners.append(point)
+        return corners[:-1]
+
+    return np.array(chain(unique) + chain(unique[::-1]))

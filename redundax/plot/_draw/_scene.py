@@ -1,128 +1,180 @@
-"""What there is to draw: a mechanism at a state as points in the global frame, in NumPy.
+"""What there is to draw of a mechanism at a state: points, axes and loads in space, in NumPy, and where they are seen
 
-    p = r + R(phi) s                                                                       (54)
+    p = r + R s                                                                            (54)
 
-for every joint point s of a body; a guide runs along R_j v_j turned by -90 degrees, Eq. (57). The ground has the
-index after the last body. Joints without points of their own (drivers, couplings) are shown at the pin of their bodies.
+for every joint point s of a body. The ground has the index after the last body. A planar mechanism lies at z = 0: its
+joints have the axis z, or that of their guide, and the plane itself locks what its rows do not name. Joints without
+points of their own (drivers, couplings) are shown at the pin of their bodies.
 """
 
 import dataclasses
 import functools
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
+from jax.typing import ArrayLike
 
-from ..._bodies._joints import AngleCoupling, AngleDriver, KnifeEdge, Revolute, Wheel
-from ..._bodies._loads import AppliedForce, SpringDamper, TorsionSpring
+from ..._bodies._joints import AbstractJoint, AngleCoupling, KnifeEdge, Wheel
+from ..._bodies._loads import AppliedForce
+from ..._bodies._loads import TorsionSpring as FlatTorsionSpring
+from ..._bodies._loads._spring import AbstractSpringDamper
 from ..._bodies._mechanism import Mechanism
-from ..._bodies._pose import poses
-from ..._bodies._reactions import load_wrenches, moment_about
+from ..._bodies._plane import Plane
+from ..._bodies._pose import Pose as FlatPose
+from ..._bodies._reactions import load_wrenches
+from ..._bodies._space._joints._gear import Gear
+from ..._bodies._space._joints._wheels import AbstractOnPlane
+from ..._bodies._space._loads import Bushing, TorsionSpring
+from ..._bodies._space._pose import Pose
+from ..._bodies._stack import AbstractBetweenBodies, Stack
 from ..._system._state import State
 from ..._system._units import StatedUnits
-from ._meshes import Mesh, meshes_of, turned
+from ..._tools._compilation import compiled
+from ._camera import OVER_PLANE, Camera
+from ._meshes import Mesh, mesh_of
 
-_SIDES = np.array([[0.0, -1.0], [0.0, 1.0], [-1.0, 0.0], [1.0, 0.0]])
+SPRINGS = (AbstractSpringDamper, FlatTorsionSpring, TorsionSpring, Bushing)
+TORSION = (FlatTorsionSpring, TorsionSpring)
+_WAYS = ({"radial_1", "radial_2"}, {"axial"}, {"bend_1", "bend_2"}, {"twist"})
+_IN_PLANE: dict[frozenset[str], tuple[bool, bool, bool, bool]] = {  # the same of rows in the plane, which locks more
+    frozenset({"x", "y"}): (True, True, True, False),
+    frozenset({"x", "y", "angle"}): (True, True, True, True),
+    frozenset({"perpendicular", "angle"}): (True, False, True, True),
+    frozenset({"perpendicular"}): (True, False, False, False),
+}
+_NONE = (False, False, False, False)
+_SLIDES = 1e-6  # of a travel, up to which a point is on the axis: joints are closed to 1e-10, files have six digits
+_ROUNDING = 1e-6  # of force times arm, up to which a moment about the point of a force is none
+
+
+class Bodies(NamedTuple):
+    """Origins (bodies, 3), axes as columns (bodies, 3, 3), and centres of mass (bodies, 3), the ground's last."""
+
+    r: np.ndarray
+    axes: np.ndarray
+    centres: np.ndarray
+
+    def points(self, local: ArrayLike | None, bodies: np.ndarray) -> np.ndarray | None:
+        """Global points of bodies, of which the local ones are given."""
+        local = _vectors(local)
+        return None if local is None else self.r[bodies] + np.einsum("bij,bj->bi", self.axes[bodies], local)
 
 
 @dataclasses.dataclass(frozen=True)
 class Joint:
-    """A joint: `on_i` and `on_j` are its points on the two bodies, `spot` is where its symbol and name belong.
+    """A joint at the point `on_i` of body i and `on_j` of body j, with axes as columns, z along its own, on each.
 
-    `axis` is the unit vector along its guide, `length` the guide's length and `ratio` that of a coupling of angles,
-    where the joint has such a thing, `mesh` its teeth and `radius` that of a wheel on a line; `pointed` is whether it
-    has a point, `one_sided` whether it only pushes. `locks` are the names of its rows. `group` and `member` say where
-    in the mechanism's stacks it lies.
+    `place` is where its symbol and name are, `told` where its reaction is known about. `locks` says whether it locks
+    offsets square to its axis, that along it, tilts of it, and turns about it; `has_point` whether it has points of its
+    own, `has_axis` whether it reads the axis. `length` is that of a slider, `radius` that of a wheel on a floor, which
+    touches it at `on_j`, 0 of a blade.
     """
 
     name: str
     kind: type
-    locks: frozenset[str]
-    group: int
-    member: int
     i: int
     j: int
     on_i: np.ndarray
     on_j: np.ndarray
-    spot: np.ndarray
-    axis: np.ndarray | None
-    length: float | None
-    ratio: float | None
-    pointed: bool
-    mesh: Mesh | None = None
-    one_sided: bool = False
+    axes_i: np.ndarray
+    axes_j: np.ndarray
+    place: np.ndarray
+    told: np.ndarray
+    locks: tuple[bool, bool, bool, bool]
+    has_point: bool
+    has_axis: bool
+    length: float | None = None
     radius: float | None = None
+    mesh: Mesh = dataclasses.field(default_factory=Mesh)
 
     @property
-    def loaded_at(self) -> np.ndarray:
-        """Where the arrow of its force starts: on body i, of teeth at the pitch point."""
-        return self.on_i if self.mesh is None else self.spot
+    def slides(self) -> bool:
+        """Whether it is free along its axis alone."""
+        across, along, _, _ = self.locks
+        return across and not along
 
 
 @dataclasses.dataclass(frozen=True)
 class Load:
-    """A spring between two points, or (`kind` is AppliedForce) a force and a moment on a body at `on_i`."""
+    """A spring between two points or about the axis z of `axes`, or (`kind` is AppliedForce) a force and a moment at
+    `on_i`; `is_stiff` is false for a damper.
+    """
 
     kind: type
     i: int
     on_i: np.ndarray
     on_j: np.ndarray
-    to_ground: bool
-    stiff: bool = True
-    force: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(2))
-    moment: float = 0.0
+    axes: np.ndarray
+    to_ground: bool = False
+    is_stiff: bool = True
+    force: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(3))
+    moment: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(3))
 
 
 @dataclasses.dataclass(frozen=True)
 class Scene:
-    """Bodies (`names`, `centres` and `turns`, the ground's last), joints, loads, gravity, and the model's units."""
+    """Bodies (`names`, `centres` of mass (bodies, 3), and `spans`, the points that each holds together), joints, loads,
+    the acceleration of gravity, units, and how it is seen.
+    """
 
     names: tuple[str, ...]
     centres: np.ndarray
-    turns: np.ndarray
+    spans: tuple[np.ndarray, ...]
     joints: tuple[Joint, ...]
     loads: tuple[Load, ...]
     gravity: np.ndarray
     units: StatedUnits
+    camera: Camera
 
     @property
     def ground(self) -> int:
         """Index of the ground."""
         return len(self.names)
 
-    def joint_points(self, body: int) -> np.ndarray:
-        """Points of a moving body by which it is connected, and its centre of mass, shape (points, 2)."""
-        return np.array(self._connections[body])
+    @property
+    def is_flat(self) -> bool:
+        """Whether it is of the plane."""
+        return self.camera.view.is_flat
+
+    def flat(self, points: np.ndarray) -> np.ndarray:
+        """Places on the picture, (..., 2), of points or directions (..., 3)."""
+        return self.camera.view.flat(points)
 
     @functools.cached_property
-    def _connections(self) -> list[list[np.ndarray]]:
-        """`joint_points` of all bodies."""
-        points = [[centre] for centre in self.centres]
-        for joint in self.joints:
-            points[joint.i].append(joint.on_i)
-            points[joint.j].append(joint.on_j if joint.axis is None else joint.on_i)
-        for load in self.loads:
-            points[load.i].append(load.on_i)
-        return points
+    def spots(self) -> np.ndarray:
+        """Places of joints on the picture, (joints, 2)."""
+        return self.flat(np.array([joint.place for joint in self.joints]).reshape(-1, 3))
 
-    def points(self) -> np.ndarray:
-        """All points that must be in the picture, shape (points, 2)."""
-        ends = [joint.on_j for joint in self.joints if joint.axis is None]
-        ends += [joint.on_i for joint in self.joints] + [joint.spot for joint in self.joints]
-        for joint in self.joints:
-            ends += [end + side * radius for end, radius in pitch_circles(joint) for side in _SIDES]
+    @functools.cached_property
+    def space_points(self) -> np.ndarray:
+        """All points that must be in the picture, (points, 3)."""
+        ends = [end for joint in self.joints for end in (joint.on_i, joint.on_j, joint.place)]
         ends += [end for load in self.loads for end in (load.on_i, load.on_j)]
-        return np.array([*self.centres[: self.ground], *ends])
+        for joint in self.joints:  # rims of wheels
+            rims = [joint.on_i + side * (joint.radius or 0.0) * joint.axes_i.T[:2] for side in (-1, 1)]
+            rims += [
+                circle.centre + side * circle.radius * (np.eye(3) - np.outer(circle.axis, circle.axis))
+                for circle in joint.mesh.circles
+                for side in (-1, 1)
+            ]
+            ends += [point for rim in rims for point in rim]
+        return np.concatenate([*self.spans, np.array(ends).reshape(-1, 3)])
+
+    @property
+    def points(self) -> np.ndarray:
+        """Their places on the picture, (points, 2)."""
+        return self.flat(self.space_points)
 
     @functools.cached_property
     def spacing(self) -> float:
-        """Median distance of a joint's place from the next one; infinite where there is one place only."""
-        return spacing(np.array([joint.spot for joint in self.joints]), self.points())
+        """Median distance of a joint from the next one, as it is seen; infinite where all are at one place."""
+        return spacing(self.spots, self.points)
 
     @property
     def weight(self) -> float:
         """Size of the acceleration of gravity."""
-        return float(np.hypot(*self.gravity))
+        return float(np.linalg.norm(self.gravity))
 
 
 def spacing(spots: np.ndarray, points: np.ndarray) -> float:
@@ -136,161 +188,207 @@ def spacing(spots: np.ndarray, points: np.ndarray) -> float:
     return float(np.median([gap(spot) for spot in spots])) if len(spots) else np.inf
 
 
-def scene(mechanism: Mechanism, state: State) -> Scene:
+def scene(mechanism: Mechanism, state: State, camera: Camera = OVER_PLANE) -> Scene:
     """The scene of a mechanism at a state."""
-    body = poses(state.q)
-    r, phi = np.asarray(body.r, float), np.asarray(body.phi, float)
-    joints = [joint for group in range(len(mechanism.joints)) for joint in _joints(mechanism, group, r, phi)]
-    pins = by_body([joint for joint in joints if joint.kind is Revolute])
-    return Scene(
-        names=mechanism.names.bodies,
-        centres=r,
-        turns=phi,
-        joints=tuple(_at_pin(joint, pins, r) for joint in joints),
-        loads=tuple(load for stack in mechanism.loads for load in _loads(mechanism, stack, state, r, phi, pins)),
-        gravity=np.asarray(mechanism.gravity, float),
-        units=mechanism.names.units,
+    bodies = _bodies(mechanism, state)
+    stacks = [(stack.element, _joints(mechanism, group, bodies)) for group, stack in enumerate(mechanism.joints)]
+    pins = by_body([each for _, some in stacks for each in some if each.has_point and each.locks[:2] == (True, True)])
+    joints = tuple(_finished(each, element, k, pins, bodies) for element, some in stacks for k, each in enumerate(some))
+    loads = tuple(load for stack in mechanism.loads for load in _loads(mechanism, stack, state, bodies, pins))
+    of_body, names = by_body(joints), mechanism.names.bodies
+    spans = tuple(
+        bodies.r[k] + camera.shapes[name] @ bodies.axes[k].T
+        if name in camera.shapes
+        else _span(k, bodies.centres[k], of_body.get(k, []), [load for load in loads if load.i == k])
+        for k, name in enumerate(names)
     )
+    gravity = lifted(np.asarray(mechanism.gravity, float))
+    return Scene(names, bodies.centres[:-1], spans, joints, loads, gravity, mechanism.names.units, camera)
 
 
-def _joints(mechanism: Mechanism, group: int, r: np.ndarray, phi: np.ndarray) -> list[Joint]:
+def _bodies(mechanism: Mechanism, state: State) -> Bodies:
+    pose = _poses(mechanism.anonymous, state)
+    if isinstance(pose, FlatPose):
+        r, phi = lifted(np.asarray(pose.r, float)), np.asarray(pose.phi, float)
+        axes = np.broadcast_to(np.eye(3), (len(r), 3, 3)).copy()
+        axes[:, :2, :2] = np.array([[np.cos(phi), -np.sin(phi)], [np.sin(phi), np.cos(phi)]]).transpose(2, 0, 1)
+        return Bodies(r, axes, r)
+    r, axes, centre = (np.asarray(x, float) for x in (pose.r, pose.axes, pose.centre))
+    return Bodies(r, axes, r + np.einsum("bij,bj->bi", axes, centre))
+
+
+@compiled
+def _poses(mechanism: Mechanism, state: State) -> FlatPose | Pose:
+    return mechanism.frame.motions(mechanism.body, state).pose
+
+
+def lifted(v: np.ndarray) -> np.ndarray:
+    """Vectors (..., 3) of such ones, or of (..., 2) in the plane."""
+    return np.concatenate([v, np.zeros((*v.shape[:-1], 3 - v.shape[-1]))], axis=-1)
+
+
+def _vectors(value: ArrayLike | None) -> np.ndarray | None:
+    """Vectors of stacked elements, (size, 3), where they are there."""
+    return lifted(np.asarray(value, float)) if value is not None and np.shape(value)[1:] in ((2,), (3,)) else None
+
+
+def _joints(mechanism: Mechanism, group: int, bodies: Bodies) -> list[Joint]:
     stack = mechanism.joints[group]
-    element, i, j = stack.element, np.asarray(stack.i), np.asarray(stack.j)
-    ground = len(r) - 1
-    meshes = meshes_of(stack, r, phi)
-    on_i, on_j = (_points(element.point_on(end), body, r, phi) for end, body in (("i", i), ("j", j)))
-    pointed = on_i is not None or on_j is not None
+    element, i, j, ground = stack.element, np.asarray(stack.i), np.asarray(stack.j), len(bodies.r) - 1
+    own_i, own_j = (bodies.points(element.point_on(end), body) for end, body in (("i", i), ("j", j)))
+    told = np.where(
+        (i == ground)[:, None], bodies.r[j] if own_j is None else own_j, bodies.r[i] if own_i is None else own_i
+    )
     # The ground has no centre to show a joint at; a point of the other body does.
-    on_i = on_j if on_i is None and on_j is not None else on_i
-    on_i = np.where((i == ground)[:, None], r[j], r[i]) if on_i is None else on_i
-    on_j = np.where((j == ground)[:, None], on_i, r[j]) if on_j is None else on_j
-    normal = _stacked(element.directions().get("j"), (2,))
-    axis = None if normal is None else turned(np.stack([normal[:, 1], -normal[:, 0]], 1), phi[j])
-    if isinstance(element, KnifeEdge):
-        axis = turned(np.asarray(element.direction, float), phi[i])
-    radius = np.asarray(element.radius, float) if isinstance(element, Wheel) else None
-    length = _stacked(element.moment_arm(), ())
-    ratio = _stacked(element.ratio, ()) if isinstance(element, AngleCoupling) else None
-    names = mechanism.names.joints[group]
+    on_i = own_j if own_i is None and own_j is not None else own_i
+    on_i = bodies.centres[np.where(i == ground, j, i)] if on_i is None else on_i
+    on_j = np.where((j == ground)[:, None], on_i, bodies.centres[j]) if own_j is None else own_j
+    axes_i, axes_j, is_placed = _axes(element, i, j, bodies)
+    radii = None
+    if isinstance(element, AbstractOnPlane | Wheel):
+        radii = np.broadcast_to(np.asarray(getattr(element, "radius", 0.0), float), len(i))
+        on_j = _touching(on_i, radii, axes_i[:, :, 2], axes_j[:, :, 2])
+    on_axis = is_placed and not isinstance(element, Gear)
+    length = element.moment_arm()
+    length = None if length is None or np.shape(length) != (len(i),) else np.asarray(length, float)
+    flat = isinstance(mechanism.frame, Plane)
     return [
         Joint(
-            name=names[k],
-            kind=type(element),
-            locks=frozenset(name for name, _ in element.row_kinds),
-            group=group,
-            member=k,
-            i=int(i[k]),
-            j=int(j[k]),
-            on_i=on_i[k],
-            on_j=on_j[k],
-            spot=on_i[k],
-            axis=None if axis is None else axis[k],
-            length=None if length is None else float(length[k]),
-            ratio=None if ratio is None else float(ratio[k]),
-            pointed=pointed,
-            mesh=meshes[k],
-            one_sided=element.one_sided,
-            radius=None if radius is None else float(radius[k]),
+            name, type(element), int(i[k]), int(j[k]), on_i[k], on_j[k], axes_i[k], axes_j[k],
+            on_i[k] if on_axis else (on_i[k] + on_j[k]) / 2, told[k],
+            _locked(element, flat, is_placed), own_i is not None or own_j is not None,
+            flat or bool(element.directions()), None if length is None else float(length[k]),
+            None if radii is None else float(radii[k]),
         )
-        for k in range(len(i))
-    ]
+        for k, name in enumerate(mechanism.names.joints[group])
+    ]  # fmt: skip
 
 
-def _at_pin(joint: Joint, pins: dict[int, list[Joint]], r: np.ndarray) -> Joint:
-    """Joints without points at the pins of their bodies, joints between two distant points halfway."""
-    if joint.mesh is not None:
-        return dataclasses.replace(joint, spot=joint.mesh.pitch, on_j=joint.mesh.on_j, axis=None)
-    if joint.axis is not None:
-        return joint
-    if joint.pointed:
-        return dataclasses.replace(joint, spot=(joint.on_i + joint.on_j) / 2)
+def _locked(element: AbstractJoint, flat: bool, is_placed: bool) -> tuple[bool, bool, bool, bool]:
+    """What a joint locks: offsets across its axis, along it, tilts of it and turns about it."""
+    rows = frozenset(name for name, _ in element.row_kinds)
+    if not flat:
+        across, along, tilt, twist = (way <= rows for way in _WAYS)
+        return across, along, tilt, twist
+    if "perpendicular" in rows and not is_placed:
+        return _NONE
+    return (False, True, False, False) if _is_floor(element) and len(rows) == 1 else _IN_PLANE.get(rows, _NONE)
+
+
+def _is_floor(element: AbstractJoint) -> bool:
+    """Whether a line of body j only pushes, square to it."""
+    return isinstance(element, Wheel) or (element.one_sided and "perpendicular" in dict(element.row_kinds))
+
+
+def _axes(
+    element: AbstractBetweenBodies, i: np.ndarray, j: np.ndarray, bodies: Bodies
+) -> tuple[np.ndarray, np.ndarray, bool]:
+    """Axes of joints on both bodies, and whether the joint has any; in the plane z is along guides and blades, and
+    square to floors."""
+    local: list[ArrayLike | None] = [element.axes_on(end) for end in "ij"]
+    normal = element.directions().get("j") if isinstance(element, AbstractJoint) else None
+    if isinstance(element, AbstractJoint) and normal is not None and np.shape(normal)[1:] == (2,):
+        x = lifted(np.asarray(normal, float))
+        local[1] = _upright(x if _is_floor(element) else np.cross(x, [0.0, 0.0, 1.0]))
+    if isinstance(element, KnifeEdge):
+        local[0] = _upright(lifted(np.asarray(element.direction, float)))
+    turns = [None if each is None or np.shape(each)[1:] != (3, 3) else np.asarray(each, float) for each in local]
+    ends = zip(turns, (bodies.axes[i], bodies.axes[j]), strict=True)
+    on_i, on_j = (axes if turn is None else axes @ turn for turn, axes in ends)
+    return on_i, on_j, any(turn is not None for turn in turns)
+
+
+def _upright(z: np.ndarray) -> np.ndarray:
+    """Axes whose y is that square to the plane."""
+    y = np.broadcast_to([0.0, 0.0, 1.0], z.shape)
+    return np.stack([np.cross(y, z), y, z], axis=-1)
+
+
+def _touching(centres: np.ndarray, radii: np.ndarray, axles: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Lowest points of discs."""
+    up = normals - np.sum(axles * normals, axis=1, keepdims=True) * axles
+    return centres - radii[:, None] * up / np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-300)
+
+
+def _finished(joint: Joint, element: AbstractJoint, k: int, pins: dict[int, list[Joint]], bodies: Bodies) -> Joint:
+    """Member k of stacked joints with its wheels; one without points is at the pin of its bodies, if there is one."""
+    ground, on_i, on_j, place = len(bodies.r) - 1, joint.on_i, joint.on_j, joint.place
     if joint.kind is AngleCoupling:
-        ends = [pin(body, len(r) - 1, pins) for body in (joint.i, joint.j)]
-        on_i, on_j = (r[body] if end is None else end for body, end in zip((joint.i, joint.j), ends, strict=True))
-        return dataclasses.replace(joint, on_i=on_i, on_j=on_j, spot=(on_i + on_j) / 2)
-    spot = pin(joint.i, joint.j, pins)
-    if spot is None or (joint.kind is not AngleDriver and joint.j != len(r) - 1):
-        spot = (joint.on_i + joint.on_j) / 2
-    return dataclasses.replace(joint, spot=spot)
+        on_i, on_j = (_pin(body, ground, pins, bodies) for body in (joint.i, joint.j))
+        place = (on_i + on_j) / 2
+    elif not joint.has_point:
+        found = joining(joint.i, joint.j, pins)
+        place = place if found is None or not {joint.j} & {found.i, found.j, ground} else found.on_i
+    axes = joint.axes_i[:, 2], joint.axes_j[:, 2]
+    mesh = mesh_of(element, k, (joint.i, joint.j), (on_i, on_j), axes, joint.axes_j[:, 0])
+    place = place if mesh.pitch is None else mesh.pitch
+    return dataclasses.replace(joint, on_i=on_i, on_j=on_j, place=place, mesh=mesh)
 
 
-def by_body(joints: Sequence[Any]) -> dict[int, list[Any]]:
+def by_body(joints: Sequence[Joint]) -> dict[int, list[Joint]]:
     """The joints of each body, in order."""
-    found: dict[int, list[Any]] = {}
+    found: dict[int, list[Joint]] = {}
     for joint in joints:
         for body in {joint.i, joint.j}:
             found.setdefault(body, []).append(joint)
     return found
 
 
-def joining(i: int, j: int, joints: dict[int, list[Any]]) -> Any:
+def joining(i: int, j: int, joints: Mapping[int, Sequence[Joint]]) -> Joint | None:
     """A joint of the bodies i and j, else the first of i; `None` if there is none."""
     own = joints.get(i, [])
     return next((joint for joint in own if j in (joint.i, joint.j)), own[0] if own else None)
 
 
-def pin(i: int, j: int, pins: dict[int, list[Joint]]) -> np.ndarray | None:
-    """Where the bodies i and j are pinned together, else where i is pinned to anything."""
+def _pin(i: int, j: int, pins: dict[int, list[Joint]], bodies: Bodies) -> np.ndarray:
+    """Where the bodies i and j are pinned together, else where i is pinned to anything, or has its centre."""
     found = joining(i, j, pins)
-    return None if found is None else found.on_i
-
-
-def pitch_circles(joint: Joint) -> list[tuple[np.ndarray, float]]:
-    """Centres and radii of gears in mesh, of a wheel on a line, or of the wheels of a coupling, which touch if they
-    turn in opposite senses; else none.
-    """
-    if joint.mesh is not None:
-        return list(joint.mesh.circles)
-    if joint.radius is not None:
-        return [(joint.on_i, joint.radius)]
-    distance, ratio = float(np.hypot(*(joint.on_j - joint.on_i))), joint.ratio or 1.0
-    if joint.kind is not AngleCoupling or distance == 0:
-        return []
-    whole = distance if ratio > 0 else 0.5 * distance
-    return [(joint.on_i, whole / (1 + abs(ratio))), (joint.on_j, whole * abs(ratio) / (1 + abs(ratio)))]
+    return bodies.centres[min(i, j)] if found is None else found.on_i
 
 
 def _loads(
-    mechanism: Mechanism, stack: Any, state: State, r: np.ndarray, phi: np.ndarray, pins: dict[int, list[Joint]]
+    mechanism: Mechanism, stack: Stack, state: State, bodies: Bodies, pins: dict[int, list[Joint]]
 ) -> list[Load]:
-    kind, ground = type(stack.element), len(r) - 1
-    bodies_i, bodies_j = np.asarray(stack.i), np.asarray(stack.j)
-    on_i = _points(stack.element.point_on("i"), bodies_i, r, phi)
-    on_j = _points(stack.element.point_on("j"), bodies_j, r, phi)
-    if kind is SpringDamper and on_i is not None and on_j is not None:
-        stiff = np.asarray(stack.element.stiffness) != 0
-        return [
-            Load(kind, int(bodies_i[k]), on_i[k], on_j[k], ground in (bodies_i[k], bodies_j[k]), bool(stiff[k]))
-            for k in range(len(bodies_i))
-        ]
-    if kind is TorsionSpring:
-        spots = [pin(int(i), int(j), pins) for i, j in zip(bodies_i, bodies_j, strict=True)]
-        spots = [r[i] if spot is None else spot for i, spot in zip(bodies_i, spots, strict=True)]
-        return [Load(kind, int(i), spot, spot, False) for i, spot in zip(bodies_i, spots, strict=True)]
-    return _applied(mechanism, stack, state, r, phi)
-
-
-def _applied(mechanism: Mechanism, stack: Any, state: State, r: np.ndarray, phi: np.ndarray) -> list[Load]:
-    """Forces and moments of a load at this state, at its point if it has one, else at the body's centre."""
-    ground, out = len(r) - 1, []
-    for bodies, wrench in zip((stack.i, stack.j), load_wrenches(mechanism, stack, state), strict=True):
-        bodies, force, moment = np.asarray(bodies), np.asarray(wrench.force), np.asarray(wrench.moment)
-        points = _points(getattr(stack.element, "point", None), bodies, r, phi)
-        for k, body in enumerate(bodies):
-            if body == ground or not (np.any(force[k]) or moment[k]):
-                continue
-            at = r[body] if points is None else points[k]
-            about = float(moment_about(moment[k], force[k], at - r[body]))
-            about = about if abs(about) > 1e-6 * np.hypot(*force[k]) * np.hypot(*(at - r[body])) else 0.0
-            out.append(Load(AppliedForce, int(body), at, at, False, force=force[k], moment=about))
+    """Springs of a stack, or the forces and moments of other loads."""
+    element, i, j, ground = stack.element, np.asarray(stack.i), np.asarray(stack.j), len(bodies.r) - 1
+    if not isinstance(element, SPRINGS):
+        return _applied(mechanism, stack, state, bodies)
+    _, axes, _ = _axes(element, i, j, bodies)
+    on_i, on_j = (bodies.points(element.point_on(end), body) for end, body in (("i", i), ("j", j)))
+    stiffness, out = getattr(element, "stiffness", None), []
+    for k, (one, other) in enumerate(zip(i.tolist(), j.tolist(), strict=True)):
+        spot = _pin(one, other, pins, bodies)
+        a, b = spot if on_i is None else on_i[k], spot if on_j is None else on_j[k]
+        is_stiff = stiffness is None or bool(stiffness[k] != 0)
+        out.append(Load(type(element), one, a, b, axes[k], ground in (one, other), is_stiff))
     return out
 
 
-def _stacked(value: Any, shape: tuple[int, ...]) -> np.ndarray | None:
-    """Values of stacked elements as an array with a leading axis over them, if they are there in that shape."""
-    return np.asarray(value, float) if value is not None and np.shape(value)[1:] == shape else None
+def _applied(mechanism: Mechanism, stack: Stack, state: State, bodies: Bodies) -> list[Load]:
+    """Forces and moments of a load at its point if it has one, else at the body's centre of mass."""
+    out = []
+    for which, wrench in zip((stack.i, stack.j), load_wrenches(mechanism, stack, state), strict=True):
+        own, force = np.asarray(which), lifted(np.asarray(wrench.force, float))
+        moment = np.asarray(wrench.moment, float)
+        moment = moment[:, None] * [0.0, 0.0, 1.0] if moment.ndim == 1 else moment
+        points = bodies.points(getattr(stack.element, "point", None), own)
+        for k, body in enumerate(own.tolist()):
+            if body == len(bodies.r) - 1 or not (np.any(force[k]) or np.any(moment[k])):
+                continue
+            at = bodies.centres[body] if points is None else points[k]
+            about = moment[k] - np.cross(at - bodies.r[body], force[k])
+            least = _ROUNDING * np.linalg.norm(force[k]) * np.linalg.norm(at - bodies.r[body])
+            about = about if np.linalg.norm(about) > least else np.zeros(3)
+            out.append(Load(AppliedForce, body, at, at, bodies.axes[body], force=force[k], moment=about))
+    return out
 
 
-def _points(local: Any, bodies: np.ndarray, r: np.ndarray, phi: np.ndarray) -> np.ndarray | None:
-    local = _stacked(local, (2,))
-    return None if local is None else r[bodies] + turned(local, phi[bodies])
+def _span(body: int, centre: np.ndarray, joints: Sequence[Joint], loads: Sequence[Load]) -> np.ndarray:
+    """Points by which a moving body is connected, with its joints and loads, and its centre of mass."""
+    points = [centre, *(joint.on_i for joint in joints if joint.i == body)]
+    for joint in joints:
+        if joint.j == body:  # what slides along an axis of the body is where it slides
+            along = joint.axes_j[:, 2] * ((joint.on_i - joint.on_j) @ joint.axes_j[:, 2])
+            slides = np.linalg.norm(joint.on_i - joint.on_j - along) <= _SLIDES * np.linalg.norm(along)
+            points.append(joint.on_i if slides else joint.on_j)
+    return np.array([*points, *(load.on_i for load in loads)])

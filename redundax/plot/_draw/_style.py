@@ -10,10 +10,10 @@ BODIES = ("#56B4E9", "#E69F00", "#009E73", "#CC79A7", "#F0E442")
 # Sizes in points of print.
 PIN = 4.2
 BAR = 5.5  # half the width of a bar
-BLOCK = (24.0, 14.0)  # length and width of a slider
 TURN = 13.0  # radius of a circular arrow
-FONT = 9.0
+FONT = 9.0  # of a caption in print
 
+# From the paper up: what is higher hides what is lower.
 GROUND_Z, BODY_Z, BLOCK_Z, ARROW_Z, PIN_Z, LABEL_Z = 1.0, 2.0, 3.0, 4.0, 5.0, 6.0
 
 

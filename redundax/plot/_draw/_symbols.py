@@ -1,296 +1,266 @@
-"""Symbols of joints, of the ground and of loads, as in textbooks on mechanisms.
+"""Symbols of joints as solids whose sizes are points of print, as in textbooks on mechanisms
 
-A circle is a revolute joint and a block between rails a translational one; hatching is the ground, M a driven angle, a
-cylinder a driven distance (a rod where it is constant), a black square a fixed joint, chain-dotted circles the wheels
-of a coupling of angles or, with a line of action, of gears in mesh; a circle on a line is a wheel, a bar with pointed
-ends a blade seen from above. Lower pairs are drawn by what they lock, so new
-ones too; a diamond is a joint with rows of other names.
+A short cylinder along the axis is a revolute joint, in the plane a circle; one on a longer shaft a cylindrical joint, a
+block on a rail a prismatic one, with a helix a screw; a ball is a spherical joint, on a rail a point on a line or a pin
+in a slot, on a plate a point on a plane; a cross is universal, a ball between two stubs of constant velocity, a plate
+on a plate planar, two short rods parallel axes, a dark cube fixed; a thin rod holds a distance, with a cylinder drives
+it, a dark drum with M drives an angle, a piston a travel; circles are wheels in mesh, a tyre with spokes and a patch of
+floor a wheel, a plate on its edge a blade. Lower pairs are drawn by what they lock, so new ones too: on a rail what
+slides along the axis, on a plate what slides square to it; a ball where the axis may tilt, a block where it may not. An
+octahedron is a joint with rows of other names.
 """
 
-from collections.abc import Callable
-from typing import cast
+import dataclasses
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ..._bodies._joints import (
-    AngleCoupling,
-    AngleDriver,
-    Cable,
-    DistanceDriver,
-    GearPair,
-    KnifeEdge,
-    RackAndPinion,
-    Wheel,
-)
-from ..._bodies._loads import AppliedForce, SpringDamper, TorsionSpring
-from ._bodies import block_length, guide_reach, hull
-from ._meshes import Mesh
-from ._pen import HARD, OUTLINE, Pen, across, circle
-from ._scene import Joint, Load, Scene, pitch_circles
-from ._style import BLOCK, BLOCK_Z, BODY_Z, GROUND, GROUND_Z, INK, PIN, PIN_Z, body_colour, dark
+from ..._bodies import _joints as flat
+from ..._bodies._loads._spring import AbstractSpringDamper
+from ..._bodies._space._joints._distance import Cable, Distance
+from ..._bodies._space._joints._drivers import AngleDriver, TravelDriver
+from ..._bodies._space._joints._gear import Gear
+from ..._bodies._space._joints._pairs import ConstantVelocity
+from ..._bodies._space._joints._screw import Screw
+from ..._bodies._space._joints._universal import Universal
+from ..._bodies._space._joints._wheels import KnifeEdge, Wheel
+from ..._bodies._space._loads import Bushing
+from ._scene import TORSION, Joint, Load, Scene
+from ._solids import Solid, axes_of, ball, box, cone, cylinder, hull_solids, path, ring, rod, unit
+from ._stands import block_length, on_table, rail_ends, stands
+from ._style import GROUND, INK, body_colour, dark
 
-_SIDES = np.array([[0.0, -1.0], [0.0, 1.0], [-1.0, 0.0], [1.0, 0.0]])
-
-
-def draw_joints(pen: Pen, scene: Scene) -> None:
-    """Draw the symbols of all joints, and the ground where they stand on it."""
-    for point, away in _supports(pen, scene):
-        _support(pen, point, away)
-    for joint in scene.joints:
-        symbol(joint)(pen, scene, joint)
+_PLAIN, _UNIQUE, _NOT = "#F2F2F2", "#5FC9A8", "#F2814B"  # joints: as they are, and by the verdict on their load
+_BAR = 2.9  # points, radius of a bar
+_M = np.array([[-3.2, -3.2], [-3.2, 3.4], [0.0, -1.2], [3.2, 3.4], [3.2, -3.2]])  # points
 
 
-def draw_springs(pen: Pen, scene: Scene) -> None:
-    """Draw springs and dampers."""
-    for load in scene.loads:
-        if load.kind is SpringDamper:
-            (_zigzag if load.stiff else _dashpot)(pen, load.on_i, load.on_j)
-            pen.cover_line(load.on_i, load.on_j, 9.0, HARD)
-        elif load.kind is TorsionSpring:
-            angle = np.linspace(0.0, 4.5 * np.pi, 120)
-            radius = (PIN + 1.0 + 7.0 * angle / angle[-1]) * pen.point
-            spiral = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-            pen.line(load.on_i + spiral, INK, PIN_Z - 0.1, linewidth=1.0)
-            pen.cover(load.on_i, PIN + 8.0, HARD)
+def solids(scene: Scene, point: float) -> list[Solid]:
+    """All that is drawn of bodies, joints and springs; `point` is the size of a point of print in the model."""
+    out: list[Solid] = []
+    for body, (name, span) in enumerate(zip(scene.names, scene.spans, strict=True)):
+        colour = body_colour(body, scene.ground)
+        out += hull_solids(span, _BAR * point, colour, dark(colour, 0.8), f"body {name}")
+    return out + [each for stand in stands(scene, point) for each in stand.solids(point)] + symbols(scene, point)
 
 
-def applied_loads(scene: Scene) -> list[Load]:
-    """Forces and moments on single bodies."""
-    return [load for load in scene.loads if load.kind is AppliedForce]
-
-
-def _supports(pen: Pen, scene: Scene) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Points that stand on the ground, each once, with the direction towards the ground."""
-    found: list[tuple[np.ndarray, np.ndarray]] = []
-    ends = [
-        (joint.on_i if joint.i == scene.ground else joint.on_j, joint.i if joint.j == scene.ground else joint.j)
+def symbols(scene: Scene, point: float) -> list[Solid]:
+    """Joints and springs."""
+    out = [
+        dataclasses.replace(each, name=f"joint {joint.name}")
         for joint in scene.joints
-        if scene.ground in (joint.i, joint.j) and joint.axis is None and joint.pointed and joint.mesh is None
+        for each in symbol(joint)(_Place(scene, joint, point))
     ]
-    ends += [(load.on_j, load.i) for load in scene.loads if load.to_ground]
-    for point, body in ends:
-        if found and np.any(np.hypot(*(np.array([other for other, _ in found]) - point).T) < pen.point):
-            continue
-        towards = scene.joint_points(body).mean(axis=0) - point
-        towards = towards / max(np.hypot(*towards), 1e-300)
-        found.append((point, next(side for side in _SIDES if side @ towards < 0.6)))
-    return found
+    return out + [each for load in scene.loads for each in spring(load, point)]
 
 
-def _support(pen: Pen, point: np.ndarray, away: np.ndarray) -> None:
-    down, side = away * pen.point, across(away) * pen.point
-    foot = point + 12.0 * down
-    pen.polygon(np.array([point, foot + 7.5 * side, foot - 7.5 * side]), "#EEEEEE", GROUND, GROUND_Z + 0.5)
-    pen.hatched(foot - 12.0 * side, foot + 12.0 * side, GROUND)
-    pen.cover(point + 7.0 * down, 9.0, HARD)
+@dataclasses.dataclass(frozen=True)
+class _Place:
+    """A joint that is drawn: its solids, about its place and along its axis, of sizes in points of print."""
+
+    scene: Scene
+    joint: Joint
+    point: float
+
+    @property
+    def axis(self) -> np.ndarray:
+        return self.joint.axes_j[:, 2]
+
+    @property
+    def colour(self) -> str:
+        """That of the verdict."""
+        doubtful = self.scene.camera.not_unique
+        return _PLAIN if doubtful is None else _NOT if self.joint.name in doubtful else _UNIQUE
+
+    def of_body(self, body: int) -> str:
+        """Colour of what belongs to a body."""
+        return "#A8A8A8" if body == self.scene.ground else dark(body_colour(body, self.scene.ground), 0.8)
+
+    def cylinder(
+        self, half: float, radius: float, colour: str | None = None, *, at: float = 0.0, axis: np.ndarray | None = None
+    ) -> Solid:
+        along = self.axis if axis is None else axis
+        centre = self.joint.place + at * self.point * along
+        return cylinder(centre, along, half * self.point, radius * self.point, colour or self.colour)
+
+    def box(self, size: Sequence[float], colour: str | None = None) -> Solid:
+        return box(self.joint.place, self.joint.axes_j, np.asarray(size) * self.point, colour or self.colour)
+
+    def ball(self, radius: float, at: float = 0.0, steps: int = 6) -> Solid:
+        return ball(self.joint.place + at * self.point * self.axis, radius * self.point, self.colour, steps=steps)
+
+    def line(self, start: np.ndarray, end: np.ndarray, radius: float, colour: str = INK) -> Solid:
+        return rod(start, end, radius * self.point, colour, has_edge=False)
+
+    def rail(self) -> list[Solid]:
+        """A square one under what does not turn; in the plane one of the ground is hatched."""
+        joint, (start, end) = self.joint, rail_ends(self.scene, self.joint, self.point)
+        if self.scene.is_flat and joint.j == self.scene.ground:
+            return []
+        colour, steps = self.of_body(joint.j), np.linspace(start, end, 9)
+        if not self.scene.is_flat and not joint.locks[3]:
+            return [rod(start, end, 2.0 * self.point, colour)]
+        size = (4 * self.point, 4 * self.point, float(np.linalg.norm(end - start)) / 8)
+        return [box(middle, joint.axes_j, size, colour, has_edge=False) for middle in (steps[1:] + steps[:-1]) / 2]
+
+    def table(self, at: np.ndarray, wide: float) -> Solid:
+        """A plate of body j below a point."""
+        size = (wide * self.point, wide * self.point, 2.0 * self.point)
+        return box(at - 2.0 * self.point * self.axis, self.joint.axes_j, size, self.of_body(self.joint.j))
 
 
-def _revolute(pen: Pen, scene: Scene, joint: Joint) -> None:
-    pen.circle(joint.spot, PIN, z=PIN_Z, linewidth=1.3)
-    pen.cover(joint.spot, PIN + 2.0, HARD)
+def _pair(s: _Place) -> list[Solid]:
+    """What is locked: a ball where the axis may tilt, else a block, or a cylinder where it may turn."""
+    joint = s.joint
+    across, along, tilt, twist = joint.locks
+    on_floor = on_table(joint)
+    under = s.rail() if joint.slides else []
+    under += [s.table(joint.place - s.axis * ((joint.place - joint.on_j) @ s.axis), 30.0)] if on_floor else []
+    if not tilt:
+        size = 4.2 if s.scene.is_flat else 6.0
+        return [*under, s.ball(size, size - 1.0 if on_floor else 0.0)]
+    if twist and not joint.slides:
+        return [*under, s.box((9.5, 9.5, 9.5), None if s.scene.camera.not_unique is not None else "#444444")]
+    if twist:
+        return [*under, s.box((11, 11, block_length(joint, s.point) / s.point))]
+    if across:
+        return [*under, s.cylinder(11, 5.5)] if joint.slides else [s.cylinder(9, 5.4), s.cylinder(13, 1.2, INK)]
+    if along:
+        return [*under, s.box((17, 17, 3.5))]
+    one, side = s.cylinder(10, 2), 4.5 * s.point * joint.axes_j[:, 0]
+    return [dataclasses.replace(one, corners=one.corners + shift) for shift in (-side, side)]
 
 
-def _fixed(pen: Pen, scene: Scene, joint: Joint) -> None:
-    along = np.array([1.0, 0.0])
-    pen.box(joint.spot, along, 9.0, 9.0, fill=INK, edge=INK, z=PIN_Z)
-    for slope in (1.0, -1.0):
-        arm = np.array([2.8, 2.8 * slope]) * pen.point
-        pen.line([joint.spot - arm, joint.spot + arm], "white", PIN_Z + 0.1, linewidth=1.2)
-    pen.cover(joint.spot, 7.0, HARD)
+def _screw(s: _Place) -> list[Solid]:
+    (start, end), axes = rail_ends(s.scene, s.joint, s.point), s.joint.axes_j
+    turns = float(np.linalg.norm(end - start)) / (7.0 * s.point)
+    angle = np.linspace(0.0, 2 * np.pi * turns, max(int(12 * turns), 2))
+    around = np.stack([np.cos(angle), np.sin(angle)], axis=1) @ axes[:, :2].T
+    helix = start + np.linspace(0.0, 1.0, len(angle))[:, None] * (end - start) + 3.6 * s.point * around
+    half, size = 7 * s.point * s.axis, 7 * s.point
+    nut = cone(s.joint.place - half, s.joint.place + half, size, size, s.colour, 6)
+    return [*s.rail(), *path(helix, 0.7 * s.point, s.of_body(s.joint.j)), nut]
 
 
-def _guide(pen: Pen, scene: Scene, joint: Joint, half: float) -> None:
-    """Two rails along the joint's axis, `half` points from it; hatched where they belong to the ground."""
-    axis = np.asarray(joint.axis)
-    reach, side = guide_reach(joint.length, pen.point) * axis, across(axis) * half * pen.point
-    if joint.j == scene.ground:
-        pen.hatched(joint.on_i - reach - side, joint.on_i + reach - side, GROUND)
-        pen.hatched(joint.on_i + reach + side, joint.on_i - reach + side, GROUND)
-    else:
-        colour = dark(body_colour(joint.j, scene.ground))
-        for offset in (side, -side):
-            ends = (joint.on_i - reach + offset, joint.on_i + reach + offset)
-            pen.line(ends, colour, BODY_Z + 0.9, linewidth=1.8)
-            pen.cover_line(*ends, 4.0, HARD)
-    pen.line([joint.on_i - reach, joint.on_i + reach], GROUND, BODY_Z + 0.8, linewidth=0.7, linestyle="-.")
+def _universal(s: _Place) -> list[Solid]:
+    pins = (s.joint.axes_i[:, 2], s.joint.axes_j[:, 2])
+    ends = [s.cylinder(2, 3.6, dark(s.colour, 0.75), at=side, axis=pin) for pin in pins for side in (-9, 9)]
+    return [*(s.cylinder(10, 2.4, axis=pin) for pin in pins), *ends]
 
 
-def _translational(pen: Pen, scene: Scene, joint: Joint) -> None:
-    _guide(pen, scene, joint, BLOCK[1] / 2 + 1.8)
-    colour, length = body_colour(joint.i, scene.ground), block_length(joint.length, pen.point)
-    axis = np.asarray(joint.axis)
-    pen.box(joint.on_i, axis, length, BLOCK[1], fill="white", edge="none", z=BLOCK_Z)
-    pen.box(joint.on_i, axis, length, BLOCK[1], fill=colour, edge=dark(colour), z=BLOCK_Z, opacity=0.65)
-    reach = axis * length / 2 * pen.point
-    pen.cover_line(joint.on_i - reach, joint.on_i + reach, BLOCK[1] + 4.0, HARD)
+def _constant_velocity(s: _Place) -> list[Solid]:
+    ends = ((8, s.joint.axes_i, s.joint.i), (-8, s.joint.axes_j, s.joint.j))
+    return [*(s.cylinder(6, 3.2, s.of_body(body), at=at, axis=axes[:, 2]) for at, axes, body in ends), s.ball(6.5)]
 
 
-def _floor(pen: Pen, scene: Scene, joint: Joint) -> None:
-    """The side of a slot that pushes, under the pin as far as their gap; hatched where it belongs to the ground."""
-    axis = np.asarray(joint.axis)
-    foot = joint.on_j + axis * ((joint.on_i - joint.on_j) @ axis) - across(axis) * (PIN + 0.5) * pen.point
-    reach = guide_reach(joint.length, pen.point) * axis
-    if joint.j == scene.ground:
-        pen.hatched(foot - reach, foot + reach, GROUND)
-    else:
-        pen.line([foot - reach, foot + reach], dark(body_colour(joint.j, scene.ground)), BODY_Z + 0.9, linewidth=1.8)
-        pen.cover_line(foot - reach, foot + reach, 4.0, HARD)
+def _distance(s: _Place) -> list[Solid]:
+    ends = s.joint.on_i, s.joint.on_j
+    return [s.line(*ends, 1.1), *(ball(end, 3.4 * s.point, s.colour) for end in ends)]
 
 
-def _pin_in_slot(pen: Pen, scene: Scene, joint: Joint) -> None:
-    half, colour = PIN + 1.6, dark(body_colour(joint.i, scene.ground))
-    if joint.one_sided:
-        _floor(pen, scene, joint)
-    elif joint.j == scene.ground:
-        _guide(pen, scene, joint, half)
-    else:
-        axis = np.asarray(joint.axis)
-        reach = axis * (guide_reach(None, pen.point) - half * pen.point)
-        ring = half * pen.point * circle(48)
-        slot = hull(np.concatenate([joint.on_i + reach + ring, joint.on_i - reach + ring]))
-        pen.polygon(slot, "white", dark(body_colour(joint.j, scene.ground)), BODY_Z + 0.9)
-        pen.cover_line(joint.on_i - reach, joint.on_i + reach, 2 * half, HARD)
-    pen.circle(joint.on_i, PIN, fill=colour, z=PIN_Z, linewidth=1.0)
-    pen.cover(joint.on_i, PIN + 2.0, HARD)
+def _distance_driver(s: _Place) -> list[Solid]:
+    a, b = s.joint.on_j + np.array([[0.15], [0.6]]) * (s.joint.on_i - s.joint.on_j)
+    return [*_distance(s), rod(a, b, 4.0 * s.point, "#DDDDDD", 12)]
 
 
-def _angle_driver(pen: Pen, scene: Scene, joint: Joint) -> None:
-    pen.circle(joint.spot, 7.5, z=PIN_Z + 0.2, linewidth=1.3)
-    letter = np.array([[-3.2, -3.2], [-3.2, 3.4], [0.0, -1.2], [3.2, 3.4], [3.2, -3.2]])
-    pen.line(joint.spot + letter * pen.point, INK, PIN_Z + 0.3, linewidth=1.4)
-    pen.cover(joint.spot, 9.5, HARD)
+def _angle_driver(s: _Place) -> list[Solid]:
+    axis = s.axis if s.scene.is_flat else -s.axis  # behind the joint, but where it would not be seen there
+    right = s.scene.camera.view.axes[0]
+    right = unit(right - axis * (right @ axis))
+    face = s.joint.place + s.point * (18.5 * axis + _M @ np.stack([right, np.cross(axis, right)]))
+    drum = [s.cylinder(5, 2.5, "#999999", at=4, axis=axis), s.cylinder(5, 8, "#555555", at=13, axis=axis)]
+    return [*drum, *path(face, 0.7 * s.point, "#FFFFFF")]
 
 
-def _distance_driver(pen: Pen, scene: Scene, joint: Joint) -> None:
-    line = joint.on_i - joint.on_j
-    length = np.hypot(*line) / pen.point
-    if length > 0:
-        along = line / np.hypot(*line)
-        pen.line([joint.on_j, joint.on_i], INK, BLOCK_Z, linewidth=1.6)
-        middle = joint.on_j + 0.38 * line
-        pen.box(middle, along, 0.45 * length, 8.0, fill="#DDDDDD", edge=INK, z=BLOCK_Z + 0.1)
-        pen.cover_line(joint.on_j, joint.on_i, 8.0, HARD)
-    for end in (joint.on_i, joint.on_j):
-        pen.circle(end, 0.8 * PIN, z=PIN_Z, linewidth=1.1)
-        pen.cover(end, PIN + 1.0, HARD)
+def _travel_driver(s: _Place) -> list[Solid]:
+    joint, travel = s.joint, float((s.joint.on_i - s.joint.on_j) @ s.axis)
+    sense = s.axis if travel >= 0 else -s.axis
+    piston = [rod(joint.on_j, joint.on_i, 2.0 * s.point, "#999999")] if abs(travel) > s.point else []
+    return [*piston, rod(joint.on_j - 22 * s.point * sense, joint.on_j, 6.0 * s.point, "#555555", 14)]
 
 
-def _angle_coupling(pen: Pen, scene: Scene, joint: Joint) -> None:
-    """Pitch circles that touch for an external pair, two wheels and a belt for any other."""
-    circles = pitch_circles(joint)
-    for centre, radius in circles:
-        corners = centre + radius * circle(96)
-        pen.polygon(corners, "none", INK, BODY_Z - 0.5, linestyle="-.")
-        pen.cover_path(corners, 2.0, OUTLINE)
-    if circles and (joint.ratio or 1.0) < 0:
-        (start, first), (end, second) = circles
-        line, distance = end - start, np.hypot(*(end - start))
-        tilt = (first - second) / distance
-        for side in (1.0, -1.0):
-            normal = (tilt * line + side * np.sqrt(1 - tilt**2) * across(line)) / distance
-            pen.line([start + first * normal, end + second * normal], INK, BODY_Z - 0.5)
+def _gear(s: _Place) -> list[Solid]:
+    circles = () if s.scene.is_flat else s.joint.mesh.circles  # pitch lines are drawn as in textbooks
+    rings = (ring(p, z, max(r, 6 * s.point), 0.9 * s.point, s.of_body(body)) for p, z, r, body in circles)
+    return [each for made in rings for each in made]
 
 
-def _mesh(pen: Pen, scene: Scene, joint: Joint) -> None:
-    """Pitch circles, or the circle and the line of a rack, and the line of action."""
-    mesh = cast(Mesh, joint.mesh)
-    for (centre, radius), body in zip(mesh.circles, (joint.i, joint.j), strict=False):
-        corners = centre + radius * circle(96)
-        pen.polygon(corners, "none", INK, BODY_Z - 0.5, linestyle="-.")
-        pen.cover_path(corners, 2.0, OUTLINE)
-        for side in _SIDES if body == scene.ground else ():
-            foot, half = centre + radius * side, 12.0 * across(side) * pen.point
-            pen.hatched(foot - half, foot + half, GROUND)
-    reach = 0.4 * mesh.least_radius * mesh.line
-    if mesh.rack is not None:
-        half = 2 * mesh.least_radius * mesh.rack
-        pen.line([mesh.pitch + half, mesh.pitch - half], INK, BODY_Z - 0.5, linestyle="-.")
-        if joint.j == scene.ground:
-            pen.hatched(mesh.pitch + half, mesh.pitch - half, GROUND)
-    pen.line([mesh.pitch - reach, mesh.pitch + reach], INK, BODY_Z + 0.8, linewidth=1.0)
-    pen.circle(mesh.pitch, 1.6, fill=INK, z=BODY_Z + 0.8)
-    pen.cover(mesh.pitch, 3.0, HARD)
+def _wheel(s: _Place) -> list[Solid]:
+    joint, radius = s.joint, float(s.joint.radius or 0.0)
+    arms = max(radius - 1.6 * s.point, 0.0) * joint.axes_i.T
+    spokes = [s.line(joint.on_i - arm, joint.on_i + arm, 0.8, s.of_body(joint.i)) for arm in arms[:2]]
+    if s.scene.is_flat:  # whose rim is a line
+        return [s.table(joint.on_j, max(34.0, 1.6 * radius / s.point)), *spokes]
+    return [s.table(joint.on_j, 34.0), *ring(joint.on_i, joint.axes_i[:, 2], radius, 1.6 * s.point, s.colour), *spokes]
 
 
-def _wheel(pen: Pen, scene: Scene, joint: Joint) -> None:
-    """The disc with spokes, and the line on which it stands."""
-    axis, radius, colour = np.asarray(joint.axis), float(joint.radius or 0.0), body_colour(joint.i, scene.ground)
-    corners = joint.on_i + radius * circle(96)
-    pen.polygon(corners, "none", dark(colour), BODY_Z + 0.5, linewidth=2.2)
-    pen.cover_path(corners, 3.0, OUTLINE)
-    foot, half = joint.on_i - radius * across(axis), np.maximum(0.8 * radius, 12.0 * pen.point) * axis
-    if joint.j == scene.ground:
-        pen.hatched(foot - half, foot + half, GROUND)
-    else:
-        pen.line([foot - half, foot + half], dark(body_colour(joint.j, scene.ground)), BODY_Z + 0.4, linewidth=1.8)
-    turn = scene.turns[joint.i]
-    for spoke in (np.array([np.cos(turn), np.sin(turn)]), np.array([-np.sin(turn), np.cos(turn)])):
-        pen.line([joint.on_i - radius * spoke, joint.on_i + radius * spoke], dark(colour), BODY_Z + 0.4, linewidth=0.9)
-    pen.circle(joint.on_i, 0.7 * PIN, fill=dark(colour), z=PIN_Z - 0.1, linewidth=1.0)
-    pen.cover(joint.on_i, PIN, HARD)
+def _blade(s: _Place) -> list[Solid]:
+    along = s.joint.axes_i[:, 2]
+    axes = np.stack([along, np.cross(s.axis, along), s.axis], axis=1)
+    edge = box(s.joint.on_i + 4 * s.point * s.axis, axes, np.array([26, 2, 8]) * s.point, s.colour)
+    return [edge] if s.scene.is_flat else [s.table(s.joint.on_j, 34.0), edge]  # in the plane that is the paper
 
 
-def _blade(pen: Pen, scene: Scene, joint: Joint) -> None:
-    along = np.asarray(joint.axis) * pen.point
-    side = across(along)
-    corners = [16 * along, 8 * along + 2.6 * side, -8 * along + 2.6 * side]
-    corners += [-16 * along, -8 * along - 2.6 * side, 8 * along - 2.6 * side]
-    pen.polygon(joint.on_i + np.array(corners), dark(body_colour(joint.i, scene.ground)), INK, PIN_Z, linewidth=1.0)
-    pen.cover_line(joint.on_i - 16 * along, joint.on_i + 16 * along, 7.0, HARD)
+def _unknown(s: _Place) -> list[Solid]:
+    ends = s.joint.on_i, s.joint.on_j
+    line = [s.line(*ends, 0.8)] if np.linalg.norm(ends[0] - ends[1]) > s.point else []
+    return [*line, s.ball(7.0, steps=2)]
 
 
-def _unknown(pen: Pen, scene: Scene, joint: Joint) -> None:
-    if np.hypot(*(joint.on_i - joint.on_j)) > pen.point:
-        pen.line([joint.on_i, joint.on_j], INK, PIN_Z - 0.5, linewidth=1.0, linestyle="--")
-        pen.cover_line(joint.on_i, joint.on_j, 3.0, HARD)
-    diamond = np.array([[6.0, 0.0], [0.0, 6.0], [-6.0, 0.0], [0.0, -6.0]])
-    pen.polygon(joint.spot + diamond * pen.point, "white", INK, PIN_Z, linewidth=1.3)
-    pen.cover(joint.spot, 7.0, HARD)
+def spring(load: Load, point: float) -> list[Solid]:
+    """What is drawn of a load, nothing of a force."""
+    if issubclass(load.kind, AbstractSpringDamper):
+        return _coil(load, point) if load.is_stiff else _damper(load, point)
+    if load.kind in TORSION:
+        angle = np.linspace(0.0, 4.5 * np.pi, 60)
+        turn = np.stack([np.cos(angle), np.sin(angle)], axis=1) @ load.axes[:, :2].T
+        spiral = load.on_i + point * (7.0 + 7.0 * angle / angle[-1])[:, None] * turn
+        return path(spiral, 0.8 * point, GROUND, name="spring")
+    if load.kind is Bushing:
+        axis = load.axes[:, 2]
+        outer = cylinder(load.on_j, axis, 5 * point, 9 * point, "#6E6E6E", opacity=0.5, name="bushing")
+        return [outer, cylinder(load.on_i, axis, 8 * point, 3.5 * point, "#BBBBBB", name="bushing")]
+    return []
 
 
-def _zigzag(pen: Pen, start: np.ndarray, end: np.ndarray) -> None:
-    line = end - start
-    share = np.array([0.0, 0.15, *(0.15 + 0.7 * (np.arange(10) + 0.5) / 10), 0.85, 1.0])
-    swing = np.array([0.0, 0.0, *np.where(np.arange(10) % 2, -4.5, 4.5), 0.0, 0.0])
-    side = across(line) / max(np.hypot(*line), 1e-300) * pen.point
-    pen.line(start + share[:, None] * line + swing[:, None] * side, INK, BLOCK_Z, linewidth=1.1)
-    for point in (start, end):
-        pen.circle(point, 1.8, fill=INK, z=PIN_Z - 0.2)
+def _coil(load: Load, point: float) -> list[Solid]:
+    line, turns = load.on_j - load.on_i, 7
+    angle = np.linspace(0.0, 2 * np.pi * turns, 12 * turns + 1)
+    share = np.concatenate([[0.0], np.linspace(0.12, 0.88, len(angle)), [1.0]])
+    swing = np.concatenate([[[0.0, 0.0]], np.stack([np.cos(angle), np.sin(angle)], axis=1), [[0.0, 0.0]]])
+    points = load.on_i + share[:, None] * line + 4.5 * point * swing @ axes_of(line)[:, :2].T
+    return path(points, 0.7 * point, GROUND, name="spring")
 
 
-def _dashpot(pen: Pen, start: np.ndarray, end: np.ndarray) -> None:
-    line = end - start
-    side = across(line) / max(np.hypot(*line), 1e-300) * 5.0 * pen.point
-    a, b, c = (start + share * line for share in (0.35, 0.5, 0.65))
-    pen.line([start, a], INK, BLOCK_Z)
-    pen.line([c + side, a + side, a - side, c - side], INK, BLOCK_Z)
-    pen.line([b + 0.8 * side, b - 0.8 * side], INK, BLOCK_Z, linewidth=1.6)
-    pen.line([b, end], INK, BLOCK_Z)
-    for point in (start, end):
-        pen.circle(point, 1.8, fill=INK, z=PIN_Z - 0.2)
+def _damper(load: Load, point: float) -> list[Solid]:
+    a, b = load.on_j + np.array([[0.35], [0.65]]) * (load.on_i - load.on_j)
+    thin = rod(load.on_j, load.on_i, 1.0 * point, GROUND, name="damper", has_edge=False)
+    return [thin, rod(a, b, 5.0 * point, "#BBBBBB", 12, name="damper")]
 
 
-Symbol = Callable[[Pen, Scene, Joint], None]
-_PAIRS: dict[frozenset[str], Symbol] = {  # by what they lock
-    frozenset({"x", "y"}): _revolute,
-    frozenset({"perpendicular", "angle"}): _translational,
-    frozenset({"perpendicular"}): _pin_in_slot,
-    frozenset({"x", "y", "angle"}): _fixed,
-}
+Symbol = Callable[[_Place], list[Solid]]
 _SYMBOLS: dict[type, Symbol] = {
+    Screw: _screw,
+    Universal: _universal,
+    ConstantVelocity: _constant_velocity,
+    Distance: _distance,
+    Cable: _distance,
+    flat.DistanceDriver: _distance_driver,
+    flat.Cable: _distance_driver,
+    flat.AngleDriver: _angle_driver,
+    flat.AngleCoupling: _gear,
+    flat.GearPair: _gear,
+    flat.RackAndPinion: _gear,
+    flat.Wheel: _wheel,
+    flat.KnifeEdge: _blade,
     AngleDriver: _angle_driver,
-    DistanceDriver: _distance_driver,
-    Cable: _distance_driver,
-    AngleCoupling: _angle_coupling,
-    GearPair: _mesh,
-    RackAndPinion: _mesh,
+    TravelDriver: _travel_driver,
+    Gear: _gear,
     Wheel: _wheel,
     KnifeEdge: _blade,
 }
 
 
 def symbol(joint: Joint) -> Symbol:
-    """How a joint is drawn: as its kind is, or by what it locks, along a guide if it has a normal."""
-    pair = _PAIRS.get(joint.locks, _unknown)
-    pair = _unknown if "perpendicular" in joint.locks and joint.axis is None else pair
-    return _SYMBOLS.get(joint.kind, pair)
+    """How a joint is drawn: as its kind is, or by what it locks."""
+    return _SYMBOLS.get(joint.kind, _pair if any(joint.locks) else _unknown)

@@ -44,23 +44,26 @@ def write(page: Page, file: pathlib.Path) -> list[pathlib.Path]:
 
 def as_html(page: Page) -> str:
     """One file without scripts that loads nothing from elsewhere."""
-    title = html.escape(page.title)
-    parts = [
-        "<!DOCTYPE html>",
-        '<html lang="en">',
-        f'<head><meta charset="utf-8"><title>{title}</title>',
-        f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{_STYLE}</style></head>',
-        f"<body><main><h1>{title}</h1>",
-    ]
     titles = [html.escape(section.title) for section in page.sections]
     links = (f'<li><a href="#section-{number}">{each}</a></li>' for number, each in enumerate(titles, 1))
-    parts.append(f"<nav><ol>{''.join(links)}</ol></nav>")
+    parts = [f"<nav><ol>{''.join(links)}</ol></nav>"]
     for number, (each, section) in enumerate(zip(titles, page.sections, strict=True), 1):
-        parts += [f'<section id="section-{number}"><h2>{each}</h2>', *map(_html, section.blocks), "</section>"]
-    return "\n".join([*parts, "</main></body></html>", ""])
+        parts += [f'<section id="section-{number}"><h2>{each}</h2>', *map(block_as_html, section.blocks), "</section>"]
+    return document(page.title, _STYLE, "\n".join(parts))
 
 
-def _html(block: Block) -> str:
+def document(title: str, style: str, body: str) -> str:
+    """A page of this style."""
+    title = html.escape(title)
+    return f"""<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><title>{title}</title>
+<meta name="viewport" content="width=device-width, initial-scale=1"><style>{style}</style></head>
+<body><h1>{title}</h1><main>{body}</main></body></html>
+"""
+
+
+def block_as_html(block: Block) -> str:
+    """A part of a page."""
     text = html.escape
     if isinstance(block, Text):
         return f'<p class="warning">{text(block.text)}</p>' if block.warning else f"<p>{text(block.text)}</p>"

@@ -2,7 +2,7 @@
 
 import io
 from collections.abc import Collection, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -13,26 +13,36 @@ from ..._system._state import State
 from ..._system._system import AbstractSystem
 from .. import _solution_sets as plots
 from .._draw import draw
-from .._draw._artists import not_unique
+from .._draw._camera import not_unique
 from ._blocks import Picture
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def drawing(
-    system: AbstractSystem, state: State, caption: str, report: Report | Collection[str] | None = None, **loads: Any
+    system: AbstractSystem,
+    state: State,
+    caption: str,
+    report: Report | Collection[str] | None = None,
+    *,
+    multipliers: np.ndarray | None = None,
+    self_stress: np.ndarray | None = None,
 ) -> list[Picture]:
     """The mechanism, with verdicts and loads as `draw` takes them; none for a system that has no bodies to draw."""
     if not isinstance(system, Mechanism):
         return []
     from matplotlib import pyplot
 
-    figure: Any = draw(system, state, report=report, **loads).figure
+    figure = cast("Figure", draw(system, state, report=report, multipliers=multipliers, self_stress=self_stress).figure)
     png = _png(figure)
     pyplot.close(figure)
     if not_unique(report):
         caption += "; a question mark is at joints whose load is not unique"
     joints = ", ".join(system.names.joint_names)
     alt = f"{caption}: drawing of the bodies {', '.join(system.names.bodies)} and the joints {joints}"
-    return [Picture(png, caption, f"{alt}, with loads as arrows." if loads else f"{alt}.")]
+    loads = "" if multipliers is None and self_stress is None else ", with loads as arrows"
+    return [Picture(png, caption, f"{alt}{loads}.")]
 
 
 def spectrum_picture(report: Report) -> Picture:
@@ -54,7 +64,7 @@ def family_picture(family: SolutionFamily, names: Sequence[str]) -> Picture:
     return Picture(_png(plots.family_of(family, names)), caption, alt)
 
 
-def _png(figure: Any) -> bytes:
+def _png(figure: "Figure") -> bytes:
     out = io.BytesIO()
     figure.savefig(out, format="png", dpi=150)
     return out.getvalue()

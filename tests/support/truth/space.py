@@ -272,11 +272,12 @@ def door() -> Scene:
 
 
 @exactly
-def bennett() -> Scene:
-    """tan(alpha / 2) = 1 / 3, beta = 90 degrees; tan(theta / 2) = 3 / 4, so tan(phi / 2) = 2 / (3 / 4)."""
+def bennett(theta=None) -> Scene:
+    """tan(alpha / 2) = 1 / 3, beta = 90 degrees: tan(theta / 2) tan(phi / 2) = 2; tan(theta / 2) = 3 / 4 at first."""
     points, axes, frame_ = [vector(0, 0, 0)], [vector(0, 0, 1)], mp.eye(3)
     alpha, beta = 2 * mp.atan(mp.mpf(1) / 3), mp.pi / 2
-    theta, phi = 2 * mp.atan(mp.mpf(3) / 4), 2 * mp.atan(mp.mpf(8) / 3)
+    theta = 2 * mp.atan(mp.mpf(3) / 4) if theta is None else theta
+    phi = 2 * mp.atan(2 / mp.tan(theta / 2))
     short, long = mp.mpf(3) / 5, mp.mpf(1)
     for angle, length, twist in ((theta, short, alpha), (phi, long, beta), (-theta, short, alpha)):
         line = frame_ * turn(vector(0, 0, angle)) * vector(1, 0, 0)

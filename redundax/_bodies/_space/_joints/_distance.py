@@ -1,9 +1,10 @@
-"""Distance of two points in space: |p_i - p_j| - f(t) = 0, with a constant f a massless rod."""
+"""Distance of two points in space: |p_i - p_j| - f(t) = 0, with a constant f a massless rod; or told alone."""
 
 from collections.abc import Callable
 from typing import ClassVar
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...._tools._errors import RedundaxError
@@ -17,15 +18,41 @@ from .._pose import Pose
 from ._base import AbstractJoint, refuse_friction
 
 
-class AbstractDistance(AbstractJoint):
-    """A joint of two points whose distance is given."""
+class AbstractSpan(AbstractJoint):
+    """Two points and their distance."""
 
-    row_kinds: ClassVar[tuple[Row, ...]] = (("distance", "force"),)
     name: str = eqx.field(static=True)
     i: str = eqx.field(static=True)
     j: str = eqx.field(static=True)
     point_i: Float[Array, "3"]
     point_j: Float[Array, "3"]
+
+    @property
+    def coordinate_kinds(self) -> tuple[Row, ...]:
+        return (("distance", "linear"),)
+
+    def coordinates(self, i: Pose, j: Pose) -> Array:
+        return safe_norm(i.point(self.point_i) - j.point(self.point_j))[None]
+
+
+class Span(AbstractSpan):
+    """Two points whose distance nothing holds but a coupler: a part of a rope that runs over pulleys."""
+
+    row_kinds: ClassVar[tuple[Row, ...]] = ()
+
+    def __init__(self, name: str, i: str, j: str, on_i: Numbers, on_j: Numbers, distance: Numbers):
+        del distance  # in the reference pose
+        self.name, self.i, self.j = name, i, j
+        self.point_i, self.point_j = as_float(on_i), as_float(on_j)
+
+    def residual(self, i: Pose, j: Pose, t: Array) -> Array:
+        return jnp.zeros(0)
+
+
+class AbstractDistance(AbstractSpan):
+    """A joint of two points whose distance is given."""
+
+    row_kinds: ClassVar[tuple[Row, ...]] = (("distance", "force"),)
     distance: Callable[[Array], Array]
 
     def __init__(
@@ -55,15 +82,8 @@ class AbstractDistance(AbstractJoint):
         self.distance = law_of_time(distance, "distance")
         check_distance(name, self.distance)
 
-    @property
-    def coordinate_kinds(self) -> tuple[Row, ...]:
-        return (("distance", "linear"),)
-
     def residual(self, i: Pose, j: Pose, t: Array) -> Array:
         return self.coordinates(i, j) - self.distance(t)
-
-    def coordinates(self, i: Pose, j: Pose) -> Array:
-        return safe_norm(i.point(self.point_i) - j.point(self.point_j))[None]
 
 
 class Distance(AbstractDistance):

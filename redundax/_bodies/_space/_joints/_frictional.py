@@ -190,7 +190,7 @@ class AbstractSlidingJoint(AbstractPressedJoint):
         return values(FREE, self.slip_kinds, f"a `{type(self).__name__}`", self.relative(i, j))
 
     def forces(
-        self, model: AbstractFrictionModel, ends: Any, loads: Array, rate: Array, sense: Array, memory: PyTree
+        self, model: AbstractFrictionModel, ends: Ends | None, loads: Array, rate: Array, sense: Array, memory: PyTree
     ) -> Float[Array, " slips"]:
         """Friction forces and moments, one for each slip; at rest against the direction `sense`, as one of v."""
         velocity = self.arms * rate
@@ -201,7 +201,7 @@ class AbstractSlidingJoint(AbstractPressedJoint):
         return self.arms * direction(velocity, sense) * size
 
     def largest_changes(
-        self, model: AbstractFrictionModel, ends: Any, change: Array, rate: Array, memory: PyTree
+        self, model: AbstractFrictionModel, ends: Ends | None, change: Array, rate: Array, memory: PyTree
     ) -> Float[Array, " slips"]:
         velocity = self.arms * rate
         if memory is None:

@@ -1,6 +1,6 @@
 """Joints that hold directions alone, which files have: axes at an angle, z_i . z_j = cos, and no rotation at all"""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -30,5 +30,5 @@ class AngleOfAxes(AbstractPlacedJoint):
         self.place(name, i, j, None, on_i, on_j)
         self.angle = as_float(angle)
 
-    def residual(self, i: Pose, j: Pose, t: Any) -> Array:
+    def residual(self, i: Pose, j: Pose, t: Array) -> Array:
         return (self.relative(i, j).turn[2, 2] - jnp.cos(self.angle))[None]

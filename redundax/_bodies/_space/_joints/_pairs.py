@@ -94,14 +94,7 @@ class Prismatic(AbstractFrictionalJoint):
     contact: AbstractContact
 
     def __init__(
-        self,
-        name: str,
-        i: End,
-        j: End,
-        point: At = None,
-        axis: At = None,
-        mark: At = None,
-        **rubs: Unpack[GuideRubs],
+        self, name: str, i: End, j: End, point: At = None, axis: At = None, mark: At = None, **rubs: Unpack[GuideRubs]
     ):
         self.make(name, i, j, [at_reference(name, point, axis, mark)] * 2, **rubs)
 
@@ -141,14 +134,7 @@ class Cylindrical(AbstractSlidingJoint):
     contact: AbstractContact
 
     def __init__(
-        self,
-        name: str,
-        i: End,
-        j: End,
-        point: At = None,
-        axis: At = None,
-        mark: At = None,
-        **rubs: Unpack[SleeveRubs],
+        self, name: str, i: End, j: End, point: At = None, axis: At = None, mark: At = None, **rubs: Unpack[SleeveRubs]
     ):
         self.make(name, i, j, [at_reference(name, point, axis, mark)] * 2, **rubs)
 
@@ -223,14 +209,7 @@ class Planar(AbstractSlidingJoint):
     contact: AbstractContact
 
     def __init__(
-        self,
-        name: str,
-        i: End,
-        j: End,
-        point: At = None,
-        axis: At = None,
-        mark: At = None,
-        **rubs: Unpack[PlateRubs],
+        self, name: str, i: End, j: End, point: At = None, axis: At = None, mark: At = None, **rubs: Unpack[PlateRubs]
     ):
         self.make(name, i, j, [at_reference(name, point, axis, mark)] * 2, **rubs)
 

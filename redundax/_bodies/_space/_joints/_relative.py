@@ -14,7 +14,7 @@ Bodies move it, each at its velocity and its angular velocity in its own axes, b
 with w_i = B^T R_i omega_i, w_j = A_j^T omega_j and the arms a_i, a_j from the centres of mass to p_i in the same axes.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
@@ -24,6 +24,16 @@ from .._pose import Pose
 from .._rotation import multiplied, skew, times
 
 
+@runtime_checkable
+class Placed(Protocol):
+    """A joint or load with a point and axes on both bodies."""
+
+    point_i: Array
+    axes_i: Array
+    point_j: Array
+    axes_j: Array
+
+
 class Relative(NamedTuple):
     """Offset and turn of a joint's placement on body i from that on body j, in the axes on j."""
 
@@ -31,12 +41,12 @@ class Relative(NamedTuple):
     turn: Float[Array, "3 3"]
 
     @classmethod
-    def between(cls, placed: Any, i: Pose, j: Pose) -> "Relative":
+    def between(cls, placed: Placed, i: Pose, j: Pose) -> "Relative":
         """That of a joint or load with `point_i`, `axes_i`, `point_j` and `axes_j`."""
         return cls.of(multiplied(multiplied(j.axes, placed.axes_j).T, _there(placed, i, j)))
 
     @classmethod
-    def along(cls, placed: Any, i: Pose, j: Pose) -> tuple["Relative", "Relative", "Relative"]:
+    def along(cls, placed: Placed, i: Pose, j: Pose) -> tuple["Relative", "Relative", "Relative"]:
         """That, its rate and the rate of this, given poses with their rates and the rates of these."""
         own = multiplied(j.axes[:2], placed.axes_j)
         back = own[0].T
@@ -46,7 +56,7 @@ class Relative(NamedTuple):
         return cls.of(seen[0]), cls.of(rate), cls.of(bend)
 
     @classmethod
-    def moved(cls, placed: Any, i: Pose, j: Pose) -> tuple["Relative", "Relative"]:
+    def moved(cls, placed: Placed, i: Pose, j: Pose) -> tuple["Relative", "Relative"]:
         """That, and its rates by the velocities of body i, then of body j, stacked."""
         back = multiplied(j.axes, placed.axes_j).T
         seen = cls.of(multiplied(back, _there(placed, i, j)))
@@ -131,7 +141,7 @@ def _spin_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Arr
     return jnp.zeros(3, omega.dtype), omega
 
 
-def _there(placed: Any, i: Pose, j: Pose) -> Float[Array, "*orders 3 4"]:
+def _there(placed: Placed, i: Pose, j: Pose) -> Float[Array, "*orders 3 4"]:
     """R_i A_i and p_i - p_j."""
     on_i = jnp.concatenate([placed.axes_i, placed.point_i[:, None]], axis=1)
     apart = i.r - j.r - times(j.axes, placed.point_j)

@@ -1,6 +1,6 @@
 """Travel by a turn, modulo whole turns, which files have of racks and of threads: x + R a = 0"""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import equinox as eqx
 from jaxtyping import Array, Float
@@ -16,10 +16,14 @@ from ._components import AXIAL, RADIAL
 class AbstractRolled(AbstractPlacedJoint):
     """A body i whose offset along an axis of body j is -R by a radian of its turn about z: a row of that force."""
 
-    radius: eqx.AbstractVar[Float[Array, ""]]
     along: eqx.AbstractClassVar[int]
+    radius: Float[Array, ""]
 
-    def residual(self, i: Pose, j: Pose, t: Any) -> Array:
+    def __init__(self, name: str, i: str, j: str, on_i: Placement, on_j: Placement, *, radius: Numbers):
+        self.place(name, i, j, None, on_i, on_j)
+        self.radius = as_float(radius)
+
+    def residual(self, i: Pose, j: Pose, t: Array) -> Array:
         relative = self.relative(i, j)
         return (self.radius * relative.angle_from(-relative.offset[self.along] / self.radius))[None]
 
@@ -29,11 +33,7 @@ class Rack(AbstractRolled):
 
     row_kinds: ClassVar[tuple[Row, ...]] = RADIAL[:1]
     along: ClassVar[int] = 0
-    radius: Float[Array, ""]
-
-    def __init__(self, name: str, i: str, j: str, on_i: Placement, on_j: Placement, *, radius: Numbers):
-        self.place(name, i, j, None, on_i, on_j)
-        self.radius = as_float(radius)
+    __init__ = AbstractRolled.__init__
 
 
 class Thread(AbstractRolled):
@@ -41,8 +41,4 @@ class Thread(AbstractRolled):
 
     row_kinds: ClassVar[tuple[Row, ...]] = (AXIAL,)
     along: ClassVar[int] = 2
-    radius: Float[Array, ""]
-
-    def __init__(self, name: str, i: str, j: str, on_i: Placement, on_j: Placement, *, radius: Numbers):
-        self.place(name, i, j, None, on_i, on_j)
-        self.radius = as_float(radius)
+    __init__ = AbstractRolled.__init__

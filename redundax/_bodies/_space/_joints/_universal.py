@@ -4,7 +4,7 @@ Both pins carry the force F of the joint and its moment T about the normal n = z
 whose load square to the pin is F less its part along the pin, and whose bending moment is T n.
 """
 
-from typing import Any, ClassVar, Unpack
+from typing import ClassVar, Unpack
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -21,7 +21,7 @@ from .._placement import at_reference
 from .._pose import Pose
 from .._rotation import axes_along
 from ._components import AXIAL, RADIAL, TWIST
-from ._frictional import AbstractContactJoint, At, End
+from ._frictional import AbstractContactJoint, At, End, Ends
 from ._surfaces import PIN, PinRubs, Surfaces
 
 _SQUARE = 1e-3  # rad, by which directions of few digits may be off
@@ -95,7 +95,7 @@ class Universal(AbstractContactJoint):
         return self.coordinates(i, j)
 
     def forces(
-        self, model: AbstractFrictionModel, ends: Any, loads: Array, rate: Array, sense: Array, memory: PyTree
+        self, model: AbstractFrictionModel, ends: Ends, loads: Array, rate: Array, sense: Array, memory: PyTree
     ) -> Float[Array, "2"]:
         """Friction moments at both pins."""
         normal = jnp.zeros(2, rate.dtype)
@@ -104,7 +104,7 @@ class Universal(AbstractContactJoint):
         return eqx.filter_vmap(model.force)(normal, rate, sense, memory)
 
     def largest_changes(
-        self, model: AbstractFrictionModel, ends: Any, change: Array, rate: Array, memory: PyTree
+        self, model: AbstractFrictionModel, ends: Ends, change: Array, rate: Array, memory: PyTree
     ) -> Float[Array, "2"]:
         """Bounds of the changes of friction by a change of the multipliers."""
         if not model.depends_on_load:

@@ -8,18 +8,28 @@ with its outward normal n and the direction l to the light.
 import dataclasses
 import itertools
 from collections.abc import Sequence
-from typing import Any
+from typing import TypedDict, Unpack
 
 import numpy as np
 
+from ._pen import hull
+
 _ROUND = 14  # sides of a cylinder
+
+
+class Style(TypedDict, total=False):
+    """What a solid may be, beside its colour."""
+
+    opacity: float
+    name: str
+    has_edge: bool
 
 
 @dataclasses.dataclass(frozen=True)
 class Solid:
     """Corners (v, 3), and faces as the indices of their corners in order about the face; a flat one has one face.
 
-    `name` is what it belongs to: "body door", "joint top".
+    `name` is what it belongs to: "body door", "joint top"; `has_edge` whether it is seen apart from what it joins.
     """
 
     corners: np.ndarray
@@ -27,6 +37,7 @@ class Solid:
     colour: str
     opacity: float = 1.0
     name: str = ""
+    has_edge: bool = True
 
     def normals(self) -> np.ndarray:
         """Unit normals of the faces, outward, (faces, 3)."""
@@ -59,7 +70,9 @@ def axes_of(axis: np.ndarray) -> np.ndarray:
     return np.stack([x, np.cross(z, x), z], axis=1)
 
 
-def box(centre: np.ndarray, axes: np.ndarray, size: Sequence[float], colour: str, **style: Any) -> Solid:
+def box(
+    centre: np.ndarray, axes: np.ndarray, size: Sequence[float] | np.ndarray, colour: str, **style: Unpack[Style]
+) -> Solid:
     """A box of the given size (3,) along its axes, the columns of (3, 3)."""
     half = np.asarray(size) / 2
     square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
@@ -67,7 +80,9 @@ def box(centre: np.ndarray, axes: np.ndarray, size: Sequence[float], colour: str
     return _prism(centre + (np.concatenate(rings) * half) @ axes.T, 4, colour, **style)
 
 
-def rod(start: np.ndarray, end: np.ndarray, radius: float, colour: str, sides: int = 8, **style: Any) -> Solid:
+def rod(
+    start: np.ndarray, end: np.ndarray, radius: float, colour: str, sides: int = 8, **style: Unpack[Style]
+) -> Solid:
     """A cylinder between two points, cut in pieces along it, so that its faces can be sorted by depth."""
     pieces = int(np.clip(np.linalg.norm(end - start) / max(4.0 * radius, 1e-300), 1, 40))
     levels = [start + share * (end - start) for share in np.linspace(0.0, 1.0, pieces + 1)]
@@ -83,19 +98,27 @@ def rod(start: np.ndarray, end: np.ndarray, radius: float, colour: str, sides: i
 
 
 def cone(
-    start: np.ndarray, end: np.ndarray, first: float, last: float, colour: str, sides: int = _ROUND, **style: Any
+    start: np.ndarray,
+    end: np.ndarray,
+    first: float,
+    last: float,
+    colour: str,
+    sides: int = _ROUND,
+    **style: Unpack[Style],
 ) -> Solid:
     """A cone between two points with the radius at each."""
     ring = _circle(axes_of(end - start), sides)
     return _prism(np.concatenate([start + first * ring, end + last * ring]), sides, colour, **style)
 
 
-def cylinder(centre: np.ndarray, axis: np.ndarray, half: float, radius: float, colour: str, **style: Any) -> Solid:
+def cylinder(
+    centre: np.ndarray, axis: np.ndarray, half: float, radius: float, colour: str, **style: Unpack[Style]
+) -> Solid:
     """A cylinder about a centre, `half` its length to either side."""
     return rod(centre - half * axis, centre + half * axis, radius, colour, _ROUND, **style)
 
 
-def ball(centre: np.ndarray, radius: float, colour: str, *, steps: int = 6, **style: Any) -> Solid:
+def ball(centre: np.ndarray, radius: float, colour: str, *, steps: int = 6, **style: Unpack[Style]) -> Solid:
     """A sphere; with two steps an octahedron."""
     sides = 2 * steps
     heights = np.linspace(-np.pi / 2, np.pi / 2, steps + 1)[1:-1]
@@ -113,19 +136,22 @@ def ball(centre: np.ndarray, radius: float, colour: str, *, steps: int = 6, **st
 
 
 def ring(
-    centre: np.ndarray, axis: np.ndarray, radius: float, thickness: float, colour: str, **style: Any
+    centre: np.ndarray, axis: np.ndarray, radius: float, thickness: float, colour: str, **style: Unpack[Style]
 ) -> list[Solid]:
     """A circle about an axis, of short rods."""
     around = _circle(axes_of(axis), 36)
     return path(centre + radius * np.concatenate([around, around[:1]]), thickness, colour, **style)
 
 
-def path(points: np.ndarray, radius: float, colour: str, **style: Any) -> list[Solid]:
+def path(points: np.ndarray, radius: float, colour: str, **style: Unpack[Style]) -> list[Solid]:
     """A line through points, of rods."""
+    style = {**style, "has_edge": False}
     return [rod(a, b, radius, colour, 5, **style) for a, b in itertools.pairwise(points)]
 
 
-def arrow(tail: np.ndarray, tip: np.ndarray, width: float, colour: str, *, heads: int = 1, **style: Any) -> list[Solid]:
+def arrow(
+    tail: np.ndarray, tip: np.ndarray, width: float, colour: str, *, heads: int = 1, **style: Unpack[Style]
+) -> list[Solid]:
     """An arrow with one head, or two for a moment; a short one is all head."""
     along, length = unit(tip - tail), float(np.linalg.norm(tip - tail))
     head = min(4.0 * width, 0.8 * length / heads)
@@ -157,8 +183,6 @@ def hull_solids(points: np.ndarray, thickness: float, colour: str, edge: str, na
 def _plate(
     points: np.ndarray, directions: np.ndarray, thickness: float, colour: str, edge: str, name: str
 ) -> list[Solid]:
-    from .._bodies import hull
-
     middle = points.mean(axis=0)
     corners = middle + hull((points - middle) @ directions[:2].T) @ directions[:2]
     rim = path(np.concatenate([corners, corners[:1]]), 0.4 * thickness, edge, name=name)
@@ -184,7 +208,7 @@ def _in_order(points: np.ndarray, corners: list[int], normal: np.ndarray) -> tup
     return tuple(corners[k] for k in np.argsort(np.arctan2(flat[:, 1], flat[:, 0])))
 
 
-def _prism(corners: np.ndarray, sides: int, colour: str, **style: Any) -> Solid:
+def _prism(corners: np.ndarray, sides: int, colour: str, **style: Unpack[Style]) -> Solid:
     """The solid between two polygons of as many corners."""
     faces = [(a, b, sides + b, sides + a) for a, b in _pairs(sides)]
     caps = (tuple(range(sides)), tuple(range(sides, 2 * sides)))

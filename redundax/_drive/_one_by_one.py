@@ -1,0 +1,163 @@
+"""Times of a driven motion that are asked of `solve` one by one: what a batch leaves open, joints with play, and
+contacts that would pull where they are held.
+
+Contacts that are closed at the start are held both ways along the motion, which is right as long as all of them push.
+Where one would pull it opens: either others keep it closed and carry its share, or it lifts, and the laws no longer say
+how its parts move. The others are left out until one would be reached.
+"""
+
+import dataclasses
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from .._closures._closure import AbstractClosure
+from .._equations._gaps import overlaps
+from .._equations._scaling import largest_violation
+from .._solve._solve import solve
+from .._system._contact import LEFT_OUT, rows_that_hold
+from .._system._driven import Driven
+from .._system._names import Names
+from .._system._pushing import pulls_of
+from .._system._results import RESULTS, result_codes
+from .._system._state import State
+from .._system._system import AbstractSystem
+from .._tools._compilation import compiled
+from .._tools._errors import NoSolutionError
+from .._tools._module import on_device, replace_fields
+from .._tools._numbers import as_arrays, computed
+from ._along import Path
+from ._run import Moment, Run
+
+
+def as_closed(system: AbstractSystem, names: Names) -> AbstractSystem:
+    """The system whose one-sided contacts of these names hold both ways, without the others; they are told where they
+    pull."""
+    all_names = system.names
+    if not all_names.one_sided:
+        return system
+    closed = np.isin(all_names.one_sided, names.one_sided)
+    if not closed.all():
+        system = system.opened(on_device(rows_that_hold(all_names, closed, closed)))
+    pushing = tuple(sorted({*names.pushing, *names.one_sided}))
+    return _named(system, dataclasses.replace(names, pushing=pushing, one_sided=(), tied=()))
+
+
+def of_closed_contacts(system: AbstractSystem, start: State) -> Names:
+    """The names of a system, those of contacts without the ones that are open at the start of the motion."""
+    names = system.names
+    open_rows = {row for row, gap in zip(names.one_sided, _gaps(system, start), strict=True) if gap > 0}
+    kept = [k for k, row in enumerate(names.one_sided) if row not in open_rows]
+    rows, tied = (tuple(each[k] for k in kept) for each in (names.one_sided, names.tied))
+    return dataclasses.replace(names, one_sided=rows, tied=tied)
+
+
+@computed
+def _gaps(system: AbstractSystem, state: State) -> Float[Array, " contacts"]:
+    """Gaps beyond what closed contacts have by rounding, relative to the size of the system."""
+    return -overlaps(system, state) - largest_violation(state.q.dtype)
+
+
+def until_reached(system: AbstractSystem, names: Names, path: Path, throw: bool | None) -> tuple[Path, tuple[str, ...]]:
+    """A motion up to where a contact that is open at its start would be reached, and words on that."""
+    open_rows = [row for row in system.names.one_sided if row not in names.one_sided]
+    if not open_rows:
+        return path, ()
+    at = _constraints(system.anonymous, jnp.asarray(path.q), path.t)
+    over = np.asarray(at)[:, open_rows] / np.asarray(path.scale.rows)[open_rows] / float(path.scale.size)
+    beyond = over > largest_violation(path.q.dtype)
+    if not beyond.any():
+        return path, ()
+    k = int(np.argmax(beyond.any(axis=1)))
+    reached = [system.rows.labels[row] for row, own in zip(open_rows, beyond[k], strict=True) if own]
+    t = np.asarray(path.t)
+    said = f"Contacts that are open at first are reached at t = {t[k]:.6g}{_since(t, k)}: {', '.join(reached)}."
+    if throw is not False:
+        raise NoSolutionError(
+            f"{said} End the motion before. With `throw=False` it is given up to there, and NaN beyond."
+        )
+    return path._replace(q=jnp.where(np.arange(len(t))[:, None] < k, path.q, jnp.nan)), (said,)
+
+
+@compiled
+def _constraints(system: AbstractSystem, q: Array, t: Array) -> Float[Array, "times m"]:
+    return jax.vmap(system.constraint)(q, t)
+
+
+def _named(system: AbstractSystem, names: Names) -> AbstractSystem:
+    """A system without drives by other names, or with them."""
+    if isinstance(system, Driven):
+        return replace_fields(system, base=_named(system.base, names))
+    return replace_fields(system, _names=names)
+
+
+def asked_again(
+    run: Run,
+    names: Names,
+    good: Bool[np.ndarray, " times"],
+    closure: AbstractClosure,
+    senses: Float[np.ndarray, "times 2 p"],
+    throw: bool | None,
+) -> Run:
+    """A run with answers where the batch has none, for the names of the system whose contacts open."""
+    system: Any = run.system
+    arrays = {name: np.array(getattr(run, name)) for name in ("multipliers", "friction", "acceleration")}
+    before: Any = Moment(*(np.array(x) for x in (run.before.multipliers, run.before.friction)))  # pyright: ignore
+    if names.one_sided:
+        system = _named(system, names)
+        for lam in (arrays["multipliers"], before.multipliers):
+            good = good & ~pulls_of(lam, names.one_sided, system.rows.angular).any(axis=-1)
+    if closure.clearances(system) is not None:
+        good, run = np.zeros_like(good), replace_fields(run, stays=np.full_like(run.stays, np.nan))
+    codes, t, remarks = np.full(len(good), result_codes()["successful"]), np.asarray(run.t), run.remarks
+    for k in np.flatnonzero(~good).tolist():
+        codes[k], found = _solutions(system, run, k, closure, senses[k])
+        lifting = _lifting(names, found)
+        if lifting:
+            said = _in_words(lifting, t, k)
+            if throw is not False:
+                raise NoSolutionError(
+                    f"{said} Press them together, or move more slowly. With `throw=False` the motion up to there is "
+                    "given, and NaN beyond."
+                )
+            codes[k:], remarks = result_codes()["no_position"], (*remarks, said)
+            for array in (*arrays.values(), before.multipliers, before.friction):
+                array[k:] = np.nan
+            break
+        for side, into in enumerate((arrays, {name: getattr(before, name) for name in ("multipliers", "friction")})):
+            for name, array in into.items():
+                array[k] = np.nan if found is None else np.asarray(getattr(found[side], name))
+    result = jax.tree.map(lambda _: codes, RESULTS.successful)
+    return replace_fields(run, **arrays, before=before, result=result, remarks=remarks)
+
+
+def _solutions(system: Any, run: Run, k: int, closure: AbstractClosure, senses: np.ndarray) -> tuple[int, Any]:
+    """How a time ends, and its solutions after and before."""
+    if not np.all(np.isfinite(run.q[k])):
+        return result_codes()["no_position"], None
+    state = as_arrays(State(run.q[k], run.qd[k], np.asarray(run.t)[k]))
+    ways = senses[:1] if np.array_equal(*senses) else senses
+    found = [solve(system, state, closure=closure, sense=jnp.asarray(sense), throw=False) for sense in ways]
+    return max(int(jax.tree.leaves(one.result)[0]) for one in found), (found[0], found[-1])
+
+
+def _lifting(names: Names, found: Any) -> tuple[str, ...]:
+    """Contacts that open and stay so in one of the solutions."""
+    if found is None or not names.one_sided:
+        return ()
+    left = np.any([np.isin(np.asarray(one.contact), LEFT_OUT) for one in found], axis=0)
+    return tuple(name for name, own in zip(names.contacts, left, strict=True) if own)
+
+
+def _since(t: np.ndarray, k: int) -> str:
+    return f", after t = {t[k - 1]:.6g}" if k else ""
+
+
+def _in_words(lifting: tuple[str, ...], t: np.ndarray, k: int) -> str:
+    return (
+        f"Contacts lift at t = {t[k]:.6g}{_since(t, k)}: {', '.join(lifting)}. They could only pull there, and the "
+        "laws no longer say how their parts move."
+    )

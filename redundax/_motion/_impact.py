@@ -1,0 +1,171 @@
+"""What happens where contacts close, open or change their load: an impact, and which contacts hold from there on.
+
+Velocities after an impact are the nearest to those before, in the metric of the mass, that no contact forbids,
+
+    M (v+ - v-) + Phi_q^T P = 0,   Phi_q v+ + Phi_t = 0,   0 <= P  _|_  Phi_q v+ + Phi_t <= -e max(Phi_q v- + Phi_t, 0)
+
+where the last is of the contacts that are closed, whose rates are positive as they close. It is the problem of `solve`
+for accelerations, with M v- for the load, and has one answer for regular mass. Each contact that has an impulse obeys
+Newton's law of restitution. A rebound whose height is rounding is none.
+"""
+
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from .._closures._closure import Elasticity, elasticity
+from .._equations._factorisation import Factorisation
+from .._equations._gaps import model_of_all
+from .._equations._scaling import Scaling, scaling
+from .._solve._contacts import CLEAR, ActiveSet, Asked, active_set, of_rows
+from .._system._contact import Contact, code_of, rows_that_hold
+from .._system._friction import Friction, load_rows
+from .._system._results import RESULTS, differs
+from .._system._state import State
+from .._system._system import AbstractSystem
+from .._tools._module import replace_fields
+from .._tools._numbers import are_known, cond, entries_set, scan, stop_gradient, take, xp
+from ._moving import NONE, Equations, Touch, tolerance_of
+from ._rubbing import AtInstant, Instant, at_instant
+from ._stick import Mode
+from ._touch import GAP
+
+# Gap, relative to the size of the mechanism, below which contacts close together: positions are not known better.
+TOGETHER = 1e-8, 1e2
+# Relative rate by which a row that holds may miss what it should have after an impact.
+_MISSED = 1e-8, 1e3
+
+
+class Before(NamedTuple):
+    """What is known of an instant.
+
+    - `closed`: contacts that are closed; others are too whose gap is less than `near`, relative to the size of the
+      mechanism.
+    - `loaded`: those to begin with, where there is no impact.
+    """
+
+    closed: Bool[Array, " c"]
+    loaded: Bool[Array, " c"]
+    near: float
+
+
+class After(NamedTuple):
+    """How it goes on: the state, its factorisation, which contacts hold, which joints stick, where any can; whether
+    that is found, and the friction of an impact known; the impulses of contacts, the energy that they took, and whether
+    there was an impact."""
+
+    state: State
+    factor: Factorisation
+    touch: Touch
+    mode: Mode | None
+    found: Bool[Array, ""]
+    known: Bool[Array, ""]
+    impulses: Float[Array, " c"]
+    lost: Float[Array, ""]
+    strikes: Bool[Array, ""]
+
+
+class _Now(NamedTuple):
+    """Velocities after an impact so far, and the rows that hold in it."""
+
+    qd: Float[Array, " n"]
+    kept: Bool[Array, " m"]
+
+
+class _Turn(NamedTuple):
+    """What a turn has solved, of which rows, and the active set that it has found."""
+
+    solution: AtInstant
+    factor: Factorisation
+    kept: Bool[Array, " m"]
+    active: ActiveSet
+    found: Bool[Array, ""]
+
+
+# Turns: an impact with the rows that push, the same with those beside that end at rest, and how it goes on.
+_TURNS = np.arange(3)
+_HOLDS, _GOES_ON = _TURNS[1:]
+
+
+def settle(equations: Equations, state: State, restitution: Float[Array, " c"], before: Before) -> After:
+    """An impact if contacts approach, and which of them hold from there on."""
+    system = equations.system
+    model, rows = model_of_all(system, state), np.array(system.names.one_sided)
+    jacobian, scales = model.jacobian, scaling(system, model)
+    rate = take(model.motion.rate / scales.rows, rows)
+    near = before.closed | (take(model.motion.value / scales.rows, rows) > -before.near * scales.size)
+    slow = tolerance_of(NONE, rate) * equations.speed
+    strikes = xp.any(near & (rate > slow))
+    rebound = restitution * xp.maximum(rate, 0.0)
+    calm = (2 * tolerance_of(GAP, rebound)) ** 0.5 * equations.speed  # it would rise by no more than counts as a gap
+    bounce = xp.where(rebound > calm, rebound * take(scales.rows, rows), 0.0)
+    right = jacobian @ state.qd - model.motion.rate
+    right, chosen = entries_set(right, rows, take(right, rows) - bounce), elasticity(equations.closure, system, state)
+    # What an impact leaves of the slip of joints that stuck is not known from before.
+    sense = xp.where(strikes, 1.0, equations.sense)
+    known = are_known(equations, state, restitution)
+    caches = [{} if known else None for _ in range(2)]
+
+    def turn(now: _Now, place: Any) -> tuple[_Now, _Turn]:
+        last = place == _GOES_ON
+        at = replace_fields(state, qd=xp.where(last, now.qd, state.qd))
+        wanted = cond(last, lambda: model_of_all(system, at).motion.gamma, lambda: right)
+        fits = Elasticity(chosen.compliance, xp.where(last, chosen.misfit, 0.0))
+        there = equations.with_sense(xp.where(last, sense, equations.sense))
+        instant = Instant(~last, model.mass @ state.qd, wanted, there)
+        parts = rate + take(jacobian @ (now.qd - state.qd) / scales.rows, rows)
+        closed = near & (~last | (parts >= -slow))
+        asked = Asked(closed, closed & (~last | strikes | before.loaded), (jacobian, wanted, scales), lets_go=last)
+        of_set = of_rows(partial(at_instant, stop_gradient(instant)), caches[int(last)] if known else None)
+        active = active_set(system, at, fits, of_set, asked)
+        kept = xp.where(place == _HOLDS, now.kept, active.kept)
+        factor, solution, _, found = of_set(system, at, fits, kept, instant)
+        stays = near & (take((right - jacobian @ solution.acceleration) / scales.rows, rows) < calm)  # as for rebounds
+        onward = _Now(
+            xp.where(strikes & ~last, solution.acceleration, now.qd),
+            active.kept | rows_that_hold(system.names, stays, stays),
+        )
+        return onward, _Turn(solution, factor, kept, active, found)
+
+    begin = _Now(state.qd, xp.zeros_like(right, bool))
+    now, (*impact, end) = scan(turn, begin, _TURNS[_GOES_ON:] if known and not strikes else _TURNS)
+    impulses, well, rubs = _struck(impact, system, (jacobian, right, scales), equations.speed)
+    sound = xp.ones((), bool) if equations.has_sense else ~differs(end.factor.result, RESULTS.successful)
+    rests = (end.active.contacts == code_of(Contact.touches)) & ~take(end.kept, rows) & end.active.decided
+    return After(
+        replace_fields(state, qd=now.qd),
+        end.factor,
+        Touch(end.kept, stop_gradient(rests), stop_gradient(end.factor.spectrum.rank)),
+        end.solution.mode,
+        end.active.settled & end.found & sound & (well | ~strikes),
+        ~(strikes & rubs),
+        xp.where(strikes, impulses, 0.0),
+        (state.qd @ model.mass @ state.qd - now.qd @ model.mass @ now.qd) / 2,
+        strikes,
+    )
+
+
+def _struck(
+    impact: list[_Turn], system: AbstractSystem, at: tuple[Array, Array, Scaling], speed: Array
+) -> tuple[Float[Array, " c"], Bool[Array, ""], Bool[Array, ""]]:
+    """Impulses of contacts, whether velocities after an impact are found, and whether joints are loaded whose friction
+    has no law of impulses; of none where there is no impact."""
+    rows = np.array(system.names.one_sided)
+    if not impact:
+        return xp.zeros(rows.size), xp.ones((), bool), xp.zeros((), bool)
+    (jacobian, right, scales), (strikes, holds) = at, impact
+    missed = xp.where(holds.kept, jacobian @ holds.solution.acceleration - right, 0.0) / scales.rows
+    meets = xp.all(xp.abs(missed) <= tolerance_of(_MISSED, missed) * speed)
+    multipliers = strikes.solution.multipliers
+    whole = xp.abs(multipliers * scales.rows)
+    rubs = xp.any(take(whole, _without_impulse(system)) > CLEAR * xp.max(whole))
+    impulses = xp.where(take(strikes.kept, rows), take(multipliers, rows), 0.0)
+    return impulses, strikes.active.settled & strikes.found & holds.found & meets, rubs
+
+
+def _without_impulse(system: AbstractSystem) -> np.ndarray:
+    """Rows that load friction whose impulse is not known."""
+    groups = [g for g in system.friction if not g.has_sense or isinstance(g, Friction)]
+    return np.array(load_rows(groups) if groups else [], int)

@@ -1,0 +1,101 @@
+"""The equations of one set of rows that hold, where contacts settle: at an instant, or of an impact.
+
+An impact is an instant of accelerations without bound: its impulses stand for forces, velocities after it for
+accelerations, and the slip rates that they have for those of slip rates. So Coulomb's law for impulses
+
+    lo(P) <= T <= hi(P),   w+ > 0 only at T = lo,   w+ < 0 only at T = hi
+
+is that of joints that stick or start to slip (`_stick`), of whatever slip rates there were. Friction that loads do not
+cause has no impulse.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from .._closures._closure import Elasticity
+from .._equations._factorisation import Factorisation
+from .._equations._kinematics import slip_gamma, slip_motion
+from .._equations._response import LinearResponse, Response
+from .._system._results import RESULTS
+from .._system._state import State
+from .._system._system import AbstractSystem
+from .._tools._module import replace_fields
+from .._tools._numbers import as_numbers, as_program, stop_gradient, xp
+from ._moving import Equations, Linear
+from ._stick import Mode, mode_of
+
+# Seconds that an impact takes, in which friction that loads do not cause has no impulse.
+_INSTANT = 1e-12
+
+
+class Instant(NamedTuple):
+    """What is asked of the rows that hold: whether it is an impact, of which M v- and Phi_q v+ are given, and the
+    equations of motion."""
+
+    is_impact: Bool[Array, ""]
+    momentum: Float[Array, " n"]
+    right: Float[Array, " m"]
+    equations: Equations
+
+
+class AtInstant(NamedTuple):
+    """Accelerations and multipliers, or velocities after an impact and impulses; and which joints stick, where any can;
+    no `result` is a failure."""
+
+    acceleration: Float[Array, " n"]
+    multipliers: Float[Array, " m"]
+    mode: Mode | None
+    result: RESULTS
+
+
+def at_instant(
+    fixed: Instant,
+    system: AbstractSystem,
+    state: State,
+    factor: Factorisation,
+    chosen: Elasticity,
+    given: Instant | None = None,
+) -> tuple[AtInstant, Elasticity, Bool[Array, ""]]:
+    """The solution of the rows of the system, its closure, and whether it is found, as `of_rows` asks for them; of what
+    is given, with its derivatives, or else of the same `fixed`."""
+    asked = fixed if given is None else given
+    impact, has_sense = asked.is_impact, asked.equations.has_sense
+    brief = xp.where(impact, _INSTANT, 1.0)
+    load = xp.where(impact, asked.momentum / _INSTANT, factor.load)
+    right = xp.where(impact, asked.right / _INSTANT, factor.gamma)
+    pick, definiteness = factor.close(chosen.compliance)
+    caused, rate, directions = pick.caused(chosen.misfit), state.qd[:0], xp.zeros_like(load, shape=(load.size, 0))
+    if system.friction:
+        rate, directions = slip_motion(system, state)
+    wanted = xp.concatenate([right[:, None], xp.zeros_like(right, shape=(right.size, rate.size))], axis=1)
+    a, lam = factor.respond(xp.concatenate([load[:, None], directions], axis=1), wanted)
+    lam = pick(lam)
+    free, mode, decided = Response(a[:, 0], lam[:, 0] + caused), None, definiteness.is_yes
+    if system.friction:
+        response = LinearResponse(free, Response(a[:, 1:], lam[:, 1:]))
+        slip = directions.T @ a
+        drift = (rate - directions.T @ state.qd) / _INSTANT
+        begins = slip[:, 0] + xp.where(impact, drift, -slip_gamma(system, state) if has_sense else 0.0)
+        linear = Linear(response, load, directions, xp.where(impact, 0.0, rate), begins, slip[:, 1:])
+        own = replace_fields(asked.equations, system=system, touch=None)
+        *free, mode, decided = _rubbing(own, state, linear, impact)
+    a, lam = (brief * x for x in free)
+    found = decided & xp.all(xp.isfinite(a)) & xp.all(xp.isfinite(lam))
+    return AtInstant(a, lam, mode, as_numbers(RESULTS.successful)), chosen, found
+
+
+@as_program
+def _rubbing(
+    equations: Equations, state: State, linear: Linear, impact: Bool[Array, ""]
+) -> tuple[Float[Array, " n"], Float[Array, " m"], Mode | None, Bool[Array, ""]]:
+    """The equations solved, with those joints sticking that do, which has no derivative; and if that is decided."""
+    if not equations.has_sense:  # of which none has an impulse that is known
+        solved, (a, lam) = equations.solved(state, linear, None), linear.response.free
+        a, lam = jnp.where(impact, a, solved.acceleration), jnp.where(impact, lam, solved.multipliers)
+        return a, lam, None, jnp.ones((), bool)
+    mode = mode_of(*stop_gradient((equations, state, linear)), jnp.ones((), bool))
+    solved = equations.with_sense(mode.sense).solved(state, linear, mode.tau)
+    mode = mode._replace(tau=solved.tau, resting=jnp.zeros_like(mode.resting))
+    return solved.acceleration, solved.multipliers, mode, mode.decided

@@ -1,0 +1,135 @@
+"""One-sided contacts of a phase: which rows hold, and the first instant at which others would.
+
+A contact that is open ends the phase where its gap is closed, one that holds where its load passes zero, and one that
+only touches, because the others hold it closed, where the closure would load it: where its strain against them
+
+    s = W lam - d - Phi_q u,   Phi_q u = W lam - d in the rows that hold,
+
+passes zero. Each is a margin, positive while the phase goes on. Rows that do not hold are zeros (`opened`), so that one
+program serves all phases. A step that passes an event is not taken; the next one ends there, by the dense output.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from .._closures._closure import elasticity
+from .._tools._numbers import as_program, or_one, xp
+from ._held_rank import factorize_held
+from ._moving import Context, Equations, Moving, Touch, rechart, tolerance_of
+
+# Looks within a step, for contacts that close and open again within one, and halvings of what lies between two of them:
+# what is left of a step is below the accuracy of its dense output.
+_LOOKS, _HALVINGS = 8, 36
+# Margins beyond which an event is passed: at the end of a step, which is projected, what rounding explains, of loads
+# that of a solve; within one what its dense output may be off by.
+GAP, _SIGN, _WITHIN = (1e-12, 1e3), (1e-9, 1e3), (1e-6, 1e4)
+# Part of a step by which the next one ends later than the event found, so that the event lies within it.
+_LATER = 2.0**-40
+# Margins that a step which ends at an event leaves at most.
+_OFF = 1e-4, 1e5
+# Gap below which contacts that others hold closed do not: above what the rows that hold are off by after a step.
+_APART = 1e-8, 1e3
+
+
+class Margins(NamedTuple):
+    """Gaps relative to the size of the mechanism, and loads relative to the largest or strains to theirs; infinite of
+    contacts that are asked for the other."""
+
+    gap: Float[Array, "*looks c"]
+    push: Float[Array, "*looks c"]
+
+    @property
+    def least(self) -> Float[Array, "*looks c"]:
+        """The one that is asked for, or the lesser."""
+        return jnp.minimum(self.gap, self.push)
+
+    def passed(self, gap: float, push: float) -> Bool[Array, "*looks c"]:
+        """Whether one is below zero by more than it may be."""
+        return (self.gap < -gap) | (self.push < -push)
+
+
+class Hit(NamedTuple):
+    """When contacts open, close or change their load next, infinite where none does; and which."""
+
+    time: Float[Array, ""]
+    which: Bool[Array, " c"]
+
+
+def no_hit(touch: Touch, like: Array) -> Hit:
+    """No event ahead."""
+    return Hit(xp.full_like(like, xp.inf), touch.rests != touch.rests)
+
+
+def margins(equations: Equations, t: Array, y: Moving, context: Context) -> Margins:
+    """Those of all contacts at an instant."""
+    system, scale, touch = equations.system, equations.scaling, equations.touching
+    rows, state, kept = np.array(system.names.one_sided), y.at(t), touch.kept
+    every = system.opened(jnp.ones_like(kept))
+    gap = -(every.constraint(y.q, t) / scale.rows)[rows] / scale.size
+    factor = factorize_held(system, state, context.held)
+    linear = equations.linear(state, context.held, factor)
+    solved = equations.solved(state, linear, context.tau, context.along)
+    force = scale.rows * solved.multipliers
+    size = or_one(jnp.maximum(jnp.max(jnp.abs(force)), jnp.max(jnp.abs(scale.coordinates * linear.load))))
+    compliance, misfit = elasticity(equations.closure, system, state)
+    bent = compliance @ solved.multipliers - misfit
+    strain = bent - every.jacobian(y.q, t) @ factor.nearest(jnp.where(kept, bent, 0.0))
+    holds = kept[rows]
+    push = jnp.where(holds, force[rows] / size, strain[rows] / or_one(jnp.max(jnp.abs(bent))))
+    apart = jnp.where(touch.rests, tolerance_of(_APART, gap), 0.0)
+    return Margins(jnp.where(holds, jnp.inf, gap + apart), jnp.where(holds | touch.rests, push, jnp.inf))
+
+
+def first_hit(
+    equations: Equations, times: tuple[Array, Array], last: Moving, between: Callable[[Array], Moving], context: Context
+) -> Hit:
+    """The first event in a step from one time to another, given its end and its dense output."""
+    start, end = times
+    width = end - start
+
+    def at(look: tuple[Array, Array]) -> Margins:
+        t, ends = look
+        y = rechart(equations.system, between(t))[0]
+        return margins(equations, t, jax.tree.map(lambda a, b: jnp.where(ends, a, b), last, y), context)
+
+    parts = jnp.arange(1, _LOOKS + 1, dtype=width.dtype) / _LOOKS
+    seen = jax.lax.map(at, (start + width * parts, parts == 1))
+    rough, fine = tolerance_of(_WITHIN, width), (tolerance_of(GAP, width), tolerance_of(_SIGN, width))
+    passed = jnp.where((parts == 1)[:, None], seen.passed(*fine), seen.passed(rough, rough))
+    found, which = jnp.any(passed), passed[jnp.argmax(jnp.any(passed, axis=1))]
+    first = jnp.argmax(jnp.any(which & (seen.least < 0), axis=1))
+
+    def halve(now: tuple[Any, ...]) -> tuple[Any, ...]:
+        low, high, which, count = now
+        middle = (low + high) / 2
+        past = which & (at((middle, jnp.zeros((), bool))).least < 0)
+        beyond = jnp.any(past)
+        bracket = jnp.where(beyond, low, middle), jnp.where(beyond, middle, high)
+        return *bracket, jnp.where(beyond, past, which), count + 1
+
+    begin = start + width * first / _LOOKS, start + width * (first + 1) / _LOOKS, which, jnp.zeros((), int)
+    _, high, which, _ = jax.lax.while_loop(lambda now: found & (now[3] < _HALVINGS), halve, begin)
+    return Hit(jnp.where(found, jnp.minimum(high + _LATER * width, end), jnp.inf), which & found)
+
+
+@as_program
+def arrived(
+    equations: Equations, t: Array, y: Moving, context: Context, which: Bool[Array, " c"]
+) -> tuple[Array, Moving]:
+    """When an event is that a step has ended at, by a step of Newton's method on the time, and the state then.
+
+    So the time has the derivatives of the margin that passes zero, dt = -dh / h'.
+    """
+    change = jax.lax.stop_gradient(equations.derivative(t, y, context))
+    along = jnp.ones_like(t), change
+    least, slope = jax.jvp(lambda t, y: margins(equations, t, y, context).least, (t, y), along)
+    slope = jax.lax.stop_gradient(slope)
+    sound = which & (slope < 0) & (jnp.abs(least) <= tolerance_of(_OFF, least))
+    shifts = jnp.where(sound, -least / jnp.where(sound, slope, 1.0), jnp.inf)
+    shift = jnp.where(jnp.any(sound), jnp.min(shifts), 0.0)
+    return t + shift, rechart(equations.system, jax.tree.map(lambda x, rate: x + shift * rate, y, change))[0]

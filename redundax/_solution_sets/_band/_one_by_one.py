@@ -1,0 +1,95 @@
+"""Bands where each case is solved by itself: joints with play that rub, and friction that is known within limits.
+
+The middle of the box, its corners and random cases are looked at. From the best of each end steps go along one entry at
+a time, halved where none is better. What is found is attained; more may be.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Array
+
+from ..._closures._closure import Elasticity
+from ..._closures._play import Play
+from ..._equations._factorisation import Factorisation
+from ..._solve._play import at_sides
+from ..._solve._solution import Solution
+from ..._solve._solve import solve_factorised
+from ..._solvers._continuation import Continuation
+from ..._system._results import RESULTS, is_one_of
+from ..._system._state import State
+from ..._system._system import AbstractSystem
+
+_CORNERS = 6  # entries of a case up to which all corners of the box are looked at
+_SHARE = 8  # of the samples of bands one in as many, as each is solved by itself
+_FIRST, _LAST, _STAYS = 0.5, 1e-4, 2.0**-5  # steps, relative to the box; where none has been better, the last
+_GAIN = 1e-9  # relative, that is no rounding
+
+
+class Found(NamedTuple):
+    """Values (outputs,), cases (outputs, q) and solutions (outputs, n + m + p) at both ends; share with a solution."""
+
+    lower: np.ndarray
+    upper: np.ndarray
+    lower_case: np.ndarray
+    upper_case: np.ndarray
+    lower_solution: np.ndarray
+    upper_solution: np.ndarray
+    solved: float
+
+
+def one_by_one(
+    system: AbstractSystem, state: State, factor: Factorisation, sense: Array | None
+) -> Callable[[Mapping[str, float], Elasticity, Play | None], np.ndarray]:
+    """[qdd; lam; tau] for multiples of the friction of joints, a closure and play; NaN where there is no solution."""
+
+    def alone(system: AbstractSystem, state: State, factor: Factorisation, chosen: Elasticity) -> Solution:
+        return solve_factorised(system, state, factor, chosen, Continuation(), None, sense)
+
+    def solved(factors: Mapping[str, float], chosen: Elasticity, play: Play | None) -> np.ndarray:
+        own = (system.rubbing(factors) if factors else system).anonymous
+        solution, _, settled = at_sides(play, alone)(own, state, factor, chosen)
+        out = np.concatenate([solution.acceleration, solution.multipliers, solution.friction])
+        return out if settled and is_one_of(solution.result, RESULTS.successful) else np.full_like(out, np.nan)
+
+    return solved
+
+
+def searched(
+    attained: Callable[[np.ndarray], np.ndarray], box: np.ndarray, matrix: np.ndarray, samples: int, seed: int
+) -> Found:
+    """The least and the largest matrix [qdd; lam; tau] over a box of cases, (q, 2)."""
+    random, (lower, upper) = np.random.default_rng(seed), box.T
+    q, span = len(box), upper - lower
+    high = (np.arange(2**q)[:, None] >> np.arange(q)) & 1 if q <= _CORNERS else random.random((2**_CORNERS, q)) < 0.5
+    shares = [np.full((1, q), 0.5), high, random.random((samples // _SHARE, q))]
+    cases = np.unique(lower + np.concatenate(shares) * span, axis=0)
+    solutions = np.array([attained(case) for case in cases])
+    good = np.all(np.isfinite(solutions), axis=1)
+    if not good.any():
+        nothing = np.full(len(matrix), np.nan)
+        of_cases, of_solutions = (np.full((len(matrix), x.shape[1]), np.nan) for x in (cases, solutions))
+        return Found(nothing, nothing, of_cases, of_cases, of_solutions, of_solutions, 0.0)
+    share, values = float(good.mean()), np.where(good[:, None], solutions @ matrix.T, np.nan)
+    varies = np.nanmax(values, axis=0) - np.nanmin(values, axis=0) > _GAIN * np.nanmax(np.abs(values), axis=0)
+
+    def best(k: int, sign: float) -> tuple[float, np.ndarray, np.ndarray]:
+        first = int(np.nanargmax(sign * values[:, k]))
+        value, case, solution = float(values[first, k]), cases[first], solutions[first]
+        step, last = _FIRST, _STAYS if varies[k] else 1.0
+        while step >= last:
+            better = False
+            for move in np.concatenate([np.diag(span), -np.diag(span)]):
+                ahead = np.clip(case + step * move, lower, upper)
+                if np.array_equal(ahead, case):
+                    continue
+                found = attained(ahead)
+                if sign * (found @ matrix[k]) > sign * value + _GAIN * abs(value):
+                    value, case, solution, better = float(found @ matrix[k]), ahead, found, True
+            step, last = (step, _LAST) if better else (step / 2, last)
+        return value, case, solution
+
+    ends = [[best(k, sign) for k in range(len(matrix))] for sign in (-1.0, 1.0)]
+    (lows, low_cases, low_at), (highs, high_cases, high_at) = (map(np.array, zip(*own, strict=True)) for own in ends)
+    return Found(lows, highs, low_cases, high_cases, low_at, high_at, share)

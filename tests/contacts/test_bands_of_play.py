@@ -1,0 +1,169 @@
+"""Bands of joints whose play is at most so much, against linear programmes of all sides, closed forms and solves."""
+
+import dataclasses
+import itertools
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+from test_play import PLATE, REST, X, beam, closure, of_pins
+
+import redundax as rx
+
+COMPLIANCE = np.array([1.0, 0.6, 1.7, 0.8]) * 1e-6
+
+
+def by_all_sides(one_sided, misfit, clearance, force, at):
+    """Least and largest load of each support over [u; lam; r]: r = d + J u - W lam, side by side of all of them."""
+    J, k = np.stack([-np.ones(4), -X], axis=1), 4
+    balance = np.hstack([np.zeros((2, 2)), J.T, np.zeros((2, k))])  # J^T lam is the load, as multipliers pull down
+    fits = np.hstack([J, -np.diag(COMPLIANCE), -np.eye(k)])
+    equal, right = np.vstack([balance, fits * 1e6]), np.r_[force, force * at, -misfit * 1e6]
+    found = []
+    for sides in itertools.product((1, -1), repeat=k):
+        loads, gaps = [], []
+        for push, side, c in zip(one_sided, sides, clearance, strict=True):
+            if push:  # it carries, or is open
+                loads.append((0, None) if side > 0 else (0, 0))
+                gaps.append((0, c) if side > 0 else (None, c))
+            else:
+                loads.append((0, None) if side > 0 else (None, 0))
+                gaps.append((0, c) if side > 0 else (-c, 0))
+        bounds = [(None, None)] * 2 + loads + gaps
+        for sign, row in itertools.product((1, -1), range(k)):
+            cost = np.zeros(2 + 2 * k)
+            cost[2 + row] = sign
+            end = linprog(cost, A_eq=equal, b_eq=right, bounds=bounds)
+            if end.status == 0:
+                found.append((row, sign, sign * end.fun))
+    return np.array(
+        [
+            [min(v for r, s, v in found if (r, s) == (row, 1)) for row in range(k)],
+            [max(v for r, s, v in found if (r, s) == (row, -1)) for row in range(k)],
+        ]
+    )
+
+
+@pytest.mark.parametrize("one_sided", [(False,) * 4, (True, False, True, False), (True,) * 4])
+def test_bands_of_beams_against_programmes_of_all_sides(one_sided):
+    rng, names = np.random.default_rng(5), [f"s{k}.perpendicular" for k in range(4)]
+    touched = False
+    for _ in range(2):
+        misfit, clearance = rng.normal(size=4) * 2e-5, rng.uniform(0, 3e-5, 4)
+        at, force = rng.uniform(-0.6, 0.7), rng.uniform(-40, -10)
+        mechanism = beam(X, one_sided, force, at)
+        bands = rx.band(mechanism, REST, names, closure(mechanism, COMPLIANCE, misfit, clearance))
+        truth = by_all_sides(one_sided, misfit, clearance, force, at)
+        np.testing.assert_allclose([bands.lower, bands.upper], truth, rtol=1e-6, atol=1e-5)
+        assert bands.exact.all()
+        touched |= bool((np.abs(truth) < 1e-9).any())
+    assert touched
+
+
+def test_a_closure_of_contacts_without_play_gives_what_solve_does():
+    """A support that is too short carries nothing: the band of one case is its load."""
+    mechanism = beam(X, (True,) * 4, -20.0, 0.2)
+    misfit = np.array([0.0, -1e-3, 0.0, 0.0])
+    joints = closure(mechanism, COMPLIANCE, misfit, np.zeros(4))
+    names = [f"s{k}.perpendicular" for k in range(4)]
+    bands, solution = rx.band(mechanism, REST, names, joints), rx.solve(mechanism, REST, closure=joints)
+    expected = [float(solution[name]) for name in names]
+    assert abs(min(expected)) < 1e-12
+    np.testing.assert_allclose([bands.lower, bands.upper], [expected] * 2, rtol=1e-7, atol=1e-7)
+
+
+def test_a_rod_that_is_too_long_takes_what_play_leaves():
+    """Two pins, 30 um too far apart by more or less 5 um, with 0.5 um/N: (d - 2 c)/w at least, d/w at most."""
+    pins = [rx.Revolute(name, "rod", "ground", (x, 0.0), (x, 0.0)) for name, x in (("A", -0.5), ("B", 0.5))]
+    mechanism = rx.Mechanism([rx.Body("rod", 1.0, 0.1)], pins)
+    soft = [rx.JointCompliance("A", 2e-7), rx.JointCompliance("B", 3e-7, misfit=(3e-5, 0.0, 0.0))]
+    for play in (1e-5, 2e-5):
+        joints = rx.ElasticJoints(mechanism, soft, play={"A": play, "B": play})
+        bands = rx.band(mechanism, REST, "B.x", rx.MisfitBox(joints, {"B.x": (2.5e-5, 3.5e-5)}))
+        least = max(2.5e-5 - 2 * play, 0.0) / 5e-7
+        np.testing.assert_allclose([bands.lower[0], bands.upper[0]], [least, 70.0], rtol=1e-7, atol=1e-6)
+        assert bands.parameters == ("B.x", "play A", "play B")
+        np.testing.assert_allclose(bands.upper_case, [[3.5e-5, 0.0, 0.0]], atol=1e-12)
+        assert f"play A 0 to {play:.4g}" in str(bands)
+
+
+def test_pins_in_holes_carry_what_any_clearance_lets_them():
+    """Discs: every solve of a clearance within is inside of the outer bounds, and inner and outer ones are near."""
+    most, rng = np.array([1e-5, 2e-5, 1e-5]), np.random.default_rng(2)
+    misfit = np.array([[1e-5, 0.0], [0.0, 2e-5], [0.0, -1e-5]])
+    names = ["A.x", "B.y"]
+    bands = rx.band(PLATE, REST, names, of_pins(most, misfit))
+    width = bands.upper - bands.lower
+    assert (bands.outer_upper - bands.upper < 1e-3 * width).all()
+    assert (bands.lower - bands.outer_lower < 1e-3 * width).all()
+    cases = [*itertools.product((0.0, 1.0), repeat=3), *rng.random((4, 3))]
+    loads = []
+    for case in cases:
+        solution = rx.solve(PLATE, REST, closure=of_pins(most * np.array(case), misfit))
+        loads.append([float(solution[name]) for name in names])
+    assert (np.min(loads, axis=0) >= bands.outer_lower - 1e-9).all()
+    assert (np.max(loads, axis=0) <= bands.outer_upper + 1e-9).all()
+    for k, case in enumerate(bands.upper_case):
+        solution = rx.solve(PLATE, REST, closure=of_pins(case, misfit))
+        np.testing.assert_allclose(float(solution[names[k]]), bands.upper[k], rtol=1e-6)
+
+
+def test_play_beside_friction_at_rest_is_refused_in_bands():
+    pins = [
+        rx.Revolute(name, "rod", "ground", (x, 0.0), (x, 0.0), 0.01, rx.Coulomb(0.1))
+        for name, x in (("A", -0.5), ("B", 0.5))
+    ]
+    mechanism = rx.Mechanism([rx.Body("rod", 1.0, 0.1)], pins)
+    joints = rx.ElasticJoints(mechanism, {"A": 1e-7, "B": 1e-7}, play={"A": 1e-5})
+    with pytest.raises(rx.RedundaxError, match="`bounds` must have no play where joints with friction rest"):
+        rx.band(mechanism, rx.State(jnp.zeros(3), jnp.zeros(3)), "B.x", joints)
+
+
+def leaning():
+    """A body of 10 kg on a pin with play up to 30 um, two feet that push, and a wall."""
+    parts = (("c1", (0.1, 0.0), (0.0, 1.0)), ("c2", (0.6, 0.0), (0.0, 1.0)), ("w", (0.7, 0.1), (1.0, 0.0)))
+    joints = [rx.Revolute("r", "b", "ground", (-0.5, 0.0), (-0.5, 0.0))]
+    joints += [rx.PinInSlot(k, "b", "ground", at, at, normal=n, one_sided=k != "w") for k, at, n in parts]
+    loads = [rx.AppliedForce("b", (12.0, 0.0), moment=5.0)]
+    return rx.Mechanism([rx.Body("b", 10.0, 1.0)], joints, loads=loads, gravity=(0.0, -9.81))
+
+
+def elastic(mechanism, misfit, play):
+    soft = {"r": 1e-6, "c1": 2e-6, "c2": 1.5e-6, "w": 3e-6}
+    own = [rx.JointCompliance(k, w, misfit=(0.0, misfit if k == "c1" else 0.0, 0.0)) for k, w in soft.items()]
+    return rx.ElasticJoints(mechanism, own, play={"r": play})
+
+
+FEET = ["c1.perpendicular", "c2.perpendicular"]
+
+
+def test_loads_that_leave_a_place_in_the_disc_open_are_found():
+    """Least loads of the feet against one solve for each case of misfit and play."""
+    mechanism = leaning()
+    bands = rx.band(mechanism, REST, FEET, rx.MisfitBox(elastic(mechanism, 0.0, 3e-5), {FEET[0]: (-5e-5, 5e-5)}))
+    cases = itertools.product((-5e-5, 0.0, 5e-5), (0.0, 1.5e-5, 3e-5))
+    solutions = [rx.solve(mechanism, REST, closure=elastic(mechanism, *case)) for case in cases]
+    loads = np.array([[float(solution[foot]) for foot in FEET] for solution in solutions])
+    np.testing.assert_allclose([bands.lower, bands.upper], [loads.min(axis=0), loads.max(axis=0)], rtol=1e-6)
+    assert bands.exact.all()
+
+
+@pytest.mark.parametrize("figure", [np.nan, np.inf])
+def test_figures_that_are_none_are_refused_by_name(figure):
+    mechanism = leaning()
+    with pytest.raises(rx.RedundaxError, match="`play` of 'r' must be finite, but is"):
+        elastic(mechanism, 0.0, figure)
+    with pytest.raises(rx.RedundaxError, match="`misfit` of the closure must be finite, but is"):
+        rx.band(mechanism, REST, FEET, elastic(mechanism, figure, 1e-5))
+
+
+def test_ends_that_were_not_found_are_told_line_by_line():
+    """With no effort neither end is found, and what none exceeds is said; ends that were found stay."""
+    mechanism = leaning()
+    box = rx.MisfitBox(elastic(mechanism, 0.0, 3e-5), {FEET[0]: (-5e-5, 5e-5)})
+    bands = rx.band(mechanism, REST, FEET, box, nodes=1)
+    assert bands.empty and "NO SOLUTION" not in str(bands) and str(bands).count("not found; outer 0 to") == 2
+    half = dataclasses.replace(bands, lower=np.array([np.nan, 20.0]), upper=np.array([40.0, 30.0]))
+    assert not half.empty and " 20 " in str(half) and " 40 " in str(half) and str(half).count("not found; outer") == 1
+    rx.plot.band(half)

@@ -1,0 +1,132 @@
+"""Play in motions: a sledge on three supports that rub, against trial of all sides and SciPy."""
+
+import itertools
+from typing import Any
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+import redundax as rx
+
+PLACES, MASS, HIGH, MU = (-0.5, 0.1, 0.6), 2.0, 0.2, 0.3
+SOFT, MISFIT, PLAY = (1e-6, 2e-6, 1.5e-6), (3e-5, -2e-5, 1e-5), (4e-5, 2e-5, 6e-5)
+ALONG = 1.0
+
+
+def pushed(t):
+    """Force across and moment."""
+    return -30.0 * np.cos(6.0 * t), 8.0 * np.sin(9.0 * t)
+
+
+def sledge(mu):
+    """It slides along x on supports that hold it both ways, below its centre, under a force and a moment of time."""
+    feet = [
+        rx.PinInSlot(f"s{k}", "sledge", "ground", (x, -HIGH), (x, -HIGH), (0.0, 1.0), mu and rx.Coulomb(mu))
+        for k, x in enumerate(PLACES)
+    ]
+
+    def wrench(i, j, t, p):
+        force = jnp.stack([ALONG + 0.0 * t, -30.0 * jnp.cos(6.0 * t)])
+        return rx.Wrench(force, 8.0 * jnp.sin(9.0 * t)), rx.Wrench(0.0 * force, 0.0 * t)
+
+    return rx.Mechanism([rx.Body("sledge", MASS, 0.3)], feet, loads=[rx.LoadFunction("sledge", wrench)])
+
+
+def closure(mechanism, play=PLAY):
+    figures = enumerate(zip(SOFT, MISFIT, strict=True))
+    soft = [rx.JointCompliance(f"s{k}", w, misfit=(0.0, d, 0.0)) for k, (w, d) in figures]
+    return rx.ElasticJoints(mechanism, soft, play={f"s{k}": c for k, c in enumerate(play)})
+
+
+def start(speed=2.0):
+    return rx.State(jnp.zeros(3), jnp.array([speed, 0.0, 0.0]))
+
+
+def enumerated(t, mu):
+    """Loads at the one set of sides that fits: w N + d - h - x phi = -c n where one carries, within c elsewhere."""
+    (across, moment), x, found = pushed(t), np.array(PLACES), []
+    soft, misfit, play = map(np.array, (SOFT, MISFIT, PLAY))
+    for side in itertools.product((-1.0, 0.0, 1.0), repeat=3):
+        n = np.array(side)
+        matrix, right = np.zeros((5, 5)), np.zeros(5)
+        matrix[:3, :3] = np.diag(np.where(n != 0, soft, 1.0))
+        matrix[:3, 3] = -1.0 * (n != 0)
+        matrix[:3, 4] = -x * (n != 0)
+        right[:3] = np.where(n != 0, -misfit - play * n, 0.0)
+        matrix[3, :3], right[3] = 1.0, -across
+        matrix[4, :3], right[4] = x - HIGH * mu * n, -moment  # friction -mu |N| below the centre turns it
+        if np.linalg.cond(matrix / np.abs(matrix).max(axis=1)[:, None]) > 1e12:
+            continue
+        loads, (height, turn) = np.split(np.linalg.solve(matrix, right), [3])
+        gap = height + x * turn - misfit
+        if np.all(np.where(n != 0, loads * n > 0, np.abs(gap) <= play)):
+            found.append(loads)
+    (loads,) = found
+    return loads
+
+
+def test_small_loads_cross_wide_clearances():
+    """Where a load changes its sign its joint goes from one side to the other, however small the load is."""
+    mechanism = sledge(MU)
+    joints = closure(mechanism)
+    turns: Any = brentq(lambda t: enumerated(t, MU)[0], 0.2940, 0.2941, xtol=1e-15)
+    for apart in (-1e-6, 1e-5, 1e-7, 1e-9):
+        t = turns + apart
+        solution = rx.solve(mechanism, rx.State(start().q, start().qd, t), closure=joints)
+        np.testing.assert_allclose(solution.multipliers, enumerated(t, MU), rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_a_sledge_with_play_slides_to_a_stop():
+    """Its friction reads the loads that play leaves, which change sides several times on the way."""
+    mechanism = sledge(MU)
+    motion = rx.simulate(mechanism, start(), 1.0, closure=closure(mechanism), ts=np.linspace(0, 1, 21), rtol=1e-10)
+
+    def stops(t, y):
+        return y[1]
+
+    stops.terminal = True
+
+    def slope(t, y):
+        return [y[1], (ALONG - MU * np.sum(np.abs(enumerated(t, MU)))) / MASS]
+
+    exact = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13, "max_step": 1e-3}
+    run = solve_ivp(slope, (0.0, 1.0), [0.0, 2.0], events=stops, dense_output=True, **exact)
+    slides = np.asarray(motion.t) < run.t[-1]
+    truth = run.sol(np.minimum(motion.t, run.t[-1]))
+    np.testing.assert_allclose(motion.q[:, 0], truth[0], rtol=0, atol=1e-8)
+    np.testing.assert_allclose(motion.qd[:, 0], np.where(slides, truth[1], 0.0), rtol=0, atol=1e-8)
+    for k in np.flatnonzero(slides):
+        np.testing.assert_allclose(motion.multipliers[k], enumerated(float(motion.t[k]), MU), rtol=1e-9, atol=1e-9)
+    sides = {tuple(np.sign(loads)) for loads in np.asarray(motion.multipliers[slides])}
+    assert len(sides) > 3 and any(0.0 in side for side in sides)
+
+
+@pytest.mark.slow
+def test_loads_of_motions_with_play_in_batches_and_their_derivatives():
+    mechanism, ts = sledge(None), np.linspace(0.0, 0.5, 6)
+
+    def loads(part):
+        joints = closure(mechanism, [part * c for c in PLAY])
+        forward = diffrax.ForwardMode()
+        return rx.simulate(mechanism, start(), 0.5, closure=joints, ts=ts, throw=False, adjoint=forward).multipliers
+
+    value, slope = jax.jit(lambda part: jax.jvp(loads, (part,), (jnp.ones(()),)))(jnp.ones(()))
+    np.testing.assert_allclose(value, [enumerated(t, 0.0) for t in ts], rtol=1e-9, atol=1e-10)
+    states = [rx.State(start().q + jnp.array([2 * t + t**2 / 4, 0, 0]), start().qd, t) for t in ts]
+    for side in (-1, 1):  # linear between changes of sides
+        joints = closure(mechanism, [(1 + side * 1e-4) * c for c in PLAY])
+        beside = [rx.solve(mechanism, state, closure=joints).multipliers for state in states]
+        np.testing.assert_allclose(slope, (np.array(beside) - value) / (side * 1e-4), rtol=1e-6, atol=1e-7)
+
+
+def test_what_motions_with_play_cannot_be_asked():
+    foot = rx.PinInSlot("foot", "b", "ground", (0.0, 0.0), (0.0, 0.0), (0.0, 1.0), one_sided=True)
+    falls = rx.Mechanism([rx.Body("b", 1.0, 0.1)], [foot])
+    with pytest.raises(rx.RedundaxError, match="without one-sided contacts"):
+        rx.simulate(falls, start(), 1.0, closure=rx.ElasticJoints(falls, {"foot": 1e-6}, play={"foot": 1e-5}))

@@ -1,0 +1,122 @@
+"""Drives of machines with contacts that only push, and with joints that have play, against hand calculation."""
+
+import itertools
+
+import jax
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from test_drive import BEAM, gantry
+
+import redundax as rx
+
+G = 9.81
+
+
+def shaken(aside=0.0):
+    """A block of 10 kg that lies on three feet on a tray of 2 kg, and a force of 50 N down on it, aside of its middle.
+
+    The travel of the tray is down.
+    """
+    feet = [
+        rx.PinInSlot(f"f{k}", "block", "tray", (x, -0.1), (x, 0.1), (0.0, 1.0), one_sided=True)
+        for k, x in enumerate((-0.3, 0.0, 0.3))
+    ]
+    tray = rx.Translational("guide", "tray", "ground", (0.0, 0.0), (0.0, 0.0), (1.0, 0.0))
+    side = rx.PinInSlot("side", "block", "tray", (0.0, 0.0), (0.0, 0.0), (1.0, 0.0))
+    press = rx.AppliedForce("block", (0.0, -50.0), (aside, 0.0))
+    bodies = [rx.Body("tray", 2.0, 0.1), rx.Body("block", 10.0, 0.4)]
+    return rx.Mechanism(bodies, [tray, *feet, side], loads=[press], gravity=(0.0, -G))
+
+
+def test_a_foot_that_would_pull_carries_nothing_and_one_that_lifts_ends_the_motion():
+    """Of equally stiff feet one pulls where the load is more than 0.2 m aside; about the last it tips from 0.3 m on.
+
+    All of the block lifts where the tray falls faster than 9.81 + 5 m/s^2.
+    """
+    rate, ts, start = 4 * np.pi, np.linspace(0.0, 0.5, 41), {"block.y": 0.2}
+    falls = -0.01 * rate**2 * np.sin(rate * ts)
+    run = rx.drive(shaken(0.78), {"guide.travel": rx.Harmonic(0.01, frequency=2.0)}, ts, start)
+    load = 10 * (G - falls) + 50
+    np.testing.assert_allclose(run["guide.travel force"], -(2 * (G - falls) + load), rtol=1e-12)
+    last = 50 * 0.78 / 0.3
+    feet = np.stack([np.asarray(run.multipliers)[:, k] for k in (1, 2, 3)])
+    np.testing.assert_allclose(feet, [0 * load, load - last, 0 * load + last], rtol=0, atol=1e-9)
+
+    wide = {"guide.travel": rx.Harmonic(0.12, frequency=2.0)}
+    lifts = 0.25 + np.arcsin((G + 5) / (0.12 * rate**2)) / rate
+    first = np.flatnonzero(ts > lifts)[0]
+    with pytest.raises(
+        rx.NoSolutionError, match=f"lift at t = {ts[first]:.6g}, after t = {ts[first - 1]:.6g}: f0, f1, f2"
+    ):
+        rx.drive(shaken(), wide, ts, start)
+    run = rx.drive(shaken(), wide, ts, start, throw=False)
+    assert np.all(np.isfinite(run.forces[:first])) and np.all(np.isnan(run.forces[first:]))
+    assert "Contacts lift" in str(run)
+
+
+def test_laws_that_read_traced_numbers_from_outside_are_refused_beside_contacts():
+    def run(size):
+        return rx.drive(shaken(), {"guide.travel": lambda t: size * t}, np.linspace(0.0, 0.1, 2), {"block.y": 0.2}).t
+
+    with pytest.raises(rx.RedundaxError, match="reads it from outside"):
+        jax.vmap(run)(np.array([0.1, 0.2]))
+
+
+@pytest.mark.parametrize("play", [2e-6, 1e-3])
+def test_guides_with_play_let_screws_out_of_step_turn_the_beam(play):
+    """The gantry of two servos 20 um out of step; its guides resist a turn only beyond their play.
+
+    By hand F_i = k_i (u_i - x + b_i turn) in balance with the load and with 1e7 N m/rad times the turn beyond the play
+    of each guide. The band is over all plays up to that.
+    """
+    machine, laws = gantry(), dict.fromkeys(("left.travel", "right.travel"), rx.Harmonic(0.05, frequency=1.0))
+    ts, k, error, b = np.linspace(0.0, 1.0, 9), np.array([2e7, 1e7]), 20e-6, np.array([0.6, -0.6])
+    servos = {"left.travel": 1 / k[0], "right.travel": (1 / k[1], error)}
+    rails = dict.fromkeys(("left", "right"), (1e-9, 1e-7))
+    stiff = rx.ElasticJoints(machine, rails, drives=servos, play=dict.fromkeys(("left.angle", "right.angle"), play))
+    run = rx.drive(machine, laws, ts, {}, closure=stiff)
+    behind = k * np.array([0.0, -error])
+
+    def forces(need, plays):
+        """For plays of both guides, which turn as stiffly."""
+
+        def across(turn):
+            return (behind.sum() - need + (k @ b) * turn) / k.sum()
+
+        def missed(turn):
+            held = 1e7 * np.sum(np.sign(turn) * np.maximum(0.0, abs(turn) - np.array(plays)))
+            return (k @ b**2) * turn - (k @ b) * across(turn) + held - 60 * 0.1 + behind @ b
+
+        turn = brentq(missed, -0.1, 0.1, xtol=1e-18, rtol=1e-14)
+        return behind - k * (across(turn) - b * turn)
+
+    total = BEAM * np.asarray(run["beam.x''"]) + 60.0
+    np.testing.assert_allclose(run.forces, [forces(need, (play, play)) for need in total], rtol=1e-9)
+    path = rx.band_along(run.system, run.states, "left.travel drive", stiff)
+    some = list(itertools.product(np.linspace(0.0, play, 5), repeat=2))
+    all_plays = -np.array([[forces(need, plays)[0] for plays in some] for need in total])
+    np.testing.assert_allclose(path.lower[:, 0], all_plays.min(axis=1), rtol=1e-6)  # to which both bounds meet
+    np.testing.assert_allclose(path.upper[:, 0], all_plays.max(axis=1), rtol=1e-6)
+    with pytest.raises(rx.RedundaxError, match="has play"):
+        rx.drive(machine, laws, ts, {}, closure=rx.LeastPeak({"left.travel": 1.0, "right.travel": 1.0}, closure=stiff))
+
+
+def test_a_stop_that_is_open_bears_nothing_until_it_is_reached():
+    """A rod of 2 kg and 0.1 kg m^2 about its middle 0.5 m from the pin: (0.1 + 2 0.25) 2 = 1.2 N m beside gravity's."""
+    rod = rx.Mechanism(
+        [rx.Body("rod", 2.0, 0.1)],
+        [rx.Revolute("A", "rod", "ground", (-0.5, 0.0), (0.0, 0.0))],
+        couplers=[rx.Stop("s", "A.angle", least=-0.1, most=2.0)],
+        gravity=(0.0, -G),
+    )
+    ts = np.linspace(0.0, 1.0, 11)
+    run = rx.drive(rod, {"A.angle": lambda t: t**2}, ts, {"rod.x": 0.5})
+    np.testing.assert_allclose(run["A.angle torque"], 1.2 + 2 * G * 0.5 * np.cos(ts**2), rtol=1e-9)
+    assert not np.asarray(run["s.most"]).any()
+    law = {"A.angle": lambda t: 2.1 * t**2}
+    with pytest.raises(rx.NoSolutionError, match=r"reached at t = 1, after t = 0\.9: s\.most\. End the motion before"):
+        rx.drive(rod, law, ts, {"rod.x": 0.5})
+    run = rx.drive(rod, law, ts, {"rod.x": 0.5}, throw=False)
+    assert np.isnan(run.forces[-1]).all() and np.isfinite(run.forces[:-1]).all()
+    assert "reached at t = 1" in " ".join(str(run).split())

@@ -1,0 +1,338 @@
+"""Traced functions computed by NumPy: as programs compute them, whatever the equations, or not at all."""
+
+import tracemalloc
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import redundax as rx
+from redundax._tools import _numbers
+from redundax._tools._interpreted import _RULES, Interpreted, NoRuleError
+
+A = np.array([[0.3, -1.7, 2.2], [0.9, 0.4, -0.6]])
+B = np.array([[1.1, 0.2, -0.8], [0.7, 0.7, 0.4]])
+CUBE = np.linspace(-1.3, 2.1, 24).reshape(2, 3, 4)
+WHICH = np.array([2, 0, 1, 1])
+
+FUNCTIONS = {
+    "products": lambda a, b, c: (
+        a @ b.T,
+        jnp.einsum("ij,jk->ik", a, b.T),
+        jnp.einsum("bij,bi->bj", c, a),
+        jnp.outer(a, b),
+    ),
+    "several axes at once": lambda a, b, c: (jnp.tensordot(c, a, ((0, 1), (0, 1))), jnp.einsum("ij,ij->", a, b)),
+    "reductions": lambda a, b, c: (
+        a.sum(),
+        a.sum(0),
+        c.max((0, 2)),
+        c.min(-1),
+        a.prod(),
+        (a > 0).sum(1),
+        jnp.all(a > b),
+    ),
+    "along an axis": lambda a, b, c: (
+        jnp.cumsum(c, 1),
+        jax.lax.cumsum(a, 1, reverse=True),
+        jnp.cumprod(a),
+        jax.lax.cummax(c, 2),
+        jnp.any(a < b, 1),
+    ),
+    "comparisons": lambda a, b, c: (
+        a < b,
+        a <= b,
+        a >= b,
+        a == a,
+        a != b,
+        (a > 0) & (b > 0),
+        (a > 0) | ~(b > 0),
+        (a > 0) ^ (b > 0),
+    ),
+    "choices": lambda a, b, c: (
+        jnp.where(a > b, a, b),
+        jnp.maximum(a, b),
+        jnp.clip(a, -0.5, b),
+        jnp.argmax(a, 1),
+        jnp.argmin(b),
+        jax.lax.clamp(a[0, 0], a, b[0, 0]),
+    ),
+    "powers": lambda a, b, c: (
+        a**3,
+        a**-2,
+        jnp.abs(a) ** b,
+        jnp.sqrt(b),
+        jax.lax.rsqrt(jnp.abs(a)),
+        jnp.square(a),
+        a / b,
+    ),
+    "turns": lambda a, b, c: (jnp.sin(a), jnp.cos(a), jnp.tan(a), jnp.arctan2(a, b), jnp.sinc(a), jnp.hypot(a, b)),
+    "inverse turns": lambda a, b, c: (
+        jnp.arcsin(a / 3),
+        jnp.arccos(a / 3),
+        jnp.arctan(a),
+        jnp.arcsinh(a),
+        jnp.arctanh(a / 3),
+    ),
+    "growth": lambda a, b, c: (
+        jnp.exp(a),
+        jnp.log(b),
+        jnp.log1p(b),
+        jnp.expm1(a),
+        jnp.tanh(a),
+        jnp.sinh(a),
+        jnp.cosh(a),
+    ),
+    "steps": lambda a, b, c: (
+        jnp.sign(a - b),
+        -a,
+        jnp.copy(a),
+        jnp.unstack(c, axis=1),
+        jnp.floor(a),
+        jnp.ceil(a),
+        jnp.round(a),
+        a % b,
+        jnp.fmod(a, b),
+        jax.lax.round(a),
+        jax.lax.round(jnp.array([0.49999999999999994, -2.5, 2.5, 0.3], a.dtype)),
+    ),
+    "shapes": lambda a, b, c: (
+        c.transpose(2, 0, 1),
+        c.reshape(4, 6),
+        c[..., ::2],
+        c[0, 1:],
+        jnp.flip(c, 1),
+        jnp.expand_dims(a, 1),
+    ),
+    "parts": lambda a, b, c: (
+        jnp.concatenate([a, b], 1),
+        jnp.stack([a, b], 1),
+        jnp.split(c, [1, 3], 2),
+        jnp.tile(a, 2),
+        [*c],
+    ),
+    "padding": lambda a, b, c: (
+        jnp.pad(a, 1),
+        jax.lax.pad(a, a[0, 0], [(1, 0, 2), (0, 2, 0)]),
+        jnp.repeat(a, 2, 1),
+        jnp.eye(3),
+    ),
+    "entries read": lambda a, b, c: (
+        a[:, WHICH],
+        c[1, WHICH],
+        c[:, [0, 1], [1, 2]],
+        jnp.take(a, WHICH),
+        a[jnp.argmax(a, 0), 0],
+    ),
+    "entries set": lambda a, b, c: (a.at[:, 1].set(5.0), a.at[0, 1:].set(b[0, :2]), c.at[1, 1:, 2].set(7.0)),
+    "entries added": lambda a, b, c: (a.at[:, WHICH].add(1.0), a.at[1].add(b[0]), jnp.zeros(3).at[WHICH].add(c[0, 0])),
+    "entries of what lies transposed": lambda a, b, c: (
+        (2 * a.T).at[1].set(b[:, 0]),
+        jnp.stack([a[0], b[0]], 1).T.at[0].add(1.0),
+        jax.vmap(jnp.sin, out_axes=1)(a).at[0, 1].set(0.0),
+    ),
+    "calls inside": lambda a, b, c: (
+        jax.jit(jnp.sin)(a),
+        jax.nn.relu(a),
+        jax.checkpoint(jnp.cos)(b),
+        jax.nn.sigmoid(a),
+    ),
+    "derivatives": lambda a, b, c: (
+        jax.jacfwd(lambda x: jnp.sin(x) @ b.T)(a),
+        jax.jacrev(lambda x: x[:, WHICH] @ c[0].T[:, :2])(a),
+    ),
+    "batches": lambda a, b, c: jax.vmap(lambda x, k: (x[k] * jnp.roll(x, 1)[WHICH], x.at[k].add(2.0)))(
+        a, jnp.array([1, 0])
+    ),
+    "numbers alone": lambda a, b, c: (
+        a[0, 0] * b[1, 1],
+        jnp.float32(a[0, 0]),
+        a.astype(jnp.float32),
+        jnp.arange(4) * a[0, 0],
+    ),
+    "a read slice": lambda a, b, c: (
+        jax.lax.dynamic_slice(c, (0, jnp.argmax(a[0]), 5), (2, 2, 2)),
+        jnp.isfinite(a / 0.0),
+    ),
+}
+
+
+def of_numpy(function, *given):
+    """What NumPy computes, by the steps of the equations."""
+    return Interpreted(jax.make_jaxpr(function)(*given))(given)
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_numpy_computes_what_a_program_does(name, dtype):
+    given = [x.astype(dtype) for x in (A, B, CUBE)]
+    found = of_numpy(FUNCTIONS[name], *given)
+    expected = jax.tree.leaves(jax.jit(FUNCTIONS[name])(*given))
+    assert len(found) == len(expected)
+    for one, other in zip(found, expected, strict=True):
+        assert (one.dtype, one.shape) == (other.dtype, other.shape)
+        np.testing.assert_allclose(one, other, rtol=30 * np.finfo(dtype).eps, atol=30 * np.finfo(dtype).eps)
+
+
+def test_every_rule_is_tried():
+    """But for names that other versions of JAX have."""
+    seen = set()
+
+    def walk(jaxpr):
+        for equation in jaxpr.eqns:
+            seen.add(equation.primitive.name)
+            for inner in equation.params.values():
+                if hasattr(inner, "eqns") or hasattr(inner, "jaxpr"):
+                    walk(getattr(inner, "jaxpr", inner))
+
+    for function in FUNCTIONS.values():
+        walk(jax.make_jaxpr(function)(A, B, CUBE).jaxpr)
+    assert _RULES.keys() - seen <= {"copy_p", "expand_dims", "add_any", "acosh", "cbrt", "exp2"}
+
+
+def test_nothing_is_nan_as_in_a_program():
+    x = np.array([np.nan, np.inf, -np.inf, 0.0, -0.0])
+
+    def values(x):
+        return (
+            jnp.maximum(x, 0.0),
+            jnp.sign(x),
+            1 / x,
+            jnp.sqrt(x),
+            jnp.max(x),
+            jnp.where(x > 0, x, -x),
+            jnp.arctan2(x, x),
+        )
+
+    with np.errstate(all="ignore"):
+        for one, other in zip(of_numpy(values, x), jax.jit(values)(x), strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        lambda x: jnp.asarray(x).at[0].apply(jnp.square),
+        lambda x: jnp.asarray(x).at[0].mul(3.0),
+        lambda x: jnp.max(x[:0], initial=0.0),
+        lambda x: x * jax.random.uniform(jax.random.key(0)),
+        lambda x: jax.lax.rem(jnp.arange(3), jnp.arange(3) - 1),
+        lambda x: x.astype(jnp.bfloat16),
+        lambda x: jax.lax.while_loop(lambda y: y[0] < 5, lambda y: y * 2, x),
+        lambda x: jnp.linalg.solve(x * jnp.eye(3) + 1, x),
+        lambda x: x.astype(int),
+        lambda x: jnp.sort(x),
+        lambda x: jnp.asarray(x).at[jnp.argmax(x) + 5].get(mode="fill"),
+    ],
+)
+def test_what_has_no_rule_is_a_program(function, monkeypatch):
+    x = np.array([0.5, 1.5, 2.5])
+    with pytest.raises((NoRuleError, TypeError, ValueError)):
+        of_numpy(function, x)
+    with _numbers.computing():
+        found = _numbers.of_model(function)(x)
+    np.testing.assert_array_equal(found, function(x))
+    assert isinstance(found, np.ndarray)
+
+
+def test_results_are_the_callers_own():
+    """What one call does to its result does not come back in the next."""
+    run = Interpreted(jax.make_jaxpr(lambda x: (jnp.arange(3.0), x, x[::-1]))(np.zeros(3)))
+    for _ in range(2):
+        x = np.array([1.0, 2.0, 3.0])
+        constant, same, turned = run([x])
+        np.testing.assert_array_equal(constant, [0, 1, 2])
+        constant[:], same[:], turned[:] = 7.0, 7.0, 7.0
+        np.testing.assert_array_equal(x, [1, 2, 3])
+
+
+def test_large_arrays_are_let_go_once_nothing_takes_them():
+    """Of 40 steps, each of an array of 0.8 MB, a few are held at a time; and the same call gives the same again."""
+
+    def steps(x):
+        y = x
+        for _ in range(40):
+            y = 0.5 * y + x
+        return y, 2 * y
+
+    x = np.ones(100_000)
+    run = Interpreted(jax.make_jaxpr(steps)(x))
+    first = run([x])
+    tracemalloc.start()
+    again = run([x])
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 8 * x.nbytes
+    np.testing.assert_array_equal(first, again)
+    np.testing.assert_allclose(again[0], 2 - 0.5**40, rtol=1e-15)
+
+
+@pytest.mark.parametrize("few", [0, 2])
+def test_a_program_takes_over_and_gives_the_same(few, monkeypatch):
+    monkeypatch.setattr(_numbers, "FEW", few)
+    run, x = _numbers.of_model(lambda x, word: {"sine": jnp.sin(x), word: None}), np.linspace(0, 1, 5)
+    with _numbers.computing():
+        for _ in range(4):
+            found = run(x, "other")
+            assert found["other"] is None
+            np.testing.assert_allclose(found["sine"], np.sin(x), rtol=1e-15)
+
+
+@pytest.fixture
+def compiled(monkeypatch):
+    """Names of the programs compiled from here on, with the model computed by NumPy."""
+    monkeypatch.setattr(_numbers, "FEW", 1000)
+    names = []
+
+    def listen(event, _, **about):
+        if "backend_compile" in event:
+            names.append(about.get("fun_name"))
+
+    jax.monitoring.register_event_duration_secs_listener(listen)
+    yield names
+    jax.monitoring.unregister_event_duration_listener(listen)
+
+
+def rod_on_three_pins():
+    pins = [rx.Revolute(name, "rod", "ground", (x, 0.0), (x, 0.0)) for name, x in (("A", -0.4), ("B", 0.5), ("C", 0.7))]
+    return rx.Mechanism([rx.Body("rod", 1.0, 0.1)], pins, gravity=(0.0, -9.81))
+
+
+def test_first_answers_compile_nothing(compiled):
+    rod = rod_on_three_pins()
+    state = rx.assemble(rod, {})
+    solution = rx.solve(rod, state)
+    assert sum(np.asarray(solution[f"{pin} force y on rod"]) for pin in "ABC") == pytest.approx(9.81)
+    assert rx.analyze(rod, state).redundancy == 4 - 1
+    assert not compiled
+
+
+def test_what_is_asked_of_a_model_and_of_its_factorisation_compiles_nothing(compiled):
+    rod = rod_on_three_pins()
+    state = rx.assemble(rod, {})
+    factor = rx.factorize(rod, state)
+    W, d = rx.ElasticJoints(rod, {"A": 1e-8, "B": 2e-8, "C": 3e-8}).compliance(rod, state)
+    assert isinstance(rod.jacobian(np.zeros(3), np.zeros(())), jax.Array)
+    asked = (
+        *(rod.constraint(state.q, state.t), rod.jacobian(state.q, state.t), rod.mass(q=state.q, t=state.t)),
+        *(rod.load(state), rod.point(state, "rod", (0.5, 0.0)), rod.retract(state.q, np.array([0.0, 0.0, 0.1]))),
+        *(factor.self_stress, factor.unique_multipliers, factor.lost_digits, factor.apparent_mass(), W, d),
+    )
+    result = factor.result
+    assert not compiled
+    assert result == rx.RESULTS.successful
+    assert all(isinstance(x, jax.Array) for x in asked)
+    constraint, jacobian, mass, load, point, turned, stress, unique, _, inertia, W, d = map(np.asarray, asked)
+    true = np.concatenate([[[1.0, 0.0, 0.0], [0.0, 1.0, arm]] for arm in (-0.4, 0.5, 0.7)])
+    np.testing.assert_allclose(constraint, 0, atol=1e-12)
+    np.testing.assert_allclose(jacobian, true, atol=1e-12)
+    np.testing.assert_allclose(mass, np.diag([1.0, 1.0, 0.1]), atol=1e-12)
+    np.testing.assert_allclose(load, [0.0, -9.81, 0.0], atol=1e-12)
+    np.testing.assert_allclose(point, [0.5, 0.0], atol=1e-12)
+    np.testing.assert_allclose(turned, [0.0, 0.0, 0.1], atol=1e-12)
+    np.testing.assert_allclose(stress, np.eye(6) - true @ np.linalg.pinv(true), atol=1e-12)
+    assert not unique.any()
+    np.testing.assert_allclose(true @ np.linalg.solve(mass, true.T) @ inertia @ true, true, atol=1e-12)
+    np.testing.assert_allclose(np.diag(W), np.repeat([1e-8, 2e-8, 3e-8], 2), rtol=1e-12)
+    np.testing.assert_array_equal(d, 0)
