@@ -97,7 +97,7 @@ def test_the_readme_says_what_the_page_says():
     ((error, time, ratio),) = numbers(r"error of a solve is N\. It takes N µs in a batch, N times less than", README)
     ((by_numpy, _),) = numbers(r"\| NumPy, one array program[^|]*\| N us[^|]*\|[^|]*\| N \|", PAGE)
     ((own, own_error),) = numbers(r"\| redundax, `vmap`[^|]*\| N us[^|]*\|[^|]*\| N \|", PAGE)
-    assert error == own_error and time == round(own, 2) and ratio == round(by_numpy / own)
+    assert error == own_error and abs(time - own) < 0.00501 and ratio == round(by_numpy / own)
     ((lines, flagged),) = numbers(r"Of N hard cases none is wrong; N are refused", README)
     assert [lines, flagged] == numbers(r"N lines each. float64: N right[^.]*?\s+does, N flagged", PAGE)[0, ::2].tolist()
 
