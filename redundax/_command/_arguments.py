@@ -154,7 +154,7 @@ def _audit(commands: Any) -> argparse.ArgumentParser:
         metavar="FILE",
         type=pathlib.Path,
         help="also write a copy of the model that frees what takes off redundancy and adds no motion, as far as its "
-        "format can say it: .xml for MJCF, .urdf for URDF with the loops in a .yaml beside it",
+        "format can say it: MJCF, SDF, ASMT, USD, and URDF with the loops in a .yaml beside it",
     )
     examination.add_argument(
         "--release",

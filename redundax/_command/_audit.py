@@ -23,7 +23,7 @@ from .._models._choice import listed
 from .._models._examine import examine
 from .._models._fix import Fix, fix
 from .._models._formats import MODELS, not_a_model
-from .._models._model import Model, contents, load_model
+from .._models._model import STOPS, Model, contents, load_model
 from .._models._repair import language
 from .._models._repair_page import wrapped
 from .._solve._solve import solve
@@ -57,7 +57,7 @@ def audit_file(arguments: argparse.Namespace) -> int:
         *(f"warning: {each}" for each in told),
     ]
     page = audit_page(found, about, lines=lines, language=says, allowed=arguments.allow, everything=arguments.all)
-    rest = [*(stops_page(stops) if stops else ()), *_next(arguments, found), *_notes(about)]
+    rest = [*(stops_page(stops) if stops else ()), *_next(arguments, found), *_notes(about, stops is not None)]
     text = "\n".join([*heading, "", page, *([""] if rest else []), *rest])
     data = {"model": arguments.system, **about, "warnings": told, **found.to_dict()}
     data |= {"stops": stops} if stops else {}
@@ -232,10 +232,11 @@ def _position(about: dict[str, Any], asked: bool) -> Iterator[str]:
         yield f"Keyframe{'s' * (len(keys) > 1)} of the file: {listed(keys)}; --keyframe NAME begins from one."
 
 
-def _notes(about: dict[str, Any]) -> list[str]:
+def _notes(about: dict[str, Any], are_stops_asked: bool) -> list[str]:
     """What the model here is without."""
     soft = ["Loops are taken as rigid, where MuJoCo has springs."] if about.get("loops") and about["soft"] else []
     notes = [" ".join(note.split()) for note in about.get("left_out", ())]
+    notes = [note for note in notes if not (are_stops_asked and note.startswith(STOPS))]
     told = [*soft, *(note if " is left out" in note else f"left out: {note}" for note in notes)]
     return [line for each in told for line in wrapped(each, subsequent_indent="    ")]
 

@@ -6,6 +6,7 @@ from .._analysis._analyze import analyze
 from .._analysis._outputs import plain
 from .._models._choice import listed
 from .._models._model import Model
+from .._models._repair_page import wrapped
 from .._solve._solve import solve
 from .._system._contact import Contact
 from .._system._state import State
@@ -46,10 +47,11 @@ def stops_page(found: dict[str, Any]) -> list[str]:
     if found["problem"]:
         return [f"Stops: {found['problem']}"]
     by_word = {word: [name for name, stop in stops.items() if stop["does"] == word] for word in Contact}
-    lines = [
+    lines = wrapped(
         f"With joint limits as stops, at rest and let go: {found['redundancy']} redundant, {found['freedom']} free; "
-        f"{len(by_word[Contact.open])} of {len(stops)} stops are open."
-    ]
+        f"{len(by_word[Contact.open])} of {len(stops)} stops are open.",
+        subsequent_indent="  ",
+    )
     for name in by_word[Contact.carries][:_MOST]:
         stop = stops[name]
         unit = "N m" if stop["kind"] == "moment" else "N"

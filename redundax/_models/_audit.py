@@ -120,7 +120,7 @@ class Audit:
       cannot.
     - `repairs`: what the file can say; `along`: the self-stress wherever the joints were moved.
     - `spins`: bodies that turn and move nothing else, as rods between two balls do, for each such freedom.
-    - `outside`: how many of the other positions are beyond limits of joints.
+    - `outside`: joints that are beyond their limits, for each of the other positions where some are.
     """
 
     rows: tuple[str, ...]
@@ -135,7 +135,7 @@ class Audit:
     idle: tuple[str, ...] = ()
     along: Along | None = None
     spins: tuple[tuple[str, ...], ...] = ()
-    outside: int = 0
+    outside: tuple[tuple[str, ...], ...] = ()
 
     @property
     def regular(self) -> Look:

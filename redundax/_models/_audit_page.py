@@ -1,5 +1,6 @@
 """An audit as text, for somebody who has never heard of redundancy: the verdict, what to do, then the figures."""
 
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -170,7 +171,8 @@ def _positions(found: Audit, where: str) -> Iterator[str]:
     else:
         moved = found.travel if found.travel and found.travel.ranges else None
         if redundancy or moved:
-            far = f", {_of_them(found.outside, count)}outside joint limits" if found.outside else ""
+            limits = f"outside limits of {listed(list(dict.fromkeys(itertools.chain(*found.outside))))}"
+            far = f", {_of_them(len(found.outside), count)}{limits}" if found.outside else ""
             many = f"{count} other position{'s' * (count > 1)}{far}"
             same = f"Same at {many}" if count else "No other position was found to compare with"
             on = f"{',' * bool(far)} and along the motion" if moved and moved.moved and not moved.singular else ""

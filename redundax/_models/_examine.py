@@ -13,7 +13,7 @@ from ._spins import spins
 from ._start import outside
 from ._stress import Along, Stress
 from ._travel import travel
-from ._tree import DIGITS
+from ._tree import DIGITS, Tree
 
 _REST = 1e-6  # relative: what moves less is at rest
 
@@ -43,7 +43,7 @@ def examine(model: Model, count: int = 3) -> Audit:
         directions=Stress(model.tree, found.rows).directions(places[regular]),
         idle=_idle(model, places[regular], found.regular.freedom),
         spins=spins(model.tree, places[regular], found.regular.freedom),
-        outside=sum(bool(outside(model.tree, positions)) for positions, _ in beside),
+        outside=tuple(names for positions, _ in beside if (names := _beyond(model.tree, positions))),
     )
     if not found.is_decided:
         return dataclasses.replace(found, groups=tuple(dataclasses.replace(each, releases=()) for each in found.groups))
@@ -57,6 +57,10 @@ def _ranked(group: Group, way: Along, found: Audit) -> Group:
     return dataclasses.replace(
         group, releases=tuple(each for each, _ in best), margins=tuple(margin for _, margin in best)
     )
+
+
+def _beyond(tree: Tree, positions: np.ndarray) -> tuple[str, ...]:
+    return tuple(limit.joint for limit in outside(tree, positions))
 
 
 def _idle(model: Model, positions: np.ndarray, freedom: int) -> tuple[str, ...]:

@@ -33,6 +33,7 @@ from ._start import Limit, Start, outside, start
 from ._tree import OPEN, Tree
 from ._urdf import closures_of
 
+STOPS = "stops at the limits"  # of which a note tells that they bear no load
 _CLOSED = 1e-12  # a misfit relative to the size of the model, by rounding alone
 _MOVED = 1e-9  # rad, or the share of the model's size: what rounding of a misfit moves, where joints have some leverage
 
@@ -270,7 +271,7 @@ def load_model(
     limited = sum(part.limits is not None for part in (*described.joints, *described.loops))
     for count, what in ((limited, "joint"), (len(described.cables), "tendon")):
         if count:
-            others.append(f"stops at the limits of {count} {what}{'s' * (count > 1)}, which bear no load here")
+            others.append(f"{STOPS} of {count} {what}{'s' * (count > 1)}, which bear no load here")
     return Model(
         mechanism,
         _state(tree, mechanism, first.positions),

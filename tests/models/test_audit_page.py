@@ -80,8 +80,9 @@ def test_stops_tell_what_joint_limits_bear(tmp_path):
     file.write_text(arms('range="-90 0"'))
     status, out, _ = run(file, "--stops")
     assert status == 0
-    assert "With joint limits as stops, at rest and let go: 0 redundant, 0 free; 2 of 4 stops are open." in out
+    assert "With joint limits as stops, at rest and let go: 0 redundant, 0 free; 2 of 4\n  stops are open." in out
     assert "  a.most carries 9.81 N m, unique\n" in out
+    assert "bear no load here" not in out and "bear no load here" in run(file)[1]
     file.write_text(arms('range="-90 0"', coupled=True))
     stops = json.loads(run(file, "--stops", "--json")[1])["stops"]
     assert (stops["redundancy"], stops["freedom"]) == (1, 0)
