@@ -91,7 +91,9 @@ def test_a_motion_that_limits_forbid_is_not_claimed(audit):
     out = " ".join(audit(text)[0].split())
     assert "No motion was looked at: limits of joints keep swing in place: swing at 0 and tilt at 0" in out
     assert "along the motion" not in out and "Moved" not in out
-    assert re.search(r"Same at 3 other positions, all of them outside limits of (swing|tilt)( and (swing|tilt))?\.", out)
+    assert re.search(
+        r"Same at 3 other positions, all of them outside limits of (swing|tilt)( and (swing|tilt))?\.", out
+    )
     found = json.loads(audit(text, "--json")[0])
     assert (found["redundancy"], found["freedom"], found["travel"]["moved"]) == (1, 1, [])
     assert {each["joint"] for each in found["travel"]["limits_that_stop"]} == {"swing", "tilt"}
