@@ -181,6 +181,6 @@ def refuse_friction(name: str, friction: object) -> None:
     if friction is not None:
         raise RedundaxError(
             f"Argument `friction` of joint '{name}' must be left out, but is {type(friction).__name__}: joints of its "
-            "kind know none. Revolutes, sliders, screws, sleeves, balls, plates and crosses do. Give one of these, or "
-            "a force of the velocity by `rx.spatial.LoadFunction`."
+            "kind know none. Revolutes, sliders, screws, sleeves, balls, plates, points on planes and crosses do. Give "
+            "one of these, or a force of the velocity by `rx.spatial.LoadFunction`."
         )

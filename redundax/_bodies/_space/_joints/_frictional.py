@@ -183,7 +183,9 @@ class AbstractSlidingJoint(AbstractPressedJoint):
     @property
     def arms(self) -> Float[Array, " slips"]:
         """Velocities of the surfaces by unit rates of the slips."""
-        return jnp.stack(self.surfaces.arms(jnp.asarray(self._size(self.surfaces.radius))))
+        name = self.surfaces.radius
+        radius = jnp.asarray(self._size(name)) if name else jnp.ones_like(self.point_i[0])
+        return jnp.stack(self.surfaces.arms(radius))
 
     def slips(self, i: Pose, j: Pose) -> Float[Array, " slips"]:
         """Slips of body i relative to body j; only their derivatives count."""

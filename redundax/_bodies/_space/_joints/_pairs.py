@@ -16,10 +16,23 @@ from .._contact import AbstractContact
 from .._overlap import Overlap
 from .._placement import Placement, at_reference
 from .._pose import Pose
-from ._base import AbstractJoint, AbstractPlacedJoint, refuse_friction
+from ._base import AbstractJoint, AbstractPlacedJoint
 from ._components import ANGLE, AXIAL, BEND, RADIAL, SPIN, TRAVEL, TRAVELS, TWIST
 from ._frictional import AbstractFrictionalJoint, AbstractSlidingJoint, At, End
-from ._surfaces import BALL, GUIDE, PIN, PLATE, SLEEVE, BallRubs, GuideRubs, PinRubs, PlateRubs, SleeveRubs, Surfaces
+from ._surfaces import (
+    BALL,
+    GUIDE,
+    PIN,
+    PLATE,
+    POINT,
+    SLEEVE,
+    BallRubs,
+    GuideRubs,
+    PinRubs,
+    PlateRubs,
+    SleeveRubs,
+    Surfaces,
+)
 
 
 class Revolute(AbstractFrictionalJoint):
@@ -247,8 +260,11 @@ class PointOnLine(AbstractPlacedJoint):
     __init__ = AbstractPlacedJoint.__init__
 
 
-class PointOnPlane(AbstractPlacedJoint):
-    """A point of body i in the plane of body j that is square to the axis. Row axial.
+class PointOnPlane(AbstractSlidingJoint):
+    """A point of body i in the plane of body j that is square to the axis. Row axial; coordinates "travel_1" and
+    "travel_2" along x and y.
+
+    Friction is against the velocity of the point along the plane: "tau name.travel_1" and "tau name.travel_2".
 
     ??? example
 
@@ -259,11 +275,17 @@ class PointOnPlane(AbstractPlacedJoint):
 
     **Arguments:** those of the other pairs, and
 
+    - `friction`: `Coulomb` with its coefficient mu, or another model.
     - `one_sided`: whether the point may leave the plane on the side to which the axis points, as a foot does a floor:
       the plane only pushes, its multiplier is positive where it does, and `solve` tells in `contacts` whether it does.
     """
 
     row_kinds: ClassVar[tuple[Row, ...]] = (AXIAL,)
+    coordinate_kinds: ClassVar[tuple[Row, ...]] = TRAVELS
+    slip_kinds: ClassVar[tuple[Row, ...]] = TRAVELS
+    surfaces: ClassVar[Surfaces] = POINT
+    friction: AbstractFrictionModel | None
+    contact: AbstractContact
     one_sided: bool = eqx.field(static=True, default=False)  # pyright: ignore[reportIncompatibleMethodOverride]
 
     def __init__(
@@ -280,9 +302,8 @@ class PointOnPlane(AbstractPlacedJoint):
         friction: AbstractFrictionModel | None = None,
         one_sided: bool = False,
     ):
-        refuse_friction(name, friction)
         self.one_sided = one_sided  # pyright: ignore[reportIncompatibleMethodOverride]
-        self.place(name, i, j, at_reference(name, point, axis, mark), on_i, on_j)
+        self.make(name, i, j, [at_reference(name, point, axis, mark)] * 2, on_i, on_j, friction=friction)
 
     @property
     def pushing(self) -> tuple[str, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]

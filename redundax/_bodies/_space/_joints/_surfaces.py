@@ -1,7 +1,7 @@
 """Where joints in space rub: surfaces, which loads press together, by the names of their sizes
 
 A pin turns in a bearing, a sleeve turns and slides on a shaft, a guide slides on a rail, a ball turns in a socket, a
-plate slides on a table, and a thread along its helix.
+plate or the point of a foot slides on a table, and a thread along its helix.
 """
 
 from collections.abc import Callable, Sequence
@@ -39,6 +39,13 @@ def _on_a_table(multipliers: Array, rows: Sequence[Row]) -> ContactLoad:
     return ContactLoad(jnp.stack([axial, zero]), zero, jnp.stack([zero, safe_norm(bend)]), zero)
 
 
+def _on_a_point(multipliers: Array, rows: Sequence[Row]) -> ContactLoad:
+    """A point is pressed by its force on the table alone."""
+    zero, none = jnp.zeros((), multipliers.dtype), jnp.zeros(2, multipliers.dtype)
+    (axial,) = picked(multipliers, rows, ("axial",))
+    return ContactLoad(jnp.stack([axial, zero]), zero, none, zero)
+
+
 class Surfaces(NamedTuple):
     """Sizes of surfaces, by the names that they have as arguments and fields of a joint.
 
@@ -46,7 +53,8 @@ class Surfaces(NamedTuple):
     - `bend`, `axial`, `twist`: sizes at which these loads press them; that of `bend` may change with the travel if
       `may_overlap`.
     - `pressed`: the loads of the contact, from the multipliers and their rows.
-    - `arms`: velocities of surfaces that slide in several directions, by unit rates of the slips, from the radius.
+    - `arms`: velocities of surfaces that slide in several directions, by unit rates of the slips, from the radius, or
+      from 1 where there is none.
     """
 
     radius: str = ""
@@ -73,6 +81,7 @@ BALL = Surfaces("ball_radius", True, pressed=_any_way, arms=lambda radius: [jnp.
 PLATE = Surfaces(
     "spin_radius", bend="plate_length", pressed=_on_a_table, arms=lambda radius: [*[jnp.ones_like(radius)] * 2, radius]
 )
+POINT = Surfaces(pressed=_on_a_point, arms=lambda one: [one] * 2)
 THREAD = Surfaces("thread_radius", bend="bearing_length")
 
 
