@@ -27,7 +27,6 @@ from .._tools._numbers import are_numbers, chosen_of, while_loop, xp
 from ._arclength import Path, follow
 from ._friction_problem import FrictionProblem
 from ._iterate import Progress, iterate, run_unless
-from ._mixing import Mixing
 from ._quick_sweeps import quick_sweeps
 from ._solver import AbstractSolver, Newton, Root
 
@@ -58,9 +57,10 @@ class Continuation(AbstractSolver):
     max_path: int = eqx.field(default=400, static=True)
 
     def run(self, problem: FrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
+        return problem.searched(lambda: self._run(problem, start, in_batch=in_batch), self.rtol, start, near=False)
+
+    def _run(self, problem: FrictionProblem, start: Array, *, in_batch: bool) -> Root:
         rtol = self.tolerance(start.dtype)
-        if problem.is_large:
-            return Mixing(self.rtol).run(problem, start)
 
         def search(rho0: Array, start: Array) -> Root:
             return self._searched(problem.at(rho0), start)
@@ -111,8 +111,9 @@ class FirstAttempt(AbstractSolver):
     max_steps: int = eqx.field(static=True)
 
     def run(self, problem: FrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
-        if problem.is_large:
-            return Mixing(self.rtol).run(problem, start)
+        return problem.searched(lambda: self._run(problem, start), self.rtol, start, near=False)
+
+    def _run(self, problem: FrictionProblem, start: Array) -> Root:
         root = Newton(self.rtol, self.max_steps).run(problem, start)
         kept = root.progress.converged(self.tolerance(start.dtype)) & (problem.contraction(problem.loads(root.tau)) < 1)
         return Root(root.tau, root.progress, xp.where(kept, xp.inf, 0.0).astype(start.dtype))
