@@ -14,7 +14,7 @@ Who solves, judges or bounds takes these operators, and knows nothing of how the
 """
 
 import abc
-from typing import Generic, NamedTuple, TypeAlias, TypeVar
+from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 import equinox as eqx
 from jaxtyping import Array, Bool, Float, Int
@@ -264,7 +264,7 @@ class LinearResponse:
     """x_0 and X: `free`, the response to load and misfit, and `unit`, that to unit friction, p columns or a map."""
 
     free: Response
-    unit: Response | FrictionResponse
+    unit: Any  # Response, or FrictionResponse
 
     def at(self, tau: Float[Array, " p"], stress: Float[Array, " m"] | None = None) -> Response:
         """Accelerations and multipliers at the friction tau, with a self-stress added."""

@@ -123,7 +123,7 @@ class LinearMaps(NamedTuple):
     @property
     def unit(self) -> FrictionResponse:
         """What unit friction causes."""
-        return self.response.unit  # pyright: ignore[reportReturnType]
+        return self.response.unit
 
     def slips_caused(self, tau: Array, acceleration: Array) -> Float[Array, " p"]:
         return self.unit.slips(acceleration - self.response.free.acceleration)
@@ -166,8 +166,8 @@ class LinearMaps(NamedTuple):
             tolerance,
             wanted & jnp.any(still),
         )
-        changes = [Change(x, jnp.abs(x)) for x in (active.caused.acceleration, active.acceleration - self.slip)]
-        return Holding(active.tau, *changes, active.settled)
+        added, slip = (Change(x, jnp.abs(x)) for x in (active.caused.acceleration, active.acceleration - self.slip))
+        return Holding(active.tau, added, slip, active.settled)
 
 
 AnyLinear: TypeAlias = Linear | LinearMaps

@@ -39,7 +39,7 @@ from .._tools._no_answer import nan_where
 from .._tools._numbers import are_numbers, as_numbers, stop_gradient, xp
 from .._tools._value import AbstractModule
 from ._held_rank import AnyHeld, AnyHeldFactorisation, Held, factorize_held
-from ._linear import AnyLinear
+from ._linear import AnyLinear, Linear
 from ._stabilisation import AbstractStabilisation
 
 
@@ -331,6 +331,7 @@ class _Loads(NamedTuple):
 
 def _closed(linear: AnyLinear, gamma: Float[Array, " m"], factor: Factorisation, chosen: Elasticity) -> AnyLinear:
     """The same with multipliers of a closure, which a factorisation at the state has."""
+    linear = cast(Linear, linear)
     free, unit = linear.response.free, linear.response.unit
     forces = jnp.concatenate([linear.load[:, None], linear.directions], axis=1)
     lam = factor.respond(forces, jnp.pad(gamma[:, None], ((0, 0), (0, linear.rate.size)))).multipliers

@@ -104,7 +104,7 @@ def seen(
     along, yields = context.along, None
     if along is not None:
         along = jnp.where(trial == equations.sense, along, trial)
-        yields = linear.response.unit.acceleration, linear.yields
+        yields = linear.response.unit.acceleration, cast(Array, linear.yields)
     solved = equations.with_sense(trial).solved(state, linear, context.tau, along)
     there = mode_at(equations, state, context.held, linear, jnp.any(equations.sticking) | lands)
     against = _against(equations, linear.rate, context.along) * equations.slip_size

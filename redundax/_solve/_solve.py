@@ -7,7 +7,7 @@ friction nothing iterates.
 import contextlib
 import functools
 import operator
-from typing import Any
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -30,7 +30,7 @@ from .._equations._factorize import dense_at, factorisation_at
 from .._equations._matrices import matrices_of
 from .._equations._response import AbstractSolvedFactorisation, Response, times
 from .._solvers._continuation import Continuation
-from .._solvers._friction_problem import FrictionProblem
+from .._solvers._friction_problem import AbstractFrictionProblem, FrictionProblem
 from .._solvers._iterate import Progress
 from .._solvers._open_newton import open_root
 from .._solvers._open_problem import OpenProblem
@@ -347,7 +347,7 @@ def _end_in_chunks(*arguments: Any) -> tuple[Response, Root, Array, RESULTS]:
 def _solve_friction(
     factor: AbstractSolvedFactorisation,
     reduced: Reduced,
-    problem: FrictionProblem,
+    problem: AbstractFrictionProblem,
     solver: AbstractSolver,
     x0: Array | None,
     *,
@@ -378,7 +378,7 @@ def _loadless(tau: Array) -> Root:
 
 
 def _open_newton(
-    factor: Any, reduced: Reduced, problem: FrictionProblem, x0: Array, solver: AbstractSolver
+    factor: Any, reduced: Reduced, problem: AbstractFrictionProblem, x0: Array, solver: AbstractSolver
 ) -> tuple[Root, Array]:
     """Newton (38) from x0; `reduced` is at minimum norm, with the self-stress of x0 added."""
     pick, rows = reduced.pick, reduced.rows
@@ -388,7 +388,7 @@ def _open_newton(
     basis = basis @ axes
     unit = xp.eye(factor.multipliers.size, dtype=basis.dtype)
     open_problem = OpenProblem(
-        problem,
+        cast(FrictionProblem, problem),
         rows,
         projector=each(pick.caused, take(unit, rows)).T,
         balance=each(factor.in_balance, unit).T,

@@ -16,7 +16,7 @@ In large scenes nothing is proved: sweeps that settle are taken, and else the br
 (`_mixing`).
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import equinox as eqx
 from jaxtyping import Array, Bool, Float
@@ -25,7 +25,7 @@ from .._system._results import RESULTS, chosen
 from .._tools._module import optional_float
 from .._tools._numbers import are_numbers, chosen_of, while_loop, xp
 from ._arclength import Path, follow
-from ._friction_problem import FrictionProblem
+from ._friction_problem import AbstractFrictionProblem, FrictionProblem
 from ._iterate import Progress, iterate, run_unless
 from ._quick_sweeps import quick_sweeps
 from ._solver import AbstractSolver, Newton, Root
@@ -56,8 +56,10 @@ class Continuation(AbstractSolver):
     max_steps: int = eqx.field(default=50, static=True)
     max_path: int = eqx.field(default=400, static=True)
 
-    def run(self, problem: FrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
-        return problem.searched(lambda: self._run(problem, start, in_batch=in_batch), self.rtol, start, near=False)
+    def run(self, problem: AbstractFrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
+        return problem.searched(
+            lambda: self._run(cast(FrictionProblem, problem), start, in_batch=in_batch), self.rtol, start, near=False
+        )
 
     def _run(self, problem: FrictionProblem, start: Array, *, in_batch: bool) -> Root:
         rtol = self.tolerance(start.dtype)
@@ -110,8 +112,8 @@ class FirstAttempt(AbstractSolver):
     rtol: Float[Array, ""] | None
     max_steps: int = eqx.field(static=True)
 
-    def run(self, problem: FrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
-        return problem.searched(lambda: self._run(problem, start), self.rtol, start, near=False)
+    def run(self, problem: AbstractFrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
+        return problem.searched(lambda: self._run(cast(FrictionProblem, problem), start), self.rtol, start, near=False)
 
     def _run(self, problem: FrictionProblem, start: Array) -> Root:
         root = Newton(self.rtol, self.max_steps).run(problem, start)

@@ -153,7 +153,7 @@ class AbstractFrictionProblem(abc.ABC):
     """
 
     rho0: Float[Numeric, "... l"]
-    gain: Numeric | LinearMap
+    gain: Numeric
     law: Law
     angular_loads: Bool[Numeric, " l"]
     angular_slips: Bool[Numeric, " p"]

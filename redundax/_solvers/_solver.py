@@ -10,7 +10,7 @@ Both end at a root of tau - law(rho0 + K tau); its derivative is implicit, whate
 
 import abc
 import functools
-from typing import TypeVar
+from typing import TypeVar, cast
 
 import equinox as eqx
 import jax
@@ -23,7 +23,7 @@ from .._tools._chunks import in_chunks
 from .._tools._module import check_kind, optional_float
 from .._tools._numbers import Numeric, custom_jvp, entries_set, known, product, xp
 from .._tools._value import AbstractModule, value
-from ._friction_problem import AbstractFrictionProblem
+from ._friction_problem import AbstractFrictionProblem, FrictionProblem
 from ._iterate import Progress, iterate
 
 Solver = TypeVar("Solver", bound="AbstractSolver")
@@ -148,11 +148,11 @@ class Newton(AbstractSolver):
     def run(self, problem: AbstractFrictionProblem, start: Numeric, *, in_batch: bool = False) -> Root:
         rtol = self.tolerance(start.dtype)
         if start.ndim > 1:
-            return self._of_batch(problem, start, rtol)
+            return self._of_batch(cast(FrictionProblem, problem), start, rtol)
         tau, progress = iterate(lambda tau: self.update(problem, tau), start, rtol, self.max_steps)
         return Root(tau, progress, xp.full((), xp.inf, start.dtype))
 
-    def _of_batch(self, problem: AbstractFrictionProblem, start: np.ndarray, rtol: Float[Array, ""]) -> Root:
+    def _of_batch(self, problem: FrictionProblem, start: np.ndarray, rtol: Float[Array, ""]) -> Root:
         """Samples along the first axis, on numbers: those that have ended are left out."""
         tau, left = np.array(start), np.arange(len(start))
         whole = jax.tree.map(lambda x: np.full(len(start), x), Progress.begin(start.dtype))
