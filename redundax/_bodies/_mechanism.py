@@ -6,7 +6,7 @@ the bodies knows.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Self, cast
+from typing import Any, Self
 
 import equinox as eqx
 import jax
@@ -15,7 +15,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int, Shaped
 
-from .._sparse._plan import Plan
+from .._sparse._symbolic import Symbolic
 from .._system._axis import Axis, join
 from .._system._names import Names, index_of
 from .._system._state import State
@@ -56,7 +56,7 @@ from ._loads import AbstractLoad
 from ._mechanism_page import mechanism_page
 from ._meshing import Turns, in_mesh, teeth_in_doubt, turns_into_mesh
 from ._names import check_frames, check_kinds, check_names
-from ._pattern import LARGE, LARGEST_DENSE, Pattern, dense
+from ._pattern import LARGE, DenseEntries, Pattern, SparseEntries
 from ._pins import warn_of_large_pins
 from ._row_order import ordered_rows, pushing_rows, tied_rows, velocity_rows
 from ._speed_driver import DrivenSpeed, SpeedDriver, SpeedRow, driven_speeds
@@ -101,8 +101,7 @@ class Mechanism(AbstractSystem):
     gravity: Float[Array, " axes"]
     pose: Callable[..., Array] | None
     _source: Int[Array, " m"]
-    _entries: Int[Array, "m n"] | None  # for the bodies that joints had when they were given; none with a plan
-    _plan: Plan | None
+    _matrices: DenseEntries | SparseEntries  # for the bodies that joints had when they were given
     _friction: tuple[FrictionMembers, ...]
     _turns: tuple[Turns, ...]
     _kept: Bool[Array, " m"] | None
@@ -170,8 +169,8 @@ class Mechanism(AbstractSystem):
             units=stated(units),
             adds=self.frame.adds,
         )
-        is_large = len(rows) + self.frame.size * len(names) >= LARGE
-        self._plan, self._entries = self._matrices(is_large and not self.armature and not self.velocity_rows)
+        many = len(rows) + self.frame.size * len(names) >= LARGE
+        self._matrices = self._entries(many and not self.armature and not self.velocity_rows)
         self._kept = None
 
     def _check_residuals(self, names: Sequence[str], count: int) -> None:
@@ -184,8 +183,8 @@ class Mechanism(AbstractSystem):
         check_residuals(self.joints, names, poses)
 
     @property
-    def plan(self) -> Plan | None:
-        return self._plan
+    def symbolic(self) -> Symbolic | None:
+        return self._matrices.symbolic
 
     def sparse(self, is_sparse: bool = True) -> Self:
         """The same mechanism with sparse matrices in `assemble`, `solve` and `simulate`, or with dense ones.
@@ -212,8 +211,7 @@ class Mechanism(AbstractSystem):
                 "Sparse matrices take no rows of velocity, as those of wheels and drives of speed. Solve the mechanism "
                 "without `sparse()`."
             )
-        plan, entries = self._matrices(is_sparse)
-        return replace_fields(self, _plan=plan, _entries=entries)
+        return replace_fields(self, _matrices=self._entries(is_sparse))
 
     @property
     def _massless(self) -> list[bool]:
@@ -223,21 +221,12 @@ class Mechanism(AbstractSystem):
 
     @property
     def whole(self) -> Self:
-        if self._plan is None:
-            return self
-        if (size := len(self.rows) + len(self.coordinates)) > LARGEST_DENSE:
-            raise RedundaxError(
-                f"Argument `system` must have at most {LARGEST_DENSE} coordinates and rows in all for what dense "
-                f"matrices answer, but has {size}. `assemble`, `solve` and `simulate` answer by sparse ones, and "
-                "`factorize` tells rank, redundancy, freedom and which multipliers are unique. "
-                "`mechanism.sparse(False)` takes dense ones all the same, with much time and memory."
-            )
-        return self.sparse(False)
+        return self._matrices.whole(self, len(self.rows) + len(self.coordinates))
 
-    def _matrices(self, is_sparse: bool) -> tuple[Plan | None, Int[Array, "m n"] | None]:
-        """The plan of sparse matrices, or the entries of dense ones."""
+    def _entries(self, is_sparse: bool) -> DenseEntries | SparseEntries:
+        """Where the entries of its Jacobian come from."""
         pattern = Pattern(self.joints, self.rows_of_joints, self.couplings, self.frame, self.body.mass.shape[0])
-        return (pattern.plan(self._massless), None) if is_sparse else (None, indices(pattern.entries()))
+        return pattern.sparse(self._massless) if is_sparse else pattern.dense()
 
     @property
     def friction(self) -> tuple[JointFriction, ...]:
@@ -386,22 +375,15 @@ class Mechanism(AbstractSystem):
         """Joint by joint: each reads the coordinates of two bodies."""
         body = self.poses(q)
         own = slopes(self.joints, body, t)
-        if self._plan is not None:
-            return dense(self._plan, self._on_plan(own, body))
-        flat = jnp.concatenate([jnp.zeros(1, q.dtype), *(slope.ravel() for slope in own)])
-        jacobian = tree_take(flat, cast(Array, self._entries))
-        for coupled in self.couplings:
-            jacobian = coupled.added(jacobian, self.joints, body)
-        return among(self._kept, jacobian)
+        return among(self._kept, self._matrices.jacobian(own, self.couplings, self.joints, body))
 
     def by_bodies(self, q: Array, t: Array) -> tuple[Array, Array]:
         body = self.poses(q)
-        return self._on_plan(slopes(self.joints, body, t), body), self.frame.masses(self.body)
+        own = self._matrices.by_bodies(slopes(self.joints, body, t), self.couplings, self.joints, body)
+        return among(self._kept, own), self.frame.masses(self.body)
 
-    def _on_plan(self, own: Sequence[Array], body: Any) -> Float[Array, "m w s"]:
-        each = [*own, *(coupled.slopes(self.joints, body) for coupled in self.couplings)]
-        slopes = jnp.concatenate([slope.reshape(-1, self.frame.size) for slope in each])
-        return among(self._kept, tree_take(jnp.pad(slopes, ((0, 1), (0, 0))), cast(Plan, self._plan).source))
+    def kinetic_energy(self, q: Array, qd: Array, t: Array) -> Float[Array, ""]:
+        return self._matrices.kinetic_energy(self, q, qd, t)
 
     @property
     def joint_coordinates(self) -> JointCoordinates:

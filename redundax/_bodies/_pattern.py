@@ -1,19 +1,31 @@
 """The pattern of a mechanism's Jacobian, from the bodies of its joints and couplers."""
 
 from collections.abc import Sequence
+from typing import Any, Protocol, Self, TypeAlias, TypeVar
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
-from .._sparse._plan import Plan, plan
+from .._sparse._symbolic import Symbolic, symbolic
+from .._system._system import AbstractSystem
+from .._tools._errors import RedundaxError
+from .._tools._module import tree_take
+from .._tools._value import AbstractModule
 from ._coupler import Couplings
 from ._frame import AbstractFrame
 from ._speed_driver import DrivenSpeed
-from ._stack import Stack
+from ._stack import Stack, indices
+
+Mechanism = TypeVar("Mechanism", bound="_Storable")
+Coupled: TypeAlias = Couplings | DrivenSpeed
 
 LARGE = 2000  # coordinates and rows from which on matrices are sparse: dense ones take seconds a solve there
 LARGEST_DENSE = 6000  # coordinates and rows up to which dense ones answer in minutes and a few GB, by cubes and squares
+
+
+class _Storable(Protocol):
+    def sparse(self, is_sparse: bool = True) -> Self: ...
 
 
 class Pattern:
@@ -26,7 +38,7 @@ class Pattern:
         self,
         joints: Sequence[Stack],
         rows: Sequence[np.ndarray],
-        couplers: Sequence[Couplings | DrivenSpeed],
+        couplers: Sequence[Coupled],
         frame: AbstractFrame,
         count: int,
     ):
@@ -39,17 +51,86 @@ class Pattern:
         self.of_joints = sum(row.size for row, _ in slopes[: len(bodies)])
         self.columns = np.array([frame.columns(k, count) for k in range(count)])
 
-    def plan(self, massless: Sequence[bool]) -> Plan:
-        """That of its sparse matrices, given which bodies lack mass."""
-        return plan(self.owners, (self.row, self.body), self.columns, massless)
+    def sparse(self, massless: Sequence[bool]) -> "SparseEntries":
+        """Those of sparse matrices, given which bodies lack mass."""
+        return SparseEntries(symbolic(self.owners, (self.row, self.body), self.columns, massless))
 
-    def entries(self) -> np.ndarray:
-        """Where the Jacobian, (m, n), finds its entries among the slopes of joints, after a zero."""
+    def dense(self) -> "DenseEntries":
+        """Those of dense matrices."""
         moving = np.flatnonzero(self.body[: self.of_joints] < len(self.columns))
         entries, size = np.zeros((sum(map(len, self.owners)), self.columns.size), int), self.columns.shape[1]
         places = 1 + size * moving[:, None] + np.arange(size)
         entries[self.row[moving][:, None], self.columns[self.body[moving]]] = places
-        return entries
+        return DenseEntries(indices(entries))
+
+
+class DenseEntries(AbstractModule):
+    """Where the Jacobian, (m, n), finds its entries among the slopes of joints, after a zero."""
+
+    entries: Int[Array, "m n"]
+
+    @property
+    def symbolic(self) -> None:
+        """None: nothing is sparse."""
+        return None
+
+    def whole(self, mechanism: Mechanism, size: int) -> Mechanism:
+        """The mechanism with dense matrices, given how many coordinates and rows it has."""
+        return mechanism
+
+    def jacobian(
+        self, own: Sequence[Array], couplers: Sequence[Coupled], joints: Sequence[Stack], body: Any
+    ) -> Float[Array, "m n"]:
+        """The Jacobian, of slopes of joints and of couplers."""
+        none = jnp.zeros(1, own[0].dtype if own else float)
+        flat = jnp.concatenate([none, *(slope.ravel() for slope in own)])
+        jacobian = tree_take(flat, self.entries)
+        for coupled in couplers:
+            jacobian = coupled.added(jacobian, joints, body)
+        return jacobian
+
+    def by_bodies(self, own: Sequence[Array], couplers: Sequence[Coupled], joints: Sequence[Stack], body: Any) -> Array:
+        """None by bodies."""
+        raise NotImplementedError
+
+    def kinetic_energy(self, mechanism: AbstractSystem, q: Array, qd: Array, t: Array) -> Float[Array, ""]:
+        """T, by the mass matrix or by that of each body."""
+        return qd @ mechanism.mass(q, t) @ qd / 2
+
+
+class SparseEntries(AbstractModule):
+    """The symbolic factorisation of sparse matrices, which tells where slopes go."""
+
+    symbolic: Symbolic
+
+    def whole(self, mechanism: Mechanism, size: int) -> Mechanism:
+        if size > LARGEST_DENSE:
+            raise RedundaxError(
+                f"Argument `system` must have at most {LARGEST_DENSE} coordinates and rows in all for what dense "
+                f"matrices answer, but has {size}. `assemble`, `solve` and `simulate` answer by sparse ones, and "
+                "`factorize` tells rank, redundancy, freedom and which multipliers are unique. "
+                "`mechanism.sparse(False)` takes dense ones all the same, with much time and memory."
+            )
+        return mechanism.sparse(False)
+
+    def jacobian(
+        self, own: Sequence[Array], couplers: Sequence[Coupled], joints: Sequence[Stack], body: Any
+    ) -> Float[Array, "m n"]:
+        slopes, columns = self.by_bodies(own, couplers, joints, body), self.symbolic.columns
+        row = jnp.arange(len(slopes))[:, None, None]
+        return jnp.zeros((len(slopes), columns.size), slopes.dtype).at[row, columns[self.symbolic.body]].add(slopes)
+
+    def by_bodies(
+        self, own: Sequence[Array], couplers: Sequence[Coupled], joints: Sequence[Stack], body: Any
+    ) -> Float[Array, "m w s"]:
+        """Slopes by row and body."""
+        each = [*own, *(coupled.slopes(joints, body) for coupled in couplers)]
+        slopes = jnp.concatenate([slope.reshape(-1, self.symbolic.columns.shape[1]) for slope in each])
+        return tree_take(jnp.pad(slopes, ((0, 1), (0, 0))), self.symbolic.source)
+
+    def kinetic_energy(self, mechanism: AbstractSystem, q: Array, qd: Array, t: Array) -> Float[Array, ""]:
+        own = qd[self.symbolic.columns]
+        return jnp.einsum("bi,bij,bj->", own, mechanism.by_bodies(q, t)[1], own) / 2
 
 
 def _slopes(rows: np.ndarray, bodies: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -57,9 +138,3 @@ def _slopes(rows: np.ndarray, bodies: np.ndarray) -> tuple[np.ndarray, np.ndarra
     shape = (*rows.shape, bodies.shape[1])
     row, body = (np.broadcast_to(x, shape).ravel() for x in (rows[:, :, None], bodies[:, None]))
     return row, body
-
-
-def dense(plan: Plan, slopes: Float[Array, "m w s"]) -> Float[Array, "m n"]:
-    """The Jacobian whole."""
-    row = jnp.arange(len(slopes))[:, None, None]
-    return jnp.zeros((len(slopes), plan.columns.size), slopes.dtype).at[row, plan.columns[plan.body]].add(slopes)

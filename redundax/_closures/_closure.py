@@ -17,9 +17,10 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
-from .._sparse._plan import Plan
+from .._equations._matrices import matrices_of
+from .._sparse._symbolic import Symbolic
 from .._system._names import DRIVE, ByName, vector
 from .._system._state import State
 from .._system._system import AbstractSystem
@@ -45,12 +46,12 @@ class AbstractClosure(AbstractModule):
     def by_joint(
         self, system: AbstractSystem, state: State
     ) -> tuple[Float[Array, "m j"], Float[Array, " m"] | Float[Array, ""]]:
-        """The same of a system with a plan: W as entries of each row with its mates, the rows of its joint.
+        """The same where matrices are sparse: W as entries of each row with its mates, the rows of its joint.
 
         NaN where it couples rows of different joints.
         """
         compliance, misfit = self.compliance(system, state)
-        return with_mates(compliance, cast(Plan, system.plan)), misfit
+        return with_mates(compliance, system), misfit
 
     @property
     def is_constant(self) -> bool:
@@ -90,7 +91,7 @@ def check_closure(closure: object, argument: str = "closure") -> None:
 class Elasticity(NamedTuple):
     """All that the equations know of a closure: W, (m, m), and d, (m,) or a number for m equal entries.
 
-    Of a system with a plan W has the shape (m, j), entries of each row with its mates, itself first.
+    Where matrices are sparse W has the shape (m, j), entries of each row with its mates, itself first.
     """
 
     compliance: Float[Array, "m m"] | Float[Array, "m j"]
@@ -105,10 +106,12 @@ def elasticity(closure: AbstractClosure, system: AbstractSystem, state: State, *
     if not play:
         refuse_play(closure, system)
     whole, closure = are_known(closure, state, system), placed(closure, system)
-    if system.plan is not None:
-        return _by_joint(closure, system.anonymous, state, whole=whole)
+    return matrices_of(system).run(_by_matrix, _by_joint)(closure, system.anonymous, state, whole=whole)
+
+
+def _by_matrix(closure: AbstractClosure, system: AbstractSystem, state: State, *, whole: bool) -> Elasticity:
     m, dtype = len(system.rows), state.qd.dtype
-    given = (closure.compliance if closure.is_constant else partial(_at_state, closure))(system.anonymous, state)
+    given = (closure.compliance if closure.is_constant else partial(_at_state, closure))(system, state)
     compliance, misfit = (xp.asarray(x, dtype) for x in (as_numbers(given) if are_numbers(state) else given))
     if compliance.shape != (m, m) or misfit.shape not in ((), (m,)):
         raise RedundaxError(
@@ -148,19 +151,24 @@ def constant(elasticity: Elasticity, play: Play | None = None) -> AbstractClosur
     return _Constant(elasticity, play)
 
 
-def with_mates(compliance: Float[Array, "m m"], plan: Plan) -> Float[Array, "m j"]:
+def mates_of(system: AbstractSystem) -> Int[Array, "m j"]:
+    """The rows of the joint of each row, itself first, m for none."""
+    return cast(Symbolic, system.symbolic).mates
+
+
+def with_mates(compliance: Float[Array, "m m"], system: AbstractSystem) -> Float[Array, "m j"]:
     """Entries of a matrix that couples rows of one joint only, else NaN: W_ij beside sqrt(W_ii W_jj) is rounding."""
-    among = plan.mates < len(plan.mates)
-    own = jnp.where(among, jnp.take_along_axis(compliance, plan.mates, axis=1, mode="clip"), 0.0)
-    others = compliance.at[jnp.arange(len(own))[:, None], plan.mates].set(0.0, mode="drop")
+    mates = mates_of(system)
+    own = jnp.where(mates < len(mates), jnp.take_along_axis(compliance, mates, axis=1, mode="clip"), 0.0)
+    others = compliance.at[jnp.arange(len(own))[:, None], mates].set(0.0, mode="drop")
     softness = jnp.sqrt(jnp.abs(jnp.diagonal(compliance)))
     rounding = 1e3 * float(jnp.finfo(own.dtype).eps) * softness[:, None] * softness
     return nan_where(~jnp.all(jnp.abs(others) <= rounding), own)
 
 
-def alone(diagonal: Float[Array, " m"], plan: Plan) -> Float[Array, "m j"]:
+def alone(diagonal: Float[Array, " m"], system: AbstractSystem) -> Float[Array, "m j"]:
     """Entries of each row with its mates, of a matrix that couples no rows."""
-    return jnp.zeros(plan.mates.shape, diagonal.dtype).at[:, 0].set(diagonal)
+    return jnp.zeros(mates_of(system).shape, diagonal.dtype).at[:, 0].set(diagonal)
 
 
 def for_motion(closure: AbstractClosure, system: AbstractSystem, state: State) -> AbstractClosure:
@@ -254,7 +262,7 @@ class MinimumNorm(AbstractClosure):
 
     def by_joint(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
         scale = jnp.ones(len(system.rows)) if self.units is None else self.units.of_force(system.rows)
-        return alone(scale**2, cast(Plan, system.plan)), scale * self._misfit(system, state)
+        return alone(scale**2, system), scale * self._misfit(system, state)
 
 
 class Compliance(AbstractClosure):
@@ -354,10 +362,10 @@ class Compliance(AbstractClosure):
             return self.by_place(system).by_joint(system, state)
         if self.W.shape != (len(system.rows),):
             compliance, misfit = self.compliance(system, state)
-            return with_mates(compliance, cast(Plan, system.plan)), misfit
+            return with_mates(compliance, system), misfit
         units = Units() if self.units is None else self.units
         scale = units.of(system.rows)
-        return alone(units.energy * self.W / scale**2, cast(Plan, system.plan)), self.misfit / scale
+        return alone(units.energy * self.W / scale**2, system), self.misfit / scale
 
 
 def _figures(given: ByName) -> Any:

@@ -12,7 +12,7 @@ frame of a body that the joint connects, the one on which the seat sits, and tur
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any, cast
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -26,7 +26,6 @@ from .._bodies._frame import AbstractFrame
 from .._bodies._joints import AbstractJoint
 from .._bodies._mechanism import Mechanism
 from .._bodies._stack import Stack, stacked
-from .._sparse._plan import Plan
 from .._system._axis import join
 from .._system._names import index_of
 from .._system._state import State
@@ -36,7 +35,7 @@ from .._tools._errors import RedundaxError
 from .._tools._module import as_float, check_kind, is_concrete, not_negative
 from .._tools._numbers import as_numbers, asked_of_model, known, on_numbers, xp
 from .._tools._value import AbstractModule
-from ._closure import AbstractClosure
+from ._closure import AbstractClosure, mates_of
 from ._joint_compliance import AbstractJointCompliance, JointCompliance
 from ._joint_compliance_in_space import JointCompliance as SpatialJointCompliance
 from ._play import Play, play_of
@@ -149,8 +148,7 @@ class ElasticJoints(AbstractClosure):
 
     def by_joint(self, system: AbstractSystem, state: State) -> tuple[Array, Array]:
         a, bent, misfit, _ = self._rows(system, state)
-        mates = cast(Plan, system.plan).mates
-        own = jnp.einsum("mk,mjk->mj", bent, a.at[mates].get(mode="fill", fill_value=0.0))
+        own = jnp.einsum("mk,mjk->mj", bent, a.at[mates_of(system)].get(mode="fill", fill_value=0.0))
         return own, misfit
 
     def _rows(self, system: AbstractSystem, state: State) -> list[Array]:

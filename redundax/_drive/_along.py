@@ -14,7 +14,8 @@ from .._bodies._law_of_time import check_law, law_of_time
 from .._equations._assemble import assemble
 from .._equations._dense_closing import closing_at
 from .._equations._kinematics import model_at
-from .._equations._scaling import Scaling, scaling_at
+from .._equations._matrices import matrices_of
+from .._equations._scaling import Scaling
 from .._system._axis import Axis, join
 from .._system._driven import Driven
 from .._system._names import DRIVE, ByName, index_of
@@ -169,7 +170,7 @@ def _scaled(system: AbstractSystem, state: State) -> tuple[Scaling, Float[Array,
     """The scales of a position, and K there, by programs that the system without its drives has anyway."""
     base, places = system.undriven, getattr(system, "places", ())
     still = replace_fields(state, qd=xp.zeros_like(state.qd))
-    scale = scaling_at(base.anonymous, still)
+    scale = matrices_of(base).closing.scaling(base.anonymous, still)
     slopes = closing_at(base.anonymous, still.q, still.qd, still.t)[2] * scale.coordinates
     m = len(base.rows)
     if base.velocity_rows:

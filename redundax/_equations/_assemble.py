@@ -31,12 +31,11 @@ from .._tools._numbers import (
     xp,
 )
 from ._closing import given_axis, position, velocity_of
-from ._dense_closing import DenseClosing
 from ._gaps import overlaps
 from ._guess import ask_for_radians, check_finite
+from ._matrices import matrices_of
 from ._misfit import Misfit, tell
 from ._scaling import largest_violation
-from ._sparse_closing import SparseClosing
 from ._unmet import check_rows, no_position, no_velocity
 
 
@@ -118,7 +117,7 @@ def assemble(
     q, qd, t, at, rate = (on_device(np_.asarray(value, dtype)) for value in (*guess, *given))
     held, driven = (on_device(np.array(indices, int)) for indices in (held, driven))
     given = State(system.start(q, t), qd, t), held, at, driven, rate
-    run = _assemble if system.plan is None else _assemble_large
+    run = matrices_of(system).run(_assemble, _assemble_sparse)
     bare = system.anonymous.without_friction
     if system.names.one_sided:
         bare = bare.opened(_rows_that_hold(system.names, bare, run, given, closed))
@@ -185,7 +184,7 @@ def _assembled(
     rates: Float[Array, " d"],
 ) -> tuple[State, Misfit, Misfit]:
     """State, and the misfits of its position and of its velocity."""
-    kind = DenseClosing if system.plan is None else SparseClosing
+    kind = matrices_of(system).closing
     q, off = position(kind.of(system, guess, held, positions))
     qd, slow = velocity_of(kind, system, replace_fields(guess, q=q), driven, rates)
     found = replace_fields(guess, q=nan_where(off.refused, q), qd=nan_where(off.refused | slow.refused, qd))
@@ -197,4 +196,4 @@ def _assembled_each(*arguments: Any) -> tuple[State, Misfit, Misfit]:
     return alike(_assembled(*arguments), eqx.filter(arguments, eqx.is_array))
 
 
-_assemble, _assemble_large = on_numbers(_assembled_each), compiled(_assembled_each)
+_assemble, _assemble_sparse = on_numbers(_assembled_each), compiled(_assembled_each)

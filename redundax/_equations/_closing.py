@@ -28,7 +28,7 @@ from .._tools._value import AbstractModule
 from ._kinematics import AlongMotion
 from ._misfit import Misfit, misfit_of, tolerance
 from ._pseudoinverse import DensePseudoinverse, SparsePseudoinverse
-from ._scaling import Scaling, scaling_at
+from ._scaling import Scaling
 
 _POLISHING_STEPS = 4
 
@@ -89,8 +89,13 @@ class AbstractClosing(AbstractModule):
     @classmethod
     def of(cls, system: AbstractSystem, guess: State, held: Array, positions: Array) -> Self:
         """That about a guess."""
-        scale = scaling_at(system, guess)
+        scale = cls.scaling(system, guess)
         return cls(system, guess, held, positions, scale, row_scales(system, held, scale))
+
+    @staticmethod
+    @abstractmethod
+    def scaling(system: AbstractSystem, state: State) -> Scaling:
+        """The scales at a state."""
 
     @abstractmethod
     def begun(self) -> Self:

@@ -18,7 +18,7 @@ from .._tools._numbers import fori_loop, of_model, stop_gradient, take, while_lo
 from ._closing import AbstractClosing, Along, beside, with_own
 from ._kinematics import model_at
 from ._pseudoinverse import DensePseudoinverse, dense_pseudoinverse
-from ._scaling import scaling
+from ._scaling import Scaling, scaling
 
 _PASSES = 3
 _DESCENT_STEPS, _SETTLED = 500, 1e-8  # at most, and relative changes that end it: Newton steps that follow square them
@@ -53,6 +53,10 @@ class DenseClosing(AbstractClosing):
         given = beside(self.system, values[m:], self.positions, self.held)
         residual = xp.concatenate([values[:m], given]) / self.row_scale
         return residual, slopes * self.scale.coordinates / self.row_scale[:, None]
+
+    @staticmethod
+    def scaling(system: AbstractSystem, state: State) -> Scaling:
+        return scaling(system, model_at(system, state))
 
     def begun(self) -> Self:
         if self.system.adds:

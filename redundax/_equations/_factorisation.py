@@ -31,8 +31,9 @@ from .._tools._module import replace_fields
 from .._tools._numbers import computed, is_number, on_numbers, stop_gradient, xp
 from ._branch import Branch
 from ._evidence import Violation, independence_of, rate_noise, singularity_of, violation_of
+from ._kinematics import slip_motion
 from ._rank import Spectrum, Split, checked_rank, split
-from ._response import AbstractSolvedFactorisation, Pick, Response
+from ._response import AbstractPick, AbstractSolvedFactorisation, Checks, Pick, Response
 from ._restricted_inverse import restricted_inverse
 from ._scaled_equations import reached_by, refined, residual_of
 from ._scaled_kinematics import scaled_kinematics
@@ -118,13 +119,14 @@ class Factorisation(AbstractSolvedFactorisation):
         """The part of gamma that no acceleration has."""
         return self.self_stress @ gamma
 
-    def motion_of(self, rates: Float[Array, "..."]) -> Decision:
-        """Whether slip rates, m/s or L times an angular rate, are those of joints that move.
+    @property
+    def dense(self) -> "Factorisation":
+        return self
 
-        The noise is the rounding of the velocities and what violates the constraints of them, magnified by the
-        Jacobian as in a part that the others hold still.
-        """
-        return Decision(xp.abs(rates) / self.rate_noise)
+    def to_friction(self, system: AbstractSystem, state: State, pick: AbstractPick) -> tuple[Array, Response]:
+        rate, directions = slip_motion(system, state)
+        acceleration, multipliers = self.respond(directions)
+        return rate, Response(acceleration, pick(multipliers))
 
     @property
     def least_kept(self) -> Float[Array, ""]:
@@ -135,16 +137,6 @@ class Factorisation(AbstractSolvedFactorisation):
     def noise(self) -> float:
         """Rounding of a decomposition of K, relative to sigma_1."""
         return max(self.jacobian.shape) * float(xp.finfo(self.gamma.dtype).eps)
-
-    @property
-    def redundancy(self) -> Int[Array, ""]:
-        """k = m - r, number of redundant constraints."""
-        return self.jacobian.shape[0] - self.spectrum.rank
-
-    @property
-    def freedom(self) -> Int[Array, ""]:
-        """n - r, number of degrees of freedom."""
-        return self.jacobian.shape[1] - self.spectrum.rank
 
     @property
     def local(self) -> Int[Array, ""] | int:
@@ -198,23 +190,13 @@ class Factorisation(AbstractSolvedFactorisation):
         return self.determinacy.is_yes
 
     @property
-    def singular_position(self) -> Bool[Array, ""]:
-        """Whether the rank is lower at this position than beside it: P Phi_qq[w, w] is not zero for a motion w.
-
-        There more multipliers are not unique than elsewhere, branches of motion meet, and (7) does not contain the
-        condition of third order that keeps the accelerations on their branch: `branch` does, where there is one.
-        """
-        return self.singularity.is_yes
-
-    @property
     @_asked
     def lost_digits(self) -> Float[Array, ""]:
         """Decimal digits that accelerations and multipliers lose to the smallest kept singular value."""
         return -xp.log10(self.least_kept)
 
     @property
-    def checks(self) -> tuple[tuple[Bool[Array, ""], RESULTS], ...]:
-        """What must hold for the equations at this state to have a trustworthy solution, root causes first."""
+    def checks(self) -> Checks:
         violation = self.violation
         off_manifold = largest_violation(self.gamma.dtype)
         blur = self.noise + violation.position

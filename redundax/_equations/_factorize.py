@@ -27,17 +27,18 @@ from .._tools._numbers import on_numbers, stop_gradient, xp
 from ._branch import Branch, lacking, lost_rows
 from ._evidence import ScaledMotion, singularity_of
 from ._factorisation import Factorisation, factorised
+from ._matrices import matrices_of
 from ._rank import split
+from ._response import AbstractSolvedFactorisation
 from ._restricted_inverse import restricted_inverse
 from ._scaled_equations import reached_by, refined, residual_of
-from ._sparse_factorisation import SparseFactorisation, sparse_factorised
+from ._sparse_factorisation import sparse_factorised
 
-AnyFactorisation = Factorisation | SparseFactorisation
 _NEAR = 0.575  # power of the rounding, 1e-9 in float64: relative singular values that are none where it is singular
 
 
 @functools.partial(on_numbers, jit=False)
-def factorize(system: AbstractSystem, state: State, rank: ArrayLike | None = None) -> AnyFactorisation:
+def factorize(system: AbstractSystem, state: State, rank: ArrayLike | None = None) -> AbstractSolvedFactorisation:
     """Factorise the equations (7) of a system at a state, at a singular position with the rows that they lack there.
 
     ??? example
@@ -56,7 +57,7 @@ def factorize(system: AbstractSystem, state: State, rank: ArrayLike | None = Non
     **Returns:** a `Factorisation`; of a large mechanism, whose matrices are sparse, a `SparseFactorisation`.
     """
     check_system_at(system, state)
-    return factorize_dense(system, state, rank) if system.plan is None else sparse_factorised(system, state, rank)
+    return matrices_of(system).run(factorize_dense, sparse_factorised)(system, state, rank)
 
 
 def factorize_dense(system: AbstractSystem, state: State, rank: ArrayLike | None = None) -> Factorisation:
@@ -85,11 +86,15 @@ def _continued(system: AbstractSystem, state: State, factor: Factorisation, rank
     return replace_fields(found, branch=branch)
 
 
-def factorisation_at(system: AbstractSystem, state: State, rank: ArrayLike | None, factor: Any) -> AnyFactorisation:
+def factorisation_at(
+    system: AbstractSystem, state: State, rank: ArrayLike | None, factor: Any
+) -> AbstractSolvedFactorisation:
     """The factorisation that is there already, or a new one."""
     if factor is None:
         return factorize(system, state, rank)
-    check_kind("factor", factor, AnyFactorisation, "what `factorize` gives", "Leave it out, or call `rx.factorize`.")
+    check_kind(
+        "factor", factor, AbstractSolvedFactorisation, "what `factorize` gives", "Leave it out, or call `rx.factorize`."
+    )
     shape = len(system.rows), len(system.coordinates)
     if factor.shape != shape or rank is not None:
         raise RedundaxError(
@@ -112,8 +117,8 @@ def dense_at(
     """A system with dense matrices, and its factorisation, that is there already or a new one."""
     check_system_at(system, state)
     system = system.whole
-    factor = factorisation_at(system, state, rank, None if isinstance(factor, SparseFactorisation) else factor)
-    return system, cast(Factorisation, factor)
+    factor = factor.dense if isinstance(factor, AbstractSolvedFactorisation) else factor
+    return system, cast(Factorisation, factorisation_at(system, state, rank, factor))
 
 
 @on_numbers

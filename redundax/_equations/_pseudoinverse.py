@@ -19,8 +19,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._sparse._gram import Gram, gram
-from .._sparse._plan import Plan
 from .._sparse._rows import Rows
+from .._sparse._symbolic import Symbolic
 from .._system._system import AbstractSystem
 from .._tools._krylov import least_misfit
 from .._tools._value import AbstractModule
@@ -80,10 +80,10 @@ class SparseRows(AbstractModule):
 
 def sparse_rows(system: AbstractSystem, q: Array, t: Array, scale: Scaling, given: Float[Array, "h n"]) -> SparseRows:
     """Those at a position, and given ones, scaled."""
-    plan = cast(Plan, system.plan)
-    squares = scale.coordinates[plan.columns] ** 2
+    symbolic = cast(Symbolic, system.symbolic)
+    squares = scale.coordinates[symbolic.columns] ** 2
     slopes, _ = system.by_bodies(q, t)
-    own = Rows(plan, slopes, squares[:, :, None] * jnp.eye(squares.shape[1], dtype=squares.dtype))
+    own = Rows(symbolic, slopes, squares[:, :, None] * jnp.eye(squares.shape[1], dtype=squares.dtype))
     return SparseRows(own.scaled(scale.rows), given, scale.coordinates)
 
 

@@ -14,12 +14,11 @@ from typing import Any, NamedTuple, cast
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
-from .._sparse._plan import Plan
-from .._system._state import State
+from .._sparse._symbolic import Symbolic
 from .._system._system import AbstractSystem
 from .._tools._by_number import sum_few
 from .._tools._numbers import known, stop_gradient, take, xp
-from ._kinematics import Model, model_at, second_order
+from ._kinematics import Model
 
 # Radius of curvature beside a mechanism's usual size beyond which rows are straight where contacts have gaps: within
 # that size their Jacobian is the same to a tenth. Coordinates do not enter, so that no shift of the origin counts.
@@ -59,9 +58,9 @@ def sparse_scaling(
 ) -> Scaling:
     """The same of a large system, by bodies."""
     slopes, masses, turned = stop_gradient((slopes, masses, turned))
-    plan, angular = cast(Plan, system.plan), xp.asarray(system.coordinates.angular)
-    turning = take(angular, plan.columns)
-    turns, square = turning[plan.body], slopes**2
+    symbolic, angular = cast(Symbolic, system.symbolic), xp.asarray(system.coordinates.angular)
+    turning = take(angular, symbolic.columns)
+    turns, square = turning[symbolic.body], slopes**2
     parts = tuple(sum_few(sum_few(xp.where(mask, square, 0.0))) for mask in (~turns, turns))
     diagonal = xp.diagonal(masses, axis1=1, axis2=2)
     inertia, heft = (xp.sum(xp.where(mask, diagonal, 0.0)) for mask in (turning, ~turning))
@@ -69,13 +68,6 @@ def sparse_scaling(
     norms = xp.sqrt(parts[0] + parts[1] / length**2)
     columns = xp.where(system.coordinates.angular, 1 / length, 1.0).astype(norms.dtype)
     return scales_of(system, norms, columns, length)
-
-
-def scaling_at(system: AbstractSystem, state: State) -> Scaling:
-    """The scales at a state, of a system of any size."""
-    if system.plan is None:
-        return scaling(system, model_at(system, state))
-    return sparse_scaling(system, *system.by_bodies(state.q, state.t), second_order(system, state)[2])
 
 
 def scales_of(

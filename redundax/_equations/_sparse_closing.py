@@ -1,6 +1,6 @@
 """The position problem of an assembly with sparse matrices
 
-The descent of `_sparse_descent` finds where Newton steps begin, by the factor of a matrix on a plan, and the steps are
+The descent of `_sparse_descent` finds where Newton steps begin, by a sparse factor, and the steps are
 those of `SparsePseudoinverse`.
 """
 
@@ -16,14 +16,18 @@ from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
 from .._tools._numbers import custom_jvp, stop_gradient, xp
 from ._closing import AbstractClosing, Along, beside, given_values, with_own
-from ._kinematics import along_motion, velocity
+from ._kinematics import along_motion, second_order, velocity
 from ._pseudoinverse import SparsePseudoinverse, SparseRows, sparse_pseudoinverse, sparse_rows
-from ._scaling import scaling_at
+from ._scaling import Scaling, sparse_scaling
 from ._sparse_descent import sparse_descent
 
 
 class SparseClosing(AbstractClosing):
     """The position problem of a large mechanism."""
+
+    @staticmethod
+    def scaling(system: AbstractSystem, state: State) -> Scaling:
+        return sparse_scaling(system, *system.by_bodies(state.q, state.t), second_order(system, state)[2])
 
     def begun(self) -> Self:
         still = stop_gradient(self)
@@ -52,7 +56,7 @@ class SparseClosing(AbstractClosing):
 
     @classmethod
     def along(cls, system: AbstractSystem, state: State, driven: Array) -> Along:
-        scale = scaling_at(system, state)
+        scale = cls.scaling(system, state)
 
         def inverse(slopes: Array, violation: Array) -> SparsePseudoinverse:
             return sparse_pseudoinverse(sparse_rows(system, state.q, state.t, scale, slopes), violation)

@@ -2,7 +2,7 @@
 
     (K K^T + l I) mu = r,   d = -K^T mu,   q <- q [+] S d,   l = nu max|r|
 
-that is (K^T K + l I) d = -K^T r with the factor of a matrix on a plan, which exists at any rank. nu follows from how
+that is (K^T K + l I) d = -K^T r with a sparse factor, which exists at any rank. nu follows from how
 much of the predicted decrease of |r|^2 a step brings; convergence is quadratic also where constraints are redundant
 (Fan, Yuan 2005, doi.org/10.1007/s00607-004-0083-1).
 """
@@ -64,14 +64,14 @@ def sparse_descent(
 
 def _damped(rows: SparseRows, r: Float[Array, " m"], damping: Float[Array, ""]) -> Float[Array, " n"]:
     """(K^T K + l I)^-1 K^T r."""
-    plan, count = rows.own.plan, rows.own.count
-    entries = rows.own.entries(jnp.ones(count, r.dtype)).at[plan.beside[:, 0]].add(damping)
-    fronts, across = factor(plan, entries), rows.of_given
-    mu = solution(plan, fronts, r[:count, None])[:, 0]
+    symbolic, count = rows.own.symbolic, rows.own.count
+    entries = rows.own.entries(jnp.ones(count, r.dtype)).at[symbolic.beside[:, 0]].add(damping)
+    fronts, across = factor(symbolic, entries), rows.of_given
+    mu = solution(symbolic, fronts, r[:count, None])[:, 0]
     found = rows.transposed(mu[:, None])[:, 0]
     if not rows.given.size:
         return found
-    turned = solution(plan, fronts, across)
+    turned = solution(symbolic, fronts, across)
     inner = rows.given @ rows.given.T + damping * jnp.eye(len(rows.given), dtype=r.dtype) - across.T @ turned
     given = jax.scipy.linalg.solve(inner, r[count:] - across.T @ mu, assume_a="pos")
     return found - rows.transposed((turned @ given)[:, None])[:, 0] + rows.given.T @ given

@@ -22,9 +22,9 @@ from .._system._system import AbstractSystem
 from .._tools._by_number import sum_few
 from .._tools._compilation import compiled
 from ._evidence import Violation, ratio
-from ._kinematics import second_derivative, second_order
+from ._kinematics import second_derivative, second_order, slip_rate
 from ._rank import Spectrum, checked_rank
-from ._response import AbstractPick, AbstractSolvedFactorisation, Response, total
+from ._response import AbstractPick, AbstractSolvedFactorisation, Checks, FrictionResponse, Response, total
 from ._scaling import Scaling, largest_violation, sparse_scaling
 from ._sparse_rank import decided, with_least
 from ._sparse_rows import rows_of, unit_rows
@@ -55,6 +55,9 @@ class SparsePick(AbstractPick):
         found = self.stress.response(jnp.stack([-pulled, own], axis=1))
         picked = mu + found[:, 0]
         return picked / self.row_scale, (picked + found[:, 1]) / self.row_scale
+
+    def loads(self, closed: tuple[Array, Array], misfit: Array, rows: Array) -> Array:
+        return closed[1][rows]
 
     def columns(self, multipliers: Array, misfit: Array) -> Array:
         mu = self.row_scale[:, None] * multipliers
@@ -110,14 +113,8 @@ class SparseFactorisation(AbstractSolvedFactorisation):
         return self.gamma.size, self.load.size
 
     @property
-    def redundancy(self) -> Int[Array, ""]:
-        """k = m - r, number of redundant constraints."""
-        return self.gamma.size - self.spectrum.rank
-
-    @property
-    def freedom(self) -> Int[Array, ""]:
-        """n - r, number of degrees of freedom."""
-        return self.load.size - self.spectrum.rank
+    def dense(self) -> None:
+        return None
 
     @property
     def local(self) -> int:
@@ -136,18 +133,11 @@ class SparseFactorisation(AbstractSolvedFactorisation):
         return ~_in_self_stress(self.gram) & ~self.spectrum.ambiguous
 
     @property
-    def singular_position(self) -> Bool[Array, ""]:
-        """Whether the rank is lower at this position than beside it."""
-        return self.singularity.is_yes
-
-    @property
     def lost_digits(self) -> Float[Array, ""]:
-        """Decimal digits that accelerations and multipliers lose to the smallest kept singular value."""
         return -jnp.log10(jnp.minimum(self.spectrum.kept, 1.0))
 
     @property
-    def checks(self) -> tuple[tuple[Bool[Array, ""], RESULTS], ...]:
-        """What must hold for the equations at this state to have a trustworthy solution, root causes first."""
+    def checks(self) -> Checks:
         violation, off_manifold = self.violation, largest_violation(self.gamma.dtype)
         blur = self._consistent
         contradiction = Decision(violation.acceleration / blur)
@@ -175,11 +165,10 @@ class SparseFactorisation(AbstractSolvedFactorisation):
 
     @property
     def result(self) -> RESULTS:
-        """The first check that fails, or `RESULTS.successful`."""
         return first_failure(self.checks)
 
-    def motion_of(self, rates: Float[Array, "..."]) -> Decision:
-        return Decision(jnp.abs(rates) / self.rate_noise)
+    def to_friction(self, system: AbstractSystem, state: State, pick: AbstractPick) -> tuple[Array, FrictionResponse]:
+        return slip_rate(system, state), FrictionResponse(system, state, self, pick)
 
     def undetermined(self, compliance: Array) -> None:
         return None  # singular positions are refused
@@ -208,7 +197,7 @@ def closed(stress: Gram, row_scale: Array, entries: Float[Array, "m j"]) -> tupl
 
 
 def sparse_factorised(system: AbstractSystem, state: State, rank: ArrayLike | None) -> SparseFactorisation:
-    """The equations of a system with a plan at a state."""
+    """The equations of a large system at a state."""
     rank = checked_rank(rank, len(system.rows), len(system.coordinates))
     return _factorised(system.anonymous.without_friction, state, None if rank is None else jnp.asarray(rank))
 
@@ -334,7 +323,7 @@ def _independent(stress: Gram, growth: Array) -> Float[Array, ""]:
         numbers = np.random.default_rng(5).normal(size=stress.kept.size)
         state = stress.stress((jnp.asarray(numbers, growth.dtype) / jnp.sqrt(growth))[:, None])
         force = stress.rows.transposed(state)
-        energy = (force * stress.rows.accelerations(force))[stress.rows.plan.columns, 0]
+        energy = (force * stress.rows.accelerations(force))[stress.rows.symbolic.columns, 0]
         return jnp.sqrt(jnp.max(sum_few(energy))) / jnp.max(jnp.abs(state))
 
     return jax.lax.cond(jnp.any(stress.kept == 0), found, lambda: jnp.zeros((), growth.dtype))

@@ -10,8 +10,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._sparse._plan import Plan
 from .._sparse._rows import Rows
+from .._sparse._symbolic import Symbolic
 from .._system._state import State
 from .._system._system import AbstractSystem
 
@@ -21,23 +21,23 @@ _ADDED = 1e-3
 def rows_of(system: AbstractSystem, state: State) -> tuple[Rows, Array]:
     """Rows as they are, and the mass of each body."""
     slopes, masses = system.by_bodies(state.q, state.t)
-    plan, whole = cast(Plan, system.plan), masses
-    if plan.massless is not None:
-        whole = masses + jax.lax.stop_gradient(_added(system, plan, slopes, masses))
+    symbolic, whole = cast(Symbolic, system.symbolic), masses
+    if symbolic.massless is not None:
+        whole = masses + jax.lax.stop_gradient(_added(system, symbolic, slopes, masses))
     if system.diagonal_mass:
         inverse = jnp.eye(masses.shape[1]) / jnp.diagonal(whole, axis1=1, axis2=2)[:, None]
     else:
         inverse = jnp.linalg.inv(whole)
-    return Rows(plan, slopes, inverse, None if plan.massless is None else masses), masses
+    return Rows(symbolic, slopes, inverse, None if symbolic.massless is None else masses), masses
 
 
-def _added(system: AbstractSystem, plan: Plan, slopes: Array, masses: Array) -> Float[Array, "bodies s s"]:
-    turns = jnp.asarray(system.coordinates.angular)[plan.columns]
-    linear, angular = (jnp.mean(slopes**2, where=mask[plan.body]) for mask in (~turns, turns))
+def _added(system: AbstractSystem, symbolic: Symbolic, slopes: Array, masses: Array) -> Float[Array, "bodies s s"]:
+    turns = jnp.asarray(system.coordinates.angular)[symbolic.columns]
+    linear, angular = (jnp.mean(slopes**2, where=mask[symbolic.body]) for mask in (~turns, turns))
     square = jnp.where((linear > 0) & (angular > 0), angular / jnp.where(linear > 0, linear, 1.0), 1.0)
     mean = jnp.mean(jnp.diagonal(masses, axis1=1, axis2=2), where=~turns)
     added = _ADDED * jnp.where(mean > 0, mean, 1.0) * jnp.where(turns, square, 1.0)
-    lacking = cast(Array, plan.massless)[:, None]
+    lacking = cast(Array, symbolic.massless)[:, None]
     return jnp.where(lacking, added, 0.0)[:, :, None] * jnp.eye(masses.shape[1])
 
 

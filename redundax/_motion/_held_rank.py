@@ -23,23 +23,35 @@ N0, and X^T W X + w U for X^T W X.
 Where M is singular, M + B^T B and f + B^T g stand for M and f: the same solutions, positive definite iff (14).
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
+from .._closures._closure import Elasticity
 from .._equations._kinematics import AlongMotion, along_motion, model_at
+from .._equations._matrices import matrices_of
 from .._equations._rank import split
-from .._equations._response import AbstractFactorisation, AbstractPick, Response, times, total
+from .._equations._response import (
+    AbstractFactorisation,
+    AbstractPick,
+    AbstractSolvedFactorisation,
+    Response,
+    times,
+    total,
+)
 from .._equations._scaling import Scaling
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
 from .._tools._numbers import are_numbers, cholesky, solve_triangular, stop_gradient, xp
 from .._tools._value import AbstractModule
-from ._held_sparse import SparseHeld, SparseHeldFactorisation, factorize_sparse, hold_sparse
+from ._held_sparse import SparseHeld, SparseHeldFactorisation, hold_sparse
+from ._linear import Linear, linear_of
 
 
 class Held(AbstractModule):
@@ -64,6 +76,29 @@ class Held(AbstractModule):
     def renewed_by(self, found: Any) -> "Held":
         """With the basis found without derivatives; those of the mass stay."""
         return replace_fields(self, basis=found.basis)
+
+    def factorised(self, system: AbstractSystem, state: State) -> "HeldFactorisation":
+        """Assemble and factorise at a state."""
+        rows = system.jacobian(state.q, state.t) / self.row_scale[:, None]
+        inverse_mass = self.inverse_mass
+        if inverse_mass is None:
+            mass = system.mass(state.q, state.t)
+            inverse_mass = _inverse(mass + rows.T @ rows if self.singular else mass)
+        response = _times(inverse_mass, rows.T)
+        factor = cholesky(rows @ response + self.projector)
+        stress = _solved(factor, self.basis)
+        return HeldFactorisation(self, rows, along_motion(system, state), inverse_mass, response, factor, stress)
+
+    def anew(
+        self, system: AbstractSystem, state: State, scale: Scaling, rank: Int[Array, ""], redundancy: int | None
+    ) -> tuple["Held", Int[Array, ""]]:
+        """A rank held at another state, and the rank found there; `redundancy` is m - rank where that is no traced
+        number."""
+        matrix = system.jacobian(state.q, state.t)
+        position = xp.max(xp.abs(system.constraint(state.q, state.t)) / scale.rows) / scale.size
+        parts, spectrum = split(matrix * scale.coordinates / scale.rows[:, None], position, rank)
+        found = xp.sum(spectrum.singular_values > spectrum.tolerance)
+        return held_by(system, state, scale, parts.stress, redundancy, singular=self.singular), found
 
 
 class HeldPick(AbstractPick):
@@ -138,6 +173,28 @@ class HeldFactorisation(AbstractFactorisation[Array]):
         basis, excess = jax.lax.stop_gradient((_orthonormal(self.stress, self.held.basis), self._excess))
         return eqx.tree_at(lambda held: held.basis, held, basis), excess
 
+    def completed(self, rows: tuple[int, ...], off: Float[Array, " m"]) -> Float[Array, " m"]:
+        """A change of rows with positions, and the least of `rows`, of velocity, that no self-stress contradicts."""
+        if not rows or not self.stress.shape[1]:
+            return off
+        places, scale = np.array(rows), self.held.row_scale
+        own, contradiction = self.stress[places], self.stress.T @ (off / scale)
+        moved = own @ (jnp.linalg.pinv(own.T @ own, rtol=1e-9, hermitian=True) @ contradiction)  # self-stress is O(1)
+        return off.at[places].add(-scale[places] * moved)
+
+    def linear(
+        self,
+        system: AbstractSystem,
+        state: State,
+        gamma: Float[Array, " m"],
+        chosen: Callable[[], Elasticity] | None,
+        sizes: Float[Array, " p"],
+        *,
+        has_sense: bool,
+    ) -> Linear:
+        """What load and unit friction cause; `sizes` make slips lengths, the rest as of `linear_of`."""
+        return linear_of(self, system, state, gamma, chosen, has_sense=has_sense)
+
     @property
     def _excess(self) -> Float[Array, ""]:
         return jnp.max(jnp.abs(self.rows.T @ self.stress), initial=0.0)
@@ -150,17 +207,7 @@ AnyHeldFactorisation = HeldFactorisation | SparseHeldFactorisation
 @eqx.filter_jit  # traced once, for the many places that it stands in
 def factorize_held(system: AbstractSystem, state: State, held: AnyHeld) -> AnyHeldFactorisation:
     """Assemble and factorise at a state."""
-    if isinstance(held, SparseHeld):
-        return factorize_sparse(system, state, held)
-    rows = system.jacobian(state.q, state.t) / held.row_scale[:, None]
-    inverse_mass = held.inverse_mass
-    if inverse_mass is None:
-        mass = system.mass(state.q, state.t)
-        inverse_mass = _inverse(mass + rows.T @ rows if held.singular else mass)
-    response = _times(inverse_mass, rows.T)
-    factor = cholesky(rows @ response + held.projector)
-    stress = _solved(factor, held.basis)
-    return HeldFactorisation(held, rows, along_motion(system, state), inverse_mass, response, factor, stress)
+    return held.factorised(system, state)
 
 
 def _is_projector(basis: Array) -> bool:
@@ -215,21 +262,21 @@ def _basis_of(projector: Float[Array, "m m"], redundancy: int | None) -> Float[A
 def hold(
     system: AbstractSystem,
     state: State,
-    scale: Scaling,
-    rank: Int[Array, ""],
-    redundancy: int | None,
+    factor: AbstractSolvedFactorisation,
+    redundancy: int | None = None,
     *,
-    singular: bool,
-) -> tuple[AnyHeld, Int[Array, ""]]:
-    """Hold a rank at a state, and the rank found there; `redundancy` is m - rank where that is no traced number, and
+    singular: bool = False,
+) -> AnyHeld:
+    """Hold the rank of a factorisation at its state; `redundancy` is m - rank where that is no traced number, and
     `singular` says whether M may be singular."""
-    if system.plan is not None:
-        return hold_sparse(system, state, rank)
-    matrix = system.jacobian(state.q, state.t)
-    position = xp.max(xp.abs(system.constraint(state.q, state.t)) / scale.rows) / scale.size
-    parts, spectrum = split(matrix * scale.coordinates / scale.rows[:, None], position, rank)
-    found = xp.sum(spectrum.singular_values > spectrum.tolerance)
-    return held_by(system, state, scale, parts.stress, redundancy, singular=singular), found
+
+    def dense(factor: Any) -> AnyHeld:
+        return held_by(system, state, factor.scaling, factor.split.stress, redundancy, singular=singular)
+
+    def sparse(factor: AbstractSolvedFactorisation) -> AnyHeld:
+        return hold_sparse(system, state, factor.spectrum.rank)[0]
+
+    return matrices_of(system).run(dense, sparse)(factor)
 
 
 def held_by(
@@ -241,7 +288,7 @@ def held_by(
     *,
     singular: bool,
 ) -> Held:
-    """Hold the rank that the projector onto the self-stress of the scaled rows has; the rest as in `hold`."""
+    """Hold the rank that the projector onto the self-stress of the scaled rows has; the rest as of `hold`."""
     basis = _basis_of(stress, redundancy)
     if are_numbers(state):
         matrix, mass, *_ = model_at(system.without_friction, state)

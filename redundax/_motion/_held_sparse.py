@@ -4,23 +4,27 @@ They stay independent until a pivot of theirs becomes small, as it does on the w
 others would do instead: where less than a tenth of the least is left rows are chosen anew, of the same number.
 """
 
+from collections.abc import Callable
 from typing import Any, cast
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from .._closures._closure import Elasticity
 from .._equations._kinematics import AlongMotion, along_motion
 from .._equations._response import AbstractFactorisation, AbstractPick, Response
+from .._equations._scaling import Scaling
 from .._equations._sparse_factorisation import closed
 from .._equations._sparse_rows import rows_of, unit_rows
 from .._sparse._gram import Gram, gram, rank_pivots
-from .._sparse._plan import Plan
 from .._sparse._rows import Rows
+from .._sparse._symbolic import Symbolic
 from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
 from .._tools._value import AbstractModule
+from ._linear import AnyLinear, free_mobility, linear_maps_of, linear_of
 
 _LEFT = 0.1  # of the least pivot
 
@@ -43,6 +47,18 @@ class SparseHeld(AbstractModule):
     def renewed_by(self, found: Any) -> "SparseHeld":
         """With the rows found without derivatives; those of the mass stay."""
         return replace_fields(self, kept=found.kept, least=found.least)
+
+    def factorised(self, system: AbstractSystem, state: State) -> "SparseHeldFactorisation":
+        """Assemble and factorise at a state."""
+        slopes, _ = system.by_bodies(state.q, state.t)
+        rows = Rows(cast(Symbolic, system.symbolic), slopes, self.inverse_mass, self.mass).scaled(self.row_scale)
+        return SparseHeldFactorisation(self, along_motion(system, state), gram(rows, self.kept))
+
+    def anew(
+        self, system: AbstractSystem, state: State, scale: Scaling, rank: Int[Array, ""], redundancy: int | None
+    ) -> tuple["SparseHeld", Int[Array, ""]]:
+        """As of dense matrices."""
+        return hold_sparse(system, state, rank)
 
 
 class SparseHeldFactorisation(AbstractFactorisation[Array]):
@@ -96,12 +112,25 @@ class SparseHeldFactorisation(AbstractFactorisation[Array]):
         renewed = SparseHeld(kept, held.row_scale, held.inverse_mass, held.mass, least)
         return renewed, jax.lax.cond(some, excess, lambda: none)
 
+    def completed(self, rows: tuple[int, ...], off: Float[Array, " m"]) -> Float[Array, " m"]:
+        """As of dense matrices, of a system without rows of velocity."""
+        return off
 
-def factorize_sparse(system: AbstractSystem, state: State, held: SparseHeld) -> SparseHeldFactorisation:
-    """Assemble and factorise at a state."""
-    slopes, _ = system.by_bodies(state.q, state.t)
-    rows = Rows(cast(Plan, system.plan), slopes, held.inverse_mass, held.mass).scaled(held.row_scale)
-    return SparseHeldFactorisation(held, along_motion(system, state), gram(rows, held.kept))
+    def linear(
+        self,
+        system: AbstractSystem,
+        state: State,
+        gamma: Float[Array, " m"],
+        chosen: Callable[[], Elasticity] | None,
+        sizes: Float[Array, " p"],
+        *,
+        has_sense: bool,
+    ) -> AnyLinear:
+        """As of dense matrices; without friction there is nothing that maps are needed for."""
+        if not system.friction:
+            return linear_of(self, system, state, gamma, chosen, has_sense=has_sense)
+        mobility = free_mobility(system, state, self.gram, sizes)
+        return linear_maps_of(self, system, state, gamma, chosen, has_sense=has_sense, mobility=mobility)
 
 
 def hold_sparse(system: AbstractSystem, state: State, rank: Int[Array, ""]) -> tuple[SparseHeld, Int[Array, ""]]:

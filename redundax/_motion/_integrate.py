@@ -10,17 +10,16 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from .._closures._closure import AbstractClosure
-from .._equations._factorize import AnyFactorisation
 from .._equations._gaps import model_of_all
 from .._equations._kinematics import slip_motion
+from .._equations._matrices import matrices_of
+from .._equations._response import AbstractSolvedFactorisation
 from .._equations._scaling import largest_violation, scaling
-from .._equations._sparse_factorisation import SparseFactorisation
 from .._solve._contacts import CLEAR
 from .._solve._play import at_sides
 from .._solve._solve import solve_factorised
 from .._solvers._continuation import Continuation
-from .._solvers._mixing import Mixing
-from .._solvers._solver import Newton, of_large
+from .._solvers._solver import Corrector, with_rtol
 from .._system._contact import UNKNOWN, Contact, code_of
 from .._system._directions import directions_of
 from .._system._friction import have_sense, memories
@@ -33,8 +32,7 @@ from .._tools._module import replace_fields
 from .._tools._no_answer import cut_where, nan_where, spoiled_where
 from .._tools._numbers import are_numbers, as_numbers, as_program, on_numbers, stop_gradient, take, xp
 from .._tools._value import AbstractModule
-from ._held_rank import AnyHeld, held_by, hold
-from ._held_sparse import hold_sparse
+from ._held_rank import AnyHeld, hold
 from ._moving import STILL, Equations, Moving, Touch, rechart, tolerance_of
 from ._phases import Contacts, ImpactLog, Options, PhaseState, like, run, stretch
 from ._project import project
@@ -81,16 +79,13 @@ class Course(AbstractModule):
 
 
 def _integrate(
-    system: AbstractSystem, state: State, factor: AnyFactorisation, closure: AbstractClosure, course: Course
+    system: AbstractSystem, state: State, factor: AbstractSolvedFactorisation, closure: AbstractClosure, course: Course
 ) -> Trajectory:
     given, rank = course.ts, factor.spectrum.rank
     ordered = xp.asarray(in_order(state.t, course.t1, given))
     t1, ts = (xp.where(ordered, t, state.t) for t in (course.t1, within(state.t, course.t1, given)))
     state = replace_fields(state, q=xp.where(ordered, state.q, xp.nan))
-    if isinstance(factor, SparseFactorisation):
-        held, _ = hold_sparse(system, state, rank)
-    else:
-        held = held_by(system, state, factor.scaling, factor.split.stress, course.redundancy, singular=course.singular)
+    held = hold(system, state, factor, course.redundancy, singular=course.singular)
     equations = _equations(system, state, factor, closure, course.stabilisation, t1)
     if course.restitution is not None:
         equations = replace_fields(equations, scaling=scaling(system, model_of_all(system, state)))
@@ -123,14 +118,14 @@ def _integrate(
     if done.contacts is not None:
         result = chosen(lost, result, done.contacts.first)
         lost = differs(result, RESULTS.successful)
-    solved, (found, does) = _solved(equations, done, options.ts, rank, course.redundancy, course.singular)
+    solved, (found, does) = _solved(equations, done, options.ts, rank, course.redundancy)
     solved = spoiled_where(lost, solved, (system, state, closure, t1, ts))
     ended = chosen(lost, result, _ended(done, found, rank))
     q, qd, acceleration, multipliers, friction, sense, memory = solved
-    is_large = isinstance(factor, SparseFactorisation)
-    if is_large or equations.play is not None:  # gradients that close it may not settle, nor may sides of joints
+    # What closes a motion may not settle: gradients by sparse matrices, or sides of joints with play.
+    failure = matrices_of(system).unsettled if equations.play is None else RESULTS.contacts_undecided
+    if failure is not None:
         open_ = xp.all(xp.isfinite(acceleration), axis=1) & ~xp.all(xp.isfinite(multipliers), axis=1) & ~done.rests
-        failure = RESULTS.ambiguous_closure if is_large else RESULTS.contacts_undecided
         ended = chosen(differs(ended, RESULTS.successful) | ~xp.any(open_), ended, failure)
     return Trajectory(
         xp.where(ordered, ts, given),
@@ -149,18 +144,17 @@ def _integrate(
 
 
 _dense, _forward = on_numbers(_integrate), on_numbers(_integrate, is_long=True)
-_large = compiled(_integrate, runs_long=True, is_large=lambda *_: True)
+_sparse = compiled(_integrate, runs_long=True, in_order=True)
 
 
 def integrate(
-    system: AbstractSystem, state: State, factor: AnyFactorisation, closure: AbstractClosure, course: Course
+    system: AbstractSystem, state: State, factor: AbstractSolvedFactorisation, closure: AbstractClosure, course: Course
 ) -> Trajectory:
     """The motion, given the factorisation at the start."""
-    if system.plan is not None:
-        return _large(system, state, factor, closure, course)
     # JAX takes options of compiling for no program that is cut for reverse mode.
     forward = isinstance(course.adjoint, diffrax.ForwardMode)
-    return (_forward if forward else _dense)(system, state, factor, closure, course)
+    run = matrices_of(system).run(_forward if forward else _dense, _sparse)
+    return run(system, state, factor, closure, course)
 
 
 def _with_contacts(
@@ -188,7 +182,7 @@ def _with_contacts(
 def _equations(
     system: AbstractSystem,
     state: State,
-    factor: AnyFactorisation,
+    factor: AbstractSolvedFactorisation,
     closure: AbstractClosure,
     stabilisation: AbstractStabilisation,
     t1: Array,
@@ -201,7 +195,7 @@ def _equations(
     return Equations(
         system,
         closure,
-        Newton() if system.plan is None else of_large(Mixing(first=1.0)),
+        with_rtol(Corrector(), matrices_of(system).rtol),
         stabilisation,
         xp.ones_like(scale.length, shape=angular.size),
         scale,
@@ -215,8 +209,8 @@ def _equations(
 def _solver(course: Course, system: AbstractSystem, tolerance: Array, *, known: bool) -> diffrax.AbstractSolver:
     """The solver: an implicit one in coordinates of the freedoms, if they are had, the one not given watched."""
     # Rows of velocity leave positions more freedoms than velocities; contacts change their number.
-    dense = system.plan is None and not system.velocity_rows and course.restitution is None
-    solver, has_freedoms = course.solver, dense and course.stabilisation.projects
+    fixed = not system.velocity_rows and course.restitution is None
+    solver, has_freedoms = course.solver, matrices_of(system).has_freedoms and fixed and course.stabilisation.projects
     if solver is None:
         watched = known and has_freedoms and course.redundancy is not None and course.rtol is not None
         return Watched() if watched else diffrax.Dopri8()
@@ -256,7 +250,7 @@ def _controller(rtol: Array | None, first: Array, longest: Array | None) -> diff
 
 
 def _start(
-    equations: Equations, state: State, factor: AnyFactorisation, before: PhaseState, options: Options
+    equations: Equations, state: State, factor: AbstractSolvedFactorisation, before: PhaseState, options: Options
 ) -> tuple[RESULTS, Mode]:
     """Whether the motion starts, and how."""
     system, start = equations.system, before.mode
@@ -265,7 +259,7 @@ def _start(
     if equations.has_sense:
         start = _first_mode(equations, state, before, options)
     fixed = stop_gradient((system, state, factor, equations.elasticity(state)))
-    solver = Continuation() if system.plan is None else of_large(Continuation())
+    solver = with_rtol(Continuation(), matrices_of(system).rtol)
     solved = partial(solve_factorised, solver=solver, x0=None, sense=start.sense)
     solution, _, settled = at_sides(stop_gradient(equations.play), solved)(*fixed)
     result = chosen(settled, solution.result, RESULTS.contacts_undecided)
@@ -319,7 +313,7 @@ def _before(equations: Equations, state: State, held: AnyHeld, ts: Array) -> Pha
 
 @as_program
 def _solved(
-    equations: Equations, done: PhaseState, ts: Array, rank: Array, redundancy: int | None, singular: bool
+    equations: Equations, done: PhaseState, ts: Array, rank: Array, redundancy: int | None
 ) -> tuple[tuple, tuple[Array, Array | None]]:
     """Position, velocity, acceleration, multipliers and friction at times; and the rank found at the end, and what
     contacts do at the times."""
@@ -328,7 +322,7 @@ def _solved(
         t, y, sense, resting, touch = point
         there = equations.with_sense(sense).with_touch(touch)
         system, declared = there.system, rank if touch is None else touch.rank
-        held, found = hold(system, y.at(t), equations.scaling, declared, redundancy, singular=singular)
+        held, found = done.held.anew(system, y.at(t), equations.scaling, declared, redundancy)
         y, _ = rechart(system, y)
         if equations.stabilisation.projects:
             y = jax.tree.map(lambda a, b: jnp.where(resting, a, b), y, project(system, t, y, held))

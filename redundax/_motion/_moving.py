@@ -9,48 +9,37 @@ A is the work of loads, friction and drivers, so that T - A, with T the kinetic 
 motion of any system. Forces of constraints that do not move do no work.
 """
 
-from typing import Any, NamedTuple, cast
+from functools import partial
+from typing import NamedTuple, cast
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from .._closures._closure import AbstractClosure, Elasticity, elasticity
 from .._closures._play import Play
 from .._equations._factorisation import Factorisation, factorised
-from .._equations._friction_response import friction_forces, friction_response, slip_accelerations
-from .._equations._kinematics import (
-    along_slips,
-    chart_rate,
-    displacement,
-    prescribed_rate,
-    slip_force,
-    slip_gamma,
-    slip_motion,
-    slip_rate,
-)
+from .._equations._kinematics import chart_rate, displacement, prescribed_rate
 from .._equations._response import LinearResponse, Response
 from .._equations._scaling import Scaling
 from .._solve._contacts import without_rows
 from .._solve._play import at_own_sides
-from .._solvers._friction_problem import FrictionProblem, Law
+from .._solvers._friction_problem import AbstractFrictionProblem, Law
+from .._solvers._product_problem import friction_problem
 from .._solvers._solver import AbstractSolver, closed_root
 from .._system._directions import Directions
 from .._system._friction import load_rows, memory_rates
 from .._system._results import RESULTS
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._least_solution import least_solution
-from .._tools._linear_map import LinearMap
 from .._tools._module import replace_fields
 from .._tools._no_answer import nan_where
 from .._tools._numbers import are_numbers, as_numbers, stop_gradient, xp
 from .._tools._value import AbstractModule
 from ._held_rank import AnyHeld, AnyHeldFactorisation, Held, factorize_held
-from ._held_sparse import SparseHeldFactorisation
+from ._linear import AnyLinear, Linear
 from ._stabilisation import AbstractStabilisation
 
 
@@ -74,8 +63,6 @@ class Moving(NamedTuple):
         return as_numbers(state) if are_numbers(self, t) else state
 
 
-# Eigenvalues of unit slip accelerations of joints that stick, relative to the largest, that count as 0.
-_DEPENDENT = 1e-10
 # Slips at an event, relative to those of the mechanism, at least so many roundings.
 STILL = 1e-6, 1e3
 # Slips that count as none, relative to those of the mechanism, at least so many roundings.
@@ -109,31 +96,6 @@ class Touch(NamedTuple):
     kept: Bool[Array, " m"]
     rests: Bool[Array, " c"]
     rank: Int[Array, ""]
-
-
-class Linear(NamedTuple):
-    """The equations at a state, linear in the friction forces.
-
-    - `response`: accelerations and multipliers.
-    - `load`, `directions`: Q and E, shape (n,) and (n, p).
-    - `rate`: slip rates, shape (p,); their rates of change are `slip` + `yields` tau, shape (p,) and (p, p).
-
-    Of a large mechanism `directions`, `yields` and what unit friction causes are maps, and `mobility` is a size of
-    `yields`, as lengths, were its bodies free; with some mass for those that lack it.
-    """
-
-    response: LinearResponse
-    load: Float[Array, " n"]
-    directions: Any
-    rate: Float[Array, " p"]
-    slip: Float[Array, " p"]
-    yields: Any
-    mobility: Array | None = None
-
-    @property
-    def is_large(self) -> bool:
-        """Whether what unit friction causes is known by products alone."""
-        return isinstance(self.yields, LinearMap)
 
 
 class Solved(NamedTuple):
@@ -242,7 +204,7 @@ class Equations(AbstractModule):
 
     def linear(
         self, state: State, held: AnyHeld, factor: AnyHeldFactorisation | None = None, *, closed: bool = True
-    ) -> Linear:
+    ) -> AnyLinear:
         """What load and unit friction cause, given the factorisation at the state if it is known.
 
         `closed` says whether the multipliers are the closure's, or some. Those of joints with play are linear at the
@@ -253,7 +215,7 @@ class Equations(AbstractModule):
             return self._at_sides(state, held, factor)
         return self._linear(state, factor, closed=closed)
 
-    def _at_sides(self, state: State, held: AnyHeld, factor: AnyHeldFactorisation) -> Linear:
+    def _at_sides(self, state: State, held: AnyHeld, factor: AnyHeldFactorisation) -> AnyLinear:
         """`linear` with multipliers of joints with play."""
         linear, gamma = self._linear(state, factor, closed=False), self.stabilisation.gamma(factor.motion)
         fixed = stop_gradient((self, linear, gamma))
@@ -271,57 +233,13 @@ class Equations(AbstractModule):
         return _closed(linear, gamma, without, chosen._replace(misfit=nan_where(~settled, chosen.misfit)))
 
     @eqx.filter_jit  # traced once, for the places that it stands in
-    def _linear(self, state: State, factor: AnyHeldFactorisation, *, closed: bool) -> Linear:
-        system = self.system
-        if system.plan is not None and system.friction:
-            return self._linear_map(state, cast(SparseHeldFactorisation, factor), closed=closed)
-        load, rate, directions = system.load(state), state.qd[:0], jnp.zeros((state.qd.size, 0), state.qd.dtype)
-        if system.friction:
-            rate, directions = slip_motion(system, state)
-        gamma = self.stabilisation.gamma(factor.motion)
-        columns = jnp.concatenate([load[:, None], directions], axis=1)
-        a, lam = factor.respond(columns, jnp.pad(gamma[:, None], ((0, 0), (0, rate.size))))
-        if closed:
-            compliance, misfit = self.elasticity(state)
-            pick, _ = factor.close(compliance)
-            lam = pick.columns(lam, misfit)
-        slip = directions.T @ a
-        if self.has_sense:
-            slip = slip.at[:, 0].add(-slip_gamma(system, state))
-        response = LinearResponse(Response(a[:, 0], lam[:, 0]), Response(a[:, 1:], lam[:, 1:]))
-        return Linear(response, load, directions, rate, slip[:, 0], slip[:, 1:])
-
-    def _linear_map(self, state: State, factor: SparseHeldFactorisation, *, closed: bool) -> Linear:
-        """`linear` of a large mechanism."""
-        system, load = self.system, self.system.load(state)
-        a, lam = factor.respond(load[:, None], self.stabilisation.gamma(factor.motion)[:, None])
-        pick = None
-        if closed:
-            compliance, misfit = self.elasticity(state)
-            pick, _ = factor.close(compliance)
-            lam = pick.columns(lam, misfit)
-        unit, unclosed = (friction_response(system, state, factor, choice) for choice in (pick, None))
-        slip = along_slips(system, state, a[:, 0])
-        if self.has_sense:
-            slip = slip - slip_gamma(system, state)
-        return Linear(
-            LinearResponse(Response(a[:, 0], lam[:, 0]), unit),
-            load,
-            friction_forces(system, state),
-            slip_rate(system, state),
-            slip,
-            slip_accelerations(system, state, unclosed),
-            self._mobility(state, factor),
-        )
-
-    def _mobility(self, state: State, factor: SparseHeldFactorisation) -> Float[Array, ""]:
-        some = self.slip_size * jnp.cos(jnp.arange(self.slip_size.size, dtype=state.q.dtype) ** 2)
-        free = factor.gram.rows.accelerations(slip_force(self.system, state, some)[:, None])[:, 0]
-        return jnp.linalg.norm(self.slip_size * along_slips(self.system, state, free)) / jnp.linalg.norm(some)
+    def _linear(self, state: State, factor: AnyHeldFactorisation, *, closed: bool) -> AnyLinear:
+        gamma, chosen = self.stabilisation.gamma(factor.motion), partial(self.elasticity, state) if closed else None
+        return factor.linear(self.system, state, gamma, chosen, self.slip_size, has_sense=self.has_sense)
 
     @eqx.filter_jit
     def solved(
-        self, state: State, linear: Linear, start: Float[Array, " p"] | None, along: Float[Array, " p"] | None = None
+        self, state: State, linear: AnyLinear, start: Float[Array, " p"] | None, along: Float[Array, " p"] | None = None
     ) -> Solved:
         """Accelerations, multipliers and friction, from friction forces that the solver starts at, if known.
 
@@ -337,47 +255,32 @@ class Equations(AbstractModule):
             tau, problem = self._friction(Law(self.system.friction, rate, sense, state), linear, start)
         acceleration, multipliers = linear.response.at(tau)
         power = self._power(state, linear.load + linear.directions @ tau, multipliers)
-        if linear.is_large:
-            caused = along_slips(self.system, state, acceleration - linear.response.free.acceleration)
-        else:
-            caused = linear.yields @ tau
+        caused = linear.slips_caused(tau, acceleration)
         contraction, size = jnp.zeros_like(state.t), jnp.ones_like(linear.rate)
         if problem is not None:
             rho, size = multipliers[load_rows(self.system.friction)], problem.friction_size
-            contraction = problem.contraction(rho) if linear.is_large else problem.contraction_anywhere()
+            contraction = problem.contraction_on_way(rho)
         return Solved(acceleration, multipliers, tau, linear.slip + caused, power, contraction, size)
 
     def _friction(
-        self, law: Law, linear: Linear, start: Array | None
-    ) -> tuple[Float[Array, " p"], FrictionProblem | None]:
+        self, law: Law, linear: AnyLinear, start: Array | None
+    ) -> tuple[Float[Array, " p"], AbstractFrictionProblem | None]:
         """Friction forces, those that hold the joints that stick and those of the law, NaN where none are found; and
         the equations of the latter."""
         system, stick = self.system, self.sticking
         holding, passed = jnp.zeros_like(linear.rate), None
         if self.has_sense:
             pull = linear.slip + self.speed / self.scaling.size * linear.rate  # what is left of slip rates dies away
-            if linear.is_large:
-                inverse = self.inverse(linear, stick)
-                holding = jax.lax.cond(jnp.any(stick), lambda: -(inverse @ pull), lambda: holding)
-                passed = LinearMap(_passed, (stick, inverse, linear.yields))
-            else:
-                none = jnp.zeros_like(linear.yields)
-                inverse = jax.lax.cond(jnp.any(stick), lambda: self.inverse(linear, stick), lambda: none)
-                holding = -inverse @ pull
-                passed = jnp.where(stick, 0.0, jnp.eye(stick.size, dtype=none.dtype) - inverse @ linear.yields)
+            holding, passed = linear.hold(stick, pull, self.slip_size)
         rows = load_rows(system.friction)
         if rows.size == 0:
             tau, problem = law(law.rate[:0]), None
         else:
-            rho0, gain = linear.response.free.multipliers[rows], linear.response.gain(rows)
+            rho0, gain = linear.response.free.multipliers[rows], linear.response.unit.gain(rows)
             if passed is not None:
-                if linear.is_large:
-                    rho0 = rho0 + jax.lax.cond(jnp.any(stick), lambda: gain @ holding, lambda: jnp.zeros_like(rho0))
-                else:
-                    rho0 = rho0 + gain @ holding
-                gain = gain @ passed
+                rho0, gain = linear.held_loads(rows, stick, holding), gain @ passed
             begin = law(rho0) if start is None else start
-            problem = FrictionProblem.make(rho0, gain, law, jnp.asarray(system.rows.angular)[rows]).sized_at(begin)
+            problem = friction_problem(rho0, gain, law, jnp.asarray(system.rows.angular)[rows]).sized_at(begin)
             root = closed_root(problem, begin, self.solver)
             tau = nan_where(self.solver.result(root.progress) != RESULTS.successful, root.tau)
         return tau if passed is None else holding + passed @ tau, problem
@@ -408,48 +311,17 @@ class Equations(AbstractModule):
         """The directions in which surfaces slide as the next step begins; those of the last where it is an event."""
         return jnp.where(event | self.is_none(rate) | self.sticking, along, self.sense_of(rate, rate)[1])
 
-    def inverse(self, linear: Linear, stick: Bool[Array, " p"], rounding: ArrayLike = 0.0) -> Any:
-        """From slip accelerations of joints that stick to the least friction, as of contacts equally compliant, that
-        causes them: a matrix, shape (p, p), or a map, which takes a rounding of accelerations, as lengths, for none.
-        A = E^T A_tau is symmetric positive semidefinite.
-        """
-        if linear.is_large:
-            scale = jnp.where(stick, self.slip_size, 0.0)
-            return LinearMap(_least_friction, (scale, linear.yields, linear.mobility, rounding))
-        return self.least_friction(linear.yields, stick)
-
-    def least_friction(self, yields: Float[Array, "p p"], stick: Bool[Array, " p"]) -> Float[Array, "p p"]:
-        """`inverse`, as a matrix."""
-        scale = jnp.where(stick, 1 / jnp.sqrt(self.yielding(yields)), 0.0)
-        matrix, one = scale[:, None] * yields * scale, jnp.eye(stick.size, dtype=scale.dtype)
-        inverse = jnp.linalg.pinv(matrix, rtol=max(_DEPENDENT, 100 * float(jnp.finfo(one.dtype).eps)), hermitian=True)
-        weight = (scale / self.slip_size) ** 2
-        weight = jnp.where(scale > 0, weight / jnp.max(weight, initial=jnp.finfo(one.dtype).tiny), 1.0)
-        idle = one - inverse @ matrix  # what slips do not see
-        least = inverse - jnp.linalg.solve(idle * weight @ idle + one - idle, idle * weight @ inverse)
-        return scale[:, None] * least * scale
-
-    def yielding(self, yields: Float[Array, "p p"]) -> Float[Array, " p"]:
-        """Slip acceleration of each joint by its own unit friction; infinite where constraints leave it no slip."""
-        own = jnp.diagonal(yields)
-        size = own * self.slip_size**2
-        blocked = size <= 10 * jnp.finfo(own.dtype).eps * jnp.max(size)
-        return jnp.where(blocked, jnp.inf, jnp.where(blocked, 1.0, own))
-
     def _power(self, state: State, force: Array, multipliers: Array) -> Float[Array, ""]:
         one, system = jnp.ones_like(state.t), self.system
         power = state.qd @ force + prescribed_rate(system, state.q, state.t) @ multipliers
-        if system.plan is not None or system.constant_mass:
+        if system.constant_mass:
             return power
         _, mass_rate = jax.jvp(system.mass, (state.q, state.t), (chart_rate(system, state), one))
         return power + state.qd @ mass_rate @ state.qd / 2
 
     def kinetic_energy(self, t: Array, y: Moving) -> Float[Array, ""]:
         """T."""
-        if self.system.plan is None:
-            return y.qd @ self.system.mass(y.q, t) @ y.qd / 2
-        own = y.qd[self.system.plan.columns]
-        return jnp.einsum("bi,bij,bj->", own, self.system.by_bodies(y.q, t)[1], own) / 2
+        return self.system.kinetic_energy(y.q, y.qd, t)
 
 
 class _Loads(NamedTuple):
@@ -457,30 +329,15 @@ class _Loads(NamedTuple):
     result: RESULTS
 
 
-def _closed(linear: Linear, gamma: Float[Array, " m"], factor: Factorisation, chosen: Elasticity) -> Linear:
+def _closed(linear: AnyLinear, gamma: Float[Array, " m"], factor: Factorisation, chosen: Elasticity) -> AnyLinear:
     """The same with multipliers of a closure, which a factorisation at the state has."""
+    linear = cast(Linear, linear)
     free, unit = linear.response.free, linear.response.unit
     forces = jnp.concatenate([linear.load[:, None], linear.directions], axis=1)
     lam = factor.respond(forces, jnp.pad(gamma[:, None], ((0, 0), (0, linear.rate.size)))).multipliers
     lam = factor.close(chosen.compliance)[0].columns(lam, chosen.misfit)
     parts = Response(free.acceleration, lam[:, 0]), Response(unit.acceleration, lam[:, 1:])
     return linear._replace(response=LinearResponse(*parts))
-
-
-def _scaled(scale: Float[Array, " p"], yields: LinearMap, force: Float[Array, " p"]) -> Float[Array, " p"]:
-    return scale * (yields @ (scale * force))
-
-
-def _least_friction(
-    scale: Float[Array, " p"], yields: LinearMap, mobility: Array, rounding: ArrayLike, change: Float[Array, " p"]
-) -> Float[Array, " p"]:
-    return scale * least_solution(LinearMap(_scaled, (scale, yields)), scale * change, mobility, rounding)
-
-
-def _passed(stick: Bool[Array, " p"], inverse: LinearMap, yields: LinearMap, tau: Array) -> Float[Array, " p"]:
-    """Friction of joints that slip, and what holds the others against it."""
-    tau = jnp.where(stick, 0.0, tau)
-    return tau - jax.lax.cond(jnp.any(stick), lambda: inverse @ (yields @ tau), lambda: jnp.zeros_like(tau))
 
 
 def rechart(system: AbstractSystem, y: Moving) -> tuple[Moving, Bool[Array, ""]]:

@@ -9,13 +9,12 @@ have rolled stays as it was. Where self-stress couples them with others they mov
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from .._equations._kinematics import constraint_motion
 from .._system._state import State
 from .._system._system import AbstractSystem
-from ._held_rank import AnyHeld, AnyHeldFactorisation, HeldFactorisation, factorize_held
+from ._held_rank import AnyHeld, factorize_held
 from ._moving import Moving
 
 
@@ -42,7 +41,7 @@ def _least_change(
     def nearer(k: Array, now: tuple[Array, Array]) -> tuple[Array, Array]:
         d, qd = now
         off, rate = constraint_motion(system, State(system.retract(q, d), qd, t))
-        moved = jnp.where(k < _CHORDS - 1, factor.nearest(_completed(system, factor, off)), 0.0)
+        moved = jnp.where(k < _CHORDS - 1, factor.nearest(factor.completed(system.velocity_rows, off)), 0.0)
         return d - moved, qd - factor.nearest(rate)
 
     return jax.lax.fori_loop(0, _CHORDS, nearer, (jnp.zeros_like(qd), qd))
@@ -56,23 +55,13 @@ def _least_change_jvp(primals: tuple, tangents: tuple) -> tuple[tuple[Array, Arr
     d, qd = _least_change(*primals)
     factor = factorize_held(system, State(system.retract(q, d), qd, t), held)
     _, off = eqx.filter_jvp(lambda system, q, t: _residual(system, q, d, t), (system, q, t), (system_dot, q_dot, t_dot))
-    d_dot = -factor.nearest(_completed(system, factor, off))
+    d_dot = -factor.nearest(factor.completed(system.velocity_rows, off))
     _, (own, off) = eqx.filter_jvp(
         lambda system, q, d, qd, t: (qd, constraint_motion(system, State(system.retract(q, d), qd, t))[1]),
         (system, q, d, qd, t),
         (system_dot, q_dot, d_dot, qd_dot, t_dot),
     )
     return (d, qd), (d_dot, own - factor.nearest(off))
-
-
-def _completed(system: AbstractSystem, factor: AnyHeldFactorisation, off: Float[Array, " m"]) -> Float[Array, " m"]:
-    """A change of rows that have positions, and the least of rows of velocity that no self-stress contradicts."""
-    if not system.velocity_rows or not isinstance(factor, HeldFactorisation) or not factor.stress.shape[1]:
-        return off
-    rows, scale = np.array(system.velocity_rows), factor.held.row_scale
-    own, contradiction = factor.stress[rows], factor.stress.T @ (off / scale)
-    moved = own @ (jnp.linalg.pinv(own.T @ own, rtol=1e-9, hermitian=True) @ contradiction)  # a self-stress is O(1)
-    return off.at[rows].add(-scale[rows] * moved)
 
 
 def _residual(system: AbstractSystem, q: Array, d: Array, t: Array) -> Float[Array, " m"]:

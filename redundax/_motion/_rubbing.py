@@ -23,7 +23,8 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
 from .._tools._numbers import as_numbers, as_program, stop_gradient, xp
-from ._moving import Equations, Linear
+from ._linear import Linear
+from ._moving import Equations
 from ._stick import Mode, mode_of
 
 # Seconds that an impact takes, in which friction that loads do not cause has no impulse.

@@ -17,8 +17,7 @@ from jaxtyping import Array
 
 from .._closures._closure import AbstractClosure, MinimumNorm, check_closure, for_motion
 from .._equations._culprits import thrown
-from .._equations._factorisation import factorised
-from .._equations._sparse_factorisation import sparse_factorised
+from .._equations._matrices import matrices_of
 from .._system._axis import Axis
 from .._system._friction import have_direction
 from .._system._names import ByName, vector
@@ -160,11 +159,8 @@ def simulate(
     if bounces is not None:  # all contacts open: the motion decides which are
         decided = system.opened(jnp.asarray(~np.isin(np.arange(len(system.rows)), system.names.one_sided)))
     fixed = stop_gradient((decided, state))  # it only decides how to compute
-    if system.plan is None:
-        factor = factorised(*fixed, rank)
-        mass = factor.mass if is_concrete(factor.mass) else system.mass(state.q, state.t)
-    else:
-        factor, mass = sparse_factorised(*fixed, rank), np.eye(1)
+    matrices = matrices_of(system)
+    factor = matrices.factorised(*fixed, rank)
     course = Course(
         t1,
         given,
@@ -176,8 +172,8 @@ def simulate(
         diffrax.TextProgressMeter() if progress else diffrax.NoProgressMeter(),
         max_steps,
         max_phases,
-        redundancy=_redundancy(system, factor.spectrum.rank) if bounces is None else None,
-        singular=is_concrete(mass) and _singular(np.asarray(mass)),
+        redundancy=matrices.redundancy(factor) if bounces is None else None,
+        singular=matrices.is_singular(system, state, factor),
         restitution=bounces,
     )
     trajectory = integrate(decided.anonymous, state, factor, for_motion(closure, system, state), course)
@@ -201,11 +197,10 @@ def _restitution(
             )
         return None
     contacts = ", ".join(names.contacts)
-    if system.plan is not None:
-        raise RedundaxError(
-            f"Argument `system` must have dense matrices, as it has one-sided contacts, {contacts}. Simulate "
-            "`mechanism.sparse(False)`."
-        )
+    matrices_of(system).needs_dense(
+        f"Argument `system` must have dense matrices, as it has one-sided contacts, {contacts}. Simulate "
+        "`mechanism.sparse(False)`."
+    )
     if have_direction(system.friction).any():
         raise RedundaxError(
             "Argument `system` must have no friction of sleeves, balls and plates beside one-sided contacts, "
@@ -243,18 +238,20 @@ def _check(
 ) -> None:
     """Refuse what cannot be integrated."""
     check_system_at(system, state)
-    if system.plan is not None and have_direction(system.friction).any():
-        raise RedundaxError(
+    directed = have_direction(system.friction).any()
+    if directed:
+        matrices_of(system).needs_dense(
             "Argument `system` must have no dry friction of sleeves, balls or plates where matrices are sparse, but "
             "has. Simulate `mechanism.sparse(False)`."
         )
-    if closure.clearances(system) is not None and (
-        system.names.one_sided or system.plan is not None or have_direction(system.friction).any()
-    ):
-        raise RedundaxError(
+    if closure.clearances(system) is not None:
+        refusal = (
             "Argument `closure` may have play in motions of mechanisms with dense matrices alone, without one-sided "
             "contacts and without friction of sleeves, balls and plates. Leave these out, or give it without `play`."
         )
+        if system.names.one_sided or directed:
+            raise RedundaxError(refusal)
+        matrices_of(system).needs_dense(refusal)
     n = len(system.coordinates)
     if state.qd.shape != (n,) or (system.adds and state.q.shape != (n,)):
         raise RedundaxError(
@@ -287,14 +284,3 @@ def _chart_message(state: State, what: str) -> str:
         f"Argument `state` must have a `q` that the system's retraction takes and gives back, but for `q` of shape "
         f"{state.q.shape} it {what}. Give the position as the constraints take it; use jax.vmap for many motions."
     )
-
-
-def _redundancy(system: AbstractSystem, rank: Array) -> int | None:
-    """How many rows are redundant; None where that is a traced number, or matrices are sparse."""
-    return len(system.rows) - int(rank) if system.plan is None and is_concrete(rank) else None
-
-
-def _singular(mass: np.ndarray) -> bool:
-    """Whether the mass matrix is, or is nearly, singular."""
-    size = np.sqrt(np.where(np.diag(mass) > 0, np.diag(mass), 1.0))
-    return bool(np.all(np.isfinite(mass))) and bool(np.linalg.eigvalsh(mass / size[:, None] / size)[0] < 1e-12)

@@ -30,7 +30,8 @@ from .._system._directions import Directions
 from .._system._state import State
 from .._tools._module import batch_any
 from .._tools._numbers import xp
-from ._moving import NONE, Context, Equations, Linear, Moving, Solved, rechart, tolerance_of
+from ._linear import AnyLinear, least_friction
+from ._moving import NONE, Context, Equations, Moving, Solved, rechart, tolerance_of
 from ._stick import Mode, mode_at, mode_of
 
 # Halvings of a step: the square of what is left is below rounding. Looks at rest.
@@ -92,7 +93,7 @@ class Seen(NamedTuple):
 def seen(
     equations: Equations,
     state: State,
-    linear: Linear,
+    linear: AnyLinear,
     context: Context,
     trial: Float[Array, " p"],
     lands: Bool[Array, ""],
@@ -103,14 +104,14 @@ def seen(
     along, yields = context.along, None
     if along is not None:
         along = jnp.where(trial == equations.sense, along, trial)
-        yields = linear.response.unit.acceleration, linear.yields
+        yields = linear.response.unit.acceleration, cast(Array, linear.yields)
     solved = equations.with_sense(trial).solved(state, linear, context.tau, along)
     there = mode_at(equations, state, context.held, linear, jnp.any(equations.sticking) | lands)
     against = _against(equations, linear.rate, context.along) * equations.slip_size
     return Seen(linear.rate, solved, there, against, yields, watch)
 
 
-def has_event(equations: Equations, state: State, linear: Linear, along: Array | None) -> Bool[Array, ""]:
+def has_event(equations: Equations, state: State, linear: AnyLinear, along: Array | None) -> Bool[Array, ""]:
     """Whether a joint slips against its sense, or joints that stick do not any longer."""
     there = mode_of(equations, state, linear, jnp.any(equations.sticking))
     return _is_event(equations, there, _against(equations, linear.rate, along) * equations.slip_size)
@@ -369,7 +370,7 @@ def landing(equations: Equations, step: Step, plan: Plan, seen: Seen, change: Mo
         sense, (unit, yields) = jnp.where(free, equations.sense, onward.sense), seen.yields
         inverse = jax.lax.cond(
             batch_any(step.lands),
-            lambda: equations.least_friction(yields, equations.with_sense(sense).sticking),
+            lambda: least_friction(yields, equations.with_sense(sense).sticking, equations.slip_size),
             lambda: jnp.zeros_like(yields),
         )
         halt, weights = unit @ inverse, _weights(equations, plan.joint, along, free, inverse)

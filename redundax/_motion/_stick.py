@@ -15,22 +15,19 @@ Joints that slip have the friction of their sense, lo = hi. Where a joint has se
 takes the place of the interval, and its surfaces start to slide against their friction.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._equations._kinematics import along_slips
-from .._equations._response import Response
-from .._solvers._active_set import active_set, size_of_parts
-from .._solvers._gauss_seidel import gauss_seidel
+from .._solvers._active_set import size_of_parts
 from .._system._friction import friction_force, load_rows
 from .._system._state import State
 from .._tools._numbers import stop_gradient
 from ._held_rank import AnyHeld
-from ._moving import STILL, Equations, Linear, tolerance_of
+from ._linear import AnyLinear, Holding
+from ._moving import STILL, Equations, tolerance_of
 
 # Accelerations at an event, relative to the sum of the parts that cancel, and changes of friction after which sweeps
 # have settled it; each with the roundings that it is at least.
@@ -59,7 +56,7 @@ def next_mode(equations: Equations, state: State, held: AnyHeld, wanted: Bool[Ar
     return mode_at(equations, state, held, equations.linear(state, held, closed=equations.loaded), wanted)
 
 
-def mode_at(equations: Equations, state: State, held: AnyHeld, linear: Linear, wanted: Bool[Array, ""]) -> Mode:
+def mode_at(equations: Equations, state: State, held: AnyHeld, linear: AnyLinear, wanted: Bool[Array, ""]) -> Mode:
     """`next_mode`, given the equations at the state with joints as they slip before it, and with play as they stand."""
     mode = mode_of(equations, state, linear, wanted)
     if equations.play is None or not equations.loaded:
@@ -74,13 +71,11 @@ def mode_at(equations: Equations, state: State, held: AnyHeld, linear: Linear, w
     return mode._replace(decided=mode.decided & same)
 
 
-def mode_of(equations: Equations, state: State, linear: Linear, wanted: Bool[Array, ""]) -> Mode:
+def mode_of(equations: Equations, state: State, linear: AnyLinear, wanted: Bool[Array, ""]) -> Mode:
     """`next_mode`, given the equations at the state."""
     sensed = jnp.asarray(equations.sensed)
     slow, held = tolerance_of(STILL, linear.rate) * equations.speed, tolerance_of(_HELD, linear.rate)
     still = equations.still(linear.rate)
-    if linear.is_large:
-        wanted = wanted & jnp.any(still)
     tau, caused, change, decided = sticking_friction(equations, state, linear, still, wanted)
     acceleration = linear.slip + change.value
     size = size_of_parts(jnp.abs(linear.slip) + change.parts, equations.slip_size, still, held)
@@ -101,28 +96,12 @@ def mode_of(equations: Equations, state: State, linear: Linear, wanted: Bool[Arr
     return Mode(jnp.where(sensed, sense, 1.0), tau, rests, decided)
 
 
-class Change(NamedTuple):
-    """What friction adds, and the sum of its parts; of a large mechanism the former's size."""
-
-    value: Array
-    parts: Array
-
-
-class Holding(NamedTuple):
-    """Friction of the conditions above, what it adds to accelerations and to those of slips, and if it was found."""
-
-    tau: Float[Array, " p"]
-    caused: Change
-    slip: Change
-    found: Bool[Array, ""]
-
-
 def sticking_friction(
-    equations: Equations, state: State, linear: Linear, still: Bool[Array, " p"], wanted: Bool[Array, ""]
+    equations: Equations, state: State, linear: AnyLinear, still: Bool[Array, " p"], wanted: Bool[Array, ""]
 ) -> Holding:
     """Friction of joints that stick or start to slip, if wanted, and of those that slip."""
     friction, rows = equations.system.friction, load_rows(equations.system.friction)
-    rho0, sizes = linear.response.free.multipliers[rows], equations.slip_size
+    rho0 = linear.response.free.multipliers[rows]
     senses = [jnp.where(still, sense, jnp.sign(linear.rate)) for sense in (1.0, -1.0)]
     rate, directions = linear.rate, equations.directions
     if directions is not None:  # at rest, so that senses count
@@ -132,47 +111,5 @@ def sticking_friction(
         one, two = (friction_force(friction, rho0 + caused, rate, sense, state) for sense in senses)
         return jnp.minimum(one, two), jnp.maximum(one, two)
 
-    enough = tolerance_of(_SETTLED, linear.rate)
-    if linear.is_large:
-        return _of_large(equations, state, linear, still, limits, wanted)
-    gain, unit = linear.response.unit.multipliers[rows], linear.response.unit.acceleration
-    yielding = equations.yielding(linear.yields)
-    pull = jnp.abs(linear.slip) * sizes
-    reverses = jnp.isinf(yielding) & (pull > tolerance_of(_HELD, pull) * jnp.max(pull))  # whatever its friction
-    yielding = jnp.where(reverses, jnp.finfo(pull.dtype).tiny, yielding)
-    tau, settled = gauss_seidel(
-        lambda tau: limits(gain @ tau), linear.slip, linear.yields, yielding, 1 / sizes, enough, wanted, directions
-    )
-    caused, slip = (Change(matrix @ tau, jnp.abs(matrix) @ jnp.abs(tau)) for matrix in (unit, linear.yields))
-    return Holding(tau, caused, slip, settled)
-
-
-def _of_large(
-    equations: Equations,
-    state: State,
-    linear: Linear,
-    still: Bool[Array, " p"],
-    limits: Callable[[Float[Array, " l"]], tuple[Float[Array, " p"], Float[Array, " p"]]],
-    wanted: Bool[Array, ""],
-) -> Holding:
-    rows = load_rows(equations.system.friction)
-
-    def caused(tau: Array) -> tuple[Response, Array]:
-        response = linear.response.unit @ tau
-        return response, along_slips(equations.system, state, response.acceleration)
-
-    def hold(joints: Array, change: Array, rounding: Array) -> Array:
-        return equations.inverse(linear, joints, rounding) @ change
-
-    active = active_set(
-        caused,
-        lambda multipliers: limits(multipliers[rows]),
-        hold,
-        linear.slip,
-        still,
-        equations.slip_size,
-        (tolerance_of(_HELD, linear.rate), tolerance_of(_SETTLED, linear.rate)),
-        wanted,
-    )
-    changes = [Change(x, jnp.abs(x)) for x in (active.caused.acceleration, active.acceleration - linear.slip)]
-    return Holding(active.tau, changes[0], changes[1], active.settled)
+    tolerance = tolerance_of(_HELD, linear.rate), tolerance_of(_SETTLED, linear.rate)
+    return linear.sticking(rows, limits, still, equations.slip_size, tolerance, directions, wanted)

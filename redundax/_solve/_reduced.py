@@ -22,10 +22,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._closures._closure import Elasticity
-from .._equations._friction_response import friction_response
-from .._equations._kinematics import slip_motion, slip_rate
 from .._equations._response import AbstractPick, AbstractSolvedFactorisation, LinearResponse, Response, total
-from .._solvers._friction_problem import FrictionProblem, Law
+from .._solvers._friction_problem import AbstractFrictionProblem, Law
+from .._solvers._product_problem import friction_problem
 from .._system._decision import Decision
 from .._system._friction import have_direction, load_rows
 from .._system._state import State
@@ -50,7 +49,7 @@ class Reduced:
     definiteness: Decision
     response: LinearResponse
     rows: Int[Array, " l"]
-    problem: FrictionProblem | None
+    problem: AbstractFrictionProblem | None
     motion: Decision | None
     free_size: Float[Array, ""]
     undetermined: Bool[Array, " m"] | None
@@ -68,13 +67,11 @@ class Reduced:
     ) -> Float[Array, ""]:
         """Bound of the sum of |x|: if it is finite all of them are; else one is not, or the bound overflows.
 
-        In a large scene it is that of x at its end, or without friction.
+        By sparse matrices it is that of x at its end, or without friction.
         """
         size = self.free_size
-        if self.problem is not None and self.problem.is_large:
-            size = size + total(tau, *(() if end is None else end))
-        elif self.problem is not None:
-            size = size + total(*self.response.unit) * total(tau)
+        if self.problem is not None:
+            size = size + self.response.unit.bound(tau, end)
         return size if stress is None else size + total(stress)
 
     def senseless(
@@ -82,7 +79,7 @@ class Reduced:
     ) -> tuple[Bool[Array, ""], Bool[Array, ""]]:
         """Whether a joint at rest, and whether any joint, has no sense although its friction depends on it."""
         motion = cast(Decision, self.motion)
-        problem = cast(FrictionProblem, self.problem)
+        problem = cast(AbstractFrictionProblem, self.problem)
         law = problem.law
 
         def depends() -> tuple[Bool[Array, ""], Bool[Array, ""]]:
@@ -115,12 +112,7 @@ def reduce(
     if not system.friction:
         none = Response(xp.zeros((state.qd.size, 0), picked.dtype), xp.zeros((picked.size, 0), picked.dtype))
         return Reduced(pick, definiteness, LinearResponse(free, none), xp.zeros(0, int), None, None, *ends)
-    if system.plan is None:
-        rate, directions = slip_motion(system, state)
-        acceleration, multipliers = factor.respond(directions)
-        unit = Response(acceleration, pick(multipliers))
-    else:
-        rate, unit = slip_rate(system, state), friction_response(system, state, factor, pick)
+    rate, unit = factor.to_friction(system, state, pick)
     response = LinearResponse(free, unit)
     angular_slips = xp.asarray(system.slips.angular)
     motion = factor.motion_of(rate * xp.where(angular_slips, factor.length, 1.0))
@@ -131,9 +123,8 @@ def reduce(
     law = Law(system.friction, rate, senses, state)
     rows = load_rows(system.friction)
     angular_loads = take(xp.asarray(system.rows.angular), rows)
-    # By matrices the rows alone cost less than all, which accelerations do not need; a sparse response is one or none.
-    rho0 = take(picked, rows) + pick.caused(given, rows) if system.plan is None else take(with_misfit, rows)
-    problem = FrictionProblem.make(rho0, response.gain(rows), law, angular_loads)
+    rho0 = pick.loads((picked, with_misfit), given, rows)
+    problem = friction_problem(rho0, unit.gain(rows), law, angular_loads)
     return Reduced(pick, definiteness, response, rows, problem, motion, *ends)
 
 

@@ -7,7 +7,7 @@ friction nothing iterates.
 import contextlib
 import functools
 import operator
-from typing import Any
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -26,14 +26,15 @@ from .._closures._closure import (
 from .._closures._elastic_joints import ElasticJoints
 from .._closures._unit_check import check_units
 from .._equations._culprits import thrown
-from .._equations._factorize import AnyFactorisation, dense_at, factorisation_at
-from .._equations._response import Response, times
+from .._equations._factorize import dense_at, factorisation_at
+from .._equations._matrices import matrices_of
+from .._equations._response import AbstractSolvedFactorisation, Response, times
 from .._solvers._continuation import Continuation
-from .._solvers._friction_problem import FrictionProblem
+from .._solvers._friction_problem import AbstractFrictionProblem, FrictionProblem
 from .._solvers._iterate import Progress
 from .._solvers._open_newton import open_root
 from .._solvers._open_problem import OpenProblem
-from .._solvers._solver import AbstractSolver, Newton, Root, check_solver, closed_root, of_large
+from .._solvers._solver import AbstractSolver, Newton, Root, check_solver, closed_root, with_rtol
 from .._system._names import ByName, vector
 from .._system._results import RESULTS, differs, first_failure, is_one_of
 from .._system._results import chosen as chosen_result
@@ -76,7 +77,7 @@ def solve(
     x0: Numbers | None = None,
     sense: ByName | None = None,
     rank: ArrayLike | None = None,
-    factor: AnyFactorisation | None = None,
+    factor: AbstractSolvedFactorisation | None = None,
     throw: bool | None = None,
 ) -> Solution:
     """Accelerations, multipliers and friction of a system at a state: (7), with friction (24) or (25).
@@ -132,8 +133,9 @@ def solve(
     n, m = len(system.coordinates), len(system.rows)
     if solver is None:
         solver = Newton() if closure is None else Continuation()
-    if system.plan is not None and closure is not None:
-        solver = of_large(solver)
+    matrices = matrices_of(system)
+    if closure is not None:
+        solver = with_rtol(solver, matrices.rtol)
     if closure is None and not (isinstance(solver, Newton) and x0 is not None):
         raise RedundaxError(
             "Argument `closure` may be None only with `solver=Newton()` and an initial guess `x0`: without a "
@@ -150,7 +152,7 @@ def solve(
     if factor is None and not are_known(system, state, rank):
         solution = _solved_at_each(*given)
     else:
-        known = are_known(given, factor) and system.plan is None
+        known = are_known(given, factor) and matrices.on_numbers
         with computing():
             solution, factor, chosen = _solved_on(*(as_numbers((*given, factor)) if known else (*given, factor)))
         if chosen is not None and isinstance(closure, Compliance | ElasticJoints) and are_known(factor, chosen):
@@ -172,14 +174,16 @@ def _with_contacts(
     closure: AbstractClosure | None,
     solver: AbstractSolver,
     given: tuple[Array | None, Array | None],
-) -> tuple[Solution, AnyFactorisation]:
+) -> tuple[Solution, AbstractSolvedFactorisation]:
     """The solution with the one-sided contacts that carry and the sides of play, and its factorisation."""
-    if closure is None or rank is not None or system.plan is not None:
-        what = "`system` has one-sided contacts" if system.names.one_sided else "`closure` has play"
-        raise RedundaxError(
-            f"Argument {what}, for which `solve` takes a closure and dense matrices, and decides the rank itself. Give "
-            "a closure, and leave out `rank` and `sparse()`."
-        )
+    what = "`system` has one-sided contacts" if system.names.one_sided else "`closure` has play"
+    refusal = (
+        f"Argument {what}, for which `solve` takes a closure and dense matrices, and decides the rank itself. Give "
+        "a closure, and leave out `rank` and `sparse()`."
+    )
+    if closure is None or rank is not None:
+        raise RedundaxError(refusal)
+    matrices_of(system).needs_dense(refusal)
     known = are_known(system, state, closure, solver, given)
 
     def alone(opened: AbstractSystem, state: State, factor: Any, chosen: Elasticity, *of: Any) -> Solution:
@@ -210,7 +214,7 @@ def _with_contacts(
 def solve_factorised(
     system: AbstractSystem,
     state: State,
-    factor: AnyFactorisation,
+    factor: AbstractSolvedFactorisation,
     chosen: Elasticity | None,
     solver: AbstractSolver,
     x0: Array | None,
@@ -222,7 +226,7 @@ def solve_factorised(
     that programs need not hold it.
     """
     given = system, state, factor, chosen, x0, sense
-    solved = _solved_dense if system.plan is None else _solved_large
+    solved = matrices_of(system).run(_solved_dense, _solved_sparse)
     if isinstance(solver, Continuation) and are_known(given, solver):
         solution = solved(solver.first, *given)
         if is_concrete(solution.stats.fold) and _is_settled(solution):
@@ -239,7 +243,7 @@ def _solved(
     solver: AbstractSolver,
     system: AbstractSystem,
     state: State,
-    factor: AnyFactorisation,
+    factor: AbstractSolvedFactorisation,
     chosen: Elasticity | None,
     x0: Array | None,
     sense: Array | None,
@@ -248,7 +252,7 @@ def _solved(
     return _solution(factor, end, root, contraction, solver.tolerance(state.qd.dtype), result)
 
 
-_solved_dense, _solved_large = on_numbers(_solved, repeats=True), compiled(_solved)
+_solved_dense, _solved_sparse = on_numbers(_solved, repeats=True), compiled(_solved)
 
 
 def _solved_on(
@@ -259,8 +263,8 @@ def _solved_on(
     solver: AbstractSolver,
     x0: Array | None,
     sense: Array | None,
-    factor: AnyFactorisation | None,
-) -> tuple[Solution, AnyFactorisation, Elasticity | None]:
+    factor: AbstractSolvedFactorisation | None,
+) -> tuple[Solution, AbstractSolvedFactorisation, Elasticity | None]:
     """The solution, and the factorisation, compliance and misfit that it rests on."""
     if closure is None:
         (system, factor), chosen = dense_at(system, state, rank, factor), None
@@ -277,15 +281,24 @@ def _solved_at(*arguments: Any) -> Solution:
 @with_derivative_of(_solved_at, failed=lambda solution: solution.result != RESULTS.successful)
 def _solved_at_each(*arguments: Any) -> Solution:
     """`_solved_at`; a batch in which the constraints change goes chunk after chunk: matrices stay in the cache."""
-    system, state, _, closure, *_ = arguments
-    if closure is None or system.plan is not None:
-        return alike(_solved_at(*arguments), eqx.filter(arguments, eqx.is_array))
+    system, _, _, closure, *_ = arguments
+    if closure is None:
+        return _solved_whole(*arguments)
+    return matrices_of(system).run(_solved_in_chunks, _solved_whole)(*arguments)
+
+
+def _solved_whole(*arguments: Any) -> Solution:
+    return alike(_solved_at(*arguments), eqx.filter(arguments, eqx.is_array))
+
+
+def _solved_in_chunks(*arguments: Any) -> Solution:
+    system, state, *_ = arguments
     rows = jax.lax.stop_gradient(system.constraint(state.q, state.t))
     return in_chunks(_solved_at, *arguments, inside=rows.size * state.qd.size, changing=rows)
 
 
 def _end(
-    factor: AnyFactorisation,
+    factor: AbstractSolvedFactorisation,
     system: AbstractSystem,
     state: State,
     chosen: Elasticity | None,
@@ -332,9 +345,9 @@ def _end_in_chunks(*arguments: Any) -> tuple[Response, Root, Array, RESULTS]:
 
 
 def _solve_friction(
-    factor: AnyFactorisation,
+    factor: AbstractSolvedFactorisation,
     reduced: Reduced,
-    problem: FrictionProblem,
+    problem: AbstractFrictionProblem,
     solver: AbstractSolver,
     x0: Array | None,
     *,
@@ -365,7 +378,7 @@ def _loadless(tau: Array) -> Root:
 
 
 def _open_newton(
-    factor: Any, reduced: Reduced, problem: FrictionProblem, x0: Array, solver: AbstractSolver
+    factor: Any, reduced: Reduced, problem: AbstractFrictionProblem, x0: Array, solver: AbstractSolver
 ) -> tuple[Root, Array]:
     """Newton (38) from x0; `reduced` is at minimum norm, with the self-stress of x0 added."""
     pick, rows = reduced.pick, reduced.rows
@@ -375,7 +388,7 @@ def _open_newton(
     basis = basis @ axes
     unit = xp.eye(factor.multipliers.size, dtype=basis.dtype)
     open_problem = OpenProblem(
-        problem,
+        cast(FrictionProblem, problem),
         rows,
         projector=each(pick.caused, take(unit, rows)).T,
         balance=each(factor.in_balance, unit).T,
@@ -397,13 +410,18 @@ def _kept(x0: Array | None, state: State) -> Array:
     return x0[state.qd.size :] if x0.ndim else x0
 
 
-def _loads(x0: Array, factor: AnyFactorisation, rows: Array) -> Array:
+def _loads(x0: Array, factor: AbstractSolvedFactorisation, rows: Array) -> Array:
     """The loads in x0."""
     return x0[factor.acceleration.size + rows] if x0.ndim else xp.broadcast_to(x0, rows.shape)
 
 
 def _solution(
-    factor: AnyFactorisation, end: Response, root: Root, contraction: Array, tolerance: Array, result: RESULTS
+    factor: AbstractSolvedFactorisation,
+    end: Response,
+    root: Root,
+    contraction: Array,
+    tolerance: Array,
+    result: RESULTS,
 ) -> Solution:
     stats = Stats(
         redundancy=factor.redundancy,

@@ -16,7 +16,7 @@ In large scenes nothing is proved: sweeps that settle are taken, and else the br
 (`_mixing`).
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import equinox as eqx
 from jaxtyping import Array, Bool, Float
@@ -25,9 +25,8 @@ from .._system._results import RESULTS, chosen
 from .._tools._module import optional_float
 from .._tools._numbers import are_numbers, chosen_of, while_loop, xp
 from ._arclength import Path, follow
-from ._friction_problem import FrictionProblem
+from ._friction_problem import AbstractFrictionProblem, FrictionProblem
 from ._iterate import Progress, iterate, run_unless
-from ._mixing import Mixing
 from ._quick_sweeps import quick_sweeps
 from ._solver import AbstractSolver, Newton, Root
 
@@ -57,10 +56,13 @@ class Continuation(AbstractSolver):
     max_steps: int = eqx.field(default=50, static=True)
     max_path: int = eqx.field(default=400, static=True)
 
-    def run(self, problem: FrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
+    def run(self, problem: AbstractFrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
+        return problem.searched(
+            lambda: self._run(cast(FrictionProblem, problem), start, in_batch=in_batch), self.rtol, start, near=False
+        )
+
+    def _run(self, problem: FrictionProblem, start: Array, *, in_batch: bool) -> Root:
         rtol = self.tolerance(start.dtype)
-        if problem.is_large:
-            return Mixing(self.rtol).run(problem, start)
 
         def search(rho0: Array, start: Array) -> Root:
             return self._searched(problem.at(rho0), start)
@@ -110,9 +112,10 @@ class FirstAttempt(AbstractSolver):
     rtol: Float[Array, ""] | None
     max_steps: int = eqx.field(static=True)
 
-    def run(self, problem: FrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
-        if problem.is_large:
-            return Mixing(self.rtol).run(problem, start)
+    def run(self, problem: AbstractFrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
+        return problem.searched(lambda: self._run(cast(FrictionProblem, problem), start), self.rtol, start, near=False)
+
+    def _run(self, problem: FrictionProblem, start: Array) -> Root:
         root = Newton(self.rtol, self.max_steps).run(problem, start)
         kept = root.progress.converged(self.tolerance(start.dtype)) & (problem.contraction(problem.loads(root.tau)) < 1)
         return Root(root.tau, root.progress, xp.where(kept, xp.inf, 0.0).astype(start.dtype))

@@ -8,26 +8,28 @@ rho0 are the loads without friction and K those caused by unit friction, both un
 see only (rho0, K, law). A sweep tau -> law(rho0 + K tau) is the paper's fixed-point iteration (27) written
 on tau, because x_{i+1} depends on x_i through F(lam_i) alone.
 
-Of a large scene K is known by its products, one more right-hand side each; then linear equations are solved by GMRES,
-and contraction is estimated, not bounded.
+K is a matrix here, and known by its products alone in `_product_problem`.
 """
 
+import abc
 import math
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple, Self, TypeVar
 
 import jax
 import numpy as np
-from jaxtyping import Bool, Float, PyTree
+from jaxtyping import Array, Bool, Float, PyTree
 
 from .._system._directions import directions_of
 from .._system._friction import AbstractFriction, friction_force, largest_changes, memories, slip_kinds
 from .._system._state import State
-from .._tools._by_number import combine
-from .._tools._krylov import krylov_solution
-from .._tools._linear_map import LinearMap, spectral_radius
+from .._tools._by_number import combine, solve_few
+from .._tools._linear_map import LinearMap
 from .._tools._module import replace_fields
 from .._tools._numbers import Numeric, are_known, are_numbers, fori_loop, of_model, product, solution, stop_gradient, xp
 from .._tools._value import value
+
+T = TypeVar("T")
 
 # Samples of a batch on numbers that a program of the laws takes.
 _BATCHES = 64, 512, 8192
@@ -138,7 +140,7 @@ class Sizes(NamedTuple):
 
 
 @value
-class FrictionProblem:
+class AbstractFrictionProblem(abc.ABC):
     """tau = law(rho0 + K tau), with the sizes that make residuals comparable.
 
     - `rho0`, `gain`: loads without friction, shape (l,), and K, shape (l, p), or its products.
@@ -147,11 +149,11 @@ class FrictionProblem:
     - `friction_sizes`: the largest friction of each kind, at the first sweep from rho0.
     - `unsized`: whether a kind has no friction at the first sweep, so that its size says nothing.
     - `load_sizes`: the largest load of each kind, rho0 or what friction of its size can cause, so that a relative
-      change of friction is no larger change of the loads; of a large scene rho0 alone.
+      change of friction is no larger change of the loads; of products rho0 alone.
     """
 
     rho0: Float[Numeric, "... l"]
-    gain: Any
+    gain: Numeric
     law: Law
     angular_loads: Bool[Numeric, " l"]
     angular_slips: Bool[Numeric, " p"]
@@ -163,21 +165,87 @@ class FrictionProblem:
     def make(
         cls,
         rho0: Float[Numeric, "... l"],
-        gain: Any,
+        gain: Numeric | LinearMap,
         law: Law,
         angular_loads: Bool[Numeric, " l"],
-    ) -> "FrictionProblem":
+    ) -> Self:
         """The problem, given which loads are moments."""
         angular_slips = xp.asarray(slip_kinds(law.groups).angular)
         given, effect, friction = stop_gradient((rho0, gain, law))
         first = xp.abs(friction(given))
         friction_sizes = Sizes.of(first, angular_slips)
         unsized = _nothing(first, angular_slips) | _nothing(first, ~angular_slips)
-        loads = xp.abs(given)
-        if not isinstance(gain, LinearMap):
-            loads = xp.maximum(loads, _caused(effect, angular_slips, friction_sizes))
-        load_sizes = Sizes.of(loads, angular_loads)
+        load_sizes = Sizes.of(cls.reached(xp.abs(given), effect, angular_slips, friction_sizes), angular_loads)
         return cls(rho0, gain, law, angular_loads, angular_slips, load_sizes, friction_sizes, unsized)
+
+    @classmethod
+    @abc.abstractmethod
+    def reached(cls, loads: Numeric, gain: Numeric | LinearMap, angular: Numeric, friction: Sizes) -> Numeric:
+        """Loads without friction, or what friction of these sizes can cause where that is more."""
+
+    @abc.abstractmethod
+    def sized_at(self, tau: Float[Numeric, "... p"]) -> Self:
+        """The same problem, its sizes at least those of the friction tau; sizes have no derivatives."""
+
+    @abc.abstractmethod
+    def solution(self, rho: Float[Numeric, "... l"], right: Float[Numeric, "... p"]) -> Float[Numeric, "... p"]:
+        """(I - law'(rho) K)^-1 right."""
+
+    @abc.abstractmethod
+    def newton(
+        self, rho: Float[Numeric, "... l"], tau: Float[Numeric, "... p"]
+    ) -> tuple[Float[Numeric, "... p"], Float[Numeric, "... p"]]:
+        """What the friction tau of loads rho misses, tau - law(rho), and Newton's change of it."""
+
+    @abc.abstractmethod
+    def searched(
+        self, search: Callable[[], T], rtol: Float[Array, ""] | None, start: Float[Numeric, "... p"], *, near: bool
+    ) -> T:
+        """What a search finds, or what stands for it where it takes matrices; `near` says of which kind it is, one for
+        a root beside the start."""
+
+    @abc.abstractmethod
+    def contraction(self, rho: Float[Numeric, "... l"]) -> Float[Numeric, "..."]:
+        """Upper bound of the spectral radius of one sweep's derivative at loads: below 1 sweeps contract there."""
+
+    @abc.abstractmethod
+    def contraction_anywhere(self) -> Float[Numeric, "..."]:
+        """Upper bound of `contraction` at all friction: below 1 there is one solution, and sweeps find it."""
+
+    @abc.abstractmethod
+    def contraction_on_way(self, rho: Float[Numeric, "... l"]) -> Float[Numeric, "..."]:
+        """That of a motion at loads on its way, as far as it is known."""
+
+    @property
+    def friction_size(self) -> Float[Numeric, "... p"]:
+        """Size of each friction: that of its kind."""
+        return self.friction_sizes.at(self.angular_slips)
+
+    @property
+    def load_size(self) -> Float[Numeric, "... l"]:
+        """Size of each load: that of its kind."""
+        return self.load_sizes.at(self.angular_loads)
+
+    def at(self, rho0: Float[Numeric, "... l"]) -> Self:
+        """The same problem with other loads without friction."""
+        return type(self).make(rho0, self.gain, self.law, self.angular_loads)
+
+    def loads(self, tau: Float[Numeric, "... p"]) -> Float[Numeric, "... l"]:
+        """rho = rho0 + K tau."""
+        return self.rho0 + product(self.gain, tau)
+
+    def change_of_friction(self, change: Float[Numeric, "... p"]) -> Float[Numeric, "..."]:
+        """Largest change of tau, relative to the size of its kind."""
+        return xp.max(xp.abs(change) / self.friction_size, axis=-1)
+
+    def change_of_load(self, change: Float[Numeric, "... l"]) -> Float[Numeric, "..."]:
+        """Largest change of rho, relative to the size of its kind."""
+        return xp.max(xp.abs(change) / self.load_size, axis=-1)
+
+
+@value
+class FrictionProblem(AbstractFrictionProblem):
+    """The problem by a matrix K, shape (l, p)."""
 
     @property
     def alone(self) -> "FrictionProblem":
@@ -191,38 +259,16 @@ class FrictionProblem:
         own = jax.tree.map(lambda x: x[samples], own if self.gain.ndim == 2 else {**own, "gain": self.gain})
         return replace_fields(self, **own)
 
-    @property
-    def is_large(self) -> bool:
-        """Whether K is known by its products alone."""
-        return isinstance(self.gain, LinearMap)
+    @classmethod
+    def reached(cls, loads: Numeric, gain: Numeric, angular: Numeric, friction: Sizes) -> Numeric:
+        return xp.maximum(loads, _caused(gain, angular, friction))
 
-    @property
-    def friction_size(self) -> Float[Numeric, "... p"]:
-        """Size of each friction: that of its kind."""
-        return self.friction_sizes.at(self.angular_slips)
-
-    @property
-    def load_size(self) -> Float[Numeric, "... l"]:
-        """Size of each load: that of its kind."""
-        return self.load_sizes.at(self.angular_loads)
-
-    def at(self, rho0: Float[Numeric, "... l"]) -> "FrictionProblem":
-        """The same problem with other loads without friction."""
-        return FrictionProblem.make(rho0, self.gain, self.law, self.angular_loads)
-
-    def sized_at(self, tau: Float[Numeric, "... p"]) -> "FrictionProblem":
-        """The same problem, its sizes at least those of the friction tau; sizes have no derivatives."""
+    def sized_at(self, tau: Numeric) -> "FrictionProblem":
         tau, gain = stop_gradient((tau, self.gain))
         friction = self.friction_sizes.larger(Sizes.of(xp.abs(tau), self.angular_slips))
-        if self.is_large:
-            return replace_fields(self, friction_sizes=friction)
         caused = _caused(gain, self.angular_slips, friction)
         loads = self.load_sizes.larger(Sizes.of(caused, self.angular_loads))
         return replace_fields(self, load_sizes=loads, friction_sizes=friction)
-
-    def loads(self, tau: Float[Numeric, "... p"]) -> Float[Numeric, "... l"]:
-        """rho = rho0 + K tau."""
-        return self.rho0 + product(self.gain, tau)
 
     def slope(self, rho: Float[Numeric, "... l"]) -> Float[Numeric, "... p p"]:
         """law'(rho) K, the derivative of one sweep."""
@@ -237,51 +283,33 @@ class FrictionProblem:
             return force, slope @ self.gain
         return self.law(rho), self.slope(rho)
 
-    def along(self, rho: Float[Numeric, " l"], change: Float[Numeric, " p"]) -> Float[Numeric, " p"]:
-        """law'(rho) K change."""
-        return jax.jvp(self.law, (rho,), (self.gain @ change,))[1]
+    def solution(self, rho: Numeric, right: Numeric) -> Numeric:
+        return solve_few(self.root_slope(rho), right)
 
-    def solution(self, rho: Float[Numeric, "... l"], right: Float[Numeric, "... p"]) -> Float[Numeric, "... p"]:
-        """(I - law'(rho) K)^-1 right."""
-        if self.is_large:
-            size = self.friction_size
-            return size * krylov_solution(lambda y: y - self.along(rho, size * y) / size, right / size)
-        return solution(self.root_slope(rho), right)
+    def newton(self, rho: Numeric, tau: Numeric) -> tuple[Numeric, Numeric]:
+        force, slope = self.linearised(rho)
+        residual = tau - force
+        return residual, -solution(xp.eye(tau.shape[-1], dtype=tau.dtype) - slope, residual)
+
+    def searched(self, search: Callable[[], T], rtol: Array | None, start: Numeric, *, near: bool) -> T:
+        return search()
 
     def root_slope(self, rho: Float[Numeric, "... l"]) -> Float[Numeric, "... p p"]:
         """I - law'(rho) K."""
         slope = self.slope(rho)
         return xp.eye(slope.shape[-1], dtype=slope.dtype) - slope
 
-    def contraction(self, rho: Float[Numeric, "... l"]) -> Float[Numeric, "..."]:
-        """Upper bound of the spectral radius of one sweep's derivative at loads: below 1 sweeps contract there.
-
-        Of a large scene it is an estimate.
-        """
-        if self.is_large:
-            size = self.friction_size
-            return spectral_radius(lambda y: self.along(rho, size * y) / size, size)
+    def contraction(self, rho: Numeric) -> Float[Numeric, "..."]:
         matrix = xp.abs(self.slope(rho))
         return _radius_bound(matrix * self.friction_size[..., None, :] / self.friction_size[..., None])
 
     def contraction_anywhere(self) -> Float[Numeric, "..."]:
-        """Upper bound of `contraction` at all friction: below 1 there is one solution, and sweeps find it.
-
-        None is known of a large scene.
-        """
-        if self.is_large:
-            return xp.full((), xp.inf, self.rho0.dtype)
         law, gain = stop_gradient((self.law, self.gain))
         bound = _radius_bound(law.largest_changes(gain))
         return xp.where(xp.isnan(bound), xp.inf, bound)
 
-    def change_of_friction(self, change: Float[Numeric, "... p"]) -> Float[Numeric, "..."]:
-        """Largest change of tau, relative to the size of its kind."""
-        return xp.max(xp.abs(change) / self.friction_size, axis=-1)
-
-    def change_of_load(self, change: Float[Numeric, "... l"]) -> Float[Numeric, "..."]:
-        """Largest change of rho, relative to the size of its kind."""
-        return xp.max(xp.abs(change) / self.load_size, axis=-1)
+    def contraction_on_way(self, rho: Numeric) -> Float[Numeric, "..."]:
+        return self.contraction_anywhere()
 
 
 def _radius_bound(matrix: Float[Numeric, "... p p"]) -> Float[Numeric, "..."]:

@@ -16,7 +16,7 @@ from jaxtyping import Array, Float, Int
 
 from .._system._results import RESULTS
 from .._tools._module import optional_float
-from ._friction_problem import FrictionProblem
+from ._friction_problem import AbstractFrictionProblem
 from ._iterate import Progress, iterate, run_unless
 from ._solver import AbstractSolver, Root
 
@@ -35,7 +35,7 @@ class Mixing(AbstractSolver):
     max_steps: int = eqx.field(default=2000, static=True)
     first: float = eqx.field(default=0.25, static=True)
 
-    def run(self, problem: FrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
+    def run(self, problem: AbstractFrictionProblem, start: Array, *, in_batch: bool = False) -> Root:
         rtol, infinite = self.tolerance(start.dtype), jnp.full((), jnp.inf, start.dtype)
         if self.first == 1:
             return self._followed(problem, start, rtol)
@@ -57,7 +57,7 @@ class Mixing(AbstractSolver):
         converged = progress.converged(self.tolerance(progress.residual.dtype))
         return RESULTS.where(converged, RESULTS.successful, RESULTS.no_solution_found)
 
-    def _followed(self, problem: FrictionProblem, start: Array, rtol: Array) -> Root:
+    def _followed(self, problem: AbstractFrictionProblem, start: Array, rtol: Array) -> Root:
         def going(way: _Way) -> Array:
             return ((way.reached < 1) & (way.step >= _SHORTEST)) & (way.passes < self.max_steps)
 

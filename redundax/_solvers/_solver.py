@@ -10,7 +10,7 @@ Both end at a root of tau - law(rho0 + K tau); its derivative is implicit, whate
 
 import abc
 import functools
-from typing import TypeVar
+from typing import TypeVar, cast
 
 import equinox as eqx
 import jax
@@ -19,12 +19,11 @@ from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from .._system._results import RESULTS
-from .._tools._by_number import solve_few
 from .._tools._chunks import in_chunks
 from .._tools._module import check_kind, optional_float
-from .._tools._numbers import Numeric, custom_jvp, entries_set, known, product, solution, xp
+from .._tools._numbers import Numeric, custom_jvp, entries_set, known, product, xp
 from .._tools._value import AbstractModule, value
-from ._friction_problem import FrictionProblem
+from ._friction_problem import AbstractFrictionProblem, FrictionProblem
 from ._iterate import Progress, iterate
 
 Solver = TypeVar("Solver", bound="AbstractSolver")
@@ -52,7 +51,7 @@ class AbstractSolver(AbstractModule):
     max_steps: eqx.AbstractVar[int]
 
     @abc.abstractmethod
-    def run(self, problem: FrictionProblem, start: Float[Numeric, "... p"], *, in_batch: bool = False) -> Root:
+    def run(self, problem: AbstractFrictionProblem, start: Float[Numeric, "... p"], *, in_batch: bool = False) -> Root:
         """Solve from a start; `in_batch` says whether it is written out for a batch, or for a single sample."""
 
     @abc.abstractmethod
@@ -65,16 +64,11 @@ class AbstractSolver(AbstractModule):
         return xp.asarray(100 * eps if self.rtol is None else xp.maximum(known(self.rtol), 10 * eps), dtype)
 
 
-# Tolerance in large scenes, in roundings: what solutions by sparse matrices leave of each other.
-_LARGE = 1e4
-
-
-def of_large(solver: Solver) -> Solver:
-    """The same solver with the tolerance of large scenes, where it is given none."""
-    if solver.rtol is not None:
+def with_rtol(solver: Solver, rtol: float | None) -> Solver:
+    """The same solver with a tolerance, if any, where it is given none."""
+    if rtol is None or solver.rtol is not None:
         return solver
-    rtol = xp.asarray(_LARGE * xp.finfo(float).eps)
-    return eqx.tree_at(lambda solver: solver.rtol, solver, rtol, is_leaf=lambda x: x is None)
+    return eqx.tree_at(lambda solver: solver.rtol, solver, xp.asarray(rtol), is_leaf=lambda x: x is None)
 
 
 # Fixed-point sweeps for one test of convergence; the test costs about as much as a sweep.
@@ -102,21 +96,21 @@ class FixedPoint(AbstractSolver):
     rtol: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
     max_steps: int = eqx.field(default=1200, static=True)
 
-    def run(self, problem: FrictionProblem, start: Numeric, *, in_batch: bool = False) -> Root:
+    def run(self, problem: AbstractFrictionProblem, start: Numeric, *, in_batch: bool = False) -> Root:
         rtol, updates = self.tolerance(start.dtype), -(-self.max_steps // _SWEEPS)
         tau, progress = iterate(lambda tau: self.update(problem, tau), start, rtol, updates)
         progress = eqx.tree_at(lambda progress: progress.steps, progress, _SWEEPS * progress.steps)
         tau = xp.where(progress.converged(rtol), self._finished(problem, tau), tau)
         return Root(tau, progress, xp.full((), xp.inf, start.dtype))
 
-    def _finished(self, problem: FrictionProblem, tau: Numeric) -> Numeric:
+    def _finished(self, problem: AbstractFrictionProblem, tau: Numeric) -> Numeric:
         """One Newton step: slow sweeps stop at a small change while the error is many times larger."""
         return Newton().update(problem, tau)[0]
 
     def result(self, progress: Progress) -> RESULTS:
         return progress.result(self.tolerance(progress.residual.dtype))
 
-    def update(self, problem: FrictionProblem, tau: Numeric) -> tuple[Numeric, Numeric, Numeric]:
+    def update(self, problem: AbstractFrictionProblem, tau: Numeric) -> tuple[Numeric, Numeric, Numeric]:
         """Next tau, relative change of friction and relative change of loads."""
         rho = problem.loads(tau)
         for _ in range(_SWEEPS - 1):
@@ -151,10 +145,10 @@ class Newton(AbstractSolver):
     rtol: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
     max_steps: int = eqx.field(default=50, static=True)
 
-    def run(self, problem: FrictionProblem, start: Numeric, *, in_batch: bool = False) -> Root:
+    def run(self, problem: AbstractFrictionProblem, start: Numeric, *, in_batch: bool = False) -> Root:
         rtol = self.tolerance(start.dtype)
         if start.ndim > 1:
-            return self._of_batch(problem, start, rtol)
+            return self._of_batch(cast(FrictionProblem, problem), start, rtol)
         tau, progress = iterate(lambda tau: self.update(problem, tau), start, rtol, self.max_steps)
         return Root(tau, progress, xp.full((), xp.inf, start.dtype))
 
@@ -174,25 +168,35 @@ class Newton(AbstractSolver):
     def result(self, progress: Progress) -> RESULTS:
         return progress.result(self.tolerance(progress.residual.dtype))
 
-    def update(self, problem: FrictionProblem, tau: Numeric) -> tuple[Numeric, Numeric, Numeric]:
+    def update(self, problem: AbstractFrictionProblem, tau: Numeric) -> tuple[Numeric, Numeric, Numeric]:
         """Next tau, relative residual and relative change of loads."""
         rho = problem.loads(tau)
-        if problem.is_large:
-            residual = tau - problem.law(rho)
-            change = -problem.solution(rho, residual)
-        else:
-            force, slope = problem.linearised(rho)
-            residual = tau - force
-            change = -solution(xp.eye(tau.shape[-1], dtype=tau.dtype) - slope, residual)
+        residual, change = problem.newton(rho, tau)
         moved = problem.change_of_load(product(problem.gain, change))
         return tau + change, problem.change_of_friction(residual), moved
 
 
+class Corrector(AbstractSolver):
+    """Newton's method to a root beside the start, as in a step of a motion."""
+
+    rtol: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
+    max_steps: int = eqx.field(default=50, static=True)
+
+    def run(self, problem: AbstractFrictionProblem, start: Numeric, *, in_batch: bool = False) -> Root:
+        newton = Newton(self.rtol, self.max_steps)
+        return problem.searched(lambda: newton.run(problem, start), self.rtol, start, near=True)
+
+    def result(self, progress: Progress) -> RESULTS:
+        return progress.result(self.tolerance(progress.residual.dtype))
+
+
 @functools.partial(custom_jvp, make=eqx.filter_custom_jvp)
-def closed_root(problem: FrictionProblem, start: Float[Numeric, "... p"], solver: AbstractSolver) -> Root:
+def closed_root(problem: AbstractFrictionProblem, start: Float[Numeric, "... p"], solver: AbstractSolver) -> Root:
     """Friction forces under a closure; their derivative is implicit."""
 
-    def run(problem: FrictionProblem, start: Numeric, solver: AbstractSolver, *, in_batch: bool = False) -> Root:
+    def run(
+        problem: AbstractFrictionProblem, start: Numeric, solver: AbstractSolver, *, in_batch: bool = False
+    ) -> Root:
         return solver.run(problem, start, in_batch=in_batch)
 
     return in_chunks(functools.partial(run, in_batch=True), problem, start, solver, alone=run)
@@ -205,7 +209,7 @@ def _closed_root_jvp(primals: tuple, tangents: tuple) -> tuple:
     _, explicit = eqx.filter_jvp(lambda p: p.law(p.loads(root.tau)), (problem,), (tangents[0],))
     explicit = xp.zeros_like(root.tau) if explicit is None else explicit  # of a law that reads none of what changes
     rho = problem.loads(root.tau)
-    tau_dot = problem.solution(rho, explicit) if problem.is_large else solve_few(problem.root_slope(rho), explicit)
+    tau_dot = problem.solution(rho, explicit)
     still = jax.tree.map(lambda x: xp.zeros_like(x) if eqx.is_inexact_array(x) else None, root)
     return root, eqx.tree_at(lambda root: root.tau, still, tau_dot)
 

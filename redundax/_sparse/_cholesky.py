@@ -1,4 +1,4 @@
-"""Cholesky factor of a symmetric positive definite matrix on a plan, and solutions: by batches of dense fronts.
+"""Cholesky factor of a symmetric positive definite matrix, and solutions: by batches of dense fronts.
 
 From the leaves to the roots, of each front with own rows p and border q
 
@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ._plan import Plan
+from ._symbolic import Symbolic
 
 T = TypeVar("T")
 
@@ -28,7 +28,7 @@ class Fronts(NamedTuple):
     border: Array
 
 
-def factor(plan: Plan, entries: Float[Array, " size"]) -> tuple[Fronts, ...]:
+def factor(symbolic: Symbolic, entries: Float[Array, " size"]) -> tuple[Fronts, ...]:
     """The factor of the matrix with these entries; NaN where it is not positive definite."""
 
     def kept(own: Array, border: Array) -> tuple[Fronts, Array]:
@@ -37,26 +37,26 @@ def factor(plan: Plan, entries: Float[Array, " size"]) -> tuple[Fronts, ...]:
         border = border @ inverse.swapaxes(1, 2)
         return Fronts(inverse, border), border
 
-    return _eliminated(plan, entries, kept)
+    return _eliminated(symbolic, entries, kept)
 
 
-def factor_diagonal(plan: Plan, entries: Float[Array, " size"]) -> Float[Array, " m"]:
+def factor_diagonal(symbolic: Symbolic, entries: Float[Array, " size"]) -> Float[Array, " m"]:
     """Diagonal of L, by row, without the factor."""
 
     def kept(own: Array, border: Array) -> tuple[Array, Array]:
         border = jax.lax.linalg.triangular_solve(own, border, left_side=False, lower=True, transpose_a=True)
         return jnp.diagonal(own, axis1=1, axis2=2).ravel(), border
 
-    return jnp.concatenate(_eliminated(plan, entries, kept))[plan.position]
+    return jnp.concatenate(_eliminated(symbolic, entries, kept))[symbolic.position]
 
 
 def _eliminated(
-    plan: Plan, entries: Float[Array, " size"], kept: Callable[[Array, Array], tuple[T, Array]]
+    symbolic: Symbolic, entries: Float[Array, " size"], kept: Callable[[Array, Array], tuple[T, Array]]
 ) -> tuple[T, ...]:
     """What is kept of each height, given L and A_qp, and with it B."""
     found, begin = [], 0
     left = jnp.zeros(0, entries.dtype)
-    for level in plan.levels:
+    for level in symbolic.levels:
         (count, p), q = level.pad.shape, level.border.shape[1]
         size = count * (p + q) ** 2
         fronts = entries[begin : begin + size]
@@ -73,19 +73,19 @@ def _eliminated(
     return tuple(found)
 
 
-def solution(plan: Plan, found: tuple[Fronts, ...], right: Float[Array, "m c"]) -> Float[Array, "m c"]:
+def solution(symbolic: Symbolic, found: tuple[Fronts, ...], right: Float[Array, "m c"]) -> Float[Array, "m c"]:
     """What the factored matrix makes to the columns on the right, one after the other: products of batches of small
     matrices with few columns take longer than with one each."""
     if right.shape[1] == 1:
-        return _solution(plan, found, right)
-    return jax.lax.map(lambda column: _solution(plan, found, column[:, None])[:, 0], right.T).T
+        return _solution(symbolic, found, right)
+    return jax.lax.map(lambda column: _solution(symbolic, found, column[:, None])[:, 0], right.T).T
 
 
-def _solution(plan: Plan, found: tuple[Fronts, ...], right: Float[Array, "m c"]) -> Float[Array, "m c"]:
+def _solution(symbolic: Symbolic, found: tuple[Fronts, ...], right: Float[Array, "m c"]) -> Float[Array, "m c"]:
     columns = right.shape[1]
     none = jnp.zeros((1, columns), right.dtype)
-    below, forward = jnp.concatenate([right, none])[plan.own], []
-    for level, fronts in zip(plan.levels, found, strict=True):
+    below, forward = jnp.concatenate([right, none])[symbolic.own], []
+    for level, fronts in zip(symbolic.levels, found, strict=True):
         count, p = level.pad.shape
         y = fronts.inverse @ below[: count * p].reshape(count, p, columns)
         below = below[count * p :]
@@ -93,15 +93,15 @@ def _solution(plan: Plan, found: tuple[Fronts, ...], right: Float[Array, "m c"])
             below = below.at[level.border].add(-(fronts.border @ y), mode="drop")
         forward.append(y)
     above = none
-    for level, fronts, y in zip(plan.levels[::-1], found[::-1], forward[::-1], strict=True):
+    for level, fronts, y in zip(symbolic.levels[::-1], found[::-1], forward[::-1], strict=True):
         if level.border.size:
             y = y - fronts.border.swapaxes(1, 2) @ above[level.border]
         own = fronts.inverse.swapaxes(1, 2) @ y
         above = jnp.concatenate([own.reshape(-1, columns), above])
-    return above[plan.position]
+    return above[symbolic.position]
 
 
-def pivots(plan: Plan, found: tuple[Fronts, ...]) -> Float[Array, " m"]:
+def pivots(symbolic: Symbolic, found: tuple[Fronts, ...]) -> Float[Array, " m"]:
     """Diagonal of L, by row, of a factor that stands."""
     parts = [jnp.diagonal(fronts.inverse, axis1=1, axis2=2).ravel() for fronts in found]
-    return 1 / jnp.concatenate(parts)[plan.position]
+    return 1 / jnp.concatenate(parts)[symbolic.position]

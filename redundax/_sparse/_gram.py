@@ -49,27 +49,27 @@ class Gram(AbstractModule):
     @property
     def pivots(self) -> Float[Array, " m"]:
         """Diagonal of the factor, 1 for rows that do not count."""
-        return pivots(self.rows.plan, self.fronts)
+        return pivots(self.rows.symbolic, self.fronts)
 
     def near(self, right: Float[Array, "m c"]) -> Float[Array, "m c"]:
         """`solution` without refinement and derivatives."""
-        return solution(self.rows.plan, self.fronts, self.kept[:, None] * right)
+        return solution(self.rows.symbolic, self.fronts, self.kept[:, None] * right)
 
     @eqx.filter_jit  # traced once, for the many places that it stands in
     def solution(self, right: Float[Array, "m c"], *, refines: bool = True) -> Float[Array, "m c"]:
         """S_II^-1 y_I, zero on O."""
-        kept, plan = self.kept[:, None], self.rows.plan
+        kept, symbolic = self.kept[:, None], self.rows.symbolic
 
         def product(mu: Array) -> Array:
             return kept * self.rows.gram(kept * mu) + (1 - kept) * mu
 
         def solved(product, right: Array) -> Array:
             if not refines:
-                return solution(plan, self.fronts, right)
+                return solution(symbolic, self.fronts, right)
 
             def step(k: Array, mu: Array) -> Array:
                 left = jax.lax.cond(k > 0, lambda: right - product(mu), lambda: right)
-                return mu + solution(plan, self.fronts, left)
+                return mu + solution(symbolic, self.fronts, left)
 
             return jax.lax.fori_loop(0, 2, step, jnp.zeros_like(right))
 
@@ -123,7 +123,7 @@ class Gram(AbstractModule):
         """How much of the error of a the slowest motion keeps in a pass: 1 where it has no mass, 0 where all do."""
         if self.rows.mass is None:
             return jnp.zeros((), self.kept.dtype)
-        like = jnp.zeros(self.rows.plan.columns.size + self.rows.count, self.kept.dtype)
+        like = jnp.zeros(self.rows.symbolic.columns.size + self.rows.count, self.kept.dtype)
 
         def left(error: Array) -> Array:
             return error - self._nearly(self._balance(error[:, None]))[:, 0]
@@ -165,7 +165,7 @@ class _Passes(NamedTuple):
 
 def gram(rows: Rows, kept: Float[Array, " m"]) -> Gram:
     """S of scaled rows, factorised on those that are kept."""
-    return Gram(rows, kept, factor(rows.plan, jax.lax.stop_gradient(rows.entries(kept))))
+    return Gram(rows, kept, factor(rows.symbolic, jax.lax.stop_gradient(rows.entries(kept))))
 
 
 def rank_pivots(rows: Rows) -> tuple[Float[Array, " m"], Float[Array, " m"], float]:
@@ -173,10 +173,10 @@ def rank_pivots(rows: Rows) -> tuple[Float[Array, " m"], Float[Array, " m"], flo
     rows = jax.lax.stop_gradient(rows)
     shift = float(jnp.finfo(rows.slopes.dtype).eps) ** SHIFT
     entries = rows.entries(jnp.ones(rows.count, rows.slopes.dtype))
-    diagonal = rows.plan.beside[:, 0]
+    diagonal = rows.symbolic.beside[:, 0]
 
     def shifted(t: Array) -> Array:
-        return factor_diagonal(rows.plan, entries.at[diagonal].add(t)) ** 2
+        return factor_diagonal(rows.symbolic, entries.at[diagonal].add(t)) ** 2
 
     once, twice = jax.lax.map(shifted, shift * jnp.asarray([1.0, 2.0], entries.dtype))  # one factor after the other
     return 2 * once - twice, (twice - once) / shift, shift

@@ -40,13 +40,13 @@ class Compliance(AbstractModule):
     def times(self, mu: Float[Array, "m c"]) -> Float[Array, "m c"]:
         """W mu / size."""
         padded = jnp.concatenate([mu, jnp.zeros((1, mu.shape[1]), mu.dtype)])
-        return sum_few(self.entries[:, :, None] * padded[self.rows.plan.mates], axis=1)
+        return sum_few(self.entries[:, :, None] * padded[self.rows.symbolic.mates], axis=1)
 
 
 def scaled_compliance(rows: Rows, entries: Float[Array, "m j"], row_scale: Float[Array, " m"]) -> Compliance:
     """D^-1 W D^-1."""
     padded = jnp.append(row_scale, 1.0)
-    entries = entries / row_scale[:, None] / padded[rows.plan.mates]
+    entries = entries / row_scale[:, None] / padded[rows.symbolic.mates]
     size = jax.lax.stop_gradient(jnp.max(jnp.abs(entries)))
     size = jnp.where(size > 0, size, 1.0)
     return Compliance(rows, entries / size, size)
@@ -99,7 +99,7 @@ class Picking(AbstractModule):
         def step(now: _Pass) -> _Pass:
             x = now.x + jnp.where(now.ends, now.c, 0.0)
             right = jnp.where(now.ends, weight * (misfit - self.compliance.times(x)), now.left)
-            ahead = solution(rows.plan, self.fronts, right)
+            ahead = solution(rows.symbolic, self.fronts, right)
             energy = jnp.sum(right * ahead)
             along = ahead + jnp.where(now.ends, 0.0, _ratio(energy, now.energy)) * now.along
             image = rows.gram(jnp.where(now.ends, x + ahead, along))
@@ -144,14 +144,14 @@ def _ratio(part: Array, whole: Array) -> Array:
 def picking(gram: Gram, compliance: Compliance) -> tuple[Picking, Float[Array, ""]]:
     """G, and the least square of a pivot of S + e W of a row that does not count, over e."""
     rows, weight = gram.rows, _weight(compliance.entries)
-    once = jnp.where(rows.plan.beside < rows.plan.size, weight * compliance.entries, 0.0)
+    once = jnp.where(rows.symbolic.beside < rows.symbolic.size, weight * compliance.entries, 0.0)
 
     def whole() -> tuple[Fronts, ...]:
-        return factor(rows.plan, in_order(rows.entries(jnp.ones_like(gram.kept), once), jnp.sum(gram.pivots)))
+        return factor(rows.symbolic, in_order(rows.entries(jnp.ones_like(gram.kept), once), jnp.sum(gram.pivots)))
 
     fronts = jax.lax.cond(jnp.any(gram.kept == 0), whole, lambda: gram.fronts)
     fronts = jax.lax.stop_gradient(fronts)
-    least = jnp.min(jnp.where(gram.kept > 0, 1.0, pivots(rows.plan, fronts) ** 2 / weight))
+    least = jnp.min(jnp.where(gram.kept > 0, 1.0, pivots(rows.symbolic, fronts) ** 2 / weight))
     return Picking(gram, compliance, fronts), least
 
 

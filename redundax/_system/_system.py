@@ -22,7 +22,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, PyTree
 
-from .._sparse._plan import Plan
+from .._sparse._symbolic import Symbolic
 from .._tools._errors import RedundaxError
 from .._tools._module import (
     Numbers,
@@ -121,6 +121,10 @@ class AbstractSystem(AbstractModule):
     def mass(self, q: Float[Array, "..."], t: Float[Array, ""]) -> Float[Array, "n n"]:
         """Mass matrix, symmetric positive semidefinite."""
 
+    def kinetic_energy(self, q: Float[Array, "..."], qd: Float[Array, " n"], t: Float[Array, ""]) -> Float[Array, ""]:
+        """T = qd^T M qd / 2."""
+        return qd @ self.mass(q, t) @ qd / 2
+
     @abc.abstractmethod
     def constraint(self, q: Float[Array, "..."], t: Float[Array, ""]) -> Float[Array, " m"]:
         """Constraint residual Phi(q, t), Eq. (2)."""
@@ -195,8 +199,8 @@ class AbstractSystem(AbstractModule):
         raise NotImplementedError
 
     @property
-    def plan(self) -> Plan | None:
-        """How its sparse matrices are factorised, where they are."""
+    def symbolic(self) -> Symbolic | None:
+        """The symbolic factorisation of its sparse matrices, where they are."""
         return None
 
     @property
@@ -205,7 +209,7 @@ class AbstractSystem(AbstractModule):
         return self
 
     def by_bodies(self, q: Float[Array, "..."], t: Float[Array, ""]) -> tuple[Array, Array]:
-        """Where there is a plan, the Jacobian's slopes on it, (m, w, s), and the mass of each body, (bodies, s, s)."""
+        """Where matrices are sparse, slopes as in `Symbolic`, (m, w, s), and each body's mass, (bodies, s, s)."""
         raise NotImplementedError
 
     @property

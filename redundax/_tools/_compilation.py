@@ -65,19 +65,17 @@ def uncollected() -> Iterator[None]:
             gc.enable()
 
 
-def compiled(
-    function: Callable[P, T], *, runs_long: bool = False, is_large: Callable[..., bool] = lambda *_, **__: False
-) -> Callable[P, T]:
+def compiled(function: Callable[P, T], *, runs_long: bool = False, in_order: bool = False) -> Callable[P, T]:
     """`eqx.filter_jit`, compiled in little time and run at once where no argument is traced.
 
     One that `runs_long`, such as a motion, is optimised all the same, by the code generator that takes less time: the
-    older one, but for large programs, of which `is_large` tells by the arguments.
+    older one, but for large programs, which run `in_order`.
     """
     inside = eqx.filter_jit(function)
 
     @functools.cache
-    def outside(large: bool) -> Callable[P, T]:
-        options = quick_options(runs_long, large)
+    def outside() -> Callable[P, T]:
+        options = quick_options(runs_long, in_order)
         return eqx.filter_jit(function, compiler_options=options)  # pyright: ignore[reportCallIssue]
 
     @functools.wraps(function)
@@ -86,7 +84,7 @@ def compiled(
             return inside(*arguments, **named)
         try:
             with jax.core.eval_context(), _single(True), in_little_time(not runs_long):
-                return outside(is_large(*arguments, **named))(*arguments, **named)
+                return outside()(*arguments, **named)
         except jax.errors.UnexpectedTracerError:  # a function of the user holds a traced number
             return inside(*arguments, **named)
 

@@ -9,8 +9,8 @@ import pytest
 import redundax as rx
 from redundax._sparse import _pick
 from redundax._sparse._cholesky import factor, pivots, solution
-from redundax._sparse._plan import plan
 from redundax._sparse._rows import Rows
+from redundax._sparse._symbolic import symbolic
 
 RNG = np.random.default_rng(5)
 
@@ -21,7 +21,7 @@ def rows_of_pairs(pairs, bodies, rows=2, size=3):
     row = np.repeat(np.arange(rows * len(pairs)), 2)
     body = np.repeat(np.where(np.array(pairs) < 0, bodies, pairs), rows, axis=0).ravel()
     columns = np.arange(size * bodies).reshape(bodies, size)
-    found = plan(joints, (row, body), columns)
+    found = symbolic(joints, (row, body), columns)
     each = np.append(RNG.normal(size=(row.size, size)), np.zeros((1, size)), axis=0)
     whole, moving = np.zeros((rows * len(pairs), size * bodies)), body < bodies
     np.add.at(whole, (row[moving][:, None], columns[body[moving]]), each[:-1][moving])
@@ -58,9 +58,9 @@ def test_a_factor_on_a_plan_solves_what_numpy_solves(pairs, bodies):
 
     @eqx.filter_jit
     def solved(rows, right):
-        entries = rows.entries(jnp.ones(len(whole)), jnp.zeros(rows.plan.mates.shape).at[:, 0].set(1.0))
-        found = factor(rows.plan, entries)
-        return rows.gram(right) + right, solution(rows.plan, found, right), pivots(rows.plan, found)
+        entries = rows.entries(jnp.ones(len(whole)), jnp.zeros(rows.symbolic.mates.shape).at[:, 0].set(1.0))
+        found = factor(rows.symbolic, entries)
+        return rows.gram(right) + right, solution(rows.symbolic, found, right), pivots(rows.symbolic, found)
 
     product, found, roots = solved(rows, jnp.asarray(right))
     np.testing.assert_allclose(product, matrix @ right, rtol=1e-10, atol=1e-10)
@@ -70,7 +70,7 @@ def test_a_factor_on_a_plan_solves_what_numpy_solves(pairs, bodies):
 
 
 def test_the_plan_of_a_chain_is_linear_in_its_length():
-    sizes = [rows_of_pairs(chain(length), length)[0].plan.size for length in (100, 400)]
+    sizes = [rows_of_pairs(chain(length), length)[0].symbolic.size for length in (100, 400)]
     assert sizes[1] <= 5 * sizes[0]
 
 

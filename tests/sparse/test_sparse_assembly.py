@@ -95,7 +95,7 @@ def test_derivatives_by_a_point_are_those_of_dense_matrices(pin):
 @pytest.mark.slow
 def test_a_thousand_loops_close_at_the_angle_given():
     mechanism = rx.mechanisms.n_four_bar(1000)
-    assert mechanism.plan is not None
+    assert mechanism.symbolic is not None
     truth = mechanism.state(0.85, rate=2.0)
     guess = mechanism.state(0.8).q + 0.01 * np.cos(np.arange(truth.q.size))
     found = rx.assemble(mechanism, guess, positions={"crank 1.phi": 0.85}, rates={"crank 1.phi": 2.0})

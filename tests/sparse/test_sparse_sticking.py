@@ -33,7 +33,7 @@ def moving(mechanism, state):
     """The equations of motion, the state, and what is held from there on."""
     factor = factorize(mechanism, state)
     equations = _equations(mechanism, state, factor, rx.MinimumNorm(), rx.Projection(), jnp.asarray(1.0))
-    return equations, state, hold(mechanism, state, factor.scaling, factor.spectrum.rank, None, singular=False)[0]
+    return equations, state, hold(mechanism, state, factor)
 
 
 @pytest.mark.slow

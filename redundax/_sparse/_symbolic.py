@@ -1,4 +1,5 @@
-"""What the pattern of a mechanism alone decides: where the entries of its Jacobian go, and the order of elimination.
+"""Symbolic factorisation, what the pattern of a mechanism alone decides: where the entries of its Jacobian go, and the
+order of elimination.
 
 The Jacobian B is held as slopes, shape (m, w, s): each row by the s velocities of at most w moving bodies. Its product
 S = B M^-1 B^T has entries where two rows share a body. They are summed straight into the fronts, dense matrices of
@@ -30,8 +31,8 @@ class Level(AbstractModule):
     target: UInt[Array, " updates"]
 
 
-class Plan(AbstractModule):
-    """Pattern and order.
+class Symbolic(AbstractModule):
+    """The symbolic factorisation: pattern and order of elimination.
 
     - `source`: where each row finds its slopes by moving bodies among those that joints give, beyond the last for
       none, shape (m, w).
@@ -65,14 +66,14 @@ class Plan(AbstractModule):
         return sum(_entries(level) for level in self.levels)
 
 
-def plan(
+def symbolic(
     joints: Sequence[np.ndarray],
     slopes: tuple[np.ndarray, np.ndarray],
     columns: np.ndarray,
     massless: Sequence[bool] = (),
-) -> Plan:
-    """The plan for the rows of each joint, the row and the body of each slope, the ground last, `columns`, and which
-    bodies lack mass."""
+) -> Symbolic:
+    """That of the rows of each joint, the row and the body of each slope, the ground last, `columns`, and which bodies
+    lack mass."""
     m = sum(rows.size for rows in joints)
     source = _by_row(slopes[0], slopes[1] < len(columns), m)
     used = np.flatnonzero(source < slopes[0].size)
@@ -89,7 +90,7 @@ def plan(
     fronts = tree([sorted(each) for each in bodies], [rows.size for rows in joints])
     layout = _Layout(fronts, joints, m)
     first, second = _pairs(row, body, layout.order)
-    return Plan(
+    return Symbolic(
         source=_indices(source),
         body=_indices(np.append(slopes[1], 0)[np.where(source < slopes[0].size, source, source[:, :1])]),
         columns=_indices(columns),

@@ -1,0 +1,270 @@
+"""The equations of a motion at a state, linear in the friction forces: by matrices, or by products of maps.
+
+    x = x_0 + X tau,   alpha = alpha_0 + A tau,   A = E^T A_tau symmetric positive semidefinite
+
+alpha are the rates of the slip rates. Joints that stick have the least friction, as of contacts equally compliant, with
+which their alpha is what it should be.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple, TypeAlias
+
+import jax
+import jax.numpy as jnp
+from jax.typing import ArrayLike
+from jaxtyping import Array, Bool, Float, Int
+
+from .._closures._closure import Elasticity
+from .._equations._kinematics import along_slips, slip_force, slip_gamma, slip_motion, slip_rate
+from .._equations._response import AbstractFactorisation, FrictionResponse, LinearResponse, Response
+from .._solvers._active_set import active_set
+from .._solvers._gauss_seidel import gauss_seidel
+from .._sparse._gram import Gram
+from .._system._directions import Directions
+from .._system._state import State
+from .._system._system import AbstractSystem
+from .._tools._least_solution import least_solution
+from .._tools._linear_map import LinearMap
+
+# Eigenvalues of unit slip accelerations of joints that stick, relative to the largest, that count as 0.
+_DEPENDENT = 1e-10
+# Least and largest friction at loads that friction causes.
+Limits: TypeAlias = Callable[[Float[Array, " l"]], tuple[Float[Array, " p"], Float[Array, " p"]]]
+
+
+class Change(NamedTuple):
+    """What friction adds, and the sum of its parts; of maps the former's size."""
+
+    value: Array
+    parts: Array
+
+
+class Holding(NamedTuple):
+    """Friction of joints that stick or start to slip, what it adds to accelerations and to those of slips, and if it is
+    found."""
+
+    tau: Float[Array, " p"]
+    caused: Change
+    slip: Change
+    found: Bool[Array, ""]
+
+
+class Linear(NamedTuple):
+    """The equations by matrices.
+
+    - `response`: accelerations and multipliers.
+    - `load`, `directions`: Q and E, shape (n,) and (n, p).
+    - `rate`: slip rates, shape (p,); their rates of change are `slip` + `yields` tau, shape (p,) and (p, p).
+    """
+
+    response: LinearResponse
+    load: Float[Array, " n"]
+    directions: Float[Array, "n p"]
+    rate: Float[Array, " p"]
+    slip: Float[Array, " p"]
+    yields: Float[Array, "p p"]
+
+    def slips_caused(self, tau: Float[Array, " p"], acceleration: Float[Array, " n"]) -> Float[Array, " p"]:
+        """A tau, of friction that makes these accelerations."""
+        return self.yields @ tau
+
+    def hold(
+        self, stick: Bool[Array, " p"], pull: Float[Array, " p"], sizes: Float[Array, " p"]
+    ) -> tuple[Float[Array, " p"], Float[Array, "p p"]]:
+        """Friction that holds joints against a pull, and from friction of all to that with which they are held."""
+        none = jnp.zeros_like(self.yields)
+        inverse = jax.lax.cond(jnp.any(stick), lambda: least_friction(self.yields, stick, sizes), lambda: none)
+        passed = jnp.where(stick, 0.0, jnp.eye(stick.size, dtype=none.dtype) - inverse @ self.yields)
+        return -inverse @ pull, passed
+
+    def held_loads(self, rows: Int[Array, " l"], stick: Bool[Array, " p"], holding: Array) -> Float[Array, " l"]:
+        """Loads of friction that holds joints, with those without friction."""
+        return self.response.free.multipliers[rows] + self.response.unit.gain(rows) @ holding
+
+    def sticking(
+        self,
+        rows: Int[Array, " l"],
+        limits: Limits,
+        still: Bool[Array, " p"],
+        sizes: Float[Array, " p"],
+        tolerance: tuple[float, float],
+        directions: Directions | None,
+        wanted: Bool[Array, ""],
+    ) -> Holding:
+        """Friction of joints that stick or start to slip, if wanted, and of those that slip; `tolerance` is that of
+        accelerations and of friction."""
+        zero, enough = tolerance
+        gain, unit = self.response.unit.multipliers[rows], self.response.unit.acceleration
+        own = yielding(self.yields, sizes)
+        pull = jnp.abs(self.slip) * sizes
+        reverses = jnp.isinf(own) & (pull > zero * jnp.max(pull))  # whatever its friction
+        own = jnp.where(reverses, jnp.finfo(pull.dtype).tiny, own)
+        tau, settled = gauss_seidel(
+            lambda tau: limits(gain @ tau), self.slip, self.yields, own, 1 / sizes, enough, wanted, directions
+        )
+        caused, slip = (Change(matrix @ tau, jnp.abs(matrix) @ jnp.abs(tau)) for matrix in (unit, self.yields))
+        return Holding(tau, caused, slip, settled)
+
+
+class LinearMaps(NamedTuple):
+    """The equations of a large mechanism, where E, A and what unit friction causes are maps.
+
+    `mobility` is a size of A, as lengths, were the bodies free; with some mass for those that lack it.
+    """
+
+    response: LinearResponse
+    load: Float[Array, " n"]
+    directions: LinearMap
+    rate: Float[Array, " p"]
+    slip: Float[Array, " p"]
+    yields: LinearMap
+    mobility: Float[Array, ""]
+
+    @property
+    def unit(self) -> FrictionResponse:
+        """What unit friction causes."""
+        return self.response.unit
+
+    def slips_caused(self, tau: Array, acceleration: Array) -> Float[Array, " p"]:
+        return self.unit.slips(acceleration - self.response.free.acceleration)
+
+    def inverse(self, stick: Array, sizes: Array, rounding: ArrayLike = 0.0) -> LinearMap:
+        """From accelerations of slips that stick to the least friction; it takes a rounding of them, as lengths, for
+        none."""
+        return LinearMap(_least_friction, (jnp.where(stick, sizes, 0.0), self.yields, self.mobility, rounding))
+
+    def hold(self, stick: Array, pull: Array, sizes: Array) -> tuple[Array, LinearMap]:
+        inverse = self.inverse(stick, sizes)
+        holding = jax.lax.cond(jnp.any(stick), lambda: -(inverse @ pull), lambda: jnp.zeros_like(pull))
+        return holding, LinearMap(_passed, (stick, inverse, self.yields))
+
+    def held_loads(self, rows: Array, stick: Array, holding: Array) -> Float[Array, " l"]:
+        free, gain = self.response.free.multipliers[rows], self.unit.gain(rows)
+        return free + jax.lax.cond(jnp.any(stick), lambda: gain @ holding, lambda: jnp.zeros_like(free))
+
+    def sticking(
+        self,
+        rows: Array,
+        limits: Limits,
+        still: Array,
+        sizes: Array,
+        tolerance: tuple[float, float],
+        directions: Directions | None,
+        wanted: Array,
+    ) -> Holding:
+        def caused(tau: Array) -> tuple[Response, Array]:
+            response = self.unit @ tau
+            return response, self.unit.slips(response.acceleration)
+
+        active = active_set(
+            caused,
+            lambda multipliers: limits(multipliers[rows]),
+            lambda joints, change, rounding: self.inverse(joints, sizes, rounding) @ change,
+            self.slip,
+            still,
+            sizes,
+            tolerance,
+            wanted & jnp.any(still),
+        )
+        added, slip = (Change(x, jnp.abs(x)) for x in (active.caused.acceleration, active.acceleration - self.slip))
+        return Holding(active.tau, added, slip, active.settled)
+
+
+AnyLinear: TypeAlias = Linear | LinearMaps
+
+
+def linear_of(
+    factor: AbstractFactorisation,
+    system: AbstractSystem,
+    state: State,
+    gamma: Float[Array, " m"],
+    chosen: Callable[[], Elasticity] | None,
+    *,
+    has_sense: bool,
+) -> Linear:
+    """The equations by matrices, with multipliers of the closure that is chosen or one solution of many; `has_sense`
+    where slips can stick."""
+    load, rate, directions = system.load(state), state.qd[:0], jnp.zeros((state.qd.size, 0), state.qd.dtype)
+    if system.friction:
+        rate, directions = slip_motion(system, state)
+    columns = jnp.concatenate([load[:, None], directions], axis=1)
+    a, lam = factor.respond(columns, jnp.pad(gamma[:, None], ((0, 0), (0, rate.size))))
+    if chosen is not None:
+        compliance, misfit = chosen()
+        pick, _ = factor.close(compliance)
+        lam = pick.columns(lam, misfit)
+    slip = directions.T @ a
+    if has_sense:
+        slip = slip.at[:, 0].add(-slip_gamma(system, state))
+    response = LinearResponse(Response(a[:, 0], lam[:, 0]), Response(a[:, 1:], lam[:, 1:]))
+    return Linear(response, load, directions, rate, slip[:, 0], slip[:, 1:])
+
+
+def linear_maps_of(
+    factor: AbstractFactorisation,
+    system: AbstractSystem,
+    state: State,
+    gamma: Float[Array, " m"],
+    chosen: Callable[[], Elasticity] | None,
+    *,
+    has_sense: bool,
+    mobility: Float[Array, ""],
+) -> LinearMaps:
+    """The same by maps."""
+    load, pick = system.load(state), None
+    a, lam = factor.respond(load[:, None], gamma[:, None])
+    if chosen is not None:
+        compliance, misfit = chosen()
+        pick, _ = factor.close(compliance)
+        lam = pick.columns(lam, misfit)
+    unit, unclosed = (FrictionResponse(system, state, factor, choice) for choice in (pick, None))
+    slip = unit.slips(a[:, 0])
+    if has_sense:
+        slip = slip - slip_gamma(system, state)
+    response = LinearResponse(Response(a[:, 0], lam[:, 0]), unit)
+    return LinearMaps(response, load, unit.forces, slip_rate(system, state), slip, unclosed.yields, mobility)
+
+
+def free_mobility(system: AbstractSystem, state: State, stress: Gram, sizes: Float[Array, " p"]) -> Float[Array, ""]:
+    """A size of A, as lengths, of bodies without constraints."""
+    some = sizes * jnp.cos(jnp.arange(sizes.size, dtype=state.q.dtype) ** 2)
+    free = stress.rows.accelerations(slip_force(system, state, some)[:, None])[:, 0]
+    return jnp.linalg.norm(sizes * along_slips(system, state, free)) / jnp.linalg.norm(some)
+
+
+def least_friction(
+    yields: Float[Array, "p p"], stick: Bool[Array, " p"], sizes: Float[Array, " p"]
+) -> Float[Array, "p p"]:
+    """From slip accelerations of joints that stick to the least friction that causes them."""
+    scale = jnp.where(stick, 1 / jnp.sqrt(yielding(yields, sizes)), 0.0)
+    matrix, one = scale[:, None] * yields * scale, jnp.eye(stick.size, dtype=scale.dtype)
+    inverse = jnp.linalg.pinv(matrix, rtol=max(_DEPENDENT, 100 * float(jnp.finfo(one.dtype).eps)), hermitian=True)
+    weight = (scale / sizes) ** 2
+    weight = jnp.where(scale > 0, weight / jnp.max(weight, initial=jnp.finfo(one.dtype).tiny), 1.0)
+    idle = one - inverse @ matrix  # what slips do not see
+    least = inverse - jnp.linalg.solve(idle * weight @ idle + one - idle, idle * weight @ inverse)
+    return scale[:, None] * least * scale
+
+
+def yielding(yields: Float[Array, "p p"], sizes: Float[Array, " p"]) -> Float[Array, " p"]:
+    """Slip acceleration of each joint by its own unit friction; infinite where constraints leave it no slip."""
+    own = jnp.diagonal(yields)
+    size = own * sizes**2
+    blocked = size <= 10 * jnp.finfo(own.dtype).eps * jnp.max(size)
+    return jnp.where(blocked, jnp.inf, jnp.where(blocked, 1.0, own))
+
+
+def _scaled(scale: Float[Array, " p"], yields: LinearMap, force: Float[Array, " p"]) -> Float[Array, " p"]:
+    return scale * (yields @ (scale * force))
+
+
+def _least_friction(
+    scale: Float[Array, " p"], yields: LinearMap, mobility: Array, rounding: ArrayLike, change: Float[Array, " p"]
+) -> Float[Array, " p"]:
+    return scale * least_solution(LinearMap(_scaled, (scale, yields)), scale * change, mobility, rounding)
+
+
+def _passed(stick: Bool[Array, " p"], inverse: LinearMap, yields: LinearMap, tau: Array) -> Float[Array, " p"]:
+    """Friction of joints that slip, and what holds the others against it."""
+    tau = jnp.where(stick, 0.0, tau)
+    return tau - jax.lax.cond(jnp.any(stick), lambda: inverse @ (yields @ tau), lambda: jnp.zeros_like(tau))
