@@ -6,12 +6,12 @@ is given takes a part off its stop, those open that are left in
     min over qd of |r|^2 + |max(r_c, 0)|^2,   r = Phi_q qd + Phi_t and what rates miss, r_c of closed contacts,
 
 at r_c < 0. Sparse matrices give no least squares where rows contradict each other: of contacts those hold then that are
-approached without. A guess that meets all other rows and approaches no contact is a velocity by itself: it opens those that it
-leaves.
+approached without. A guess that meets all other rows and approaches no contact is a velocity by itself: it opens those
+that it leaves.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Array, Bool, Int

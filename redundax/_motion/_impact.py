@@ -158,8 +158,8 @@ def settle(equations: Equations, state: State, restitution: Float[Array, " c"], 
 def _struck(
     impact: list[_Turn], system: AbstractSystem, at: tuple[Array, Array, Scaling], speed: Array
 ) -> tuple[Float[Array, " m"], Bool[Array, ""], Bool[Array, ""]]:
-    """Impulses, whether velocities after an impact are found, and whether joints are loaded whose friction has no law of
-    impulses; of none where there is no impact."""
+    """Impulses, whether velocities after an impact are found, and whether joints are loaded whose friction has no law
+    of impulses; of none where there is no impact."""
     if not impact:
         return xp.zeros(len(system.rows)), xp.ones((), bool), xp.zeros((), bool)
     (jacobian, right, scales), (strikes, holds) = at, impact
