@@ -26,6 +26,7 @@ from ..._system._results import RESULTS
 from ..._system._state import State
 from ..._system._system import AbstractSystem, check_system_at
 from ..._tools._errors import NoSolutionError, RedundaxError
+from ..._tools._module import finite
 from ..._tools._numbers import Numeric, as_numbers, computed, or_one
 from ..._tools._table import text_of
 
@@ -148,6 +149,7 @@ def lift_off(system: AbstractSystem, state: State, load: ByName, closure: Abstra
     check_closure(closure)
     _check(system, closure)
     force = as_numbers(vector("load", load, system.coordinates, " of coordinates"))
+    finite("load", force)
     begins = solve(system, state, closure=closure)
     course = _course(system, state, elasticity(closure, system, state), force, np.asarray(begins.contact))
     names, rows = system.names, list(system.names.one_sided)
