@@ -99,6 +99,7 @@ from ._solution_sets._bounds import MisfitBox as MisfitBox
 from ._solution_sets._bounds import PreloadBox as PreloadBox
 from ._solution_sets._bounds import PreloadNorm as PreloadNorm
 from ._solution_sets._family._solution_family import solution_family as solution_family
+from ._solution_sets._loads_at_rest._lift_off import lift_off as lift_off
 from ._solution_sets._loads_at_rest._limit_load import limit_load as limit_load
 from ._solution_sets._sticking._sticking import sticking as sticking
 from ._solve._all_solutions import frictional_solutions as frictional_solutions

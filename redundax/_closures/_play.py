@@ -4,7 +4,7 @@ A joint with play c carries nothing until its parts have moved by c, and then as
 load: its loads cost c |lam| of energy. Pins, sleeves and balls have it in all directions alike, c |lam_xy|.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -81,14 +81,21 @@ def _rows(mechanism: Mechanism, name: str) -> tuple[int, ...]:
     own = [k for k, label in enumerate(labels) if label.rpartition(".")[0] == name]
     if len(own) == 1 or all(kinds[k] == "force" for k in own):
         return tuple(own)
-    for parts in _ROUND:
-        found = tuple(k for k in own if labels[k].rpartition(".")[2] in parts)
-        if len(found) == len(parts):
-            return found
+    if found := round_rows(labels, name):
+        return found
     raise RedundaxError(
         f"Argument `play` names joint '{name}', which has play in no disc. Name its rows instead: "
         f"{', '.join(labels[k] for k in own)}."
     )
+
+
+def round_rows(labels: Sequence[str], name: str) -> tuple[int, ...]:
+    """The two rows of a pin or sleeve across its axis; none of another joint."""
+    for parts in _ROUND:
+        found = tuple(k for k, label in enumerate(labels) if label in {f"{name}.{part}" for part in parts})
+        if len(found) == len(parts):
+            return found
+    return ()
 
 
 def without_play(closure: Any) -> Any:

@@ -35,6 +35,7 @@ from ._gaps import overlaps
 from ._guess import ask_for_radians, check_finite
 from ._matrices import matrices_of
 from ._misfit import Misfit, tell
+from ._parting import rows_of_velocity
 from ._scaling import largest_violation
 from ._unmet import check_rows, no_position, no_velocity
 
@@ -118,10 +119,11 @@ def assemble(
     held, driven = (on_device(np.array(indices, int)) for indices in (held, driven))
     given = State(system.start(q, t), qd, t), held, at, driven, rate
     run = matrices_of(system).run(_assemble, _assemble_sparse)
-    bare = system.anonymous.without_friction
+    bare, moving = system.anonymous.without_friction, None
     if system.names.one_sided:
-        bare = bare.opened(_rows_that_hold(system.names, bare, run, given, closed))
-    state, off, slow = run(bare, *given)
+        kept, moving = _rows_that_hold(system.names, bare, run, given, closed)
+        bare = bare.opened(kept)
+    state, off, slow = run(bare, *given, moving)
     if is_concrete(off.refused) and is_concrete(slow.refused):
         off, slow = jax.device_get(stop_gradient((off, slow)))
         if off.refused and throw is not False:
@@ -137,14 +139,15 @@ def assemble(
 @computed
 def _rows_that_hold(
     names: Names, system: AbstractSystem, run: Any, given: tuple, closed: Sequence[str]
-) -> Bool[Array, " m"]:
-    """The rows that hold: all but contacts with a gap at the guess that stay open. No derivatives."""
+) -> tuple[Bool[Array, " m"], Bool[Array, " m"]]:
+    """The rows that hold the position, all but contacts with a gap at the guess that stay open; and those that hold the
+    velocity. No derivatives."""
     system, (start, *others) = stop_gradient((system, given))
     wanted = np.isin(names.contacts, _checked(closed, names.contacts))
     tolerance = largest_violation(start.qd.dtype)
 
     def body(kept: tuple[Array, Array]) -> tuple[Array, Array]:
-        reached = overlaps(system, run(system.opened(rows_that_hold(names, kept[0], kept[0])), start, *others)[0])
+        reached = overlaps(system, run(system.opened(rows_that_hold(names, kept[0], kept[0])), start, *others, None)[0])
         more = kept[0] | (reached > tolerance)
         return more, xp.any(more & ~kept[0])
 
@@ -152,7 +155,13 @@ def _rows_that_hold(
     most = tolerance if wanted.any() else np.inf  # those that are wanted may push the others out
     first = xp.asarray(wanted) | ((begins > -tolerance) & (begins <= most))
     kept, _ = while_loop(lambda kept: kept[1], body, (first, xp.ones((), bool)))
-    return rows_that_hold(names, kept, kept)
+    rows = rows_that_hold(names, kept, kept)
+    at = replace_fields(start, q=run(system.opened(rows), start, *others, None)[0].q)
+
+    def velocity(system: AbstractSystem) -> tuple[Array, Misfit]:
+        return matrices_of(system).run(_velocity, _velocity_sparse)(system, at, *others[2:])
+
+    return rows, rows_of_velocity(system, at, velocity, kept)
 
 
 def _checked(closed: Sequence[str], contacts: tuple[str, ...]) -> Sequence[str]:
@@ -182,11 +191,12 @@ def _assembled(
     positions: Float[Array, " h"],
     driven: Int[Array, " d"],
     rates: Float[Array, " d"],
+    moving: Bool[Array, " m"] | None,
 ) -> tuple[State, Misfit, Misfit]:
-    """State, and the misfits of its position and of its velocity."""
-    kind = matrices_of(system).closing
-    q, off = position(kind.of(system, guess, held, positions))
-    qd, slow = velocity_of(kind, system, replace_fields(guess, q=q), driven, rates)
+    """State, and the misfits of its position and of its velocity, which `moving` holds, if other rows do."""
+    q, off = position(matrices_of(system).closing.of(system, guess, held, positions))
+    system = system if moving is None else system.opened(moving)
+    qd, slow = _velocity(system, replace_fields(guess, q=q), driven, rates)
     found = replace_fields(guess, q=nan_where(off.refused, q), qd=nan_where(off.refused | slow.refused, qd))
     return found, off, slow
 
@@ -196,4 +206,9 @@ def _assembled_each(*arguments: Any) -> tuple[State, Misfit, Misfit]:
     return alike(_assembled(*arguments), eqx.filter(arguments, eqx.is_array))
 
 
+def _velocity(system: AbstractSystem, state: State, driven: Array, rates: Array) -> tuple[Array, Misfit]:
+    return velocity_of(matrices_of(system).closing, system, state, driven, rates)
+
+
+_velocity_sparse = compiled(_velocity)
 _assemble, _assemble_sparse = on_numbers(_assembled_each), compiled(_assembled_each)

@@ -79,6 +79,7 @@ def constraint_motion(system: AbstractSystem, state: State) -> tuple[Float[Array
     return phi, rate
 
 
+@of_model
 def prescribed_rate(system: AbstractSystem, q: Array, t: Array) -> Float[Array, " m"]:
     """Phi_t, of rows of velocity -b: the work of the constraints in a unit of time is this times their multipliers."""
     rate = jax.jvp(lambda t: system.constraint(q, t), (t,), (jnp.ones_like(t),))[1]

@@ -7,6 +7,9 @@ Velocities after an impact are the nearest to those before, in the metric of the
 where the last is of the contacts that are closed, whose rates are positive as they close. It is the problem of `solve`
 for accelerations, with M v- for the load, and has one answer for regular mass. Each contact that has an impulse obeys
 Newton's law of restitution. A rebound whose height is rounding is none.
+
+What it takes is the kinetic energy before, less that after, and what drivers do by their impulses, whose rates are the
+same before and after: Phi_t . P.
 """
 
 from functools import partial
@@ -18,6 +21,7 @@ from jaxtyping import Array, Bool, Float
 from .._closures._closure import Elasticity, elasticity
 from .._equations._factorisation import Factorisation
 from .._equations._gaps import model_of_all
+from .._equations._kinematics import prescribed_rate
 from .._equations._scaling import Scaling, scaling
 from .._solve._contacts import CLEAR, ActiveSet, Asked, active_set, of_rows
 from .._system._contact import Contact, code_of, rows_that_hold
@@ -64,6 +68,7 @@ class After(NamedTuple):
     known: Bool[Array, ""]
     impulses: Float[Array, " c"]
     lost: Float[Array, ""]
+    work: Float[Array, ""]
     strikes: Bool[Array, ""]
 
 
@@ -132,6 +137,8 @@ def settle(equations: Equations, state: State, restitution: Float[Array, " c"], 
     begin = _Now(state.qd, xp.zeros_like(right, bool))
     now, (*impact, end) = scan(turn, begin, _TURNS[_GOES_ON:] if known and not strikes else _TURNS)
     impulses, well, rubs = _struck(impact, system, (jacobian, right, scales), equations.speed)
+    impulses = xp.where(strikes, impulses, 0.0)
+    work = prescribed_rate(system.opened(xp.ones_like(end.kept)), state.q, state.t) @ impulses
     sound = xp.ones((), bool) if equations.has_sense else ~differs(end.factor.result, RESULTS.successful)
     rests = (end.active.contacts == code_of(Contact.touches)) & ~take(end.kept, rows) & end.active.decided
     return After(
@@ -141,27 +148,27 @@ def settle(equations: Equations, state: State, restitution: Float[Array, " c"], 
         end.solution.mode,
         end.active.settled & end.found & sound & (well | ~strikes),
         ~(strikes & rubs),
-        xp.where(strikes, impulses, 0.0),
-        (state.qd @ model.mass @ state.qd - now.qd @ model.mass @ now.qd) / 2,
+        take(impulses, rows),
+        (state.qd @ model.mass @ state.qd - now.qd @ model.mass @ now.qd) / 2 + work,
+        work,
         strikes,
     )
 
 
 def _struck(
     impact: list[_Turn], system: AbstractSystem, at: tuple[Array, Array, Scaling], speed: Array
-) -> tuple[Float[Array, " c"], Bool[Array, ""], Bool[Array, ""]]:
-    """Impulses of contacts, whether velocities after an impact are found, and whether joints are loaded whose friction
-    has no law of impulses; of none where there is no impact."""
-    rows = np.array(system.names.one_sided)
+) -> tuple[Float[Array, " m"], Bool[Array, ""], Bool[Array, ""]]:
+    """Impulses, whether velocities after an impact are found, and whether joints are loaded whose friction has no law
+    of impulses; of none where there is no impact."""
     if not impact:
-        return xp.zeros(rows.size), xp.ones((), bool), xp.zeros((), bool)
+        return xp.zeros(len(system.rows)), xp.ones((), bool), xp.zeros((), bool)
     (jacobian, right, scales), (strikes, holds) = at, impact
     missed = xp.where(holds.kept, jacobian @ holds.solution.acceleration - right, 0.0) / scales.rows
     meets = xp.all(xp.abs(missed) <= tolerance_of(_MISSED, missed) * speed)
     multipliers = strikes.solution.multipliers
     whole = xp.abs(multipliers * scales.rows)
     rubs = xp.any(take(whole, _without_impulse(system)) > CLEAR * xp.max(whole))
-    impulses = xp.where(take(strikes.kept, rows), take(multipliers, rows), 0.0)
+    impulses = xp.where(strikes.kept, multipliers, 0.0)
     return impulses, strikes.active.settled & strikes.found & holds.found & meets, rubs
 
 

@@ -169,7 +169,8 @@ def _with_contacts(
     touch = Touch(xp.asarray(~np.isin(np.arange(len(system.rows)), rows)), which & none, rank)
     path = jax.tree.map(lambda x: xp.broadcast_to(x, (ts.size, *x.shape)), touch)
     impacts = ImpactLog(
-        xp.zeros_like(state.t, int), *(xp.full((most + 1, *size), xp.nan, ts.dtype) for size in ((), rows.shape, ()))
+        xp.zeros_like(state.t, int),
+        *(xp.full((most + 1, *size), xp.nan, ts.dtype) for size in ((), rows.shape, (), ())),
     )
     good = as_numbers(RESULTS.successful)
     contacts = Contacts(touch, Hit(state.t, which), ~none, ~none, good, path, impacts)

@@ -45,12 +45,14 @@ class Options(NamedTuple):
 
 
 class ImpactLog(NamedTuple):
-    """Impacts so far: how many, when, the impulses of contacts, and the energy that they took; NaN of the others."""
+    """Impacts so far: how many, when, the impulses of contacts, the energy that they took, and the work of drivers; NaN
+    of the others."""
 
     number: Int[Array, ""]
     t: Float[Array, " impacts"]
     impulses: Float[Array, "impacts c"]
     lost: Float[Array, " impacts"]
+    work: Float[Array, " impacts"]
 
 
 class Contacts(NamedTuple):
@@ -264,8 +266,9 @@ def _settled(now: PhaseState, after: After, equations: Equations, starts: Bool[A
         xp.where(place, after.state.t, impacts.t),
         xp.where(place[:, None], after.impulses, impacts.impulses),
         xp.where(place, after.lost, impacts.lost),
+        xp.where(place, after.work, impacts.work),
     )
-    y = now.y._replace(qd=after.state.qd, work=now.y.work - after.lost)
+    y = now.y._replace(qd=after.state.qd, work=now.y.work + after.work - after.lost)
     plan = now.plan._replace(time=xp.full_like(now.plan.time, xp.inf))
     contacts = contacts._replace(
         touch=touch,

@@ -71,12 +71,14 @@ class Impacts(AbstractModule):
 
     - `t`: times, shape (impacts,).
     - `impulses`: of all contacts, positive where they push, shape (impacts, contacts).
-    - `energy`: kinetic energy that they took, shape (impacts,).
+    - `energy`: what they took, shape (impacts,): kinetic energy before less that after, and `work`.
+    - `work`: that of drivers, and of all that moves as prescribed, by their impulses, shape (impacts,).
     """
 
     t: Float[Array, " impacts"]
     impulses: Float[Array, "impacts contacts"]
     energy: Float[Array, " impacts"]
+    work: Float[Array, " impacts"]
 
 
 class Trajectory(AbstractNamed):

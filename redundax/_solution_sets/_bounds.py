@@ -17,6 +17,7 @@ import numpy as np
 
 from .._analysis._report import Report
 from .._closures._closure import AbstractClosure, check_closure, elasticity
+from .._closures._play import round_rows
 from .._system._names import by_joint, index_of
 from .._system._results import RESULTS
 from .._system._state import State
@@ -30,6 +31,22 @@ from ._solution_set import SolutionSet
 
 Box = Mapping[str, tuple[float, float]]
 _ONE_BY_ONE = 4  # entries of a case, above which those of equal bounds are told together
+
+
+class Disc(NamedTuple):
+    """Two misfits in a disc, by their places among those that are bounded."""
+
+    places: np.ndarray
+    centre: np.ndarray
+    radius: float
+
+
+class Misfits(NamedTuple):
+    """Rows whose misfit is bounded, the least and the largest of each, (q, 2), and which are in discs within these."""
+
+    rows: np.ndarray
+    box: np.ndarray
+    discs: tuple[Disc, ...]
 
 
 class Parameters(NamedTuple):
@@ -48,11 +65,29 @@ def title_of(bounds: "AbstractBounds | AbstractClosure", cases: AbstractCases | 
     if isinstance(bounds, PreloadNorm):
         ends = np.array([*bounds.sizes.values()])
         return _in_words(type(bounds).__name__, [*bounds.sizes], np.stack([-ends, ends], axis=1))
-    rubbing = bounds.friction if isinstance(bounds, MisfitBox) else {}
-    parts = dict(zip(cases.names, cases.box, strict=True)) | {
-        f"friction {name}": ends for name, ends in rubbing.items()
+    rubbing, round_ = (bounds.friction, bounds.radial) if isinstance(bounds, MisfitBox) else ({}, {})
+    parts = {
+        name: ends
+        for name, ends in zip(cases.names, cases.box, strict=True)
+        if name.rpartition(".")[0] not in round_ or name in getattr(bounds, "box", {})
     }
+    parts |= {f"friction {name}": ends for name, ends in rubbing.items()}
+    parts |= {f"radial {name}": (0.0, size) for name, size in round_.items()}
     return _in_words(type(bounds).__name__, [*parts], np.array([*parts.values()]).reshape(-1, 2))
+
+
+def parts_of(bounds: "AbstractBounds | AbstractClosure") -> tuple[AbstractClosure | None, Box]:
+    """The closure, if there is one, and bounds of friction."""
+    if isinstance(bounds, AbstractClosure):
+        return bounds, {}
+    return getattr(bounds, "closure", None), bounds.friction if isinstance(bounds, MisfitBox) else {}
+
+
+def misfits_of(bounds: "AbstractClosure | MisfitBox", labels: tuple[str, ...], own: np.ndarray) -> Misfits:
+    """What is bounded of misfits, given those of the closure; of a closure nothing."""
+    if isinstance(bounds, AbstractClosure):
+        return Misfits(np.zeros(0, int), np.zeros((0, 2)), ())
+    return bounds.misfits(labels, own)
 
 
 def _in_words(bounds: str, parameters: Sequence[str], box: np.ndarray) -> str:
@@ -82,13 +117,18 @@ def _pairs(argument: str = "box", example: str = '{"A.x": (-40.0, 40.0)}') -> Ca
     return read
 
 
-def _numbers(sizes: Any) -> Mapping[str, float]:
-    try:
-        return {name: float(size) for name, size in sizes.items()}
-    except (AttributeError, TypeError, ValueError) as error:
-        raise RedundaxError(
-            f'Argument `sizes` must give a number by name, but is {sizes!r}. Write {{"A.x": 40.0}}, say.'
-        ) from error
+def _numbers(argument: str = "sizes", example: str = '{"A.x": 40.0}') -> Callable[[Any], Mapping[str, float]]:
+    """What reads the numbers of an argument."""
+
+    def read(sizes: Any) -> Mapping[str, float]:
+        try:
+            return {name: float(size) for name, size in sizes.items()}
+        except (AttributeError, TypeError, ValueError) as error:
+            raise RedundaxError(
+                f"Argument `{argument}` must give a number by name, but is {sizes!r}. Write {example}, say."
+            ) from error
+
+    return read
 
 
 class AbstractBounds(AbstractModule):
@@ -170,7 +210,7 @@ class PreloadNorm(AbstractBounds):
       they must bound every self-stress state.
     """
 
-    sizes: Mapping[str, float] = eqx.field(static=True, converter=_numbers)
+    sizes: Mapping[str, float] = eqx.field(static=True, converter=_numbers())
 
     def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Affine:
         box = {name: (-size, size) for name, size in self.sizes.items()}
@@ -195,14 +235,25 @@ class MisfitBox(AbstractBounds):
     - `box`: for rows, least and largest misfit, m for force-type and rad for moment-type rows; {} for none.
     - `friction`: for joints, by name, the least and the largest multiple of the friction that their models give:
       {"K": (0.5, 2.0)} where a coefficient of 0.1 may be from 0.05 to 0.2.
+    - `radial`: for pins and sleeves, by name, how far the middle of a hole may be off, m, to any side: their misfit is
+      in a disc about that of the closure. Of `band` and `band_along` where joints have no friction.
     """
 
     closure: AbstractClosure
     box: Box = eqx.field(static=True, converter=_pairs())
     friction: Box = eqx.field(static=True, converter=_pairs("friction", '{"K": (0.5, 2.0)}'), default_factory=dict)
+    radial: Mapping[str, float] = eqx.field(
+        static=True, converter=_numbers("radial", '{"A": 20e-6}'), default_factory=dict
+    )
 
     def __check_init__(self) -> None:
         check_closure(self.closure)
+        for name, size in self.radial.items():
+            if not 0 <= size < np.inf:
+                raise RedundaxError(
+                    f"Argument `radial` must hold finite lengths of at least 0, but that of {name} is {size}. Give how "
+                    "far it may be off to any side."
+                )
         for name, (least, most) in self.friction.items():
             if not 0 <= least <= most < np.inf:
                 raise RedundaxError(
@@ -215,16 +266,32 @@ class MisfitBox(AbstractBounds):
         """The same without limits of friction."""
         if not self.friction:
             return self
-        return MisfitBox(self.closure, self.box) if self.box else self.closure
+        return MisfitBox(self.closure, self.box, radial=self.radial) if self.box or self.radial else self.closure
 
-    def misfits(self, rows: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
-        """Rows that are bounded, and least and largest misfits, (q, 2)."""
-        if not self.box and self.friction:
-            return np.zeros(0, int), np.zeros((0, 2))
-        places, lower, upper = _box("box", self.box, rows)
-        return places, np.stack([lower, upper], axis=1)
+    def misfits(self, labels: tuple[str, ...], own: np.ndarray) -> "Misfits":
+        """What is bounded of the misfits of all rows, given those of the closure."""
+        rows, box, discs = np.zeros(0, int), np.zeros((0, 2)), list[Disc]()
+        if self.box or not (self.friction or self.radial):
+            rows, lower, upper = _box("box", self.box, labels)
+            box = np.stack([lower, upper], axis=1)
+        for name, size in self.radial.items():
+            both = round_rows(labels, name)
+            if not both or set(both) & set(rows):
+                raise RedundaxError(
+                    f"Argument `radial` must name pins and sleeves that `box` does not bound, but names {name}. Bound "
+                    "rows of other joints by `box`."
+                )
+            centre = np.asarray(own)[list(both)]
+            discs += [Disc(np.arange(2) + len(rows), centre, size)]
+            rows, box = np.r_[rows, both], np.r_[box, centre[:, None] + [[-size, size]] * 2]
+        return Misfits(rows, box, tuple(discs))
 
     def cases(self, system: AbstractSystem, state: State, report: Report, solutions: SolutionSet) -> Affine:
+        if self.radial:
+            raise RedundaxError(
+                "Argument `bounds` must hold no `radial`, except in `band` and `band_along` where joints have no "
+                "friction. Bound the rows one by one, by `box`: as much to either side holds all of the disc."
+            )
         if self.friction:
             raise RedundaxError(
                 "Argument `bounds` must hold no `friction`, except in `band` and `band_along`. Set it in the joints."

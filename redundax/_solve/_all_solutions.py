@@ -26,7 +26,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem, check_system
 from .._tools._errors import RedundaxError
 from .._tools._module import floats, replace_fields
-from .._tools._numbers import Numeric, computed, xp
+from .._tools._numbers import Numeric, computed, or_one, xp
 from ._contacts import CLEAR, as_held, contacts_at, signs, strains, with_rows, without_rows
 from ._reduced import reduce
 from ._solution import Solution
@@ -137,12 +137,12 @@ def _with_contacts(
             if not is_one_of(solution.result, RESULTS.successful):
                 continue
             whole = with_rows(own, kept, every)
-            wrong, does, _ = signs(rows, closed, kept, at, factor, solution, whole)
+            wrong, _, does, _ = signs(rows, closed, kept, at, (factor, solution, whole))
             touching = np.isin(does, [code_of(Contact.touches), code_of(Contact.carries)])
             beside, own_rows = touching & ~np.asarray(kept)[rows], np.array_equal(rolling, touching & tied)
-            room = strains(rows, kept, at[0], factor, solution.multipliers, whole)
-            left, free = (np.asarray(x)[beside] for x in room)
-            if not np.any(wrong > 0) and own_rows and _has_room(left, free):
+            bent = whole.compliance @ solution.multipliers - whole.misfit
+            left, free = (np.asarray(x)[beside] for x in strains(rows, kept, at[0], factor, bent))
+            if not np.any(wrong > 0) and own_rows and _has_room(left / or_one(np.max(np.abs(bent))), free):
                 redundancy = solution.stats.redundancy - np.sum(~kept)
                 stats = replace_fields(solution.stats, redundancy=redundancy)
                 found.append(replace_fields(solution, contact=does, stats=stats))

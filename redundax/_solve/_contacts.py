@@ -147,9 +147,7 @@ def active_set(
         kept = rows_that_hold(names, step.loaded, step.rolling)
         factor, solution, bent, found = of_set(system, state, elasticity, kept)
         bent = with_rows(bent, kept, elasticity)
-        wrong, does, decided = signs(rows, closed, kept, at, factor, solution, bent)
-        pulls = _contradicted(rows, closed, kept, at, factor, solution)
-        wrong = xp.where(xp.any(pulls > 0), pulls, wrong)
+        wrong, contradicts, does, decided = signs(rows, closed, kept, at, (factor, solution, bent))
         # The worst first; then the first, which cannot go round in circles.
         place = xp.where(step.changes < 2 * rows.size, xp.argmax(wrong), xp.argmax(wrong > 0))
         flip = (xp.asarray(np.arange(rows.size)) == place) & xp.any(wrong > 0)
@@ -158,7 +156,7 @@ def active_set(
         touching = (does == code_of(Contact.touches)) | (does == code_of(Contact.carries))
         touching = touching & (~asked.lets_go | step.loaded | decided)
         rolling = xp.where(xp.any(flip), xp.where(flip, loaded, step.rolling), touching) & xp.asarray(has_tied)
-        failed = (~found | differs(solution.result, RESULTS.successful)) & ~xp.any(pulls > 0)
+        failed = (~found | differs(solution.result, RESULTS.successful)) & ~contradicts
         settled = ~xp.any(flip | (rolling ^ step.rolling)) | failed
         changes = step.changes + xp.where(settled, 0, 1)
         loaded, rolling = xp.where(settled, step.loaded, loaded), xp.where(settled, step.rolling, rolling)
@@ -191,24 +189,43 @@ def _closed(model: Model, scales: Scaling, state: State) -> Bool[Array, " m"]:
     return (position > -tolerance) & (model.motion.rate / scales.rows >= -tolerance * speed)
 
 
+class Signs(NamedTuple):
+    """What a set of rows says of contacts.
+
+    - `wrong`: relative and positive where they must change.
+    - `contradicts`: whether others take some away that are kept, which are the wrong ones then.
+    - `does`: what each does, as a number.
+    - `decided`: which move with the rows that are kept.
+    """
+
+    wrong: Float[Array, " c"]
+    contradicts: Bool[Array, ""]
+    does: Int[Array, " c"]
+    decided: Bool[Array, " c"]
+
+
 def signs(
     rows: np.ndarray,
     closed: Bool[Array, " c"],
     all_kept: Bool[Array, " m"],
     at: tuple[Array, Array, Scaling],
-    factor: Factorisation,
-    solution: Any,
-    elasticity: Elasticity,
-) -> tuple[Float[Array, " c"], Int[Array, " c"], Bool[Array, " c"]]:
-    """How wrong each contact is, relative and positive where it must change; what it does; and which move with the rows
-    that are kept. `at` is Phi_q, gamma and the scales."""
-    jacobian, gamma, scales = at
-    kept = take(all_kept, rows)
+    found: tuple[Factorisation, Any, Elasticity],
+) -> Signs:
+    """Those of contacts; `at` is Phi_q, gamma and the scales, `found` the factorisation, solution and closure of the
+    rows that are kept.
+
+    Where others take away a contact that is kept, rows that give way a little would have forces beyond all others,
+    along P gamma.
+    """
+    (jacobian, gamma, scales), (factor, solution, elasticity) = at, found
+    kept, size = take(all_kept, rows), _size(at, factor, solution)
     force = scales.rows * solution.multipliers
     force = take(force, rows) / or_one(xp.max(xp.abs(force)))
     into = (jacobian @ solution.acceleration - gamma) / scales.rows  # how the rows close
-    into = take(into, rows) / or_one(_size(at, factor, solution))
-    strain, free = strains(rows, all_kept, jacobian, factor, solution.multipliers, elasticity)
+    into = take(into, rows) / or_one(size)
+    bent = elasticity.compliance @ solution.multipliers - elasticity.misfit
+    strain, free = strains(rows, all_kept, jacobian, factor, bent)
+    strain = strain / or_one(xp.max(xp.abs(bent)))
     turned = take(xp.linalg.norm(jacobian * factor.scaling.coordinates, axis=1), rows)
     decided = xp.linalg.norm(free, axis=1) / or_one(turned) < _WITHIN  # by the other rows: it moves with them
     together = decided & (into > -largest_violation(into.dtype))  # else these take it away, however little they give
@@ -217,7 +234,13 @@ def signs(
     carries, lifts = kept & (force > CLEAR), ~kept & (into < -CLEAR)
     opened, lifted, touching, loaded = map(code_of, Contact)
     code = xp.where(carries, loaded, xp.where(lifts, lifted, touching))
-    return xp.where(wrong > CLEAR, wrong, -1.0), xp.where(closed, code, opened), decided
+    size = xp.where(xp.isfinite(size), size, _size(at, factor, factor))  # none where `solve` refuses the contradiction
+    off = take(factor.split.stress @ xp.where(all_kept, gamma / scales.rows, 0.0), rows) / or_one(size)
+    # Positions may be off by as much, and what they prescribe is.
+    off = xp.where(closed & kept & (off > largest_violation(off.dtype)), off, -1.0)
+    contradicts = xp.any(off > 0)
+    wrong = xp.where(contradicts, off, xp.where(wrong > CLEAR, wrong, -1.0))
+    return Signs(wrong, contradicts, xp.where(closed, code, opened), decided)
 
 
 def _size(at: tuple[Array, Array, Scaling], factor: Factorisation, solution: Any) -> Float[Array, ""]:
@@ -228,37 +251,15 @@ def _size(at: tuple[Array, Array, Scaling], factor: Factorisation, solution: Any
     return xp.max((xp.abs(jacobian) @ parts + xp.abs(gamma)) / scales.rows)
 
 
-def _contradicted(
-    rows: np.ndarray,
-    closed: Bool[Array, " c"],
-    all_kept: Bool[Array, " m"],
-    at: tuple[Array, Array, Scaling],
-    factor: Factorisation,
-    solution: Any,
-) -> Float[Array, " c"]:
-    """How far others take contacts away that are kept, relative and positive where they do.
-
-    Rows that give way a little would then have forces beyond all others, along P gamma.
-    """
-    size = _size(at, factor, solution)  # not a number where `solve` has refused the contradiction
-    size = xp.where(xp.isfinite(size), size, _size(at, factor, factor))
-    off = take(factor.split.stress @ xp.where(all_kept, at[1] / at[2].rows, 0.0), rows) / or_one(size)
-    # Positions may be off by as much, and what they prescribe is.
-    return xp.where(closed & take(all_kept, rows) & (off > largest_violation(off.dtype)), off, -1.0)
-
-
 def strains(
     rows: np.ndarray,
     all_kept: Bool[Array, " m"],
     jacobian: Float[Array, "m n"],
     factor: Factorisation,
-    multipliers: Float[Array, " m"],
-    elasticity: Elasticity,
+    bent: Float[Array, " m"],
 ) -> tuple[Float[Array, " c"], Float[Array, "c n"]]:
-    """What is left between contacts beside what gives way of the rows that are kept, relative and negative where it
-    closes; and by how much each closes as what these leave free moves."""
-    bent = elasticity.compliance @ multipliers - elasticity.misfit
+    """What is left between contacts beside what gives way of the rows that are kept, negative where it closes, `bent`
+    being W lam - d of all; and by how much each closes as what these leave free moves."""
     own = factor.scaling
     u = own.coordinates * (factor.split.inverse @ (xp.where(all_kept, bent, 0.0) / own.rows))
-    strain = take(bent - jacobian @ u, rows) / or_one(xp.max(xp.abs(bent)))
-    return strain, take((jacobian * own.coordinates) @ factor.split.motion, rows)
+    return take(bent - jacobian @ u, rows), take((jacobian * own.coordinates) @ factor.split.motion, rows)

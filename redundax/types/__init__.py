@@ -22,6 +22,7 @@ from .._motion._trajectory import TrajectoryStats as TrajectoryStats
 from .._solution_sets._band._band import Bands as Bands
 from .._solution_sets._band._band_along import BandPath as BandPath
 from .._solution_sets._family._solution_family import SolutionFamily as SolutionFamily
+from .._solution_sets._loads_at_rest._lift_off import LiftOff as LiftOff
 from .._solution_sets._loads_at_rest._limit_load import LimitLoad as LimitLoad
 from .._solution_sets._sticking._sticking_report import Sticking as Sticking
 from .._solve._solution import Solution as Solution

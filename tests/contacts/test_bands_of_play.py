@@ -109,6 +109,46 @@ def test_pins_in_holes_carry_what_any_clearance_lets_them():
         np.testing.assert_allclose(float(solution[names[k]]), bands.upper[k], rtol=1e-6)
 
 
+def test_a_hole_that_is_off_to_any_side_bounds_loads_by_a_disc():
+    """A plate on three pins of 1 um/N: springs between it and the ground, lam_i = (d_i - u - phi x p_i) / w.
+
+    Loads are linear in misfits, lam = G d: those of a disc of 20 um and a box of 5 um add r |G_A| + 5 um |G_B|.
+    """
+    at, w = np.array([[-0.5, 0.0], [0.5, 0.0], [0.1, 0.4]]), 1e-6
+    names = "ABC"
+    pins = [rx.Revolute(name, "plate", "ground", tuple(p), tuple(p)) for name, p in zip(names, at, strict=True)]
+    mechanism = rx.Mechanism([rx.Body("plate", 1.0, 0.1)], pins)
+    rigid = np.concatenate([[[1.0, 0.0, -y], [0.0, 1.0, x]] for x, y in at])
+    gain = (np.eye(6) - rigid @ np.linalg.pinv(rigid)) / w
+    own = np.zeros((3, 3))
+    own[0, :2] = 3e-6, -4e-6
+    joints = rx.ElasticJoints(
+        mechanism, [rx.JointCompliance(n, w, misfit=tuple(d)) for n, d in zip(names, own, strict=True)]
+    )
+    outputs = [f"{name}.{axis}" for name in names for axis in "xy"]
+    bounds = rx.MisfitBox(joints, {"B.y": (-5e-6, 5e-6)}, radial={"A": 20e-6})
+    bands = rx.band(mechanism, REST, outputs, bounds)
+    middle = gain @ own[:, :2].ravel()
+    reach = 20e-6 * np.linalg.norm(gain[:, :2], axis=1) + 5e-6 * np.abs(gain[:, 3])
+    np.testing.assert_allclose([bands.lower, bands.upper], [middle - reach, middle + reach], rtol=1e-6)
+    assert bands.exact.all() and "radial A 0 to 2e-05" in str(bands)
+    at_most = bands.upper_case[0, 1:] - own[0, :2]  # of A.x, along its gradient
+    np.testing.assert_allclose(at_most, 20e-6 * gain[0, :2] / np.linalg.norm(gain[0, :2]), atol=2e-8)
+    with pytest.raises(rx.RedundaxError, match="`radial` must name pins and sleeves that `box` does not bound"):
+        rx.band(mechanism, REST, "A.x", rx.MisfitBox(joints, {"A.x": (0.0, 1e-6)}, radial={"A": 20e-6}))
+    with pytest.raises(rx.RedundaxError, match="`radial` must hold finite lengths"):
+        rx.MisfitBox(joints, {}, radial={"A": -1e-6})
+
+
+def test_what_loads_that_friction_holds_are_not_asked_of_discs():
+    rubs = {"friction": rx.Coulomb(0.1), "pin_radius": 0.01}
+    pins = [rx.Revolute(name, "rod", "ground", (x, 0.0), (x, 0.0), **rubs) for name, x in (("A", -0.5), ("B", 0.5))]
+    rod = rx.Mechanism([rx.Body("rod", 1.0, 0.1)], pins)
+    bounds = rx.MisfitBox(rx.ElasticJoints(rod, {"A": 2e-7, "B": 3e-7}), {}, radial={"A": 20e-6})
+    with pytest.raises(rx.RedundaxError, match="`bounds` must hold no `radial`, except in `band`"):
+        rx.band(rod, REST, "B.x", bounds)
+
+
 def test_play_beside_friction_at_rest_is_refused_in_bands():
     pins = [
         rx.Revolute(name, "rod", "ground", (x, 0.0), (x, 0.0), 0.01, rx.Coulomb(0.1))

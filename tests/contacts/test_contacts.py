@@ -74,7 +74,7 @@ def test_tables_against_all_active_sets(feet):
     assert {"carries", "lifts"} <= seen
 
 
-def table_of_joints(push=0.0):
+def table_of_joints(push=0.0, held_aside=False):
     """A table of 10 kg whose feet stand on the corners of 0.8 m by 0.6 m, pushed along x at its top, 0.7 m up."""
     top = rx.spatial.Body("table", 10.0, inertia=(1.0, 1.0, 1.5), centre=(0.0, 0.0, 0.7))
     corners = {"f1": (-0.4, -0.3), "f2": (0.4, -0.3), "f3": (0.4, 0.3), "f4": (-0.4, 0.3)}
@@ -83,6 +83,8 @@ def table_of_joints(push=0.0):
         for name, (x, y) in corners.items()
     ]
     fence = [rx.spatial.PointOnPlane("fence", top, "ground", (0.4, 0.0, 0.0), (1.0, 0.0, 0.0))]
+    if held_aside:
+        fence.append(rx.spatial.PointOnPlane("side", top, "ground", (0.0, 0.3, 0.0), (0.0, 1.0, 0.0)))
     loads = [rx.spatial.AppliedForce(top, force=(push, 0.0, 0.0), point=(0.0, 0.0, 0.7))]
     return rx.Mechanism([top], [*feet, *fence], loads=loads, gravity=(0.0, 0.0, -G))
 

@@ -100,6 +100,10 @@ def test_a_driven_ram_strikes_a_plate_off_its_stop(restitution):
     motion = rx.simulate(press(lambda t: 0.02 - v * t), start, 0.2001 if e else 0.3, restitution={"1": e})
     np.testing.assert_allclose(motion.impacts.t[0], 0.2, rtol=1e-12)
     np.testing.assert_allclose(motion.impacts.impulses[0], [3 * v * (1 + e), 0.0], rtol=0, atol=1e-12)
+    # The driver gives the impulse at its rate v, of which the plate has the kinetic energy of v (1 + e).
+    np.testing.assert_allclose(motion.impacts.work[0], 3 * v**2 * (1 + e), rtol=1e-12)
+    np.testing.assert_allclose(motion.impacts.energy[0], 3 * v**2 * (1 - e**2) / 2, rtol=1e-12)
+    assert motion.stats.energy_error < 1e-10
     if e:
         since = float(motion.t[-1]) - 0.2
         left = [-v, -v * (1 + e) + 100 / 3 * since]

@@ -146,9 +146,10 @@ ELSEWHERE = {
     "assemble_along",
     "with_peaks",
     "grip",
+    "lift_off",
     "check",
     "keep_programs",
-}  # of joints that follow laws, wheels, logs, no machine at all
+}  # of joints that follow laws, wheels, contacts, logs, no machine at all
 OF_BATCHES = {"study", "ensemble", "tolerance_study", "identify"}
 DEAR = ("simulate", "analyze_along", "solution_family")  # compile for long, or repeat what others do
 each_call = pytest.mark.parametrize("call", [pytest.param(name, marks=slow if name in DEAR else ()) for name in CALLS])

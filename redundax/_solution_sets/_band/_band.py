@@ -46,6 +46,8 @@ from .._bounds import (
     cases_of,
     check_definite,
     checked_bounds,
+    misfits_of,
+    parts_of,
     title_of,
 )
 from .._cases import AbstractCases, Affine
@@ -271,8 +273,7 @@ def bands_of(
 ) -> Bands:
     """`band`, given the system with the contacts that are closed, and its report."""
     at, report = asked
-    closure = bounds if isinstance(bounds, AbstractClosure) else getattr(bounds, "closure", None)
-    rubbing = bounds.friction if isinstance(bounds, MisfitBox) else {}
+    closure, rubbing = parts_of(bounds)
     if rubbing and not system.friction:
         raise RedundaxError("Argument `bounds` must hold no `friction` where no joint has any. Give joints some first.")
     play = None if closure is None or not report.pivots else closure.clearances(system)
@@ -281,7 +282,8 @@ def bands_of(
             f"Argument `bounds` must have no play in a {type(bounds).__name__}: what joints may carry is known for one "
             "compliance at a time there. Give the closure itself, or a `MisfitBox` of it."
         )
-    has_sides = report.pivots and not system.friction and (play is not None or at.pushing)
+    has_sides = play is not None or at.pushing or (isinstance(bounds, MisfitBox) and bounds.radial)
+    has_sides = report.pivots and not system.friction and has_sides
     if has_sides and isinstance(bounds, AbstractClosure | MisfitBox):
         return _of_joints(system, (at, report), state, outputs, bounds, effort)
     bounds = bounds if report.pivots else without_play(bounds)
@@ -357,11 +359,10 @@ def _of_joints(
     if solutions.undetermined is not None:
         raise NoSolutionError(RESULTS[RESULTS.singular_position])
     wanted = _wanted(system, state, outputs, report)
-    closure = bounds if isinstance(bounds, AbstractClosure) else bounds.closure
-    none = np.zeros(0, int), np.zeros((0, 2))
-    misfits = none if isinstance(bounds, AbstractClosure) else bounds.misfits(report.rows)
+    closure = cast(AbstractClosure, parts_of(bounds)[0])
     elastic = elasticity(closure, system, state, play=True)
     finite("misfit", elastic.misfit, "the closure")
+    misfits = misfits_of(bounds, report.rows, elastic.misfit)
     check_definite(solutions.stress.T @ elastic.compliance @ solutions.stress)
     free = solutions.response.free
     joints = joints_of(free.multipliers, solutions.stress, elastic, misfits, closure.clearances(system), pushing)
@@ -378,11 +379,9 @@ def _of_joints(
         for sign, own in zip((-1.0, 1.0), ends, strict=True)
     )
     lower, upper = (np.where(np.isfinite(values), values, np.nan) for values in (lower, upper))
-    names = (*(report.rows[row] for row in misfits[0]), *(f"play {joints.name(g, report.rows)}" for g in joints.played))
-    box = np.array([*misfits[1], *([0.0, group.play] for group in joints.played)]).reshape(-1, 2)
     solutions_at = [np.stack([np.r_[free.acceleration, end.multipliers] for end in own]) for own in ends]
     bands = Bands(
-        **_described(system, wanted, bounds, Parameters(names, box)),
+        **_described(system, wanted, bounds, joints.parameters(report.rows)),
         lower=lower,
         upper=upper,
         exact=_met(np.stack([lower, upper]), np.stack([outer_lower, outer_upper])),
@@ -420,20 +419,21 @@ def _by_solving(
     (system, factor, _), report = asked
     solutions, wanted = solutions_of(system, state, factor, report, sense), _wanted(system, state, outputs, report)
     _check_values(wanted.names, wanted.matrix, solutions)
-    closure, rubbing = (bounds, {}) if isinstance(bounds, AbstractClosure) else (bounds.closure, bounds.friction)
-    none = np.zeros(0, int), np.zeros((0, 2))
-    misfits = none if isinstance(bounds, AbstractClosure) else bounds.misfits(report.rows)
+    closure, rubbing = cast(tuple[AbstractClosure, Box], parts_of(bounds))
     elastic = elasticity(closure, system, state, play=True)
+    misfits = misfits_of(bounds, report.rows, elastic.misfit)
+    if misfits.discs:
+        cases_of(bounds, system, state, report, solutions)  # which refuses them
     check_definite(solutions.stress.T @ elastic.compliance @ solutions.stress)
     given = solutions.response.free.multipliers, solutions.stress, elastic, misfits
     joints = joints_of(*given, closure.clearances(system) if report.pivots else None, ())
-    names = (*(report.rows[row] for row in misfits[0]), *(f"play {joints.name(g, report.rows)}" for g in joints.played))
-    ends = [*misfits[1], *([0.0, group.play] for group in joints.played), *rubbing.values()]
-    cases = Parameters((*names, *(f"friction {name}" for name in rubbing)), np.array(ends).reshape(-1, 2))
+    names, ends = joints.parameters(report.rows)
+    names = (*names, *(f"friction {name}" for name in rubbing))
+    cases = Parameters(names, np.array([*ends, *rubbing.values()]).reshape(-1, 2))
     solved = one_by_one(system, state, factor, senses(system.slips, sense))
 
     def attained(case: np.ndarray) -> np.ndarray:
-        own, plays, factors = np.split(case, np.cumsum([len(misfits[0]), len(joints.played)]))
+        own, plays, factors = np.split(case, np.cumsum([len(misfits.rows), len(joints.played)]))
         return solved(dict(zip(rubbing, factors, strict=True)), joints.elasticity_at(own), joints.play_of(plays))
 
     found = searched(attained, cases.box, wanted.matrix, effort.samples, effort.seed)

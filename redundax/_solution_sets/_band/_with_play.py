@@ -3,7 +3,7 @@
 With r = d + Phi_q u - W lam, u the displacement, loads are those of joints whose play is up to c, as the module on play
 of `_solve` says of one that is known:
 
-    N^T (W lam + r - d) = 0,   d in a box,
+    N^T (W lam + r - d) = 0,   d in a box, or two of it in a disc,
     r_g = c' lam_g / |lam_g|, or |r_g| <= c' where lam_g = 0,   0 <= c' <= c      of rows with play, one or a disc
     lam >= 0, 0 <= r <= c,   or   lam = 0, r <= c                                of contacts
 
@@ -21,6 +21,7 @@ import numpy as np
 
 from ..._closures._closure import Elasticity
 from ..._closures._play import Play
+from .._bounds import Misfits, Parameters
 from .._loads_at_rest._programme import TOLERANCE
 
 _APART = 1e-8  # a share of loads and clearances that is no rounding of a programme
@@ -47,17 +48,32 @@ class Joints(NamedTuple):
     """What is known of the joints.
 
     - `start`, `stress`: lam_0 and N.
-    - `elasticity`: W and d; `boxed`, `box`: rows whose misfit is between bounds, and these, (q, 2).
+    - `elasticity`: W and d; `misfits`: what is bounded of d.
     - `rows`, `groups`: all rows that have sides.
     """
 
     start: np.ndarray
     stress: np.ndarray
     elasticity: Elasticity
-    boxed: np.ndarray
-    box: np.ndarray
+    misfits: Misfits
     rows: np.ndarray
     groups: tuple[Group, ...]
+
+    @property
+    def boxed(self) -> np.ndarray:
+        """Rows whose misfit is bounded."""
+        return self.misfits.rows
+
+    @property
+    def box(self) -> np.ndarray:
+        """By what, (q, 2)."""
+        return self.misfits.box
+
+    def parameters(self, labels: tuple[str, ...]) -> Parameters:
+        """Misfits and plays."""
+        names = [*(labels[row] for row in self.boxed), *(f"play {self.name(group, labels)}" for group in self.played)]
+        ends = [*self.box, *([0.0, group.play] for group in self.played)]
+        return Parameters(tuple(names), np.array(ends).reshape(-1, 2))
 
     @property
     def played(self) -> list[Group]:
@@ -95,7 +111,7 @@ def joints_of(
     start: np.ndarray,
     stress: np.ndarray,
     elasticity: Elasticity,
-    misfits: tuple[np.ndarray, np.ndarray],
+    misfits: Misfits,
     play: Play | None,
     pushing: tuple[int, ...],
 ) -> Joints:
@@ -110,7 +126,7 @@ def joints_of(
     rows = [row for own, _, _ in parts for row in own]
     places = iter(range(len(rows)))
     groups = tuple(Group(tuple(itertools.islice(places, len(own))), c, pushes) for own, c, pushes in parts)
-    return Joints(start, stress, elasticity, *misfits, np.array(rows, int), groups)
+    return Joints(start, stress, elasticity, misfits, np.array(rows, int), groups)
 
 
 class _Node(NamedTuple):
@@ -148,7 +164,7 @@ class SidesOfJoints:
         self.equal = left / size[:, None], right / size
         within, free = self._within(energy) / self.per_z[:, None], [[-np.inf, np.inf]] * (2 * s)
         self.free = np.array([*within, *(joints.box / self.gap), *free])
-        self.planes: list[tuple[Group, np.ndarray]] = []
+        self.planes: list[tuple[np.ndarray, float]] = []  # rows, and what these times x are at most
 
     def _within(self, energy: np.ndarray) -> np.ndarray:
         """Bounds of z, (k, 2), as the energy of the loads is no more than that of any that are possible.
@@ -195,7 +211,10 @@ class SidesOfJoints:
                 break
             heapq.heappop(queue)
             off = [self._off(group, x) for group in self.joints.groups]
-            if max(off, default=0.0) <= _APART:
+            if self._cut_misfits(x):
+                put(sides, number, cuts)
+                nodes += 1
+            elif max(off, default=0.0) <= _APART:
                 better(self._multipliers(x), self._case(x))
             elif cuts < _CUTS and self._cut(x):
                 put(sides, number, cuts + 1)
@@ -219,8 +238,7 @@ class SidesOfJoints:
         """The largest cost @ x on sides, and where; infinite and None where nothing bounds it."""
         from scipy.optimize import linprog  # here, because its import takes a second
 
-        bounds, rows = self.free.copy(), [self._row(group, u, gap=True) for group, u in self.planes]
-        right = [group.play / self.gap for group, _ in self.planes]
+        bounds, rows, right = self.free.copy(), *map(list, zip(*self.planes, strict=True) if self.planes else ([], []))
         for group, side in zip(self.joints.groups, sides, strict=True):
             loads, gaps = (self.parts[which] + np.array(group.places) for which in (1, 2))
             most = group.play / self.gap
@@ -276,8 +294,22 @@ class SidesOfJoints:
         """Whether a gap is outside of its disc; a plane keeps it out then."""
         found = [(group, self._of(group, x)[1]) for group in self.joints.groups if len(group.places) > 1]
         out = [(group, gap) for group, gap in found if np.linalg.norm(gap) > (1 + _APART / 2) * group.play / self.gap]
-        self.planes += [(group, gap / np.linalg.norm(gap)) for group, gap in out]
+        for group, gap in out:
+            self.planes.append((self._row(group, gap / np.linalg.norm(gap), gap=True), group.play / self.gap))
         return bool(out)
+
+    def _cut_misfits(self, x: np.ndarray) -> bool:
+        """The same of misfits."""
+        cut = False
+        for places, centre, radius in self.joints.misfits.discs:
+            off = x[self.parts[0] + places] - centre / self.gap
+            size = float(np.linalg.norm(off))
+            if size > (1 + _APART / 2) * radius / self.gap and radius > 0:
+                row, along = np.zeros(len(self.free)), off / size
+                row[self.parts[0] + places] = along
+                self.planes.append((row, float(along @ centre + radius) / self.gap))
+                cut = True
+        return cut
 
     def _ways(self, group: Group, side: Any, x: np.ndarray) -> list[Any]:
         """The sides that are left."""

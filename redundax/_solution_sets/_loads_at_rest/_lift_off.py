@@ -1,0 +1,266 @@
+"""Which contacts lose their load, in which order, as a load grows.
+
+Without friction all is affine in the amount s of the load as long as the same contacts carry,
+
+    lam = lam_0 + s lam_1,   qdd = a_0 + s a_1,   lam nearest in the closure's compliance,
+
+so the amount at which the next contact changes is a quotient: where the load of one that carries, the strain of one
+that touches or the acceleration of one that lifts passes zero. The active set a little beyond says what all do from
+there on.
+"""
+
+import dataclasses
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..._analysis._outputs import plain
+from ..._closures._closure import AbstractClosure, Elasticity, MinimumNorm, check_closure, elasticity
+from ..._equations._factorisation import Factorisation, factorised
+from ..._equations._scaling import Scaling
+from ..._solve._contacts import ActiveSet, Asked, active_set, contacts_at, strains, without_rows
+from ..._solve._solve import solve
+from ..._system._contact import Contact, code_of, words
+from ..._system._names import ByName, unit_of, vector
+from ..._system._results import RESULTS
+from ..._system._state import State
+from ..._system._system import AbstractSystem, check_system_at
+from ..._tools._errors import NoSolutionError, RedundaxError
+from ..._tools._module import finite
+from ..._tools._numbers import Numeric, as_numbers, computed, or_one
+from ..._tools._table import text_of
+
+_MINIMUM_NORM = MinimumNorm()
+_BEYOND = 1e-6  # of the amounts: how far beyond a change it is asked what contacts do
+_FLAT = 1e-9  # of the largest change of its kind: one that is rounding
+_MOST = 8  # changes of each contact, more than which go round in circles
+_LIFTS = code_of(Contact.lifts)
+
+
+@dataclasses.dataclass(frozen=True)
+class LiftOff:
+    """What contacts do as a load grows, until one lifts. `str()` gives a page, `to_dict()` data.
+
+    - `load`, `units`: the load of amount 1, by name of coordinate, and the units of its forces and moments.
+    - `amounts`: those at which contacts change, in order, shape (changes,).
+    - `contacts`: what each does, by name, from no load on and from each of these amounts on; one more than there are.
+    - `loads`: the multiplier of each, by name, without the load and at each of these amounts.
+    - `tips`: the amount from which a contact lifts, so that it no longer stands: the last of `amounts`; infinite where
+      none does, however large the load.
+    - `closure`: the name of its class.
+
+    ??? example
+
+        ```python
+        found = rx.lift_off(mechanism, state, {"table.x": 1.0}, legs)
+        found.first, found.amounts[0]  # the foot that loses its load first, and at which push
+        ```
+    """
+
+    load: dict[str, float]
+    units: tuple[str, ...]
+    amounts: np.ndarray
+    contacts: tuple[dict[str, str], ...]
+    loads: tuple[dict[str, float], ...]
+    tips: float
+    closure: str
+
+    @property
+    def first(self) -> tuple[str, ...]:
+        """Names of the contacts that lose their load first, of several at once all; none where none does."""
+        return next((gone for k in range(len(self.amounts)) if (gone := self._unloaded(k))), ())
+
+    def _unloaded(self, k: int) -> tuple[str, ...]:
+        """Those that lose their load at a change."""
+        before, after = self.contacts[k : k + 2]
+        return tuple(name for name, does in after.items() if before[name] == "carries" != does)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain Python data; infinities become None."""
+        return {field.name: plain(getattr(self, field.name)) for field in dataclasses.fields(self)}
+
+    def __str__(self) -> str:
+        given = zip(self.load.items(), self.units, strict=True)
+        load = ", ".join(f"{name} {amount:.6g} {unit}".strip() for (name, amount), unit in given)
+        lines = [f"Added load of amount 1: {load}", f"{self.closure}", f"At 0: {self._loads(0)}"]
+        for k, amount in enumerate(self.amounts):
+            before, after = self.contacts[k : k + 2]
+            changed = [f"{name} {does}" for name, does in after.items() if does != before[name]]
+            lines.append(f"From {amount:.6g}: {', '.join(changed)}; {self._loads(k + 1)}")
+        lines += ["No contact lifts, however large it is"] * bool(np.isinf(self.tips))
+        return text_of(lines)
+
+    def _loads(self, k: int) -> str:
+        """Of the contacts that carry from an amount on."""
+        carried = [name for name, does in self.contacts[k].items() if does == "carries"]
+        return ", ".join(f"{name} {self.loads[k][name]:.6g}" for name in carried) or "none carries"
+
+
+class _Solution(NamedTuple):
+    """Accelerations and multipliers at an amount."""
+
+    acceleration: Numeric
+    multipliers: Numeric
+    result: RESULTS
+
+
+class _Set(NamedTuple):
+    """The equations of the contacts that are kept: the load of amount 1, and qdd and lam without it and by it."""
+
+    factor: Factorisation
+    closure: Elasticity
+    force: np.ndarray
+    acceleration: np.ndarray
+    multipliers: np.ndarray
+    found: bool
+
+    def at(self, amount: float) -> _Solution:
+        of = np.array([1.0, amount])
+        return _Solution(self.acceleration @ of, self.multipliers @ of, as_numbers(RESULTS.successful))
+
+
+@computed
+def lift_off(system: AbstractSystem, state: State, load: ByName, closure: AbstractClosure = _MINIMUM_NORM) -> LiftOff:
+    """Which contact lifts first as a load grows, and at which amount: all changes of contacts from none of it on, until
+    one lifts and the mechanism tips.
+
+    `limit_load` tells where it tips, whatever contacts are made of. Which of them lose their load before that depends
+    on their stiffness and misfits, of which the closure is.
+
+    ??? example
+
+        ```python
+        legs = rx.ElasticJoints(mechanism, {"f1": 1e-6, "f2": 1e-6, "f3": 2e-6, "f4": 1e-6})
+        print(rx.lift_off(mechanism, state, {"table.x": 1.0, "table.y": 0.5}, legs))
+        ```
+
+    **Arguments:**
+
+    - `system`, `state`: concrete values; not inside `jit` or `vmap`. With one-sided contacts and without friction.
+    - `load`: generalised forces by name of coordinate, N or N m, or an array of shape (n,), beside the loads that there
+      are. Those of the other sign are a call of their own.
+    - `closure`: the loads that it picks, without play.
+
+    **Returns:** a `types.LiftOff`.
+
+    **Raises:** `ValueError` where there are no contacts, or friction or play; `RuntimeError` as `solve`.
+    """
+    check_system_at(system, state)
+    check_closure(closure)
+    _check(system, closure)
+    force = as_numbers(vector("load", load, system.coordinates, " of coordinates"))
+    finite("load", force)
+    begins = solve(system, state, closure=closure)
+    course = _course(system, state, elasticity(closure, system, state), force, np.asarray(begins.contact))
+    names, rows = system.names, list(system.names.one_sided)
+    return LiftOff(
+        load={name: float(one) for name, one in zip(system.coordinates.labels, force, strict=True) if one},
+        units=tuple(
+            unit_of("moment" if angular else "force", names.units)
+            for angular, one in zip(system.coordinates.angular, force, strict=True)
+            if one
+        ),
+        amounts=np.array(course.amounts),
+        contacts=tuple(
+            {name: str(does) for name, does in words(codes, names.contacts).items()} for codes in course.contacts
+        ),
+        loads=tuple(dict(zip(names.contacts, own[rows].tolist(), strict=True)) for own in course.multipliers),
+        tips=course.tips,
+        closure=type(closure).__name__,
+    )
+
+
+class _Course(NamedTuple):
+    """Amounts at which contacts change; what they do and multipliers, without the load and from each; and from which on
+    one lifts."""
+
+    amounts: list[float]
+    contacts: list[np.ndarray]
+    multipliers: list[np.ndarray]
+    tips: float
+
+
+def _course(
+    system: AbstractSystem, state: State, chosen: Elasticity, force: np.ndarray, contacts: np.ndarray
+) -> _Course:
+    """All changes until one lifts, from what contacts do without the load."""
+    rows, (closed, at) = np.array(system.names.one_sided), contacts_at(system, state)
+    sets: dict[bytes, _Set] = {}
+
+    def of_rows(kept: np.ndarray) -> _Set:
+        key = kept.tobytes()
+        if key not in sets:
+            sets[key] = _solved(system.opened(kept), state, without_rows(chosen, kept), force)
+        return sets[key]
+
+    def from_on(amount: float, loaded: np.ndarray) -> ActiveSet:
+        def of_set(_: Any, __: Any, ___: Any, kept: np.ndarray) -> tuple:
+            own = of_rows(kept)
+            return own.factor, own.at(amount), own.closure, own.found
+
+        active = active_set(system, state, chosen, of_set, Asked(closed, loaded, at, np.zeros((), bool)))
+        if not active.settled:
+            raise NoSolutionError(RESULTS[RESULTS.contacts_undecided])
+        return active
+
+    amount, active = 0.0, from_on(0.0, contacts == code_of(Contact.carries))
+    course = _Course([], [contacts], [of_rows(active.kept).at(0.0).multipliers], np.inf)
+    for _ in range(_MOST * rows.size):
+        own = of_rows(active.kept)
+        start, slope = np.where(closed, _margins(own, active, at, rows, chosen), 0.0)
+        falls = slope < -_FLAT
+        if not falls.any():
+            return course
+        following = max(float(np.min(-start[falls] / slope[falls])), amount)
+        free, unit = np.abs(own.multipliers).max(axis=0)
+        amount = following + _BEYOND * max(following, free / or_one(unit))
+        active = from_on(amount, active.kept[rows])
+        does = np.asarray(active.contacts)
+        if np.any(does != course.contacts[-1]):
+            course.amounts.append(following)
+            course.contacts.append(does)
+            course.multipliers.append(of_rows(active.kept).at(following).multipliers)
+        if np.any((does == _LIFTS) & (contacts != _LIFTS)):
+            return course._replace(tips=following)
+    raise NoSolutionError(RESULTS[RESULTS.contacts_undecided])
+
+
+def _check(system: AbstractSystem, closure: AbstractClosure) -> None:
+    if not system.names.one_sided:
+        raise RedundaxError(
+            "Argument `system` must have one-sided contacts, but has none. Give joints `one_sided=True`; what those "
+            "that hold both ways carry under a load `solve` tells."
+        )
+    if system.friction:
+        raise RedundaxError(
+            "Argument `system` must have no friction, but has: joints that rub hold loads within limits, not one. Ask "
+            "`limit_load`, or hold parts by joints without friction."
+        )
+    if closure.clearances(system) is not None:
+        raise RedundaxError("Argument `closure` must have no play, but has. Leave it out; `solve` takes it.")
+
+
+def _solved(system: AbstractSystem, state: State, chosen: Elasticity, force: np.ndarray) -> _Set:
+    factor = factorised(system, state, None)
+    pick, definiteness = factor.close(chosen.compliance)
+    gamma = np.stack([factor.gamma, np.zeros_like(factor.gamma)], axis=1)
+    a, lam = factor.respond(np.stack([factor.load, force], axis=1), gamma)
+    lam = pick(lam) + np.stack([pick.caused(chosen.misfit), np.zeros_like(factor.gamma)], axis=1)
+    return _Set(factor, chosen, force, a, lam, bool(definiteness.is_yes) and bool(np.isfinite(lam).all()))
+
+
+def _margins(
+    own: _Set, active: ActiveSet, at: tuple[np.ndarray, np.ndarray, Scaling], rows: np.ndarray, closure: Elasticity
+) -> np.ndarray:
+    """What contacts have left until they change, without the load and by its amount 1, shape (2, c), relative to what
+    the load does: loads of those that carry, strains of those that touch, accelerations by which others lift."""
+    (jacobian, gamma, scales), mass = at, np.diagonal(own.factor.mass)
+    none = np.zeros_like(gamma)
+    loads = scales.rows[:, None] * own.multipliers
+    bent = closure.compliance @ own.multipliers - np.stack([closure.misfit, none], axis=1)
+    strain = np.stack([strains(rows, active.kept, jacobian, own.factor, one)[0] for one in bent.T])
+    away = (np.stack([gamma, none], axis=1) - jacobian @ own.acceleration) / scales.rows[:, None]
+    free = np.abs(jacobian) @ np.where(mass > 0, np.abs(own.force) / or_one(mass), 0.0) / scales.rows
+    parts = (loads[rows].T, loads), (strain, bent), (away[rows].T, free[:, None])
+    carries, touches, lifts = (part / or_one(np.abs(size[:, -1]).max()) for part, size in parts)
+    return np.where(active.kept[rows], carries, np.where(active.decided, touches, lifts))
