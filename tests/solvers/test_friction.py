@@ -38,6 +38,7 @@ def agree(x, reference, system, tolerance):
 
 
 def paper_state(u, phi=np.pi / 4, rate=1.0):
+    u = float(u)  # of one type, so that all are one program
     p = paper.Parameters(u=u)
     mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02, u=u)
     return mechanism, mechanism.state(phi=phi, rate=rate), p, paper.configuration(p, phi, rate)
@@ -94,7 +95,7 @@ def test_fixed_point_makes_the_iterates_of_the_paper(u, h):
     """The literal form makes them all; the library from x_1 on, with three sweeps for one test."""
     mechanism, state, p, there = paper_state(u)
     *iterates, end = np.array(paper.fixed_point(p, *there, h))[1:]
-    h = jnp.full(24, h)
+    h = jnp.asarray(np.full(24, h))
     literal_ones, literal_end = literal_sweeps(mechanism, state, paper.RANK, h, 24)
     options = {"closure": rx.MinimumNorm(h), "solver": rx.FixedPoint()}
     library = library_iterates(_solver, mechanism, state, 8, **options)
@@ -136,7 +137,7 @@ NOT_QUICK = rx.Newton(max_steps=0)  # so that the iteration number by number han
 def start_of(start):
     if start == "anywhere":
         return jnp.asarray(30 * np.random.default_rng(5).normal(size=24))
-    return jnp.full(24, float(start))
+    return jnp.asarray(np.full(24, float(start)))
 
 
 @pytest.mark.parametrize(("u", "start"), STARTS)
