@@ -96,9 +96,10 @@ def test_fixed_point_makes_the_iterates_of_the_paper(u, h):
     mechanism, state, p, there = paper_state(u)
     *iterates, end = np.array(paper.fixed_point(p, *there, h))[1:]
     h = jnp.asarray(np.full(24, h))
-    literal_ones, literal_end = literal_sweeps(mechanism, state, paper.RANK, h, 24)
+    nameless = mechanism.anonymous  # and without units, so that all are one program
+    literal_ones, literal_end = literal_sweeps(nameless, state, paper.RANK, h, 24)
     options = {"closure": rx.MinimumNorm(h), "solver": rx.FixedPoint()}
-    library = library_iterates(_solver, mechanism, state, 8, **options)
+    library = library_iterates(_solver, nameless, state, 8, **options)
     for step, theirs in enumerate(iterates[:24]):
         assert agree(literal_ones[step], theirs, mechanism, 1e-11)
         if step % 3 == 0:
@@ -146,8 +147,9 @@ def test_open_newton_makes_the_iterates_of_the_paper(u, start):
     mechanism, state, p, there = paper_state(u)
     x0 = start_of(start)
     iterates = paper.newton(p, *there, np.array(x0))[1:]
-    full = literal_newton(mechanism, state, paper.RANK, x0)
-    library = library_iterates(_open_newton, mechanism, state, STEPS, closure=None, x0=x0, solver=NOT_QUICK)
+    nameless = mechanism.anonymous
+    full = literal_newton(nameless, state, paper.RANK, x0)
+    library = library_iterates(_open_newton, nameless, state, STEPS, closure=None, x0=x0, solver=NOT_QUICK)
     for theirs, literally, mine in zip(iterates, full, library, strict=False):
         assert agree(literally, theirs, mechanism, 1e-9)
         assert agree(mine, theirs, mechanism, 1e-9)
