@@ -30,6 +30,7 @@ def run(*arguments):
     return process.stdout
 
 
+@pytest.mark.slow
 def test_every_benchmark_has_a_command_that_knows_a_smallest_size():
     written = {path.stem for path in (ROOT / "benchmarks").iterdir() if path.suffix == ".py" or path.is_dir()}
     assert {f"benchmarks.{name}" for name in written if name[0] != "_"} == set(COMMANDS)

@@ -332,7 +332,9 @@ def test_no_traceback_reaches_the_terminal(broken):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends the signal of Ctrl-C")
-@pytest.mark.parametrize("arguments", [("analyze", "broken.py:slow"), ("tables",)])
+@pytest.mark.parametrize(
+    "arguments", [("analyze", "broken.py:slow"), pytest.param(("tables",), marks=pytest.mark.slow)]
+)
 def test_stopped_from_the_keyboard(broken, arguments):
     process = begin(broken, *arguments)
     assert process.stdout.readline()

@@ -45,7 +45,10 @@ def by_all_sides(one_sided, misfit, clearance, force, at):
     )
 
 
-@pytest.mark.parametrize("one_sided", [(False,) * 4, (True, False, True, False), (True,) * 4])
+@pytest.mark.parametrize(
+    "one_sided",
+    [(True, False, True, False), *(pytest.param((all_of,) * 4, marks=pytest.mark.slow) for all_of in (False, True))],
+)
 def test_bands_of_beams_against_programmes_of_all_sides(one_sided):
     rng, names = np.random.default_rng(5), [f"s{k}.perpendicular" for k in range(4)]
     touched = False

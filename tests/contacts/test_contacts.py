@@ -13,12 +13,20 @@ import redundax as rx
 G = 9.81
 
 
+def heights(q, t, p):
+    return -(q[0] + p["feet"][:, 1] * q[1] - p["feet"][:, 0] * q[2])
+
+
+def given(q, qd, t, p):
+    return p["load"]
+
+
 def table(feet, load):
     """A plate of z, phi_x, phi_y on feet at (x, y), as a system of one structure for as many feet."""
     return rx.System(
-        lambda q, t, p: -(q[0] + p["feet"][:, 1] * q[1] - p["feet"][:, 0] * q[2]),
+        heights,
         mass=jnp.array([10.0, 0.8, 1.1]),
-        load=lambda q, qd, t, p: p["load"],
+        load=given,
         parameters={"feet": jnp.asarray(feet), "load": jnp.asarray(load)},
         coordinates=["linear", "angular", "angular"],
         rows="force",
@@ -113,12 +121,20 @@ def test_a_table_tips_about_its_front_feet():
     assert float(solution["table.phi_y''"]) == pytest.approx(moment / (1.0 + 10 * (0.7**2 + 0.4**2)), rel=1e-10)
 
 
+def sunk(q, t, p):
+    return -(q[0] + p[0] * q[1])
+
+
+def pressed(q, qd, t, p):
+    return jnp.stack([-p[1], -p[1] * p[2]])
+
+
 def beam(x, load, at):
     """A rigid beam of y and phi on supports at x, loaded at one place."""
     return rx.System(
-        lambda q, t, p: -(q[0] + p[0] * q[1]),
+        sunk,
         mass=jnp.array([2.0, 0.5]),
-        load=lambda q, qd, t, p: jnp.stack([-p[1], -p[1] * p[2]]),
+        load=pressed,
         parameters=(jnp.asarray(x), jnp.asarray(load), jnp.asarray(at)),
         coordinates=["linear", "angular"],
         rows="force",
@@ -256,13 +272,21 @@ def test_rounding_of_velocities_opens_no_contact():
     assert set(moved.contacts.values()) == {"carries"}
 
 
+def beside_and_above(q, t, p):
+    return jnp.stack([q[0] - p["bend"] * q[1] ** 2, -q[1]])
+
+
+def falling(q, qd, t, p):
+    return jnp.stack([0.0, -2.0 * G * p["unit"]])
+
+
 def ball(unit, bend, **options):
     """A ball beside a guide along y that bends away from it, above a floor at y = 0; `unit` is 1 for m, 1000 for mm."""
     return rx.System(
-        lambda q, t, p: jnp.stack([q[0] - p["bend"] * q[1] ** 2, -q[1]]),
+        beside_and_above,
         mass=jnp.full(2, 2.0),
-        load=lambda q, qd, t, p: jnp.stack([0.0, -2.0 * G * p["unit"]]),
-        parameters={"bend": bend / unit, "unit": unit},
+        load=falling,
+        parameters={"bend": jnp.asarray(bend / unit), "unit": jnp.asarray(unit)},
         rows="force",
         one_sided=[1],
         **options,

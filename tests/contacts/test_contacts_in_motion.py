@@ -14,12 +14,20 @@ G = 9.81
 EXACT = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-14}
 
 
+def floor(q, t, g):
+    return -q[1:]
+
+
+def weight(q, qd, t, g):
+    return jnp.stack([0.0 * g, -2.0 * g])
+
+
 def ball(gravity=G):
-    """A ball of 2 kg that falls on a floor, and moves along it."""
+    """A ball of 2 kg that falls on a floor and moves along it; all calls share its functions, and so their programs."""
     return rx.System(
-        lambda q, t, g: -q[1:],
+        floor,
         mass=jnp.array([2.0, 2.0]),
-        load=lambda q, qd, t, g: jnp.stack([0.0 * g, -2.0 * g]),
+        load=weight,
         parameters=jnp.asarray(gravity),
         rows="force",
         m=1,

@@ -441,7 +441,13 @@ def test_batches_over_closures_are_right_where_the_state_is_known():
     np.testing.assert_allclose(found.multipliers[1], alone.multipliers, rtol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["flat parallelogram", "folding slider", "folding kite"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "flat parallelogram",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("folding slider", "folding kite")),
+    ],
+)
 def test_compiled_solves_beside_are_as_right_as_they_tell(name):
     case = CASES[name]
     solve = jax.jit(lambda system, q, qd: rx.solve(system, rx.State(q, qd)))

@@ -553,16 +553,16 @@ def test_errors_name_argument_and_fix(given, message):
         rx.plot.draw(mechanism, state, axes=Figure().add_subplot(), **given)
 
 
-def test_what_is_for_the_other_kind_is_refused(tmp_path, motion):
-    flat = rx.mechanisms.parallelogram(3)
+def test_what_is_for_the_other_kind_is_refused(tmp_path):
+    flat, spatial = rx.mechanisms.parallelogram(3), door()
     with pytest.raises(rx.RedundaxError, match="Argument `view` must be left out for a planar mechanism"):
         rx.plot.draw(flat, flat.state(0.5), view=(20.0, 30.0))
     with pytest.raises(rx.RedundaxError, match=r"must be of `rx.spatial` bodies, but is planar"):
         rx.plot.html(flat, flat.state(0.5))
     with pytest.raises(rx.RedundaxError, match=r"Argument `path` must end in .html"):
-        rx.plot.html(*motion, tmp_path / "door.gif")
+        rx.plot.html(*spatial, tmp_path / "door.gif")
     with pytest.raises(rx.RedundaxError, match="Argument `state` must have q of shape"):
-        rx.plot.draw(motion[0], rx.State(np.zeros(6), np.zeros(6)))
+        rx.plot.draw(spatial[0], rx.State(np.zeros(6), np.zeros(6)))
 
 
 def test_the_extra_is_named_where_it_is_missing(monkeypatch):

@@ -57,18 +57,21 @@ def answers(mechanism, state, u):
 
 @jax.jit
 def _values(mechanism, state, loads, rate):
-    groups, at = mechanism.friction, 0
-    found = {name: [] for name in ("friction", "twice", "sum", "beside", "bound", "slips")}
+    groups, at, kinds = mechanism.friction, 0, ("friction", "twice", "sum", "beside")
+    found = {name: [] for name in (*kinds, "bound", "slips")}
     beside = jnp.flip(loads)
     for group in groups:
         own = slice(at, at := at + len(group.slips))
         one, other = loads[group.rows], beside[group.rows]
-        for name, rho in (("friction", one), ("twice", 2 * one), ("sum", one + other), ("beside", other)):
-            found[name].append(group.force(rho, rate[own], jnp.ones_like(rate[own]), None, state))
+        force = functools.partial(group.force, rate=rate[own], sense=jnp.ones_like(rate[own]), memory=None, state=state)
+        forces = jax.vmap(lambda rho, force=force: force(rho))(jnp.stack([one, 2 * one, one + other, other]))
+        for name, part in zip(kinds, forces, strict=True):
+            found[name].append(part)
         found["slips"].append(group.slip(state.q, state.t))
         found["bound"].append(group.largest_change(other, rate[own], None, state))
     return {
         "rows": mechanism.constraint(state.q, state.t),
+        "velocities": mechanism.velocity_constraint(state.q, state.qd, state.t),
         "jacobian": mechanism.jacobian(state.q, state.t),
         "coordinates": mechanism.joint_coordinates.positions(state),
         "load": mechanism.load(state),
@@ -99,13 +102,11 @@ def test_derivatives_along_a_motion(frame):
     mechanism, state, _, found = known(frame)
     h = 1e-4
 
-    @jax.jit
     def at(s):
-        q = mechanism.retract(state.q, s * state.qd)
-        slips = jnp.concatenate([group.slip(q, ZERO) for group in mechanism.friction])
-        return mechanism.constraint(q, ZERO), slips, mechanism.velocity_constraint(q, state.qd, ZERO)
+        there = answers(mechanism, rx.State(mechanism.retract(state.q, s * state.qd), state.qd, state.t), 1.0)[2]
+        return there["rows"], there["slips"], there["velocities"]
 
-    before, now, after = ([np.asarray(x) for x in at(s)] for s in (-h, 0.0, h))
+    before, now, after = (at(s) for s in (-h, 0.0, h))
     motion = along_motion(mechanism, state)
     rate, directions = map(np.asarray, slip_motion(mechanism, state))
     slope, bend = (after[0] - before[0]) / (2 * h), (after[0] - 2 * now[0] + before[0]) / h**2

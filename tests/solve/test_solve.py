@@ -18,6 +18,7 @@ import redundax as rx
 FRICTIONLESS = [name for name in registry.EVERYTHING if not registry.case(name).system.friction]
 every_case = pytest.mark.parametrize("name", FRICTIONLESS)
 block_form = eqx.filter_jit(literal.block_form)
+stress_response = eqx.filter_jit(lambda factor, compliance: factor.stress_response(compliance))
 
 
 @eqx.filter_jit
@@ -183,7 +184,7 @@ def test_projector_form_of_the_closure_is_the_basis_form():
         factor = rx.factorize(*registry.build(mechanism))
         for compliance in (np.diag(scale), root @ root.T, np.eye(mechanism.m)):
             expected = basis @ np.linalg.solve(basis.T @ compliance @ basis, basis.T)
-            response, definite = factor.stress_response(jnp.asarray(compliance))
+            response, definite = stress_response(factor, jnp.asarray(compliance))
             assert definite and close(response, expected, 1e-12)
 
 

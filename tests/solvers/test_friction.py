@@ -38,6 +38,7 @@ def agree(x, reference, system, tolerance):
 
 
 def paper_state(u, phi=np.pi / 4, rate=1.0):
+    u = float(u)  # of one type, so that all are one program
     p = paper.Parameters(u=u)
     mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02, u=u)
     return mechanism, mechanism.state(phi=phi, rate=rate), p, paper.configuration(p, phi, rate)
@@ -94,10 +95,11 @@ def test_fixed_point_makes_the_iterates_of_the_paper(u, h):
     """The literal form makes them all; the library from x_1 on, with three sweeps for one test."""
     mechanism, state, p, there = paper_state(u)
     *iterates, end = np.array(paper.fixed_point(p, *there, h))[1:]
-    h = jnp.full(24, h)
-    literal_ones, literal_end = literal_sweeps(mechanism, state, paper.RANK, h, 24)
+    h = jnp.asarray(np.full(24, h))
+    nameless = mechanism.anonymous  # and without units, so that all are one program
+    literal_ones, literal_end = literal_sweeps(nameless, state, paper.RANK, h, 24)
     options = {"closure": rx.MinimumNorm(h), "solver": rx.FixedPoint()}
-    library = library_iterates(_solver, mechanism, state, 8, **options)
+    library = library_iterates(_solver, nameless, state, 8, **options)
     for step, theirs in enumerate(iterates[:24]):
         assert agree(literal_ones[step], theirs, mechanism, 1e-11)
         if step % 3 == 0:
@@ -136,7 +138,7 @@ NOT_QUICK = rx.Newton(max_steps=0)  # so that the iteration number by number han
 def start_of(start):
     if start == "anywhere":
         return jnp.asarray(30 * np.random.default_rng(5).normal(size=24))
-    return jnp.full(24, float(start))
+    return jnp.asarray(np.full(24, float(start)))
 
 
 @pytest.mark.parametrize(("u", "start"), STARTS)
@@ -145,8 +147,9 @@ def test_open_newton_makes_the_iterates_of_the_paper(u, start):
     mechanism, state, p, there = paper_state(u)
     x0 = start_of(start)
     iterates = paper.newton(p, *there, np.array(x0))[1:]
-    full = literal_newton(mechanism, state, paper.RANK, x0)
-    library = library_iterates(_open_newton, mechanism, state, STEPS, closure=None, x0=x0, solver=NOT_QUICK)
+    nameless = mechanism.anonymous
+    full = literal_newton(nameless, state, paper.RANK, x0)
+    library = library_iterates(_open_newton, nameless, state, STEPS, closure=None, x0=x0, solver=NOT_QUICK)
     for theirs, literally, mine in zip(iterates, full, library, strict=False):
         assert agree(literally, theirs, mechanism, 1e-9)
         assert agree(mine, theirs, mechanism, 1e-9)

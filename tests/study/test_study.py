@@ -238,52 +238,40 @@ def test_a_file_that_is_open_elsewhere_is_told(tmp_path):
     same(study(path=path))
 
 
-FULL = """
-import json, resource, sys
-import jax.numpy as jnp, numpy as np
-import redundax as rx
-from redundax._study import _study
-
-x, said, begun = np.arange(1000.0), [], []
-
-def room(size):
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
-
-def told(steps, *_):
-    for step in steps:
-        begun.append(step)
-        if step == 300:
-            room(1000)
-        yield step
-
-def study():
-    try:
-        return rx.study(lambda x: {"y": x + jnp.arange(10)}, {"x": x}, chunk=100, path=sys.argv[1])
-    except (OSError, rx.RedundaxError) as error:
-        said.append(f"{type(error).__name__}: {error}")
-
-room(20_000)  # of 48,000 bytes
-study()
-room(resource.RLIM_INFINITY)
-_study.told = told
-study()
-room(resource.RLIM_INFINITY)
-_study.told = lambda steps, *_: begun.append(steps[0]) or steps
-found = study()
-print(json.dumps([said, begun, bool(np.array_equal(found.y, x[:, None] + np.arange(10)))]))
-"""
-
-
 @pytest.mark.skipif(os.name != "posix", reason="limits the size of files")
-def test_a_full_disk_is_told_and_the_study_goes_on(tmp_path):
-    process = [sys.executable, "-c", FULL, tmp_path / "study.nc"]
-    out = subprocess.run(process, capture_output=True, text=True, timeout=500, check=True).stdout
-    (before, later), begun, right = json.loads(out)
-    assert before.startswith("RedundaxError: Argument `path`: ") and later.startswith("OSError: Argument `path`: ")
-    for one in (before, later):
-        assert "study.nc cannot be written" in one and "MB are free" in one and "Make room, or choose another" in one
-    assert "call the study again: 300 of 1000 samples are done" in later
-    assert begun == [0, 100, 200, 300, 300] and right
+def test_a_full_disk_is_told_and_the_study_goes_on(tmp_path, monkeypatch):
+    resource = pytest.importorskip("resource")
+    before, begun, x = resource.getrlimit(resource.RLIMIT_FSIZE), [], np.arange(1000.0)
+
+    def room(size):
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+
+    def told(steps, *_):
+        for step in steps:
+            begun.append(step)
+            if step == 300:
+                room(1000)
+            yield step
+
+    def full():
+        return rx.study(lambda x: {"y": x + jnp.arange(10)}, {"x": x}, chunk=100, path=tmp_path / "study.nc")
+
+    words = "Argument `path`: .*study.nc cannot be written.*MB are free.*Make room, or choose another"
+    try:
+        room(20_000)  # of 48,000 bytes
+        with pytest.raises(rx.RedundaxError, match=words):
+            full()
+        room(before[0])
+        monkeypatch.setattr(_study, "told", told)
+        with pytest.raises(OSError, match=words) as later:
+            full()
+    finally:
+        room(before[0])
+    assert not isinstance(later.value, rx.RedundaxError)
+    assert "call the study again: 300 of 1000 samples are done" in str(later.value)
+    monkeypatch.setattr(_study, "told", lambda steps, *_: begun.append(steps[0]) or steps)
+    np.testing.assert_array_equal(full().y, x[:, None] + np.arange(10))
+    assert begun == [0, 100, 200, 300, 300]
 
 
 def whirl(speed, drift):

@@ -399,12 +399,27 @@ def _take(a, rows):
 
 @exactly
 def solve_columns(a, b):
-    """a^-1 b for a matrix b of any width; one factorisation."""
-    lu, permutation = mp.LU_decomp(a.copy())
-    x = mp.zeros(a.rows, b.cols)
-    for column in range(b.cols):
-        x[:, column] = mp.U_solve(lu, mp.L_solve(lu, b[:, column], permutation))
-    return x
+    """a^-1 b for a matrix b of any width, by elimination with pivots that are large in their row.
+
+    On arrays, whose entries take a third of the time that those of `mp.matrix` take.
+    """
+    if not a.rows or not b.cols:
+        return mp.zeros(a.rows, b.cols)
+    left, right = (np.array(each.tolist(), dtype=object) for each in (a, b))
+    sizes, least = np.abs(left).max(axis=1), mp.mnorm(a, 1) * mp.eps
+    for j in range(len(left)):
+        pivot = j + int(np.argmax(np.abs(left[j:, j]) / sizes[j:]))
+        for each in (left, right, sizes):
+            each[[j, pivot]] = each[[pivot, j]]
+        if abs(left[j, j]) <= least:
+            raise ZeroDivisionError("matrix is numerically singular")
+        below = j + 1 + np.flatnonzero(left[j + 1 :, j] != 0)
+        factors = (left[below, j] / left[j, j])[:, None]
+        left[below, j + 1 :] -= factors * left[j, j + 1 :]
+        right[below] -= factors * right[j]
+    for j in reversed(range(len(left))):
+        right[j] = (right[j] - left[j, j + 1 :] @ right[j + 1 :]) / left[j, j]
+    return mp.matrix(right.tolist())
 
 
 @exactly
@@ -537,7 +552,7 @@ def solve(mechanism: AbstractExact, compliance=None, misfit=None, friction=True,
             tau = mp.matrix(list(exact(tuple(start))))
         for _ in range(200 if start is None else 0):
             old, tau = tau, mechanism.law(base + slope * tau)[0]
-            if mp.norm(tau - old) < mp.mpf(10) ** -6 * mp.norm(tau):
+            if mp.norm(tau - old) <= mp.mpf(10) ** -6 * mp.norm(tau):
                 break
         tau = _newton(mechanism, base, slope, tau)
     qdd = acceleration[:, 0]
