@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool, Float, Int
 from .._closures._closure import Elasticity
 from .._equations._kinematics import along_slips, slip_force, slip_gamma, slip_motion, slip_rate
 from .._equations._response import AbstractFactorisation, FrictionResponse, LinearResponse, Response
-from .._solvers._active_set import active_set
+from .._solvers._active_set import Effects, active_set
 from .._solvers._gauss_seidel import gauss_seidel
 from .._sparse._gram import Gram
 from .._system._directions import Directions
@@ -77,9 +77,11 @@ class Linear(NamedTuple):
         passed = jnp.where(stick, 0.0, jnp.eye(stick.size, dtype=none.dtype) - inverse @ self.yields)
         return -inverse @ pull, passed
 
-    def held_loads(self, rows: Int[Array, " l"], stick: Bool[Array, " p"], holding: Array) -> Float[Array, " l"]:
-        """Loads of friction that holds joints, with those without friction."""
-        return self.response.free.multipliers[rows] + self.response.unit.gain(rows) @ holding
+    def held_loads(
+        self, rho0: Float[Array, " l"], gain: Float[Array, "l p"], stick: Bool[Array, " p"], holding: Array
+    ) -> Float[Array, " l"]:
+        """Loads with friction that holds joints."""
+        return rho0 + gain @ holding
 
     def sticking(
         self,
@@ -138,9 +140,8 @@ class LinearMaps(NamedTuple):
         holding = jax.lax.cond(jnp.any(stick), lambda: -(inverse @ pull), lambda: jnp.zeros_like(pull))
         return holding, LinearMap(_passed, (stick, inverse, self.yields))
 
-    def held_loads(self, rows: Array, stick: Array, holding: Array) -> Float[Array, " l"]:
-        free, gain = self.response.free.multipliers[rows], self.unit.gain(rows)
-        return free + jax.lax.cond(jnp.any(stick), lambda: gain @ holding, lambda: jnp.zeros_like(free))
+    def held_loads(self, rho0: Array, gain: LinearMap, stick: Array, holding: Array) -> Float[Array, " l"]:
+        return rho0 + jax.lax.cond(jnp.any(stick), lambda: gain @ holding, lambda: jnp.zeros_like(rho0))
 
     def sticking(
         self,
@@ -156,16 +157,12 @@ class LinearMaps(NamedTuple):
             response = self.unit @ tau
             return response, self.unit.slips(response.acceleration)
 
-        active = active_set(
+        effects = Effects(
             caused,
             lambda multipliers: limits(multipliers[rows]),
             lambda joints, change, rounding: self.inverse(joints, sizes, rounding) @ change,
-            self.slip,
-            still,
-            sizes,
-            tolerance,
-            wanted & jnp.any(still),
         )
+        active = active_set(effects, self.slip, still, sizes, tolerance, wanted & jnp.any(still))
         added, slip = (Change(x, jnp.abs(x)) for x in (active.caused.acceleration, active.acceleration - self.slip))
         return Holding(active.tau, added, slip, active.settled)
 

@@ -278,7 +278,7 @@ class Equations(AbstractModule):
         else:
             rho0, gain = linear.response.free.multipliers[rows], linear.response.unit.gain(rows)
             if passed is not None:
-                rho0, gain = linear.held_loads(rows, stick, holding), gain @ passed
+                rho0, gain = linear.held_loads(rho0, gain, stick, holding), gain @ passed
             begin = law(rho0) if start is None else start
             problem = friction_problem(rho0, gain, law, jnp.asarray(system.rows.angular)[rows]).sized_at(begin)
             root = closed_root(problem, begin, self.solver)
