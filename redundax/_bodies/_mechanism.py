@@ -6,7 +6,7 @@ the bodies knows.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import equinox as eqx
 import jax
@@ -379,7 +379,9 @@ class Mechanism(AbstractSystem):
 
     def by_bodies(self, q: Array, t: Array) -> tuple[Array, Array]:
         body = self.poses(q)
-        own = self._matrices.by_bodies(slopes(self.joints, body, t), self.couplings, self.joints, body)
+        own = cast(SparseEntries, self._matrices).by_bodies(
+            slopes(self.joints, body, t), self.couplings, self.joints, body
+        )
         return among(self._kept, own), self.frame.masses(self.body)
 
     def kinetic_energy(self, q: Array, qd: Array, t: Array) -> Float[Array, ""]:

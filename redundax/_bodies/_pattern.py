@@ -89,10 +89,6 @@ class DenseEntries(AbstractModule):
             jacobian = coupled.added(jacobian, joints, body)
         return jacobian
 
-    def by_bodies(self, own: Sequence[Array], couplers: Sequence[Coupled], joints: Sequence[Stack], body: Any) -> Array:
-        """None by bodies."""
-        raise NotImplementedError
-
     def kinetic_energy(self, mechanism: AbstractSystem, q: Array, qd: Array, t: Array) -> Float[Array, ""]:
         """T, by the mass matrix or by that of each body."""
         return qd @ mechanism.mass(q, t) @ qd / 2

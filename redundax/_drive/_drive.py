@@ -191,21 +191,16 @@ def _batch(
     system: AbstractSystem,
     scale: Scaling,
     choices: tuple,
-    q: Array,
-    t: Array,
-    beside: Array,
-    going: Array,
-    sense: Array,
-    rests: Array,
+    *at: Array,
 ) -> tuple[Moving, Loads]:
-    """How it moves, and loads for one sense of each slip: NaN for its own."""
+    """How it moves, and loads for one sense of each slip: NaN for its own; at times as `of_one` takes them."""
 
     def of_one(q: Array, t: Array, beside: Array, going: Array, sense: Array, rests: Array) -> tuple[Moving, Loads]:
         found, held = moving(system, scale, q, t, beside, going)
         sense = jnp.where(jnp.isnan(sense), signs_of(system, found.slips[0]), sense)
         return found, loads(system, scale, choices, found, held, t, sense[None], rests)
 
-    return jax.vmap(of_one)(q, t, beside, going, sense, rests)
+    return jax.vmap(of_one)(*at)
 
 
 def _asked(

@@ -7,6 +7,8 @@ metric of M^-1: units do not matter to it. What rounding makes of them grows wit
 different size; a pivot that is neither rounding nor clearly more leaves the rank undecided.
 """
 
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -22,7 +24,7 @@ from .._system._system import AbstractSystem
 from .._tools._by_number import sum_few
 from .._tools._compilation import compiled
 from ._evidence import Violation, ratio
-from ._kinematics import second_derivative, second_order, slip_rate
+from ._kinematics import AlongMotion, second_derivative, second_order, slip_rate
 from ._rank import Spectrum, checked_rank
 from ._response import AbstractPick, AbstractSolvedFactorisation, Checks, FrictionResponse, Response, total
 from ._scaling import Scaling, largest_violation, sparse_scaling
@@ -215,8 +217,8 @@ def _factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | Non
     stress = gram(scaled, kept)
     a, mu = stress.respond(load[:, None], (motion.gamma / row_scale)[:, None])
     spectrum = with_least(spectrum, stress)
-    evidence = jax.lax.stop_gradient((stress, row_scale, scales, motion, explicit, load, a[:, 0], mu[:, 0], state))
-    violation, noise, reached, residual = _evidence(masses, position, spectrum, *evidence)
+    solved = jax.lax.stop_gradient(_Solved(stress, row_scale, scales, motion, explicit, load, a[:, 0], mu[:, 0], state))
+    violation, noise, reached, residual = _evidence(masses, position, spectrum, solved)
     return SparseFactorisation(
         state=State(state.q, state.qd, state.t),
         gamma=motion.gamma,
@@ -225,7 +227,7 @@ def _factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | Non
         violation=violation,
         finite=jnp.isfinite(total(state.q, state.qd, state.t, *motion, rows.slopes, rows.inverse_mass, load)),
         determinacy=Decision((1 - jax.lax.stop_gradient(stress).left_by_mass()) / _LIGHT),
-        singularity=_singularity(system, position, spectrum, reached, growth, *evidence[:4], evidence[-1]),
+        singularity=_singularity(system, position, spectrum, reached, growth, solved),
         acceleration=a[:, 0],
         multipliers=mu[:, 0] / row_scale,
         residual=residual,
@@ -237,22 +239,25 @@ def _factorised(system: AbstractSystem, state: State, rank: Int[Array, ""] | Non
     )
 
 
+class _Solved(NamedTuple):
+    """B M^-1 B^T on the rows that count, scaled by `row_scale`; what the equations are made of; and their solution."""
+
+    stress: Gram
+    row_scale: Float[Array, " m"]
+    scales: Scaling
+    motion: AlongMotion
+    explicit: Float[Array, " m"]
+    load: Float[Array, " n"]
+    acceleration: Float[Array, " n"]
+    mu: Float[Array, " m"]
+    state: State
+
+
 def _evidence(
-    masses: Array,
-    position: Array,
-    spectrum: Spectrum,
-    stress: Gram,
-    row_scale: Array,
-    scales: Scaling,
-    motion: tuple,
-    explicit: Array,
-    load: Array,
-    a: Array,
-    mu: Array,
-    state: State,
+    masses: Array, position: Array, spectrum: Spectrum, solved: _Solved
 ) -> tuple[Violation, Array, Array, Array]:
     """Consistency; what rounding makes of slip rates; the velocity that accelerations reach; the residual of (7)."""
-    _, rate, gamma = motion
+    stress, row_scale, scales, (_, rate, gamma), explicit, load, a, mu, state = solved
     qd, own = state.qd / scales.coordinates, a / scales.coordinates
     rate, scaled, explicit = rate / scales.rows, gamma / scales.rows, explicit / scales.rows
     inertia = jnp.sum(jnp.diagonal(masses, axis1=1, axis2=2)) / load.size
@@ -284,17 +289,14 @@ def _singularity(
     spectrum: Spectrum,
     reached: Array,
     growth: Array,
-    stress: Gram,
-    row_scale: Array,
-    scales: Scaling,
-    motion: tuple,
-    state: State,
+    solved: _Solved,
 ) -> Decision:
     """Whether N^T Phi'' along the velocity with a motion added is other than without, of N with columns of length 1.
 
     As `singularity_by`; points of few digits leave N^T Phi_q too, and as much of N^T Phi''.
     """
-    qd, gamma = state.qd / scales.coordinates, motion[2]
+    stress, row_scale, scales, (_, _, gamma), *_, state = solved
+    qd = state.qd / scales.coordinates
     speed = jnp.max(jnp.abs(qd)) + reached
     speed = jnp.where(speed > 0, speed, scales.size)
     mixed = scales.coordinates * jnp.asarray(np.cos(np.arange(qd.size) ** 2), qd.dtype)

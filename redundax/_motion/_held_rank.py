@@ -23,7 +23,6 @@ N0, and X^T W X + w U for X^T W X.
 Where M is singular, M + B^T B and f + B^T g stand for M and f: the same solutions, positive definite iff (14).
 """
 
-from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -32,7 +31,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from .._closures._closure import Elasticity
 from .._equations._kinematics import AlongMotion, along_motion, model_at
 from .._equations._matrices import matrices_of
 from .._equations._rank import split
@@ -51,7 +49,7 @@ from .._tools._module import replace_fields
 from .._tools._numbers import are_numbers, cholesky, solve_triangular, stop_gradient, xp
 from .._tools._value import AbstractModule
 from ._held_sparse import SparseHeld, SparseHeldFactorisation, hold_sparse
-from ._linear import Linear, linear_of
+from ._linear import Asked, Linear, linear_of
 
 
 class Held(AbstractModule):
@@ -182,18 +180,9 @@ class HeldFactorisation(AbstractFactorisation[Array]):
         moved = own @ (jnp.linalg.pinv(own.T @ own, rtol=1e-9, hermitian=True) @ contradiction)  # self-stress is O(1)
         return off.at[places].add(-scale[places] * moved)
 
-    def linear(
-        self,
-        system: AbstractSystem,
-        state: State,
-        gamma: Float[Array, " m"],
-        chosen: Callable[[], Elasticity] | None,
-        sizes: Float[Array, " p"],
-        *,
-        has_sense: bool,
-    ) -> Linear:
-        """What load and unit friction cause; `sizes` make slips lengths, the rest as of `linear_of`."""
-        return linear_of(self, system, state, gamma, chosen, has_sense=has_sense)
+    def linear(self, asked: Asked) -> Linear:
+        """What load and unit friction cause."""
+        return linear_of(self, asked)
 
     @property
     def _excess(self) -> Float[Array, ""]:

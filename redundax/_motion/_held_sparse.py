@@ -4,14 +4,12 @@ They stay independent until a pivot of theirs becomes small, as it does on the w
 others would do instead: where less than a tenth of the least is left rows are chosen anew, of the same number.
 """
 
-from collections.abc import Callable
 from typing import Any, cast
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from .._closures._closure import Elasticity
 from .._equations._kinematics import AlongMotion, along_motion
 from .._equations._response import AbstractFactorisation, AbstractPick, Response
 from .._equations._scaling import Scaling
@@ -24,7 +22,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
 from .._tools._value import AbstractModule
-from ._linear import AnyLinear, free_mobility, linear_maps_of, linear_of
+from ._linear import AnyLinear, Asked, linear_maps_of, linear_of
 
 _LEFT = 0.1  # of the least pivot
 
@@ -116,21 +114,9 @@ class SparseHeldFactorisation(AbstractFactorisation[Array]):
         """As of dense matrices, of a system without rows of velocity."""
         return off
 
-    def linear(
-        self,
-        system: AbstractSystem,
-        state: State,
-        gamma: Float[Array, " m"],
-        chosen: Callable[[], Elasticity] | None,
-        sizes: Float[Array, " p"],
-        *,
-        has_sense: bool,
-    ) -> AnyLinear:
+    def linear(self, asked: Asked) -> AnyLinear:
         """As of dense matrices; without friction there is nothing that maps are needed for."""
-        if not system.friction:
-            return linear_of(self, system, state, gamma, chosen, has_sense=has_sense)
-        mobility = free_mobility(system, state, self.gram, sizes)
-        return linear_maps_of(self, system, state, gamma, chosen, has_sense=has_sense, mobility=mobility)
+        return linear_maps_of(self, asked, self.gram) if asked.system.friction else linear_of(self, asked)
 
 
 def hold_sparse(system: AbstractSystem, state: State, rank: Int[Array, ""]) -> tuple[SparseHeld, Int[Array, ""]]:

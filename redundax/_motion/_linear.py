@@ -15,9 +15,9 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Int
 
 from .._closures._closure import Elasticity
-from .._equations._kinematics import along_slips, slip_force, slip_gamma, slip_motion, slip_rate
-from .._equations._response import AbstractFactorisation, FrictionResponse, LinearResponse, Response
-from .._solvers._active_set import active_set
+from .._equations._kinematics import slip_gamma, slip_motion, slip_rate
+from .._equations._response import AbstractFactorisation, AbstractPick, FrictionResponse, LinearResponse, Response
+from .._solvers._active_set import Effects, active_set
 from .._solvers._gauss_seidel import gauss_seidel
 from .._sparse._gram import Gram
 from .._system._directions import Directions
@@ -77,9 +77,11 @@ class Linear(NamedTuple):
         passed = jnp.where(stick, 0.0, jnp.eye(stick.size, dtype=none.dtype) - inverse @ self.yields)
         return -inverse @ pull, passed
 
-    def held_loads(self, rows: Int[Array, " l"], stick: Bool[Array, " p"], holding: Array) -> Float[Array, " l"]:
-        """Loads of friction that holds joints, with those without friction."""
-        return self.response.free.multipliers[rows] + self.response.unit.gain(rows) @ holding
+    def held_loads(
+        self, rho0: Float[Array, " l"], gain: Float[Array, "l p"], stick: Bool[Array, " p"], holding: Array
+    ) -> Float[Array, " l"]:
+        """Loads with friction that holds joints."""
+        return rho0 + gain @ holding
 
     def sticking(
         self,
@@ -138,9 +140,8 @@ class LinearMaps(NamedTuple):
         holding = jax.lax.cond(jnp.any(stick), lambda: -(inverse @ pull), lambda: jnp.zeros_like(pull))
         return holding, LinearMap(_passed, (stick, inverse, self.yields))
 
-    def held_loads(self, rows: Array, stick: Array, holding: Array) -> Float[Array, " l"]:
-        free, gain = self.response.free.multipliers[rows], self.unit.gain(rows)
-        return free + jax.lax.cond(jnp.any(stick), lambda: gain @ holding, lambda: jnp.zeros_like(free))
+    def held_loads(self, rho0: Array, gain: LinearMap, stick: Array, holding: Array) -> Float[Array, " l"]:
+        return rho0 + jax.lax.cond(jnp.any(stick), lambda: gain @ holding, lambda: jnp.zeros_like(rho0))
 
     def sticking(
         self,
@@ -156,16 +157,12 @@ class LinearMaps(NamedTuple):
             response = self.unit @ tau
             return response, self.unit.slips(response.acceleration)
 
-        active = active_set(
+        effects = Effects(
             caused,
             lambda multipliers: limits(multipliers[rows]),
             lambda joints, change, rounding: self.inverse(joints, sizes, rounding) @ change,
-            self.slip,
-            still,
-            sizes,
-            tolerance,
-            wanted & jnp.any(still),
         )
+        active = active_set(effects, self.slip, still, sizes, tolerance, wanted & jnp.any(still))
         added, slip = (Change(x, jnp.abs(x)) for x in (active.caused.acceleration, active.acceleration - self.slip))
         return Holding(active.tau, added, slip, active.settled)
 
@@ -173,63 +170,69 @@ class LinearMaps(NamedTuple):
 AnyLinear: TypeAlias = Linear | LinearMaps
 
 
-def linear_of(
-    factor: AbstractFactorisation,
-    system: AbstractSystem,
-    state: State,
-    gamma: Float[Array, " m"],
-    chosen: Callable[[], Elasticity] | None,
-    *,
-    has_sense: bool,
-) -> Linear:
-    """The equations by matrices, with multipliers of the closure that is chosen or one solution of many; `has_sense`
-    where slips can stick."""
+class Asked(NamedTuple):
+    """What the equations at a state are asked of.
+
+    - `gamma`: the right-hand side of the constraints, shape (m,).
+    - `chosen`: gives compliance and misfit of the closure; None where one solution of many for the multipliers will do.
+    - `sizes`: the lengths by which slips are made lengths, shape (p,).
+    - `has_sense`: whether slips can stick, so that their rates count.
+    """
+
+    system: AbstractSystem
+    state: State
+    gamma: Float[Array, " m"]
+    chosen: Callable[[], Elasticity] | None
+    sizes: Float[Array, " p"]
+    has_sense: bool
+
+    def closed(
+        self, factor: AbstractFactorisation, multipliers: Float[Array, "m c"]
+    ) -> tuple[Float[Array, "m c"], AbstractPick | None]:
+        """Multipliers, of which the first are those of loads, as they are chosen, and by which pick."""
+        if self.chosen is None:
+            return multipliers, None
+        compliance, misfit = self.chosen()
+        pick, _ = factor.close(compliance)
+        return pick.columns(multipliers, misfit), pick
+
+
+def linear_of(factor: AbstractFactorisation, asked: Asked) -> Linear:
+    """The equations by matrices."""
+    system, state, gamma, *_ = asked
     load, rate, directions = system.load(state), state.qd[:0], jnp.zeros((state.qd.size, 0), state.qd.dtype)
     if system.friction:
         rate, directions = slip_motion(system, state)
     columns = jnp.concatenate([load[:, None], directions], axis=1)
     a, lam = factor.respond(columns, jnp.pad(gamma[:, None], ((0, 0), (0, rate.size))))
-    if chosen is not None:
-        compliance, misfit = chosen()
-        pick, _ = factor.close(compliance)
-        lam = pick.columns(lam, misfit)
+    lam, _ = asked.closed(factor, lam)
     slip = directions.T @ a
-    if has_sense:
+    if asked.has_sense:
         slip = slip.at[:, 0].add(-slip_gamma(system, state))
     response = LinearResponse(Response(a[:, 0], lam[:, 0]), Response(a[:, 1:], lam[:, 1:]))
     return Linear(response, load, directions, rate, slip[:, 0], slip[:, 1:])
 
 
-def linear_maps_of(
-    factor: AbstractFactorisation,
-    system: AbstractSystem,
-    state: State,
-    gamma: Float[Array, " m"],
-    chosen: Callable[[], Elasticity] | None,
-    *,
-    has_sense: bool,
-    mobility: Float[Array, ""],
-) -> LinearMaps:
-    """The same by maps."""
-    load, pick = system.load(state), None
+def linear_maps_of(factor: AbstractFactorisation, asked: Asked, stress: Gram) -> LinearMaps:
+    """The same by maps, of a factorisation that rests on B M^-1 B^T."""
+    system, state, gamma, *_ = asked
+    load = system.load(state)
     a, lam = factor.respond(load[:, None], gamma[:, None])
-    if chosen is not None:
-        compliance, misfit = chosen()
-        pick, _ = factor.close(compliance)
-        lam = pick.columns(lam, misfit)
+    lam, pick = asked.closed(factor, lam)
     unit, unclosed = (FrictionResponse(system, state, factor, choice) for choice in (pick, None))
     slip = unit.slips(a[:, 0])
-    if has_sense:
+    if asked.has_sense:
         slip = slip - slip_gamma(system, state)
     response = LinearResponse(Response(a[:, 0], lam[:, 0]), unit)
+    mobility = _free_mobility(unit, asked.sizes, stress)
     return LinearMaps(response, load, unit.forces, slip_rate(system, state), slip, unclosed.yields, mobility)
 
 
-def free_mobility(system: AbstractSystem, state: State, stress: Gram, sizes: Float[Array, " p"]) -> Float[Array, ""]:
+def _free_mobility(unit: FrictionResponse, sizes: Float[Array, " p"], stress: Gram) -> Float[Array, ""]:
     """A size of A, as lengths, of bodies without constraints."""
-    some = sizes * jnp.cos(jnp.arange(sizes.size, dtype=state.q.dtype) ** 2)
-    free = stress.rows.accelerations(slip_force(system, state, some)[:, None])[:, 0]
-    return jnp.linalg.norm(sizes * along_slips(system, state, free)) / jnp.linalg.norm(some)
+    some = sizes * jnp.cos(jnp.arange(sizes.size, dtype=sizes.dtype) ** 2)
+    free = stress.rows.accelerations((unit.forces @ some)[:, None])[:, 0]
+    return jnp.linalg.norm(sizes * unit.slips(free)) / jnp.linalg.norm(some)
 
 
 def least_friction(

@@ -39,7 +39,7 @@ from .._tools._no_answer import nan_where
 from .._tools._numbers import are_numbers, as_numbers, stop_gradient, xp
 from .._tools._value import AbstractModule
 from ._held_rank import AnyHeld, AnyHeldFactorisation, Held, factorize_held
-from ._linear import AnyLinear, Linear
+from ._linear import AnyLinear, Asked, Linear
 from ._stabilisation import AbstractStabilisation
 
 
@@ -235,7 +235,7 @@ class Equations(AbstractModule):
     @eqx.filter_jit  # traced once, for the places that it stands in
     def _linear(self, state: State, factor: AnyHeldFactorisation, *, closed: bool) -> AnyLinear:
         gamma, chosen = self.stabilisation.gamma(factor.motion), partial(self.elasticity, state) if closed else None
-        return factor.linear(self.system, state, gamma, chosen, self.slip_size, has_sense=self.has_sense)
+        return factor.linear(Asked(self.system, state, gamma, chosen, self.slip_size, self.has_sense))
 
     @eqx.filter_jit
     def solved(
@@ -278,7 +278,7 @@ class Equations(AbstractModule):
         else:
             rho0, gain = linear.response.free.multipliers[rows], linear.response.unit.gain(rows)
             if passed is not None:
-                rho0, gain = linear.held_loads(rows, stick, holding), gain @ passed
+                rho0, gain = linear.held_loads(rho0, gain, stick, holding), gain @ passed
             begin = law(rho0) if start is None else start
             problem = friction_problem(rho0, gain, law, jnp.asarray(system.rows.angular)[rows]).sized_at(begin)
             root = closed_root(problem, begin, self.solver)

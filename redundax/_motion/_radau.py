@@ -15,7 +15,7 @@ import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 _ROOT = 6**0.5
 STAGES = (4 - _ROOT) / 10, (4 + _ROOT) / 10, 1.0
@@ -62,19 +62,21 @@ class RadauSteps(diffrax.AbstractAdaptiveSolver):
     term_structure = diffrax.AbstractTerm
     interpolation_cls = Collocation
 
-    def order(self, terms: Any) -> int:
+    def order(self, terms: PyTree) -> int:
         return 5
 
-    def error_order(self, terms: Any) -> int:
+    def error_order(self, terms: PyTree) -> int:
         return 4
 
-    def func(self, terms: Any, t0: Any, y0: Any, args: Any) -> Any:
+    def func(self, terms: PyTree, t0: Any, y0: PyTree, args: PyTree) -> Any:
         return terms.vf(t0, y0, args)
 
-    def init(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any) -> None:
+    def init(self, terms: PyTree, t0: Any, t1: Any, y0: PyTree, args: PyTree) -> None:
         return None
 
-    def step(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: Any, made_jump: Any) -> Any:
+    def step(
+        self, terms: PyTree, t0: Any, t1: Any, y0: PyTree, args: PyTree, solver_state: PyTree, made_jump: Any
+    ) -> Any:
         h, m, dtype = t1 - t0, y0.size, y0.dtype
         inverse, places, one = jnp.asarray(_INVERSE, dtype), jnp.asarray(STAGES, dtype), jnp.eye(m, dtype=dtype)
         first, along = jax.linearize(lambda y: terms.vf(t0, y, True), y0)

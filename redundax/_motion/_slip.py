@@ -19,12 +19,12 @@ A mechanism at rest is looked at from time to time: loads that change may let it
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, PyTree
 
 from .._system._directions import Directions
 from .._system._state import State
@@ -87,7 +87,7 @@ class Seen(NamedTuple):
     there: Mode
     against: Float[Array, " p"]
     yields: tuple[Array, Array] | None
-    watch: Any
+    watch: PyTree
 
 
 def seen(
@@ -97,7 +97,7 @@ def seen(
     context: Context,
     trial: Float[Array, " p"],
     lands: Bool[Array, ""],
-    watch: Any,
+    watch: PyTree,
 ) -> Seen:
     """What is found at a state, friction with the senses of `trial`; `lands` says whether which joints stick is asked
     even if none do."""

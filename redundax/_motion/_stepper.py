@@ -17,7 +17,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optimistix as optx
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, PyTree
 
 from .._equations._kinematics import velocity
 from .._tools._numbers import stop_gradient, xp
@@ -88,7 +88,7 @@ class Carried(NamedTuple):
     event that the next step ends at, which joints with several slips were let go, and whether the last step was cut at
     an event; the watch, and pivots now and largest."""
 
-    inner: Any
+    inner: PyTree
     mode: Mode
     since: Array
     held: AnyHeld
@@ -137,7 +137,7 @@ def _unused(*_: Any) -> Any:
 class Control(NamedTuple):
     """State of the controller: its own, and the event that ended the steps, one of slips or one of contacts."""
 
-    inner: Any
+    inner: PyTree
     plan: Plan | None
     hit: Hit | None = None
 
@@ -165,7 +165,7 @@ class Controller(diffrax.AbstractAdaptiveStepSizeController):
         return self
 
     def init(
-        self, terms: Any, t0: Any, t1: Any, y0: Any, dt0: Any, args: Any, func: Any, error_order: Any
+        self, terms: PyTree, t0: Any, t1: Any, y0: PyTree, dt0: Any, args: PyTree, func: Any, error_order: Any
     ) -> tuple[Any, Control]:
         equations, begin = args[0], args[2]
         end, inner = self.controller.init(terms, t0, t1, y0, dt0, args, func, error_order)
@@ -176,10 +176,10 @@ class Controller(diffrax.AbstractAdaptiveStepSizeController):
         self,
         t0: Any,
         t1: Any,
-        y0: Any,
-        y1_candidate: Any,
-        args: Any,
-        y_error: Any,
+        y0: PyTree,
+        y1_candidate: PyTree,
+        args: PyTree,
+        y_error: PyTree,
         error_order: Any,
         controller_state: Control,
     ) -> tuple[Any, ...]:
@@ -253,16 +253,16 @@ class Stepper(diffrax.AbstractWrappedSolver):
         """Of a Runge-Kutta solver."""
         return self.solver.scan_kind  # pyright: ignore
 
-    def order(self, terms: Any) -> int | None:
+    def order(self, terms: PyTree) -> int | None:
         return self.solver.order(terms)
 
-    def error_order(self, terms: Any) -> Any:
+    def error_order(self, terms: PyTree) -> Any:
         return self.solver.error_order(terms)
 
-    def func(self, terms: Any, t0: Any, y0: Any, args: Any) -> Any:
+    def func(self, terms: PyTree, t0: Any, y0: PyTree, args: PyTree) -> Any:
         return self.solver.func(terms, t0, y0, args)
 
-    def init(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any) -> Carried:
+    def init(self, terms: PyTree, t0: Any, t1: Any, y0: PyTree, args: PyTree) -> Carried:
         equations, context, begin = args
         inner = self.solver.init(terms, t0, t1, y0, (equations, context))
         kinetic = equations.kinetic_energy(t0, y0)
@@ -274,7 +274,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
 
     @eqx.filter_jit  # diffrax traces it three times
     def step(
-        self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: Carried, made_jump: Any
+        self, terms: PyTree, t0: Any, t1: Any, y0: PyTree, args: PyTree, solver_state: Carried, made_jump: Any
     ) -> tuple[Any, Any, Any, Carried, Any]:
         now, equations, system = solver_state, args[0], args[0].system
         context, projects = now.context, equations.stabilisation.projects
@@ -290,7 +290,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
             y = jax.tree.map(lambda a, b: jnp.where(context.rests, a, b), y0, y)
         # What is watched and what the next step starts from have no derivatives.
         fixed, there, begun_at, begun, t, before, path = stop_gradient((equations, y, y0, t0, t1, now, dense))
-        found: Any = None
+        found: PyTree = None
         plan: Any = None
         step: Any = None
         cut: Any = None
@@ -395,7 +395,7 @@ class Found(NamedTuple):
     watch: Sight
 
 
-def _watched(equations: Equations, now: Carried, found: Any, inner: Any) -> tuple[Sight, Carried, Array]:
+def _watched(equations: Equations, now: Carried, found: PyTree, inner: PyTree) -> tuple[Sight, Carried, Array]:
     """What was seen at the end of a step, what is carried on from there, and how much friction jumps where it may have
     several solutions."""
     friction = equations.system.friction

@@ -22,7 +22,7 @@ import jax
 import jax.numpy as jnp
 import optimistix as optx
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from .._equations._kinematics import constraint_motion, displacement
 from .._system._state import State
@@ -139,16 +139,16 @@ class Tangent(diffrax.AbstractWrappedSolver):
     term_structure = diffrax.AbstractTerm
     interpolation_cls = Collocation
 
-    def order(self, terms: Any) -> int | None:
+    def order(self, terms: PyTree) -> int | None:
         return self.solver.order(terms)
 
-    def error_order(self, terms: Any) -> Any:
+    def error_order(self, terms: PyTree) -> Any:
         return self.solver.error_order(terms)
 
-    def func(self, terms: Any, t0: Any, y0: Any, args: Any) -> Any:
+    def func(self, terms: PyTree, t0: Any, y0: PyTree, args: PyTree) -> Any:
         return terms.vf(t0, y0, args)
 
-    def init(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any) -> Float[Array, "n f"] | None:
+    def init(self, terms: PyTree, t0: Any, t1: Any, y0: PyTree, args: PyTree) -> Float[Array, "n f"] | None:
         equations, context = args
         if not self.known:
             return None
@@ -156,7 +156,9 @@ class Tangent(diffrax.AbstractWrappedSolver):
         rank, scale = len(factor.rows) - context.held.basis.shape[1], equations.scaling.coordinates
         return stop_gradient(scale[:, None] * jnp.linalg.svd(factor.rows * scale)[2][rank:].T)
 
-    def step(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: Any, made_jump: Any) -> Any:
+    def step(
+        self, terms: PyTree, t0: Any, t1: Any, y0: PyTree, args: PyTree, solver_state: PyTree, made_jump: Any
+    ) -> Any:
         equations, context = args
         at, dt = coordinates(equations, t0, y0, context, solver_state), t1 - t0
         term = diffrax.ODETerm(lambda s, z, at_begin: dt * at.rate(t0 + s * dt, z, at_begin is True))

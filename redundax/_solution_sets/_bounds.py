@@ -433,13 +433,10 @@ def _affine(
     start: np.ndarray,
     slope: np.ndarray,
     unit: np.ndarray | None = None,
-    limits: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None,
-    norm: bool = False,
 ) -> Affine:
     nothing = np.zeros(0)
-    rows, least, most = limits if limits is not None else (nothing.astype(int), nothing, nothing)
     unit = solutions.response.unit.multipliers if unit is None else unit
-    return Affine(names, lower, upper, start, slope, unit, rows, least, most, norm=norm)
+    return Affine(names, lower, upper, start, slope, unit, nothing.astype(int), nothing, nothing)
 
 
 def _by_pivots(
@@ -466,7 +463,7 @@ def _by_pivots(
     names = tuple(report.rows[row] for row in pivots)
     limits = rows[others], lower[others], upper[others]
     start, unit = free - move @ free[pivots], unit - move @ unit[pivots]
-    return _affine(names, lower[chosen], upper[chosen], solutions, start, move, unit, limits, norm)
+    return Affine(names, lower[chosen], upper[chosen], start, move, unit, *limits, norm=norm)
 
 
 def _check_given(report: Report, rows: np.ndarray, solutions: SolutionSet) -> None:

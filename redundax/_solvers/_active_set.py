@@ -48,10 +48,21 @@ class _Turn(NamedTuple):
     turns: Int[Array, ""]
 
 
+class Effects(NamedTuple):
+    """What friction does, as functions of it.
+
+    - `caused`: what it causes, and A tau.
+    - `limits`: lo and hi at the multipliers that it causes.
+    - `hold`: the least of some joints that gives them accelerations, known to a rounding as lengths.
+    """
+
+    caused: Callable[[Float[Array, " p"]], tuple[Response, Float[Array, " p"]]]
+    limits: Callable[[Float[Array, " m"]], tuple[Float[Array, " p"], Float[Array, " p"]]]
+    hold: Callable[[Bool[Array, " p"], Float[Array, " p"], Float[Array, ""]], Float[Array, " p"]]
+
+
 def active_set(
-    caused: Callable[[Float[Array, " p"]], tuple[Response, Float[Array, " p"]]],
-    limits: Callable[[Float[Array, " m"]], tuple[Float[Array, " p"], Float[Array, " p"]]],
-    hold: Callable[[Bool[Array, " p"], Float[Array, " p"], Float[Array, ""]], Float[Array, " p"]],
+    effects: Effects,
     free: Float[Array, " p"],
     still: Bool[Array, " p"],
     sizes: Float[Array, " p"],
@@ -63,9 +74,6 @@ def active_set(
 
     **Arguments:**
 
-    - `caused`: what friction causes, and A tau.
-    - `limits`: lo and hi at the multipliers that friction causes.
-    - `hold`: the least friction of some joints that gives them accelerations, known to a rounding as lengths.
     - `free`: alpha_0.
     - `still`: joints that may be held; of the others lo is hi.
     - `sizes`: the lengths by which slips are made lengths.
@@ -73,7 +81,7 @@ def active_set(
       largest limit.
     - `at_once`: turns in which all joints change that ask for it.
     """
-    zero, enough = tolerance
+    (caused, limits, hold), (zero, enough) = effects, tolerance
 
     def turn(now: _Turn) -> _Turn:
         tau = now.found.tau

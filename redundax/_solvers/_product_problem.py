@@ -31,13 +31,12 @@ class ProductProblem(AbstractFrictionProblem):
         return replace_fields(self, friction_sizes=self.friction_sizes.larger(friction))
 
     def along(self, rho: Float[Array, " l"], change: Float[Array, " p"]) -> Float[Array, " p"]:
-        """law'(rho) K change, both of the size of friction."""
-        size = self.friction_size
-        return jax.jvp(self.law, (rho,), (self.gain @ (size * change),))[1] / size
+        """law'(rho) K change."""
+        return jax.jvp(self.law, (rho,), (self.gain @ change,))[1]
 
     def solution(self, rho: Array, right: Array) -> Array:
         size = self.friction_size
-        return size * krylov_solution(lambda y: y - self.along(rho, y), right / size)
+        return size * krylov_solution(lambda y: y - self.along(rho, size * y) / size, right / size)
 
     def newton(self, rho: Array, tau: Array) -> tuple[Array, Array]:
         residual = tau - self.law(rho)
@@ -47,7 +46,8 @@ class ProductProblem(AbstractFrictionProblem):
         return (Mixing(rtol, first=1.0) if near else Mixing(rtol)).run(self, start)
 
     def contraction(self, rho: Array) -> Float[Array, ""]:
-        return spectral_radius(lambda y: self.along(rho, y), self.friction_size)
+        size = self.friction_size
+        return spectral_radius(lambda y: self.along(rho, size * y) / size, size)
 
     def contraction_anywhere(self) -> Float[Array, ""]:
         return xp.full((), xp.inf, self.rho0.dtype)

@@ -85,7 +85,7 @@ def identify(
     scale = jnp.concatenate([jnp.ravel(one.std) for one in parameters.values()])
     begin = _points(parameters, starts, seed)
     try:
-        found = _searches(predict, shapes, begin, data, sigma, middle, scale, max_steps, rtol)
+        found = _searches(predict, shapes, begin, (data, sigma), (middle, scale), max_steps, rtol)
     except TypeError as error:
         if "forward-mode" not in str(error):
             raise
@@ -135,14 +135,14 @@ def _searches(
     predict: Callable[..., Array],
     shapes: Shapes,
     begin: Array,
-    data: Array,
-    sigma: Array,
-    middle: Array,
-    scale: Array,
+    measured: tuple[Array, Array],
+    unit: tuple[Array, Array],
     max_steps: int,
     rtol: float,
 ) -> tuple[Array, ...]:
-    """All searches: where they ended, residuals and sensitivities there."""
+    """All searches: where they ended, residuals and sensitivities there; given what was measured and its noise, and
+    the middle and the scale of parameters."""
+    (data, sigma), (middle, scale) = measured, unit
 
     def residual(u: Array) -> tuple[Array, Array]:
         given = jnp.asarray(predict(**restore(shapes, middle + scale * u)))

@@ -93,21 +93,21 @@ def study(
         )
     check_call("run", run, **given)
     one = jax.jit(lambda sample: run(**sample))  # traced once, for the shapes
-    plan = layout(given, jax.eval_shape(one, {name: values[0] for name, values in given.items()}), system)
+    table = layout(given, jax.eval_shape(one, {name: values[0] for name, values in given.items()}), system)
     check_threads(mesh)
     devices = 1 if mesh is None else mesh.size
-    chunk = -(-min(chunk, plan.size) // devices) * devices
+    chunk = -(-min(chunk, table.size) // devices) * devices
     program = spread(jax.vmap(lambda sample: named(one(sample))), mesh)
 
     def compute(first: int) -> dict[str, np.ndarray]:
         own = {name: values[first : first + chunk] for name, values in given.items()}
         found = program({name: _padded(values, chunk) for name, values in own.items()})
-        count = min(chunk, plan.size - first)
+        count = min(chunk, table.size - first)
         return own | {name: fetch(values)[:count] for name, values in found.items()}
 
-    store = _opened(None if path is None else Path(path).resolve(), plan, given)
+    store = _opened(None if path is None else Path(path).resolve(), table, given)
     try:
-        _fill(store, plan.size, chunk, compute, progress)
+        _fill(store, table.size, chunk, compute, progress)
     finally:
         store.close()
     meet("study")
@@ -131,15 +131,15 @@ def _given(samples: Mapping[str, Numbers]) -> dict[str, np.ndarray]:
     return given
 
 
-def _opened(path: Path | None, plan: Layout, given: Mapping[str, np.ndarray]) -> Store:
+def _opened(path: Path | None, table: Layout, given: Mapping[str, np.ndarray]) -> Store:
     if path is None:
-        return Memory(plan)
+        return Memory(table)
     if path.suffix != ".nc" or not path.parent.is_dir():
         raise RedundaxError(
             f"Argument `path` must end in .nc and lie in a folder that exists, but is {path}. "
             "Make the folder, or choose another."
         )
-    store = File(path, plan, plan.fingerprint(given)) if jax.process_index() == 0 else Follower(path)
+    store = File(path, table, table.fingerprint(given)) if jax.process_index() == 0 else Follower(path)
     refuse(store.problem)
     store.done = of_first(store.done)
     return store

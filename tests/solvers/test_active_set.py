@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from redundax._equations._response import Response
-from redundax._solvers._active_set import active_set
+from redundax._solvers._active_set import Effects, active_set
 
 
 @pytest.mark.parametrize(("seed", "count", "rank"), [(0, 1, 1), (1, 12, 1), (2, 12, 4), (3, 30, 30), (4, 30, 7)])
@@ -33,7 +33,13 @@ def test_what_it_finds_meets_the_conditions(seed, count, rank, strength, at_once
         return held @ jnp.where(joints, change, 0.0)
 
     tau, _, found, settled = active_set(
-        caused, limits, hold, jnp.asarray(free), jnp.asarray(still), jnp.ones(count), (1e-7, 1e-10), wanted, at_once
+        Effects(caused, limits, hold),
+        jnp.asarray(free),
+        jnp.asarray(still),
+        jnp.ones(count),
+        (1e-7, 1e-10),
+        wanted,
+        at_once,
     )
     assert settled
     most = np.abs(loads + gain @ np.asarray(tau))
