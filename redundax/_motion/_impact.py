@@ -22,7 +22,7 @@ from .._closures._closure import Elasticity, elasticity
 from .._equations._factorisation import Factorisation
 from .._equations._gaps import model_of_all
 from .._equations._kinematics import prescribed_rate
-from .._equations._scaling import Scaling, scaling
+from .._equations._scaling import Scaling, largest_violation, scaling
 from .._solve._contacts import CLEAR, ActiveSet, Asked, active_set, of_rows
 from .._system._contact import Contact, code_of, rows_that_hold
 from .._system._friction import Friction, load_rows
@@ -34,7 +34,7 @@ from .._tools._numbers import are_known, cond, entries_set, scan, stop_gradient,
 from ._moving import NONE, Equations, Touch, tolerance_of
 from ._rubbing import AtInstant, Instant, at_instant
 from ._stick import Mode
-from ._touch import GAP
+from ._touch import GAP, TAKEN
 
 # Gap, relative to the size of the mechanism, below which contacts close together: positions are not known better.
 TOGETHER = 1e-8, 1e2
@@ -122,7 +122,8 @@ def settle(equations: Equations, state: State, restitution: Float[Array, " c"], 
         instant = Instant(~last, model.mass @ state.qd, wanted, there)
         parts = rate + take(jacobian @ (now.qd - state.qd) / scales.rows, rows)
         closed = near & (~last | (parts >= -slow))
-        asked = Asked(closed, closed & (~last | strikes | before.loaded), (jacobian, wanted, scales), lets_go=last)
+        taken = xp.where(last, tolerance_of(TAKEN, rate), largest_violation(rate.dtype))
+        asked = Asked(closed, closed & (~last | strikes | before.loaded), (jacobian, wanted, scales), last, taken)
         of_set = of_rows(partial(at_instant, stop_gradient(instant)), caches[int(last)] if known else None)
         active = active_set(system, at, fits, of_set, asked)
         kept = xp.where(place == _HOLDS, now.kept, active.kept)

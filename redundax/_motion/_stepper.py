@@ -317,7 +317,9 @@ class Stepper(diffrax.AbstractWrappedSolver):
         hit = None
         if fixed.touch is not None:
             steps = self.solver.interpolation_cls(t0=begun, t1=t, **path)
-            hit = first_hit(fixed, (begun, t), there, steps.evaluate, before.context)
+            hit, contradicts = first_hit(fixed, (begun, t), there, steps.evaluate, before.context)
+            contradicts = contradicts & ~args[2].lands
+            good, size = good | contradicts, jnp.where(contradicts, 0.0, size)  # of what is not taken
         if step is None:
             if hit is not None:
                 hit = hit._replace(time=jnp.where(args[2].lands, jnp.inf, hit.time))

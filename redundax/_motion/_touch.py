@@ -5,7 +5,9 @@ only touches, because the others hold it closed, where the closure would load it
 
     s = W lam - d - Phi_q u,   Phi_q u = W lam - d in the rows that hold,
 
-passes zero. Each is a margin, positive while the phase goes on. Rows that do not hold are zeros (`opened`), so that one
+passes zero. One that holds ends it too where other rows take it away, as a driver that sets off: rows that contradict
+each other, X^T gamma beyond rounding, have no loads that could pass zero. Each is a margin, positive while the phase
+goes on. Rows that do not hold are zeros (`opened`), so that one
 program serves all phases. A step that passes an event is not taken; the next one ends there, by the dense output.
 """
 
@@ -34,23 +36,27 @@ _LATER = 2.0**-40
 _OFF = 1e-4, 1e5
 # Gap below which contacts that others hold closed do not: above what the rows that hold are off by after a step.
 _APART = 1e-8, 1e3
+# Share of accelerations by which others take a contact away, where steps end and what they leave is projected; and what
+# steps within make of it at most, as they are off the constraints.
+TAKEN, _TAKEN_WITHIN = (1e-8, 1e3), (1e-5, 1e6)
 
 
 class Margins(NamedTuple):
-    """Gaps relative to the size of the mechanism, and loads relative to the largest or strains to theirs; infinite of
-    contacts that are asked for the other."""
+    """Gaps relative to the size of the mechanism, loads relative to the largest or strains to theirs, and accelerations
+    by which others leave a contact, relative to all; infinite of contacts that are asked for the other."""
 
     gap: Float[Array, "*looks c"]
     push: Float[Array, "*looks c"]
+    left: Float[Array, "*looks c"]
 
     @property
     def least(self) -> Float[Array, "*looks c"]:
-        """The one that is asked for, or the lesser."""
-        return jnp.minimum(self.gap, self.push)
+        """The one that is asked for, or the least."""
+        return jnp.minimum(jnp.minimum(self.gap, self.push), self.left)
 
-    def passed(self, gap: float, push: float) -> Bool[Array, "*looks c"]:
+    def passed(self, gap: float, push: float, left: float) -> Bool[Array, "*looks c"]:
         """Whether one is below zero by more than it may be."""
-        return (self.gap < -gap) | (self.push < -push)
+        return (self.gap < -gap) | (self.push < -push) | (self.left < -left)
 
 
 class Hit(NamedTuple):
@@ -78,17 +84,25 @@ def margins(equations: Equations, t: Array, y: Moving, context: Context) -> Marg
     size = or_one(jnp.maximum(jnp.max(jnp.abs(force)), jnp.max(jnp.abs(scale.coordinates * linear.load))))
     compliance, misfit = elasticity(equations.closure, system, state)
     bent = compliance @ solved.multipliers - misfit
-    strain = bent - every.jacobian(y.q, t) @ factor.nearest(jnp.where(kept, bent, 0.0))
+    jacobian = every.jacobian(y.q, t)
+    strain = bent - jacobian @ factor.nearest(jnp.where(kept, bent, 0.0))
     holds = kept[rows]
     push = jnp.where(holds, force[rows] / size, strain[rows] / or_one(jnp.max(jnp.abs(bent))))
     apart = jnp.where(touch.rests, tolerance_of(_APART, gap), 0.0)
-    return Margins(jnp.where(holds, jnp.inf, gap + apart), jnp.where(holds | touch.rests, push, jnp.inf))
+    gamma, mass = factor.motion.gamma / scale.rows, jnp.diagonal(system.mass(y.q, t))
+    free = jnp.abs(linear.load) + jnp.abs(jacobian).T @ jnp.abs(solved.multipliers)
+    parts = jnp.abs(solved.acceleration) + jnp.where(mass > 0, free / or_one(mass), 0.0)
+    size = jnp.max(jnp.abs(jacobian) @ parts / scale.rows + jnp.abs(gamma))
+    taken = (factor.stress @ (factor.stress.T @ gamma))[rows] / or_one(size)
+    left = jnp.where(holds, 2 * tolerance_of(TAKEN, gap) - taken, jnp.inf)
+    return Margins(jnp.where(holds, jnp.inf, gap + apart), jnp.where(holds | touch.rests, push, jnp.inf), left)
 
 
 def first_hit(
     equations: Equations, times: tuple[Array, Array], last: Moving, between: Callable[[Array], Moving], context: Context
-) -> Hit:
-    """The first event in a step from one time to another, given its end and its dense output."""
+) -> tuple[Hit, Bool[Array, ""]]:
+    """The first event in a step from one time to another, given its end and its dense output; and whether it is one
+    that no step can pass, as rows contradict each other beyond."""
     start, end = times
     width = end - start
 
@@ -100,7 +114,8 @@ def first_hit(
     parts = jnp.arange(1, _LOOKS + 1, dtype=width.dtype) / _LOOKS
     seen = jax.lax.map(at, (start + width * parts, parts == 1))
     rough, fine = tolerance_of(_WITHIN, width), (tolerance_of(GAP, width), tolerance_of(_SIGN, width))
-    passed = jnp.where((parts == 1)[:, None], seen.passed(*fine), seen.passed(rough, rough))
+    taken = tolerance_of(_TAKEN_WITHIN, width)
+    passed = jnp.where((parts == 1)[:, None], seen.passed(*fine, taken), seen.passed(rough, rough, taken))
     found, which = jnp.any(passed), passed[jnp.argmax(jnp.any(passed, axis=1))]
     first = jnp.argmax(jnp.any(which & (seen.least < 0), axis=1))
 
@@ -114,7 +129,8 @@ def first_hit(
 
     begin = start + width * first / _LOOKS, start + width * (first + 1) / _LOOKS, which, jnp.zeros((), int)
     _, high, which, _ = jax.lax.while_loop(lambda now: found & (now[3] < _HALVINGS), halve, begin)
-    return Hit(jnp.where(found, jnp.minimum(high + _LATER * width, end), jnp.inf), which & found)
+    contradicts = found & jnp.any(which & (seen.left < 0))
+    return Hit(jnp.where(found, jnp.minimum(high + _LATER * width, end), jnp.inf), which & found), contradicts
 
 
 @as_program

@@ -97,12 +97,14 @@ class Asked(NamedTuple):
     - `loaded`: those that it begins with.
     - `at`: Phi_q, what Phi_q x is, of closed rows at most, and the scales of all rows.
     - `lets_go`: whether what touches without load, and no other row holds, is open from there on, with what is tied.
+    - `taken`: share of accelerations by which others take a contact away beyond rounding.
     """
 
     closed: Bool[Array, " c"]
     loaded: Bool[Array, " c"]
     at: tuple[Array, Array, Scaling]
     lets_go: Bool[Array, ""]
+    taken: Float[Array, ""] | float
 
 
 def of_rows(
@@ -139,7 +141,7 @@ def active_set(
     rows, has_tied = np.array(names.one_sided), np.array([bool(tied) for tied in names.tied] or [False])
     if asked is None:
         closed, at = contacts_at(system, state)
-        asked = Asked(closed, closed, at, xp.zeros((), bool))
+        asked = Asked(closed, closed, at, xp.zeros((), bool), largest_violation(state.qd.dtype))
     closed, at = asked.closed, asked.at
     most = 8 * rows.size + 8
 
@@ -147,7 +149,7 @@ def active_set(
         kept = rows_that_hold(names, step.loaded, step.rolling)
         factor, solution, bent, found = of_set(system, state, elasticity, kept)
         bent = with_rows(bent, kept, elasticity)
-        wrong, contradicts, does, decided = signs(rows, closed, kept, at, (factor, solution, bent))
+        wrong, contradicts, does, decided = signs(rows, closed, kept, at, (factor, solution, bent), asked.taken)
         # The worst first; then the first, which cannot go round in circles.
         place = xp.where(step.changes < 2 * rows.size, xp.argmax(wrong), xp.argmax(wrong > 0))
         flip = (xp.asarray(np.arange(rows.size)) == place) & xp.any(wrong > 0)
@@ -210,6 +212,7 @@ def signs(
     all_kept: Bool[Array, " m"],
     at: tuple[Array, Array, Scaling],
     found: tuple[Factorisation, Any, Elasticity],
+    taken: Float[Array, ""] | float | None = None,
 ) -> Signs:
     """Those of contacts; `at` is Phi_q, gamma and the scales, `found` the factorisation, solution and closure of the
     rows that are kept.
@@ -228,7 +231,9 @@ def signs(
     strain = strain / or_one(xp.max(xp.abs(bent)))
     turned = take(xp.linalg.norm(jacobian * factor.scaling.coordinates, axis=1), rows)
     decided = xp.linalg.norm(free, axis=1) / or_one(turned) < _WITHIN  # by the other rows: it moves with them
-    together = decided & (into > -largest_violation(into.dtype))  # else these take it away, however little they give
+    # Positions may be off by as much, and what they prescribe is.
+    taken = largest_violation(into.dtype) if taken is None else taken
+    together = decided & (into > -taken)  # else these take it away, however little they give
     pulls, closes = -force, xp.where(together, xp.maximum(into, -strain), into)
     wrong = xp.where(closed, xp.where(kept, pulls, closes), -1.0)
     carries, lifts = kept & (force > CLEAR), ~kept & (into < -CLEAR)
@@ -236,8 +241,7 @@ def signs(
     code = xp.where(carries, loaded, xp.where(lifts, lifted, touching))
     size = xp.where(xp.isfinite(size), size, _size(at, factor, factor))  # none where `solve` refuses the contradiction
     off = take(factor.split.stress @ xp.where(all_kept, gamma / scales.rows, 0.0), rows) / or_one(size)
-    # Positions may be off by as much, and what they prescribe is.
-    off = xp.where(closed & kept & (off > largest_violation(off.dtype)), off, -1.0)
+    off = xp.where(closed & kept & (off > taken), off, -1.0)
     contradicts = xp.any(off > 0)
     wrong = xp.where(contradicts, off, xp.where(wrong > CLEAR, wrong, -1.0))
     return Signs(wrong, contradicts, xp.where(closed, code, opened), decided)

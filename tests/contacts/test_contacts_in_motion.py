@@ -134,6 +134,20 @@ def test_a_driver_that_accelerates_takes_a_plate_off_its_stop():
     np.testing.assert_allclose(solution.multipliers[1:], [100 + 3 * 0.5, 0.0], rtol=1e-12)
 
 
+@pytest.mark.parametrize("power", [3, pytest.param(2, marks=pytest.mark.slow)])
+def test_a_driver_that_sets_off_takes_a_plate_off_its_stop(power):
+    """By (t - 0.1)^power from rest: the ram bears 100 + 2e4 d + 3 d''. Before, it and the stop share 100 N."""
+    law = lambda t: -(jnp.maximum(t - 0.1, 0.0) ** power)  # noqa: E731
+    motion = rx.simulate(press(law), rx.State(jnp.zeros(2), jnp.zeros(2)), 0.3)
+    since = np.maximum(np.asarray(motion.t) - 0.1, 0.0)
+    moves = since > 1e-3
+    np.testing.assert_allclose(motion.q, -np.stack([since**power] * 2, 1), rtol=0, atol=1e-9)
+    bears = 100 + 2e4 * since**power + 3 * power * (power - 1) * since ** (power - 2)
+    np.testing.assert_allclose(motion.multipliers[moves, 1], bears[moves], rtol=1e-6)
+    assert set(motion.contacts["2"][moves]) == {"open"} and set(motion.contacts["2"][since == 0]) == {"carries"}
+    assert motion.stats.phases == 2 and motion.impacts.t.size == 0
+
+
 def table(peak):
     """A table of 98.1 N on four feet, tilted by a moment that grows to a peak and falls again."""
     feet = np.array([[-0.4, -0.3], [0.4, -0.3], [0.4, 0.3], [-0.4, 0.3]])

@@ -56,7 +56,7 @@ from .._loads_at_rest._band_at_rest import bands_at_rest
 from .._pushing import Held, analyzed
 from .._search import Search, best, few, proved_single
 from .._solution_set import SolutionSet, solution_set
-from ._one_by_one import one_by_one, searched
+from ._one_by_one import one_by_one, searched, with_contacts
 from ._with_play import SidesOfJoints, joints_of
 
 if TYPE_CHECKING:
@@ -256,9 +256,10 @@ def asked_at(
     """The system with the contacts that are closed and its report; and the senses of slip: where none are given those
     in which drives, or the motion that goes on, start the joints that rest."""
     at, report = analyzed(system, state, rank, factor, sense=sense)
-    if sense is None and report.at_rest and system.friction and not report.contacts:
+    if sense is None and report.at_rest and system.friction:
         sense = sense_of_start(at.system, state, at.factor)
-        report = report if sense is None else analyzed(system, state, rank, at.factor, sense=sense)[1]
+        own = None if report.contacts else at.factor
+        at, report = (at, report) if sense is None else analyzed(system, state, rank, own, sense=sense)
     return (at, report), sense
 
 
@@ -283,8 +284,8 @@ def bands_of(
             "compliance at a time there. Give the closure itself, or a `MisfitBox` of it."
         )
     has_sides = play is not None or at.pushing or (isinstance(bounds, MisfitBox) and bounds.radial)
-    has_sides = report.pivots and not system.friction and has_sides
-    if has_sides and isinstance(bounds, AbstractClosure | MisfitBox):
+    of_joints = report.pivots and not system.friction and has_sides
+    if of_joints and isinstance(bounds, AbstractClosure | MisfitBox):
         return _of_joints(system, (at, report), state, outputs, bounds, effort)
     bounds = bounds if report.pivots else without_play(bounds)
     if system.friction and play is not None and report.at_rest:
@@ -294,17 +295,17 @@ def bands_of(
         )
     if rubbing and report.at_rest:
         at = _at_most(at, state, rubbing, sense)
-    system, factor, _ = at
-    if report.contacts and system.friction and not report.at_rest and not report.problem:
+    whole, (system, factor, _) = system, at
+    moves = report.contacts and system.friction and not report.at_rest and not report.problem
+    if moves and not isinstance(bounds, AbstractClosure | MisfitBox):
         raise RedundaxError(
-            f"Argument `system` has one-sided contacts, {', '.join(report.contacts)}, and joints with friction that "
-            "move: which of the contacts are closed changes with the loads there, which bands do not follow. Ask "
-            "`solve` with closures, or give the contacts that carry alone, not one-sided."
+            "Argument `bounds` must be a closure or a `MisfitBox` where one-sided contacts stand beside joints with "
+            f"friction that move, but is a {type(bounds).__name__}. Or give the contacts that carry as joints."
         )
-    if report.at_rest or report.contacts:
+    if (report.at_rest or report.contacts) and not moves:
         return _at_rest(at, state, outputs, bounds, report, sense, effort.nodes)
-    if rubbing or (system.friction and play is not None):
-        return _by_solving((at, report), state, outputs, cast(AbstractClosure | MisfitBox, bounds), sense, effort)
+    if moves or rubbing or (system.friction and play is not None):
+        return _by_solving(whole, (at, report), state, outputs, cast(Any, bounds), sense, effort)
     samples, starts, seed, _ = effort
     solutions = solutions_of(system, state, factor, report, sense)
     wanted = _wanted(system, state, outputs, report)
@@ -408,6 +409,7 @@ def _at_most(at: Held, state: State, friction: Box, sense: ByName | None) -> Hel
 
 
 def _by_solving(
+    whole: AbstractSystem,
     asked: tuple[Held, Report],
     state: State,
     outputs: Sequence[str] | str | None,
@@ -415,7 +417,7 @@ def _by_solving(
     sense: ByName | None,
     effort: Effort,
 ) -> Bands:
-    """The bands of joints that move with friction, which have play, or whose friction is known within limits."""
+    """The bands of joints that move with friction, have play, or friction within limits, or stand beside contacts."""
     (system, factor, _), report = asked
     solutions, wanted = solutions_of(system, state, factor, report, sense), _wanted(system, state, outputs, report)
     _check_values(wanted.names, wanted.matrix, solutions)
@@ -430,14 +432,14 @@ def _by_solving(
     names, ends = joints.parameters(report.rows)
     names = (*names, *(f"friction {name}" for name in rubbing))
     cases = Parameters(names, np.array([*ends, *rubbing.values()]).reshape(-1, 2))
-    solved = one_by_one(system, state, factor, senses(system.slips, sense))
+    solved = with_contacts(whole, state, sense) if report.contacts else one_by_one(system, state, factor, sense)
 
     def attained(case: np.ndarray) -> np.ndarray:
         own, plays, factors = np.split(case, np.cumsum([len(misfits.rows), len(joints.played)]))
         return solved(dict(zip(rubbing, factors, strict=True)), joints.elasticity_at(own), joints.play_of(plays))
 
     found = searched(attained, cases.box, wanted.matrix, effort.samples, effort.seed)
-    exact = wanted.unique & (not rubbing) & np.isfinite(found.lower)
+    exact = wanted.unique & (not rubbing and not report.contacts) & np.isfinite(found.lower)
     lower, upper = found.lower + wanted.offset, found.upper + wanted.offset
     bands = Bands(
         **_described(system, wanted, bounds, cases),

@@ -8,15 +8,15 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Array
 
-from ..._closures._closure import Elasticity
+from ..._closures._closure import Elasticity, constant
 from ..._closures._play import Play
 from ..._equations._factorisation import Factorisation
 from ..._solve._play import at_sides
 from ..._solve._solution import Solution
-from ..._solve._solve import solve_factorised
+from ..._solve._solve import solve, solve_factorised
 from ..._solvers._continuation import Continuation
+from ..._system._names import ByName, senses
 from ..._system._results import RESULTS, is_one_of
 from ..._system._state import State
 from ..._system._system import AbstractSystem
@@ -40,18 +40,31 @@ class Found(NamedTuple):
 
 
 def one_by_one(
-    system: AbstractSystem, state: State, factor: Factorisation, sense: Array | None
+    system: AbstractSystem, state: State, factor: Factorisation, sense: ByName | None
 ) -> Callable[[Mapping[str, float], Elasticity, Play | None], np.ndarray]:
     """[qdd; lam; tau] for multiples of the friction of joints, a closure and play; NaN where there is no solution."""
 
     def alone(system: AbstractSystem, state: State, factor: Factorisation, chosen: Elasticity) -> Solution:
-        return solve_factorised(system, state, factor, chosen, Continuation(), None, sense)
+        return solve_factorised(system, state, factor, chosen, Continuation(), None, senses(system.slips, sense))
 
     def solved(factors: Mapping[str, float], chosen: Elasticity, play: Play | None) -> np.ndarray:
         own = (system.rubbing(factors) if factors else system).anonymous
         solution, _, settled = at_sides(play, alone)(own, state, factor, chosen)
         out = np.concatenate([solution.acceleration, solution.multipliers, solution.friction])
         return out if settled and is_one_of(solution.result, RESULTS.successful) else np.full_like(out, np.nan)
+
+    return solved
+
+
+def with_contacts(
+    system: AbstractSystem, state: State, sense: ByName | None
+) -> Callable[[Mapping[str, float], Elasticity, Play | None], np.ndarray]:
+    """The same of a system with one-sided contacts, of which those that carry are found case by case."""
+
+    def solved(factors: Mapping[str, float], chosen: Elasticity, play: Play | None) -> np.ndarray:
+        own = system.rubbing(factors) if factors else system
+        solution = solve(own, state, closure=constant(chosen, play), sense=sense, throw=False)
+        return np.concatenate([solution.acceleration, solution.multipliers, solution.friction])
 
     return solved
 

@@ -17,7 +17,7 @@ import numpy as np
 from ..._analysis._outputs import plain
 from ..._closures._closure import AbstractClosure, Elasticity, MinimumNorm, check_closure, elasticity
 from ..._equations._factorisation import Factorisation, factorised
-from ..._equations._scaling import Scaling
+from ..._equations._scaling import Scaling, largest_violation
 from ..._solve._contacts import ActiveSet, Asked, active_set, contacts_at, strains, without_rows
 from ..._solve._solve import solve
 from ..._system._contact import Contact, code_of, words
@@ -185,7 +185,7 @@ def _course(
 ) -> _Course:
     """All changes until one lifts, from what contacts do without the load."""
     rows, (closed, at) = np.array(system.names.one_sided), contacts_at(system, state)
-    sets: dict[bytes, _Set] = {}
+    sets, taken = dict[bytes, _Set](), largest_violation(state.qd.dtype)
 
     def of_rows(kept: np.ndarray) -> _Set:
         key = kept.tobytes()
@@ -198,7 +198,7 @@ def _course(
             own = of_rows(kept)
             return own.factor, own.at(amount), own.closure, own.found
 
-        active = active_set(system, state, chosen, of_set, Asked(closed, loaded, at, np.zeros((), bool)))
+        active = active_set(system, state, chosen, of_set, Asked(closed, loaded, at, np.zeros((), bool), taken))
         if not active.settled:
             raise NoSolutionError(RESULTS[RESULTS.contacts_undecided])
         return active
