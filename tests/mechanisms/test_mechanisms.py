@@ -237,7 +237,7 @@ def by_name(mechanism, found):
 
 
 @every_kind
-@with_and_without_friction
+@pytest.mark.parametrize("friction", [pytest.param(False, marks=pytest.mark.slow), True], ids=["smooth", "friction"])
 def test_order_of_bodies_and_joints_does_not_matter(name, friction):
     case = CASES[name]
     bodies, joints, rest = pieces(case, friction)
