@@ -97,7 +97,7 @@ def sprung(q, qd, t, law):
 
 
 def press(*law):
-    """A ram that c_0 + c_1 t + c_2 t^2 drives on a plate of 3 kg, held up to a stop by 100 N and a spring of 2e4 N/m."""
+    """A ram on c_0 + c_1 t + c_2 t^2 drives a plate of 3 kg, which 100 N and a spring of 2e4 N/m hold up to a stop."""
     return rx.System(
         driven_and_stopped,
         mass=jnp.array([2.0, 3.0]),
