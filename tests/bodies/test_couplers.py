@@ -49,7 +49,7 @@ def closed(mechanism, of_space, **given):
     )
 
 
-@pytest.mark.parametrize("space", [False, True])
+@pytest.mark.parametrize("space", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_a_differential_shares_the_moment(space):
     """h = (l + r) / 2 of inertias 2, 0.2 and 0.5, and 3 N m on r: (J_l + J_h / 4) l" + J_h / 4 r" = 0, and likewise."""
     mechanism = fingers(space, 1.0, second={"L.angle": 0.5, "R.angle": 0.5}, first="H.angle")

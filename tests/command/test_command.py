@@ -142,15 +142,6 @@ def test_json_against_print(data, key, row):
     assert np.all(agree) or row == 3
 
 
-def test_json_in_process_is_the_same(data):
-    status, out, error = in_process("tables", "--json")
-    assert (status, error) == (0, "")
-    again = json.loads(out)
-    assert again == _paper.tables()
-    for key, row in EVERY_ROW:
-        assert close(figures(again[key][row]), figures(data[key][row]), 1e-13)
-
-
 # Table 4 ------------------------------------------------------------------------------------
 
 

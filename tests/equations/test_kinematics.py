@@ -76,7 +76,10 @@ def test_jacobian_is_the_slope_of_the_constraints(name, units):
         assert np.all(np.abs(matrix @ direction - slope) <= 1e-8 * (np.sum(np.abs(matrix), axis=1) + size.max()))
 
 
-@every_mechanism
+@pytest.mark.parametrize(
+    "name",
+    [name if name == "wojtyra2020" else pytest.param(name, marks=pytest.mark.slow) for name in registry.MECHANISMS],
+)
 def test_jacobian_joint_by_joint_has_the_derivatives_of_the_whole(name):
     """Forward and reverse, beside `jacfwd` of all constraints together."""
     mechanism, rng = registry.MECHANISMS[name](), np.random.default_rng(4)

@@ -237,7 +237,7 @@ def by_name(mechanism, found):
 
 
 @every_kind
-@with_and_without_friction
+@pytest.mark.parametrize("friction", [pytest.param(False, marks=pytest.mark.slow), True], ids=["smooth", "friction"])
 def test_order_of_bodies_and_joints_does_not_matter(name, friction):
     case = CASES[name]
     bodies, joints, rest = pieces(case, friction)
@@ -410,6 +410,7 @@ def test_all_numbers_may_be_tracers(name):
     assert shapes == [(case.n,), (case.m,), (case.n, case.n)]
 
 
+@pytest.mark.slow
 def test_gradient_moves_the_pose_with_the_lengths():
     """Uniform cranks: phi'' is proportional to 1 / l, the acceleration of the coupler does not change."""
 
@@ -493,7 +494,7 @@ def compiled_programs():
         jax.monitoring.unregister_event_duration_listener(listen)
 
 
-@with_and_without_friction
+@pytest.mark.parametrize("friction", [pytest.param(False, marks=pytest.mark.slow), True], ids=["smooth", "friction"])
 def test_second_mechanism_of_the_same_counts_compiles_nothing(friction, programs_at_once):
     """Other names, lengths and masses, and even other bodies on the joints; results by name neither."""
     jax.clear_caches()

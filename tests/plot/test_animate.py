@@ -94,6 +94,7 @@ def at_once(trajectory):
     return jax.tree.map(lambda x: x[0] if x.ndim else x, trajectory)
 
 
+@pytest.mark.slow  # a motion is compiled for it
 @pytest.mark.parametrize(
     ("change", "given", "message"),
     [

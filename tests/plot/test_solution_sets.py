@@ -54,7 +54,7 @@ def inside(figure, artist) -> bool:
     return bool(whole.x0 <= box.x0 and box.x1 <= whole.x1 and whole.y0 <= box.y0 and box.y1 <= whole.y1)
 
 
-@pytest.mark.parametrize("amount", [2e3, 2e-4])
+@pytest.mark.parametrize("amount", [2e3, pytest.param(2e-4, marks=pytest.mark.slow)])
 def test_every_panel_of_a_family_has_one_unit_and_shows_what_varies(amount):
     """Of 30 quantities that vary by 1 %, half are drawn, some of each kind, each over most of its own axis."""
     figure = rx.plot.family(made_up(amount=amount))

@@ -2,13 +2,15 @@
 
 They are the reference for the library's own routes, on systems of moderate units (the pseudoinverse
 of A loses digits where the units are far apart). Of the library they use what `rx.factorize`
-returns of (7) and the friction groups themselves. `rank` is that of the Jacobian, known beforehand.
+returns of (7) and the friction groups themselves. `rank` is that of the Jacobian, known beforehand. The linear forms
+are computed by NumPy where the library's factors are, as of known numbers, and traced where those are.
 """
 
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 import redundax as rx
 from redundax._equations._kinematics import slip_motion
@@ -38,18 +40,30 @@ class Equations(NamedTuple):
         return self.a @ x - self.right_side(x)
 
 
+def functions(x):
+    """NumPy, or that of JAX for what is traced."""
+    return jnp if isinstance(x, jax.core.Tracer) else np
+
+
 def pinv(a, rank: int):
     """Moore-Penrose inverse of a matrix of known rank: the cut lies in the gap of its spectrum."""
-    s = jnp.append(jnp.linalg.svd(a, compute_uv=False), 0.0)
-    below = jnp.maximum(s[rank], jnp.finfo(a.dtype).tiny)
-    return jnp.linalg.pinv(a, rtol=jnp.sqrt(s[rank - 1] * below) / s[0])
+    xp = functions(a)
+    s = xp.append(xp.linalg.svd(a, compute_uv=False), 0.0)
+    below = xp.maximum(s[rank], np.finfo(a.dtype).tiny)
+    return xp.linalg.pinv(a, rtol=xp.sqrt(s[rank - 1] * below) / s[0])
+
+
+def factors(system, state):
+    """Those of (7), known ones as arrays of NumPy."""
+    f = rx.factorize(system, state)
+    return jax.tree.map(np.asarray, f) if functions(f.mass) is np else f
 
 
 def equations(system, state, rank: int) -> Equations:
     """A of (7) and its pseudoinverse."""
-    f = rx.factorize(system, state)
+    f = factors(system, state)
     m, n = f.jacobian.shape
-    a = jnp.block([[f.mass, f.jacobian.T], [f.jacobian, jnp.zeros((m, m), f.mass.dtype)]])
+    a = functions(f.mass).block([[f.mass, f.jacobian.T], [f.jacobian, np.zeros((m, m), f.mass.dtype)]])
     return Equations(system, state, a, pinv(a, n + rank), f.load, f.gamma, rank)
 
 
@@ -58,14 +72,15 @@ def block_form(system, state, rank: int):
 
     Here B = Phi_q L^-T with M = L L^T, and M^-1 Phi_q^T C^+ = L^-T B^+.
     """
-    f = rx.factorize(system, state)
-    root = jnp.linalg.inv(jnp.linalg.cholesky(f.mass))
+    f = factors(system, state)
+    xp = functions(f.mass)
+    root = xp.linalg.inv(xp.linalg.cholesky(f.mass))
     b = f.jacobian @ root.T
     b_pinv = pinv(b, rank)
     corner = root.T @ b_pinv
-    free = jnp.eye(f.load.size, dtype=b.dtype) - b_pinv @ b
+    free = np.eye(f.load.size, dtype=b.dtype) - b_pinv @ b
     motion = root.T @ free @ free @ root  # the square of a projector sheds its rounding
-    return jnp.block([[motion, corner], [corner.T, -b_pinv.T @ b_pinv]])
+    return xp.block([[motion, corner], [corner.T, -b_pinv.T @ b_pinv]])
 
 
 def moments(system, state, x):
@@ -89,13 +104,14 @@ def force(system, state, x):
 
 def arbitrary(e: Equations, h):
     """(I - A^+ A) h, h a number or (n + m,)."""
-    h = jnp.broadcast_to(jnp.asarray(h, e.a.dtype), e.a.shape[:1])
+    xp = functions(e.a)
+    h = xp.broadcast_to(xp.asarray(h, e.a.dtype), e.a.shape[:1])
     return h - e.a_pinv @ (e.a @ h)
 
 
 def solve(e: Equations, h=0.0):
     """x = A^+ b + (I - A^+ A) h without friction (9)."""
-    return e.a_pinv @ jnp.concatenate([e.load, e.gamma]) + arbitrary(e, h)
+    return e.a_pinv @ functions(e.a).concatenate([e.load, e.gamma]) + arbitrary(e, h)
 
 
 def fixed_point(e: Equations, h=0.0, tol_load=1e-12, tol_step=1e-11, max_steps=1000):
