@@ -21,6 +21,7 @@ from .._system._names import Names, index_of
 from .._system._state import State
 from .._system._system import AbstractSystem, Path, among
 from .._system._units import Units, stated
+from .._tools._compilation import is_loopless
 from .._tools._errors import RedundaxError
 from .._tools._module import (
     Numbers,
@@ -31,6 +32,7 @@ from .._tools._module import (
     numpy_of,
     on_device,
     replace_fields,
+    tree_pick,
     tree_take,
 )
 from .._tools._numbers import asked_of_model
@@ -388,11 +390,18 @@ class Mechanism(AbstractSystem):
         own = slopes(self.joints, body, t)
         if self._plan is not None:
             return dense(self._plan, self._on_plan(own, body))
-        flat = jnp.concatenate([jnp.zeros(1, q.dtype), *(slope.ravel() for slope in own)])
-        jacobian = tree_take(flat, cast(Array, self._entries))
+        jacobian = self._whole(own)
         for coupled in self.couplings:
             jacobian = coupled.added(jacobian, self.joints, body)
         return among(self._kept, jacobian)
+
+    def _whole(self, own: Sequence[Array]) -> Float[Array, "m n"]:
+        """The Jacobian, of the slopes of joints alone."""
+        if is_loopless() and own:
+            pairs, count = zip(self.joints, own, strict=True), self.body.mass.shape[0]
+            return self.frame.by_velocities(self.of_rows([stack.by_bodies(slope, count) for stack, slope in pairs]))
+        flat = jnp.concatenate([jnp.zeros(1, self.body.mass.dtype), *(slope.ravel() for slope in own)])
+        return tree_take(flat, cast(Array, self._entries))
 
     def by_bodies(self, q: Array, t: Array) -> tuple[Array, Array]:
         body = self.poses(q)
@@ -415,7 +424,7 @@ class Mechanism(AbstractSystem):
         flat = [value.reshape(-1, *value.shape[2:]) for value in values]
         if len(values) == len(self.joints):
             flat += [jnp.full((each.rows.size, *flat[0].shape[1:]), coupled, flat[0].dtype) for each in self.couplings]
-        return tree_take(jnp.concatenate(flat), self._source)
+        return tree_pick(jnp.concatenate(flat), self._source)
 
     @property
     def rows_of_joints(self) -> list[Any]:
@@ -431,9 +440,11 @@ class Mechanism(AbstractSystem):
         force = jnp.zeros((count + 1, self.gravity.shape[0]), state.qd.dtype)
         moment = jnp.zeros_like(force if len(self.frame.angular) > 1 else force[:, 0])
         for loads in self.loads:
-            on_i, on_j = loads.over(lambda load, i, j: load.wrenches(i, j, state.t), motion)
-            force = force.at[loads.i].add(on_i.force).at[loads.j].add(on_j.force)
-            moment = moment.at[loads.i].add(on_i.moment).at[loads.j].add(on_j.moment)
+            ends = loads.over(lambda load, i, j: load.wrenches(i, j, state.t), motion)
+            force, moment = (
+                loads.onto_bodies(total, *parts)
+                for total, parts in ((force, [on.force for on in ends]), (moment, [on.moment for on in ends]))
+            )
         weight = (self.body.mass[:, None] * self.gravity).ravel()  # at the centres of mass, whose velocities come first
         load = self.frame.load(self.body, motion, force, moment).at[: weight.size].add(weight)
         if not self.armature:
