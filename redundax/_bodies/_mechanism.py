@@ -49,6 +49,7 @@ from ._joint_rows import (
     check_residuals,
     coordinate_axis,
     missed_velocities,
+    path,
     reaction_axis,
     residuals,
     slopes,
@@ -333,8 +334,7 @@ class Mechanism(AbstractSystem):
         return self.constraint_at(Positions(self.poses(q), (None,) * len(self.joints)), t)
 
     def path(self, q: Array, rate: Array) -> Path | None:
-        found = self.frame.path(self.frame.centres(self.body), q, rate)
-        return None if found is None else Path(found[0], *Positions.path(self.joints, self.poses(q), found[1]))
+        return None if self.frame.adds else path(self.frame, self.frame.centres(self.body), self.joints, q, rate)
 
     @asked_of_model
     def displacement(self, base: Array, q: Array) -> tuple[Array, Array] | None:

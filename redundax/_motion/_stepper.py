@@ -272,15 +272,21 @@ class Stepper(diffrax.AbstractWrappedSolver):
         none = begin.mode.sense != begin.mode.sense
         return Carried(inner, begin.mode, begin.since, begin.held, context.along, begin.plan, none, zero > 0, *fixed)
 
-    @eqx.filter_jit  # diffrax traces it three times
     def step(
         self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: Carried, made_jump: Any
     ) -> tuple[Any, Any, Any, Carried, Any]:
-        now, equations, system = solver_state, args[0], args[0].system
+        equations = args[0]
+        jumps = equations.stabilisation.projects or not equations.system.adds  # diffrax asks with made_jump and without
+        return self._step(terms, t0, t1, y0, args, solver_state, True if jumps else made_jump)
+
+    @eqx.filter_jit  # diffrax traces it three times
+    def _step(
+        self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, now: Carried, made_jump: Any
+    ) -> tuple[Any, Any, Any, Carried, Any]:
+        equations, system = args[0], args[0].system
         context, projects = now.context, equations.stabilisation.projects
         if equations.has_sense:
             equations = equations.with_sense(now.mode.sense)
-        made_jump = True if projects or not system.adds else made_jump
         y, error, dense, inner, result = self.solver.step(terms, t0, t1, y0, (equations, context), now.inner, made_jump)
         raw = y
         y, settled = rechart(system, y)
