@@ -253,6 +253,10 @@ class Stepper(diffrax.AbstractWrappedSolver):
         """Of a Runge-Kutta solver."""
         return self.solver.scan_kind  # pyright: ignore
 
+    def always_jumps(self, equations: Equations) -> bool:
+        """Whether the state jumps after each step."""
+        return equations.stabilisation.projects or not equations.system.adds
+
     def order(self, terms: Any) -> int | None:
         return self.solver.order(terms)
 
@@ -275,9 +279,8 @@ class Stepper(diffrax.AbstractWrappedSolver):
     def step(
         self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: Carried, made_jump: Any
     ) -> tuple[Any, Any, Any, Carried, Any]:
-        equations = args[0]
-        jumps = equations.stabilisation.projects or not equations.system.adds  # diffrax asks with made_jump and without
-        return self._step(terms, t0, t1, y0, args, solver_state, True if jumps else made_jump)
+        jumps = True if self.always_jumps(args[0]) else made_jump  # diffrax asks with one that is traced and without
+        return self._step(terms, t0, t1, y0, args, solver_state, jumps)
 
     @eqx.filter_jit  # diffrax traces it three times
     def _step(
