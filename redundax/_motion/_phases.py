@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._system._directions import Directions
 from .._system._results import RESULTS, chosen
-from .._tools._compilation import is_single
+from .._tools._compilation import is_quick, is_single
 from .._tools._module import batch_any
 from .._tools._numbers import are_known, are_numbers, as_program, cond, stop_gradient, take, xp
 from ._held_rank import AnyHeld, Held, held_by
@@ -204,11 +204,12 @@ def _steps(
     args: Any,
     ts: Float[Array, " times"],
 ) -> Walk:
-    """Steps over a span of time, whose first is given; of known numbers by a loop of our own, which compiles to less."""
+    """Steps over a span of time, whose first is given."""
     terms = diffrax.ODETerm(lambda t, y, args: args[0].derivative(t, y, args[1]))
     start, end, first = span
     plain = isinstance(options.meter, diffrax.NoProgressMeter) and stepper.always_jumps(args[0])
-    if is_single() and plain:
+    adjoint = diffrax.ForwardMode() if is_single() else options.adjoint  # of known numbers none are taken
+    if plain and (is_single() or is_quick()) and isinstance(adjoint, diffrax.ForwardMode):
         return walk(terms, stepper, options.controller, span, y, args, ts, options.max_steps)
     saved = [diffrax.SubSaveAt(ts=ts), diffrax.SubSaveAt(t1=True)]
     solution = diffrax.diffeqsolve(
@@ -221,7 +222,7 @@ def _steps(
         args,
         stepsize_controller=options.controller,
         saveat=diffrax.SaveAt(subs=saved, solver_state=True, controller_state=True),
-        adjoint=diffrax.ForwardMode() if is_single() else options.adjoint,  # of known numbers none are taken
+        adjoint=adjoint,
         max_steps=options.max_steps,
         progress_meter=options.meter,
         throw=False,

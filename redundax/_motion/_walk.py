@@ -1,12 +1,13 @@
-"""Steps of one known motion: those of diffrax's loop, forward in time, with nothing that derivatives or batches need.
+"""Steps as diffrax's loop takes them, forward in time, where no derivative is taken in reverse.
 
-A program of a motion is compiled for as long as a thousand steps take. diffrax's loop holds a hundred numbers next to
-each other before the end, checks of times and buffers of derivatives; here stands what a single motion asks of it.
+A program of a motion is compiled for as long as a thousand steps take. In diffrax's loop a fifth of it are the hundred
+numbers before the end, one by one, checks of times that are checked already, and buffers for reverse mode.
 """
 
 from typing import Any, NamedTuple
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
@@ -42,6 +43,8 @@ def walk(
     max_steps: int,
 ) -> Walk:
     """The steps from a time to another, given those and the length of the first."""
+    if isinstance(solver, diffrax.AbstractRungeKutta) and solver.scan_kind is None:  # as of `diffrax.ForwardMode`
+        solver = eqx.tree_at(lambda each: each.scan_kind, solver, "lax", is_leaf=lambda x: x is None)
     start, end, first = span
     order, successful = solver.error_order(terms), diffrax.RESULTS.successful
     following, control = controller.init(terms, start, end, y, first, args, solver.func, order)
