@@ -446,7 +446,8 @@ class Mechanism(AbstractSystem):
                 for total, parts in ((force, [on.force for on in ends]), (moment, [on.moment for on in ends]))
             )
         weight = (self.body.mass[:, None] * self.gravity).ravel()  # at the centres of mass, whose velocities come first
-        load = self.frame.load(self.body, motion, force, moment).at[: weight.size].add(weight)
+        linear, angular = jnp.split(self.frame.load(self.body, motion, force, moment), [weight.size])
+        load = jnp.concatenate([linear + weight, angular])
         if not self.armature:
             return load
 
