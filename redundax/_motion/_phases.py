@@ -208,6 +208,7 @@ def _steps(
     terms = diffrax.ODETerm(lambda t, y, args: args[0].derivative(t, y, args[1]))
     start, end, first = span
     plain = isinstance(options.meter, diffrax.NoProgressMeter) and stepper.always_jumps(args[0])
+    plain = plain and not isinstance(stepper, diffrax.AbstractImplicitSolver)  # whose tolerances diffrax fills in
     adjoint = diffrax.ForwardMode() if is_single() else options.adjoint  # of known numbers none are taken
     if plain and (is_single() or is_quick()) and isinstance(adjoint, diffrax.ForwardMode):
         return walk(terms, stepper, options.controller, span, y, args, ts, options.max_steps)

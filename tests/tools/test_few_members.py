@@ -1,4 +1,4 @@
-"""Where compiling must take little time few members are chosen and added by products: XLA makes a loop of each gather."""
+"""Where compiling must take little time members are chosen and added by products: XLA makes loops of gathers."""
 
 import jax
 import jax.numpy as jnp
