@@ -8,6 +8,7 @@ import abc
 from collections.abc import Sequence
 from typing import Any, ClassVar, Self
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -51,6 +52,11 @@ class AbstractFrame(AbstractModule):
         """Where the velocities of a body are among those of `count` bodies."""
         linear, angular = len(self.linear), len(self.angular)
         return np.r_[body * linear + np.arange(linear), count * linear + body * angular + np.arange(angular)]
+
+    def by_velocities(self, slopes: Float[Array, "values s bodies"]) -> Float[Array, "values n"]:
+        """Slopes by the velocities of each body in their order among those of all."""
+        parts = jnp.split(jnp.swapaxes(slopes, 1, 2), [len(self.linear)], axis=2)
+        return jnp.concatenate([part.reshape(len(slopes), -1) for part in parts], axis=1)
 
     def vector(self, argument: str, value: Numbers | None, owner: str = "") -> Float[Array, " axes"]:
         """A vector in global components, zero where none is given; `owner` is the part that it belongs to."""

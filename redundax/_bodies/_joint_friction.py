@@ -16,7 +16,7 @@ from jaxtyping import Array, Float, Int, PyTree
 from .._system._axis import Axis
 from .._system._friction import AbstractFriction
 from .._system._state import State
-from .._tools._module import as_float, as_functions, replace_fields, tree_take
+from .._tools._module import as_float, as_functions, replace_fields, tree_pick, tree_take
 from .._tools._value import AbstractModule
 from ._frame import AbstractFrame
 from ._friction_model import AbstractFrictionModel, Times
@@ -87,13 +87,8 @@ class JointFriction(AbstractFriction):
     def directions_at(self, poses: Any) -> Float[Array, "n p"]:
         """E at poses of all bodies, of which the ground has no velocities."""
         own = self.joints.over(lambda joint, i, j: joint.by_velocities(joint.slips, i, j), poses)
-        bodies = jnp.arange(poses.r.shape[0] - 1)[:, None, None]
-        ends = zip((self.joints.i, self.joints.j), jnp.split(own, 2, axis=-1), strict=True)
-        on_i, on_j = (jnp.where((end[:, None] == bodies)[..., None], part, 0.0) for end, part in ends)
-        whole = jnp.moveaxis(on_i + on_j, -1, 1)  # bodies, velocities, joints, slips
-        axes = len(self.frame.linear)
-        parts = whole[:, :axes], whole[:, axes:]
-        return jnp.concatenate([part.reshape(-1, own.shape[0] * own.shape[1]) for part in parts])
+        whole = self.joints.by_bodies(own, poses.r.shape[0] - 1)
+        return self.frame.by_velocities(whole.reshape(-1, *whole.shape[2:])).T
 
     def force(self, loads: Array, rate: Array, sense: Array, memory: PyTree, state: State) -> Array:
         rate, sense = self._by_joint(rate), self._by_joint(sense)
@@ -121,7 +116,7 @@ class JointFriction(AbstractFriction):
         ends = None
         if self.joints.element.reads_pose:
             bodies = self.frame.poses(self.centres, state.q)
-            ends = tree_take(bodies, self.joints.i), tree_take(bodies, self.joints.j)
+            ends = tree_pick(bodies, self.joints.i), tree_pick(bodies, self.joints.j)
         return eqx.filter_vmap(function)(self.joints.element, self.model, ends, *arguments).ravel()
 
 

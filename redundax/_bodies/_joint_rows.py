@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._system._axis import Axis
+from .._system._system import Path
 from .._tools._errors import RedundaxError
 from .._tools._module import check_takes, tracing
 from ._body import GROUND
@@ -29,6 +30,13 @@ class Positions(NamedTuple):
         seen = [stack.over(lambda joint, i, j: joint.relatives(i, j), along) for stack in joints]
         orders = [poses, *(jax.tree.map(lambda x, k=k: x[:, k], along) for k in (1, 2))]
         return [cls(poses, tuple(each and each[k] for each in seen)) for k, poses in enumerate(orders)]
+
+
+@eqx.filter_jit  # traced once for all that reads it
+def path(frame: AbstractFrame, centres: Any, joints: tuple[Stack, ...], q: Array, rate: Array) -> Path | None:
+    """q', and what joints are functions of with its rates along q [+] s rate, where they have a form of their own."""
+    found = frame.path(centres, q, rate)
+    return None if found is None else Path(found[0], *Positions.path(joints, frame.poses(centres, q), found[1]))
 
 
 @eqx.filter_jit  # traced once for all derivatives in all programs

@@ -31,7 +31,7 @@ from .._tools._module import (
     numpy_of,
     on_device,
     replace_fields,
-    tree_take,
+    tree_pick,
 )
 from .._tools._numbers import asked_of_model
 from .._tools._table import are_known
@@ -47,6 +47,7 @@ from ._joint_rows import (
     check_residuals,
     coordinate_axis,
     missed_velocities,
+    path,
     reaction_axis,
     residuals,
     slopes,
@@ -320,8 +321,7 @@ class Mechanism(AbstractSystem):
         return self.constraint_at(Positions(self.poses(q), (None,) * len(self.joints)), t)
 
     def path(self, q: Array, rate: Array) -> Path | None:
-        found = self.frame.path(self.frame.centres(self.body), q, rate)
-        return None if found is None else Path(found[0], *Positions.path(self.joints, self.poses(q), found[1]))
+        return None if self.frame.adds else path(self.frame, self.frame.centres(self.body), self.joints, q, rate)
 
     @asked_of_model
     def displacement(self, base: Array, q: Array) -> tuple[Array, Array] | None:
@@ -375,7 +375,12 @@ class Mechanism(AbstractSystem):
         """Joint by joint: each reads the coordinates of two bodies."""
         body = self.poses(q)
         own = slopes(self.joints, body, t)
-        return among(self._kept, self._matrices.jacobian(own, self.couplings, self.joints, body))
+        return among(self._kept, self._matrices.jacobian(own, self.couplings, self.joints, body, self._joined))
+
+    def _joined(self, own: Sequence[Array]) -> Float[Array, "m n"]:
+        """The Jacobian of joints alone, of their slopes, by products."""
+        pairs, count = zip(self.joints, own, strict=True), self.body.mass.shape[0]
+        return self.frame.by_velocities(self.of_rows([stack.by_bodies(slope, count) for stack, slope in pairs]))
 
     def by_bodies(self, q: Array, t: Array) -> tuple[Array, Array]:
         body = self.poses(q)
@@ -399,7 +404,7 @@ class Mechanism(AbstractSystem):
         flat = [value.reshape(-1, *value.shape[2:]) for value in values]
         if len(values) == len(self.joints):
             flat += [jnp.full((each.rows.size, *flat[0].shape[1:]), coupled, flat[0].dtype) for each in self.couplings]
-        return tree_take(jnp.concatenate(flat), self._source)
+        return tree_pick(jnp.concatenate(flat), self._source)
 
     @property
     def rows_of_joints(self) -> list[Any]:
@@ -415,11 +420,14 @@ class Mechanism(AbstractSystem):
         force = jnp.zeros((count + 1, self.gravity.shape[0]), state.qd.dtype)
         moment = jnp.zeros_like(force if len(self.frame.angular) > 1 else force[:, 0])
         for loads in self.loads:
-            on_i, on_j = loads.over(lambda load, i, j: load.wrenches(i, j, state.t), motion)
-            force = force.at[loads.i].add(on_i.force).at[loads.j].add(on_j.force)
-            moment = moment.at[loads.i].add(on_i.moment).at[loads.j].add(on_j.moment)
+            ends = loads.over(lambda load, i, j: load.wrenches(i, j, state.t), motion)
+            force, moment = (
+                loads.onto_bodies(total, *parts)
+                for total, parts in ((force, [on.force for on in ends]), (moment, [on.moment for on in ends]))
+            )
         weight = (self.body.mass[:, None] * self.gravity).ravel()  # at the centres of mass, whose velocities come first
-        load = self.frame.load(self.body, motion, force, moment).at[: weight.size].add(weight)
+        linear, angular = jnp.split(self.frame.load(self.body, motion, force, moment), [weight.size])
+        load = jnp.concatenate([linear + weight, angular])
         if not self.armature:
             return load
 

@@ -1,6 +1,6 @@
 """The pattern of a mechanism's Jacobian, from the bodies of its joints and couplers."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol, Self, TypeAlias, TypeVar
 
 import jax.numpy as jnp
@@ -9,6 +9,7 @@ from jaxtyping import Array, Float, Int
 
 from .._sparse._symbolic import Symbolic, symbolic
 from .._system._system import AbstractSystem
+from .._tools._compilation import is_loopless
 from .._tools._errors import RedundaxError
 from .._tools._module import tree_take
 from .._tools._value import AbstractModule
@@ -79,12 +80,20 @@ class DenseEntries(AbstractModule):
         return mechanism
 
     def jacobian(
-        self, own: Sequence[Array], couplers: Sequence[Coupled], joints: Sequence[Stack], body: Any
+        self,
+        own: Sequence[Array],
+        couplers: Sequence[Coupled],
+        joints: Sequence[Stack],
+        body: Any,
+        joined: Callable[[Sequence[Array]], Array],
     ) -> Float[Array, "m n"]:
-        """The Jacobian, of slopes of joints and of couplers."""
-        none = jnp.zeros(1, own[0].dtype if own else float)
-        flat = jnp.concatenate([none, *(slope.ravel() for slope in own)])
-        jacobian = tree_take(flat, self.entries)
+        """The Jacobian, of slopes of joints and of couplers; `joined` is that of joints by products, where programs are
+        without loops."""
+        if is_loopless() and own:
+            jacobian = joined(own)
+        else:
+            none = jnp.zeros(1, own[0].dtype if own else float)
+            jacobian = tree_take(jnp.concatenate([none, *(slope.ravel() for slope in own)]), self.entries)
         for coupled in couplers:
             jacobian = coupled.added(jacobian, joints, body)
         return jacobian
@@ -110,7 +119,12 @@ class SparseEntries(AbstractModule):
         return mechanism.sparse(False)
 
     def jacobian(
-        self, own: Sequence[Array], couplers: Sequence[Coupled], joints: Sequence[Stack], body: Any
+        self,
+        own: Sequence[Array],
+        couplers: Sequence[Coupled],
+        joints: Sequence[Stack],
+        body: Any,
+        joined: Callable[[Sequence[Array]], Array],
     ) -> Float[Array, "m n"]:
         slopes, columns = self.by_bodies(own, couplers, joints, body), self.symbolic.columns
         row = jnp.arange(len(slopes))[:, None, None]

@@ -11,11 +11,13 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Int
+from jaxtyping import Array, Float, Int
 
+from .._tools._compilation import is_loopless
 from .._tools._errors import RedundaxError
-from .._tools._module import as_functions, numpy_of, on_device, replace_fields, tree_take
+from .._tools._module import as_functions, numpy_of, on_device, ones_at, replace_fields, tree_add, tree_pick, tree_take
 from .._tools._value import AbstractModule
 from ._body import GROUND
 from ._figures import check_figures, check_vectors
@@ -102,10 +104,24 @@ class Stack(AbstractModule, Generic[E]):
     def over(self, function: Callable[[E, Any, Any], Any], bodies: Any, relative: Any = None) -> Any:
         """`function(element, i, j)` of every element and of what its bodies i and j have among all, the ground last;
         `relative` is what the poses of the bodies i have seen, if it is known."""
-        on_i, on_j = tree_take(bodies, self.i), tree_take(bodies, self.j)
+        on_i, on_j = tree_pick(bodies, self.i), tree_pick(bodies, self.j)
         if relative is not None:
             on_i = replace_fields(on_i, seen=relative)
         return eqx.filter_vmap(function)(self.element, on_i, on_j)
+
+    def by_bodies(
+        self, slopes: Float[Array, "size values columns"], count: int
+    ) -> Float[Array, "size values s bodies"]:
+        """Slopes by the velocities of bodies i, then of j, as those by each of `count` bodies; the ground has none."""
+        ends, (size, values, columns) = ones_at(jnp.stack([self.i, self.j], axis=1), count, slopes.dtype), slopes.shape
+        own = slopes.reshape(size, values, 2, columns // 2)
+        if is_loopless():
+            return jax.lax.dot_general(own, ends, (((2,), (1,)), ((0,), (0,))), precision="highest")
+        return jnp.sum(own[..., None] * ends[:, None, :, None], axis=2)
+
+    def onto_bodies(self, totals: Any, on_i: Any, on_j: Any) -> Any:
+        """Totals of all bodies and the ground, with what the elements do to bodies i and j."""
+        return tree_add(tree_add(totals, self.i, on_i), self.j, on_j)
 
     def take(self, members: Int[Array, " some"]) -> "Stack[E]":
         """The stack of the given members."""

@@ -14,7 +14,6 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -23,7 +22,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._bodies._body import GROUND
 from .._bodies._frame import AbstractFrame
-from .._bodies._joints import AbstractJoint
+from .._bodies._joint_rows import slopes
 from .._bodies._mechanism import Mechanism
 from .._bodies._stack import Stack, stacked
 from .._system._axis import join
@@ -52,11 +51,12 @@ class _Seat(AbstractModule):
     number: Int[Array, ""]
 
     def rows(
-        self, frame: AbstractFrame, joint: AbstractJoint, i: Any, j: Any, t: Array
+        self, frame: AbstractFrame, slope: Float[Array, "rows columns"], i: Any, j: Any
     ) -> tuple[Float[Array, "rows size"], Float[Array, "rows size"], Float[Array, " rows"], Int[Array, " rows"]]:
-        """A and A C along the axes of the seat, A v0, and the number of the joint."""
+        """A and A C along the axes of the seat, A v0, and the number of the joint, whose slopes by the velocities of
+        both bodies are given."""
         pose = jax.tree.map(lambda one, other: jnp.where(self.on_i, one, other), i, j)
-        on_i = joint.jacobian(i, j, t)[:, : frame.size].T
+        on_i = slope[:, : frame.size].T
         force, moment, _ = frame.reactions(i, on_i, i.local(pose.point(self.point)))
         axes = jax.vmap(pose.rotate, in_axes=1, out_axes=1)(self.axes)
         a = frame.along(axes, force, moment).T
@@ -161,10 +161,8 @@ class ElasticJoints(AbstractClosure):
             )
         frame, body = system.frame, system.poses(state.q)
         rows = [
-            eqx.filter_vmap(lambda seat, joint, i, j: seat.rows(frame, joint, body[i], body[j], state.t))(
-                seats, stack.element, stack.i, stack.j
-            )
-            for seats, stack in zip(self.seats, system.joints, strict=True)
+            Stack((seats, slope), stack.i, stack.j).over(lambda own, i, j: own[0].rows(frame, own[1], i, j), body)
+            for seats, stack, slope in zip(self.seats, system.joints, slopes(system.joints, body, state.t), strict=True)
         ]
         return [system.of_rows(values) for values in zip(*rows, strict=True)]
 

@@ -5,7 +5,7 @@ the next phase begins with the step to there. The number of phases is bounded, s
 in reverse mode; those that no sample of a batch needs are passed over.
 """
 
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import diffrax
 import jax
@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._system._directions import Directions
 from .._system._results import RESULTS, chosen
-from .._tools._compilation import is_single
+from .._tools._compilation import is_quick, is_single
 from .._tools._module import batch_any
 from .._tools._numbers import are_known, are_numbers, as_program, cond, stop_gradient, take, xp
 from ._held_rank import AnyHeld, Held, held_by
@@ -23,10 +23,11 @@ from ._impact import TOGETHER, After, Before, settle
 from ._moving import STILL, Context, Equations, Moving, Touch, tolerance_of
 from ._release import Release, set_out
 from ._slip import Plan, no_plan
-from ._stepper import Begin, Carried, Control, Controller, Diagnostics, Stepper
+from ._stepper import Begin, Controller, Diagnostics, Stepper
 from ._stick import Mode
 from ._times import within
 from ._touch import Hit, arrived, no_hit
+from ._walk import Walk, walk
 
 
 class Options(NamedTuple):
@@ -155,28 +156,11 @@ def stretch(now: PhaseState, equations: Equations, options: Options, lands: Arra
     first = jnp.where(now.plan.time < jnp.inf, now.plan.time - now.t, controller.first)
     first = jnp.where(mode.resting & (now.plan.time == jnp.inf), end - now.t, first)
     context = Context(now.held, mode.tau, mode.resting, None if equations.directions is None else sense)
-    solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(lambda t, y, args: args[0].derivative(t, y, args[1])),
-        Stepper(options.solver, options.constant),
-        now.t,
-        end,
-        jnp.minimum(first, end - now.t),
-        now.y,
-        (equations.with_sense(sense), context, Begin(mode, now.since, now.held, now.plan, lands)),
-        stepsize_controller=controller,
-        saveat=diffrax.SaveAt(
-            subs=[diffrax.SubSaveAt(ts=within(now.t, end, options.ts)), diffrax.SubSaveAt(t1=True)],
-            solver_state=True,
-            controller_state=True,
-        ),
-        adjoint=diffrax.ForwardMode() if is_single() else options.adjoint,  # of known numbers none are taken
-        max_steps=options.max_steps,
-        progress_meter=options.meter,
-        throw=False,
-    )
-    (path, last), (_, stop) = cast(tuple[Moving, Moving], solution.ys), cast(list, solution.ts)
-    t, y = stop[0], jax.tree.map(lambda x: x[0], last)
-    carried, control = cast(Carried, solution.solver_state), cast(Control, solution.controller_state)
+    stepper = Stepper(options.solver, options.constant)
+    args = equations.with_sense(sense), context, Begin(mode, now.since, now.held, now.plan, lands)
+    span, ts = (now.t, end, jnp.minimum(first, end - now.t)), within(now.t, end, options.ts)
+    walked = _steps(stepper, options, span, now.y, args, ts)
+    t, y, path, carried, control = walked.t, walked.y, walked.path, walked.inner, walked.control
     here = (options.ts >= now.t) & (options.ts <= t)
     after = options.ts >= carried.since
     senses = jnp.where((now.plan.time < jnp.inf) & after[:, None], carried.mode.sense, sense)
@@ -204,14 +188,52 @@ def stretch(now: PhaseState, equations: Equations, options: Options, lands: Arra
         rests=jnp.where(here, rests, now.rests),
         going=carried.mode.decided & ((plan.time < jnp.inf) | short | carried.cut | lands) & (t < controller.end),
         released=carried.released,
-        ended=solution.result,
+        ended=walked.result,
         watch=_join(now.watch, carried.watch),
-        steps=now.steps + solution.stats["num_accepted_steps"],
-        rejected=now.rejected + solution.stats["num_rejected_steps"],
+        steps=now.steps + walked.taken,
+        rejected=now.rejected + walked.refused,
         begun=now.begun + begins,
         contacts=contacts,
         phases=now.phases + (carried.cut | (carried.mode.decided & ~carried.mode.resting & ~short & ~lands)),
     )
+
+
+def _steps(
+    stepper: Stepper,
+    options: Options,
+    span: tuple[Array, Array, Array],
+    y: Moving,
+    args: Any,
+    ts: Float[Array, " times"],
+) -> Walk:
+    """Steps over a span of time, whose first is given."""
+    terms = diffrax.ODETerm(lambda t, y, args: args[0].derivative(t, y, args[1]))
+    start, end, first = span
+    plain = isinstance(options.meter, diffrax.NoProgressMeter) and stepper.always_jumps(args[0])
+    plain = plain and not isinstance(stepper, diffrax.AbstractImplicitSolver)  # whose tolerances diffrax fills in
+    adjoint = diffrax.ForwardMode() if is_single() else options.adjoint  # of known numbers none are taken
+    if plain and (is_single() or is_quick()) and isinstance(adjoint, diffrax.ForwardMode):
+        return walk(terms, stepper, options.controller, span, y, args, ts, options.max_steps)
+    saved = [diffrax.SubSaveAt(ts=ts), diffrax.SubSaveAt(t1=True)]
+    solution = diffrax.diffeqsolve(
+        terms,
+        stepper,
+        start,
+        end,
+        first,
+        y,
+        args,
+        stepsize_controller=options.controller,
+        saveat=diffrax.SaveAt(subs=saved, solver_state=True, controller_state=True),
+        adjoint=adjoint,
+        max_steps=options.max_steps,
+        progress_meter=options.meter,
+        throw=False,
+    )
+    (path, last), (_, stop) = cast(tuple[Moving, Moving], solution.ys), cast(list, solution.ts)
+    taken, refused = solution.stats["num_accepted_steps"], solution.stats["num_rejected_steps"]
+    states, last = (solution.solver_state, solution.controller_state), jax.tree.map(lambda x: x[0], last)
+    return Walk(stop[0], stop[0], last, *states, solution.result, taken, refused, path, jnp.zeros((), int))
 
 
 def _next(lands: Array | np.bool_, now: Hit, found: Hit) -> Hit:

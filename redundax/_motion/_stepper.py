@@ -253,6 +253,10 @@ class Stepper(diffrax.AbstractWrappedSolver):
         """Of a Runge-Kutta solver."""
         return self.solver.scan_kind  # pyright: ignore
 
+    def always_jumps(self, equations: Equations) -> bool:
+        """Whether the state jumps after each step."""
+        return equations.stabilisation.projects or not equations.system.adds
+
     def order(self, terms: PyTree) -> int | None:
         return self.solver.order(terms)
 
@@ -272,15 +276,20 @@ class Stepper(diffrax.AbstractWrappedSolver):
         none = begin.mode.sense != begin.mode.sense
         return Carried(inner, begin.mode, begin.since, begin.held, context.along, begin.plan, none, zero > 0, *fixed)
 
-    @eqx.filter_jit  # diffrax traces it three times
     def step(
         self, terms: PyTree, t0: Any, t1: Any, y0: PyTree, args: PyTree, solver_state: Carried, made_jump: Any
     ) -> tuple[Any, Any, Any, Carried, Any]:
-        now, equations, system = solver_state, args[0], args[0].system
+        jumps = True if self.always_jumps(args[0]) else made_jump  # diffrax asks with one that is traced and without
+        return self._step(terms, t0, t1, y0, args, solver_state, jumps)
+
+    @eqx.filter_jit  # diffrax traces it three times
+    def _step(
+        self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, now: Carried, made_jump: Any
+    ) -> tuple[Any, Any, Any, Carried, Any]:
+        equations, system = args[0], args[0].system
         context, projects = now.context, equations.stabilisation.projects
         if equations.has_sense:
             equations = equations.with_sense(now.mode.sense)
-        made_jump = True if projects or not system.adds else made_jump
         y, error, dense, inner, result = self.solver.step(terms, t0, t1, y0, (equations, context), now.inner, made_jump)
         raw = y
         y, settled = rechart(system, y)

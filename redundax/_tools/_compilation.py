@@ -33,14 +33,15 @@ _QUICK: Options = {
     "xla_backend_optimization_level": 0,
     "xla_cpu_parallel_codegen_split_count": 4,  # each part costs as much as what stands in it
     "xla_llvm_disable_expensive_passes": True,
-    # What loops repeat is little; to look for it takes a third of the time that a motion's step takes to compile.
+    # What loops repeat is little; to look for it takes a third of the time that a motion's step takes to compile. What
+    # reshapes could be moved past takes a twentieth.
     "xla_disable_hlo_passes": "simplify-while-loops,while-loop-invariant-code-motion,"
-    "while-loop-expensive-invariant-code-motion",
+    "while-loop-expensive-invariant-code-motion,reshape-mover",
 }
 
 tell_of_long_compiling()
 # Parts of what JAX knows programs by.
-_single, in_little_time = jax.make_user_context(False), jax.make_user_context(False)
+_single, in_little_time, of_equations = (jax.make_user_context(False) for _ in range(3))
 
 
 def is_single() -> bool:
@@ -51,6 +52,12 @@ def is_single() -> bool:
 def is_quick() -> bool:
     """Whether what is traced is compiled in little time: the less there is of it the better, as nothing is fused."""
     return in_little_time.value
+
+
+def is_loopless() -> bool:
+    """Whether few entries are better summed than taken or added: XLA makes a loop of each gather and scatter, whose
+    turns take microseconds. NumPy, which computes equation by equation, does not."""
+    return in_little_time.value and not of_equations.value
 
 
 @contextlib.contextmanager

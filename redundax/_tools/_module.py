@@ -19,6 +19,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Integer
 
+from ._compilation import is_loopless
 from ._errors import RedundaxError
 from ._numbers import are_numbers
 from ._value import AbstractModule
@@ -224,11 +225,47 @@ def replace_fields(module: T, **fields: Any) -> T:
     return copy
 
 
+_FEW = 2_000  # numbers that a product chooses from in the time that a loop takes for a turn
+
+
 def tree_take(stacked: T, members: Integer[Array, "..."]) -> T:
     """Some members of what is stacked; the indices, ours, are in bounds, and nothing is traced that checks them."""
     return jax.tree.map(
         lambda x: jnp.asarray(x).at[members].get(mode="promise_in_bounds", wrap_negative_indices=False), stacked
     )
+
+
+def tree_pick(stacked: T, members: Integer[Array, " some"]) -> T:
+    """`tree_take` of numbers of which all may be NaN where one is: a product, where loops are to be avoided."""
+
+    def picked(x: Array) -> Array:
+        if not (is_loopless() and x.size <= _FEW):
+            return tree_take(x, members)
+        return _product(ones_at(members, len(x), x.dtype), x, 1)
+
+    return jax.tree.map(picked, stacked)
+
+
+def tree_add(totals: T, members: Integer[Array, " some"], parts: T) -> T:
+    """Totals of what is stacked, with the parts of some members added; as `tree_pick`."""
+
+    def added(total: Array, part: Array) -> Array:
+        if not (is_loopless() and part.size <= _FEW):
+            return total.at[members].add(part)
+        return total + _product(ones_at(members, len(total), part.dtype), part, 0)
+
+    return jax.tree.map(added, totals, parts)
+
+
+def ones_at(members: Integer[Array, "..."], size: int, dtype: Any) -> Float[Array, "... size"]:
+    """Rows of the unit matrix."""
+    return jnp.asarray(jnp.expand_dims(members, -1) == jnp.arange(size, dtype=members.dtype), dtype)
+
+
+def _product(ones: Float[Array, "some size"], x: Array, axis: int) -> Array:
+    flat = x.reshape(len(x), -1)
+    out = jax.lax.dot_general(ones, flat, (((axis,), (0,)), ((), ())), precision="highest")
+    return out.reshape(-1, *x.shape[1:])
 
 
 def as_matrix(what: str, value: Numbers, size: int) -> Float[Array, "size size"]:

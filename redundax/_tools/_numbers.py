@@ -31,7 +31,7 @@ import numpy as np
 from jax.extend.core import jaxpr_as_fun
 from threadpoolctl import ThreadpoolController
 
-from ._compilation import compiled, in_little_time, once, quick_options, uncollected
+from ._compilation import compiled, in_little_time, of_equations, once, quick_options, uncollected
 from ._interpreted import Interpreted
 
 T = TypeVar("T")
@@ -453,7 +453,7 @@ class _Traced:
     """A function of a model with arguments of one structure: computed by NumPy at first, by a program from `FEW` on."""
 
     def __init__(self, function: Callable[..., Any], arguments: Any):
-        with in_little_time(True), uncollected():
+        with in_little_time(True), of_equations(True), uncollected():
             self.closed, of_arrays, self.others = eqx.filter_make_jaxpr(function)(*arguments)
         self.function, self.structure, self.calls = function, jax.tree.structure(of_arrays), 0
         self.first = None
