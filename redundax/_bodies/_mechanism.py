@@ -193,8 +193,8 @@ class Mechanism(AbstractSystem):
         From 2000 coordinates and rows on they are sparse anyway.
 
         All other questions are answered with dense ones, up to 6000 coordinates and rows in all. Sparse ones take no
-        armature and no rows of velocity, and in motions no dry sleeves, balls and plates. Contraction of friction is
-        estimated there, not bounded.
+        armature and no rows of velocity, and in motions no dry sleeves, balls, plates and points on planes. Contraction
+        of friction is estimated there, not bounded.
 
         ??? example
 

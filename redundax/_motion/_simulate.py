@@ -76,7 +76,8 @@ def simulate(
     - `state`: position, velocity and time at the start, on the constraint manifold and not in a singular position.
     - `t1`: time at the end, not before that of `state`: motions run forward.
     - `closure`: which of the multipliers to take where they are not unique; it matters to the motion where friction
-      depends on load. Joints may have play, without one-sided contacts and friction of sleeves, balls and plates.
+      depends on load. Joints may have play, without one-sided contacts and friction of sleeves, balls, plates and
+      points on planes.
     - `solver`: of time, not of friction as in `solve`: `Radau()` for stiff loads, or any diffrax solver of ordinary
       differential equations; implicit ones take their steps as `Radau` does. If not given `diffrax.Dopri8()`, until
       stability bounds its steps and `Radau()` takes over: not inside of transformations such as `jit` and `grad`, with
@@ -113,11 +114,11 @@ def simulate(
     approach begins with an impact. Dry friction has an impulse, by the coefficient of a joint at rest and against the
     slip that the impact leaves; what rests beside contacts goes on as `RESULTS.successful`. Bristles, and friction of
     your own by loads, have no law of impulses: a motion ends as `RESULTS.impulse_unknown` at an impact that loads them.
-    Contacts take no friction of sleeves, balls and plates beside them, and need dense matrices.
+    Contacts take no friction of sleeves, balls, plates and points on planes beside them, and need dense matrices.
 
     Of large mechanisms, whose matrices are sparse, friction that holds joints is sought among as many directions as
-    they have freedoms, each of which costs one solution. Dry sleeves, balls and plates need dense matrices:
-    `mechanism.sparse(False)`.
+    they have freedoms, each of which costs one solution. Dry sleeves, balls, plates and points on planes need dense
+    matrices: `mechanism.sparse(False)`.
 
     Internal states of friction (`Dahl`, `LuGre`) start as in `state`, at zero if it holds none.
 
@@ -203,8 +204,8 @@ def _restitution(
     )
     if have_direction(system.friction).any():
         raise RedundaxError(
-            "Argument `system` must have no friction of sleeves, balls and plates beside one-sided contacts, "
-            f"{contacts}, but has: its impulse in impacts is not known. Leave it out, or give contacts that stay "
+            "Argument `system` must have no friction of sleeves, balls, plates and points on planes beside one-sided "
+            f"contacts, {contacts}, but has: its impulse in impacts is not known. Leave it out, or give contacts that stay "
             "closed without `one_sided`."
         )
     if not stabilisation.projects or rank is not None:
@@ -247,7 +248,8 @@ def _check(
     if closure.clearances(system) is not None:
         refusal = (
             "Argument `closure` may have play in motions of mechanisms with dense matrices alone, without one-sided "
-            "contacts and without friction of sleeves, balls and plates. Leave these out, or give it without `play`."
+            "contacts and without friction of sleeves, balls, plates and points on planes. Leave these out, or give it without "
+            "`play`."
         )
         if system.names.one_sided or directed:
             raise RedundaxError(refusal)

@@ -291,8 +291,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
         if equations.has_sense:
             equations = equations.with_sense(now.mode.sense)
         y, error, dense, inner, result = self.solver.step(terms, t0, t1, y0, (equations, context), now.inner, made_jump)
-        raw = y
-        y, settled = rechart(system, y)
+        raw, (y, settled) = y, rechart(system, y)
         if projects:
             y = project(system, t1, y, context.held)
         if equations.has_sense:

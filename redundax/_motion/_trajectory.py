@@ -97,7 +97,7 @@ class Trajectory(AbstractNamed):
     - `acceleration`, `multipliers`, `friction`: qdd, lam and tau of the closure, as `solve` gives them. Where
       `stats.contraction` is not below 1 they may be of another solution than the motion follows.
     - `sense`: sense of slip of each friction, 0 where the joint sticks; 1 where friction does not depend on it. Of
-      sleeves, balls and plates the unit direction of the velocity of their surfaces, as (R omega, v).
+      sleeves, balls, plates and points on planes the unit direction of the velocity of their surfaces, as (R omega, v).
     - `memory`: internal states of friction laws that have some, one entry for each friction group.
     - `result`: how the motion ended.
     - `stats`: the evidence.
