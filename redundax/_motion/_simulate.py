@@ -205,8 +205,8 @@ def _restitution(
     if have_direction(system.friction).any():
         raise RedundaxError(
             "Argument `system` must have no friction of sleeves, balls, plates and points on planes beside one-sided "
-            f"contacts, {contacts}, but has: its impulse in impacts is not known. Leave it out, or give contacts that stay "
-            "closed without `one_sided`."
+            f"contacts, {contacts}, but has: its impulse in impacts is not known. Leave it out, or give contacts "
+            "that stay closed without `one_sided`."
         )
     if not stabilisation.projects or rank is not None:
         raise RedundaxError(
@@ -248,8 +248,8 @@ def _check(
     if closure.clearances(system) is not None:
         refusal = (
             "Argument `closure` may have play in motions of mechanisms with dense matrices alone, without one-sided "
-            "contacts and without friction of sleeves, balls, plates and points on planes. Leave these out, or give it without "
-            "`play`."
+            "contacts and without friction of sleeves, balls, plates and points on planes. Leave these out, or give it "
+            "without `play`."
         )
         if system.names.one_sided or directed:
             raise RedundaxError(refusal)
