@@ -104,8 +104,8 @@ def solve(
     - `sense`: senses of the impending slip of frictional joints at rest, shape (p,), of which the sign counts; of
       sleeves, balls, plates and points on planes the direction in which their surfaces begin to slide. Joints that move
       have the sign of their slip rate. 0 leaves a sense open: where the friction of a joint at rest depends on it, as
-      Coulomb's does, the result is `RESULTS.friction_at_rest`. Give 1 or -1 there, or ask `sticking` whether the mechanism stays at
-      rest.
+      Coulomb's does, the result is `RESULTS.friction_at_rest`. Give 1 or -1 there, or ask `sticking` whether the
+      mechanism stays at rest.
     - `rank`: declared rank of the constraint Jacobian; decided from its spectrum if not given.
     - `factor`: what `factorize` gave at this state, where it is there already.
     - `throw`: whether to raise an error unless the result is successful. By default it does outside of
