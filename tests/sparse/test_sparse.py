@@ -75,7 +75,7 @@ def test_the_plan_of_a_chain_is_linear_in_its_length():
 
 
 def mechanisms():
-    yield "cranks", rx.mechanisms.parallelogram(6), lambda m: m.state(0.8, rate=1.0)
+    yield "cranks", rx.mechanisms.parallelogram(4), lambda m: m.state(0.8, rate=1.0)
     yield "in space", rx.mechanisms.bricard(), lambda m: rx.assemble(m)
     yield "frictional", rx.mechanisms.wojtyra2020(mu_rho=0.01), lambda m: m.state(phi=0.8, rate=1.0)
 
@@ -196,17 +196,16 @@ def test_batches_are_as_one_by_one():
 
 
 def test_what_cannot_be_answered_is_refused():
-    sparse = rx.mechanisms.n_four_bar(3).sparse()
+    sparse = rx.mechanisms.parallelogram(4).sparse()
     flat = rx.solve(sparse, sparse.state(0.0, rate=1.0), throw=False)
     assert flat.result == rx.RESULTS.singular_position
     state = sparse.state(0.8, rate=1.0)
     off = rx.State(state.q + 1e-3 * jnp.sin(jnp.arange(state.q.size)), state.qd, state.t)
     with pytest.raises(rx.NoSolutionError, match="Violated rows"):
         rx.solve(sparse, off)
-    rigid = rx.mechanisms.parallelogram(4).sparse()
-    none = rx.Compliance(np.zeros(len(rigid.rows)))
+    none = rx.Compliance(np.zeros(len(sparse.rows)))
     with pytest.raises(rx.NoSolutionError, match="closure"):
-        rx.solve(rigid, rigid.state(0.8, rate=1.0), closure=none)
+        rx.solve(sparse, state, closure=none)
 
 
 @pytest.mark.parametrize("softest", [1e-8, 1.0])
