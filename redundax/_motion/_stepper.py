@@ -282,8 +282,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
             equations = equations.with_sense(now.mode.sense)
         made_jump = True if projects or not system.adds else made_jump
         y, error, dense, inner, result = self.solver.step(terms, t0, t1, y0, (equations, context), now.inner, made_jump)
-        raw = y
-        y, settled = rechart(system, y)
+        raw, (y, settled) = y, rechart(system, y)
         if projects:
             y = project(system, t1, y, context.held)
         if equations.has_sense:
@@ -317,9 +316,8 @@ class Stepper(diffrax.AbstractWrappedSolver):
         hit = None
         if fixed.touch is not None:
             steps = self.solver.interpolation_cls(t0=begun, t1=t, **path)
-            hit, contradicts = first_hit(fixed, (begun, t), there, steps.evaluate, before.context)
-            contradicts = contradicts & ~args[2].lands
-            good, size = good | contradicts, jnp.where(contradicts, 0.0, size)  # of what is not taken
+            hit, stops = first_hit(fixed, (begun, t), there, steps.evaluate, before.context)
+            good, size = good | (stops & ~args[2].lands), jnp.where(stops & ~args[2].lands, 0.0, size)
         if step is None:
             if hit is not None:
                 hit = hit._replace(time=jnp.where(args[2].lands, jnp.inf, hit.time))
