@@ -325,9 +325,8 @@ class Stepper(diffrax.AbstractWrappedSolver):
         hit = None
         if fixed.touch is not None:
             steps = self.solver.interpolation_cls(t0=begun, t1=t, **path)
-            hit, contradicts = first_hit(fixed, (begun, t), there, steps.evaluate, before.context)
-            contradicts = contradicts & ~args[2].lands
-            good, size = good | contradicts, jnp.where(contradicts, 0.0, size)  # of what is not taken
+            hit, stops = first_hit(fixed, (begun, t), there, steps.evaluate, before.context)
+            good, size = good | (stops & ~args[2].lands), jnp.where(stops & ~args[2].lands, 0.0, size)
         if step is None:
             if hit is not None:
                 hit = hit._replace(time=jnp.where(args[2].lands, jnp.inf, hit.time))

@@ -12,7 +12,7 @@ program serves all phases. A step that passes an event is not taken; the next on
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
@@ -21,7 +21,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._closures._closure import elasticity
 from .._tools._numbers import as_program, or_one, xp
-from ._held_rank import factorize_held
+from ._held_rank import HeldFactorisation, factorize_held
 from ._moving import Context, Equations, Moving, Touch, rechart, tolerance_of
 
 # Looks within a step, for contacts that close and open again within one, and halvings of what lies between two of them:
@@ -77,7 +77,7 @@ def margins(equations: Equations, t: Array, y: Moving, context: Context) -> Marg
     rows, state, kept = np.array(system.names.one_sided), y.at(t), touch.kept
     every = system.opened(jnp.ones_like(kept))
     gap = -(every.constraint(y.q, t) / scale.rows)[rows] / scale.size
-    factor = factorize_held(system, state, context.held)
+    factor = cast(HeldFactorisation, factorize_held(system, state, context.held))
     linear = equations.linear(state, context.held, factor)
     solved = equations.solved(state, linear, context.tau, context.along)
     force = scale.rows * solved.multipliers

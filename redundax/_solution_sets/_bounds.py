@@ -83,7 +83,7 @@ def parts_of(bounds: "AbstractBounds | AbstractClosure") -> tuple[AbstractClosur
     return getattr(bounds, "closure", None), bounds.friction if isinstance(bounds, MisfitBox) else {}
 
 
-def misfits_of(bounds: "AbstractClosure | MisfitBox", labels: tuple[str, ...], own: np.ndarray) -> Misfits:
+def misfits_of(bounds: "AbstractClosure | MisfitBox", labels: tuple[str, ...], own: Numeric) -> Misfits:
     """What is bounded of misfits, given those of the closure; of a closure nothing."""
     if isinstance(bounds, AbstractClosure):
         return Misfits(np.zeros(0, int), np.zeros((0, 2)), ())
@@ -268,7 +268,7 @@ class MisfitBox(AbstractBounds):
             return self
         return MisfitBox(self.closure, self.box, radial=self.radial) if self.box or self.radial else self.closure
 
-    def misfits(self, labels: tuple[str, ...], own: np.ndarray) -> "Misfits":
+    def misfits(self, labels: tuple[str, ...], own: Numeric) -> "Misfits":
         """What is bounded of the misfits of all rows, given those of the closure."""
         rows, box, discs = np.zeros(0, int), np.zeros((0, 2)), list[Disc]()
         if self.box or not (self.friction or self.radial):

@@ -27,7 +27,7 @@ from ..._system._state import State
 from ..._system._system import AbstractSystem, check_system_at
 from ..._tools._errors import NoSolutionError, RedundaxError
 from ..._tools._module import finite
-from ..._tools._numbers import Numeric, as_numbers, computed, or_one
+from ..._tools._numbers import Numeric, as_numbers, computed, or_one, xp
 from ..._tools._table import text_of
 
 _MINIMUM_NORM = MinimumNorm()
@@ -109,9 +109,9 @@ class _Set(NamedTuple):
 
     factor: Factorisation
     closure: Elasticity
-    force: np.ndarray
-    acceleration: np.ndarray
-    multipliers: np.ndarray
+    force: Numeric
+    acceleration: Numeric
+    multipliers: Numeric
     found: bool
 
     def at(self, amount: float) -> _Solution:
@@ -175,30 +175,28 @@ class _Course(NamedTuple):
     one lifts."""
 
     amounts: list[float]
-    contacts: list[np.ndarray]
-    multipliers: list[np.ndarray]
+    contacts: list[Numeric]
+    multipliers: list[Numeric]
     tips: float
 
 
-def _course(
-    system: AbstractSystem, state: State, chosen: Elasticity, force: np.ndarray, contacts: np.ndarray
-) -> _Course:
+def _course(system: AbstractSystem, state: State, chosen: Elasticity, force: Numeric, contacts: Numeric) -> _Course:
     """All changes until one lifts, from what contacts do without the load."""
     rows, (closed, at) = np.array(system.names.one_sided), contacts_at(system, state)
     sets, taken = dict[bytes, _Set](), largest_violation(state.qd.dtype)
 
-    def of_rows(kept: np.ndarray) -> _Set:
+    def of_rows(kept: Numeric) -> _Set:
         key = kept.tobytes()
         if key not in sets:
             sets[key] = _solved(system.opened(kept), state, without_rows(chosen, kept), force)
         return sets[key]
 
-    def from_on(amount: float, loaded: np.ndarray) -> ActiveSet:
-        def of_set(_: Any, __: Any, ___: Any, kept: np.ndarray) -> tuple:
+    def from_on(amount: float, loaded: Numeric) -> ActiveSet:
+        def of_set(_: Any, __: Any, ___: Any, kept: Numeric) -> tuple:
             own = of_rows(kept)
             return own.factor, own.at(amount), own.closure, own.found
 
-        active = active_set(system, state, chosen, of_set, Asked(closed, loaded, at, np.zeros((), bool), taken))
+        active = active_set(system, state, chosen, of_set, Asked(closed, loaded, at, xp.zeros((), bool), taken))
         if not active.settled:
             raise NoSolutionError(RESULTS[RESULTS.contacts_undecided])
         return active
@@ -240,18 +238,18 @@ def _check(system: AbstractSystem, closure: AbstractClosure) -> None:
         raise RedundaxError("Argument `closure` must have no play, but has. Leave it out; `solve` takes it.")
 
 
-def _solved(system: AbstractSystem, state: State, chosen: Elasticity, force: np.ndarray) -> _Set:
+def _solved(system: AbstractSystem, state: State, chosen: Elasticity, force: Numeric) -> _Set:
     factor = factorised(system, state, None)
     pick, definiteness = factor.close(chosen.compliance)
-    gamma = np.stack([factor.gamma, np.zeros_like(factor.gamma)], axis=1)
-    a, lam = factor.respond(np.stack([factor.load, force], axis=1), gamma)
-    lam = pick(lam) + np.stack([pick.caused(chosen.misfit), np.zeros_like(factor.gamma)], axis=1)
+    gamma = xp.stack([factor.gamma, xp.zeros_like(factor.gamma)], axis=1)
+    a, lam = factor.respond(xp.stack([factor.load, force], axis=1), gamma)
+    lam = pick(lam) + xp.stack([pick.caused(chosen.misfit), xp.zeros_like(factor.gamma)], axis=1)
     return _Set(factor, chosen, force, a, lam, bool(definiteness.is_yes) and bool(np.isfinite(lam).all()))
 
 
 def _margins(
-    own: _Set, active: ActiveSet, at: tuple[np.ndarray, np.ndarray, Scaling], rows: np.ndarray, closure: Elasticity
-) -> np.ndarray:
+    own: _Set, active: ActiveSet, at: tuple[Numeric, Numeric, Scaling], rows: Numeric, closure: Elasticity
+) -> Numeric:
     """What contacts have left until they change, without the load and by its amount 1, shape (2, c), relative to what
     the load does: loads of those that carry, strains of those that touch, accelerations by which others lift."""
     (jacobian, gamma, scales), mass = at, np.diagonal(own.factor.mass)
@@ -263,4 +261,4 @@ def _margins(
     free = np.abs(jacobian) @ np.where(mass > 0, np.abs(own.force) / or_one(mass), 0.0) / scales.rows
     parts = (loads[rows].T, loads), (strain, bent), (away[rows].T, free[:, None])
     carries, touches, lifts = (part / or_one(np.abs(size[:, -1]).max()) for part, size in parts)
-    return np.where(active.kept[rows], carries, np.where(active.decided, touches, lifts))
+    return np.where(active.kept[rows], carries, np.where(np.asarray(active.decided), touches, lifts))
