@@ -119,7 +119,7 @@ class Stack(AbstractModule, Generic[E]):
             return jax.lax.dot_general(own, ends, (((2,), (1,)), ((0,), (0,))), precision="highest")
         return jnp.sum(own[..., None] * ends[:, None, :, None], axis=2)
 
-    def onto_bodies(self, totals: Any, on_i: Any, on_j: Any) -> Any:
+    def onto_bodies(self, totals: Array, on_i: Array, on_j: Array) -> Array:
         """Totals of all bodies and the ground, with what the elements do to bodies i and j."""
         return tree_add(tree_add(totals, self.i, on_i), self.j, on_j)
 

@@ -5,7 +5,7 @@ the next phase begins with the step to there. The number of phases is bounded, s
 in reverse mode; those that no sample of a batch needs are passed over.
 """
 
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import diffrax
 import jax
@@ -203,7 +203,7 @@ def _steps(
     options: Options,
     span: tuple[Array, Array, Array],
     y: Moving,
-    args: Any,
+    args: tuple[Equations, Context, Begin],
     ts: Float[Array, " times"],
 ) -> Walk:
     """Steps over a span of time, whose first is given."""

@@ -284,8 +284,8 @@ class Stepper(diffrax.AbstractWrappedSolver):
 
     @eqx.filter_jit  # diffrax traces it three times
     def _step(
-        self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, now: Carried, made_jump: Any
-    ) -> tuple[Any, Any, Any, Carried, Any]:
+        self, terms: PyTree, t0: Array, t1: Array, y0: Moving, args: tuple, now: Carried, made_jump: bool | Array
+    ) -> tuple[Moving, Verdict, PyTree, Carried, diffrax.RESULTS]:
         equations, system = args[0], args[0].system
         context, projects = now.context, equations.stabilisation.projects
         if equations.has_sense:

@@ -4,13 +4,13 @@ A program of a motion is compiled for as long as a thousand steps take. In diffr
 numbers before the end, one by one, checks of times that are checked already, and buffers for reverse mode.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 # Roundings by which a step that ends before the end is taken to it.
 _NEAR = 100
@@ -22,13 +22,13 @@ class Walk(NamedTuple):
 
     t: Float[Array, ""]
     following: Float[Array, ""]
-    y: Any
-    inner: Any
-    control: Any
+    y: PyTree
+    inner: PyTree
+    control: PyTree
     result: diffrax.RESULTS
     taken: Int[Array, ""]
     refused: Int[Array, ""]
-    path: Any
+    path: PyTree
     passed: Int[Array, ""]
 
 
@@ -37,8 +37,8 @@ def walk(
     solver: diffrax.AbstractSolver,
     controller: diffrax.AbstractAdaptiveStepSizeController,
     span: tuple[Array, Array, Array],
-    y: Any,
-    args: Any,
+    y: PyTree,
+    args: PyTree,
     ts: Float[Array, " times"],
     max_steps: int,
 ) -> Walk:
@@ -63,7 +63,7 @@ def walk(
             now.t, now.following, now.y, there, args, told, order, now.control
         )
 
-        def kept(a: Any, b: Any) -> Any:
+        def kept(a: PyTree, b: PyTree) -> PyTree:
             return jax.tree.map(lambda a, b: jnp.where(keep, a, b), a, b)
 
         t = jnp.minimum(t, end)
@@ -103,13 +103,13 @@ def walk(
 
 def _passed(
     keep: Bool[Array, ""], steps: diffrax.AbstractPath, now: Walk, ts: Float[Array, " times"]
-) -> tuple[Any, Int[Array, ""]]:
+) -> tuple[PyTree, Int[Array, ""]]:
     """The path with the times that a step passes, and how many are."""
 
     def time(place: Array) -> Array:
         return jax.lax.dynamic_index_in_dim(ts, place, keepdims=False)
 
-    def note(found: tuple[Any, Array]) -> tuple[Any, Array]:
+    def note(found: tuple[PyTree, Array]) -> tuple[PyTree, Array]:
         path, place = found
         y = steps.evaluate(time(place))
         path = jax.tree.map(lambda a, b: jax.lax.dynamic_update_index_in_dim(a, b.astype(a.dtype), place, 0), path, y)

@@ -16,7 +16,7 @@ import jax
 import jax.core
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
+from jax.typing import ArrayLike, DTypeLike
 from jaxtyping import Array, Bool, Float, Integer
 
 from ._compilation import is_loopless
@@ -257,7 +257,7 @@ def tree_add(totals: T, members: Integer[Array, " some"], parts: T) -> T:
     return jax.tree.map(added, totals, parts)
 
 
-def ones_at(members: Integer[Array, "..."], size: int, dtype: Any) -> Float[Array, "... size"]:
+def ones_at(members: Integer[Array, "..."], size: int, dtype: DTypeLike) -> Float[Array, "... size"]:
     """Rows of the unit matrix."""
     return jnp.asarray(jnp.expand_dims(members, -1) == jnp.arange(size, dtype=members.dtype), dtype)
 
