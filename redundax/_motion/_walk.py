@@ -68,7 +68,8 @@ def walk(
 
         t = jnp.minimum(t, end)
         following = jnp.where(following > near, jnp.where(keep, end, t + 0.5 * (end - t)), following)
-        path, passed = _passed(jnp.asarray(keep), solver.interpolation_cls(t0=now.t, t1=now.following, **dense), now, ts)
+        between = solver.interpolation_cls(t0=now.t, t1=now.following, **dense)
+        path, passed = _passed(jnp.asarray(keep), between, now, ts)
         solved = diffrax.RESULTS.where(keep, solved, successful)
         ended = diffrax.RESULTS.where(diffrax.is_okay(now.result), solved, now.result)
         return Walk(
