@@ -33,7 +33,7 @@ class Positions(NamedTuple):
 
 
 @eqx.filter_jit  # traced once for all that reads it
-def path(frame: AbstractFrame, centres: Array, joints: tuple[Stack, ...], q: Array, rate: Array) -> Path | None:
+def path(frame: AbstractFrame, centres: Array | None, joints: tuple[Stack, ...], q: Array, rate: Array) -> Path | None:
     """q', and what joints are functions of with its rates along q [+] s rate, where they have a form of their own."""
     found = frame.path(centres, q, rate)
     return None if found is None else Path(found[0], *Positions.path(joints, frame.poses(centres, q), found[1]))

@@ -86,7 +86,7 @@ def _with_fields(make: Callable[..., None]) -> Callable[..., None]:
     return init
 
 
-E = TypeVar("E", bound=eqx.Module)
+E = TypeVar("E", bound=eqx.Module | tuple)
 B = TypeVar("B", bound=AbstractBetweenBodies)
 
 

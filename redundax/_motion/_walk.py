@@ -4,7 +4,7 @@ A program of a motion is compiled for as long as a thousand steps take. In diffr
 numbers before the end, one by one, checks of times that are checked already, and buffers for reverse mode.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import diffrax
 import equinox as eqx
@@ -46,7 +46,7 @@ def walk(
     if isinstance(solver, diffrax.AbstractRungeKutta) and solver.scan_kind is None:  # as of `diffrax.ForwardMode`
         solver = eqx.tree_at(lambda each: each.scan_kind, solver, "lax", is_leaf=lambda x: x is None)
     start, end, first = span
-    order, successful = solver.error_order(terms), diffrax.RESULTS.successful
+    order, successful = cast(Array, solver.error_order(terms)), diffrax.RESULTS.successful
     following, control = controller.init(terms, start, end, y, first, args, solver.func, order)
     following = jnp.minimum(following, end)
     near = end - _NEAR * jnp.finfo(end.dtype).eps * jnp.abs(end)
@@ -68,7 +68,8 @@ def walk(
 
         t = jnp.minimum(t, end)
         following = jnp.where(following > near, jnp.where(keep, end, t + 0.5 * (end - t)), following)
-        path, passed = _passed(keep, solver.interpolation_cls(t0=now.t, t1=now.following, **dense), now, ts)
+        between = solver.interpolation_cls(t0=now.t, t1=now.following, **dense)
+        path, passed = _passed(jnp.asarray(keep), between, now, ts)
         solved = diffrax.RESULTS.where(keep, solved, successful)
         ended = diffrax.RESULTS.where(diffrax.is_okay(now.result), solved, now.result)
         return Walk(
