@@ -1,11 +1,11 @@
 """The pattern of a mechanism's Jacobian, from the bodies of its joints and couplers."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol, Self, TypeAlias, TypeVar
+from typing import Protocol, Self, TypeAlias, TypeVar
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, PyTree
 
 from .._sparse._symbolic import Symbolic, symbolic
 from .._system._system import AbstractSystem
@@ -84,7 +84,7 @@ class DenseEntries(AbstractModule):
         own: Sequence[Array],
         couplers: Sequence[Coupled],
         joints: Sequence[Stack],
-        body: Any,
+        body: PyTree,
         joined: Callable[[Sequence[Array]], Array],
     ) -> Float[Array, "m n"]:
         """The Jacobian, of slopes of joints and of couplers; `joined` is that of joints by products, where programs are
@@ -123,7 +123,7 @@ class SparseEntries(AbstractModule):
         own: Sequence[Array],
         couplers: Sequence[Coupled],
         joints: Sequence[Stack],
-        body: Any,
+        body: PyTree,
         joined: Callable[[Sequence[Array]], Array],
     ) -> Float[Array, "m n"]:
         slopes, columns = self.by_bodies(own, couplers, joints, body), self.symbolic.columns
@@ -131,7 +131,7 @@ class SparseEntries(AbstractModule):
         return jnp.zeros((len(slopes), columns.size), slopes.dtype).at[row, columns[self.symbolic.body]].add(slopes)
 
     def by_bodies(
-        self, own: Sequence[Array], couplers: Sequence[Coupled], joints: Sequence[Stack], body: Any
+        self, own: Sequence[Array], couplers: Sequence[Coupled], joints: Sequence[Stack], body: PyTree
     ) -> Float[Array, "m w s"]:
         """Slopes by row and body."""
         each = [*own, *(coupled.slopes(joints, body) for coupled in couplers)]

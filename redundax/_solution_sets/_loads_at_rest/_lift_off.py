@@ -192,7 +192,7 @@ def _course(system: AbstractSystem, state: State, chosen: Elasticity, force: Num
         return sets[key]
 
     def from_on(amount: float, loaded: Numeric) -> ActiveSet:
-        def of_set(_: Any, __: Any, ___: Any, kept: Numeric) -> tuple:
+        def of_set(_: object, __: object, ___: object, kept: Numeric) -> tuple:
             own = of_rows(kept)
             return own.factor, own.at(amount), own.closure, own.found
 
