@@ -54,14 +54,22 @@ def _least_change_jvp(primals: tuple, tangents: tuple) -> tuple[tuple[Array, Arr
     system_dot, _, q_dot, qd_dot, t_dot = tangents
     d, qd = _least_change(*primals)
     factor = factorize_held(system, State(system.retract(q, d), qd, t), held)
-    _, off = eqx.filter_jvp(lambda system, q, t: _residual(system, q, d, t), (system, q, t), (system_dot, q_dot, t_dot))
-    d_dot = -factor.nearest(factor.completed(system.velocity_rows, off))
-    _, (own, off) = eqx.filter_jvp(
+    of, off = eqx.filter_jvp(
+        lambda system, q, t: _residual(system, q, d, t), (system, q, t), (system_dot, q_dot, t_dot)
+    )
+    d_dot = -factor.nearest(factor.completed(system.velocity_rows, _given(off, of)))
+    both, (own, off) = eqx.filter_jvp(
         lambda system, q, d, qd, t: (qd, constraint_motion(system, State(system.retract(q, d), qd, t))[1]),
         (system, q, d, qd, t),
         (system_dot, q_dot, d_dot, qd_dot, t_dot),
     )
+    own, off = (_given(tangent, of) for tangent, of in zip((own, off), both, strict=True))
     return (d, qd), (d_dot, own - factor.nearest(off))
+
+
+def _given(tangent: Array | None, of: Array) -> Array:
+    """A tangent, or zeros where nothing that moves is in it."""
+    return jnp.zeros_like(of) if tangent is None else tangent
 
 
 def _residual(system: AbstractSystem, q: Array, d: Array, t: Array) -> Float[Array, " m"]:

@@ -242,8 +242,8 @@ def _check(
     directed = have_direction(system.friction).any()
     if directed:
         matrices_of(system).needs_dense(
-            "Argument `system` must have no dry friction of sleeves, balls or plates where matrices are sparse, but "
-            "has. Simulate `mechanism.sparse(False)`."
+            "Argument `system` must have no dry friction of sleeves, balls, plates or points on planes where matrices "
+            "are sparse, but has. Simulate `mechanism.sparse(False)`."
         )
     if closure.clearances(system) is not None:
         refusal = (

@@ -232,7 +232,7 @@ class MisfitBox(AbstractBounds):
 
     - `closure`: the compliance, and the misfit of rows without an entry in `box`. Play of its joints is a bound too:
       from none to as much.
-    - `box`: for rows, least and largest misfit, m for force-type and rad for moment-type rows; {} for none.
+    - `box`: for rows, least and largest misfit, m for force-type and rad for moment-type rows; none if not given.
     - `friction`: for joints, by name, the least and the largest multiple of the friction that their models give:
       {"K": (0.5, 2.0)} where a coefficient of 0.1 may be from 0.05 to 0.2.
     - `radial`: for pins and sleeves, by name, how far the middle of a hole may be off, m, to any side: their misfit is
@@ -240,7 +240,7 @@ class MisfitBox(AbstractBounds):
     """
 
     closure: AbstractClosure
-    box: Box = eqx.field(static=True, converter=_pairs())
+    box: Box = eqx.field(static=True, converter=_pairs(), default_factory=dict)
     friction: Box = eqx.field(static=True, converter=_pairs("friction", '{"K": (0.5, 2.0)}'), default_factory=dict)
     radial: Mapping[str, float] = eqx.field(
         static=True, converter=_numbers("radial", '{"A": 20e-6}'), default_factory=dict

@@ -446,6 +446,19 @@ FIGURES = jnp.array([0.5, 1.0, G])
 
 
 @pytest.mark.slow
+def test_derivative_by_the_height_alone():
+    """y = v (t - t_1) - g (t - t_1)^2 / 2 after the first impact, with v = g t_1 / 2 and t_1 = (2 h / g)^(1/2)."""
+
+    def height(h):
+        state = rx.State(jnp.stack([0.0 * h, h]), jnp.array([1.0, 0.0]))
+        return rx.simulate(ball(), state, 0.5, restitution=0.5, adjoint=diffrax.ForwardMode(), ts=[0.5]).q[-1, 1]
+
+    found = jax.jvp(height, (jnp.asarray(1.0),), (jnp.ones(()),))[1]
+    t1 = np.sqrt(2 / G)
+    np.testing.assert_allclose(found, (1.5 * (0.5 - t1) - 0.5 * t1) / t1, rtol=1e-9)
+
+
+@pytest.mark.slow
 def test_derivatives_through_an_impact():
     truth = jax.jacfwd(by_hand)(FIGURES)
     forward = jax.jacfwd(lambda x: bounced(x, adjoint=diffrax.ForwardMode()))(FIGURES)

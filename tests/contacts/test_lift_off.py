@@ -76,3 +76,40 @@ def test_what_has_no_order_is_refused():
     rod = rx.Mechanism([rx.Body("rod", 1.0, 1.0)], [rx.Revolute("A", "rod", "ground", (0.0, 0.0), (0.0, 0.0))])
     with pytest.raises(rx.RedundaxError, match="`system` must have one-sided contacts"):
         rx.lift_off(rod, rx.State(jnp.zeros(3), jnp.zeros(3)), {"rod.phi": 1.0})
+
+
+def standing(weight=10 * G, push=0.0):
+    """A table on four feet at (±0.4, ±0.3) m, its centre of mass 0.7 m up, a block against x at one foot."""
+    top = rx.spatial.Body("table", 10.0, inertia=(1.0, 1.0, 1.5), centre=(0.0, 0.0, 0.7))
+    corners = {"f1": (-0.4, -0.3), "f2": (0.4, -0.3), "f3": (0.4, 0.3), "f4": (-0.4, 0.3)}
+    feet = [rx.spatial.PointOnPlane(name, top, "ground", (*at, 0.0), one_sided=True) for name, at in corners.items()]
+    block = rx.spatial.PointOnPlane("block", top, "ground", (0.4, 0.0, 0.0), axis=(1.0, 0.0, 0.0))
+    loads = [rx.spatial.AppliedForce(top, (push, 0.0, 0.0), point=(0.0, 0.0, 0.7))] if push else []
+    return rx.Mechanism([top], [*feet, block], loads=loads, gravity=(0.0, 0.0, -weight / 10))
+
+
+def test_a_table_that_rocks_comes_down_under_a_load_at_a_corner():
+    """With f1 shorter by d = 0.1 mm, legs of c = 1e-6 m/N, f2 and f4 carry alone; s over f4 bends it by c s. The table
+    stands on all four as that is d less 2 c 49.05 N, and f1 = f3 = (s - 1.9) / 4 from there on, until f2 has none."""
+    mechanism = standing()
+    legs = rx.Compliance(jnp.eye(5) * 1e-6, jnp.zeros(5).at[0].set(-1e-4))
+    load = {"table.z": -1.0, "table.phi_x": -0.3, "table.phi_y": -0.4}
+    found = rx.lift_off(mechanism, rx.assemble(mechanism), load, legs)
+    np.testing.assert_allclose(found.amounts, [1.9, 10 * G + 100.0], rtol=1e-9)
+    assert found.first == ("f2",) and found.first_amount == found.amounts[1] and np.isinf(found.tips)
+    assert found.contacts[0] == {"f1": "touches", "f2": "carries", "f3": "touches", "f4": "carries"}
+    np.testing.assert_allclose([found.loads[2][name] for name in ("f1", "f3")], 49.05, rtol=1e-9)
+
+
+def test_without_weight_a_load_presses_or_takes_off():
+    mechanism = standing(weight=0.0)
+    state = rx.assemble(mechanism)
+    assert rx.lift_off(mechanism, state, {"table.z": 1.0}).tips == 0
+    pressed = rx.lift_off(mechanism, state, {"table.z": -1.0})
+    assert np.isinf(pressed.tips) and set(pressed.contacts[-1].values()) == {"carries"}
+
+
+def test_what_tips_already_is_refused():
+    mechanism = standing(push=80.0)
+    with pytest.raises(rx.NoSolutionError, match="lift without the load, f1, f4, so that it does not stand"):
+        rx.lift_off(mechanism, rx.assemble(mechanism), {"table.x": 1.0})

@@ -34,7 +34,7 @@ _MINIMUM_NORM = MinimumNorm()
 _BEYOND = 1e-6  # of the amounts: how far beyond a change it is asked what contacts do
 _FLAT = 1e-9  # of the largest change of its kind: one that is rounding
 _MOST = 8  # changes of each contact, more than which go round in circles
-_LIFTS = code_of(Contact.lifts)
+_LIFTS, _TOUCHES = code_of(Contact.lifts), code_of(Contact.touches)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,7 +53,7 @@ class LiftOff:
 
         ```python
         found = rx.lift_off(mechanism, state, {"table.x": 1.0}, legs)
-        found.first, found.amounts[0]  # the foot that loses its load first, and at which push
+        found.first, found.first_amount  # the foot that loses its load first, and at which push
         ```
     """
 
@@ -69,6 +69,11 @@ class LiftOff:
     def first(self) -> tuple[str, ...]:
         """Names of the contacts that lose their load first, of several at once all; none where none does."""
         return next((gone for k in range(len(self.amounts)) if (gone := self._unloaded(k))), ())
+
+    @property
+    def first_amount(self) -> float:
+        """The amount at which they do; infinite where none does. At smaller ones of `amounts` others gain load."""
+        return next((float(amount) for k, amount in enumerate(self.amounts) if self._unloaded(k)), np.inf)
 
     def _unloaded(self, k: int) -> tuple[str, ...]:
         """Those that lose their load at a change."""
@@ -191,35 +196,45 @@ def _course(system: AbstractSystem, state: State, chosen: Elasticity, force: Num
             sets[key] = _solved(system.opened(kept), state, without_rows(chosen, kept), force)
         return sets[key]
 
-    def from_on(amount: float, loaded: Numeric) -> ActiveSet:
+    def from_on(amount: float) -> ActiveSet:
         def of_set(_: object, __: object, ___: object, kept: Numeric) -> tuple:
             own = of_rows(kept)
             return own.factor, own.at(amount), own.closure, own.found
 
-        active = active_set(system, state, chosen, of_set, Asked(closed, loaded, at, xp.zeros((), bool), taken))
+        active = active_set(system, state, chosen, of_set, Asked(closed, closed, at, xp.zeros((), bool), taken))
         if not active.settled:
             raise NoSolutionError(RESULTS[RESULTS.contacts_undecided])
         return active
 
-    amount, active = 0.0, from_on(0.0, contacts == code_of(Contact.carries))
-    course = _Course([], [contacts], [of_rows(active.kept).at(0.0).multipliers], np.inf)
+    def loads_at(active: ActiveSet, amount: float) -> Numeric:
+        loads = of_rows(active.kept).at(amount).multipliers
+        return np.where(np.abs(loads) < _FLAT * np.abs(loads).max(initial=0.0), 0.0, loads)
+
+    lifted = [name for name, code in zip(system.names.contacts, contacts, strict=True) if code == _LIFTS]
+    if lifted:
+        raise NoSolutionError(
+            f"Contacts lift without the load, {', '.join(lifted)}, so that it does not stand. Take away what tips it."
+        )
+    of_all = of_rows(np.ones(len(system.rows), bool)).factor
+    scale = float(np.abs(as_numbers(of_all.load)).max(initial=0.0)) / or_one(float(np.abs(force).max(initial=0.0)))
+    course, following = _Course([], [contacts], [loads_at(from_on(0.0), 0.0)], np.inf), 0.0
     for _ in range(_MOST * rows.size):
-        own = of_rows(active.kept)
-        start, slope = np.where(closed, _margins(own, active, at, rows, chosen), 0.0)
-        falls = slope < -_FLAT
-        if not falls.any():
-            return course
-        following = max(float(np.min(-start[falls] / slope[falls])), amount)
-        free, unit = np.abs(own.multipliers).max(axis=0)
-        amount = following + _BEYOND * max(following, free / or_one(unit))
-        active = from_on(amount, active.kept[rows])
+        amount = following + _BEYOND * or_one(max(following, scale))
+        active = from_on(amount)
         does = np.asarray(active.contacts)
         if np.any(does != course.contacts[-1]):
             course.amounts.append(following)
             course.contacts.append(does)
-            course.multipliers.append(of_rows(active.kept).at(following).multipliers)
-        if np.any((does == _LIFTS) & (contacts != _LIFTS)):
+            course.multipliers.append(loads_at(active, following))
+        if np.any(does == _LIFTS):
             return course._replace(tips=following)
+        own = of_rows(active.kept)
+        start, slope = np.where(closed, _margins(own, active, at, rows, chosen), 0.0)
+        falls = slope < -_FLAT
+        ends = [*(-start[falls] / slope[falls]), _together_until(own, active, at, rows, chosen)]
+        following = max(float(np.min(ends)), following)
+        if np.isinf(following):
+            return course
     raise NoSolutionError(RESULTS[RESULTS.contacts_undecided])
 
 
@@ -253,12 +268,41 @@ def _margins(
     """What contacts have left until they change, without the load and by its amount 1, shape (2, c), relative to what
     the load does: loads of those that carry, strains of those that touch, accelerations by which others lift."""
     (jacobian, gamma, scales), mass = at, np.diagonal(own.factor.mass)
-    none = np.zeros_like(gamma)
     loads = scales.rows[:, None] * own.multipliers
-    bent = closure.compliance @ own.multipliers - np.stack([closure.misfit, none], axis=1)
+    bent = _bent(own, closure)
     strain = np.stack([strains(rows, active.kept, jacobian, own.factor, one)[0] for one in bent.T])
-    away = (np.stack([gamma, none], axis=1) - jacobian @ own.acceleration) / scales.rows[:, None]
+    away = (np.stack([gamma, np.zeros_like(gamma)], axis=1) - jacobian @ own.acceleration) / scales.rows[:, None]
     free = np.abs(jacobian) @ np.where(mass > 0, np.abs(own.force) / or_one(mass), 0.0) / scales.rows
-    parts = (loads[rows].T, loads), (strain, bent), (away[rows].T, free[:, None])
-    carries, touches, lifts = (part / or_one(np.abs(size[:, -1]).max()) for part, size in parts)
+    least = _FLAT * np.abs(own.force * scales.coordinates).max(initial=0.0)  # of loads: less is rounding
+    gives = least * np.abs(closure.compliance / scales.rows).max()
+    parts = (loads[rows].T, loads, least), (strain, bent, gives), (away[rows].T, free[:, None], 0.0)
+    carries, touches, lifts = (part / or_one(max(np.abs(size[:, -1]).max(), small)) for part, size, small in parts)
     return np.where(active.kept[rows], carries, np.where(np.asarray(active.decided), touches, lifts))
+
+
+def _together_until(
+    own: _Set, active: ActiveSet, at: tuple[Numeric, Numeric, Scaling], rows: Numeric, closure: Elasticity
+) -> float:
+    """Up to which amount those that touch, and could move by themselves, do so without load: as long as some
+    displacement w that the others leave free keeps all of them apart, strain_0 + s strain_1 + F w >= 0."""
+    touch = ~active.kept[rows] & ~np.asarray(active.decided) & (np.asarray(active.contacts) == _TOUCHES)
+    if not touch.any():
+        return np.inf
+    bent = _bent(own, closure)
+    (start, free), (slope, _) = (strains(rows, active.kept, at[0], own.factor, one) for one in bent.T)
+    size, per = or_one(np.abs(bent[:, 0]).max()), or_one(np.abs(bent[:, 1]).max())
+    columns = free[touch] / or_one(np.abs(free[touch]).max())
+    from scipy.optimize import linprog  # here, because its import takes a second
+
+    found = linprog(
+        [-1.0, *np.zeros(columns.shape[1])],
+        A_ub=-np.column_stack([slope[touch] / per, columns]),
+        b_ub=start[touch] / size,
+        bounds=[(0, None), *[(None, None)] * columns.shape[1]],
+    )
+    return float(found.x[0]) * size / per if found.status == 0 else np.inf if found.status == 3 else 0.0
+
+
+def _bent(own: _Set, closure: Elasticity) -> Numeric:
+    """What all rows give way, without the load and by its amount 1."""
+    return closure.compliance @ own.multipliers - np.stack([closure.misfit, np.zeros_like(closure.misfit)], axis=1)
