@@ -12,7 +12,7 @@ import pytest
 
 import redundax as rx
 from redundax._analysis._release import releases
-from redundax._bodies import _mechanism
+from redundax._bodies import _pattern
 
 # Parallel spatial four-bars, each on the ground: 18 coordinates, 20 rows of rank 17, so 3 redundant ones and a freedom.
 LEGS = """
@@ -104,7 +104,7 @@ def test_releases_of_independent_groups_are_the_best_of_each():
 
 
 def test_too_many_bodies_for_dense_matrices_are_refused_in_words(monkeypatch):
-    monkeypatch.setattr(_mechanism, "LARGEST_DENSE", 50)
+    monkeypatch.setattr(_pattern, "LARGEST_DENSE", 50)
     mechanism = rx.mechanisms.n_four_bar(5).sparse()
     state = mechanism.state(phi=0.8, rate=1.0)
     for ask in (rx.analyze, rx.solution_family, rx.frictional_solutions):
