@@ -52,7 +52,15 @@ class LiftOff:
     ??? example
 
         ```python
-        found = rx.lift_off(mechanism, state, {"table.x": 1.0}, legs)
+        top = rx.spatial.Body("table", 10.0, inertia=(1.0, 1.0, 1.5), centre=(0.0, 0.0, 0.7))
+        corners = {"f1": (-0.4, -0.3), "f2": (0.4, -0.3), "f3": (0.4, 0.3), "f4": (-0.4, 0.3)}
+        feet = [
+            rx.spatial.PointOnPlane(name, top, "ground", (*at, 0.0), one_sided=True) for name, at in corners.items()
+        ]
+        table = rx.Mechanism([top], feet, gravity=(0.0, 0.0, -9.81))
+        legs = rx.ElasticJoints(table, {"f1": 1e-6, "f2": 2e-6, "f3": 1e-6, "f4": 1e-6})  # m/N
+        load = {"table.z": -1.0, "table.phi_x": -0.4, "table.phi_y": 0.6}
+        found = rx.lift_off(table, rx.assemble(table), load, legs)
         found.first, found.first_amount  # the foot that loses its load first, and at which push
         ```
     """
@@ -135,8 +143,16 @@ def lift_off(system: AbstractSystem, state: State, load: ByName, closure: Abstra
     ??? example
 
         ```python
-        legs = rx.ElasticJoints(mechanism, {"f1": 1e-6, "f2": 1e-6, "f3": 2e-6, "f4": 1e-6})
-        print(rx.lift_off(mechanism, state, {"table.x": 1.0, "table.y": 0.5}, legs))
+        top = rx.spatial.Body("table", 10.0, inertia=(1.0, 1.0, 1.5), centre=(0.0, 0.0, 0.7))
+        corners = {"f1": (-0.4, -0.3), "f2": (0.4, -0.3), "f3": (0.4, 0.3), "f4": (-0.4, 0.3)}
+        feet = [
+            rx.spatial.PointOnPlane(name, top, "ground", (*at, 0.0), one_sided=True) for name, at in corners.items()
+        ]
+        table = rx.Mechanism([top], feet, gravity=(0.0, 0.0, -9.81))
+        legs = rx.ElasticJoints(table, {"f1": 1e-6, "f2": 2e-6, "f3": 1e-6, "f4": 1e-6})  # m/N
+        load = {"table.z": -1.0, "table.phi_x": -0.4, "table.phi_y": 0.6}
+        found = rx.lift_off(table, rx.assemble(table), load, legs)
+        print(found)
         ```
 
     **Arguments:**
