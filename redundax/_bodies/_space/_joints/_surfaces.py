@@ -32,18 +32,17 @@ def _any_way(multipliers: Array, rows: Sequence[Row]) -> ContactLoad:
     return ContactLoad(picked(multipliers, rows, ("radial_1", "radial_2", "axial")), zero, none, zero)
 
 
-def _on_a_table(multipliers: Array, rows: Sequence[Row]) -> ContactLoad:
-    """A plate is pressed by its force on the table, and by moments at both sides, about any axis along the table."""
-    zero = jnp.zeros((), multipliers.dtype)
-    (axial,), bend = picked(multipliers, rows, ("axial",)), picked(multipliers, rows, ("bend_1", "bend_2"))
-    return ContactLoad(jnp.stack([axial, zero]), zero, jnp.stack([zero, safe_norm(bend)]), zero)
-
-
 def _on_a_point(multipliers: Array, rows: Sequence[Row]) -> ContactLoad:
     """A point is pressed by its force on the table alone."""
     zero, none = jnp.zeros((), multipliers.dtype), jnp.zeros(2, multipliers.dtype)
     (axial,) = picked(multipliers, rows, ("axial",))
     return ContactLoad(jnp.stack([axial, zero]), zero, none, zero)
+
+
+def _on_a_table(multipliers: Array, rows: Sequence[Row]) -> ContactLoad:
+    """A plate is pressed so, and by moments at both sides, about any axis along the table."""
+    point, bend = _on_a_point(multipliers, rows), picked(multipliers, rows, ("bend_1", "bend_2"))
+    return point._replace(bend=jnp.stack([point.twist, safe_norm(bend)]))
 
 
 class Surfaces(NamedTuple):
