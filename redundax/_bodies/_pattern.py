@@ -1,7 +1,7 @@
 """The pattern of a mechanism's Jacobian, from the bodies of its joints and couplers."""
 
 from collections.abc import Callable, Sequence
-from typing import Protocol, Self, TypeAlias, TypeVar
+from typing import Protocol, Self, TypeAlias, TypeVar, runtime_checkable
 
 import jax.numpy as jnp
 import numpy as np
@@ -25,6 +25,7 @@ LARGE = 2000  # coordinates and rows from which on matrices are sparse: dense on
 LARGEST_DENSE = 6000  # coordinates and rows up to which dense ones answer in minutes and a few GB, by cubes and squares
 
 
+@runtime_checkable
 class _Storable(Protocol):
     def sparse(self, is_sparse: bool = True) -> Self: ...
 

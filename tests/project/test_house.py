@@ -464,6 +464,17 @@ def takes_few(package: Package) -> list[str]:
     return complaints
 
 
+def protocols_are_checked(package: Package) -> list[str]:
+    """What must have methods can be asked for them, as the checks of all calls do."""
+    return [
+        module.at(node, f"`{node.name}` is a protocol without `@runtime_checkable`")
+        for module in package.modules.values()
+        for node in module.walk(ast.ClassDef)
+        if any((dotted_path(base) or "").endswith("Protocol") for base in node.bases)
+        and not any((dotted_path(mark) or "").endswith("runtime_checkable") for mark in node.decorator_list)
+    ]
+
+
 Rule = Callable[[Package], list[str]]
 RULES: list[Rule] = [
     imports_are_acyclic,
@@ -482,6 +493,7 @@ RULES: list[Rule] = [
     is_short,
     says_types,
     takes_few,
+    protocols_are_checked,
 ]
 
 
@@ -619,6 +631,7 @@ BREAKS: list[tuple[Rule, str, dict[str, str]]] = [
     (says_types, f"{MAX_ANY + 1} annotations", {"_a": DOC + "def _f(x: list[Any]): ...\n" * (MAX_ANY + 1)}),
     (takes_few, "_a.py:2: `_f` takes 9 arguments", {"_a": DOC + "def _f(a, b, c, d, e, f, g, h, *, i): ..."}),
     (takes_few, "takes 13", {"_a": "class A:\n def __init__(self, a, b, c, d, e, f, g, h, i, j, k, l, m): ..."}),
+    (protocols_are_checked, "`_P` is a protocol", {"_a": DOC + "class _P(typing.Protocol): ..."}),
     (is_short, "_a.py:1: 601 lines", {"_a": "x = 1\n" * (MAX_FILE_LINES + 1)}),
 ]  # fmt: skip
 
