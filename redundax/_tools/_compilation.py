@@ -149,12 +149,7 @@ def once_in_reverse(function: Callable[P, T]) -> Callable[P, T]:
 
     @functools.wraps(function)
     def run(*arguments: P.args, **named: P.kwargs) -> T:
-        if is_staged():
-            return inside(*arguments, **named)
-        try:
-            return differentiated((arguments, named))
-        except jax.errors.UnexpectedTracerError:  # a function of the user holds a traced number
-            return inside(*arguments, **named)
+        return inside(*arguments, **named) if is_staged() else differentiated((arguments, named))
 
     return run
 
