@@ -26,7 +26,7 @@ from .._system._friction import have_sense, memories
 from .._system._results import RESULTS, chosen, differs, first_failure
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._compilation import compiled
+from .._tools._compilation import compiled, once, once_in_reverse
 from .._tools._errors import RedundaxError
 from .._tools._module import replace_fields
 from .._tools._no_answer import cut_where, nan_where, spoiled_where
@@ -143,7 +143,8 @@ def _integrate(
     )
 
 
-_dense, _forward = on_numbers(_integrate), on_numbers(_integrate, is_long=True)
+_dense = on_numbers(_integrate)
+_forward, _reverse = on_numbers(_integrate, traced=once), on_numbers(_integrate, traced=once_in_reverse)
 _sparse = compiled(_integrate, runs_long=True, in_order=True)
 
 
@@ -151,9 +152,8 @@ def integrate(
     system: AbstractSystem, state: State, factor: AbstractSolvedFactorisation, closure: AbstractClosure, course: Course
 ) -> Trajectory:
     """The motion, given the factorisation at the start."""
-    # JAX takes options of compiling for no program that is cut for reverse mode.
-    forward = isinstance(course.adjoint, diffrax.ForwardMode)
-    run = matrices_of(system).run(_forward if forward else _dense, _sparse)
+    ways = {diffrax.ForwardMode: _forward, diffrax.RecursiveCheckpointAdjoint: _reverse}
+    run = matrices_of(system).run(ways.get(type(course.adjoint), _dense), _sparse)
     return run(system, state, factor, closure, course)
 
 

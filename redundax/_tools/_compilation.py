@@ -11,7 +11,7 @@ import contextlib
 import functools
 import gc
 from collections.abc import Callable, Iterator
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import equinox as eqx
 import jax
@@ -105,7 +105,7 @@ def is_staged() -> bool:
 
 def once(function: Callable[P, T]) -> Callable[P, T]:
     """`eqx.filter_jit` of what is traced, compiled in little time where no program is around it: a derivative that is
-    asked for once waits for its compiling alone. Not for reverse mode."""
+    asked for once waits for its compiling alone. For forward mode."""
     inside = eqx.filter_jit(function)
 
     @functools.cache
@@ -120,6 +120,59 @@ def once(function: Callable[P, T]) -> Callable[P, T]:
             return alone()(*arguments, **named)
 
     return run
+
+
+def once_in_reverse(function: Callable[P, T]) -> Callable[P, T]:
+    """The same for reverse mode: JAX takes options for no program that it cuts in two, so that going forth and back are
+    programs of their own here."""
+    inside = eqx.filter_jit(function)
+
+    @functools.cache
+    def alone() -> tuple[Callable[..., Any], ...]:
+        options = quick_options()
+        ways = functools.partial(_forth, function), _back
+        return tuple(eqx.filter_jit(way, compiler_options=options) for way in ways)  # pyright: ignore[reportCallIssue]
+
+    @eqx.filter_custom_vjp
+    def differentiated(given: tuple[Any, Any]) -> Any:
+        return inside(*given[0], **given[1])
+
+    @differentiated.def_fwd
+    def _forward(perturbed: Any, given: Any) -> Any:
+        with in_little_time(True):
+            return alone()[0](*eqx.partition(given, perturbed))
+
+    @differentiated.def_bwd
+    def _backward(residuals: Any, grad: Any, perturbed: Any, given: Any) -> Any:
+        with in_little_time(True):
+            return alone()[1](residuals, grad)
+
+    @functools.wraps(function)
+    def run(*arguments: P.args, **named: P.kwargs) -> T:
+        return inside(*arguments, **named) if is_staged() else differentiated((arguments, named))
+
+    return run
+
+
+def _forth(function: Callable[..., Any], moved: Any, fixed: Any) -> tuple[Any, Any]:
+    """Values, and what takes their cotangents back to those of what is moved."""
+
+    def of_moved(moved: Any) -> Any:
+        arguments, named = eqx.combine(moved, fixed)
+        return function(*arguments, **named)
+
+    out, back = eqx.filter_vjp(of_moved, moved)
+    return out, (jax.eval_shape(lambda: eqx.filter(out, eqx.is_inexact_array)), back)
+
+
+def _back(residuals: tuple[Any, Callable[..., Any]], grad: Any) -> Any:
+    """Cotangents of what is moved; of results that are not asked for, None, they are 0."""
+    like, back = residuals
+
+    def whole(x: Any, like: Any) -> Any:
+        return x if x is not None or like is None else jnp.zeros(like.shape, like.dtype)
+
+    return back(jax.tree.map(whole, grad, like, is_leaf=lambda x: x is None))[0]
 
 
 @functools.cache

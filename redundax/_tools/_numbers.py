@@ -31,7 +31,7 @@ import numpy as np
 from jax.extend.core import jaxpr_as_fun
 from threadpoolctl import ThreadpoolController
 
-from ._compilation import compiled, in_little_time, of_equations, once, quick_options, uncollected
+from ._compilation import compiled, in_little_time, of_equations, quick_options, uncollected
 from ._interpreted import Interpreted
 
 T = TypeVar("T")
@@ -370,21 +370,25 @@ OFTEN = 300
 
 
 def on_numbers(
-    function: Callable[..., Any], *, jit: bool = True, repeats: bool = False, is_long: bool = False
+    function: Callable[..., Any],
+    *,
+    jit: bool = True,
+    repeats: bool = False,
+    traced: Callable[[Callable[..., Any]], Callable[..., Any]] | None = None,
 ) -> Callable[..., Any]:
     """A function that runs on NumPy's arrays where all its arguments are known, and gives JAX's; else it is traced.
 
-    One that `repeats` is a program of its own from call `OFTEN` on with arguments of one structure; one that `is_long`
-    compiles in little time where it is traced for a derivative alone, in forward mode.
+    One that `repeats` is a program of its own from call `OFTEN` on with arguments of one structure; `traced`
+    compiles it where arguments are, `once` or `once_in_reverse` in little time for a derivative alone.
     """
-    traced = once(function) if is_long else eqx.filter_jit(function) if jit else function
+    inside = (traced or eqx.filter_jit)(function) if jit else function
     program, calls = compiled(function), collections.Counter()
 
     @functools.wraps(function)
     def run(*arguments: Any, **named: Any) -> Any:
         given = arguments, named
         if not are_known(given):
-            return traced(*arguments, **named)
+            return inside(*arguments, **named)
         within = is_computing()
         if repeats:
             calls[key := hash(_structure(given))] += 1

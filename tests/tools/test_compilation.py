@@ -8,7 +8,7 @@ import pytest
 import redundax as rx
 from redundax._bodies._space._rotation import rotation, times
 from redundax._tools import _compilation
-from redundax._tools._compilation import compiled, quick_options
+from redundax._tools._compilation import compiled, once_in_reverse, quick_options
 
 MECHANISMS = {
     "wojtyra2020": lambda: rx.mechanisms.wojtyra2020(mu_rho=0.02),
@@ -215,3 +215,20 @@ def test_a_mechanism_built_of_known_numbers_is_known_under_a_trace():
 
     np.testing.assert_allclose(jax.jit(masses)(3.0), [15, 45, 15, 45], rtol=1e-15)
     np.testing.assert_allclose(jax.jacfwd(masses)(3.0), [3, 9, 3, 9], rtol=1e-15)
+
+
+@once_in_reverse
+def summed(x, y, *, times):
+    return {"sum": jnp.sum(x * y), "power": x**times, "count": jnp.size(x), "name": "one"}
+
+
+def test_reverse_mode_alone_has_the_derivatives_of_the_function():
+    """By some arguments and not others, of some results; by rows and in batches."""
+    x, y = jnp.arange(1.0, 4.0), jnp.array([2.0, 3.0, 5.0])
+    assert summed(x, y, times=3)["name"] == "one"
+    np.testing.assert_allclose(jax.grad(lambda y: summed(x, y, times=3)["sum"])(y), x)
+    np.testing.assert_allclose(jax.jacrev(lambda x: summed(x, y, times=3)["power"])(x), np.diag(3 * x**2))
+    both = jax.grad(lambda x, y: summed(x, y, times=2)["sum"] + summed(x, y, times=2)["power"][0], argnums=(0, 1))
+    many = jax.vmap(both, in_axes=(0, None))(jnp.stack([x, 2 * x]), y)
+    np.testing.assert_allclose(many[0], [y + 2 * x * np.eye(3)[0], y + 4 * x * np.eye(3)[0]])
+    np.testing.assert_allclose(many[1], [x, 2 * x])
