@@ -252,7 +252,7 @@ class Equations(AbstractModule):
                 sense = sense if along is None else jnp.where(self.directions.directed, along, sense)
                 rate = jnp.where(self.directions.directed & self.is_none(rate), 0.0, rate)
                 rate = rate if along is None else self.directions.past(rate, along)
-            tau, problem = self._friction(Law(self.system.friction, rate, sense, state), linear, start)
+            tau, problem = self._friction(Law.of(self.system, rate, sense, state), linear, start)
         acceleration, multipliers = linear.response.at(tau)
         power = self._power(state, linear.load + linear.directions @ tau, multipliers)
         caused = linear.slips_caused(tau, acceleration)
