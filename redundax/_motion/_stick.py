@@ -22,7 +22,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._solvers._active_set import size_of_parts
-from .._system._friction import friction_force, load_rows
+from .._solvers._friction_problem import Law
+from .._system._friction import load_rows
 from .._system._state import State
 from .._tools._numbers import stop_gradient
 from ._held_rank import AnyHeld
@@ -100,16 +101,14 @@ def sticking_friction(
     equations: Equations, state: State, linear: AnyLinear, still: Bool[Array, " p"], wanted: Bool[Array, ""]
 ) -> Holding:
     """Friction of joints that stick or start to slip, if wanted, and of those that slip."""
-    friction, rows = equations.system.friction, load_rows(equations.system.friction)
+    rows, rate, directions = load_rows(equations.system.friction), linear.rate, equations.directions
     rho0 = linear.response.free.multipliers[rows]
-    senses = [jnp.where(still, sense, jnp.sign(linear.rate)) for sense in (1.0, -1.0)]
-    rate, directions = linear.rate, equations.directions
     if directions is not None:  # at rest, so that senses count
         rate = jnp.where(directions.directed & still, 0.0, rate)
+    law = Law.of(equations.system, rate, jnp.sign(linear.rate), state)
 
     def limits(caused: Array) -> tuple[Array, Array]:
-        one, two = (friction_force(friction, rho0 + caused, rate, sense, state) for sense in senses)
-        return jnp.minimum(one, two), jnp.maximum(one, two)
+        return law.limits(rho0 + caused, still)
 
     tolerance = tolerance_of(_HELD, linear.rate), tolerance_of(_SETTLED, linear.rate)
     return linear.sticking(rows, limits, still, equations.slip_size, tolerance, directions, wanted)

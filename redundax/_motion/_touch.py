@@ -139,13 +139,16 @@ def arrived(
 ) -> tuple[Array, Moving]:
     """When an event is that a step has ended at, by a step of Newton's method on the time, and the state then.
 
-    So the time has the derivatives of the margin that passes zero, dt = -dh / h'.
+    So the time has the derivatives of the margin that passes zero, dt = -dh / h'. Of a contact it is the one that is
+    the least time away: another may be as small, and not pass.
     """
     change = jax.lax.stop_gradient(equations.derivative(t, y, context))
     along = jnp.ones_like(t), change
-    least, slope = jax.jvp(lambda t, y: margins(equations, t, y, context).least, (t, y), along)
+    each, slope = jax.jvp(lambda t, y: jnp.stack(margins(equations, t, y, context)), (t, y), along)
     slope = jax.lax.stop_gradient(slope)
-    sound = which & (slope < 0) & (jnp.abs(least) <= tolerance_of(_OFF, least))
-    shifts = jnp.where(sound, -least / jnp.where(sound, slope, 1.0), jnp.inf)
-    shift = jnp.where(jnp.any(sound), jnp.min(shifts), 0.0)
+    sound = which & (slope < 0) & (jnp.abs(each) <= tolerance_of(_OFF, each))
+    shifts = jnp.where(sound, -each / jnp.where(sound, slope, 1.0), jnp.inf)
+    nearest = jnp.argmin(jnp.abs(shifts), axis=0)
+    shift = jnp.min(jnp.take_along_axis(shifts, nearest[None], axis=0))
+    shift = jnp.where(jnp.any(sound), shift, 0.0)
     return t + shift, rechart(equations.system, jax.tree.map(lambda x, rate: x + shift * rate, y, change))[0]

@@ -120,7 +120,7 @@ def reduce(
     senses = _sense(rate, motion, sense, directed)
     if directed.any():  # rounding has a direction, rest has none
         rate = xp.where(directed & motion.is_no, 0.0, rate)
-    law = Law(system.friction, rate, senses, state)
+    law = Law.of(system, rate, senses, state)
     rows = load_rows(system.friction)
     angular_loads = take(xp.asarray(system.rows.angular), rows)
     rho0 = pick.loads((picked, with_misfit), given, rows)

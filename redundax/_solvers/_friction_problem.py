@@ -17,16 +17,29 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, Self, TypeVar
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
 from .._system._directions import directions_of
-from .._system._friction import AbstractFriction, friction_force, largest_changes, memories, slip_kinds
+from .._system._friction import AbstractFriction, friction_force, largest_changes, load_rows, memories, slip_kinds
 from .._system._state import State
+from .._system._system import AbstractSystem
 from .._tools._by_number import combine, solve_few
 from .._tools._linear_map import LinearMap
 from .._tools._module import replace_fields
-from .._tools._numbers import Numeric, are_known, are_numbers, fori_loop, of_model, product, solution, stop_gradient, xp
+from .._tools._numbers import (
+    Numeric,
+    are_known,
+    are_numbers,
+    fori_loop,
+    of_model,
+    product,
+    solution,
+    stop_gradient,
+    take,
+    xp,
+)
 from .._tools._value import value
 
 T = TypeVar("T")
@@ -40,19 +53,33 @@ _POWERS = 6
 
 @value
 class Law:
-    """The friction laws of all groups at a state, as a function of the loads alone."""
+    """The friction laws of all groups at a state, as a function of the loads alone.
+
+    `pushing` are loads of one-sided contacts, if there are some: one that would pull presses nothing.
+    """
 
     groups: tuple[AbstractFriction, ...]
     rate: Float[Numeric, " p"]
     sense: Float[Numeric, " p"]
     state: State
     memory: tuple[PyTree, ...] | None = None  # that of `state` if not given
+    pushing: Bool[Numeric, " l"] | None = None
+
+    @classmethod
+    def of(cls, system: AbstractSystem, rate: Numeric, sense: Numeric, state: State) -> Self:
+        """Those of a system."""
+        one_sided, pushing = system.names.one_sided, None
+        if one_sided and system.friction:
+            pushing = take(xp.asarray(np.isin(np.arange(len(system.rows)), one_sided)), load_rows(system.friction))
+        return cls(system.friction, rate, sense, state, pushing=pushing)
 
     def __call__(self, loads: Float[Numeric, "... l"]) -> Float[Numeric, "... p"]:
         return self.linearised(loads)[0] if self._is_known(loads) else self.force(loads)
 
     def force(self, loads: Float[Numeric, " l"]) -> Float[Numeric, " p"]:
         """The same, traced."""
+        if self.pushing is not None:
+            loads = jnp.where(self.pushing & (loads < 0), 0.0, loads)
         return friction_force(self.groups, loads, self.rate, self.sense, self.state, self.memory)
 
     def _is_known(self, loads: Float[Numeric, "... l"]) -> bool:

@@ -103,8 +103,10 @@ def _linearised(law: Law, rho: list) -> tuple[list, list[Slope]]:
     tau, slope, row = [], [], 0
     for k, group in enumerate(law.groups):
         slips = slice(len(tau), len(tau) + len(group.slips))
-        alone = Law((group,), law.rate[slips], law.sense[slips], law.state, cast(tuple, law.memory)[k : k + 1])
-        force, own = partial(_force, alone), rho[row : row + group.rows.size]
+        loads = slice(row, row + group.rows.size)
+        memory, pushing = cast(tuple, law.memory)[k : k + 1], None if law.pushing is None else law.pushing[loads]
+        alone = Law((group,), law.rate[slips], law.sense[slips], law.state, memory, pushing)
+        force, own = partial(_force, alone), rho[loads]
         units = [[jnp.full_like(x, u) for x, u in zip(own, unit, strict=True)] for unit in np.eye(len(own))]
         columns = [jax.jvp(force, own, unit)[1] for unit in units]
         tau += force(*own)

@@ -339,3 +339,18 @@ def test_a_declared_length_is_what_gaps_are_told_by():
     for none in (np.nan, np.inf):
         with pytest.raises(rx.RedundaxError, match="`length` must be finite, but is"):
             ball(1.0, 0.0, length=none)
+
+
+def test_a_crate_that_tips_as_it_slides():
+    """Were both feet held down there would be no solution; one lifts: N (1 / m + b (b - mu h) / I) = g of the other."""
+    mu, mass, inertia, half, high = 0.65, 3.0, 0.2, 0.3, 0.5
+    feet = [
+        rx.PinInSlot(name, "crate", "ground", (x, -high), (0, 0), (0, 1), rx.Coulomb(mu), one_sided=True)
+        for name, x in (("f1", -half), ("f2", half))
+    ]
+    crate = rx.Mechanism([rx.Body("crate", mass, inertia)], feet, gravity=(0.0, -9.81))
+    solution = rx.solve(crate, rx.State(jnp.array([0.0, high, 0.0]), jnp.array([2.0, 0.0, 0.0])))
+    load = 9.81 / (1 / mass + half * (half - mu * high) / inertia)
+    assert solution.contacts == {"f1": "lifts", "f2": "carries"}
+    np.testing.assert_allclose(solution.multipliers, [0.0, load], rtol=1e-12)
+    np.testing.assert_allclose(solution.acceleration[0], -mu * load / mass, rtol=1e-12)
