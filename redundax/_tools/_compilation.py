@@ -11,12 +11,13 @@ import contextlib
 import functools
 import gc
 from collections.abc import Callable, Iterator
-from typing import Any, ParamSpec, TypeVar
+from typing import ParamSpec, TypeVar
 
 import equinox as eqx
 import jax
 import jax.core
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from ._waiting import tell_of_long_compiling
 
@@ -122,42 +123,42 @@ def once(function: Callable[P, T]) -> Callable[P, T]:
     return run
 
 
-def once_in_reverse(function: Callable[P, T]) -> Callable[P, T]:
+def once_in_reverse(function: Callable[..., T]) -> Callable[..., T]:
     """The same for reverse mode: JAX takes options for no program that it cuts in two, so that going forth and back are
     programs of their own here."""
     inside = eqx.filter_jit(function)
 
     @functools.cache
-    def alone() -> tuple[Callable[..., Any], ...]:
+    def alone() -> tuple[Callable[..., PyTree], ...]:
         options = quick_options()
         ways = functools.partial(_forth, function), _back
         return tuple(eqx.filter_jit(way, compiler_options=options) for way in ways)  # pyright: ignore[reportCallIssue]
 
     @eqx.filter_custom_vjp
-    def differentiated(given: tuple[Any, Any]) -> Any:
+    def differentiated(given: tuple[PyTree, PyTree]) -> PyTree:
         return inside(*given[0], **given[1])
 
     @differentiated.def_fwd
-    def _forward(perturbed: Any, given: Any) -> Any:
+    def _forward(perturbed: PyTree, given: PyTree) -> PyTree:
         with in_little_time(True):
             return alone()[0](*eqx.partition(given, perturbed))
 
     @differentiated.def_bwd
-    def _backward(residuals: Any, grad: Any, perturbed: Any, given: Any) -> Any:
+    def _backward(residuals: PyTree, grad: PyTree, perturbed: PyTree, given: PyTree) -> PyTree:
         with in_little_time(True):
             return alone()[1](residuals, grad)
 
     @functools.wraps(function)
-    def run(*arguments: P.args, **named: P.kwargs) -> T:
+    def run(*arguments: PyTree, **named: PyTree) -> T:
         return inside(*arguments, **named) if is_staged() else differentiated((arguments, named))
 
     return run
 
 
-def _forth(function: Callable[..., Any], moved: Any, fixed: Any) -> tuple[Any, Any]:
+def _forth(function: Callable[..., PyTree], moved: PyTree, fixed: PyTree) -> tuple[PyTree, PyTree]:
     """Values, and what takes their cotangents back to those of what is moved."""
 
-    def of_moved(moved: Any) -> Any:
+    def of_moved(moved: PyTree) -> PyTree:
         arguments, named = eqx.combine(moved, fixed)
         return function(*arguments, **named)
 
@@ -165,11 +166,11 @@ def _forth(function: Callable[..., Any], moved: Any, fixed: Any) -> tuple[Any, A
     return out, (jax.eval_shape(lambda: eqx.filter(out, eqx.is_inexact_array)), back)
 
 
-def _back(residuals: tuple[Any, Callable[..., Any]], grad: Any) -> Any:
+def _back(residuals: tuple[PyTree, Callable[..., PyTree]], grad: PyTree) -> PyTree:
     """Cotangents of what is moved; of results that are not asked for, None, they are 0."""
     like, back = residuals
 
-    def whole(x: Any, like: Any) -> Any:
+    def whole(x: PyTree, like: PyTree) -> PyTree:
         return x if x is not None or like is None else jnp.zeros(like.shape, like.dtype)
 
     return back(jax.tree.map(whole, grad, like, is_leaf=lambda x: x is None))[0]

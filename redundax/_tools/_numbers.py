@@ -374,7 +374,7 @@ def on_numbers(
     *,
     jit: bool = True,
     repeats: bool = False,
-    traced: Callable[[Callable[..., Any]], Callable[..., Any]] | None = None,
+    traced: Callable[..., Callable] | None = None,
 ) -> Callable[..., Any]:
     """A function that runs on NumPy's arrays where all its arguments are known, and gives JAX's; else it is traced.
 
