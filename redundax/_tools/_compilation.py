@@ -129,10 +129,14 @@ def once_in_reverse(function: Callable[..., T]) -> Callable[..., T]:
     inside = eqx.filter_jit(function)
 
     @functools.cache
-    def alone() -> tuple[Callable[..., PyTree], ...]:
-        options = quick_options()
-        ways = functools.partial(_forth, function), _back
-        return tuple(eqx.filter_jit(way, compiler_options=options) for way in ways)  # pyright: ignore[reportCallIssue]
+    def ways(is_alone: bool) -> tuple[Callable[..., PyTree], ...]:
+        options, both = quick_options() if is_alone else None, (functools.partial(_forth, function), _back)
+        return tuple(eqx.filter_jit(way, compiler_options=options) for way in both)  # pyright: ignore[reportCallIssue]
+
+    def gone(way: int, *given: PyTree) -> PyTree:
+        is_alone = not any(isinstance(x, jax.core.Tracer) for x in jax.tree.leaves(given))  # no other derivative around
+        with in_little_time(is_alone):
+            return ways(is_alone)[way](*given)
 
     @eqx.filter_custom_vjp
     def differentiated(given: tuple[PyTree, PyTree]) -> PyTree:
@@ -140,13 +144,11 @@ def once_in_reverse(function: Callable[..., T]) -> Callable[..., T]:
 
     @differentiated.def_fwd
     def _forward(perturbed: PyTree, given: PyTree) -> PyTree:
-        with in_little_time(True):
-            return alone()[0](*eqx.partition(given, perturbed))
+        return gone(0, *eqx.partition(given, perturbed))
 
     @differentiated.def_bwd
     def _backward(residuals: PyTree, grad: PyTree, perturbed: PyTree, given: PyTree) -> PyTree:
-        with in_little_time(True):
-            return alone()[1](residuals, grad)
+        return gone(1, residuals, grad)
 
     @functools.wraps(function)
     def run(*arguments: PyTree, **named: PyTree) -> T:
