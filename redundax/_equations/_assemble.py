@@ -67,7 +67,8 @@ def assemble(
     - `system`: a `Mechanism` or `System`.
     - `q`, `qd`: guessed coordinates and velocities, as vectors or by name, as in `{"crank.phi": 0.5}`, 0 for those not
       named; a number for `qd` stands for all. Their order is that of `State`. A mechanism in space starts from the
-      reference poses of its bodies if `q` is not given, which has no names there.
+      reference poses of its bodies if `q` is not given, which has no names there. A `qd` that leaves one-sided contacts
+      does so if it is a velocity of the mechanism and no `rates` are given; beside these only what they leave opens.
     - `t`: time.
     - `positions`, `rates`: values that named coordinates must take, such as `{"crank.phi": 0.5}`, those of joints too,
       such as `{"K.travel": 0.02}`. Rates have the same names, or those of results, as in `{"crank.phi'": 1.0}`.
