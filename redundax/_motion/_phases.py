@@ -242,7 +242,7 @@ def _next(lands: Array | np.bool_, now: Hit, found: Hit) -> Hit:
 
 def _noted(here: Bool[Array, " times"], contacts: Contacts) -> Touch:
     """What contacts do at the times asked for, with what they do at some of them."""
-    return jax.tree.map(lambda new, old: jnp.where(like(here, old), new, old), contacts.touch, contacts.path)
+    return jax.tree.map(lambda new, old: xp.where(like(here, old), new, old), contacts.touch, contacts.path)
 
 
 def _struck(done: PhaseState, lands: Array | np.bool_, equations: Equations, options: Options) -> PhaseState:
@@ -258,10 +258,15 @@ def _struck(done: PhaseState, lands: Array | np.bool_, equations: Equations, opt
     left = options.controller.end - done.since
     after = after._replace(found=after.found & (starts | ~_goes_round(done, after, there, (t, left))))
     onward = _settled(done._replace(t=t, y=y), after, there, starts)
-    here = (options.ts > done.t) & (options.ts <= t)  # as the step may end before the event
-    path = jax.tree.map(lambda new, old: xp.where(like(here, old), new, old), onward.y, done.path)
-    going = onward.going & done.going & (starts | (t < options.controller.end))
-    onward = onward._replace(path=path, going=going, begun=xp.maximum(onward.begun, 0))
+    here = (starts | (options.ts > done.t)) & (options.ts <= t)  # as the step may end before the event
+    onward = onward._replace(
+        path=jax.tree.map(lambda new, old: xp.where(like(here, old), new, old), onward.y, done.path),
+        senses=xp.where(here[:, None], onward.mode.sense, done.senses),
+        rests=xp.where(here, onward.mode.resting, done.rests),
+        contacts=onward.contacts._replace(path=_noted(here, onward.contacts)),
+        going=onward.going & done.going & (starts | (t < options.controller.end)),
+        begun=xp.maximum(onward.begun, 0),
+    )
     return jax.tree.map(lambda a, b: xp.where(lands, a, b), onward, done)
 
 

@@ -98,10 +98,10 @@ def pushes(i, j, t, p):
     ), rx.spatial.Wrench(jnp.zeros(3), jnp.zeros(3))
 
 
-def pushed(mu, *law):
+def pushed(mu, *law, start=0.0):
     """A table at rest on four feet that a load of time pushes; all calls share its programs."""
     mechanism = table(CORNERS, rx.Coulomb(jnp.asarray(mu)), law=law)
-    return rx.simulate(mechanism, rx.assemble(mechanism), 2.0, max_phases=100)
+    return rx.simulate(mechanism, rx.assemble(mechanism, t=start), 2.0, max_phases=100)
 
 
 @pytest.mark.slow
@@ -121,6 +121,17 @@ def test_a_pushed_table_sticks_slides_and_sticks_again():
     np.testing.assert_allclose(motion.sense[slides], np.tile([0.6, 0.8], (slides.sum(), 4)), atol=1e-9)
     assert all(set(words) == {"carries"} for words in motion.contacts.values())
     assert motion.stats.phases == 3 and motion.stats.energy_error < 1e-12
+
+
+@pytest.mark.slow
+def test_a_table_that_nothing_holds_is_let_go_at_the_start():
+    motion = pushed(MU, 60.0, 0.6, 0.8, HEIGHT, 0.0, start=0.5)
+    times = np.asarray(motion.t)[:20]
+    speed = 6.0 / np.pi * (np.cos(np.pi * 0.4) - np.cos(np.pi * (times - 0.1))) - MU * 9.81 * (times - 0.5)
+    np.testing.assert_allclose(motion.qd[:20, :2], np.outer(speed, [0.6, 0.8]), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(motion.sense[:20], np.tile([0.6, 0.8], (20, 4)), atol=1e-9)
+    np.testing.assert_array_equal(motion.q[0], rx.assemble(table(CORNERS)).q)
+    assert {words[0] for words in motion.contacts.values()} == {"carries"}
 
 
 @pytest.mark.slow

@@ -41,7 +41,7 @@ def test_slopes_by_bodies_stand_at_both_bodies_and_not_at_the_ground(quick):
     for joint in range(3):
         wanted[joint, :, :, i[joint]] += slopes[joint, :, :3]
         wanted[joint, :, :, j[joint]] += slopes[joint, :, 3:]
-    found = Stack(None, jnp.asarray(i), jnp.asarray(j)).by_bodies(jnp.asarray(slopes), count)
+    found = Stack((), jnp.asarray(i), jnp.asarray(j)).by_bodies(jnp.asarray(slopes), count)
     np.testing.assert_array_equal(found, wanted[..., :count])
 
 
