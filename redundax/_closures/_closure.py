@@ -17,7 +17,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Integer
 
 from .._equations._matrices import matrices_of
 from .._sparse._symbolic import Symbolic
@@ -151,7 +151,7 @@ def constant(elasticity: Elasticity, play: Play | None = None) -> AbstractClosur
     return _Constant(elasticity, play)
 
 
-def mates_of(system: AbstractSystem) -> Int[Array, "m j"]:
+def mates_of(system: AbstractSystem) -> Integer[Array, "m j"]:
     """The rows of the joint of each row, itself first, m for none."""
     return cast(Symbolic, system.symbolic).mates
 

@@ -13,7 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool
+from jaxtyping import Array, Bool, Float
 
 from .._bodies._joints import AngleDriver, DistanceDriver
 from .._bodies._law_of_time import Polynomial
@@ -33,12 +33,12 @@ from .._system._system import AbstractSystem, check_system
 from .._tools._compilation import compiled
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import Numbers, replace_fields
-from .._tools._numbers import are_known, as_arrays
+from .._tools._numbers import Numeric, are_known, as_arrays
 from ._along import Laws, Path, along, in_batches, narrow_places, started, with_laws
 from ._loads import Loads, Moving, loads, moving
 from ._one_by_one import as_closed, asked_again, of_closed_contacts, until_reached
 from ._run import Drive, Moment, Run
-from ._senses import Senses, senses_of, signs_of
+from ._senses import NOISE, Senses, senses_of, signs_of
 from ._share import LeastPeak
 
 _MINIMUM_NORM = MinimumNorm()
@@ -146,7 +146,7 @@ def _solved(path: Path, names: Names, closure: AbstractClosure, solver: Abstract
     run = Run(
         t=path.t,
         q=at.q,
-        qd=at.qd,
+        qd=at.qd * _moves(at.prescribed)[:, None],
         acceleration=at.acceleration,
         multipliers=found.multipliers[:, 0],
         friction=found.friction[:, 0],
@@ -169,6 +169,12 @@ def _solved(path: Path, names: Names, closure: AbstractClosure, solver: Abstract
     if throw is not False:
         _check(run)
     return as_arrays(run)
+
+
+def _moves(rates: Float[Numeric, "times m"]) -> Bool[Numeric, " times"]:
+    """When it moves: where nothing is driven but by rounding all of it rests."""
+    sizes = abs(rates)
+    return ~(sizes <= NOISE * sizes.max(axis=0, initial=0.0)).all(axis=1)
 
 
 def _both(senses: Senses) -> Any:

@@ -17,7 +17,7 @@ from .._system._system import AbstractSystem
 from .._tools._module import is_concrete
 
 _RESTS = 1e-6  # slip rate beside those a hundredth of a step before and after: it turns round here
-_NOISE = 1e-11  # the same beside the fastest of all slips at all times: rounding
+NOISE = 1e-11  # the same beside the fastest of all slips at all times: rounding
 
 
 class Senses(NamedTuple):
@@ -34,7 +34,7 @@ def senses_of(system: AbstractSystem, slips: Float[Array, "times 3 p"], length: 
     slips, same = xp.asarray(slips), _same(system)
     fastest = xp.abs(slips) * xp.where(xp.asarray(system.slips.angular), xp.asarray(length), 1.0)
     fastest = xp.where(xp.isfinite(fastest), fastest, 0.0)
-    noise = _NOISE * xp.max(fastest, initial=0.0)
+    noise = NOISE * xp.max(fastest, initial=0.0)
     joint = _largest_of_joints(fastest, same, xp)
     now, early, late = (joint[:, k] for k in range(3))
     rests = (now <= noise) | (now <= _RESTS * xp.maximum(early, late))

@@ -152,8 +152,10 @@ def integrate(
     system: AbstractSystem, state: State, factor: AbstractSolvedFactorisation, closure: AbstractClosure, course: Course
 ) -> Trajectory:
     """The motion, given the factorisation at the start."""
-    ways = {diffrax.ForwardMode: _forward, diffrax.RecursiveCheckpointAdjoint: _reverse}
-    run = matrices_of(system).run(ways.get(type(course.adjoint), _dense), _sparse)
+    adjoint = course.adjoint
+    forward = _forward if isinstance(adjoint, diffrax.ForwardMode) else _dense
+    dense = _reverse if isinstance(adjoint, diffrax.RecursiveCheckpointAdjoint) else forward
+    run = matrices_of(system).run(dense, _sparse)
     return run(system, state, factor, closure, course)
 
 
@@ -166,8 +168,7 @@ def _with_contacts(
     rows, near, none = np.array(system.names.one_sided), largest_violation(state.qd.dtype), before.t != before.t
     gap = take(-model_of_all(system, state).motion.value / equations.scaling.rows, rows)
     which = gap < near * equations.scaling.size
-    holds = xp.asarray(~np.isin(np.arange(len(system.rows)), rows))
-    touch = Touch(holds, which & none, rank, equations.sense != equations.sense)
+    touch = Touch(xp.asarray(~np.isin(np.arange(len(system.rows)), rows)), which & none, rank)
     path = jax.tree.map(lambda x: xp.broadcast_to(x, (ts.size, *x.shape)), touch)
     impacts = ImpactLog(
         xp.zeros_like(state.t, int),

@@ -34,7 +34,6 @@ from .._tools._numbers import stop_gradient
 from ._moving import NONE, Context, Equations, Moving, rechart, tolerance_of
 from ._project import project
 from ._slip import has_event
-from ._touch import margins
 
 # Degree of the slopes, iterations, and spans that are tried.
 _DEGREE, _SWEEPS, _SPANS = 8, 10, 16
@@ -146,16 +145,12 @@ def _over(release: Release, given: _Course, tolerance: Array) -> _Course:
     last = jnp.asarray(_COEFFICIENTS[-2:], given.span.dtype) @ course.slopes
     error = given.span * jnp.maximum(changes[-1], jnp.max(jnp.abs(last) / sizes)) / tolerance
     then = release.t + given.span
-    path = _along(release, course, then[None])
-    state = jax.tree.map(lambda x: x[0], path).at(then)
+    state = jax.tree.map(lambda x: x[0], _along(release, course, then[None])).at(then)
     turned = _directions(release, course)
     linear = equations.linear(state, release.context.held, closed=equations.loaded)
     ahead = jax.vmap(lambda rate: directions.along(rate, equations.sense))(course.rates[1:])
     stops = jnp.any(joints & jnp.any(ahead <= slow, axis=0))
     event = stops | has_event(equations.with_sense(turned), state, linear, turned)
-    if equations.touch is not None:
-        there = rechart(equations.system, jax.tree.map(lambda x: x[0], path))[0]
-        event = event | jnp.any(margins(equations.with_sense(turned), then, there, release.context).least < 0)
     return course._replace(error=jnp.where(event, jnp.nan, error))
 
 

@@ -135,19 +135,18 @@ def ends_well(equations: Equations, rate: Float[Array, " p"], along: Float[Array
 
 
 def _released(equations: Equations, there: Mode) -> Bool[Array, " p"]:
-    """Which joints that stick are let go; of several slips, whose sweeps are slow at their limit, if it is decided."""
-    go = equations.sticking & (there.sense != 0)
-    return go if equations.directions is None else go & there.decided
+    """Which joints that stick are let go."""
+    return equations.sticking & (there.sense != 0)
 
 
 def _against(equations: Equations, rate: Float[Array, " p"], along: Float[Array, " p"] | None) -> Float[Array, " p"]:
     """Rates at which joints slip against their sense; of those with a direction as of the slip that moves most."""
-    against = jnp.where(equations.may_stick, -rate * equations.sense, 0.0)
+    against = jnp.where(jnp.asarray(equations.sensed), -rate * equations.sense, 0.0)
     if along is None or equations.directions is None:
         return against
     directions, sizes = equations.directions, equations.slip_size
     whole = -directions.along(rate, along) * directions.reach(sizes) / sizes
-    return jnp.where(directions.directed & equations.may_stick, whole, against)
+    return jnp.where(directions.directed, whole, against)
 
 
 def _let_go(equations: Equations, there: Mode, tau: Float[Array, " p"]) -> Float[Array, " p"]:

@@ -7,9 +7,7 @@ with A symmetric positive semidefinite, joint after joint
     tau_j <- clip(tau_j - alpha_j / A_jj, lo_j, hi_j),
 
 the limits being those of the loads at the start of a sweep. Friction along a direction has a ball for an interval
-(`_balls`): that of norm |hi|, where lo = -hi. Several such joints of one body approach their limit together ever more
-slowly; each six sweeps are extrapolated to where their changes, as far as these are linear, vanish (Anderson's mixing),
-and the sweeps go on from there if the next changes less.
+(`_balls`): that of norm |hi|, where lo = -hi.
 """
 
 from collections.abc import Callable
@@ -23,8 +21,6 @@ from .._system._directions import Directions
 from ._balls import Balls
 
 _SWEEPS = 2000
-# Sweeps that are extrapolated, and what is added to squares of their changes, relative to all, in roundings.
-_MIXED, _DAMPED = 6, 10.0
 
 
 class Swept(NamedTuple):
@@ -67,31 +63,11 @@ def gauss_seidel(
         size = jnp.max(weight * jnp.maximum(jnp.abs(low), jnp.abs(high)), initial=0.0)
         return new, jnp.max(weight * jnp.abs(new - tau), initial=0.0), size, count + 1
 
-    def mixed(carry: tuple) -> tuple:
-        def one(now: tuple, _: None) -> tuple:
-            after = sweep(now)
-            return after, (now[0], after[0])
-
-        now, (before, after) = jax.lax.scan(one, carry, length=_MIXED)
-        ahead = sweep((_extrapolated(before, after), *now[1:]))
-        return jax.tree.map(lambda a, b: jnp.where(ahead[1] < now[1], a, b), ahead, now)
-
     def going(carry: tuple) -> Array:
         _, change, size, count = carry
         return wanted & (change > enough * size) & (count < _SWEEPS)
 
     zero = jnp.zeros((), free.dtype)
     first = (jnp.zeros_like(free), zero + jnp.inf, zero, jnp.zeros((), int))
-    tau, change, size, _ = jax.lax.while_loop(going, sweep if balls is None else mixed, first)
+    tau, change, size, _ = jax.lax.while_loop(going, sweep, first)
     return Swept(tau, change <= enough * size)
-
-
-def _extrapolated(before: Float[Array, "k p"], after: Float[Array, "k p"]) -> Float[Array, " p"]:
-    """Where sweeps lead whose changes are linear in what they begin with."""
-    change = after - before
-    steps, moved = jnp.diff(change, axis=0), jnp.diff(after, axis=0)
-    squares, eps = steps @ steps.T, float(jnp.finfo(steps.dtype).eps)
-    scale = jnp.where(jnp.diagonal(squares) > 0, jnp.sqrt(jnp.diagonal(squares)), 1.0)
-    matrix = squares / scale[:, None] / scale + _DAMPED * eps * jnp.eye(scale.size, dtype=scale.dtype)
-    parts = jnp.linalg.solve(matrix, steps @ change[-1] / scale) / scale
-    return after[-1] - parts @ moved

@@ -135,7 +135,8 @@ class RESULTS(eqx.Enumeration, metaclass=_Words):
         "Which contacts carry, or at which side joints with play stand, was not found: no choice that was tried meets "
         "all conditions. Drivers may contradict contacts that push: look at what they drive there. Where joints have "
         "friction, or wheels roll with any load, there may be no solution (the mechanism jams, or a wheel slips) or "
-        "several: reduce the friction. Or say which contacts carry by leaving the others out."
+        "several: reduce the friction. Where `stats.nearest_singularity` of a motion is far below 1 a singular "
+        "position is next. Or say which contacts carry by leaving the others out."
     )
     impulse_unknown = (
         "The motion ended at an impact: it loads joints whose friction has no law of impulses, bristles or a "

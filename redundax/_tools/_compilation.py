@@ -152,7 +152,12 @@ def once_in_reverse(function: Callable[..., T]) -> Callable[..., T]:
 
     @functools.wraps(function)
     def run(*arguments: PyTree, **named: PyTree) -> T:
-        return inside(*arguments, **named) if is_staged() else differentiated((arguments, named))
+        if is_staged():
+            return inside(*arguments, **named)
+        try:
+            return differentiated((arguments, named))
+        except jax.errors.UnexpectedTracerError:  # a function of the user holds a traced number
+            return inside(*arguments, **named)
 
     return run
 

@@ -232,3 +232,5 @@ def test_reverse_mode_alone_has_the_derivatives_of_the_function():
     many = jax.vmap(both, in_axes=(0, None))(jnp.stack([x, 2 * x]), y)
     np.testing.assert_allclose(many[0], [y + 2 * x * np.eye(3)[0], y + 4 * x * np.eye(3)[0]])
     np.testing.assert_allclose(many[1], [x, 2 * x])
+    held = jax.grad(lambda c: once_in_reverse(lambda x: jnp.sum(c * x))(c * x))
+    np.testing.assert_allclose(held(2.0), 24.0)  # by what the function holds, too
