@@ -158,7 +158,7 @@ def simulate(
     bounces = _restitution(system, restitution, stabilisation, rank)
     decided = system
     if bounces is not None:  # all contacts open: the motion decides which are
-        decided = system.opened(jnp.asarray(~np.isin(np.arange(len(system.rows)), system.names.one_sided)))
+        decided = system.opened(jnp.asarray(~system.names.is_one_sided))
     fixed = stop_gradient((decided, state))  # it only decides how to compute
     matrices = matrices_of(system)
     factor = matrices.factorised(*fixed, rank)

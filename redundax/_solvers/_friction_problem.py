@@ -68,9 +68,9 @@ class Law:
     @classmethod
     def of(cls, system: AbstractSystem, rate: Numeric, sense: Numeric, state: State) -> Self:
         """Those of a system."""
-        one_sided, pushing = system.names.one_sided, None
-        if one_sided and system.friction:
-            pushing = take(xp.asarray(np.isin(np.arange(len(system.rows)), one_sided)), load_rows(system.friction))
+        pushing = None
+        if system.names.one_sided and system.friction:
+            pushing = take(xp.asarray(system.names.is_one_sided), load_rows(system.friction))
         return cls(system.friction, rate, sense, state, pushing=pushing)
 
     def __call__(self, loads: Float[Numeric, "... l"]) -> Float[Numeric, "... p"]:

@@ -19,8 +19,9 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from .._tools._errors import RedundaxError
 from .._tools._module import Numbers, as_float
@@ -124,6 +125,11 @@ class Names:
         parts = entries(self.axes, ("acceleration", "multipliers", "friction"))
         friction = ("friction moment" if angular else "friction force" for angular in self.slips.angular)
         return Axis(tuple(each.name for each in parts), (*self.coordinates.kinds, *self.rows.kinds, *friction))
+
+    @property
+    def is_one_sided(self) -> Bool[np.ndarray, " m"]:
+        """Of each row, whether it is that of a contact that opens."""
+        return np.isin(np.arange(len(self.rows)), self.one_sided)
 
     @property
     def joint_names(self) -> tuple[str, ...]:
