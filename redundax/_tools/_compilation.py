@@ -42,12 +42,12 @@ _QUICK: Options = {
 
 tell_of_long_compiling()
 # Parts of what JAX knows programs by.
-_single, in_little_time, of_equations = (jax.make_user_context(False) for _ in range(3))
+of_one_sample, in_little_time, of_equations = (jax.make_user_context(False) for _ in range(3))
 
 
 def is_single() -> bool:
     """Whether what is traced is the program of a call outside transformations, with no batch around it."""
-    return _single.value
+    return of_one_sample.value
 
 
 def is_quick() -> bool:
@@ -91,7 +91,7 @@ def compiled(function: Callable[P, T], *, runs_long: bool = False, in_order: boo
         if any(isinstance(x, jax.core.Tracer) for x in jax.tree.leaves((arguments, named))):
             return inside(*arguments, **named)
         try:
-            with jax.core.eval_context(), _single(True), in_little_time(not runs_long):
+            with jax.core.eval_context(), of_one_sample(True), in_little_time(not runs_long):
                 return outside()(*arguments, **named)
         except jax.errors.UnexpectedTracerError:  # a function of the user holds a traced number
             return inside(*arguments, **named)

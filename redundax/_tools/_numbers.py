@@ -31,7 +31,7 @@ import numpy as np
 from jax.extend.core import jaxpr_as_fun
 from threadpoolctl import ThreadpoolController
 
-from ._compilation import compiled, in_little_time, of_equations, quick_options, uncollected
+from ._compilation import compiled, in_little_time, of_equations, of_one_sample, quick_options, uncollected
 from ._interpreted import Interpreted
 
 T = TypeVar("T")
@@ -420,49 +420,29 @@ def _structure(tree: Any) -> tuple[Any, ...]:
     return structure, *((np.shape(x), x.dtype) if eqx.is_array(x) else x for x in leaves)
 
 
-# Seconds that a program has run in all, by calls of one structure, when one with all optimisation takes over, which
-# compiles for about as long.
-LONG = 5.0
-
-
-def as_program(function: Callable[..., Any]) -> Callable[..., Any]:
-    """What repeats a thousand times: `compiled`, of numbers and giving such where those are known.
-
-    It is compiled in little time at first, and anew with all optimisation once it has run for `LONG`.
-    """
-    first, fast, spent = compiled(function), compiled(function, runs_long=True), collections.defaultdict(float)
-
-    @functools.wraps(function)
-    def run(*arguments: Any) -> Any:
-        if not are_numbers(arguments):
-            return first(*arguments)
-        if (key := hash(_structure(arguments))) not in spent:
-            spent[key] = 0.0  # compiled now, which does not count
-            with uncollected():
-                return as_numbers(first(*arguments))
-        begun = time.perf_counter()
-        out = as_numbers((fast if spent[key] > LONG else first)(*arguments))
-        spent[key] += time.perf_counter() - begun
-        return out
-
-    return run
-
-
 # Calls of one structure in which NumPy computes the model; compiling a program takes as long as some hundred of them.
 FEW = 100
 _RECENT = 128  # structures of which one function is kept traced
 
 
 class _Traced:
-    """A function of a model with arguments of one structure: computed by NumPy at first, by a program from `FEW` on."""
+    """A function with arguments of one structure: computed by NumPy at first, by a program from call `FEW` on.
 
-    def __init__(self, function: Callable[..., Any], arguments: Any):
-        with in_little_time(True), of_equations(True), uncollected():
+    One whose `loops` turn often is traced as it is compiled; they become programs of their own.
+    """
+
+    def __init__(self, function: Callable[..., Any], arguments: Any, loops: bool = False):
+        with in_little_time(True), of_equations(not loops), of_one_sample(loops), uncollected():
             self.closed, of_arrays, self.others = eqx.filter_make_jaxpr(function)(*arguments)
         self.function, self.structure, self.calls = function, jax.tree.structure(of_arrays), 0
-        self.first = None
+        self.first, self.spent = None, 0.0  # seconds in programs
         with contextlib.suppress(Exception):  # functions of a user may hold what NumPy has not
-            self.first = Interpreted(self.closed)
+            self.first = Interpreted(self.closed, quick_options if loops else None)
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether it, or a loop of it, is a program."""
+        return "program" in vars(self) or (self.first is not None and self.first.has_programs)
 
     @functools.cached_property
     def program(self) -> Callable[..., Any]:
@@ -471,14 +451,56 @@ class _Traced:
 
     def __call__(self, given: list[Any]) -> Any:
         self.calls += 1
-        out = None
-        if self.first is not None and self.calls <= FEW:
+        out, begun, compiled = None, time.perf_counter(), self.is_compiled
+        if self.first is not None and (self.calls <= FEW or self.first.has_programs):
             with contextlib.suppress(Exception):
                 out = self.first([np.asarray(x) for x in given])
         if out is None:
             self.first = None
             out = [np.asarray(x) for x in self.program(*given)]
+        if compiled:
+            self.spent += time.perf_counter() - begun
         return eqx.combine(jax.tree.unflatten(self.structure, out), self.others)
+
+
+# Seconds that programs have run in all, by calls of one structure, when one with all optimisation takes over, which
+# compiles for about as long.
+LONG = 5.0
+
+
+def as_program(function: Callable[..., Any]) -> Callable[..., Any]:
+    """What repeats a thousand times: `compiled`, of numbers and giving such where those are known.
+
+    It is computed by NumPy at first, its loops or all of it are compiled in little time where that would take longer,
+    and with all optimisation once they have run for `LONG`.
+    """
+    first, fast = compiled(function), compiled(function, runs_long=True)
+    recent: collections.OrderedDict[Any, _Traced] = collections.OrderedDict()
+
+    @functools.wraps(function)
+    def run(*arguments: Any) -> Any:
+        if not are_numbers(arguments):
+            return first(*arguments)
+        key = jax.config.jax_enable_x64, _structure(arguments)  # pyright: ignore[reportAttributeAccessIssue]
+        try:
+            with jax.core.eval_context():
+                traced = _kept(recent, key, lambda: _Traced(function, arguments, loops=True))
+                if traced.spent <= LONG:
+                    return traced([x for x in jax.tree.leaves(arguments) if eqx.is_array(x)])
+        except jax.errors.UnexpectedTracerError:  # a function of the user holds a traced number
+            return as_numbers(first(*arguments))
+        return as_numbers(fast(*arguments))
+
+    return run
+
+
+def _kept(recent: collections.OrderedDict[Any, T], key: Any, make: Callable[[], T]) -> T:
+    """What was made last for keys."""
+    if key not in recent:
+        recent[key] = make()
+        if len(recent) > _RECENT:
+            recent.popitem(last=False)
+    return recent[key]
 
 
 def of_model(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -488,10 +510,7 @@ def of_model(function: Callable[..., Any]) -> Callable[..., Any]:
 
     def computed(*arguments: Any) -> Any:
         key = jax.config.jax_enable_x64, _structure(arguments)  # pyright: ignore[reportAttributeAccessIssue]
-        if (traced := recent.get(key)) is None:
-            traced = recent[key] = _Traced(function, arguments)
-            if len(recent) > _RECENT:
-                recent.popitem(last=False)
+        traced = _kept(recent, key, lambda: _Traced(function, arguments))
         return traced([x for x in jax.tree.leaves(arguments) if eqx.is_array(x)])
 
     @functools.wraps(function)

@@ -6,10 +6,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from equinox.internal import while_loop
 
 import redundax as rx
-from redundax._tools import _numbers
-from redundax._tools._interpreted import _RULES, Interpreted, NoRuleError
+from redundax._tools import _interpreted, _numbers
+from redundax._tools._interpreted import Interpreted
+from redundax._tools._rules import RULES, NoRuleError
 
 A = np.array([[0.3, -1.7, 2.2], [0.9, 0.4, -0.6]])
 B = np.array([[1.1, 0.2, -0.8], [0.7, 0.7, 0.4]])
@@ -151,6 +153,65 @@ FUNCTIONS = {
         a.astype(jnp.float32),
         jnp.arange(4) * a[0, 0],
     ),
+    "loops": lambda a, b, c: (
+        jax.lax.while_loop(lambda x: jnp.sum(x) < 9.0, lambda x: 1.5 * x + b[0, 0], jnp.abs(a)),
+        jax.lax.while_loop(lambda x: x[0] < 0, lambda x: (x[0] + 1, 2 * x[1]), (jnp.zeros((), int), a)),
+        jax.lax.scan(lambda x, y: (x * y[0][0] + b[0, 0], (x, y)), a[0], (b.T, c[0])),
+        jax.lax.scan(lambda x, y: (x + y, x), a[0, 0], b[0], reverse=True),
+        jax.lax.fori_loop(0, 4, lambda k, x: x.at[jnp.minimum(k, 1)].add(b[0]), a),
+        jax.lax.map(lambda x: x @ b.T, c.transpose(0, 2, 1)),
+        while_loop(
+            lambda x: x[0] < 3,
+            lambda x: (x[0] + 1, x[1].at[x[0]].set(2.0 * x[0])),
+            (jnp.zeros((), int), jnp.zeros(4, a.dtype)),
+            buffers=lambda x: x[1],
+            max_steps=5,
+            kind="lax",
+        ),
+    ),
+    "branches": lambda a, b, c: (
+        jax.lax.cond(a[0, 0] > b[0, 0], lambda x: (x, 2 * x), lambda x: (-x, x), a),
+        jax.lax.switch(jnp.argmax(a[0]), [jnp.sin, jnp.cos, jnp.tan], b),
+        jax.lax.select_n(jnp.argmin(a, 1), a[:, 0], a[:, 1], b[:, 0]),
+        jax.lax.cond(jnp.arange(3).sum() > 2, jnp.sin, jnp.cos, a),
+    ),
+    "factors": lambda a, b, c: (
+        jnp.linalg.solve(a[:, :2] + 3 * jnp.eye(2, dtype=a.dtype), b),
+        jnp.linalg.cholesky(a @ a.T),
+        jnp.linalg.eigvalsh(a @ a.T),
+        [jnp.abs(x) for x in jnp.linalg.eigh(a @ a.T)],
+        jnp.linalg.eigvalsh(jnp.stack([a @ a.T, b @ b.T])),
+        [jnp.abs(x) for x in jnp.linalg.svd(a, full_matrices=False)],
+        jnp.linalg.svd(a, compute_uv=False),
+        jax.lax.linalg.lu(a.T @ a + b.T @ b),
+        jax.lax.linalg.lu(a.T),
+    ),
+    "triangles": lambda a, b, c: [
+        jax.lax.linalg.triangular_solve(
+            a[:, :2] + 2 * jnp.eye(2, dtype=a.dtype),
+            b if left else b.T,
+            left_side=left,
+            lower=lower,
+            transpose_a=turned,
+            unit_diagonal=unit,
+        )
+        for left in (True, False)
+        for lower in (True, False)
+        for turned in (True, False)
+        for unit in (True, False)
+    ],
+    "orders": lambda a, b, c: (
+        jnp.sort(a),
+        jnp.sort(a, 0),
+        jnp.argsort(b[0]),
+        jax.lax.sort([jnp.round(c[0, 0]), c[1, 0], c[1, 1]], num_keys=2),
+    ),
+    "entries put": lambda a, b, c: (
+        jax.lax.dynamic_update_slice(c, c[:1, :2, :2], (1, jnp.argmax(a[0]), 3)),
+        (100 * a).astype(int),
+        jax.lax.platform_dependent(a, cpu=jnp.sin, default=jnp.cos),
+        jax.lax.stop_gradient(a),
+    ),
     "a read slice": lambda a, b, c: (
         jax.lax.dynamic_slice(c, (0, jnp.argmax(a[0]), 5), (2, 2, 2)),
         jnp.isfinite(a / 0.0),
@@ -188,7 +249,16 @@ def test_every_rule_is_tried():
 
     for function in FUNCTIONS.values():
         walk(jax.make_jaxpr(function)(A, B, CUBE).jaxpr)
-    assert _RULES.keys() - seen <= {"copy_p", "expand_dims", "add_any", "acosh", "cbrt", "exp2"}
+    assert RULES.keys() - seen <= {
+        "copy_p",
+        "expand_dims",
+        "add_any",
+        "acosh",
+        "cbrt",
+        "exp2",
+        "unvmap_all",
+        "unvmap_max",
+    }
 
 
 def test_nothing_is_nan_as_in_a_program():
@@ -210,6 +280,78 @@ def test_nothing_is_nan_as_in_a_program():
             np.testing.assert_array_equal(one, other)
 
 
+def test_what_has_no_factor_is_nan_and_triangles_without_pivot_are_followed():
+    singular = np.array([[2.0, 1.0], [0.0, 0.0]])
+
+    def values(a):
+        return (
+            jnp.linalg.cholesky(-jnp.eye(2) + 0 * a),
+            jnp.linalg.svd(a / 0.0, compute_uv=False),
+            jax.lax.linalg.triangular_solve(a, jnp.array([[4.0], [0.0]]), left_side=True, lower=False),
+            jax.lax.linalg.triangular_solve(a.T, jnp.array([[4.0], [1.0]]), left_side=True, lower=True),
+            jnp.array([jnp.nan, 1e300, -1e300, 2.7, -2.7]).astype(jnp.int32) + 0 * jnp.int32(a[1, 1]),
+        )
+
+    with np.errstate(all="ignore"):
+        for one, other in zip(of_numpy(values, singular), jax.jit(values)(singular), strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Seconds that a test says have passed."""
+    seconds = [0.0]
+    monkeypatch.setattr(_interpreted.time, "thread_time", lambda: seconds[0])
+    return seconds
+
+
+def test_a_loop_that_turns_for_long_goes_on_as_a_program(clock):
+    """It is the program from there, not from its start; a short one never is. Later calls begin with it."""
+
+    def slept(x):
+        clock[0] += 1.0
+        return np.asarray(x)
+
+    def steps(x):
+        def turn(now):
+            y = jax.pure_callback(slept, jax.ShapeDtypeStruct((), x.dtype), now[1])
+            return now[0] + 1, y * 1.5
+
+        return jax.lax.while_loop(lambda now: now[0] < 40, turn, (0, x))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(RULES, "pure_callback", lambda parameters, of, to: slept)
+        run = Interpreted(jax.make_jaxpr(steps)(1.0), dict)
+        patch.setattr(run._loops[0], "_left", 20.0)
+        count, y = run([np.float64(1.0)])
+        assert clock[0] == 40  # of 20 turns, 10 of them before the program
+        assert run.has_programs
+        np.testing.assert_allclose([count, y], [40, 1.5**40], rtol=1e-14)
+        np.testing.assert_allclose(run([np.float64(2.0)])[1], 2 * 1.5**40, rtol=1e-14)
+
+
+def test_a_loop_of_known_length_is_a_program_as_soon_as_its_turns_would_take_too_long(clock, monkeypatch):
+    turns = []
+
+    def steps(x):
+        return jax.lax.map(jnp.sin, x)
+
+    run, x = Interpreted(jax.make_jaxpr(steps)(np.ones(10)), dict), np.linspace(0, 1, 10)
+    sine = np.sin
+
+    def slow(x):
+        turns.append(x)
+        clock[0] += 1.0
+        return sine(x)
+
+    monkeypatch.setitem(RULES, "sin", lambda parameters, of, to: slow)
+    run._loops[0]._left = 10.5
+    np.testing.assert_allclose(run([x])[0], sine(x), rtol=1e-15)
+    assert (len(turns), run.has_programs) == (10, False)
+    np.testing.assert_allclose(run([x])[0], sine(x), rtol=1e-15)
+    assert (len(turns), run.has_programs) == (11, True)
+
+
 @pytest.mark.parametrize(
     "function",
     [
@@ -219,10 +361,8 @@ def test_nothing_is_nan_as_in_a_program():
         lambda x: x * jax.random.uniform(jax.random.key(0)),
         lambda x: jax.lax.rem(jnp.arange(3), jnp.arange(3) - 1),
         lambda x: x.astype(jnp.bfloat16),
-        lambda x: jax.lax.while_loop(lambda y: y[0] < 5, lambda y: y * 2, x),
-        lambda x: jnp.linalg.solve(x * jnp.eye(3) + 1, x),
-        lambda x: x.astype(int),
-        lambda x: jnp.sort(x),
+        lambda x: jax.lax.fori_loop(0, 3, lambda _, y: y.at[0].mul(3.0), x),
+        lambda x: jax.lax.linalg.schur(jnp.diag(x))[0],
         lambda x: jnp.asarray(x).at[jnp.argmax(x) + 5].get(mode="fill"),
     ],
 )

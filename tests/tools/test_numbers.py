@@ -81,7 +81,7 @@ def test_known_calls_trace_the_model_alone(programs_at_once):
         assert HEARD.count <= most, name
 
 
-def test_a_program_that_has_run_for_long_is_optimised_and_gives_the_same(monkeypatch):
+def test_a_program_that_has_run_for_long_is_optimised_and_gives_the_same(monkeypatch, programs_at_once):
     """The first call compiles and does not count; the second runs; from the third on the other takes over."""
     monkeypatch.setattr(_numbers, "LONG", 0.0)
     run, x, counts = _numbers.as_program(lambda x: jnp.sin(x) * jnp.arange(3)), np.array([0.1, 0.2, 0.3]), []

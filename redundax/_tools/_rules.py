@@ -1,0 +1,562 @@
+"""What NumPy does for an equation that JAX has traced, by the name of the equation's function.
+
+A rule gives a function of arrays, from the parameters of an equation and the shapes of what it takes and gives. Arrays
+that are given stay as they are.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import jax.core
+import numpy as np
+
+Computed = Callable[..., Any]
+Parameters = dict[str, Any]
+Shapes = list[jax.core.ShapedArray]  # of what an equation takes and gives, with types
+
+
+class NoRuleError(Exception):
+    """NumPy does not compute an equation."""
+
+
+def _as_it_is(function: Computed) -> Callable[..., Computed]:
+    """A function of arrays without parameters."""
+    return lambda parameters, of, to: function
+
+
+def _of_floats(function: Computed) -> Callable[..., Computed]:
+    """A function of floating-point numbers; whole ones have rules of their own beside 0."""
+
+    def rule(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+        if not np.issubdtype(to[0].dtype, np.floating):
+            raise NoRuleError
+        return function
+
+    return rule
+
+
+def _along(reduce: Any) -> Callable[..., Computed]:
+    """A reduction along axes, which keeps the type."""
+
+    def rule(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+        axes, dtype = tuple(parameters["axes"]), to[0].dtype
+        if reduce in (np.logical_and, np.logical_or) and dtype != np.dtype(bool):
+            raise NoRuleError
+        if reduce is np.add or reduce is np.multiply:
+            return lambda x: reduce.reduce(x, axis=axes, dtype=dtype)
+        return lambda x: reduce.reduce(x, axis=axes)
+
+    return rule
+
+
+def _cumulated(accumulate: Computed) -> Callable[..., Computed]:
+    def rule(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+        axis, dtype = parameters["axis"], to[0].dtype
+        if not parameters["reverse"]:
+            return lambda x: accumulate(x, axis=axis, dtype=dtype)
+        return lambda x: np.flip(accumulate(np.flip(x, axis), axis=axis, dtype=dtype), axis)
+
+    return rule
+
+
+def _broadcast(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    shape, size, before = to[0].shape, to[0].size, of[0]
+    between = [1] * len(shape)
+    for axis, length in zip(parameters["broadcast_dimensions"], before.shape, strict=True):
+        between[axis] = length
+    if before.size == size:
+        return lambda x: x.reshape(shape)
+    dtype = to[0].dtype
+
+    def broadcast(x: Any) -> np.ndarray:
+        out = np.empty(shape, dtype)
+        out[...] = x.reshape(between)
+        return out
+
+    return broadcast
+
+
+def _reshape(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    shape = to[0].shape
+    return lambda x: x.reshape(shape)
+
+
+def _transpose(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    order = tuple(parameters["permutation"])
+    return lambda x: x.transpose(order)
+
+
+def _slice(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    first, last = parameters["start_indices"], parameters["limit_indices"]
+    steps = parameters["strides"] or (None,) * len(first)
+    part = tuple(slice(*each) for each in zip(first, last, steps, strict=True))
+    return lambda x: x[part]
+
+
+def _dynamic_slice(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    sizes, most = (
+        parameters["slice_sizes"],
+        [a - b for a, b in zip(of[0].shape, parameters["slice_sizes"], strict=True)],
+    )
+
+    def part(x: Any, *first: Any) -> Any:
+        begins = [min(max(int(k), 0), last) for k, last in zip(first, most, strict=True)]
+        return x[tuple(slice(k, k + size) for k, size in zip(begins, sizes, strict=True))]
+
+    return part
+
+
+def _concatenate(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    axis = parameters["dimension"]
+    return lambda *parts: np.concatenate(parts, axis)
+
+
+def _stack(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    axis = parameters["axis"]
+    return lambda *parts: np.stack(parts, axis)
+
+
+def _unstack(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    axis, count = parameters["axis"], len(to)
+
+    def unstack(x: Any) -> Any:
+        parts = np.moveaxis(x, axis, 0)
+        return parts[0] if count == 1 else list(parts)
+
+    return unstack
+
+
+def _tile(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    repeats = tuple(parameters["reps"])
+    return lambda x: np.tile(x, repeats)
+
+
+def _split(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    places, axis, count = np.cumsum(parameters["sizes"])[:-1], parameters["axis"], len(to)
+
+    def split(x: Any) -> Any:
+        parts = np.split(x, places, axis)
+        return parts[0] if count == 1 else parts
+
+    return split
+
+
+def _pad(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    shape, dtype, config = to[0].shape, to[0].dtype, parameters["padding_config"]
+    if any(low < 0 or high < 0 for low, high, _ in config):
+        raise NoRuleError
+    inner = tuple(
+        slice(low, low + (size - 1) * (between + 1) + 1 if size else low, between + 1)
+        for (low, _, between), size in zip(config, of[0].shape, strict=True)
+    )
+
+    def pad(x: Any, value: Any) -> np.ndarray:
+        out = np.empty(shape, dtype)
+        out[...] = value
+        out[inner] = x
+        return out
+
+    return pad
+
+
+def _convert(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    dtype = to[0].dtype
+    if not (np.issubdtype(of[0].dtype, np.floating) and np.issubdtype(dtype, np.integer)):
+        return lambda x: x.astype(dtype)
+    least, most = np.iinfo(dtype).min, np.iinfo(dtype).max
+
+    def convert(x: Any) -> Any:  # as XLA: of NaN 0, and the nearest of what is too large
+        whole = np.where((x > least) & (x < most), x, 0).astype(dtype)
+        return np.where(x >= most, most, np.where(x <= least, least, whole)).astype(dtype)
+
+    return convert
+
+
+def _iota(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    shape = to[0].shape
+    one = _counted(shape, parameters["dimension"]).astype(to[0].dtype)
+    return lambda: np.broadcast_to(one, shape)
+
+
+def _select(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    if of[0].dtype == bool and len(of) == 3:
+        return lambda which, no, yes: np.where(which, yes, no)
+    most = len(of) - 2
+    return lambda which, *cases: np.choose(np.clip(which, 0, most), cases)
+
+
+def _clamp(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    return lambda least, x, most: np.minimum(np.maximum(x, least), most)
+
+
+def _integer_power(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    power = parameters["y"]
+    if power == 2:
+        return np.square
+    return lambda x: x**power if power >= 0 else 1 / x**-power
+
+
+def _round(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    if int(parameters["rounding_method"]) != 1:  # halves away from zero
+        return lambda x: np.trunc(x) + np.copysign(np.abs(x - np.trunc(x)) >= 0.5, x)
+    return np.rint
+
+
+def _dot(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    ((left, right), (left_batch, right_batch)) = parameters["dimension_numbers"]
+    a, b, shape, dtype = *of, to[0].shape, to[0].dtype
+    left_free = [k for k in range(a.ndim) if k not in left and k not in left_batch]
+    right_free = [k for k in range(b.ndim) if k not in right and k not in right_batch]
+    batch = [a.shape[k] for k in left_batch]
+    inner = int(np.prod([a.shape[k] for k in left], dtype=int))
+    order = ([*left_batch, *left_free, *left], [*right_batch, *right, *right_free])
+    shapes = ((*batch, -1, inner), (*batch, inner, -1))
+    if not a.size or not b.size:
+        return lambda x, y: np.zeros(shape, dtype)
+
+    def dot(x: Any, y: Any) -> np.ndarray:
+        both = zip((x, y), order, shapes, strict=True)
+        x, y = (each.astype(dtype, copy=False).transpose(axes).reshape(to) for each, axes, to in both)
+        return np.matmul(x, y).reshape(shape)
+
+    return dot
+
+
+def _counted(shape: Sequence[int], axis: int) -> np.ndarray:
+    """0, 1, 2, ... along an axis."""
+    return np.arange(shape[axis]).reshape([-1 if k == axis else 1 for k in range(len(shape))])
+
+
+def _entries(numbers: Any, operand: Any, sizes: Sequence[int], within: Sequence[int], mode: Any) -> Computed:
+    """Where slices of an array at given places are in it, number by number.
+
+    `within` are the axes of slices among those of what is read or set, and `sizes` those of slices.
+    """
+    along, without, batched, batches = numbers
+    kept = [k for k in range(operand.ndim) if k not in without and k not in batched]
+    strides = np.cumprod([1, *operand.shape[:0:-1]])[::-1]
+    most = np.subtract(operand.shape, sizes)[list(along)]
+
+    def entries(places: np.ndarray) -> np.ndarray:
+        if places.size and ((places < 0) | (places > most)).any():
+            if "FILL" in str(mode):
+                raise NoRuleError
+            places = np.clip(places, 0, most)
+        begins = places.astype(np.intp) @ strides[list(along)]
+        for k, axis in zip(batched, batches, strict=True):
+            begins = begins + strides[k] * _counted(begins.shape, axis)
+        out = np.expand_dims(begins, tuple(within))
+        for axis, k in zip(within, kept, strict=True):
+            out = out + strides[k] * _counted((*out.shape[:axis], sizes[k], *out.shape[axis + 1 :]), axis)
+        return out
+
+    last: list[tuple[Any, Any]] = [(None, None)]
+
+    def same(places: np.ndarray) -> np.ndarray:
+        known, found = last[0]
+        if places is not known:  # most are constants
+            last[0] = places, found = places, entries(places)
+        return found
+
+    return same
+
+
+def _gather(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    numbers, sizes = parameters["dimension_numbers"], parameters["slice_sizes"]
+    batches = numbers.operand_batching_dims, numbers.start_indices_batching_dims
+    axes = numbers.start_index_map, numbers.collapsed_slice_dims, *batches
+    entries = _entries(axes, of[0], sizes, [*map(int, numbers.offset_dims)], parameters["mode"])
+    return lambda x, places: x.take(entries(places))
+
+
+def _scatter(setting: Computed, equations: list[str]) -> Callable[..., Computed]:
+    """Entries set, or combined by one equation."""
+
+    def rule(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+        combined = parameters["update_jaxpr"]
+        if combined is not None and [each.primitive.name for each in combined.eqns] != equations:
+            raise NoRuleError
+        if combined is not None and not equations and combined.outvars[0] is not combined.invars[1]:
+            raise NoRuleError
+        numbers, (operand, _, updates) = parameters["dimension_numbers"], of
+        within, without = [*map(int, numbers.update_window_dims)], numbers.inserted_window_dims
+        window = iter([updates.shape[k] for k in within])
+        batches = numbers.operand_batching_dims, numbers.scatter_indices_batching_dims
+        sizes = [1 if k in without or k in batches[0] else next(window) for k in range(operand.ndim)]
+        axes = numbers.scatter_dims_to_operand_dims, without, *batches
+        entries = _entries(axes, operand, sizes, within, parameters["mode"])
+
+        def scatter(x: Any, places: Any, new: Any) -> np.ndarray:
+            out = np.array(x, order="C")  # so that its entries in one row are no copy
+            setting(out.reshape(-1), entries(places), new)
+            return out
+
+        return scatter
+
+    return rule
+
+
+def _set(x: np.ndarray, places: Any, new: Any) -> None:
+    x[places] = new
+
+
+def _power(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    dtype = to[0].dtype
+    return lambda x, y: np.power(x, y).astype(dtype)
+
+
+def _reversed(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    axes = tuple(parameters["dimensions"])
+    return lambda x: np.flip(x, axes)
+
+
+def _place_of(extreme: Computed) -> Callable[..., Computed]:
+    def rule(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+        (axis,), dtype = parameters["axes"], to[0].dtype
+        return lambda x: extreme(x, axis).astype(dtype)
+
+    return rule
+
+
+def _or_nan(factor: Computed) -> Callable[..., Computed]:
+    """A factor of a matrix; NaN where there is none, as JAX gives it."""
+
+    def rule(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+        find, none = factor(parameters), [np.full(x.shape, np.nan, x.dtype) for x in to]
+        if parameters.get("subset_by_index") is not None:
+            raise NoRuleError
+
+        def found(a: Any) -> Any:
+            try:
+                return find(a)
+            except np.linalg.LinAlgError:
+                if a.ndim > 2:
+                    raise NoRuleError from None
+                return none[0] if len(none) == 1 else none
+
+        return found
+
+    return rule
+
+
+def _cholesky(parameters: Parameters) -> Computed:
+    return np.linalg.cholesky
+
+
+def _eigh(parameters: Parameters) -> Computed:
+    half = "L" if parameters["lower"] else "U"
+
+    def find(a: Any) -> Any:
+        values, vectors = np.linalg.eigh(a, half)
+        return vectors, values
+
+    return find
+
+
+def _svd(parameters: Parameters) -> Computed:
+    if not parameters["compute_uv"]:
+        return lambda a: np.linalg.svd(a, compute_uv=False)
+
+    def find(a: Any) -> Any:
+        left, values, right = np.linalg.svd(a, full_matrices=parameters["full_matrices"])
+        return values, left, right
+
+    return find
+
+
+def _lu(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    """With the largest entry of a column as pivot; NumPy gives no factors, and SciPy is imported for longer."""
+    if of[0].ndim != 2:
+        raise NoRuleError
+
+    def lu(a: Any) -> Any:
+        a, pivots, order = np.array(a), np.empty(min(a.shape), np.int32), np.arange(len(a), dtype=np.int32)
+        for k in range(len(pivots)):
+            pivots[k] = pivot = k + int(np.argmax(np.abs(a[k:, k])))
+            if pivot != k:
+                a[[k, pivot]], order[[k, pivot]] = a[[pivot, k]], order[[pivot, k]]
+            if a[k, k] != 0:
+                a[k + 1 :, k] /= a[k, k]
+            a[k + 1 :, k + 1 :] -= np.outer(a[k + 1 :, k], a[k, k + 1 :])
+        return a, pivots, order
+
+    return lu
+
+
+def _triangular_solve(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    left, turned, unit = (parameters[name] for name in ("left_side", "transpose_a", "unit_diagonal"))
+    upper = parameters["lower"] == (turned == left)
+    if of[0].ndim != 2:
+        raise NoRuleError
+
+    def solve(a: Any, b: Any) -> np.ndarray:
+        if turned == left:
+            a = a.T
+        b = b if left else b.T
+        a, b = (a, b) if upper else (a[::-1, ::-1], b[::-1])
+        a = np.triu(a)
+        if unit:
+            np.fill_diagonal(a, 1)
+        try:
+            x = np.linalg.solve(a, b)  # an upper triangle is its own factor
+        except np.linalg.LinAlgError:
+            x = np.empty_like(b)
+            for k in reversed(range(len(a))):
+                x[k] = (b[k] - a[k, k + 1 :] @ x[k + 1 :]) / a[k, k]
+        x = x if upper else x[::-1]
+        return x if left else x.T
+
+    return solve
+
+
+def _sort(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    axis, keys = parameters["dimension"], parameters["num_keys"]
+    if len(of) == 1:
+        return lambda x: np.sort(x, axis, kind="stable")
+
+    def sort(*given: Any) -> Any:
+        order = np.lexsort(given[keys - 1 :: -1], axis)
+        return [np.take_along_axis(x, order, axis) for x in given]
+
+    return sort
+
+
+def _dynamic_update_slice(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    sizes, most = of[1].shape, [a - b for a, b in zip(of[0].shape, of[1].shape, strict=True)]
+
+    def update(x: Any, new: Any, *first: Any) -> np.ndarray:
+        out, begins = np.array(x), [min(max(int(k), 0), last) for k, last in zip(first, most, strict=True)]
+        out[tuple(slice(k, k + size) for k, size in zip(begins, sizes, strict=True))] = new
+        return out
+
+    return update
+
+
+def _maybe_set(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    """Equinox's setting of an entry in a loop, which outside of batches is always done."""
+    if len(of) != 4 or of[3].shape != () or parameters["kwargs"] or parameters["i_static"] is not None:
+        raise NoRuleError
+
+    def set_entry(_: Any, x: Any, new: Any, place: Any) -> np.ndarray:
+        out = np.array(x)
+        if -len(out) <= place < len(out):
+            out[int(place)] = new
+        return out
+
+    return set_entry
+
+
+def _of_platform(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    names, own = parameters["platforms"], jax.default_backend()
+    place = next(k for k, some in enumerate(names) if some is None or own in some)
+    return lambda: np.int32(place)
+
+
+RULES: dict[str, Callable[..., Computed]] = {
+    **{
+        name: _as_it_is(function)
+        for name, function in {
+            "abs": np.abs,
+            "acos": np.arccos,
+            "acosh": np.arccosh,
+            "add": np.add,
+            "add_any": np.add,
+            "and": np.bitwise_and,
+            "asin": np.arcsin,
+            "asinh": np.arcsinh,
+            "atan": np.arctan,
+            "atan2": np.arctan2,
+            "atanh": np.arctanh,
+            "cbrt": np.cbrt,
+            "ceil": np.ceil,
+            "copy": np.array,
+            "copy_p": np.array,
+            "cos": np.cos,
+            "cosh": np.cosh,
+            "eq": np.equal,
+            "exp": np.exp,
+            "exp2": np.exp2,
+            "expm1": np.expm1,
+            "floor": np.floor,
+            "ge": np.greater_equal,
+            "gt": np.greater,
+            "is_finite": np.isfinite,
+            "le": np.less_equal,
+            "log": np.log,
+            "log1p": np.log1p,
+            "lt": np.less,
+            "max": np.maximum,
+            "min": np.minimum,
+            "mul": np.multiply,
+            "ne": np.not_equal,
+            "neg": np.negative,
+            "nonbatchable": lambda x: x,
+            "not": np.invert,
+            "or": np.bitwise_or,
+            "sign": np.sign,
+            "sin": np.sin,
+            "sinh": np.sinh,
+            "sqrt": np.sqrt,
+            "square": np.square,
+            "stop_gradient": lambda x: x,
+            "sub": np.subtract,
+            "tan": np.tan,
+            "tanh": np.tanh,
+            "unvmap_all": np.all,
+            "unvmap_any": np.any,
+            "unvmap_max": np.max,
+            "xor": np.bitwise_xor,
+        }.items()
+    },
+    "argmax": _place_of(np.argmax),
+    "argmin": _place_of(np.argmin),
+    "broadcast_in_dim": _broadcast,
+    "cholesky": _or_nan(_cholesky),
+    "clamp": _clamp,
+    "concatenate": _concatenate,
+    "convert_element_type": _convert,
+    "cummax": _cumulated(np.maximum.accumulate),
+    "cumprod": _cumulated(np.multiply.accumulate),
+    "cumsum": _cumulated(np.add.accumulate),
+    "div": _of_floats(np.divide),
+    "dot_general": _dot,
+    "dynamic_slice": _dynamic_slice,
+    "dynamic_update_slice": _dynamic_update_slice,
+    "eigh": _or_nan(_eigh),
+    "expand_dims": _reshape,
+    "gather": _gather,
+    "integer_pow": _integer_power,
+    "iota": _iota,
+    "logistic": _as_it_is(lambda x: 1 / (1 + np.exp(-x))),
+    "lu": _lu,
+    "maybe_set": _maybe_set,
+    "pad": _pad,
+    "platform_index": _of_platform,
+    "pow": _power,
+    "reduce_and": _along(np.logical_and),
+    "reduce_max": _along(np.maximum),
+    "reduce_min": _along(np.minimum),
+    "reduce_or": _along(np.logical_or),
+    "reduce_prod": _along(np.multiply),
+    "reduce_sum": _along(np.add),
+    "rem": _of_floats(np.fmod),
+    "reshape": _reshape,
+    "rev": _reversed,
+    "round": _round,
+    "rsqrt": _as_it_is(lambda x: 1 / np.sqrt(x)),
+    "scatter": _scatter(_set, []),
+    "scatter-add": _scatter(np.add.at, ["add"]),
+    "select_if_vmap": _as_it_is(lambda which, yes, no: yes),
+    "select_n": _select,
+    "slice": _slice,
+    "sort": _sort,
+    "split": _split,
+    "squeeze": _reshape,
+    "stack": _stack,
+    "svd": _or_nan(_svd),
+    "tile": _tile,
+    "transpose": _transpose,
+    "triangular_solve": _triangular_solve,
+    "unstack": _unstack,
+}
