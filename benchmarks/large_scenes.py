@@ -97,14 +97,17 @@ def ladder(loops: int) -> tuple[rx.Mechanism, rx.State]:
     return mechanism, rx.State(still, rates.ravel(), 0.0)
 
 
-def timed(run: Callable, repeats: int) -> tuple[float, float, object]:
-    """Seconds of the first call, median of the others, and the value."""
+WARM = 10.0  # seconds in which programs of motions take over
+
+
+def timed(run: Callable, repeats: int, warm: float = 0.0) -> tuple[float, float, object]:
+    """Seconds of the first call, median of the last ones, and the value; after so many seconds at least."""
     seconds = []
-    for _ in range(repeats + 1):
+    while len(seconds) <= repeats or sum(seconds) < warm:
         start = time.perf_counter()
         value = jax.block_until_ready(run())
         seconds.append(time.perf_counter() - start)
-    return seconds[0], float(np.median(seconds[1:])), value
+    return seconds[0], float(np.median(seconds[-repeats:])), value
 
 
 def solve(mechanism: rx.Mechanism, state: rx.State, repeats: int) -> tuple[float, float, tuple]:
@@ -253,7 +256,7 @@ def stickings(loops: int) -> str:
     """A line of the table on stick and slip."""
     mechanism, state = swings.swings(loops)
     run = partial(rx.simulate, mechanism.sparse(), state, T1, ts=[T1], max_phases=loops + 5, rtol=1e-9, throw=False)
-    first, seconds, motion = timed(run, 1)
+    first, seconds, motion = timed(run, 1, warm=WARM)
     angles = [swings.stop(mu)[1] for mu in swings.frictions(loops)]
     error = np.max(np.abs(np.asarray(motion.q)[0, -loops:] - angles))
     stops = int(motion.stats.phases)
@@ -268,7 +271,8 @@ def motions(loops: int, repeats: int, limit: float) -> Iterator[Motion]:
     state = mechanism.state(np.pi / 2, rate=-1.0)
     truth = crank_angle(stiffness(loops), np.pi / 2, -1.0, T1)
     for rtol in 10.0 ** -np.arange(4, 10):
-        first, seconds, motion = timed(partial(rx.simulate, mechanism, state, T1, ts=[T1], rtol=rtol), repeats)
+        run = partial(rx.simulate, mechanism, state, T1, ts=[T1], rtol=rtol)
+        first, seconds, motion = timed(run, repeats, warm=WARM if rtol == 1e-4 else 0.0)
         error = abs(float(motion.q[0, crank(loops)]) - truth)
         if error <= ERROR:
             steps = int(motion.stats.steps + motion.stats.rejected)
