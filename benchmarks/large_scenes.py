@@ -102,7 +102,7 @@ WARM = 10.0  # seconds in which programs of motions take over
 
 def timed(run: Callable, repeats: int, warm: float = 0.0) -> tuple[float, float, object]:
     """Seconds of the first call, median of the last ones, and the value; after so many seconds at least."""
-    seconds = []
+    seconds, value = [], None
     while len(seconds) <= repeats or sum(seconds) < warm:
         start = time.perf_counter()
         value = jax.block_until_ready(run())

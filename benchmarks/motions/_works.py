@@ -113,7 +113,7 @@ def _ours(problem: Problem, rtol: float) -> Row:
 
 def _timed(run: Callable, repeats: int = 3, warm: float = 0.0) -> tuple:
     """Seconds of the first call, median of the last ones, and the value; after so many seconds at least."""
-    times = []
+    times, value = [], None
     while len(times) <= repeats or sum(times) < warm:
         start = time.perf_counter()
         value = jax.block_until_ready(run())
