@@ -31,6 +31,7 @@ class Interpreted:
         self._options, self._loops = options, list[_Loop]()
         self._values: list[Any] = []  # those that are known at once, None of others
         self._steps: list[tuple[Computed, tuple[int, ...], tuple[int, ...], tuple[int, ...]]] = []
+        self._same: dict[Any, list[int]] = {}  # places of what equations give, of which many say the same
         self._large: set[int] = set()  # places of arrays that are let go as soon as no step takes them
         given = [self._place() for _ in closed.jaxpr.invars]
         self._given = len(given)
@@ -40,7 +41,7 @@ class Interpreted:
             if needed.intersection(made):
                 steps.append((function, taken, made, tuple(k for k in {*taken} - needed if k in self._large)))
                 needed.update(taken)
-        self._steps = steps[::-1]
+        self._steps, self._same = steps[::-1], {}
 
     @property
     def has_programs(self) -> bool:
@@ -74,9 +75,10 @@ class Interpreted:
         places |= {var: self._place(np.asarray(x)) for var, x in zip(jaxpr.constvars, consts, strict=True)}
 
         def place(atom: Any) -> int:
-            if isinstance(atom, Literal):
-                return self._place(np.asarray(atom.val, atom.aval.dtype))  # pyright: ignore[reportAttributeAccessIssue]
-            return places[atom]
+            if not isinstance(atom, Literal):
+                return places[atom]
+            value = np.asarray(atom.val, atom.aval.dtype)  # pyright: ignore[reportAttributeAccessIssue]
+            return self._once((value.dtype, value.shape, value.tobytes()), lambda: [self._place(value)])[0]
 
         for equation in jaxpr.eqns:
             made = self._step(equation, [place(atom) for atom in equation.invars])
@@ -106,9 +108,18 @@ class Interpreted:
         of, to = ([x.aval for x in group] for group in (equation.invars, equation.outvars))
         if any(getattr(x, "dtype", None) not in _TYPES for x in (*of, *to)):
             raise NoRuleError
-        made = self._made(RULES[name](parameters, of, to), taken, count)
+        if name in _CHANGES_NOTHING or (name in _RESHAPES and of[0].shape == to[0].shape):
+            return taken
+        key = name, *taken, *parameters.items(), *((x.dtype, x.shape) for x in to)
+        made = self._once(key, lambda: self._made(RULES[name](parameters, of, to), taken, count))
         self._large.update(k for k, x in zip(made, to, strict=True) if getattr(x, "size", 0) > _LARGE)
         return made
+
+    def _once(self, key: Any, make: Callable[[], list[int]]) -> list[int]:
+        try:
+            return self._same[key] if key in self._same else self._same.setdefault(key, make())
+        except TypeError:  # of parameters that have no hash
+            return make()
 
     def _called(self, inner: Any, taken: list[int]) -> list[int]:
         body, held = (inner.jaxpr, inner.consts) if isinstance(inner, ClosedJaxpr) else (inner, ())
@@ -139,6 +150,8 @@ _CALLS = {  # the parameter that holds the equations of a call
     "custom_vmap_call": "call",
     "remat2": "jaxpr",
 }
+_CHANGES_NOTHING = {"nonbatchable", "stop_gradient"}
+_RESHAPES = {"broadcast_in_dim", "expand_dims", "reshape", "squeeze"}
 _COMPILING = 4e-4  # seconds of CPU that an equation takes
 
 
@@ -176,6 +189,7 @@ class _Loop:
         self._equation, self._options = equation, options
         self._turns = _LOOPS[equation.primitive.name](equation.params)
         self._left = np.inf if options is None else _COMPILING * _count(equation)  # seconds
+        self._is_open = False  # what its first turn does once does not count
         self.program: Callable[..., Any] | None = None
 
     def __call__(self, *given: Any) -> Any:
@@ -185,6 +199,8 @@ class _Loop:
     def _turned(self, given: Sequence[Any]) -> Sequence[Any]:
         begun = time.thread_time()
         for onward, out, done in self._turns(given):
+            if not self._is_open:
+                self._is_open, begun = True, time.thread_time()
             spent = time.thread_time() - begun
             if out is not None:
                 self._left -= spent
