@@ -400,7 +400,8 @@ def test_a_motion_under_a_slow_ramp_starts_at_the_limit_load(end="upper"):
     assert before.result == rx.RESULTS.stuck
     assert after.result == rx.RESULTS.successful and after.stats.phases == 1
     assert abs(after.stats.end - 1 - 1e-6) < 1e-15 and np.any(after.qd[-1] != 0)
-    np.testing.assert_allclose(after.qd[-1], after.acceleration[-1] * 1e-6 / 2, rtol=1e-3, atol=1e-18)  # it grows from 0
+    grown = after.acceleration[-1] * 1e-6 / 2  # as accelerations grow from zero
+    np.testing.assert_allclose(after.qd[-1], grown, rtol=1e-3, atol=1e-18)
 
 
 # Parts that move, units ---------------------------------------------------------------------
