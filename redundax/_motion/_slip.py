@@ -249,13 +249,11 @@ def look(
         plan = jax.tree.map(lambda a, b: jnp.where(others, a, b), plan._replace(free=go | plan.free, onward=mode), plan)
         apart, slip = beyond - short, found.solved.slip
         slope = (now.slip - slip) / jnp.where(apart > 0, apart, 1.0)
-        before, free = stage == _BEFORE, jnp.any(plan.free)
-        slope = jnp.where(before, slope, plan.slope)
-        of_event = jnp.where(free, slip, found.rate), jnp.where(free, slope, slip)
-        h, rise = (chosen(equations, x, plan.joint, now.trial) for x in of_event)
-        root = t - h / jnp.where(rise != 0, rise, jnp.inf) + _LATER * width
+        before = stage == _BEFORE
+        plan = plan._replace(slope=jnp.where(before, slope, plan.slope))
+        root = _root(equations, plan, found, now.trial, t) + _LATER * width
         root = jnp.clip(root, step.start, jnp.minimum(beyond, step.end))
-        plan = plan._replace(time=jnp.where(before | at_root, root, plan.time), slope=slope)
+        plan = plan._replace(time=jnp.where(before | at_root, root, plan.time))
         plan = _turned(equations, plan, found, held)
         after_look = jnp.where(
             event & ~moves, _HALVE, jnp.where(waits & ~event & (now.turn + 1 < _LOOKS), _LOOK, _DONE)
@@ -293,6 +291,14 @@ def look(
     begin = _nothing_seen(step, see)
     found = jax.lax.while_loop(lambda now: now.stage < _DONE, body, begin)
     return found.seen, found.plan, found.well, found.cut
+
+
+def _root(equations: Equations, plan: Plan, found: Seen, trial: Float[Array, " p"], t: Array) -> Array:
+    """When h is zero, by a step of Newton's method from what was found at a time."""
+    free, slip = jnp.any(plan.free), found.solved.slip
+    of_event = jnp.where(free, slip, found.rate), jnp.where(free, plan.slope, slip)
+    h, rise = (chosen(equations, x, plan.joint, trial) for x in of_event)
+    return t - h / jnp.where(rise != 0, rise, jnp.inf)
 
 
 def _turned(equations: Equations, plan: Plan, found: Seen, held: Array) -> Plan:
