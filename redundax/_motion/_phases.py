@@ -157,7 +157,7 @@ def stretch(now: PhaseState, equations: Equations, options: Options, lands: Arra
     first = jnp.where(mode.resting & (now.plan.time == jnp.inf), end - now.t, first)
     context = Context(now.held, mode.tau, mode.resting, None if equations.directions is None else sense)
     stepper = Stepper(options.solver, options.constant)
-    args = equations.with_sense(sense), context, Begin(mode, now.since, now.held, now.plan, lands)
+    args = equations.with_sense(sense), context, Begin(mode, now.since, now.held, now.plan, lands, controller.end)
     span, ts = (now.t, end, jnp.minimum(first, end - now.t)), within(now.t, end, options.ts)
     walked = _steps(stepper, options, span, now.y, args, ts)
     t, y, path, carried, control = walked.t, walked.y, walked.path, walked.inner, walked.control

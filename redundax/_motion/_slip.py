@@ -244,14 +244,16 @@ def look(
         mode = there._replace(sense=_let_go(equations, there, found.solved.tau), resting=jnp.zeros((), bool))
         plan = Plan(jnp.where(moves, now.low, t), joint, now.plan.slope, go & ~stops, stops, mode)
         plan = jax.tree.map(lambda a, b: jnp.where(later, a, b), plan, now.plan)
+        # Just beyond a limit some joints are not yet told apart from those that stick; a little later they are.
+        others = after & (now.turn == 0) & jnp.any(plan.free) & jnp.any(go & ~plan.free)
+        plan = jax.tree.map(lambda a, b: jnp.where(others, a, b), plan._replace(free=go | plan.free, onward=mode), plan)
         apart, slip = beyond - short, found.solved.slip
         slope = (now.slip - slip) / jnp.where(apart > 0, apart, 1.0)
-        before, free = stage == _BEFORE, jnp.any(plan.free)
-        slope = jnp.where(before, slope, plan.slope)
-        of_event = jnp.where(free, slip, found.rate), jnp.where(free, slope, slip)
-        h, rise = (chosen(equations, x, plan.joint, now.trial) for x in of_event)
-        root = jnp.clip(t - h / jnp.where(rise != 0, rise, jnp.inf) + _LATER * width, step.start, beyond)
-        plan = plan._replace(time=jnp.where(before | at_root, root, plan.time), slope=slope)
+        before = stage == _BEFORE
+        plan = plan._replace(slope=jnp.where(before, slope, plan.slope))
+        root = _root(equations, plan, found, now.trial, t) + _LATER * width
+        root = jnp.clip(root, step.start, jnp.minimum(beyond, step.end))
+        plan = plan._replace(time=jnp.where(before | at_root, root, plan.time))
         plan = _turned(equations, plan, found, held)
         after_look = jnp.where(
             event & ~moves, _HALVE, jnp.where(waits & ~event & (now.turn + 1 < _LOOKS), _LOOK, _DONE)
@@ -270,7 +272,7 @@ def look(
         halvable = now.turn + 1 < _HALVINGS
         after_half = jnp.select([told, halvable], [_THERE, _HALVE], jnp.where(plan.stops, stop, _AT))
         release = _THERE if equations.directions is None else _HELD
-        nexts = [after_look, after_half, _BEFORE, release, _THERE]
+        nexts = [after_look, after_half, jnp.where(others, _AT, _BEFORE), release, _THERE]
         following = jnp.select([looks, halves, after, before, held], nexts, _DONE)
         return _Looking(
             stage=following,
@@ -289,6 +291,14 @@ def look(
     begin = _nothing_seen(step, see)
     found = jax.lax.while_loop(lambda now: now.stage < _DONE, body, begin)
     return found.seen, found.plan, found.well, found.cut
+
+
+def _root(equations: Equations, plan: Plan, found: Seen, trial: Float[Array, " p"], t: Array) -> Array:
+    """When h is zero, by a step of Newton's method from what was found at a time."""
+    free, slip = jnp.any(plan.free), found.solved.slip
+    of_event = jnp.where(free, slip, found.rate), jnp.where(free, plan.slope, slip)
+    h, rise = (chosen(equations, x, plan.joint, trial) for x in of_event)
+    return t - h / jnp.where(rise != 0, rise, jnp.inf)
 
 
 def _turned(equations: Equations, plan: Plan, found: Seen, held: Array) -> Plan:
@@ -359,8 +369,11 @@ class Landing(NamedTuple):
     halt: Float[Array, "n p"] | None
 
 
-def landing(equations: Equations, step: Step, plan: Plan, seen: Seen, change: Moving) -> tuple[Landing, Mode]:
-    """The end of a step, and how it goes on if that is an event."""
+def landing(
+    equations: Equations, step: Step, plan: Plan, seen: Seen, change: Moving, last: Array
+) -> tuple[Landing, Mode]:
+    """The end of a step, and how it goes on if that is an event, which lies in the step or not much later, and not past
+    `last`, the end of the motion."""
     along = equations.sense if step.along is None else step.along
     along = jnp.where(step.trial == equations.sense, along, step.trial)
     free = jnp.any(plan.free)
@@ -378,7 +391,9 @@ def landing(equations: Equations, step: Step, plan: Plan, seen: Seen, change: Mo
     slope = weights @ jnp.where(free, plan.slope, seen.solved.slip)
     good = step.lands & (plan.joint >= 0) & (plan.stops | free) & (slope != 0)
     slope = jnp.where(good, slope, 1.0)
-    return Landing(good, free, weights, along, slope, jnp.where(good, -h / slope, 0.0), change, halt), onward
+    root, width = jnp.where(good, -h / slope, 0.0), step.end - step.start
+    shift = jnp.clip(root, -width, jnp.minimum(_APART * width, jnp.maximum(last - step.end, 0.0)))
+    return Landing(good, free, weights, along, slope, shift, change, halt), onward
 
 
 def _weights(equations: Equations, joint: Array, along: Array, free: Array, inverse: Array) -> Float[Array, " p"]:

@@ -74,13 +74,14 @@ def at_start(like: Float[Array, ""]) -> Diagnostics:
 
 class Begin(NamedTuple):
     """How steps begin: how it moves and since when, what is held, and the event that the first step ends at; whether it
-    is the last."""
+    is the last, and the end of the motion."""
 
     mode: Mode
     since: Array
     held: AnyHeld
     plan: Plan
     lands: Any
+    end: Array
 
 
 class Carried(NamedTuple):
@@ -350,7 +351,7 @@ class Stepper(diffrax.AbstractWrappedSolver):
             plan = plan._replace(time=jnp.where(first, jnp.inf, plan.time))
         good = good & (well | step.lands) & ~again
         size = jnp.where(context.rests, 0.0, jnp.where(good, size, jnp.inf))
-        y, carried, told = _landed(equations, (end, y), now._replace(plan=at), carried, step, found)
+        y, carried, told = _landed(equations, (end, y, args[2].end), now._replace(plan=at), carried, step, found)
         told = told._replace(
             size=size,
             plan=plan,
@@ -426,14 +427,15 @@ def _watched(equations: Equations, now: Carried, found: PyTree, inner: PyTree) -
 
 
 def _landed(
-    equations: Equations, at: tuple[Array, Moving], now: Carried, after: Carried, step: Step, found: Seen
+    equations: Equations, at: tuple[Array, Moving, Array], now: Carried, after: Carried, step: Step, found: Seen
 ) -> tuple[Moving, Carried, Verdict]:
-    """The end of a step that may be an event, and what is told of it."""
-    (t, y), context, plan = at, now.context, now.plan
+    """The end of a step that may be an event, and what is told of it; `at` are its time and state, and when the motion
+    ends."""
+    (t, y, last), context, plan = at, now.context, now.plan
     fixed, there = stop_gradient((equations, y))
     change = fixed.change(there.at(step.end), there, found.rate, found.solved)
     change = jax.tree.map(lambda x: jnp.where(context.rests, 0.0, x), change)
-    end, onward = landing(fixed, step, plan, found, change)
+    end, onward = landing(fixed, step, plan, found, change, stop_gradient(last))
     shift, y = landed(equations, t, y, context, step.trial, found.rate, end)
 
     def new(a: Any, b: Any) -> Any:
