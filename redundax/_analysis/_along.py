@@ -142,7 +142,8 @@ class MotionReport:
                 if names := self.always(kind, verdict):
                     lines += [f"{kind.capitalize()}, {verdict.value} at every state:", *columns(list(names))]
         if self.releases:
-            lines.append("Releases by their least determinant (1 is best, 0 adds a freedom somewhere):")
+            lines.append("Releases, first what stays farthest from a further motion, by the least")
+            lines.append("|det N_S| over all states (1 is best, 0 adds a freedom somewhere):")
             lines += [f"    {release}" for release in self.releases]
         return text_of(lines)
 

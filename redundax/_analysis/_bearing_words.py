@@ -28,7 +28,8 @@ _BEARINGS = {
 def best_in_words(releases: Sequence[Release], rows: Sequence[str]) -> list[str]:
     """The first of some releases that bearings can do, as lines; none where no bearing does."""
     words = next(filter(None, (bearing_words(release, rows) for release in releases)), "")
-    return textwrap.wrap(f"In words of bearings: {words}.", WIDTH) if words else []
+    told = f"In words of bearings: {words} (of the releases below the best that bearings can do)."
+    return textwrap.wrap(told, WIDTH) if words else []
 
 
 def bearing_words(release: Release, rows: Sequence[str]) -> str:

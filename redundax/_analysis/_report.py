@@ -229,7 +229,8 @@ class Report:
         lines += self._pushing()
         lines += self._with_friction()
         if self.releases:
-            lines.append("To remove the redundancy and add no freedom, release one of (1 is best):")
+            lines.append("To remove the redundancy and add no freedom, release one of these.")
+            lines.append("First what stays farthest from a further motion, by |det N_S| (1 is best):")
             lines += [f"    {release}" for release in self.releases]
         return text_of(lines)
 

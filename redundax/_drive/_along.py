@@ -331,6 +331,24 @@ def narrow_places(path: Path, weakest: np.ndarray) -> tuple[str, ...]:
     )
 
 
+def instant(path: Path, k: int, of: Callable[[Path], Callable[[int], bool]]) -> float:
+    """When between a time and the one before it begins what is so at that time, to 1/63^4 of the way or less.
+
+    - `of`: gives of a path what tells of each of its times whether it is so.
+    """
+    q, (low, high), count = path.q[k - 1], np.asarray(path.t)[k - 1 : k + 1].tolist(), together(len(path.t))
+    for _ in range(_ROUNDS):
+        times = jnp.linspace(low, high, count)
+        track = begun(jnp.asarray(q), times[0], len(path.system.coordinates))
+        finer = path._replace(t=times, q=follow_known(*path.given, track, times).q)
+        is_so, first, last = of(finer), 0, count - 1
+        while last - first > 1:
+            middle = (first + last) // 2
+            first, last = (first, middle) if is_so(middle) else (middle, last)
+        q, low, high = finer.q[first], float(times[first]), float(times[last])
+    return high
+
+
 def _narrowed(path: Path, low: int, high: int) -> tuple[float, float]:
     """When between two of the times the least singular value is least, and that."""
     q, t = path.q[low], (path.t[low], path.t[high])

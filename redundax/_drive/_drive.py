@@ -36,7 +36,7 @@ from .._tools._module import Numbers, replace_fields
 from .._tools._numbers import Numeric, are_known, as_arrays
 from ._along import Laws, Path, along, in_batches, narrow_places, started, with_laws
 from ._loads import Loads, Moving, loads, moving
-from ._one_by_one import as_closed, asked_again, of_closed_contacts, until_reached
+from ._one_by_one import Batch, as_closed, asked_again, of_closed_contacts, until_reached
 from ._run import Drive, Moment, Run
 from ._senses import NOISE, Senses, senses_of, signs_of
 from ._share import LeastPeak
@@ -138,11 +138,30 @@ def _refuse_contacts(names: Names) -> None:
 
 def _solved(path: Path, names: Names, closure: AbstractClosure, solver: AbstractSolver, throw: bool | None) -> Run:
     """The loads along a motion."""
-    known, drives = are_known(path, closure, solver), drives_of(path.system)
     choices = placed(closure, path.system), solver
+    if not are_known(path, closure, solver):
+        at, found, senses = _traced(path, choices)
+        return _masked(*_batch_of(path, at, found, senses, solver)[:2])
+    rows = np.array([each.row for each in drives_of(path.system)], int)
+
+    def asked(path: Path) -> Batch:
+        return _batch_of(path, *_on_numbers(path, choices), solver)
+
+    at, found, senses = _on_numbers(path, choices)
+    run, good, _ = _batch_of(path, at, found, senses, solver)
+    remarks = *narrow_places(path, np.asarray(at.weakest)), *_of_joints_that_never_slip(path.system, senses)
+    stays = _stays(path, choices, at, senses, rows)
+    run = replace_fields(run, system=path.system, remarks=remarks, stays=stays)
+    run = asked_again(path, names, closure, Batch(run, good, senses), asked, throw)
+    if throw is not False:
+        _check(run)
+    return as_arrays(run)
+
+
+def _batch_of(path: Path, at: Moving, found: Loads, senses: Senses, solver: AbstractSolver) -> Batch:
+    """A run without what is known of its rests."""
+    drives = drives_of(path.system)
     rows = np.array([each.row for each in drives], int)
-    at, found, senses = (_on_numbers if known else _traced)(path, choices)
-    good: Any = _is_good(at, found, solver)
     run = Run(
         t=path.t,
         q=at.q,
@@ -155,20 +174,13 @@ def _solved(path: Path, names: Names, closure: AbstractClosure, solver: Abstract
         rates=at.prescribed[:, rows],
         determined=~found.depends[:, rows],
         determined_without_friction=~found.direct[:, rows],
-        stays=_stays(path, choices, at, senses, rows) if known else jnp.full((len(path.t), len(rows), 2), jnp.nan),
+        stays=(np if are_known(at) else jnp).full((len(path.t), len(rows), 2), np.nan),
         weakest=at.weakest,
         drives=drives,
         names=path.system.names,
         joint_coordinates=path.system.joint_coordinates,
     )
-    if not known:
-        return _masked(run, good)
-    remarks = *narrow_places(path, np.asarray(at.weakest)), *_of_joints_that_never_slip(path.system, senses)
-    run = replace_fields(run, system=path.system, remarks=remarks)
-    run = asked_again(run, names, good, closure, _both(senses), throw)
-    if throw is not False:
-        _check(run)
-    return as_arrays(run)
+    return Batch(run, _is_good(at, found, solver), senses)
 
 
 def _moves(rates: Float[Numeric, "times m"]) -> Bool[Numeric, " times"]:
@@ -177,18 +189,13 @@ def _moves(rates: Float[Numeric, "times m"]) -> Bool[Numeric, " times"]:
     return ~(sizes <= NOISE * sizes.max(axis=0, initial=0.0)).all(axis=1)
 
 
-def _both(senses: Senses) -> Any:
-    """Senses after and before each time, shape (times, 2, p)."""
-    return (np if are_known(senses) else jnp).stack([senses.after, senses.before], axis=1)
-
-
 @eqx.filter_jit  # one program of a derivative that is asked outside of programs
 def _traced(path: Path, choices: tuple) -> tuple[Moving, Loads, Senses]:
     """How it moves at all times, and loads on both sides of each."""
     system, scale = path.given
     found, held = jax.vmap(lambda *at: moving(system, scale, *at))(path.q, path.t, path.beside)
     senses = senses_of(system, found.slips, scale.length)
-    asked = found, held, path.t, _both(senses), senses.rests
+    asked = found, held, path.t, senses.both, senses.rests
     return found, jax.vmap(lambda *at: loads(system, scale, choices, *at))(*asked), senses
 
 
@@ -300,7 +307,7 @@ def _stays(path: Path, choices: tuple, at: Moving, senses: Senses, rows: np.ndar
     return out
 
 
-def _masked(run: Run, good: Array) -> Run:
+def _masked(run: Run, good: Any) -> Run:
     """Of traced numbers: NaN where there is no answer."""
     result = jax.vmap(lambda one: RESULTS.where(one, RESULTS.successful, RESULTS.not_finite))(good)
 

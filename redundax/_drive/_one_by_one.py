@@ -7,7 +7,8 @@ how its parts move. The others are left out until one would be reached.
 """
 
 import dataclasses
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -29,8 +30,11 @@ from .._tools._compilation import compiled
 from .._tools._errors import NoSolutionError
 from .._tools._module import on_device, replace_fields
 from .._tools._numbers import as_arrays, computed
-from ._along import Path
+from ._along import Path, instant
 from ._run import Moment, Run
+from ._senses import Senses
+
+_RESTS = 1e-9  # of the largest acceleration: rounding of none
 
 
 def as_closed(system: AbstractSystem, names: Names) -> AbstractSystem:
@@ -66,20 +70,23 @@ def until_reached(system: AbstractSystem, names: Names, path: Path, throw: bool 
     open_rows = [row for row in system.names.one_sided if row not in names.one_sided]
     if not open_rows:
         return path, ()
-    at = _constraints(system.anonymous, jnp.asarray(path.q), path.t)
-    over = np.asarray(at)[:, open_rows] / np.asarray(path.scale.rows)[open_rows] / float(path.scale.size)
-    beyond = over > largest_violation(path.q.dtype)
+
+    def over(path: Path) -> Float[np.ndarray, "times rows"]:
+        at = _constraints(system.anonymous, jnp.asarray(path.q), path.t)
+        return np.asarray(at)[:, open_rows] / np.asarray(path.scale.rows)[open_rows] / float(path.scale.size)
+
+    beyond = over(path) > largest_violation(path.q.dtype)
     if not beyond.any():
         return path, ()
     k = int(np.argmax(beyond.any(axis=1)))
     reached = [system.rows.labels[row] for row, own in zip(open_rows, beyond[k], strict=True) if own]
-    t = np.asarray(path.t)
-    said = f"Contacts that are open at first are reached at t = {t[k]:.6g}{_since(t, k)}: {', '.join(reached)}."
+    t = instant(path, k, lambda finer: (over(finer) > 0).any(axis=1).__getitem__) if k else float(np.asarray(path.t)[0])
+    said = f"Contacts that are open at first are reached at t = {t:.6g}: {', '.join(reached)}."
     if throw is not False:
         raise NoSolutionError(
             f"{said} End the motion before. With `throw=False` it is given up to there, and NaN beyond."
         )
-    return path._replace(q=jnp.where(np.arange(len(t))[:, None] < k, path.q, jnp.nan)), (said,)
+    return path._replace(q=jnp.where(np.arange(len(path.t))[:, None] < k, path.q, jnp.nan)), (said,)
 
 
 @compiled
@@ -94,15 +101,27 @@ def _named(system: AbstractSystem, names: Names) -> AbstractSystem:
     return replace_fields(system, _names=names)
 
 
+class Batch(NamedTuple):
+    """What a batch answers: a run, at which of its times that is right, and the senses of slip."""
+
+    run: Run
+    good: Bool[np.ndarray, " times"]
+    senses: Senses
+
+
 def asked_again(
-    run: Run,
+    path: Path,
     names: Names,
-    good: Bool[np.ndarray, " times"],
     closure: AbstractClosure,
-    senses: Float[np.ndarray, "times 2 p"],
+    batch: Batch,
+    ask: Callable[[Path], Batch],
     throw: bool | None,
 ) -> Run:
-    """A run with answers where the batch has none, for the names of the system whose contacts open."""
+    """A run with answers where the batch has none, for the names of the system whose contacts open.
+
+    - `ask`: gives the batch of a path.
+    """
+    run, good, _ = batch
     system: Any = run.system
     arrays = {name: np.array(getattr(run, name)) for name in ("multipliers", "friction", "acceleration")}
     before: Any = Moment(*(np.array(x) for x in (run.before.multipliers, run.before.friction)))  # pyright: ignore
@@ -113,15 +132,19 @@ def asked_again(
     if closure.clearances(system) is not None:
         good, run = np.zeros_like(good), replace_fields(run, stays=np.full_like(run.stays, np.nan))
     codes, t, remarks = np.full(len(good), result_codes()["successful"]), np.asarray(run.t), run.remarks
+
+    def lifts(finer: Path) -> Callable[[int], bool]:
+        there = ask(finer)
+        return lambda j: bool(_lifting(names, _solutions(system, there, j, closure)[1]))
+
     for k in np.flatnonzero(~good).tolist():
-        codes[k], found = _solutions(system, run, k, closure, senses[k])
+        codes[k], found = _solutions(system, batch, k, closure)
         lifting = _lifting(names, found)
         if lifting:
-            said = _in_words(lifting, t, k)
+            said = _in_words(lifting, instant(path, k, lifts) if k else t[0])
             if throw is not False:
                 raise NoSolutionError(
-                    f"{said} Press them together, or move more slowly. With `throw=False` the motion up to there is "
-                    "given, and NaN beyond."
+                    f"{said} {_remedy(run, k)}. With `throw=False` the motion up to there is given, and NaN beyond."
                 )
             codes[k:], remarks = result_codes()["no_position"], (*remarks, said)
             for array in (*arrays.values(), before.multipliers, before.friction):
@@ -134,8 +157,9 @@ def asked_again(
     return replace_fields(run, **arrays, before=before, result=result, remarks=remarks)
 
 
-def _solutions(system: Any, run: Run, k: int, closure: AbstractClosure, senses: np.ndarray) -> tuple[int, Any]:
+def _solutions(system: Any, batch: Batch, k: int, closure: AbstractClosure) -> tuple[int, Any]:
     """How a time ends, and its solutions after and before."""
+    run, senses = batch.run, batch.senses.both[k]
     if not np.all(np.isfinite(run.q[k])):
         return result_codes()["no_position"], None
     state = as_arrays(State(run.q[k], run.qd[k], np.asarray(run.t)[k]))
@@ -152,12 +176,15 @@ def _lifting(names: Names, found: Any) -> tuple[str, ...]:
     return tuple(name for name, own in zip(names.contacts, left, strict=True) if own)
 
 
-def _since(t: np.ndarray, k: int) -> str:
-    return f", after t = {t[k - 1]:.6g}" if k else ""
-
-
-def _in_words(lifting: tuple[str, ...], t: np.ndarray, k: int) -> str:
+def _in_words(lifting: tuple[str, ...], t: float) -> str:
     return (
-        f"Contacts lift at t = {t[k]:.6g}{_since(t, k)}: {', '.join(lifting)}. They could only pull there, and the "
-        "laws no longer say how their parts move."
+        f"Contacts lift at t = {t:.6g}: {', '.join(lifting)}. They could only pull there, and the laws no longer say "
+        "how their parts move."
     )
+
+
+def _remedy(run: Run, k: int) -> str:
+    """What keeps contacts closed: where all rests, no slower motion does."""
+    sizes = np.abs(np.asarray(run.acceleration)).max(axis=1)
+    rests = not np.any(run.qd[k]) and sizes[k] <= _RESTS * np.nanmax(sizes)
+    return "Press them together" if rests else "Press them together, or move more slowly"

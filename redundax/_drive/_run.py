@@ -63,7 +63,9 @@ class Run(AbstractNamed):
     - `t`, `q`, `qd`, `acceleration`: as in a motion.
     - `multipliers`, `friction`: as in a `Solution`, of the closure.
     - `before`: the same on the other side of an instant of rest.
-    - `result`: how the solution of each time ended; its loads are NaN unless it is `RESULTS.successful`.
+    - `result`: how the solution of each time ended; its loads are NaN unless it is `RESULTS.successful`. Then `peak`
+      and `rms` are those of the other times, and `energy` that up to the last of them, as a print says; inside of
+      transformations they are NaN.
     - `rates`: of the drives, shape (times, drives).
     - `determined`: which forces of drives the rigid machine determines, friction included, shape (times, drives);
       `determined_without_friction` too. The closure decides the others.
@@ -149,16 +151,15 @@ class Run(AbstractNamed):
     @computed
     def energies(self) -> Float[Array, "times drives"]:
         """What each drive has given since the first time, J, by the trapezoidal rule between the times."""
-        power = self._after_and_before(self.powers, self.forces_before * self.rates)
+        power = _after_and_before(self.powers, self.forces_before * self.rates)
         none = xp.zeros((1, len(self.drives)), power.dtype)
         return xp.concatenate([none, xp.cumsum(power * xp.diff(self.t)[:, None], axis=0)])
 
     @property
-    @computed
     def peak(self) -> dict[str, Array]:
         """The largest size of each drive's force, by name, at the times and on both sides of instants of rest;
         `rx.with_peaks` looks between them too."""
-        return self._by_name(xp.max(self._sizes, axis=0))
+        return self._peak(self._skips)
 
     @property
     @computed
@@ -173,13 +174,10 @@ class Run(AbstractNamed):
         return xp.argmax(xp.where(xp.isnan(self._sizes), -1.0, self._sizes), axis=0)
 
     @property
-    @computed
     def rms(self) -> dict[str, Array]:
         """The root of the mean square of each drive's force over the time, by the trapezoidal rule; of a rest that of
         both of its sides."""
-        square = self._after_and_before(self.forces**2, self.forces_before**2)
-        mean = xp.sum(square * xp.diff(self.t)[:, None], axis=0) / (self.t[-1] - self.t[0])
-        return self._by_name(xp.sqrt(mean))
+        return self._rms(self._skips)
 
     @property
     @computed
@@ -188,20 +186,61 @@ class Run(AbstractNamed):
         return self._by_name(self.powers.T)
 
     @property
-    @computed
     def energy(self) -> dict[str, Array]:
         """What each drive has given in all, by name."""
-        return self._by_name(self.energies[-1])
+        return self._energy(self._last)
+
+    @computed
+    def _peak(self, skips: bool) -> dict[str, Array]:
+        """NaN where a time has none, or all of them if the others are to be skipped."""
+        missing = xp.isnan(self._sizes)
+        none = xp.all(missing, axis=0) if skips else xp.any(missing, axis=0)
+        return self._by_name(xp.where(none, xp.nan, xp.max(xp.where(missing, -1.0, self._sizes), axis=0)))
+
+    @computed
+    def _rms(self, skips: bool) -> dict[str, Array]:
+        """Over all of the time, or over what of it lies between two times that have an answer."""
+        square, spans = _after_and_before(self.forces**2, self.forces_before**2), xp.diff(self.t)[:, None]
+        missing = xp.isnan(square) & skips
+        over = xp.sum(xp.where(missing, 0.0, spans), axis=0)
+        mean = xp.sum(xp.where(missing, 0.0, square * spans), axis=0) / xp.where(over > 0, over, xp.nan)
+        return self._by_name(xp.sqrt(mean))
+
+    @computed
+    def _energy(self, last: int) -> dict[str, Array]:
+        return self._by_name(self.energies[last])
 
     @property
+    def _skips(self) -> bool:
+        """Whether figures are of the times that have an answer: inside of transformations nobody could see that."""
+        return are_known(self.multipliers)
+
+    @property
+    def _last(self) -> int:
+        """The last of the times that have an answer."""
+        answered = np.flatnonzero(self._answered) if self._skips else ()
+        return int(answered[-1]) if len(answered) else -1
+
+    @property
+    def _answered(self) -> np.ndarray:
+        return ~np.isnan(np.asarray(self._sizes)).any(axis=1)
+
+    @property
+    @computed
     def _sizes(self) -> Array:
         return xp.maximum(xp.abs(self.forces), xp.abs(self.forces_before))
 
+    def _of_part(self) -> str:
+        """What is to be said of figures where some times have no answer."""
+        answered, last = self._answered, self._last
+        if answered.all() or not answered.any():
+            return ""
+        if answered[: last + 1].all():
+            return f"Figures are those of the motion up to t = {np.asarray(self.t)[last]:.6g} alone."
+        return f"Figures are those of the {answered.sum()} times that have an answer alone."
+
     def _of(self, multipliers: Array) -> Array:
         return -multipliers[..., np.array([drive.row for drive in self.drives], int)]
-
-    def _after_and_before(self, after: Array, before: Array) -> Array:
-        return (after[:-1] + before[1:]) / 2
 
     def _by_name(self, values: Any) -> dict[str, Array]:
         return {drive.name: value for drive, value in zip(self.drives, values, strict=True)}
@@ -257,7 +296,7 @@ class Run(AbstractNamed):
                 "energy",
                 "determined",
             )
-            span = t[-1] - t[0] if t.size > 1 else 1.0
+            span = (t[self._last] - t[0]) or 1.0
             energy = np.array([float(self.energy[drive.name]) for drive in drives])
             columns = [
                 figures(np.array([float(figure[drive.name]) for drive in drives]), digits=5)
@@ -266,7 +305,7 @@ class Run(AbstractNamed):
             most = np.nanmax(np.abs(np.asarray(self.powers)), initial=0.0)[None]  # beside which rounding is none
             columns += [figures(energy / span, most, 5), figures(energy, most * span, 5)]
             groups.append(group(head, [d.name for d in drives], *columns, [self._verdict(k) for k in some]))
-        said = [*self.remarks, in_words(self.pulling)]
+        said = [*self.remarks, self._of_part(), in_words(self.pulling)]
         head = [*outcome(self.result, f"Drives at {time}"), *notes(self.names, " ".join(filter(None, said)))]
         return text_of([*head, *page(groups, [], "")])
 
@@ -278,3 +317,8 @@ class Run(AbstractNamed):
         if without.all():
             return "but for friction" if not with_friction.any() else "but for friction at some times"
         return "no: the closure decides" if not without.any() else "not at all times: the closure decides"
+
+
+def _after_and_before(after: Array, before: Array) -> Array:
+    """The mean over each span of time."""
+    return (after[:-1] + before[1:]) / 2

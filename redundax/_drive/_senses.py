@@ -27,6 +27,11 @@ class Senses(NamedTuple):
     before: Float[Array, "times p"]
     after: Float[Array, "times p"]
 
+    @property
+    def both(self) -> Float[Array, "times 2 p"]:
+        """After and before."""
+        return (np if is_concrete(self.after) else jnp).stack([self.after, self.before], axis=1)
+
 
 def senses_of(system: AbstractSystem, slips: Float[Array, "times 3 p"], length: Array) -> Senses:
     """Of slip rates now, just before and just after each time."""

@@ -21,7 +21,8 @@ _ROWS = {
     "twist": "moment about it",
     "coupling": "what couples two joints",
 }
-_MOST = 4  # singular positions listed
+_MOST = 4  # singular positions and loops listed
+_WITHOUT_AXIS = ("connect", "weld", "ball", "fixed joint")
 _ROUNDING = 1e-11  # of singular values
 _SIDEWAYS = "a sideways load, along "
 _SPAN = 1e-6  # of directions of loads that are not unique
@@ -290,6 +291,18 @@ def _joints(found: Audit, where: str, everything: bool) -> Iterator[str]:
     here = where if found.regular is found.here else "the first of the other positions"
     notes += [f"here alone: at {here}, and not at others"] if 4 in shown else []
     yield from wrapped("; ".join(notes))
+    if not everything:  # which lists the directions of all rows
+        yield from wrapped("".join(_without_axis(found)))
+
+
+def _without_axis(found: Audit) -> Iterator[str]:
+    """What the rows of a point or of a rigid loop are along, which have no axis that a reader could know."""
+    parts = [part for part in found.parts if part.kind in _WITHOUT_AXIS and part.loose]
+    for k, part in enumerate(parts[:_MOST]):
+        own = [f"{row} {vector(found.directions[f'{part.name}.{row}'])}" for row in part.loose]
+        yield f"{'; ' if k else 'Directions of '}{part.name}: {', '.join(own)}"
+    if len(parts) > _MOST:
+        yield f"; {len(parts) - _MOST} more in --all"
 
 
 def _is_mixed(part: Part) -> bool:

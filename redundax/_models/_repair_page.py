@@ -16,6 +16,7 @@ from ._choice import USABLE, Choice, Repair, in_words, listed, vector
 Alike = TypeVar("Alike")
 Lines = Mapping[tuple[str, ...], Sequence[str]]  # what to write in a file, by the rows that it frees
 _MOST = 4  # rows to be typed
+_BEST = "first what stays farthest from a further motion"
 _WRITTEN = 2  # changes of a file told in full
 VECTOR = re.compile(r"\([-\d.e+]+ [-\d.e+]+ [-\d.e+]+\)")
 _WHOLE = re.compile(rf"{VECTOR.pattern}|(?:<- )?--release (?:'[^']*'|\S+)|\w+=\"[^\"]*\"")
@@ -32,13 +33,16 @@ def mended(found: Audit, lines: Lines, language: str, everything: bool = False) 
     if not found.figures[0]:
         return
     if not language:
-        yield "To mend it, free what each line names, if your hardware has that play:"
+        yield f"To mend it, free what each line names, if your hardware has that play; {_BEST} here:"
         for group, *others in kept_together(found.groups, lambda each: _group_form(each, found), everything):
             ways = [_together(_freed_by(each)) for each in group.releases[:2]]
             more = told_alike(others, lambda each: [row.rpartition(".")[0] for row in each.rows])
             yield from wrapped(f"- {' or: '.join(ways)}{more}", initial_indent="  ", subsequent_indent="    ")
         return
     yield "To mend it, take the line that matches your hardware (directions in world axes):"
+    also = any(len(each.choices) > 1 for each in found.repairs)
+    other = f"; after 'or' {_BEST.removeprefix('first ')}" if also else ""
+    yield from wrapped(f"First what frees loops, then joints that carry least{other}.")
     alike = kept_together(found.repairs, lambda each: _form(each, found), everything)
     for number, (repair, *others) in enumerate(alike, 1):
         if len(found.repairs) > 1:
@@ -156,7 +160,11 @@ def all_releases(found: Audit, language: str) -> Iterator[str]:
         head = f"Group {number} of loads that depend on each other, redundant by {group.redundancy}: "
         rows = "; ".join(_row(row, found.directions) for row in group.rows)
         yield from wrapped(head + rows, subsequent_indent="  ")
-        yield "  Each line frees it (from 0 to 1 how far from moving: here, least along the motion):"
+        yield from wrapped(
+            f"Each line frees it; {_BEST}, by the least along the motion (from 0 to 1, here and least along it):",
+            initial_indent="  ",
+            subsequent_indent="  ",
+        )
         for k, release in enumerate(group.releases):
             free = [row for _, shares in release.directions for row in shares]
             margin = release.determinant ** (1 / len(free))
