@@ -17,12 +17,13 @@ prepare(os.cpu_count() or 1)  # a batch has a device for each core
 import jax  # noqa: E402
 import numpy as np  # noqa: E402
 
-from . import _exudyn, _figure, _mujoco, _works  # noqa: E402
+from . import _exudyn, _figure, _mujoco, _stiff, _works  # noqa: E402
 
 _WORKS = {
     "one": _works.one_motion,
     "space": _works.in_space,
     "friction": _works.friction,
+    "stiff": _stiff.stiff,
     "batch": _works.batch,
     "long": _works.long_run,
 }

@@ -5,6 +5,7 @@ from typing import Any
 
 import jax
 import numpy as np
+from truth import press
 
 import redundax as rx
 
@@ -46,6 +47,17 @@ def run_in_space(problem: SpatialProblem, steps: int) -> tuple[float, np.ndarray
     seconds = _solved(system, steps, exu.LinearSolverType.EigenDense)
     place, centre = exu.OutputVariableType.Position, np.asarray(problem.mechanism.body.centre)[problem.body]
     return seconds, np.array(system.GetObjectOutputBody(bodies[problem.body], place, list(-centre)))
+
+
+def run_press(steps: int, t1: float) -> tuple[float, float]:
+    """CPU seconds of the integration, and the crank's angle at the end, of the press of `truth.press`."""
+    import exudyn as exu
+
+    system, crank = _press()
+    start = time.process_time()
+    _solved(system, steps, exu.LinearSolverType.EigenDense, t1)
+    seconds = time.process_time() - start
+    return seconds, press.PHI0 + system.GetNodeOutput(crank, exu.OutputVariableType.Coordinates)[2]
 
 
 def _solved(system: Any, steps: int, solver: Any, t1: float = T1) -> float:
@@ -101,6 +113,50 @@ def _model(loops: int, rate: float) -> tuple:
         pin(cranks[c + 1][0], 0.5, coupler, 0.5)
     system.Assemble()
     return system, cranks[0][1]
+
+
+def _press() -> tuple:
+    """The assembled press, of the bodies and the start of redundax's, and the node of its crank."""
+    import exudyn as exu
+    from exudyn import itemInterface as items
+
+    mechanism, state = press.mechanism()
+    body, (x, y, angle) = mechanism.body, np.split(_by_kind(state.q), 3)
+    speeds = np.stack(np.split(_by_kind(state.qd), 3), axis=1)
+    system = exu.SystemContainer().AddSystem()
+    ground = system.AddObject(items.ObjectGround())
+    nodes, bodies = [], []
+    for k, start in enumerate(np.stack([x, y, angle], axis=1)):
+        nodes.append(system.AddNode(items.NodeRigidBody2D(referenceCoordinates=start, initialVelocities=speeds[k])))
+        mass, inertia = float(body.mass[k]), float(body.inertia[k])
+        bodies.append(system.AddObject(items.ObjectRigidBody2D(mass=mass, inertia=inertia, nodeNumber=nodes[k])))
+    crank, rod, slider, plate = bodies
+
+    def marker(kind: Any, body: int, x: float) -> int:
+        return system.AddMarker(kind(bodyNumber=body, localPosition=[x, 0.0, 0.0]))
+
+    def spring(i: int, x: float, j: int, **sizes: list) -> None:
+        ends = [marker(items.MarkerBodyPosition, *end) for end in ((i, x), (j, 0.0))]
+        system.AddObject(items.ObjectConnectorCartesianSpringDamper(markerNumbers=ends, **sizes))
+
+    half, long = press.R / 2, press.ROD / 2
+    for i, at, j, there in ((ground, 0.0, crank, -half), (crank, half, rod, -long), (rod, long, slider, 0.0)):
+        ends = [marker(items.MarkerBodyPosition, *end) for end in ((i, at), (j, there))]
+        system.AddObject(items.ObjectJointRevolute2D(markerNumbers=ends))
+    for each, at in ((slider, 0.0), (slider, 0.02), (plate, 0.0)):
+        ends = [marker(items.MarkerBodyRigid, *end) for end in ((ground, 0.0), (each, at))]
+        system.AddObject(items.ObjectJointPrismatic2D(markerNumbers=ends))
+    stiff = {"stiffness": [press.STIFFNESS, 0, 0], "damping": [press.DAMPING, 0, 0], "offset": [press.GAP, 0, 0]}
+    spring(slider, 0.0, plate, **stiff)
+    spring(ground, press.REST, plate, stiffness=[press.SOFT, 0, 0])
+    system.Assemble()
+    return system, nodes[0]
+
+
+def _by_kind(values: jax.Array) -> np.ndarray:
+    """x, y and angle of all bodies, one after the other, of coordinates in the order of a mechanism."""
+    linear, angular = np.split(np.asarray(values), [2 * len(values) // 3])
+    return np.concatenate([linear[::2], linear[1::2], angular])
 
 
 def _in_space(mechanism: rx.Mechanism, state: rx.State) -> tuple:

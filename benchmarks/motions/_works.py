@@ -59,7 +59,7 @@ def one_motion(quick: bool) -> Iterator[Row]:
     controls = (three_cranks(), andrews(), papers(), papers(0.02))
     for problem in (*controls, *(n_four_bar(loops) for loops in ((1,) if quick else (1, 2, 10)))):
         for rtol in (1e-5, 1e-7, 1e-9) if quick else (1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10):
-            yield _ours(problem, rtol)
+            yield ours(problem, rtol)
         if problem.loops:
             yield from _peers(problem, (1_000, 10_000) if quick else (1_000, 4_000, 16_000, 64_000, 256_000))
 
@@ -70,7 +70,7 @@ def in_space(quick: bool) -> Iterator[Row]:
     counts = (1_000, 4_000) if quick else (1_000, 4_000, 16_000, 64_000)
     for problem, tolerances in ((a04(), smooth), (four_bar_in_space(), smooth), (a05(), (1e-5, 1e-6))):
         for rtol in tolerances:
-            yield _ours(problem, rtol)
+            yield ours(problem, rtol)
         if not _exudyn.missing():
             for steps in counts:
                 seconds, found = _exudyn.run_in_space(problem, steps)
@@ -82,25 +82,28 @@ def friction(quick: bool) -> Iterator[Row]:
     """A motion with dry friction in the plane, and the same in space."""
     for problem in rubbing():
         for rtol in (1e-7,) if quick else (1e-5, 1e-7, 1e-9):
-            yield _ours(problem, rtol)
+            yield ours(problem, rtol)
 
 
 _warmed: set[str] = set()  # problems whose motions have run for long enough to be programs
 _WARM = 10.0  # seconds
 
 
-def _ours(problem: Problem, rtol: float) -> Row:
+def ours(
+    problem: Problem, rtol: float, solver: rx.Radau | None = None, clock: Callable[[], float] = time.perf_counter
+) -> Row:
+    """A line of redundax, by its own choice of solver if none is given."""
     mechanism, state, t1 = problem.mechanism, problem.state, problem.t1
 
     def run() -> rx.types.Trajectory:
-        return rx.simulate(mechanism, state, t1, ts=[t1], rtol=rtol, throw=False)
+        return rx.simulate(mechanism, state, t1, ts=[t1], rtol=rtol, solver=solver, throw=False)
 
-    first, seconds, found = _timed(run, warm=0.0 if problem.name in _warmed else _WARM)
+    first, seconds, found = timed(run, clock=clock, warm=0.0 if problem.name in _warmed else _WARM)
     _warmed.add(problem.name)
     stats = found.stats
     return Row(
         problem.name,
-        OURS,
+        OURS if solver is None else f"{OURS}, Radau()",
         f"rtol {rtol:.0e}",
         first - seconds,
         seconds,
@@ -111,13 +114,13 @@ def _ours(problem: Problem, rtol: float) -> Row:
     )
 
 
-def _timed(run: Callable, repeats: int = 3, warm: float = 0.0) -> tuple:
+def timed(run: Callable, repeats: int = 3, clock: Callable[[], float] = time.perf_counter, warm: float = 0.0) -> tuple:
     """Seconds of the first call, median of the last ones, and the value; after so many seconds at least."""
     times, value = [], None
     while len(times) <= repeats or sum(times) < warm:
-        start = time.perf_counter()
+        start = clock()
         value = jax.block_until_ready(run())
-        times.append(time.perf_counter() - start)
+        times.append(clock() - start)
     return times[0], float(np.median(times[-repeats:])), value
 
 
@@ -166,7 +169,7 @@ def batch(quick: bool) -> Iterator[Row]:
         "1000 steps of Dopri5": {"rtol": None, "dt0": T1 / 1000, "solver": diffrax.Dopri5()},
     }.items():
         run = batched(lambda rate, options=options: _last(problem, rate, options))
-        first, seconds, (angles, steps) = _timed(lambda run=run: run(rates), 1)
+        first, seconds, (angles, steps) = timed(lambda run=run: run(rates), 1)
         error = np.abs(np.asarray(angles)[some] - exact).max()
         yield Row(f"{count} motions", OURS, setting, first - seconds, seconds / count, int(np.mean(steps)), error)
     if not _exudyn.missing():

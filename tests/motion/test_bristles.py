@@ -5,55 +5,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from test_stick_slip import crank
+from truth.bristles import GRAVITY, LUGRE, SPEED, block, pulled
 
 import redundax as rx
 
 slow = pytest.mark.slow
-MASS, GRAVITY, SPRING, SPEED = 2.0, 10.0, 50.0, 0.05
-LUGRE = {
-    "static": 0.3,
-    "kinetic": 0.2,
-    "velocity": 0.01,
-    "stiffness": 1e3,
-    "damping": 5.0,
-    "viscous": 0.4,
-    "preload": 5,
-}
-
-
-def pulling(i, j, t, p):
-    """A spring whose end moves at a constant speed."""
-    force = jnp.stack([p["spring"] * (p["speed"] * t - i.pose.r[0]), 0.0 * t])
-    return i.wrench(force, jnp.zeros(2)), j.wrench(0 * force, jnp.zeros(2))
-
-
-def block(friction):
-    """A block in a guide, pulled by a spring."""
-    body = rx.Body("block", MASS, 0.1)
-    guide = rx.Translational(
-        "guide", "block", "ground", (0.0, 0.0), (0.0, 0.0), (0.0, 1.0), friction=friction, guide_length=0.1
-    )
-    load = rx.LoadFunction("block", pulling, parameters={"spring": SPRING, "speed": SPEED})
-    return rx.Mechanism([body], [guide], loads=[load], gravity=(0.0, -GRAVITY)), rx.State(jnp.zeros(3), jnp.zeros(3))
-
-
-def pulled(times, static, kinetic, velocity, stiffness, damping, viscous, preload):
-    """x, v, z of the block by its scalar equations, and the friction."""
-    normal = MASS * GRAVITY + preload
-
-    def bristles(v, z):
-        rate = v - stiffness * np.abs(v) * z / (kinetic + (static - kinetic) * np.exp(-((v / velocity) ** 2)))
-        return rate, -normal * (stiffness * z + damping * rate + viscous * v)
-
-    def slope(t, y):
-        x, v, z = y
-        rate, tau = bristles(v, z)
-        return [v, (SPRING * (SPEED * t - x) + tau) / MASS, rate]
-
-    y = solve_ivp(slope, (0, times[-1]), [0, 0, 0], "Radau", times, rtol=1e-10, atol=1e-13).y
-    return *y, bristles(y[1], y[2])[1]
 
 
 @slow

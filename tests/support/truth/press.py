@@ -49,6 +49,17 @@ def rates(_, state):
     ]
 
 
+def elongated(_, state):
+    """The same of phi and the elongation x - y + d, by which the force of the stiff spring loses no digits."""
+    phi, longer, spin, speed = state
+    x, slope, *_ = _along(phi)
+    force = STIFFNESS * longer + DAMPING * speed
+    bend, turning = inertia(phi + 1e-30j).imag / 1e-30, _along(phi + 1e-30j)[1].imag / 1e-30
+    change = (-bend * spin**2 / 2 - force * slope) / inertia(phi).real
+    plate = (force - SOFT * (x - longer + GAP - REST)) / PLATE
+    return [spin, speed, change, slope * change + turning * spin**2 - plate]
+
+
 def begin():
     """phi, y and their rates, where the stiff spring is at rest."""
     x, slope, *_ = _along(PHI0)
