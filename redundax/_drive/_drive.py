@@ -160,7 +160,8 @@ def _solved(path: Path, names: Names, closure: AbstractClosure, solver: Abstract
 
 def _batch_of(path: Path, at: Moving, found: Loads, senses: Senses, solver: AbstractSolver) -> Batch:
     """A run without what is known of its rests."""
-    drives = drives_of(path.system)
+    xp: Any = np if are_known(at) else jnp
+    drives, good = drives_of(path.system), _is_good(at, found, solver)
     rows = np.array([each.row for each in drives], int)
     run = Run(
         t=path.t,
@@ -174,13 +175,13 @@ def _batch_of(path: Path, at: Moving, found: Loads, senses: Senses, solver: Abst
         rates=at.prescribed[:, rows],
         determined=~found.depends[:, rows],
         determined_without_friction=~found.direct[:, rows],
-        stays=(np if are_known(at) else jnp).full((len(path.t), len(rows), 2), np.nan),
+        stays=xp.full((len(path.t), len(rows), 2), np.nan),
         weakest=at.weakest,
         drives=drives,
         names=path.system.names,
         joint_coordinates=path.system.joint_coordinates,
     )
-    return Batch(run, _is_good(at, found, solver), senses)
+    return Batch(run, good, senses)
 
 
 def _moves(rates: Float[Numeric, "times m"]) -> Bool[Numeric, " times"]:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from .._closures._closure import AbstractClosure
 from .._equations._gaps import overlaps
@@ -80,7 +80,12 @@ def until_reached(system: AbstractSystem, names: Names, path: Path, throw: bool 
         return path, ()
     k = int(np.argmax(beyond.any(axis=1)))
     reached = [system.rows.labels[row] for row, own in zip(open_rows, beyond[k], strict=True) if own]
-    t = instant(path, k, lambda finer: (over(finer) > 0).any(axis=1).__getitem__) if k else float(np.asarray(path.t)[0])
+
+    def is_reached(finer: Path) -> Callable[[int], bool]:
+        far = over(finer)
+        return lambda j: bool(np.any(far[j] > 0))
+
+    t = instant(path, k, is_reached) if k else float(np.asarray(path.t)[0])
     said = f"Contacts that are open at first are reached at t = {t:.6g}: {', '.join(reached)}."
     if throw is not False:
         raise NoSolutionError(
@@ -105,7 +110,7 @@ class Batch(NamedTuple):
     """What a batch answers: a run, at which of its times that is right, and the senses of slip."""
 
     run: Run
-    good: Bool[np.ndarray, " times"]
+    good: Any
     senses: Senses
 
 

@@ -218,12 +218,12 @@ class Run(AbstractNamed):
     @property
     def _last(self) -> int:
         """The last of the times that have an answer."""
-        answered = np.flatnonzero(self._answered) if self._skips else ()
-        return int(answered[-1]) if len(answered) else -1
+        answered = np.flatnonzero(self._answered) if self._skips else np.zeros(0, int)
+        return int(answered[-1]) if answered.size else -1
 
     @property
     def _answered(self) -> np.ndarray:
-        return ~np.isnan(np.asarray(self._sizes)).any(axis=1)
+        return np.all(~np.isnan(np.asarray(self._sizes)), axis=1)
 
     @property
     @computed

@@ -30,7 +30,8 @@ class Senses(NamedTuple):
     @property
     def both(self) -> Float[Array, "times 2 p"]:
         """After and before."""
-        return (np if is_concrete(self.after) else jnp).stack([self.after, self.before], axis=1)
+        xp: Any = np if is_concrete(self.after) else jnp
+        return xp.stack([self.after, self.before], axis=1)
 
 
 def senses_of(system: AbstractSystem, slips: Float[Array, "times 3 p"], length: Array) -> Senses:
