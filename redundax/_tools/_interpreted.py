@@ -7,15 +7,17 @@ on no argument is computed at once, and what no result needs is left out. A func
 
 import functools
 import time
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from typing import cast
 
 import jax
 import jax.core
 import numpy as np
-from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
+from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, Var
+from jax.typing import ArrayLike
 
-from ._rules import RULES, Computed, NoRuleError
+from ._compilation import Options
+from ._rules import RULES, Computed, Entries, NoRuleError, Parameters, Shapes
 
 
 class Interpreted:
@@ -25,13 +27,13 @@ class Interpreted:
     whether one has.
     """
 
-    def __init__(self, closed: ClosedJaxpr, options: Callable[[], dict[str, Any]] | None = None):
+    def __init__(self, closed: ClosedJaxpr, options: Callable[[], Options] | None = None):
         if any(isinstance(x, jax.core.Tracer) for x in closed.consts):
             raise NoRuleError
         self._options, self._loops = options, list[_Loop]()
-        self._values: list[Any] = []  # those that are known at once, None of others
+        self._values: list[Entries] = []  # those that are known at once, None of others
         self._steps: list[tuple[Computed, tuple[int, ...], tuple[int, ...], tuple[int, ...]]] = []
-        self._same: dict[Any, list[int]] = {}  # places of what equations give, of which many say the same
+        self._same: dict[Hashable, list[int]] = {}  # places of what equations give, of which many say the same
         self._large: set[int] = set()  # places of arrays that are let go as soon as no step takes them
         given = [self._place() for _ in closed.jaxpr.invars]
         self._given = len(given)
@@ -47,10 +49,10 @@ class Interpreted:
     def has_programs(self) -> bool:
         return any(loop.program is not None for loop in self._loops)
 
-    def __call__(self, given: Sequence[Any]) -> list[np.ndarray]:
+    def __call__(self, given: Sequence[Entries]) -> list[np.ndarray]:
         return [np.array(x) for x in self.run(given)]
 
-    def run(self, given: Sequence[Any]) -> list[Any]:
+    def run(self, given: Sequence[Entries]) -> list[Entries]:
         """Arrays that may be those that are given, or parts of them."""
         values = self._values.copy()
         values[: self._given] = given
@@ -65,16 +67,16 @@ class Interpreted:
                 values[k] = None
         return [values[k] for k in self._results]
 
-    def _place(self, value: Any = None) -> int:
+    def _place(self, value: Entries | None = None) -> int:
         self._values.append(value)
         return len(self._values) - 1
 
-    def _opened(self, jaxpr: Jaxpr, consts: Sequence[Any], given: Sequence[int]) -> list[int]:
+    def _opened(self, jaxpr: Jaxpr, consts: Sequence[ArrayLike], given: Sequence[int]) -> list[int]:
         """Steps of the equations, and the places of their results."""
-        places: dict[Any, int] = dict(zip(jaxpr.invars, given, strict=True))
+        places: dict[Var, int] = dict(zip(jaxpr.invars, given, strict=True))
         places |= {var: self._place(np.asarray(x)) for var, x in zip(jaxpr.constvars, consts, strict=True)}
 
-        def place(atom: Any) -> int:
+        def place(atom: Var | Literal) -> int:
             if not isinstance(atom, Literal):
                 return places[atom]
             value = np.asarray(atom.val, atom.aval.dtype)  # pyright: ignore[reportAttributeAccessIssue]
@@ -105,7 +107,7 @@ class Interpreted:
             return self._made(loop, taken, count)
         if name not in RULES:
             raise NoRuleError(name)
-        of, to = ([x.aval for x in group] for group in (equation.invars, equation.outvars))
+        of, to = (cast(Shapes, [x.aval for x in group]) for group in (equation.invars, equation.outvars))
         if any(getattr(x, "dtype", None) not in _TYPES for x in (*of, *to)):
             raise NoRuleError
         if name in _CHANGES_NOTHING or (name in _RESHAPES and of[0].shape == to[0].shape):
@@ -115,13 +117,13 @@ class Interpreted:
         self._large.update(k for k, x in zip(made, to, strict=True) if getattr(x, "size", 0) > _LARGE)
         return made
 
-    def _once(self, key: Any, make: Callable[[], list[int]]) -> list[int]:
+    def _once(self, key: Hashable, make: Callable[[], list[int]]) -> list[int]:
         try:
             return self._same[key] if key in self._same else self._same.setdefault(key, make())
         except TypeError:  # of parameters that have no hash
             return make()
 
-    def _called(self, inner: Any, taken: list[int]) -> list[int]:
+    def _called(self, inner: ClosedJaxpr | Jaxpr, taken: list[int]) -> list[int]:
         body, held = (inner.jaxpr, inner.consts) if isinstance(inner, ClosedJaxpr) else (inner, ())
         return self._opened(body, held, taken)
 
@@ -161,20 +163,20 @@ class _Inner:
     def __init__(self, closed: ClosedJaxpr):
         self._closed, self._opened = closed, None
 
-    def __call__(self, *given: Any) -> list[Any]:
+    def __call__(self, *given: Entries) -> list[Entries]:
         if self._opened is None:
             self._opened = Interpreted(self._closed)
         return self._opened.run(given)
 
 
-def _branch(branches: Sequence[ClosedJaxpr], which: Any) -> ClosedJaxpr:
+def _branch(branches: Sequence[ClosedJaxpr], which: Entries) -> ClosedJaxpr:
     return branches[min(max(int(which), 0), len(branches) - 1)]
 
 
-def _cond(parameters: dict[str, Any]) -> Computed:
+def _cond(parameters: Parameters) -> Computed:
     branches = [_Inner(branch) for branch in parameters["branches"]]
 
-    def cond(which: Any, *given: Any) -> Any:
+    def cond(which: Entries, *given: Entries) -> Entries:
         out = branches[min(max(int(which), 0), len(branches) - 1)](*given)
         return out[0] if len(out) == 1 else out
 
@@ -185,18 +187,18 @@ class _Loop:
     """A loop, which is a program once its turns have taken half as long as compiling it takes; where their number is
     known, before they would take as long."""
 
-    def __init__(self, equation: JaxprEqn, options: Callable[[], dict[str, Any]] | None):
+    def __init__(self, equation: JaxprEqn, options: Callable[[], Options] | None):
         self._equation, self._options = equation, options
         self._turns = _LOOPS[equation.primitive.name](equation.params)
         self._left = np.inf if options is None else _COMPILING * _count(equation)  # seconds
         self._is_open = False  # what its first turn does once does not count
-        self.program: Callable[..., Any] | None = None
+        self.program: Computed | None = None
 
-    def __call__(self, *given: Any) -> Any:
+    def __call__(self, *given: Entries) -> Entries:
         out = self._compiled(given) if self.program is not None else self._turned(given)
         return out[0] if len(out) == 1 else out
 
-    def _turned(self, given: Sequence[Any]) -> Sequence[Any]:
+    def _turned(self, given: Sequence[Entries]) -> Sequence[Entries]:
         begun = time.thread_time()
         for onward, out, done in self._turns(given):
             if not self._is_open:
@@ -209,7 +211,7 @@ class _Loop:
                 return self._compiled(onward)
         raise AssertionError
 
-    def _compiled(self, given: Sequence[Any]) -> list[np.ndarray]:
+    def _compiled(self, given: Sequence[Entries]) -> list[np.ndarray]:
         if self.program is None:
             equation, options = self._equation, None if self._options is None else self._options()
             bound = functools.partial(equation.primitive.bind, **equation.params)
@@ -219,14 +221,14 @@ class _Loop:
 
 # What a loop is given to go on from here, turn by turn; what it gives at its end; and the part that is done, one half
 # where nobody knows.
-Turns = Iterator[tuple[Sequence[Any], Sequence[Any] | None, float]]
+Turns = Iterator[tuple[Sequence[Entries], Sequence[Entries] | None, float]]
 
 
-def _while(parameters: dict[str, Any]) -> Callable[[Sequence[Any]], Turns]:
+def _while(parameters: Parameters) -> Callable[[Sequence[Entries]], Turns]:
     going, body = _Inner(parameters["cond_jaxpr"]), _Inner(parameters["body_jaxpr"])
     first, last = parameters["cond_nconsts"], parameters["cond_nconsts"] + parameters["body_nconsts"]
 
-    def turns(given: Sequence[Any]) -> Turns:
+    def turns(given: Sequence[Entries]) -> Turns:
         of_going, of_body, now = given[:first], given[first:last], given[last:]
         while going(*of_going, *now)[0]:
             now = body(*of_body, *now)
@@ -236,15 +238,15 @@ def _while(parameters: dict[str, Any]) -> Callable[[Sequence[Any]], Turns]:
     return turns
 
 
-def _scan(parameters: dict[str, Any]) -> Callable[[Sequence[Any]], Turns]:
+def _scan(parameters: Parameters) -> Callable[[Sequence[Entries]], Turns]:
     body, length, number = _Inner(parameters["jaxpr"]), parameters["length"], parameters["num_carry"]
     first, last = parameters["num_consts"], parameters["num_consts"] + number
     if not length:
         raise NoRuleError
 
-    def turns(given: Sequence[Any]) -> Turns:
+    def turns(given: Sequence[Entries]) -> Turns:
         consts, now, over = given[:first], given[first:last], given[last:]
-        noted: list[Sequence[Any]] = []
+        noted: list[Sequence[Entries]] = []
         for k in reversed(range(length)) if parameters["reverse"] else range(length):
             out = body(*consts, *now, *[x[k] for x in over])
             now = out[:number]
@@ -260,7 +262,7 @@ def _scan(parameters: dict[str, Any]) -> Callable[[Sequence[Any]], Turns]:
 _LOOPS = {"while": _while, "scan": _scan}
 
 
-def _count(inside: Any) -> int:
+def _count(inside: object) -> int:
     """Of equations in what holds some."""
     if isinstance(inside, ClosedJaxpr):
         inside = inside.jaxpr

@@ -5,12 +5,13 @@ that are given stay as they are.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import jax
 import jax.core
 import numpy as np
 
+Entries: TypeAlias = Any  # NumPy's arrays and scalars, of which a type checker knows no common one
 Computed = Callable[..., Any]
 Parameters = dict[str, Any]
 Shapes = list[jax.core.ShapedArray]  # of what an equation takes and gives, with types
@@ -69,7 +70,7 @@ def _broadcast(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
         return lambda x: x.reshape(shape)
     dtype = to[0].dtype
 
-    def broadcast(x: Any) -> np.ndarray:
+    def broadcast(x: Entries) -> np.ndarray:
         out = np.empty(shape, dtype)
         out[...] = x.reshape(between)
         return out
@@ -100,7 +101,7 @@ def _dynamic_slice(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
         [a - b for a, b in zip(of[0].shape, parameters["slice_sizes"], strict=True)],
     )
 
-    def part(x: Any, *first: Any) -> Any:
+    def part(x: Entries, *first: Any) -> Entries:
         begins = [min(max(int(k), 0), last) for k, last in zip(first, most, strict=True)]
         return x[tuple(slice(k, k + size) for k, size in zip(begins, sizes, strict=True))]
 
@@ -120,7 +121,7 @@ def _stack(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
 def _unstack(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     axis, count = parameters["axis"], len(to)
 
-    def unstack(x: Any) -> Any:
+    def unstack(x: Entries) -> Entries:
         parts = np.moveaxis(x, axis, 0)
         return parts[0] if count == 1 else list(parts)
 
@@ -135,7 +136,7 @@ def _tile(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
 def _split(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     places, axis, count = np.cumsum(parameters["sizes"])[:-1], parameters["axis"], len(to)
 
-    def split(x: Any) -> Any:
+    def split(x: Entries) -> Entries:
         parts = np.split(x, places, axis)
         return parts[0] if count == 1 else parts
 
@@ -151,7 +152,7 @@ def _pad(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
         for (low, _, between), size in zip(config, of[0].shape, strict=True)
     )
 
-    def pad(x: Any, value: Any) -> np.ndarray:
+    def pad(x: Entries, value: Entries) -> np.ndarray:
         out = np.empty(shape, dtype)
         out[...] = value
         out[inner] = x
@@ -166,7 +167,7 @@ def _convert(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
         return lambda x: x.astype(dtype)
     least, most = np.iinfo(dtype).min, np.iinfo(dtype).max
 
-    def convert(x: Any) -> Any:  # as XLA: of NaN 0, and the nearest of what is too large
+    def convert(x: Entries) -> Entries:  # as XLA: of NaN 0, and the nearest of what is too large
         whole = np.where((x > least) & (x < most), x, 0).astype(dtype)
         return np.where(x >= most, most, np.where(x <= least, least, whole)).astype(dtype)
 
@@ -215,7 +216,7 @@ def _dot(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     if not a.size or not b.size:
         return lambda x, y: np.zeros(shape, dtype)
 
-    def dot(x: Any, y: Any) -> np.ndarray:
+    def dot(x: Entries, y: Entries) -> np.ndarray:
         both = zip((x, y), order, shapes, strict=True)
         x, y = (each.astype(dtype, copy=False).transpose(axes).reshape(to) for each, axes, to in both)
         return np.matmul(x, y).reshape(shape)
@@ -251,7 +252,7 @@ def _entries(numbers: Any, operand: Any, sizes: Sequence[int], within: Sequence[
             out = out + strides[k] * _counted((*out.shape[:axis], sizes[k], *out.shape[axis + 1 :]), axis)
         return out
 
-    last: list[tuple[Any, Any]] = [(None, None)]
+    last: list[tuple[Entries, Entries]] = [(None, None)]
 
     def same(places: np.ndarray) -> np.ndarray:
         known, found = last[0]
@@ -287,7 +288,7 @@ def _scatter(setting: Computed, equations: list[str]) -> Callable[..., Computed]
         axes = numbers.scatter_dims_to_operand_dims, without, *batches
         entries = _entries(axes, operand, sizes, within, parameters["mode"])
 
-        def scatter(x: Any, places: Any, new: Any) -> np.ndarray:
+        def scatter(x: Entries, places: Entries, new: Entries) -> np.ndarray:
             out = np.array(x, order="C")  # so that its entries in one row are no copy
             setting(out.reshape(-1), entries(places), new)
             return out
@@ -297,7 +298,7 @@ def _scatter(setting: Computed, equations: list[str]) -> Callable[..., Computed]
     return rule
 
 
-def _set(x: np.ndarray, places: Any, new: Any) -> None:
+def _set(x: np.ndarray, places: Entries, new: Entries) -> None:
     x[places] = new
 
 
@@ -327,7 +328,7 @@ def _or_nan(factor: Computed) -> Callable[..., Computed]:
         if parameters.get("subset_by_index") is not None:
             raise NoRuleError
 
-        def found(a: Any) -> Any:
+        def found(a: Entries) -> Entries:
             try:
                 return find(a)
             except np.linalg.LinAlgError:
@@ -347,7 +348,7 @@ def _cholesky(parameters: Parameters) -> Computed:
 def _eigh(parameters: Parameters) -> Computed:
     half = "L" if parameters["lower"] else "U"
 
-    def find(a: Any) -> Any:
+    def find(a: Entries) -> Entries:
         values, vectors = np.linalg.eigh(a, half)
         return vectors, values
 
@@ -358,7 +359,7 @@ def _svd(parameters: Parameters) -> Computed:
     if not parameters["compute_uv"]:
         return lambda a: np.linalg.svd(a, compute_uv=False)
 
-    def find(a: Any) -> Any:
+    def find(a: Entries) -> Entries:
         left, values, right = np.linalg.svd(a, full_matrices=parameters["full_matrices"])
         return values, left, right
 
@@ -370,7 +371,7 @@ def _lu(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     if of[0].ndim != 2:
         raise NoRuleError
 
-    def lu(a: Any) -> Any:
+    def lu(a: Entries) -> Entries:
         a, pivots, order = np.array(a), np.empty(min(a.shape), np.int32), np.arange(len(a), dtype=np.int32)
         for k in range(len(pivots)):
             pivots[k] = pivot = k + int(np.argmax(np.abs(a[k:, k])))
@@ -390,7 +391,7 @@ def _triangular_solve(parameters: Parameters, of: Shapes, to: Shapes) -> Compute
     if of[0].ndim != 2:
         raise NoRuleError
 
-    def solve(a: Any, b: Any) -> np.ndarray:
+    def solve(a: Entries, b: Entries) -> np.ndarray:
         if turned == left:
             a = a.T
         b = b if left else b.T
@@ -415,7 +416,7 @@ def _sort(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     if len(of) == 1:
         return lambda x: np.sort(x, axis, kind="stable")
 
-    def sort(*given: Any) -> Any:
+    def sort(*given: Any) -> Entries:
         order = np.lexsort(given[keys - 1 :: -1], axis)
         return [np.take_along_axis(x, order, axis) for x in given]
 
@@ -425,7 +426,7 @@ def _sort(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
 def _dynamic_update_slice(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     sizes, most = of[1].shape, [a - b for a, b in zip(of[0].shape, of[1].shape, strict=True)]
 
-    def update(x: Any, new: Any, *first: Any) -> np.ndarray:
+    def update(x: Entries, new: Entries, *first: Any) -> np.ndarray:
         out, begins = np.array(x), [min(max(int(k), 0), last) for k, last in zip(first, most, strict=True)]
         out[tuple(slice(k, k + size) for k, size in zip(begins, sizes, strict=True))] = new
         return out
@@ -438,7 +439,7 @@ def _maybe_set(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     if len(of) != 4 or of[3].shape != () or parameters["kwargs"] or parameters["i_static"] is not None:
         raise NoRuleError
 
-    def set_entry(_: Any, x: Any, new: Any, place: Any) -> np.ndarray:
+    def set_entry(_: Entries, x: Entries, new: Entries, place: Entries) -> np.ndarray:
         out = np.array(x)
         if -len(out) <= place < len(out):
             out[int(place)] = new
