@@ -8,8 +8,8 @@ On the branch of parallel cranks the crank angle obeys one scalar equation; its 
 
 Beside it stand three cranks with a coupler, Andrews' squeezer with its published end, and the paper's mechanism, which
 comes to rest where it has friction; and in space problem A04, Bricard's mechanism, a four-bar, and problem A05, a
-governor on stiff springs, each by an integration of its own freedoms to 1e-12. Two stiff motions, a press on a spring of
-1e9 N/m and a block on LuGre's bristles, stand beside SciPy's Radau on their own equations (`_stiff`).
+governor on stiff springs, each by an integration of its own freedoms to 1e-12. Two stiff motions, a press on a spring
+of 1e9 N/m and a block on LuGre's bristles, stand beside SciPy's Radau on their own equations (`_stiff`).
 
 Peers run where they are installed (`pip install exudyn mujoco`): Exudyn, implicit generalised-alpha method with its
 redundant constraints ignored in the factorisation; MuJoCo, a tree closed by equality constraints, as stiff as the step
