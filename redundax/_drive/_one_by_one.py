@@ -191,5 +191,5 @@ def _in_words(lifting: tuple[str, ...], t: float) -> str:
 def _remedy(run: Run, k: int) -> str:
     """What keeps contacts closed: where all rests, no slower motion does."""
     sizes = np.abs(np.asarray(run.acceleration)).max(axis=1)
-    rests = not np.any(run.qd[k]) and sizes[k] <= _RESTS * np.nanmax(sizes)
+    rests = not np.any(run.qd[k]) and not sizes[k] > _RESTS * np.nanmax(sizes, initial=0.0)
     return "Press them together" if rests else "Press them together, or move more slowly"

@@ -64,8 +64,8 @@ class Run(AbstractNamed):
     - `multipliers`, `friction`: as in a `Solution`, of the closure.
     - `before`: the same on the other side of an instant of rest.
     - `result`: how the solution of each time ended; its loads are NaN unless it is `RESULTS.successful`. Then `peak`
-      and `rms` are those of the other times, and `energy` that up to the last of them, as a print says; inside of
-      transformations they are NaN.
+      and `rms` are those of the other times, and `energy` that up to the last of them, NaN if one before has none, as a
+      print says; inside of transformations they are NaN.
     - `rates`: of the drives, shape (times, drives).
     - `determined`: which forces of drives the rigid machine determines, friction included, shape (times, drives);
       `determined_without_friction` too. The closure decides the others.

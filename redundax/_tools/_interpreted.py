@@ -8,7 +8,7 @@ on no argument is computed at once, and what no result needs is left out. A func
 import functools
 import time
 from collections.abc import Callable, Hashable, Iterator, Sequence
-from typing import cast
+from typing import Any, cast
 
 import jax
 import jax.core
@@ -24,13 +24,18 @@ class Interpreted:
     """The function of NumPy's arrays, one by one, that equations say.
 
     Loops that stand in no other become programs by `options` of `jax.jit` where those are given; `has_programs` tells
-    whether one has.
+    whether one has. They are added to `loops`.
     """
 
-    def __init__(self, closed: ClosedJaxpr, options: Callable[[], Options] | None = None):
+    def __init__(
+        self,
+        closed: ClosedJaxpr,
+        options: Callable[[], Options] | None = None,
+        loops: "list[_Loop] | None" = None,
+    ):
         if any(isinstance(x, jax.core.Tracer) for x in closed.consts):
             raise NoRuleError
-        self._options, self._loops = options, list[_Loop]()
+        self._options, self._loops = options, list[_Loop]() if loops is None else loops
         self._values: list[Entries] = []  # those that are known at once, None of others
         self._steps: list[tuple[Computed, tuple[int, ...], tuple[int, ...], tuple[int, ...]]] = []
         self._same: dict[Hashable, list[int]] = {}  # places of what equations give, of which many say the same
@@ -68,18 +73,20 @@ class Interpreted:
         return [values[k] for k in self._results]
 
     def _place(self, value: Entries | None = None) -> int:
+        if isinstance(value, np.ndarray):
+            value.flags.writeable = False
         self._values.append(value)
         return len(self._values) - 1
 
     def _opened(self, jaxpr: Jaxpr, consts: Sequence[ArrayLike], given: Sequence[int]) -> list[int]:
         """Steps of the equations, and the places of their results."""
         places: dict[Var, int] = dict(zip(jaxpr.invars, given, strict=True))
-        places |= {var: self._place(np.asarray(x)) for var, x in zip(jaxpr.constvars, consts, strict=True)}
+        places |= {var: self._place(np.array(x)) for var, x in zip(jaxpr.constvars, consts, strict=True)}
 
         def place(atom: Var | Literal) -> int:
             if not isinstance(atom, Literal):
                 return places[atom]
-            value = np.asarray(atom.val, atom.aval.dtype)  # pyright: ignore[reportAttributeAccessIssue]
+            value = np.array(atom.val, atom.aval.dtype)  # pyright: ignore[reportAttributeAccessIssue]
             return self._once((value.dtype, value.shape, value.tobytes()), lambda: [self._place(value)])[0]
 
         for equation in jaxpr.eqns:
@@ -99,8 +106,8 @@ class Interpreted:
         if name == "cond":
             known = self._values[taken[0]]
             if known is not None:
-                return self._called(_branch(parameters["branches"], known), taken[1:])
-            return self._made(_cond(parameters), taken, count)
+                return self._called(parameters["branches"][_place_of(known, len(parameters["branches"]))], taken[1:])
+            return self._made(self._cond(parameters["branches"]), taken, count)
         if name in _LOOPS:
             loop = _Loop(equation, self._options)
             self._loops.append(loop)
@@ -116,6 +123,15 @@ class Interpreted:
         made = self._once(key, lambda: self._made(RULES[name](parameters, of, to), taken, count))
         self._large.update(k for k, x in zip(made, to, strict=True) if getattr(x, "size", 0) > _LARGE)
         return made
+
+    def _cond(self, branches: Sequence[ClosedJaxpr]) -> Computed:
+        opened = [_Inner(branch, self._options, self._loops) for branch in branches]
+
+        def cond(which: Entries, *given: Entries) -> Entries:
+            out = opened[_place_of(which, len(opened))](*given)
+            return out[0] if len(out) == 1 else out
+
+        return cond
 
     def _once(self, key: Hashable, make: Callable[[], list[int]]) -> list[int]:
         try:
@@ -153,34 +169,24 @@ _CALLS = {  # the parameter that holds the equations of a call
     "remat2": "jaxpr",
 }
 _CHANGES_NOTHING = {"nonbatchable", "stop_gradient"}
-_RESHAPES = {"broadcast_in_dim", "expand_dims", "reshape", "squeeze"}
+_RESHAPES = {"broadcast_in_dim", "expand_dims", "squeeze"}
 _COMPILING = 4e-4  # seconds of CPU that an equation takes
 
 
 class _Inner:
     """Equations inside of others, opened when they are first asked for."""
 
-    def __init__(self, closed: ClosedJaxpr):
-        self._closed, self._opened = closed, None
+    def __init__(self, closed: ClosedJaxpr, *given: Any):
+        self._closed, self._given, self._opened = closed, given, None
 
     def __call__(self, *given: Entries) -> list[Entries]:
         if self._opened is None:
-            self._opened = Interpreted(self._closed)
+            self._opened = Interpreted(self._closed, *self._given)
         return self._opened.run(given)
 
 
-def _branch(branches: Sequence[ClosedJaxpr], which: Entries) -> ClosedJaxpr:
-    return branches[min(max(int(which), 0), len(branches) - 1)]
-
-
-def _cond(parameters: Parameters) -> Computed:
-    branches = [_Inner(branch) for branch in parameters["branches"]]
-
-    def cond(which: Entries, *given: Entries) -> Entries:
-        out = branches[min(max(int(which), 0), len(branches) - 1)](*given)
-        return out[0] if len(out) == 1 else out
-
-    return cond
+def _place_of(which: Entries, count: int) -> int:
+    return min(max(int(which), 0), count - 1)
 
 
 class _Loop:

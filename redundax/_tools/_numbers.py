@@ -435,9 +435,9 @@ class _Traced:
         with in_little_time(True), of_equations(not loops), of_one_sample(loops), uncollected():
             self.closed, of_arrays, self.others = eqx.filter_make_jaxpr(function)(*arguments)
         self.function, self.structure, self.calls = function, jax.tree.structure(of_arrays), 0
-        self.first, self.spent = None, 0.0  # seconds in programs
+        self.first, self.loops, self.spent = None, loops, 0.0  # seconds in programs
         with contextlib.suppress(Exception):  # functions of a user may hold what NumPy has not
-            self.first = Interpreted(self.closed, quick_options if loops else None)
+            self.first = Interpreted(self.closed, quick_options)
 
     @property
     def is_compiled(self) -> bool:
@@ -452,7 +452,7 @@ class _Traced:
     def __call__(self, given: list[Any]) -> Any:
         self.calls += 1
         out, begun, compiled = None, time.perf_counter(), self.is_compiled
-        if self.first is not None and (self.calls <= FEW or self.first.has_programs):
+        if self.first is not None and (self.calls <= FEW or (self.loops and self.first.has_programs)):
             with contextlib.suppress(Exception):
                 out = self.first([np.asarray(x) for x in given])
         if out is None:

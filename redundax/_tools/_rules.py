@@ -83,6 +83,12 @@ def _reshape(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     return lambda x: x.reshape(shape)
 
 
+def _reshape_in_order(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    if parameters["dimensions"] is not None:  # of axes in another order
+        raise NoRuleError
+    return _reshape(parameters, of, to)
+
+
 def _transpose(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     order = tuple(parameters["permutation"])
     return lambda x: x.transpose(order)
@@ -255,6 +261,8 @@ def _entries(numbers: Any, operand: Any, sizes: Sequence[int], within: Sequence[
     last: list[tuple[Entries, Entries]] = [(None, None)]
 
     def same(places: np.ndarray) -> np.ndarray:
+        if places.flags.writeable:
+            return entries(places)
         known, found = last[0]
         if places is not known:  # most are constants
             last[0] = places, found = places, entries(places)
@@ -366,9 +374,12 @@ def _svd(parameters: Parameters) -> Computed:
     return find
 
 
+_PIVOTS = 100  # rows that are eliminated one by one
+
+
 def _lu(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     """With the largest entry of a column as pivot; NumPy gives no factors, and SciPy is imported for longer."""
-    if of[0].ndim != 2:
+    if of[0].ndim != 2 or max(of[0].shape) > _PIVOTS:
         raise NoRuleError
 
     def lu(a: Entries) -> Entries:
@@ -399,9 +410,9 @@ def _triangular_solve(parameters: Parameters, of: Shapes, to: Shapes) -> Compute
         a = np.triu(a)
         if unit:
             np.fill_diagonal(a, 1)
-        try:
+        if np.diagonal(a).all() and np.isfinite(a).all() and np.isfinite(b).all():
             x = np.linalg.solve(a, b)  # an upper triangle is its own factor
-        except np.linalg.LinAlgError:
+        else:
             x = np.empty_like(b)
             for k in reversed(range(len(a))):
                 x[k] = (b[k] - a[k, k + 1 :] @ x[k + 1 :]) / a[k, k]
@@ -542,7 +553,7 @@ RULES: dict[str, Callable[..., Computed]] = {
     "reduce_prod": _along(np.multiply),
     "reduce_sum": _along(np.add),
     "rem": _of_floats(np.fmod),
-    "reshape": _reshape,
+    "reshape": _reshape_in_order,
     "rev": _reversed,
     "round": _round,
     "rsqrt": _as_it_is(lambda x: 1 / np.sqrt(x)),

@@ -297,6 +297,32 @@ def test_what_has_no_factor_is_nan_and_triangles_without_pivot_are_followed():
             np.testing.assert_array_equal(one, other)
 
 
+def test_what_is_not_finite_spreads_to_what_depends_on_it_alone():
+    upper = np.array([[2.0, 1.0, 3.0], [0.0, 4.0, 5.0], [0.0, 0.0, 6.0]])
+
+    def solved(a, b):
+        return [
+            jax.lax.linalg.triangular_solve(x, b, left_side=True, lower=lower)
+            for x, lower in ((a, False), (a[::-1, ::-1], True))
+        ]
+
+    for a, b in ((upper, [[np.nan], [2.0], [3.0]]), (np.where(upper == 1, np.inf, upper), [[1.0], [2.0], [3.0]])):
+        given = a, np.array(b)
+        with np.errstate(all="ignore"):
+            for one, other in zip(of_numpy(solved, *given), jax.jit(solved)(*given), strict=True):
+                np.testing.assert_allclose(one, other, rtol=1e-15)
+
+
+def test_arrays_that_their_owner_changes_are_read_anew():
+    """Places that are given; what a function holds stays as it was traced."""
+    held = np.ones(5)
+    run = Interpreted(jax.make_jaxpr(lambda x, k: held * x.at[k].get(mode="promise_in_bounds"))(np.zeros(5), np.zeros(5, int)))
+    x, places = np.arange(5.0), np.array([1, 2, 0, 3, 4])
+    np.testing.assert_array_equal(run([x, places])[0], [1, 2, 0, 3, 4])
+    places[:], held[:] = 4, 7.0
+    np.testing.assert_array_equal(run([x, places])[0], [4] * 5)
+
+
 @pytest.fixture
 def clock(monkeypatch):
     """Seconds that a test says have passed."""
@@ -352,9 +378,28 @@ def test_a_loop_of_known_length_is_a_program_as_soon_as_its_turns_would_take_too
     assert (len(turns), run.has_programs) == (11, True)
 
 
+def test_a_loop_in_a_branch_is_a_program_too(clock, monkeypatch):
+    sine = np.sin
+
+    def slow(x):
+        clock[0] += 1.0
+        return sine(x)
+
+    def steps(x):
+        return jax.lax.cond(x[0] < 1, lambda x: jax.lax.map(jnp.sin, x), lambda x: x, x)
+
+    monkeypatch.setitem(RULES, "sin", lambda parameters, of, to: slow)
+    monkeypatch.setattr(_interpreted, "_COMPILING", 0.5)
+    run, x = Interpreted(jax.make_jaxpr(steps)(np.ones(30)), dict), np.linspace(0, 0.9, 30)
+    np.testing.assert_allclose(run([x])[0], sine(x), rtol=1e-15)
+    assert run.has_programs
+    assert clock[0] < 30
+
+
 @pytest.mark.parametrize(
     "function",
     [
+        lambda x: jnp.asarray(x).reshape(3, 1).ravel(order="F") * jnp.reshape(jnp.outer(x, x), (3, 3), order="F")[0],
         lambda x: jnp.asarray(x).at[0].apply(jnp.square),
         lambda x: jnp.asarray(x).at[0].mul(3.0),
         lambda x: jnp.max(x[:0], initial=0.0),
