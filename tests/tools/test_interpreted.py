@@ -316,7 +316,8 @@ def test_what_is_not_finite_spreads_to_what_depends_on_it_alone():
 def test_arrays_that_their_owner_changes_are_read_anew():
     """Places that are given; what a function holds stays as it was traced."""
     held = np.ones(5)
-    run = Interpreted(jax.make_jaxpr(lambda x, k: held * x.at[k].get(mode="promise_in_bounds"))(np.zeros(5), np.zeros(5, int)))
+    program = jax.make_jaxpr(lambda x, k: held * x.at[k].get(mode="promise_in_bounds"))
+    run = Interpreted(program(np.zeros(5), np.zeros(5, int)))
     x, places = np.arange(5.0), np.array([1, 2, 0, 3, 4])
     np.testing.assert_array_equal(run([x, places])[0], [1, 2, 0, 3, 4])
     places[:], held[:] = 4, 7.0
