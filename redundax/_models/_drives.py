@@ -71,7 +71,9 @@ def drives_at(tree: Tree, positions: np.ndarray, freedom: int, left: float = 0.0
     return Drives(names, loose, len(names) - rank, freedom - rank, is_decided, locked=locked)
 
 
-def turning(tree: Tree, positions: np.ndarray, turns: Sequence[tuple[str, float]]) -> tuple[tuple[str, str, float], ...]:
+def turning(
+    tree: Tree, positions: np.ndarray, turns: Sequence[tuple[str, float]]
+) -> tuple[tuple[str, str, float], ...]:
     """Of joints that turn back, those that a drive moves and no other joint, with its name."""
     names, rates = tree.drives(positions)
     of_joint = {tree.joints[int(tree.joint_of_dof[dof])].name: dof for dof in np.flatnonzero((rates != 0).any(axis=0))}

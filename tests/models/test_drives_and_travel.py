@@ -107,7 +107,7 @@ def test_a_dead_point_is_told_from_drives_that_share(tree):
 
 
 def test_a_drive_that_turns_back_on_the_way_is_at_a_dead_point(tree):
-    """The piston, with crank and rod in line, outstretched at 0 and folded 2 x 0.1 m farther in; and a crank does not."""
+    """The piston, with crank and rod in line, at 0 and 2 x 0.1 m farther in; and a crank does not."""
     for drive, ends in (("S", [-0.2, 0.0]), ("A", [])):
         model, _ = tree(PISTON.replace('joint="S"', f'joint="{drive}"'))
         positions = model.descend(np.array([0.5, -0.6, 0.0]))[0]
