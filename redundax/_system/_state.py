@@ -58,7 +58,7 @@ class State(AbstractModule):
         """Of several states those at some places along their first axis, as of an array."""
         if self.t.ndim == 0 or isinstance(which, str):
             raise RedundaxError(
-                f"A `State` has its entries in `q`, `qd` and `t`, but is asked for [{which!r}]. Ask a solution, a motion or "
+                f"A `State` has its entries in `q`, `qd` and `t`, but is asked for [{which!r}]. Ask a solution or "
                 "`system.table(state)` for names; places are those of several states, with an axis for them in front."
             )
         places = which if isinstance(which, jax.core.Tracer) else np.arange(len(self.t))[which]
