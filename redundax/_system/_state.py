@@ -11,7 +11,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PyTree
 
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, as_float
+from .._tools._module import Numbers, as_float, is_concrete
 from .._tools._table import are_known, figures, group, page
 from .._tools._value import AbstractModule
 from ._results import RESULTS, first_failure
@@ -61,7 +61,7 @@ class State(AbstractModule):
                 f"A `State` has its entries in `q`, `qd` and `t`, but is asked for [{which!r}]. Ask a solution or "
                 "`system.table(state)` for names; places are those of several states, with an axis for them in front."
             )
-        places = which if isinstance(which, jax.core.Tracer) else np.arange(len(self.t))[which]
+        places = np.arange(len(self.t))[which] if is_concrete(which) else which
         return jax.tree.map(lambda x: x[places], self)
 
     @property

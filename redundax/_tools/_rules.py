@@ -38,7 +38,7 @@ def _divided(function: Computed) -> Callable[..., Computed]:
         def whole(x: Entries, y: Entries) -> Entries:
             rest = np.fmod(x, np.where(y == 0, one, y))
             found = rest if is_remainder else (x - rest) // np.where(y == 0, one, y)
-            return np.where(y == 0, x if is_remainder else ~np.zeros_like(one), found)
+            return np.where(y == 0, x if is_remainder else np.invert(one - one), found)
 
         return whole
 
@@ -426,16 +426,6 @@ def _lu(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
 def _triangular_solve(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     left, turned, unit = (parameters[name] for name in ("left_side", "transpose_a", "unit_diagonal"))
     upper = parameters["lower"] == (turned == left)
-    if of[0].ndim != 2:
-        one = _triangular_solve(parameters, [np.empty((0, 0))], to)
-
-        def each(a: Entries, b: Entries) -> np.ndarray:
-            x = np.empty_like(b)
-            for place in np.ndindex(b.shape[:-2]):
-                x[place] = one(a[place], b[place])
-            return x
-
-        return each
 
     def solve(a: Entries, b: Entries) -> np.ndarray:
         if turned == left:
@@ -454,7 +444,13 @@ def _triangular_solve(parameters: Parameters, of: Shapes, to: Shapes) -> Compute
         x = x if upper else x[::-1]
         return x if left else x.T
 
-    return solve
+    def each(a: Entries, b: Entries) -> np.ndarray:
+        x = np.empty_like(b)
+        for place in np.ndindex(b.shape[:-2]):
+            x[place] = solve(a[place], b[place])
+        return x
+
+    return solve if of[0].ndim == 2 else each
 
 
 def _sort(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
