@@ -145,7 +145,7 @@ def _integrate(
 
 _dense = on_numbers(_integrate)
 _forward, _reverse = on_numbers(_integrate, traced=once), on_numbers(_integrate, traced=once_in_reverse)
-_sparse = on_numbers(as_program(_integrate, in_order=True), jit=False)
+_sparse = as_program(_integrate, in_order=True)
 
 
 def integrate(

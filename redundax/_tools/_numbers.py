@@ -469,7 +469,7 @@ LONG = 5.0
 
 
 def as_program(function: Callable[..., Any], *, in_order: bool = False) -> Callable[..., Any]:
-    """What repeats a thousand times: `compiled`, of numbers and giving such where those are known.
+    """What repeats a thousand times: `compiled` where arguments are traced; of numbers, or JAX's arrays, it gives such.
 
     It is computed by NumPy at first, its loops or all of it are compiled in little time where that would take longer,
     and with all optimisation, if it is large `in_order`, once they have run for `LONG`.
@@ -479,8 +479,11 @@ def as_program(function: Callable[..., Any], *, in_order: bool = False) -> Calla
 
     @functools.wraps(function)
     def run(*arguments: Any) -> Any:
-        if not are_numbers(arguments):
+        if not are_known(arguments):
             return first(*arguments)
+        if not are_numbers(arguments):
+            with computing():
+                return as_arrays(run(*as_numbers(arguments)))
         key = jax.config.jax_enable_x64, _structure(arguments)  # pyright: ignore[reportAttributeAccessIssue]
         try:
             with jax.core.eval_context():

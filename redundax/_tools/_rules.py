@@ -401,6 +401,13 @@ def _svd(parameters: Parameters) -> Computed:
     return find
 
 
+def _qr(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    if parameters["pivoting"]:
+        raise NoRuleError
+    mode = "complete" if parameters["full_matrices"] else "reduced"
+    return lambda a: np.linalg.qr(a, mode)
+
+
 _PIVOTS = 100  # rows that are eliminated one by one
 
 
@@ -577,6 +584,7 @@ RULES: dict[str, Callable[..., Computed]] = {
     "pad": _pad,
     "platform_index": _of_platform,
     "pow": _power,
+    "qr": _qr,
     "reduce_and": _along(np.logical_and),
     "reduce_max": _along(np.maximum),
     "reduce_min": _along(np.minimum),

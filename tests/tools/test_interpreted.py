@@ -157,6 +157,9 @@ FUNCTIONS = {
     "loops": lambda a, b, c: (
         jax.lax.while_loop(lambda x: jnp.sum(x) < 9.0, lambda x: 1.5 * x + b[0, 0], jnp.abs(a)),
         jax.lax.while_loop(lambda x: x[0] < 0, lambda x: (x[0] + 1, 2 * x[1]), (jnp.zeros((), int), a)),
+        jax.vmap(lambda x, y: jax.lax.while_loop(lambda z: z[0] < 9.0, lambda z: (z[0] + 1, 1.5 * z[1]), (x, y)))(
+            a[:, 0], c
+        ),
         jax.lax.scan(lambda x, y: (x * y[0][0] + b[0, 0], (x, y)), a[0], (b.T, c[0])),
         jax.lax.scan(lambda x, y: (x + y, x), a[0, 0], b[0], reverse=True),
         jax.lax.fori_loop(0, 4, lambda k, x: x.at[jnp.minimum(k, 1)].add(b[0]), a),
@@ -186,6 +189,8 @@ FUNCTIONS = {
         jnp.linalg.svd(a, compute_uv=False),
         jax.lax.linalg.lu(a.T @ a + b.T @ b),
         jax.lax.linalg.lu(a.T),
+        jnp.linalg.qr(jnp.stack([a.T, b.T])),
+        jnp.linalg.qr(a.T, mode="complete"),
     ),
     "triangles": lambda a, b, c: [
         jax.lax.linalg.triangular_solve(
