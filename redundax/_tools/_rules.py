@@ -413,19 +413,22 @@ _PIVOTS = 100  # rows that are eliminated one by one
 
 def _lu(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     """With the largest entry of a column as pivot; NumPy gives no factors, and SciPy is imported for longer."""
-    if of[0].ndim != 2 or max(of[0].shape) > _PIVOTS:
+    if max(of[0].shape[-2:]) > _PIVOTS:
         raise NoRuleError
+    shapes, count = [x.shape for x in to], min(of[0].shape[-2:])
 
     def lu(a: Entries) -> Entries:
-        a, pivots, order = np.array(a), np.empty(min(a.shape), np.int32), np.arange(len(a), dtype=np.int32)
-        for k in range(len(pivots)):
-            pivots[k] = pivot = k + int(np.argmax(np.abs(a[k:, k])))
-            if pivot != k:
-                a[[k, pivot]], order[[k, pivot]] = a[[pivot, k]], order[[pivot, k]]
-            if a[k, k] != 0:
-                a[k + 1 :, k] /= a[k, k]
-            a[k + 1 :, k + 1 :] -= np.outer(a[k + 1 :, k], a[k, k + 1 :])
-        return a, pivots, order
+        a = np.array(a).reshape(-1, *a.shape[-2:])
+        every, pivots = np.arange(len(a)), np.empty((len(a), count), np.int32)
+        order = np.tile(np.arange(a.shape[1], dtype=np.int32), (len(a), 1))
+        for k in range(count):
+            pivots[:, k] = pivot = k + np.argmax(np.abs(a[:, k:, k]), axis=1)
+            for rows in (a, order):
+                rows[every, k], rows[every, pivot] = rows[every, pivot], rows[every, k].copy()
+            own = a[:, k, k, None]
+            a[:, k + 1 :, k] /= np.where(own == 0, 1, own)
+            a[:, k + 1 :, k + 1 :] -= a[:, k + 1 :, k, None] * a[:, None, k, k + 1 :]
+        return tuple(x.reshape(shape) for x, shape in zip((a, pivots, order), shapes, strict=True))
 
     return lu
 
