@@ -54,6 +54,8 @@ PROGRAMS = {
     # With a stop on its way: steps, what is given at the times asked for, the closure, and three of a few operations.
     "motion": (lambda m, s: rx.simulate(m, s, 0.05), 6),
     "another motion": (lambda m, s: rx.simulate(m, m.state(phi=0.7, rate=1.1), 0.1), 0),
+    # Small ones of the law, and how positions follow each other.
+    "drive": (lambda m, s: rx.drive(m, {"1.phi": rx.Polynomial([0.8, 1.0])}, np.linspace(0.0, 0.4, 5), s.q), 12),
 }
 
 
