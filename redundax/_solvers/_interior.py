@@ -97,7 +97,11 @@ def interior(
         slack, multiplier = point.slack, point.multiplier
         own = jnp.where(held, 1.0, 0.0)
         ratio = own * multiplier / slack
-        stiff = slopes[0] + jnp.where(held, multiplier, 1.0)[:, None] * slopes[1] - (own * about * ratio)[:, None] * slopes[2]
+        stiff = (
+            slopes[0]
+            + jnp.where(held, multiplier, 1.0)[:, None] * slopes[1]
+            - (own * about * ratio)[:, None] * slopes[2]
+        )
         lu = jax.scipy.linalg.lu_factor(stiff + _NEAR * jnp.eye(own.size, dtype=own.dtype))
 
         def direction(target: Array) -> tuple[Array, Array, Array]:
@@ -107,14 +111,19 @@ def interior(
             return change, moved, own * ((target - multiplier * moved) / slack - multiplier)
 
         def part(change: tuple[Array, Array, Array]) -> Array:
-            ways = [jnp.where(held & (d < 0), -x / jnp.where(d < 0, d, -1.0), jnp.inf) for x, d in ((slack, change[1]), (multiplier, change[2]))]
+            ways = [
+                jnp.where(held & (d < 0), -x / jnp.where(d < 0, d, -1.0), jnp.inf)
+                for x, d in ((slack, change[1]), (multiplier, change[2]))
+            ]
             return jnp.minimum(1.0, _WITHIN * jnp.min(jnp.minimum(*ways), initial=jnp.inf))
 
         products = jnp.where(held, slack * multiplier, 0.0)
         mean = jnp.sum(products) / jnp.maximum(jnp.sum(own), 1.0)
         first = direction(jnp.zeros_like(slack))
         far = part(first)
-        ahead = jnp.sum(jnp.where(held, (slack + far * first[1]) * (multiplier + far * first[2]), 0.0)) / jnp.maximum(jnp.sum(own), 1.0)
+        ahead = jnp.sum(jnp.where(held, (slack + far * first[1]) * (multiplier + far * first[2]), 0.0)) / jnp.maximum(
+            jnp.sum(own), 1.0
+        )
         centre = jnp.clip((ahead / jnp.where(mean > 0, mean, 1.0)) ** 3, 1e-4, 1.0) * mean
         centre = jnp.maximum(centre, enough[0] ** 2 / 10)
         last = direction(centre - far * far * first[1] * first[2])
@@ -133,7 +142,14 @@ def interior(
 
     middle, squared, _ = within(jnp.zeros_like(free))
     slack, zero = jnp.where(held, jnp.maximum(squared / 2, 1e-3), 1.0), jnp.zeros((), free.dtype)
-    begin = _Point(middle, slack, jnp.where(held, 1.0, 0.0), zero + 1e300 if free.dtype == jnp.float64 else zero + 1e30, zero, jnp.zeros((), int))
+    begin = _Point(
+        middle,
+        slack,
+        jnp.where(held, 1.0, 0.0),
+        zero + 1e300 if free.dtype == jnp.float64 else zero + 1e30,
+        zero,
+        jnp.zeros((), int),
+    )
     end = jax.lax.while_loop(going, step, begin)
     found = (end.open <= enough[0]) & (end.missed <= enough[1]) & jnp.any(held)
     return Interior(arms * unit * end.force, found)
