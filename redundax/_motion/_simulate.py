@@ -114,8 +114,7 @@ def simulate(
     approach begins with an impact. Dry friction has an impulse, by the coefficient of a joint at rest and against the
     slip that the impact leaves; what rests beside contacts goes on as `RESULTS.successful`. Bristles, and friction of
     your own by loads, have no law of impulses: a motion ends as `RESULTS.impulse_unknown` at an impact that loads them.
-    Motions with contacts need dense matrices. Where a load lets several rough feet of one body go and turns it too, the
-    motion may end there as `RESULTS.phases_exhausted`.
+    Motions with contacts need dense matrices.
 
     Of large mechanisms, whose matrices are sparse, friction that holds joints is sought among as many directions as
     they have freedoms, each of which costs one solution. Dry sleeves, balls, plates and points on planes need dense

@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._system._directions import Directions
@@ -36,7 +35,7 @@ class Interior(NamedTuple):
 
 
 class _Point(NamedTuple):
-    """Friction, slacks and multipliers of joints; what equations miss, the larger part of what should be zero, and steps so far."""
+    """Friction, slacks and multipliers of joints; what equations miss, the largest of what ends at zero, and steps."""
 
     force: Float[Array, " p"]
     slack: Float[Array, " p"]
@@ -131,7 +130,7 @@ def interior(
         after = point._replace(
             force=point.force + go * last[0], slack=slack + go * last[1], multiplier=multiplier + go * last[2]
         )
-        (alpha, about, _), balance, off = missing(after)
+        _, balance, off = missing(after)
         missed = jnp.maximum(jnp.max(jnp.abs(balance), initial=0.0), jnp.max(jnp.abs(off), initial=0.0))
         open_ = jnp.max(jnp.where(held, jnp.minimum(after.slack, after.multiplier), 0.0), initial=0.0)
         return after._replace(missed=missed, open=open_, count=point.count + 1)

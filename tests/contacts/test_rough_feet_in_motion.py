@@ -1,8 +1,8 @@
 """Rough feet in space in motions: they stick, turn about one of them, slide, stop, tip and land.
 
-The independent integration is of the plane motion of the body: its loads by moments, those of four feet of least squares,
-friction against the slip of each foot, by a stiff method from just after feet are let go, and a body that turns about one
-foot as a pin until that foot would slide.
+The independent integration is of the plane motion of the body: its loads by moments, those of four feet of least
+squares, friction against the slip of each foot, by a stiff method from just after feet are let go, and a body that
+turns about one foot as a pin until that foot would slide.
 """
 
 import jax
