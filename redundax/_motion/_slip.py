@@ -253,13 +253,11 @@ def look(
         plan = _turned(equations, plan, found, after, held)
         apart, slip = beyond - short, found.solved.slip
         slope = (now.slip - slip) / jnp.where(apart > 0, apart, 1.0)
-        before, free = stage == _BEFORE, jnp.any(plan.free)
-        slope = jnp.where(before, slope, plan.slope)
-        of_event = jnp.where(free, slip, found.rate), jnp.where(free, slope, slip)
-        h, rise = (_of_plan(equations, x, plan, now.trial) for x in of_event)
-        root = t - h / jnp.where(rise != 0, rise, jnp.inf) + _LATER * width
+        before = stage == _BEFORE
+        plan = plan._replace(slope=jnp.where(before, slope, plan.slope))
+        root = _root(equations, plan, found, now.trial, t) + _LATER * width
         root = jnp.clip(root, step.start, jnp.minimum(beyond, step.end))
-        plan = plan._replace(time=jnp.where(before | at_root, root, plan.time), slope=slope)
+        plan = plan._replace(time=jnp.where(before | at_root, root, plan.time))
         after_look = jnp.where(
             event & ~moves, _HALVE, jnp.where(waits & ~event & (now.turn + 1 < _LOOKS), _LOOK, _DONE)
         )
@@ -298,10 +296,13 @@ def look(
     return found.seen, found.plan, found.well, found.cut
 
 
-def _of_plan(equations: Equations, rates: Float[Array, " p"], plan: Plan, sense: Float[Array, " p"]) -> Array:
-    """h of a plan, of slip rates or their rates of change."""
-    one = chosen(equations, rates, plan.joint, sense)
-    return jnp.where(jnp.any(plan.weights != 0) & jnp.any(plan.free), plan.weights @ rates, one)
+def _root(equations: Equations, plan: Plan, found: Seen, trial: Float[Array, " p"], t: Array) -> Array:
+    """When h is zero, by a step of Newton's method from what was found at a time."""
+    free, slip = jnp.any(plan.free), found.solved.slip
+    of_event = jnp.where(free, slip, found.rate), jnp.where(free, plan.slope, slip)
+    weighs = free & jnp.any(plan.weights != 0)
+    h, rise = (jnp.where(weighs, plan.weights @ x, chosen(equations, x, plan.joint, trial)) for x in of_event)
+    return t - h / jnp.where(rise != 0, rise, jnp.inf)
 
 
 def _turned(equations: Equations, plan: Plan, found: Seen, after: Array, held: Array) -> Plan:

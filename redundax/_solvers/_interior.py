@@ -9,7 +9,7 @@ middle, and those with one friction alone have that.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -45,6 +45,10 @@ class _Point(NamedTuple):
     count: Array
 
 
+# Accelerations, friction about the middles, and slacks, by friction.
+_Conditions: TypeAlias = Callable[[Array], tuple[Array, Array, Array]]
+
+
 def interior(
     limits: Callable[[Float[Array, " p"]], tuple[Float[Array, " p"], Float[Array, " p"]]],
     free: Float[Array, " p"],
@@ -71,75 +75,25 @@ def interior(
     free, matrix = unit * free / pull, unit[:, None] * matrix * unit / pull
     which = same & held[:, None] & held
 
-    def within(force: Array) -> tuple[Array, Array, Array]:
-        """Middles, squares of radii by joint, and the friction of the rest."""
+    def within(force: Array) -> tuple[Array, Array]:
+        """Middles, or the friction of joints that slip, and squares of radii by joint."""
         low, high = (limit / (unit * arms) for limit in limits(unit * arms * force))
         middle, half = (low + high) / 2, jnp.where(held, (high - low) / 2, 0.0)
         rest = jnp.where(blocked, jnp.clip(0.0, low, high), low)
-        return jnp.where(held, middle, rest), jnp.where(same, half**2, 0.0).sum(axis=1), middle
+        return jnp.where(held, middle, rest), jnp.where(same, half**2, 0.0).sum(axis=1)
 
     def equations(force: Array) -> tuple[Array, Array, Array]:
         """alpha; friction about the middles; and slacks, as they should be."""
-        middle, squared, _ = within(force)
+        middle, squared = within(force)
         about = force - middle
         room = (squared - jnp.where(which, about**2, 0.0).sum(axis=1)) / 2
         return jnp.where(held, free + matrix @ force, 0.0), about, jnp.where(held, room, 1.0)
-
-    def missing(point: _Point) -> tuple[tuple[Array, Array, Array], Array, Array]:
-        alpha, about, room = equations(point.force)
-        balance = jnp.where(held, alpha + point.multiplier * about, about)
-        return (alpha, about, room), balance, jnp.where(held, room - point.slack, 0.0)
-
-    def step(point: _Point) -> _Point:
-        (_, about, _), balance, off = missing(point)
-        slopes = jax.jacfwd(equations)(point.force)
-        slack, multiplier = point.slack, point.multiplier
-        own = jnp.where(held, 1.0, 0.0)
-        ratio = own * multiplier / slack
-        stiff = (
-            slopes[0]
-            + jnp.where(held, multiplier, 1.0)[:, None] * slopes[1]
-            - (own * about * ratio)[:, None] * slopes[2]
-        )
-        lu = jax.scipy.linalg.lu_factor(stiff + _NEAR * jnp.eye(own.size, dtype=own.dtype))
-
-        def direction(target: Array) -> tuple[Array, Array, Array]:
-            aim = own * (target / slack - multiplier - ratio * off)
-            change = jax.scipy.linalg.lu_solve(lu, -balance - about * aim * own)
-            moved = off + own * (slopes[2] @ change)
-            return change, moved, own * ((target - multiplier * moved) / slack - multiplier)
-
-        def part(change: tuple[Array, Array, Array]) -> Array:
-            ways = [
-                jnp.where(held & (d < 0), -x / jnp.where(d < 0, d, -1.0), jnp.inf)
-                for x, d in ((slack, change[1]), (multiplier, change[2]))
-            ]
-            return jnp.minimum(1.0, _WITHIN * jnp.min(jnp.minimum(*ways), initial=jnp.inf))
-
-        products = jnp.where(held, slack * multiplier, 0.0)
-        mean = jnp.sum(products) / jnp.maximum(jnp.sum(own), 1.0)
-        first = direction(jnp.zeros_like(slack))
-        far = part(first)
-        ahead = jnp.sum(jnp.where(held, (slack + far * first[1]) * (multiplier + far * first[2]), 0.0)) / jnp.maximum(
-            jnp.sum(own), 1.0
-        )
-        centre = jnp.clip((ahead / jnp.where(mean > 0, mean, 1.0)) ** 3, 1e-4, 1.0) * mean
-        centre = jnp.maximum(centre, enough[0] ** 2 / 10)
-        last = direction(centre - far * far * first[1] * first[2])
-        go = part(last)
-        after = point._replace(
-            force=point.force + go * last[0], slack=slack + go * last[1], multiplier=multiplier + go * last[2]
-        )
-        _, balance, off = missing(after)
-        missed = jnp.maximum(jnp.max(jnp.abs(balance), initial=0.0), jnp.max(jnp.abs(off), initial=0.0))
-        open_ = jnp.max(jnp.where(held, jnp.minimum(after.slack, after.multiplier), 0.0), initial=0.0)
-        return after._replace(missed=missed, open=open_, count=point.count + 1)
 
     def going(point: _Point) -> Array:
         done = (point.open <= enough[0]) & (point.missed <= enough[1])
         return wanted & ~done & (point.count < _STEPS) & jnp.isfinite(point.open + point.missed)
 
-    middle, squared, _ = within(jnp.zeros_like(free))
+    middle, squared = within(jnp.zeros_like(free))
     slack, zero = jnp.where(held, jnp.maximum(squared / 2, 1e-3), 1.0), jnp.zeros((), free.dtype)
     begin = _Point(
         middle,
@@ -149,6 +103,58 @@ def interior(
         zero,
         jnp.zeros((), int),
     )
-    end = jax.lax.while_loop(going, step, begin)
+    end = jax.lax.while_loop(going, lambda now: _stepped(equations, now, held, enough[0]), begin)
     found = (end.open <= enough[0]) & (end.missed <= enough[1]) & jnp.any(held)
     return Interior(arms * unit * end.force, found)
+
+
+def _missing(equations: _Conditions, point: _Point, held: Bool[Array, " p"]) -> tuple[Array, Array, Array]:
+    """Friction about the middles, and what balance and slacks miss."""
+    alpha, about, room = equations(point.force)
+    balance = jnp.where(held, alpha + point.multiplier * about, about)
+    return about, balance, jnp.where(held, room - point.slack, 0.0)
+
+
+def _stepped(equations: _Conditions, point: _Point, held: Bool[Array, " p"], enough: float) -> _Point:
+    """A step of Newton's method to a smaller product of slacks and multipliers, predicted and corrected (Mehrotra)."""
+    about, balance, off = _missing(equations, point, held)
+    slopes = jax.jacfwd(equations)(point.force)
+    slack, multiplier = point.slack, point.multiplier
+    own = jnp.where(held, 1.0, 0.0)
+    ratio = own * multiplier / slack
+    stiff = (
+        slopes[0] + jnp.where(held, multiplier, 1.0)[:, None] * slopes[1] - (own * about * ratio)[:, None] * slopes[2]
+    )
+    lu = jax.scipy.linalg.lu_factor(stiff + _NEAR * jnp.eye(own.size, dtype=own.dtype))
+
+    def direction(target: Array) -> tuple[Array, Array, Array]:
+        aim = own * (target / slack - multiplier - ratio * off)
+        change = jax.scipy.linalg.lu_solve(lu, -balance - about * aim * own)
+        moved = off + own * (slopes[2] @ change)
+        return change, moved, own * ((target - multiplier * moved) / slack - multiplier)
+
+    def part(change: tuple[Array, Array, Array]) -> Array:
+        ways = [
+            jnp.where(held & (d < 0), -x / jnp.where(d < 0, d, -1.0), jnp.inf)
+            for x, d in ((slack, change[1]), (multiplier, change[2]))
+        ]
+        return jnp.minimum(1.0, _WITHIN * jnp.min(jnp.minimum(*ways), initial=jnp.inf))
+
+    products = jnp.where(held, slack * multiplier, 0.0)
+    mean = jnp.sum(products) / jnp.maximum(jnp.sum(own), 1.0)
+    first = direction(jnp.zeros_like(slack))
+    far = part(first)
+    ahead = jnp.sum(jnp.where(held, (slack + far * first[1]) * (multiplier + far * first[2]), 0.0)) / jnp.maximum(
+        jnp.sum(own), 1.0
+    )
+    centre = jnp.clip((ahead / jnp.where(mean > 0, mean, 1.0)) ** 3, 1e-4, 1.0) * mean
+    centre = jnp.maximum(centre, enough**2 / 10)
+    last = direction(centre - far * far * first[1] * first[2])
+    go = part(last)
+    after = point._replace(
+        force=point.force + go * last[0], slack=slack + go * last[1], multiplier=multiplier + go * last[2]
+    )
+    _, balance, off = _missing(equations, after, held)
+    missed = jnp.maximum(jnp.max(jnp.abs(balance), initial=0.0), jnp.max(jnp.abs(off), initial=0.0))
+    open_ = jnp.max(jnp.where(held, jnp.minimum(after.slack, after.multiplier), 0.0), initial=0.0)
+    return after._replace(missed=missed, open=open_, count=point.count + 1)
