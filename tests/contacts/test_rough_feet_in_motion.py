@@ -5,7 +5,6 @@ squares, friction against the slip of each foot, by a stiff method from just aft
 turns about one foot as a pin until that foot would slide.
 """
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -318,14 +317,3 @@ def test_a_table_that_falls_flat_slides_or_sticks_where_it_lands(mu, sticks):
     np.testing.assert_allclose(motion.qd[:, :2], np.outer(truth, along), rtol=0, atol=1e-8)
     np.testing.assert_allclose(motion.impacts.t[0], lands, rtol=1e-9)
     np.testing.assert_allclose(motion.impacts.energy[0], MASS * (strike**2 + speed**2 - left**2) / 2, rtol=1e-8)
-
-
-@pytest.mark.slow
-def test_ways_of_a_pushed_table_have_derivatives():
-    """By the coefficient: against differences of the independent integration."""
-
-    def way(mu):
-        return moved(table(CORNERS, mu, ramp((18.0, 24.0, 3.0), HEIGHT)), 1.6, max_steps=300).q[-1, 1]
-
-    ends = [Feet(CORNERS, mu, (18.0, 24.0, 3.0), HEIGHT).slid(np.array([0.0, 1.6]))[-1, 1] for mu in (0.401, 0.399)]
-    np.testing.assert_allclose(jax.grad(way)(jnp.asarray(MU)), (ends[0] - ends[1]) / 2e-3, rtol=1e-4)
