@@ -261,12 +261,13 @@ def _struck(done: PhaseState, lands: Array | np.bool_, equations: Equations, opt
     left = options.controller.end - done.since
     after = after._replace(found=after.found & (starts | ~_goes_round(done, after, there, (t, left))))
     onward = _settled(done._replace(t=t, y=y), after, there, starts)
+    settled = cast(Contacts, onward.contacts)
     here = (starts | (options.ts > done.t)) & (options.ts <= t)  # as the step may end before the event
     onward = onward._replace(
         path=jax.tree.map(lambda new, old: xp.where(like(here, old), new, old), onward.y, done.path),
         senses=xp.where(here[:, None], onward.mode.sense, done.senses),
         rests=xp.where(here, onward.mode.resting, done.rests),
-        contacts=onward.contacts._replace(path=_noted(here, onward.contacts)),
+        contacts=settled._replace(path=_noted(here, settled)),
         going=onward.going & done.going & (starts | (t < options.controller.end)),
         begun=xp.maximum(onward.begun, 0),
     )

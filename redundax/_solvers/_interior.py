@@ -42,7 +42,7 @@ class _Point(NamedTuple):
     multiplier: Float[Array, " p"]
     missed: Array
     open: Array
-    count: Array
+    steps: Array
 
 
 # Accelerations, friction about the middles, and slacks, by friction.
@@ -91,7 +91,7 @@ def interior(
 
     def going(point: _Point) -> Array:
         done = (point.open <= enough[0]) & (point.missed <= enough[1])
-        return wanted & ~done & (point.count < _STEPS) & jnp.isfinite(point.open + point.missed)
+        return wanted & ~done & (point.steps < _STEPS) & jnp.isfinite(point.open + point.missed)
 
     middle, squared = within(jnp.zeros_like(free))
     slack, zero = jnp.where(held, jnp.maximum(squared / 2, 1e-3), 1.0), jnp.zeros((), free.dtype)
@@ -157,4 +157,4 @@ def _stepped(equations: _Conditions, point: _Point, held: Bool[Array, " p"], eno
     _, balance, off = _missing(equations, after, held)
     missed = jnp.maximum(jnp.max(jnp.abs(balance), initial=0.0), jnp.max(jnp.abs(off), initial=0.0))
     open_ = jnp.max(jnp.where(held, jnp.minimum(after.slack, after.multiplier), 0.0), initial=0.0)
-    return after._replace(missed=missed, open=open_, count=point.count + 1)
+    return after._replace(missed=missed, open=open_, steps=point.steps + 1)
