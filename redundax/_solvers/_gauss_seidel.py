@@ -7,7 +7,7 @@ with A symmetric positive semidefinite, joint after joint
     tau_j <- clip(tau_j - alpha_j / A_jj, lo_j, hi_j),
 
 the limits being those of the loads at the start of a sweep. Friction along a direction has a ball for an interval
-(`_balls`): that of norm |hi|, where lo = -hi. Where there are some, sweeps stand in only where `_interior` finds none.
+(`_balls`): that of norm |hi|, where lo = -hi. Of several sweeps stand in only where `_interior` finds none.
 """
 
 from collections.abc import Callable
@@ -54,8 +54,9 @@ def gauss_seidel(
     balls = within = None
     if directions is not None:
         balls = Balls.of(directions, jnp.where(jnp.isinf(own)[:, None], 0.0, matrix))
-        within = interior(limits, free, matrix, jnp.isinf(own), weight, directions, wanted)
-        wanted = wanted & ~within.found
+        if len(directions.joints) > 1:
+            within = interior(limits, free, matrix, jnp.isinf(own), weight, directions, wanted)
+            wanted = wanted & ~within.found
 
     def sweep(carry: tuple) -> tuple:
         tau, _, _, count = carry
