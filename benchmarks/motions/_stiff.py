@@ -18,9 +18,10 @@ from truth import bristles, press
 
 import redundax as rx
 
+from .._timing import timed
 from . import _exudyn
 from ._problems import Problem
-from ._works import Row, ours, timed
+from ._works import Row, ours
 
 LUGRE = {**bristles.LUGRE, "stiffness": 1e5, "damping": 50.0}
 

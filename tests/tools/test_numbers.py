@@ -71,6 +71,7 @@ class Programs:
 HEARD = Programs()
 
 
+@pytest.mark.slow
 def test_known_calls_trace_the_model_alone(programs_at_once):
     jax.clear_caches()
     mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02)
@@ -263,7 +264,7 @@ def _twice(mass=1.0) -> tuple[rx.System, rx.State]:
     return system, rx.State([0.0, 0.0], [0.0, 0.0])
 
 
-@pytest.mark.parametrize("often", [0, sys.maxsize])
+@pytest.mark.parametrize("often", [pytest.param(0, marks=pytest.mark.slow), sys.maxsize])
 def test_what_functions_of_the_user_hold_may_be_traced(monkeypatch, often):
     monkeypatch.setattr(_numbers, "OFTEN", often)
     system, state = _twice()
