@@ -413,7 +413,7 @@ def landing(
             lambda: least_friction(yields, equations.with_sense(sense).sticking, equations.slip_size),
             lambda: jnp.zeros_like(yields),
         )
-        halt, weights = unit @ inverse, _weights(equations, plan, along, free)
+        halt, weights = unit @ inverse, _weights(equations, plan, along, free, inverse)
     h = weights @ jnp.where(free, seen.solved.slip, seen.rate)
     slope = weights @ jnp.where(free, plan.slope, seen.solved.slip)
     good = step.lands & (plan.joint >= 0) & (plan.stops | free) & (slope != 0)
@@ -423,14 +423,16 @@ def landing(
     return Landing(good, free, weights, along, slope, shift, change, halt), onward
 
 
-def _weights(equations: Equations, plan: Plan, along: Array, free: Array) -> Float[Array, " p"]:
-    """Of slip rates in the velocity of a joint's surfaces along a direction; of slip accelerations where joints are let
-    go those of the plan."""
+def _weights(equations: Equations, plan: Plan, along: Array, free: Array, inverse: Array) -> Float[Array, " p"]:
+    """Of slip rates in the velocity of a joint's surfaces along a direction; of slip accelerations of one that is let
+    go in what its friction lacks to hold it, of which the direction as it turns does not matter; of several those of
+    the plan."""
     directions = cast(Directions, equations.directions)
-    whole = jnp.where(jnp.asarray(directions.same)[plan.joint], directions.arms * along, 0.0)
+    same, directed = jnp.asarray(directions.same)[plan.joint], jnp.asarray(directions.directed)[plan.joint]
+    lacks = jnp.where(same, along / directions.arms, 0.0) @ inverse
+    lacks = jnp.where(jnp.any(plan.free & ~same) & jnp.any(plan.weights != 0), plan.weights, lacks)
     one = jnp.zeros_like(along).at[plan.joint].set(1.0)
-    one = jnp.where(jnp.asarray(directions.directed)[plan.joint], whole, one)
-    return jnp.where(free & jnp.any(plan.weights != 0), plan.weights, one)
+    return jnp.where(directed, jnp.where(free, lacks, jnp.where(same, directions.arms * along, 0.0)), one)
 
 
 @eqx.filter_custom_jvp
