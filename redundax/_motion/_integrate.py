@@ -168,7 +168,8 @@ def _with_contacts(
     rows, near, none = np.array(system.names.one_sided), largest_violation(state.qd.dtype), before.t != before.t
     gap = take(-model_of_all(system, state).motion.value / equations.scaling.rows, rows)
     which = gap < near * equations.scaling.size
-    touch = Touch(xp.asarray(~system.names.is_one_sided), which & none, rank)
+    holds = xp.asarray(~system.names.is_one_sided)
+    touch = Touch(holds, which & none, rank, equations.sense != equations.sense)
     path = jax.tree.map(lambda x: xp.broadcast_to(x, (ts.size, *x.shape)), touch)
     impacts = ImpactLog(
         xp.zeros_like(state.t, int),

@@ -7,7 +7,7 @@ with A symmetric positive semidefinite, joint after joint
     tau_j <- clip(tau_j - alpha_j / A_jj, lo_j, hi_j),
 
 the limits being those of the loads at the start of a sweep. Friction along a direction has a ball for an interval
-(`_balls`): that of norm |hi|, where lo = -hi.
+(`_balls`): that of norm |hi|, where lo = -hi. Of several sweeps stand in only where `_interior` finds none.
 """
 
 from collections.abc import Callable
@@ -19,6 +19,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._system._directions import Directions
 from ._balls import Balls
+from ._interior import interior
 
 _SWEEPS = 2000
 
@@ -50,7 +51,12 @@ def gauss_seidel(
     - `enough`: change of friction, relative to the largest limit, that ends it.
     - `directions`: joints whose slips share one friction.
     """
-    balls = None if directions is None else Balls.of(directions, jnp.where(jnp.isinf(own)[:, None], 0.0, matrix))
+    balls = within = None
+    if directions is not None:
+        balls = Balls.of(directions, jnp.where(jnp.isinf(own)[:, None], 0.0, matrix))
+        if len(directions.joints) > 1:
+            within = interior(limits, free, matrix, jnp.isinf(own), weight, directions, wanted)
+            wanted = wanted & ~within.found
 
     def sweep(carry: tuple) -> tuple:
         tau, _, _, count = carry
@@ -70,4 +76,7 @@ def gauss_seidel(
     zero = jnp.zeros((), free.dtype)
     first = (jnp.zeros_like(free), zero + jnp.inf, zero, jnp.zeros((), int))
     tau, change, size, _ = jax.lax.while_loop(going, sweep, first)
-    return Swept(tau, change <= enough * size)
+    settled = change <= enough * size
+    if within is None:
+        return Swept(tau, settled)
+    return Swept(jnp.where(within.found, within.tau, tau), within.found | settled)
