@@ -317,3 +317,18 @@ def test_a_table_that_falls_flat_slides_or_sticks_where_it_lands(mu, sticks):
     np.testing.assert_allclose(motion.qd[:, :2], np.outer(truth, along), rtol=0, atol=1e-8)
     np.testing.assert_allclose(motion.impacts.t[0], lands, rtol=1e-9)
     np.testing.assert_allclose(motion.impacts.energy[0], MASS * (strike**2 + speed**2 - left**2) / 2, rtol=1e-8)
+
+
+def test_friction_in_several_directions_beside_contacts_is_that_of_contacts():
+    """A foot that cannot lift has no law of impulses."""
+    top = rx.spatial.Body("top", MASS, inertia=(1.0, 1.2, SPIN), centre=(0.0, 0.0, HEIGHT))
+    held = rx.spatial.PointOnPlane("held", top, "ground", (0.0, 0.0, 0.0), (0, 0, 1), friction=rx.Coulomb(MU))
+    feet = [
+        rx.spatial.PointOnPlane(f"f{k}", top, "ground", (*at, 0.0), (0, 0, 1), one_sided=True)
+        for k, at in enumerate(TRIPOD)
+    ]
+    mechanism = rx.Mechanism([top], [*feet, held], gravity=(0.0, 0.0, -9.81))
+    with pytest.raises(
+        rx.RedundaxError, match=r"must have no friction of .* f0, f1, f2, but that of contacts themselves"
+    ):
+        rx.simulate(mechanism, rx.assemble(mechanism), 0.01)
