@@ -152,7 +152,7 @@ def solve(
         solution, factor = _with_contacts(system, state, rank, closure, solver, (x0, sense))
         play = None if system.names.one_sided or closure is None else closure.clearances(system)
         if play is not None and are_known(factor, closure):
-            warn_of_idle_play(play, np.asarray(factor.in_self_stress), system.rows.labels, stacklevel=2)
+            warn_of_idle_play(play, np.asarray(cast(Any, factor).in_self_stress), system.rows.labels, stacklevel=2)
         return _told(solution, system, state, throw, factor)
     if factor is None and not are_known(system, state, rank):
         solution = _solved_at_each(*given)

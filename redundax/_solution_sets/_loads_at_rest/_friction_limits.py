@@ -130,7 +130,8 @@ class _Ways(NamedTuple):
         parts, directions, is_open = np.ones(law.rate.shape), directions_of(law.groups), law.is_open
         if directions is not None:
             parts = np.where(is_open, np.sqrt(np.sum(directions.same, axis=1)), 1.0)
-        return cls(*(replace_fields(law, sense=np.where(is_open, sense, law.sense)) for sense in (1.0, -1.0)), parts)
+        one, two = (replace_fields(law, sense=np.where(is_open, sense, law.sense)) for sense in (1.0, -1.0))
+        return cls(one, two, parts)
 
     def limits(self, loads: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Least and largest friction of slips that rest, that of those that move, and the derivatives by the loads."""
