@@ -21,10 +21,9 @@ from .._system._driven import Driven
 from .._system._names import DRIVE, ByName, index_of
 from .._system._state import State
 from .._system._system import AbstractSystem, check_system
-from .._tools._compilation import compiled
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import Numbers, as_float, is_concrete, replace_fields
-from .._tools._numbers import are_known, as_arrays, as_numbers, computing, on_numbers, stop_gradient, xp
+from .._tools._numbers import are_known, as_arrays, as_numbers, as_program, computing, on_numbers, stop_gradient, xp
 from ._follow import begun, follow, follow_known
 from ._loads import Moving, moving
 from ._roll import velocity_at
@@ -311,7 +310,7 @@ def _moving_of(system: AbstractSystem, scale: Scaling, q: Array, t: Array, besid
     return jax.vmap(lambda *at: moving(system, scale, *at)[0])(q, t, beside)
 
 
-_moving_batch = compiled(_moving_of)
+_moving_batch = as_program(_moving_of)
 
 
 def narrow_places(path: Path, weakest: np.ndarray) -> tuple[str, ...]:

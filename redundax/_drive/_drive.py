@@ -6,7 +6,6 @@ asked of `solve`, time by time.
 """
 
 from collections.abc import Sequence
-from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -30,10 +29,9 @@ from .._system._friction import have_sense
 from .._system._names import DRIVE, ByName, Names
 from .._system._results import RESULTS, result_codes
 from .._system._system import AbstractSystem, check_system
-from .._tools._compilation import compiled
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import Numbers, replace_fields
-from .._tools._numbers import Numeric, are_known, as_arrays
+from .._tools._numbers import Numeric, are_known, as_arrays, as_program
 from ._along import Laws, Path, along, in_batches, narrow_places, started, with_laws
 from ._loads import Loads, Moving, loads, moving
 from ._one_by_one import Batch, as_closed, asked_again, of_closed_contacts, until_reached
@@ -201,7 +199,7 @@ def _traced(path: Path, choices: tuple) -> tuple[Moving, Loads, Senses]:
     return found, jax.vmap(lambda *at: loads(system, scale, choices, *at))(*asked), senses
 
 
-@partial(compiled, runs_long=True)
+@as_program
 def _batch(
     system: AbstractSystem,
     scale: Scaling,

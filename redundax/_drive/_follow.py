@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._equations._scaling import Scaling
 from .._system._system import AbstractSystem
-from .._tools._compilation import compiled
+from .._tools._numbers import as_program
 from ._roll import rolled
 
 _MOVED = 0.5  # of the size, as radians: predicted and prescribed motion within a step, so that no turn is missed
@@ -88,7 +88,7 @@ def follow(system: AbstractSystem, scale: Scaling, start: _Track, ts: Float[Arra
     return Followed(q, reached, end)
 
 
-follow_known = compiled(follow, runs_long=True)
+follow_known = as_program(follow)
 
 
 def _attempt(system: AbstractSystem, scale: Scaling, track: _Track, target: Array) -> _Track:

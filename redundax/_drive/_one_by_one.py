@@ -26,10 +26,9 @@ from .._system._pushing import pulls_of
 from .._system._results import RESULTS, result_codes
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._compilation import compiled
 from .._tools._errors import NoSolutionError
 from .._tools._module import on_device, replace_fields
-from .._tools._numbers import as_arrays, computed
+from .._tools._numbers import as_arrays, as_program, computed
 from ._along import Path, instant
 from ._run import Moment, Run
 from ._senses import Senses
@@ -94,7 +93,7 @@ def until_reached(system: AbstractSystem, names: Names, path: Path, throw: bool 
     return path._replace(q=jnp.where(np.arange(len(path.t))[:, None] < k, path.q, jnp.nan)), (said,)
 
 
-@compiled
+@as_program
 def _constraints(system: AbstractSystem, q: Array, t: Array) -> Float[Array, "times m"]:
     return jax.vmap(system.constraint)(q, t)
 

@@ -236,12 +236,18 @@ def _while(parameters: Parameters) -> Callable[[Sequence[Entries]], Turns]:
 
     def turns(given: Sequence[Entries]) -> Turns:
         of_going, of_body, now = given[:first], given[first:last], given[last:]
-        while going(*of_going, *now)[0]:
-            now = body(*of_body, *now)
+        while np.any(flag := going(*of_going, *now)[0]):
+            new = body(*of_body, *now)
+            now = new if np.ndim(flag) == 0 else [_chosen(flag, *both) for both in zip(new, now, strict=True)]
             yield (*given[:last], *now), None, 0.5
         yield given, now, 1.0
 
     return turns
+
+
+def _chosen(flag: Entries, yes: Entries, no: Entries) -> np.ndarray:
+    """Of a batch what goes on, and what has ended as it is."""
+    return np.where(np.reshape(flag, np.shape(flag) + (1,) * (np.ndim(yes) - np.ndim(flag))), yes, no)
 
 
 def _scan(parameters: Parameters) -> Callable[[Sequence[Entries]], Turns]:

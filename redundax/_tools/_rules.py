@@ -4,6 +4,7 @@ A rule gives a function of arrays, from the parameters of an equation and the sh
 that are given stay as they are.
 """
 
+import contextlib
 from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
@@ -26,13 +27,20 @@ def _as_it_is(function: Computed) -> Callable[..., Computed]:
     return lambda parameters, of, to: function
 
 
-def _of_floats(function: Computed) -> Callable[..., Computed]:
-    """A function of floating-point numbers; whole ones have rules of their own beside 0."""
+def _divided(function: Computed) -> Callable[..., Computed]:
+    """A quotient or remainder; of whole numbers towards 0, and by 0 as XLA has it: -1, and the number itself."""
 
     def rule(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
-        if not np.issubdtype(to[0].dtype, np.floating):
-            raise NoRuleError
-        return function
+        if np.issubdtype(to[0].dtype, np.floating):
+            return function
+        one, is_remainder = np.ones((), to[0].dtype), function is np.fmod
+
+        def whole(x: Entries, y: Entries) -> Entries:
+            rest = np.fmod(x, np.where(y == 0, one, y))
+            found = rest if is_remainder else (x - rest) // np.where(y == 0, one, y)
+            return np.where(y == 0, x if is_remainder else np.invert(one - one), found)
+
+        return whole
 
     return rule
 
@@ -236,7 +244,8 @@ def _counted(shape: Sequence[int], axis: int) -> np.ndarray:
 
 
 def _entries(numbers: Any, operand: Any, sizes: Sequence[int], within: Sequence[int], mode: Any) -> Computed:
-    """Where slices of an array at given places are in it, number by number.
+    """Where slices of an array at given places are in it, number by number, and which are not if some of a mode that
+    fills or drops them are not: they count from where they can.
 
     `within` are the axes of slices among those of what is read or set, and `sizes` those of slices.
     """
@@ -245,10 +254,10 @@ def _entries(numbers: Any, operand: Any, sizes: Sequence[int], within: Sequence[
     strides = np.cumprod([1, *operand.shape[:0:-1]])[::-1]
     most = np.subtract(operand.shape, sizes)[list(along)]
 
-    def entries(places: np.ndarray) -> np.ndarray:
-        if places.size and ((places < 0) | (places > most)).any():
-            if "FILL" in str(mode):
-                raise NoRuleError
+    def entries(places: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+        lost = None
+        if places.size and (beyond := (places < 0) | (places > most)).any():
+            lost = beyond.any(axis=-1) if "FILL" in str(mode) else None
             places = np.clip(places, 0, most)
         begins = places.astype(np.intp) @ strides[list(along)]
         for k, axis in zip(batched, batches, strict=True):
@@ -256,11 +265,11 @@ def _entries(numbers: Any, operand: Any, sizes: Sequence[int], within: Sequence[
         out = np.expand_dims(begins, tuple(within))
         for axis, k in zip(within, kept, strict=True):
             out = out + strides[k] * _counted((*out.shape[:axis], sizes[k], *out.shape[axis + 1 :]), axis)
-        return out
+        return out, None if lost is None else np.broadcast_to(np.expand_dims(lost, tuple(within)), out.shape)
 
     last: list[tuple[Entries, Entries]] = [(None, None)]
 
-    def same(places: np.ndarray) -> np.ndarray:
+    def same(places: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
         if places.flags.writeable:
             return entries(places)
         known, found = last[0]
@@ -276,7 +285,18 @@ def _gather(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     batches = numbers.operand_batching_dims, numbers.start_indices_batching_dims
     axes = numbers.start_index_map, numbers.collapsed_slice_dims, *batches
     entries = _entries(axes, of[0], sizes, [*map(int, numbers.offset_dims)], parameters["mode"])
-    return lambda x, places: x.take(entries(places))
+    fill = parameters["fill_value"]
+    if fill is None:
+        dtype = to[0].dtype
+        is_whole, unsigned = np.issubdtype(dtype, np.integer), np.issubdtype(dtype, np.unsignedinteger)
+        fill = (np.iinfo(dtype).max if unsigned else np.iinfo(dtype).min) if is_whole else np.nan
+
+    def gather(x: Entries, places: Entries) -> np.ndarray:
+        found, lost = entries(places)
+        out = x.take(found)
+        return out if lost is None else np.where(lost, np.asarray(fill, out.dtype), out)
+
+    return gather
 
 
 def _scatter(setting: Computed, equations: list[str]) -> Callable[..., Computed]:
@@ -298,7 +318,8 @@ def _scatter(setting: Computed, equations: list[str]) -> Callable[..., Computed]
 
         def scatter(x: Entries, places: Entries, new: Entries) -> np.ndarray:
             out = np.array(x, order="C")  # so that its entries in one row are no copy
-            setting(out.reshape(-1), entries(places), new)
+            found, lost = entries(places)
+            setting(out.reshape(-1), *((found, new) if lost is None else (found[~lost], new[~lost])))
             return out
 
         return scatter
@@ -340,9 +361,15 @@ def _or_nan(factor: Computed) -> Callable[..., Computed]:
             try:
                 return find(a)
             except np.linalg.LinAlgError:
-                if a.ndim > 2:
-                    raise NoRuleError from None
-                return none[0] if len(none) == 1 else none
+                if a.ndim == 2:
+                    return none[0] if len(none) == 1 else none
+            out = [x.copy() for x in none]
+            for place in np.ndindex(a.shape[:-2]):
+                with contextlib.suppress(np.linalg.LinAlgError):
+                    one = find(a[place])
+                    for x, y in zip(out, [one] if len(out) == 1 else one, strict=True):
+                        x[place] = y
+            return out[0] if len(out) == 1 else out
 
         return found
 
@@ -374,24 +401,34 @@ def _svd(parameters: Parameters) -> Computed:
     return find
 
 
+def _qr(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    if parameters["pivoting"]:
+        raise NoRuleError
+    mode = "complete" if parameters["full_matrices"] else "reduced"
+    return lambda a: np.linalg.qr(a, mode)
+
+
 _PIVOTS = 100  # rows that are eliminated one by one
 
 
 def _lu(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     """With the largest entry of a column as pivot; NumPy gives no factors, and SciPy is imported for longer."""
-    if of[0].ndim != 2 or max(of[0].shape) > _PIVOTS:
+    if max(of[0].shape[-2:]) > _PIVOTS:
         raise NoRuleError
+    shapes, count = [x.shape for x in to], min(of[0].shape[-2:])
 
     def lu(a: Entries) -> Entries:
-        a, pivots, order = np.array(a), np.empty(min(a.shape), np.int32), np.arange(len(a), dtype=np.int32)
-        for k in range(len(pivots)):
-            pivots[k] = pivot = k + int(np.argmax(np.abs(a[k:, k])))
-            if pivot != k:
-                a[[k, pivot]], order[[k, pivot]] = a[[pivot, k]], order[[pivot, k]]
-            if a[k, k] != 0:
-                a[k + 1 :, k] /= a[k, k]
-            a[k + 1 :, k + 1 :] -= np.outer(a[k + 1 :, k], a[k, k + 1 :])
-        return a, pivots, order
+        a = np.array(a).reshape(-1, *a.shape[-2:])
+        every, pivots = np.arange(len(a)), np.empty((len(a), count), np.int32)
+        order = np.tile(np.arange(a.shape[1], dtype=np.int32), (len(a), 1))
+        for k in range(count):
+            pivots[:, k] = pivot = k + np.argmax(np.abs(a[:, k:, k]), axis=1)
+            for rows in (a, order):
+                rows[every, k], rows[every, pivot] = rows[every, pivot], rows[every, k].copy()
+            own = a[:, k, k, None]
+            a[:, k + 1 :, k] /= np.where(own == 0, 1, own)
+            a[:, k + 1 :, k + 1 :] -= a[:, k + 1 :, k, None] * a[:, None, k, k + 1 :]
+        return tuple(x.reshape(shape) for x, shape in zip((a, pivots, order), shapes, strict=True))
 
     return lu
 
@@ -399,8 +436,6 @@ def _lu(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
 def _triangular_solve(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     left, turned, unit = (parameters[name] for name in ("left_side", "transpose_a", "unit_diagonal"))
     upper = parameters["lower"] == (turned == left)
-    if of[0].ndim != 2:
-        raise NoRuleError
 
     def solve(a: Entries, b: Entries) -> np.ndarray:
         if turned == left:
@@ -419,7 +454,13 @@ def _triangular_solve(parameters: Parameters, of: Shapes, to: Shapes) -> Compute
         x = x if upper else x[::-1]
         return x if left else x.T
 
-    return solve
+    def each(a: Entries, b: Entries) -> np.ndarray:
+        x = np.empty_like(b)
+        for place in np.ndindex(b.shape[:-2]):
+            x[place] = solve(a[place], b[place])
+        return x
+
+    return solve if of[0].ndim == 2 else each
 
 
 def _sort(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
@@ -531,7 +572,7 @@ RULES: dict[str, Callable[..., Computed]] = {
     "cummax": _cumulated(np.maximum.accumulate),
     "cumprod": _cumulated(np.multiply.accumulate),
     "cumsum": _cumulated(np.add.accumulate),
-    "div": _of_floats(np.divide),
+    "div": _divided(np.divide),
     "dot_general": _dot,
     "dynamic_slice": _dynamic_slice,
     "dynamic_update_slice": _dynamic_update_slice,
@@ -546,13 +587,14 @@ RULES: dict[str, Callable[..., Computed]] = {
     "pad": _pad,
     "platform_index": _of_platform,
     "pow": _power,
+    "qr": _qr,
     "reduce_and": _along(np.logical_and),
     "reduce_max": _along(np.maximum),
     "reduce_min": _along(np.minimum),
     "reduce_or": _along(np.logical_or),
     "reduce_prod": _along(np.multiply),
     "reduce_sum": _along(np.add),
-    "rem": _of_floats(np.fmod),
+    "rem": _divided(np.fmod),
     "reshape": _reshape_in_order,
     "rev": _reversed,
     "round": _round,
