@@ -118,7 +118,7 @@ def _resting(sets: Sequence[Standing], x: np.ndarray, count: int, lifts: bool) -
     resting &= ~bare
     joints = [ball for ball in programme.balls if ball[0] < count]
     joints += [[k] for k in range(count) if not any(k in ball for ball in joints)]
-    tight = [joint for joint in joints if not (resting | full | bare)[joint[0]]]
+    tight = [joint for joint in joints if largest > 0 and not (resting | full | bare)[joint[0]]]
 
     def have_left(places: list[int]) -> bool:
         """Whether friction of these may be below its limits with this load."""
