@@ -41,6 +41,7 @@ from ._share import LeastPeak
 
 _MINIMUM_NORM = MinimumNorm()
 _SINGULAR = 1e-9  # a bound of the least singular value over the largest: too few digits are left for a batch
+_SOLVES = "`solve` does, state by state, with derivatives; or take differences of `drive`"  # with play
 _NAMED = 8  # frictions, at most
 _CONTRADICTS = 1e-7  # of the accelerations that redundant rows prescribe: what rounding of positions leaves of none
 
@@ -99,7 +100,7 @@ def drive(
     if not are_known(path, closure):
         _refuse_contacts(system.names)
         if not isinstance(closure, LeastPeak):
-            refuse_play(closure, system)
+            refuse_play(closure, system, "`drive` inside of transformations", _SOLVES)
     if not drives_of(path.system):
         raise RedundaxError(
             "Argument `laws` must name a coordinate that is driven, but is empty, and no joint is a driver. Write "
