@@ -2,7 +2,7 @@
 
 The equations that JAX traces become a list of NumPy's functions, once: calls inside of others are opened, what depends
 on no argument is computed at once, and what no result needs is left out. A function with an equation that has no rule
-(`_rules`) remains a program. So does, from then on, a loop whose turns have taken as long as compiling it takes.
+(`_rules`) remains a program. So does, from then on, a loop whose turns have taken half as long as compiling it takes.
 """
 
 import functools
@@ -17,7 +17,8 @@ from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, Var
 from jax.typing import ArrayLike
 
 from ._compilation import Options
-from ._rules import RULES, Computed, Entries, NoRuleError, Parameters, Shapes
+from ._rule import Computed, Entries, NoRuleError, Parameters, Shapes
+from ._rules import RULES
 
 
 class Interpreted:

@@ -4,22 +4,14 @@ A rule gives a function of arrays, from the parameters of an equation and the sh
 that are given stay as they are.
 """
 
-import contextlib
 from collections.abc import Callable, Sequence
-from typing import Any, TypeAlias
+from typing import Any
 
 import jax
-import jax.core
 import numpy as np
 
-Entries: TypeAlias = Any  # NumPy's arrays and scalars, of which a type checker knows no common one
-Computed = Callable[..., Any]
-Parameters = dict[str, Any]
-Shapes = list[jax.core.ShapedArray]  # of what an equation takes and gives, with types
-
-
-class NoRuleError(Exception):
-    """NumPy does not compute an equation."""
+from ._rule import Computed, Entries, NoRuleError, Parameters, Shapes
+from ._rules_of_factors import cholesky, eigh, lu_factors, or_nan, qr, svd, triangular_solve
 
 
 def _as_it_is(function: Computed) -> Callable[..., Computed]:
@@ -349,120 +341,6 @@ def _place_of(extreme: Computed) -> Callable[..., Computed]:
     return rule
 
 
-def _or_nan(factor: Computed) -> Callable[..., Computed]:
-    """A factor of a matrix; NaN where there is none, as JAX gives it."""
-
-    def rule(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
-        find, none = factor(parameters), [np.full(x.shape, np.nan, x.dtype) for x in to]
-        if parameters.get("subset_by_index") is not None:
-            raise NoRuleError
-
-        def found(a: Entries) -> Entries:
-            try:
-                return find(a)
-            except np.linalg.LinAlgError:
-                if a.ndim == 2:
-                    return none[0] if len(none) == 1 else none
-            out = [x.copy() for x in none]
-            for place in np.ndindex(a.shape[:-2]):
-                with contextlib.suppress(np.linalg.LinAlgError):
-                    one = find(a[place])
-                    for x, y in zip(out, [one] if len(out) == 1 else one, strict=True):
-                        x[place] = y
-            return out[0] if len(out) == 1 else out
-
-        return found
-
-    return rule
-
-
-def _cholesky(parameters: Parameters) -> Computed:
-    return np.linalg.cholesky
-
-
-def _eigh(parameters: Parameters) -> Computed:
-    half = "L" if parameters["lower"] else "U"
-
-    def find(a: Entries) -> Entries:
-        values, vectors = np.linalg.eigh(a, half)
-        return vectors, values
-
-    return find
-
-
-def _svd(parameters: Parameters) -> Computed:
-    if not parameters["compute_uv"]:
-        return lambda a: np.linalg.svd(a, compute_uv=False)
-
-    def find(a: Entries) -> Entries:
-        left, values, right = np.linalg.svd(a, full_matrices=parameters["full_matrices"])
-        return values, left, right
-
-    return find
-
-
-def _qr(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
-    if parameters["pivoting"]:
-        raise NoRuleError
-    mode = "complete" if parameters["full_matrices"] else "reduced"
-    return lambda a: np.linalg.qr(a, mode)
-
-
-_PIVOTS = 100  # rows that are eliminated one by one
-
-
-def _lu(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
-    """With the largest entry of a column as pivot; NumPy gives no factors, and SciPy is imported for longer."""
-    if max(of[0].shape[-2:]) > _PIVOTS:
-        raise NoRuleError
-    shapes, count = [x.shape for x in to], min(of[0].shape[-2:])
-
-    def lu(a: Entries) -> Entries:
-        a = np.array(a).reshape(-1, *a.shape[-2:])
-        every, pivots = np.arange(len(a)), np.empty((len(a), count), np.int32)
-        order = np.tile(np.arange(a.shape[1], dtype=np.int32), (len(a), 1))
-        for k in range(count):
-            pivots[:, k] = pivot = k + np.argmax(np.abs(a[:, k:, k]), axis=1)
-            for rows in (a, order):
-                rows[every, k], rows[every, pivot] = rows[every, pivot], rows[every, k].copy()
-            own = a[:, k, k, None]
-            a[:, k + 1 :, k] /= np.where(own == 0, 1, own)
-            a[:, k + 1 :, k + 1 :] -= a[:, k + 1 :, k, None] * a[:, None, k, k + 1 :]
-        return tuple(x.reshape(shape) for x, shape in zip((a, pivots, order), shapes, strict=True))
-
-    return lu
-
-
-def _triangular_solve(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
-    left, turned, unit = (parameters[name] for name in ("left_side", "transpose_a", "unit_diagonal"))
-    upper = parameters["lower"] == (turned == left)
-
-    def solve(a: Entries, b: Entries) -> np.ndarray:
-        if turned == left:
-            a = a.T
-        b = b if left else b.T
-        a, b = (a, b) if upper else (a[::-1, ::-1], b[::-1])
-        a = np.triu(a)
-        if unit:
-            np.fill_diagonal(a, 1)
-        if np.diagonal(a).all() and np.isfinite(a).all() and np.isfinite(b).all():
-            x = np.linalg.solve(a, b)  # an upper triangle is its own factor
-        else:
-            x = np.empty_like(b)
-            for k in reversed(range(len(a))):
-                x[k] = (b[k] - a[k, k + 1 :] @ x[k + 1 :]) / a[k, k]
-        x = x if upper else x[::-1]
-        return x if left else x.T
-
-    def each(a: Entries, b: Entries) -> np.ndarray:
-        x = np.empty_like(b)
-        for place in np.ndindex(b.shape[:-2]):
-            x[place] = solve(a[place], b[place])
-        return x
-
-    return solve if of[0].ndim == 2 else each
-
-
 def _sort(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     axis, keys = parameters["dimension"], parameters["num_keys"]
     if len(of) == 1:
@@ -565,7 +443,7 @@ RULES: dict[str, Callable[..., Computed]] = {
     "argmax": _place_of(np.argmax),
     "argmin": _place_of(np.argmin),
     "broadcast_in_dim": _broadcast,
-    "cholesky": _or_nan(_cholesky),
+    "cholesky": or_nan(cholesky),
     "clamp": _clamp,
     "concatenate": _concatenate,
     "convert_element_type": _convert,
@@ -576,18 +454,18 @@ RULES: dict[str, Callable[..., Computed]] = {
     "dot_general": _dot,
     "dynamic_slice": _dynamic_slice,
     "dynamic_update_slice": _dynamic_update_slice,
-    "eigh": _or_nan(_eigh),
+    "eigh": or_nan(eigh),
     "expand_dims": _reshape,
     "gather": _gather,
     "integer_pow": _integer_power,
     "iota": _iota,
     "logistic": _as_it_is(lambda x: 1 / (1 + np.exp(-x))),
-    "lu": _lu,
+    "lu": lu_factors,
     "maybe_set": _maybe_set,
     "pad": _pad,
     "platform_index": _of_platform,
     "pow": _power,
-    "qr": _qr,
+    "qr": qr,
     "reduce_and": _along(np.logical_and),
     "reduce_max": _along(np.maximum),
     "reduce_min": _along(np.minimum),
@@ -608,9 +486,9 @@ RULES: dict[str, Callable[..., Computed]] = {
     "split": _split,
     "squeeze": _reshape,
     "stack": _stack,
-    "svd": _or_nan(_svd),
+    "svd": or_nan(svd),
     "tile": _tile,
     "transpose": _transpose,
-    "triangular_solve": _triangular_solve,
+    "triangular_solve": triangular_solve,
     "unstack": _unstack,
 }

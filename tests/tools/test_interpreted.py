@@ -11,7 +11,8 @@ from equinox.internal import while_loop
 import redundax as rx
 from redundax._tools import _interpreted, _numbers
 from redundax._tools._interpreted import Interpreted
-from redundax._tools._rules import RULES, NoRuleError
+from redundax._tools._rule import NoRuleError
+from redundax._tools._rules import RULES
 
 A = np.array([[0.3, -1.7, 2.2], [0.9, 0.4, -0.6]])
 B = np.array([[1.1, 0.2, -0.8], [0.7, 0.7, 0.4]])
