@@ -40,7 +40,7 @@ def no_position(
     """The error where no position is found, from the residual at the guess and what the nearest position misses; `shut`
     are contacts that are held closed."""
     rows, head = _Rows(system.names, given, 0), "No position satisfies the constraints near the guess."
-    held = f" Closed are the contacts {', '.join(shut)}: one that is to open needs a gap at the guess." if shut else ""
+    held = f" Held closed: {', '.join(shut)}. Give a contact that is to open a gap at the guess." if shut else ""
     contradiction = rows.contradiction(off, "position")
     if contradiction:
         return NoSolutionError(f"{head} {contradiction}{held}")

@@ -72,10 +72,12 @@ def drives_at(tree: Tree, positions: np.ndarray, freedom: int, left: float = 0.0
 
 
 def turning(
-    tree: Tree, positions: np.ndarray, turns: Sequence[tuple[str, float]]
+    tree: Tree, positions: np.ndarray, turns: Sequence[tuple[str, float]], freedom: int
 ) -> tuple[tuple[str, str, float], ...]:
-    """Of joints that turn back, those that a drive moves and no other joint, with its name."""
+    """Where the only drive of the only motion moves one joint that turns back: its name, the joint, and where."""
     names, rates = tree.drives(positions)
+    if len(names) != 1 or freedom != 1:
+        return ()
     of_joint = {tree.joints[int(tree.joint_of_dof[dof])].name: dof for dof in np.flatnonzero((rates != 0).any(axis=0))}
     return tuple(
         (drive, joint, at)

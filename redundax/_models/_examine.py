@@ -35,7 +35,7 @@ def examine(model: Model, count: int = 3) -> Audit:
     moved = travel(model.tree, places[regular], found.regular.freedom, model.left)
     kinds = {part.name: part.kind for part in (*model.tree.joints, *model.tree.loops)}
     kinds |= {tie.name: "coupling" for tie in model.tree.ties}
-    turns = turning(model.tree, places[regular], moved.turns) if moved else ()
+    turns = turning(model.tree, places[regular], moved.turns, found.regular.freedom) if moved else ()
     found = dataclasses.replace(
         found,
         drives=dataclasses.replace(agreed(driven[0], same), turns=turns),

@@ -65,7 +65,7 @@ class Travel:
     - `is_limited`: whether joints have limits, within which they were moved; `stops`: those that ended a way, the joint
       and its limit.
     - `moved`: names of those that went so far that something was looked at; `turns`: where one turned back on its way,
-      before it was stopped: there what drives it moves nothing.
+      before it was stopped.
     - `ways`: the positions that were looked at.
     """
 

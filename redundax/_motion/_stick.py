@@ -140,7 +140,7 @@ def _follows(
     where these turn about: their friction is nearer to its limit than their acceleration is to none."""
     (low, high), (sticks, enough) = limits, known
     radius, force = (high - low) / 2 / directions.arms, (tau - (high + low) / 2) / directions.arms
-    whole = jnp.where(directions.same, radius**2, 0.0).max(axis=1)
+    whole = jnp.where(directions.same, radius**2, 0.0).sum(axis=1)
     room = 1 - jnp.sqrt(jnp.where(directions.same, force**2, 0.0).sum(axis=1) / jnp.where(whole > 0, whole, 1.0))
     largest = jnp.where(directions.same, pulled, 0.0).max(axis=1)
     share = largest / jnp.maximum(jnp.max(pulled), jnp.finfo(pulled.dtype).tiny)

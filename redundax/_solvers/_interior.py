@@ -69,7 +69,8 @@ def interior(
     blocked = directions.every(blocked)
     held = directions.any(low < high) & ~blocked
     size = jnp.max(weight * jnp.maximum(jnp.abs(low), jnp.abs(high)), initial=0.0)
-    unit = jnp.where(size > 0, size, 1.0) / (weight * arms)  # of friction
+    each = jnp.where(same, weight * arms, 0.0).max(axis=1)  # alike in all directions of a joint
+    unit = jnp.where(size > 0, size, 1.0) / each  # of friction
     pull = jnp.max(jnp.where(held, unit * (jnp.abs(free) + jnp.abs(matrix) @ unit), 0.0), initial=0.0)
     pull = jnp.where(pull > 0, pull, 1.0)
     free, matrix = unit * free / pull, unit[:, None] * matrix * unit / pull
@@ -104,8 +105,11 @@ def interior(
         jnp.zeros((), int),
     )
     end = jax.lax.while_loop(going, lambda now: _stepped(equations, now, held, enough[0]), begin)
-    found = (end.open <= enough[0]) & (end.missed <= enough[1]) & jnp.any(held)
-    return Interior(arms * unit * end.force, found)
+    tau = arms * unit * end.force
+    low, high = limits(tau)
+    loaded = directions.any(low < high) & ~blocked  # by friction, too
+    found = (end.open <= enough[0]) & (end.missed <= enough[1]) & jnp.any(held) & ~jnp.any(loaded & ~held)
+    return Interior(tau, found)
 
 
 def _missing(equations: _Conditions, point: _Point, held: Bool[Array, " p"]) -> tuple[Array, Array, Array]:

@@ -56,7 +56,7 @@ class State(AbstractModule):
 
     def __getitem__(self, which: Any) -> "State":
         """Of several states those at some places along their first axis, as of an array."""
-        if self.t.ndim == 0 or isinstance(which, str):
+        if self.t.ndim == 0 or isinstance(which, str | tuple) or which is Ellipsis:
             raise RedundaxError(
                 f"A `State` has its entries in `q`, `qd` and `t`, but is asked for [{which!r}]. Ask a solution or "
                 "`system.table(state)` for names; places are those of several states, with an axis for them in front."

@@ -25,7 +25,8 @@ class Interpreted:
     """The function of NumPy's arrays, one by one, that equations say.
 
     Loops that stand in no other become programs by `options` of `jax.jit` where those are given; `has_programs` tells
-    whether one has. They are added to `loops`.
+    whether one has. They are added to `loops`; with these options they compile so many `times` as long as in little
+    time.
     """
 
     def __init__(
@@ -33,10 +34,11 @@ class Interpreted:
         closed: ClosedJaxpr,
         options: Callable[[], Options] | None = None,
         loops: "list[_Loop] | None" = None,
+        times: float = 1.0,
     ):
         if any(isinstance(x, jax.core.Tracer) for x in closed.consts):
             raise NoRuleError
-        self._options, self._loops = options, list[_Loop]() if loops is None else loops
+        self._options, self._times, self._loops = options, times, list[_Loop]() if loops is None else loops
         self._values: list[Entries] = []  # those that are known at once, None of others
         self._steps: list[tuple[Computed, tuple[int, ...], tuple[int, ...], tuple[int, ...]]] = []
         self._same: dict[Hashable, list[int]] = {}  # places of what equations give, of which many say the same
@@ -110,7 +112,7 @@ class Interpreted:
                 return self._called(parameters["branches"][_place_of(known, len(parameters["branches"]))], taken[1:])
             return self._made(self._cond(parameters["branches"]), taken, count)
         if name in _LOOPS:
-            loop = _Loop(equation, self._options)
+            loop = _Loop(equation, self._options, self._times)
             self._loops.append(loop)
             return self._made(loop, taken, count)
         if name not in RULES:
@@ -126,7 +128,7 @@ class Interpreted:
         return made
 
     def _cond(self, branches: Sequence[ClosedJaxpr]) -> Computed:
-        opened = [_Inner(branch, self._options, self._loops) for branch in branches]
+        opened = [_Inner(branch, self._options, self._loops, self._times) for branch in branches]
 
         def cond(which: Entries, *given: Entries) -> Entries:
             out = opened[_place_of(which, len(opened))](*given)
@@ -194,10 +196,10 @@ class _Loop:
     """A loop, which is a program once its turns have taken half as long as compiling it takes; where their number is
     known, before they would take as long."""
 
-    def __init__(self, equation: JaxprEqn, options: Callable[[], Options] | None):
+    def __init__(self, equation: JaxprEqn, options: Callable[[], Options] | None, times: float):
         self._equation, self._options = equation, options
         self._turns = _LOOPS[equation.primitive.name](equation.params)
-        self._left = np.inf if options is None else _COMPILING * _count(equation)  # seconds
+        self._left = np.inf if options is None else times * _COMPILING * _count(equation)  # seconds
         self._is_open = False  # what its first turn does once does not count
         self.program: Computed | None = None
 

@@ -431,13 +431,14 @@ class _Traced:
     One whose `loops` turn often is traced as it is compiled; they become programs of their own.
     """
 
-    def __init__(self, function: Callable[..., Any], arguments: Any, loops: bool = False):
+    def __init__(self, function: Callable[..., Any], arguments: Any, loops: bool = False, in_order: bool = False):
         with in_little_time(True), of_equations(not loops), of_one_sample(loops), uncollected():
             self.closed, of_arrays, self.others = eqx.filter_make_jaxpr(function)(*arguments)
         self.function, self.structure, self.calls = function, jax.tree.structure(of_arrays), 0
         self.first, self.loops, self.spent = None, loops, 0.0  # seconds in programs
+        self.options = partial(quick_options, in_order, in_order)
         with contextlib.suppress(Exception):  # functions of a user may hold what NumPy has not
-            self.first = Interpreted(self.closed, quick_options)
+            self.first = Interpreted(self.closed, self.options, times=_OPTIMISED if in_order else 1.0)
 
     @property
     def is_compiled(self) -> bool:
@@ -447,7 +448,7 @@ class _Traced:
     @functools.cached_property
     def program(self) -> Callable[..., Any]:
         run = functools.wraps(self.function)(jaxpr_as_fun(self.closed))
-        return jax.jit(run, compiler_options=quick_options())
+        return jax.jit(run, compiler_options=self.options())
 
     def __call__(self, given: list[Any]) -> Any:
         self.calls += 1
@@ -466,15 +467,17 @@ class _Traced:
 # Seconds that programs have run in all, by calls of one structure, when one with all optimisation takes over, which
 # compiles for about as long.
 LONG = 5.0
+_OPTIMISED = 4.0  # times as long as in little time
 
 
 def as_program(function: Callable[..., Any], *, in_order: bool = False) -> Callable[..., Any]:
     """What repeats a thousand times: `compiled` where arguments are traced; of numbers, or JAX's arrays, it gives such.
 
     It is computed by NumPy at first, its loops or all of it are compiled in little time where that would take longer,
-    and with all optimisation, if it is large `in_order`, once they have run for `LONG`.
+    and with all optimisation once they have run for `LONG`. What is large, and one call of which may run for long, is
+    compiled `in_order` and with all optimisation as soon as it would take longer.
     """
-    first, fast = compiled(function), compiled(function, runs_long=True, in_order=in_order)
+    first, fast = compiled(function), compiled(function, runs_long=True)
     recent: collections.OrderedDict[Any, _Traced] = collections.OrderedDict()
 
     @functools.wraps(function)
@@ -487,8 +490,8 @@ def as_program(function: Callable[..., Any], *, in_order: bool = False) -> Calla
         key = jax.config.jax_enable_x64, _structure(arguments)  # pyright: ignore[reportAttributeAccessIssue]
         try:
             with jax.core.eval_context():
-                traced = _kept(recent, key, lambda: _Traced(function, arguments, loops=True))
-                if traced.spent <= LONG:
+                traced = _kept(recent, key, lambda: _Traced(function, arguments, True, in_order))
+                if in_order or traced.spent <= LONG:
                     return traced([x for x in jax.tree.leaves(arguments) if eqx.is_array(x)])
         except jax.errors.UnexpectedTracerError:  # a function of the user holds a traced number
             return as_numbers(first(*arguments))

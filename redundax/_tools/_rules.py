@@ -11,7 +11,7 @@ import jax
 import numpy as np
 
 from ._rule import Computed, Entries, NoRuleError, Parameters, Shapes
-from ._rules_of_factors import cholesky, eigh, lu_factors, or_nan, qr, svd, triangular_solve
+from ._rules_of_factors import cholesky, eigh, lu_factors, lu_permutation, or_nan, qr, svd, triangular_solve
 
 
 def _as_it_is(function: Computed) -> Callable[..., Computed]:
@@ -461,6 +461,7 @@ RULES: dict[str, Callable[..., Computed]] = {
     "iota": _iota,
     "logistic": _as_it_is(lambda x: 1 / (1 + np.exp(-x))),
     "lu": lu_factors,
+    "lu_pivots_to_permutation": lu_permutation,
     "maybe_set": _maybe_set,
     "pad": _pad,
     "platform_index": _of_platform,

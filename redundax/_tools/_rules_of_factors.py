@@ -96,6 +96,20 @@ def lu_factors(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     return lu
 
 
+def lu_permutation(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    """The order of rows that pivots make."""
+    size, shape = parameters["permutation_size"], to[0].shape
+
+    def order_of(pivots: Entries) -> np.ndarray:
+        pivots = pivots.reshape(-1, pivots.shape[-1])
+        every, order = np.arange(len(pivots)), np.tile(np.arange(size, dtype=np.int32), (len(pivots), 1))
+        for k, pivot in enumerate(pivots.T):
+            order[every, k], order[every, pivot] = order[every, pivot], order[every, k].copy()
+        return order.reshape(shape)
+
+    return order_of
+
+
 def triangular_solve(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     """The solution by one triangle, from either side."""
     left, turned, unit = (parameters[name] for name in ("left_side", "transpose_a", "unit_diagonal"))

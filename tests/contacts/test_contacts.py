@@ -187,7 +187,9 @@ def rod(**limits):
 def test_an_assembly_that_a_closed_stop_prevents_names_it_and_no_open_one():
     """At a guess on its limit a stop holds; the other, open by 2 rad there, is no reason."""
     flap = rod(least=0.0, most=2.0)
-    with pytest.raises(rx.NoSolutionError, match=r"Closed are the contacts end\.least: .* a gap at the guess") as told:
+    with pytest.raises(
+        rx.NoSolutionError, match=r"Held closed: end\.least\. Give a contact .* a gap at the guess"
+    ) as told:
         rx.assemble(flap, {"rod.x": 0.5}, positions={"A.angle": 0.3})
     assert "end.most" not in str(told.value)
 

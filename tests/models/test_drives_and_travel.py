@@ -108,10 +108,12 @@ def test_a_dead_point_is_told_from_drives_that_share(tree):
 
 def test_a_drive_that_turns_back_on_the_way_is_at_a_dead_point(tree):
     """The piston, with crank and rod in line, at 0 and 2 x 0.1 m farther in; and a crank does not."""
-    for drive, ends in (("S", [-0.2, 0.0]), ("A", [])):
-        model, _ = tree(PISTON.replace('joint="S"', f'joint="{drive}"'))
+    other = PISTON.replace("</actuator>", '<motor name="starter" joint="A"/></actuator>')  # which takes it through
+    crank = PISTON.replace('joint="S"', 'joint="A"')
+    for text, drive, ends in ((PISTON, "S", [-0.2, 0.0]), (crank, "A", []), (other, "S", [])):
+        model, _ = tree(text)
         positions = model.descend(np.array([0.5, -0.6, 0.0]))[0]
-        found = turning(model, positions, travel(model, positions, 1).turns)
+        found = turning(model, positions, travel(model, positions, 1).turns, 1)
         assert [each[:2] for each in found] == [("gas", drive)] * len(ends)
         np.testing.assert_allclose([at for *_, at in found], ends, rtol=0, atol=1e-7)
 
