@@ -13,7 +13,7 @@ CORNERS = {"f0": (0.5, 0.4), "f1": (-0.5, 0.4), "f2": (-0.5, -0.4), "f3": (0.5, 
 TRIPOD = {"f0": (0.5, 0.0), "f1": (-0.4, 0.4), "f2": (-0.3, -0.5)}
 
 
-def table(corners, friction=None, push=()):
+def table(corners, friction=None, push=(), height=HEIGHT + 1.0):
     top = rx.spatial.Body("top", 10.0, inertia=(1.0, 1.2, 1.5), centre=(0.0, 0.0, HEIGHT))
     feet = [
         rx.spatial.PointOnPlane(
@@ -21,8 +21,19 @@ def table(corners, friction=None, push=()):
         )
         for name, at in corners.items()
     ]
-    loads = [rx.spatial.AppliedForce(top, push, point=(0.0, 0.0, HEIGHT + 1.0))] if push else []
+    loads = [rx.spatial.AppliedForce(top, push, point=(0.0, 0.0, height))] if push else []
     return rx.Mechanism([top], feet, gravity=(0.0, 0.0, -9.81), loads=loads)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("share", [0.97, 1.03])
+@pytest.mark.parametrize("way", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)])
+def test_a_table_sticks_up_to_the_coefficient_times_its_weight_both_ways(way, share):
+    """Pushed at the floor along its longer and its shorter side, by a share of that."""
+    mechanism = table(CORNERS, push=tuple(share * MU * WEIGHT * x for x in way), height=0.0)
+    legs = rx.ElasticJoints(mechanism, dict.fromkeys(CORNERS, (1e-8, 1e-6)))
+    found = rx.sticking(mechanism, rx.assemble(mechanism), rx.MisfitBox(legs, {"f0.axial": (0.0, 1e-12)}), samples=4)
+    np.testing.assert_allclose(found.margin, 1 / share - 1, rtol=0, atol=1e-5)
 
 
 @pytest.mark.parametrize(
