@@ -26,6 +26,7 @@ import itertools
 import pathlib
 import resource
 import sys
+import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
@@ -46,7 +47,6 @@ from jax.typing import ArrayLike  # noqa: E402
 from truth import swings  # noqa: E402
 
 import redundax as rx  # noqa: E402
-from benchmarks._timing import timed  # noqa: E402
 from benchmarks.motions import _exudyn, _mujoco  # noqa: E402
 from benchmarks.motions._figure import STYLES  # noqa: E402
 from benchmarks.motions._problems import GRAVITY, crank, crank_angle, stiffness  # noqa: E402
@@ -98,6 +98,16 @@ def ladder(loops: int) -> tuple[rx.Mechanism, rx.State]:
 
 
 WARM = 10.0  # seconds in which programs of motions take over
+
+
+def timed(run: Callable, repeats: int, warm: float = 0.0) -> tuple[float, float, object]:
+    """Seconds of the first call, median of the last ones, and the value; after so many seconds at least."""
+    seconds, value = [], None
+    while len(seconds) <= repeats or sum(seconds) < warm:
+        start = time.perf_counter()
+        value = jax.block_until_ready(run())
+        seconds.append(time.perf_counter() - start)
+    return seconds[0], float(np.median(seconds[-repeats:])), value
 
 
 def solve(mechanism: rx.Mechanism, state: rx.State, repeats: int) -> tuple[float, float, tuple]:

@@ -18,10 +18,9 @@ from truth import bristles, press
 
 import redundax as rx
 
-from .._timing import timed
 from . import _exudyn
 from ._problems import Problem
-from ._works import Row, ours
+from ._works import Row, ours, timed
 
 LUGRE = {**bristles.LUGRE, "stiffness": 1e5, "damping": 50.0}
 

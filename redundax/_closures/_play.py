@@ -4,7 +4,6 @@ A joint with play c carries nothing until its parts have moved by c, and then as
 load: its loads cost c |lam| of energy. Pins, sleeves and balls have it in all directions alike, c |lam_xy|.
 """
 
-import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -99,24 +98,15 @@ def round_rows(labels: Sequence[str], name: str) -> tuple[int, ...]:
     return ()
 
 
-def warn_of_idle_play(play: Play, redundant: np.ndarray, labels: Sequence[str], stacklevel: int) -> None:
-    """Tell which play changes no load, given the rows whose loads are not unique."""
-    idle = [rows for rows in play.rows if not np.any(redundant[list(rows)])]
-    if idle:
-        names = [labels[rows[0]] if len(rows) == 1 else labels[rows[0]].rpartition(".")[0] for rows in idle]
-        loads = "its loads are" if len(idle) == 1 else "their loads are"
-        warnings.warn(f"Play of {', '.join(names)} changes no load: {loads} unique.", stacklevel=stacklevel + 1)
-
-
 def without_play(closure: Any) -> Any:
     """The same closure of joints that fit."""
     return jax.tree.map(lambda x: None if isinstance(x, Play) else x, closure, is_leaf=lambda x: isinstance(x, Play))
 
 
-def refuse_play(closure: Any, system: Any, call: str = "this call", instead: str = "`solve` does") -> None:
+def refuse_play(closure: Any, system: Any) -> None:
     """Refuse a closure with play, for a call that would leave it out."""
     if closure.clearances(system) is not None:
         raise RedundaxError(
-            f"Argument `closure` has play, which {call} does not take; {instead}. "
-            "Give it without `play`, or with its bounds as misfits."
+            "Argument `closure` has play, which this call does not take. Give it without `play`, or with its bounds as "
+            "misfits."
         )

@@ -23,7 +23,17 @@ from .._system._state import State
 from .._system._system import AbstractSystem, check_system
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import Numbers, as_float, is_concrete, replace_fields
-from .._tools._numbers import are_known, as_arrays, as_numbers, as_program, computing, on_numbers, stop_gradient, xp
+from .._tools._numbers import (
+    are_known,
+    as_arrays,
+    as_numbers,
+    as_program,
+    computed,
+    computing,
+    on_numbers,
+    stop_gradient,
+    xp,
+)
 from ._follow import begun, follow, follow_known
 from ._loads import Moving, moving
 from ._roll import velocity_at
@@ -301,7 +311,7 @@ def in_batches(path: Path, program: Callable[..., Any], fixed: tuple, arrays: tu
         full = part
         if own < size:
             full = jax.tree.map(lambda x, own=own: np.concatenate([x, np.repeat(x[-1:], size - own, 0)]), part)
-        out = program(*fixed, *as_arrays(full))
+        out = program(*fixed, *full)
         parts.append(jax.tree.map(lambda x, own=own: np.asarray(x)[:own], out))
     return jax.tree.map(lambda *x: np.concatenate(x), *parts)
 
@@ -310,7 +320,7 @@ def _moving_of(system: AbstractSystem, scale: Scaling, q: Array, t: Array, besid
     return jax.vmap(lambda *at: moving(system, scale, *at)[0])(q, t, beside)
 
 
-_moving_batch = as_program(_moving_of)
+_moving_batch = computed(as_program(_moving_of, by_seconds=True))
 
 
 def narrow_places(path: Path, weakest: np.ndarray) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ asked of `solve`, time by time.
 """
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -31,7 +32,7 @@ from .._system._results import RESULTS, result_codes
 from .._system._system import AbstractSystem, check_system
 from .._tools._errors import NoSolutionError, RedundaxError
 from .._tools._module import Numbers, replace_fields
-from .._tools._numbers import Numeric, are_known, as_arrays, as_program
+from .._tools._numbers import Numeric, are_known, as_arrays, as_program, computed
 from ._along import Laws, Path, along, in_batches, narrow_places, started, with_laws
 from ._loads import Loads, Moving, loads, moving
 from ._one_by_one import Batch, as_closed, asked_again, of_closed_contacts, until_reached
@@ -41,7 +42,6 @@ from ._share import LeastPeak
 
 _MINIMUM_NORM = MinimumNorm()
 _SINGULAR = 1e-9  # a bound of the least singular value over the largest: too few digits are left for a batch
-_SOLVES = "`solve` does, state by state, with derivatives; or take differences of `drive`"  # with play
 _NAMED = 8  # frictions, at most
 _CONTRADICTS = 1e-7  # of the accelerations that redundant rows prescribe: what rounding of positions leaves of none
 
@@ -100,7 +100,7 @@ def drive(
     if not are_known(path, closure):
         _refuse_contacts(system.names)
         if not isinstance(closure, LeastPeak):
-            refuse_play(closure, system, "`drive` inside of transformations", _SOLVES)
+            refuse_play(closure, system)
     if not drives_of(path.system):
         raise RedundaxError(
             "Argument `laws` must name a coordinate that is driven, but is empty, and no joint is a driver. Write "
@@ -199,7 +199,8 @@ def _traced(path: Path, choices: tuple) -> tuple[Moving, Loads, Senses]:
     return found, jax.vmap(lambda *at: loads(system, scale, choices, *at))(*asked), senses
 
 
-@as_program
+@computed
+@partial(as_program, runs_long=True, by_seconds=True)
 def _batch(
     system: AbstractSystem,
     scale: Scaling,

@@ -12,11 +12,12 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._equations._scaling import Scaling
 from .._system._system import AbstractSystem
-from .._tools._numbers import as_program
+from .._tools._numbers import as_program, computed
 from ._roll import rolled
 
 _MOVED = 0.5  # of the size, as radians: predicted and prescribed motion within a step, so that no turn is missed
@@ -60,8 +61,8 @@ class Followed(NamedTuple):
 
 def begun(q: Array, t: Array, n: int) -> _Track:
     """The start of a track, whose velocity nobody has asked yet."""
-    none = jnp.zeros(n, q.dtype)
-    return _Track(q, none, none, t, jnp.full((), jnp.inf, q.dtype))
+    none = np.zeros(n, q.dtype)
+    return _Track(q, none, none, t, np.full((), np.inf, q.dtype))
 
 
 def follow(system: AbstractSystem, scale: Scaling, start: _Track, ts: Float[Array, " times"]) -> Followed:
@@ -88,7 +89,7 @@ def follow(system: AbstractSystem, scale: Scaling, start: _Track, ts: Float[Arra
     return Followed(q, reached, end)
 
 
-follow_known = as_program(follow)
+follow_known = computed(as_program(follow, runs_long=True))
 
 
 def _attempt(system: AbstractSystem, scale: Scaling, track: _Track, target: Array) -> _Track:

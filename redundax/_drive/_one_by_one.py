@@ -28,7 +28,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._errors import NoSolutionError
 from .._tools._module import on_device, replace_fields
-from .._tools._numbers import as_arrays, as_program, computed
+from .._tools._numbers import as_arrays, asked_of_model, computed
 from ._along import Path, instant
 from ._run import Moment, Run
 from ._senses import Senses
@@ -93,7 +93,7 @@ def until_reached(system: AbstractSystem, names: Names, path: Path, throw: bool 
     return path._replace(q=jnp.where(np.arange(len(path.t))[:, None] < k, path.q, jnp.nan)), (said,)
 
 
-@as_program
+@asked_of_model
 def _constraints(system: AbstractSystem, q: Array, t: Array) -> Float[Array, "times m"]:
     return jax.vmap(system.constraint)(q, t)
 

@@ -15,7 +15,7 @@ from .._equations._kinematics import constraint_motion
 from .._equations._scaling import Scaling
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._numbers import as_program
+from .._tools._numbers import asked_of_model
 
 _RTOL = 1e-11  # of a step: a motion of a hundred steps is right to 1e-9
 _LEAST = 1e-9  # of the way to the next time: shorter steps end at a singular position
@@ -40,7 +40,7 @@ def velocity_of(
     return found, off <= max(_CONTRADICTS, 100 * float(jnp.finfo(q.dtype).eps)) * size
 
 
-velocity_at = as_program(velocity_of)
+velocity_at = asked_of_model(velocity_of)
 
 
 def rolled(

@@ -120,18 +120,15 @@ def assemble(
     held, driven = (on_device(np.array(indices, int)) for indices in (held, driven))
     given = State(system.start(q, t), qd, t), held, at, driven, rate
     run = matrices_of(system).run(_assemble, _assemble_sparse)
-    bare, moving, holding, shut = system.anonymous.without_friction, None, system, ()
+    bare, moving = system.anonymous.without_friction, None
     if system.names.one_sided:
         kept, moving = _rows_that_hold(system.names, bare, run, given, closed)
-        bare, holding = bare.opened(kept), system.opened(kept)
-        if is_concrete(kept):
-            stay = np.asarray(kept)[list(system.names.one_sided)]
-            shut = tuple(name for name, stays in zip(system.names.contacts, stay, strict=True) if stays)
+        bare = bare.opened(kept)
     state, off, slow = run(bare, *given, moving)
     if is_concrete(off.refused) and is_concrete(slow.refused):
         off, slow = jax.device_get(stop_gradient((off, slow)))
         if off.refused and throw is not False:
-            raise no_position(holding, check_rows(holding, q, t), off, tuple(positions), shut)
+            raise no_position(system, check_rows(system, q, t), off, tuple(positions))
         if slow.refused and throw is not False:
             raise no_velocity(system.names, slow, tuple(rates))
         tell("position", off, (*system.rows.labels, *(f"{name} as given" for name in positions)))

@@ -43,9 +43,6 @@ def thrown(
         told = culprits(system, state, factor, out.result)
         if end is not None and end > state.t:
             told = f" The motion got to t = {end:.6g}: with `throw=False` it is given up to there, and NaN beyond."
-        if out.result == RESULTS.step_too_small:
-            near, bound = out.stats.nearest_singularity, out.stats.contraction
-            told = f" Here `nearest_singularity` is {near:.2g} and `contraction` {bound:.2g}.{told}"
         raise NoSolutionError(RESULTS[out.result] + told)
     warn_of_pulling(out.names, out.multipliers, stacklevel=3)
     return out

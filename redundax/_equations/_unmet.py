@@ -34,16 +34,12 @@ def check_rows(system: AbstractSystem, q: Array, t: Array) -> np.ndarray:
     return values
 
 
-def no_position(
-    system: AbstractSystem, residual: np.ndarray, off: Misfit, given: Sequence[str], shut: Sequence[str]
-) -> NoSolutionError:
-    """The error where no position is found, from the residual at the guess and what the nearest position misses; `shut`
-    are contacts that are held closed."""
+def no_position(system: AbstractSystem, residual: np.ndarray, off: Misfit, given: Sequence[str]) -> NoSolutionError:
+    """The error where no position is found, from the residual at the guess and what the nearest position misses."""
     rows, head = _Rows(system.names, given, 0), "No position satisfies the constraints near the guess."
-    held = f" Held closed: {', '.join(shut)}. Give a contact that is to open a gap at the guess." if shut else ""
     contradiction = rows.contradiction(off, "position")
     if contradiction:
-        return NoSolutionError(f"{head} {contradiction}{held}")
+        return NoSolutionError(f"{head} {contradiction}")
     most = int(np.argmax(off.relative))
     missed = np.flatnonzero(off.relative > _PART * off.relative[most])
     change = f", or change `positions` ({', '.join(given)})" if given else ""
@@ -54,7 +50,7 @@ def no_position(
     )
     return NoSolutionError(
         f"{head} {farthest} The nearest position found misses {missed.size} "
-        f"row{'s' if missed.size > 1 else ''}, {rows.off(most, off.size[most])} the most.{advice}{held}"
+        f"row{'s' if missed.size > 1 else ''}, {rows.off(most, off.size[most])} the most.{advice}"
     )
 
 

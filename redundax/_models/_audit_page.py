@@ -222,8 +222,6 @@ def _drives(found: Audit, drives: Drives, where: str) -> Iterator[str]:
     if drives.dead:
         forces = "its force is" if len(drives.dead) == 1 else "their forces are"
         yield f"{_capital(where)} is a dead point of {listed(drives.dead)}: there {forces} not determined."
-    for drive, joint, at in drives.turns:
-        yield f"On the way {joint} turns back at {_at(at)}, a dead point of {drive}, near which its force has no bound."
 
 
 def _idle(found: Audit, drives: Drives) -> str:

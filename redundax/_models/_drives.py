@@ -6,7 +6,6 @@ every u of the left null space of D N, whose dimension is by how many the drives
 """
 
 import dataclasses
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,6 @@ class Drives:
 
     - `names`; `loose`: those whose force a motion does not determine; `locked`: those of them that move nothing.
     - `dead`: those that are so at this position alone, where they move nothing or the same as others.
-    - `turns`: dead points on the way of the joints: the drive, its joint, and where that turns back, rad or m.
     - `redundancy`: by how many they are more than the freedoms they move; `idle`: freedoms that none of them moves.
     - `is_decided`: whether both are clear.
     """
@@ -34,7 +32,6 @@ class Drives:
     is_decided: bool
     dead: tuple[str, ...] = ()
     locked: tuple[str, ...] = ()
-    turns: tuple[tuple[str, str, float], ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """As data."""
@@ -45,7 +42,6 @@ class Drives:
             "not_unique": list(self.loose),
             "moving_nothing": list(self.locked),
             "dead_point_here": list(self.dead),
-            "dead_points_on_the_way": [{"drive": drive, "joint": joint, "at": at} for drive, joint, at in self.turns],
             "redundancy": self.redundancy,
             "freedoms_without_drive": self.idle,
             "decided": self.is_decided,
@@ -69,19 +65,3 @@ def drives_at(tree: Tree, positions: np.ndarray, freedom: int, left: float = 0.0
     is_decided = not np.any((values > blur) & (values < 10 * blur))
     locked = tuple(name for name, rates in zip(names, moved, strict=True) if np.linalg.norm(rates) <= blur)
     return Drives(names, loose, len(names) - rank, freedom - rank, is_decided, locked=locked)
-
-
-def turning(
-    tree: Tree, positions: np.ndarray, turns: Sequence[tuple[str, float]], freedom: int
-) -> tuple[tuple[str, str, float], ...]:
-    """Where the only drive of the only motion moves one joint that turns back: its name, the joint, and where."""
-    names, rates = tree.drives(positions)
-    if len(names) != 1 or freedom != 1:
-        return ()
-    of_joint = {tree.joints[int(tree.joint_of_dof[dof])].name: dof for dof in np.flatnonzero((rates != 0).any(axis=0))}
-    return tuple(
-        (drive, joint, at)
-        for joint, at in turns
-        for drive, own in zip(names, rates != 0, strict=True)
-        if joint in of_joint and own[of_joint[joint]] and own.sum() == 1
-    )

@@ -6,7 +6,7 @@ import numpy as np
 
 from ._audit import Audit, Group, audit
 from ._description import End
-from ._drives import Drives, drives_at, turning
+from ._drives import Drives, drives_at
 from ._model import Model
 from ._repair import along, ranked, repairs
 from ._spins import spins
@@ -35,10 +35,9 @@ def examine(model: Model, count: int = 3) -> Audit:
     moved = travel(model.tree, places[regular], found.regular.freedom, model.left)
     kinds = {part.name: part.kind for part in (*model.tree.joints, *model.tree.loops)}
     kinds |= {tie.name: "coupling" for tie in model.tree.ties}
-    turns = turning(model.tree, places[regular], moved.turns, found.regular.freedom) if moved else ()
     found = dataclasses.replace(
         found,
-        drives=dataclasses.replace(agreed(driven[0], same), turns=turns),
+        drives=agreed(driven[0], same),
         travel=moved,
         parts=tuple(dataclasses.replace(part, kind=kinds.get(part.name, part.kind)) for part in found.parts),
         directions=Stress(model.tree, found.rows).directions(places[regular]),

@@ -64,8 +64,7 @@ class Travel:
     - `singular`: positions where redundancy was another; `least`: the smallest singular value kept at the others.
     - `is_limited`: whether joints have limits, within which they were moved; `stops`: those that ended a way, the joint
       and its limit.
-    - `moved`: names of those that went so far that something was looked at; `turns`: where one turned back on its way,
-      before it was stopped.
+    - `moved`: names of those that went so far that something was looked at.
     - `ways`: the positions that were looked at.
     """
 
@@ -75,7 +74,6 @@ class Travel:
     is_limited: bool
     stops: tuple[tuple[str, float], ...] = ()
     moved: tuple[str, ...] = ()
-    turns: tuple[tuple[str, float], ...] = ()
     ways: tuple[Way, ...] = dataclasses.field(default=(), repr=False, compare=False)
 
     def to_dict(self) -> dict[str, Any]:
@@ -87,7 +85,6 @@ class Travel:
             "within_limits": self.is_limited,
             "limits_that_stop": [{"joint": joint, "limit": limit} for joint, limit in self.stops],
             "moved": list(self.moved),
-            "turns_back": [{"joint": joint, "at": at} for joint, at in self.turns],
         }
 
 
@@ -225,7 +222,7 @@ def travel(tree: Tree, positions: np.ndarray, freedom: int, left: float = 0.0) -
     *_, order = scipy.linalg.qr(motion.T * first, pivoting=True, mode="r")
     leaders = order[:freedom]
     ways = motion @ np.linalg.inv(motion[leaders])
-    path, ranges, found, walked, moved, turns = _Path(tree, freedom, left), {}, [], [], [], []
+    path, ranges, found, walked, moved = _Path(tree, freedom, left), {}, [], [], []
     held = np.abs(tree.system(positions)[1] * tree.scale()).max(axis=0) > _HELD
     felt = [
         (leader, way) for leader, way in zip(leaders.tolist(), ways.T, strict=True) if np.any(np.abs(way[held]) > _HELD)
@@ -246,12 +243,9 @@ def travel(tree: Tree, positions: np.ndarray, freedom: int, left: float = 0.0) -
         least = min(least, *(point.kept for point in points))
         low, high = (_rounded(end, settled[leader]) for end in path.range_of(points, at, leader))
         ranges[name], moved = (low, high), [*moved, *[name] * bool(high - low > _MOTION * tree.scale()[leader])]
-        least_move = max(settled[leader], _MOTION * tree.scale()[leader])
-        for end, is_end in ((low, at - at.min() < least_move), (high, at.max() - at < least_move)):
-            turns += [(name, end)] * (not is_end[0] and not is_end[-1])
         walked.append(Way(name, at, *(np.array([getattr(p, of) for p in points]) for of in ("positions", "kept"))))
     stops = tuple((joint, _rounded(limit, DIGITS)) for joint, limit in path.stops)
-    return Travel(ranges, tuple(found), least, bool(tree.limited), stops, tuple(moved), tuple(turns), tuple(walked))
+    return Travel(ranges, tuple(found), least, bool(tree.limited), stops, tuple(moved), tuple(walked))
 
 
 def _rounded(at: float, resolution: float) -> float:

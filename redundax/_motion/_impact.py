@@ -24,7 +24,6 @@ from .._equations._gaps import model_of_all
 from .._equations._kinematics import prescribed_rate
 from .._equations._scaling import Scaling, largest_violation, scaling
 from .._solve._contacts import CLEAR, ActiveSet, Asked, active_set, of_rows
-from .._solvers._friction_problem import Law
 from .._system._contact import Contact, code_of, rows_that_hold
 from .._system._friction import Friction, load_rows
 from .._system._results import RESULTS, differs
@@ -143,15 +142,11 @@ def settle(equations: Equations, state: State, restitution: Float[Array, " c"], 
     work = prescribed_rate(system.opened(xp.ones_like(end.kept)), state.q, state.t) @ impulses
     sound = xp.ones((), bool) if equations.has_sense else ~differs(end.factor.result, RESULTS.successful)
     rests = (end.active.contacts == code_of(Contact.touches)) & ~take(end.kept, rows) & end.active.decided
-    mode, idle = end.solution.mode, xp.zeros(len(equations.sensed), bool)
-    if mode is not None:
-        idle = _idle(equations, state, end.kept)
-        mode = mode._replace(sense=xp.where(idle, 1.0, mode.sense))
     return After(
         replace_fields(state, qd=now.qd),
         end.factor,
-        Touch(end.kept, stop_gradient(rests), stop_gradient(end.factor.spectrum.rank), idle),
-        mode,
+        Touch(end.kept, stop_gradient(rests), stop_gradient(end.factor.spectrum.rank)),
+        end.solution.mode,
         end.active.settled & end.found & sound & (well | ~strikes),
         ~(strikes & rubs),
         take(impulses, rows),
@@ -176,15 +171,6 @@ def _struck(
     rubs = xp.any(take(whole, _without_impulse(system)) > CLEAR * xp.max(whole))
     impulses = xp.where(strikes.kept, multipliers, 0.0)
     return impulses, strikes.active.settled & strikes.found & holds.found & meets, rubs
-
-
-def _idle(equations: Equations, state: State, kept: Bool[Array, " m"]) -> Bool[Array, " p"]:
-    """Whose friction is none, as rows that load it do not hold."""
-    system, none = equations.system, xp.zeros_like(equations.sense)
-    law = Law.of(*stop_gradient((system, none, none + 1.0, state)))
-    holds = take(kept, load_rows(system.friction))
-    held, every = (law(xp.where(which, xp.ones_like(state.t), 0.0)) for which in (holds, holds | ~holds))
-    return (held == 0) & (every != 0)
 
 
 def _without_impulse(system: AbstractSystem) -> np.ndarray:

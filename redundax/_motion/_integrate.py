@@ -26,7 +26,7 @@ from .._system._friction import have_sense, memories
 from .._system._results import RESULTS, chosen, differs, first_failure
 from .._system._state import State
 from .._system._system import AbstractSystem
-from .._tools._compilation import once, once_in_reverse
+from .._tools._compilation import compiled, once, once_in_reverse
 from .._tools._errors import RedundaxError
 from .._tools._module import replace_fields
 from .._tools._no_answer import cut_where, nan_where, spoiled_where
@@ -145,7 +145,7 @@ def _integrate(
 
 _dense = on_numbers(_integrate)
 _forward, _reverse = on_numbers(_integrate, traced=once), on_numbers(_integrate, traced=once_in_reverse)
-_sparse = as_program(_integrate, in_order=True)
+_sparse = compiled(_integrate, runs_long=True, in_order=True)
 
 
 def integrate(
@@ -168,8 +168,7 @@ def _with_contacts(
     rows, near, none = np.array(system.names.one_sided), largest_violation(state.qd.dtype), before.t != before.t
     gap = take(-model_of_all(system, state).motion.value / equations.scaling.rows, rows)
     which = gap < near * equations.scaling.size
-    holds = xp.asarray(~system.names.is_one_sided)
-    touch = Touch(holds, which & none, rank, equations.sense != equations.sense)
+    touch = Touch(xp.asarray(~system.names.is_one_sided), which & none, rank)
     path = jax.tree.map(lambda x: xp.broadcast_to(x, (ts.size, *x.shape)), touch)
     impacts = ImpactLog(
         xp.zeros_like(state.t, int),

@@ -36,7 +36,7 @@ from .._system._state import State
 from .._system._system import AbstractSystem
 from .._tools._module import replace_fields
 from .._tools._no_answer import nan_where
-from .._tools._numbers import Numeric, are_numbers, as_numbers, stop_gradient, xp
+from .._tools._numbers import are_numbers, as_numbers, stop_gradient, xp
 from .._tools._value import AbstractModule
 from ._held_rank import AnyHeld, AnyHeldFactorisation, Held, factorize_held
 from ._linear import AnyLinear, Asked, Linear
@@ -91,13 +91,11 @@ class Touch(NamedTuple):
     - `kept`: the rows that hold: all but those of contacts that are open or touch alone; shape (m,).
     - `rests`: contacts that touch, held closed by others; shape (c,).
     - `rank`: that of the rows that hold.
-    - `idle`: friction of contacts that do not hold, which has none until they do; shape (p,).
     """
 
     kept: Bool[Array, " m"]
     rests: Bool[Array, " c"]
     rank: Int[Array, ""]
-    idle: Bool[Array, " p"]
 
 
 class Solved(NamedTuple):
@@ -145,16 +143,10 @@ class Equations(AbstractModule):
         return any(self.sensed)
 
     @property
-    def may_stick(self) -> Bool[Numeric, " p"]:
-        """Whose friction depends on the sense of slip, if it has any."""
-        sensed = np.asarray(self.sensed)
-        return sensed if self.touch is None else sensed & ~self.touch.idle
-
-    @property
     def sticking(self) -> Bool[Array, " p"]:
         """Which joints stick."""
         still = self.sense == 0
-        return (still if self.directions is None else self.directions.every(still)) & self.may_stick
+        return (still if self.directions is None else self.directions.every(still)) & np.asarray(self.sensed)
 
     def with_sense(self, sense: Float[Array, " p"]) -> "Equations":
         """The same equations with other senses."""
@@ -300,7 +292,7 @@ class Equations(AbstractModule):
     def still(self, rate: Float[Array, " p"]) -> Bool[Array, " p"]:
         """Which joints slip by so little that they may stick."""
         slows = xp.abs(rate) <= tolerance_of(STILL, rate) * self.speed / self.slip_size
-        return (self.whole(slows) | self.sticking) & self.may_stick
+        return (self.whole(slows) | self.sticking) & np.asarray(self.sensed)
 
     def is_none(self, rate: Float[Array, " p"]) -> Bool[Array, " p"]:
         """Which joints slip by no more than rounding."""

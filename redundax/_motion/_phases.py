@@ -13,7 +13,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from .._equations._kinematics import slip_motion
 from .._system._directions import Directions
 from .._system._results import RESULTS, chosen
 from .._tools._compilation import is_quick, is_single
@@ -21,7 +20,6 @@ from .._tools._module import batch_any
 from .._tools._numbers import are_known, are_numbers, as_program, cond, stop_gradient, take, xp
 from ._held_rank import AnyHeld, Held, held_by
 from ._impact import TOGETHER, After, Before, settle
-from ._linear import Linear, least_friction
 from ._moving import STILL, Context, Equations, Moving, Touch, tolerance_of
 from ._release import Release, set_out
 from ._slip import Plan, no_plan
@@ -121,13 +119,12 @@ def run(start: PhaseState, equations: Equations, options: Options, max_phases: i
             ends = lands | (now.begun >= max_phases)
             done = cond(now.begun < 0, lambda: now, lambda: stretch(now, equations, options, ends))
             any_lands = lands if are_numbers(lands) else batch_any(lands)
-            done = cond(any_lands, lambda: _struck(done, lands, equations, options), lambda: done)
-        else:
-            lands, done = np.False_, stretch(now, equations, options, now.begun >= max_phases)
+            return cond(any_lands, lambda: _struck(done, lands, equations, options), lambda: done)
+        done = stretch(now, equations, options, now.begun >= max_phases)
         if equations.directions is None:
             return done
         lets_go = batch_any(xp.any(done.released))
-        return cond(lets_go, lambda: _set_out(done, equations, options, ~lands), lambda: done)
+        return cond(lets_go, lambda: _set_out(done, equations, options), lambda: done)
 
     if are_known(start, equations, options):
         while start.goes_on(max_phases):
@@ -177,7 +174,8 @@ def stretch(now: PhaseState, equations: Equations, options: Options, lands: Arra
         ahead = no_plan(carried.mode)._replace(time=control.hit.time, joint=jnp.asarray(-1))
         slips = plan if equations.has_sense else plan._replace(time=jnp.full_like(plan.time, jnp.inf))
         plan = jax.tree.map(lambda a, b: jnp.where(hits, a, b), ahead, slips)
-        contacts = contacts._replace(hit=_next(lands, contacts.hit, control.hit), path=_noted(here, contacts))
+        path_of = jax.tree.map(lambda new, old: jnp.where(like(here, old), new, old), contacts.touch, contacts.path)
+        contacts = contacts._replace(hit=_next(lands, contacts.hit, control.hit), path=path_of)
     return PhaseState(
         t=t,
         y=y,
@@ -243,11 +241,6 @@ def _next(lands: Array | np.bool_, now: Hit, found: Hit) -> Hit:
     return Hit(found.time, jnp.where(lands, now.which, found.which))
 
 
-def _noted(here: Bool[Array, " times"], contacts: Contacts) -> Touch:
-    """What contacts do at the times asked for, with what they do at some of them."""
-    return jax.tree.map(lambda new, old: xp.where(like(here, old), new, old), contacts.touch, contacts.path)
-
-
 def _struck(done: PhaseState, lands: Array | np.bool_, equations: Equations, options: Options) -> PhaseState:
     """What the motion is after an event of contacts, if it has landed at one; its start is one."""
     contacts, starts = cast(Contacts, done.contacts), done.begun < 0
@@ -261,16 +254,10 @@ def _struck(done: PhaseState, lands: Array | np.bool_, equations: Equations, opt
     left = options.controller.end - done.since
     after = after._replace(found=after.found & (starts | ~_goes_round(done, after, there, (t, left))))
     onward = _settled(done._replace(t=t, y=y), after, there, starts)
-    settled = cast(Contacts, onward.contacts)
-    here = (starts | (options.ts > done.t)) & (options.ts <= t)  # as the step may end before the event
-    onward = onward._replace(
-        path=jax.tree.map(lambda new, old: xp.where(like(here, old), new, old), onward.y, done.path),
-        senses=xp.where(here[:, None], onward.mode.sense, done.senses),
-        rests=xp.where(here, onward.mode.resting, done.rests),
-        contacts=settled._replace(path=_noted(here, settled)),
-        going=onward.going & done.going & (starts | (t < options.controller.end)),
-        begun=xp.maximum(onward.begun, 0),
-    )
+    here = (options.ts > done.t) & (options.ts <= t)  # as the step may end before the event
+    path = jax.tree.map(lambda new, old: xp.where(like(here, old), new, old), onward.y, done.path)
+    going = onward.going & done.going & (starts | (t < options.controller.end))
+    onward = onward._replace(path=path, going=going, begun=xp.maximum(onward.begun, 0))
     return jax.tree.map(lambda a, b: xp.where(lands, a, b), onward, done)
 
 
@@ -314,28 +301,17 @@ def _settled(now: PhaseState, after: After, equations: Equations, starts: Bool[A
         impacts=noted,
     )
     mode, going = now.mode if after.mode is None else after.mode, now.going & after.found & after.known
-    released = now.released
-    if equations.directions is not None:  # which slip from there on, and did not
-        at_rest = equations.is_none(slip_motion(system, after.state)[0]) & ~touch.idle
-        released = at_rest & equations.directions.directed & equations.directions.any(mode.sense != 0)
-    return now._replace(
-        y=y, mode=mode, held=held, since=now.t, released=released, plan=plan, contacts=contacts, going=going
-    )
+    return now._replace(y=y, mode=mode, held=held, since=now.t, plan=plan, contacts=contacts, going=going)
 
 
 @as_program
-def _set_out(done: PhaseState, equations: Equations, options: Options, touches: Array | np.bool_) -> PhaseState:
+def _set_out(done: PhaseState, equations: Equations, options: Options) -> PhaseState:
     """What the motion is after the first moments past a release, if there was one."""
-    if done.contacts is not None:
-        equations = equations.with_touch(done.contacts.touch)
-    release = _release(done, equations, jnp.asarray(touches))
+    release = _release(done, equations)
     onward = set_out(release, options.controller.end, options.ts, options.tolerance)
-    here, contacts = (options.ts > done.t) & (options.ts <= onward.t), done.contacts
-    if contacts is not None:
-        contacts = contacts._replace(path=_noted(here, contacts))
+    here = (options.ts > done.t) & (options.ts <= onward.t)
     return done._replace(
         t=onward.t,
-        contacts=contacts,
         y=onward.y,
         mode=done.mode._replace(sense=onward.sense),
         path=jax.tree.map(lambda new, old: jnp.where(like(here, new), new, old), onward.path, done.path),
@@ -346,20 +322,16 @@ def _set_out(done: PhaseState, equations: Equations, options: Options, touches: 
     )
 
 
-def _release(done: PhaseState, equations: Equations, touches: Array) -> Release:
-    """The release, in the directions against what holds and is nearest to friction a little later."""
+def _release(done: PhaseState, equations: Equations) -> Release:
+    """The release, in the directions against what holds."""
     held = jnp.where(done.released, 0.0, jax.lax.stop_gradient(done.mode.sense))
     state, directions = done.y.at(done.t), cast(Directions, equations.directions)
     before = equations.with_sense(held)
     linear = before.linear(state, done.held, closed=before.loaded)
-    solved, tau = before.solved(state, linear, done.mode.tau, held), stop_gradient(done.mode.tau)
-    yields = cast(Linear, linear).yields
-    lacks = least_friction(yields, before.sticking, before.slip_size)
-    holds = tau - lacks @ (solved.slip + yields @ (tau - solved.tau))
-    let_go = jnp.where(touches, directions.against(holds), stop_gradient(done.mode.sense))
+    let_go = directions.against(before.solved(state, linear, done.mode.tau, held).tau)
     sense = jnp.where(done.released, let_go, held)
     context = Context(done.held, done.mode.tau, done.mode.resting, sense)
-    return Release(equations.with_sense(sense), done.t, done.y, context, done.released, touches)
+    return Release(equations.with_sense(sense), done.t, done.y, context, done.released)
 
 
 def like(mask: Array, x: Array) -> Array:

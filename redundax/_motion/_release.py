@@ -34,7 +34,6 @@ from .._tools._numbers import stop_gradient
 from ._moving import NONE, Context, Equations, Moving, rechart, tolerance_of
 from ._project import project
 from ._slip import has_event
-from ._touch import margins
 
 # Degree of the slopes, iterations, and spans that are tried.
 _DEGREE, _SWEEPS, _SPANS = 8, 10, 16
@@ -58,15 +57,13 @@ _TIMES, _WEIGHTS = (_NODES + 1) / 2, np.vander(_NODES, _DEGREE + 2, increasing=T
 
 
 class Release(NamedTuple):
-    """When and where joints are let go: which, what stays the same for a while, and whether loads just reach what
-    friction holds; else slips begin with accelerations of their own."""
+    """When and where joints are let go: which, and what stays the same for a while."""
 
     equations: Equations
     t: Array
     y: Moving
     context: Context
     joints: Bool[Array, " p"]
-    touches: Bool[Array, ""]
 
 
 class Onward(NamedTuple):
@@ -148,32 +145,23 @@ def _over(release: Release, given: _Course, tolerance: Array) -> _Course:
     last = jnp.asarray(_COEFFICIENTS[-2:], given.span.dtype) @ course.slopes
     error = given.span * jnp.maximum(changes[-1], jnp.max(jnp.abs(last) / sizes)) / tolerance
     then = release.t + given.span
-    path = _along(release, course, then[None])
-    state = jax.tree.map(lambda x: x[0], path).at(then)
+    state = jax.tree.map(lambda x: x[0], _along(release, course, then[None])).at(then)
     turned = _directions(release, course)
     linear = equations.linear(state, release.context.held, closed=equations.loaded)
     ahead = jax.vmap(lambda rate: directions.along(rate, equations.sense))(course.rates[1:])
     stops = jnp.any(joints & jnp.any(ahead <= slow, axis=0))
     event = stops | has_event(equations.with_sense(turned), state, linear, turned)
-    if equations.touch is not None:
-        there = rechart(equations.system, jax.tree.map(lambda x: x[0], path))[0]
-        event = event | jnp.any(margins(equations.with_sense(turned), then, there, release.context).least < 0)
     return course._replace(error=jnp.where(event, jnp.nan, error))
 
 
 def _swept(release: Release, course: _Course, *, renews: bool) -> _Course:
     """The next f and w at the nodes; with a new inverse, if so."""
-    (equations, t, y, context, joints, touches), span = release, course.span
+    (equations, t, y, context, joints), span = release, course.span
     (flat, unravel), weights = jax.flatten_util.ravel_pytree(y), span * jnp.asarray(_WEIGHTS, span.dtype)
 
-    begins = joints & touches  # held at the start
-
-    def node(at: tuple[Array, Array, Array, Array]) -> tuple[Array, ...]:
-        sense = jnp.where(begins & at[3], 0.0, equations.sense)
-        there, along = equations.with_sense(sense), context._replace(along=sense)
-
+    def node(at: tuple[Array, Array, Array]) -> tuple[Array, ...]:
         def told(felt: Array) -> tuple[Array, tuple[Array, Array]]:
-            slope, slip, rate = there.instant(at[0], unravel(at[1]), along, felt)
+            slope, slip, rate = equations.instant(at[0], unravel(at[1]), context, felt)
             return slip, (jax.flatten_util.ravel_pytree(slope)[0], rate)
 
         if not renews:
@@ -183,8 +171,8 @@ def _swept(release: Release, course: _Course, *, renews: bool) -> _Course:
         return slip, *aside, jax.vmap(change, out_axes=1)(jnp.eye(joints.size, dtype=span.dtype))
 
     times = t + span * jnp.asarray(_TIMES, span.dtype)
-    slip, slopes, rate, *changes = jax.lax.map(node, (times, flat + weights @ course.slopes, course.rates, times == t))
-    slip = slip.at[0].set(jnp.where(begins, 0.0, slip[0]))
+    slip, slopes, rate, *changes = jax.lax.map(node, (times, flat + weights @ course.slopes, course.rates))
+    slip = slip.at[0].set(jnp.where(joints, 0.0, slip[0]))
     inverse = course.inverse
     if renews:
         coupled = jnp.einsum("ij,jpq->ipjq", weights, changes[0]).reshape(inverse.shape)

@@ -53,7 +53,6 @@ class Plan(NamedTuple):
     - `time`: infinite where there is none.
     - `joint`: of which slip h is, negative if the event is where the step ends.
     - `slope`: rates of the slip accelerations where joints are let go, shape (p,).
-    - `weights`: those of h among slip accelerations, where joints with several slips are let go; shape (p,).
     - `free`: which joints are let go, shape (p,).
     - `stops`: whether a joint comes to a stop.
     - `onward`: else how it goes on.
@@ -62,7 +61,6 @@ class Plan(NamedTuple):
     time: Float[Array, ""]
     joint: Array
     slope: Float[Array, " p"]
-    weights: Float[Array, " p"]
     free: Bool[Array, " p"]
     stops: Bool[Array, ""]
     onward: Mode
@@ -71,8 +69,7 @@ class Plan(NamedTuple):
 def no_plan(mode: Mode) -> Plan:
     """No event ahead."""
     zero, none = xp.zeros((), mode.tau.dtype), xp.zeros((), bool)
-    like = xp.zeros_like(mode.tau)
-    return Plan(zero + xp.inf, xp.zeros((), int), like, like, mode.sense != mode.sense, none, mode)
+    return Plan(zero + xp.inf, xp.zeros((), int), xp.zeros_like(mode.tau), mode.sense != mode.sense, none, mode)
 
 
 class Seen(NamedTuple):
@@ -144,12 +141,12 @@ def _released(equations: Equations, there: Mode) -> Bool[Array, " p"]:
 
 def _against(equations: Equations, rate: Float[Array, " p"], along: Float[Array, " p"] | None) -> Float[Array, " p"]:
     """Rates at which joints slip against their sense; of those with a direction as of the slip that moves most."""
-    against = jnp.where(equations.may_stick, -rate * equations.sense, 0.0)
+    against = jnp.where(jnp.asarray(equations.sensed), -rate * equations.sense, 0.0)
     if along is None or equations.directions is None:
         return against
     directions, sizes = equations.directions, equations.slip_size
     whole = -directions.along(rate, along) * directions.reach(sizes) / sizes
-    return jnp.where(directions.directed & equations.may_stick, whole, against)
+    return jnp.where(directions.directed, whole, against)
 
 
 def _let_go(equations: Equations, there: Mode, tau: Float[Array, " p"]) -> Float[Array, " p"]:
@@ -244,13 +241,12 @@ def look(
         later = jnp.where(looks, event, halves & (jnp.any(go) | jnp.any(late > 0)))
         stops = jnp.any(late > 0)
         joint = jnp.where(stops, jnp.argmax(late), jnp.argmax(go))
-        mode = there._replace(sense=_let_go(equations, there, there.tau), resting=jnp.zeros((), bool))
-        plan = Plan(jnp.where(moves, now.low, t), joint, now.plan.slope, now.plan.weights, go & ~stops, stops, mode)
+        mode = there._replace(sense=_let_go(equations, there, found.solved.tau), resting=jnp.zeros((), bool))
+        plan = Plan(jnp.where(moves, now.low, t), joint, now.plan.slope, go & ~stops, stops, mode)
         plan = jax.tree.map(lambda a, b: jnp.where(later, a, b), plan, now.plan)
         # Just beyond a limit some joints are not yet told apart from those that stick; a little later they are.
         others = after & (now.turn == 0) & jnp.any(plan.free) & jnp.any(go & ~plan.free)
         plan = jax.tree.map(lambda a, b: jnp.where(others, a, b), plan._replace(free=go | plan.free, onward=mode), plan)
-        plan = _turned(equations, plan, found, after, held)
         apart, slip = beyond - short, found.solved.slip
         slope = (now.slip - slip) / jnp.where(apart > 0, apart, 1.0)
         before = stage == _BEFORE
@@ -258,6 +254,7 @@ def look(
         root = _root(equations, plan, found, now.trial, t) + _LATER * width
         root = jnp.clip(root, step.start, jnp.minimum(beyond, step.end))
         plan = plan._replace(time=jnp.where(before | at_root, root, plan.time))
+        plan = _turned(equations, plan, found, held)
         after_look = jnp.where(
             event & ~moves, _HALVE, jnp.where(waits & ~event & (now.turn + 1 < _LOOKS), _LOOK, _DONE)
         )
@@ -300,42 +297,18 @@ def _root(equations: Equations, plan: Plan, found: Seen, trial: Float[Array, " p
     """When h is zero, by a step of Newton's method from what was found at a time."""
     free, slip = jnp.any(plan.free), found.solved.slip
     of_event = jnp.where(free, slip, found.rate), jnp.where(free, plan.slope, slip)
-    weighs = free & jnp.any(plan.weights != 0)
-    h, rise = (jnp.where(weighs, plan.weights @ x, chosen(equations, x, plan.joint, trial)) for x in of_event)
+    h, rise = (chosen(equations, x, plan.joint, trial) for x in of_event)
     return t - h / jnp.where(rise != 0, rise, jnp.inf)
 
 
-def _turned(equations: Equations, plan: Plan, found: Seen, after: Array, held: Array) -> Plan:
-    """The plan, in which joints with several slips are let go against their friction a little after their limit, or
-    against what holds them at it and is nearest to that.
-
-    h is the power of what their friction lacks to hold them, in slips as they are let go: errors of their directions do
-    not change it.
-    """
+def _turned(equations: Equations, plan: Plan, found: Seen, held: Array) -> Plan:
+    """The plan, in which joints are let go against what was found to hold them, if so."""
     directions = equations.directions
     if directions is None:
         return plan
-    free = plan.free & directions.directed
-    wanted = (after | held) & jnp.any(free)
-    beyond = jnp.where(after, found.there.tau, plan.onward.tau)
-    lacks, slip = _lacking(equations, found, beyond, wanted)
-    sense = directions.against(jnp.where(after, beyond, beyond - lacks @ slip))
-    sense = jnp.where(wanted & free, sense, plan.onward.sense)
-    weights = jnp.where(wanted & after, jnp.where(free, slip, 0.0) @ lacks, plan.weights)
-    return plan._replace(weights=weights, onward=plan.onward._replace(sense=sense, tau=beyond))
-
-
-def _lacking(
-    equations: Equations, found: Seen, tau: Float[Array, " p"], wanted: Bool[Array, ""]
-) -> tuple[Float[Array, "p p"], Float[Array, " p"]]:
-    """From slip accelerations to the least friction that makes them at joints that stick, and those with a friction."""
-    _, yields = cast(tuple[Array, Array], found.yields)
-    lacks = jax.lax.cond(
-        batch_any(wanted),
-        lambda: least_friction(yields, equations.sticking, equations.slip_size),
-        lambda: jnp.zeros_like(yields),
-    )
-    return lacks, found.solved.slip + yields @ (tau - found.solved.tau)
+    turns = held & plan.free & directions.directed
+    sense = jnp.where(turns, directions.against(found.solved.tau), plan.onward.sense)
+    return plan._replace(onward=plan.onward._replace(sense=sense))
 
 
 def _nothing_seen(step: Step, see: Callable[[Array, Moving, Array, Array], Seen]) -> _Looking:
@@ -413,7 +386,7 @@ def landing(
             lambda: least_friction(yields, equations.with_sense(sense).sticking, equations.slip_size),
             lambda: jnp.zeros_like(yields),
         )
-        halt, weights = unit @ inverse, _weights(equations, plan, along, free, inverse)
+        halt, weights = unit @ inverse, _weights(equations, plan.joint, along, free, inverse)
     h = weights @ jnp.where(free, seen.solved.slip, seen.rate)
     slope = weights @ jnp.where(free, plan.slope, seen.solved.slip)
     good = step.lands & (plan.joint >= 0) & (plan.stops | free) & (slope != 0)
@@ -423,16 +396,15 @@ def landing(
     return Landing(good, free, weights, along, slope, shift, change, halt), onward
 
 
-def _weights(equations: Equations, plan: Plan, along: Array, free: Array, inverse: Array) -> Float[Array, " p"]:
+def _weights(equations: Equations, joint: Array, along: Array, free: Array, inverse: Array) -> Float[Array, " p"]:
     """Of slip rates in the velocity of a joint's surfaces along a direction; of slip accelerations of one that is let
-    go in what its friction lacks to hold it, of which the direction as it turns does not matter; of several those of
-    the plan."""
+    go in what its friction lacks to hold it, of which the direction as it turns does not matter."""
     directions = cast(Directions, equations.directions)
-    same, directed = jnp.asarray(directions.same)[plan.joint], jnp.asarray(directions.directed)[plan.joint]
+    same = jnp.asarray(directions.same)[joint]
+    whole = jnp.where(same, directions.arms * along, 0.0)
     lacks = jnp.where(same, along / directions.arms, 0.0) @ inverse
-    lacks = jnp.where(jnp.any(plan.free & ~same) & jnp.any(plan.weights != 0), plan.weights, lacks)
-    one = jnp.zeros_like(along).at[plan.joint].set(1.0)
-    return jnp.where(directed, jnp.where(free, lacks, jnp.where(same, directions.arms * along, 0.0)), one)
+    one = jnp.zeros_like(along).at[joint].set(1.0)
+    return jnp.where(jnp.asarray(directions.directed)[joint], jnp.where(free, lacks, whole), one)
 
 
 @eqx.filter_custom_jvp

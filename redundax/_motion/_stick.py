@@ -23,7 +23,6 @@ from jaxtyping import Array, Bool, Float
 
 from .._solvers._active_set import size_of_parts
 from .._solvers._friction_problem import Law
-from .._system._directions import Directions
 from .._system._friction import load_rows
 from .._system._state import State
 from .._tools._numbers import stop_gradient
@@ -36,8 +35,6 @@ from ._moving import STILL, Equations, tolerance_of
 _HELD, _SETTLED = (1e-7, 1e3), (1e-10, 1e3)
 # Accelerations that are none, relative to a speed squared over the size of the mechanism.
 _ROUNDING = 1e-12, 1e2
-# Part of the accelerations that count as none that tells joints let go with others.
-_FEW = 1e-2
 # Times that it is asked which joints stick where joints with play stand as that makes them; two agree in most cases.
 _ROUNDS = 3
 
@@ -80,15 +77,12 @@ def mode_of(equations: Equations, state: State, linear: AnyLinear, wanted: Bool[
     sensed = jnp.asarray(equations.sensed)
     slow, held = tolerance_of(STILL, linear.rate) * equations.speed, tolerance_of(_HELD, linear.rate)
     still = equations.still(linear.rate)
-    (tau, caused, change, decided), limits = _at_rest(equations, state, linear, still, wanted)
+    tau, caused, change, decided = sticking_friction(equations, state, linear, still, wanted)
     acceleration = linear.slip + change.value
     size = size_of_parts(jnp.abs(linear.slip) + change.parts, equations.slip_size, still, held)
     least = tolerance_of(_ROUNDING, slow) * equations.speed**2 / equations.scaling.size
     enough = held * size if equations.touch is None else jnp.maximum(held * size, least)  # as nothing rests
     sticks = still & equations.whole(jnp.abs(acceleration) * equations.slip_size <= enough)
-    if equations.directions is not None:
-        pulled = jnp.abs(acceleration) * equations.slip_size
-        sticks = sticks & ~_follows(equations.directions, tau, limits, jnp.where(still, pulled, 0.0), (sticks, enough))
     begins, goes = equations.sense_of(linear.rate, acceleration)
     sense = jnp.where(still, jnp.where(sticks, 0.0, begins), goes)
     scale, free = equations.scaling.coordinates, linear.response.free.acceleration
@@ -107,13 +101,6 @@ def sticking_friction(
     equations: Equations, state: State, linear: AnyLinear, still: Bool[Array, " p"], wanted: Bool[Array, ""]
 ) -> Holding:
     """Friction of joints that stick or start to slip, if wanted, and of those that slip."""
-    return _at_rest(equations, state, linear, still, wanted)[0]
-
-
-def _at_rest(
-    equations: Equations, state: State, linear: AnyLinear, still: Bool[Array, " p"], wanted: Bool[Array, ""]
-) -> tuple[Holding, tuple[Array, Array]]:
-    """`sticking_friction`, and the limits of friction."""
     rows, rate, directions = load_rows(equations.system.friction), linear.rate, equations.directions
     rho0 = linear.response.free.multipliers[rows]
     if directions is not None:  # at rest, so that senses count
@@ -124,25 +111,4 @@ def _at_rest(
         return law.limits(rho0 + caused, still)
 
     tolerance = tolerance_of(_HELD, linear.rate), tolerance_of(_SETTLED, linear.rate)
-    found = linear.sticking(rows, limits, still, equations.slip_size, tolerance, directions, wanted)
-    none = jnp.zeros_like(rate)
-    return found, (none, none) if directions is None else limits(linear.response.unit.multipliers[rows] @ found.tau)
-
-
-def _follows(
-    directions: Directions,
-    tau: Float[Array, " p"],
-    limits: tuple[Array, Array],
-    pulled: Float[Array, " p"],
-    known: tuple[Bool[Array, " p"], Array],
-) -> Bool[Array, " p"]:
-    """Which joints with several slips are let go with others, although they accelerate little, as they are near to
-    where these turn about: their friction is nearer to its limit than their acceleration is to none."""
-    (low, high), (sticks, enough) = limits, known
-    radius, force = (high - low) / 2 / directions.arms, (tau - (high + low) / 2) / directions.arms
-    whole = jnp.where(directions.same, radius**2, 0.0).sum(axis=1)
-    room = 1 - jnp.sqrt(jnp.where(directions.same, force**2, 0.0).sum(axis=1) / jnp.where(whole > 0, whole, 1.0))
-    largest = jnp.where(directions.same, pulled, 0.0).max(axis=1)
-    share = largest / jnp.maximum(jnp.max(pulled), jnp.finfo(pulled.dtype).tiny)
-    follows = (share > room) & (largest > _FEW * enough) & jnp.any(~sticks & (pulled > enough))
-    return follows & directions.directed & (whole > 0)
+    return linear.sticking(rows, limits, still, equations.slip_size, tolerance, directions, wanted)

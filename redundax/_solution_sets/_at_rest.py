@@ -8,7 +8,7 @@ are the acceleration, a_0 being that without friction, and the rates of the slip
 case: preload, misfit and compliance enter through the limits of friction alone.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple, TypeVar
 
 import jax
@@ -166,16 +166,13 @@ def _largest_rate(system: AbstractSystem, state: State, factor: Factorisation) -
     return (np.abs(np.asarray(state.qd)) * turns).max(initial=0.0)
 
 
-def velocity_basis(system: AbstractSystem, factor: Factorisation, opened: Sequence[int] = ()) -> np.ndarray:
-    """V, of what all constraints but those `opened` leave; without columns where no basis is orthonormal, which
-    `analyze` complains of."""
+def velocity_basis(system: AbstractSystem, factor: Factorisation) -> np.ndarray:
+    """V; without columns where no basis is orthonormal, which `analyze` complains of."""
     if not bool(factor.determinate & factor.finite):
         return np.zeros((factor.load.size, 0))
     scale = np.where(system.coordinates.angular, 1 / np.asarray(factor.length), 1.0)
     rows = np.asarray(factor.jacobian) * scale / np.asarray(factor.row_scale)[:, None]
-    _, sizes, ways = np.linalg.svd(np.delete(rows, list(opened), axis=0))
-    rank = int(np.sum(sizes > NONE * sizes.max(initial=0.0))) if opened else int(factor.spectrum.rank)
-    free = scale[:, None] * ways[rank:].T
+    free = scale[:, None] * np.linalg.svd(rows)[2][int(factor.spectrum.rank) :].T
     inverse = np.linalg.inv(np.linalg.cholesky(free.T @ np.asarray(factor.mass) @ free))
     return free @ inverse.T
 

@@ -11,7 +11,6 @@ from typing import Any, cast
 
 import equinox as eqx
 import jax
-import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array
 
@@ -25,7 +24,6 @@ from .._closures._closure import (
     minimum_norm,
 )
 from .._closures._elastic_joints import ElasticJoints
-from .._closures._play import warn_of_idle_play
 from .._closures._unit_check import check_units
 from .._equations._culprits import thrown
 from .._equations._factorize import dense_at, factorisation_at
@@ -150,9 +148,6 @@ def solve(
     given = system, state, rank, closure, solver, x0, sense
     if system.names.one_sided or (closure is not None and closure.clearances(system) is not None):
         solution, factor = _with_contacts(system, state, rank, closure, solver, (x0, sense))
-        play = None if system.names.one_sided or closure is None else closure.clearances(system)
-        if play is not None and are_known(factor, closure):
-            warn_of_idle_play(play, np.asarray(cast(Any, factor).in_self_stress), system.rows.labels, stacklevel=2)
         return _told(solution, system, state, throw, factor)
     if factor is None and not are_known(system, state, rank):
         solution = _solved_at_each(*given)

@@ -7,7 +7,7 @@ with A symmetric positive semidefinite, joint after joint
     tau_j <- clip(tau_j - alpha_j / A_jj, lo_j, hi_j),
 
 the limits being those of the loads at the start of a sweep. Friction along a direction has a ball for an interval
-(`_balls`): that of norm |hi|, where lo = -hi. Of several sweeps stand in only where `_interior` finds none.
+(`_balls`): that of norm |hi|, where lo = -hi.
 """
 
 from collections.abc import Callable
@@ -19,7 +19,6 @@ from jaxtyping import Array, Bool, Float
 
 from .._system._directions import Directions
 from ._balls import Balls
-from ._interior import interior
 
 _SWEEPS = 2000
 
@@ -51,12 +50,7 @@ def gauss_seidel(
     - `enough`: change of friction, relative to the largest limit, that ends it.
     - `directions`: joints whose slips share one friction.
     """
-    balls = within = None
-    if directions is not None:
-        balls = Balls.of(directions, jnp.where(jnp.isinf(own)[:, None], 0.0, matrix))
-        if len(directions.joints) > 1:
-            within = interior(limits, free, matrix, jnp.isinf(own), weight, directions, wanted)
-            wanted = wanted & ~within.found
+    balls = None if directions is None else Balls.of(directions, jnp.where(jnp.isinf(own)[:, None], 0.0, matrix))
 
     def sweep(carry: tuple) -> tuple:
         tau, _, _, count = carry
@@ -76,7 +70,4 @@ def gauss_seidel(
     zero = jnp.zeros((), free.dtype)
     first = (jnp.zeros_like(free), zero + jnp.inf, zero, jnp.zeros((), int))
     tau, change, size, _ = jax.lax.while_loop(going, sweep, first)
-    settled = change <= enough * size
-    if within is None:
-        return Swept(tau, settled)
-    return Swept(jnp.where(within.found, within.tau, tau), within.found | settled)
+    return Swept(tau, change <= enough * size)

@@ -1,7 +1,6 @@
 """The known state (q, qd, t) at which the index-1 equations (7), (25) are solved."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -11,7 +10,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float, PyTree
 
 from .._tools._errors import RedundaxError
-from .._tools._module import Numbers, as_float, is_concrete
+from .._tools._module import Numbers, as_float
 from .._tools._table import are_known, figures, group, page
 from .._tools._value import AbstractModule
 from ._results import RESULTS, first_failure
@@ -40,8 +39,7 @@ class State(AbstractModule):
     - `memory`: internal states of friction laws that have some, one entry for each friction group;
       zero if not given.
 
-    Its `result` says whether `assemble` found it, sample by sample of a batch. Of several states, each array with an
-    axis for them in front, `states[1:-1]` and `states[0]` are some, and one.
+    Its `result` says whether `assemble` found it, sample by sample of a batch.
     """
 
     q: Float[Array, "..."]
@@ -53,16 +51,6 @@ class State(AbstractModule):
         self.q, self.qd = as_float(q, "q"), as_float(qd, "qd")
         self.t = as_float(t, "t").astype(self.qd.dtype)
         self.memory = memory
-
-    def __getitem__(self, which: Any) -> "State":
-        """Of several states those at some places along their first axis, as of an array."""
-        if self.t.ndim == 0 or isinstance(which, str | tuple) or which is Ellipsis:
-            raise RedundaxError(
-                f"A `State` has its entries in `q`, `qd` and `t`, but is asked for [{which!r}]. Ask a solution or "
-                "`system.table(state)` for names; places are those of several states, with an axis for them in front."
-            )
-        places = np.arange(len(self.t))[which] if is_concrete(which) else which
-        return jax.tree.map(lambda x: x[places], self)
 
     @property
     def result(self) -> RESULTS:

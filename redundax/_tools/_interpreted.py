@@ -17,16 +17,15 @@ from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, Var
 from jax.typing import ArrayLike
 
 from ._compilation import Options
-from ._rule import Computed, Entries, NoRuleError, Parameters, Shapes
-from ._rules import RULES
+from ._rules import RULES, AtPlaces, Computed, Entries, NoRuleError, Parameters, Shapes, clamped
 
 
 class Interpreted:
     """The function of NumPy's arrays, one by one, that equations say.
 
     Loops that stand in no other become programs by `options` of `jax.jit` where those are given; `has_programs` tells
-    whether one has. They are added to `loops`; with these options they compile so many `times` as long as in little
-    time.
+    whether one has. They are added to `loops`. The first `staying` arguments stay the same from turn to turn of a loop
+    around the equations: what depends on them alone is computed where they have changed.
     """
 
     def __init__(
@@ -34,11 +33,11 @@ class Interpreted:
         closed: ClosedJaxpr,
         options: Callable[[], Options] | None = None,
         loops: "list[_Loop] | None" = None,
-        times: float = 1.0,
+        staying: int = 0,
     ):
         if any(isinstance(x, jax.core.Tracer) for x in closed.consts):
             raise NoRuleError
-        self._options, self._times, self._loops = options, times, list[_Loop]() if loops is None else loops
+        self._options, self._loops = options, list[_Loop]() if loops is None else loops
         self._values: list[Entries] = []  # those that are known at once, None of others
         self._steps: list[tuple[Computed, tuple[int, ...], tuple[int, ...], tuple[int, ...]]] = []
         self._same: dict[Hashable, list[int]] = {}  # places of what equations give, of which many say the same
@@ -52,6 +51,8 @@ class Interpreted:
                 steps.append((function, taken, made, tuple(k for k in {*taken} - needed if k in self._large)))
                 needed.update(taken)
         self._steps, self._same = steps[::-1], {}
+        self._staying = [k for k in range(staying) if getattr(closed.jaxpr.invars[k].aval, "size", 0) <= _LARGE]
+        self._first = self._parted() if staying else []
 
     @property
     def has_programs(self) -> bool:
@@ -62,18 +63,41 @@ class Interpreted:
 
     def run(self, given: Sequence[Entries]) -> list[Entries]:
         """Arrays that may be those that are given, or parts of them."""
-        values = self._values.copy()
+        values = self._begun(given) if self._first else self._values.copy()
         values[: self._given] = given
         for function, taken, made, last in self._steps:
-            out = function(*[values[k] for k in taken])
-            if len(made) == 1:
-                values[made[0]] = out
-            else:
-                for k, x in zip(made, out, strict=True):
-                    values[k] = x
+            _run(function, taken, made, values)
             for k in last:
                 values[k] = None
         return [values[k] for k in self._results]
+
+    def _parted(self) -> list[tuple[Computed, tuple[int, ...], tuple[int, ...]]]:
+        """Steps that take what stays alone, parted from the others."""
+        stays = {*self._staying, *(k for k, value in enumerate(self._values) if value is not None)}
+        first, others = [], []
+        for step in self._steps:
+            function, taken, made, _ = step
+            if stays.issuperset(taken) and self._large.isdisjoint(made):
+                first.append((function, taken, made))
+                stays.update(made)
+            else:
+                others.append((function, taken, made, tuple(set(step[3]) - stays)))
+        self._steps = others
+        return first
+
+    def _begun(self, given: Sequence[Entries]) -> list[Entries]:
+        """Values of what stays."""
+        changed = {k for k in self._staying if given[k] is not self._values[k]}
+        if changed:
+            values = self._values.copy()
+            for k in changed:
+                values[k] = given[k]
+            for function, taken, made in self._first:
+                if not changed.isdisjoint(taken):
+                    _run(function, taken, made, values)
+                    changed.update(made)
+            self._values = values
+        return self._values.copy()
 
     def _place(self, value: Entries | None = None) -> int:
         if isinstance(value, np.ndarray):
@@ -109,29 +133,37 @@ class Interpreted:
         if name == "cond":
             known = self._values[taken[0]]
             if known is not None:
-                return self._called(parameters["branches"][_place_of(known, len(parameters["branches"]))], taken[1:])
+                return self._called(parameters["branches"][clamped(known, len(parameters["branches"]) - 1)], taken[1:])
             return self._made(self._cond(parameters["branches"]), taken, count)
         if name in _LOOPS:
-            loop = _Loop(equation, self._options, self._times)
+            loop = _Loop(equation, self._options)
             self._loops.append(loop)
             return self._made(loop, taken, count)
+        if name in _CHANGES_NOTHING:
+            return taken
         if name not in RULES:
             raise NoRuleError(name)
         of, to = (cast(Shapes, [x.aval for x in group]) for group in (equation.invars, equation.outvars))
         if any(getattr(x, "dtype", None) not in _TYPES for x in (*of, *to)):
             raise NoRuleError
-        if name in _CHANGES_NOTHING or (name in _RESHAPES and of[0].shape == to[0].shape):
+        if name in _RESHAPES and of[0].shape == to[0].shape:
             return taken
         key = name, *taken, *parameters.items(), *((x.dtype, x.shape) for x in to)
-        made = self._once(key, lambda: self._made(RULES[name](parameters, of, to), taken, count))
+        made = self._once(key, lambda: self._ruled(RULES[name](parameters, of, to), taken, count))
         self._large.update(k for k, x in zip(made, to, strict=True) if getattr(x, "size", 0) > _LARGE)
         return made
 
+    def _ruled(self, rule: Computed | AtPlaces, taken: list[int], count: int) -> list[int]:
+        if not isinstance(rule, AtPlaces):
+            return self._made(rule, taken, count)
+        places = self._made(rule.places, taken[1:2], 1)
+        return self._made(rule.function, [taken[0], *places, *taken[2:]], count)
+
     def _cond(self, branches: Sequence[ClosedJaxpr]) -> Computed:
-        opened = [_Inner(branch, self._options, self._loops, self._times) for branch in branches]
+        opened = [_Inner(branch, self._options, self._loops) for branch in branches]
 
         def cond(which: Entries, *given: Entries) -> Entries:
-            out = opened[_place_of(which, len(opened))](*given)
+            out = opened[clamped(which, len(opened) - 1)](*given)
             return out[0] if len(out) == 1 else out
 
         return cond
@@ -158,6 +190,16 @@ class Interpreted:
         return [self._place(x) for x in ([found] if count == 1 else found)]
 
 
+def _run(function: Computed, taken: tuple[int, ...], made: tuple[int, ...], values: list[Entries]) -> None:
+    """A step, which puts what it makes among the values."""
+    out = function(*[values[k] for k in taken])
+    if len(made) == 1:
+        values[made[0]] = out
+    else:
+        for k, x in zip(made, out, strict=True):
+            values[k] = x
+
+
 _LARGE = 10_000  # entries, some 80 kB: what is smaller is not worth the time of letting go
 _TYPES = {*map(np.dtype, ("bool", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64"))}
 _TYPES |= {*map(np.dtype, ("float32", "float64"))}
@@ -179,28 +221,25 @@ _COMPILING = 4e-4  # seconds of CPU that an equation takes
 class _Inner:
     """Equations inside of others, opened when they are first asked for."""
 
-    def __init__(self, closed: ClosedJaxpr, *given: Any):
-        self._closed, self._given, self._opened = closed, given, None
+    def __init__(self, closed: ClosedJaxpr, *given: Any, staying: int = 0):
+        self._open = functools.partial(Interpreted, closed, *given, staying=staying)
+        self._opened: Interpreted | None = None
 
     def __call__(self, *given: Entries) -> list[Entries]:
         if self._opened is None:
-            self._opened = Interpreted(self._closed, *self._given)
+            self._opened = self._open()
         return self._opened.run(given)
-
-
-def _place_of(which: Entries, count: int) -> int:
-    return min(max(int(which), 0), count - 1)
 
 
 class _Loop:
     """A loop, which is a program once its turns have taken half as long as compiling it takes; where their number is
     known, before they would take as long."""
 
-    def __init__(self, equation: JaxprEqn, options: Callable[[], Options] | None, times: float):
+    def __init__(self, equation: JaxprEqn, options: Callable[[], Options] | None):
         self._equation, self._options = equation, options
         self._turns = _LOOPS[equation.primitive.name](equation.params)
-        self._left = np.inf if options is None else times * _COMPILING * _count(equation)  # seconds
-        self._is_open = False  # what its first turn does once does not count
+        self._left = np.inf if options is None else seconds_of_compiling(equation)
+        self._is_open = False  # what its first call does once, in one of the turns, does not count
         self.program: Computed | None = None
 
     def __call__(self, *given: Entries) -> Entries:
@@ -208,13 +247,17 @@ class _Loop:
         return out[0] if len(out) == 1 else out
 
     def _turned(self, given: Sequence[Entries]) -> Sequence[Entries]:
-        begun = time.thread_time()
+        if self._options is not None:  # users may change their arrays before another call
+            given = [x.view() for x in given]
+        begun = before = time.thread_time()
+        slowest = 0.0
         for onward, out, done in self._turns(given):
+            now = time.thread_time()
             if not self._is_open:
-                self._is_open, begun = True, time.thread_time()
-            spent = time.thread_time() - begun
+                before, slowest = now, max(slowest, now - before)
+            spent = now - begun - slowest
             if out is not None:
-                self._left -= spent
+                self._is_open, self._left = True, self._left - spent
                 return out
             if spent > self._left * done:
                 return self._compiled(onward)
@@ -234,28 +277,31 @@ Turns = Iterator[tuple[Sequence[Entries], Sequence[Entries] | None, float]]
 
 
 def _while(parameters: Parameters) -> Callable[[Sequence[Entries]], Turns]:
-    going, body = _Inner(parameters["cond_jaxpr"]), _Inner(parameters["body_jaxpr"])
     first, last = parameters["cond_nconsts"], parameters["cond_nconsts"] + parameters["body_nconsts"]
+    going, body = (
+        _Inner(parameters["cond_jaxpr"], staying=first),
+        _Inner(parameters["body_jaxpr"], staying=last - first),
+    )
 
     def turns(given: Sequence[Entries]) -> Turns:
         of_going, of_body, now = given[:first], given[first:last], given[last:]
-        while np.any(flag := going(*of_going, *now)[0]):
+        while (flag := going(*of_going, *now)[0]).any():
             new = body(*of_body, *now)
-            now = new if np.ndim(flag) == 0 else [_chosen(flag, *both) for both in zip(new, now, strict=True)]
+            now = [_where(flag, *pair) for pair in zip(new, now, strict=True)] if flag.ndim else new
             yield (*given[:last], *now), None, 0.5
         yield given, now, 1.0
 
     return turns
 
 
-def _chosen(flag: Entries, yes: Entries, no: Entries) -> np.ndarray:
-    """Of a batch what goes on, and what has ended as it is."""
-    return np.where(np.reshape(flag, np.shape(flag) + (1,) * (np.ndim(yes) - np.ndim(flag))), yes, no)
+def _where(flag: Entries, yes: Entries, no: Entries) -> Entries:
+    """What has ended of a batch stays."""
+    return np.where(flag.reshape(flag.shape + (1,) * (yes.ndim - flag.ndim)), yes, no)
 
 
 def _scan(parameters: Parameters) -> Callable[[Sequence[Entries]], Turns]:
-    body, length, number = _Inner(parameters["jaxpr"]), parameters["length"], parameters["num_carry"]
-    first, last = parameters["num_consts"], parameters["num_consts"] + number
+    first, length, number = (parameters[name] for name in ("num_consts", "length", "num_carry"))
+    body, last = _Inner(parameters["jaxpr"], staying=first), first + number
     if not length:
         raise NoRuleError
 
@@ -275,6 +321,11 @@ def _scan(parameters: Parameters) -> Callable[[Sequence[Entries]], Turns]:
 
 
 _LOOPS = {"while": _while, "scan": _scan}
+
+
+def seconds_of_compiling(inside: object) -> float:
+    """Half of what equations take."""
+    return _COMPILING * _count(inside)
 
 
 def _count(inside: object) -> int:

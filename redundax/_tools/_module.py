@@ -17,7 +17,7 @@ import jax.core
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike, DTypeLike
-from jaxtyping import Array, Bool, Float, Integer, Num
+from jaxtyping import Array, Bool, Float, Integer
 
 from ._compilation import is_loopless
 from ._errors import RedundaxError
@@ -257,12 +257,12 @@ def tree_add(totals: T, members: Integer[Array, " some"], parts: T) -> T:
     return jax.tree.map(added, totals, parts)
 
 
-def ones_at(members: Integer[Array, "..."], size: int, dtype: DTypeLike) -> Num[Array, "... size"]:
+def ones_at(members: Integer[Array, "..."], size: int, dtype: DTypeLike) -> Float[Array, "... size"]:
     """Rows of the unit matrix."""
     return jnp.asarray(jnp.expand_dims(members, -1) == jnp.arange(size, dtype=members.dtype), dtype)
 
 
-def _product(ones: Num[Array, "some size"], x: Array, axis: int) -> Array:
+def _product(ones: Float[Array, "some size"], x: Array, axis: int) -> Array:
     flat = x.reshape(len(x), -1)
     out = jax.lax.dot_general(ones, flat, (((axis,), (0,)), ((), ())), precision="highest")
     return out.reshape(-1, *x.shape[1:])

@@ -21,7 +21,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import equinox as eqx
 import jax
@@ -31,8 +31,9 @@ import numpy as np
 from jax.extend.core import jaxpr_as_fun
 from threadpoolctl import ThreadpoolController
 
-from ._compilation import compiled, in_little_time, of_equations, of_one_sample, quick_options, uncollected
-from ._interpreted import Interpreted
+from . import _factors
+from ._compilation import Options, compiled, in_little_time, of_equations, of_one_sample, quick_options, uncollected
+from ._interpreted import Interpreted, seconds_of_compiling
 
 T = TypeVar("T")
 F = TypeVar("F", bound=Callable[..., Any])
@@ -99,42 +100,6 @@ def _full(shape: Any, value: Any, dtype: Any = None) -> Any:
     return np.full(shape, value, _asarray(value).dtype if dtype is None else dtype)
 
 
-def _or_nan(function: Callable[..., Any], none: Callable[..., Any]) -> Callable[..., Any]:
-    """NaN where LAPACK finds no factor, as JAX gives it."""
-
-    @functools.wraps(function)
-    def run(a: Any, *more: Any, **named: Any) -> Any:
-        try:
-            return function(a, *more, **named)
-        except np.linalg.LinAlgError:
-            return none(a, *more, **named)
-
-    return run
-
-
-def _no_svd(a: np.ndarray, full_matrices: bool = True, compute_uv: bool = True) -> Any:
-    (m, n), s = a.shape, min(a.shape)
-    shapes = ((m, m if full_matrices else s), (s,), (n if full_matrices else s, n))
-    found = tuple(np.full(shape, np.nan, a.dtype) for shape in shapes)
-    return found if compute_uv else found[1]
-
-
-def _each_solved(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Infinite where there is no factor, the others of a batch as they are."""
-    if a.ndim == 2:
-        return np.full_like(b, np.inf)
-    batch = np.broadcast_shapes(a.shape[:-2], b.shape[:-2])
-    many, rights = (np.broadcast_to(x, batch + x.shape[-2:]) for x in (a, b))
-    out = np.empty(rights.shape, b.dtype)
-    for place in np.ndindex(batch):
-        out[place] = xp.linalg.solve(many[place], rights[place])
-    return out
-
-
-def _nan_like(a: np.ndarray, *_: Any) -> np.ndarray:
-    return np.full_like(a, np.nan)
-
-
 _OF_NUMPY = {
     "zeros": _made(np.zeros, 1),
     "ones": _made(np.ones, 1),
@@ -144,13 +109,11 @@ _OF_NUMPY = {
     "asarray": _asarray,
     "array": _asarray,
     "unstack": lambda x, axis=0: tuple(np.moveaxis(x, axis, 0)),
-    "svd": _or_nan(np.linalg.svd, _no_svd),
-    "cholesky": _or_nan(np.linalg.cholesky, _nan_like),
-    "inv": _or_nan(np.linalg.inv, _nan_like),
-    "pinv": _or_nan(np.linalg.pinv, lambda a, **_: _nan_like(a)),
-    "solve": _or_nan(np.linalg.solve, _each_solved),
-    "eigh": _or_nan(np.linalg.eigh, lambda a: (np.full(len(a), np.nan, a.dtype), _nan_like(a))),
-    "eigvalsh": _or_nan(np.linalg.eigvalsh, lambda a: np.full(len(a), np.nan, a.dtype)),
+    "solve": _factors.solve,
+    **{
+        name: _factors.or_nan(getattr(np.linalg, name))
+        for name in ("svd", "cholesky", "inv", "pinv", "eigh", "eigvalsh")
+    },
 }
 
 
@@ -425,20 +388,40 @@ FEW = 100
 _RECENT = 128  # structures of which one function is kept traced
 
 
-class _Traced:
-    """A function with arguments of one structure: computed by NumPy at first, by a program from call `FEW` on.
+class _Kind(NamedTuple):
+    """How a traced function becomes a program.
 
-    One whose `loops` turn often is traced as it is compiled; they become programs of their own.
+    - `for_numpy`: whether it is traced for NumPy's equations rather than as a program alone.
+    - `is_quick`: whether it is compiled in little time.
+    - `by_loops`: whether NumPy goes on where a loop has become one; else all of it does.
+    - `by_seconds`: whether it does after as long as compiling takes, too, and none of its loops before.
     """
 
-    def __init__(self, function: Callable[..., Any], arguments: Any, loops: bool = False, in_order: bool = False):
-        with in_little_time(True), of_equations(not loops), of_one_sample(loops), uncollected():
+    for_numpy: bool = False
+    is_quick: bool = True
+    by_loops: bool = True
+    by_seconds: bool = False
+
+    def options(self) -> Options:
+        return quick_options(not self.is_quick)
+
+
+_MODEL = _Kind(for_numpy=True, by_loops=False)
+
+
+class _Traced:
+    """A function with arguments of one structure: computed by NumPy at first, by a program from call `FEW` on."""
+
+    def __init__(self, function: Callable[..., Any], arguments: Any, kind: _Kind):
+        quick, for_numpy = in_little_time(kind.is_quick), of_equations(kind.for_numpy)
+        with quick, for_numpy, of_one_sample(not kind.for_numpy), uncollected():
             self.closed, of_arrays, self.others = eqx.filter_make_jaxpr(function)(*arguments)
-        self.function, self.structure, self.calls = function, jax.tree.structure(of_arrays), 0
-        self.first, self.loops, self.spent = None, loops, 0.0  # seconds in programs
-        self.options = partial(quick_options, in_order, in_order)
+        self.function, self.structure, self.kind = function, jax.tree.structure(of_arrays), kind
+        self.calls, self.spent = 0, 0.0  # seconds in programs
+        self.left = seconds_of_compiling(self.closed) if kind.by_seconds else np.inf
+        self.first = None
         with contextlib.suppress(Exception):  # functions of a user may hold what NumPy has not
-            self.first = Interpreted(self.closed, self.options, times=_OPTIMISED if in_order else 1.0)
+            self.first = Interpreted(self.closed, None if kind.by_seconds else kind.options)
 
     @property
     def is_compiled(self) -> bool:
@@ -448,14 +431,13 @@ class _Traced:
     @functools.cached_property
     def program(self) -> Callable[..., Any]:
         run = functools.wraps(self.function)(jaxpr_as_fun(self.closed))
-        return jax.jit(run, compiler_options=self.options())
+        return jax.jit(run, compiler_options=self.kind.options())
 
-    def __call__(self, given: list[Any]) -> Any:
+    def __call__(self, arguments: Any) -> Any:
         self.calls += 1
-        out, begun, compiled = None, time.perf_counter(), self.is_compiled
-        if self.first is not None and (self.calls <= FEW or (self.loops and self.first.has_programs)):
-            with contextlib.suppress(Exception):
-                out = self.first([np.asarray(x) for x in given])
+        given = [np.asarray(x) for x in jax.tree.leaves(arguments) if eqx.is_array(x)]
+        begun, compiled = time.perf_counter(), self.is_compiled
+        out = self._by_numpy(given)
         if out is None:
             self.first = None
             out = [np.asarray(x) for x in self.program(*given)]
@@ -463,36 +445,61 @@ class _Traced:
             self.spent += time.perf_counter() - begun
         return eqx.combine(jax.tree.unflatten(self.structure, out), self.others)
 
+    def _by_numpy(self, given: list[np.ndarray]) -> list[np.ndarray] | None:
+        """None where a program is to take over."""
+        if self.first is None:
+            return None
+        is_new = self.calls <= FEW and self.left > 0
+        if not is_new and not (self.kind.by_loops and self.first.has_programs):
+            return None
+        begun, out = time.thread_time(), None
+        with contextlib.suppress(Exception):
+            out = self.first(given)
+        self.left -= time.thread_time() - begun
+        return out
+
+
+def _traced(function: Callable[..., Any], kind: _Kind) -> Callable[..., _Traced]:
+    """What is traced of a function for the structure of arguments, kept for the last of these."""
+    recent: collections.OrderedDict[Any, _Traced] = collections.OrderedDict()
+
+    def of(arguments: Any) -> _Traced:
+        key = jax.config.jax_enable_x64, _structure(arguments)  # pyright: ignore[reportAttributeAccessIssue]
+        if key not in recent:
+            recent[key] = _Traced(function, arguments, kind)
+            if len(recent) > _RECENT:
+                recent.popitem(last=False)
+        return recent[key]
+
+    return of
+
 
 # Seconds that programs have run in all, by calls of one structure, when one with all optimisation takes over, which
 # compiles for about as long.
 LONG = 5.0
-_OPTIMISED = 4.0  # times as long as in little time
 
 
-def as_program(function: Callable[..., Any], *, in_order: bool = False) -> Callable[..., Any]:
-    """What repeats a thousand times: `compiled` where arguments are traced; of numbers, or JAX's arrays, it gives such.
+def as_program(
+    function: Callable[..., Any], *, runs_long: bool = False, by_seconds: bool = False
+) -> Callable[..., Any]:
+    """What repeats a thousand times: `compiled`, of numbers and giving such where those are known.
 
     It is computed by NumPy at first, its loops or all of it are compiled in little time where that would take longer,
-    and with all optimisation once they have run for `LONG`. What is large, and one call of which may run for long, is
-    compiled `in_order` and with all optimisation as soon as it would take longer.
+    and with all optimisation once they have run for `LONG`, or at once where it `runs_long`. Where no loop is all of it
+    it is a whole program after as many seconds as compiling takes, `by_seconds`.
     """
-    first, fast = compiled(function), compiled(function, runs_long=True)
-    recent: collections.OrderedDict[Any, _Traced] = collections.OrderedDict()
+    first, fast = compiled(function, runs_long=runs_long), compiled(function, runs_long=True)
+    traced = _traced(function, _Kind(is_quick=not runs_long, by_loops=not by_seconds, by_seconds=by_seconds))
 
     @functools.wraps(function)
     def run(*arguments: Any) -> Any:
-        if not are_known(arguments):
-            return first(*arguments)
         if not are_numbers(arguments):
-            with computing():
-                return as_arrays(run(*as_numbers(arguments)))
-        key = jax.config.jax_enable_x64, _structure(arguments)  # pyright: ignore[reportAttributeAccessIssue]
+            return first(*arguments)
         try:
             with jax.core.eval_context():
-                traced = _kept(recent, key, lambda: _Traced(function, arguments, True, in_order))
-                if in_order or traced.spent <= LONG:
-                    return traced([x for x in jax.tree.leaves(arguments) if eqx.is_array(x)])
+                one = traced(arguments)
+                if runs_long or one.spent <= LONG:
+                    return one(arguments)
         except jax.errors.UnexpectedTracerError:  # a function of the user holds a traced number
             return as_numbers(first(*arguments))
         return as_numbers(fast(*arguments))
@@ -500,24 +507,13 @@ def as_program(function: Callable[..., Any], *, in_order: bool = False) -> Calla
     return run
 
 
-def _kept(recent: collections.OrderedDict[Any, T], key: Any, make: Callable[[], T]) -> T:
-    """What was made last for keys."""
-    if key not in recent:
-        recent[key] = make()
-        if len(recent) > _RECENT:
-            recent.popitem(last=False)
-    return recent[key]
-
-
 def of_model(function: Callable[..., Any]) -> Callable[..., Any]:
     """What of a model is traced by itself where numbers are known, and part of a program where some are traced; of
     arrays of JAX it gives such."""
-    recent: collections.OrderedDict[Any, _Traced] = collections.OrderedDict()
+    traced = _traced(function, _MODEL)
 
     def computed(*arguments: Any) -> Any:
-        key = jax.config.jax_enable_x64, _structure(arguments)  # pyright: ignore[reportAttributeAccessIssue]
-        traced = _kept(recent, key, lambda: _Traced(function, arguments))
-        return traced([x for x in jax.tree.leaves(arguments) if eqx.is_array(x)])
+        return traced(arguments)(arguments)
 
     @functools.wraps(function)
     def run(*arguments: Any, **named: Any) -> Any:

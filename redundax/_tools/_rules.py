@@ -5,13 +5,29 @@ that are given stay as they are.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
 
 import jax
+import jax.core
 import numpy as np
 
-from ._rule import Computed, Entries, NoRuleError, Parameters, Shapes
-from ._rules_of_factors import cholesky, eigh, lu_factors, lu_permutation, or_nan, qr, svd, triangular_solve
+from . import _factors
+
+Entries: TypeAlias = Any  # NumPy's arrays and scalars, of which a type checker knows no common one
+Computed = Callable[..., Any]
+Parameters = dict[str, Any]
+Shapes = list[jax.core.ShapedArray]  # of what an equation takes and gives, with types
+
+
+class NoRuleError(Exception):
+    """NumPy does not compute an equation."""
+
+
+class AtPlaces(NamedTuple):
+    """Where in an array are the places that an equation is given second, and what it does there."""
+
+    places: Computed
+    function: Computed
 
 
 def _as_it_is(function: Computed) -> Callable[..., Computed]:
@@ -19,20 +35,13 @@ def _as_it_is(function: Computed) -> Callable[..., Computed]:
     return lambda parameters, of, to: function
 
 
-def _divided(function: Computed) -> Callable[..., Computed]:
-    """A quotient or remainder; of whole numbers towards 0, and by 0 as XLA has it: -1, and the number itself."""
+def _of_floats(function: Computed) -> Callable[..., Computed]:
+    """A function of floating-point numbers; whole ones have rules of their own beside 0."""
 
     def rule(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
-        if np.issubdtype(to[0].dtype, np.floating):
-            return function
-        one, is_remainder = np.ones((), to[0].dtype), function is np.fmod
-
-        def whole(x: Entries, y: Entries) -> Entries:
-            rest = np.fmod(x, np.where(y == 0, one, y))
-            found = rest if is_remainder else (x - rest) // np.where(y == 0, one, y)
-            return np.where(y == 0, x if is_remainder else np.invert(one - one), found)
-
-        return whole
+        if not np.issubdtype(to[0].dtype, np.floating):
+            raise NoRuleError
+        return function
 
     return rule
 
@@ -102,16 +111,24 @@ def _slice(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
 
 
 def _dynamic_slice(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
-    sizes, most = (
-        parameters["slice_sizes"],
-        [a - b for a, b in zip(of[0].shape, parameters["slice_sizes"], strict=True)],
-    )
+    within = _within(of[0].shape, parameters["slice_sizes"])
+    return lambda x, *first: x[within(first)]
 
-    def part(x: Entries, *first: Any) -> Entries:
-        begins = [min(max(int(k), 0), last) for k, last in zip(first, most, strict=True)]
-        return x[tuple(slice(k, k + size) for k, size in zip(begins, sizes, strict=True))]
+
+def _within(shape: Sequence[int], sizes: Sequence[int]) -> Callable[[Sequence[Any]], tuple[slice, ...]]:
+    """Parts of some sizes of an array, from where each begins, or from the nearest place at which it is whole."""
+    each = [(size, whole - size) for size, whole in zip(sizes, shape, strict=True)]
+
+    def part(first: Sequence[Any]) -> tuple[slice, ...]:
+        begins = [clamped(k, last) for k, (_, last) in zip(first, each, strict=True)]
+        return tuple(slice(k, k + size) for k, (size, _) in zip(begins, each, strict=True))
 
     return part
+
+
+def clamped(place: Entries, last: int) -> int:
+    """The nearest of 0, 1, ... and the last."""
+    return min(max(int(place), 0), last)
 
 
 def _concatenate(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
@@ -236,8 +253,7 @@ def _counted(shape: Sequence[int], axis: int) -> np.ndarray:
 
 
 def _entries(numbers: Any, operand: Any, sizes: Sequence[int], within: Sequence[int], mode: Any) -> Computed:
-    """Where slices of an array at given places are in it, number by number, and which are not if some of a mode that
-    fills or drops them are not: they count from where they can.
+    """Where slices of an array at given places are in it, number by number.
 
     `within` are the axes of slices among those of what is read or set, and `sizes` those of slices.
     """
@@ -246,10 +262,10 @@ def _entries(numbers: Any, operand: Any, sizes: Sequence[int], within: Sequence[
     strides = np.cumprod([1, *operand.shape[:0:-1]])[::-1]
     most = np.subtract(operand.shape, sizes)[list(along)]
 
-    def entries(places: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-        lost = None
-        if places.size and (beyond := (places < 0) | (places > most)).any():
-            lost = beyond.any(axis=-1) if "FILL" in str(mode) else None
+    def entries(places: np.ndarray) -> np.ndarray:
+        if places.size and ((places < 0) | (places > most)).any():
+            if "FILL" in str(mode):
+                raise NoRuleError
             places = np.clip(places, 0, most)
         begins = places.astype(np.intp) @ strides[list(along)]
         for k, axis in zip(batched, batches, strict=True):
@@ -257,44 +273,23 @@ def _entries(numbers: Any, operand: Any, sizes: Sequence[int], within: Sequence[
         out = np.expand_dims(begins, tuple(within))
         for axis, k in zip(within, kept, strict=True):
             out = out + strides[k] * _counted((*out.shape[:axis], sizes[k], *out.shape[axis + 1 :]), axis)
-        return out, None if lost is None else np.broadcast_to(np.expand_dims(lost, tuple(within)), out.shape)
+        return out
 
-    last: list[tuple[Entries, Entries]] = [(None, None)]
-
-    def same(places: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-        if places.flags.writeable:
-            return entries(places)
-        known, found = last[0]
-        if places is not known:  # most are constants
-            last[0] = places, found = places, entries(places)
-        return found
-
-    return same
+    return entries
 
 
-def _gather(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+def _gather(parameters: Parameters, of: Shapes, to: Shapes) -> AtPlaces:
     numbers, sizes = parameters["dimension_numbers"], parameters["slice_sizes"]
     batches = numbers.operand_batching_dims, numbers.start_indices_batching_dims
     axes = numbers.start_index_map, numbers.collapsed_slice_dims, *batches
     entries = _entries(axes, of[0], sizes, [*map(int, numbers.offset_dims)], parameters["mode"])
-    fill = parameters["fill_value"]
-    if fill is None:
-        dtype = to[0].dtype
-        is_whole, unsigned = np.issubdtype(dtype, np.integer), np.issubdtype(dtype, np.unsignedinteger)
-        fill = (np.iinfo(dtype).max if unsigned else np.iinfo(dtype).min) if is_whole else np.nan
-
-    def gather(x: Entries, places: Entries) -> np.ndarray:
-        found, lost = entries(places)
-        out = x.take(found)
-        return out if lost is None else np.where(lost, np.asarray(fill, out.dtype), out)
-
-    return gather
+    return AtPlaces(entries, lambda x, places: x.take(places))
 
 
-def _scatter(setting: Computed, equations: list[str]) -> Callable[..., Computed]:
+def _scatter(setting: Computed, equations: list[str]) -> Callable[..., AtPlaces]:
     """Entries set, or combined by one equation."""
 
-    def rule(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    def rule(parameters: Parameters, of: Shapes, to: Shapes) -> AtPlaces:
         combined = parameters["update_jaxpr"]
         if combined is not None and [each.primitive.name for each in combined.eqns] != equations:
             raise NoRuleError
@@ -310,11 +305,10 @@ def _scatter(setting: Computed, equations: list[str]) -> Callable[..., Computed]
 
         def scatter(x: Entries, places: Entries, new: Entries) -> np.ndarray:
             out = np.array(x, order="C")  # so that its entries in one row are no copy
-            found, lost = entries(places)
-            setting(out.reshape(-1), *((found, new) if lost is None else (found[~lost], new[~lost])))
+            setting(out.reshape(-1), places, new)
             return out
 
-        return scatter
+        return AtPlaces(entries, scatter)
 
     return rule
 
@@ -341,6 +335,70 @@ def _place_of(extreme: Computed) -> Callable[..., Computed]:
     return rule
 
 
+def _cholesky(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    return _factors.cholesky
+
+
+def _eigh(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    if parameters["subset_by_index"] is not None:
+        raise NoRuleError
+    half = "L" if parameters["lower"] else "U"
+
+    def eigh(a: Entries) -> Entries:
+        values, vectors = _factors.eigh(a, half)
+        return vectors, values
+
+    return eigh
+
+
+def _svd(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    full, whole = parameters["full_matrices"], parameters["compute_uv"]
+    if parameters["subset_by_index"] is not None:
+        raise NoRuleError
+
+    def svd(a: Entries) -> Entries:
+        found = _factors.svd(a, full, whole)
+        return (found[1], found[0], found[2]) if whole else found
+
+    return svd
+
+
+def _qr(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    if parameters["pivoting"]:
+        raise NoRuleError
+    mode = "complete" if parameters["full_matrices"] else "reduced"
+    return lambda a: np.linalg.qr(a, mode)
+
+
+_PIVOTS = 100  # rows that are eliminated one by one
+
+
+def _lu(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    if max(of[0].shape[-2:]) > _PIVOTS:
+        raise NoRuleError
+    return _factors.lu
+
+
+def _triangular_solve(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
+    left, turned, unit = (parameters[name] for name in ("left_side", "transpose_a", "unit_diagonal"))
+    upper = parameters["lower"] == (turned == left)
+
+    def solve(a: Entries, b: Entries) -> np.ndarray:
+        if turned == left:
+            a = a.mT
+        b = b if left else b.mT
+        a, b = (a, b) if upper else (a[..., ::-1, ::-1], b[..., ::-1, :])
+        a = np.triu(a)
+        if unit:
+            places = np.arange(a.shape[-1])
+            a[..., places, places] = 1
+        x = _factors.upper_solve(a, b)
+        x = x if upper else x[..., ::-1, :]
+        return x if left else x.mT
+
+    return solve
+
+
 def _sort(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     axis, keys = parameters["dimension"], parameters["num_keys"]
     if len(of) == 1:
@@ -354,11 +412,11 @@ def _sort(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
 
 
 def _dynamic_update_slice(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
-    sizes, most = of[1].shape, [a - b for a, b in zip(of[0].shape, of[1].shape, strict=True)]
+    within = _within(of[0].shape, of[1].shape)
 
     def update(x: Entries, new: Entries, *first: Any) -> np.ndarray:
-        out, begins = np.array(x), [min(max(int(k), 0), last) for k, last in zip(first, most, strict=True)]
-        out[tuple(slice(k, k + size) for k, size in zip(begins, sizes, strict=True))] = new
+        out = np.array(x)
+        out[within(first)] = new
         return out
 
     return update
@@ -384,7 +442,7 @@ def _of_platform(parameters: Parameters, of: Shapes, to: Shapes) -> Computed:
     return lambda: np.int32(place)
 
 
-RULES: dict[str, Callable[..., Computed]] = {
+RULES: dict[str, Callable[..., Computed | AtPlaces]] = {
     **{
         name: _as_it_is(function)
         for name, function in {
@@ -422,7 +480,6 @@ RULES: dict[str, Callable[..., Computed]] = {
             "mul": np.multiply,
             "ne": np.not_equal,
             "neg": np.negative,
-            "nonbatchable": lambda x: x,
             "not": np.invert,
             "or": np.bitwise_or,
             "sign": np.sign,
@@ -430,7 +487,6 @@ RULES: dict[str, Callable[..., Computed]] = {
             "sinh": np.sinh,
             "sqrt": np.sqrt,
             "square": np.square,
-            "stop_gradient": lambda x: x,
             "sub": np.subtract,
             "tan": np.tan,
             "tanh": np.tanh,
@@ -443,37 +499,36 @@ RULES: dict[str, Callable[..., Computed]] = {
     "argmax": _place_of(np.argmax),
     "argmin": _place_of(np.argmin),
     "broadcast_in_dim": _broadcast,
-    "cholesky": or_nan(cholesky),
+    "cholesky": _cholesky,
     "clamp": _clamp,
     "concatenate": _concatenate,
     "convert_element_type": _convert,
     "cummax": _cumulated(np.maximum.accumulate),
     "cumprod": _cumulated(np.multiply.accumulate),
     "cumsum": _cumulated(np.add.accumulate),
-    "div": _divided(np.divide),
+    "div": _of_floats(np.divide),
     "dot_general": _dot,
     "dynamic_slice": _dynamic_slice,
     "dynamic_update_slice": _dynamic_update_slice,
-    "eigh": or_nan(eigh),
+    "eigh": _eigh,
     "expand_dims": _reshape,
     "gather": _gather,
     "integer_pow": _integer_power,
     "iota": _iota,
     "logistic": _as_it_is(lambda x: 1 / (1 + np.exp(-x))),
-    "lu": lu_factors,
-    "lu_pivots_to_permutation": lu_permutation,
+    "lu": _lu,
     "maybe_set": _maybe_set,
     "pad": _pad,
     "platform_index": _of_platform,
     "pow": _power,
-    "qr": qr,
+    "qr": _qr,
     "reduce_and": _along(np.logical_and),
     "reduce_max": _along(np.maximum),
     "reduce_min": _along(np.minimum),
     "reduce_or": _along(np.logical_or),
     "reduce_prod": _along(np.multiply),
     "reduce_sum": _along(np.add),
-    "rem": _divided(np.fmod),
+    "rem": _of_floats(np.fmod),
     "reshape": _reshape_in_order,
     "rev": _reversed,
     "round": _round,
@@ -487,9 +542,9 @@ RULES: dict[str, Callable[..., Computed]] = {
     "split": _split,
     "squeeze": _reshape,
     "stack": _stack,
-    "svd": or_nan(svd),
+    "svd": _svd,
     "tile": _tile,
     "transpose": _transpose,
-    "triangular_solve": triangular_solve,
+    "triangular_solve": _triangular_solve,
     "unstack": _unstack,
 }

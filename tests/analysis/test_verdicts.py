@@ -122,7 +122,6 @@ def test_a_body_bears_the_virtual_work_of_its_joint_on_either_side(kind):
         np.testing.assert_allclose([*force, about_centre], np.array(work) / 2e-6, rtol=0, atol=1e-8)
 
 
-@pytest.mark.slow
 def test_an_extremum_is_not_unique():
     """The crank's acceleration has an extremum along the family: its derivative is zero there, but it varies."""
     mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02)

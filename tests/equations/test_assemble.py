@@ -60,6 +60,7 @@ PLATES = {
 
 
 SPARSE = [pytest.param(case, d, True, marks=pytest.mark.slow) for case in PLATES for d in (16, 6)]
+SPARSE[1] = ("three cranks", 6, True)
 
 
 @pytest.mark.parametrize(("case", "digits", "sparse"), [*itertools.product(PLATES, DIGITS, [False]), *SPARSE])

@@ -137,7 +137,7 @@ def test_motions_without_mass(freedom, cases):
     solution = solved(stacked(given))
     found = names(solution)
     assert np.all(found[smallest > 1e-5] == "successful")
-    chosen = np.flatnonzero(found == "successful")[: cases // 50]
+    chosen = np.flatnonzero(found == "successful")[:30]
     assert all(right(given[k], solution, k, rng) for k in chosen)
 
 
@@ -163,7 +163,7 @@ def test_closures_without_compliance(redundancy, cases):
     solution = solved(stacked(given))
     found = names(solution)
     assert np.all(found[smallest > 1e-5] == "successful")
-    chosen = np.flatnonzero(found == "successful")[: cases // 50]
+    chosen = np.flatnonzero(found == "successful")[:30]
     assert all(right(given[k], solution, k, rng) for k in chosen)
 
 
@@ -191,7 +191,7 @@ def test_rank(cases):
     assert np.all(rank[clear] == 4)
     assert np.all(clear[smallest > 1e-10])
     assert np.mean(clear[smallest < 1e-13]) < 0.1
-    chosen = np.flatnonzero(found == "successful")[: cases // 50]
+    chosen = np.flatnonzero(found == "successful")[:30]
     assert all(right(given[k], solution, k, rng) for k in chosen)
 
 

@@ -178,7 +178,7 @@ def test_spoiled_packages_are_read_or_refused_in_a_line(tmp_path, capfd):
     (tmp_path / "machine.usda").write_text(usd.parallelogram())
     UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(tmp_path / "machine.usda")), str(tmp_path / "whole.usdz"))
     whole, chance, outcomes = (tmp_path / "whole.usdz").read_bytes(), random.Random(0), []
-    for seed in range(16):
+    for seed in range(40):
         place, file = chance.randrange(len(whole)), tmp_path / f"{seed}.usdz"
         rest = b"" if seed % 2 else bytes([chance.randrange(256)]) + whole[place + 1 :]
         file.write_bytes(whole[:place] + rest)

@@ -74,7 +74,7 @@ def test_a_falling_platform_stops_before_it_is_flat():
     assert motion.result == rx.RESULTS.step_too_small
     assert motion.stats.nearest_singularity < 1e-2 and motion["platform.z"][end] < 0.1
     assert "nearest singularity" in str(motion)
-    with pytest.raises(rx.NoSolutionError, match=r"a singular position is next.* Here `nearest_singularity` is 0\.00"):
+    with pytest.raises(rx.NoSolutionError, match="a singular position is next"):
         rx.simulate(linkage, rx.assemble(linkage), 1.0)
 
 

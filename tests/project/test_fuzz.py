@@ -16,7 +16,7 @@ from fuzzing.samples import Scales, raw_numbers
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-QUICK = ("loop, doubled pin",)
+QUICK = ("loop, doubled pin", "smooth")
 SLOW = [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in RECIPES]
 LARGER = "large", "many cranks"  # joints as in the others, more of them: slow in exact numbers
 SIZE = 500  # large enough for the compiler to split a batch among threads

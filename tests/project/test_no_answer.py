@@ -107,7 +107,6 @@ def circle(radius):
     )
 
 
-@pytest.mark.slow
 def test_a_state_that_is_not_assembled():
     """y = sqrt(r^2 - x^2) and y' = -x / y; a point of x beyond r is nowhere, and of y' = 1 has no velocity."""
     samples = columns(

@@ -79,7 +79,6 @@ def test_over_h_and_compile_once(solver):
     assert events["backend_compile_duration"] == events["jaxpr_trace_duration"] == 0
 
 
-@pytest.mark.slow
 def test_over_starts():
     mechanism, state = data(OPTIONS["open"])
 
@@ -89,7 +88,6 @@ def test_over_starts():
     assert_batch_is_loop(function, 50 * np.random.default_rng(14).normal(size=(5, 24)))
 
 
-@pytest.mark.slow
 def test_over_units():
     mechanism, state = data(OPTIONS["newton"])
 
@@ -100,7 +98,7 @@ def test_over_units():
     assert_batch_is_loop(function, np.array([0.1, 0.5, 1.0, 10.0]))
 
 
-@pytest.mark.parametrize("options", [slow("smooth"), "newton", slow("fixed point"), slow("open")])
+@pytest.mark.parametrize("options", ["smooth", "newton", slow("fixed point"), slow("open")])
 def test_over_states(options):
     mechanism, _ = data(OPTIONS[options])
 
@@ -118,7 +116,7 @@ def test_over_lengths_and_friction():
     assert_batch_is_loop(function, np.array([[0.1, 0.02], [0.2, 0.03], [0.15, 0.01]]))
 
 
-@pytest.mark.parametrize("name", [slow("bead"), slow("door")])
+@pytest.mark.parametrize("name", ["bead", slow("door")])
 def test_over_the_parameters_of_a_users_system(name):
     case = registry.case(name)
     parameters = case.system.parameters
@@ -211,7 +209,6 @@ def test_friction_without_load_does_not_iterate_either():
     assert loops(lowered.as_text()) == 1
 
 
-@pytest.mark.slow
 def test_mechanisms_are_arguments():
     """A mechanism passes through jit and vmap as a pytree."""
     mechanism, state = data(OPTIONS["newton"])

@@ -166,7 +166,6 @@ def test_open_newton_ends_where_the_paper_does(u, start):
     assert solution.stats.steps > 0 and solution.stats.residual < 1e-13
 
 
-@pytest.mark.slow
 def test_open_newton_of_weak_and_strong_friction_in_one_batch():
     """With mu_rho = 0.06 m and more nothing is proved beforehand, and the loop with pivots takes over."""
     radii, starts = np.repeat([0.02, 0.05, 0.06, 0.08], 2), 50 * np.random.default_rng(3).normal(size=(8, 24))
@@ -456,7 +455,7 @@ def test_an_opaque_friction_force_is_the_same():
         assert registry.agree(opaque.friction, paper.DISTRIBUTION @ joints.friction, ["angular"] * 12, 1e-11)
 
 
-@pytest.mark.parametrize("mu_rho", [0.005, 0.02, pytest.param(0.04, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("mu_rho", [0.005, 0.02, 0.04])
 def test_newton_agrees_with_the_fixed_point_wherever_that_contracts(mu_rho):
     mechanism = rx.mechanisms.wojtyra2020(mu_rho=mu_rho)
     for phi in (-2.0, 0.2, 0.8, 2.4):

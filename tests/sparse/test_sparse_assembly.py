@@ -47,7 +47,6 @@ def test_bodies_turn_by_more_than_half_a_turn():
     assert far
 
 
-@pytest.mark.slow
 def test_values_that_constraints_determine_are_missed_and_named():
     """A driver leaves the rate of its rod no choice."""
     rod, pin = rx.Body("rod", 1.0, 0.1), rx.Revolute("O", "rod", "ground", (-0.5, 0.0), (0.0, 0.0))

@@ -1,6 +1,6 @@
 """Which files of slow tests a commit runs: those of what changed, and one share of the others, in turn.
 
-    python tests/support/share.py [--of 6] [--all]      with --all, of all tests
+    python tests/support/share.py [--of 3] [--all]      with --all, of all tests
 
 Prints them, a line each, and on stderr which share it is and why. Files are dealt in their order, so that a share has
 some of each folder, and the number of the commit says whose turn it is: as many commits in a row run every file. Where
@@ -85,7 +85,7 @@ def chosen(root: Path, of: int, mark: str = "mark.slow") -> tuple[list[str], str
 def main() -> None:
     """Print the files."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--of", type=int, default=6, help="number of shares; 1 runs all (default 6)")
+    parser.add_argument("--of", type=int, default=3, help="number of shares; 1 runs all (default 3)")
     parser.add_argument("--all", action="store_true", help="files of all tests, not of slow ones alone")
     given = parser.parse_args()
     files, words = chosen(Path(__file__).resolve().parents[2], given.of, "" if given.all else "mark.slow")

@@ -146,7 +146,6 @@ def test_names_pass_through_jit_and_batches():
     assert np.array_equal(found["hub.x"], found.multipliers[..., 0])
 
 
-@pytest.mark.slow
 def test_gradients_of_named_entries_are_those_in_closed_form():
     system = bead()
     slope = jax.jit(jax.grad(lambda r: rx.solve(system, bead_state(r))["guide0.travel''"]))(R)

@@ -59,7 +59,7 @@ def held_mass():
     return system, rx.State(np.zeros(3), np.zeros(3))
 
 
-DEAR = ("rate", "too few sweeps", "too few open steps", "mass", "state", "x0", "mu_rho and fixed point")
+DEAR = ("too few sweeps", "too few open steps", "mass", "state", "x0", "mu_rho and fixed point")
 
 
 def some_are_slow(names):

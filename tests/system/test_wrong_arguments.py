@@ -299,14 +299,3 @@ def test_bounds_are_told_as_they_were_given():
     bands = rx.band(mechanism, mechanism.state(0.6, rate=1.0), "A1.x", rx.PreloadBox(given))
     assert bands.title == "PreloadBox: A1.x -50 to 50, A2.x -30 to 30, B2.x -9 to 9"
     assert len(bands.parameters) < 3
-
-
-def test_some_of_several_states_and_what_has_no_places():
-    many = rx.State(np.arange(6.0).reshape(3, 2), np.ones((3, 2)), np.arange(3.0))
-    np.testing.assert_array_equal(many[1:-1].q, [[2.0, 3.0]])
-    assert [float(one.t) for one in many] == [0.0, 1.0, 2.0]
-    with pytest.raises(IndexError):
-        many[3]
-    for state, which in ((many, "A.x"), (rx.State([0.0], [0.0]), 0)):
-        with pytest.raises(rx.RedundaxError, match=r"entries in `q`, `qd` and `t`.* names; places"):
-            state[which]

@@ -96,7 +96,6 @@ def test_what_does_not_depend_on_the_sample_stays_out_of_the_batch():
     assert alone(jnp.zeros(3)).shape == (12,)
 
 
-@pytest.mark.slow
 def test_factorisations_of_a_batch_hold_only_what_depends_on_the_sample():
     """Gravity enters the load, friction nothing; a sweep over them has one decomposition."""
 

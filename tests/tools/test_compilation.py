@@ -78,7 +78,6 @@ def test_frictions_share_a_factorisation_with_none(programs):
     assert programs.count("jit(model_at)") == 1
 
 
-@pytest.mark.slow
 def test_a_motion_shares_the_factorisation_of_a_solve(programs):
     mechanism = rx.mechanisms.wojtyra2020()
     state = mechanism.state(phi=0.7, rate=1.3)

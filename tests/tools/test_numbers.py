@@ -54,8 +54,6 @@ PROGRAMS = {
     # With a stop on its way: steps, what is given at the times asked for, the closure, and three of a few operations.
     "motion": (lambda m, s: rx.simulate(m, s, 0.05), 6),
     "another motion": (lambda m, s: rx.simulate(m, m.state(phi=0.7, rate=1.1), 0.1), 0),
-    # Small ones of the law, and how positions follow each other.
-    "drive": (lambda m, s: rx.drive(m, {"1.phi": rx.Polynomial([0.8, 1.0])}, np.linspace(0.0, 0.4, 5), s.q), 12),
 }
 
 
@@ -73,7 +71,6 @@ class Programs:
 HEARD = Programs()
 
 
-@pytest.mark.slow
 def test_known_calls_trace_the_model_alone(programs_at_once):
     jax.clear_caches()
     mechanism = rx.mechanisms.wojtyra2020(mu_rho=0.02)
@@ -266,7 +263,7 @@ def _twice(mass=1.0) -> tuple[rx.System, rx.State]:
     return system, rx.State([0.0, 0.0], [0.0, 0.0])
 
 
-@pytest.mark.parametrize("often", [pytest.param(0, marks=pytest.mark.slow), sys.maxsize])
+@pytest.mark.parametrize("often", [0, sys.maxsize])
 def test_what_functions_of_the_user_hold_may_be_traced(monkeypatch, often):
     monkeypatch.setattr(_numbers, "OFTEN", often)
     system, state = _twice()

@@ -8,7 +8,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from ._programme import NOTHING, Optimum, Programme, Rays
+from ._programme import KEPT, NOTHING, Optimum, Programme, Rays
 from ._relaxation import Relaxation
 
 _GAP = 1e-7  # between both bounds that is none
@@ -65,11 +65,11 @@ class LoadsAtRest:
         part.found, part.relaxed = None, self.relaxed.narrowed(box)
         return part
 
-    def extreme(self, cost: np.ndarray, *, first: bool = False, beyond: float = -np.inf) -> Extreme:
-        """The largest c^T x, as far as it is beyond a value; with `first` any that is possible."""
+    def extreme(self, cost: np.ndarray, *, first: bool = False) -> Extreme:
+        """The largest c^T x; with `first` any that is possible."""
         relaxed = self.relaxed
         size = np.abs(cost).max(initial=0.0) or 1.0
-        cost, beyond, best, left, solved, order = cost / size, beyond / size, NOTHING, -np.inf, 1, itertools.count()
+        cost, best, left, solved, order = cost / size, NOTHING, -np.inf, 1, itertools.count()
         relaxed.cuts.clear()
         for planes in relaxed.planes:
             planes.clear()
@@ -78,8 +78,7 @@ class LoadsAtRest:
         queue = [_Node.of(relaxed.outer(cost, self.start), self.start, order)]
 
         def matters(bound: float) -> bool:
-            least = max(best.value, beyond)
-            return bound > -np.inf and (least == -np.inf or bound > least + _GAP * max(1.0, abs(least)))
+            return bound > -np.inf and (best.x is None or bound > best.value + _GAP * max(1.0, abs(best.value)))
 
         while queue and matters(queue[0].bound) and solved < self.most and not (first and best.x is not None):
             node = heapq.heappop(queue)
@@ -93,7 +92,7 @@ class LoadsAtRest:
                 heapq.heappush(queue, _Node.of(relaxed.outer(cost, node.cones), node.cones, order))
                 continue
             excess = np.full(len(self.start), np.inf) if node.x is None else relaxed.excess(node.x)
-            if np.all(excess <= relaxed.kept):
+            if np.all(excess <= KEPT):
                 best = max(best, Optimum(node.bound, node.x), key=_value_of)
                 continue
             cones = self._split(node.cones, node.x, excess)
@@ -114,7 +113,7 @@ class LoadsAtRest:
         """Cones that together hold those of a node, apart where the worst limit is; none if none can be split."""
         own, settled = self.relaxed.own, self._settled
         for j in np.argsort(-excess):
-            if settled[j] or excess[j] <= self.relaxed.kept[j] or (x is None and cones[j] is not None):
+            if settled[j] or excess[j] <= KEPT or (x is None and cones[j] is not None):
                 continue
             if cones[j] is None:
                 parts = [np.diag(signs) for signs in itertools.product((1.0, -1.0), repeat=len(own[j].offset))]

@@ -58,8 +58,7 @@ def sizes_of(solutions: SolutionSet, cases: AbstractCases, added: np.ndarray = _
     lower, upper = (np.where(endless, 0.0, end) for end in (cases.lower, cases.upper))
     bases, unit = cases.chosen(np.stack([lower, (lower + upper) / 2, upper]))
     unit = (unit if unit.ndim == 2 else unit[1])[rows, : len(law.rate) + len(added)]
-    ways = _Ways.of(law)
-    limits = [np.abs(np.stack(ways.limits(base[rows])[:2])).max(axis=0) for base in bases]
+    limits = [np.abs(np.stack(_limits_at(law, base[rows])[:2])).max(axis=0) for base in bases]
     slope = cases.slope[rows] if isinstance(cases, Affine) else np.zeros((len(rows), 0))
     changes = law.largest_changes(np.concatenate([np.eye(len(rows)), unit, slope], axis=1))
     parts = np.cumsum([len(rows), len(limits[0]), len(added)])
@@ -94,13 +93,12 @@ def friction_limits(
     scale = most.max(axis=0, initial=0.0)
     scale = np.where((scale > 0) & np.isfinite(scale), scale, 1.0)  # infinite where no bound of a law is known
     read = multipliers.rows(np.asarray(solutions.rows)).over(1 / scale)
-    ways = _Ways.of(law)
-    high = ways.limits(1 / scale)[1]
+    _, high, _, _ = _limits_at(law, 1 / scale)
     fixed = ~law.is_open | ~np.array(have_sense(law.groups))
     full = np.where(fixed, np.where(high >= 0, 1.0, -1.0), 0.0)
 
     def limits(loads: np.ndarray) -> LimitValues:
-        low, high, by_low, by_high = ways.limits(loads / scale)
+        low, high, by_low, by_high = _limits_at(law, loads / scale)
         size, below, above = whole[:, None] * scale, full[:, None] == 1, full[:, None] == -1
         return LimitValues(
             np.where(full == 1, np.inf, -low / whole),
@@ -115,28 +113,16 @@ def friction_limits(
     return [Limited(friction.over(whole), read, reads, full, limits, tuple(map(list, joints)))]
 
 
-class _Ways(NamedTuple):
-    """A law whose slips at rest have all of their friction one way, and the other; and the part of it in each slip.
+def _limits_at(law: Law, loads: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Least and largest friction of slips that rest, and that of those that move, and the derivatives by the loads.
 
     `Law.limits` of slips that share one friction are those of equal parts.
     """
-
-    one: Law
-    two: Law
-    parts: np.ndarray
-
-    @classmethod
-    def of(cls, law: Law) -> "_Ways":
-        parts, directions, is_open = np.ones(law.rate.shape), directions_of(law.groups), law.is_open
-        if directions is not None:
-            parts = np.where(is_open, np.sqrt(np.sum(directions.same, axis=1)), 1.0)
-        one, two = (replace_fields(law, sense=np.where(is_open, sense, law.sense)) for sense in (1.0, -1.0))
-        return cls(one, two, parts)
-
-    def limits(self, loads: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Least and largest friction of slips that rest, that of those that move, and the derivatives by the loads."""
-        (one, by_one), (two, by_two) = (way.linearised(loads) for way in self[:2])
-        share = np.where(one == two, 0.5, one < two)[..., None]  # of corners the middle, as of a minimum
-        slopes = share * by_one + (1 - share) * by_two, share * by_two + (1 - share) * by_one
-        least, most = self.parts * np.minimum(one, two), self.parts * np.maximum(one, two)
-        return least, most, *(self.parts[:, None] * slope for slope in slopes)
+    parts, directions = np.ones(law.rate.shape), directions_of(law.groups)
+    if directions is not None:
+        parts = np.where(law.is_open, np.sqrt(np.sum(directions.same, axis=1)), 1.0)
+    ways = (replace_fields(law, sense=np.where(law.is_open, sense, law.sense)) for sense in (1.0, -1.0))
+    (one, by_one), (two, by_two) = (way.linearised(loads) for way in ways)
+    share = np.where(one == two, 0.5, one < two)[..., None]  # of corners the middle, as derivatives of a minimum are
+    slopes = share * by_one + (1 - share) * by_two, share * by_two + (1 - share) * by_one
+    return parts * np.minimum(one, two), parts * np.maximum(one, two), *(parts[:, None] * slope for slope in slopes)

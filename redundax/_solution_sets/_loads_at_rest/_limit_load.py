@@ -2,13 +2,15 @@
 
     V^T (M a_0 + s b) + S^T tau = 0,   |tau_j| within limits that depend on the loads:   least and largest s
 
-over all cases within bounds. What slips and lifts at an end: `_giving_way`.
+over all cases within bounds. At an end the friction of some joints is at its limit; the mechanism starts to move in a
+way in which no other joint slips.
 
 Contacts that only push open where stiffness would have them pull (`_opening`). Where friction reads no load that is not
 unique, there are loads of any stiffness wherever any equilibrium with contacts that push is: these alone decide.
 """
 
 import dataclasses
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -36,15 +38,18 @@ from .._pushing import analyzed
 from .._solution_set import SolutionSet, solution_set
 from ._extreme import Extreme, LoadsAtRest
 from ._friction_limits import sizes_of
-from ._giving_way import giving_way
 from ._opening import opening
-from ._standing import AddedLoad, standing
+from ._programme import Programme
+from ._standing import AddedLoad, Standing, standing
 
 _MINIMUM_NORM = MinimumNorm()
 _FIRST, _MORE, _LAST = 4.0, 8.0, 1e6  # amounts that are looked at, relative to what friction without it holds
+_SLIPS = 1e-6  # rate of a slip that is none, relative to the largest
 _REACHED = 0.99  # share of the amounts looked at from which their end counts as reached
 _SHARES, _GAPS = 8, 6  # of the amounts that are borne, to ask for gaps between them; and gaps in a row
+_AT_LIMIT = 1e-7  # what is left of a limit that is none, relative to the friction
 _WHATEVER = "\nWhatever that is, contacts that only push decide alone here what stands"
+_UNLOADED = 1e-5  # share of the largest load that is none: what amounts 1e-7 from the end leave, by levers up to 100
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,7 +66,7 @@ class LimitLoad:
     - `outer_lower`, `outer_upper`: outer bounds: from them to `looked` it moves, proved, whatever the preload within
       the bounds; infinite where none is known.
     - `looked`: amounts up to which it was looked, either way. More may jam it, and hold it again.
-    - `slips`: names of the joints that give way beyond each, a pair: those at their limit in all states with that load.
+    - `slips`: names of the joints that give way beyond each, a pair.
     - `motion`: with one degree of freedom how it starts to move there: velocities, of power 1 with the load, shape
       (2, n); with more the way that the load drives most; NaN where it drives none.
     - `case`: the case of each: amplitude, preload, misfit or compliance, shape (2, q).
@@ -211,7 +216,7 @@ def limit_load(
         title += "" if isinstance(bounds, Pushing) else _WHATEVER
         all_cases = [cases_of(Pushing(), system, state, report, solutions)]
         parameters, box = (), np.zeros((0, 2))  # no case matters
-    given = AddedLoad(start, own, _scale(solutions, all_cases[0], start, own)), np.asarray(force)
+    given = AddedLoad(start, own, _scale(solutions, all_cases[0], start, own))
     ends = [_end(sign, system, state, factor, solutions, all_cases, given, nodes) for sign in (-1.0, 1.0)]
     multipliers = np.stack([end.multipliers for end in ends])
     words = dict(zip(names.one_sided, names.contacts, strict=True))
@@ -268,66 +273,77 @@ def _end(
     factor: Factorisation,
     solutions: SolutionSet,
     all_cases: Sequence[AbstractCases],
-    given: tuple[AddedLoad, np.ndarray],
+    given: AddedLoad,
     nodes: int,
 ) -> _End:
     """The end of the amounts that are borne; they are looked at up to bounds that grow until none is reached."""
-    (first, force), most = given, _FIRST
+    most = _FIRST
     while True:
-        added = first._replace(most=most * first.most)
+        added = given._replace(most=most * given.most)
         sets = [standing(system, state, factor, solutions, cases, added) for cases in all_cases]
-        parts = [LoadsAtRest(part.programme, most=nodes) for part in sets]
-        extreme, looked, at = _first_end(parts, sign)
+        extreme, looked, at = _first_end([part.programme for part in sets], sign, nodes)
         reached = extreme.x is None or looked is None
         if not reached or most >= _LAST:
             break
         most *= _MORE
-    size, n, m = most * first.most, len(system.coordinates), len(system.rows)
+    size, n, m = most * given.most, len(system.coordinates), len(system.rows)
     if extreme.x is None or looked is None:
         value = np.nan if extreme.x is None else sign * np.inf
         lost = [np.full(length, np.nan) for length in (n, all_cases[0].lower.size, m, len(system.slips))]
         return _End(value, sign * np.inf, sign * size, (), lost[0], lost[1], lost[2], lost[3])
     found = sets[at]
-    in_order = [(sets[k], parts[k]) for k in sorted(range(len(sets)), key=lambda k: k != at)]
-    way = giving_way(system, state, factor, in_order, extreme.x, sign * force, solutions.pushing)
+    slips, motion = _way(system, factor, found, extreme.x, given.start, sign * given.drive)
+    lifts, carries = _tipping(sets, at, extreme.x, solutions.pushing, nodes)
     own = found.unknowns
     return _End(
         sign * extreme.value * size + 0.0,
         sign * (extreme.bound * size if found.proved and extreme.bound < looked else np.inf),
         sign * looked * size,
-        way.slips,
-        way.motion,
+        slips,
+        motion,
         found.figures(extreme.x),
         own.multipliers(extreme.x),
         own.friction(extreme.x),
-        way.lifts,
-        way.carries,
+        lifts,
+        carries,
     )
 
 
-def _first_end(sets: Sequence[LoadsAtRest], sign: float) -> tuple[Extreme, float | None, int]:
+def _tipping(
+    sets: Sequence[Standing], at: int, x: np.ndarray, pushing: tuple[int, ...], nodes: int
+) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Rows of contacts that have no load in any state with the amount of x, which is of one of the sets; and others."""
+    loads = sets[at].unknowns.multipliers(x)
+    none = _UNLOADED * np.abs(loads).max(initial=0.0)
+    lifts = [row for row in pushing if loads[row] <= none]
+    near = x[-1] - _AT_LIMIT * np.abs(x[-1]), x[-1] + _AT_LIMIT * np.abs(x[-1])
+    for found in sets if lifts else ():
+        own, box = found.unknowns.multipliers, found.programme.box.copy()
+        box[-1] = near
+        part = LoadsAtRest(found.programme, most=nodes).narrowed(box)
+        lifts = [row for row in lifts if part.extreme(own.matrix[row]).bound + own.offset[row] <= none]
+    return tuple(lifts), tuple(row for row in pushing if row not in lifts)
+
+
+def _first_end(programmes: Sequence[Programme], sign: float, nodes: int) -> tuple[Extreme, float | None, int]:
     """The largest amount, times its sign, that can be reached without one that was found not to be borne.
 
-    What any of some sets allows is borne. Amounts start at zero, or where that is not borne at any that is.
+    What any of some programmes allows is borne. Amounts start at zero, or where that is not borne at any that is.
     Shares between there and the end are asked for, and the first that is not borne bounds those that are looked at.
     With it, how far amounts were looked at, None where all of them are borne; and whose extreme it is.
     """
-
-    order = list(range(len(sets)))
+    sets = [LoadsAtRest(programme, most=nodes) for programme in programmes]
 
     def between(low: float, high: float, *, first: bool = False) -> tuple[Extreme, int]:
-        best, at, bound = Extreme(-np.inf, None, -np.inf), order[0], -np.inf
-        for k in list(order):
-            box, cost = sets[k].relaxed.programme.box.copy(), np.zeros(len(sets[k].relaxed.programme.box))
+        found = []
+        for part in sets:
+            box, cost = part.relaxed.programme.box.copy(), np.zeros(len(part.relaxed.programme.box))
             box[-1], cost[-1] = sorted((sign * low, sign * high)), 0.0 if first else sign
-            found = sets[k].narrowed(box).extreme(cost, first=first, beyond=best.value)
-            bound = max(bound, found.bound)
-            if found.value > best.value:
-                best, at = found, k
-                order.sort(key=lambda other: other != k)  # it is asked first from here on
-            if first and found.x is not None:
+            found.append(part.narrowed(box).extreme(cost, first=first))
+            if first and found[-1].x is not None:
                 break
-        return best._replace(bound=bound), at
+        at = max(range(len(found)), key=lambda k: found[k].value)
+        return found[at]._replace(bound=max(extreme.bound for extreme in found)), at
 
     start, looked = 0.0, 1.0
     if between(0.0, 0.0, first=True)[0].x is None:
@@ -344,6 +360,58 @@ def _first_end(sets: Sequence[LoadsAtRest], sign: float) -> tuple[Extreme, float
         looked = gap
         extreme, at = between(start, gap)
     return extreme, None if looked == 1.0 and extreme.value > _REACHED else looked, at
+
+
+def _way(
+    system: AbstractSystem,
+    factor: Factorisation,
+    found: Standing,
+    x: np.ndarray,
+    start: ReducedForce,
+    own: np.ndarray,
+) -> tuple[tuple[str, ...], np.ndarray]:
+    """Names of the joints that slip, and velocities of power 1, as far as joints below their limits let it move."""
+    held = _left(found.programme, x)[: len(start.slips)] > _AT_LIMIT
+    free = _free(start, np.concatenate([start.slips[held], *_across(start, found.programme, x, held)]))
+    if not len(free):  # friction that holds most has a part across the only slip
+        free = _free(start, start.slips[held])
+    drives = free @ own
+    power, turns = drives @ drives, np.where(system.slips.angular, np.asarray(factor.length), 1.0)
+    if power > NONE * (own @ own):
+        motion = free.T @ drives / power
+        rates, velocities = np.abs(start.slips @ motion) * turns, velocity_basis(system, factor) @ motion
+    else:  # the load takes friction away from a motion that it does not drive
+        rates = np.linalg.norm(start.slips @ free.T, axis=1) * turns
+        velocities = np.full(len(system.coordinates), np.nan)
+    names = itertools.compress(system.slips.labels, (rates > _SLIPS * rates.max(initial=0.0)) & ~held)
+    return tuple(names), velocities
+
+
+def _across(start: ReducedForce, programme: Programme, x: np.ndarray, held: np.ndarray) -> list[np.ndarray]:
+    """Slips across the friction of each joint at its limit: where slips share one friction, they are against it."""
+    if start.directions is None:
+        return []
+    bounded, velocities = programme.bounded(x), np.asarray(start.directions.arms)[:, None] * start.slips
+    sizes = {ball[0]: np.linalg.norm(bounded[ball]) for ball in programme.balls}
+    loaded = [ball for ball in programme.balls if not held[ball[0]] and sizes[ball[0]] > _AT_LIMIT]
+    along = [bounded[ball] / sizes[ball[0]] for ball in loaded]
+    return [velocities[ball] - np.outer(u, u @ velocities[ball]) for ball, u in zip(loaded, along, strict=True)]
+
+
+def _free(start: ReducedForce, rests: np.ndarray) -> np.ndarray:
+    """A basis of the motions without some slips, row by row."""
+    _, sizes, basis = np.linalg.svd(rests) if len(rests) else (0, np.zeros(0), np.eye(len(start.load)))
+    return basis[np.sum(sizes > NONE * np.abs(start.slips).max(initial=0.0)) :]
+
+
+def _left(programme: Programme, x: np.ndarray) -> np.ndarray:
+    """What is left of the limits of each friction, for balls of all of it."""
+    down, up = programme.limits(programme.read(x))[:2]
+    bounded = programme.bounded(x)
+    left = np.minimum(up - bounded, down + bounded)
+    for ball in programme.balls:
+        left[ball] = up[ball[0]] - np.linalg.norm(bounded[ball])
+    return left
 
 
 def _scale(solutions: SolutionSet, cases: AbstractCases, start: ReducedForce, own: np.ndarray) -> float:

@@ -20,7 +20,6 @@ class Relaxation:
     - `sides`: upper and lower limits, (f, 2), that hold whatever the loads.
     - `cuts`: inequalities that hold for all that is possible.
     - `planes`: directions in which programmes keep within a ball.
-    - `kept`: by how much limits may be exceeded, at least by what programmes leave.
     """
 
     def __init__(self, programme: Programme):
@@ -33,7 +32,6 @@ class Relaxation:
         self.cuts: list[Row] = []
         self.planes: list[list[np.ndarray]] = [[] for _ in programme.balls]
         self._known: dict[tuple[int, bytes], np.ndarray] = {}
-        self.kept = _kept(programme)
 
     def narrowed(self, box: np.ndarray) -> "Relaxation":
         """The same in a narrower box."""
@@ -51,7 +49,7 @@ class Relaxation:
 
         Less than a part of what smaller cones would keep out does not count.
         """
-        enough = _PART * np.max(self.excess(x), initial=0.0)
+        enough = max(KEPT, _PART * np.max(self.excess(x), initial=0.0))
         return self._kept_out(x, self._radii_over(cones), enough)
 
     def inner(self, cost: np.ndarray, x: np.ndarray) -> tuple[Optimum, int]:
@@ -65,7 +63,7 @@ class Relaxation:
             if found.x is None:
                 break
             x = found.x
-            good = bool(np.all(self.excess(x) <= self.kept)) and not self.violated(x)
+            good = bool(np.all(self.excess(x) <= KEPT)) and not self.violated(x)
             settled = best.x is not None and found.value <= best.value + TOLERANCE * max(1.0, abs(best.value))
             if good and found.value > best.value:
                 best = found
@@ -86,19 +84,20 @@ class Relaxation:
 
     def _touching(self, radii: list[Row]) -> list[Row]:
         """u . t <= radius for the planes of each ball, the radius being right - left^T x."""
-        (T, t), out = self.programme.bounded, []
-        for ball, radius, planes in zip(self.programme.balls, radii, self.planes, strict=True):
-            if planes and radius.right < np.inf:
-                sides = np.array(planes)
-                out += map(Row, sides @ T[ball] + radius.left, (radius.right - sides @ t[ball]).tolist())
-        return out
+        T, t = self.programme.bounded
+        return [
+            Row(u @ T[ball] + radius.left, float(radius.right - u @ t[ball]))
+            for ball, radius, planes in zip(self.programme.balls, radii, self.planes, strict=True)
+            for u in planes
+            if radius.right < np.inf
+        ]
 
-    def _kept_out(self, x: np.ndarray, radii: list[Row], enough: float = 0.0) -> bool:
+    def _kept_out(self, x: np.ndarray, radii: list[Row], enough: float = KEPT) -> bool:
         """Whether x is outside a ball; a plane keeps it out then."""
         t, out = self.programme.bounded(x), False
         for ball, radius, planes in zip(self.programme.balls, radii, self.planes, strict=True):
             length = np.linalg.norm(t[ball])
-            if length > radius.right - radius.left @ x + max(enough, self.kept[ball[0]]):
+            if length > radius.right - radius.left @ x + enough:
                 planes.append(t[ball] / length)
                 out = True
         return out
@@ -224,14 +223,6 @@ class Relaxation:
         points[:, self.programme.reads[j]] = loads @ self.bases[j].T
         down, up = self.programme.limits(points)[:2]
         return np.stack([up[:, j], down[:, j]], axis=1)
-
-
-def _kept(programme: Programme) -> np.ndarray:
-    """By how much limits may be exceeded: programmes keep rows to their tolerance, in sizes of the largest entry."""
-    (T, _), (R, _), ones = programme.bounded, programme.read, np.ones(len(programme.read.offset))
-    slopes = [np.abs(slope) for loads in (ones, -ones) for slope in programme.limits(loads)[2:]]
-    entries = np.max([slope @ np.abs(R) for slope in slopes], axis=0) + np.abs(T)
-    return np.maximum(KEPT, 2 * TOLERANCE * entries.max(axis=1, initial=0.0))
 
 
 def _independent_loads(programme: Programme) -> list[np.ndarray]:
