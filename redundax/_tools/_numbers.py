@@ -436,7 +436,7 @@ class _Traced:
             self.closed, of_arrays, self.others = eqx.filter_make_jaxpr(function)(*arguments)
         self.function, self.structure, self.calls = function, jax.tree.structure(of_arrays), 0
         self.first, self.loops, self.spent = None, loops, 0.0  # seconds in programs
-        self.options = partial(quick_options, in_order, in_order)
+        self.options = partial(quick_options, True, True) if in_order else quick_options  # asked for as it is kept
         with contextlib.suppress(Exception):  # functions of a user may hold what NumPy has not
             self.first = Interpreted(self.closed, self.options, times=_OPTIMISED if in_order else 1.0)
 
